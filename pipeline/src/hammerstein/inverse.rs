@@ -1,0 +1,252 @@
+//! The inverse of N on its monotone interval.
+//!
+//! A polynomial fitted to a valve is not monotone everywhere: it turns back beyond the data, and inside a dead
+//! band it can dip before it rises. The inverse is therefore taken of the branch's running maximum
+//!
+//! ```text
+//! M(v) = max over 0 <= w <= v of s N(w)
+//! ```
+//!
+//! where s = +1 or -1 is the direction in which both branches reach further. M is monotone: N^-1(x) is the smallest command that reaches x. It jumps over a dip, and beyond the largest
+//! value of the branch it stays at the command that reaches that value.
+
+use super::{MAX_ORDER, Nonlinearity};
+
+/// A polynomial c_1 v + .. + c_r v^r on v >= 0.
+#[derive(Clone, Copy)]
+struct Branch {
+    coefficients: [f64; MAX_ORDER],
+    order: usize,
+}
+
+/// Real roots in the order of their size; a polynomial of order 5 has at most 5.
+#[derive(Clone, Copy, Default)]
+struct Roots {
+    values: [f64; MAX_ORDER],
+    len: usize,
+}
+
+impl Roots {
+    fn push(&mut self, value: f64) {
+        if self.len < MAX_ORDER {
+            self.values[self.len] = value;
+            self.len += 1;
+        }
+    }
+
+    fn as_slice(&self) -> &[f64] {
+        &self.values[..self.len]
+    }
+}
+
+impl Nonlinearity {
+    /// The smallest command in `range` (which holds 0) that gives `x`, or the command nearest to giving it.
+    ///
+    /// Returns 0 for an `x` that is not finite or that the branch of its sign cannot give at all.
+    pub fn invert(&self, x: f64, range: (f64, f64)) -> f64 {
+        let s = self.orientation(range);
+        if !x.is_finite() || s == 0.0 {
+            return 0.0;
+        }
+        if s * x >= 0.0 { self.positive(s).reach(s * x, range.1) } else { -self.negative(s).reach(-s * x, -range.0) }
+    }
+
+    /// The values of x that commands in `range` can give on the monotone interval, lowest and highest.
+    pub fn reachable(&self, range: (f64, f64)) -> (f64, f64) {
+        let s = self.orientation(range);
+        let up = self.positive(s).highest(range.1).1;
+        let down = self.negative(s).highest(-range.0).1;
+        if s >= 0.0 { (-down, up) } else { (-up, down) }
+    }
+
+    /// +1 when x rises with u over `range`, -1 when it falls, 0 when it does neither.
+    ///
+    /// The direction in which the weaker of the two branches reaches further, or the stronger where the weaker
+    /// reaches nothing either way: a branch that turns back far from zero must not decide.
+    pub fn orientation(&self, range: (f64, f64)) -> f64 {
+        let reach = |s| {
+            let (up, down) = (self.positive(s).highest(range.1).1, self.negative(s).highest(-range.0).1);
+            (up.min(down), up.max(down))
+        };
+        let (rising, falling) = (reach(1.0), reach(-1.0));
+        if rising > falling {
+            1.0
+        } else if falling > rising {
+            -1.0
+        } else {
+            0.0
+        }
+    }
+
+    /// s N(v) for v >= 0.
+    fn positive(&self, s: f64) -> Branch {
+        Branch { coefficients: self.f.map(|c| s * c), order: self.order }
+    }
+
+    /// -s N(-v) for v >= 0.
+    fn negative(&self, s: f64) -> Branch {
+        let mut coefficients = self.g.map(|c| s * c);
+        coefficients.iter_mut().skip(1).step_by(2).for_each(|even_power| *even_power = -*even_power);
+        Branch { coefficients, order: self.order }
+    }
+}
+
+impl Branch {
+    fn evaluate(&self, v: f64) -> f64 {
+        self.coefficients[..self.order].iter().rev().fold(0.0, |sum, c| (sum + c) * v)
+    }
+
+    /// Points in (0, end) where the slope changes its sign.
+    fn turning_points(&self, end: f64) -> Roots {
+        let mut slope = [0.0; MAX_ORDER];
+        for (i, (slope, c)) in slope.iter_mut().zip(&self.coefficients[..self.order]).enumerate() {
+            *slope = (i + 1) as f64 * c;
+        }
+        roots(&slope[..self.order], end)
+    }
+
+    /// The command of the largest value in [0, end], and that value; (0, 0) when the branch never rises above 0.
+    fn highest(&self, end: f64) -> (f64, f64) {
+        let turning = self.turning_points(end);
+        (turning.as_slice().iter().copied().chain([end]))
+            .map(|v| (v, self.evaluate(v)))
+            .fold((0.0, 0.0), |best, new| if new.1 > best.1 { new } else { best })
+    }
+
+    /// The smallest v in [0, end] with a value of at least `target` >= 0, or the v of the highest value.
+    fn reach(&self, target: f64, end: f64) -> f64 {
+        if target == 0.0 {
+            return 0.0;
+        }
+        let mut before = 0.0;
+        for &v in self.turning_points(end).as_slice().iter().chain([&end]) {
+            if self.evaluate(v) >= target {
+                return bisect(before, v, |v| self.evaluate(v) - target);
+            }
+            before = v;
+        }
+        self.highest(end).0
+    }
+}
+
+/// Roots in (0, end) of c[0] + c[1] v + .. where the sign changes: between two neighbouring turning points there
+/// is at most one, so the roots of the derivative isolate those of the polynomial.
+fn roots(c: &[f64], end: f64) -> Roots {
+    let mut found = Roots::default();
+    if c.len() < 2 {
+        return found;
+    }
+    let mut slope = [0.0; MAX_ORDER];
+    for i in 1..c.len() {
+        slope[i - 1] = i as f64 * c[i];
+    }
+    let evaluate = |v: f64| c.iter().rev().fold(0.0, |sum, c| sum * v + c);
+    let turning = roots(&slope[..c.len() - 1], end);
+    let mut before = 0.0;
+    for &v in turning.as_slice().iter().chain([&end]) {
+        let (low, high) = (evaluate(before), evaluate(v));
+        if (low < 0.0 && high > 0.0) || (low > 0.0 && high < 0.0) {
+            let rising = if high > 0.0 { 1.0 } else { -1.0 };
+            found.push(bisect(before, v, |v| rising * evaluate(v)));
+        }
+        before = v;
+    }
+    found
+}
+
+/// The zero of a function that is negative at `low` and not negative at `high`, to the last bit that halving finds.
+fn bisect(mut low: f64, mut high: f64, function: impl Fn(f64) -> f64) -> f64 {
+    loop {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            return high;
+        }
+        if function(middle) < 0.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+        if high - low <= f64::EPSILON * high {
+            return high;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const RANGE: (f64, f64) = (-1.0, 1.0);
+
+    fn nonlinearity(f: &[f64], g: &[f64]) -> Nonlinearity {
+        let mut n = Nonlinearity { order: f.len(), f: [0.0; 5], g: [0.0; 5] };
+        n.f[..f.len()].copy_from_slice(f);
+        n.g[..g.len()].copy_from_slice(g);
+        n
+    }
+
+    #[test]
+    fn table_2_is_inverted_inside_its_turning_points() {
+        let n = nonlinearity(&[1.0, 0.0924, -0.0133], &[1.0, 0.0924, -0.0133]);
+        for u in [-3.0, -1.0, -0.2, 0.0, 1e-6, 0.5, 3.0, 7.5] {
+            assert!((n.invert(n.evaluate(u), (-10.0, 10.0)) - u).abs() < 1e-12, "{u}");
+        }
+        // Its turning points, to the digits that the paper's coefficients give: -3.20 and 7.83.
+        assert!((n.invert(1e3, (-10.0, 10.0)) - 7.83).abs() < 0.01);
+        assert!((n.invert(-1e3, (-10.0, 10.0)) + 3.20).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_dip_of_the_dead_band_is_jumped_over() {
+        // Falls until 0.155, is back at zero at 0.276, rises to 0.85.
+        let n = nonlinearity(&[-0.4, 1.55, -0.3], &[1.0, 0.0, 0.0]);
+        let u = n.invert(1e-9, RANGE);
+        assert!(u > 0.25 && n.evaluate(u) >= 1e-9, "{u}");
+        assert!(n.evaluate(u - 1e-6) < 1e-9);
+    }
+
+    #[test]
+    fn a_falling_characteristic_is_inverted_too() {
+        let n = nonlinearity(&[-2.0, 0.0, -0.5], &[-1.0, 0.0, -0.1]);
+        assert_eq!(n.orientation(RANGE), -1.0);
+        for u in [-0.9, -0.1, 0.1, 0.9] {
+            assert!((n.invert(n.evaluate(u), RANGE) - u).abs() < 1e-12, "{u}");
+        }
+        let (low, high) = n.reachable(RANGE);
+        assert!((low + 2.5).abs() < 1e-12 && (high - 1.1).abs() < 1e-12, "{low} {high}");
+    }
+
+    #[test]
+    fn what_cannot_be_reached_is_approached_and_nonsense_is_neutral() {
+        let n = nonlinearity(&[1.0, 0.0, -1.0], &[1.0, 0.0, 0.0]);
+        let peak = (1.0f64 / 3.0).sqrt();
+        assert!((n.invert(5.0, RANGE) - peak).abs() < 1e-9);
+        assert_eq!(n.invert(f64::NAN, RANGE), 0.0);
+        assert_eq!(n.invert(f64::INFINITY, RANGE), 0.0);
+        assert_eq!(nonlinearity(&[0.0], &[0.0]).invert(0.3, RANGE), 0.0);
+    }
+
+    proptest! {
+        #[test]
+        fn the_inverse_gives_x_back_wherever_it_is_reachable(
+            f in prop::collection::vec(-2.0f64..2.0, 5),
+            g in prop::collection::vec(-2.0f64..2.0, 5),
+            share in -1.0f64..1.0,
+        ) {
+            let n = nonlinearity(&f, &g);
+            let (low, high) = n.reachable(RANGE);
+            prop_assert!(low <= 0.0 && high >= 0.0);
+            let x = if share < 0.0 { -share * low } else { share * high };
+            let u = n.invert(x, RANGE);
+            prop_assert!((-1.0..=1.0).contains(&u));
+            prop_assert!((n.evaluate(u) - x).abs() < 1e-9, "x {x} u {u} N {}", n.evaluate(u));
+            // Nothing smaller gives as much.
+            for i in 0..100 {
+                let smaller = u * i as f64 / 100.0;
+                let s = n.orientation(RANGE) * if u < 0.0 { -1.0 } else { 1.0 };
+                prop_assert!(s * n.evaluate(smaller) <= s * x + 1e-9);
+            }
+        }
+    }
+}

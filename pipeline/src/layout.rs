@@ -1,0 +1,103 @@
+//! The fingerprint of a message's memory layout.
+//!
+//! The shared-memory library compares type name, size and alignment only: two fields of the same size that
+//! swapped places would open without complaint. The fingerprint folds every field's name, type and offset into
+//! one number, which travels as an attribute of the channel and is checked on opening.
+
+/// A type whose memory layout has a fingerprint.
+pub trait Layout {
+    /// FNV-1a hash over name, type and offset of every field, nested types included.
+    const LAYOUT: u64;
+}
+
+const FNV_OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
+const FNV_PRIME: u64 = 0x0000_0100_0000_01b3;
+
+/// Starts a fingerprint from a type's name.
+pub const fn named(name: &str) -> u64 {
+    with_name(FNV_OFFSET, name)
+}
+
+/// Folds a name into a fingerprint.
+pub const fn with_name(mut hash: u64, name: &str) -> u64 {
+    let bytes = name.as_bytes();
+    let mut i = 0;
+    while i < bytes.len() {
+        hash = (hash ^ bytes[i] as u64).wrapping_mul(FNV_PRIME);
+        i += 1;
+    }
+    hash
+}
+
+/// Folds a number into a fingerprint.
+pub const fn with_number(mut hash: u64, number: u64) -> u64 {
+    let bytes = number.to_le_bytes();
+    let mut i = 0;
+    while i < bytes.len() {
+        hash = (hash ^ bytes[i] as u64).wrapping_mul(FNV_PRIME);
+        i += 1;
+    }
+    hash
+}
+
+macro_rules! primitive {
+    ($($ty:ident),*) => { $(impl Layout for $ty { const LAYOUT: u64 = named(stringify!($ty)); })* };
+}
+primitive!(u32, u64, i64, f64);
+
+impl<T: Layout, const N: usize> Layout for [T; N] {
+    const LAYOUT: u64 = with_number(with_name(T::LAYOUT, "array"), N as u64);
+}
+
+/// Declares a struct that lives in shared memory: `repr(C)`, `Copy`, and with its [`Layout`] derived from the
+/// very fields it lists. Needs `ZeroCopySend` in scope, as its derive does.
+macro_rules! shared_struct {
+    ($(#[$meta:meta])* pub struct $name:ident { $($(#[$field_meta:meta])* pub $field:ident: $ty:ty,)* }) => {
+        #[repr(C)]
+        #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+        $(#[$meta])*
+        pub struct $name { $($(#[$field_meta])* pub $field: $ty,)* }
+
+        impl $crate::layout::Layout for $name {
+            const LAYOUT: u64 = {
+                let hash = $crate::layout::named(stringify!($name));
+                $(
+                    let hash = $crate::layout::with_name(hash, stringify!($field));
+                    let hash = $crate::layout::with_number(hash, <$ty as $crate::layout::Layout>::LAYOUT);
+                    let hash = $crate::layout::with_number(hash, std::mem::offset_of!($name, $field) as u64);
+                )*
+                hash
+            };
+        }
+    };
+}
+pub(crate) use shared_struct;
+
+#[cfg(test)]
+mod tests {
+    use super::Layout;
+
+    mod one {
+        use iceoryx2::prelude::ZeroCopySend;
+
+        crate::layout::shared_struct! {
+            /// A pair.
+            pub struct Pair { pub position: f64, pub speed: f64, }
+        }
+    }
+    mod swapped {
+        use iceoryx2::prelude::ZeroCopySend;
+
+        crate::layout::shared_struct! {
+            /// The same pair with its fields swapped: same size, same alignment.
+            pub struct Pair { pub speed: f64, pub position: f64, }
+        }
+    }
+
+    #[test]
+    fn swapped_fields_of_equal_size_differ() {
+        assert_eq!(size_of::<one::Pair>(), size_of::<swapped::Pair>());
+        assert_ne!(one::Pair::LAYOUT, swapped::Pair::LAYOUT);
+        assert_ne!(<[f64; 4]>::LAYOUT, <[f64; 5]>::LAYOUT);
+    }
+}

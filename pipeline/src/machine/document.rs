@@ -1,0 +1,383 @@
+//! Reads a TOML document key by key and collects every problem, instead of stopping at the first.
+//!
+//! Each key is asked for once, with what is allowed; what was never asked for is an unknown key. Values given on
+//! the command line (`--set a.b=c`) take the place of those in the file.
+
+use std::{cell::RefCell, collections::BTreeSet, ops::RangeInclusive, time::Duration};
+
+use toml::{
+    Spanned,
+    de::{DeTable, DeValue},
+};
+
+use super::Problem;
+
+/// A value from the command line that takes the place of one in the file.
+struct Setting {
+    path: String,
+    text: String,
+    used: bool,
+}
+
+/// A parsed document with its settings and the problems found so far.
+pub(super) struct Document<'i> {
+    root: DeTable<'i>,
+    text: &'i str,
+    settings: RefCell<Vec<Setting>>,
+    problems: RefCell<Vec<Problem>>,
+}
+
+impl<'i> Document<'i> {
+    /// Parses `text`; grammar errors are collected like all others.
+    pub fn parse(text: &'i str, settings: &[(String, String)]) -> Self {
+        let (root, errors) = DeTable::parse_recoverable(text);
+        let settings = (settings.iter())
+            .map(|(path, text)| Setting { path: path.clone(), text: text.clone(), used: false })
+            .collect();
+        let document =
+            Self { root: root.into_inner(), text, settings: RefCell::new(settings), problems: RefCell::default() };
+        for error in errors {
+            let line = error.span().map(|span| document.line(span.start));
+            document.problems.borrow_mut().push(Problem {
+                line,
+                key: String::new(),
+                found: error.message().to_owned(),
+                allowed: "valid TOML".to_owned(),
+            });
+        }
+        document
+    }
+
+    /// The top of the document.
+    pub fn root(&self) -> Section<'_, 'i> {
+        Section { document: self, table: Some(&self.root), path: String::new(), line: None, asked: BTreeSet::new() }
+    }
+
+    /// Notes a problem that only the reader can see.
+    pub fn problem(
+        &self,
+        line: Option<usize>,
+        key: impl Into<String>,
+        found: impl Into<String>,
+        allowed: impl Into<String>,
+    ) {
+        self.problems.borrow_mut().push(Problem {
+            line,
+            key: key.into(),
+            found: found.into(),
+            allowed: allowed.into(),
+        });
+    }
+
+    /// All problems in the order of lines; settings that named no known key are among them.
+    pub fn into_problems(self) -> Vec<Problem> {
+        for setting in self.settings.borrow().iter().filter(|setting| !setting.used) {
+            self.problem(None, format!("--set {}", setting.path), "an unknown key", "a key of the machine file");
+        }
+        let mut problems = self.problems.into_inner();
+        problems.sort_by_key(|problem| problem.line.unwrap_or(usize::MAX));
+        problems
+    }
+
+    fn line(&self, offset: usize) -> usize {
+        1 + self.text[..offset.min(self.text.len())].matches('\n').count()
+    }
+}
+
+/// One value, wherever it comes from.
+enum Value<'d, 'i> {
+    File(&'d Spanned<DeValue<'i>>),
+    Setting(String),
+}
+
+/// One table of the document, being read.
+pub(super) struct Section<'d, 'i> {
+    document: &'d Document<'i>,
+    table: Option<&'d DeTable<'i>>,
+    path: String,
+    line: Option<usize>,
+    asked: BTreeSet<String>,
+}
+
+impl<'d, 'i> Section<'d, 'i> {
+    /// Full dotted name of a key in this table.
+    pub fn key(&self, key: &str) -> String {
+        if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) }
+    }
+
+    /// Whether the file or the command line gives anything for this table.
+    pub fn is_given(&self) -> bool {
+        let prefix = format!("{}.", self.path);
+        self.table.is_some() || self.document.settings.borrow().iter().any(|s| s.path.starts_with(&prefix))
+    }
+
+    /// Names of the keys in the file, in its order.
+    pub fn names(&self) -> Vec<String> {
+        self.table.into_iter().flat_map(|table| table.keys()).map(|key| key.get_ref().to_string()).collect()
+    }
+
+    /// The line that the table or one of its keys stands on.
+    pub fn line_of(&self, key: &str) -> Option<usize> {
+        let found = self.table.and_then(|table| table.get(key)).map(|value| self.document.line(value.span().start));
+        found.or(self.line)
+    }
+
+    /// Notes a problem with a key of this table.
+    pub fn refuse(&self, key: &str, found: impl Into<String>, allowed: impl Into<String>) {
+        self.document.problem(self.line_of(key), self.key(key), found, allowed);
+    }
+
+    fn take(&mut self, key: &str) -> Option<Value<'d, 'i>> {
+        self.asked.insert(key.to_owned());
+        let path = self.key(key);
+        let mut settings = self.document.settings.borrow_mut();
+        // The last of several settings counts, as on any command line.
+        let mut chosen = None;
+        for setting in settings.iter_mut().filter(|setting| setting.path == path) {
+            setting.used = true;
+            chosen = Some(setting.text.clone());
+        }
+        match chosen {
+            Some(text) => Some(Value::Setting(text)),
+            None => self.table.and_then(|table| table.get(key)).map(Value::File),
+        }
+    }
+
+    /// Reads a required key by `parse`, which returns what is wrong with the value, if anything.
+    fn required<T>(&mut self, key: &str, allowed: &str, placeholder: T, parse: impl Fn(&DeValue) -> Option<T>) -> T {
+        match self.optional(key, allowed, parse) {
+            Some(Some(value)) => value,
+            Some(None) => placeholder,
+            None => {
+                self.refuse(key, "nothing", allowed);
+                placeholder
+            }
+        }
+    }
+
+    /// `None` when the key is absent, `Some(None)` when its value was refused.
+    fn optional<T>(&mut self, key: &str, allowed: &str, parse: impl Fn(&DeValue) -> Option<T>) -> Option<Option<T>> {
+        let (parsed, shown) = match self.take(key)? {
+            Value::File(value) => (parse(value.get_ref()), show(value.get_ref())),
+            Value::Setting(text) => {
+                // A setting is TOML where it can be, else a plain string: `--set axis.boom.forgetting=paper`.
+                let as_toml = DeValue::parse(&text).ok().and_then(|value| parse(value.get_ref()));
+                (as_toml.or_else(|| parse(&DeValue::String(text.as_str().into()))), format!("{text} (from --set)"))
+            }
+        };
+        if parsed.is_none() {
+            self.refuse(key, shown, allowed);
+        }
+        Some(parsed)
+    }
+
+    /// A number in `range`; `unit` is shown with it. NaN is outside every range.
+    pub fn number(&mut self, key: &str, range: RangeInclusive<f64>, unit: &str) -> f64 {
+        let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
+        self.required(key, allowed.trim_end(), *range.start(), |value| number(value, &range))
+    }
+
+    /// The same with a default.
+    pub fn number_or(&mut self, key: &str, default: f64, range: RangeInclusive<f64>, unit: &str) -> f64 {
+        let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
+        self.optional(key, allowed.trim_end(), |value| number(value, &range)).flatten().unwrap_or(default)
+    }
+
+    /// A list of numbers in `range`, of any length from `shortest` on.
+    pub fn numbers(&mut self, key: &str, range: RangeInclusive<f64>, unit: &str, shortest: usize) -> Vec<f64> {
+        let allowed = format!("a list of {shortest} or more numbers from {} to {} {unit}", range.start(), range.end());
+        self.required(key, allowed.trim_end(), Vec::new(), |value| {
+            let list = value.as_array()?;
+            let numbers: Option<Vec<f64>> = list.iter().map(|item| number(item.get_ref(), &range)).collect();
+            numbers.filter(|numbers| numbers.len() >= shortest)
+        })
+    }
+
+    /// A whole number in `range` with a default.
+    pub fn integer_or(&mut self, key: &str, default: usize, range: RangeInclusive<usize>) -> usize {
+        self.optional_integer(key, range).unwrap_or(default)
+    }
+
+    /// A whole number in `range`, or nothing.
+    pub fn optional_integer(&mut self, key: &str, range: RangeInclusive<usize>) -> Option<usize> {
+        let allowed = format!("a whole number from {} to {}", range.start(), range.end());
+        self.optional(key, &allowed, |value| integer(value).filter(|number| range.contains(number))).flatten()
+    }
+
+    /// A duration with its unit, such as `"10ms"`, in `range`.
+    pub fn duration(&mut self, key: &str, range: RangeInclusive<Duration>) -> Duration {
+        let allowed = allowed_duration(&range);
+        self.required(key, &allowed, *range.start(), |value| duration(value, &range))
+    }
+
+    /// The same with a default.
+    pub fn duration_or(&mut self, key: &str, default: Duration, range: RangeInclusive<Duration>) -> Duration {
+        let allowed = allowed_duration(&range);
+        self.optional(key, &allowed, |value| duration(value, &range)).flatten().unwrap_or(default)
+    }
+
+    /// Samples, given as a whole number or as a duration that is divided by `period`.
+    pub fn samples_or(&mut self, key: &str, default: usize, range: RangeInclusive<usize>, period: Duration) -> usize {
+        let allowed = format!(
+            "{} to {} samples of {}, as a whole number or a duration such as \"0.5s\"",
+            range.start(),
+            range.end(),
+            humantime::format_duration(period)
+        );
+        let parse = |value: &DeValue| {
+            let samples = match value.as_str() {
+                Some(text) => super::samples_of(humantime::parse_duration(text).ok()?, period),
+                None => integer(value)?,
+            };
+            Some(samples).filter(|samples| range.contains(samples))
+        };
+        self.optional(key, &allowed, parse).flatten().unwrap_or(default)
+    }
+
+    /// Any text.
+    pub fn text(&mut self, key: &str, allowed: &str) -> String {
+        self.required(key, allowed, String::new(), |value| value.as_str().map(str::to_owned))
+    }
+
+    /// Any text, or the default.
+    pub fn text_or(&mut self, key: &str, default: &str) -> String {
+        let parse = |value: &DeValue| value.as_str().map(str::to_owned);
+        self.optional(key, "a text", parse).flatten().unwrap_or_else(|| default.to_owned())
+    }
+
+    /// A list of texts, or nothing.
+    pub fn optional_texts(&mut self, key: &str, allowed: &str) -> Option<Vec<String>> {
+        self.optional(key, allowed, |value| {
+            let list = value.as_array()?;
+            list.iter().map(|item| item.get_ref().as_str().map(str::to_owned)).collect()
+        })
+        .flatten()
+    }
+
+    /// A list of lists of texts, or nothing.
+    pub fn optional_text_table(&mut self, key: &str, allowed: &str) -> Option<Vec<Vec<String>>> {
+        self.optional(key, allowed, |value| {
+            let row = |row: &Spanned<DeValue>| -> Option<Vec<String>> {
+                let cells = row.get_ref().as_array()?;
+                cells.iter().map(|cell| cell.get_ref().as_str().map(str::to_owned)).collect()
+            };
+            value.as_array()?.iter().map(row).collect()
+        })
+        .flatten()
+    }
+
+    /// `true` or `false`, with a default.
+    pub fn flag_or(&mut self, key: &str, default: bool) -> bool {
+        self.optional(key, "true or false", |value| value.as_bool()).flatten().unwrap_or(default)
+    }
+
+    /// One of the named choices.
+    pub fn choice<T: Copy>(&mut self, key: &str, choices: &[(&str, T)]) -> Option<T> {
+        let allowed = allowed_choice(choices);
+        self.required(key, &allowed, None, |value| choose(value, choices).map(Some))
+    }
+
+    /// One of the named choices, or the default.
+    pub fn choice_or<T: Copy>(&mut self, key: &str, default: T, choices: &[(&str, T)]) -> T {
+        let allowed = allowed_choice(choices);
+        self.optional(key, &allowed, |value| choose(value, choices)).flatten().unwrap_or(default)
+    }
+
+    /// Whatever its `FromStr` takes, or the default.
+    pub fn parsed_or<T: std::str::FromStr>(&mut self, key: &str, default: T, allowed: &str) -> T {
+        self.optional(key, allowed, |value| value.as_str()?.parse().ok()).flatten().unwrap_or(default)
+    }
+
+    /// A table inside this one; an absent one reads as empty.
+    pub fn section(&mut self, key: &str) -> Section<'d, 'i> {
+        self.asked.insert(key.to_owned());
+        let value = self.table.and_then(|table| table.get(key));
+        let table = value.and_then(|value| value.get_ref().as_table());
+        if let (Some(value), None) = (value, table) {
+            self.refuse(key, show(value.get_ref()), "a table");
+        }
+        let line = value.map(|value| self.document.line(value.span().start)).or(self.line);
+        Section { document: self.document, table, path: self.key(key), line, asked: BTreeSet::new() }
+    }
+
+    /// The tables of a list; an absent list reads as empty.
+    pub fn list(&mut self, key: &str) -> Vec<Section<'d, 'i>> {
+        self.asked.insert(key.to_owned());
+        let Some(value) = self.table.and_then(|table| table.get(key)) else { return Vec::new() };
+        let Some(items) = value.get_ref().as_array() else {
+            self.refuse(key, show(value.get_ref()), "a list of tables");
+            return Vec::new();
+        };
+        let sections = items.iter().enumerate().map(|(i, item)| {
+            let path = format!("{}[{i}]", self.key(key));
+            let line = Some(self.document.line(item.span().start));
+            let table = item.get_ref().as_table();
+            if table.is_none() {
+                self.document.problem(line, path.clone(), show(item.get_ref()), "a table");
+            }
+            Section { document: self.document, table, path, line, asked: BTreeSet::new() }
+        });
+        sections.collect()
+    }
+
+    /// Ends the reading: whatever was not asked for is unknown.
+    pub fn finish(self) {
+        for key in self.table.into_iter().flat_map(|table| table.keys()) {
+            if !self.asked.contains(key.get_ref().as_ref()) {
+                let known: Vec<&str> = self.asked.iter().map(String::as_str).collect();
+                let line = Some(self.document.line(key.span().start));
+                let allowed = format!("one of {}", known.join(", "));
+                self.document.problem(line, self.key(key.get_ref()), "an unknown key", allowed);
+            }
+        }
+    }
+}
+
+fn number(value: &DeValue, range: &RangeInclusive<f64>) -> Option<f64> {
+    let digits = match value {
+        DeValue::Float(float) => float.as_str(),
+        DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),
+        _ => return None,
+    };
+    // `contains` is false for NaN, which TOML allows.
+    digits.parse().ok().filter(|number| range.contains(number))
+}
+
+fn integer(value: &DeValue) -> Option<usize> {
+    value.as_integer().filter(|integer| integer.radix() == 10)?.as_str().parse().ok()
+}
+
+fn duration(value: &DeValue, range: &RangeInclusive<Duration>) -> Option<Duration> {
+    humantime::parse_duration(value.as_str()?).ok().filter(|duration| range.contains(duration))
+}
+
+fn allowed_duration(range: &RangeInclusive<Duration>) -> String {
+    let (start, end) = (humantime::format_duration(*range.start()), humantime::format_duration(*range.end()));
+    format!("a duration with its unit, \"{start}\" to \"{end}\"")
+}
+
+fn choose<T: Copy>(value: &DeValue, choices: &[(&str, T)]) -> Option<T> {
+    let text = value.as_str()?;
+    choices.iter().find(|(name, _)| *name == text).map(|(_, choice)| *choice)
+}
+
+fn allowed_choice<T>(choices: &[(&str, T)]) -> String {
+    let names: Vec<String> = choices.iter().map(|(name, _)| format!("\"{name}\"")).collect();
+    names.join(" or ")
+}
+
+/// A value as the user wrote it, with its type.
+fn show(value: &DeValue) -> String {
+    match value {
+        DeValue::String(text) => format!("\"{text}\""),
+        DeValue::Integer(integer) => integer.as_str().to_owned(),
+        DeValue::Float(float) => float.as_str().to_owned(),
+        DeValue::Boolean(flag) => flag.to_string(),
+        DeValue::Datetime(time) => time.to_string(),
+        DeValue::Array(list) => {
+            let items: Vec<String> = list.iter().map(|item| show(item.get_ref())).collect();
+            format!("[{}]", items.join(", "))
+        }
+        DeValue::Table(_) => "a table".to_owned(),
+    }
+}

@@ -1,0 +1,114 @@
+//! Settings of the fuzzy forgetting factor: `[fuzzy]`.
+
+use super::document::Section;
+
+/// What the fuzzy forgetting factor is made of; the paper leaves the widths open.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fuzzy {
+    /// Error that counts as 3 (PB), in the unit of the output: the paper's basic universe is [-4, 4], read as mm.
+    pub error_universe: f64,
+    /// Change of the error that counts as 3 (PB): the paper's basic universe is [-2, 2], read as mm.
+    pub variation_universe: f64,
+    /// Half-width of the curves near zero (NS, ZO, PS), in steps between neighbouring terms.
+    pub curve_width: f64,
+    /// Half-width of the triangles outside (NB, NM, PM, PB), in the same steps.
+    pub triangle_width: f64,
+    /// Table 1: one row per term of the change of error, one column per term of the error, NB to PB each.
+    pub rules: [[Level; 7]; 7],
+}
+
+/// A term of the output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Level {
+    /// 0.75
+    VS,
+    /// 0.80
+    MS,
+    /// 0.85
+    S,
+    /// 0.90
+    B,
+    /// 0.95
+    MB,
+    /// 1.00
+    VB,
+}
+
+impl Level {
+    /// All terms, smallest first.
+    pub const ALL: [Self; 6] = [Self::VS, Self::MS, Self::S, Self::B, Self::MB, Self::VB];
+
+    /// The forgetting factor that the term stands for.
+    pub const fn factor(self) -> f64 {
+        [0.75, 0.80, 0.85, 0.90, 0.95, 1.0][self as usize]
+    }
+
+    fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|level| format!("{level:?}") == name)
+    }
+}
+
+impl Fuzzy {
+    /// Table 1 as printed, and universes of 4 mm and 2 mm for an output in metres.
+    pub const PAPER: Self = {
+        use Level::{B, MB, MS, S, VB, VS};
+        Self {
+            error_universe: 4e-3,
+            variation_universe: 2e-3,
+            curve_width: 1.0,
+            triangle_width: 1.0,
+            rules: [
+                [VS, VS, MS, S, B, MB, MB],
+                [VS, MS, S, B, MB, VB, B],
+                [MS, S, B, MB, MB, VB, S],
+                [S, S, VB, VB, VB, S, MS],
+                [S, B, MB, VB, B, S, MS],
+                [S, MB, MB, MB, S, MS, VS],
+                [MB, MB, VB, S, S, VS, VS],
+            ],
+        }
+    };
+
+    pub(super) fn read(mut section: Section) -> Self {
+        let paper = Self::PAPER;
+        let allowed = "7 rows (change of error NB to PB) of 7 terms (error NB to PB) out of VS, MS, S, B, MB, VB";
+        let rules = section.optional_text_table("rules", allowed).map(|rows| {
+            let rules = parse_rules(&rows);
+            if rules.is_none() {
+                section.refuse("rules", "another shape or term", allowed);
+            }
+            rules.unwrap_or(paper.rules)
+        });
+        let fuzzy = Self {
+            error_universe: section.number_or(
+                "error_universe",
+                paper.error_universe,
+                1e-12..=1e12,
+                "units of the output",
+            ),
+            variation_universe: section.number_or(
+                "variation_universe",
+                paper.variation_universe,
+                1e-12..=1e12,
+                "units of the output",
+            ),
+            // Narrower than 0.5 leaves gaps in which no rule fires; 3 covers half the universe.
+            curve_width: section.number_or("curve_width", paper.curve_width, 0.6..=3.0, "steps"),
+            triangle_width: section.number_or("triangle_width", paper.triangle_width, 0.6..=3.0, "steps"),
+            rules: rules.unwrap_or(paper.rules),
+        };
+        section.finish();
+        fuzzy
+    }
+}
+
+fn parse_rules(rows: &[Vec<String>]) -> Option<[[Level; 7]; 7]> {
+    let mut rules = [[Level::VB; 7]; 7];
+    if rows.len() != 7 || rows.iter().any(|row| row.len() != 7) {
+        return None;
+    }
+    for (rule, name) in rules.iter_mut().flatten().zip(rows.iter().flatten()) {
+        *rule = Level::from_name(name)?;
+    }
+    Some(rules)
+}

@@ -1,0 +1,282 @@
+//! The machine file: what the machine is, how it is identified and controlled, and on what it runs.
+//!
+//! TOML, SI units, durations as texts with their unit (`"10ms"`). Nothing that can move the machine has a
+//! default. An unknown key, a wrong type, NaN, or a value out of range is refused, all problems at once, each
+//! with file, line, key, what was found and what is allowed.
+
+mod axis;
+mod document;
+mod fuzzy;
+mod identification;
+mod plant;
+mod reference;
+
+use std::{
+    fmt,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use document::{Document, Section};
+
+pub use axis::{Axis, Control, DeadBand, Encoder, ModelChoice};
+pub use fuzzy::{Fuzzy, Level};
+pub use identification::{Forgetting, Form, Identification, Split};
+pub use plant::{Parameter, Plant, Schedule};
+pub use reference::{ReferenceSource, Sine};
+
+use crate::{MAX_AXES, stage::StageKind};
+
+/// The built-in machine, the four-axis excavator; the same text is in `examples/`.
+pub const BUILT_IN: &str = include_str!("../../../examples/excavator.toml");
+
+/// Everything a machine file says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Machine {
+    /// Shown in reports.
+    pub name: String,
+    /// Rates and time-outs.
+    pub timing: Timing,
+    /// Scheduling rights.
+    pub realtime: Realtime,
+    /// How each stage runs, by [`StageKind`].
+    pub stages: [StageSettings; 4],
+    /// Where samples come from.
+    pub source: Source,
+    /// The axes, in the order of the file.
+    pub axes: Vec<Axis>,
+}
+
+/// Rates and time-outs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Timing {
+    /// Sample and control period.
+    pub period: Duration,
+    /// Without a sample for this long the valve goes neutral and stays so.
+    pub feedback_timeout: Duration,
+    /// A snapshot older than this is not used.
+    pub model_timeout: Duration,
+    /// Without a command for this long the drive itself goes neutral.
+    pub drive_timeout: Duration,
+}
+
+/// Scheduling rights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Realtime {
+    /// What happens when a right asked for is not to be had.
+    pub rights: Rights,
+    /// Whether the memory of the stages is locked.
+    pub lock_memory: bool,
+}
+
+/// What happens when a right is not to be had.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rights {
+    /// Say so and go on.
+    Warn,
+    /// Do not start.
+    Strict,
+}
+
+/// How one stage runs.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct StageSettings {
+    /// Core to stay on.
+    pub core: Option<usize>,
+    /// SCHED_FIFO priority, 1 to 99; the ordinary scheduler without one.
+    pub priority: Option<u8>,
+    /// How it waits for its input in real time.
+    pub wait: Wait,
+    /// Another program in its place.
+    pub command: Option<Vec<String>>,
+}
+
+/// How a stage waits for its input in real time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Wait {
+    /// Sleeps until the sender's event: for cores that are shared.
+    #[default]
+    Event,
+    /// Polls without a pause: for a core of its own.
+    Spin,
+}
+
+/// Where samples come from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Source {
+    /// plant-sim.
+    Sim,
+    /// A CSV record, columns by [`Axis::columns`].
+    Replay(PathBuf),
+}
+
+/// One thing wrong with a machine file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problem {
+    /// Line, where it has one.
+    pub line: Option<usize>,
+    /// Full dotted key, empty for the file as a whole.
+    pub key: String,
+    /// What was found.
+    pub found: String,
+    /// What is allowed.
+    pub allowed: String,
+}
+
+/// Everything wrong with a machine file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MachineError {
+    /// The file's name, as the user typed it.
+    pub file: String,
+    /// At least one problem.
+    pub problems: Vec<Problem>,
+}
+
+impl fmt::Display for MachineError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, problem) in self.problems.iter().enumerate() {
+            if i > 0 {
+                writeln!(f)?;
+            }
+            write!(f, "{}:", self.file)?;
+            if let Some(line) = problem.line {
+                write!(f, "{line}:")?;
+            }
+            if !problem.key.is_empty() {
+                write!(f, " {}:", problem.key)?;
+            }
+            write!(f, " found {}; allowed: {}", problem.found, problem.allowed)?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for MachineError {}
+
+/// Number of samples that a duration spans, rounded to the nearest.
+pub fn samples_of(duration: Duration, period: Duration) -> usize {
+    (duration.as_secs_f64() / period.as_secs_f64()).round() as usize
+}
+
+impl Machine {
+    /// Reads the file, or the built-in machine without one; `settings` are `(key, value)` pairs that take the
+    /// place of what the file says.
+    ///
+    /// # Errors
+    /// All problems of the file at once, or that it cannot be read.
+    pub fn load(file: Option<&Path>, settings: &[(String, String)]) -> Result<Self, MachineError> {
+        let Some(path) = file else {
+            return Self::parse(BUILT_IN, "built-in machine", Path::new("."), settings);
+        };
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|error| MachineError {
+            file: name.clone(),
+            problems: vec![Problem {
+                line: None,
+                key: String::new(),
+                found: format!("a file that cannot be read ({error})"),
+                allowed: "a machine file in TOML; without one the built-in machine is used".to_owned(),
+            }],
+        })?;
+        Self::parse(&text, &name, path.parent().unwrap_or(Path::new(".")), settings)
+    }
+
+    /// Reads a machine file's text; paths in it are relative to `folder`.
+    ///
+    /// # Errors
+    /// All problems at once.
+    pub fn parse(text: &str, file: &str, folder: &Path, settings: &[(String, String)]) -> Result<Self, MachineError> {
+        let document = Document::parse(text, settings);
+        let machine = Self::read(document.root(), folder);
+        let problems = document.into_problems();
+        if problems.is_empty() { Ok(machine) } else { Err(MachineError { file: file.to_owned(), problems }) }
+    }
+
+    fn read(mut root: Section, folder: &Path) -> Self {
+        let name = root.text("name", "a text that names the machine");
+        let timing = Timing::read(root.section("timing"));
+        let realtime = Realtime::read(root.section("realtime"));
+        let mut stage = root.section("stage");
+        let stages = StageKind::ALL.map(|kind| StageSettings::read(stage.section(kind.name())));
+        stage.finish();
+        let source = Source::read(root.section("source"), folder);
+        let fuzzy = Fuzzy::read(root.section("fuzzy"));
+
+        let mut table = root.section("axis");
+        let names = table.names();
+        if names.is_empty() || names.len() > MAX_AXES {
+            let allowed = format!("1 to {MAX_AXES} axes, each a table [axis.NAME]");
+            root.refuse("axis", format!("{} axes", names.len()), allowed);
+        }
+        let axes = names.iter().map(|name| Axis::read(name, table.section(name), &timing, &source, fuzzy, folder));
+        let axes = axes.collect();
+        table.finish();
+        root.finish();
+        Self { name, timing, realtime, stages, source, axes }
+    }
+
+    /// Settings of one stage.
+    pub fn stage(&self, kind: StageKind) -> &StageSettings {
+        &self.stages[kind as usize]
+    }
+}
+
+impl Timing {
+    fn read(mut section: Section) -> Self {
+        let millis = Duration::from_millis;
+        let period = section.duration("period", Duration::from_micros(100)..=Duration::from_secs(10));
+        let timing = Self {
+            period,
+            feedback_timeout: section.duration_or("feedback_timeout", period * 3, millis(1)..=millis(60_000)),
+            model_timeout: section.duration_or("model_timeout", millis(2000), millis(1)..=millis(600_000)),
+            drive_timeout: section.duration_or("drive_timeout", millis(50), millis(1)..=millis(60_000)),
+        };
+        section.finish();
+        timing
+    }
+}
+
+impl Realtime {
+    fn read(mut section: Section) -> Self {
+        let realtime = Self {
+            rights: section.choice_or("rights", Rights::Warn, &[("warn", Rights::Warn), ("strict", Rights::Strict)]),
+            lock_memory: section.flag_or("lock_memory", false),
+        };
+        section.finish();
+        realtime
+    }
+}
+
+impl StageSettings {
+    fn read(mut section: Section) -> Self {
+        let command =
+            section.optional_texts("command", "a program and its arguments, such as [\"python3\", \"my_plant.py\"]");
+        if command.as_ref().is_some_and(Vec::is_empty) {
+            section.refuse("command", "an empty list", "a program and its arguments");
+        }
+        let settings = Self {
+            core: section.optional_integer("core", 0..=1023),
+            priority: section.optional_integer("priority", 1..=99).map(|priority| priority as u8),
+            wait: section.choice_or("wait", Wait::Event, &[("event", Wait::Event), ("spin", Wait::Spin)]),
+            command,
+        };
+        section.finish();
+        settings
+    }
+}
+
+impl Source {
+    fn read(mut section: Section, folder: &Path) -> Self {
+        let replay = section.choice("kind", &[("sim", false), ("replay", true)]) == Some(true);
+        let source = if replay {
+            Self::Replay(folder.join(section.text("file", "the path of a CSV record, relative to the machine file")))
+        } else {
+            Self::Sim
+        };
+        section.finish();
+        source
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,120 @@
+use super::*;
+
+fn built_in_with(from: &str, to: &str) -> Result<Machine, MachineError> {
+    assert!(BUILT_IN.contains(from), "{from}");
+    Machine::parse(&BUILT_IN.replacen(from, to, 1), "m.toml", Path::new("."), &[])
+}
+
+/// The problems of a broken machine file as text; a machine that is accepted fails the test.
+fn refusal(from: &str, to: &str) -> String {
+    built_in_with(from, to).expect_err("the machine file is to be refused").to_string()
+}
+
+#[test]
+fn the_built_in_machine_is_the_four_axis_excavator() {
+    let machine = Machine::load(None, &[]).unwrap();
+    let names: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
+    assert_eq!(names, ["boom", "arm", "telescope", "bucket"]);
+    assert_eq!(machine.timing.period, Duration::from_millis(10));
+    assert_eq!(machine.axes[0].identification.training, 800);
+    assert_eq!(machine.axes[0].identification.horizon, 50);
+    assert_eq!(machine.axes[0].plant.as_ref().unwrap().schedule.len(), 2);
+}
+
+#[test]
+fn an_unknown_key_is_refused_with_its_line() {
+    let text = refusal("max_speed = 1.0 ", "max_sped = 1.0 ");
+    let line = 1 + BUILT_IN[..BUILT_IN.find("max_speed = 1.0 ").unwrap()].matches('\n').count();
+    assert!(text.contains(&format!("m.toml:{line}: axis.boom.max_sped: found an unknown key")), "{text}");
+    assert!(text.contains("axis.boom.max_speed: found nothing; allowed: a number from 0.001 to 1000 m/s"), "{text}");
+}
+
+#[test]
+fn every_kind_of_wrong_value_names_key_found_and_allowed() {
+    for (from, to, expected) in [
+        ("stroke = 1.334", "stroke = -1.3", "axis.boom.stroke: found -1.3; allowed: a number from 0.001 to 100 m"),
+        ("stroke = 1.334", "stroke = nan", "axis.boom.stroke: found nan; allowed: a number"),
+        ("stroke = 1.334", "stroke = +inf", "axis.boom.stroke: found +inf; allowed: a number"),
+        ("stroke = 1.334", "stroke = \"1.3 m\"", "axis.boom.stroke: found \"1.3 m\"; allowed: a number"),
+        ("period = \"10ms\"", "period = 10", "timing.period: found 10; allowed: a duration with its unit"),
+        ("period = \"10ms\"", "period = \"10 cm\"", "timing.period: found \"10 cm\"; allowed: a duration"),
+        ("kind = \"sim\"", "kind = \"simm\"", "source.kind: found \"simm\"; allowed: \"sim\" or \"replay\""),
+        ("lock_memory = false", "lock_memory = 0", "realtime.lock_memory: found 0; allowed: true or false"),
+        ("forgetting = \"paper\" ", "forgetting = \"constant:1.5\" ", "axis.boom.forgetting: found \"constant:1.5\""),
+        ("soft_limits = [0.05, 1.284]", "soft_limits = [1.2, 0.1]", "axis.boom.soft_limits: found [1.2, 0.1]"),
+        (
+            "amplitude = 0.12, frequency = 0.11",
+            "amplitude = 1.2, frequency = 0.11",
+            "axis.boom.reference.sines: found a reach",
+        ),
+        ("[axis.arm.control]", "[axis.arm.contrl]", "axis.arm.contrl: found an unknown key"),
+        ("training = \"8s\"", "training = 3", "axis.boom.identification.training: found 3; allowed: 19 to"),
+    ] {
+        let text = refusal(from, to);
+        assert!(text.contains(expected), "{to}\n{text}");
+        assert!(text.starts_with("m.toml:"), "{text}");
+    }
+}
+
+#[test]
+fn two_axes_of_one_name_are_refused() {
+    let text = refusal("[axis.arm]", "[axis.boom]");
+    assert!(text.contains("m.toml:") && text.contains("duplicate key"), "{text}");
+}
+
+#[test]
+fn zero_and_nine_axes_are_refused() {
+    let start = BUILT_IN.find("[axis.boom]").unwrap();
+    let none = Machine::parse(&BUILT_IN[..start], "m.toml", Path::new("."), &[]).unwrap_err().to_string();
+    assert!(none.contains("axis: found 0 axes; allowed: 1 to 8 axes"), "{none}");
+
+    let axis = &BUILT_IN[BUILT_IN.find("[axis.bucket]").unwrap()..];
+    let mut nine = BUILT_IN.to_owned();
+    (0..5).for_each(|i| nine += &axis.replace("axis.bucket", &format!("axis.extra{i}")));
+    let nine = Machine::parse(&nine, "m.toml", Path::new("."), &[]).unwrap_err().to_string();
+    assert!(nine.contains("axis: found 9 axes"), "{nine}");
+}
+
+#[test]
+fn all_problems_are_named_at_once_in_the_order_of_lines() {
+    let text = BUILT_IN.replacen("stroke = 1.334", "stroke = -1", 1).replacen("mass = 12e3", "mass = \"heavy\"", 1);
+    let error = Machine::parse(&(text + "\nunknown = 3\n"), "m.toml", Path::new("."), &[]).unwrap_err();
+    let keys: Vec<&str> = error.problems.iter().map(|problem| problem.key.as_str()).collect();
+    for key in ["axis.boom.stroke", "axis.arm.plant.mass"] {
+        assert!(keys.contains(&key), "{keys:?}");
+    }
+    assert!(
+        error.problems.windows(2).all(|pair| pair[0].line.unwrap_or(usize::MAX) <= pair[1].line.unwrap_or(usize::MAX))
+    );
+}
+
+#[test]
+fn a_setting_takes_the_place_of_the_file() {
+    let set = |key: &str, value: &str| Machine::load(None, &[(key.to_owned(), value.to_owned())]);
+    let machine = set("axis.boom.forgetting", "constant:0.99").unwrap();
+    assert_eq!(machine.axes[0].identification.forgetting, Forgetting::Constant(0.99));
+    assert_eq!(machine.axes[1].identification.forgetting, Forgetting::Paper);
+    assert_eq!(set("axis.arm.control.kp", "3").unwrap().axes[1].control.kp, 3.0);
+    assert_eq!(set("timing.period", "5ms").unwrap().timing.period, Duration::from_millis(5));
+
+    let text = set("axis.arm.control.kp", "nan").unwrap_err().to_string();
+    assert!(text.contains("axis.arm.control.kp: found nan (from --set)"), "{text}");
+    let text = set("axis.arm.kq", "3").unwrap_err().to_string();
+    assert!(text.contains("--set axis.arm.kq: found an unknown key"), "{text}");
+}
+
+#[test]
+fn a_file_that_is_not_there_is_named() {
+    let text = Machine::load(Some(Path::new("/nowhere/m.toml")), &[]).unwrap_err().to_string();
+    assert!(text.starts_with("/nowhere/m.toml: found a file that cannot be read"), "{text}");
+}
+
+#[test]
+fn another_rule_table_can_be_loaded() {
+    let rows = ["[\"VB\", \"VB\", \"VB\", \"VB\", \"VB\", \"VB\", \"VS\"]"; 7].join(", ");
+    let machine = built_in_with("[fuzzy]", &format!("[fuzzy]\nrules = [{rows}]")).unwrap();
+    assert_eq!(machine.axes[2].identification.fuzzy.rules[3][6], Level::VS);
+    let short = rows.replacen("\"VB\", ", "", 1);
+    let text = refusal("[fuzzy]", &format!("[fuzzy]\nrules = [{short}]"));
+    assert!(text.contains("fuzzy.rules: found another shape or term"), "{text}");
+}

@@ -1,0 +1,360 @@
+//! The messages: plain numbers in fixed arrays, one message per tick for all axes, so that a tick is atomic.
+//!
+//! Every message starts with a [`Header`] that names the sample which caused it. The `type_name` of each carries
+//! a version; any change of a message raises it, and [`crate::layout`] catches a change that forgot to.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::{
+    MAX_AXES,
+    hammerstein::Coefficients,
+    latency::Percentiles,
+    layout::{Layout, shared_struct},
+    statistics::ErrorStatistics,
+};
+
+/// Ticks that a [`Reference`] can carry, the present one included.
+pub const MAX_PREVIEW: usize = 32;
+
+/// A message that has a channel.
+pub trait Message: ZeroCopySend + Layout + Copy + Default + std::fmt::Debug + 'static {
+    /// Name of the channel, the last part of the service name `hydraxis/<channel>`.
+    const CHANNEL: &'static str;
+    /// The most writers the channel takes at once.
+    const MAX_PUBLISHERS: usize;
+    /// Messages that a reader can fall behind before it loses the oldest.
+    const BUFFER: usize;
+
+    /// Where the message comes from and when.
+    fn header(&self) -> &Header;
+    /// The same, to be filled in.
+    fn header_mut(&mut self) -> &mut Header;
+}
+
+macro_rules! message {
+    ($name:ident, $channel:literal, publishers $publishers:literal, buffer $buffer:literal) => {
+        impl Message for $name {
+            const CHANNEL: &'static str = $channel;
+            const MAX_PUBLISHERS: usize = $publishers;
+            const BUFFER: usize = $buffer;
+            fn header(&self) -> &Header {
+                &self.header
+            }
+            fn header_mut(&mut self) -> &mut Header {
+                &mut self.header
+            }
+        }
+    };
+}
+
+shared_struct! {
+    /// What every message starts with.
+    #[type_name("hydraxis.Header/1")]
+    pub struct Header {
+        /// Number of the sample that caused the message: the index of its tick since the start of the source.
+        /// An [`EncoderReading`] counts its own readings.
+        pub sequence: u64,
+        /// When that sample was acquired, ns of `CLOCK_MONOTONIC`.
+        pub acquired_ns: u64,
+        /// When this message was sent, ns of `CLOCK_MONOTONIC`.
+        pub sent_ns: u64,
+        /// Axes that the arrays hold; entries beyond it are zero.
+        pub axis_count: u32,
+        /// Zero.
+        pub reserved: u32,
+    }
+}
+
+shared_struct! {
+    /// One encoder's raw value.
+    #[type_name("hydraxis.EncoderValue/1")]
+    pub struct EncoderValue {
+        /// Counts as the encoder gives them; position = counts * resolution.
+        pub counts: i64,
+        /// 0 when the encoder reports no error, else its error word.
+        pub error: u32,
+        /// Zero.
+        pub reserved: u32,
+    }
+}
+
+shared_struct! {
+    /// What the encoders said, unjudged: plant-sim (or a bus) to sensor-proc.
+    #[type_name("hydraxis.EncoderReading/1")]
+    pub struct EncoderReading {
+        /// `sequence` counts readings; `acquired_ns` is the time of the reading.
+        pub header: Header,
+        /// One value per axis.
+        pub encoders: [EncoderValue; MAX_AXES],
+    }
+}
+message!(EncoderReading, "encoder-reading", publishers 1, buffer 64);
+
+shared_struct! {
+    /// One axis of an [`EncoderSample`].
+    #[type_name("hydraxis.AxisSample/1")]
+    pub struct AxisSample {
+        /// Piston position, m (or the recorded output, in its unit). The last plausible one while `faults` is set.
+        pub position: f64,
+        /// Backward difference of the position, m/s.
+        pub velocity: f64,
+        /// Why the value is not to be trusted, [`sample_fault`] bits; 0 is healthy.
+        pub faults: u32,
+        /// For how many ticks the raw value has not changed at all.
+        pub unchanged: u32,
+    }
+}
+
+/// Bits of [`AxisSample::faults`]; 0 is healthy.
+pub mod sample_fault {
+    /// The position is outside the stroke by more than the tolerance.
+    pub const RANGE: u32 = 1;
+    /// The position moved faster than the axis can.
+    pub const SPEED: u32 = 2;
+    /// The encoder reported an error.
+    pub const ENCODER: u32 = 4;
+    /// No new reading arrived for this tick.
+    pub const STALE: u32 = 8;
+    /// The raw value has not changed for longer than `stuck_after`: a fault only while the axis is commanded to move.
+    pub const STUCK: u32 = 16;
+
+    /// The bits that make the position itself unusable.
+    pub const UNUSABLE: u32 = RANGE | SPEED | ENCODER | STALE;
+    /// Names of the bits, lowest first.
+    pub const NAMES: [&str; 5] = ["range", "speed", "encoder", "stale", "stuck"];
+}
+
+shared_struct! {
+    /// The judged positions of one tick: sensor-proc to ident-proc and control-proc.
+    #[type_name("hydraxis.EncoderSample/1")]
+    pub struct EncoderSample {
+        /// `sequence` is the index of the tick.
+        pub header: Header,
+        /// One entry per axis.
+        pub axes: [AxisSample; MAX_AXES],
+    }
+}
+message!(EncoderSample, "encoder-sample", publishers 1, buffer 256);
+
+shared_struct! {
+    /// One axis of a [`ValveCommand`].
+    #[type_name("hydraxis.AxisCommand/1")]
+    pub struct AxisCommand {
+        /// Valve command in [-1, 1], positive extends; made from sample `sequence` and held until the next.
+        pub command: f64,
+        /// Target of this tick, m.
+        pub reference: f64,
+        /// reference - position, m.
+        pub error: f64,
+        /// Who made the command, a [`ControlMode`] as number.
+        pub mode: u32,
+        /// Why the axis stands still or the model is not used, [`control_flag`] bits; 0 is healthy.
+        pub flags: u32,
+        /// Snapshots that were judged and refused so far.
+        pub rejected_snapshots: u64,
+        /// Tracking error since the axis began to follow its reference, m.
+        pub tracking: ErrorStatistics,
+    }
+}
+
+/// Who made a command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum ControlMode {
+    /// Neutral: not armed, settling, or a latched fault.
+    Neutral = 0,
+    /// The fallback controller, PI with dead-band compensation.
+    Fallback = 1,
+    /// The model-based controller.
+    Model = 2,
+    /// A recording plays; nobody controls.
+    Replay = 3,
+}
+
+impl ControlMode {
+    /// The mode's name, or `unknown` for a number that is none.
+    pub fn name(mode: u32) -> &'static str {
+        ["neutral", "fallback", "model", "replay"].get(mode as usize).unwrap_or(&"unknown")
+    }
+}
+
+/// Bits of [`AxisCommand::flags`]; 0 is healthy.
+pub mod control_flag {
+    /// Nobody has armed the controller.
+    pub const DISARMED: u32 = 1;
+    /// The first samples after start are watched before anything moves.
+    pub const SETTLING: u32 = 2;
+    /// The feedback was stale, implausible or stuck; latched.
+    pub const FEEDBACK: u32 = 4;
+    /// The reference stopped, jumped, left the soft limits or is not finite; the axis holds.
+    pub const REFERENCE: u32 = 8;
+    /// The identifier has no model yet.
+    pub const NO_MODEL: u32 = 16;
+    /// The newest snapshot is too old.
+    pub const MODEL_STALE: u32 = 32;
+    /// The newest snapshot was judged and refused.
+    pub const MODEL_REFUSED: u32 = 64;
+
+    /// Names of the bits, lowest first.
+    pub const NAMES: [&str; 7] =
+        ["disarmed", "settling", "feedback", "reference", "no-model", "model-stale", "model-refused"];
+}
+
+shared_struct! {
+    /// The valve commands of one tick: control-proc (or a recording) to plant-sim and ident-proc.
+    #[type_name("hydraxis.ValveCommand/1")]
+    pub struct ValveCommand {
+        /// `sequence` names the sample that the command was made from.
+        pub header: Header,
+        /// One entry per axis.
+        pub axes: [AxisCommand; MAX_AXES],
+    }
+}
+message!(ValveCommand, "valve-command", publishers 1, buffer 256);
+
+shared_struct! {
+    /// Errors of one model over the samples after training.
+    #[type_name("hydraxis.ModelErrors/1")]
+    pub struct ModelErrors {
+        /// Output minus the prediction from the coefficients before it and the measured past.
+        pub one_step: ErrorStatistics,
+        /// Output minus the prediction made `horizon` samples before, coefficients held since.
+        pub h_step: ErrorStatistics,
+        /// Output minus the model fed by its own outputs since the end of training.
+        pub free_run: ErrorStatistics,
+    }
+}
+
+shared_struct! {
+    /// One axis of a [`CoefficientSnapshot`].
+    #[type_name("hydraxis.AxisSnapshot/1")]
+    pub struct AxisSnapshot {
+        /// The adaptive model.
+        pub adaptive: Coefficients,
+        /// The classical model: identified offline, held since.
+        pub classical: Coefficients,
+        /// Errors of the adaptive model.
+        pub adaptive_errors: ModelErrors,
+        /// Errors of the classical model.
+        pub classical_errors: ModelErrors,
+        /// The output itself over the same samples, for the fit in percent.
+        pub output: ErrorStatistics,
+        /// Output minus the output `horizon` samples before: what doing nothing would reach.
+        pub persistence: ErrorStatistics,
+        /// Forgetting factors used since training: last in `forgetting_factor`, their mean and range here
+        /// (`max` holds the largest 1 - factor).
+        pub forgetting: ErrorStatistics,
+        /// Forgetting factor of the last update.
+        pub forgetting_factor: f64,
+        /// Innovation of the last update: output minus one-step prediction.
+        pub innovation: f64,
+        /// Trace of the covariance.
+        pub covariance_trace: f64,
+        /// Part of the coefficients' weighted norm that the split into b, f, g does not explain, in [0, 1].
+        pub split_residual: f64,
+        /// Recursive updates made.
+        pub updates: u64,
+        /// Samples that could not be used (gap, fault, missing command).
+        pub skipped: u64,
+        /// Samples of the horizon.
+        pub horizon: u32,
+        /// Why the model is not to be trusted, [`model_fault`] bits; 0 is healthy.
+        pub faults: u32,
+    }
+}
+
+/// Bits of [`AxisSnapshot::faults`]; 0 is healthy.
+pub mod model_fault {
+    /// Offline identification has not ended: there are no coefficients yet.
+    pub const TRAINING: u32 = 1;
+    /// The training data did not excite every coefficient; those it did not are held at zero.
+    pub const RANK_DEFICIENT: u32 = 2;
+    /// The covariance reached its bound in this update.
+    pub const COVARIANCE_BOUND: u32 = 4;
+    /// A coefficient or the covariance is not finite.
+    pub const NOT_FINITE: u32 = 8;
+    /// The last sample could not be used.
+    pub const SAMPLE_SKIPPED: u32 = 16;
+
+    /// Names of the bits, lowest first.
+    pub const NAMES: [&str; 5] = ["training", "rank-deficient", "covariance-bound", "not-finite", "sample-skipped"];
+}
+
+shared_struct! {
+    /// The models after one sample: ident-proc to control-proc. The newest counts.
+    #[type_name("hydraxis.CoefficientSnapshot/1")]
+    pub struct CoefficientSnapshot {
+        /// `sequence` names the last sample that the coefficients have learned from.
+        pub header: Header,
+        /// One entry per axis.
+        pub axes: [AxisSnapshot; MAX_AXES],
+    }
+}
+message!(CoefficientSnapshot, "coefficient-snapshot", publishers 1, buffer 16);
+
+shared_struct! {
+    /// Targets for this tick and the coming ones, from any program to control-proc.
+    #[type_name("hydraxis.Reference/1")]
+    pub struct Reference {
+        /// `sequence` is the tick that the first target is meant for; it must not go back.
+        pub header: Header,
+        /// Targets per axis, m: entry i is for tick `sequence` + i.
+        pub positions: [[f64; MAX_PREVIEW]; MAX_AXES],
+        /// Targets given per axis, 1 to [`MAX_PREVIEW`].
+        pub preview: u32,
+        /// Zero.
+        pub reserved: u32,
+    }
+}
+message!(Reference, "reference", publishers 1, buffer 4);
+
+shared_struct! {
+    /// How one stage is doing, several times a second: every stage to whoever watches.
+    #[type_name("hydraxis.StageHealth/1")]
+    pub struct StageHealth {
+        /// `sequence` is the last tick worked; `sent_ns` is the heartbeat.
+        pub header: Header,
+        /// Which stage, its index in [`crate::stage::StageKind`].
+        pub stage: u32,
+        /// What it does, a [`StageState`] as number.
+        pub state: u32,
+        /// Its process.
+        pub pid: u32,
+        /// Zero.
+        pub reserved: u32,
+        /// Ticks worked since start.
+        pub samples: u64,
+        /// Messages lost on the channels it reads.
+        pub lost: u64,
+        /// Ticks whose output came later than one period after their sample was due.
+        pub missed_deadlines: u64,
+        /// Samples with a fault bit (sensor-proc only).
+        pub implausible: u64,
+        /// From an input being sent to being picked up, ns.
+        pub wait: Percentiles,
+        /// From pick-up to the output being sent, ns.
+        pub work: Percentiles,
+        /// From acquisition to the command being sent, ns (control-proc only).
+        pub end_to_end: Percentiles,
+        /// Lateness of the timer against the intended time, ns (stages with a timer only).
+        pub release_jitter: Percentiles,
+    }
+}
+message!(StageHealth, "stage-health", publishers 8, buffer 16);
+
+/// What a stage is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum StageState {
+    /// Its channels are open; it waits for its first input.
+    Ready = 1,
+    /// It works.
+    Running = 2,
+    /// It has ended; this is its last message.
+    Stopped = 3,
+}
+
+/// Names of the set bits, for messages to people.
+pub fn bit_names<'a>(bits: u32, names: &'a [&'a str]) -> impl Iterator<Item = &'a str> {
+    names.iter().enumerate().filter(move |(i, _)| bits & (1 << i) != 0).map(|(_, name)| *name)
+}

@@ -1,0 +1,76 @@
+//! Running statistics of an error, small enough to travel in a message.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::layout::shared_struct;
+
+shared_struct! {
+    /// Count, mean, spread and largest magnitude of a sequence, updated one value at a time (Welford's
+    /// recurrence, so that a mean far from zero does not cost digits).
+    ///
+    /// ```text
+    /// mean += (e - mean) / n        m2 += (e - mean_old) (e - mean_new)
+    /// sigma = sqrt(m2 / n)          rmse = sqrt(m2 / n + mean^2)
+    /// ```
+    ///
+    /// Trap: one value that is not finite makes mean and sigma not finite for good. That is meant: a model that
+    /// diverged once is not to look well on average.
+    pub struct ErrorStatistics {
+        /// Number of values.
+        pub count: u64,
+        /// Arithmetic mean, in the unit of the values.
+        pub mean: f64,
+        /// Sum of squared deviations from the mean, in that unit squared.
+        pub m2: f64,
+        /// Largest magnitude, in that unit.
+        pub max: f64,
+    }
+}
+
+impl ErrorStatistics {
+    /// Takes in one value.
+    pub fn push(&mut self, value: f64) {
+        self.count += 1;
+        let before = value - self.mean;
+        self.mean += before / self.count as f64;
+        self.m2 += before * (value - self.mean);
+        if value.abs() > self.max || value.is_nan() {
+            self.max = value.abs();
+        }
+    }
+
+    /// Standard deviation (divided by the count), NaN without values.
+    pub fn sigma(&self) -> f64 {
+        (self.m2 / self.count as f64).sqrt()
+    }
+
+    /// Root of the mean square, NaN without values.
+    pub fn rmse(&self) -> f64 {
+        (self.m2 / self.count as f64 + self.mean * self.mean).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn agrees_with_the_definition() {
+        let values = [1e6 + 4.0, 1e6 + 7.0, 1e6 + 13.0, 1e6 + 16.0];
+        let mut statistics = ErrorStatistics::default();
+        values.iter().for_each(|&value| statistics.push(value));
+        assert_eq!(statistics.count, 4);
+        assert!((statistics.sigma() - 22.5f64.sqrt()).abs() < 1e-9);
+        let rmse = (values.iter().map(|v| v * v).sum::<f64>() / 4.0).sqrt();
+        assert!((statistics.rmse() / rmse - 1.0).abs() < 1e-12);
+        assert_eq!(statistics.max, 1e6 + 16.0);
+    }
+
+    #[test]
+    fn one_value_that_is_not_finite_shows() {
+        let mut statistics = ErrorStatistics::default();
+        statistics.push(f64::NAN);
+        statistics.push(1.0);
+        assert!(statistics.sigma().is_nan() && statistics.rmse().is_nan());
+    }
+}

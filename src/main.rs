@@ -1,0 +1,2 @@
+//! hydraxis
+fn main() {}

@@ -1,1 +1,40 @@
-//! control-proc
+//! The controller: positions and models in, valve commands out.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`controller`] | all axes of the machine, one call per sample |
+//! | [`axis`] | one axis: what it may do when, and who makes its command |
+//! | [`reference`] | target generators: sines, ramps, trajectories |
+//! | [`trajectory`] | a trajectory's CSV file, read and refused |
+//! | [`target`] | from where the axis stands to what its generator asks for, without a jump |
+//! | [`channel`] | targets from another program, accepted or refused |
+//! | [`fallback`] | PI with dead-band compensation: needs no model |
+//! | [`predictive`] | generalised predictive control on the identified model |
+//! | [`response`] | what the model answers to nothing and to a step |
+//! | [`cholesky`] | the small linear system of the predictive controller |
+//! | [`judge`] | which models may be used at all |
+//! | [`history`] | past outputs and commands of one axis |
+//! | [`limits`] | magnitude and rate of a command |
+//!
+//! Everything here is the core: no clock, no I/O, no allocation after construction, no panic, and the same inputs
+//! always give the same commands. Time is counted in ticks, the differences of the samples' sequence numbers.
+
+pub mod axis;
+pub mod channel;
+pub mod cholesky;
+pub mod controller;
+pub mod fallback;
+pub mod history;
+pub mod judge;
+pub mod limits;
+pub mod predictive;
+pub mod reference;
+pub mod response;
+pub mod target;
+pub mod trajectory;
+
+pub use controller::Controller;
+pub use reference::ReferenceError;
+
+#[cfg(test)]
+mod tests;

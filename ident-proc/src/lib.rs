@@ -1,1 +1,28 @@
-//! ident-proc
+//! Identification of electrohydraulic axes by an adaptive Hammerstein model, steps 1-8 of the paper that the
+//! README names.
+//!
+//! | step | where |
+//! |---|---|
+//! | 1, 2 structure and initial values | [`pipeline::machine::Identification`], [`batch`] |
+//! | 3 offline identification, eqs. (11)-(17) | [`batch`], [`triangle`], [`split`] |
+//! | 4 collect a sample | [`history`], [`regression`] |
+//! | 5 forgetting factor by fuzzy rules, Table 1, eq. (21) | [`fuzzy`] |
+//! | 6 recursive least squares, eqs. (18)-(20) | [`recursive`] |
+//! | 7, 8 the controller's turn, and again | `control-proc` |
+//!
+//! [`Identifier`] puts them together for one axis and knows the errors of the adaptive and of the classical, held
+//! model at any time ([`errors`]). [`process`] is the stage: channels in, channels out.
+
+pub mod batch;
+pub mod errors;
+pub mod fuzzy;
+pub mod history;
+mod identifier;
+// pub mod process;
+pub mod rank;
+pub mod recursive;
+pub mod regression;
+pub mod split;
+pub mod triangle;
+
+pub use identifier::Identifier;

@@ -276,6 +276,8 @@ pub mod model_fault {
     /// The last sample could not be used.
     pub const SAMPLE_SKIPPED: u32 = 16;
 
+    /// The bits that do not come and go with the samples.
+    pub const LASTING: u32 = TRAINING | RANK_DEFICIENT | NOT_FINITE;
     /// Names of the bits, lowest first.
     pub const NAMES: [&str; 5] = ["training", "rank-deficient", "covariance-bound", "not-finite", "sample-skipped"];
 }

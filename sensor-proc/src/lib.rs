@@ -1,1 +1,3 @@
-//! sensor-proc
+//! Encoder acquisition: where samples come from, and whether they are to be believed.
+
+pub mod record;

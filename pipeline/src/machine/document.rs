@@ -10,7 +10,7 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
-use super::Problem;
+use super::{MachineError, Problem};
 
 /// A value from the command line that takes the place of one in the file.
 struct Setting {
@@ -69,14 +69,14 @@ impl<'i> Document<'i> {
         });
     }
 
-    /// All problems in the order of lines; settings that named no known key are among them.
-    pub fn into_problems(self) -> Vec<Problem> {
+    /// `value`, or all problems in the order of lines; settings that named no known key are among them.
+    pub fn into_result<T>(self, file: &str, value: T) -> Result<T, MachineError> {
         for setting in self.settings.borrow().iter().filter(|setting| !setting.used) {
             self.problem(None, format!("--set {}", setting.path), "an unknown key", "a key of the machine file");
         }
         let mut problems = self.problems.into_inner();
         problems.sort_by_key(|problem| problem.line.unwrap_or(usize::MAX));
-        problems
+        if problems.is_empty() { Ok(value) } else { Err(MachineError { file: file.to_owned(), problems }) }
     }
 
     fn line(&self, offset: usize) -> usize {
@@ -179,8 +179,13 @@ impl<'d, 'i> Section<'d, 'i> {
 
     /// The same with a default.
     pub fn number_or(&mut self, key: &str, default: f64, range: RangeInclusive<f64>, unit: &str) -> f64 {
+        self.optional_number(key, range, unit).unwrap_or(default)
+    }
+
+    /// The same, or nothing.
+    pub fn optional_number(&mut self, key: &str, range: RangeInclusive<f64>, unit: &str) -> Option<f64> {
         let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
-        self.optional(key, allowed.trim_end(), |value| number(value, &range)).flatten().unwrap_or(default)
+        self.optional(key, allowed.trim_end(), |value| number(value, &range)).flatten()
     }
 
     /// A list of numbers in `range`, of any length from `shortest` on.

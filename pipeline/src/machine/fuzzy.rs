@@ -1,14 +1,21 @@
 //! Settings of the fuzzy forgetting factor: `[fuzzy]`.
 
-use super::document::Section;
+use std::path::Path;
+
+use super::{
+    MachineError,
+    document::{Document, Section},
+};
 
 /// What the fuzzy forgetting factor is made of; the paper leaves the widths open.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fuzzy {
-    /// Error that counts as 3 (PB), in the unit of the output: the paper's basic universe is [-4, 4], read as mm.
-    pub error_universe: f64,
-    /// Change of the error that counts as 3 (PB): the paper's basic universe is [-2, 2], read as mm.
-    pub variation_universe: f64,
+    /// Error that counts as 3 (PB), in the unit of the output; without one [`Self::UNIVERSE_IN_RESIDUALS`] times the
+    /// standard deviation that offline identification leaves. The paper's basic universe is [-4, 4].
+    pub error_universe: Option<f64>,
+    /// Change of the error that counts as 3 (PB); without one half the error universe, as in the paper, whose basic
+    /// universe is [-2, 2].
+    pub variation_universe: Option<f64>,
     /// Half-width of the curves near zero (NS, ZO, PS), in steps between neighbouring terms.
     pub curve_width: f64,
     /// Half-width of the triangles outside (NB, NM, PM, PB), in the same steps.
@@ -49,12 +56,16 @@ impl Level {
 }
 
 impl Fuzzy {
-    /// Table 1 as printed, and universes of 4 mm and 2 mm for an output in metres.
+    /// The error universe in standard deviations of the offline residual. The paper's 4 (mm) is 40 counts of an
+    /// encoder with 0.1 mm; an error of ordinary noise then stays well inside ZO, whatever the unit of the output.
+    pub const UNIVERSE_IN_RESIDUALS: f64 = 40.0;
+
+    /// Table 1 as printed.
     pub const PAPER: Self = {
         use Level::{B, MB, MS, S, VB, VS};
         Self {
-            error_universe: 4e-3,
-            variation_universe: 2e-3,
+            error_universe: None,
+            variation_universe: None,
             curve_width: 1.0,
             triangle_width: 1.0,
             rules: [
@@ -69,6 +80,17 @@ impl Fuzzy {
         }
     };
 
+    /// Reads a file with the keys of `[fuzzy]` at its top.
+    ///
+    /// # Errors
+    /// All problems of the file at once, or that it cannot be read.
+    pub fn load(file: &Path) -> Result<Self, MachineError> {
+        let text = super::read_file(file, "a TOML file with the keys of [fuzzy]")?;
+        let document = Document::parse(&text, &[]);
+        let fuzzy = Self::read(document.root());
+        document.into_result(&file.display().to_string(), fuzzy)
+    }
+
     pub(super) fn read(mut section: Section) -> Self {
         let paper = Self::PAPER;
         let allowed = "7 rows (change of error NB to PB) of 7 terms (error NB to PB) out of VS, MS, S, B, MB, VB";
@@ -80,18 +102,8 @@ impl Fuzzy {
             rules.unwrap_or(paper.rules)
         });
         let fuzzy = Self {
-            error_universe: section.number_or(
-                "error_universe",
-                paper.error_universe,
-                1e-12..=1e12,
-                "units of the output",
-            ),
-            variation_universe: section.number_or(
-                "variation_universe",
-                paper.variation_universe,
-                1e-12..=1e12,
-                "units of the output",
-            ),
+            error_universe: section.optional_number("error_universe", 1e-12..=1e12, "units of the output"),
+            variation_universe: section.optional_number("variation_universe", 1e-12..=1e12, "units of the output"),
             // Narrower than 0.5 leaves gaps in which no rule fires; 3 covers half the universe.
             curve_width: section.number_or("curve_width", paper.curve_width, 0.6..=3.0, "steps"),
             triangle_width: section.number_or("triangle_width", paper.triangle_width, 0.6..=3.0, "steps"),

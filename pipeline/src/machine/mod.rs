@@ -153,6 +153,18 @@ impl fmt::Display for MachineError {
 
 impl std::error::Error for MachineError {}
 
+fn read_file(path: &Path, allowed: &str) -> Result<String, MachineError> {
+    std::fs::read_to_string(path).map_err(|error| MachineError {
+        file: path.display().to_string(),
+        problems: vec![Problem {
+            line: None,
+            key: String::new(),
+            found: format!("a file that cannot be read ({error})"),
+            allowed: allowed.to_owned(),
+        }],
+    })
+}
+
 /// Number of samples that a duration spans, rounded to the nearest.
 pub fn samples_of(duration: Duration, period: Duration) -> usize {
     (duration.as_secs_f64() / period.as_secs_f64()).round() as usize
@@ -168,16 +180,8 @@ impl Machine {
         let Some(path) = file else {
             return Self::parse(BUILT_IN, "built-in machine", Path::new("."), settings);
         };
+        let text = read_file(path, "a machine file in TOML; without one the built-in machine is used")?;
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| MachineError {
-            file: name.clone(),
-            problems: vec![Problem {
-                line: None,
-                key: String::new(),
-                found: format!("a file that cannot be read ({error})"),
-                allowed: "a machine file in TOML; without one the built-in machine is used".to_owned(),
-            }],
-        })?;
         Self::parse(&text, &name, path.parent().unwrap_or(Path::new(".")), settings)
     }
 
@@ -188,8 +192,7 @@ impl Machine {
     pub fn parse(text: &str, file: &str, folder: &Path, settings: &[(String, String)]) -> Result<Self, MachineError> {
         let document = Document::parse(text, settings);
         let machine = Self::read(document.root(), folder);
-        let problems = document.into_problems();
-        if problems.is_empty() { Ok(machine) } else { Err(MachineError { file: file.to_owned(), problems }) }
+        document.into_result(file, machine)
     }
 
     fn read(mut root: Section, folder: &Path) -> Self {

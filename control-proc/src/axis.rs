@@ -1,0 +1,329 @@
+//! One axis: what it may do when, and who makes its command.
+//!
+//! ```text
+//! disarmed --arm--> settling --0.2 s of healthy samples--> following --fault--> latched
+//!     ^----------------------- disarm -----------------------'------------------'
+//!
+//! while following: fallback --model judged good for 0.1 s--> model --stale, absent, refused--> fallback
+//! ```
+//!
+//! Only an axis that follows is ever commanded anything but neutral. A sample or two without a usable position are
+//! bridged: the last command stays. Three in a row, a position outside the stroke, or an encoder that stands still
+//! while the axis is driven, latch the axis at neutral until a person disarms and arms again. Trap: a latch that
+//! heals by itself moves the machine while somebody looks at why it stopped.
+
+use std::time::Duration;
+
+use pipeline::{
+    hammerstein::Coefficients,
+    machine::{Axis, ModelChoice, Timing, samples_of},
+    message::{AxisCommand, AxisSample, AxisSnapshot, ControlMode, Reference, control_flag, sample_fault},
+    statistics::ErrorStatistics,
+};
+
+use crate::{
+    fallback::Fallback,
+    history::History,
+    judge::{Judge, Refusal},
+    limits::Limits,
+    predictive::Predictive,
+    reference::ReferenceGenerator,
+    target::Target,
+};
+
+/// Healthy samples before anything moves: long enough to see an encoder that comes and goes.
+pub const SETTLING: Duration = Duration::from_millis(200);
+/// A model must be judged good for this long before it controls: no switching to and fro with a borderline one.
+pub const PROBATION: Duration = Duration::from_millis(100);
+/// Samples in a row without a usable position that latch the axis.
+pub const UNUSABLE_LIMIT: u64 = 3;
+/// How far a command must be beyond the calibrated dead band for a position that stands still to be a fault: the
+/// calibration is a little low on purpose, and just above the band the axis may creep below the encoder's resolution.
+pub const STUCK_MARGIN: f64 = 0.05;
+
+/// What one axis gets for one tick.
+#[derive(Debug, Clone, Copy)]
+pub struct AxisInput<'a> {
+    /// Tick of the sample.
+    pub sequence: u64,
+    /// Ticks since the last sample, 1 when none is missing.
+    pub elapsed: u64,
+    /// The axis' sample, if the message holds it.
+    pub sample: Option<&'a AxisSample>,
+    /// The axis' newest snapshot, if there is one, and the tick it was made after.
+    pub snapshot: Option<(u64, &'a AxisSnapshot)>,
+    /// The newest reference message, if there is one.
+    pub reference: Option<&'a Reference>,
+    /// The generators of all axes.
+    pub generator: &'a ReferenceGenerator,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    Disarmed,
+    /// Healthy samples so far.
+    Settling(u64),
+    Following,
+    Latched,
+}
+
+/// The controller of one axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AxisController {
+    limits: Limits,
+    settling_ticks: u64,
+    probation_ticks: u64,
+    feedback_ticks: u64,
+    model_ticks: u64,
+    stuck_ticks: u64,
+    /// Commands below which the axis need not move, retracting and extending.
+    resting_range: (f64, f64),
+    choice: ModelChoice,
+    judge: Judge,
+    predictive: Predictive,
+
+    state: State,
+    fallback: Fallback,
+    target: Target,
+    /// `None` until the first usable position.
+    history: Option<History>,
+    /// Ticks since the last usable position.
+    blind: u64,
+    /// Ticks that the command has been beyond `resting_range` in one direction.
+    driven: u64,
+    /// Ticks in a row that the model was judged good.
+    trusted: u64,
+    /// Tick of the last snapshot that was refused.
+    refused: Option<u64>,
+    /// What was sent for the last tick.
+    last: AxisCommand,
+}
+
+impl AxisController {
+    /// Disarmed. `index` is the axis' number in the messages.
+    pub fn new(index: usize, axis: &Axis, timing: &Timing) -> Self {
+        let ticks = |duration| samples_of(duration, timing.period).max(1) as u64;
+        let period = timing.period.as_secs_f64();
+        let control = &axis.control;
+        let structure = axis.identification.structure;
+        let ahead = if control.model == ModelChoice::None { 0 } else { structure.nk + control.horizon };
+        Self {
+            limits: Limits::new(control, period),
+            settling_ticks: ticks(SETTLING),
+            probation_ticks: ticks(PROBATION),
+            feedback_ticks: ticks(timing.feedback_timeout),
+            model_ticks: ticks(timing.model_timeout),
+            // The motion cannot show before the dead time.
+            stuck_ticks: ticks(axis.encoder.stuck_after) + structure.nk as u64,
+            resting_range: (-control.dead_band.retract - STUCK_MARGIN, control.dead_band.extend + STUCK_MARGIN),
+            choice: control.model,
+            judge: Judge::new(axis, period),
+            predictive: Predictive::new(control),
+            state: State::Disarmed,
+            fallback: Fallback::new(control, period),
+            target: Target::new(index, axis, period, ahead),
+            history: None,
+            blind: 0,
+            driven: 0,
+            trusted: 0,
+            refused: None,
+            last: AxisCommand { flags: control_flag::DISARMED, ..AxisCommand::default() },
+        }
+    }
+
+    /// Lets a disarmed axis settle and then follow. A latched one stays latched.
+    pub fn arm(&mut self) {
+        if self.state == State::Disarmed {
+            self.state = State::Settling(0);
+            self.last.tracking = ErrorStatistics::default();
+            self.last.flags = control_flag::SETTLING;
+        }
+    }
+
+    /// Neutral from the next command on; releases the latch and forgets the past.
+    pub fn disarm(&mut self) {
+        self.stand_still(State::Disarmed);
+        self.last.flags = control_flag::DISARMED;
+        self.history = None;
+        self.blind = 0;
+    }
+
+    /// Latches the axis at neutral.
+    pub fn latch(&mut self) {
+        self.stand_still(State::Latched);
+        self.last.flags = control_flag::FEEDBACK;
+    }
+
+    /// What was last sent, or what stands in its place since.
+    pub fn last(&self) -> AxisCommand {
+        self.last
+    }
+
+    /// The command for one sample.
+    pub fn update(&mut self, input: &AxisInput<'_>) -> AxisCommand {
+        if let Some(history) = &mut self.history {
+            history.hold_command(input.elapsed.saturating_sub(1));
+        }
+        let usable = self.take_feedback(input);
+        let (model, model_flags) = self.take_snapshot(input.snapshot);
+        match (self.state, usable) {
+            (State::Following, Some(position)) => self.follow(input, position, model, model_flags),
+            // The last command stays until the position is back or given up.
+            (State::Following, None) => {}
+            (state, _) => self.stand(state, model_flags),
+        }
+        if let Some(history) = &mut self.history {
+            history.push_command(self.last.command);
+        }
+        self.last
+    }
+
+    /// Takes in the position, if it is usable, and moves from state to state.
+    fn take_feedback(&mut self, input: &AxisInput<'_>) -> Option<f64> {
+        self.blind = self.blind.saturating_add(input.elapsed);
+        self.driven = if self.rests() { 0 } else { self.driven.saturating_add(input.elapsed) };
+        let faults = input.sample.map_or(sample_fault::STALE, |sample| sample.faults);
+        let position = (input.sample.map(|sample| sample.position))
+            .filter(|position| position.is_finite() && faults & sample_fault::UNUSABLE == 0);
+        let missing = self.blind.saturating_sub(1);
+        if let Some(position) = position {
+            match &mut self.history {
+                None => self.history = Some(History::resting(position)),
+                Some(history) => history.push_output(position, missing),
+            }
+            self.blind = 0;
+        }
+
+        let out_of_range = faults & sample_fault::RANGE != 0;
+        match self.state {
+            State::Settling(_) if out_of_range => self.latch(),
+            State::Settling(healthy) => match position {
+                Some(position) if missing == 0 && healthy >= self.settling_ticks => self.begin(input, position),
+                Some(_) if missing == 0 || healthy == 0 => self.state = State::Settling(healthy + 1),
+                _ => self.state = State::Settling(0),
+            },
+            State::Following => {
+                let lost = match position {
+                    Some(_) => missing >= self.feedback_ticks,
+                    None => self.blind >= UNUSABLE_LIMIT,
+                };
+                let stuck = faults & sample_fault::STUCK != 0 && self.driven >= self.stuck_ticks;
+                if out_of_range || lost || stuck {
+                    self.latch();
+                }
+            }
+            State::Disarmed | State::Latched => {}
+        }
+        position
+    }
+
+    /// Whether the last command need not move the axis.
+    fn rests(&self) -> bool {
+        (self.resting_range.0..=self.resting_range.1).contains(&self.last.command)
+    }
+
+    /// The model, if it may be used, and the flags that say why not.
+    fn take_snapshot<'a>(&mut self, snapshot: Option<(u64, &'a AxisSnapshot)>) -> (Option<&'a Coefficients>, u32) {
+        if self.choice == ModelChoice::None {
+            return (None, 0);
+        }
+        let Some((made_after, snapshot)) = snapshot else {
+            return (None, control_flag::NO_MODEL);
+        };
+        match self.judge.judge(snapshot) {
+            Ok(model) => (Some(model), 0),
+            Err(Refusal::Training) => (None, control_flag::NO_MODEL),
+            Err(_) => {
+                // The same snapshot comes again until there is a newer one; it counts once.
+                if self.refused.replace(made_after) != Some(made_after) {
+                    self.last.rejected_snapshots += 1;
+                }
+                (None, control_flag::MODEL_REFUSED)
+            }
+        }
+    }
+
+    /// Begins to follow from where the axis stands.
+    fn begin(&mut self, input: &AxisInput<'_>, position: f64) {
+        self.state = State::Following;
+        self.trusted = 0;
+        self.fallback.reset();
+        self.target.begin(input.sequence, position, input.generator);
+    }
+
+    /// Makes the command of an axis that follows, from its position in m.
+    fn follow(&mut self, input: &AxisInput<'_>, position: f64, model: Option<&Coefficients>, model_flags: u32) {
+        let Self { target, history, predictive, limits, .. } = self;
+        let following = target.update(input.sequence, input.elapsed, position, input.generator, input.reference);
+        let mut flags = model_flags;
+        if following.refused {
+            flags |= control_flag::REFERENCE;
+        }
+        let stale =
+            input.snapshot.is_some_and(|(made_after, _)| input.sequence.abs_diff(made_after) > self.model_ticks);
+        if stale {
+            flags |= control_flag::MODEL_STALE;
+        }
+
+        let model = model.filter(|_| !stale);
+        self.trusted = if model.is_some() { self.trusted.saturating_add(1) } else { 0 };
+        let trusted = model.filter(|_| self.trusted > self.probation_ticks);
+        let mut wanted = None;
+        if let (Some(model), Some(history)) = (trusted, history) {
+            wanted = predictive.update(model, history, target.positions(), *limits);
+            if wanted.is_none() {
+                flags |= control_flag::MODEL_REFUSED;
+                self.trusted = 0;
+            }
+        }
+
+        let reference = target.positions()[0];
+        let error = reference - position;
+        let was_model = self.last.mode == ControlMode::Model as u32;
+        let (command, mode) = match wanted {
+            Some(wanted) => (limits.apply(wanted, self.last.command), ControlMode::Model),
+            None => {
+                if was_model {
+                    self.fallback.resume(self.last.command, error);
+                }
+                (self.fallback.update(error, self.last.command), ControlMode::Fallback)
+            }
+        };
+        self.send(command, mode);
+        (self.last.reference, self.last.error, self.last.flags) = (reference, error, flags);
+        if following.counts {
+            self.last.tracking.push(error);
+        }
+    }
+
+    /// Makes the command of an axis that does not follow.
+    fn stand(&mut self, state: State, model_flags: u32) {
+        self.stand_still(state);
+        self.last.flags = model_flags
+            | match state {
+                State::Disarmed => control_flag::DISARMED,
+                State::Settling(_) => control_flag::SETTLING,
+                State::Latched | State::Following => control_flag::FEEDBACK,
+            };
+    }
+
+    /// Neutral, with the target where the axis is.
+    fn stand_still(&mut self, state: State) {
+        self.state = state;
+        self.trusted = 0;
+        self.send(0.0, ControlMode::Neutral);
+        if let Some(history) = &self.history {
+            self.last.reference = history.outputs()[0];
+        }
+        self.last.error = 0.0;
+    }
+
+    fn send(&mut self, command: f64, mode: ControlMode) {
+        if command * self.last.command <= 0.0 {
+            // Neutral or the other direction: not yet driven that way.
+            self.driven = 0;
+        }
+        self.last.command = command;
+        self.last.mode = mode as u32;
+    }
+}

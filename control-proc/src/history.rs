@@ -1,0 +1,93 @@
+//! Past outputs and commands of one axis, newest first.
+//!
+//! ```text
+//! at tick k, before the command is made:   outputs  y(k), y(k-1), ..      commands  u(k-1), u(k-2), ..
+//! ```
+//!
+//! y position in m, u valve command as it was sent. Commands are kept, not x = N(u): N changes with every snapshot,
+//! and what was sent after all limits is what moved the axis, so that saturation cannot wind up the model.
+//!
+//! Trap: a tick without a position leaves a hole. A held position followed by the leap to the next good one looks
+//! like a sudden speed to a controller that works on differences; so the hole is bridged by a straight line once
+//! its far side is known.
+
+use pipeline::hammerstein::{MAX_DELAY, MAX_LINEAR};
+
+/// Outputs kept: differences over the highest order of A.
+pub const OUTPUTS: usize = MAX_LINEAR + 1;
+/// Commands kept: the longest delay, the highest order of B, and one more for the oldest difference.
+pub const COMMANDS: usize = MAX_DELAY + MAX_LINEAR + 1;
+
+/// Past outputs and commands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct History {
+    outputs: [f64; OUTPUTS],
+    commands: [f64; COMMANDS],
+}
+
+impl History {
+    /// An axis that has always stood at `position` (m), neutral.
+    pub fn resting(position: f64) -> Self {
+        Self { outputs: [position; OUTPUTS], commands: [0.0; COMMANDS] }
+    }
+
+    /// y(k), y(k-1), .., m.
+    pub fn outputs(&self) -> &[f64; OUTPUTS] {
+        &self.outputs
+    }
+
+    /// u(k-1), u(k-2), ..
+    pub fn commands(&self) -> &[f64; COMMANDS] {
+        &self.commands
+    }
+
+    /// Takes in a position (m) that `missing` ticks without one went before.
+    pub fn push_output(&mut self, position: f64, missing: u64) {
+        let before = self.outputs[0];
+        let new = usize::try_from(missing).map_or(OUTPUTS, |missing| missing.saturating_add(1).min(OUTPUTS));
+        self.outputs.copy_within(..OUTPUTS - new, new);
+        let slope = (position - before) / (missing as f64 + 1.0);
+        for (i, output) in self.outputs[..new].iter_mut().enumerate() {
+            *output = position - slope * i as f64;
+        }
+    }
+
+    /// Takes in the command that was sent.
+    pub fn push_command(&mut self, command: f64) {
+        self.commands.copy_within(..COMMANDS - 1, 1);
+        self.commands[0] = command;
+    }
+
+    /// The last command stayed on the valve for so many more ticks.
+    pub fn hold_command(&mut self, ticks: u64) {
+        for _ in 0..ticks.min(COMMANDS as u64) {
+            self.push_command(self.commands[0]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn holes_are_bridged_by_a_straight_line() {
+        let mut history = History::resting(1.0);
+        history.push_output(2.0, 0);
+        history.push_output(5.0, 2);
+        assert_eq!(history.outputs()[..5], [5.0, 4.0, 3.0, 2.0, 1.0]);
+        history.push_output(6.0, u64::MAX);
+        assert!(history.outputs().iter().all(|y| (5.0..=6.0).contains(y)));
+    }
+
+    #[test]
+    fn a_command_is_held_over_missing_ticks() {
+        let mut history = History::resting(0.0);
+        history.push_command(0.1);
+        history.push_command(0.2);
+        history.hold_command(2);
+        assert_eq!(history.commands()[..5], [0.2, 0.2, 0.2, 0.1, 0.0]);
+        history.hold_command(u64::MAX);
+        assert!(history.commands().iter().all(|&u| u == 0.2));
+    }
+}

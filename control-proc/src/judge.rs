@@ -1,0 +1,202 @@
+//! Which models may be used at all.
+//!
+//! ```text
+//! |poles of 1/A| < 1.02                          the step response stays near what was identified
+//! (sum b) N(u) > 0 for u > 0, < 0 for u < 0      a positive command extends
+//! |s(end)| |N| >= 1 % of max_speed * time        over the judged time, on both branches
+//! sigma_adaptive <= 1.5 sigma_classical          h-step errors, in m
+//! ```
+//!
+//! s(p) step response of the linear half, m per unit of x. A recursive estimator is fed by whatever happens; what
+//! it publishes is judged anew at every tick before it may move anything. Trap: the sign of b says nothing alone,
+//! b and N share a free factor; only their product has a direction.
+
+use pipeline::{
+    hammerstein::{Coefficients, Structure},
+    machine::{Axis, ModelChoice},
+    message::{AxisSnapshot, model_fault},
+};
+
+use crate::response::{MAX_HORIZON, step_response};
+
+/// Largest pole radius. An identified integrator comes out a little beyond 1; at 1.02 a deviation grows by half in 20
+/// samples, which feedback still holds.
+pub const POLE_LIMIT: f64 = 1.02;
+/// Least travel of a full command over [`MAX_HORIZON`] samples after the dead time, as share of `max_speed` times
+/// that time. A model that moves less makes the controller use full commands for millimetres.
+pub const LEAST_TRAVEL: f64 = 0.01;
+/// How much worse than the classical model the adaptive one may predict.
+pub const WORST_RATIO: f64 = 1.5;
+/// Errors needed before two models are compared.
+pub const LEAST_COUNT: u64 = 100;
+
+/// Why a model is not used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Refusal {
+    /// There is no model yet.
+    Training,
+    /// A coefficient is not finite, or the identifier says so.
+    NotFinite,
+    /// Orders that no model can have, or not the configured ones.
+    Structure,
+    /// A pole outside [`POLE_LIMIT`].
+    Unstable,
+    /// A positive command retracts.
+    Direction,
+    /// A full command of one direction moves the axis less than [`LEAST_TRAVEL`], or the other way.
+    Unreachable,
+    /// It predicts clearly worse than the classical model.
+    Worse,
+}
+
+/// The judge of one axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judge {
+    structure: Structure,
+    choice: ModelChoice,
+    range: (f64, f64),
+    least_travel: f64,
+}
+
+impl Judge {
+    /// What the machine file expects of the models of `axis`; `period` in s.
+    pub fn new(axis: &Axis, period: f64) -> Self {
+        Self {
+            structure: axis.identification.structure,
+            choice: axis.control.model,
+            range: (-axis.control.command_limit, axis.control.command_limit),
+            least_travel: LEAST_TRAVEL * axis.max_speed * MAX_HORIZON as f64 * period,
+        }
+    }
+
+    /// The model to be used, of those in the snapshot.
+    ///
+    /// # Errors
+    /// The first reason why it may not be used.
+    pub fn judge<'a>(&self, snapshot: &'a AxisSnapshot) -> Result<&'a Coefficients, Refusal> {
+        let adaptive = self.choice == ModelChoice::Adaptive;
+        let model = if adaptive { &snapshot.adaptive } else { &snapshot.classical };
+        if snapshot.faults & model_fault::TRAINING != 0 || self.choice == ModelChoice::None {
+            return Err(Refusal::Training);
+        }
+        if snapshot.faults & model_fault::NOT_FINITE != 0 || !model.is_finite() {
+            return Err(Refusal::NotFinite);
+        }
+        if model.structure() != Some(self.structure) {
+            return Err(Refusal::Structure);
+        }
+        if !model.poles_within(POLE_LIMIT) {
+            return Err(Refusal::Unstable);
+        }
+        self.judge_reach(model)?;
+        if adaptive && is_worse(snapshot) {
+            return Err(Refusal::Worse);
+        }
+        Ok(model)
+    }
+
+    fn judge_reach(&self, model: &Coefficients) -> Result<(), Refusal> {
+        let nonlinearity = model.nonlinearity();
+        let orientation = nonlinearity.orientation(self.range);
+        let gain = model.b().iter().sum::<f64>() * orientation;
+        if gain < 0.0 {
+            return Err(Refusal::Direction);
+        }
+        let mut step = [0.0; MAX_HORIZON];
+        step_response(model, &mut step);
+        let (low, high) = nonlinearity.reachable(self.range);
+        let travel = step[MAX_HORIZON - 1] * orientation * high.min(-low);
+        // Written so that NaN is refused too.
+        if gain > 0.0 && travel >= self.least_travel && travel.is_finite() { Ok(()) } else { Err(Refusal::Unreachable) }
+    }
+}
+
+/// Whether the adaptive model predicts clearly worse than the classical one, as far as both are known.
+fn is_worse(snapshot: &AxisSnapshot) -> bool {
+    let (adaptive, classical) = (&snapshot.adaptive_errors.h_step, &snapshot.classical_errors.h_step);
+    if adaptive.count < LEAST_COUNT || classical.count < LEAST_COUNT {
+        return false;
+    }
+    let (adaptive, classical) = (adaptive.sigma(), classical.sigma());
+    // A classical model that diverged is no measure; an adaptive one that did is worse than anything.
+    !adaptive.is_finite() || (classical.is_finite() && adaptive > WORST_RATIO * classical)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::{machine, models::actuator};
+    use pipeline::statistics::ErrorStatistics;
+
+    fn judge() -> Judge {
+        Judge::new(&machine(1).axes[0], 0.01)
+    }
+
+    fn snapshot(model: Coefficients) -> AxisSnapshot {
+        AxisSnapshot { adaptive: model, classical: model, ..AxisSnapshot::default() }
+    }
+
+    fn refusal(change: impl Fn(&mut AxisSnapshot)) -> Option<Refusal> {
+        let mut snapshot = snapshot(actuator());
+        change(&mut snapshot);
+        judge().judge(&snapshot).err()
+    }
+
+    fn errors(count: u64, sigma: f64) -> ErrorStatistics {
+        ErrorStatistics { count, mean: 0.0, m2: sigma * sigma * count as f64, max: 3.0 * sigma }
+    }
+
+    #[test]
+    fn a_model_of_the_axis_is_used_also_when_b_and_n_are_both_negative() {
+        assert_eq!(refusal(|_| ()), None);
+        assert_eq!(
+            refusal(|s| [&mut s.adaptive.b, &mut s.adaptive.f, &mut s.adaptive.g]
+                .into_iter()
+                .flatten()
+                .for_each(|c| *c = -*c)),
+            None
+        );
+        assert_eq!(refusal(|s| s.faults = model_fault::RANK_DEFICIENT | model_fault::COVARIANCE_BOUND), None);
+    }
+
+    #[test]
+    fn each_defect_has_its_reason() {
+        assert_eq!(refusal(|s| s.faults = model_fault::TRAINING), Some(Refusal::Training));
+        assert_eq!(refusal(|s| s.faults = model_fault::NOT_FINITE), Some(Refusal::NotFinite));
+        assert_eq!(refusal(|s| s.adaptive.a[0] = f64::NAN), Some(Refusal::NotFinite));
+        assert_eq!(refusal(|s| s.adaptive.g[1] = f64::INFINITY), Some(Refusal::NotFinite));
+        assert_eq!(refusal(|s| s.adaptive.nk += 1), Some(Refusal::Structure));
+        assert_eq!(refusal(|s| s.adaptive.na = 9), Some(Refusal::Structure));
+        assert_eq!(refusal(|s| s.adaptive.a[0] -= 0.1), Some(Refusal::Unstable));
+        assert_eq!(refusal(|s| s.adaptive.b = s.adaptive.b.map(|b| -b)), Some(Refusal::Direction));
+        assert_eq!(refusal(|s| s.adaptive.b = s.adaptive.b.map(|b| 1e-3 * b)), Some(Refusal::Unreachable));
+        assert_eq!(refusal(|s| s.adaptive.b = [0.0; 5]), Some(Refusal::Unreachable));
+        assert_eq!(refusal(|s| s.adaptive.b = [f64::MAX; 5]), Some(Refusal::Unreachable));
+        assert_eq!(refusal(|s| s.adaptive.g = [-0.5, 0.0, 0.0, 0.0, 0.0]), Some(Refusal::Unreachable));
+        assert_eq!(refusal(|s| s.adaptive.f = [0.0; 5]), Some(Refusal::Unreachable));
+    }
+
+    #[test]
+    fn the_adaptive_model_may_not_be_clearly_worse_than_the_classical_one() {
+        let with = |adaptive: ErrorStatistics, classical: ErrorStatistics| {
+            refusal(move |s| (s.adaptive_errors.h_step, s.classical_errors.h_step) = (adaptive, classical))
+        };
+        assert_eq!(with(errors(100, 1.4), errors(100, 1.0)), None);
+        assert_eq!(with(errors(100, 1.6), errors(100, 1.0)), Some(Refusal::Worse));
+        assert_eq!(with(errors(99, 1.6), errors(100, 1.0)), None);
+        assert_eq!(with(errors(100, f64::NAN), errors(100, f64::NAN)), Some(Refusal::Worse));
+        assert_eq!(with(errors(100, 1.6), errors(100, f64::NAN)), None);
+    }
+
+    #[test]
+    fn the_chosen_model_is_the_one_that_is_judged() {
+        let mut machine = machine(1);
+        machine.axes[0].control.model = ModelChoice::Classical;
+        let mut snapshot = snapshot(actuator());
+        snapshot.adaptive.a[0] = 7.0;
+        assert!(Judge::new(&machine.axes[0], 0.01).judge(&snapshot).is_ok());
+        assert_eq!(judge().judge(&snapshot), Err(Refusal::Unstable));
+        machine.axes[0].control.model = ModelChoice::None;
+        assert_eq!(Judge::new(&machine.axes[0], 0.01).judge(&snapshot), Err(Refusal::Training));
+    }
+}

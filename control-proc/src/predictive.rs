@@ -1,0 +1,213 @@
+//! Generalised predictive control of one axis.
+//!
+//! ```text
+//! J = sum (w(k+i) - y(k+i))^2  +  lambda sum dx(k+m)^2        i = nk .. nk+H-1,  m = 0 .. M-1
+//! y(k+nk+p) = free(k+nk+p) + sum s(p-m) dx(k+m)               s step response, s(p) = 0 for p < 0
+//! (G^T G + lambda I) dx = G^T (w - free)                      G(p,m) = s(p-m)
+//! x(k) = x(k-1) + dx(k)         u(k) = N^-1(x(k))             lambda = move_weight * mean of s(p)^2
+//! ```
+//!
+//! y position in m, w target in m, x intermediate value, u valve command, nk delay, H `horizon`, M `moves`, in
+//! samples. Source: Clarke, Mohtadi and Tuffs, Generalized predictive control, Automatica 23 (1987); N and the
+//! model are eqs. (11) and (12) of the paper.
+//!
+//! Traps: the model of the paper's Table 2 has a zero at -1.157, outside the unit circle, so whatever inverts B at
+//! once (horizon 1 without a weight) is unstable; the horizon and the weight are what keeps this one from doing
+//! so. N can be inverted only where it is monotone, so x is kept to what the commands can reach there. And x(k-1)
+//! is N of the command that was *sent*: what the limits cut off is not remembered as done.
+
+use pipeline::{hammerstein::Coefficients, machine::Control};
+
+use crate::{
+    cholesky::{self, MAX_MOVES},
+    history::{COMMANDS, History},
+    limits::Limits,
+    response::{MAX_AHEAD, MAX_HORIZON, free_response, step_response},
+};
+
+/// The predictive controller of one axis. It has no state: the past comes with every call.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Predictive {
+    horizon: usize,
+    moves: usize,
+    move_weight: f64,
+}
+
+impl Predictive {
+    /// Horizon, moves and their weight from the machine file.
+    pub fn new(control: &Control) -> Self {
+        let horizon = control.horizon.clamp(1, MAX_HORIZON);
+        Self { horizon, moves: control.moves.clamp(1, MAX_MOVES.min(horizon)), move_weight: control.move_weight }
+    }
+
+    /// The command of this tick, within the magnitude limit; the rate limit is the caller's.
+    ///
+    /// `targets` holds y_r(k), y_r(k+1), .. in m; beyond its end the last one counts. `None` when the model gives
+    /// no finite answer, or no targets are given: then another controller must make the command.
+    pub fn update(&self, model: &Coefficients, history: &History, targets: &[f64], limits: Limits) -> Option<f64> {
+        let structure = model.structure()?;
+        let nonlinearity = model.nonlinearity();
+        let last_target = *targets.last()?;
+
+        let mut intermediate = [0.0; COMMANDS];
+        for (x, u) in intermediate.iter_mut().zip(history.commands()).take(structure.nk + structure.nb + 1) {
+            *x = nonlinearity.evaluate(*u);
+        }
+        let mut free = [0.0; MAX_AHEAD];
+        let ahead = structure.nk - 1 + self.horizon;
+        free_response(model, history.outputs(), &intermediate, &mut free[..ahead]);
+        let mut step = [0.0; MAX_HORIZON];
+        let step = &mut step[..self.horizon];
+        step_response(model, step);
+
+        // free[i] is y(k+1+i): the first one that x(k) can still change is free[nk-1].
+        let mut deviation = [0.0; MAX_HORIZON];
+        for (p, deviation) in deviation[..self.horizon].iter_mut().enumerate() {
+            let target = targets.get(structure.nk + p).copied().unwrap_or(last_target);
+            *deviation = target - free[structure.nk - 1 + p];
+        }
+        let dx = self.first_move(step, &deviation[..self.horizon])?;
+
+        let range = limits.range();
+        let (low, high) = nonlinearity.reachable(range);
+        let x = (intermediate[0] + dx).max(low).min(high);
+        let u = nonlinearity.invert(x, range);
+        (x.is_finite() && u.is_finite()).then_some(u)
+    }
+
+    /// dx(k): the first of the moves that minimise J.
+    fn first_move(&self, step: &[f64], deviation: &[f64]) -> Option<f64> {
+        let mean_square = step.iter().map(|s| s * s).sum::<f64>() / step.len() as f64;
+        let mut h = [[0.0; MAX_MOVES]; MAX_MOVES];
+        let mut g = [0.0; MAX_MOVES];
+        for m in 0..self.moves {
+            g[m] = step.iter().zip(&deviation[m..]).map(|(s, d)| s * d).sum();
+            for n in 0..=m {
+                // Columns m and n of G are the step response, shifted: from row m on both are there.
+                h[m][n] = step.iter().zip(&step[m - n..]).take(step.len() - m).map(|(s, t)| s * t).sum();
+            }
+            h[m][m] += self.move_weight * mean_square;
+        }
+        Some(cholesky::solve(h, g, self.moves)?[0])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::models::{linear, table_2};
+
+    const PERIOD: f64 = 0.01;
+
+    fn control(horizon: usize, moves: usize, move_weight: f64) -> Control {
+        let mut control = crate::tests::machine(1).axes[0].control;
+        (control.horizon, control.moves, control.move_weight) = (horizon, moves, move_weight);
+        control
+    }
+
+    /// Drives a process that is the model itself plus a disturbance of its output; returns outputs and commands.
+    fn run(
+        model: &Coefficients,
+        predictive: &Predictive,
+        ticks: usize,
+        target: impl Fn(usize) -> f64,
+        disturbance: impl Fn(usize) -> f64,
+    ) -> (Vec<f64>, Vec<f64>) {
+        let limits = Limits { magnitude: 1.0, step: 0.1 };
+        let structure = model.structure().unwrap();
+        let nonlinearity = model.nonlinearity();
+        let (mut undisturbed, mut x) = (vec![0.0; ticks], vec![0.0; ticks]);
+        let (mut outputs, mut commands) = (Vec::new(), Vec::new());
+        let mut history = History::resting(disturbance(0));
+        for k in 0..ticks {
+            for (j, a) in model.a().iter().enumerate().filter(|(j, _)| k > *j) {
+                undisturbed[k] -= a * undisturbed[k - 1 - j];
+            }
+            for (j, b) in model.b().iter().enumerate().filter(|(j, _)| k >= structure.nk + j) {
+                undisturbed[k] += b * x[k - structure.nk - j];
+            }
+            let y = undisturbed[k] + disturbance(k);
+            history.push_output(y, 0);
+            let targets: Vec<f64> = (0..MAX_AHEAD).map(|i| target(k + i)).collect();
+            let wanted = predictive.update(model, &history, &targets, limits).expect("a command");
+            let u = limits.apply(wanted, history.commands()[0]);
+            history.push_command(u);
+            x[k] = nonlinearity.evaluate(u);
+            outputs.push(y);
+            commands.push(u);
+        }
+        (outputs, commands)
+    }
+
+    #[test]
+    fn table_2_with_its_zero_outside_the_circle_is_stable_and_without_offset() {
+        for (horizon, moves) in [(10, 1), (20, 4), (31, 8), (20, 8)] {
+            let predictive = Predictive::new(&control(horizon, moves, 0.1));
+            let (y, u) = run(&table_2(), &predictive, 1500, |_| 20.0, |k| if k < 500 { 0.0 } else { 5.0 });
+            for settled in [400..500, 1400..1500] {
+                for k in settled {
+                    assert!((y[k] - 20.0).abs() < 1e-6, "{horizon} {moves}: y({k}) = {}", y[k]);
+                    assert!((u[k] - u[k - 1]).abs() < 1e-6, "{horizon} {moves}: u({k}) still moves");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_model_that_is_wrong_by_a_third_still_leaves_no_offset() {
+        let mut wrong = table_2();
+        wrong.b.iter_mut().for_each(|b| *b *= 1.3);
+        wrong.a[0] += 0.01;
+        let limits = Limits { magnitude: 1.0, step: 0.1 };
+        let (process, predictive) = (table_2(), Predictive::new(&control(20, 4, 0.1)));
+        let mut history = History::resting(0.0);
+        let (mut y, mut x) = ([0.0; 4], [0.0; 3]);
+        for _ in 0..2000 {
+            y.rotate_right(1);
+            y[0] = process.predict_one(&y[1..], &x[..2]);
+            history.push_output(y[0] + 3.0, 0);
+            let u = predictive.update(&wrong, &history, &[20.0], limits).unwrap();
+            let u = limits.apply(u, history.commands()[0]);
+            history.push_command(u);
+            x.rotate_right(1);
+            x[0] = process.nonlinearity().evaluate(u);
+        }
+        assert!((y[0] + 3.0 - 20.0).abs() < 1e-6, "{}", y[0]);
+    }
+
+    #[test]
+    fn an_integrator_with_dead_time_follows_a_ramp_that_it_sees_coming() {
+        // y moves 0.005 m per tick at full command, through a valve of 0.8 and 5 ticks of dead time.
+        let model = linear(&[-1.8, 0.8], &[0.001], 5);
+        let predictive = Predictive::new(&control(20, 4, 0.1));
+        let target = |k: usize| (k as f64 - 100.0).clamp(0.0, 200.0) * 0.2 * PERIOD;
+        let (y, _) = run(&model, &predictive, 600, target, |_| 0.0);
+        for k in 0..600 {
+            assert!((y[k] - target(k)).abs() < 3e-3, "y({k}) = {} for {}", y[k], target(k));
+        }
+        assert!((200..290).all(|k| (y[k] - target(k)).abs() < 1e-6));
+    }
+
+    #[test]
+    fn saturation_does_not_wind_up() {
+        let model = linear(&[-1.8, 0.8], &[0.001], 3);
+        let predictive = Predictive::new(&control(20, 4, 0.1));
+        // Far out of reach for 3 s, then back to where the axis is by then.
+        let (y, _) = run(&model, &predictive, 500, |k| if k < 300 { 1e3 } else { 1.4 }, |_| 0.0);
+        let highest = y.iter().fold(0.0f64, |highest, y| highest.max(*y));
+        assert!(highest < y[300] + 0.1, "{highest} after {}", y[300]);
+        assert!((y[499] - 1.4).abs() < 1e-3, "{}", y[499]);
+    }
+
+    #[test]
+    fn what_has_no_finite_answer_is_none() {
+        let predictive = Predictive::new(&control(20, 4, 0.1));
+        let limits = Limits { magnitude: 1.0, step: 0.1 };
+        let history = History::resting(0.0);
+        assert_eq!(predictive.update(&Coefficients::default(), &history, &[1.0], limits), None);
+        assert_eq!(predictive.update(&linear(&[-1.0], &[0.0], 1), &history, &[1.0], limits), None);
+        assert_eq!(predictive.update(&linear(&[f64::NAN], &[0.1], 1), &history, &[1.0], limits), None);
+        assert_eq!(predictive.update(&table_2(), &history, &[f64::NAN], limits), None);
+        assert_eq!(predictive.update(&table_2(), &history, &[], limits), None);
+    }
+}

@@ -1,0 +1,109 @@
+//! What the model answers to nothing and to a step.
+//!
+//! The difference equation (12) of the paper, in differences (CARIMA form):
+//!
+//! ```text
+//! dy(k+i) = -a_1 dy(k+i-1) - .. - a_na dy(k+i-na) + b_0 dx(k+i-nk) + .. + b_nb dx(k+i-nk-nb)
+//! y(k+i)  = y(k+i-1) + dy(k+i)                       dy(k) = y(k) - y(k-1),  dx(k) = x(k) - x(k-1)
+//! ```
+//!
+//! y output in m, x = N(u) intermediate value. Source: Clarke, Mohtadi and Tuffs, Generalized predictive control,
+//! Automatica 23 (1987). In differences a constant offset of the output cancels: a load or a model without an
+//! integrator leaves no steady error. Trap: the same differencing amplifies measurement noise.
+
+use pipeline::hammerstein::{Coefficients, MAX_DELAY, MAX_LINEAR};
+
+/// Longest prediction horizon after the dead time, samples: what the machine file allows.
+pub const MAX_HORIZON: usize = 31;
+/// Ticks from now to the end of the longest prediction, now included.
+pub const MAX_AHEAD: usize = MAX_DELAY + MAX_HORIZON + 1;
+
+/// y(k+1), y(k+2), .. in `response` (m) if x stays at x(k-1) from now on.
+///
+/// `outputs` holds y(k), y(k-1), .. (na + 1 of them), `intermediate` x(k-1), x(k-2), .. (nk + nb of them).
+pub fn free_response(model: &Coefficients, outputs: &[f64], intermediate: &[f64], response: &mut [f64]) {
+    let nk = model.nk as usize;
+    // Differences of the outputs, the newest at the end of the known ones: d[MAX_LINEAR - 1] = dy(k).
+    let mut differences = [0.0; MAX_LINEAR + MAX_AHEAD];
+    for (i, pair) in outputs.windows(2).take(MAX_LINEAR).enumerate() {
+        differences[MAX_LINEAR - 1 - i] = pair[0] - pair[1];
+    }
+    let mut y = outputs[0];
+    for (i, predicted) in response.iter_mut().take(MAX_AHEAD).enumerate() {
+        let now = MAX_LINEAR + i;
+        let mut difference = 0.0;
+        for (j, a) in model.a().iter().enumerate() {
+            difference -= a * differences[now - 1 - j];
+        }
+        for (j, b) in model.b().iter().enumerate() {
+            // b_j meets dx(k + 1 + i - nk - j), which is past when this is at least 1 tick ago.
+            let ago = (nk + j).saturating_sub(i + 1);
+            if ago >= 1 {
+                difference += b * (intermediate[ago - 1] - intermediate[ago]);
+            }
+        }
+        differences[now] = difference;
+        y += difference;
+        *predicted = y;
+    }
+}
+
+/// The answer to a unit step of x at k, from y(k+nk) on: `response[p]` = y(k+nk+p), m per unit of x.
+pub fn step_response(model: &Coefficients, response: &mut [f64]) {
+    let mut differences = [0.0; MAX_LINEAR + MAX_AHEAD];
+    let mut y = 0.0;
+    for (p, stepped) in response.iter_mut().take(MAX_AHEAD).enumerate() {
+        let now = MAX_LINEAR + p;
+        let mut difference = model.b().get(p).copied().unwrap_or(0.0);
+        for (j, a) in model.a().iter().enumerate() {
+            difference -= a * differences[now - 1 - j];
+        }
+        differences[now] = difference;
+        y += difference;
+        *stepped = y;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::models::{linear, table_2};
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_step_of_table_2_ends_at_its_static_gain() {
+        let mut response = [0.0; MAX_AHEAD];
+        step_response(&table_2(), &mut response);
+        assert_eq!(response[0], 0.7237);
+        let gain = (0.7237 + 0.8375) / 0.0355;
+        // The slow pole, 0.9633, has decayed to 3 % after 95 samples.
+        assert!((response[MAX_AHEAD - 1] / gain - 1.0).abs() < 0.04);
+    }
+
+    proptest! {
+        /// An offset on the output and all moves known: differences predict exactly what (12) then does.
+        #[test]
+        fn free_response_is_the_model_itself_with_x_held(
+            x in prop::collection::vec(-1.0f64..1.0, 60),
+            nk in 1usize..12,
+            offset in -1.0f64..1.0,
+        ) {
+            let model = linear(&[-1.6, 0.6], &[0.01, 0.02, 0.005], nk);
+            let k = 59;
+            let mut y = vec![0.0; 100];
+            let held = |i: usize| x[i.min(k - 1)];
+            for i in 2..100 {
+                let past: f64 = model.b().iter().enumerate()
+                    .map(|(j, b)| if i >= nk + j { b * held(i - nk - j) } else { 0.0 }).sum();
+                y[i] = past - model.a[0] * y[i - 1] - model.a[1] * y[i - 2];
+            }
+            let outputs: Vec<f64> = (0..6).map(|i| y[k - i] + offset).collect();
+            let intermediate: Vec<f64> = (0..20).map(|i| x[k - 1 - i]).collect();
+            let mut response = [0.0; 40];
+            free_response(&model, &outputs, &intermediate, &mut response);
+            for i in 0..40 {
+                prop_assert!((response[i] - y[k + 1 + i] - offset).abs() < 1e-9, "{i}");
+            }
+        }
+    }
+}

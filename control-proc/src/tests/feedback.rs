@@ -1,0 +1,204 @@
+//! Samples that cannot be trusted.
+
+use pipeline::message::{ControlMode, EncoderSample, control_flag, sample_fault};
+use proptest::prelude::*;
+
+use super::{Loop, machine, models::actuator, sample, snapshot};
+use crate::Controller;
+
+/// A loop that has followed with the model for 3 s.
+fn moving() -> Loop {
+    let mut axis = Loop::new(&machine(1), 0.0);
+    axis.run(300, Some(actuator()));
+    axis
+}
+
+fn fault(bits: u32) -> impl Fn(&mut EncoderSample) {
+    move |sample| sample.axes[0].faults = bits
+}
+
+/// Whether the axis is neutral with the latch shown, now and after 100 healthy ticks and another `arm`.
+fn stays_latched(axis: &mut Loop) -> bool {
+    axis.controller.arm();
+    axis.run(100, Some(actuator())).iter().all(|command| {
+        let axis = command.axes[0];
+        axis.command == 0.0 && axis.mode == ControlMode::Neutral as u32 && axis.flags & control_flag::FEEDBACK != 0
+    })
+}
+
+#[test]
+fn two_unusable_samples_are_bridged_and_the_third_latches() {
+    for bit in [sample_fault::SPEED, sample_fault::ENCODER, sample_fault::STALE] {
+        let mut axis = moving();
+        let before = axis.tick(None).axes[0].command;
+        for _ in 0..2 {
+            assert_eq!(axis.tick_with(None, None, fault(bit)).axes[0].command, before);
+        }
+        assert_eq!(axis.tick(None).axes[0].flags & control_flag::FEEDBACK, 0);
+        for _ in 0..2 {
+            assert_eq!(axis.tick_with(None, None, fault(bit)).axes[0].flags & control_flag::FEEDBACK, 0);
+        }
+        assert_eq!(axis.tick_with(None, None, fault(bit)).axes[0].command, 0.0);
+        assert!(stays_latched(&mut axis));
+    }
+}
+
+#[test]
+fn bridged_samples_do_not_disturb_the_model() {
+    let (mut spoilt, mut whole) = (moving(), moving());
+    let fresh = |axis: &Loop| snapshot(axis.sequence - 1, actuator());
+    for k in 0..100 {
+        let model = fresh(&whole);
+        let good = whole.tick(Some(&model)).axes[0];
+        let bits = if k % 10 < 2 { sample_fault::STALE } else { 0 };
+        let bad = spoilt.tick_with(Some(&model), None, fault(bits)).axes[0];
+        assert!((good.command - bad.command).abs() < 0.1, "tick {k}: {} {}", good.command, bad.command);
+    }
+    assert!((whole.plant.position - spoilt.plant.position).abs() < 2e-3);
+}
+
+#[test]
+fn a_position_outside_the_stroke_latches_at_once() {
+    let mut axis = moving();
+    assert_eq!(axis.tick_with(None, None, fault(sample_fault::RANGE)).axes[0].command, 0.0);
+    assert!(stays_latched(&mut axis));
+}
+
+#[test]
+fn positions_that_are_not_finite_are_unusable() {
+    let mut axis = moving();
+    for _ in 0..3 {
+        let command = axis.tick_with(None, None, |sample| sample.axes[0].position = f64::NAN).axes[0];
+        assert!(command.command.is_finite() && command.error.is_finite());
+    }
+    assert!(stays_latched(&mut axis));
+}
+
+#[test]
+fn a_sample_without_the_axis_is_unusable() {
+    let mut axis = moving();
+    for _ in 0..3 {
+        axis.tick_with(None, None, |sample| sample.header.axis_count = 0);
+    }
+    assert!(stays_latched(&mut axis));
+}
+
+#[test]
+fn an_encoder_that_stands_still_while_driven_latches() {
+    let mut axis = moving();
+    let frozen = axis.plant.position;
+    let ticks = (0..300).take_while(|&k| {
+        let command = axis.tick_with(None, None, |sample| {
+            sample.axes[0].position = frozen;
+            sample.axes[0].faults = if k >= 30 { sample_fault::STUCK } else { 0 };
+        });
+        command.axes[0].flags & control_flag::FEEDBACK == 0
+    });
+    let ticks = ticks.count();
+    assert!((30..100).contains(&ticks), "{ticks}");
+    assert!(stays_latched(&mut axis));
+}
+
+#[test]
+fn an_axis_that_rests_may_stand_still() {
+    let machine = super::machine_with(super::SINES, "kind = \"hold\"\n");
+    let mut axis = Loop::new(&machine, 0.1);
+    for _ in 0..1000 {
+        let command = axis.tick_with(None, None, fault(sample_fault::STUCK)).axes[0];
+        assert_eq!((command.command, command.flags & control_flag::FEEDBACK), (0.0, 0));
+    }
+}
+
+#[test]
+fn a_short_gap_is_bridged_and_one_of_the_time_out_latches() {
+    let mut axis = moving();
+    axis.sequence += 2;
+    assert_ne!(axis.tick(None).axes[0].command, 0.0);
+    axis.sequence += 3;
+    assert_eq!(axis.tick(None).axes[0].command, 0.0);
+    assert!(stays_latched(&mut axis));
+}
+
+#[test]
+fn an_old_sample_repeats_the_last_command_and_three_latch() {
+    let mut axis = moving();
+    let last = axis.tick(None);
+    for k in 0..2 {
+        let again = axis.controller.update(&sample(300 - k, &[0.1]), None, None);
+        assert_eq!((again.header.sequence, again.axes[0].command), (300, last.axes[0].command));
+    }
+    assert_eq!(axis.controller.update(&sample(5, &[0.1]), None, None).axes[0].command, 0.0);
+    assert!(stays_latched(&mut axis));
+}
+
+#[test]
+fn lost_feedback_latches_until_disarmed_and_armed() {
+    let mut axis = moving();
+    axis.controller.feedback_lost();
+    assert!(axis.controller.is_latched());
+    let neutral = axis.controller.neutral(300);
+    assert_eq!((neutral.header.sequence, neutral.header.axis_count), (300, 1));
+    assert_eq!((neutral.axes[0].command, neutral.axes[0].flags), (0.0, control_flag::FEEDBACK));
+    assert!(stays_latched(&mut axis));
+
+    axis.controller.disarm();
+    assert_eq!(axis.controller.neutral(0).axes[0].flags, control_flag::DISARMED);
+    for command in axis.run(50, Some(actuator())) {
+        assert_eq!((command.axes[0].command, command.axes[0].flags), (0.0, control_flag::DISARMED));
+    }
+    axis.controller.arm();
+    let commands = axis.run(300, Some(actuator()));
+    assert!(commands[..20].iter().all(|c| c.axes[0].command == 0.0));
+    assert_eq!(commands[299].axes[0].mode, ControlMode::Model as u32);
+    assert_eq!(commands[299].axes[0].flags, 0);
+}
+
+#[test]
+fn a_source_that_starts_again_is_taken_up_after_disarming() {
+    let mut axis = moving();
+    axis.sequence = 0;
+    axis.run(10, None);
+    axis.controller.disarm();
+    axis.controller.arm();
+    axis.sequence = 0;
+    let commands = axis.run(100, None);
+    assert_eq!(commands[99].axes[0].mode, ControlMode::Fallback as u32);
+    assert_eq!(commands[99].header.sequence, 99);
+}
+
+#[test]
+fn settling_starts_again_with_every_unhealthy_sample() {
+    let mut axis = Loop::new(&machine(1), 0.0);
+    for k in 0..200 {
+        let bits = if k % 15 == 14 { sample_fault::STALE } else { 0 };
+        let command = axis.tick_with(None, None, fault(bits)).axes[0];
+        assert_eq!((command.command, command.mode), (0.0, ControlMode::Neutral as u32));
+        assert_eq!(command.flags, control_flag::SETTLING | control_flag::NO_MODEL);
+    }
+}
+
+proptest! {
+    /// Any samples, in any order: disarmed is exactly neutral, armed stays finite and inside both limits.
+    #[test]
+    fn whatever_comes_in_the_command_stays_allowed(
+        steps in prop::collection::vec((0u64..5, any::<f64>(), 0u32..32, 0u32..10), 200),
+        armed: bool,
+    ) {
+        let mut controller = Controller::new(&machine(1)).unwrap();
+        if armed {
+            controller.arm();
+        }
+        let (mut sequence, mut last) = (0, 0.0);
+        for (k, (ahead, wild, faults, kind)) in steps.into_iter().enumerate() {
+            sequence += if kind == 0 { ahead } else { 1 };
+            let position = match kind { 1 if k > 60 => wild, 2 => 1.2, _ => 0.65 };
+            let mut sample = sample(sequence, &[position]);
+            sample.axes[0].faults = if kind == 3 && k > 60 { faults } else { 0 };
+            let command = controller.update(&sample, Some(&snapshot(sequence, actuator())), None).axes[0];
+            prop_assert!(command.command.is_finite() && command.command.abs() <= 1.0);
+            prop_assert!((command.command - last).abs() <= 0.1 + 1e-12 || command.command == 0.0);
+            prop_assert!(armed || command.command == 0.0);
+            last = command.command;
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! Models and a machine file for the tests.
+
+use pipeline::hammerstein::{Coefficients, Structure};
+
+/// Table 2 of the paper; g is not printed there, so the positive branch serves for both.
+pub fn table_2() -> Coefficients {
+    let mut model = Coefficients::zero(Structure::PAPER);
+    model.a[..3].copy_from_slice(&[-0.9923, 0.0236, 0.0042]);
+    model.b[..2].copy_from_slice(&[0.7237, 0.8375]);
+    model.f[..3].copy_from_slice(&[1.0, 0.0924, -0.0133]);
+    model.g = model.f;
+    model
+}
+
+/// A linear model, N(u) = u.
+pub fn linear(a: &[f64], b: &[f64], nk: usize) -> Coefficients {
+    let mut model = Coefficients::zero(Structure { na: a.len(), nb: b.len() - 1, nk, order: 1 });
+    model.a[..a.len()].copy_from_slice(a);
+    model.b[..b.len()].copy_from_slice(b);
+    (model.f[0], model.g[0]) = (1.0, 1.0);
+    model
+}
+
+/// What an identifier finds for [`super::plant::Actuator`] without a dead band: (1 - z^-1)(1 - 0.8 z^-1), nk = 5,
+/// 0.6 m/s at full command, with N of a mild curve.
+pub fn actuator() -> Coefficients {
+    let mut model = Coefficients::zero(Structure { na: 2, nb: 0, nk: 5, order: 3 });
+    model.a[..2].copy_from_slice(&[-1.8, 0.8]);
+    model.b[0] = 0.6 * 0.01 * 0.2;
+    (model.f[0], model.g[0]) = (1.0, 1.0);
+    model
+}

@@ -1,0 +1,191 @@
+//! Targets: generated, read from a file, and from another program.
+
+use std::fs;
+
+use pipeline::{
+    machine::{Axis, Machine},
+    message::{ControlMode, MAX_PREVIEW, Reference, control_flag},
+};
+
+use super::{Loop, SINES, machine, machine_with};
+use crate::{Controller, reference::ReferenceGenerator};
+
+/// A message of `preview` equal targets from tick `sequence` on.
+fn constant(sequence: u64, target: f64, preview: u32) -> Reference {
+    let mut reference = Reference { preview, ..Reference::default() };
+    (reference.header.sequence, reference.header.axis_count) = (sequence, 1);
+    reference.positions[0][..(preview as usize).min(MAX_PREVIEW)].fill(target);
+    reference
+}
+
+/// A loop on the channel that has settled at 0.6 m and follows it.
+fn following() -> Loop {
+    let mut axis = Loop::new(&machine_with(SINES, "kind = \"channel\"\n"), 0.0);
+    for k in 0..50 {
+        let command = axis.tick_with(None, Some(&constant(k, 0.6, 5)), |_| ()).axes[0];
+        assert_eq!(command.flags & control_flag::REFERENCE, 0, "tick {k}");
+    }
+    axis
+}
+
+/// Ticks with `reference`: whether the axis holds 0.6 m with the flag.
+fn holds(axis: &mut Loop, reference: Option<&Reference>) -> bool {
+    let command = axis.tick_with(None, reference, |_| ()).axes[0];
+    command.flags & control_flag::REFERENCE != 0
+        && command.reference == 0.6
+        && command.mode == ControlMode::Fallback as u32
+}
+
+#[test]
+fn sines_and_ramps_are_what_they_say() {
+    let generator = ReferenceGenerator::new(&machine(1)).unwrap();
+    let expected = 0.65 + 0.12 * (std::f64::consts::TAU * 0.3 * 1.7 + 0.4).sin();
+    assert!((generator.position(0, 1.7).unwrap() - expected).abs() < 1e-15);
+    assert_eq!(generator.position(1, 0.0), None);
+
+    let ramps = "kind = \"ramps\"\ntimes = [0.0, 1.0, 3.0]\npositions = [0.4, 0.6, 0.4]\n";
+    let generator = ReferenceGenerator::new(&machine_with(SINES, ramps)).unwrap();
+    for (t, position) in [(0.0, 0.4), (0.5, 0.5), (2.0, 0.5), (3.0, 0.4), (3.5, 0.5), (302.0, 0.5)] {
+        assert!((generator.position(0, t).unwrap() - position).abs() < 1e-9, "{t}");
+    }
+}
+
+fn trajectory(text: &str) -> Result<ReferenceGenerator, String> {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("path.csv"), text).unwrap();
+    let machine_text = super::machine_text(1).replace(SINES, "kind = \"trajectory\"\nfile = \"path.csv\"\n");
+    let machine = Machine::parse(&machine_text, "test.toml", folder.path(), &[]).unwrap();
+    ReferenceGenerator::new(&machine).map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_trajectory_is_followed_and_its_last_row_held() {
+    let generator = trajectory("t, other, a0\n0.5, x, 0.5\n1.0, , 0.7\n2.0,,0.6\n").unwrap();
+    for (t, position) in [(0.0, 0.5), (0.5, 0.5), (0.75, 0.6), (1.5, 0.65), (2.0, 0.6), (1e9, 0.6)] {
+        assert!((generator.position(0, t).unwrap() - position).abs() < 1e-12, "{t}");
+    }
+}
+
+#[test]
+fn every_bad_row_is_refused_by_row_and_column() {
+    for (text, expected) in [
+        ("t,a0\n0,0.5\n1,abc\n", "row 3, column \"a0\": found \"abc\"; allowed: a finite number"),
+        ("t,a0\n0,0.5\n1,\n", "row 3, column \"a0\": found \"\""),
+        ("t,a0\n0,NaN\n1,0.5\n", "row 2, column \"a0\": found \"NaN\""),
+        ("t,a0\n0,0.5\ninf,0.5\n", "row 3, column \"t\": found \"inf\""),
+        ("t,a0\n0,0.5\n0,0.5\n", "row 3, column \"t\": found 0; allowed: a time after 0 s"),
+        ("t,a0\n0,0.5\n1,1.3\n", "row 3, column \"a0\": found 1.3; allowed: positions in the soft limits, 0.05 to"),
+        ("t,a0\n0,0.5\n0.1,0.7\n", "row 3, column \"a0\": found 0.7, a speed of 2.000 m/s; allowed: speeds up to"),
+        ("t,a0\n0,0.5\n1\n", "row 3, column \"\": found CSV error"),
+        ("t,b\n0,0.5\n", "found columns [\"t\", \"b\"]; allowed: a header with a column \"a0\""),
+        ("a0\n0.5\n", "a column \"t\""),
+        ("t,a0\n", "found no row"),
+    ] {
+        let error = trajectory(text).unwrap_err();
+        assert!(error.starts_with("axis.a0.reference: ") && error.contains("path.csv: "), "{error}");
+        assert!(error.contains(expected), "{text:?}\n{error}");
+    }
+    let both = trajectory("t,a0\nx,0.5\n1,y\n").unwrap_err();
+    assert!(both.contains("row 2, column \"t\"") && both.contains("row 3, column \"a0\""), "{both}");
+}
+
+#[test]
+fn a_file_that_is_not_there_is_named() {
+    let machine = machine_with(SINES, "kind = \"trajectory\"\nfile = \"nowhere.csv\"\n");
+    let error = Controller::new(&machine).unwrap_err().to_string();
+    assert!(error.contains("nowhere.csv: cannot be read"), "{error}");
+}
+
+#[test]
+fn hold_stays_where_the_axis_was() {
+    let mut axis = Loop::new(&machine_with(SINES, "kind = \"hold\"\n"), 0.0);
+    for command in axis.run(300, None) {
+        assert_eq!((command.axes[0].command, command.axes[0].reference), (0.0, 0.6));
+    }
+}
+
+#[test]
+fn the_channel_is_followed_over_its_preview() {
+    let mut axis = following();
+    let mut reference = constant(50, 0.6, 4);
+    reference.positions[0][..4].copy_from_slice(&[0.601, 0.602, 0.603, 0.604]);
+    for expected in [0.601, 0.602, 0.603, 0.604] {
+        let command = axis.tick_with(None, Some(&reference), |_| ()).axes[0];
+        assert_eq!((command.reference, command.flags & control_flag::REFERENCE), (expected, 0));
+    }
+    // Used up: the last target is held.
+    let command = axis.tick_with(None, Some(&reference), |_| ()).axes[0];
+    assert_eq!((command.reference, command.flags & control_flag::REFERENCE), (0.604, control_flag::REFERENCE));
+    // A message for a later tick within its preview starts at its first target.
+    let command = axis.tick_with(None, Some(&constant(57, 0.605, 4)), |_| ()).axes[0];
+    assert_eq!((command.reference, command.flags & control_flag::REFERENCE), (0.605, 0));
+}
+
+#[test]
+fn bad_references_are_refused_and_the_axis_holds() {
+    let spoilt = |target: f64, index: usize| {
+        let mut reference = constant(50, 0.6, 5);
+        reference.positions[0][index] = target;
+        reference
+    };
+    let no_axis = Reference { header: Default::default(), ..constant(50, 0.6, 5) };
+    let references = [
+        None,
+        Some(spoilt(f64::NAN, 0)),
+        Some(spoilt(f64::INFINITY, 4)),
+        Some(spoilt(0.617, 0)),
+        Some(spoilt(0.617, 3)),
+        Some(constant(50, 0.617, 5)),
+        Some(constant(50, 0.04, 5)),
+        Some(constant(50, 1.3, 5)),
+        Some(constant(48, 0.6, 5)),
+        Some(constant(50, 0.6, 0)),
+        Some(constant(50, 0.6, 33)),
+        Some(constant(50, 0.6, u32::MAX)),
+        Some(constant(49, 0.6, 1)),
+        Some(constant(55, 0.6, 5)),
+        Some(constant(u64::MAX, 0.6, 5)),
+        Some(no_axis),
+    ];
+    for reference in references {
+        let mut axis = following();
+        assert!(holds(&mut axis, reference.as_ref()), "{reference:?}");
+        // A sound message is followed again.
+        let command = axis.tick_with(None, Some(&constant(51, 0.601, 5)), |_| ()).axes[0];
+        assert_eq!((command.reference, command.flags & control_flag::REFERENCE), (0.601, 0));
+    }
+}
+
+#[test]
+fn a_first_target_far_away_does_not_move_the_axis() {
+    let mut axis = Loop::new(&machine_with(SINES, "kind = \"channel\"\n"), 0.0);
+    for k in 0..100 {
+        let command = axis.tick_with(None, Some(&constant(k, 0.62, 5)), |_| ()).axes[0];
+        assert_eq!(command.command, 0.0);
+        assert!(k < 20 || command.flags & control_flag::REFERENCE != 0);
+        assert_eq!(command.tracking.count, 0);
+    }
+    // Brought to within 10 mm, it is taken up.
+    for k in 100..110 {
+        let command = axis.tick_with(None, Some(&constant(k, 0.609, 5)), |_| ()).axes[0];
+        assert_eq!((command.reference, command.flags & control_flag::REFERENCE), (0.609, 0));
+    }
+}
+
+#[test]
+fn the_reference_reaches_every_axis_only_where_it_has_one() {
+    fn axis_with_channel(axis: &mut Axis) {
+        axis.reference = pipeline::machine::ReferenceSource::Channel;
+    }
+    let mut machine = machine(2);
+    machine.axes.iter_mut().for_each(axis_with_channel);
+    let mut controller = Controller::new(&machine).unwrap();
+    controller.arm();
+    for k in 0..30 {
+        let command = controller.update(&super::sample(k, &[0.6, 0.6]), None, Some(&constant(k, 0.6, 5)));
+        if k > 20 {
+            assert_eq!(command.axes[0].flags & control_flag::REFERENCE, 0);
+            assert_ne!(command.axes[1].flags & control_flag::REFERENCE, 0);
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! Models that must never be used.
+
+use pipeline::{
+    hammerstein::Coefficients,
+    message::{AxisSnapshot, CoefficientSnapshot, ControlMode, control_flag, model_fault},
+};
+use proptest::{prelude::*, sample::select, test_runner::Config};
+
+use super::{Loop, machine, models::actuator, snapshot};
+
+/// Ways to spoil a model; `place` and `size` choose where and how much.
+fn spoil(axis: &mut AxisSnapshot, way: usize, place: usize, size: f64) {
+    let model: &mut Coefficients = &mut axis.adaptive;
+    let nonsense = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY][place % 3];
+    match way {
+        0 => model.a[place % 5] = nonsense,
+        1 => model.b[place % 5] = nonsense,
+        2 => model.f[place % 5] = nonsense,
+        3 => model.g[place % 5] = nonsense,
+        // (1 - p z^-1)(1 - 0.8 z^-1) with p outside the limit on either side.
+        4 => {
+            let pole = if place.is_multiple_of(2) { 1.03 + size } else { -1.03 - size };
+            (model.a[0], model.a[1]) = (-0.8 - pole, 0.8 * pole);
+        }
+        5 => model.b[0] = -model.b[0] * (0.1 + size),
+        6 => model.f.iter_mut().for_each(|f| *f = -*f * size),
+        7 => model.g = [0.0; 5],
+        8 => [model.na, model.nb, model.nk, model.order][place % 4] = 0,
+        9 => model.nk = [0, 4, 6, 65, u32::MAX][place % 5],
+        10 => model.na = [0, 1, 3, 6, u32::MAX][place % 5],
+        11 => model.nb = [1, 2, 5, u32::MAX][place % 4],
+        12 => model.order = [0, 1, 4, 6, u32::MAX][place % 5],
+        13 => axis.faults |= model_fault::TRAINING,
+        14 => axis.faults |= model_fault::NOT_FINITE,
+        15 => model.b[0] *= 1e-4 * size.min(1.0),
+        _ => {
+            axis.adaptive_errors.h_step.count = 200;
+            axis.adaptive_errors.h_step.m2 = 200.0 * (1.6 + size).powi(2);
+            axis.classical_errors.h_step.count = 200;
+            axis.classical_errors.h_step.m2 = 200.0;
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(Config::with_cases(1000))]
+
+    #[test]
+    fn poisoned_snapshots_are_never_used(
+        ways in prop::collection::vec((select(vec![0, 1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12, 13, 14, 15, 16]), 0usize..60, 0.0f64..10.0), 1..4),
+    ) {
+        let machine = machine(1);
+        let (mut with, mut without) = (Loop::new(&machine, 0.05), Loop::new(&machine, 0.05));
+        for k in 0..80u64 {
+            let mut poisoned: CoefficientSnapshot = snapshot(k, actuator());
+            let (way, place, size) = ways[k as usize % ways.len()];
+            spoil(&mut poisoned.axes[0], way, place, size);
+            let (a, b) = (with.tick(Some(&poisoned)).axes[0], without.tick(None).axes[0]);
+            prop_assert_eq!(a.command.to_bits(), b.command.to_bits());
+            prop_assert_eq!(a.mode, b.mode);
+            prop_assert!(a.flags & (control_flag::NO_MODEL | control_flag::MODEL_REFUSED) != 0);
+        }
+    }
+}
+
+#[test]
+fn a_refused_model_is_left_at_once_and_counted_once() {
+    let mut axis = Loop::new(&machine(1), 0.0);
+    axis.run(100, Some(actuator()));
+    let mut bad = snapshot(99, actuator());
+    bad.axes[0].adaptive.a[0] = f64::NAN;
+    for _ in 0..5 {
+        let command = axis.tick(Some(&bad)).axes[0];
+        assert_eq!((command.mode, command.flags), (ControlMode::Fallback as u32, control_flag::MODEL_REFUSED));
+        assert_eq!(command.rejected_snapshots, 1);
+    }
+    bad.header.sequence = 104;
+    assert_eq!(axis.tick(Some(&bad)).axes[0].rejected_snapshots, 2);
+    // Back on the model after its probation.
+    let commands = axis.run(11, Some(actuator()));
+    assert_eq!(commands[9].axes[0].mode, ControlMode::Fallback as u32);
+    assert_eq!((commands[10].axes[0].mode, commands[10].axes[0].flags), (ControlMode::Model as u32, 0));
+}
+
+#[test]
+fn the_classical_model_does_not_suffer_from_a_poisoned_adaptive_one() {
+    let machine = super::machine_with("command_rate = 10.0\n", "command_rate = 10.0\nmodel = \"classical\"\n");
+    let mut axis = Loop::new(&machine, 0.0);
+    for k in 0..100 {
+        let mut poisoned = snapshot(k, actuator());
+        poisoned.axes[0].adaptive.a = [f64::NAN; 5];
+        axis.tick(Some(&poisoned));
+    }
+    assert_eq!(axis.tick(Some(&snapshot(99, actuator()))).axes[0].mode, ControlMode::Model as u32);
+}

@@ -1,0 +1,108 @@
+//! Offline identification, step 3 of the paper: least squares (15) on the over-parametrised form (14) and its
+//! separation into b, f, g (16)-(17), one row at a time and without keeping the rows.
+
+use pipeline::{
+    hammerstein::{Coefficients, Structure},
+    machine::Split,
+};
+
+use crate::{
+    history::History,
+    rank::RankGuard,
+    regression::Regression,
+    split::{Splitter, fold_features},
+    triangle::Triangle,
+};
+
+/// Collects rows and solves them; its memory is taken at construction.
+#[derive(Debug, Clone)]
+pub struct Batch {
+    regression: Regression,
+    split: Split,
+    collected: Triangle,
+    data: Triangle,
+    guard: RankGuard,
+    splitter: Splitter,
+    phi: Vec<f64>,
+    theta: Vec<f64>,
+}
+
+/// What offline identification found, apart from theta and the data.
+#[derive(Debug, Clone, Copy)]
+pub struct Offline {
+    /// a, b, f, g.
+    pub coefficients: Coefficients,
+    /// Standard deviation of the prediction error over the rows, in the unit of the output.
+    pub residual_sigma: f64,
+    /// Part of the driven half that the separation does not explain.
+    pub split_residual: f64,
+    /// Whether some coefficients could not be told apart and were held at zero.
+    pub rank_deficient: bool,
+}
+
+impl Batch {
+    /// No rows yet.
+    pub fn new(structure: Structure, split: Split) -> Self {
+        let regression = Regression::full(structure);
+        let n = regression.len();
+        Self {
+            regression,
+            split,
+            collected: Triangle::new(n),
+            data: Triangle::new(n),
+            guard: RankGuard::new(n),
+            splitter: Splitter::new(structure),
+            phi: vec![0.0; n],
+            theta: vec![0.0; n],
+        }
+    }
+
+    /// Rows collected.
+    pub fn rows(&self) -> u64 {
+        self.collected.count()
+    }
+
+    /// Takes in y(k) with `outputs` = y(..k-1) and `commands` = powers of u(..k-1).
+    pub fn add(&mut self, y: f64, outputs: &History, commands: &History) {
+        let Structure { na, nb, nk, .. } = self.regression.structure();
+        self.regression.regressor(outputs.latest(na), commands.latest(nk + nb), &mut self.phi);
+        self.collected.add(&self.phi, y);
+    }
+
+    /// Solves what was collected; allocates nothing.
+    pub fn solve(&mut self) -> Offline {
+        let held = self.guard.dependent(&self.collected);
+        let rank_deficient = held.contains(&true);
+        self.collected.hold_into(held, &mut self.data);
+        self.data.solve(&mut self.theta);
+        let coefficients = self.splitter.split(&self.theta, &self.data, self.split);
+        let split_residual = self.splitter.residual(&self.theta, &coefficients, &self.data);
+        let free = held.iter().filter(|held| !**held).count() as u64;
+        let freedom = self.collected.count().saturating_sub(free).max(1);
+        let residual_sigma = (self.data.residual() / freedom as f64).sqrt();
+        Offline { coefficients, residual_sigma, split_residual, rank_deficient }
+    }
+
+    /// theta of the full form, after [`Self::solve`].
+    pub fn theta(&self) -> &[f64] {
+        &self.theta
+    }
+
+    /// Which coefficients could not be told apart and are held at zero, after [`Self::solve`].
+    pub fn held(&self) -> &[bool] {
+        self.guard.last()
+    }
+
+    /// The triangle that theta solves, after [`Self::solve`].
+    pub fn data(&self) -> &Triangle {
+        &self.data
+    }
+
+    /// Makes `linear` the least-squares problem of a and b alone with the given f and g: the features of each lag
+    /// fold into one.
+    pub fn project(&self, model: &Coefficients, linear: &mut Triangle) {
+        let structure = self.regression.structure();
+        linear.clear();
+        linear.add_mapped(&self.data, |row, out| fold_features(structure, model, row, out));
+    }
+}

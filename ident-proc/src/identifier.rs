@@ -1,0 +1,244 @@
+//! Identification of one axis, sample by sample: first offline, then recursive, the classical model beside it.
+
+use pipeline::{
+    hammerstein::{Coefficients, Structure},
+    machine::{Forgetting, Form, Identification},
+    message::{AxisSnapshot, model_fault},
+};
+
+use crate::{
+    batch::Batch, errors::ErrorTracker, fuzzy::FuzzyForgetting, history::History, recursive::RecursiveLeastSquares,
+    regression::Regression, split::Splitter, triangle::Triangle,
+};
+
+/// Rounds of alternating least squares per snapshot in the full form: each starts from the last separation.
+const ROUNDS_PER_SNAPSHOT: usize = 1;
+
+/// Identifies one axis. Deterministic, allocates nothing after construction.
+///
+/// The first `training` samples are for offline identification; from then on the adaptive model is updated at every
+/// sample and the classical one is held. Both errors are counted from the first sample after training.
+#[derive(Debug, Clone)]
+pub struct Identifier {
+    settings: Identification,
+    seen: u64,
+    trained: bool,
+    applied: History,
+    outputs: History,
+    batch_commands: History,
+    commands: History,
+    batch: Batch,
+    regression: Regression,
+    estimator: RecursiveLeastSquares,
+    fuzzy: FuzzyForgetting,
+    phi: Vec<f64>,
+    classical_theta: Vec<f64>,
+    information: Triangle,
+    held: Vec<bool>,
+    splitter: Splitter,
+    adaptive_tracker: ErrorTracker,
+    classical_tracker: ErrorTracker,
+    state: AxisSnapshot,
+    lasting_faults: u32,
+}
+
+impl Identifier {
+    /// Takes all memory that it will ever use.
+    pub fn new(settings: &Identification) -> Self {
+        let structure = settings.structure;
+        let Structure { na, nb, nk, .. } = structure;
+        let h = settings.horizon;
+        let commands = nk + nb + h;
+        let width = Regression::width_of(settings.form, structure);
+        let n = match settings.form {
+            Form::Linear => structure.linear_len(),
+            Form::Full => structure.full_len(),
+        };
+        let zero = Coefficients::zero(structure);
+        Self {
+            settings: settings.clone(),
+            seen: 0,
+            trained: false,
+            applied: History::new(commands, 1),
+            outputs: History::new(na + h, 1),
+            batch_commands: History::new(nk + nb, 2 * structure.order),
+            commands: History::new(commands, width),
+            batch: Batch::new(structure, settings.split),
+            regression: Regression::full(structure),
+            estimator: RecursiveLeastSquares::new(n),
+            fuzzy: FuzzyForgetting::new(settings.fuzzy, 0.0),
+            phi: vec![0.0; n],
+            classical_theta: vec![0.0; n],
+            information: Triangle::new(n),
+            held: vec![false; n],
+            splitter: Splitter::new(structure),
+            adaptive_tracker: ErrorTracker::new(structure, n, h),
+            classical_tracker: ErrorTracker::new(structure, n, h),
+            state: AxisSnapshot {
+                adaptive: zero,
+                classical: zero,
+                forgetting_factor: 1.0,
+                horizon: h as u32,
+                faults: model_fault::TRAINING,
+                ..AxisSnapshot::default()
+            },
+            lasting_faults: model_fault::TRAINING,
+        }
+    }
+
+    /// Takes in sample k: y(k), or `None` when it is not to be used, and u(k-1), the command that was applied since
+    /// the sample before, or `None` when it is not known (the very first sample, a gap).
+    pub fn update(&mut self, output: Option<f64>, applied: Option<f64>) {
+        self.seen += 1;
+        let output = output.filter(|y| y.is_finite());
+        match applied.filter(|u| u.is_finite()) {
+            Some(u) => self.push_command(u),
+            None => self.interrupt(),
+        }
+        let usable = self.outputs.len() >= self.settings.structure.na
+            && self.applied.len() >= self.settings.structure.nk + self.settings.structure.nb;
+        self.state.faults = self.lasting_faults;
+        match output {
+            Some(y) if usable && self.trained => self.learn(y),
+            Some(y) if usable => self.batch.add(y, &self.outputs, &self.batch_commands),
+            _ => {
+                self.state.faults |= model_fault::SAMPLE_SKIPPED;
+                self.state.skipped += 1;
+            }
+        }
+        match output {
+            Some(y) => self.outputs.push(y),
+            None => self.interrupt_outputs(),
+        }
+        let enough = self.batch.rows() >= self.settings.structure.full_len() as u64;
+        if !self.trained && self.seen >= self.settings.training as u64 && enough {
+            self.finish_training();
+        }
+    }
+
+    fn push_command(&mut self, u: f64) {
+        self.applied.push(u);
+        if self.trained {
+            self.commands.push_with(|slot| self.regression.features(u, slot));
+        } else {
+            self.batch_commands.push_with(|slot| self.regression.features(u, slot));
+        }
+    }
+
+    fn interrupt(&mut self) {
+        [&mut self.applied, &mut self.batch_commands, &mut self.commands].into_iter().for_each(History::clear);
+        self.interrupt_outputs();
+    }
+
+    fn interrupt_outputs(&mut self) {
+        self.outputs.clear();
+        self.adaptive_tracker.interrupt();
+        self.classical_tracker.interrupt();
+    }
+
+    /// Step 3: from here on the classical model is held and the adaptive one starts from it.
+    fn finish_training(&mut self) {
+        let offline = self.batch.solve();
+        let structure = self.settings.structure;
+        self.state.classical = offline.coefficients;
+        self.state.adaptive = offline.coefficients;
+        self.state.split_residual = offline.split_residual;
+        self.fuzzy = FuzzyForgetting::new(self.settings.fuzzy, offline.residual_sigma);
+        match self.settings.form {
+            Form::Full => {
+                self.held.iter_mut().zip(self.batch.held()).for_each(|(held, dependent)| *held = *dependent);
+                self.estimator.start(self.batch.data(), &self.held);
+                self.classical_theta.copy_from_slice(self.batch.theta());
+            }
+            Form::Linear => {
+                self.regression = Regression::linear(structure, offline.coefficients.nonlinearity());
+                self.batch.project(&offline.coefficients, &mut self.information);
+                self.estimator.start(&self.information, &self.held);
+                let (a, b) = self.classical_theta.split_at_mut(structure.na);
+                a.copy_from_slice(offline.coefficients.a());
+                b.copy_from_slice(offline.coefficients.b());
+                self.estimator.set_theta(&self.classical_theta);
+            }
+        }
+        for u in self.applied.latest(self.applied.len()) {
+            self.commands.push_with(|slot| self.regression.features(*u, slot));
+        }
+        self.trained = true;
+        self.lasting_faults = if offline.rank_deficient { model_fault::RANK_DEFICIENT } else { 0 };
+        self.state.faults = self.lasting_faults;
+        self.adaptive_tracker.store(self.estimator.theta());
+        self.classical_tracker.store(&self.classical_theta);
+    }
+
+    /// Steps 5 and 6.
+    fn learn(&mut self, y: f64) {
+        let Structure { na, nb, nk, .. } = self.settings.structure;
+        let (regression, outputs, commands) = (&self.regression, &self.outputs, &self.commands);
+        self.adaptive_tracker.observe(y, self.estimator.theta(), regression, outputs, commands);
+        let ahead = self.classical_tracker.observe(y, &self.classical_theta, regression, outputs, commands);
+        if ahead {
+            self.state.persistence.push(y - outputs.latest(self.settings.horizon)[0]);
+        }
+        self.state.output.push(y);
+
+        regression.regressor(outputs.latest(na), commands.latest(nk + nb), &mut self.phi);
+        let predicted: f64 = self.phi.iter().zip(self.estimator.theta()).map(|(p, t)| p * t).sum();
+        let factor = match self.settings.forgetting {
+            Forgetting::Paper => self.fuzzy.factor(y - predicted),
+            Forgetting::Constant(factor) => factor,
+        };
+        let update = self.estimator.update(&self.phi, y, factor);
+        self.state.innovation = update.innovation;
+        self.state.forgetting_factor = factor;
+        self.state.forgetting.push(1.0 - factor);
+        self.state.updates += 1;
+        if update.bounded {
+            self.state.faults |= model_fault::COVARIANCE_BOUND;
+        }
+        self.adaptive_tracker.store(self.estimator.theta());
+        self.classical_tracker.store(&self.classical_theta);
+    }
+
+    /// Whether offline identification has ended.
+    pub fn is_trained(&self) -> bool {
+        self.trained
+    }
+
+    /// The coefficients of the recursive estimator, in its form's order.
+    pub fn theta(&self) -> &[f64] {
+        self.estimator.theta()
+    }
+
+    /// All there is to know after the last sample. In the full form this separates b, f and g again.
+    pub fn snapshot(&mut self) -> AxisSnapshot {
+        if self.trained {
+            let Structure { na, .. } = self.settings.structure;
+            match self.settings.form {
+                Form::Linear => {
+                    let (a, b) = self.estimator.theta().split_at(na);
+                    self.state.adaptive.a[..na].copy_from_slice(a);
+                    self.state.adaptive.b[..b.len()].copy_from_slice(b);
+                }
+                Form::Full => {
+                    self.estimator.information(&mut self.information, &mut self.phi);
+                    self.state.adaptive =
+                        self.splitter.alternate(self.state.adaptive, &self.information, ROUNDS_PER_SNAPSHOT);
+                    self.state.split_residual =
+                        self.splitter.residual(self.estimator.theta(), &self.state.adaptive, &self.information);
+                }
+            }
+            self.state.covariance_trace = self.estimator.covariance_trace();
+            if !self.state.adaptive.is_finite() || !self.estimator.is_finite() {
+                self.state.faults |= model_fault::NOT_FINITE;
+            }
+        }
+        self.state.adaptive_errors = *self.adaptive_tracker.errors();
+        self.state.classical_errors = *self.classical_tracker.errors();
+        self.state
+    }
+
+    /// Prediction error and change of it that count as PB, in the unit of the output.
+    pub fn universes(&self) -> (f64, f64) {
+        self.fuzzy.universes()
+    }
+}

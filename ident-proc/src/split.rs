@@ -1,0 +1,279 @@
+//! Separates the products C_ij = f_i b_j of the over-parametrised form into b, f and g, eq. (16).
+//!
+//! ```text
+//! paper:  b_j = C_1j,   f_k = sum_j C_1j C_kj / sum_j C_1j^2,   g_k likewise with the products of u < 0    (17)
+//! als:    minimise |R (theta(a, b, f, g) - theta_hat)|  over a and b, then over a, f and g, and again
+//! ```
+//!
+//! Both are scaled so that f_1 = 1. R is the triangle of the data, so the second asks what the separation costs in
+//! prediction error and not in coefficients.
+//!
+//! Trap: (17) takes b from the linear row alone. Where the valve has a dead band that row is small, its quotients
+//! are noise, and the model is ruined although the fit was good.
+
+use pipeline::{
+    hammerstein::{Coefficients, Structure},
+    machine::Split,
+};
+
+use crate::triangle::Triangle;
+
+/// Rounds of alternating least squares after which it is left as it is; it has converged long before on any record
+/// whose products are near to rank one.
+const MAX_ROUNDS: usize = 100;
+/// It has converged when a round moves no coefficient by more than this part of the largest of its kind.
+const CONVERGED: f64 = 1e-10;
+/// f_1 smaller than this part of the largest coefficient of N is not fit to scale by.
+const SMALLEST_F1: f64 = 1e-6;
+
+/// Separates theta of the full form; its memory is taken at construction.
+#[derive(Debug, Clone)]
+pub struct Splitter {
+    structure: Structure,
+    linear: Triangle,
+    nonlinear: Triangle,
+    linear_solution: Vec<f64>,
+    nonlinear_solution: Vec<f64>,
+    theta: Vec<f64>,
+}
+
+impl Splitter {
+    /// For one structure.
+    pub fn new(structure: Structure) -> Self {
+        let (linear, nonlinear) = (structure.linear_len(), structure.na + 2 * structure.order);
+        Self {
+            structure,
+            linear: Triangle::new(linear),
+            nonlinear: Triangle::new(nonlinear),
+            linear_solution: vec![0.0; linear],
+            nonlinear_solution: vec![0.0; nonlinear],
+            theta: vec![0.0; structure.full_len()],
+        }
+    }
+
+    /// Separates `theta` as `split` says; `data` is the triangle that theta solves.
+    pub fn split(&mut self, theta: &[f64], data: &Triangle, split: Split) -> Coefficients {
+        match split {
+            Split::Paper => self.by_formula(theta),
+            Split::Als => {
+                let start = self.by_largest_row(theta);
+                self.alternate(start, data, MAX_ROUNDS)
+            }
+        }
+    }
+
+    /// Eq. (17), verbatim. A linear row of zeros leaves nothing to divide by: then N is zero.
+    fn by_formula(&self, theta: &[f64]) -> Coefficients {
+        let Structure { na, order, .. } = self.structure;
+        let mut model = Coefficients::zero(self.structure);
+        model.a[..na].copy_from_slice(&theta[..na]);
+        let first = self.products(theta, 0);
+        model.b[..first.len()].copy_from_slice(first);
+        let square: f64 = first.iter().map(|c| c * c).sum();
+        if square > 0.0 {
+            let quotient =
+                |power| first.iter().zip(self.products(theta, power)).map(|(a, b)| a * b).sum::<f64>() / square;
+            (0..order).for_each(|i| model.f[i] = quotient(i));
+            (0..order).for_each(|i| model.g[i] = quotient(order + i));
+        }
+        model
+    }
+
+    /// A start for the alternation: b along the largest row of products, f and g by projection on it.
+    fn by_largest_row(&self, theta: &[f64]) -> Coefficients {
+        let Structure { na, order, .. } = self.structure;
+        let square = |power: usize| self.products(theta, power).iter().map(|c| c * c).sum::<f64>();
+        let largest = (0..2 * order).fold(0, |best, power| if square(power) > square(best) { power } else { best });
+        let row = self.products(theta, largest);
+        let mut model = Coefficients::zero(self.structure);
+        model.a[..na].copy_from_slice(&theta[..na]);
+        model.b[..row.len()].copy_from_slice(row);
+        let total = square(largest);
+        if total > 0.0 {
+            let project = |power| row.iter().zip(self.products(theta, power)).map(|(a, b)| a * b).sum::<f64>() / total;
+            (0..order).for_each(|i| model.f[i] = project(i));
+            (0..order).for_each(|i| model.g[i] = project(order + i));
+        }
+        model
+    }
+
+    fn products<'a>(&self, theta: &'a [f64], power: usize) -> &'a [f64] {
+        let lags = self.structure.nb + 1;
+        &theta[self.structure.na + power * lags..self.structure.na + (power + 1) * lags]
+    }
+
+    /// Alternating least squares from `model` on, at most `rounds` of them; allocates nothing.
+    pub fn alternate(&mut self, mut model: Coefficients, data: &Triangle, rounds: usize) -> Coefficients {
+        let Structure { na, nb, order, .. } = self.structure;
+        scale(&mut model, order);
+        for _ in 0..rounds {
+            let before = model;
+            // a, b with f, g held: the features of each lag fold into one.
+            self.linear.clear();
+            self.linear.add_mapped(data, |row, out| fold_features(self.structure, &model, row, out));
+            self.linear.solve(&mut self.linear_solution);
+            model.b[..=nb].copy_from_slice(&self.linear_solution[na..]);
+            // a, f, g with b held: the lags of each feature fold into one.
+            self.nonlinear.clear();
+            self.nonlinear.add_mapped(data, |row, out| {
+                out[..na].copy_from_slice(&row[..na]);
+                for power in 0..2 * order {
+                    let lags = &row[na + power * (nb + 1)..na + (power + 1) * (nb + 1)];
+                    out[na + power] = lags.iter().zip(&model.b).map(|(r, b)| r * b).sum();
+                }
+            });
+            self.nonlinear.solve(&mut self.nonlinear_solution);
+            model.a[..na].copy_from_slice(&self.nonlinear_solution[..na]);
+            model.f[..order].copy_from_slice(&self.nonlinear_solution[na..na + order]);
+            model.g[..order].copy_from_slice(&self.nonlinear_solution[na + order..]);
+            scale(&mut model, order);
+            if moved(&before.a, &model.a)
+                + moved(&before.b, &model.b)
+                + moved(&before.f, &model.f)
+                + moved(&before.g, &model.g)
+                < CONVERGED
+            {
+                break;
+            }
+        }
+        model
+    }
+
+    /// The part of the driven half's weighted norm that the separated model does not explain:
+    /// |R (theta_hat - theta(a, b, f, g))| / |R (0, C_hat)|, 0 for an exact separation.
+    pub fn residual(&mut self, theta: &[f64], model: &Coefficients, data: &Triangle) -> f64 {
+        let Structure { na, nb, order, .. } = self.structure;
+        self.theta[..na].copy_from_slice(model.a());
+        for (power, c) in model.f[..order].iter().chain(&model.g[..order]).enumerate() {
+            for (j, b) in model.b().iter().enumerate() {
+                self.theta[na + power * (nb + 1) + j] = c * b;
+            }
+        }
+        let n = self.theta.len();
+        let (mut missing, mut driven) = (0.0, 0.0);
+        for i in 0..n {
+            let off: f64 = (i..n).map(|j| data.entry(i, j) * (theta[j] - self.theta[j])).sum();
+            let all: f64 = (i.max(na)..n).map(|j| data.entry(i, j) * theta[j]).sum();
+            missing += off * off;
+            driven += all * all;
+        }
+        if driven > 0.0 { (missing / driven).sqrt() } else { 0.0 }
+    }
+}
+
+/// A row of the full form as a row of the linear form with the f and g of `model`: the features of each lag fold
+/// into one.
+pub(crate) fn fold_features(structure: Structure, model: &Coefficients, row: &[f64], out: &mut [f64]) {
+    let Structure { na, nb, order, .. } = structure;
+    out[..na].copy_from_slice(&row[..na]);
+    for (power, c) in model.f[..order].iter().chain(&model.g[..order]).enumerate() {
+        for j in 0..=nb {
+            out[na + j] += c * row[na + power * (nb + 1) + j];
+        }
+    }
+}
+
+/// Moves the common factor of b and N so that f_1 = 1, or, where f_1 is next to nothing, so that the largest
+/// coefficient of N is 1 in magnitude.
+fn scale(model: &mut Coefficients, order: usize) {
+    let largest = model.f[..order].iter().chain(&model.g[..order]).fold(0.0f64, |m, c| m.max(c.abs()));
+    let by = if model.f[0].abs() > SMALLEST_F1 * largest { model.f[0] } else { largest };
+    if by != 0.0 && by.is_finite() {
+        model.f.iter_mut().chain(&mut model.g).for_each(|c| *c /= by);
+        model.b.iter_mut().for_each(|b| *b *= by);
+    }
+}
+
+/// Largest change relative to the largest magnitude.
+fn moved(before: &[f64], after: &[f64]) -> f64 {
+    let change = before.iter().zip(after).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+    let size = after.iter().fold(0.0f64, |m, c| m.max(c.abs()));
+    if size > 0.0 { change / size } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{history::History, regression::Regression};
+
+    const STRUCTURE: Structure = Structure { na: 2, nb: 1, nk: 1, order: 3 };
+
+    fn truth(f: [f64; 3], g: [f64; 3]) -> Coefficients {
+        let mut model = Coefficients::zero(STRUCTURE);
+        model.a[..2].copy_from_slice(&[-1.5, 0.7]);
+        model.b[..2].copy_from_slice(&[0.3, 0.2]);
+        model.f[..3].copy_from_slice(&f);
+        model.g[..3].copy_from_slice(&g);
+        model
+    }
+
+    /// Data of a known model with a little noise, and the full theta they give.
+    fn record(model: &Coefficients, noise: f64) -> (Triangle, Vec<f64>) {
+        let regression = Regression::full(STRUCTURE);
+        let mut data = Triangle::new(regression.len());
+        let (mut outputs, mut commands) = (History::new(4, 1), History::new(4, regression.width()));
+        let mut phi = vec![0.0; regression.len()];
+        let mut x = Vec::new();
+        for k in 0..3000 {
+            let u = (k as f64 * 0.37).sin() * (0.5 + 0.5 * (k as f64 * 0.011).sin());
+            if k >= 2 {
+                regression.regressor(outputs.latest(2), commands.latest(2), &mut phi);
+                let newest: Vec<f64> = outputs.latest(2).iter().rev().copied().collect();
+                let y = model.predict_one(&newest, &[x[k - 1], x[k - 2]]) + noise * (k as f64 * 91.7).sin();
+                data.add(&phi, y);
+                outputs.push(y);
+            } else {
+                outputs.push(0.0);
+            }
+            x.push(model.nonlinearity().evaluate(u));
+            commands.push_with(|slot| regression.features(u, slot));
+        }
+        let mut theta = vec![0.0; regression.len()];
+        data.solve(&mut theta);
+        (data, theta)
+    }
+
+    fn close(a: &Coefficients, b: &Coefficients, tolerance: f64) -> bool {
+        let pairs = [(a.a, b.a), (a.b, b.b), (a.f, b.f), (a.g, b.g)];
+        pairs.iter().all(|(x, y)| x.iter().zip(y).all(|(x, y)| (x - y).abs() < tolerance))
+    }
+
+    #[test]
+    fn both_ways_give_an_exact_model_back() {
+        let model = truth([1.0, 0.4, -0.3], [0.8, -0.2, 0.1]);
+        let (data, theta) = record(&model, 0.0);
+        let mut splitter = Splitter::new(STRUCTURE);
+        for split in [Split::Paper, Split::Als] {
+            let found = splitter.split(&theta, &data, split);
+            assert!(close(&found, &model, 1e-8), "{split:?} {found:?}");
+            assert!(splitter.residual(&theta, &found, &data) < 1e-8);
+        }
+    }
+
+    #[test]
+    fn where_the_linear_row_is_small_only_the_alternation_holds() {
+        // A dead band: next to nothing linear, then a steep rise. Scaled so that f_1 = 1.
+        let f = [0.02, 0.3, 1.0];
+        let model = {
+            let mut model = truth(f.map(|c| c / f[0]), [1.0, -15.0, 50.0]);
+            model.b.iter_mut().for_each(|b| *b *= f[0]);
+            model
+        };
+        let (data, theta) = record(&model, 0.02);
+        let mut splitter = Splitter::new(STRUCTURE);
+        let paper = splitter.split(&theta, &data, Split::Paper);
+        let als = splitter.split(&theta, &data, Split::Als);
+        let paper = splitter.residual(&theta, &paper, &data);
+        let als = splitter.residual(&theta, &als, &data);
+        assert!(als < 0.02 && paper > 2.0 * als, "formula {paper} alternation {als}");
+    }
+
+    #[test]
+    fn the_scale_is_f1_equal_to_one() {
+        let model = truth([2.0, 0.8, -0.6], [1.6, -0.4, 0.2]);
+        let (data, theta) = record(&model, 0.0);
+        let found = Splitter::new(STRUCTURE).split(&theta, &data, Split::Als);
+        assert_eq!(found.f[0], 1.0);
+        assert!((found.b[0] - 0.6).abs() < 1e-8 && (found.f[1] - 0.4).abs() < 1e-8);
+    }
+}

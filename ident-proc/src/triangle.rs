@@ -1,0 +1,174 @@
+//! Least squares on a triangle: all that the rows seen so far say, in n (n + 3) / 2 numbers.
+//!
+//! ```text
+//! minimise |Phi theta - Y|^2     <=>     R theta = z     with  Q [Phi | Y] = [R | z]              (15)
+//!                                                                           [0 | residual]
+//! ```
+//!
+//! R is upper triangular, R'R = Phi'Phi: R and z are the stored normal equations, in a form that keeps the digits
+//! which forming Phi'Phi would lose (a position's y(k-1), y(k-2), y(k-3) are nearly equal columns). Rows are
+//! rotated in one at a time by Givens rotations, so nothing grows with the record.
+
+/// Diagonal entries smaller than this part of their column are taken as zero: far above rounding (1e-16 times the
+/// root of the number of rows), far below what a column of a real record still adds.
+pub(crate) const RANK_TOLERANCE: f64 = 1e-10;
+
+/// R and z of a least-squares problem with n unknowns.
+#[derive(Debug, Clone)]
+pub struct Triangle {
+    n: usize,
+    /// n rows of n + 1 numbers: a row of R, then its z.
+    rows: Vec<f64>,
+    /// The row being rotated in.
+    row: Vec<f64>,
+    residual: f64,
+    count: u64,
+}
+
+impl Triangle {
+    /// No rows yet, `n` unknowns.
+    pub fn new(n: usize) -> Self {
+        Self { n, rows: vec![0.0; n * (n + 1)], row: vec![0.0; n + 1], residual: 0.0, count: 0 }
+    }
+
+    /// Number of unknowns.
+    pub fn len(&self) -> usize {
+        self.n
+    }
+
+    /// Whether there are no unknowns.
+    pub fn is_empty(&self) -> bool {
+        self.n == 0
+    }
+
+    /// Rows taken in.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Sum of squares that no choice of the unknowns explains.
+    pub fn residual(&self) -> f64 {
+        self.residual
+    }
+
+    /// R_ij, j >= i; for j = n, z_i.
+    pub fn entry(&self, i: usize, j: usize) -> f64 {
+        self.rows[i * (self.n + 1) + j]
+    }
+
+    /// Forgets all rows.
+    pub fn clear(&mut self) {
+        self.rows.fill(0.0);
+        self.residual = 0.0;
+        self.count = 0;
+    }
+
+    /// Takes in one row: `regressor` (n numbers) times the unknowns is to give `target`.
+    pub fn add(&mut self, regressor: &[f64], target: f64) {
+        self.row[..self.n].copy_from_slice(regressor);
+        self.row[self.n] = target;
+        self.rotate_in();
+    }
+
+    fn rotate_in(&mut self) {
+        let width = self.n + 1;
+        for i in 0..self.n {
+            let below = self.row[i];
+            if below == 0.0 {
+                continue;
+            }
+            let pivot = &mut self.rows[i * width + i..(i + 1) * width];
+            let length = pivot[0].hypot(below);
+            let (c, s) = (pivot[0] / length, below / length);
+            for (upper, lower) in pivot.iter_mut().zip(&mut self.row[i..]) {
+                (*upper, *lower) = (c * *upper + s * *lower, c * *lower - s * *upper);
+            }
+        }
+        self.residual += self.row[self.n] * self.row[self.n];
+        self.count += 1;
+    }
+
+    /// Takes in the rows of `other`, each changed by `map` from its unknowns to these.
+    pub fn add_mapped(&mut self, other: &Self, mut map: impl FnMut(&[f64], &mut [f64])) {
+        let width = other.n + 1;
+        for row in other.rows.chunks_exact(width) {
+            self.row.fill(0.0);
+            map(&row[..other.n], &mut self.row[..self.n]);
+            self.row[self.n] = row[other.n];
+            self.rotate_in();
+        }
+    }
+
+    /// Solves R theta = z by back substitution; an unknown whose diagonal is zero becomes 0.
+    pub fn solve(&self, theta: &mut [f64]) {
+        for i in (0..self.n).rev() {
+            let known: f64 = (i + 1..self.n).map(|j| self.entry(i, j) * theta[j]).sum();
+            theta[i] = if self.is_negligible(i) { 0.0 } else { (self.entry(i, self.n) - known) / self.entry(i, i) };
+        }
+    }
+
+    fn is_negligible(&self, i: usize) -> bool {
+        let column: f64 = (0..=i).map(|row| self.entry(row, i).powi(2)).sum::<f64>().sqrt();
+        self.entry(i, i).abs() <= RANK_TOLERANCE * column
+    }
+
+    /// Makes `restricted` the same problem with the marked unknowns held at zero, each by a row of its own.
+    pub fn hold_into(&self, held: &[bool], restricted: &mut Self) {
+        restricted.clear();
+        restricted.add_mapped(self, |row, out| {
+            for ((out, value), held) in out.iter_mut().zip(row).zip(held) {
+                *out = if *held { 0.0 } else { *value };
+            }
+        });
+        for j in (0..self.n).filter(|&j| held[j]) {
+            restricted.row.fill(0.0);
+            restricted.row[j] = 1.0;
+            restricted.rotate_in();
+        }
+        restricted.count = self.count;
+        restricted.residual += self.residual;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DMatrix, DVector};
+    use proptest::prelude::*;
+
+    fn triangle_of(rows: &DMatrix<f64>, targets: &DVector<f64>) -> Triangle {
+        let mut triangle = Triangle::new(rows.ncols());
+        for (row, target) in rows.row_iter().zip(targets.iter()) {
+            triangle.add(&row.iter().copied().collect::<Vec<_>>(), *target);
+        }
+        triangle
+    }
+
+    proptest! {
+        #[test]
+        fn agrees_with_the_singular_value_decomposition(values in prop::collection::vec(-1.0f64..1.0, 40 * 6), y in prop::collection::vec(-1.0f64..1.0, 40)) {
+            let (rows, targets) = (DMatrix::from_row_slice(40, 6, &values), DVector::from_vec(y));
+            let triangle = triangle_of(&rows, &targets);
+            let mut theta = vec![0.0; 6];
+            triangle.solve(&mut theta);
+            let reference = rows.clone().svd(true, true).solve(&targets, 0.0).unwrap();
+            for (a, b) in theta.iter().zip(reference.iter()) {
+                prop_assert!((a - b).abs() < 1e-10 * (1.0 + b.abs()));
+            }
+            let residual = (&targets - &rows * &reference).norm_squared();
+            prop_assert!((triangle.residual() - residual).abs() < 1e-10);
+        }
+    }
+
+    #[test]
+    fn nearly_equal_columns_keep_their_digits() {
+        // Condition 1e7: the normal equations would square it to 1e14.
+        let rows = DMatrix::from_fn(1000, 2, |i, j| {
+            (i as f64 * 0.1).sin() + if j == 1 { 1e-7 * (i as f64 * 0.37).cos() } else { 0.0 }
+        });
+        let targets = DVector::from_fn(1000, |i, _| 3.0 * rows[(i, 0)] - 2.0 * rows[(i, 1)]);
+        let mut theta = [0.0; 2];
+        triangle_of(&rows, &targets).solve(&mut theta);
+        assert!((theta[0] - 3.0).abs() < 1e-7 && (theta[1] + 2.0).abs() < 1e-7, "{theta:?}");
+    }
+}

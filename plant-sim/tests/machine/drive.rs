@@ -1,0 +1,213 @@
+//! The drive, the schedules, the encoders, and machines that cannot be simulated.
+
+use pipeline::machine::{Parameter, Schedule};
+use plant_sim::PlantError;
+
+use super::*;
+
+fn millis(time: u64) -> Duration {
+    Duration::from_millis(time)
+}
+
+#[test]
+fn the_drive_goes_neutral_without_commands_and_a_command_revives_it() {
+    let mut machine = excavator();
+    plant_of(&mut machine, 0).dead_time = 0.0;
+    let (mut silent, mut told) = (simulate(&machine), simulate(&machine));
+    for sim in [&mut silent, &mut told] {
+        sim.command(&all(0.5));
+    }
+    silent.advance(millis(50));
+    told.advance(millis(50));
+    assert_eq!(silent.axes(), told.axes());
+
+    told.command(&all(0.0));
+    silent.advance(millis(40));
+    told.advance(millis(40));
+    assert_eq!(silent.axes(), told.axes(), "silence beyond the time-out is the neutral command");
+
+    let spool = silent.axes()[0].spool_position;
+    silent.command(&all(0.5));
+    silent.advance(millis(10));
+    assert!(silent.axes()[0].spool_position > spool);
+}
+
+#[test]
+fn the_time_out_does_not_depend_on_how_time_is_cut() {
+    let machine = excavator();
+    let (mut whole, mut cut) = (simulate(&machine), simulate(&machine));
+    for sim in [&mut whole, &mut cut] {
+        sim.command(&all(-0.7));
+    }
+    whole.advance(millis(210));
+    for _ in 0..3000 {
+        cut.advance(Duration::from_micros(70));
+    }
+    assert_eq!((whole.time(), whole.axes()), (cut.time(), cut.axes()));
+}
+
+#[test]
+fn parts_of_a_step_add_up() {
+    let mut sim = simulate(&excavator());
+    for _ in 0..3 {
+        sim.advance(Duration::from_nanos(33_333));
+    }
+    assert_eq!(sim.time(), Duration::ZERO);
+    sim.advance(Duration::from_nanos(1));
+    assert_eq!(sim.time(), Duration::from_micros(100));
+}
+
+#[test]
+fn commands_out_of_range_are_held_and_those_not_finite_are_neutral() {
+    let machine = excavator();
+    for (given, meant) in
+        [(f64::NAN, 0.0), (f64::INFINITY, 0.0), (f64::NEG_INFINITY, 0.0), (1e300, 1.0), (-1e300, -1.0)]
+    {
+        let (mut sim, mut expected) = (simulate(&machine), simulate(&machine));
+        hold(&mut sim, given, 1.0);
+        hold(&mut expected, meant, 1.0);
+        assert_eq!(sim.axes(), expected.axes(), "{given}");
+        assert!(sim.axes().iter().all(|axis| axis.position.is_finite() && axis.piston_pressure.is_finite()));
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits_and_another_other_noise() {
+    let machine = Machine::load(None, &[]).unwrap();
+    let run = |seed| {
+        let mut sim = PlantSim::new(&machine, seed).unwrap();
+        let readings: Vec<_> = (0..300)
+            .map(|i| {
+                hold(&mut sim, (f64::from(i) * 0.05).sin(), 0.01);
+                sim.read()
+            })
+            .collect();
+        (readings, sim.axes().to_vec())
+    };
+    let (first, again, other) = (run(1), run(1), run(2));
+    assert_eq!(first, again);
+    assert_eq!(first.1, other.1, "the seed makes the noise, not the motion");
+    assert_ne!(first.0, other.0);
+}
+
+#[test]
+fn readings_are_numbered_and_hold_every_axis() {
+    let mut sim = simulate(&excavator());
+    for sequence in 0..3 {
+        let reading = sim.read();
+        assert_eq!((reading.header.sequence, reading.header.axis_count), (sequence, 4));
+        assert_eq!((reading.header.acquired_ns, reading.header.sent_ns), (0, 0));
+        for (value, position) in reading.encoders.iter().zip([0.65, 0.75, 0.6, 0.55]) {
+            assert!((value.counts as f64 * 1e-4 - position).abs() < 2.5e-4);
+        }
+        assert!(reading.encoders[4..].iter().all(|value| value.counts == 0));
+    }
+}
+
+#[test]
+fn a_schedule_changes_the_speed_by_its_factor() {
+    let mut machine = excavator();
+    plant_of(&mut machine, 0).schedule =
+        vec![Schedule { parameter: Parameter::FlowGain, start: 1.2, end: 1.5, factor: 0.5 }];
+    plant_of(&mut machine, 0).viscous_friction = 0.0; // else less speed means a little less friction
+    plant_of(&mut machine, 0).initial_position = 0.1;
+    let mut sim = simulate(&machine);
+    let mut distance = |seconds| {
+        let begin = sim.axes()[0].position;
+        hold(&mut sim, 0.4, seconds);
+        sim.axes()[0].position - begin
+    };
+    distance(0.8);
+    let before = distance(0.4);
+    distance(0.8);
+    let after = distance(0.4);
+    assert!((after / before - 0.5).abs() < 0.005, "{before} {after}");
+}
+
+#[test]
+fn every_scheduled_parameter_reaches_the_motion() {
+    let mut steady = excavator();
+    for axis in 0..4 {
+        plant_of(&mut steady, axis).external_leakage = 1e-12;
+    }
+    let run = |machine: &Machine| {
+        let mut sim = simulate(machine);
+        hold(&mut sim, 0.4, 0.5);
+        hold(&mut sim, -0.4, 0.5);
+        sim.axes()[0].position
+    };
+    let unchanged = run(&steady);
+    for parameter in [
+        Parameter::FlowGain,
+        Parameter::Friction,
+        Parameter::Mass,
+        Parameter::LoadForce,
+        Parameter::SupplyPressure,
+        Parameter::ValveTimeConstant,
+        Parameter::DeadBand,
+        Parameter::BulkModulus,
+        Parameter::Leakage,
+    ] {
+        let mut machine = steady.clone();
+        plant_of(&mut machine, 0).schedule = vec![Schedule { parameter, start: 0.1, end: 0.2, factor: 0.7 }];
+        let changed = run(&machine);
+        assert!(changed.is_finite() && (changed - unchanged).abs() > 1e-7, "{parameter:?}");
+    }
+}
+
+#[test]
+fn an_axis_without_a_plant_is_named() {
+    let mut machine = excavator();
+    machine.axes[2].plant = None;
+    let error = PlantSim::new(&machine, 1).unwrap_err();
+    assert_eq!(error, PlantError::NoPlant { axis: "telescope".to_owned() });
+    assert!(error.to_string().contains("[axis.telescope.plant]"));
+}
+
+#[test]
+fn an_axis_too_stiff_for_the_step_is_refused_and_named() {
+    type Change = fn(&mut Plant);
+    let changes: [Change; 5] = [
+        |plant| plant.mass = 20.0,
+        |plant| (plant.rod_dead_volume, plant.internal_leakage, plant.rated_flow) = (1e-5, 1e-9, 1e-5),
+        |plant| (plant.piston_dead_volume, plant.rated_flow) = (1e-5, 1e-2),
+        |plant| plant.schedule = vec![Schedule { parameter: Parameter::Mass, start: 1.0, end: 2.0, factor: 1e-3 }],
+        |plant| plant.end_stop_damping = 1e9,
+    ];
+    for (case, change) in changes.into_iter().enumerate() {
+        let mut machine = excavator();
+        change(plant_of(&mut machine, 3));
+        match PlantSim::new(&machine, 1).err() {
+            Some(PlantError::TooStiff { axis, rate, limit }) => assert!(axis == "bucket" && rate > limit),
+            other => panic!("case {case}: {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn axes_just_below_the_limit_come_to_rest_in_their_stops() {
+    type Change = fn(&mut Plant);
+    let changes: [Change; 3] = [
+        |plant| plant.end_stop_damping = 1e8,
+        |plant| plant.mass = 170.0,
+        |plant| plant.rated_flow *= 4.0, // the orifice chatters, by a bounded pressure
+    ];
+    for (case, change) in changes.into_iter().enumerate() {
+        let mut machine = excavator();
+        change(plant_of(&mut machine, 3));
+        let mut sim = simulate(&machine);
+        for (command, rest) in [(1.0, machine.axes[3].stroke), (-1.0, 0.0)] {
+            hold(&mut sim, command, 5.0);
+            let mut chatter = (f64::INFINITY, 0.0f64);
+            for _ in 0..100 {
+                sim.advance(Duration::from_micros(100));
+                let pressure = sim.axes()[3].piston_pressure;
+                chatter = (chatter.0.min(pressure), chatter.1.max(pressure));
+            }
+            let state = sim.axes()[3];
+            println!("case {case} at {command:+}: {state:?}, p1 {chatter:?}");
+            assert!((state.position - rest).abs() < 4e-3 && state.velocity.abs() < 0.02, "case {case}: {state:?}");
+            assert!(chatter.1 - chatter.0 < 1e6, "case {case}: {chatter:?}");
+        }
+    }
+}

@@ -1,0 +1,334 @@
+//! `hydraxis identify`: a recording through the same core that runs in ident-proc.
+
+use std::{
+    fs,
+    io::{IsTerminal, Write},
+    path::Path,
+    time::{Duration, Instant},
+};
+
+use ident_proc::Identifier;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use pipeline::{
+    hammerstein::{Coefficients, Structure},
+    machine::{Fuzzy, Identification},
+    message::{bit_names, model_fault},
+    statistics::ErrorStatistics,
+};
+use sensor_proc::record::{Record, RecordError};
+use serde::Serialize;
+
+use crate::{
+    cli,
+    failure::Failure,
+    table::{number, percent, table},
+};
+
+/// Statistics of one kind of error, in the unit of the output.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct ErrorFigures {
+    /// Standard deviation.
+    pub sigma: f64,
+    /// Root mean square.
+    pub rmse: f64,
+    /// Largest magnitude.
+    pub max: f64,
+    /// 100 (1 - |e| / |y - mean y|).
+    pub fit_percent: f64,
+}
+
+impl ErrorFigures {
+    /// From running statistics of the error and of the output.
+    pub fn new(error: &ErrorStatistics, output: &ErrorStatistics) -> Self {
+        let rmse = error.rmse();
+        Self { sigma: error.sigma(), rmse, max: error.max, fit_percent: 100.0 * (1.0 - rmse / output.sigma()) }
+    }
+}
+
+/// 100 (1 - sigma_adaptive / sigma_classical).
+pub fn reduction_percent(classical: &ErrorStatistics, adaptive: &ErrorStatistics) -> f64 {
+    100.0 * (1.0 - adaptive.sigma() / classical.sigma())
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    rows: usize,
+    train: usize,
+    period_s: f64,
+    horizon: usize,
+    structure: Structure,
+    form: pipeline::machine::Form,
+    split: pipeline::machine::Split,
+    forgetting: String,
+    error_universe: f64,
+    variation_universe: f64,
+    faults: Vec<&'static str>,
+    skipped: u64,
+    irregular_steps: usize,
+    persistence: Persistence,
+    classical: Classical,
+    adaptive: Adaptive,
+    reduction_percent: Reduction,
+}
+
+#[derive(Debug, Serialize)]
+struct Persistence {
+    h_step: ErrorFigures,
+}
+
+#[derive(Debug, Serialize)]
+struct Classical {
+    one_step: ErrorFigures,
+    h_step: ErrorFigures,
+    free_run: ErrorFigures,
+    coefficients: CoefficientLists,
+    split_residual: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Adaptive {
+    one_step: ErrorFigures,
+    h_step: ErrorFigures,
+    free_run: ErrorFigures,
+    free_run_frozen: ErrorFigures,
+    coefficients: CoefficientLists,
+    forgetting_factor: FactorFigures,
+    ns_per_update: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct FactorFigures {
+    mean: f64,
+    min: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Reduction {
+    one_step: f64,
+    h_step: f64,
+    free_run: f64,
+}
+
+/// A model's coefficients as lists.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CoefficientLists {
+    a: Vec<f64>,
+    b: Vec<f64>,
+    f: Vec<f64>,
+    g: Vec<f64>,
+}
+
+impl CoefficientLists {
+    /// The used entries of each array.
+    pub fn new(model: &Coefficients) -> Self {
+        let order = model.nonlinearity().order;
+        Self {
+            a: model.a().to_vec(),
+            b: model.b().to_vec(),
+            f: model.f[..order].to_vec(),
+            g: model.g[..order].to_vec(),
+        }
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &cli::Identify) -> Result<(), Failure> {
+    let period = arguments.period.map(|period| period.as_secs_f64());
+    let record = Record::read(&arguments.data, &arguments.input, &arguments.output, period).map_err(Failure::usage)?;
+    let settings = settings(arguments, &record)?;
+    let (mut identifier, ns_per_update) = identify(&settings, &record);
+    let report = Report::new(&settings, &record, &mut identifier, ns_per_update);
+    let to_stdout = arguments.json.as_deref() == Some(Path::new("-"));
+    if !to_stdout {
+        report.print(&arguments.data);
+    }
+    if let Some(file) = &arguments.json {
+        write_json(file, &report)?;
+    }
+    Ok(())
+}
+
+/// What to identify, from what was typed and what the record is.
+fn settings(arguments: &cli::Identify, record: &Record) -> Result<Identification, Failure> {
+    let rows = record.outputs.len();
+    let structure = Structure { na: arguments.na, nb: arguments.nb, nk: arguments.nk, order: arguments.order };
+    let training = arguments.train.of(rows);
+    let horizon = arguments.horizon.at(Duration::from_secs_f64(record.period)).max(1);
+    let too_few = |found, needed, why: String| {
+        Err(Failure::usage(RecordError::TooFewRows { file: arguments.data.clone(), rows: found, needed, why }))
+    };
+    let coefficients = structure.full_len();
+    let shortest = coefficients + structure.memory();
+    if training < shortest {
+        let why =
+            format!("for --train, to determine {coefficients} coefficients (fewer with lower --na, --nb, --order)");
+        return too_few(training, shortest, why);
+    }
+    if rows <= training + horizon {
+        return too_few(
+            rows,
+            training + horizon + 1,
+            format!("to test {horizon} samples ahead after {training} for training"),
+        );
+    }
+    let mut fuzzy = match &arguments.fuzzy {
+        Some(file) => Fuzzy::load(file).map_err(Failure::usage)?,
+        None => Fuzzy::PAPER,
+    };
+    fuzzy.error_universe = arguments.error_universe.or(fuzzy.error_universe);
+    fuzzy.variation_universe = arguments.variation_universe.or(fuzzy.variation_universe);
+    Ok(Identification {
+        structure,
+        training,
+        horizon,
+        form: arguments.form.into(),
+        split: arguments.split.into(),
+        forgetting: arguments.forgetting,
+        fuzzy,
+    })
+}
+
+/// The record through the core; nanoseconds per update after training beside it.
+fn identify(settings: &Identification, record: &Record) -> (Identifier, f64) {
+    let mut identifier = Identifier::new(settings);
+    let progress = progress(record.outputs.len() as u64);
+    let mut test_started = Instant::now();
+    for (k, y) in record.outputs.iter().enumerate() {
+        if k == settings.training {
+            test_started = Instant::now();
+        }
+        let applied = k.checked_sub(1).map(|before| record.inputs[before]);
+        identifier.update(Some(*y), applied);
+        if k % 65_536 == 0 {
+            progress.set_position(k as u64);
+        }
+    }
+    let elapsed = test_started.elapsed().as_secs_f64();
+    progress.finish_and_clear();
+    let tested = record.outputs.len() - settings.training;
+    (identifier, 1e9 * elapsed / tested as f64)
+}
+
+/// A bar on a terminal, nothing elsewhere.
+fn progress(length: u64) -> ProgressBar {
+    let target =
+        if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} samples, {eta} left")
+        .expect("the template is a constant that the library accepts");
+    ProgressBar::with_draw_target(Some(length), target).with_style(style)
+}
+
+/// Writes a value as JSON to a file, or to standard output for `-`.
+pub fn write_json(file: &Path, value: &impl Serialize) -> Result<(), Failure> {
+    let mut text = serde_json::to_string_pretty(value).map_err(Failure::run)?;
+    text.push('\n');
+    let written =
+        if file == Path::new("-") { std::io::stdout().write_all(text.as_bytes()) } else { fs::write(file, text) };
+    written.map_err(|error| Failure::Run(format!("{}: the JSON cannot be written: {error}", file.display())))
+}
+
+impl Report {
+    fn new(settings: &Identification, record: &Record, identifier: &mut Identifier, ns_per_update: f64) -> Self {
+        let (snapshot, universes) = (identifier.snapshot(), identifier.universes());
+        let figures = |error: &ErrorStatistics| ErrorFigures::new(error, &snapshot.output);
+        let (classical, adaptive) = (&snapshot.classical_errors, &snapshot.adaptive_errors);
+        Self {
+            rows: record.outputs.len(),
+            train: settings.training,
+            period_s: record.period,
+            horizon: settings.horizon,
+            structure: settings.structure,
+            form: settings.form,
+            split: settings.split,
+            forgetting: settings.forgetting.to_string(),
+            error_universe: universes.0,
+            variation_universe: universes.1,
+            faults: bit_names(snapshot.faults & model_fault::LASTING, &model_fault::NAMES).collect(),
+            skipped: snapshot.skipped,
+            irregular_steps: record.irregular_steps,
+            persistence: Persistence { h_step: figures(&snapshot.persistence) },
+            classical: Classical {
+                one_step: figures(&classical.one_step),
+                h_step: figures(&classical.h_step),
+                free_run: figures(&classical.free_run),
+                coefficients: CoefficientLists::new(&snapshot.classical),
+                split_residual: snapshot.split_residual,
+            },
+            adaptive: Adaptive {
+                one_step: figures(&adaptive.one_step),
+                h_step: figures(&adaptive.h_step),
+                free_run: figures(&adaptive.free_run),
+                // The adaptive model starts from the offline coefficients, so frozen there it is the classical one.
+                free_run_frozen: figures(&classical.free_run),
+                coefficients: CoefficientLists::new(&snapshot.adaptive),
+                forgetting_factor: FactorFigures {
+                    mean: 1.0 - snapshot.forgetting.mean,
+                    min: 1.0 - snapshot.forgetting.max,
+                },
+                ns_per_update,
+            },
+            reduction_percent: Reduction {
+                one_step: reduction_percent(&classical.one_step, &adaptive.one_step),
+                h_step: reduction_percent(&classical.h_step, &adaptive.h_step),
+                free_run: reduction_percent(&classical.free_run, &adaptive.free_run),
+            },
+        }
+    }
+
+    fn print(&self, file: &Path) {
+        let Structure { na, nb, nk, order } = self.structure;
+        println!(
+            "{}: {} rows of {} s, {} for training; na {na}, nb {nb}, nk {nk}, order {order}; {} ahead is {} samples",
+            file.display(),
+            self.rows,
+            number(self.period_s),
+            self.train,
+            humantime::format_duration(Duration::from_secs_f64(self.period_s * self.horizon as f64)),
+            self.horizon
+        );
+        if self.irregular_steps > 0 {
+            println!("warning: {} steps of time differ from the period by more than half of it", self.irregular_steps);
+        }
+        if !self.faults.is_empty() {
+            println!("warning: {}", self.faults.join(", "));
+        }
+        let row = |name: &str, classical: &ErrorFigures, adaptive: &ErrorFigures, reduction: f64| {
+            vec![
+                name.to_owned(),
+                number(classical.sigma),
+                number(adaptive.sigma),
+                percent(reduction),
+                number(classical.rmse),
+                number(adaptive.rmse),
+                percent(adaptive.fit_percent),
+            ]
+        };
+        let (classical, adaptive, reduction) = (&self.classical, &self.adaptive, &self.reduction_percent);
+        let rows = vec![
+            row("one step", &classical.one_step, &adaptive.one_step, reduction.one_step),
+            row("h steps", &classical.h_step, &adaptive.h_step, reduction.h_step),
+            row("free run", &classical.free_run, &adaptive.free_run, reduction.free_run),
+        ];
+        let header =
+            ["error", "sigma classical", "adaptive", "reduction", "rmse classical", "adaptive", "fit adaptive"];
+        println!("{}", table(&header, rows));
+        println!(
+            "h steps by holding y: sigma {}. Forgetting {} (mean {}, least {}); {:.0} ns per update.",
+            number(self.persistence.h_step.sigma),
+            self.forgetting,
+            number(adaptive.forgetting_factor.mean),
+            number(adaptive.forgetting_factor.min),
+            adaptive.ns_per_update
+        );
+        for (name, model) in [("classical", &classical.coefficients), ("adaptive", &adaptive.coefficients)] {
+            let list = |values: &[f64]| values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(" ");
+            println!(
+                "{name:9}  a {}   b {}   f {}   g {}",
+                list(&model.a),
+                list(&model.b),
+                list(&model.f),
+                list(&model.g)
+            );
+        }
+    }
+}

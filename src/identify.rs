@@ -2,13 +2,12 @@
 
 use std::{
     fs,
-    io::{IsTerminal, Write},
+    io::Write,
     path::Path,
     time::{Duration, Instant},
 };
 
 use ident_proc::Identifier;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pipeline::{
     hammerstein::{Coefficients, Structure},
     machine::{Fuzzy, Identification},
@@ -21,7 +20,7 @@ use serde::Serialize;
 use crate::{
     cli,
     failure::Failure,
-    table::{number, percent, table},
+    table::{number, percent, progress, table},
 };
 
 /// Statistics of one kind of error, in the unit of the output.
@@ -191,7 +190,7 @@ fn settings(arguments: &cli::Identify, record: &Record) -> Result<Identification
 /// The record through the core; nanoseconds per update after training beside it.
 fn identify(settings: &Identification, record: &Record) -> (Identifier, f64) {
     let mut identifier = Identifier::new(settings);
-    let progress = progress(record.outputs.len() as u64);
+    let progress = progress(record.outputs.len() as u64, "samples");
     let mut test_started = Instant::now();
     for (k, y) in record.outputs.iter().enumerate() {
         if k == settings.training {
@@ -207,15 +206,6 @@ fn identify(settings: &Identification, record: &Record) -> (Identifier, f64) {
     progress.finish_and_clear();
     let tested = record.outputs.len() - settings.training;
     (identifier, 1e9 * elapsed / tested as f64)
-}
-
-/// A bar on a terminal, nothing elsewhere.
-fn progress(length: u64) -> ProgressBar {
-    let target =
-        if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} samples, {eta} left")
-        .expect("the template is a constant that the library accepts");
-    ProgressBar::with_draw_target(Some(length), target).with_style(style)
 }
 
 /// Writes a value as JSON to a file, or to standard output for `-`.

@@ -1,17 +1,32 @@
 //! The `hydraxis` command; `hydraxis --help` tells what it does.
 
+mod check;
 mod cli;
 mod failure;
 mod identify;
+mod live;
+mod report;
+mod run;
+mod simulate;
+mod stage;
+mod supervisor;
 mod table;
 
 use std::process::ExitCode;
 
 use clap::Parser;
+use pipeline::stage::StageKind;
 
 fn main() -> ExitCode {
     let result = match cli::Arguments::parse().command {
+        cli::Command::Run(arguments) => run::run(&arguments),
+        cli::Command::Simulate(arguments) => simulate::run(&arguments),
         cli::Command::Identify(arguments) => identify::run(&arguments),
+        cli::Command::Check(arguments) => check::run(&arguments),
+        cli::Command::PlantSim(arguments) => stage::run(StageKind::PlantSim, &arguments),
+        cli::Command::SensorProc(arguments) => stage::run(StageKind::SensorProc, &arguments),
+        cli::Command::IdentProc(arguments) => stage::run(StageKind::IdentProc, &arguments),
+        cli::Command::ControlProc(arguments) => stage::run(StageKind::ControlProc, &arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,6 +1,9 @@
-//! Tables for people.
+//! Tables and progress for people.
+
+use std::io::IsTerminal;
 
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// A table with its first column to the left and numbers to the right.
 pub fn table(header: &[&str], rows: Vec<Vec<String>>) -> Table {
@@ -32,4 +35,23 @@ pub fn number(value: f64) -> String {
 /// A percentage with two decimals, or `-`.
 pub fn percent(value: f64) -> String {
     if value.is_finite() { format!("{value:.2} %") } else { "-".to_owned() }
+}
+
+/// A latency in the unit that reads best.
+pub fn nanoseconds(value: u64) -> String {
+    match value {
+        0..10_000 => format!("{value} ns"),
+        10_000..10_000_000 => format!("{:.1} us", value as f64 / 1e3),
+        10_000_000..10_000_000_000 => format!("{:.1} ms", value as f64 / 1e6),
+        _ => format!("{:.1} s", value as f64 / 1e9),
+    }
+}
+
+/// A bar on a terminal, nothing elsewhere.
+pub fn progress(length: u64, unit: &str) -> ProgressBar {
+    let terminal = std::io::stderr().is_terminal();
+    let target = if terminal { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}, {eta} left")
+        .expect("the template is a constant that the library accepts");
+    ProgressBar::with_draw_target(Some(length), target).with_style(style).with_message(unit.to_owned())
 }

@@ -15,7 +15,6 @@
 use std::time::Duration;
 
 use pipeline::{
-    hammerstein::Coefficients,
     machine::{Axis, ModelChoice, Timing, samples_of},
     message::{AxisCommand, AxisSample, AxisSnapshot, ControlMode, Reference, control_flag, sample_fault},
     statistics::ErrorStatistics,
@@ -24,7 +23,7 @@ use pipeline::{
 use crate::{
     fallback::Fallback,
     history::History,
-    judge::{Judge, Refusal},
+    judge::{Approved, Judge, Refusal},
     limits::Limits,
     predictive::Predictive,
     reference::ReferenceGenerator,
@@ -223,7 +222,7 @@ impl AxisController {
     }
 
     /// The model, if it may be used, and the flags that say why not.
-    fn take_snapshot<'a>(&mut self, snapshot: Option<(u64, &'a AxisSnapshot)>) -> (Option<&'a Coefficients>, u32) {
+    fn take_snapshot<'a>(&mut self, snapshot: Option<(u64, &'a AxisSnapshot)>) -> (Option<Approved<'a>>, u32) {
         if self.choice == ModelChoice::None {
             return (None, 0);
         }
@@ -252,7 +251,7 @@ impl AxisController {
     }
 
     /// Makes the command of an axis that follows, from its position in m.
-    fn follow(&mut self, input: &AxisInput<'_>, position: f64, model: Option<&Coefficients>, model_flags: u32) {
+    fn follow(&mut self, input: &AxisInput<'_>, position: f64, model: Option<Approved<'_>>, model_flags: u32) {
         let Self { target, history, predictive, limits, .. } = self;
         let following = target.update(input.sequence, input.elapsed, position, input.generator, input.reference);
         let mut flags = model_flags;
@@ -267,15 +266,18 @@ impl AxisController {
 
         let model = model.filter(|_| !stale);
         self.trusted = if model.is_some() { self.trusted.saturating_add(1) } else { 0 };
-        let trusted = model.filter(|_| self.trusted > self.probation_ticks);
         let mut wanted = None;
-        if let (Some(model), Some(history)) = (trusted, history) {
-            wanted = predictive.update(model, history, target.positions(), *limits);
+        if let (Some(model), Some(history)) = (model, history) {
+            // Also on probation, so that it has an estimate of the noise when it takes over.
+            wanted = predictive.update(&model, history, target.positions());
             if wanted.is_none() {
                 flags |= control_flag::MODEL_REFUSED;
                 self.trusted = 0;
             }
+        } else {
+            predictive.reset();
         }
+        let wanted = wanted.filter(|_| self.trusted > self.probation_ticks);
 
         let reference = target.positions()[0];
         let error = reference - position;

@@ -13,8 +13,8 @@
 
 use pipeline::hammerstein::{MAX_DELAY, MAX_LINEAR};
 
-/// Outputs kept: differences over the highest order of A.
-pub const OUTPUTS: usize = MAX_LINEAR + 1;
+/// Outputs kept: differences over the highest order of A, and one more for the residual of the newest.
+pub const OUTPUTS: usize = MAX_LINEAR + 2;
 /// Commands kept: the longest delay, the highest order of B, and one more for the oldest difference.
 pub const COMMANDS: usize = MAX_DELAY + MAX_LINEAR + 1;
 

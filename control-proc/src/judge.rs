@@ -4,6 +4,7 @@
 //! |poles of 1/A| < 1.02                          the step response stays near what was identified
 //! (sum b) N(u) > 0 for u > 0, < 0 for u < 0      a positive command extends
 //! |s(end)| |N| >= 1 % of max_speed * time        over the judged time, on both branches
+//! u_low <= u <= u_high                           commands that N was learned from, within command_limit
 //! sigma_adaptive <= 1.5 sigma_classical          h-step errors, in m
 //! ```
 //!
@@ -49,12 +50,21 @@ pub enum Refusal {
     Worse,
 }
 
+/// A model that may be used.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Approved<'a> {
+    /// The model.
+    pub model: &'a Coefficients,
+    /// Lowest and highest command that it may be asked for: outside, a polynomial says anything.
+    pub range: (f64, f64),
+}
+
 /// The judge of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judge {
     structure: Structure,
     choice: ModelChoice,
-    range: (f64, f64),
+    command_limit: f64,
     least_travel: f64,
 }
 
@@ -64,7 +74,7 @@ impl Judge {
         Self {
             structure: axis.identification.structure,
             choice: axis.control.model,
-            range: (-axis.control.command_limit, axis.control.command_limit),
+            command_limit: axis.control.command_limit,
             least_travel: LEAST_TRAVEL * axis.max_speed * MAX_HORIZON as f64 * period,
         }
     }
@@ -73,7 +83,7 @@ impl Judge {
     ///
     /// # Errors
     /// The first reason why it may not be used.
-    pub fn judge<'a>(&self, snapshot: &'a AxisSnapshot) -> Result<&'a Coefficients, Refusal> {
+    pub fn judge<'a>(&self, snapshot: &'a AxisSnapshot) -> Result<Approved<'a>, Refusal> {
         let adaptive = self.choice == ModelChoice::Adaptive;
         let model = if adaptive { &snapshot.adaptive } else { &snapshot.classical };
         if snapshot.faults & model_fault::TRAINING != 0 || self.choice == ModelChoice::None {
@@ -88,23 +98,28 @@ impl Judge {
         if !model.poles_within(POLE_LIMIT) {
             return Err(Refusal::Unstable);
         }
-        self.judge_reach(model)?;
+        let known = |bound: f64| if bound.is_finite() { bound } else { 0.0 };
+        let range = (
+            known(snapshot.command_low).clamp(-self.command_limit, 0.0),
+            known(snapshot.command_high).clamp(0.0, self.command_limit),
+        );
+        self.judge_reach(model, range)?;
         if adaptive && is_worse(snapshot) {
             return Err(Refusal::Worse);
         }
-        Ok(model)
+        Ok(Approved { model, range })
     }
 
-    fn judge_reach(&self, model: &Coefficients) -> Result<(), Refusal> {
+    fn judge_reach(&self, model: &Coefficients, range: (f64, f64)) -> Result<(), Refusal> {
         let nonlinearity = model.nonlinearity();
-        let orientation = nonlinearity.orientation(self.range);
+        let orientation = nonlinearity.orientation(range);
         let gain = model.b().iter().sum::<f64>() * orientation;
         if gain < 0.0 {
             return Err(Refusal::Direction);
         }
         let mut step = [0.0; MAX_HORIZON];
         step_response(model, &mut step);
-        let (low, high) = nonlinearity.reachable(self.range);
+        let (low, high) = nonlinearity.reachable(range);
         let travel = step[MAX_HORIZON - 1] * orientation * high.min(-low);
         // Written so that NaN is refused too.
         if gain > 0.0 && travel >= self.least_travel && travel.is_finite() { Ok(()) } else { Err(Refusal::Unreachable) }
@@ -133,7 +148,13 @@ mod tests {
     }
 
     fn snapshot(model: Coefficients) -> AxisSnapshot {
-        AxisSnapshot { adaptive: model, classical: model, ..AxisSnapshot::default() }
+        AxisSnapshot {
+            adaptive: model,
+            classical: model,
+            command_low: -1.0,
+            command_high: 1.0,
+            ..AxisSnapshot::default()
+        }
     }
 
     fn refusal(change: impl Fn(&mut AxisSnapshot)) -> Option<Refusal> {
@@ -174,6 +195,21 @@ mod tests {
         assert_eq!(refusal(|s| s.adaptive.b = [f64::MAX; 5]), Some(Refusal::Unreachable));
         assert_eq!(refusal(|s| s.adaptive.g = [-0.5, 0.0, 0.0, 0.0, 0.0]), Some(Refusal::Unreachable));
         assert_eq!(refusal(|s| s.adaptive.f = [0.0; 5]), Some(Refusal::Unreachable));
+    }
+
+    #[test]
+    fn it_is_used_for_the_commands_it_has_learned_from_only() {
+        let range = |low, high| {
+            let mut snapshot = snapshot(actuator());
+            (snapshot.command_low, snapshot.command_high) = (low, high);
+            judge().judge(&snapshot).map(|approved| approved.range)
+        };
+        assert_eq!(range(-0.4, 0.3), Ok((-0.4, 0.3)));
+        assert_eq!(range(-9.0, 9.0), Ok((-1.0, 1.0)));
+        for (low, high) in [(0.0, 0.5), (-0.5, 0.0), (0.2, 0.5), (f64::NAN, f64::NAN)] {
+            // One branch without data, or nothing known.
+            assert_eq!(range(low, high), Err(Refusal::Unreachable), "{low} {high}");
+        }
     }
 
     #[test]

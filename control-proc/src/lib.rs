@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`controller`] | all axes of the machine, one call per sample |
 //! | [`axis`] | one axis: what it may do when, and who makes its command |
-//! | [`reference`] | target generators: sines, ramps, trajectories |
+//! | [`mod@reference`] | target generators: sines, ramps, trajectories |
 //! | [`trajectory`] | a trajectory's CSV file, read and refused |
 //! | [`target`] | from where the axis stands to what its generator asks for, without a jump |
 //! | [`channel`] | targets from another program, accepted or refused |
@@ -15,8 +15,9 @@
 //! | [`judge`] | which models may be used at all |
 //! | [`history`] | past outputs and commands of one axis |
 //! | [`limits`] | magnitude and rate of a command |
+//! | [`process`] | the stage: channels in, channels out |
 //!
-//! Everything here is the core: no clock, no I/O, no allocation after construction, no panic, and the same inputs
+//! Everything but the last is the core: no clock, no I/O, no allocation after construction, no panic, and the same inputs
 //! always give the same commands. Time is counted in ticks, the differences of the samples' sequence numbers.
 
 pub mod axis;
@@ -28,6 +29,7 @@ pub mod history;
 pub mod judge;
 pub mod limits;
 pub mod predictive;
+pub mod process;
 pub mod reference;
 pub mod response;
 pub mod target;

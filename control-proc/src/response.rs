@@ -21,7 +21,14 @@ pub const MAX_AHEAD: usize = MAX_DELAY + MAX_HORIZON + 1;
 /// y(k+1), y(k+2), .. in `response` (m) if x stays at x(k-1) from now on.
 ///
 /// `outputs` holds y(k), y(k-1), .. (na + 1 of them), `intermediate` x(k-1), x(k-2), .. (nk + nb of them).
-pub fn free_response(model: &Coefficients, outputs: &[f64], intermediate: &[f64], response: &mut [f64]) {
+/// `correction` is what is known of the noise in dy(k+1), m; 0 without an estimate.
+pub fn free_response(
+    model: &Coefficients,
+    outputs: &[f64],
+    intermediate: &[f64],
+    correction: f64,
+    response: &mut [f64],
+) {
     let nk = model.nk as usize;
     // Differences of the outputs, the newest at the end of the known ones: d[MAX_LINEAR - 1] = dy(k).
     let mut differences = [0.0; MAX_LINEAR + MAX_AHEAD];
@@ -31,7 +38,7 @@ pub fn free_response(model: &Coefficients, outputs: &[f64], intermediate: &[f64]
     let mut y = outputs[0];
     for (i, predicted) in response.iter_mut().take(MAX_AHEAD).enumerate() {
         let now = MAX_LINEAR + i;
-        let mut difference = 0.0;
+        let mut difference = if i == 0 { correction } else { 0.0 };
         for (j, a) in model.a().iter().enumerate() {
             difference -= a * differences[now - 1 - j];
         }
@@ -46,6 +53,22 @@ pub fn free_response(model: &Coefficients, outputs: &[f64], intermediate: &[f64]
         y += difference;
         *predicted = y;
     }
+}
+
+/// What the model did not foresee of dy(k), m: dy(k) minus its prediction from the differences before it.
+///
+/// `outputs` holds y(k), y(k-1), .. (na + 2 of them), `intermediate` x(k-1), x(k-2), .. (nk + nb + 1 of them).
+pub fn residual(model: &Coefficients, outputs: &[f64], intermediate: &[f64]) -> f64 {
+    let difference = |values: &[f64], ago: usize| values[ago] - values[ago + 1];
+    let mut residual = difference(outputs, 0);
+    for (j, a) in model.a().iter().enumerate() {
+        residual += a * difference(outputs, j + 1);
+    }
+    for (j, b) in model.b().iter().enumerate() {
+        // intermediate[i] is x(k-1-i).
+        residual -= b * difference(intermediate, model.nk as usize + j - 1);
+    }
+    residual
 }
 
 /// The answer to a unit step of x at k, from y(k+nk) on: `response[p]` = y(k+nk+p), m per unit of x.
@@ -100,7 +123,7 @@ mod tests {
             let outputs: Vec<f64> = (0..6).map(|i| y[k - i] + offset).collect();
             let intermediate: Vec<f64> = (0..20).map(|i| x[k - 1 - i]).collect();
             let mut response = [0.0; 40];
-            free_response(&model, &outputs, &intermediate, &mut response);
+            free_response(&model, &outputs, &intermediate, 0.0, &mut response);
             for i in 0..40 {
                 prop_assert!((response[i] - y[k + 1 + i] - offset).abs() < 1e-9, "{i}");
             }

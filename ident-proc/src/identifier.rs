@@ -118,6 +118,11 @@ impl Identifier {
 
     fn push_command(&mut self, u: f64) {
         self.applied.push(u);
+        // Held f and g have learned nothing from commands after training.
+        if !self.trained || self.settings.form == Form::Full {
+            self.state.command_low = self.state.command_low.min(u);
+            self.state.command_high = self.state.command_high.max(u);
+        }
         if self.trained {
             self.commands.push_with(|slot| self.regression.features(u, slot));
         } else {

@@ -18,7 +18,8 @@ pub mod errors;
 pub mod fuzzy;
 pub mod history;
 mod identifier;
-// pub mod process;
+mod identifiers;
+pub mod process;
 pub mod rank;
 pub mod recursive;
 pub mod regression;
@@ -26,3 +27,4 @@ pub mod split;
 pub mod triangle;
 
 pub use identifier::Identifier;
+pub use identifiers::Identifiers;

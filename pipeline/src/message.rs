@@ -241,8 +241,7 @@ shared_struct! {
         pub output: ErrorStatistics,
         /// Output minus the output `horizon` samples before: what doing nothing would reach.
         pub persistence: ErrorStatistics,
-        /// Forgetting factors used since training: last in `forgetting_factor`, their mean and range here
-        /// (`max` holds the largest 1 - factor).
+        /// 1 - forgetting factor over the updates: its `max` belongs to the smallest factor.
         pub forgetting: ErrorStatistics,
         /// Forgetting factor of the last update.
         pub forgetting_factor: f64,
@@ -250,8 +249,12 @@ shared_struct! {
         pub innovation: f64,
         /// Trace of the covariance.
         pub covariance_trace: f64,
-        /// Part of the coefficients' weighted norm that the split into b, f, g does not explain, in [0, 1].
+        /// Part of the driven half's weighted norm that the split into b, f, g does not explain; 0 for an exact split.
         pub split_residual: f64,
+        /// Lowest command that N was learned from: below it N is extrapolated.
+        pub command_low: f64,
+        /// Highest command that N was learned from.
+        pub command_high: f64,
         /// Recursive updates made.
         pub updates: u64,
         /// Samples that could not be used (gap, fault, missing command).

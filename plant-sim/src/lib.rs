@@ -46,6 +46,7 @@
 //! | [`axis`] | one axis: valve and cylinder through time |
 //! | [`encoder`] | noise and counts |
 //! | [`plant`] | the machine: [`PlantSim`] |
+//! | [`process`] | the stage: channels in, channels out |
 //!
 //! The core is deterministic: it sees no clock, no file and no channel, and allocates at construction only.
 
@@ -56,6 +57,7 @@ pub mod friction;
 pub mod integrate;
 pub mod orifice;
 pub mod plant;
+pub mod process;
 pub mod schedule;
 pub mod stiffness;
 pub mod valve;

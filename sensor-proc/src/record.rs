@@ -136,7 +136,11 @@ impl Record {
                 if let Some(&before) = times.last()
                     && time <= before
                 {
-                    return Err(refuse(TIME_COLUMN, format!("{time} after {before}"), "a time later than the row before"));
+                    return Err(refuse(
+                        TIME_COLUMN,
+                        format!("{time} after {before}"),
+                        "a time later than the row before",
+                    ));
                 }
                 times.push(time);
             }
@@ -148,12 +152,7 @@ impl Record {
             return Err(RecordError::TooFewRows { file: file.into(), rows: outputs.len(), needed: 2, why });
         }
         let mean = || (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
-        Ok(Self {
-            period: period.unwrap_or_else(mean),
-            irregular_steps: irregular_steps(&times),
-            inputs,
-            outputs,
-        })
+        Ok(Self { period: period.unwrap_or_else(mean), irregular_steps: irregular_steps(&times), inputs, outputs })
     }
 }
 
@@ -198,7 +197,10 @@ mod tests {
             ("t,u,y\n0,1,2\n1,3,4\n0.5,3,4\n", ":4: row 3, column \"t\": found 0.5 after 1"),
             ("t,u,y\n0,1,2\n0,3,4\n", ":3: row 2, column \"t\": found 0 after 0"),
             ("t,u,z\n0,1,2\n1,3,4\n", ":1: found no column \"y\"; the columns are: t, u, z"),
-            ("u,y\n1,2\n3,4\n", ":1: found no column \"t\"; the columns are: u, y (or give the sample period with --period)"),
+            (
+                "u,y\n1,2\n3,4\n",
+                ":1: found no column \"t\"; the columns are: u, y (or give the sample period with --period)",
+            ),
             ("", "found an empty file"),
             ("t,u,y\n", "found 0 rows; allowed: at least 2"),
             ("t,u,y\n0,1,2\n1,3\n", "cannot be read as CSV"),

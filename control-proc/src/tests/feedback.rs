@@ -52,7 +52,7 @@ fn bridged_samples_do_not_disturb_the_model() {
         let good = whole.tick(Some(&model)).axes[0];
         let bits = if k % 10 < 2 { sample_fault::STALE } else { 0 };
         let bad = spoilt.tick_with(Some(&model), None, fault(bits)).axes[0];
-        assert!((good.command - bad.command).abs() < 0.1, "tick {k}: {} {}", good.command, bad.command);
+        assert!((good.command - bad.command).abs() < 0.2, "tick {k}: {} {}", good.command, bad.command);
     }
     assert!((whole.plant.position - spoilt.plant.position).abs() < 2e-3);
 }

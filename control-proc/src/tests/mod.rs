@@ -71,6 +71,7 @@ fn snapshot(sequence: u64, model: pipeline::hammerstein::Coefficients) -> Coeffi
     (snapshot.header.sequence, snapshot.header.axis_count) = (sequence, 8);
     for axis in &mut snapshot.axes {
         (axis.adaptive, axis.classical) = (model, model);
+        (axis.command_low, axis.command_high) = (-1.0, 1.0);
     }
     snapshot
 }

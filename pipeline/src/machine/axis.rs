@@ -59,7 +59,7 @@ pub struct Control {
     pub horizon: usize,
     /// Moves that the predictive controller plans.
     pub moves: usize,
-    /// Weight of the moves, relative to the square of the model's own step response over the horizon.
+    /// Weight of the moves, relative to the mean square of the model's own step response over the horizon.
     pub move_weight: f64,
 }
 
@@ -184,7 +184,7 @@ impl Control {
             model: section.choice_or("model", ModelChoice::Adaptive, &models),
             horizon: section.integer_or("horizon", 20, 1..=31),
             moves: section.integer_or("moves", 4, 1..=8),
-            move_weight: section.number_or("move_weight", 0.1, 1e-6..=1e3, ""),
+            move_weight: section.number_or("move_weight", 1.0, 1e-6..=1e3, ""),
         };
         section.finish();
         control

@@ -1,4 +1,25 @@
-//! The loop that every stage runs.
+//! The loop that every stage runs, in real time and in lock-step.
+//!
+//! | clock | who releases a tick |
+//! |---|---|
+//! | real time | sensor-proc (and plant-sim) by absolute timers; the others follow the data |
+//! | lock-step | plant-sim (or a replay) when command and snapshot of the tick before have arrived |
+//!
+//! After start a stage's loop allocates nothing, locks nothing, writes no log and no file, and never waits for a
+//! reader; it waits for its input only.
+
+mod clock;
+mod rights;
+mod run;
+mod turn;
+
+use std::sync::{Arc, atomic::AtomicBool};
+
+pub use clock::{monotonic_ns, sleep_until};
+pub use run::{Stage, run};
+pub use turn::{Next, Turn, Waiter};
+
+use crate::channel::{ChannelError, Prefix};
 
 /// The four stages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,4 +42,45 @@ impl StageKind {
     pub const fn name(self) -> &'static str {
         ["plant-sim", "sensor-proc", "ident-proc", "control-proc"][self as usize]
     }
+}
+
+/// What releases a tick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Clock {
+    /// Time.
+    RealTime,
+    /// The answer to the tick before, as fast as the machine allows; bit for bit repeatable.
+    LockStep,
+}
+
+/// How a stage is to run; the same for all stages of a group.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// The group's channels.
+    pub prefix: Prefix,
+    /// What releases a tick.
+    pub clock: Clock,
+    /// End after so many ticks; without it at a signal.
+    pub ticks: Option<u64>,
+    /// Seed of the simulated noise.
+    pub seed: u64,
+    /// Whether control-proc may move the machine from the start on.
+    pub arm: bool,
+    /// Set by a signal: end soon, with the valve neutral.
+    pub stop: Arc<AtomicBool>,
+}
+
+/// Why a stage ended before its time.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StageError {
+    /// A channel cannot be used.
+    #[error(transparent)]
+    Channel(#[from] ChannelError),
+    /// A right that was asked for strictly is not to be had.
+    #[error("{0}")]
+    Rights(String),
+    /// The stage cannot be set up from its machine file.
+    #[error("{0}")]
+    Setup(String),
 }

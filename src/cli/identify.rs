@@ -1,119 +1,14 @@
-//! What a user types.
+//! The arguments of `hydraxis identify`.
 
-use std::{path::PathBuf, str::FromStr, time::Duration};
+use std::{path::PathBuf, time::Duration};
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, ValueEnum};
 use pipeline::{
     hammerstein::{MAX_DELAY, MAX_LINEAR, MAX_ORDER, Structure},
-    machine::{Forgetting, Form, Split, samples_of},
+    machine::{Forgetting, Form, Split},
 };
 
-/// Identifies and controls the electrohydraulic axes of a machine.
-#[derive(Debug, Parser)]
-#[command(name = "hydraxis", version, max_term_width = 110)]
-pub struct Arguments {
-    /// What to do.
-    #[command(subcommand)]
-    pub command: Command,
-}
-
-/// The subcommands.
-#[derive(Debug, Subcommand)]
-pub enum Command {
-    /// Identify a Hammerstein model on a recording, offline and adaptive side by side
-    Identify(Identify),
-}
-
-/// A number of rows, or a part of all rows.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Rows {
-    /// So many.
-    Count(usize),
-    /// This part, between 0 and 1.
-    Fraction(f64),
-}
-
-impl FromStr for Rows {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        if let Ok(count) = text.parse() {
-            return Ok(Self::Count(count));
-        }
-        match text.parse() {
-            Ok(fraction) if fraction > 0.0 && fraction < 1.0 => Ok(Self::Fraction(fraction)),
-            _ => Err("allowed: a whole number of rows, or a fraction between 0 and 1".to_owned()),
-        }
-    }
-}
-
-impl Rows {
-    /// How many rows of `all`.
-    pub fn of(self, all: usize) -> usize {
-        match self {
-            Self::Count(count) => count,
-            Self::Fraction(fraction) => (fraction * all as f64).round() as usize,
-        }
-    }
-}
-
-/// A number of samples, given as such or as a duration.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Samples {
-    /// So many.
-    Count(usize),
-    /// So long.
-    Duration(Duration),
-}
-
-impl FromStr for Samples {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        if let Ok(count) = text.parse() {
-            return Ok(Self::Count(count));
-        }
-        let allowed = |_| "allowed: a whole number of samples, or a duration with its unit such as 0.5s".to_owned();
-        humantime::parse_duration(text).map(Self::Duration).map_err(allowed)
-    }
-}
-
-impl Samples {
-    /// How many samples of `period`.
-    pub fn at(self, period: Duration) -> usize {
-        match self {
-            Self::Count(count) => count,
-            Self::Duration(duration) => samples_of(duration, period),
-        }
-    }
-}
-
-/// A duration as a plain number of seconds or with its unit.
-fn seconds(text: &str) -> Result<Duration, String> {
-    let plain = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-    let duration = plain.or_else(|| humantime::parse_duration(text).ok());
-    duration
-        .filter(|duration| !duration.is_zero())
-        .ok_or_else(|| "allowed: seconds greater than 0, or a duration with its unit such as 20ms".to_owned())
-}
-
-fn forgetting(text: &str) -> Result<Forgetting, String> {
-    text.parse()
-}
-
-fn in_range(low: usize, high: usize) -> impl Fn(&str) -> Result<usize, String> + Clone {
-    move |text| match text.parse() {
-        Ok(number) if (low..=high).contains(&number) => Ok(number),
-        _ => Err(format!("allowed: a whole number from {low} to {high}")),
-    }
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(number) if number > 0.0 && f64::is_finite(number) => Ok(number),
-        _ => Err("allowed: a number greater than 0".to_owned()),
-    }
-}
+use super::values::{Rows, Samples, forgetting, in_range, positive, seconds};
 
 /// `identify`.
 #[derive(Debug, Args)]

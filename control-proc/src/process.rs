@@ -1,0 +1,141 @@
+//! The stage: samples, snapshots and references in, valve commands out.
+//!
+//! In real time a sample that is late by more than `feedback_timeout` makes the valves neutral, by a message that
+//! was built in advance, and latches them there. In lock-step the command of tick k is made with the snapshot of tick
+//! k-1, which is waited for.
+
+use pipeline::{
+    channel::{Group, Publisher, Reader},
+    machine::Machine,
+    message::{CoefficientSnapshot, EncoderSample, Reference, ValveCommand},
+    stage::{Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage},
+};
+
+use crate::Controller;
+
+/// Runs the stage until its last tick or a signal; the last command is neutral.
+///
+/// # Errors
+/// A trajectory cannot be used, or a channel cannot.
+pub fn run(machine: &Machine, options: Options) -> Result<(), StageError> {
+    let setup = options.clone();
+    run_stage(StageKind::ControlProc, machine, options, |group| Process::new(machine, &setup, group))
+}
+
+struct Process {
+    core: Controller,
+    samples: Reader<EncoderSample>,
+    snapshots: Reader<CoefficientSnapshot>,
+    references: Reader<Reference>,
+    commands: Publisher<ValveCommand>,
+    waiter: Waiter,
+    clock: Clock,
+    feedback_timeout_ns: u64,
+    /// When the last sample was acquired; none before the first.
+    last_sample_ns: Option<u64>,
+    lost: bool,
+}
+
+impl Process {
+    fn new(machine: &Machine, options: &Options, group: &Group) -> Result<Self, StageError> {
+        let mut core = Controller::new(machine).map_err(|error| StageError::Setup(error.to_string()))?;
+        if options.arm {
+            core.arm();
+        }
+        Ok(Self {
+            core,
+            samples: group.reader()?,
+            snapshots: group.reader()?,
+            references: group.reader()?,
+            commands: group.publisher()?,
+            waiter: Waiter::new::<EncoderSample>(group, machine, StageKind::ControlProc, options.clock)?,
+            clock: options.clock,
+            feedback_timeout_ns: machine.timing.feedback_timeout.as_nanos() as u64,
+            last_sample_ns: None,
+            lost: false,
+        })
+    }
+
+    /// Real time, no sample came: neutral once the last one is too old, and again at every look after.
+    fn watch_feedback(&mut self) -> Result<(), StageError> {
+        let now = monotonic_ns();
+        let too_old = self.last_sample_ns.is_some_and(|last| now.saturating_sub(last) > self.feedback_timeout_ns);
+        if self.clock == Clock::RealTime && too_old {
+            if !self.lost {
+                self.core.feedback_lost();
+                self.lost = true;
+            }
+            self.send_neutral(now)?;
+        }
+        Ok(())
+    }
+
+    fn send_neutral(&self, now: u64) -> Result<(), StageError> {
+        let last = self.samples.last().map(|sample| sample.header).unwrap_or_default();
+        let mut neutral = self.core.neutral(last.sequence);
+        neutral.header.acquired_ns = last.acquired_ns;
+        neutral.header.sent_ns = now;
+        Ok(self.commands.send(&neutral)?)
+    }
+
+    /// Lock-step: the snapshot of the tick before is on its way or here. False when the loop is to stop.
+    fn await_snapshot(&mut self, turn: &mut Turn, before: u64) -> Result<bool, StageError> {
+        let snapshots = &mut self.snapshots;
+        while !turn.wait_for(&Waiter::Yield, || snapshots.reach(before))? {
+            if turn.stopping() {
+                return Ok(false);
+            }
+            self.commands.greet();
+        }
+        Ok(true)
+    }
+}
+
+impl Stage for Process {
+    fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
+        let (samples, clock) = (&mut self.samples, self.clock);
+        let come = turn.wait_for(&self.waiter, || match clock {
+            // Only the newest sample is worth a command; the gap tells the core what it missed.
+            Clock::RealTime => Ok(samples.newest()?.if_new().is_some()),
+            Clock::LockStep => Ok(samples.read()?.if_new().is_some()),
+        })?;
+        if !come {
+            self.watch_feedback()?;
+            return Ok(Next::Waiting);
+        }
+        let Some(header) = self.samples.last().map(|sample| sample.header) else { return Ok(Next::Waiting) };
+        turn.pick_up(header.sent_ns);
+        match clock {
+            Clock::RealTime => {
+                self.snapshots.newest()?;
+            }
+            Clock::LockStep => {
+                if let Some(before) = header.sequence.checked_sub(1)
+                    && !self.await_snapshot(turn, before)?
+                {
+                    return Ok(Next::Waiting);
+                }
+            }
+        }
+        self.references.newest()?;
+        let Some(sample) = self.samples.last() else { return Ok(Next::Waiting) };
+        let mut command = self.core.update(sample, self.snapshots.last(), self.references.last());
+        turn.finish(&mut command.header, header.sequence, header.acquired_ns, header.acquired_ns);
+        self.commands.send(&command)?;
+        turn.arrive(&command.header);
+        self.last_sample_ns = Some(header.acquired_ns);
+        Ok(if turn.is_last(header.sequence) { Next::Finished } else { Next::Worked })
+    }
+
+    fn greet(&self) {
+        self.commands.greet();
+    }
+
+    fn stop(&mut self) -> Result<(), StageError> {
+        self.send_neutral(monotonic_ns())
+    }
+
+    fn lost(&self) -> u64 {
+        self.samples.lost() + self.snapshots.lost() + self.references.lost()
+    }
+}

@@ -1,0 +1,50 @@
+//! All axes of a machine at once: messages in, message out.
+
+use pipeline::{
+    machine::Machine,
+    message::{CoefficientSnapshot, EncoderSample, ValveCommand, sample_fault},
+};
+
+use crate::Identifier;
+
+/// All axes of a machine, tick by tick: the core of the stage.
+#[derive(Debug, Clone)]
+pub struct Identifiers {
+    axes: Vec<Identifier>,
+    last: Option<u64>,
+}
+
+impl Identifiers {
+    /// Takes all memory that it will ever use.
+    pub fn new(machine: &Machine) -> Self {
+        Self { axes: machine.axes.iter().map(|axis| Identifier::new(&axis.identification)).collect(), last: None }
+    }
+
+    /// Takes in the sample of a tick and the command of the tick before, if it is known, and writes the snapshot.
+    /// The times of the header are for the process to fill in.
+    ///
+    /// A sample or command of another tick than the next is a gap; one of another number of axes is not used.
+    pub fn update(
+        &mut self,
+        sample: &EncoderSample,
+        command: Option<&ValveCommand>,
+        snapshot: &mut CoefficientSnapshot,
+    ) {
+        let count = self.axes.len() as u32;
+        let tick = sample.header.sequence;
+        let follows = self.last.is_some_and(|last| last.checked_add(1) == Some(tick));
+        self.last = Some(tick);
+        let command = command.filter(|command| {
+            follows && command.header.sequence.checked_add(1) == Some(tick) && command.header.axis_count == count
+        });
+        let usable = sample.header.axis_count == count;
+        for (i, axis) in self.axes.iter_mut().enumerate() {
+            let position = &sample.axes[i];
+            let healthy = usable && position.faults & sample_fault::UNUSABLE == 0;
+            axis.update(healthy.then_some(position.position), command.map(|command| command.axes[i].command));
+            snapshot.axes[i] = axis.snapshot();
+        }
+        snapshot.header.sequence = tick;
+        snapshot.header.axis_count = count;
+    }
+}

@@ -1,0 +1,206 @@
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::*;
+use crate::message::{EncoderSample, Header, Message, Reference, ValveCommand};
+
+/// A prefix of its own for each test, with nothing left behind.
+struct Own(Prefix);
+
+impl Own {
+    fn new(test: &str) -> Self {
+        Self(format!("t{}-{test}", std::process::id()).parse().unwrap())
+    }
+
+    fn join(&self) -> Group {
+        Group::join(&self.0, "test").unwrap()
+    }
+}
+
+impl Drop for Own {
+    fn drop(&mut self) {
+        leftovers(&self.0);
+    }
+}
+
+fn sample(sequence: u64) -> EncoderSample {
+    EncoderSample { header: Header { sequence, ..Header::default() }, ..EncoderSample::default() }
+}
+
+#[test]
+fn a_read_is_new_or_old_or_none() {
+    let own = Own::new("read");
+    let group = own.join();
+    let (publisher, mut reader) = (group.publisher().unwrap(), group.reader::<EncoderSample>().unwrap());
+    assert_eq!(reader.read().unwrap(), Read::None);
+    publisher.send(&sample(7)).unwrap();
+    assert_eq!(reader.read().unwrap(), Read::New(&sample(7)));
+    assert_eq!(reader.read().unwrap(), Read::Old(&sample(7)));
+    publisher.send(&sample(8)).unwrap();
+    publisher.send(&sample(9)).unwrap();
+    assert_eq!(reader.newest().unwrap(), Read::New(&sample(9)));
+    assert_eq!(reader.newest().unwrap(), Read::Old(&sample(9)));
+    assert_eq!((reader.lost(), reader.restarts()), (0, 0));
+}
+
+#[test]
+fn a_reader_that_sleeps_loses_the_oldest_and_knows_how_many() {
+    let own = Own::new("lost");
+    let group = own.join();
+    let (publisher, mut reader) = (group.publisher().unwrap(), group.reader::<EncoderSample>().unwrap());
+    publisher.send(&sample(0)).unwrap();
+    assert!(reader.read().unwrap().if_new().is_some());
+    let sent = 5 * EncoderSample::BUFFER as u64;
+    (1..=sent).for_each(|k| publisher.send(&sample(k)).unwrap());
+    let mut read = 0;
+    while reader.read().unwrap().if_new().is_some() {
+        read += 1;
+    }
+    assert_eq!(read, EncoderSample::BUFFER as u64);
+    assert_eq!(reader.lost(), sent - read);
+    assert_eq!(reader.last().unwrap().header.sequence, sent);
+}
+
+#[test]
+fn a_writer_that_starts_again_is_counted() {
+    let own = Own::new("restart");
+    let group = own.join();
+    let mut reader = group.reader::<ValveCommand>().unwrap();
+    for _ in 0..2 {
+        let publisher = group.publisher::<ValveCommand>().unwrap();
+        publisher.send(&ValveCommand::default()).unwrap();
+        assert!(reader.read().unwrap().if_new().is_some());
+    }
+    assert_eq!((reader.lost(), reader.restarts()), (0, 1));
+}
+
+#[test]
+fn a_late_reader_gets_the_newest_message() {
+    let own = Own::new("late");
+    let group = own.join();
+    let publisher = group.publisher().unwrap();
+    publisher.send(&sample(3)).unwrap();
+    publisher.send(&sample(4)).unwrap();
+    let mut late = group.reader::<EncoderSample>().unwrap();
+    publisher.greet();
+    assert_eq!(late.read().unwrap(), Read::New(&sample(4)));
+    // Greeting again repeats nothing.
+    publisher.greet();
+    assert_eq!(late.read().unwrap(), Read::Old(&sample(4)));
+}
+
+#[test]
+fn reading_up_to_a_tick_leaves_the_later_ones() {
+    let own = Own::new("reach");
+    let group = own.join();
+    let (publisher, mut reader) = (group.publisher().unwrap(), group.reader::<EncoderSample>().unwrap());
+    assert!(!reader.reach(2).unwrap());
+    (0..5).for_each(|k| publisher.send(&sample(k)).unwrap());
+    assert!(reader.reach(2).unwrap() && reader.reach(1).unwrap());
+    assert_eq!(reader.last().unwrap().header.sequence, 2);
+    assert_eq!(reader.read().unwrap(), Read::New(&sample(3)));
+}
+
+#[test]
+fn groups_share_nothing() {
+    let (one, two) = (Own::new("one"), Own::new("two"));
+    let (group_one, group_two) = (one.join(), two.join());
+    let publisher = group_one.publisher().unwrap();
+    let mut stranger = group_two.reader::<EncoderSample>().unwrap();
+    publisher.send(&sample(1)).unwrap();
+    publisher.greet();
+    assert_eq!(stranger.read().unwrap(), Read::None);
+}
+
+#[test]
+fn a_second_writer_is_refused() {
+    let own = Own::new("second");
+    let group = own.join();
+    let _first = group.publisher::<EncoderSample>().unwrap();
+    let error = group.publisher::<EncoderSample>().map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("encoder-sample") && error.contains("ExceedsMaxSupportedPublishers"), "{error}");
+}
+
+mod foreign {
+    use super::*;
+
+    crate::layout::shared_struct! {
+        /// A reference as another version might lay it out: same name, same size, fields swapped.
+        #[type_name("hydraxis.Reference/1")]
+        pub struct Reference {
+            /// Swapped with `positions`.
+            pub preview: u32,
+            /// Swapped too.
+            pub reserved: u32,
+            /// The header last.
+            pub positions: [[f64; crate::message::MAX_PREVIEW]; crate::MAX_AXES],
+            /// Moved to the end.
+            pub header: Header,
+        }
+    }
+
+    impl Message for Reference {
+        const CHANNEL: &'static str = "reference";
+        const MAX_PUBLISHERS: usize = 1;
+        const BUFFER: usize = 4;
+        fn header(&self) -> &Header {
+            &self.header
+        }
+        fn header_mut(&mut self) -> &mut Header {
+            &mut self.header
+        }
+    }
+}
+
+#[test]
+fn a_foreign_layout_of_the_same_name_and_size_is_refused() {
+    assert_eq!(size_of::<Reference>(), size_of::<foreign::Reference>());
+    let own = Own::new("foreign");
+    let group = own.join();
+    let _ours = group.reader::<Reference>().unwrap();
+    let error = group.publisher::<foreign::Reference>().map(|_| ()).unwrap_err();
+    assert!(matches!(error, ChannelError::ForeignLayout { channel: "reference", .. }), "{error}");
+    assert!(error.to_string().contains("another layout"), "{error}");
+}
+
+#[test]
+fn a_bell_wakes_an_ear_and_is_not_forgotten() {
+    let own = Own::new("bell");
+    let group = own.join();
+    let (bell, ear) = (group.bell::<EncoderSample>().unwrap(), group.ear::<EncoderSample>().unwrap());
+    // Rung before the wait: the wait ends at once, long before its bound.
+    bell.ring().unwrap();
+    let started = std::time::Instant::now();
+    ear.wait(std::time::Duration::from_secs(30)).unwrap();
+    assert!(started.elapsed() < std::time::Duration::from_secs(20));
+    // A listener that never listens holds nobody up, however often the bell rings.
+    (0..100_000).for_each(|_| bell.ring().unwrap());
+    // Not rung: the wait ends by its bound.
+    ear.wait(std::time::Duration::ZERO).unwrap();
+    ear.wait(std::time::Duration::from_millis(1)).unwrap();
+}
+
+#[test]
+fn prefixes_that_cannot_name_files_are_refused() {
+    for text in ["", "a/b", "a b", "..", "a.b", "x".repeat(33).as_str()] {
+        assert!(text.parse::<Prefix>().is_err(), "{text}");
+    }
+    assert!("boom-1_x".parse::<Prefix>().is_ok());
+}
+
+#[test]
+fn nothing_is_left_behind() {
+    let own = Own::new("left");
+    {
+        let group = own.join();
+        let publisher = group.publisher().unwrap();
+        let mut reader = group.reader::<EncoderSample>().unwrap();
+        publisher.send(&sample(1)).unwrap();
+        assert!(reader.read().unwrap().if_new().is_some());
+    }
+    leftovers(&own.0);
+    assert!(!own.0.folder().exists());
+    let start = format!("{}.", own.0);
+    let left = std::fs::read_dir("/dev/shm").unwrap().flatten();
+    let left: Vec<_> = left.filter(|entry| entry.file_name().to_string_lossy().starts_with(&start)).collect();
+    assert!(left.is_empty(), "{left:?}");
+}

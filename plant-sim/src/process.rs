@@ -1,0 +1,135 @@
+//! The stage: valve commands in, encoder readings out.
+//!
+//! In real time the plant lives by its own timer, as an encoder with a cyclic timer does: every millisecond it takes
+//! the newest command, moves on to the present and sends a reading. In lock-step it is the head of the ring: it
+//! moves on by one period when the command and the snapshot of its last reading have arrived.
+
+use std::time::Duration;
+
+use pipeline::{
+    channel::{Group, Publisher, Reader},
+    machine::Machine,
+    message::{CoefficientSnapshot, EncoderReading, ValveCommand},
+    stage::{
+        Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage, sleep_until,
+    },
+};
+
+use crate::PlantSim;
+
+/// Time between two readings in real time: as often as a fast cable encoder sends.
+const READING_PERIOD: Duration = Duration::from_millis(1);
+
+/// Runs the stage until its last tick or a signal.
+///
+/// # Errors
+/// The machine has an axis without a plant, or a channel cannot be used.
+pub fn run(machine: &Machine, options: Options) -> Result<(), StageError> {
+    let setup = options.clone();
+    run_stage(StageKind::PlantSim, machine, options, |group| Process::new(machine, &setup, group))
+}
+
+struct Process {
+    plant: PlantSim,
+    period: Duration,
+    readings: Publisher<EncoderReading>,
+    commands: Reader<ValveCommand>,
+    /// Lock-step only.
+    snapshots: Option<Reader<CoefficientSnapshot>>,
+    /// The last reading sent; its number is the tick that is waited for in lock-step.
+    last: Option<EncoderReading>,
+    next_release_ns: u64,
+}
+
+impl Process {
+    fn new(machine: &Machine, options: &Options, group: &Group) -> Result<Self, StageError> {
+        let lock_step = options.clock == Clock::LockStep;
+        Ok(Self {
+            plant: PlantSim::new(machine, options.seed).map_err(|error| StageError::Setup(error.to_string()))?,
+            period: machine.timing.period,
+            readings: group.publisher()?,
+            commands: group.reader()?,
+            snapshots: if lock_step { Some(group.reader()?) } else { None },
+            last: None,
+            next_release_ns: monotonic_ns(),
+        })
+    }
+
+    fn send_reading(&mut self, turn: &mut Turn, due_ns: u64) -> Result<(), StageError> {
+        let mut reading = self.plant.read();
+        let sequence = reading.header.sequence;
+        turn.finish(&mut reading.header, sequence, monotonic_ns(), due_ns);
+        self.readings.send(&reading)?;
+        self.last = Some(reading);
+        Ok(())
+    }
+
+    fn real_time(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
+        sleep_until(self.next_release_ns);
+        let intended = self.next_release_ns;
+        let now = turn.release(intended);
+        // The plant is time itself: it never skips, it catches up.
+        let mut due = 0;
+        while self.next_release_ns <= now {
+            self.next_release_ns += READING_PERIOD.as_nanos() as u64;
+            due += 1;
+        }
+        if self.commands.newest()?.if_new().is_some()
+            && let Some(command) = self.commands.last()
+        {
+            self.plant.command(command);
+        }
+        self.plant.advance(READING_PERIOD * due);
+        self.send_reading(turn, intended)?;
+        let ended = self.commands.last().is_some_and(|command| turn.is_last(command.header.sequence));
+        Ok(if ended { Next::Finished } else { Next::Worked })
+    }
+
+    fn lock_step(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
+        let Some(last) = &self.last else {
+            turn.pick_up(monotonic_ns());
+            self.send_reading(turn, 0)?;
+            return Ok(Next::Worked);
+        };
+        let (tick, sent_ns) = (last.header.sequence, last.header.sent_ns);
+        let (commands, snapshots) = (&mut self.commands, &mut self.snapshots);
+        let answered = turn.wait_for(&Waiter::Yield, || {
+            let command = commands.reach(tick)?;
+            Ok(command && snapshots.as_mut().map_or(Ok(true), |snapshots| snapshots.reach(tick))?)
+        })?;
+        if !answered {
+            return Ok(Next::Waiting);
+        }
+        turn.pick_up(self.commands.last().map_or(sent_ns, |command| command.header.sent_ns));
+        if turn.is_last(tick) {
+            return Ok(Next::Finished);
+        }
+        if let Some(command) = self.commands.last() {
+            self.plant.command(command);
+        }
+        self.plant.advance(self.period);
+        self.send_reading(turn, 0)?;
+        Ok(Next::Worked)
+    }
+}
+
+impl Stage for Process {
+    fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
+        match turn.options.clock {
+            Clock::RealTime => self.real_time(turn),
+            Clock::LockStep => self.lock_step(turn),
+        }
+    }
+
+    fn greet(&self) {
+        self.readings.greet();
+    }
+
+    fn stop(&mut self) -> Result<(), StageError> {
+        Ok(())
+    }
+
+    fn lost(&self) -> u64 {
+        self.commands.lost() + self.snapshots.as_ref().map_or(0, Reader::lost)
+    }
+}

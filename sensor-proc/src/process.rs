@@ -1,0 +1,246 @@
+//! The stage: readings (or a recording) in, samples out.
+
+use std::path::Path;
+
+use pipeline::{
+    channel::{Bell, Group, Publisher, Reader},
+    machine::{Machine, Source},
+    message::{CoefficientSnapshot, EncoderReading, EncoderSample, ValveCommand},
+    stage::{
+        Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage, sleep_until,
+    },
+};
+
+use crate::source::{Acquisition, Replay, is_implausible};
+
+/// How often the first reading is looked for, ns.
+const FIRST_READING_POLL_NS: u64 = 1_000_000;
+
+/// Runs the stage until its last tick, the end of the recording, or a signal.
+///
+/// # Errors
+/// The recording cannot be used, or a channel cannot.
+pub fn run(machine: &Machine, options: Options) -> Result<(), StageError> {
+    let clock = options.clock;
+    match &machine.source {
+        Source::Sim => run_stage(StageKind::SensorProc, machine, options, |group| Live::new(machine, clock, group)),
+        Source::Replay(file) => {
+            run_stage(StageKind::SensorProc, machine, options, |group| Recorded::new(machine, file, clock, group))
+        }
+    }
+}
+
+/// The way out: samples, and the bell for those who sleep.
+struct Output {
+    samples: Publisher<EncoderSample>,
+    /// Real time only.
+    bell: Option<Bell>,
+}
+
+impl Output {
+    fn new(group: &Group, clock: Clock) -> Result<Self, StageError> {
+        let bell = if clock == Clock::RealTime { Some(group.bell::<EncoderSample>()?) } else { None };
+        Ok(Self { samples: group.publisher()?, bell })
+    }
+
+    fn send(
+        &self,
+        turn: &mut Turn,
+        sample: &mut EncoderSample,
+        acquired_ns: u64,
+        due_ns: u64,
+    ) -> Result<(), StageError> {
+        if is_implausible(sample) {
+            turn.implausible();
+        }
+        let sequence = sample.header.sequence;
+        turn.finish(&mut sample.header, sequence, acquired_ns, due_ns);
+        self.samples.send(sample)?;
+        if let Some(bell) = &self.bell {
+            bell.ring()?;
+        }
+        Ok(())
+    }
+}
+
+/// The release of ticks by absolute timers: tick k is due at start + k periods.
+struct Timer {
+    start_ns: u64,
+    period_ns: u64,
+    next: u64,
+}
+
+impl Timer {
+    /// The first tick is due one period from now.
+    fn new(period_ns: u64) -> Self {
+        Self { start_ns: monotonic_ns() + period_ns, period_ns, next: 0 }
+    }
+
+    /// Sleeps until the next tick; returns its number and when it was due. Ticks that have passed meanwhile are
+    /// counted, and their numbers left out: whoever reads the samples sees the gap.
+    fn release(&mut self, turn: &mut Turn) -> (u64, u64) {
+        let due_ns = self.start_ns + self.next * self.period_ns;
+        sleep_until(due_ns);
+        let now = turn.release(due_ns);
+        let passed = now.saturating_sub(due_ns) / self.period_ns;
+        turn.skip(passed);
+        let tick = self.next + passed;
+        self.next = tick + 1;
+        (tick, self.start_ns + tick * self.period_ns)
+    }
+}
+
+/// Source `sim`: readings from plant-sim, or from any program in its place.
+struct Live {
+    core: Acquisition,
+    readings: Reader<EncoderReading>,
+    output: Output,
+    period_ns: u64,
+    /// Real time only; set by the first reading.
+    timer: Option<Timer>,
+}
+
+impl Live {
+    fn new(machine: &Machine, clock: Clock, group: &Group) -> Result<Self, StageError> {
+        Ok(Self {
+            core: Acquisition::new(machine),
+            readings: group.reader()?,
+            output: Output::new(group, clock)?,
+            period_ns: machine.timing.period.as_nanos() as u64,
+            timer: None,
+        })
+    }
+
+    fn real_time(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
+        let Some(timer) = &mut self.timer else {
+            // The ticks begin when the encoders do.
+            sleep_until(monotonic_ns() + FIRST_READING_POLL_NS);
+            if self.readings.newest()?.if_new().is_some() {
+                self.timer = Some(Timer::new(self.period_ns));
+            }
+            return Ok(Next::Waiting);
+        };
+        let (tick, due_ns) = timer.release(turn);
+        let reading = self.readings.newest()?.if_new();
+        let acquired_ns = reading.map_or(due_ns, |reading| reading.header.acquired_ns);
+        if let Some(reading) = reading {
+            turn.pick_up(reading.header.sent_ns);
+        }
+        let mut sample = self.core.update(tick, reading);
+        self.output.send(turn, &mut sample, acquired_ns, due_ns)?;
+        Ok(if turn.is_last(tick) { Next::Finished } else { Next::Worked })
+    }
+
+    fn lock_step(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
+        let readings = &mut self.readings;
+        if !turn.wait_for(&Waiter::Yield, || Ok(readings.read()?.if_new().is_some()))? {
+            return Ok(Next::Waiting);
+        }
+        let Some(reading) = self.readings.last() else { return Ok(Next::Waiting) };
+        let header = reading.header;
+        turn.pick_up(header.sent_ns);
+        let mut sample = self.core.update(header.sequence, Some(reading));
+        self.output.send(turn, &mut sample, header.acquired_ns, header.acquired_ns)?;
+        Ok(if turn.is_last(header.sequence) { Next::Finished } else { Next::Worked })
+    }
+}
+
+impl Stage for Live {
+    fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
+        match turn.options.clock {
+            Clock::RealTime => self.real_time(turn),
+            Clock::LockStep => self.lock_step(turn),
+        }
+    }
+
+    fn greet(&self) {
+        self.output.samples.greet();
+    }
+
+    fn stop(&mut self) -> Result<(), StageError> {
+        Ok(())
+    }
+
+    fn lost(&self) -> u64 {
+        self.readings.lost()
+    }
+}
+
+/// Source `replay`: a recording in the place of encoders and controller.
+struct Recorded {
+    core: Replay,
+    output: Output,
+    commands: Publisher<ValveCommand>,
+    /// Lock-step only: the next row goes out when the last has been learned from.
+    snapshots: Option<Reader<CoefficientSnapshot>>,
+    timer: Option<Timer>,
+    period_ns: u64,
+    next: u64,
+}
+
+impl Recorded {
+    fn new(machine: &Machine, file: &Path, clock: Clock, group: &Group) -> Result<Self, StageError> {
+        Ok(Self {
+            core: Replay::new(machine, file).map_err(|error| StageError::Setup(error.to_string()))?,
+            output: Output::new(group, clock)?,
+            commands: group.publisher()?,
+            snapshots: if clock == Clock::LockStep { Some(group.reader()?) } else { None },
+            timer: None,
+            period_ns: machine.timing.period.as_nanos() as u64,
+            next: 0,
+        })
+    }
+
+    /// Waits until the next row is due; `None` when it is not yet.
+    fn release(&mut self, turn: &mut Turn) -> Result<Option<u64>, StageError> {
+        match &mut self.snapshots {
+            Some(snapshots) => {
+                if let Some(last) = self.next.checked_sub(1)
+                    && !turn.wait_for(&Waiter::Yield, || snapshots.reach(last))?
+                {
+                    return Ok(None);
+                }
+                turn.pick_up(snapshots.last().map_or_else(monotonic_ns, |snapshot| snapshot.header.sent_ns));
+                Ok(Some(monotonic_ns()))
+            }
+            None => {
+                let timer = self.timer.get_or_insert_with(|| Timer::new(self.period_ns));
+                // A late row is sent late: a recording has no gaps of its own.
+                let due_ns = timer.start_ns + self.next * timer.period_ns;
+                sleep_until(due_ns);
+                turn.release(due_ns);
+                Ok(Some(due_ns))
+            }
+        }
+    }
+}
+
+impl Stage for Recorded {
+    fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
+        let Some(due_ns) = self.release(turn)? else { return Ok(Next::Waiting) };
+        let ended = self.next.checked_sub(1).is_some_and(|last| turn.is_last(last));
+        let Some((mut sample, mut command)) = self.core.update(self.next).filter(|_| !ended) else {
+            return Ok(Next::Finished);
+        };
+        let now = monotonic_ns();
+        self.output.send(turn, &mut sample, now, due_ns)?;
+        command.header.acquired_ns = now;
+        command.header.sent_ns = monotonic_ns();
+        self.commands.send(&command)?;
+        self.next += 1;
+        Ok(Next::Worked)
+    }
+
+    fn greet(&self) {
+        self.output.samples.greet();
+        self.commands.greet();
+    }
+
+    fn stop(&mut self) -> Result<(), StageError> {
+        Ok(())
+    }
+
+    fn lost(&self) -> u64 {
+        0
+    }
+}

@@ -1,0 +1,43 @@
+//! What a user types.
+
+mod identify;
+mod run;
+mod values;
+
+use clap::{Parser, Subcommand};
+
+pub use identify::Identify;
+pub use run::{MachineFile, Run, Simulate, Stage};
+
+/// Identifies and controls the electrohydraulic axes of a machine.
+#[derive(Debug, Parser)]
+#[command(name = "hydraxis", version, max_term_width = 110)]
+#[command(after_help = "\
+Start with `hydraxis run`: it needs no file, simulates the built-in four-axis excavator, and moves nothing real.
+Exit codes: 0 done, 1 the run failed, 2 bad usage or a bad file.")]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a machine: one process per stage, over shared memory
+    Run(Run),
+    /// Run the same loop in one process, without shared memory
+    Simulate(Simulate),
+    /// Identify a Hammerstein model on a recording, offline and adaptive side by side
+    Identify(Identify),
+    /// Check a machine file and say everything that is wrong with it
+    Check(MachineFile),
+    /// Run the simulated machine alone, in the foreground
+    PlantSim(Stage),
+    /// Run the encoder acquisition alone, in the foreground
+    SensorProc(Stage),
+    /// Run the identification alone, in the foreground
+    IdentProc(Stage),
+    /// Run the controller alone, in the foreground
+    ControlProc(Stage),
+}

@@ -1,0 +1,116 @@
+//! Values as a user types them.
+
+use std::{str::FromStr, time::Duration};
+
+use pipeline::machine::{Forgetting, samples_of};
+
+/// A number of rows, or a part of all rows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Rows {
+    /// So many.
+    Count(usize),
+    /// This part, between 0 and 1.
+    Fraction(f64),
+}
+
+impl FromStr for Rows {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if let Ok(count) = text.parse() {
+            return Ok(Self::Count(count));
+        }
+        match text.parse() {
+            Ok(fraction) if fraction > 0.0 && fraction < 1.0 => Ok(Self::Fraction(fraction)),
+            _ => Err("allowed: a whole number of rows, or a fraction between 0 and 1".to_owned()),
+        }
+    }
+}
+
+impl Rows {
+    /// How many rows of `all`.
+    pub fn of(self, all: usize) -> usize {
+        match self {
+            Self::Count(count) => count,
+            Self::Fraction(fraction) => (fraction * all as f64).round() as usize,
+        }
+    }
+}
+
+/// A number of samples, given as such or as a duration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Samples {
+    /// So many.
+    Count(usize),
+    /// So long.
+    Duration(Duration),
+}
+
+impl FromStr for Samples {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if let Ok(count) = text.parse() {
+            return Ok(Self::Count(count));
+        }
+        let allowed = |_| "allowed: a whole number of samples, or a duration with its unit such as 0.5s".to_owned();
+        humantime::parse_duration(text).map(Self::Duration).map_err(allowed)
+    }
+}
+
+impl Samples {
+    /// How many samples of `period`.
+    pub fn at(self, period: Duration) -> usize {
+        match self {
+            Self::Count(count) => count,
+            Self::Duration(duration) => samples_of(duration, period),
+        }
+    }
+}
+
+/// A duration as a plain number of seconds or with its unit.
+pub fn seconds(text: &str) -> Result<Duration, String> {
+    let plain = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    let duration = plain.or_else(|| humantime::parse_duration(text).ok());
+    duration
+        .filter(|duration| !duration.is_zero())
+        .ok_or_else(|| "allowed: seconds greater than 0, or a duration with its unit such as 20ms".to_owned())
+}
+
+/// `--forgetting`.
+pub fn forgetting(text: &str) -> Result<Forgetting, String> {
+    text.parse()
+}
+
+/// A whole number in a range.
+pub fn in_range(low: usize, high: usize) -> impl Fn(&str) -> Result<usize, String> + Clone {
+    move |text| match text.parse() {
+        Ok(number) if (low..=high).contains(&number) => Ok(number),
+        _ => Err(format!("allowed: a whole number from {low} to {high}")),
+    }
+}
+
+/// A number greater than 0.
+pub fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(number) if number > 0.0 && f64::is_finite(number) => Ok(number),
+        _ => Err("allowed: a number greater than 0".to_owned()),
+    }
+}
+
+/// A duration greater than 0 with its unit.
+pub fn duration(text: &str) -> Result<Duration, String> {
+    let parsed = humantime::parse_duration(text).ok().filter(|duration| !duration.is_zero());
+    parsed.ok_or_else(|| "allowed: a duration greater than 0 with its unit, such as 20s or 500ms".to_owned())
+}
+
+/// `KEY=VALUE`.
+pub fn setting(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((key, value)) if !key.trim().is_empty() => Ok((key.trim().to_owned(), value.trim().to_owned())),
+        _ => {
+            Err("allowed: KEY=VALUE with a key of the machine file, such as axis.boom.forgetting=constant:0.995"
+                .to_owned())
+        }
+    }
+}

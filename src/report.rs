@@ -1,0 +1,268 @@
+//! What `run` and `simulate` report: the same figures as tables and as JSON.
+
+use std::collections::BTreeMap;
+
+use pipeline::{
+    latency::Percentiles,
+    machine::Machine,
+    message::{AxisSnapshot, CoefficientSnapshot, ModelErrors, StageHealth, ValveCommand},
+    stage::StageKind,
+    statistics::ErrorStatistics,
+};
+use serde::Serialize;
+
+use crate::{
+    identify::{CoefficientLists, ErrorFigures, reduction_percent},
+    table::{nanoseconds, number, percent, table},
+};
+
+/// The figures of one run.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    axes: BTreeMap<String, AxisReport>,
+    stages: BTreeMap<&'static str, StageReport>,
+    end_to_end_ns: PercentileReport,
+    release_jitter_ns: PercentileReport,
+    /// Ticks controlled.
+    pub ticks: u64,
+    /// Time that passed, s.
+    pub wall_s: f64,
+    /// Time of the machine, s.
+    pub model_s: f64,
+    /// The order of the axes in the machine file, for the tables.
+    #[serde(skip)]
+    order: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct AxisReport {
+    tracking: Tracking,
+    mode: &'static str,
+    rejected_snapshots: u64,
+    identification: Identification,
+}
+
+#[derive(Debug, Serialize)]
+struct Tracking {
+    sigma: f64,
+    rmse: f64,
+    max: f64,
+    count: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct Identification {
+    classical: ModelReport,
+    adaptive: ModelReport,
+    reduction_percent: Reduction,
+    forgetting_factor: f64,
+    updates: u64,
+    skipped: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct ModelReport {
+    one_step: ErrorFigures,
+    h_step: ErrorFigures,
+    free_run: ErrorFigures,
+    coefficients: CoefficientLists,
+}
+
+#[derive(Debug, Serialize)]
+struct Reduction {
+    one_step: f64,
+    h_step: f64,
+    free_run: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct StageReport {
+    samples: u64,
+    lost: u64,
+    missed_deadlines: u64,
+    implausible: u64,
+    restarts: u64,
+    wait_ns: PercentileReport,
+    work_ns: PercentileReport,
+}
+
+/// Percentiles as JSON.
+#[derive(Debug, Clone, Copy, Serialize)]
+struct PercentileReport {
+    count: u64,
+    p50: u64,
+    p99: u64,
+    p99_9: u64,
+    p99_99: u64,
+    max: u64,
+    beyond: u64,
+}
+
+impl From<Percentiles> for PercentileReport {
+    fn from(p: Percentiles) -> Self {
+        Self { count: p.count, p50: p.p50, p99: p.p99, p99_9: p.p99_9, p99_99: p.p99_99, max: p.max, beyond: p.beyond }
+    }
+}
+
+/// The last messages of a run, from which everything is reported.
+#[derive(Debug, Default)]
+pub struct LastMessages {
+    /// From control-proc; none when a recording played.
+    pub command: Option<ValveCommand>,
+    /// From ident-proc.
+    pub snapshot: Option<CoefficientSnapshot>,
+    /// One per stage that ran, by [`StageKind`].
+    pub health: [Option<StageHealth>; 4],
+}
+
+impl Report {
+    /// From the last messages of a run that took `wall_s`.
+    pub fn new(machine: &Machine, last: &LastMessages, wall_s: f64) -> Self {
+        let health = |kind: StageKind| last.health[kind as usize].as_ref();
+        let axes = machine.axes.iter().enumerate().map(|(i, axis)| {
+            let command = last.command.map(|command| command.axes[i]).unwrap_or_default();
+            let snapshot = last.snapshot.map(|snapshot| snapshot.axes[i]).unwrap_or_default();
+            (axis.name.clone(), AxisReport::new(&command, &snapshot))
+        });
+        let stages = StageKind::ALL.into_iter().filter_map(|kind| {
+            health(kind).map(|health| {
+                let stage = StageReport {
+                    samples: health.samples,
+                    lost: health.lost,
+                    missed_deadlines: health.missed_deadlines,
+                    implausible: health.implausible,
+                    restarts: 0,
+                    wait_ns: health.wait.into(),
+                    work_ns: health.work.into(),
+                };
+                (kind.name(), stage)
+            })
+        });
+        let percentiles = |kind, of: fn(&StageHealth) -> Percentiles| health(kind).map(of).unwrap_or_default().into();
+        let ticks = health(StageKind::SensorProc).map_or(0, |health| health.samples);
+        Self {
+            axes: axes.collect(),
+            stages: stages.collect(),
+            end_to_end_ns: percentiles(StageKind::ControlProc, |health| health.end_to_end),
+            release_jitter_ns: percentiles(StageKind::SensorProc, |health| health.release_jitter),
+            ticks,
+            wall_s,
+            model_s: ticks as f64 * machine.timing.period.as_secs_f64(),
+            order: machine.axes.iter().map(|axis| axis.name.clone()).collect(),
+        }
+    }
+
+    /// Messages lost over all stages.
+    pub fn lost(&self) -> u64 {
+        self.stages.values().map(|stage| stage.lost).sum()
+    }
+
+    /// Prints the tables.
+    pub fn print(&self) {
+        let axes = || self.order.iter().filter_map(|name| self.axes.get(name).map(|axis| (name, axis)));
+        println!("Tracking error, mm, and identification error, mm (sigma; h steps ahead; 1 - adaptive / classical):");
+        let rows = axes().map(|(name, axis)| {
+            let identification = &axis.identification;
+            let (classical, adaptive) = (&identification.classical, &identification.adaptive);
+            vec![
+                name.clone(),
+                axis.mode.to_owned(),
+                number(1e3 * axis.tracking.rmse),
+                number(1e3 * axis.tracking.max),
+                number(1e3 * classical.h_step.sigma),
+                number(1e3 * adaptive.h_step.sigma),
+                percent(identification.reduction_percent.h_step),
+                number(1e3 * classical.one_step.sigma),
+                number(1e3 * adaptive.one_step.sigma),
+                percent(identification.reduction_percent.one_step),
+            ]
+        });
+        let header = [
+            "axis",
+            "mode",
+            "track rmse",
+            "max",
+            "h-step class.",
+            "adaptive",
+            "reduction",
+            "1-step class.",
+            "adaptive",
+            "reduction",
+        ];
+        println!("{}\n", table(&header, rows.collect()));
+        let rows =
+            StageKind::ALL.iter().filter_map(|kind| self.stages.get(kind.name()).map(|stage| (kind.name(), stage)));
+        let rows = rows.map(|(name, stage)| {
+            let mut row = vec![
+                name.to_owned(),
+                stage.samples.to_string(),
+                stage.lost.to_string(),
+                stage.missed_deadlines.to_string(),
+            ];
+            for p in [&stage.wait_ns, &stage.work_ns] {
+                row.extend([p.p50, p.p99, p.p99_9, p.max].map(nanoseconds));
+            }
+            row
+        });
+        let header =
+            ["stage", "samples", "lost", "late", "wait p50", "p99", "p99.9", "max", "work p50", "p99", "p99.9", "max"];
+        println!("{}\n", table(&header, rows.collect()));
+        let rows = [("end to end", &self.end_to_end_ns), ("release jitter", &self.release_jitter_ns)];
+        let rows = rows.iter().filter(|(_, p)| p.count > 0).map(|(name, p)| {
+            let mut row = vec![(*name).to_owned(), p.count.to_string()];
+            row.extend([p.p50, p.p99, p.p99_9, p.p99_99, p.max].map(nanoseconds));
+            row.push(p.beyond.to_string());
+            row
+        });
+        let rows: Vec<_> = rows.collect();
+        if !rows.is_empty() {
+            let header = ["latency", "count", "p50", "p99", "p99.9", "p99.99", "max", "beyond"];
+            println!("{}\n", table(&header, rows));
+        }
+        println!(
+            "{} ticks, {} s of the machine in {} s: {} lost.",
+            self.ticks,
+            number(self.model_s),
+            number(self.wall_s),
+            self.lost()
+        );
+    }
+}
+
+impl AxisReport {
+    fn new(command: &pipeline::message::AxisCommand, snapshot: &AxisSnapshot) -> Self {
+        let (classical, adaptive) = (&snapshot.classical_errors, &snapshot.adaptive_errors);
+        let model = |errors: &ModelErrors, coefficients| {
+            let figures = |error: &ErrorStatistics| ErrorFigures::new(error, &snapshot.output);
+            ModelReport {
+                one_step: figures(&errors.one_step),
+                h_step: figures(&errors.h_step),
+                free_run: figures(&errors.free_run),
+                coefficients: CoefficientLists::new(coefficients),
+            }
+        };
+        let tracking = &command.tracking;
+        Self {
+            tracking: Tracking {
+                sigma: tracking.sigma(),
+                rmse: tracking.rmse(),
+                max: tracking.max,
+                count: tracking.count,
+            },
+            mode: pipeline::message::ControlMode::name(command.mode),
+            rejected_snapshots: command.rejected_snapshots,
+            identification: Identification {
+                classical: model(classical, &snapshot.classical),
+                adaptive: model(adaptive, &snapshot.adaptive),
+                reduction_percent: Reduction {
+                    one_step: reduction_percent(&classical.one_step, &adaptive.one_step),
+                    h_step: reduction_percent(&classical.h_step, &adaptive.h_step),
+                    free_run: reduction_percent(&classical.free_run, &adaptive.free_run),
+                },
+                forgetting_factor: snapshot.forgetting_factor,
+                updates: snapshot.updates,
+                skipped: snapshot.skipped,
+            },
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! `hydraxis STAGE`: one stage in the foreground.
+
+use std::{
+    process::Command,
+    sync::{Arc, atomic::AtomicBool},
+};
+
+use pipeline::{
+    machine::Machine,
+    stage::{Clock, Options, StageKind},
+};
+use rustix::process::{Signal, getppid, set_parent_process_death_signal};
+
+use crate::{cli, failure::Failure};
+
+/// Runs one stage until its last tick or a signal.
+pub fn run(kind: StageKind, arguments: &cli::Stage) -> Result<(), Failure> {
+    let named = |error: &dyn std::fmt::Display| format!("{}: {error}", kind.name());
+    let machine = load(&arguments.machine)?;
+    let options = Options {
+        prefix: arguments.prefix.clone(),
+        clock: if arguments.lockstep { Clock::LockStep } else { Clock::RealTime },
+        ticks: arguments.ticks,
+        seed: arguments.seed,
+        arm: arguments.arm,
+        stop: stop_flag()?,
+    };
+    if let Some(parent) = arguments.parent {
+        die_with(parent).map_err(|error| Failure::Run(named(&error)))?;
+    }
+    let result = match kind {
+        StageKind::PlantSim => plant_sim::process::run(&machine, options),
+        StageKind::SensorProc => sensor_proc::process::run(&machine, options),
+        StageKind::IdentProc => ident_proc::process::run(&machine, options),
+        StageKind::ControlProc => control_proc::process::run(&machine, options),
+    };
+    result.map_err(|error| Failure::Run(named(&error)))
+}
+
+/// Reads a machine file with what was typed in its place.
+pub fn load(arguments: &cli::MachineFile) -> Result<Machine, Failure> {
+    Machine::load(arguments.machine.as_deref(), &arguments.settings).map_err(Failure::usage)
+}
+
+/// A flag that SIGINT and SIGTERM set.
+pub fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(Failure::run)?;
+    }
+    Ok(stop)
+}
+
+/// Arranges that this process is asked to end when its parent dies.
+fn die_with(parent: i32) -> Result<(), String> {
+    set_parent_process_death_signal(Some(Signal::TERM)).map_err(|error| format!("death signal: {error}"))?;
+    // The parent may have died before the call above.
+    if getppid().map(|pid| pid.as_raw_pid()) == Some(parent) {
+        Ok(())
+    } else {
+        Err("whoever started this stage is gone".to_owned())
+    }
+}
+
+/// The command that starts a stage of `machine` as a process of its own.
+pub fn command(
+    kind: StageKind,
+    machine: &Machine,
+    arguments: &cli::MachineFile,
+    options: &Options,
+) -> Result<Command, Failure> {
+    let mut command = match &machine.stage(kind).command {
+        Some(words) => {
+            let mut command = Command::new(&words[0]);
+            command.args(&words[1..]);
+            command
+        }
+        None => {
+            let executable = std::env::current_exe().map_err(Failure::run)?;
+            let mut command = Command::new(executable);
+            command.arg(kind.name());
+            // Another program would not know the option, and is stopped by its signals alone.
+            command.arg("--parent").arg(std::process::id().to_string());
+            command
+        }
+    };
+    command.args(&arguments.machine);
+    for (key, value) in &arguments.settings {
+        command.arg("--set").arg(format!("{key}={value}"));
+    }
+    command.arg("--prefix").arg(options.prefix.to_string()).arg("--seed").arg(options.seed.to_string());
+    if options.clock == Clock::LockStep {
+        command.arg("--lockstep");
+    }
+    if let Some(ticks) = options.ticks {
+        command.arg("--ticks").arg(ticks.to_string());
+    }
+    if options.arm && kind == StageKind::ControlProc {
+        command.arg("--arm");
+    }
+    Ok(command)
+}

@@ -37,7 +37,7 @@ pub struct Report {
 #[derive(Debug, Serialize)]
 struct AxisReport {
     tracking: Tracking,
-    mode: &'static str,
+    tracking_by_model: Tracking,
     rejected_snapshots: u64,
     identification: Identification,
 }
@@ -166,9 +166,10 @@ impl Report {
             let (classical, adaptive) = (&identification.classical, &identification.adaptive);
             vec![
                 name.clone(),
-                axis.mode.to_owned(),
                 number(1e3 * axis.tracking.rmse),
                 number(1e3 * axis.tracking.max),
+                number(1e3 * axis.tracking_by_model.rmse),
+                percent(100.0 * axis.tracking_by_model.count as f64 / axis.tracking.count as f64),
                 number(1e3 * classical.h_step.sigma),
                 number(1e3 * adaptive.h_step.sigma),
                 percent(identification.reduction_percent.h_step),
@@ -179,9 +180,10 @@ impl Report {
         });
         let header = [
             "axis",
-            "mode",
             "track rmse",
             "max",
+            "by model",
+            "of ticks",
             "h-step class.",
             "adaptive",
             "reduction",
@@ -229,6 +231,12 @@ impl Report {
     }
 }
 
+impl Tracking {
+    fn new(error: &ErrorStatistics) -> Self {
+        Self { sigma: error.sigma(), rmse: error.rmse(), max: error.max, count: error.count }
+    }
+}
+
 impl AxisReport {
     fn new(command: &pipeline::message::AxisCommand, snapshot: &AxisSnapshot) -> Self {
         let (classical, adaptive) = (&snapshot.classical_errors, &snapshot.adaptive_errors);
@@ -241,15 +249,9 @@ impl AxisReport {
                 coefficients: CoefficientLists::new(coefficients),
             }
         };
-        let tracking = &command.tracking;
         Self {
-            tracking: Tracking {
-                sigma: tracking.sigma(),
-                rmse: tracking.rmse(),
-                max: tracking.max,
-                count: tracking.count,
-            },
-            mode: pipeline::message::ControlMode::name(command.mode),
+            tracking: Tracking::new(&command.tracking),
+            tracking_by_model: Tracking::new(&command.model_tracking),
             rejected_snapshots: command.rejected_snapshots,
             identification: Identification {
                 classical: model(classical, &snapshot.classical),

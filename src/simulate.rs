@@ -11,7 +11,7 @@ use indicatif::ProgressBar;
 use pipeline::{
     latency::LatencyRecorder,
     machine::{Machine, Source, samples_of},
-    message::{CoefficientSnapshot, EncoderSample, StageHealth, ValveCommand},
+    message::{CoefficientSnapshot, StageHealth, ValveCommand},
     stage::{StageKind, monotonic_ns},
 };
 use plant_sim::PlantSim;
@@ -121,9 +121,7 @@ fn simulate(machine: &Machine, seed: u64, ticks: u64) -> Result<LastMessages, Fa
 
     for tick in 0..ticks {
         let started = monotonic_ns();
-        let mut sample = EncoderSample::default();
-        let mut recorded = None;
-        match &mut ends {
+        let (sample, recorded) = match &mut ends {
             Ends::Live(plant, acquisition) => {
                 let reading = timing.timed(StageKind::PlantSim, || {
                     if let Some(command) = &command {
@@ -132,14 +130,14 @@ fn simulate(machine: &Machine, seed: u64, ticks: u64) -> Result<LastMessages, Fa
                     }
                     plant.read()
                 });
-                sample = timing.timed(StageKind::SensorProc, || acquisition.update(tick, Some(&reading)));
+                (timing.timed(StageKind::SensorProc, || acquisition.update(tick, Some(&reading))), None)
             }
             Ends::Recorded(replay) => {
                 let row = timing.timed(StageKind::SensorProc, || replay.update(tick));
-                let Some((recorded_sample, recorded_command)) = row else { break };
-                (sample, recorded) = (recorded_sample, Some(recorded_command));
+                let Some((sample, command)) = row else { break };
+                (sample, Some(command))
             }
-        }
+        };
         if is_implausible(&sample)
             && let Some(health) = &mut timing.health[StageKind::SensorProc as usize]
         {

@@ -135,6 +135,7 @@ impl AxisController {
         if self.state == State::Disarmed {
             self.state = State::Settling(0);
             self.last.tracking = ErrorStatistics::default();
+            self.last.model_tracking = ErrorStatistics::default();
             self.last.flags = control_flag::SETTLING;
         }
     }
@@ -295,6 +296,9 @@ impl AxisController {
         (self.last.reference, self.last.error, self.last.flags) = (reference, error, flags);
         if following.counts {
             self.last.tracking.push(error);
+            if mode == ControlMode::Model {
+                self.last.model_tracking.push(error);
+            }
         }
     }
 

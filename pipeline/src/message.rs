@@ -154,6 +154,8 @@ shared_struct! {
         pub rejected_snapshots: u64,
         /// Tracking error since the axis began to follow its reference, m.
         pub tracking: ErrorStatistics,
+        /// The same over the ticks that the model-based controller made the command of.
+        pub model_tracking: ErrorStatistics,
     }
 }
 

@@ -137,7 +137,7 @@ impl Plant {
             dead_time: section.number("dead_time", 0.0..=0.5, "s"),
             dead_band: DeadBand { extend, retract },
             end_stop_stiffness: section.number_or("end_stop_stiffness", 2e8, 1e5..=1e9, "N/m"),
-            end_stop_damping: section.number_or("end_stop_damping", 1e6, 0.0..=1e7, "N s/m"),
+            end_stop_damping: section.number_or("end_stop_damping", 4e6, 0.0..=1e7, "N s/m"),
             encoder_noise: section.number_or("encoder_noise", 0.0, 0.0..=0.1, "m"),
             schedule: section.list("schedule").into_iter().filter_map(Schedule::read).collect(),
         };

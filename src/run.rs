@@ -9,7 +9,7 @@ use std::{
 };
 
 use pipeline::{
-    channel::{Group, Prefix, leftovers},
+    channel::{Group, Prefix, remove_leftovers},
     machine::{Machine, Source},
     stage::{Clock, Options, StageKind},
 };
@@ -41,9 +41,12 @@ pub fn run(arguments: &cli::Run) -> Result<(), Failure> {
         arm: machine.source == Source::Sim,
         stop: stage::stop_flag()?,
     };
+    // What a killed run of this name has left; a living one is left alone.
+    remove_leftovers(&options.prefix).map_err(Failure::run)?;
     eprintln!("{}: group \"{}\", Ctrl-C ends it", machine.name, options.prefix);
     let result = group(&machine, arguments, &options);
-    leftovers(&options.prefix);
+    // A client that is still attached keeps the files; the next run of this name removes them.
+    let _ = remove_leftovers(&options.prefix);
     let report = result?;
     if arguments.json.as_deref() != Some(Path::new("-")) {
         report.print();

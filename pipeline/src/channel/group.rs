@@ -2,6 +2,7 @@
 
 use std::{
     fmt,
+    fs::{File, OpenOptions},
     path::{Path, PathBuf},
     str::FromStr,
     time::{Duration, Instant},
@@ -24,6 +25,8 @@ const MAX_SUBSCRIBERS: usize = 16;
 const MAX_NODES: usize = 32;
 /// How long opening is tried while another process creates or removes the same channel.
 const OPEN_PATIENCE: Duration = Duration::from_secs(2);
+/// File in the group's folder that every member keeps locked.
+const MEMBERS: &str = "members";
 /// Attribute that holds the layout's fingerprint.
 const LAYOUT_ATTRIBUTE: &str = "hydraxis.layout";
 
@@ -68,6 +71,8 @@ impl Prefix {
 pub struct Group {
     prefix: Prefix,
     node: Node<ipc::Service>,
+    /// Locked, shared, for as long as the membership lasts: the kernel lets go of it also when the process is killed.
+    _membership: File,
 }
 
 impl Group {
@@ -81,6 +86,7 @@ impl Group {
         let refuse = |reason: String| ChannelError::Join { prefix: prefix.to_string(), reason };
         let folder = prefix.folder();
         std::fs::create_dir_all(&folder).map_err(|error| refuse(format!("{}: {error}", folder.display())))?;
+        let membership = join_members(&folder).map_err(|error| refuse(format!("{}: {error}", folder.display())))?;
         let mut config = Config::default();
         config.global.prefix = FileName::new(prefix.file_prefix().as_bytes()).map_err(|e| refuse(format!("{e:?}")))?;
         let root = iceoryx2::prelude::Path::new(folder.as_os_str().as_encoded_bytes());
@@ -95,7 +101,7 @@ impl Group {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create()
             .map_err(|error| refuse(format!("{error:?}")))?;
-        Ok(Self { prefix: prefix.clone(), node })
+        Ok(Self { prefix: prefix.clone(), node, _membership: membership })
     }
 
     /// The group's name.
@@ -219,6 +225,13 @@ impl Group {
     }
 }
 
+/// Opens and locks the file that tells that a group has members.
+fn join_members(folder: &Path) -> std::io::Result<File> {
+    let file = OpenOptions::new().create(true).truncate(false).write(true).open(folder.join(MEMBERS))?;
+    file.lock_shared()?;
+    Ok(file)
+}
+
 fn is_foreign(error: &PublishSubscribeOpenOrCreateError) -> bool {
     use PublishSubscribeOpenError as Open;
     matches!(
@@ -243,19 +256,25 @@ fn is_passing(error: &PublishSubscribeOpenOrCreateError) -> bool {
     )
 }
 
-/// Removes every file that a group has left behind, once none of its processes is alive; returns what was removed.
+/// Removes every file that a dead group has left behind; returns what was removed.
 ///
 /// A process that was killed cannot remove its shared memory, and the library leaves a small file per prefix.
-pub fn leftovers(prefix: &Prefix) -> Vec<PathBuf> {
+///
+/// # Errors
+/// A member of the group is alive: its files are in use.
+pub fn remove_leftovers(prefix: &Prefix) -> Result<Vec<PathBuf>, ChannelError> {
+    let folder = prefix.folder();
+    if let Ok(members) = File::open(folder.join(MEMBERS)) {
+        members.try_lock().map_err(|_| ChannelError::Alive { prefix: prefix.to_string() })?;
+    }
     let start = prefix.file_prefix();
     let shared_memory = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten().map(|entry| entry.path());
     let mut found: Vec<PathBuf> = shared_memory
         .filter(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&start)))
         .collect();
     found.retain(|path| std::fs::remove_file(path).is_ok());
-    let folder = prefix.folder();
-    if Path::new(&folder).exists() && std::fs::remove_dir_all(&folder).is_ok() {
+    if folder.exists() && std::fs::remove_dir_all(&folder).is_ok() {
         found.push(folder);
     }
-    found
+    Ok(found)
 }

@@ -16,7 +16,7 @@ mod publisher;
 mod reader;
 
 pub use event::{Bell, Ear};
-pub use group::{Group, Prefix, leftovers};
+pub use group::{Group, Prefix, remove_leftovers};
 pub use publisher::Publisher;
 pub use reader::{Read, Reader};
 
@@ -37,6 +37,12 @@ pub enum ChannelError {
         prefix: String,
         /// What the library says.
         reason: String,
+    },
+    /// A group whose files are to be removed or taken over has living members.
+    #[error("group \"{prefix}\" is running; end it, or take another --prefix")]
+    Alive {
+        /// The group.
+        prefix: String,
     },
     /// The channel exists with another layout of its message.
     #[error(

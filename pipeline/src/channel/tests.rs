@@ -18,7 +18,8 @@ impl Own {
 
 impl Drop for Own {
     fn drop(&mut self) {
-        leftovers(&self.0);
+        // The members of the group are gone: they were declared after this, so they were dropped before.
+        let _ = remove_leftovers(&self.0);
     }
 }
 
@@ -188,6 +189,16 @@ fn prefixes_that_cannot_name_files_are_refused() {
 }
 
 #[test]
+fn the_files_of_a_living_group_are_not_touched() {
+    let own = Own::new("alive");
+    let group = own.join();
+    assert!(matches!(remove_leftovers(&own.0), Err(ChannelError::Alive { .. })));
+    let (publisher, mut reader) = (group.publisher().unwrap(), group.reader::<EncoderSample>().unwrap());
+    publisher.send(&sample(1)).unwrap();
+    assert!(reader.read().unwrap().if_new().is_some());
+}
+
+#[test]
 fn nothing_is_left_behind() {
     let own = Own::new("left");
     {
@@ -197,7 +208,7 @@ fn nothing_is_left_behind() {
         publisher.send(&sample(1)).unwrap();
         assert!(reader.read().unwrap().if_new().is_some());
     }
-    leftovers(&own.0);
+    remove_leftovers(&own.0).unwrap();
     assert!(!own.0.folder().exists());
     let start = format!("{}.", own.0);
     let left = std::fs::read_dir("/dev/shm").unwrap().flatten();

@@ -1,0 +1,401 @@
+#!/usr/bin/env python3
+"""Watch a running group of Hydraxis: samples, commands and models, twice a second.
+
+Needs Python 3.9 or newer and one package:
+
+    pip install iceoryx2==0.10.0
+
+Start a group, then watch it from another terminal, as the same user:
+
+    hydraxis run --prefix demo
+    python3 watch.py --prefix demo
+
+Without --prefix the one group that is running is taken. Ctrl-C ends watching, and so does the end of the group.
+Watching takes nothing from the group: each channel has places for clients, its writer waits for no reader, and a
+reader that is slow loses its oldest messages, which are counted here.
+
+The structures below mirror pipeline/src/message.rs field by field, names included: the fingerprint of the layout
+is made of them, and a group of another version is refused by it.
+"""
+
+import argparse
+import ctypes
+import os
+import re
+import signal
+import sys
+import time
+from collections import deque
+from ctypes import c_double as f64, c_int64 as i64, c_uint32 as u32, c_uint64 as u64
+from pathlib import Path
+
+try:
+    import iceoryx2 as iox2
+except ImportError:
+    sys.exit("the package iceoryx2 is missing: pip install iceoryx2==0.10.0")
+
+POLL_S = 0.005  # a coefficient channel holds 16 messages: enough for 3000 ticks per second
+PRINT_S = 0.5
+OPEN_PATIENCE_S = 5.0  # for the channels of a group that is just starting
+FIRST_PATIENCE_S = 10.0  # for its first message
+END_PATIENCE_S = 2.0  # without any message after that, the group has ended
+MAX_AXES = 8
+MODES = ["neutral", "fallback", "model", "replay"]
+TRAINING = 1  # bit of AxisSnapshot.faults: there are no coefficients yet
+
+
+# ------------------------------------------------------------------------------------------------ messages
+# Positions are metres when the machine is simulated or real; a replayed record keeps its own unit.
+
+
+class Header(ctypes.Structure):
+    _fields_ = [
+        ("sequence", u64),  # index of the tick whose sample caused the message
+        ("acquired_ns", u64),  # ns of CLOCK_MONOTONIC
+        ("sent_ns", u64),  # ns of CLOCK_MONOTONIC
+        ("axis_count", u32),  # axes in use; the rest of the arrays is zero
+        ("reserved", u32),
+    ]
+
+
+class ErrorStatistics(ctypes.Structure):
+    _fields_ = [
+        ("count", u64),  # values
+        ("mean", f64),  # in the unit of the values
+        ("m2", f64),  # sum of squared deviations from the mean, unit squared
+        ("max", f64),  # largest magnitude, in the unit of the values
+    ]
+
+
+class AxisSample(ctypes.Structure):
+    _fields_ = [
+        ("position", f64),  # m
+        ("velocity", f64),  # m/s, backward difference
+        ("faults", u32),  # bits; 0 is healthy
+        ("unchanged", u32),  # ticks since the raw value last changed
+    ]
+
+
+class EncoderSample(ctypes.Structure):
+    _fields_ = [("header", Header), ("axes", AxisSample * MAX_AXES)]
+
+    @staticmethod
+    def type_name():
+        return "hydraxis.EncoderSample/1"
+
+
+class AxisCommand(ctypes.Structure):
+    _fields_ = [
+        ("command", f64),  # valve command, -1 to 1, positive extends
+        ("reference", f64),  # m
+        ("error", f64),  # m, reference - position
+        ("mode", u32),  # index in MODES
+        ("flags", u32),  # bits; 0 is healthy
+        ("rejected_snapshots", u64),  # snapshots refused so far
+        ("tracking", ErrorStatistics),  # m
+        ("model_tracking", ErrorStatistics),  # m, over the ticks of the model-based controller
+    ]
+
+
+class ValveCommand(ctypes.Structure):
+    _fields_ = [("header", Header), ("axes", AxisCommand * MAX_AXES)]
+
+    @staticmethod
+    def type_name():
+        return "hydraxis.ValveCommand/1"
+
+
+class Coefficients(ctypes.Structure):
+    _fields_ = [
+        ("na", u32),  # order of A
+        ("nb", u32),  # order of B
+        ("nk", u32),  # delay, samples
+        ("order", u32),  # order of the polynomials
+        ("a", f64 * 5),  # a_1 to a_na, no unit
+        ("b", f64 * 5),  # b_0 to b_nb, m
+        ("f", f64 * 5),  # for commands >= 0, no unit, f_1 = 1
+        ("g", f64 * 5),  # for commands < 0, no unit
+    ]
+
+
+class ModelErrors(ctypes.Structure):
+    _fields_ = [
+        ("one_step", ErrorStatistics),  # m
+        ("h_step", ErrorStatistics),  # m
+        ("free_run", ErrorStatistics),  # m
+    ]
+
+
+class AxisSnapshot(ctypes.Structure):
+    _fields_ = [
+        ("adaptive", Coefficients),
+        ("classical", Coefficients),  # identified offline, held since
+        ("adaptive_errors", ModelErrors),  # m
+        ("classical_errors", ModelErrors),  # m
+        ("output", ErrorStatistics),  # m, the output itself
+        ("persistence", ErrorStatistics),  # m, change of the output over the horizon
+        ("forgetting", ErrorStatistics),  # 1 - forgetting factor
+        ("forgetting_factor", f64),  # of the last update
+        ("innovation", f64),  # m, output minus one-step prediction at the last update
+        ("covariance_trace", f64),
+        ("split_residual", f64),  # 0 to 1
+        ("command_low", f64),  # lowest valve command learned from
+        ("command_high", f64),  # highest valve command learned from
+        ("updates", u64),  # recursive updates
+        ("skipped", u64),  # samples that could not be used
+        ("horizon", u32),  # samples
+        ("faults", u32),  # bits; 0 is healthy
+    ]
+
+
+class CoefficientSnapshot(ctypes.Structure):
+    _fields_ = [("header", Header), ("axes", AxisSnapshot * MAX_AXES)]
+
+    @staticmethod
+    def type_name():
+        return "hydraxis.CoefficientSnapshot/1"
+
+
+def fingerprint(kind):
+    """FNV-1a over name, type and offset of every field, as pipeline/src/layout.rs makes it."""
+
+    def fold(data, value=0xCBF29CE484222325):
+        for byte in data:
+            value = (value ^ byte) * 0x100000001B3 % 2**64
+        return value
+
+    def number(n):
+        return n.to_bytes(8, "little")
+
+    if issubclass(kind, ctypes.Array):
+        return fold(b"array" + number(kind._length_), fingerprint(kind._type_))
+    if not issubclass(kind, ctypes.Structure):
+        return fold({f64: b"f64", i64: b"i64", u32: b"u32", u64: b"u64"}[kind])
+    value = fold(kind.__name__.encode())
+    for name, field in kind._fields_:
+        value = fold(name.encode() + number(fingerprint(field)) + number(getattr(kind, name).offset), value)
+    return value
+
+
+# ------------------------------------------------------------------------------------------------- channels
+
+
+class Trouble(Exception):
+    """Watching is not possible; the text says why and what to do."""
+
+
+class Group:
+    """The channels of one run, apart from those of any other."""
+
+    def __init__(self, prefix):
+        self.prefix = prefix
+        self.folder = folder_of(prefix)
+        self._opened_folder = os.open(self.folder, os.O_RDONLY)
+        config = config_of(prefix)
+        self.node = iox2.NodeBuilder.new().name(iox2.NodeName.new("watch"))
+        self.node = self.node.config(config).signal_handling_mode(iox2.SignalHandlingMode.Disabled)
+        self.node = self.node.create(iox2.ServiceType.Ipc)
+
+    def is_removed(self):
+        """Whether the run has ended and removed its files, or a new run of the same name has replaced them."""
+        try:
+            return not os.path.samestat(os.fstat(self._opened_folder), os.stat(self.folder))
+        except FileNotFoundError:
+            return True
+
+
+class Channel:
+    """Reads one kind of message and counts the ones it missed."""
+
+    def __init__(self, group, name, message, buffer):
+        self.name, self.message = name, message
+        self.recent = deque(maxlen=buffer)  # newest last
+        self.received = self.lost = 0
+        service = self._open(group)
+        found = ([value.to_string() for value in service.attributes.values(iox2.AttributeKey.new("hydraxis.layout"))],
+                 service.static_config.message_type_details.payload.size)
+        own = ([f"{fingerprint(message):016x}"], ctypes.sizeof(message))
+        if found != own:
+            raise Trouble(f'channel "{name}" has layout and size {found}, this program {own}: '
+                          "use the watch.py of the group's version of Hydraxis")
+        buffer = min(buffer, service.static_config.subscriber_max_buffer_size)
+        self.port = service.subscriber_builder().buffer_size(buffer).create()
+
+    def _open(self, group):
+        until = time.monotonic() + OPEN_PATIENCE_S
+        while True:
+            try:
+                name = iox2.ServiceName.new(f"hydraxis/{self.name}")
+                return group.node.service_builder(name).publish_subscribe(self.message).open()
+            except iox2.PublishSubscribeOpenError as error:
+                if "Incompatible" in str(error):
+                    raise Trouble(f'channel "{self.name}" carries other messages ({error}): '
+                                  "use the watch.py of the group's version of Hydraxis") from None
+                if time.monotonic() > until or group.is_removed():
+                    raise Trouble(f'group "{group.prefix}" has no channel "{self.name}" ({error}): '
+                                  "it has ended, or has no stage that writes it") from None
+                time.sleep(0.05)
+
+    def read(self):
+        """Takes in all that is new; returns whether there was any."""
+        before = self.received
+        while (sample := self.port.receive()) is not None:
+            message = self.message.from_buffer_copy(sample.payload().contents)
+            sample.delete()  # the channel lends one message at a time
+            step = message.header.sequence - self.recent[-1].header.sequence if self.recent else 1
+            if step <= 0:  # the writer started again
+                self.recent.clear()
+            self.lost += max(step - 1, 0)
+            self.received += 1
+            self.recent.append(message)
+        return self.received > before
+
+    def at(self, tick):
+        """The message of a tick, if it is still known."""
+        return next((m for m in reversed(self.recent) if m.header.sequence == tick), None)
+
+
+def config_of(prefix):
+    """The library's settings that a group of this name uses."""
+    config = iox2.config.default()
+    glob = config.global_cfg
+    glob.prefix = iox2.FileName.new(prefix + ".")
+    glob.root_path = iox2.Path.new(str(folder_of(prefix)))
+    # Cleaning up after the dead is the supervisor's work.
+    glob.node.cleanup_dead_nodes_on_creation = False
+    glob.node.cleanup_dead_nodes_on_destruction = False
+    glob.service.cleanup_dead_nodes_on_open = False
+    return config
+
+
+def folder_of(prefix):
+    return Path(os.environ.get("TMPDIR", "/tmp")) / f"hydraxis.{prefix}"
+
+
+def is_running(prefix):
+    """Whether a process of the group is alive; a killed group leaves its folder behind."""
+    if not folder_of(prefix).is_dir():
+        return False
+    return any(isinstance(node, iox2.NodeState.Alive) for node in iox2.Node.list(iox2.ServiceType.Ipc, config_of(prefix)))
+
+
+def running_groups():
+    names = (folder.name.partition(".")[2] for folder in folder_of("").parent.glob("hydraxis.*"))
+    return sorted(name for name in names if re.fullmatch(r"[\w-]{1,32}", name, re.ASCII) and is_running(name))
+
+
+def choose(prefix):
+    """The group to watch."""
+    if prefix is not None:
+        if not re.fullmatch(r"[\w-]{1,32}", prefix, re.ASCII):
+            raise Trouble(f'--prefix: found "{prefix}"; allowed: 1 to 32 letters, digits, - and _')
+        if not is_running(prefix):
+            raise Trouble(f'no group "{prefix}" is running; start one with: hydraxis run --prefix {prefix}')
+        return prefix
+    found = running_groups()
+    if not found:
+        raise Trouble("no group is running; start one with: hydraxis run --prefix demo")
+    if len(found) > 1:
+        raise Trouble("several groups are running; choose one with:"
+                      + "".join(f"\n  {sys.argv[0]} --prefix {name}" for name in found))
+    return found[0]
+
+
+# --------------------------------------------------------------------------------------------------- output
+
+HEADING = ("    tick axis  position   command reference     error mode      forget innovation  a | b\n"
+           "                   mm                  mm        mm                     mm")
+
+
+def print_axes(samples, commands, snapshots):
+    """One line per axis, of the newest tick that has a command."""
+    newest = (commands if commands.recent else samples).recent
+    tick = newest[-1].header.sequence
+    sample, command, snapshot = samples.at(tick), commands.at(tick), snapshots.at(tick)
+    if snapshot is None and snapshots.recent:
+        snapshot = snapshots.recent[-1]  # the identifier is behind, or has ended
+    for axis in range(newest[-1].header.axis_count):
+        columns = [f"{tick:8} {axis + 1:4}"]
+        columns.append(f"{sample.axes[axis].position * 1e3:9.2f}" if sample else f"{'-':>9}")
+        if command:
+            c = command.axes[axis]
+            mode = MODES[c.mode] if c.mode < len(MODES) else "unknown"
+            columns.append(f"{c.command:+9.4f} {c.reference * 1e3:9.2f} {c.error * 1e3:+9.3f} {mode:8}")
+        else:
+            columns.append(f"{'-':>9} {'-':>9} {'-':>9} {'-':8}")
+        if snapshot is None:
+            columns.append("no snapshot")
+        elif snapshot.axes[axis].faults & TRAINING:
+            columns.append("still training")
+        else:
+            s = snapshot.axes[axis]
+            a, b = s.adaptive.a[: s.adaptive.na], s.adaptive.b[: s.adaptive.nb + 1]
+            columns.append(f"{s.forgetting_factor:7.5f} {s.innovation * 1e3:+10.4f}  "
+                           + " ".join(f"{v:+.4f}" for v in a) + " | " + " ".join(f"{v:+.3e}" for v in b))
+        print(" ".join(columns), flush=True)
+
+
+def watch(group, count, seconds):
+    """Reads and prints until a limit or the end of the group; returns why it ended."""
+    samples = Channel(group, "encoder-sample", EncoderSample, 256)
+    commands = Channel(group, "valve-command", ValveCommand, 256)
+    snapshots = Channel(group, "coefficient-snapshot", CoefficientSnapshot, 16)
+    channels = [samples, commands, snapshots]
+    started = last_data = last_print = time.monotonic()
+    fresh, printed, lost = False, 0, 0
+    print(HEADING, flush=True)
+    try:
+        while True:
+            now = time.monotonic()
+            if any([channel.read() for channel in channels]):
+                fresh, last_data = True, now
+            received = any(channel.received for channel in channels)
+            if fresh and now - last_print >= PRINT_S and (samples.recent or commands.recent):
+                print_axes(samples, commands, snapshots)
+                fresh, last_print, printed = False, now, printed + 1
+                if sum(channel.lost for channel in channels) > lost:
+                    lost = sum(channel.lost for channel in channels)
+                    print(f"lost so far: {lost} messages: this program was too slow", file=sys.stderr)
+            if group.is_removed() or received and now - last_data > END_PATIENCE_S:
+                return "the group has ended"
+            if not received and now - started > FIRST_PATIENCE_S:
+                raise Trouble(f'group "{group.prefix}" runs but sends nothing')
+            if count is not None and printed >= count or seconds is not None and now - started >= seconds:
+                return "done"
+            time.sleep(POLL_S)
+    except KeyboardInterrupt:
+        return "stopped; the group runs on"
+    finally:
+        for channel in channels:
+            print(f"{channel.name}: {channel.received} received, {channel.lost} lost", file=sys.stderr)
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Print samples, commands and models of a running group, twice a second.")
+    parser.add_argument("--prefix", metavar="NAME", help="name of the group; without it the one that is running")
+    parser.add_argument("--count", metavar="N", type=int, help="end after N printed ticks")
+    parser.add_argument("--seconds", metavar="S", type=float, help="end after S seconds")
+    arguments = parser.parse_args()
+    iox2.set_log_level(iox2.LogLevel.Fatal)  # errors come as exceptions
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # leave the group in order, as at Ctrl-C
+    group, status = None, 0
+    try:
+        group = Group(choose(arguments.prefix))
+        print(f'group "{group.prefix}", Ctrl-C ends watching', file=sys.stderr)
+        print(watch(group, arguments.count, arguments.seconds), file=sys.stderr)
+    except KeyboardInterrupt:
+        pass
+    except BrokenPipeError:  # as with "| head"
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (Trouble, iox2.NodeCreationFailure, iox2.SubscriberCreateError, iox2.ReceiveError) as error:
+        reason = str(error) if isinstance(error, Trouble) else f"{type(error).__name__}: {error}"
+        print(f"error: {reason}", file=sys.stderr)
+        status = 1
+    sys.stdout.flush()
+    if group is not None and group.is_removed():
+        os._exit(status)  # nothing is left to clean up, and the names may already belong to a new run
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

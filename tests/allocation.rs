@@ -1,0 +1,132 @@
+//! After start the loops of all four stages allocate nothing: counted by an allocator, on their own threads.
+
+mod harness;
+
+use std::{
+    alloc::{GlobalAlloc, Layout, System},
+    cell::Cell,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+    time::Duration,
+};
+
+use harness::{TestGroup, wait_for};
+use pipeline::{
+    channel::Prefix,
+    machine::{Form, Machine},
+    message::CoefficientSnapshot,
+    stage::{Clock, Options, StageError, StageKind},
+};
+
+static COUNTING: AtomicBool = AtomicBool::new(false);
+static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+
+thread_local! {
+    static IS_STAGE: Cell<bool> = const { Cell::new(false) };
+}
+
+/// The system's allocator, with a count of what stage threads ask of it.
+struct Counting;
+
+fn count() {
+    if COUNTING.load(Ordering::Relaxed) && IS_STAGE.with(Cell::get) {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+// SAFETY: every call is passed on to the system's allocator as it came; counting touches no memory of the heap.
+#[allow(unsafe_code, reason = "an allocator cannot be written without")]
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        count();
+        unsafe { System.dealloc(memory, layout) }
+    }
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        unsafe { System.realloc(memory, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+type Run = fn(&Machine, Options) -> Result<(), StageError>;
+
+const STAGES: [(StageKind, Run); 4] = [
+    (StageKind::PlantSim, plant_sim::process::run),
+    (StageKind::SensorProc, sensor_proc::process::run),
+    (StageKind::IdentProc, ident_proc::process::run),
+    (StageKind::ControlProc, control_proc::process::run),
+];
+
+/// Runs all stages on threads and counts what they allocate and free between two ticks, both included.
+fn allocations(name: &str, machine: &Machine, clock: Clock, from: u64, to: u64) -> u64 {
+    let group = TestGroup::new(name);
+    let channels = group.join();
+    let mut snapshots = channels.reader::<CoefficientSnapshot>().unwrap();
+    let stop = Arc::new(AtomicBool::new(false));
+    let threads: Vec<_> = STAGES
+        .into_iter()
+        .map(|(_, run)| {
+            let options = options(&group.prefix, clock, &stop);
+            let machine = machine.clone();
+            std::thread::spawn(move || {
+                IS_STAGE.with(|stage| stage.set(true));
+                let ended = run(&machine, options);
+                IS_STAGE.with(|stage| stage.set(false));
+                ended.map_err(|error| error.to_string())
+            })
+        })
+        .collect();
+    let mut wait_until = |tick| {
+        wait_for("the tick", || {
+            snapshots.newest().unwrap();
+            snapshots.last().is_some_and(|snapshot| snapshot.header.sequence >= tick).then_some(())
+        });
+    };
+    wait_until(from);
+    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    COUNTING.store(true, Ordering::Relaxed);
+    wait_until(to);
+    COUNTING.store(false, Ordering::Relaxed);
+    let counted = ALLOCATIONS.load(Ordering::Relaxed) - before;
+    stop.store(true, Ordering::Relaxed);
+    for thread in threads {
+        thread.join().unwrap().unwrap();
+    }
+    counted
+}
+
+fn options(prefix: &Prefix, clock: Clock, stop: &Arc<AtomicBool>) -> Options {
+    Options { prefix: prefix.clone(), clock, ticks: None, seed: 1, arm: true, stop: Arc::clone(stop) }
+}
+
+/// One test, since the allocator counts for the whole process.
+#[test]
+fn the_stage_loops_allocate_nothing_after_start() {
+    // The allocator does count: this thread as a stage.
+    COUNTING.store(true, Ordering::Relaxed);
+    IS_STAGE.with(|stage| stage.set(true));
+    drop(std::hint::black_box(vec![1u8; 100]));
+    IS_STAGE.with(|stage| stage.set(false));
+    COUNTING.store(false, Ordering::Relaxed);
+    assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), 2);
+
+    // Lock-step, through the end of training (tick 800), the change to the model, and heartbeats.
+    let mut machine = Machine::load(None, &[]).unwrap();
+    assert_eq!(allocations("lockstep", &machine, Clock::LockStep, 100, 3000), 0);
+    // The over-parametrised form, which separates b, f and g at every tick.
+    machine.axes.iter_mut().for_each(|axis| axis.identification.form = Form::Full);
+    assert_eq!(allocations("full", &machine, Clock::LockStep, 100, 2000), 0);
+    // Real time: timers, bells, and the end of training after 200 ticks of 2 ms.
+    let mut machine = Machine::load(None, &[("timing.period".to_owned(), "2ms".to_owned())]).unwrap();
+    machine.axes.iter_mut().for_each(|axis| axis.identification.training = 400);
+    machine.timing.feedback_timeout = Duration::from_secs(1);
+    assert_eq!(allocations("realtime", &machine, Clock::RealTime, 100, 1200), 0);
+}

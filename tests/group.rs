@@ -1,0 +1,179 @@
+//! The process group: signals, deaths, late and dead readers.
+
+mod harness;
+
+use std::{
+    process::{Child, Stdio},
+    time::{Duration, Instant},
+};
+
+use harness::{TestGroup, files, hydraxis, is_running, signal, wait_for};
+use pipeline::{
+    channel::{Publisher, Reader},
+    message::{CoefficientSnapshot, EncoderReading, EncoderSample, Header, StageHealth, StageState},
+    stage::{StageKind, monotonic_ns},
+};
+use rustix::process::Signal;
+
+/// A whole group under a supervisor, with the pids of its stages.
+struct Running {
+    group: TestGroup,
+    supervisor: Child,
+    pids: [u32; 4],
+}
+
+impl Running {
+    /// Starts `hydraxis run` and waits until all four stages work.
+    fn start(test: &str) -> Self {
+        let group = TestGroup::new(test);
+        let supervisor = hydraxis()
+            .args(["run", "--duration", "60s", "--prefix", &group.prefix.to_string()])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // A member before the supervisor would look like a group that runs already.
+        wait_for("the group", || group.prefix.folder().join("members").exists().then_some(()));
+        let channels = group.join();
+        let mut health: Reader<StageHealth> = channels.reader().unwrap();
+        let mut pids = [0; 4];
+        wait_for("four running stages", || {
+            while let Some(health) = health.read().unwrap().if_new() {
+                if health.state == StageState::Running as u32 {
+                    pids[health.stage as usize] = health.pid;
+                }
+            }
+            pids.iter().all(|pid| *pid != 0).then_some(())
+        });
+        drop(channels);
+        Self { group, supervisor, pids }
+    }
+
+    fn pid(&self, kind: StageKind) -> u32 {
+        self.pids[kind as usize]
+    }
+
+    fn none_runs(&self) -> bool {
+        self.pids.iter().all(|pid| !is_running(*pid))
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.supervisor.kill();
+        let _ = self.supervisor.wait();
+        wait_for("the stages to die with their supervisor", || self.none_runs().then_some(()));
+    }
+}
+
+#[test]
+fn ctrl_c_stops_all_four_within_a_second_and_leaves_nothing() {
+    let mut running = Running::start("ctrl-c");
+    assert!(running.pids.iter().all(|pid| is_running(*pid)));
+    assert!(!running.group.files().is_empty());
+    let started = Instant::now();
+    signal(running.supervisor.id(), Signal::INT);
+    let status = wait_for("the supervisor to end", || running.supervisor.try_wait().unwrap());
+    let took = started.elapsed();
+    assert!(status.success(), "{status}");
+    assert!(running.none_runs(), "{:?}", running.pids);
+    assert!(took < Duration::from_secs(1), "{took:?}");
+    assert_eq!(running.group.files(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn a_killed_stage_ends_the_run_and_is_named() {
+    let mut running = Running::start("killed");
+    signal(running.pid(StageKind::IdentProc), Signal::KILL);
+    let status = wait_for("the supervisor to end", || running.supervisor.try_wait().unwrap());
+    assert_eq!(status.code(), Some(1));
+    let mut text = String::new();
+    std::io::Read::read_to_string(&mut running.supervisor.stderr.take().unwrap(), &mut text).unwrap();
+    assert!(text.contains("ident-proc killed by SIGKILL"), "{text}");
+    assert!(running.none_runs());
+    assert_eq!(running.group.files(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn stages_do_not_outlive_a_killed_supervisor() {
+    let mut running = Running::start("orphans");
+    signal(running.supervisor.id(), Signal::KILL);
+    running.supervisor.wait().unwrap();
+    wait_for("the stages to die with their supervisor", || running.none_runs().then_some(()));
+}
+
+#[test]
+fn a_late_reader_gets_the_current_snapshot() {
+    let mut group = TestGroup::new("late");
+    let channels = group.join();
+    let readings = channels.publisher::<EncoderReading>().unwrap();
+    let mut snapshots = channels.reader::<CoefficientSnapshot>().unwrap();
+    group.start_all_but(StageKind::PlantSim, &["--lockstep"]);
+    for sequence in 0..50 {
+        let now = monotonic_ns();
+        let mut reading = EncoderReading::default();
+        reading.header = Header { sequence, acquired_ns: now, sent_ns: now, axis_count: 4, ..Header::default() };
+        readings.send(&reading).unwrap();
+        wait_for("the snapshot", || {
+            readings.greet();
+            snapshots.reach(sequence).unwrap().then_some(())
+        });
+    }
+    // Nothing more is sent: what the late reader gets is what is current.
+    let mut late = channels.reader::<CoefficientSnapshot>().unwrap();
+    let first = wait_for("the current snapshot", || late.read().unwrap().if_new().copied());
+    assert_eq!(Some(&first), snapshots.last());
+    assert_eq!(first.header.sequence, 49);
+}
+
+/// Median and 99th percentile of the time that one send takes.
+fn send_times(publisher: &Publisher<EncoderSample>, sequence: &mut u64) -> (u64, u64) {
+    let mut times: Vec<u64> = (0..20_000)
+        .map(|_| {
+            let mut sample = EncoderSample::default();
+            sample.header.sequence = *sequence;
+            *sequence += 1;
+            let started = monotonic_ns();
+            publisher.send(&sample).unwrap();
+            monotonic_ns() - started
+        })
+        .collect();
+    times.sort_unstable();
+    (times[10_000], times[19_800])
+}
+
+#[test]
+fn a_stopped_or_killed_reader_does_not_slow_a_writer() {
+    let mut group = TestGroup::new("reader");
+    let channels = group.join();
+    let publisher = channels.publisher::<EncoderSample>().unwrap();
+    // A real stage as the reader: control-proc in lock-step, which reads one sample and waits for its snapshot.
+    let mut health = channels.reader::<StageHealth>().unwrap();
+    group.start(StageKind::ControlProc, &["--lockstep"]);
+    let reader = wait_for("the reader", || health.read().unwrap().if_new().map(|health| health.pid));
+    let mut sequence = 0;
+    send_times(&publisher, &mut sequence);
+    let living = send_times(&publisher, &mut sequence);
+    signal(reader, Signal::STOP);
+    let stopped = send_times(&publisher, &mut sequence);
+    signal(reader, Signal::KILL);
+    wait_for("the reader to die", || (!is_running(reader)).then_some(()));
+    let killed = send_times(&publisher, &mut sequence);
+    eprintln!("send, ns, p50 and p99: living {living:?}, stopped {stopped:?}, killed {killed:?}");
+    // A writer that waited would take milliseconds; these are ratios of medians in one run.
+    for (name, times) in [("stopped", stopped), ("killed", killed)] {
+        assert!(times.0 < 5 * living.0.max(200), "{name}: {times:?} against {living:?}");
+    }
+}
+
+#[test]
+fn a_second_group_of_the_same_name_is_refused() {
+    let running = Running::start("twice");
+    let second =
+        hydraxis().args(["run", "--duration", "1s", "--prefix", &running.group.prefix.to_string()]).output().unwrap();
+    assert_eq!(second.status.code(), Some(1));
+    let text = String::from_utf8_lossy(&second.stderr);
+    assert!(text.contains("group") && text.contains("running"), "{text}");
+    assert!(running.pids.iter().all(|pid| is_running(*pid)), "the first group goes on");
+    assert!(!files(&running.group.prefix).is_empty(), "and keeps its memory");
+}

@@ -1,0 +1,151 @@
+//! Lock-step: the same bits every time, in four processes and in one.
+
+mod harness;
+
+use harness::{TestGroup, machine_file, report, succeed};
+
+#[test]
+fn four_processes_repeat_bit_for_bit_and_equal_one_process() {
+    let arguments = ["--duration", "15s", "--seed", "7"];
+    let first = report(&[&["run", "--lockstep"], &arguments[..]].concat());
+    let second = report(&[&["run", "--lockstep"], &arguments[..]].concat());
+    let simulated = report(&[&["simulate"], &arguments[..]].concat());
+    assert_eq!(first, second);
+    assert_eq!(first, simulated);
+    assert_eq!(first["ticks"], 1500);
+    for stage in ["plant-sim", "sensor-proc", "ident-proc", "control-proc"] {
+        assert_eq!(first["stages"][stage]["samples"], 1500, "{stage}");
+        assert_eq!(first["stages"][stage]["lost"], 0, "{stage}");
+    }
+    // Something happened at all: trained, controlled by the model, tracked within a hand's breadth.
+    for axis in ["boom", "arm", "telescope", "bucket"] {
+        let axis = &first["axes"][axis];
+        assert_eq!(axis["identification"]["updates"], 700);
+        assert!(axis["tracking_by_model"]["count"].as_u64().unwrap() > 500, "{axis}");
+        assert!(axis["tracking"]["rmse"].as_f64().unwrap() < 0.1, "{axis}");
+    }
+
+    let other = report(&["simulate", "--duration", "15s", "--seed", "8"]);
+    assert_ne!(first["axes"], other["axes"], "another seed is another run");
+}
+
+#[test]
+fn two_groups_side_by_side_do_not_see_each_other() {
+    let alone = report(&["simulate", "--duration", "6s", "--seed", "3"]);
+    let other_alone = report(&["simulate", "--duration", "6s", "--seed", "4"]);
+    let run = |name: &str, seed: &'static str| {
+        let group = TestGroup::new(name);
+        std::thread::spawn(move || {
+            let prefix = group.prefix.to_string();
+            report(&["run", "--lockstep", "--duration", "6s", "--seed", seed, "--prefix", &prefix])
+        })
+    };
+    let (one, two) = (run("one", "3"), run("two", "4"));
+    assert_eq!(one.join().unwrap(), alone);
+    assert_eq!(two.join().unwrap(), other_alone);
+}
+
+#[test]
+fn another_program_takes_the_place_of_a_stage() {
+    let folder = tempfile::tempdir().unwrap();
+    // A shell script that leaves a mark and then becomes the stage, with the arguments it was given.
+    let mark = folder.path().join("mark");
+    let script = format!("echo \"$@\" > {}; exec {} plant-sim \"$@\"", mark.display(), env!("CARGO_BIN_EXE_hydraxis"));
+    let stage = format!("[stage.plant-sim]\ncommand = [\"/bin/sh\", \"-c\", '''{script}''', \"sh\"]\n\n[source]");
+    let file = machine_file(folder.path(), "[source]", &stage);
+    let file = file.to_str().unwrap();
+    let swapped = report(&["run", file, "--lockstep", "--duration", "3s", "--seed", "5"]);
+    assert_eq!(swapped, report(&["simulate", "--duration", "3s", "--seed", "5"]));
+    let given = std::fs::read_to_string(&mark).unwrap();
+    for expected in [file, "--prefix", "--lockstep", "--ticks 300", "--seed 5"] {
+        assert!(given.contains(expected), "{given}");
+    }
+
+    let refused = harness::hydraxis().args(["simulate", file]).output().unwrap();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("stage.plant-sim.command"));
+}
+
+/// A record of a plant that is not the built-in one, and a machine file that replays it.
+fn replayed(folder: &std::path::Path, record: &std::path::Path, period: &str, training: usize) -> std::path::PathBuf {
+    let file = folder.join("replay.toml");
+    let text = format!(
+        r#"
+        name = "replay"
+        [timing]
+        period = "{period}"
+        [source]
+        kind = "replay"
+        file = "{}"
+        [axis.slide]
+        stroke = 100.0
+        max_speed = 1000.0
+        soft_limits = [0.0, 100.0]
+        [axis.slide.encoder]
+        resolution = 1e-6
+        tolerance = 1.0
+        [axis.slide.identification]
+        training = {training}
+        horizon = 10
+        [axis.slide.control]
+        kp = 0.0
+        ki = 0.0
+        dead_band_extend = 0.0
+        dead_band_retract = 0.0
+        command_limit = 1.0
+        command_rate = 1.0
+        [axis.slide.reference]
+        kind = "hold"
+        "#,
+        record.display()
+    );
+    std::fs::write(&file, text).unwrap();
+    file
+}
+
+/// Coefficients and errors of a record, streamed through the processes, in one process, and by `identify`.
+fn same_bits(record: &std::path::Path, period: &str, training: usize) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = replayed(folder.path(), record, period, training);
+    let file = file.to_str().unwrap();
+    let streamed = report(&["run", file, "--lockstep"]);
+    assert_eq!(streamed, report(&["simulate", file]));
+    let training = training.to_string();
+    let record = record.to_str().unwrap();
+    let output = succeed(&["identify", record, "--train", &training, "--horizon", "10", "--json", "-"]);
+    let identified: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let streamed = &streamed["axes"]["slide"]["identification"];
+    for model in ["classical", "adaptive"] {
+        for key in ["coefficients", "one_step", "h_step", "free_run"] {
+            assert_eq!(streamed[model][key], identified[model][key], "{model} {key}");
+        }
+        let a = streamed[model]["coefficients"]["a"].as_array().unwrap();
+        assert!(a.iter().all(|a| a.as_f64().is_some_and(|a| a != 0.0)), "{a:?}");
+    }
+}
+
+#[test]
+fn a_record_through_the_processes_is_the_record_in_one_process() {
+    let folder = tempfile::tempdir().unwrap();
+    let record = folder.path().join("record.csv");
+    let (mut y, mut speed, mut text) = (0.5, 0.0, "t,u,y\n".to_owned());
+    for k in 0..3000 {
+        let t = f64::from(k) * 0.002;
+        let u = 0.6 * (3.0 * t).sin() + 0.3 * (17.0 * t).cos();
+        text += &format!("{t:.3},{u:.6},{y:.6}\n");
+        speed += 0.1 * (u * if u > 0.0 { 0.4 } else { 0.3 } - speed);
+        y += 0.002 * speed;
+    }
+    std::fs::write(&record, text).unwrap();
+    same_bits(&record, "2ms", 1200);
+}
+
+#[test]
+fn the_positioning_benchmark_through_the_processes_is_identify_to_the_last_bit() {
+    let record = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/emps_train.csv");
+    if !record.exists() {
+        eprintln!("skipped: {} is absent", record.display());
+        return;
+    }
+    same_bits(&record, "1ms", 10_000);
+}

@@ -180,6 +180,9 @@ def fingerprint(kind):
 # ------------------------------------------------------------------------------------------------- channels
 
 
+OTHER_VERSION = "use the watch.py that came with this version of Hydraxis"
+
+
 class Trouble(Exception):
     """Watching is not possible; the text says why and what to do."""
 
@@ -212,12 +215,10 @@ class Channel:
         self.recent = deque(maxlen=buffer)  # newest last
         self.received = self.lost = 0
         service = self._open(group)
-        found = ([value.to_string() for value in service.attributes.values(iox2.AttributeKey.new("hydraxis.layout"))],
-                 service.static_config.message_type_details.payload.size)
-        own = ([f"{fingerprint(message):016x}"], ctypes.sizeof(message))
-        if found != own:
-            raise Trouble(f'channel "{name}" has layout and size {found}, this program {own}: '
-                          "use the watch.py of the group's version of Hydraxis")
+        # Opening has compared the type's name, size and alignment; the fingerprint tells swapped fields apart.
+        found = service.attributes.key_values(iox2.AttributeKey.new("hydraxis.layout"))
+        if [value.to_string() for value in found] != [f"{fingerprint(message):016x}"]:
+            raise Trouble(f'channel "{name}" carries messages of another layout: {OTHER_VERSION}')
         buffer = min(buffer, service.static_config.subscriber_max_buffer_size)
         self.port = service.subscriber_builder().buffer_size(buffer).create()
 
@@ -229,8 +230,7 @@ class Channel:
                 return group.node.service_builder(name).publish_subscribe(self.message).open()
             except iox2.PublishSubscribeOpenError as error:
                 if "Incompatible" in str(error):
-                    raise Trouble(f'channel "{self.name}" carries other messages ({error}): '
-                                  "use the watch.py of the group's version of Hydraxis") from None
+                    raise Trouble(f'channel "{self.name}" carries other messages ({error}): {OTHER_VERSION}') from None
                 if time.monotonic() > until or group.is_removed():
                     raise Trouble(f'group "{group.prefix}" has no channel "{self.name}" ({error}): '
                                   "it has ended, or has no stage that writes it") from None
@@ -355,7 +355,7 @@ def watch(group, count, seconds):
                 fresh, last_print, printed = False, now, printed + 1
                 if sum(channel.lost for channel in channels) > lost:
                     lost = sum(channel.lost for channel in channels)
-                    print(f"lost so far: {lost} messages: this program was too slow", file=sys.stderr)
+                    print(f"{lost} messages lost so far, by their sequence numbers", file=sys.stderr)
             if group.is_removed() or received and now - last_data > END_PATIENCE_S:
                 return "the group has ended"
             if not received and now - started > FIRST_PATIENCE_S:
@@ -377,6 +377,7 @@ def main():
     parser.add_argument("--seconds", metavar="S", type=float, help="end after S seconds")
     arguments = parser.parse_args()
     iox2.set_log_level(iox2.LogLevel.Fatal)  # errors come as exceptions
+    os.nice(10)  # where cores are shared, the stages come first
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # leave the group in order, as at Ctrl-C
     group, status = None, 0
     try:

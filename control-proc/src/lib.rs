@@ -11,7 +11,6 @@
 //! | [`fallback`] | PI with dead-band compensation: needs no model |
 //! | [`predictive`] | generalised predictive control on the identified model |
 //! | [`response`] | what the model answers to nothing and to a step |
-//! | [`cholesky`] | the small linear system of the predictive controller |
 //! | [`judge`] | which models may be used at all |
 //! | [`history`] | past outputs and commands of one axis |
 //! | [`limits`] | magnitude and rate of a command |
@@ -22,7 +21,6 @@
 
 pub mod axis;
 pub mod channel;
-pub mod cholesky;
 pub mod controller;
 pub mod fallback;
 pub mod history;

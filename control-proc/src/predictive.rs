@@ -21,10 +21,10 @@
 //! The limits are met by clipping the first move, not by planning with them; a constrained solver takes the place of
 //! `first_move` and gets the same step response and deviations.
 
+use nalgebra::{SMatrix, SVector};
 use pipeline::machine::Control;
 
 use crate::{
-    cholesky::{self, MAX_MOVES},
     history::{COMMANDS, History},
     judge::Approved,
     response::{MAX_AHEAD, MAX_HORIZON, free_response, residual, step_response},
@@ -33,6 +33,9 @@ use crate::{
 /// tau: the root of the noise polynomial. At 0.8 one wrong sample counts a fifth as much as a lasting disturbance,
 /// which is met within some ten samples; the value that is usual for this method.
 pub const NOISE_ROOT: f64 = 0.8;
+
+/// The most moves that are planned: what the machine file allows.
+pub const MAX_MOVES: usize = 8;
 
 /// The predictive controller of one axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -106,17 +109,20 @@ impl Predictive {
     /// dx(k): the first of the moves that minimise J.
     fn first_move(&self, step: &[f64], deviation: &[f64]) -> Option<f64> {
         let mean_square = step.iter().map(|s| s * s).sum::<f64>() / step.len() as f64;
-        let mut h = [[0.0; MAX_MOVES]; MAX_MOVES];
-        let mut g = [0.0; MAX_MOVES];
+        // Moves that are not planned keep a row of the identity: they come out as 0 and disturb nobody.
+        let mut h = SMatrix::<f64, MAX_MOVES, MAX_MOVES>::identity();
+        let mut g = SVector::<f64, MAX_MOVES>::zeros();
         for m in 0..self.moves {
             g[m] = step.iter().zip(&deviation[m..]).map(|(s, d)| s * d).sum();
             for n in 0..=m {
-                // Columns m and n of G are the step response, shifted: from row m on both are there.
-                h[m][n] = step.iter().zip(&step[m - n..]).take(step.len() - m).map(|(s, t)| s * t).sum();
+                // Columns m and n of G are the step response, shifted: from row m on both are there. Only the lower
+                // triangle is read.
+                h[(m, n)] = step.iter().zip(&step[m - n..]).take(step.len() - m).map(|(s, t)| s * t).sum();
             }
-            h[m][m] += self.move_weight * mean_square;
+            h[(m, m)] += self.move_weight * mean_square;
         }
-        Some(cholesky::solve(h, g, self.moves)?[0])
+        let moves = h.cholesky()?.solve(&g);
+        moves[0].is_finite().then_some(moves[0])
     }
 }
 

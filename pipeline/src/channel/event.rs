@@ -2,24 +2,21 @@
 
 use std::time::Duration;
 
-use iceoryx2::{
-    port::{
-        listener::{Listener, ListenerWaitError},
-        notifier::Notifier,
-    },
-    prelude::ipc,
+use iceoryx2::port::{
+    listener::{Listener, ListenerWaitError},
+    notifier::Notifier,
 };
 
-use super::ChannelError;
+use super::{ChannelError, service::Service};
 
 /// Wakes whoever listens on a channel.
 pub struct Bell {
-    notifier: Notifier<ipc::Service>,
+    notifier: Notifier<Service>,
     channel: &'static str,
 }
 
 impl Bell {
-    pub(super) fn new(notifier: Notifier<ipc::Service>, channel: &'static str) -> Self {
+    pub(super) fn new(notifier: Notifier<Service>, channel: &'static str) -> Self {
         Self { notifier, channel }
     }
 
@@ -35,12 +32,12 @@ impl Bell {
 
 /// Waits for a [`Bell`].
 pub struct Ear {
-    listener: Listener<ipc::Service>,
+    listener: Listener<Service>,
     channel: &'static str,
 }
 
 impl Ear {
-    pub(super) fn new(listener: Listener<ipc::Service>, channel: &'static str) -> Self {
+    pub(super) fn new(listener: Listener<Service>, channel: &'static str) -> Self {
         Self { listener, channel }
     }
 

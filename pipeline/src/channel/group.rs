@@ -16,7 +16,7 @@ use iceoryx2::{
     service::port_factory::publish_subscribe::PortFactory as PublishSubscribe,
 };
 
-use super::{Bell, ChannelError, Ear, Publisher, Reader};
+use super::{Bell, ChannelError, Ear, Publisher, Reader, service::Service};
 use crate::message::Message;
 
 /// Readers that one channel takes: the stages, the supervisor, and clients that watch.
@@ -70,7 +70,7 @@ impl Prefix {
 /// One process' membership in a group.
 pub struct Group {
     prefix: Prefix,
-    node: Node<ipc::Service>,
+    node: Node<Service>,
     /// Locked, shared, for as long as the membership lasts: the kernel lets go of it also when the process is killed.
     _membership: File,
 }
@@ -161,7 +161,7 @@ impl Group {
         ChannelError::Open { prefix: self.prefix.to_string(), channel: M::CHANNEL, reason }
     }
 
-    fn open<M: Message>(&self) -> Result<PublishSubscribe<ipc::Service, M, ()>, ChannelError> {
+    fn open<M: Message>(&self) -> Result<PublishSubscribe<Service, M, ()>, ChannelError> {
         let service = format!("hydraxis/{}", M::CHANNEL);
         let internal = |reason: String| self.cannot_open::<M>(reason);
         let name = ServiceName::new(&service).map_err(|error| internal(format!("{error:?}")))?;
@@ -203,7 +203,7 @@ impl Group {
 
     fn open_event<M: Message>(
         &self,
-    ) -> Result<iceoryx2::service::port_factory::event::PortFactory<ipc::Service>, ChannelError> {
+    ) -> Result<iceoryx2::service::port_factory::event::PortFactory<Service>, ChannelError> {
         let service = format!("hydraxis/{}", M::CHANNEL);
         let name = ServiceName::new(&service).map_err(|error| self.cannot_open::<M>(format!("{error:?}")))?;
         let until = Instant::now() + OPEN_PATIENCE;

@@ -14,6 +14,8 @@ mod event;
 mod group;
 mod publisher;
 mod reader;
+mod recycled;
+mod service;
 
 pub use event::{Bell, Ear};
 pub use group::{Group, Prefix, remove_leftovers};

@@ -1,20 +1,17 @@
 //! The writing end of a channel.
 
-use iceoryx2::{
-    port::{publisher::Publisher as Port, update_connections::UpdateConnections},
-    prelude::ipc,
-};
+use iceoryx2::port::{publisher::Publisher as Port, update_connections::UpdateConnections};
 
-use super::ChannelError;
+use super::{ChannelError, service::Service};
 use crate::message::Message;
 
 /// Writes messages of one kind; never waits for a reader, allocates nothing.
 pub struct Publisher<M: Message> {
-    port: Port<ipc::Service, M, ()>,
+    port: Port<Service, M, ()>,
 }
 
 impl<M: Message> Publisher<M> {
-    pub(super) fn new(port: Port<ipc::Service, M, ()>) -> Self {
+    pub(super) fn new(port: Port<Service, M, ()>) -> Self {
         Self { port }
     }
 

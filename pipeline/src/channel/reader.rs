@@ -1,8 +1,8 @@
 //! The reading end of a channel.
 
-use iceoryx2::{port::subscriber::Subscriber, prelude::ipc};
+use iceoryx2::port::subscriber::Subscriber;
 
-use super::ChannelError;
+use super::{ChannelError, service::Service};
 use crate::message::Message;
 
 /// What a read found. Nobody can mistake an old message for a new one.
@@ -28,7 +28,7 @@ impl<'a, M> Read<'a, M> {
 
 /// Reads messages of one kind and counts the ones it missed; never waits, allocates nothing.
 pub struct Reader<M: Message> {
-    port: Subscriber<ipc::Service, M, ()>,
+    port: Subscriber<Service, M, ()>,
     last: M,
     any: bool,
     lost: u64,
@@ -36,7 +36,7 @@ pub struct Reader<M: Message> {
 }
 
 impl<M: Message> Reader<M> {
-    pub(super) fn new(port: Subscriber<ipc::Service, M, ()>) -> Self {
+    pub(super) fn new(port: Subscriber<Service, M, ()>) -> Self {
         Self { port, last: M::default(), any: false, lost: 0, restarts: 0 }
     }
 

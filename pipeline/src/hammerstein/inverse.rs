@@ -136,6 +136,9 @@ fn roots(c: &[f64], end: f64) -> Roots {
     if c.len() < 2 {
         return found;
     }
+    if c.len() <= 3 {
+        return quadratic_roots([c[0], c[1], c.get(2).copied().unwrap_or(0.0)], end);
+    }
     let mut slope = [0.0; MAX_ORDER];
     for i in 1..c.len() {
         slope[i - 1] = i as f64 * c[i];
@@ -150,6 +153,24 @@ fn roots(c: &[f64], end: f64) -> Roots {
             found.push(bisect(before, v, |v| rising * evaluate(v)));
         }
         before = v;
+    }
+    found
+}
+
+/// The same for c[0] + c[1] v + c[2] v^2, by the formula that does not cancel; c[2] may be zero.
+fn quadratic_roots([c, b, a]: [f64; 3], end: f64) -> Roots {
+    let mut found = Roots::default();
+    let discriminant = b * b - 4.0 * a * c;
+    // A double root touches zero and changes no sign.
+    if discriminant > 0.0 {
+        let q = -0.5 * (b + discriminant.sqrt().copysign(b));
+        let (one, two) = (q / a, c / q);
+        for root in [one.min(two), one.max(two)] {
+            // Division by zero gives infinity or NaN, which is not inside either.
+            if root > 0.0 && root < end {
+                found.push(root);
+            }
+        }
     }
     found
 }

@@ -174,7 +174,8 @@ impl<'d, 'i> Section<'d, 'i> {
     /// A number in `range`; `unit` is shown with it. NaN is outside every range.
     pub fn number(&mut self, key: &str, range: RangeInclusive<f64>, unit: &str) -> f64 {
         let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
-        self.required(key, allowed.trim_end(), *range.start(), |value| number(value, &range))
+        // In the place of a refused number the largest: then what depends on it is not refused as well.
+        self.required(key, allowed.trim_end(), *range.end(), |value| number(value, &range))
     }
 
     /// The same with a default.

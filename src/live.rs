@@ -5,7 +5,9 @@ use std::time::{Duration, Instant};
 use pipeline::{
     channel::{ChannelError, Group, Reader},
     machine::Machine,
-    message::{CoefficientSnapshot, ControlMode, StageHealth, StageState, ValveCommand, bit_names, control_flag},
+    message::{
+        CoefficientSnapshot, ControlMode, StageHealth, StageState, ValveCommand, bit_names, control_flag, model_fault,
+    },
     stage::StageKind,
 };
 
@@ -110,7 +112,11 @@ impl Monitor {
                 }
             }
             if let Some(snapshot) = self.last.snapshot.map(|snapshot| snapshot.axes[i]) {
-                line += &format!(" L{:.3}", snapshot.forgetting_factor);
+                if snapshot.faults & model_fault::TRAINING != 0 {
+                    line += " training";
+                } else {
+                    line += &format!(" L{:.3}", snapshot.forgetting_factor);
+                }
             }
         }
         let (lost, late) = (self.last.health.iter().flatten())

@@ -29,9 +29,6 @@ pub struct Report {
     pub wall_s: f64,
     /// Time of the machine, s.
     pub model_s: f64,
-    /// The order of the axes in the machine file, for the tables.
-    #[serde(skip)]
-    order: Vec<String>,
 }
 
 #[derive(Debug, Serialize)]
@@ -148,7 +145,6 @@ impl Report {
             ticks,
             wall_s,
             model_s: ticks as f64 * machine.timing.period.as_secs_f64(),
-            order: machine.axes.iter().map(|axis| axis.name.clone()).collect(),
         }
     }
 
@@ -158,8 +154,8 @@ impl Report {
     }
 
     /// Prints the tables.
-    pub fn print(&self) {
-        let axes = || self.order.iter().filter_map(|name| self.axes.get(name).map(|axis| (name, axis)));
+    pub fn print(&self, machine: &Machine) {
+        let axes = || machine.axes.iter().map(|axis| (&axis.name, &self.axes[&axis.name]));
         println!("Tracking error, mm, and identification error, mm (sigma; h steps ahead; 1 - adaptive / classical):");
         let rows = axes().map(|(name, axis)| {
             let identification = &axis.identification;
@@ -202,7 +198,9 @@ impl Report {
                 stage.missed_deadlines.to_string(),
             ];
             for p in [&stage.wait_ns, &stage.work_ns] {
-                row.extend([p.p50, p.p99, p.p99_9, p.max].map(nanoseconds));
+                row.extend(
+                    [p.p50, p.p99, p.p99_9, p.max].map(|v| if p.count > 0 { nanoseconds(v) } else { "-".into() }),
+                );
             }
             row
         });
@@ -220,6 +218,15 @@ impl Report {
         if !rows.is_empty() {
             let header = ["latency", "count", "p50", "p99", "p99.9", "p99.99", "max", "beyond"];
             println!("{}\n", table(&header, rows));
+        }
+        for axis in machine.axes.iter().filter(|axis| self.axes[&axis.name].identification.updates == 0) {
+            let training = axis.identification.training as f64 * machine.timing.period.as_secs_f64();
+            println!(
+                "{}: no model yet, training takes {} s (axis.{}.identification.training); use a longer --duration.",
+                axis.name,
+                number(training),
+                axis.name
+            );
         }
         println!(
             "{} ticks, {} s of the machine in {} s: {} lost.",

@@ -49,7 +49,7 @@ pub fn run(arguments: &cli::Run) -> Result<(), Failure> {
     let _ = remove_leftovers(&options.prefix);
     let report = result?;
     if arguments.json.as_deref() != Some(Path::new("-")) {
-        report.print();
+        report.print(&machine);
     }
     arguments.json.as_deref().map_or(Ok(()), |file| write_json(file, &report))
 }

@@ -44,7 +44,7 @@ pub fn run(arguments: &cli::Simulate) -> Result<(), Failure> {
     let last = simulate(&machine, arguments.seed, ticks)?;
     let report = Report::new(&machine, &last, started.elapsed().as_secs_f64());
     if arguments.json.as_deref() != Some(Path::new("-")) {
-        report.print();
+        report.print(&machine);
     }
     arguments.json.as_deref().map_or(Ok(()), |file| write_json(file, &report))
 }

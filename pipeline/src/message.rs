@@ -52,8 +52,10 @@ shared_struct! {
     #[type_name("hydraxis.Header/1")]
     pub struct Header {
         /// Number of the sample that caused the message: the index of its tick since the start of the source.
-        /// An [`EncoderReading`] counts its own readings.
+        /// An [`EncoderReading`] counts its own readings. A gap is a tick that nobody worked.
         pub sequence: u64,
+        /// Number of this message on its channel, from 0 on, filled in by the publisher. A gap is a lost message.
+        pub number: u64,
         /// When that sample was acquired, ns of `CLOCK_MONOTONIC`.
         pub acquired_ns: u64,
         /// When this message was sent, ns of `CLOCK_MONOTONIC`.

@@ -4,7 +4,7 @@
 //! channel is publish-subscribe with explicit limits, safe overflow and a history of one:
 //!
 //! - a writer never waits for a reader: a reader that is slow, stopped or dead loses its oldest messages;
-//! - a reader counts what it lost, by the sequence numbers;
+//! - a reader counts what it lost, by the numbers that the publisher gives them;
 //! - a late reader gets the newest message at the writer's next [`Publisher::send`] or [`Publisher::greet`].
 //!
 //! A foreign layout is refused on opening: the type's name carries a version, and its fingerprint

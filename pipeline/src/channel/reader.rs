@@ -49,7 +49,7 @@ impl<M: Message> Reader<M> {
             self.port.receive().map_err(|e| ChannelError::Receive { channel: M::CHANNEL, reason: format!("{e:?}") })?;
         match received {
             Some(sample) => {
-                let (before, after) = (self.last.header().sequence, sample.payload().header().sequence);
+                let (before, after) = (self.last.header().number, sample.payload().header().number);
                 if self.any && after > before {
                     self.lost += after - before - 1;
                 } else if self.any {
@@ -101,12 +101,12 @@ impl<M: Message> Reader<M> {
         self.any.then_some(&self.last)
     }
 
-    /// Messages that were sent and never read, by the gaps in their sequence numbers.
+    /// Messages that were sent and never read, by the gaps in their numbers.
     pub fn lost(&self) -> u64 {
         self.lost
     }
 
-    /// Messages whose sequence number did not rise: the writer started again, or repeats itself.
+    /// Messages whose number did not rise: the writer started again.
     pub fn restarts(&self) -> u64 {
         self.restarts
     }

@@ -27,6 +27,13 @@ fn sample(sequence: u64) -> EncoderSample {
     EncoderSample { header: Header { sequence, ..Header::default() }, ..EncoderSample::default() }
 }
 
+/// The same as it arrives, as message `number` of its channel.
+fn numbered(sequence: u64, number: u64) -> EncoderSample {
+    let mut sample = sample(sequence);
+    sample.header.number = number;
+    sample
+}
+
 #[test]
 fn a_read_is_new_or_old_or_none() {
     let own = Own::new("read");
@@ -34,12 +41,12 @@ fn a_read_is_new_or_old_or_none() {
     let (publisher, mut reader) = (group.publisher().unwrap(), group.reader::<EncoderSample>().unwrap());
     assert_eq!(reader.read().unwrap(), Read::None);
     publisher.send(&sample(7)).unwrap();
-    assert_eq!(reader.read().unwrap(), Read::New(&sample(7)));
-    assert_eq!(reader.read().unwrap(), Read::Old(&sample(7)));
+    assert_eq!(reader.read().unwrap(), Read::New(&numbered(7, 0)));
+    assert_eq!(reader.read().unwrap(), Read::Old(&numbered(7, 0)));
     publisher.send(&sample(8)).unwrap();
     publisher.send(&sample(9)).unwrap();
-    assert_eq!(reader.newest().unwrap(), Read::New(&sample(9)));
-    assert_eq!(reader.newest().unwrap(), Read::Old(&sample(9)));
+    assert_eq!(reader.newest().unwrap(), Read::New(&numbered(9, 2)));
+    assert_eq!(reader.newest().unwrap(), Read::Old(&numbered(9, 2)));
     assert_eq!((reader.lost(), reader.restarts()), (0, 0));
 }
 
@@ -59,6 +66,18 @@ fn a_reader_that_sleeps_loses_the_oldest_and_knows_how_many() {
     assert_eq!(read, EncoderSample::BUFFER as u64);
     assert_eq!(reader.lost(), sent - read);
     assert_eq!(reader.last().unwrap().header.sequence, sent);
+}
+
+#[test]
+fn a_tick_that_nobody_worked_is_not_a_lost_message() {
+    let own = Own::new("gap");
+    let group = own.join();
+    let (publisher, mut reader) = (group.publisher().unwrap(), group.reader::<EncoderSample>().unwrap());
+    for tick in [5, 9] {
+        publisher.send(&sample(tick)).unwrap();
+        assert_eq!(reader.read().unwrap().if_new().unwrap().header.sequence, tick);
+    }
+    assert_eq!(reader.lost(), 0);
 }
 
 #[test]
@@ -83,10 +102,10 @@ fn a_late_reader_gets_the_newest_message() {
     publisher.send(&sample(4)).unwrap();
     let mut late = group.reader::<EncoderSample>().unwrap();
     publisher.greet();
-    assert_eq!(late.read().unwrap(), Read::New(&sample(4)));
+    assert_eq!(late.read().unwrap(), Read::New(&numbered(4, 1)));
     // Greeting again repeats nothing.
     publisher.greet();
-    assert_eq!(late.read().unwrap(), Read::Old(&sample(4)));
+    assert_eq!(late.read().unwrap(), Read::Old(&numbered(4, 1)));
 }
 
 #[test]
@@ -98,7 +117,7 @@ fn reading_up_to_a_tick_leaves_the_later_ones() {
     (0..5).for_each(|k| publisher.send(&sample(k)).unwrap());
     assert!(reader.reach(2).unwrap() && reader.reach(1).unwrap());
     assert_eq!(reader.last().unwrap().header.sequence, 2);
-    assert_eq!(reader.read().unwrap(), Read::New(&sample(3)));
+    assert_eq!(reader.read().unwrap(), Read::New(&numbered(3, 3)));
 }
 
 #[test]

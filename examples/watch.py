@@ -26,7 +26,7 @@ import signal
 import sys
 import time
 from collections import deque
-from ctypes import c_double as f64, c_int64 as i64, c_uint32 as u32, c_uint64 as u64
+from ctypes import c_double as f64, c_uint32 as u32, c_uint64 as u64
 from pathlib import Path
 
 try:
@@ -45,12 +45,14 @@ TRAINING = 1  # bit of AxisSnapshot.faults: there are no coefficients yet
 
 
 # ------------------------------------------------------------------------------------------------ messages
-# Positions are metres when the machine is simulated or real; a replayed record keeps its own unit.
+# Positions are metres when the machine is simulated or real; a replayed record keeps its own unit, and what is
+# printed as mm is then a thousandth of it.
 
 
 class Header(ctypes.Structure):
     _fields_ = [
-        ("sequence", u64),  # index of the tick whose sample caused the message
+        ("sequence", u64),  # index of the tick whose sample caused the message; a gap is a tick nobody worked
+        ("number", u64),  # of this message on its channel; a gap is a lost message
         ("acquired_ns", u64),  # ns of CLOCK_MONOTONIC
         ("sent_ns", u64),  # ns of CLOCK_MONOTONIC
         ("axis_count", u32),  # axes in use; the rest of the arrays is zero
@@ -170,7 +172,7 @@ def fingerprint(kind):
     if issubclass(kind, ctypes.Array):
         return fold(b"array" + number(kind._length_), fingerprint(kind._type_))
     if not issubclass(kind, ctypes.Structure):
-        return fold({f64: b"f64", i64: b"i64", u32: b"u32", u64: b"u64"}[kind])
+        return fold({f64: b"f64", u32: b"u32", u64: b"u64"}[kind])
     value = fold(kind.__name__.encode())
     for name, field in kind._fields_:
         value = fold(name.encode() + number(fingerprint(field)) + number(getattr(kind, name).offset), value)
@@ -208,12 +210,12 @@ class Group:
 
 
 class Channel:
-    """Reads one kind of message and counts the ones it missed."""
+    """Reads one kind of message and counts the ones it missed, by their numbers."""
 
     def __init__(self, group, name, message, buffer):
         self.name, self.message = name, message
         self.recent = deque(maxlen=buffer)  # newest last
-        self.received = self.lost = 0
+        self.received = self.lost = self.skipped = 0
         service = self._open(group)
         # Opening has compared the type's name, size and alignment; the fingerprint tells swapped fields apart.
         found = service.attributes.key_values(iox2.AttributeKey.new("hydraxis.layout"))
@@ -242,10 +244,14 @@ class Channel:
         while (sample := self.port.receive()) is not None:
             message = self.message.from_buffer_copy(sample.payload().contents)
             sample.delete()  # the channel lends one message at a time
-            step = message.header.sequence - self.recent[-1].header.sequence if self.recent else 1
-            if step <= 0:  # the writer started again
-                self.recent.clear()
-            self.lost += max(step - 1, 0)
+            if self.recent:
+                messages = message.header.number - self.recent[-1].header.number
+                ticks = message.header.sequence - self.recent[-1].header.sequence
+                if messages <= 0:  # the writer started again
+                    self.recent.clear()
+                else:
+                    self.lost += messages - 1
+                    self.skipped += max(ticks - messages, 0)
             self.received += 1
             self.recent.append(message)
         return self.received > before
@@ -276,7 +282,8 @@ def is_running(prefix):
     """Whether a process of the group is alive; a killed group leaves its folder behind."""
     if not folder_of(prefix).is_dir():
         return False
-    return any(isinstance(node, iox2.NodeState.Alive) for node in iox2.Node.list(iox2.ServiceType.Ipc, config_of(prefix)))
+    nodes = iox2.Node.list(iox2.ServiceType.Ipc, config_of(prefix))
+    return any(isinstance(node, iox2.NodeState.Alive) for node in nodes)
 
 
 def running_groups():
@@ -355,7 +362,7 @@ def watch(group, count, seconds):
                 fresh, last_print, printed = False, now, printed + 1
                 if sum(channel.lost for channel in channels) > lost:
                     lost = sum(channel.lost for channel in channels)
-                    print(f"{lost} messages lost so far, by their sequence numbers", file=sys.stderr)
+                    print(f"{lost} messages lost so far: this program is too slow for them", file=sys.stderr)
             if group.is_removed() or received and now - last_data > END_PATIENCE_S:
                 return "the group has ended"
             if not received and now - started > FIRST_PATIENCE_S:
@@ -367,11 +374,12 @@ def watch(group, count, seconds):
         return "stopped; the group runs on"
     finally:
         for channel in channels:
-            print(f"{channel.name}: {channel.received} received, {channel.lost} lost", file=sys.stderr)
+            print(f"{channel.name}: {channel.received} messages received, {channel.lost} lost on the way to here; "
+                  f"{channel.skipped} ticks nobody worked", file=sys.stderr)
 
 
 def main():
-    parser = argparse.ArgumentParser(description="Print samples, commands and models of a running group, twice a second.")
+    parser = argparse.ArgumentParser(description="Print samples, commands and models of a running group.")
     parser.add_argument("--prefix", metavar="NAME", help="name of the group; without it the one that is running")
     parser.add_argument("--count", metavar="N", type=int, help="end after N printed ticks")
     parser.add_argument("--seconds", metavar="S", type=float, help="end after S seconds")
@@ -388,7 +396,8 @@ def main():
         pass
     except BrokenPipeError:  # as with "| head"
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except (Trouble, iox2.NodeCreationFailure, iox2.SubscriberCreateError, iox2.ReceiveError) as error:
+    except (Trouble, FileNotFoundError, iox2.NodeListFailure, iox2.NodeCreationFailure, iox2.SubscriberCreateError,
+            iox2.ReceiveError) as error:
         reason = str(error) if isinstance(error, Trouble) else f"{type(error).__name__}: {error}"
         print(f"error: {reason}", file=sys.stderr)
         status = 1

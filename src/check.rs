@@ -5,7 +5,7 @@ use pipeline::machine::{Machine, Source};
 use plant_sim::PlantSim;
 use sensor_proc::source::Replay;
 
-use crate::{cli, failure::Failure, stage};
+use crate::{cli, failure::Failure, output::show, stage};
 
 /// Checks a machine file and says what it describes.
 pub fn run(arguments: &cli::MachineFile) -> Result<(), Failure> {
@@ -16,24 +16,28 @@ pub fn run(arguments: &cli::MachineFile) -> Result<(), Failure> {
         Source::Sim => "simulated".to_owned(),
         Source::Replay(file) => format!("replayed from {}", file.display()),
     };
-    println!(
-        "{}: {} axes ({}), every {}, {source}: no problem found.",
+    show(&format!(
+        "{}: {} axes ({}), every {}, {source}: no problem found.\n",
         machine.name,
         names.len(),
         names.join(", "),
         humantime::format_duration(machine.timing.period)
-    );
-    Ok(())
+    ))
 }
 
-/// What the machine file points at and what its values amount to: trajectories, recordings, plants.
+/// What the machine file points at and what its values amount to, axis by axis: trajectories, recordings, plants.
 pub fn deep(machine: &Machine) -> Result<(), Failure> {
     let mut problems = Vec::new();
-    problems.extend(Controller::new(machine).err().map(|error| error.to_string()));
-    match &machine.source {
-        Source::Sim => problems.extend(PlantSim::new(machine, 0).err().map(|error| error.to_string())),
-        Source::Replay(file) => problems.extend(Replay::new(machine, file).err().map(|error| error.to_string())),
+    for axis in &machine.axes {
+        let alone = Machine { axes: vec![axis.clone()], ..machine.clone() };
+        problems.extend(Controller::new(&alone).err().map(|error| error.to_string()));
+        problems.extend(match &machine.source {
+            Source::Sim => PlantSim::new(&alone, 0).err().map(|error| error.to_string()),
+            Source::Replay(file) => Replay::new(&alone, file).err().map(|error| format!("source.file: {error}")),
+        });
     }
+    // A file that all axes share is as wrong for each.
+    problems.dedup();
     if problems.is_empty() { Ok(()) } else { Err(Failure::Usage(problems.join("\n"))) }
 }
 

@@ -1,8 +1,6 @@
 //! `hydraxis identify`: a recording through the same core that runs in ident-proc.
 
 use std::{
-    fs,
-    io::Write,
     path::Path,
     time::{Duration, Instant},
 };
@@ -20,6 +18,7 @@ use serde::Serialize;
 use crate::{
     cli,
     failure::Failure,
+    output::Output,
     table::{number, percent, progress, table},
 };
 
@@ -135,16 +134,10 @@ pub fn run(arguments: &cli::Identify) -> Result<(), Failure> {
     let period = arguments.period.map(|period| period.as_secs_f64());
     let record = Record::read(&arguments.data, &arguments.input, &arguments.output, period).map_err(Failure::usage)?;
     let settings = settings(arguments, &record)?;
+    let output = Output::open(arguments.json.as_deref())?;
     let (mut identifier, ns_per_update) = identify(&settings, &record);
     let report = Report::new(&settings, &record, &mut identifier, ns_per_update);
-    let to_stdout = arguments.json.as_deref() == Some(Path::new("-"));
-    if !to_stdout {
-        report.print(&arguments.data);
-    }
-    if let Some(file) = &arguments.json {
-        write_json(file, &report)?;
-    }
-    Ok(())
+    output.write(|| report.tables(&arguments.data), &report)
 }
 
 /// What to identify, from what was typed and what the record is.
@@ -152,23 +145,26 @@ fn settings(arguments: &cli::Identify, record: &Record) -> Result<Identification
     let rows = record.outputs.len();
     let structure = Structure { na: arguments.na, nb: arguments.nb, nk: arguments.nk, order: arguments.order };
     let training = arguments.train.of(rows);
-    let horizon = arguments.horizon.at(Duration::from_secs_f64(record.period)).max(1);
-    let too_few = |found, needed, why: String| {
-        Err(Failure::usage(RecordError::TooFewRows { file: arguments.data.clone(), rows: found, needed, why }))
-    };
+    let horizon = arguments.horizon.at(Duration::from_secs_f64(record.period));
+    if horizon == 0 {
+        return Err(Failure::usage("--horizon: found 0 samples; allowed: at least one sample"));
+    }
     let coefficients = structure.full_len();
     let shortest = coefficients + structure.memory();
     if training < shortest {
-        let why =
-            format!("for --train, to determine {coefficients} coefficients (fewer with lower --na, --nb, --order)");
-        return too_few(training, shortest, why);
+        return Err(Failure::Usage(format!(
+            "{}: --train: found {training} of the {rows} rows; allowed: at least {shortest}, to determine {coefficients} \
+             coefficients (fewer with lower --na, --nb, --order)",
+            arguments.data.display()
+        )));
     }
-    if rows <= training + horizon {
-        return too_few(
+    if rows.saturating_sub(training) <= horizon {
+        return Err(Failure::usage(RecordError::TooFewRows {
+            file: arguments.data.clone(),
             rows,
-            training + horizon + 1,
-            format!("to test {horizon} samples ahead after {training} for training"),
-        );
+            needed: training.saturating_add(horizon).saturating_add(1),
+            why: format!("to test {horizon} samples ahead after {training} for training"),
+        }));
     }
     let mut fuzzy = match &arguments.fuzzy {
         Some(file) => Fuzzy::load(file).map_err(Failure::usage)?,
@@ -206,15 +202,6 @@ fn identify(settings: &Identification, record: &Record) -> (Identifier, f64) {
     progress.finish_and_clear();
     let tested = record.outputs.len() - settings.training;
     (identifier, 1e9 * elapsed / tested as f64)
-}
-
-/// Writes a value as JSON to a file, or to standard output for `-`.
-pub fn write_json(file: &Path, value: &impl Serialize) -> Result<(), Failure> {
-    let mut text = serde_json::to_string_pretty(value).map_err(Failure::run)?;
-    text.push('\n');
-    let written =
-        if file == Path::new("-") { std::io::stdout().write_all(text.as_bytes()) } else { fs::write(file, text) };
-    written.map_err(|error| Failure::Run(format!("{}: the JSON cannot be written: {error}", file.display())))
 }
 
 impl Report {
@@ -265,10 +252,10 @@ impl Report {
         }
     }
 
-    fn print(&self, file: &Path) {
+    fn tables(&self, file: &Path) -> String {
         let Structure { na, nb, nk, order } = self.structure;
-        println!(
-            "{}: {} rows of {} s, {} for training; na {na}, nb {nb}, nk {nk}, order {order}; {} ahead is {} samples",
+        let mut text = format!(
+            "{}: {} rows of {} s, {} for training; na {na}, nb {nb}, nk {nk}, order {order}; {} ahead is {} samples\n",
             file.display(),
             self.rows,
             number(self.period_s),
@@ -277,10 +264,13 @@ impl Report {
             self.horizon
         );
         if self.irregular_steps > 0 {
-            println!("warning: {} steps of time differ from the period by more than half of it", self.irregular_steps);
+            text += &format!(
+                "warning: {} steps of time differ from the period by more than half of it\n",
+                self.irregular_steps
+            );
         }
         if !self.faults.is_empty() {
-            println!("warning: {}", self.faults.join(", "));
+            text += &format!("warning: {}\n", self.faults.join(", "));
         }
         let row = |name: &str, classical: &ErrorFigures, adaptive: &ErrorFigures, reduction: f64| {
             vec![
@@ -301,9 +291,13 @@ impl Report {
         ];
         let header =
             ["error", "sigma classical", "adaptive", "reduction", "rmse classical", "adaptive", "fit adaptive"];
-        println!("{}", table(&header, rows));
-        println!(
-            "h steps by holding y: sigma {}. Forgetting {} (mean {}, least {}); {:.0} ns per update.",
+        text += &format!(
+            "{}
+",
+            table(&header, rows)
+        );
+        text += &format!(
+            "h steps by holding y: sigma {}. Forgetting {} (mean {}, least {}); {:.0} ns per update.\n",
             number(self.persistence.h_step.sigma),
             self.forgetting,
             number(adaptive.forgetting_factor.mean),
@@ -312,13 +306,14 @@ impl Report {
         );
         for (name, model) in [("classical", &classical.coefficients), ("adaptive", &adaptive.coefficients)] {
             let list = |values: &[f64]| values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(" ");
-            println!(
-                "{name:9}  a {}   b {}   f {}   g {}",
+            text += &format!(
+                "{name:9}  a {}   b {}   f {}   g {}\n",
                 list(&model.a),
                 list(&model.b),
                 list(&model.f),
                 list(&model.g)
             );
         }
+        text
     }
 }

@@ -5,6 +5,7 @@ mod cli;
 mod failure;
 mod identify;
 mod live;
+mod output;
 mod report;
 mod run;
 mod simulate;

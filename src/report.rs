@@ -153,10 +153,11 @@ impl Report {
         self.stages.values().map(|stage| stage.lost).sum()
     }
 
-    /// Prints the tables.
-    pub fn print(&self, machine: &Machine) {
+    /// The same as tables.
+    pub fn tables(&self, machine: &Machine) -> String {
+        let mut text = String::new();
         let axes = || machine.axes.iter().map(|axis| (&axis.name, &self.axes[&axis.name]));
-        println!("Tracking error, mm, and identification error, mm (sigma; h steps ahead; 1 - adaptive / classical):");
+        text += "Tracking error, mm, and identification error, mm (sigma; h steps ahead; 1 - adaptive / classical):\n";
         let rows = axes().map(|(name, axis)| {
             let identification = &axis.identification;
             let (classical, adaptive) = (&identification.classical, &identification.adaptive);
@@ -187,7 +188,7 @@ impl Report {
             "adaptive",
             "reduction",
         ];
-        println!("{}\n", table(&header, rows.collect()));
+        text += &format!("{}\n\n", table(&header, rows.collect()));
         let rows =
             StageKind::ALL.iter().filter_map(|kind| self.stages.get(kind.name()).map(|stage| (kind.name(), stage)));
         let rows = rows.map(|(name, stage)| {
@@ -206,7 +207,7 @@ impl Report {
         });
         let header =
             ["stage", "samples", "lost", "late", "wait p50", "p99", "p99.9", "max", "work p50", "p99", "p99.9", "max"];
-        println!("{}\n", table(&header, rows.collect()));
+        text += &format!("{}\n\n", table(&header, rows.collect()));
         let rows = [("end to end", &self.end_to_end_ns), ("release jitter", &self.release_jitter_ns)];
         let rows = rows.iter().filter(|(_, p)| p.count > 0).map(|(name, p)| {
             let mut row = vec![(*name).to_owned(), p.count.to_string()];
@@ -217,24 +218,25 @@ impl Report {
         let rows: Vec<_> = rows.collect();
         if !rows.is_empty() {
             let header = ["latency", "count", "p50", "p99", "p99.9", "p99.99", "max", "beyond"];
-            println!("{}\n", table(&header, rows));
+            text += &format!("{}\n\n", table(&header, rows));
         }
         for axis in machine.axes.iter().filter(|axis| self.axes[&axis.name].identification.updates == 0) {
             let training = axis.identification.training as f64 * machine.timing.period.as_secs_f64();
-            println!(
-                "{}: no model yet, training takes {} s (axis.{}.identification.training); use a longer --duration.",
+            text += &format!(
+                "{}: no model yet, training takes {} s (axis.{}.identification.training); use a longer --duration.\n",
                 axis.name,
                 number(training),
                 axis.name
             );
         }
-        println!(
-            "{} ticks, {} s of the machine in {} s: {} lost.",
+        text += &format!(
+            "{} ticks, {} s of the machine in {} s: {} lost.\n",
             self.ticks,
             number(self.model_s),
             number(self.wall_s),
             self.lost()
         );
+        text
     }
 }
 

@@ -2,7 +2,6 @@
 
 use std::{
     io::IsTerminal,
-    path::Path,
     sync::atomic::Ordering,
     thread::sleep,
     time::{Duration, Instant},
@@ -15,7 +14,7 @@ use pipeline::{
 };
 
 use crate::{
-    check, cli, failure::Failure, identify::write_json, live::Monitor, report::Report, simulate::ticks, stage,
+    check, cli, failure::Failure, live::Monitor, output::Output, report::Report, simulate::ticks, stage,
     supervisor::Supervisor,
 };
 
@@ -32,6 +31,7 @@ const STALL_PATIENCE: Duration = Duration::from_secs(20);
 pub fn run(arguments: &cli::Run) -> Result<(), Failure> {
     let machine = stage::load(&arguments.machine)?;
     check::deep(&machine)?;
+    let output = Output::open(arguments.json.as_deref())?;
     let options = Options {
         prefix: arguments.prefix.clone().unwrap_or_else(Prefix::of_this_process),
         clock: if arguments.lockstep { Clock::LockStep } else { Clock::RealTime },
@@ -48,10 +48,7 @@ pub fn run(arguments: &cli::Run) -> Result<(), Failure> {
     // A client that is still attached keeps the files; the next run of this name removes them.
     let _ = remove_leftovers(&options.prefix);
     let report = result?;
-    if arguments.json.as_deref() != Some(Path::new("-")) {
-        report.print(&machine);
-    }
-    arguments.json.as_deref().map_or(Ok(()), |file| write_json(file, &report))
+    output.write(|| report.tables(&machine), &report)
 }
 
 /// The stages of a run: those that wait for input, and the one that all wait for, which is started last.

@@ -1,9 +1,6 @@
 //! `hydraxis simulate`: the loop of lock-step in one process, one core called after the other.
 
-use std::{
-    path::Path,
-    time::{Duration, Instant},
-};
+use std::time::{Duration, Instant};
 
 use control_proc::Controller;
 use ident_proc::Identifiers;
@@ -20,7 +17,7 @@ use sensor_proc::source::{Acquisition, Replay, is_implausible};
 use crate::{
     check, cli,
     failure::Failure,
-    identify::write_json,
+    output::Output,
     report::{LastMessages, Report},
     stage,
     table::progress,
@@ -40,13 +37,11 @@ pub fn run(arguments: &cli::Simulate) -> Result<(), Failure> {
     }
     check::deep(&machine)?;
     let ticks = ticks(&machine, arguments.duration)?;
+    let output = Output::open(arguments.json.as_deref())?;
     let started = Instant::now();
     let last = simulate(&machine, arguments.seed, ticks)?;
     let report = Report::new(&machine, &last, started.elapsed().as_secs_f64());
-    if arguments.json.as_deref() != Some(Path::new("-")) {
-        report.print(&machine);
-    }
-    arguments.json.as_deref().map_or(Ok(()), |file| write_json(file, &report))
+    output.write(|| report.tables(&machine), &report)
 }
 
 /// Ticks of a run: as asked, no more than the recording has.

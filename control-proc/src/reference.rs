@@ -11,20 +11,23 @@
 
 use std::f64::consts::TAU;
 
-use pipeline::machine::{Axis, Machine, ReferenceSource, Sine};
+use pipeline::{
+    columns::TableError,
+    machine::{Axis, Machine, ReferenceSource, Sine},
+};
 
-use crate::trajectory::{Trajectory, TrajectoryError};
+use crate::trajectory::Trajectory;
 
 /// Why the targets of an axis cannot be generated.
 #[derive(Debug, thiserror::Error)]
 pub enum ReferenceError {
     /// Its trajectory is refused.
-    #[error("axis.{axis}.reference: {source}")]
+    #[error("axis.{axis}.reference.file: {source}")]
     Trajectory {
         /// The axis.
         axis: String,
         /// Why.
-        source: TrajectoryError,
+        source: TableError,
     },
 }
 

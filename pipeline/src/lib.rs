@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`message`] | the plain structs that travel through shared memory |
 //! | [`layout`] | the fingerprint by which two programs know that they mean the same bytes |
+//! | [`columns`] | columns of numbers out of a CSV file |
 //! | [`channel`] | publishers and readers of those messages, one group of channels per run |
 //! | [`hammerstein`] | the Hammerstein model: evaluate, predict, invert |
 //! | [`machine`] | the machine file |
@@ -15,6 +16,7 @@
 //! are nanoseconds of `CLOCK_MONOTONIC`.
 
 pub mod channel;
+pub mod columns;
 pub mod hammerstein;
 pub mod latency;
 pub mod layout;

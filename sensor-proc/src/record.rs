@@ -1,14 +1,18 @@
 //! Recordings: CSV files with one row per sample.
 //!
 //! A row holds y(k) and the u(k) that was applied from t(k) on. Columns are chosen by name, other columns are
-//! ignored. A row that is not fully numeric is refused with its line, never skipped.
+//! ignored.
 
 use std::path::{Path, PathBuf};
+
+use pipeline::columns::{Table, TableError, TableProblem};
 
 /// Name of the column with the time, s.
 pub const TIME_COLUMN: &str = "t";
 /// A step of time that differs from the median by more than this part is counted as irregular.
 const IRREGULAR: f64 = 0.5;
+/// Sample periods that a record can have, s: a nanosecond, the resolution of a duration, to half a year.
+const PERIODS: std::ops::RangeInclusive<f64> = 1e-9..=1.6e7;
 
 /// One input and one output over time.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,7 +23,7 @@ pub struct Record {
     pub inputs: Vec<f64>,
     /// Outputs y(k).
     pub outputs: Vec<f64>,
-    /// Steps of time that differ from the period by more than half of it.
+    /// Steps of time that differ from the median step by more than half of it.
     pub irregular_steps: usize,
 }
 
@@ -27,46 +31,15 @@ pub struct Record {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordError {
-    /// The file cannot be opened or is not CSV.
-    #[error("{}: cannot be read as CSV: {source}", file.display())]
-    Read {
-        /// The file.
-        file: PathBuf,
-        /// What the reader says, with the line where it has one.
-        source: csv::Error,
-    },
-    /// There is no header.
-    #[error("{}: found an empty file; allowed: a header with column names, then one row per sample", file.display())]
-    Empty {
-        /// The file.
-        file: PathBuf,
-    },
-    /// A column is not in the header.
-    #[error("{}:1: found no column \"{column}\"; the columns are: {present}{}", file.display(), hint(.column))]
-    MissingColumn {
-        /// The file.
-        file: PathBuf,
-        /// The column.
-        column: String,
-        /// What the header has.
-        present: String,
-    },
-    /// A field is not a finite number, or time does not rise.
-    #[error("{}:{line}: row {row}, column \"{column}\": found {found}; allowed: {allowed}", file.display())]
-    Field {
-        /// The file.
-        file: PathBuf,
-        /// Line of the file, from 1.
-        line: u64,
-        /// Row of data, from 1.
-        row: usize,
-        /// The column.
-        column: String,
-        /// What is there.
-        found: String,
-        /// What may be there.
-        allowed: &'static str,
-    },
+    /// The file is not a table of finite numbers with these columns.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// There is no time, and no period was given.
+    #[error("{} (or give the sample period with --period)", .0)]
+    NoTime(TableError),
+    /// The input or the output is not there.
+    #[error("{} (choose with --input and --output, in a machine file with axis.NAME.columns)", .0)]
+    NoColumn(TableError),
     /// There are too few rows.
     #[error("{}: found {rows} rows; allowed: at least {needed} {why}", file.display())]
     TooFewRows {
@@ -81,78 +54,40 @@ pub enum RecordError {
     },
 }
 
-fn hint(column: &str) -> &'static str {
-    match column {
-        TIME_COLUMN => " (or give the sample period with --period)",
-        _ => " (choose with --input and --output)",
-    }
-}
-
 impl Record {
     /// Reads the columns `input` and `output`; the period comes from column `t` unless it is given, s.
     ///
     /// # Errors
-    /// The first thing wrong, with line, row and column.
+    /// What is wrong, with line, row and column.
     pub fn read(file: &Path, input: &str, output: &str, period: Option<f64>) -> Result<Self, RecordError> {
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .from_path(file)
-            .map_err(|source| RecordError::Read { file: file.into(), source })?;
-        let header = reader.headers().map_err(|source| RecordError::Read { file: file.into(), source })?.clone();
-        if header.is_empty() || header.iter().all(str::is_empty) {
-            return Err(RecordError::Empty { file: file.into() });
-        }
-        let index = |column: &str| {
-            header.iter().position(|name| name == column).ok_or_else(|| RecordError::MissingColumn {
-                file: file.into(),
-                column: column.to_owned(),
-                present: header.iter().collect::<Vec<_>>().join(", "),
-            })
-        };
-        let (input_at, output_at) = (index(input)?, index(output)?);
-        let time_at = if period.is_some() { index(TIME_COLUMN).ok() } else { Some(index(TIME_COLUMN)?) };
-
-        let (mut times, mut inputs, mut outputs) = (Vec::new(), Vec::new(), Vec::new());
-        for (i, row) in reader.records().enumerate() {
-            let row = row.map_err(|source| RecordError::Read { file: file.into(), source })?;
-            let refuse = |column: &str, found: String, allowed| RecordError::Field {
-                file: file.into(),
-                line: row.position().map_or(i as u64 + 2, csv::Position::line),
-                row: i + 1,
-                column: column.to_owned(),
-                found,
-                allowed,
-            };
-            let number = |at: usize, column: &str| {
-                let text = row.get(at).unwrap_or("");
-                match text.parse::<f64>() {
-                    Ok(value) if value.is_finite() => Ok(value),
-                    _ if text.is_empty() => Err(refuse(column, "an empty field".to_owned(), "a finite number")),
-                    _ => Err(refuse(column, format!("\"{text}\""), "a finite number")),
-                }
-            };
-            if let Some(at) = time_at {
-                let time = number(at, TIME_COLUMN)?;
-                if let Some(&before) = times.last()
-                    && time <= before
-                {
-                    return Err(refuse(
-                        TIME_COLUMN,
-                        format!("{time} after {before}"),
-                        "a time later than the row before",
-                    ));
-                }
-                times.push(time);
+        let table = Table::read(file)?;
+        let timed = table.has(TIME_COLUMN);
+        let needed = timed || period.is_none();
+        let names = [input, output, TIME_COLUMN];
+        let columns = table.numbers(if needed { &names } else { &names[..2] }, TIME_COLUMN).map_err(|error| {
+            if !table.has(input) || !table.has(output) {
+                RecordError::NoColumn(error)
+            } else if needed && !timed {
+                RecordError::NoTime(error)
+            } else {
+                RecordError::Table(error)
             }
-            inputs.push(number(input_at, input)?);
-            outputs.push(number(output_at, output)?);
-        }
+        })?;
+        let mut values = columns.values.into_iter();
+        let mut next = || values.next().unwrap_or_default();
+        let (inputs, outputs, times) = (next(), next(), next());
         if outputs.len() < 2 {
             let why = "to tell anything".to_owned();
             return Err(RecordError::TooFewRows { file: file.into(), rows: outputs.len(), needed: 2, why });
         }
         let mean = || (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
-        Ok(Self { period: period.unwrap_or_else(mean), irregular_steps: irregular_steps(&times), inputs, outputs })
+        let period = period.unwrap_or_else(mean);
+        if !PERIODS.contains(&period) {
+            let found = format!("a period of {period:e} s in column \"{TIME_COLUMN}\"");
+            let allowed = format!("{:e} to {:e} s", PERIODS.start(), PERIODS.end());
+            return Err(table.error(vec![TableProblem { line: None, field: None, found, allowed }]).into());
+        }
+        Ok(Self { period, irregular_steps: irregular_steps(&times), inputs, outputs })
     }
 }
 
@@ -177,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_are_found_by_name_and_the_period_by_time() {
+    fn the_period_comes_from_the_time_or_is_given() {
         let record = read("k, y ,t,u\n7,1.5,0.00,-0.25\n8,1.75,0.02,0.5\n9,2,0.04,1e-3\n", None).unwrap();
         assert_eq!(record.outputs, [1.5, 1.75, 2.0]);
         assert_eq!(record.inputs, [-0.25, 0.5, 1e-3]);
@@ -188,27 +123,20 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named_by_row_and_column() {
+    fn what_is_no_record_is_refused() {
         for (text, expected) in [
-            ("t,u,y\n0,1,2\n1,,4\n", ":3: row 2, column \"u\": found an empty field"),
             ("t,u,y\n0,1,2\n1,3,nan\n", ":3: row 2, column \"y\": found \"nan\""),
-            ("t,u,y\n0,1,2\n1,inf,4\n", ":3: row 2, column \"u\": found \"inf\""),
-            ("t,u,y\n0,1,2\n1,3,four\n", ":3: row 2, column \"y\": found \"four\""),
             ("t,u,y\n0,1,2\n1,3,4\n0.5,3,4\n", ":4: row 3, column \"t\": found 0.5 after 1"),
-            ("t,u,y\n0,1,2\n0,3,4\n", ":3: row 2, column \"t\": found 0 after 0"),
             ("t,u,z\n0,1,2\n1,3,4\n", ":1: found no column \"y\"; the columns are: t, u, z"),
-            (
-                "u,y\n1,2\n3,4\n",
-                ":1: found no column \"t\"; the columns are: u, y (or give the sample period with --period)",
-            ),
-            ("", "found an empty file"),
+            ("u,y\n1,2\n3,4\n", "allowed: a header with \"t\" (or give the sample period with --period)"),
             ("t,u,y\n", "found 0 rows; allowed: at least 2"),
-            ("t,u,y\n0,1,2\n1,3\n", "cannot be read as CSV"),
+            ("t,u,y\n0,1,2\n1e-12,1,2\n", "found a period of 1e-12 s in column \"t\"; allowed: 1e-9 to"),
+            ("t,u,y\n0,1,2\n1e300,1,2\n", "found a period of 1e300 s in column \"t\""),
         ] {
             let error = read(text, None).expect_err(text).to_string();
             assert!(error.contains(expected), "{text}: {error}");
         }
         let missing = Record::read(Path::new("/nowhere/r.csv"), "u", "y", None).unwrap_err().to_string();
-        assert!(missing.starts_with("/nowhere/r.csv: cannot be read as CSV"), "{missing}");
+        assert!(missing.contains("/nowhere/r.csv: found a file that cannot be read"), "{missing}");
     }
 }

@@ -88,9 +88,7 @@ impl Replay {
             let (input, output) = &axis.columns;
             let record = match Record::read(file, input, output, None) {
                 // A record without time is taken to be one of the machine's period.
-                Err(RecordError::MissingColumn { column, .. }) if column == crate::record::TIME_COLUMN => {
-                    Record::read(file, input, output, Some(period.as_secs_f64()))?
-                }
+                Err(RecordError::NoTime(_)) => Record::read(file, input, output, Some(period.as_secs_f64()))?,
                 other => other?,
             };
             check_period(&record, period, file)?;

@@ -12,6 +12,7 @@ use super::values::{Rows, Samples, forgetting, in_range, positive, seconds};
 
 /// `identify`.
 #[derive(Debug, Args)]
+#[command(allow_negative_numbers = true)]
 #[command(after_help = "\
 Examples:
   hydraxis identify boom.csv --train 0.4                      offline on the first 40 % of the rows, adaptive on the rest

@@ -72,9 +72,10 @@ impl Samples {
 pub fn seconds(text: &str) -> Result<Duration, String> {
     let plain = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
     let duration = plain.or_else(|| humantime::parse_duration(text).ok());
+    // Longer than half a year nothing is sampled; a duration's resolution is a nanosecond.
     duration
-        .filter(|duration| !duration.is_zero())
-        .ok_or_else(|| "allowed: seconds greater than 0, or a duration with its unit such as 20ms".to_owned())
+        .filter(|duration| (1..=16_000_000_000_000_000).contains(&duration.as_nanos()))
+        .ok_or_else(|| "allowed: seconds from 1e-9 to 1.6e7, or a duration with its unit such as 20ms".to_owned())
 }
 
 /// `--forgetting`.

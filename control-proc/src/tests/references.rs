@@ -69,31 +69,31 @@ fn a_trajectory_is_followed_and_its_last_row_held() {
 #[test]
 fn every_bad_row_is_refused_by_row_and_column() {
     for (text, expected) in [
-        ("t,a0\n0,0.5\n1,abc\n", "row 3, column \"a0\": found \"abc\"; allowed: a finite number"),
-        ("t,a0\n0,0.5\n1,\n", "row 3, column \"a0\": found \"\""),
-        ("t,a0\n0,NaN\n1,0.5\n", "row 2, column \"a0\": found \"NaN\""),
-        ("t,a0\n0,0.5\ninf,0.5\n", "row 3, column \"t\": found \"inf\""),
-        ("t,a0\n0,0.5\n0,0.5\n", "row 3, column \"t\": found 0; allowed: a time after 0 s"),
-        ("t,a0\n0,0.5\n1,1.3\n", "row 3, column \"a0\": found 1.3; allowed: positions in the soft limits, 0.05 to"),
-        ("t,a0\n0,0.5\n0.1,0.7\n", "row 3, column \"a0\": found 0.7, a speed of 2.000 m/s; allowed: speeds up to"),
-        ("t,a0\n0,0.5\n1\n", "row 3, column \"\": found CSV error"),
-        ("t,b\n0,0.5\n", "found columns [\"t\", \"b\"]; allowed: a header with a column \"a0\""),
-        ("a0\n0.5\n", "a column \"t\""),
+        ("t,a0\n0,0.5\n1,abc\n", ":3: row 2, column \"a0\": found \"abc\"; allowed: a finite number"),
+        ("t,a0\n0,0.5\n1,\n", ":3: row 2, column \"a0\": found an empty field"),
+        ("t,a0\n0,NaN\n1,0.5\n", ":2: row 1, column \"a0\": found \"NaN\""),
+        ("t,a0\n0,0.5\ninf,0.5\n", ":3: row 2, column \"t\": found \"inf\""),
+        ("t,a0\n0,0.5\n0,0.5\n", ":3: row 2, column \"t\": found 0 after 0; allowed: a time later"),
+        ("t,a0\n0,0.5\n1,1.3\n", ":3: row 2, column \"a0\": found 1.3; allowed: positions in the soft limits, 0.05 to"),
+        ("t,a0\n0,0.5\n0.1,0.7\n", ":3: row 2, column \"a0\": found 0.7, a speed of 2.000 m/s; allowed: speeds up to"),
+        ("t,a0\n0,0.5\n1\n", ":3: row 2, column \"a0\": found an empty field"),
+        ("t,b\n0,0.5\n", ":1: found no column \"a0\"; the columns are: t, b"),
+        ("a0\n0.5\n", "a header with \"t\""),
         ("t,a0\n", "found no row"),
     ] {
         let error = trajectory(text).unwrap_err();
-        assert!(error.starts_with("axis.a0.reference: ") && error.contains("path.csv: "), "{error}");
+        assert!(error.starts_with("axis.a0.reference.file: ") && error.contains("path.csv:"), "{error}");
         assert!(error.contains(expected), "{text:?}\n{error}");
     }
     let both = trajectory("t,a0\nx,0.5\n1,y\n").unwrap_err();
-    assert!(both.contains("row 2, column \"t\"") && both.contains("row 3, column \"a0\""), "{both}");
+    assert!(both.contains("row 1, column \"t\"") && both.contains("row 2, column \"a0\""), "{both}");
 }
 
 #[test]
 fn a_file_that_is_not_there_is_named() {
     let machine = machine_with(SINES, "kind = \"trajectory\"\nfile = \"nowhere.csv\"\n");
     let error = Controller::new(&machine).unwrap_err().to_string();
-    assert!(error.contains("nowhere.csv: cannot be read"), "{error}");
+    assert!(error.contains("nowhere.csv: found a file that cannot be read"), "{error}");
 }
 
 #[test]

@@ -1,0 +1,249 @@
+//! Columns of numbers out of a CSV file: recordings and trajectories.
+//!
+//! A field that is not a finite number is refused with file, line, row and column; no row is ever skipped. Problems
+//! are collected, so that one look at the message is enough to mend the file.
+
+use std::{
+    fmt,
+    path::{Path, PathBuf},
+};
+
+/// Problems that are kept; a file of another kind has one in every row.
+const MAX_PROBLEMS: usize = 20;
+
+/// A CSV file that has been read, its fields still text.
+#[derive(Debug)]
+pub struct Table {
+    file: PathBuf,
+    text: String,
+    header: Vec<String>,
+}
+
+/// Numbers of some columns of a [`Table`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Columns {
+    /// One list per column that was asked for.
+    pub values: Vec<Vec<f64>>,
+    /// Line of the file that each row stands on, from 1.
+    pub lines: Vec<usize>,
+}
+
+/// One thing wrong with a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TableProblem {
+    /// Line of the file, from 1.
+    pub line: Option<usize>,
+    /// Row of data, from 1, and the name of its column.
+    pub field: Option<(usize, String)>,
+    /// What was found.
+    pub found: String,
+    /// What is allowed.
+    pub allowed: String,
+}
+
+/// Everything wrong with a file, up to a bound.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TableError {
+    /// The file.
+    pub file: PathBuf,
+    /// At least one problem.
+    pub problems: Vec<TableProblem>,
+}
+
+impl fmt::Display for TableError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, problem) in self.problems.iter().enumerate() {
+            if i > 0 {
+                writeln!(f)?;
+            }
+            write!(f, "{}:", self.file.display())?;
+            if let Some(line) = problem.line {
+                write!(f, "{line}:")?;
+            }
+            if let Some((row, column)) = &problem.field {
+                write!(f, " row {row}, column \"{column}\":")?;
+            }
+            write!(f, " found {}; allowed: {}", problem.found, problem.allowed)?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for TableError {}
+
+impl Table {
+    /// Reads the file and its header.
+    ///
+    /// # Errors
+    /// It cannot be read, or has no header.
+    pub fn read(file: &Path) -> Result<Self, TableError> {
+        let allowed = "a CSV file with a header, then one row per sample";
+        let refuse = |found: String| TableError {
+            file: file.to_owned(),
+            problems: vec![TableProblem { line: None, field: None, found, allowed: allowed.to_owned() }],
+        };
+        let text =
+            std::fs::read_to_string(file).map_err(|error| refuse(format!("a file that cannot be read ({error})")))?;
+        let header = reader(&text).headers().map_err(|error| refuse(error.to_string()))?.clone();
+        if header.iter().all(str::is_empty) {
+            return Err(refuse("an empty file".to_owned()));
+        }
+        Ok(Self { file: file.to_owned(), header: header.iter().map(str::to_owned).collect(), text })
+    }
+
+    /// Whether the header has this column.
+    pub fn has(&self, column: &str) -> bool {
+        self.header.iter().any(|name| name == column)
+    }
+
+    /// An error about this file.
+    pub fn error(&self, problems: Vec<TableProblem>) -> TableError {
+        TableError { file: self.file.clone(), problems }
+    }
+
+    /// The numbers of the columns `names`; those of `rising`, if it is one of them, must rise from row to row.
+    ///
+    /// # Errors
+    /// A column is missing or there twice, or fields are not finite numbers.
+    pub fn numbers(&self, names: &[&str], rising: &str) -> Result<Columns, TableError> {
+        let places: Result<Vec<usize>, TableProblem> = names.iter().map(|name| self.place(name)).collect();
+        let places = places.map_err(|problem| self.error(vec![problem]))?;
+        let mut columns = Columns { values: vec![Vec::new(); names.len()], lines: Vec::new() };
+        let mut problems = Vec::new();
+        let mut lines = Lines { text: self.text.as_bytes(), byte: 0, line: 1 };
+        for (row, record) in reader(&self.text).records().enumerate() {
+            let record = match record {
+                Ok(record) => record,
+                Err(error) => {
+                    let found = error.to_string();
+                    problems.push(TableProblem { line: None, field: None, found, allowed: "CSV".to_owned() });
+                    break;
+                }
+            };
+            let line = lines.at(record.position().map_or(0, |position| position.byte() as usize));
+            columns.lines.push(line);
+            for ((name, place), values) in names.iter().zip(&places).zip(&mut columns.values) {
+                let before = if *name == rising { values.last().copied() } else { None };
+                match parse(record.get(*place).unwrap_or_default(), before) {
+                    Ok(value) => values.push(value),
+                    Err((found, allowed)) => {
+                        let field = Some((row + 1, (*name).to_owned()));
+                        problems.push(TableProblem { line: Some(line), field, found, allowed: allowed.to_owned() });
+                        // Whatever follows is compared with the last good one.
+                        values.push(before.unwrap_or(0.0));
+                    }
+                }
+            }
+            if problems.len() >= MAX_PROBLEMS {
+                break;
+            }
+        }
+        if problems.is_empty() { Ok(columns) } else { Err(self.error(problems)) }
+    }
+
+    fn place(&self, column: &str) -> Result<usize, TableProblem> {
+        let mut places = self.header.iter().enumerate().filter(|(_, name)| *name == column).map(|(place, _)| place);
+        let problem = |found: String, allowed: String| TableProblem { line: Some(1), field: None, found, allowed };
+        match (places.next(), places.next()) {
+            (Some(place), None) => Ok(place),
+            (Some(_), Some(_)) => Err(problem(format!("column \"{column}\" twice"), "each name once".to_owned())),
+            (None, _) => {
+                let found = format!("no column \"{column}\"; the columns are: {}", self.header.join(", "));
+                let separated = self.header.len() == 1 && self.header[0].contains([';', '\t']);
+                let hint = if separated { ", separated by commas" } else { "" };
+                Err(problem(found, format!("a header with \"{column}\"{hint}")))
+            }
+        }
+    }
+}
+
+/// Counts lines as the rows go by; the CSV reader's own count leaves out empty lines.
+struct Lines<'a> {
+    text: &'a [u8],
+    byte: usize,
+    line: usize,
+}
+
+impl Lines<'_> {
+    /// The line of the row that begins at or after a byte; the bytes of the calls must rise.
+    fn at(&mut self, byte: usize) -> usize {
+        let rest = self.text.get(byte..).unwrap_or_default();
+        let begin = byte + rest.iter().take_while(|c| matches!(c, b'\r' | b'\n')).count();
+        let passed = self.text.get(self.byte..begin).unwrap_or_default();
+        self.line += passed.iter().filter(|c| **c == b'\n').count();
+        self.byte = self.byte.max(begin);
+        self.line
+    }
+}
+
+fn reader(text: &str) -> csv::Reader<&[u8]> {
+    // Rows of another length are read as they are: a field that is missing is an empty one.
+    csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(text.as_bytes())
+}
+
+fn parse(text: &str, before: Option<f64>) -> Result<f64, (String, &'static str)> {
+    let finite = "a finite number";
+    match text.parse::<f64>() {
+        Ok(value) if !value.is_finite() => Err((format!("\"{text}\""), finite)),
+        Ok(value) => match before {
+            Some(before) if value <= before => {
+                Err((format!("{value} after {before}"), "a time later than the row before"))
+            }
+            _ => Ok(value),
+        },
+        Err(_) if text.is_empty() => Err(("an empty field".to_owned(), finite)),
+        Err(_) => Err((format!("\"{text}\""), finite)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str, names: &[&str]) -> Result<Columns, TableError> {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), text).unwrap();
+        Table::read(file.path())?.numbers(names, "t")
+    }
+
+    #[test]
+    fn columns_are_found_by_name() {
+        let columns = read("k, y ,t,u\n7,1.5,0.00,-0.25\n8,1.75,0.02,5e-1\n", &["u", "t"]).unwrap();
+        assert_eq!(columns.values, [[-0.25, 0.5], [0.0, 0.02]]);
+        assert_eq!(columns.lines, [2, 3]);
+    }
+
+    #[test]
+    fn lines_are_those_of_the_file_whatever_ends_them() {
+        assert_eq!(read("u\n\n\n1\n\n2\n", &["u"]).unwrap().lines, [4, 6]);
+        assert_eq!(read("u\r\n1\r\n\r\n2\r\n", &["u"]).unwrap().lines, [2, 4]);
+        assert_eq!(read("u\n1\n2", &["u"]).unwrap().lines, [2, 3]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_by_line_row_and_column() {
+        for (text, expected) in [
+            ("t,u\n0,1\n1,\n", ":3: row 2, column \"u\": found an empty field; allowed: a finite number"),
+            ("t,u\n0,1\n\n1\n", ":4: row 2, column \"u\": found an empty field"),
+            ("t,u\n0,1\n1,nan\n", ":3: row 2, column \"u\": found \"nan\""),
+            ("t,u\n0,1\n1,-inf\n", ":3: row 2, column \"u\": found \"-inf\""),
+            ("t,u\n0,1\n1,four\n", ":3: row 2, column \"u\": found \"four\""),
+            ("t,u\n0,1\n2,3\n0.5,3\n", ":4: row 3, column \"t\": found 0.5 after 2; allowed: a time later"),
+            ("t,v\n0,1\n", ":1: found no column \"u\"; the columns are: t, v; allowed: a header with \"u\""),
+            ("t;u\n0;1\n", "a header with \"t\", separated by commas"),
+            ("t,u,u\n0,1,2\n", ":1: found column \"u\" twice"),
+            ("", "found an empty file; allowed: a CSV file with a header"),
+        ] {
+            let error = read(text, &["t", "u"]).expect_err(text).to_string();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn all_problems_are_named_up_to_a_bound() {
+        let error = read("u\nx\n1\ny\n", &["u"]).unwrap_err();
+        assert_eq!(error.problems.len(), 2);
+        let many = format!("u\n{}", "x\n".repeat(1000));
+        assert_eq!(read(&many, &["u"]).unwrap_err().problems.len(), MAX_PROBLEMS);
+    }
+}

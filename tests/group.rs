@@ -111,9 +111,8 @@ fn a_late_reader_gets_the_current_snapshot() {
     group.start_all_but(StageKind::PlantSim, &["--lockstep"]);
     for sequence in 0..50 {
         let now = monotonic_ns();
-        let mut reading = EncoderReading::default();
-        reading.header = Header { sequence, acquired_ns: now, sent_ns: now, axis_count: 4, ..Header::default() };
-        readings.send(&reading).unwrap();
+        let header = Header { sequence, acquired_ns: now, sent_ns: now, axis_count: 4, ..Header::default() };
+        readings.send(&EncoderReading { header, ..EncoderReading::default() }).unwrap();
         wait_for("the snapshot", || {
             readings.greet();
             snapshots.reach(sequence).unwrap().then_some(())

@@ -24,6 +24,8 @@ pub(super) struct Document<'i> {
     root: DeTable<'i>,
     text: &'i str,
     settings: RefCell<Vec<Setting>>,
+    /// What is not TOML at all.
+    grammar: Vec<Problem>,
     problems: RefCell<Vec<Problem>>,
 }
 
@@ -34,16 +36,24 @@ impl<'i> Document<'i> {
         let settings = (settings.iter())
             .map(|(path, text)| Setting { path: path.clone(), text: text.clone(), used: false })
             .collect();
-        let document =
-            Self { root: root.into_inner(), text, settings: RefCell::new(settings), problems: RefCell::default() };
+        let mut document = Self {
+            root: root.into_inner(),
+            text,
+            settings: RefCell::new(settings),
+            grammar: Vec::new(),
+            problems: RefCell::default(),
+        };
         for error in errors {
-            let line = error.span().map(|span| document.line(span.start));
-            document.problems.borrow_mut().push(Problem {
-                line,
-                key: String::new(),
-                found: error.message().to_owned(),
-                allowed: "valid TOML".to_owned(),
-            });
+            let (line, at) = match error.span() {
+                Some(span) => {
+                    let line = document.line(span.start);
+                    let shown = text.lines().nth(line - 1).unwrap_or_default().trim();
+                    (Some(line), format!(" in \"{shown}\""))
+                }
+                None => (None, String::new()),
+            };
+            let found = format!("{}{at}", error.message());
+            document.grammar.push(Problem { line, key: String::new(), found, allowed: "valid TOML".to_owned() });
         }
         document
     }
@@ -71,8 +81,17 @@ impl<'i> Document<'i> {
 
     /// `value`, or all problems in the order of lines; settings that named no known key are among them.
     pub fn into_result<T>(self, file: &str, value: T) -> Result<T, MachineError> {
+        // What follows from a broken line says nothing: those are to be mended first.
+        if !self.grammar.is_empty() {
+            return Err(MachineError { file: file.to_owned(), problems: self.grammar });
+        }
         for setting in self.settings.borrow().iter().filter(|setting| !setting.used) {
-            self.problem(None, format!("--set {}", setting.path), "an unknown key", "a key of the machine file");
+            self.problem(
+                None,
+                format!("--set {}", setting.path),
+                "an unknown key",
+                "a key of the machine file, not a table",
+            );
         }
         let mut problems = self.problems.into_inner();
         problems.sort_by_key(|problem| problem.line.unwrap_or(usize::MAX));
@@ -102,7 +121,11 @@ pub(super) struct Section<'d, 'i> {
 impl<'d, 'i> Section<'d, 'i> {
     /// Full dotted name of a key in this table.
     pub fn key(&self, key: &str) -> String {
-        if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) }
+        match (self.path.as_str(), key) {
+            ("", key) => key.to_owned(),
+            (path, "") => path.to_owned(),
+            (path, key) => format!("{path}.{key}"),
+        }
     }
 
     /// Whether the file or the command line gives anything for this table.
@@ -207,7 +230,7 @@ impl<'d, 'i> Section<'d, 'i> {
     /// A whole number in `range`, or nothing.
     pub fn optional_integer(&mut self, key: &str, range: RangeInclusive<usize>) -> Option<usize> {
         let allowed = format!("a whole number from {} to {}", range.start(), range.end());
-        self.optional(key, &allowed, |value| integer(value).filter(|number| range.contains(number))).flatten()
+        self.optional(key, &allowed, |value| count(value).filter(|number| range.contains(number))).flatten()
     }
 
     /// A duration with its unit, such as `"10ms"`, in `range`.
@@ -233,7 +256,7 @@ impl<'d, 'i> Section<'d, 'i> {
         let parse = |value: &DeValue| {
             let samples = match value.as_str() {
                 Some(text) => super::samples_of(humantime::parse_duration(text).ok()?, period),
-                None => integer(value)?,
+                None => count(value)?,
             };
             Some(samples).filter(|samples| range.contains(samples))
         };
@@ -326,6 +349,12 @@ impl<'d, 'i> Section<'d, 'i> {
         sections.collect()
     }
 
+    /// Whether the command line gives this key.
+    pub fn is_set(&self, key: &str) -> bool {
+        let path = self.key(key);
+        self.document.settings.borrow().iter().any(|setting| setting.path == path)
+    }
+
     /// Ends the reading: whatever was not asked for is unknown.
     pub fn finish(self) {
         for key in self.table.into_iter().flat_map(|table| table.keys()) {
@@ -342,15 +371,22 @@ impl<'d, 'i> Section<'d, 'i> {
 fn number(value: &DeValue, range: &RangeInclusive<f64>) -> Option<f64> {
     let digits = match value {
         DeValue::Float(float) => float.as_str(),
-        DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),
+        DeValue::Integer(_) => {
+            return integer(value).map(|number| number as f64).filter(|number| range.contains(number));
+        }
         _ => return None,
     };
     // `contains` is false for NaN, which TOML allows.
     digits.parse().ok().filter(|number| range.contains(number))
 }
 
-fn integer(value: &DeValue) -> Option<usize> {
-    value.as_integer().filter(|integer| integer.radix() == 10)?.as_str().parse().ok()
+fn integer(value: &DeValue) -> Option<i64> {
+    let integer = value.as_integer()?;
+    i64::from_str_radix(integer.as_str(), integer.radix()).ok()
+}
+
+fn count(value: &DeValue) -> Option<usize> {
+    usize::try_from(integer(value)?).ok()
 }
 
 fn duration(value: &DeValue, range: &RangeInclusive<Duration>) -> Option<Duration> {

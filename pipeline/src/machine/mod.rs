@@ -134,7 +134,7 @@ pub struct MachineError {
 
 impl fmt::Display for MachineError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, problem) in self.problems.iter().enumerate() {
+        for (i, problem) in self.problems.iter().take(MAX_SHOWN).enumerate() {
             if i > 0 {
                 writeln!(f)?;
             }
@@ -147,9 +147,15 @@ impl fmt::Display for MachineError {
             }
             write!(f, " found {}; allowed: {}", problem.found, problem.allowed)?;
         }
-        Ok(())
+        match self.problems.len().checked_sub(MAX_SHOWN) {
+            None | Some(0) => Ok(()),
+            Some(more) => write!(f, "\n{}: and {more} more", self.file),
+        }
     }
 }
+
+/// Problems that are shown; a file of another kind has one in every line.
+const MAX_SHOWN: usize = 30;
 
 impl std::error::Error for MachineError {}
 

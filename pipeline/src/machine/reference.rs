@@ -64,7 +64,8 @@ impl ReferenceSource {
             ("trajectory", Kind::Trajectory),
             ("channel", Kind::Channel),
         ];
-        let source = match section.choice("kind", &kinds) {
+        let chosen = section.choice("kind", &kinds);
+        let source = match chosen {
             None | Some(Kind::Hold) => Self::Hold,
             Some(Kind::Channel) => Self::Channel,
             Some(Kind::Sines) => read_sines(&mut section, soft_limits, max_speed),
@@ -74,7 +75,11 @@ impl ReferenceSource {
                 column: section.text_or("column", axis),
             },
         };
-        section.finish();
+        // Another kind from the command line leaves the keys of the one in the file behind; after an unknown kind
+        // nobody can say which keys belong to it.
+        if chosen.is_some() && !section.is_set("kind") {
+            section.finish();
+        }
         source
     }
 }

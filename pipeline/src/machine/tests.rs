@@ -59,7 +59,8 @@ fn every_kind_of_wrong_value_names_key_found_and_allowed() {
 #[test]
 fn two_axes_of_one_name_are_refused() {
     let text = refusal("[axis.arm]", "[axis.boom]");
-    assert!(text.contains("m.toml:") && text.contains("duplicate key"), "{text}");
+    assert!(text.contains("m.toml:") && text.contains("duplicate key in \"[axis.boom]\""), "{text}");
+    assert!(text.lines().all(|line| line.contains("duplicate key")), "only what is broken is named: {text}");
 }
 
 #[test]
@@ -100,6 +101,19 @@ fn a_setting_takes_the_place_of_the_file() {
     assert!(text.contains("axis.arm.control.kp: found nan (from --set)"), "{text}");
     let text = set("axis.arm.kq", "3").unwrap_err().to_string();
     assert!(text.contains("--set axis.arm.kq: found an unknown key"), "{text}");
+}
+
+#[test]
+fn the_kind_of_a_reference_can_be_set() {
+    let set = |value: &str| Machine::load(None, &[("axis.boom.reference.kind".to_owned(), value.to_owned())]);
+    assert_eq!(set("hold").unwrap().axes[0].reference, ReferenceSource::Hold);
+    let text = set("spline").unwrap_err().to_string();
+    assert_eq!(text.lines().count(), 1, "{text}");
+}
+
+#[test]
+fn whole_numbers_may_be_written_in_any_base() {
+    assert_eq!(built_in_with("nk = 3 ", "nk = 0x4 ").unwrap().axes[0].identification.structure.nk, 4);
 }
 
 #[test]

@@ -60,7 +60,7 @@ pub struct Identify {
     /// How the products of the over-parametrised form are separated
     #[arg(long, value_enum, default_value = "als")]
     pub split: SplitArgument,
-    /// Fuzzy settings, a TOML file with the keys of [fuzzy] in a machine file
+    /// Fuzzy settings, a TOML file with the keys of the `fuzzy` table of a machine file
     #[arg(long, value_name = "FILE")]
     pub fuzzy: Option<PathBuf>,
     /// Prediction error that counts as PB, in the unit of the output [default: 40 times the offline residual]

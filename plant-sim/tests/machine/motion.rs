@@ -148,7 +148,8 @@ fn full_command_both_ways_stays_between_the_end_stops() {
     let mut sim = simulate(&machine);
     for (command, rest) in [(1.0, 1.0), (-1.0, 0.0), (1.0, 1.0)] {
         let mut depth = [0.0f64; 4];
-        for _ in 0..500 {
+        // 10 s: the slowest axis needs 6 s for its stroke.
+        for _ in 0..1000 {
             hold(&mut sim, command, 0.01);
             for (index, state) in sim.axes().iter().enumerate() {
                 let stroke = machine.axes[index].stroke;

@@ -128,6 +128,7 @@ impl Report {
                     lost: health.lost,
                     missed_deadlines: health.missed_deadlines,
                     implausible: health.implausible,
+                    // A stage that ends before its time ends the run: none is ever started again.
                     restarts: 0,
                     wait_ns: health.wait.into(),
                     work_ns: health.work.into(),
@@ -242,7 +243,8 @@ impl Report {
 
 impl Tracking {
     fn new(error: &ErrorStatistics) -> Self {
-        Self { sigma: error.sigma(), rmse: error.rmse(), max: error.max, count: error.count }
+        let max = if error.count > 0 { error.max } else { f64::NAN };
+        Self { sigma: error.sigma(), rmse: error.rmse(), max, count: error.count }
     }
 }
 

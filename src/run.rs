@@ -24,8 +24,8 @@ const POLL: Duration = Duration::from_millis(10);
 const START_PATIENCE: Duration = Duration::from_secs(10);
 /// How long the others may take to end after the last tick.
 const END_PATIENCE: Duration = Duration::from_secs(2);
-/// How long nothing may happen before the run is given up.
-const STALL_PATIENCE: Duration = Duration::from_secs(20);
+/// How long nothing may happen before the run is given up: a thousand times the slowest tick.
+const STALL_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Runs the command.
 pub fn run(arguments: &cli::Run) -> Result<(), Failure> {

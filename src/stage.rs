@@ -6,6 +6,7 @@ use std::{
 };
 
 use pipeline::{
+    channel::remove_leftovers,
     machine::Machine,
     stage::{Clock, Options, StageKind},
 };
@@ -34,6 +35,8 @@ pub fn run(kind: StageKind, arguments: &cli::Stage) -> Result<(), Failure> {
         StageKind::IdentProc => ident_proc::process::run(&machine, options),
         StageKind::ControlProc => control_proc::process::run(&machine, options),
     };
+    // The last member of a group that was started by hand leaves nothing behind.
+    let _ = remove_leftovers(&arguments.prefix);
     result.map_err(|error| Failure::Run(named(&error)))
 }
 

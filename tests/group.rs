@@ -23,11 +23,17 @@ struct Running {
 }
 
 impl Running {
-    /// Starts `hydraxis run` and waits until all four stages work.
+    /// Starts `hydraxis run` in real time and waits until all four stages work.
     fn start(test: &str) -> Self {
+        Self::start_with(test, &["--duration", "60s"])
+    }
+
+    /// The same with other arguments.
+    fn start_with(test: &str, arguments: &[&str]) -> Self {
         let group = TestGroup::new(test);
         let supervisor = hydraxis()
-            .args(["run", "--duration", "60s", "--prefix", &group.prefix.to_string()])
+            .args(["run", "--prefix", &group.prefix.to_string()])
+            .args(arguments)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -95,11 +101,37 @@ fn a_killed_stage_ends_the_run_and_is_named() {
 }
 
 #[test]
+fn a_stopped_stage_in_lock_step_ends_the_run_after_a_bound() {
+    let mut running = Running::start_with("stalled", &["--lockstep", "--duration", "100000s"]);
+    signal(running.pid(StageKind::IdentProc), Signal::STOP);
+    let status = wait_for("the supervisor to give up", || running.supervisor.try_wait().unwrap());
+    assert_eq!(status.code(), Some(1));
+    let mut text = String::new();
+    std::io::Read::read_to_string(&mut running.supervisor.stderr.take().unwrap(), &mut text).unwrap();
+    assert!(text.contains("no stage has worked for 10s") && text.contains("ident-proc"), "{text}");
+    assert!(running.none_runs(), "a stopped stage is killed when it does not end");
+    assert_eq!(running.group.files(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
 fn stages_do_not_outlive_a_killed_supervisor() {
     let mut running = Running::start("orphans");
     signal(running.supervisor.id(), Signal::KILL);
     running.supervisor.wait().unwrap();
     wait_for("the stages to die with their supervisor", || running.none_runs().then_some(()));
+}
+
+#[test]
+fn stages_started_by_hand_find_each_other_and_the_last_one_leaves_nothing() {
+    use StageKind::{ControlProc, IdentProc, PlantSim, SensorProc};
+    for order in [[PlantSim, IdentProc, ControlProc, SensorProc], [ControlProc, SensorProc, PlantSim, IdentProc]] {
+        let mut group = TestGroup::new("hand");
+        for kind in order {
+            group.start(kind, &["--lockstep", "--ticks", "300", "--arm"]);
+        }
+        group.expect_end();
+        assert_eq!(group.files(), Vec::<std::path::PathBuf>::new());
+    }
 }
 
 #[test]

@@ -94,12 +94,19 @@ impl Process {
 impl Stage for Process {
     fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
         let (samples, clock) = (&mut self.samples, self.clock);
-        let come = turn.wait_for(&self.waiter, || match clock {
+        let mut come = 0;
+        turn.wait_for(&self.waiter, || {
             // Only the newest sample is worth a command; the gap tells the core what it missed.
-            Clock::RealTime => Ok(samples.newest()?.if_new().is_some()),
-            Clock::LockStep => Ok(samples.read()?.if_new().is_some()),
+            while samples.read()?.if_new().is_some() {
+                come += 1;
+                if clock == Clock::LockStep {
+                    break;
+                }
+            }
+            Ok(come > 0)
         })?;
-        if !come {
+        turn.skip(u64::saturating_sub(come, 1));
+        if come == 0 {
             self.watch_feedback()?;
             return Ok(Next::Waiting);
         }

@@ -335,7 +335,7 @@ shared_struct! {
         pub samples: u64,
         /// Messages lost on the channels it reads.
         pub lost: u64,
-        /// Ticks whose output came later than one period after their sample was due.
+        /// Ticks whose output came later than one period after their sample was due, or not at all.
         pub missed_deadlines: u64,
         /// Samples with a fault bit (sensor-proc only).
         pub implausible: u64,

@@ -3,6 +3,7 @@
 use std::{
     fmt,
     fs::{File, OpenOptions},
+    os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
     str::FromStr,
     time::{Duration, Instant},
@@ -85,7 +86,6 @@ impl Group {
         set_log_level(LogLevel::Fatal);
         let refuse = |reason: String| ChannelError::Join { prefix: prefix.to_string(), reason };
         let folder = prefix.folder();
-        std::fs::create_dir_all(&folder).map_err(|error| refuse(format!("{}: {error}", folder.display())))?;
         let membership = join_members(&folder).map_err(|error| refuse(format!("{}: {error}", folder.display())))?;
         let mut config = Config::default();
         config.global.prefix = FileName::new(prefix.file_prefix().as_bytes()).map_err(|e| refuse(format!("{e:?}")))?;
@@ -225,11 +225,22 @@ impl Group {
     }
 }
 
-/// Opens and locks the file that tells that a group has members.
+/// Opens and locks the file that tells that a group has members, in a folder that stays.
 fn join_members(folder: &Path) -> std::io::Result<File> {
-    let file = OpenOptions::new().create(true).truncate(false).write(true).open(folder.join(MEMBERS))?;
-    file.lock_shared()?;
-    Ok(file)
+    loop {
+        std::fs::create_dir_all(folder)?;
+        let path = folder.join(MEMBERS);
+        let file = match OpenOptions::new().create(true).truncate(false).write(true).open(&path) {
+            // The last member is just leaving, and takes the folder with it.
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => continue,
+            opened => opened?,
+        };
+        file.lock_shared()?;
+        // Between opening and locking it may have been removed: then the lock is on a file that nobody else sees.
+        if std::fs::metadata(&path).is_ok_and(|seen| file.metadata().is_ok_and(|own| own.ino() == seen.ino())) {
+            return Ok(file);
+        }
+    }
 }
 
 fn is_foreign(error: &PublishSubscribeOpenOrCreateError) -> bool {

@@ -7,8 +7,8 @@ use pipeline::{
     channel::{Publisher, Reader},
     machine::Machine,
     message::{
-        CoefficientSnapshot, ControlMode, EncoderReading, EncoderSample, Header, Message, ValveCommand, control_flag,
-        model_fault, sample_fault,
+        CoefficientSnapshot, ControlMode, EncoderReading, EncoderSample, Header, Message, Reference, ValveCommand,
+        control_flag, model_fault, sample_fault,
     },
     stage::{StageKind, monotonic_ns},
 };
@@ -86,6 +86,52 @@ fn a_scripted_plant_is_brought_to_its_reference() {
         receive(&mut snapshots, tick, || readings.greet());
     }
     assert!(worst_error > 0.0 && worst_error < 0.15, "{worst_error}");
+    group.expect_end();
+}
+
+#[test]
+fn references_from_another_program_are_followed_and_nonsense_among_them_is_not() {
+    let mut group = TestGroup::new("reference");
+    let channels = group.join();
+    let (readings, references) = (channels.publisher::<EncoderReading>().unwrap(), channels.publisher().unwrap());
+    let (mut commands, mut snapshots) = (channels.reader().unwrap(), channels.reader::<CoefficientSnapshot>().unwrap());
+    let mut arguments = vec!["--lockstep", "--ticks", "400", "--arm"];
+    for axis in ["boom", "arm", "telescope", "bucket"] {
+        let setting = format!("axis.{axis}.reference.kind=channel");
+        arguments.extend(["--set", Box::leak(setting.into_boxed_str())]);
+    }
+    group.start_all_but(StageKind::PlantSim, &arguments);
+    let mut position = 0.6;
+    // Holds for a second, then rises by 0.1 m/s: the tick's own target, and nine more.
+    let target = |tick: u64| 0.6 + 0.001 * tick.saturating_sub(100) as f64;
+    for tick in 0..400 {
+        let mut reference = Reference { preview: 10, ..Reference::default() };
+        for targets in &mut reference.positions {
+            (0..10).for_each(|ahead| targets[ahead] = target(tick + ahead as u64));
+        }
+        if (300..310).contains(&tick) {
+            reference.positions[0][0] = f64::NAN;
+        }
+        send(&references, reference, tick);
+        let mut reading = EncoderReading::default();
+        reading.encoders[..AXES].iter_mut().for_each(|encoder| encoder.counts = (position / 1e-4f64).round() as i64);
+        send(&readings, reading, tick);
+        let command: ValveCommand = receive(&mut commands, tick, || readings.greet());
+        let axis = &command.axes[0];
+        let beyond = axis.command.signum() * (axis.command.abs() - 0.1).max(0.0);
+        position += 0.01 * 0.5 * beyond;
+        receive(&mut snapshots, tick, || readings.greet());
+        match tick {
+            0..50 => assert!(tick > 20 || axis.command == 0.0, "no motion at start"),
+            50..300 => assert_eq!((axis.reference, axis.flags & control_flag::REFERENCE), (target(tick), 0), "{tick}"),
+            300..310 => {
+                assert_ne!(axis.flags & control_flag::REFERENCE, 0, "{tick}");
+                assert_eq!(axis.reference, target(299), "the axis holds its last target");
+            }
+            _ => assert!(axis.command.is_finite() && axis.reference.is_finite()),
+        }
+    }
+    assert!((position - target(399)).abs() < 0.05, "{position}");
     group.expect_end();
 }
 

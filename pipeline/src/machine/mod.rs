@@ -60,12 +60,16 @@ pub struct Timing {
     pub drive_timeout: Duration,
 }
 
-/// Scheduling rights.
+/// Scheduling rights: what happens when one that is asked for is not to be had.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Realtime {
-    /// What happens when a right asked for is not to be had.
-    pub rights: Rights,
-    /// Whether the memory of the stages is locked.
+    /// A stage's `core`.
+    pub affinity: Rights,
+    /// A stage's `priority`.
+    pub scheduling: Rights,
+    /// Locked memory.
+    pub memory: Rights,
+    /// Whether the memory of the stages is to be locked.
     pub lock_memory: bool,
 }
 
@@ -247,8 +251,12 @@ impl Timing {
 
 impl Realtime {
     fn read(mut section: Section) -> Self {
+        let choices = [("warn", Rights::Warn), ("strict", Rights::Strict)];
+        let all = section.choice_or("rights", Rights::Warn, &choices);
         let realtime = Self {
-            rights: section.choice_or("rights", Rights::Warn, &[("warn", Rights::Warn), ("strict", Rights::Strict)]),
+            affinity: section.choice_or("affinity", all, &choices),
+            scheduling: section.choice_or("scheduling", all, &choices),
+            memory: section.choice_or("memory", all, &choices),
             lock_memory: section.flag_or("lock_memory", false),
         };
         section.finish();

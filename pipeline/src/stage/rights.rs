@@ -17,48 +17,52 @@ use crate::machine::{Machine, Rights};
 /// Sets the calling thread up; returns what could not be had, in words for the user.
 ///
 /// # Errors
-/// The same words, when the machine file says `rights = "strict"`.
+/// The same words, when the machine file is strict about that right.
 pub(super) fn apply(machine: &Machine, kind: StageKind) -> Result<Vec<String>, StageError> {
-    let settings = machine.stage(kind);
-    let mut missing = Vec::new();
-    // Ordinary threads are woken up to 50 us late by default, to save power.
-    if let Err(error) = set_current_timer_slack(NonZeroU64::new(1)) {
-        missing.push(format!("timer slack: {error}"));
-    }
-    if let Some(core) = settings.core {
-        let cores = core_affinity::get_core_ids().unwrap_or_default();
-        let pinned = cores.iter().find(|id| id.id == core).is_some_and(|id| core_affinity::set_for_current(*id));
-        if !pinned {
-            let present: Vec<String> = cores.iter().map(|id| id.id.to_string()).collect();
-            missing.push(format!("core {core}: not to be had; this process may use {}", present.join(", ")));
+    let (settings, realtime) = (machine.stage(kind), &machine.realtime);
+    let mut warnings = Vec::new();
+    let mut judge = |rights: Rights, result: Result<(), String>| match (result, rights) {
+        (Ok(()), _) => Ok(()),
+        (Err(missing), Rights::Warn) => {
+            warnings.push(missing);
+            Ok(())
         }
+        (Err(missing), Rights::Strict) => Err(StageError::Rights(format!("{missing} (the machine file is strict)"))),
+    };
+    // Ordinary threads are woken up to 50 us late by default, to save power.
+    judge(Rights::Warn, set_current_timer_slack(NonZeroU64::new(1)).map_err(|error| format!("timer slack: {error}")))?;
+    if let Some(core) = settings.core {
+        judge(realtime.affinity, pin(core))?;
     }
     if let Some(priority) = settings.priority {
-        let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-        let set = priority
-            .try_into()
-            .map_err(|error: <ThreadPriorityValue as TryFrom<u8>>::Error| error.to_string())
-            .and_then(|value| {
-                set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), fifo)
-                    .map_err(|error| format!("{error:?}"))
-            });
-        if let Err(error) = set {
-            missing.push(format!(
-                "SCHED_FIFO {priority}: {error}; allow it with LimitRTPRIO= in the unit or rtprio in limits.conf"
-            ));
-        }
+        judge(realtime.scheduling, schedule(priority))?;
     }
-    if machine.realtime.lock_memory
-        && let Err(error) = mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
-    {
-        missing.push(format!(
-            "locked memory: {error}; allow it with LimitMEMLOCK=infinity in the unit or memlock in limits.conf"
-        ));
+    if realtime.lock_memory {
+        judge(realtime.memory, lock_memory())?;
     }
-    if machine.realtime.rights == Rights::Strict && !missing.is_empty() {
-        return Err(StageError::Rights(format!("{} (rights = \"strict\")", missing.join("; "))));
+    Ok(warnings)
+}
+
+fn pin(core: usize) -> Result<(), String> {
+    let cores = core_affinity::get_core_ids().unwrap_or_default();
+    if cores.iter().find(|id| id.id == core).is_some_and(|id| core_affinity::set_for_current(*id)) {
+        return Ok(());
     }
-    Ok(missing)
+    let present: Vec<String> = cores.iter().map(|id| id.id.to_string()).collect();
+    Err(format!("core {core}: not to be had; this process may use {}", present.join(", ")))
+}
+
+fn schedule(priority: u8) -> Result<(), String> {
+    let help = "allow it with LimitRTPRIO= in the unit or rtprio in limits.conf";
+    let value = ThreadPriorityValue::try_from(priority).map_err(|error| format!("SCHED_FIFO {priority}: {error}"))?;
+    let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), fifo)
+        .map_err(|error| format!("SCHED_FIFO {priority}: {error:?}; {help}"))
+}
+
+fn lock_memory() -> Result<(), String> {
+    let help = "allow it with LimitMEMLOCK=infinity in the unit or memlock in limits.conf";
+    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|error| format!("locked memory: {error}; {help}"))
 }
 
 #[cfg(test)]
@@ -77,9 +81,18 @@ mod tests {
         assert!(missing.len() == 1 && missing[0].starts_with("core 1000: not to be had"), "{missing:?}");
         assert_eq!(apply(&warn, StageKind::SensorProc).unwrap(), Vec::<String>::new());
 
-        let strict = machine(&[("stage.ident-proc.core", "1000"), ("realtime.rights", "strict")]);
-        let error = apply(&strict, StageKind::IdentProc).unwrap_err().to_string();
-        assert!(error.contains("core 1000") && error.contains("strict"), "{error}");
+        for strict in ["realtime.rights", "realtime.affinity"] {
+            let machine = machine(&[("stage.ident-proc.core", "1000"), (strict, "strict")]);
+            let error = apply(&machine, StageKind::IdentProc).unwrap_err().to_string();
+            assert!(error.contains("core 1000") && error.contains("strict"), "{error}");
+        }
+        // Strict about the others only.
+        let others = machine(&[
+            ("stage.ident-proc.core", "1000"),
+            ("realtime.scheduling", "strict"),
+            ("realtime.memory", "strict"),
+        ]);
+        assert_eq!(apply(&others, StageKind::IdentProc).unwrap().len(), 1);
     }
 
     #[test]

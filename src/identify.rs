@@ -7,7 +7,7 @@ use std::{
 
 use ident_proc::Identifier;
 use pipeline::{
-    hammerstein::{Coefficients, Structure},
+    hammerstein::Structure,
     machine::{Fuzzy, Identification},
     message::{bit_names, model_fault},
     statistics::ErrorStatistics,
@@ -18,35 +18,10 @@ use serde::Serialize;
 use crate::{
     cli,
     failure::Failure,
+    figures::{CoefficientLists, ErrorFigures, Reduction},
     output::Output,
     table::{number, percent, progress, table},
 };
-
-/// Statistics of one kind of error, in the unit of the output.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct ErrorFigures {
-    /// Standard deviation.
-    pub sigma: f64,
-    /// Root mean square.
-    pub rmse: f64,
-    /// Largest magnitude.
-    pub max: f64,
-    /// 100 (1 - |e| / |y - mean y|).
-    pub fit_percent: f64,
-}
-
-impl ErrorFigures {
-    /// From running statistics of the error and of the output.
-    pub fn new(error: &ErrorStatistics, output: &ErrorStatistics) -> Self {
-        let rmse = error.rmse();
-        Self { sigma: error.sigma(), rmse, max: error.max, fit_percent: 100.0 * (1.0 - rmse / output.sigma()) }
-    }
-}
-
-/// 100 (1 - sigma_adaptive / sigma_classical).
-pub fn reduction_percent(classical: &ErrorStatistics, adaptive: &ErrorStatistics) -> f64 {
-    100.0 * (1.0 - adaptive.sigma() / classical.sigma())
-}
 
 #[derive(Debug, Serialize)]
 struct Report {
@@ -98,35 +73,6 @@ struct Adaptive {
 struct FactorFigures {
     mean: f64,
     min: f64,
-}
-
-#[derive(Debug, Serialize)]
-struct Reduction {
-    one_step: f64,
-    h_step: f64,
-    free_run: f64,
-}
-
-/// A model's coefficients as lists.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct CoefficientLists {
-    a: Vec<f64>,
-    b: Vec<f64>,
-    f: Vec<f64>,
-    g: Vec<f64>,
-}
-
-impl CoefficientLists {
-    /// The used entries of each array.
-    pub fn new(model: &Coefficients) -> Self {
-        let order = model.nonlinearity().order;
-        Self {
-            a: model.a().to_vec(),
-            b: model.b().to_vec(),
-            f: model.f[..order].to_vec(),
-            g: model.g[..order].to_vec(),
-        }
-    }
 }
 
 /// Runs the command.
@@ -244,11 +190,7 @@ impl Report {
                 },
                 ns_per_update,
             },
-            reduction_percent: Reduction {
-                one_step: reduction_percent(&classical.one_step, &adaptive.one_step),
-                h_step: reduction_percent(&classical.h_step, &adaptive.h_step),
-                free_run: reduction_percent(&classical.free_run, &adaptive.free_run),
-            },
+            reduction_percent: Reduction::new(classical, adaptive),
         }
     }
 

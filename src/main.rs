@@ -3,6 +3,7 @@
 mod check;
 mod cli;
 mod failure;
+mod figures;
 mod identify;
 mod live;
 mod output;

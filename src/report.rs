@@ -12,7 +12,7 @@ use pipeline::{
 use serde::Serialize;
 
 use crate::{
-    identify::{CoefficientLists, ErrorFigures, reduction_percent},
+    figures::{CoefficientLists, ErrorFigures, Reduction},
     table::{nanoseconds, number, percent, table},
 };
 
@@ -21,8 +21,8 @@ use crate::{
 pub struct Report {
     axes: BTreeMap<String, AxisReport>,
     stages: BTreeMap<&'static str, StageReport>,
-    end_to_end_ns: PercentileReport,
-    release_jitter_ns: PercentileReport,
+    end_to_end_ns: Percentiles,
+    release_jitter_ns: Percentiles,
     /// Ticks controlled.
     pub ticks: u64,
     /// Time that passed, s.
@@ -66,39 +66,14 @@ struct ModelReport {
 }
 
 #[derive(Debug, Serialize)]
-struct Reduction {
-    one_step: f64,
-    h_step: f64,
-    free_run: f64,
-}
-
-#[derive(Debug, Serialize)]
 struct StageReport {
     samples: u64,
     lost: u64,
     missed_deadlines: u64,
     implausible: u64,
     restarts: u64,
-    wait_ns: PercentileReport,
-    work_ns: PercentileReport,
-}
-
-/// Percentiles as JSON.
-#[derive(Debug, Clone, Copy, Serialize)]
-struct PercentileReport {
-    count: u64,
-    p50: u64,
-    p99: u64,
-    p99_9: u64,
-    p99_99: u64,
-    max: u64,
-    beyond: u64,
-}
-
-impl From<Percentiles> for PercentileReport {
-    fn from(p: Percentiles) -> Self {
-        Self { count: p.count, p50: p.p50, p99: p.p99, p99_9: p.p99_9, p99_99: p.p99_99, max: p.max, beyond: p.beyond }
-    }
+    wait_ns: Percentiles,
+    work_ns: Percentiles,
 }
 
 /// The last messages of a run, from which everything is reported.
@@ -130,13 +105,13 @@ impl Report {
                     implausible: health.implausible,
                     // A stage that ends before its time ends the run: none is ever started again.
                     restarts: 0,
-                    wait_ns: health.wait.into(),
-                    work_ns: health.work.into(),
+                    wait_ns: health.wait,
+                    work_ns: health.work,
                 };
                 (kind.name(), stage)
             })
         });
-        let percentiles = |kind, of: fn(&StageHealth) -> Percentiles| health(kind).map(of).unwrap_or_default().into();
+        let percentiles = |kind, of: fn(&StageHealth) -> Percentiles| health(kind).map(of).unwrap_or_default();
         let ticks = health(StageKind::SensorProc).map_or(0, |health| health.samples);
         Self {
             axes: axes.collect(),
@@ -267,11 +242,7 @@ impl AxisReport {
             identification: Identification {
                 classical: model(classical, &snapshot.classical),
                 adaptive: model(adaptive, &snapshot.adaptive),
-                reduction_percent: Reduction {
-                    one_step: reduction_percent(&classical.one_step, &adaptive.one_step),
-                    h_step: reduction_percent(&classical.h_step, &adaptive.h_step),
-                    free_run: reduction_percent(&classical.free_run, &adaptive.free_run),
-                },
+                reduction_percent: Reduction::new(classical, adaptive),
                 forgetting_factor: snapshot.forgetting_factor,
                 updates: snapshot.updates,
                 skipped: snapshot.skipped,

@@ -7,6 +7,7 @@ use crate::layout::shared_struct;
 
 shared_struct! {
     /// Percentiles of a latency, ns.
+    #[derive(serde::Serialize)]
     #[type_name("hydraxis.Percentiles/1")]
     pub struct Percentiles {
         /// Number of values, those beyond the range included.

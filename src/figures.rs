@@ -1,0 +1,75 @@
+//! Figures that every report shows: errors, their reduction, coefficients.
+
+use pipeline::{hammerstein::Coefficients, message::ModelErrors, statistics::ErrorStatistics};
+use serde::Serialize;
+
+/// Statistics of one kind of error, in the unit of the output.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct ErrorFigures {
+    /// Standard deviation.
+    pub sigma: f64,
+    /// Root mean square.
+    pub rmse: f64,
+    /// Largest magnitude.
+    pub max: f64,
+    /// 100 (1 - |e| / |y - mean y|).
+    pub fit_percent: f64,
+}
+
+impl ErrorFigures {
+    /// From running statistics of the error and of the output.
+    pub fn new(error: &ErrorStatistics, output: &ErrorStatistics) -> Self {
+        let rmse = error.rmse();
+        Self { sigma: error.sigma(), rmse, max: error.max, fit_percent: 100.0 * (1.0 - rmse / output.sigma()) }
+    }
+}
+
+/// By how much the adaptive model is better: 100 (1 - sigma_adaptive / sigma_classical).
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Reduction {
+    /// Of the one-step error.
+    pub one_step: f64,
+    /// Of the h-step error.
+    pub h_step: f64,
+    /// Of the free run.
+    pub free_run: f64,
+}
+
+impl Reduction {
+    /// From the errors of both models over the same samples.
+    pub fn new(classical: &ModelErrors, adaptive: &ModelErrors) -> Self {
+        let percent =
+            |of: fn(&ModelErrors) -> &ErrorStatistics| 100.0 * (1.0 - of(adaptive).sigma() / of(classical).sigma());
+        Self {
+            one_step: percent(|errors| &errors.one_step),
+            h_step: percent(|errors| &errors.h_step),
+            free_run: percent(|errors| &errors.free_run),
+        }
+    }
+}
+
+/// A model's coefficients as lists, the used entries of each array.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CoefficientLists {
+    /// a_1 .. a_na.
+    pub a: Vec<f64>,
+    /// b_0 .. b_nb.
+    pub b: Vec<f64>,
+    /// f_1 .. f_r.
+    pub f: Vec<f64>,
+    /// g_1 .. g_r.
+    pub g: Vec<f64>,
+}
+
+impl CoefficientLists {
+    /// Of one model.
+    pub fn new(model: &Coefficients) -> Self {
+        let order = model.nonlinearity().order;
+        Self {
+            a: model.a().to_vec(),
+            b: model.b().to_vec(),
+            f: model.f[..order].to_vec(),
+            g: model.g[..order].to_vec(),
+        }
+    }
+}

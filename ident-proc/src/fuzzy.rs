@@ -20,7 +20,7 @@
 //! Trap: Table 1 is not symmetric when both signs change, and a universe that is small against the noise turns the
 //! factor to 0.75, a memory of four samples.
 
-use pipeline::machine::Fuzzy;
+use pipeline::machine::{Fuzzy, Level};
 
 /// Number of terms of each input.
 const TERMS: usize = 7;
@@ -69,7 +69,8 @@ impl FuzzyForgetting {
                 total += weight;
             }
         }
-        weighted / total
+        // The centre of gravity lies among the terms; rounding must not move it out, least of all above 1.
+        (weighted / total).clamp(Level::VS.factor(), Level::VB.factor())
     }
 
     /// Memberships of NB .. PB for a value relative to its universe; one that is not a number counts as PB.

@@ -204,11 +204,6 @@ impl Identifier {
         self.classical_tracker.store(&self.classical_theta);
     }
 
-    /// Whether offline identification has ended.
-    pub fn is_trained(&self) -> bool {
-        self.trained
-    }
-
     /// The coefficients of the recursive estimator, in its form's order.
     pub fn theta(&self) -> &[f64] {
         self.estimator.theta()

@@ -45,8 +45,8 @@ pub fn run<S: Stage>(
     let ended = turns(&mut stage, &mut turn);
     // Neutral first, whatever happened.
     let stopped = stage.stop();
-    turn.farewell(stage.lost())?;
-    ended.and(stopped)
+    let reported = turn.farewell(stage.lost());
+    ended.and(stopped).and(reported.map_err(StageError::from))
 }
 
 fn turns(stage: &mut impl Stage, turn: &mut Turn) -> Result<(), StageError> {

@@ -7,8 +7,8 @@ use pipeline::{
 };
 
 use crate::{
-    batch::Batch, errors::ErrorTracker, fuzzy::FuzzyForgetting, history::History, recursive::RecursiveLeastSquares,
-    regression::Regression, split::Splitter, triangle::Triangle,
+    batch::Batch, errors::ErrorTracker, fuzzy::FuzzyForgetting, history::History, rank::RankGuard,
+    recursive::RecursiveLeastSquares, regression::Regression, split::Splitter, triangle::Triangle,
 };
 
 /// Rounds of alternating least squares per snapshot in the full form: each starts from the last separation.
@@ -33,6 +33,8 @@ pub struct Identifier {
     fuzzy: FuzzyForgetting,
     phi: Vec<f64>,
     classical_theta: Vec<f64>,
+    projected: Triangle,
+    guard: RankGuard,
     information: Triangle,
     held: Vec<bool>,
     splitter: Splitter,
@@ -69,6 +71,8 @@ impl Identifier {
             fuzzy: FuzzyForgetting::new(settings.fuzzy, 0.0),
             phi: vec![0.0; n],
             classical_theta: vec![0.0; n],
+            projected: Triangle::new(n),
+            guard: RankGuard::new(n),
             information: Triangle::new(n),
             held: vec![false; n],
             splitter: Splitter::new(structure),
@@ -151,13 +155,15 @@ impl Identifier {
         self.fuzzy = FuzzyForgetting::new(self.settings.fuzzy, offline.residual_sigma);
         match self.settings.form {
             Form::Full => {
-                self.held.iter_mut().zip(self.batch.held()).for_each(|(held, dependent)| *held = *dependent);
+                self.held.copy_from_slice(self.batch.held());
                 self.estimator.start(self.batch.data(), &self.held);
                 self.classical_theta.copy_from_slice(self.batch.theta());
             }
             Form::Linear => {
                 self.regression = Regression::linear(structure, offline.coefficients.nonlinearity());
-                self.batch.project(&offline.coefficients, &mut self.information);
+                self.batch.project(&offline.coefficients, &mut self.projected);
+                self.held.copy_from_slice(self.guard.dependent(&self.projected));
+                self.projected.hold_into(&self.held, &mut self.information);
                 self.estimator.start(&self.information, &self.held);
                 let (a, b) = self.classical_theta.split_at_mut(structure.na);
                 a.copy_from_slice(offline.coefficients.a());
@@ -204,11 +210,6 @@ impl Identifier {
         self.classical_tracker.store(&self.classical_theta);
     }
 
-    /// The coefficients of the recursive estimator, in its form's order.
-    pub fn theta(&self) -> &[f64] {
-        self.estimator.theta()
-    }
-
     /// All there is to know after the last sample. In the full form this separates b, f and g again.
     pub fn snapshot(&mut self) -> AxisSnapshot {
         if self.trained {
@@ -240,5 +241,30 @@ impl Identifier {
     /// Prediction error and change of it that count as PB, in the unit of the output.
     pub fn universes(&self) -> (f64, f64) {
         self.fuzzy.universes()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pipeline::machine::Machine;
+
+    #[test]
+    fn an_input_that_never_moves_leaves_a_finite_model() {
+        for form in [Form::Linear, Form::Full] {
+            let mut settings = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
+            (settings.form, settings.training, settings.horizon) = (form, 200, 10);
+            let mut identifier = Identifier::new(&settings);
+            for k in 0..400 {
+                let y = 0.5 + 0.1 * (f64::from(k) * 0.1).sin() + 0.03 * (f64::from(k) * 0.37).cos();
+                identifier.update(Some(y), Some(0.0));
+            }
+            let snapshot = identifier.snapshot();
+            assert_eq!(snapshot.updates, 200);
+            assert!(snapshot.adaptive.is_finite(), "{form:?}: {:?}", snapshot.adaptive);
+            assert_eq!(snapshot.faults & model_fault::NOT_FINITE, 0, "{form:?}");
+            assert_ne!(snapshot.faults & model_fault::RANK_DEFICIENT, 0, "{form:?}");
+            assert!(snapshot.adaptive_errors.one_step.rmse() < 0.01, "{form:?}");
+        }
     }
 }

@@ -129,10 +129,7 @@ impl Predictive {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        limits::Limits,
-        tests::models::{linear, table_2},
-    };
+    use crate::{limits::Limits, tests::models::linear};
     use pipeline::hammerstein::Coefficients;
 
     fn approved(model: &Coefficients) -> Approved<'_> {
@@ -185,7 +182,8 @@ mod tests {
     fn table_2_with_its_zero_outside_the_circle_is_stable_and_without_offset() {
         for (horizon, moves) in [(10, 1), (20, 4), (31, 8), (20, 8)] {
             let predictive = Predictive::new(&control(horizon, moves, 0.1));
-            let (y, u) = run(&table_2(), predictive.clone(), 1500, |_| 20.0, |k| if k < 500 { 0.0 } else { 5.0 });
+            let (y, u) =
+                run(&Coefficients::TABLE_2, predictive.clone(), 1500, |_| 20.0, |k| if k < 500 { 0.0 } else { 5.0 });
             for settled in [400..500, 1400..1500] {
                 for k in settled {
                     assert!((y[k] - 20.0).abs() < 1e-6, "{horizon} {moves}: y({k}) = {}", y[k]);
@@ -197,11 +195,11 @@ mod tests {
 
     #[test]
     fn a_model_that_is_wrong_by_a_third_still_leaves_no_offset() {
-        let mut wrong = table_2();
+        let mut wrong = Coefficients::TABLE_2;
         wrong.b.iter_mut().for_each(|b| *b *= 1.3);
         wrong.a[0] += 0.01;
         let limits = Limits { magnitude: 1.0, step: 0.1 };
-        let (process, mut predictive) = (table_2(), Predictive::new(&control(20, 4, 0.1)));
+        let (process, mut predictive) = (Coefficients::TABLE_2, Predictive::new(&control(20, 4, 0.1)));
         let mut history = History::resting(0.0);
         let (mut y, mut x) = ([0.0; 4], [0.0; 3]);
         for _ in 0..2000 {
@@ -250,7 +248,7 @@ mod tests {
         assert_eq!(predictive.update(&approved(&Coefficients::default()), &history, &[1.0]), None);
         assert_eq!(predictive.update(&approved(&linear(&[-1.0], &[0.0], 1)), &history, &[1.0]), None);
         assert_eq!(predictive.update(&approved(&linear(&[f64::NAN], &[0.1], 1)), &history, &[1.0]), None);
-        assert_eq!(predictive.update(&approved(&table_2()), &history, &[f64::NAN]), None);
-        assert_eq!(predictive.update(&approved(&table_2()), &history, &[]), None);
+        assert_eq!(predictive.update(&approved(&Coefficients::TABLE_2), &history, &[f64::NAN]), None);
+        assert_eq!(predictive.update(&approved(&Coefficients::TABLE_2), &history, &[]), None);
     }
 }

@@ -90,13 +90,13 @@ pub fn step_response(model: &Coefficients, response: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::models::{linear, table_2};
+    use crate::tests::models::linear;
     use proptest::prelude::*;
 
     #[test]
     fn the_step_of_table_2_ends_at_its_static_gain() {
         let mut response = [0.0; MAX_AHEAD];
-        step_response(&table_2(), &mut response);
+        step_response(&Coefficients::TABLE_2, &mut response);
         assert_eq!(response[0], 0.7237);
         let gain = (0.7237 + 0.8375) / 0.0355;
         // The slow pole, 0.9633, has decayed to 3 % after 95 samples.

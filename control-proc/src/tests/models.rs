@@ -2,16 +2,6 @@
 
 use pipeline::hammerstein::{Coefficients, Structure};
 
-/// Table 2 of the paper; g is not printed there, so the positive branch serves for both.
-pub fn table_2() -> Coefficients {
-    let mut model = Coefficients::zero(Structure::PAPER);
-    model.a[..3].copy_from_slice(&[-0.9923, 0.0236, 0.0042]);
-    model.b[..2].copy_from_slice(&[0.7237, 0.8375]);
-    model.f[..3].copy_from_slice(&[1.0, 0.0924, -0.0133]);
-    model.g = model.f;
-    model
-}
-
 /// A linear model, N(u) = u.
 pub fn linear(a: &[f64], b: &[f64], nk: usize) -> Coefficients {
     let mut model = Coefficients::zero(Structure { na: a.len(), nb: b.len() - 1, nk, order: 1 });

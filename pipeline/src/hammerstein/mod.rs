@@ -83,6 +83,21 @@ shared_struct! {
 }
 
 impl Coefficients {
+    /// Table 2 of the paper, its model of a boom; g is not printed there, so the positive branch serves for both.
+    ///
+    /// Traps: its slowest pole is at 0.963, no integrator though the output is a position; its zero at -1.157 lies
+    /// outside the unit circle, so whatever inverts B is unstable.
+    pub const TABLE_2: Self = Self {
+        na: 3,
+        nb: 1,
+        nk: 1,
+        order: 3,
+        a: [-0.9923, 0.0236, 0.0042, 0.0, 0.0],
+        b: [0.7237, 0.8375, 0.0, 0.0, 0.0],
+        f: [1.0, 0.0924, -0.0133, 0.0, 0.0],
+        g: [1.0, 0.0924, -0.0133, 0.0, 0.0],
+    };
+
     /// All zero, of the given structure.
     pub fn zero(structure: Structure) -> Self {
         Self {
@@ -156,19 +171,9 @@ impl Coefficients {
 mod tests {
     use super::*;
 
-    /// Table 2 of the paper; g is not printed there, so the positive branch serves for both.
-    pub(super) fn table_2() -> Coefficients {
-        let mut model = Coefficients::zero(Structure::PAPER);
-        model.a[..3].copy_from_slice(&[-0.9923, 0.0236, 0.0042]);
-        model.b[..2].copy_from_slice(&[0.7237, 0.8375]);
-        model.f[..3].copy_from_slice(&[1.0, 0.0924, -0.0133]);
-        model.g = model.f;
-        model
-    }
-
     #[test]
     fn h_steps_are_one_step_repeated() {
-        let mut model = table_2();
+        let mut model = Coefficients::TABLE_2;
         model.nk = 4;
         let structure = model.structure().unwrap();
         let inputs: Vec<f64> = (0..40).map(|k| (k as f64 * 0.7).sin()).collect();
@@ -191,7 +196,7 @@ mod tests {
     #[test]
     fn static_gain_of_table_2() {
         // With x = 1 held: y -> (b0 + b1) / (1 + a1 + a2 + a3).
-        let mut model = table_2();
+        let mut model = Coefficients::TABLE_2;
         model.f = [1.0, 0.0, 0.0, 0.0, 0.0];
         let mut predicted = vec![0.0; 2000];
         model.predict(&[0.0; 3], &vec![1.0; 2001], &mut predicted);
@@ -200,14 +205,14 @@ mod tests {
 
     #[test]
     fn a_structure_outside_its_limits_is_none() {
-        assert_eq!(table_2().structure(), Some(Structure::PAPER));
+        assert_eq!(Coefficients::TABLE_2.structure(), Some(Structure::PAPER));
         assert_eq!(Coefficients::default().structure(), None);
         for broken in [
-            Coefficients { na: 6, ..table_2() },
-            Coefficients { nb: 5, ..table_2() },
-            Coefficients { nk: 65, ..table_2() },
-            Coefficients { nk: 0, ..table_2() },
-            Coefficients { order: u32::MAX, ..table_2() },
+            Coefficients { na: 6, ..Coefficients::TABLE_2 },
+            Coefficients { nb: 5, ..Coefficients::TABLE_2 },
+            Coefficients { nk: 65, ..Coefficients::TABLE_2 },
+            Coefficients { nk: 0, ..Coefficients::TABLE_2 },
+            Coefficients { order: u32::MAX, ..Coefficients::TABLE_2 },
         ] {
             assert_eq!(broken.structure(), None);
         }

@@ -53,18 +53,17 @@ impl Coefficients {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::table_2;
     use super::*;
     use proptest::prelude::*;
 
     #[test]
     fn table_2_has_its_slowest_pole_at_0_963() {
-        assert!((table_2().pole_radius() - 0.9633).abs() < 1e-4);
+        assert!((Coefficients::TABLE_2.pole_radius() - 0.9633).abs() < 1e-4);
     }
 
     #[test]
     fn nan_is_never_stable() {
-        let mut model = table_2();
+        let mut model = Coefficients::TABLE_2;
         model.a[1] = f64::NAN;
         assert!(!model.poles_within(1e9));
         assert_eq!(model.pole_radius(), f64::INFINITY);
@@ -84,7 +83,7 @@ mod tests {
                 }
                 a = product;
             }
-            let mut model = Coefficients { na: 5, ..table_2() };
+            let mut model = Coefficients { na: 5, ..Coefficients::TABLE_2 };
             model.a.copy_from_slice(&a[1..]);
             let largest = real.abs().max(r1).max(r2);
             prop_assert!((model.pole_radius() / largest - 1.0).abs() < 1e-5, "{} {largest}", model.pole_radius());

@@ -26,25 +26,21 @@ pub fn run(arguments: &cli::MachineFile) -> Result<(), Failure> {
 }
 
 /// What the machine file points at and what its values amount to, axis by axis: trajectories, recordings, plants.
-pub fn deep(machine: &Machine) -> Result<(), Failure> {
-    let mut problems = Vec::new();
+/// Returns the rows of the recording that the machine replays, if it does.
+pub fn deep(machine: &Machine) -> Result<Option<u64>, Failure> {
+    let (mut problems, mut rows) = (Vec::new(), None);
     for axis in &machine.axes {
         let alone = Machine { axes: vec![axis.clone()], ..machine.clone() };
         problems.extend(Controller::new(&alone).err().map(|error| error.to_string()));
-        problems.extend(match &machine.source {
-            Source::Sim => PlantSim::new(&alone, 0).err().map(|error| error.to_string()),
-            Source::Replay(file) => Replay::new(&alone, file).err().map(|error| format!("source.file: {error}")),
-        });
+        match &machine.source {
+            Source::Sim => problems.extend(PlantSim::new(&alone, 0).err().map(|error| error.to_string())),
+            Source::Replay(file) => match Replay::new(&alone, file) {
+                Ok(replay) => rows = Some(replay.len()),
+                Err(error) => problems.push(format!("source.file: {error}")),
+            },
+        }
     }
     // A file that all axes share is as wrong for each.
     problems.dedup();
-    if problems.is_empty() { Ok(()) } else { Err(Failure::Usage(problems.join("\n"))) }
-}
-
-/// Rows of the recording that the machine replays, if it does.
-pub fn recorded_ticks(machine: &Machine) -> Result<Option<u64>, Failure> {
-    match &machine.source {
-        Source::Sim => Ok(None),
-        Source::Replay(file) => Ok(Some(Replay::new(machine, file).map_err(Failure::usage)?.len())),
-    }
+    if problems.is_empty() { Ok(rows) } else { Err(Failure::Usage(problems.join("\n"))) }
 }

@@ -24,18 +24,20 @@ const POLL: Duration = Duration::from_millis(10);
 const START_PATIENCE: Duration = Duration::from_secs(10);
 /// How long the others may take to end after the last tick.
 const END_PATIENCE: Duration = Duration::from_secs(2);
-/// How long nothing may happen before the run is given up: a thousand times the slowest tick.
+/// How long nothing may happen before the run is given up, unless the machine's period is of that order itself.
 const STALL_PATIENCE: Duration = Duration::from_secs(10);
+/// Periods without a tick that are a stall.
+const STALL_PERIODS: u32 = 3;
 
 /// Runs the command.
 pub fn run(arguments: &cli::Run) -> Result<(), Failure> {
     let machine = stage::load(&arguments.machine)?;
-    check::deep(&machine)?;
+    let rows = check::deep(&machine)?;
     let output = Output::open(arguments.json.as_deref())?;
     let options = Options {
         prefix: arguments.prefix.clone().unwrap_or_else(Prefix::of_this_process),
         clock: if arguments.lockstep { Clock::LockStep } else { Clock::RealTime },
-        ticks: Some(ticks(&machine, arguments.duration)?),
+        ticks: Some(ticks(&machine, rows, arguments.duration)?),
         seed: arguments.seed,
         // Only a simulated machine moves without being asked to.
         arm: machine.source == Source::Sim,
@@ -122,6 +124,7 @@ fn watch(
     options: &Options,
 ) -> Result<(), Failure> {
     let show = std::io::stderr().is_terminal();
+    let patience = stall_patience(machine.timing.period);
     let mut end = None;
     while supervisor.any_running() && !options.stop.load(Ordering::Relaxed) {
         sleep(POLL);
@@ -137,12 +140,28 @@ fn watch(
                 break;
             }
         }
-        if monitor.stalled_for() > STALL_PATIENCE {
+        if monitor.stalled_for() > patience {
             return Err(Failure::Run(format!(
-                "no stage has worked for {STALL_PATIENCE:?}; the last ticks are: {}",
+                "no stage has worked for {patience:?}; the last ticks are: {}",
                 monitor.ticks()
             )));
         }
     }
     Ok(())
+}
+
+/// How long no stage may work a tick.
+fn stall_patience(period: Duration) -> Duration {
+    STALL_PATIENCE.max(period * STALL_PERIODS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slow_machine_is_not_a_stalled_one() {
+        assert_eq!(stall_patience(Duration::from_millis(10)), Duration::from_secs(10));
+        assert!(stall_patience(Duration::from_secs(10)) > 2 * Duration::from_secs(10));
+    }
 }

@@ -35,8 +35,8 @@ pub fn run(arguments: &cli::Simulate) -> Result<(), Failure> {
             kind.name()
         )));
     }
-    check::deep(&machine)?;
-    let ticks = ticks(&machine, arguments.duration)?;
+    let rows = check::deep(&machine)?;
+    let ticks = ticks(&machine, rows, arguments.duration)?;
     let output = Output::open(arguments.json.as_deref())?;
     let started = Instant::now();
     let last = simulate(&machine, arguments.seed, ticks)?;
@@ -44,13 +44,13 @@ pub fn run(arguments: &cli::Simulate) -> Result<(), Failure> {
     output.write(|| report.tables(&machine), &report)
 }
 
-/// Ticks of a run: as asked, no more than the recording has.
-pub fn ticks(machine: &Machine, duration: Option<Duration>) -> Result<u64, Failure> {
+/// Ticks of a run: as asked, no more than the rows of the recording if one is replayed.
+pub fn ticks(machine: &Machine, rows: Option<u64>, duration: Option<Duration>) -> Result<u64, Failure> {
     let asked = duration.map(|duration| samples_of(duration, machine.timing.period) as u64);
     if asked == Some(0) {
         return Err(Failure::Usage("--duration: found less than one period of the machine file".to_owned()));
     }
-    Ok(match check::recorded_ticks(machine)? {
+    Ok(match rows {
         Some(rows) => asked.unwrap_or(rows).min(rows),
         None => asked.unwrap_or(samples_of(DEFAULT_DURATION, machine.timing.period) as u64),
     })

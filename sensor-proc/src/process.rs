@@ -76,17 +76,20 @@ impl Timer {
         Self { start_ns: monotonic_ns() + period_ns, period_ns, next: 0 }
     }
 
-    /// Sleeps until the next tick; returns its number and when it was due. Ticks that have passed meanwhile are
-    /// counted, and their numbers left out: whoever reads the samples sees the gap.
-    fn release(&mut self, turn: &mut Turn) -> (u64, u64) {
+    /// Sleeps until the next tick; returns its number and when it was due, or `None` when a signal came first. Ticks
+    /// that have passed meanwhile are counted, and their numbers left out: whoever reads the samples sees the gap.
+    fn release(&mut self, turn: &mut Turn) -> Option<(u64, u64)> {
         let due_ns = self.start_ns + self.next * self.period_ns;
         sleep_until(due_ns);
+        if turn.stopping() {
+            return None;
+        }
         let now = turn.release(due_ns);
         let passed = now.saturating_sub(due_ns) / self.period_ns;
         turn.skip(passed);
         let tick = self.next + passed;
         self.next = tick + 1;
-        (tick, self.start_ns + tick * self.period_ns)
+        Some((tick, self.start_ns + tick * self.period_ns))
     }
 }
 
@@ -120,7 +123,7 @@ impl Live {
             }
             return Ok(Next::Waiting);
         };
-        let (tick, due_ns) = timer.release(turn);
+        let Some((tick, due_ns)) = timer.release(turn) else { return Ok(Next::Waiting) };
         let reading = self.readings.newest()?.if_new();
         let acquired_ns = reading.map_or(due_ns, |reading| reading.header.acquired_ns);
         if let Some(reading) = reading {
@@ -208,6 +211,9 @@ impl Recorded {
                 // A late row is sent late: a recording has no gaps of its own.
                 let due_ns = timer.start_ns + self.next * timer.period_ns;
                 sleep_until(due_ns);
+                if turn.stopping() {
+                    return Ok(None);
+                }
                 turn.release(due_ns);
                 Ok(Some(due_ns))
             }

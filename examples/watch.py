@@ -112,11 +112,16 @@ class Coefficients(ctypes.Structure):
         ("na", u32),  # order of A
         ("nb", u32),  # order of B
         ("nk", u32),  # delay, samples
-        ("order", u32),  # order of the polynomials
-        ("a", f64 * 5),  # a_1 to a_na, no unit
+        ("order", u32),  # coefficients of the nonlinearity for each sign of the command
+        ("basis", u32),  # what they multiply: 0 powers, 1 hinges
+        ("has_drift", u32),  # 1 with a drift
+        ("a", f64 * 7),  # a_1 to a_na, no unit
         ("b", f64 * 5),  # b_0 to b_nb, m
         ("f", f64 * 5),  # for commands >= 0, no unit, f_1 = 1
         ("g", f64 * 5),  # for commands < 0, no unit
+        ("drift", f64),  # m per sample
+        ("dead_band", f64 * 2),  # commands that open nothing, below zero and above, as magnitudes
+        ("knots", f64 * 5),  # where the hinges begin, of the command beyond the dead band
     ]
 
 
@@ -155,7 +160,7 @@ class CoefficientSnapshot(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.CoefficientSnapshot/1"
+        return "hydraxis.CoefficientSnapshot/2"
 
 
 def fingerprint(kind):

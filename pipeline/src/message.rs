@@ -230,8 +230,9 @@ shared_struct! {
 }
 
 shared_struct! {
-    /// One axis of a [`CoefficientSnapshot`].
-    #[type_name("hydraxis.AxisSnapshot/1")]
+    /// One axis of a [`CoefficientSnapshot`]. Both models are of the position; errors are in the unit of the identified
+    /// output, m, or m/s where that is the velocity.
+    #[type_name("hydraxis.AxisSnapshot/2")]
     pub struct AxisSnapshot {
         /// The adaptive model.
         pub adaptive: Coefficients,
@@ -291,7 +292,7 @@ pub mod model_fault {
 
 shared_struct! {
     /// The models after one sample: ident-proc to control-proc. The newest counts.
-    #[type_name("hydraxis.CoefficientSnapshot/1")]
+    #[type_name("hydraxis.CoefficientSnapshot/2")]
     pub struct CoefficientSnapshot {
         /// `sequence` names the last sample that the coefficients have learned from.
         pub header: Header,

@@ -7,16 +7,21 @@
 //! M(v) = max over 0 <= w <= v of s N(w)
 //! ```
 //!
-//! where s = +1 or -1 is the direction in which both branches reach further. M is monotone: N^-1(x) is the smallest command that reaches x. It jumps over a dip, and beyond the largest
-//! value of the branch it stays at the command that reaches that value.
+//! where s = +1 or -1 is the direction in which both branches reach further. M is monotone: N^-1(x) is the smallest
+//! command that reaches x. It jumps over a dip and over the calibrated dead band, and beyond the largest value of the
+//! branch it stays at the command that reaches that value. A branch of hinges is solved on the straight line that
+//! holds x, a polynomial by halving between its turning points.
 
-use super::{MAX_ORDER, Nonlinearity};
+use super::{Basis, MAX_ORDER, Nonlinearity};
 
-/// A polynomial c_1 v + .. + c_r v^r on v >= 0.
+/// One branch as a function of a command's magnitude, >= 0: of v = magnitude - dead band where that is positive,
+/// c_1 phi_1(v) + .. + c_r phi_r(v), else 0.
 #[derive(Clone, Copy)]
 struct Branch {
     coefficients: [f64; MAX_ORDER],
     order: usize,
+    basis: Basis,
+    dead_band: f64,
 }
 
 /// Real roots in the order of their size; a polynomial of order 5 has at most 5.
@@ -54,8 +59,8 @@ impl Nonlinearity {
     /// The values of x that commands in `range` can give on the monotone interval, lowest and highest.
     pub fn reachable(&self, range: (f64, f64)) -> (f64, f64) {
         let s = self.orientation(range);
-        let up = self.positive(s).highest(range.1).1;
-        let down = self.negative(s).highest(-range.0).1;
+        let up = self.positive(s).highest(range.1);
+        let down = self.negative(s).highest(-range.0);
         if s >= 0.0 { (-down, up) } else { (-up, down) }
     }
 
@@ -65,7 +70,7 @@ impl Nonlinearity {
     /// reaches nothing either way: a branch that turns back far from zero must not decide.
     pub fn orientation(&self, range: (f64, f64)) -> f64 {
         let reach = |s| {
-            let (up, down) = (self.positive(s).highest(range.1).1, self.negative(s).highest(-range.0).1);
+            let (up, down) = (self.positive(s).highest(range.1), self.negative(s).highest(-range.0));
             (up.min(down), up.max(down))
         };
         let (rising, falling) = (reach(1.0), reach(-1.0));
@@ -78,54 +83,103 @@ impl Nonlinearity {
         }
     }
 
-    /// s N(v) for v >= 0.
+    /// s N(u) for u >= 0.
     fn positive(&self, s: f64) -> Branch {
-        Branch { coefficients: self.f.map(|c| s * c), order: self.order }
+        let dead_band = self.input.dead_band.1;
+        Branch { coefficients: self.f.map(|c| s * c), order: self.order, basis: self.input.basis, dead_band }
     }
 
-    /// -s N(-v) for v >= 0.
+    /// -s N(-u) for u >= 0.
     fn negative(&self, s: f64) -> Branch {
         let mut coefficients = self.g.map(|c| s * c);
-        coefficients.iter_mut().skip(1).step_by(2).for_each(|even_power| *even_power = -*even_power);
-        Branch { coefficients, order: self.order }
+        // A hinge is odd, as odd powers are.
+        if self.input.basis == Basis::Powers {
+            coefficients.iter_mut().skip(1).step_by(2).for_each(|even_power| *even_power = -*even_power);
+        }
+        let dead_band = self.input.dead_band.0;
+        Branch { coefficients, order: self.order, basis: self.input.basis, dead_band }
     }
 }
 
 impl Branch {
+    fn coefficients(&self) -> &[f64] {
+        &self.coefficients[..self.order]
+    }
+
+    /// The value at v >= 0.
     fn evaluate(&self, v: f64) -> f64 {
-        self.coefficients[..self.order].iter().rev().fold(0.0, |sum, c| (sum + c) * v)
-    }
-
-    /// Points in (0, end) where the slope changes its sign.
-    fn turning_points(&self, end: f64) -> Roots {
-        let mut slope = [0.0; MAX_ORDER];
-        for (i, (slope, c)) in slope.iter_mut().zip(&self.coefficients[..self.order]).enumerate() {
-            *slope = (i + 1) as f64 * c;
+        match &self.basis {
+            Basis::Powers => self.coefficients().iter().rev().fold(0.0, |sum, c| (sum + c) * v),
+            Basis::Hinges(knots) => self.coefficients().iter().zip(knots).map(|(c, k)| c * (v - k).max(0.0)).sum(),
         }
-        roots(&slope[..self.order], end)
     }
 
-    /// The command of the largest value in [0, end], and that value; (0, 0) when the branch never rises above 0.
-    fn highest(&self, end: f64) -> (f64, f64) {
+    /// Points in (0, end) between which the branch is monotone.
+    fn turning_points(&self, end: f64) -> Roots {
+        match &self.basis {
+            Basis::Powers => {
+                let mut slope = [0.0; MAX_ORDER];
+                for (i, (slope, c)) in slope.iter_mut().zip(self.coefficients()).enumerate() {
+                    *slope = (i + 1) as f64 * c;
+                }
+                roots(&slope[..self.order], end)
+            }
+            Basis::Hinges(knots) => {
+                let mut inside = Roots::default();
+                knots[..self.order]
+                    .iter()
+                    .filter(|knot| **knot > 0.0 && **knot < end)
+                    .for_each(|knot| inside.push(*knot));
+                inside
+            }
+        }
+    }
+
+    /// The largest value that magnitudes in [0, limit] give, at least 0.
+    fn highest(&self, limit: f64) -> f64 {
+        self.peak(self.opening(limit)).1
+    }
+
+    /// v of the magnitude `limit`.
+    fn opening(&self, limit: f64) -> f64 {
+        (limit - self.dead_band).max(0.0)
+    }
+
+    /// The v of the largest value in [0, end], and that value; (0, 0) when the branch never rises above 0.
+    fn peak(&self, end: f64) -> (f64, f64) {
         let turning = self.turning_points(end);
         (turning.as_slice().iter().copied().chain([end]))
             .map(|v| (v, self.evaluate(v)))
             .fold((0.0, 0.0), |best, new| if new.1 > best.1 { new } else { best })
     }
 
+    /// The smallest magnitude in [0, limit] with a value of at least `target` >= 0, or that of the highest value.
+    fn reach(&self, target: f64, limit: f64) -> f64 {
+        let v = self.solve(target, self.opening(limit));
+        // However small v is, the dead band itself gives nothing.
+        if v > 0.0 { (self.dead_band + v).max(self.dead_band.next_up()).min(limit) } else { 0.0 }
+    }
+
     /// The smallest v in [0, end] with a value of at least `target` >= 0, or the v of the highest value.
-    fn reach(&self, target: f64, end: f64) -> f64 {
+    fn solve(&self, target: f64, end: f64) -> f64 {
         if target == 0.0 {
             return 0.0;
         }
         let mut before = 0.0;
         for &v in self.turning_points(end).as_slice().iter().chain([&end]) {
-            if self.evaluate(v) >= target {
-                return bisect(before, v, |v| self.evaluate(v) - target);
+            let value = self.evaluate(v);
+            if value >= target {
+                return match self.basis {
+                    Basis::Powers => bisect(before, v, |v| self.evaluate(v) - target),
+                    Basis::Hinges(_) => {
+                        let start = self.evaluate(before);
+                        before + (v - before) * ((target - start) / (value - start))
+                    }
+                };
             }
             before = v;
         }
-        self.highest(end).0
+        self.peak(end).0
     }
 }
 
@@ -196,12 +250,13 @@ fn bisect(mut low: f64, mut high: f64, function: impl Fn(f64) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hammerstein::InputMap;
     use proptest::prelude::*;
 
     const RANGE: (f64, f64) = (-1.0, 1.0);
 
     fn nonlinearity(f: &[f64], g: &[f64]) -> Nonlinearity {
-        let mut n = Nonlinearity { order: f.len(), f: [0.0; 5], g: [0.0; 5] };
+        let mut n = Nonlinearity { order: f.len(), f: [0.0; 5], g: [0.0; 5], input: InputMap::PAPER };
         n.f[..f.len()].copy_from_slice(f);
         n.g[..g.len()].copy_from_slice(g);
         n
@@ -248,20 +303,63 @@ mod tests {
         assert_eq!(nonlinearity(&[0.0], &[0.0]).invert(0.3, RANGE), 0.0);
     }
 
+    #[test]
+    fn the_calibrated_dead_band_is_jumped_over() {
+        let mut n = nonlinearity(&[1.0, 0.0, 0.5], &[1.0, 0.0, 0.5]);
+        n.input.dead_band = (0.1, 0.2);
+        assert_eq!(n.invert(0.0, RANGE), 0.0);
+        for x in [1e-300, 1e-12, 0.3] {
+            let (up, down) = (n.invert(x, RANGE), n.invert(-x, RANGE));
+            assert!(up > 0.2 && n.evaluate(up) > 0.0, "{x} {up}");
+            assert!(down < -0.1 && n.evaluate(down) < 0.0, "{x} {down}");
+            assert!((n.evaluate(up) - x).abs() < 1e-15 && (n.evaluate(down) + x).abs() < 1e-15, "{x}");
+        }
+        // Commands that end within the band reach nothing.
+        assert_eq!(n.reachable((-0.1, 0.2)), (0.0, 0.0));
+        assert_eq!((n.orientation((-0.1, 0.2)), n.invert(0.3, (-0.1, 0.2))), (0.0, 0.0));
+        assert_eq!(n.invert(9.0, (-0.9, 0.7)), 0.7);
+    }
+
+    #[test]
+    fn straight_lines_are_inverted_exactly() {
+        let mut n = nonlinearity(&[0.25, 1.0, -2.0], &[-0.5, 1.5, 0.0]);
+        n.input.basis = Basis::hinges(&[0.0, 0.25, 0.75]).unwrap();
+        // 0.0625 at 0.25, 0.6875 at 0.75, and down from there.
+        for (x, u) in [(0.03125, 0.125), (0.0625, 0.25), (0.375, 0.5), (0.6875, 0.75), (5.0, 0.75)] {
+            assert_eq!(n.invert(x, RANGE), u, "{x}");
+        }
+        // Below zero it dips until 0.25 and is back at zero at 0.375.
+        assert_eq!(n.invert(-0.125, RANGE), -0.5);
+        assert_eq!(n.reachable(RANGE), (-0.625, 0.6875));
+    }
+
+    /// The calibrated dead band, and the widths between the knots if there are any.
+    fn inputs() -> impl Strategy<Value = InputMap> {
+        let hinges = prop::collection::vec(0.001f64..0.3, 5).prop_map(|widths| {
+            let knots = widths.iter().scan(0.0, |knot, width| Some(std::mem::replace(knot, *knot + width)));
+            Basis::hinges(&knots.collect::<Vec<f64>>()).unwrap()
+        });
+        let band = || prop_oneof![Just(0.0), 0.0f64..0.6];
+        ((band(), band()), prop_oneof![Just(Basis::Powers), hinges])
+            .prop_map(|(dead_band, basis)| InputMap { dead_band, basis })
+    }
+
     proptest! {
         #[test]
         fn the_inverse_gives_x_back_wherever_it_is_reachable(
             f in prop::collection::vec(-2.0f64..2.0, 5),
             g in prop::collection::vec(-2.0f64..2.0, 5),
+            input in inputs(),
             share in -1.0f64..1.0,
         ) {
-            let n = nonlinearity(&f, &g);
+            let n = Nonlinearity { input, ..nonlinearity(&f, &g) };
             let (low, high) = n.reachable(RANGE);
             prop_assert!(low <= 0.0 && high >= 0.0);
             let x = if share < 0.0 { -share * low } else { share * high };
             let u = n.invert(x, RANGE);
             prop_assert!((-1.0..=1.0).contains(&u));
             prop_assert!((n.evaluate(u) - x).abs() < 1e-9, "x {x} u {u} N {}", n.evaluate(u));
+            prop_assert!(u == 0.0 || u > input.dead_band.1 || u < -input.dead_band.0, "{u}");
             // Nothing smaller gives as much.
             for i in 0..100 {
                 let smaller = u * i as f64 / 100.0;

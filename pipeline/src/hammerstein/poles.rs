@@ -1,6 +1,6 @@
 //! Where the poles of 1/A lie, without computing them.
 
-use super::{Coefficients, MAX_LINEAR};
+use super::{Coefficients, MAX_A};
 
 impl Coefficients {
     /// Whether every pole lies strictly inside the circle of this radius.
@@ -9,7 +9,7 @@ impl Coefficients {
     /// reduced polynomial must be smaller than 1 in magnitude. Not finite coefficients are never inside.
     pub fn poles_within(&self, radius: f64) -> bool {
         let n = self.a().len();
-        let mut a = [0.0; MAX_LINEAR];
+        let mut a = [0.0; MAX_A];
         let mut scale = 1.0;
         for (scaled, coefficient) in a.iter_mut().zip(self.a()) {
             scale *= radius;
@@ -84,9 +84,13 @@ mod tests {
                 a = product;
             }
             let mut model = Coefficients { na: 5, ..Coefficients::TABLE_2 };
-            model.a.copy_from_slice(&a[1..]);
+            model.a[..5].copy_from_slice(&a[1..]);
             let largest = real.abs().max(r1).max(r2);
             prop_assert!((model.pole_radius() / largest - 1.0).abs() < 1e-5, "{} {largest}", model.pole_radius());
+            // An integrator adds a pole at 1.
+            let (integrated, largest) = (model.integrated(), largest.max(1.0));
+            prop_assert_eq!(integrated.a().len(), 6);
+            prop_assert!((integrated.pole_radius() / largest - 1.0).abs() < 1e-3, "{} {largest}", integrated.pole_radius());
         }
     }
 }

@@ -222,6 +222,27 @@ impl<'d, 'i> Section<'d, 'i> {
         })
     }
 
+    /// A list of numbers in `range`, or nothing; `allowed` says what else is asked of it.
+    pub fn optional_numbers(&mut self, key: &str, range: RangeInclusive<f64>, allowed: &str) -> Option<Vec<f64>> {
+        self.optional(key, allowed, |value| {
+            value.as_array()?.iter().map(|item| number(item.get_ref(), &range)).collect()
+        })
+        .flatten()
+    }
+
+    /// Two numbers in `range`, or one that stands for both, with a default.
+    pub fn pair_or(&mut self, key: &str, default: (f64, f64), range: RangeInclusive<f64>) -> (f64, f64) {
+        let allowed = format!("a number from {} to {}, or [low, high] of two", range.start(), range.end());
+        let parse = |value: &DeValue| match value.as_array() {
+            None => number(value, &range).map(|both| (both, both)),
+            Some(list) if list.len() == 2 => {
+                Some((number(list[0].get_ref(), &range)?, number(list[1].get_ref(), &range)?))
+            }
+            Some(_) => None,
+        };
+        self.optional(key, &allowed, parse).flatten().unwrap_or(default)
+    }
+
     /// A whole number in `range` with a default.
     pub fn integer_or(&mut self, key: &str, default: usize, range: RangeInclusive<usize>) -> usize {
         self.optional_integer(key, range).unwrap_or(default)

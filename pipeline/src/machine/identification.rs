@@ -3,13 +3,20 @@
 use std::{fmt, str::FromStr, time::Duration};
 
 use super::{Fuzzy, document::Section};
-use crate::hammerstein::{MAX_DELAY, MAX_LINEAR, MAX_ORDER, Structure};
+use crate::hammerstein::{Basis, InputMap, MAX_DELAY, MAX_LINEAR, MAX_ORDER, Structure};
+
+/// Widest dead band that the machine file takes, as that of the fallback.
+const WIDEST_DEAD_BAND: f64 = 0.9;
 
 /// How one output is identified.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identification {
-    /// Orders of the model.
+    /// Orders and options of the model of the output.
     pub structure: Structure,
+    /// What the output is.
+    pub output: IdentifiedOutput,
+    /// Sample period, s.
+    pub period: f64,
     /// Samples for offline identification, from the start on.
     pub training: usize,
     /// Samples ahead for the h-step error.
@@ -22,6 +29,16 @@ pub struct Identification {
     pub forgetting: Forgetting,
     /// Settings of the fuzzy forgetting factor.
     pub fuzzy: Fuzzy,
+}
+
+/// What is identified, of an axis whose position is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum IdentifiedOutput {
+    /// The position itself, m.
+    Position,
+    /// Its backward difference by the period, m/s. The published model is one of the position all the same.
+    Velocity,
 }
 
 /// Which coefficients the recursive estimator updates.
@@ -79,16 +96,23 @@ impl fmt::Display for Forgetting {
 impl Identification {
     pub(super) fn read(mut section: Section, forgetting: Forgetting, period: Duration, fuzzy: Fuzzy) -> Self {
         let paper = Structure::PAPER;
+        let (order, basis) = read_basis(&mut section);
         let structure = Structure {
             na: section.integer_or("na", paper.na, 1..=MAX_LINEAR),
             nb: section.integer_or("nb", paper.nb, 0..=MAX_LINEAR - 1),
             nk: section.integer_or("nk", paper.nk, 1..=MAX_DELAY),
-            order: section.integer_or("order", paper.order, 1..=MAX_ORDER),
+            order,
+            integrator: section.flag_or("integrator", false),
+            drift: section.flag_or("drift", false),
+            input: InputMap { dead_band: section.pair_or("dead_band", (0.0, 0.0), 0.0..=WIDEST_DEAD_BAND), basis },
         };
-        // Fewer rows than coefficients cannot determine them.
-        let shortest = structure.full_len() + structure.memory();
+        let outputs = [("position", IdentifiedOutput::Position), ("velocity", IdentifiedOutput::Velocity)];
+        let output = section.choice_or("output", IdentifiedOutput::Position, &outputs);
+        let shortest = shortest_training(structure, output);
         let identification = Self {
             structure,
+            output,
+            period: period.as_secs_f64(),
             training: section.samples_or("training", shortest.max(1000), shortest..=100_000_000, period),
             horizon: section.samples_or(
                 "horizon",
@@ -104,4 +128,41 @@ impl Identification {
         section.finish();
         identification
     }
+
+    /// The structure of the coefficients that are published: those of a model of the position, with every integrator
+    /// multiplied into A.
+    pub const fn published(&self) -> Structure {
+        published(self.structure, self.output)
+    }
+}
+
+const fn published(structure: Structure, output: IdentifiedOutput) -> Structure {
+    let published = structure.published();
+    match output {
+        IdentifiedOutput::Position => published,
+        IdentifiedOutput::Velocity => Structure { na: published.na + 1, ..published },
+    }
+}
+
+/// Fewest samples for offline identification: fewer rows than coefficients cannot determine them.
+pub const fn shortest_training(structure: Structure, output: IdentifiedOutput) -> usize {
+    structure.full_len() + published(structure, output).memory()
+}
+
+/// Order and basis of N, from `order` and `knots`.
+fn read_basis(section: &mut Section) -> (usize, Basis) {
+    let order = section.optional_integer("order", 1..=MAX_ORDER);
+    let default = order.unwrap_or(Structure::PAPER.order);
+    let allowed = format!("a list of 1 to {MAX_ORDER} rising numbers from 0 to 1");
+    let knots = section.optional_numbers("knots", 0.0..=1.0, &allowed);
+    let Some(knots) = knots else { return (default, Basis::Powers) };
+    let Some(basis) = Basis::hinges(&knots) else {
+        section.refuse("knots", format!("{knots:?}"), allowed);
+        return (default, Basis::Powers);
+    };
+    if let Some(order) = order.filter(|order| *order != knots.len()) {
+        let allowed = format!("{}, the number of knots, or no order", knots.len());
+        section.refuse("order", format!("{order} with {} knots", knots.len()), allowed);
+    }
+    (knots.len(), basis)
 }

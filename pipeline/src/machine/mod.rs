@@ -21,7 +21,7 @@ use document::{Document, Section};
 
 pub use axis::{Axis, Control, DeadBand, Encoder, ModelChoice};
 pub use fuzzy::{Fuzzy, Level};
-pub use identification::{Forgetting, Form, Identification, Split};
+pub use identification::{Forgetting, Form, Identification, IdentifiedOutput, Split, shortest_training};
 pub use plant::{Parameter, Plant, Schedule};
 pub use reference::{ReferenceSource, Sine};
 

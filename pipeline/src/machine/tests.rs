@@ -1,4 +1,5 @@
 use super::*;
+use crate::hammerstein::{Basis, InputMap, Structure};
 
 fn built_in_with(from: &str, to: &str) -> Result<Machine, MachineError> {
     assert!(BUILT_IN.contains(from), "{from}");
@@ -114,6 +115,25 @@ fn the_kind_of_a_reference_can_be_set() {
 #[test]
 fn whole_numbers_may_be_written_in_any_base() {
     assert_eq!(built_in_with("nk = 3 ", "nk = 0x4 ").unwrap().axes[0].identification.structure.nk, 4);
+}
+
+#[test]
+fn the_options_of_the_structure_are_read() {
+    let options = "training = \"8s\"\nintegrator = true\ndrift = true\ndead_band = [0.05, 0.1]\nknots = [0.0, 0.2, 0.5, 0.6]\n\
+                   output = \"velocity\" #";
+    let identification = built_in_with("training = \"8s\"", options).unwrap().axes[0].identification.clone();
+    let input = InputMap { dead_band: (0.05, 0.1), basis: Basis::hinges(&[0.0, 0.2, 0.5, 0.6]).unwrap() };
+    let structure = Structure { nk: 3, order: 4, integrator: true, drift: true, input, ..Structure::PAPER };
+    assert_eq!((identification.structure, identification.output), (structure, IdentifiedOutput::Velocity));
+    assert_eq!(identification.period, 0.01);
+    // An integrator for the structure and one for the way from velocity to position.
+    assert_eq!(identification.published(), Structure { na: 5, integrator: false, ..structure });
+
+    let plain = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
+    assert_eq!(plain.structure, Structure { nk: 3, ..Structure::PAPER });
+    assert_eq!(plain.published(), plain.structure);
+    let one = built_in_with("training = \"8s\"", "training = \"8s\"\ndead_band = 0.07 #").unwrap();
+    assert_eq!(one.axes[0].identification.structure.input.dead_band, (0.07, 0.07));
 }
 
 #[test]

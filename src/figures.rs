@@ -59,6 +59,8 @@ pub struct CoefficientLists {
     pub f: Vec<f64>,
     /// g_1 .. g_r.
     pub g: Vec<f64>,
+    /// c, 0 for a model without drift.
+    pub drift: f64,
 }
 
 impl CoefficientLists {
@@ -70,6 +72,7 @@ impl CoefficientLists {
             b: model.b().to_vec(),
             f: model.f[..order].to_vec(),
             g: model.g[..order].to_vec(),
+            drift: model.drift,
         }
     }
 }

@@ -7,8 +7,8 @@ use std::{
 
 use ident_proc::Identifier;
 use pipeline::{
-    hammerstein::Structure,
-    machine::{Fuzzy, Identification},
+    hammerstein::{Basis, InputMap, Structure},
+    machine::{Fuzzy, Identification, IdentifiedOutput, shortest_training},
     message::{bit_names, model_fault},
     statistics::ErrorStatistics,
 };
@@ -30,6 +30,7 @@ struct Report {
     period_s: f64,
     horizon: usize,
     structure: Structure,
+    output: IdentifiedOutput,
     form: pipeline::machine::Form,
     split: pipeline::machine::Split,
     forgetting: String,
@@ -89,14 +90,15 @@ pub fn run(arguments: &cli::Identify) -> Result<(), Failure> {
 /// What to identify, from what was typed and what the record is.
 fn settings(arguments: &cli::Identify, record: &Record) -> Result<Identification, Failure> {
     let rows = record.outputs.len();
-    let structure = Structure { na: arguments.na, nb: arguments.nb, nk: arguments.nk, order: arguments.order };
+    let structure = structure(arguments)?;
+    let output = if arguments.velocity { IdentifiedOutput::Velocity } else { IdentifiedOutput::Position };
     let training = arguments.train.of(rows);
     let horizon = arguments.horizon.at(Duration::from_secs_f64(record.period));
     if horizon == 0 {
         return Err(Failure::usage("--horizon: found 0 samples; allowed: at least one sample"));
     }
     let coefficients = structure.full_len();
-    let shortest = coefficients + structure.memory();
+    let shortest = shortest_training(structure, output);
     if training < shortest {
         return Err(Failure::Usage(format!(
             "{}: --train: found {training} of the {rows} rows; allowed: at least {shortest}, to determine {coefficients} \
@@ -120,6 +122,8 @@ fn settings(arguments: &cli::Identify, record: &Record) -> Result<Identification
     fuzzy.variation_universe = arguments.variation_universe.or(fuzzy.variation_universe);
     Ok(Identification {
         structure,
+        output,
+        period: record.period,
         training,
         horizon,
         form: arguments.form.into(),
@@ -127,6 +131,55 @@ fn settings(arguments: &cli::Identify, record: &Record) -> Result<Identification
         forgetting: arguments.forgetting,
         fuzzy,
     })
+}
+
+/// Orders and options of the model, from what was typed.
+fn structure(arguments: &cli::Identify) -> Result<Structure, Failure> {
+    let typed = arguments.order;
+    let (order, basis) = match arguments.knots {
+        None => (typed.unwrap_or(Structure::PAPER.order), Basis::Powers),
+        Some(knots) if typed.is_none_or(|order| order == knots.count) => (knots.count, knots.basis),
+        Some(knots) => {
+            return Err(Failure::Usage(format!(
+                "--order: found {} with {} --knots; allowed: {1}, the number of knots, or no --order",
+                typed.unwrap_or_default(),
+                knots.count
+            )));
+        }
+    };
+    let dead_band = arguments.dead_band.map_or(InputMap::PAPER.dead_band, |band| (band.0, band.1));
+    Ok(Structure {
+        na: arguments.na,
+        nb: arguments.nb,
+        nk: arguments.nk,
+        order,
+        integrator: arguments.integrator,
+        drift: arguments.drift,
+        input: InputMap { dead_band, basis },
+    })
+}
+
+/// What is not as in the paper, each with a comma before it.
+fn options(structure: &Structure, output: IdentifiedOutput) -> String {
+    let mut text = String::new();
+    let (low, high) = structure.input.dead_band;
+    if structure.integrator {
+        text += ", integrator";
+    }
+    if structure.drift {
+        text += ", drift";
+    }
+    if (low, high) != InputMap::PAPER.dead_band {
+        text += &format!(", dead band -{low} to {high}");
+    }
+    if let Basis::Hinges(knots) = structure.input.basis {
+        let knots: Vec<String> = knots[..structure.order].iter().map(f64::to_string).collect();
+        text += &format!(", knots {}", knots.join(" "));
+    }
+    if output == IdentifiedOutput::Velocity {
+        text += ", velocity";
+    }
+    text
 }
 
 /// The record through the core; nanoseconds per update after training beside it.
@@ -161,6 +214,7 @@ impl Report {
             period_s: record.period,
             horizon: settings.horizon,
             structure: settings.structure,
+            output: settings.output,
             form: settings.form,
             split: settings.split,
             forgetting: settings.forgetting.to_string(),
@@ -195,9 +249,11 @@ impl Report {
     }
 
     fn tables(&self, file: &Path) -> String {
-        let Structure { na, nb, nk, order } = self.structure;
+        let Structure { na, nb, nk, order, .. } = self.structure;
+        let options = options(&self.structure, self.output);
         let mut text = format!(
-            "{}: {} rows of {} s, {} for training; na {na}, nb {nb}, nk {nk}, order {order}; {} ahead is {} samples\n",
+            "{}: {} rows of {} s, {} for training; na {na}, nb {nb}, nk {nk}, order {order}{options}; {} ahead is {} \
+             samples\n",
             file.display(),
             self.rows,
             number(self.period_s),
@@ -248,8 +304,9 @@ impl Report {
         );
         for (name, model) in [("classical", &classical.coefficients), ("adaptive", &adaptive.coefficients)] {
             let list = |values: &[f64]| values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(" ");
+            let drift = if self.structure.drift { format!("   c {}", number(model.drift)) } else { String::new() };
             text += &format!(
-                "{name:9}  a {}   b {}   f {}   g {}\n",
+                "{name:9}  a {}   b {}   f {}   g {}{drift}\n",
                 list(&model.a),
                 list(&model.b),
                 list(&model.f),

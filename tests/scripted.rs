@@ -188,7 +188,7 @@ fn a_scripted_identifier_cannot_make_the_controller_use_nonsense() {
             axis.adaptive.order = 3;
             (axis.command_low, axis.command_high) = (-1.0, 1.0);
             match i {
-                0 => axis.adaptive.a = [f64::NAN; 5],
+                0 => axis.adaptive.a = [f64::NAN; 7],
                 1 => axis.adaptive.a[0] = -2.5,
                 2 => axis.faults = model_fault::TRAINING,
                 _ => axis.adaptive.na = u32::MAX,

@@ -11,10 +11,10 @@
 //! like a sudden speed to a controller that works on differences; so the hole is bridged by a straight line once
 //! its far side is known.
 
-use pipeline::hammerstein::{MAX_DELAY, MAX_LINEAR};
+use pipeline::hammerstein::{MAX_A, MAX_DELAY, MAX_LINEAR};
 
 /// Outputs kept: differences over the highest order of A, and one more for the residual of the newest.
-pub const OUTPUTS: usize = MAX_LINEAR + 2;
+pub const OUTPUTS: usize = MAX_A + 2;
 /// Commands kept: the longest delay, the highest order of B, and one more for the oldest difference.
 pub const COMMANDS: usize = MAX_DELAY + MAX_LINEAR + 1;
 

@@ -14,7 +14,7 @@
 
 use pipeline::{
     hammerstein::{Coefficients, Structure},
-    machine::{Axis, ModelChoice},
+    machine::{Axis, Identification, ModelChoice},
     message::{AxisSnapshot, model_fault},
 };
 
@@ -62,6 +62,7 @@ pub struct Approved<'a> {
 /// The judge of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judge {
+    /// What is published, without the integrator that its A may have or not.
     structure: Structure,
     choice: ModelChoice,
     command_limit: f64,
@@ -72,7 +73,7 @@ impl Judge {
     /// What the machine file expects of the models of `axis`; `period` in s.
     pub fn new(axis: &Axis, period: f64) -> Self {
         Self {
-            structure: axis.identification.structure,
+            structure: without_integrator(&axis.identification),
             choice: axis.control.model,
             command_limit: axis.control.command_limit,
             least_travel: LEAST_TRAVEL * axis.max_speed * MAX_HORIZON as f64 * period,
@@ -92,7 +93,7 @@ impl Judge {
         if snapshot.faults & model_fault::NOT_FINITE != 0 || !model.is_finite() {
             return Err(Refusal::NotFinite);
         }
-        if model.structure() != Some(self.structure) {
+        if !model.structure().is_some_and(|structure| self.expects(&structure)) {
             return Err(Refusal::Structure);
         }
         if !model.poles_within(POLE_LIMIT) {
@@ -110,6 +111,14 @@ impl Judge {
         Ok(Approved { model, range })
     }
 
+    /// Whether it is the configured structure, with an integrator or without: which of the two predicts better may be
+    /// for the identifier to say. The drift is of no account: nothing here uses it.
+    fn expects(&self, structure: &Structure) -> bool {
+        let least = self.structure.na;
+        let expected = Structure { na: structure.na, drift: structure.drift, ..self.structure };
+        *structure == expected && (least..=least + 1).contains(&structure.na)
+    }
+
     fn judge_reach(&self, model: &Coefficients, range: (f64, f64)) -> Result<(), Refusal> {
         let nonlinearity = model.nonlinearity();
         let orientation = nonlinearity.orientation(range);
@@ -124,6 +133,11 @@ impl Judge {
         // Written so that NaN is refused too.
         if gain > 0.0 && travel >= self.least_travel && travel.is_finite() { Ok(()) } else { Err(Refusal::Unreachable) }
     }
+}
+
+fn without_integrator(identification: &Identification) -> Structure {
+    let published = identification.published();
+    Structure { na: published.na - identification.structure.integrator as usize, ..published }
 }
 
 /// Whether the adaptive model predicts clearly worse than the classical one, as far as both are known.

@@ -8,10 +8,10 @@
 //! ```
 //!
 //! y output in m, x = N(u) intermediate value. Source: Clarke, Mohtadi and Tuffs, Generalized predictive control,
-//! Automatica 23 (1987). In differences a constant offset of the output cancels: a load or a model without an
-//! integrator leaves no steady error. Trap: the same differencing amplifies measurement noise.
+//! Automatica 23 (1987). In differences a constant offset of the output cancels, and so does the model's drift: a
+//! load or a model without an integrator leaves no steady error. Trap: the same differencing amplifies measurement noise.
 
-use pipeline::hammerstein::{Coefficients, MAX_DELAY, MAX_LINEAR};
+use pipeline::hammerstein::{Coefficients, MAX_A, MAX_DELAY};
 
 /// Longest prediction horizon after the dead time, samples: what the machine file allows.
 pub const MAX_HORIZON: usize = 31;
@@ -30,14 +30,14 @@ pub fn free_response(
     response: &mut [f64],
 ) {
     let nk = model.nk as usize;
-    // Differences of the outputs, the newest at the end of the known ones: d[MAX_LINEAR - 1] = dy(k).
-    let mut differences = [0.0; MAX_LINEAR + MAX_AHEAD];
-    for (i, pair) in outputs.windows(2).take(MAX_LINEAR).enumerate() {
-        differences[MAX_LINEAR - 1 - i] = pair[0] - pair[1];
+    // Differences of the outputs, the newest at the end of the known ones: d[MAX_A - 1] = dy(k).
+    let mut differences = [0.0; MAX_A + MAX_AHEAD];
+    for (i, pair) in outputs.windows(2).take(MAX_A).enumerate() {
+        differences[MAX_A - 1 - i] = pair[0] - pair[1];
     }
     let mut y = outputs[0];
     for (i, predicted) in response.iter_mut().take(MAX_AHEAD).enumerate() {
-        let now = MAX_LINEAR + i;
+        let now = MAX_A + i;
         let mut difference = if i == 0 { correction } else { 0.0 };
         for (j, a) in model.a().iter().enumerate() {
             difference -= a * differences[now - 1 - j];
@@ -73,10 +73,10 @@ pub fn residual(model: &Coefficients, outputs: &[f64], intermediate: &[f64]) -> 
 
 /// The answer to a unit step of x at k, from y(k+nk) on: `response[p]` = y(k+nk+p), m per unit of x.
 pub fn step_response(model: &Coefficients, response: &mut [f64]) {
-    let mut differences = [0.0; MAX_LINEAR + MAX_AHEAD];
+    let mut differences = [0.0; MAX_A + MAX_AHEAD];
     let mut y = 0.0;
     for (p, stepped) in response.iter_mut().take(MAX_AHEAD).enumerate() {
-        let now = MAX_LINEAR + p;
+        let now = MAX_A + p;
         let mut difference = model.b().get(p).copied().unwrap_or(0.0);
         for (j, a) in model.a().iter().enumerate() {
             difference -= a * differences[now - 1 - j];

@@ -30,7 +30,7 @@ pub struct Batch {
 /// What offline identification found, apart from theta and the data.
 #[derive(Debug, Clone, Copy)]
 pub struct Offline {
-    /// a, b, f, g.
+    /// a, b, f, g and the drift; an integrator is not multiplied in.
     pub coefficients: Coefficients,
     /// Standard deviation of the prediction error over the rows, in the unit of the output.
     pub residual_sigma: f64,
@@ -62,11 +62,12 @@ impl Batch {
         self.collected.count()
     }
 
-    /// Takes in y(k) with `outputs` = y(..k-1) and `commands` = powers of u(..k-1).
+    /// Takes in y(k) with `outputs` = y(..k-1) and `commands` = features of u(..k-1).
     pub fn add(&mut self, y: f64, outputs: &History, commands: &History) {
-        let Structure { na, nb, nk, .. } = self.regression.structure();
-        self.regression.regressor(outputs.latest(na), commands.latest(nk + nb), &mut self.phi);
-        self.collected.add(&self.phi, y);
+        let Structure { nb, nk, .. } = self.regression.structure();
+        let outputs = outputs.latest(self.regression.structure().past_outputs());
+        self.regression.regressor(outputs, commands.latest(nk + nb), &mut self.phi);
+        self.collected.add(&self.phi, self.regression.target(y, outputs));
     }
 
     /// Solves what was collected; allocates nothing.
@@ -98,8 +99,8 @@ impl Batch {
         &self.data
     }
 
-    /// Makes `linear` the least-squares problem of a and b alone with the given f and g: the features of each lag
-    /// fold into one.
+    /// Makes `linear` the least-squares problem of a, b and the drift alone with the given f and g: the features of
+    /// each lag fold into one.
     pub fn project(&self, model: &Coefficients, linear: &mut Triangle) {
         let structure = self.regression.structure();
         linear.clear();

@@ -34,8 +34,8 @@ impl ErrorTracker {
             past: vec![0.0; n * horizon],
             at: 0,
             stored: 0,
-            path: vec![0.0; structure.na + horizon],
-            free_run: History::new(structure.na, 1),
+            path: vec![0.0; structure.past_outputs() + horizon],
+            free_run: History::new(structure.past_outputs(), 1),
             errors: ModelErrors::default(),
         }
     }
@@ -64,19 +64,19 @@ impl ErrorTracker {
         outputs: &History,
         commands: &History,
     ) -> bool {
-        let Structure { na, nb, nk, .. } = regression.structure();
-        let h = self.horizon;
+        let Structure { nb, nk, .. } = regression.structure();
+        let (h, past) = (self.horizon, regression.structure().past_outputs());
         self.errors.one_step.push(y - regression.predict_one(theta, outputs, commands));
 
-        if self.free_run.len() < na {
-            outputs.latest(na).iter().for_each(|measured| self.free_run.push(*measured));
+        if self.free_run.len() < past {
+            outputs.latest(past).iter().for_each(|measured| self.free_run.push(*measured));
         }
         let own = regression.predict_one(theta, &self.free_run, commands);
         self.free_run.push(own);
         self.errors.free_run.push(y - own);
 
         // With all slots filled, the next one to be overwritten holds theta(k-h).
-        let ahead = self.stored == h && outputs.len() >= na + h - 1 && commands.len() >= nk + nb + h - 1;
+        let ahead = self.stored == h && outputs.len() >= past + h - 1 && commands.len() >= nk + nb + h - 1;
         if ahead {
             let then = &self.past[self.at * theta.len()..(self.at + 1) * theta.len()];
             let predicted = regression.predict_ahead(then, h, outputs, commands, &mut self.path);

@@ -2,7 +2,7 @@
 
 use pipeline::{
     hammerstein::{Coefficients, Structure},
-    machine::{Forgetting, Form, Identification},
+    machine::{Forgetting, Form, Identification, IdentifiedOutput},
     message::{AxisSnapshot, model_fault},
 };
 
@@ -23,6 +23,8 @@ pub struct Identifier {
     settings: Identification,
     seen: u64,
     trained: bool,
+    /// y(k-1) as it was measured, if it was; of use where its difference is what is identified.
+    position: Option<f64>,
     applied: History,
     outputs: History,
     batch_commands: History,
@@ -48,7 +50,7 @@ impl Identifier {
     /// Takes all memory that it will ever use.
     pub fn new(settings: &Identification) -> Self {
         let structure = settings.structure;
-        let Structure { na, nb, nk, .. } = structure;
+        let Structure { nb, nk, .. } = structure;
         let h = settings.horizon;
         let commands = nk + nb + h;
         let width = Regression::width_of(settings.form, structure);
@@ -61,8 +63,9 @@ impl Identifier {
             settings: settings.clone(),
             seen: 0,
             trained: false,
+            position: None,
             applied: History::new(commands, 1),
-            outputs: History::new(na + h, 1),
+            outputs: History::new(structure.past_outputs() + h, 1),
             batch_commands: History::new(nk + nb, 2 * structure.order),
             commands: History::new(commands, width),
             batch: Batch::new(structure, settings.split),
@@ -99,7 +102,8 @@ impl Identifier {
             Some(u) => self.push_command(u),
             None => self.interrupt(),
         }
-        let usable = self.outputs.len() >= self.settings.structure.na
+        let output = self.identified(output);
+        let usable = self.outputs.len() >= self.settings.structure.past_outputs()
             && self.applied.len() >= self.settings.structure.nk + self.settings.structure.nb;
         self.state.faults = self.lasting_faults;
         match output {
@@ -120,6 +124,15 @@ impl Identifier {
         }
     }
 
+    /// The output that is identified, from the position; its velocity needs the position of the sample before.
+    fn identified(&mut self, position: Option<f64>) -> Option<f64> {
+        let before = std::mem::replace(&mut self.position, position);
+        match self.settings.output {
+            IdentifiedOutput::Position => position,
+            IdentifiedOutput::Velocity => Some((position? - before?) / self.settings.period),
+        }
+    }
+
     fn push_command(&mut self, u: f64) {
         self.applied.push(u);
         // Held f and g have learned nothing from commands after training.
@@ -136,6 +149,7 @@ impl Identifier {
 
     fn interrupt(&mut self) {
         [&mut self.applied, &mut self.batch_commands, &mut self.commands].into_iter().for_each(History::clear);
+        self.position = None;
         self.interrupt_outputs();
     }
 
@@ -166,8 +180,10 @@ impl Identifier {
                 self.projected.hold_into(&self.held, &mut self.information);
                 self.estimator.start(&self.information, &self.held);
                 let (a, b) = self.classical_theta.split_at_mut(structure.na);
+                let (b, drift) = b.split_at_mut(structure.nb + 1);
                 a.copy_from_slice(offline.coefficients.a());
                 b.copy_from_slice(offline.coefficients.b());
+                drift.fill(offline.coefficients.drift);
                 self.estimator.set_theta(&self.classical_theta);
             }
         }
@@ -183,7 +199,7 @@ impl Identifier {
 
     /// Steps 5 and 6.
     fn learn(&mut self, y: f64) {
-        let Structure { na, nb, nk, .. } = self.settings.structure;
+        let Structure { nb, nk, .. } = self.settings.structure;
         let (regression, outputs, commands) = (&self.regression, &self.outputs, &self.commands);
         self.adaptive_tracker.observe(y, self.estimator.theta(), regression, outputs, commands);
         let ahead = self.classical_tracker.observe(y, &self.classical_theta, regression, outputs, commands);
@@ -192,13 +208,15 @@ impl Identifier {
         }
         self.state.output.push(y);
 
-        regression.regressor(outputs.latest(na), commands.latest(nk + nb), &mut self.phi);
+        let past = outputs.latest(self.settings.structure.past_outputs());
+        let target = regression.target(y, past);
+        regression.regressor(past, commands.latest(nk + nb), &mut self.phi);
         let predicted: f64 = self.phi.iter().zip(self.estimator.theta()).map(|(p, t)| p * t).sum();
         let factor = match self.settings.forgetting {
-            Forgetting::Paper => self.fuzzy.factor(y - predicted),
+            Forgetting::Paper => self.fuzzy.factor(target - predicted),
             Forgetting::Constant(factor) => factor,
         };
-        let update = self.estimator.update(&self.phi, y, factor);
+        let update = self.estimator.update(&self.phi, target, factor);
         self.state.innovation = update.innovation;
         self.state.forgetting_factor = factor;
         self.state.forgetting.push(1.0 - factor);
@@ -210,15 +228,18 @@ impl Identifier {
         self.classical_tracker.store(&self.classical_theta);
     }
 
-    /// All there is to know after the last sample. In the full form this separates b, f and g again.
+    /// All there is to know after the last sample, with models of the position. In the full form this separates b,
+    /// f and g again.
     pub fn snapshot(&mut self) -> AxisSnapshot {
         if self.trained {
-            let Structure { na, .. } = self.settings.structure;
+            let Structure { na, nb, .. } = self.settings.structure;
             match self.settings.form {
                 Form::Linear => {
                     let (a, b) = self.estimator.theta().split_at(na);
+                    let (b, drift) = b.split_at(nb + 1);
                     self.state.adaptive.a[..na].copy_from_slice(a);
-                    self.state.adaptive.b[..b.len()].copy_from_slice(b);
+                    self.state.adaptive.b[..=nb].copy_from_slice(b);
+                    self.state.adaptive.drift = drift.first().copied().unwrap_or(0.0);
                 }
                 Form::Full => {
                     self.estimator.information(&mut self.information, &mut self.phi);
@@ -235,7 +256,26 @@ impl Identifier {
         }
         self.state.adaptive_errors = *self.adaptive_tracker.errors();
         self.state.classical_errors = *self.classical_tracker.errors();
-        self.state
+        AxisSnapshot {
+            adaptive: self.published(&self.state.adaptive),
+            classical: self.published(&self.state.classical),
+            ..self.state
+        }
+    }
+
+    /// A model as it is published: of the position, with the integrator multiplied in.
+    ///
+    /// From A(z) v(k) = B(z) x(k-nk) + c with v(k) = (y(k) - y(k-1)) / T: A(z) (1 - z^-1) y(k) = T B(z) x(k-nk) + T c.
+    fn published(&self, model: &Coefficients) -> Coefficients {
+        let model = if self.settings.structure.integrator { model.integrated() } else { *model };
+        match self.settings.output {
+            IdentifiedOutput::Position => model,
+            IdentifiedOutput::Velocity => {
+                let period = self.settings.period;
+                let model = model.integrated();
+                Coefficients { b: model.b.map(|b| period * b), drift: period * model.drift, ..model }
+            }
+        }
     }
 
     /// Prediction error and change of it that count as PB, in the unit of the output.

@@ -2,8 +2,10 @@
 //!
 //! ```text
 //! paper:  b_j = C_1j,   f_k = sum_j C_1j C_kj / sum_j C_1j^2,   g_k likewise with the products of u < 0    (17)
-//! als:    minimise |R (theta(a, b, f, g) - theta_hat)|  over a and b, then over a, f and g, and again
+//! als:    minimise |R (theta(a, b, f, g, c) - theta_hat)|  over a, b and c, then over a, f, g and c, and again
 //! ```
+//!
+//! c is the drift, if the structure has one: no product, so nothing is to be separated of it.
 //!
 //! Both are scaled so that f_1 = 1. R is the triangle of the data, so the second asks what the separation costs in
 //! prediction error and not in coefficients.
@@ -40,7 +42,8 @@ pub struct Splitter {
 impl Splitter {
     /// For one structure.
     pub fn new(structure: Structure) -> Self {
-        let (linear, nonlinear) = (structure.linear_len(), structure.na + 2 * structure.order);
+        let (linear, nonlinear) =
+            (structure.linear_len(), structure.na + 2 * structure.order + structure.drift as usize);
         Self {
             structure,
             linear: Triangle::new(linear),
@@ -67,6 +70,7 @@ impl Splitter {
         let Structure { na, order, .. } = self.structure;
         let mut model = Coefficients::zero(self.structure);
         model.a[..na].copy_from_slice(&theta[..na]);
+        model.drift = self.drift(theta);
         let first = self.products(theta, 0);
         model.b[..first.len()].copy_from_slice(first);
         let square: f64 = first.iter().map(|c| c * c).sum();
@@ -87,6 +91,7 @@ impl Splitter {
         let row = self.products(theta, largest);
         let mut model = Coefficients::zero(self.structure);
         model.a[..na].copy_from_slice(&theta[..na]);
+        model.drift = self.drift(theta);
         model.b[..row.len()].copy_from_slice(row);
         let total = square(largest);
         if total > 0.0 {
@@ -95,6 +100,11 @@ impl Splitter {
             (0..order).for_each(|i| model.g[i] = project(order + i));
         }
         model
+    }
+
+    /// c, the last of the coefficients of any form; 0 for a structure without drift.
+    fn drift(&self, coefficients: &[f64]) -> f64 {
+        coefficients.last().copied().filter(|_| self.structure.drift).unwrap_or(0.0)
     }
 
     fn products<'a>(&self, theta: &'a [f64], power: usize) -> &'a [f64] {
@@ -112,7 +122,7 @@ impl Splitter {
             self.linear.clear();
             self.linear.add_mapped(data, |row, out| fold_features(self.structure, &model, row, out));
             self.linear.solve(&mut self.linear_solution);
-            model.b[..=nb].copy_from_slice(&self.linear_solution[na..]);
+            model.b[..=nb].copy_from_slice(&self.linear_solution[na..=na + nb]);
             // a, f, g with b held: the lags of each feature fold into one.
             self.nonlinear.clear();
             self.nonlinear.add_mapped(data, |row, out| {
@@ -121,11 +131,13 @@ impl Splitter {
                     let lags = &row[na + power * (nb + 1)..na + (power + 1) * (nb + 1)];
                     out[na + power] = lags.iter().zip(&model.b).map(|(r, b)| r * b).sum();
                 }
+                out[na + 2 * order..].copy_from_slice(&row[na + 2 * order * (nb + 1)..]);
             });
             self.nonlinear.solve(&mut self.nonlinear_solution);
             model.a[..na].copy_from_slice(&self.nonlinear_solution[..na]);
             model.f[..order].copy_from_slice(&self.nonlinear_solution[na..na + order]);
-            model.g[..order].copy_from_slice(&self.nonlinear_solution[na + order..]);
+            model.g[..order].copy_from_slice(&self.nonlinear_solution[na + order..na + 2 * order]);
+            model.drift = self.drift(&self.nonlinear_solution);
             scale(&mut model, order);
             if moved(&before.a, &model.a)
                 + moved(&before.b, &model.b)
@@ -150,10 +162,12 @@ impl Splitter {
             }
         }
         let n = self.theta.len();
+        let products = na + 2 * order * (nb + 1);
+        self.theta[products..].fill(model.drift);
         let (mut missing, mut driven) = (0.0, 0.0);
         for i in 0..n {
             let off: f64 = (i..n).map(|j| data.entry(i, j) * (theta[j] - self.theta[j])).sum();
-            let all: f64 = (i.max(na)..n).map(|j| data.entry(i, j) * theta[j]).sum();
+            let all: f64 = (i.max(na)..products).map(|j| data.entry(i, j) * theta[j]).sum();
             missing += off * off;
             driven += all * all;
         }
@@ -171,6 +185,7 @@ pub(crate) fn fold_features(structure: Structure, model: &Coefficients, row: &[f
             out[na + j] += c * row[na + power * (nb + 1) + j];
         }
     }
+    out[na + nb + 1..].copy_from_slice(&row[na + 2 * order * (nb + 1)..]);
 }
 
 /// Moves the common factor of b and N so that f_1 = 1, or, where f_1 is next to nothing, so that the largest
@@ -196,7 +211,7 @@ mod tests {
     use super::*;
     use crate::{history::History, regression::Regression};
 
-    const STRUCTURE: Structure = Structure { na: 2, nb: 1, nk: 1, order: 3 };
+    const STRUCTURE: Structure = Structure { na: 2, nb: 1, nk: 1, order: 3, ..Structure::PAPER };
 
     fn truth(f: [f64; 3], g: [f64; 3]) -> Coefficients {
         let mut model = Coefficients::zero(STRUCTURE);
@@ -234,8 +249,8 @@ mod tests {
     }
 
     fn close(a: &Coefficients, b: &Coefficients, tolerance: f64) -> bool {
-        let pairs = [(a.a, b.a), (a.b, b.b), (a.f, b.f), (a.g, b.g)];
-        pairs.iter().all(|(x, y)| x.iter().zip(y).all(|(x, y)| (x - y).abs() < tolerance))
+        let pairs = [(&a.a[..], &b.a[..]), (&a.b, &b.b), (&a.f, &b.f), (&a.g, &b.g)];
+        pairs.iter().all(|(x, y)| x.iter().zip(*y).all(|(x, y)| (x - y).abs() < tolerance))
     }
 
     #[test]

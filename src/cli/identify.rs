@@ -8,7 +8,7 @@ use pipeline::{
     machine::{Forgetting, Form, Split},
 };
 
-use super::values::{Rows, Samples, forgetting, in_range, positive, seconds};
+use super::values::{DeadBand, Knots, Rows, Samples, forgetting, in_range, positive, seconds};
 
 /// `identify`.
 #[derive(Debug, Args)]
@@ -18,6 +18,7 @@ Examples:
   hydraxis identify boom.csv --train 0.4                      offline on the first 40 % of the rows, adaptive on the rest
   hydraxis identify boom.csv --forgetting constant:0.995      a constant forgetting factor instead of the paper's fuzzy one
   hydraxis identify boom.csv --input duty --output position --period 10ms --nk 20 --json -
+  hydraxis identify boom.csv --na 2 --integrator --drift --dead-band 0.07,0.1 --knots 0,0.2,0.5
 
 A row holds y(k) and the u(k) that was applied from t(k) on. The headline is the h-step error: what the model predicts
 `--horizon` ahead with its coefficients held, as a predictive controller uses it.")]
@@ -45,9 +46,24 @@ pub struct Identify {
     /// Delay from input to output, samples
     #[arg(long, default_value_t = Structure::PAPER.nk, value_parser = in_range(1, MAX_DELAY))]
     pub nk: usize,
-    /// Order of the polynomials of the nonlinearity
-    #[arg(long, default_value_t = Structure::PAPER.order, value_parser = in_range(1, MAX_ORDER))]
-    pub order: usize,
+    /// Order of the polynomials of the nonlinearity [default: 3, or the number of knots]
+    #[arg(long, value_parser = in_range(1, MAX_ORDER))]
+    pub order: Option<usize>,
+    /// Build an integrator into A and estimate it on the increments of the output
+    #[arg(long)]
+    pub integrator: bool,
+    /// Estimate a constant in the difference equation too (gravity, leakage)
+    #[arg(long)]
+    pub drift: bool,
+    /// Commands that open nothing, as magnitudes: one for both directions, or below and above zero
+    #[arg(long, value_name = "LOW[,HIGH]")]
+    pub dead_band: Option<DeadBand>,
+    /// Hinges in the place of powers, where they begin: magnitudes of the input beyond the dead band
+    #[arg(long, value_name = "K1,K2,..")]
+    pub knots: Option<Knots>,
+    /// Identify the velocity, the backward difference of the output by the period; the model is of the output still
+    #[arg(long)]
+    pub velocity: bool,
     /// How far ahead the h-step error looks: samples, or a duration such as 0.5s
     #[arg(long, default_value = "0.5s")]
     pub horizon: Samples,
@@ -63,7 +79,7 @@ pub struct Identify {
     /// Fuzzy settings, a TOML file with the keys of the `fuzzy` table of a machine file
     #[arg(long, value_name = "FILE")]
     pub fuzzy: Option<PathBuf>,
-    /// Prediction error that counts as PB, in the unit of the output [default: 40 times the offline residual]
+    /// Prediction error that counts as PB, in the unit of what is identified [default: 40 times the offline residual]
     #[arg(long, value_name = "E", value_parser = positive)]
     pub error_universe: Option<f64>,
     /// Change of the error that counts as PB [default: half the error universe]

@@ -2,7 +2,10 @@
 
 use std::{str::FromStr, time::Duration};
 
-use pipeline::machine::{Forgetting, samples_of};
+use pipeline::{
+    hammerstein::{Basis, MAX_ORDER},
+    machine::{Forgetting, samples_of},
+};
 
 /// A number of rows, or a part of all rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,6 +68,43 @@ impl Samples {
             Self::Count(count) => count,
             Self::Duration(duration) => samples_of(duration, period),
         }
+    }
+}
+
+/// `--dead-band`: the largest commands that open nothing, below zero and above, as magnitudes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DeadBand(pub f64, pub f64);
+
+impl FromStr for DeadBand {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (low, high) = text.split_once(',').unwrap_or((text, text));
+        let magnitude = |text: &str| text.trim().parse().ok().filter(|m: &f64| m.is_finite() && *m >= 0.0);
+        match (magnitude(low), magnitude(high)) {
+            (Some(low), Some(high)) => Ok(Self(low, high)),
+            _ => Err("allowed: one number of at least 0 for both directions, or two, LOW,HIGH".to_owned()),
+        }
+    }
+}
+
+/// `--knots`: hinges and their number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Knots {
+    /// Hinges at the knots.
+    pub basis: Basis,
+    /// How many.
+    pub count: usize,
+}
+
+impl FromStr for Knots {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let knots: Result<Vec<f64>, _> = text.split(',').map(|knot| knot.trim().parse()).collect();
+        let knots = knots.unwrap_or_default();
+        let allowed = || format!("allowed: 1 to {MAX_ORDER} rising numbers of at least 0, K1,K2,..");
+        Basis::hinges(&knots).map(|basis| Self { basis, count: knots.len() }).ok_or_else(allowed)
     }
 }
 

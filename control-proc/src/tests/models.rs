@@ -4,7 +4,7 @@ use pipeline::hammerstein::{Coefficients, Structure};
 
 /// A linear model, N(u) = u.
 pub fn linear(a: &[f64], b: &[f64], nk: usize) -> Coefficients {
-    let mut model = Coefficients::zero(Structure { na: a.len(), nb: b.len() - 1, nk, order: 1 });
+    let mut model = Coefficients::zero(Structure { na: a.len(), nb: b.len() - 1, nk, order: 1, ..Structure::PAPER });
     model.a[..a.len()].copy_from_slice(a);
     model.b[..b.len()].copy_from_slice(b);
     (model.f[0], model.g[0]) = (1.0, 1.0);
@@ -14,7 +14,7 @@ pub fn linear(a: &[f64], b: &[f64], nk: usize) -> Coefficients {
 /// What an identifier finds for [`super::plant::Actuator`] without a dead band: (1 - z^-1)(1 - 0.8 z^-1), nk = 5,
 /// 0.6 m/s at full command, with N of a mild curve.
 pub fn actuator() -> Coefficients {
-    let mut model = Coefficients::zero(Structure { na: 2, nb: 0, nk: 5, order: 3 });
+    let mut model = Coefficients::zero(Structure { na: 2, nb: 0, nk: 5, order: 3, ..Structure::PAPER });
     model.a[..2].copy_from_slice(&[-1.8, 0.8]);
     model.b[0] = 0.6 * 0.01 * 0.2;
     (model.f[0], model.g[0]) = (1.0, 1.0);

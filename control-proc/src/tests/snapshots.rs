@@ -27,7 +27,7 @@ fn spoil(axis: &mut AxisSnapshot, way: usize, place: usize, size: f64) {
         7 => model.g = [0.0; 5],
         8 => [model.na, model.nb, model.nk, model.order][place % 4] = 0,
         9 => model.nk = [0, 4, 6, 65, u32::MAX][place % 5],
-        10 => model.na = [0, 1, 3, 6, u32::MAX][place % 5],
+        10 => model.na = [0, 1, 4, 6, u32::MAX][place % 5],
         11 => model.nb = [1, 2, 5, u32::MAX][place % 4],
         12 => model.order = [0, 1, 4, 6, u32::MAX][place % 5],
         13 => axis.faults |= model_fault::TRAINING,
@@ -88,7 +88,7 @@ fn the_classical_model_does_not_suffer_from_a_poisoned_adaptive_one() {
     let mut axis = Loop::new(&machine, 0.0);
     for k in 0..100 {
         let mut poisoned = snapshot(k, actuator());
-        poisoned.axes[0].adaptive.a = [f64::NAN; 5];
+        poisoned.axes[0].adaptive.a = [f64::NAN; 7];
         axis.tick(Some(&poisoned));
     }
     assert_eq!(axis.tick(Some(&snapshot(99, actuator()))).axes[0].mode, ControlMode::Model as u32);

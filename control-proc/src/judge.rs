@@ -155,7 +155,11 @@ fn is_worse(snapshot: &AxisSnapshot) -> bool {
 mod tests {
     use super::*;
     use crate::tests::{machine, models::actuator};
-    use pipeline::statistics::ErrorStatistics;
+    use pipeline::{
+        hammerstein::{Basis, InputMap},
+        machine::IdentifiedOutput,
+        statistics::ErrorStatistics,
+    };
 
     fn judge() -> Judge {
         Judge::new(&machine(1).axes[0], 0.01)
@@ -209,6 +213,61 @@ mod tests {
         assert_eq!(refusal(|s| s.adaptive.b = [f64::MAX; 5]), Some(Refusal::Unreachable));
         assert_eq!(refusal(|s| s.adaptive.g = [-0.5, 0.0, 0.0, 0.0, 0.0]), Some(Refusal::Unreachable));
         assert_eq!(refusal(|s| s.adaptive.f = [0.0; 5]), Some(Refusal::Unreachable));
+    }
+
+    #[test]
+    fn it_may_have_an_integrator_or_not_whatever_is_configured() {
+        let mut machine = machine(1);
+        let integrated = actuator().integrated();
+        let judge = |machine: &pipeline::machine::Machine, model| {
+            Judge::new(&machine.axes[0], 0.01).judge(&snapshot(model)).map(|_| ())
+        };
+        // The axis of the tests has na = 2 with the pole of the position in it; with one more A has order 3.
+        let one_more = {
+            let mut model = Coefficients { na: 3, has_drift: 1, drift: 1e-5, ..actuator() };
+            (model.a[0], model.a[1], model.a[2]) = (-1.8, 0.8, 0.0);
+            model
+        };
+        for model in [actuator(), one_more] {
+            assert_eq!(judge(&machine, model), Ok(()));
+        }
+        assert_eq!(judge(&machine, Coefficients { na: 4, ..one_more }), Err(Refusal::Structure));
+        machine.axes[0].identification.structure.integrator = true;
+        for model in [actuator(), one_more] {
+            assert_eq!(judge(&machine, model), Ok(()));
+        }
+        // Identified as a velocity, the position's own pole comes on top.
+        machine.axes[0].identification.output = IdentifiedOutput::Velocity;
+        assert_eq!(judge(&machine, actuator()), Err(Refusal::Structure));
+        assert_eq!(judge(&machine, one_more), Ok(()));
+        assert_eq!(judge(&machine, Coefficients { na: 4, ..one_more }), Ok(()));
+        // Of the right order; but a position that is integrated once more runs away.
+        assert_ne!(judge(&machine, integrated), Err(Refusal::Structure));
+    }
+
+    #[test]
+    fn another_dead_band_or_basis_than_the_configured_one_is_refused() {
+        let mut machine = machine(1);
+        let input = InputMap { dead_band: (0.05, 0.1), basis: Basis::hinges(&[0.0, 0.2, 0.4]).unwrap() };
+        let structure = Structure { na: 2, nb: 0, nk: 5, order: 3, input, ..Structure::PAPER };
+        machine.axes[0].identification.structure = structure;
+        let judge = Judge::new(&machine.axes[0], 0.01);
+        let linear = actuator();
+        let model =
+            Coefficients { a: linear.a, b: linear.b, f: linear.f, g: linear.g, ..Coefficients::zero(structure) };
+        let refusal = |model: Coefficients| judge.judge(&snapshot(model)).err();
+        assert_eq!(refusal(model), None);
+        assert_eq!(refusal(linear), Some(Refusal::Structure));
+        assert_eq!(refusal(Coefficients { dead_band: [0.05, 0.11], ..model }), Some(Refusal::Structure));
+        assert_eq!(refusal(Coefficients { knots: [0.0, 0.2, 0.5, 0.0, 0.0], ..model }), Some(Refusal::Structure));
+        assert_eq!(refusal(Coefficients { knots: [0.0, 0.2, 0.2, 0.0, 0.0], ..model }), Some(Refusal::Structure));
+        assert_eq!(refusal(Coefficients { basis: 2, ..model }), Some(Refusal::Structure));
+        assert_eq!(refusal(Coefficients { basis: 0, ..model }), Some(Refusal::Structure));
+        assert_eq!(refusal(Coefficients { drift: f64::NAN, ..model }), Some(Refusal::NotFinite));
+        // Commands that end within the dead band move nothing.
+        let mut snapshot = snapshot(model);
+        snapshot.command_high = 0.1;
+        assert_eq!(judge.judge(&snapshot), Err(Refusal::Unreachable));
     }
 
     #[test]

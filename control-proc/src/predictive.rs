@@ -130,7 +130,7 @@ impl Predictive {
 mod tests {
     use super::*;
     use crate::{limits::Limits, tests::models::linear};
-    use pipeline::hammerstein::Coefficients;
+    use pipeline::hammerstein::{Basis, Coefficients, InputMap, Structure};
 
     fn approved(model: &Coefficients) -> Approved<'_> {
         Approved { model, range: (-1.0, 1.0) }
@@ -165,6 +165,7 @@ mod tests {
             for (j, b) in model.b().iter().enumerate().filter(|(j, _)| k >= structure.nk + j) {
                 undisturbed[k] += b * x[k - structure.nk - j];
             }
+            undisturbed[k] += model.drift;
             let y = undisturbed[k] + disturbance(k);
             history.push_output(y, 0);
             let targets: Vec<f64> = (0..MAX_AHEAD).map(|i| target(k + i)).collect();
@@ -213,6 +214,48 @@ mod tests {
             x[0] = process.nonlinearity().evaluate(u);
         }
         assert!((y[0] + 3.0 - 20.0).abs() < 1e-6, "{}", y[0]);
+    }
+
+    #[test]
+    fn a_drift_leaves_no_offset() {
+        // Retracts by 0.2 mm per tick under its load, and needs a fifth of the full command to stay.
+        let model = Coefficients { drift: -2e-4, has_drift: 1, ..linear(&[-1.8, 0.8], &[0.001], 3) };
+        let (y, u) = run(&model, Predictive::new(&control(20, 4, 0.1)), 1000, |_| 0.3, |_| 0.0);
+        for k in 900..1000 {
+            assert!((y[k] - 0.3).abs() < 1e-6 && (u[k] - 0.2).abs() < 1e-4, "y({k}) = {}, u = {}", y[k], u[k]);
+        }
+    }
+
+    #[test]
+    fn hinges_behind_a_dead_band_are_led_to_the_target() {
+        let input = InputMap { dead_band: (0.1, 0.2), basis: Basis::hinges(&[0.0, 0.3]).unwrap() };
+        let structure = Structure { na: 2, nb: 0, nk: 3, order: 2, input, ..Structure::PAPER };
+        let plain = linear(&[-1.8, 0.8], &[0.001], 3);
+        let mut model = Coefficients { a: plain.a, b: plain.b, ..Coefficients::zero(structure) };
+        (model.f[0], model.f[1], model.g[0], model.g[1]) = (0.5, 1.0, 0.8, -0.3);
+        let target = |k: usize| if k < 500 { 0.3 } else { -0.1 };
+        let (y, u) = run(&model, Predictive::new(&control(20, 4, 0.1)), 1000, target, |_| 0.0);
+        // At rest, the next target not yet in sight.
+        for k in (400..470).chain(900..1000) {
+            assert!((y[k] - target(k)).abs() < 1e-9, "y({k}) = {}", y[k]);
+        }
+        assert!(u.iter().all(|u| u.abs() <= 1.0));
+    }
+
+    #[test]
+    fn a_model_of_the_highest_order_is_controlled_like_the_one_it_holds() {
+        // Poles of 0 up to order 6, as from na = 5 with an integrator.
+        let plain = linear(&[-1.8, 0.8], &[0.001], 5);
+        let six = Coefficients { na: 6, ..plain };
+        let target = |k: usize| if k < 300 { 0.4 } else { 0.1 };
+        let run = |model| run(model, Predictive::new(&control(20, 4, 0.1)), 600, target, |_| 0.0);
+        assert_eq!(run(&six), run(&plain));
+        // And an order 6 whose every coefficient counts is led to its target.
+        let mut full = Coefficients { na: 5, ..plain };
+        full.a[..5].copy_from_slice(&[-0.9, 0.3, -0.15, 0.06, -0.02]);
+        let full = full.integrated();
+        let (y, _) = run(&full);
+        assert!((y[270] - 0.4).abs() < 1e-6 && (y[599] - 0.1).abs() < 1e-6, "{} {}", y[270], y[599]);
     }
 
     #[test]

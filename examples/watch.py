@@ -137,6 +137,7 @@ class AxisSnapshot(ctypes.Structure):
     _fields_ = [
         ("adaptive", Coefficients),
         ("classical", Coefficients),  # identified offline, held since
+        # Errors, output and innovation are in m/s instead where the velocity is what is identified.
         ("adaptive_errors", ModelErrors),  # m
         ("classical_errors", ModelErrors),  # m
         ("output", ErrorStatistics),  # m, the output itself

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use pipeline::{
     latency::Percentiles,
-    machine::Machine,
+    machine::{Axis, IdentifiedOutput, Machine},
     message::{AxisSnapshot, CoefficientSnapshot, ModelErrors, StageHealth, ValveCommand},
     stage::StageKind,
     statistics::ErrorStatistics,
@@ -133,6 +133,10 @@ impl Report {
     pub fn tables(&self, machine: &Machine) -> String {
         let mut text = String::new();
         let axes = || machine.axes.iter().map(|axis| (&axis.name, &self.axes[&axis.name]));
+        let by_velocity = |axis: &&Axis| axis.identification.output == IdentifiedOutput::Velocity;
+        for axis in machine.axes.iter().filter(by_velocity) {
+            text += &format!("{}: identified by its velocity, identification errors below are in mm/s.\n", axis.name);
+        }
         text += "Tracking error, mm, and identification error, mm (sigma; h steps ahead; 1 - adaptive / classical):\n";
         let rows = axes().map(|(name, axis)| {
             let identification = &axis.identification;

@@ -15,7 +15,8 @@ use std::{
 use harness::{TestGroup, wait_for};
 use pipeline::{
     channel::Prefix,
-    machine::{Form, Machine},
+    hammerstein::{Basis, InputMap, Structure},
+    machine::{Form, IdentifiedOutput, Machine},
     message::CoefficientSnapshot,
     stage::{Clock, Options, StageError, StageKind},
 };
@@ -124,6 +125,15 @@ fn the_stage_loops_allocate_nothing_after_start() {
     // The over-parametrised form, which separates b, f and g at every tick.
     machine.axes.iter_mut().for_each(|axis| axis.identification.form = Form::Full);
     assert_eq!(allocations("full", &machine, Clock::LockStep, 100, 2000), 0);
+    // Every option of the structure, and the velocity in the place of the position.
+    for axis in &mut machine.axes {
+        let input = InputMap { dead_band: (0.05, 0.07), basis: Basis::hinges(&[0.0, 0.2, 0.5]).unwrap() };
+        let structure = axis.identification.structure;
+        axis.identification.structure = Structure { na: 2, integrator: true, drift: true, input, ..structure };
+    }
+    machine.axes[1].identification.output = IdentifiedOutput::Velocity;
+    machine.axes[2].identification.form = Form::Linear;
+    assert_eq!(allocations("options", &machine, Clock::LockStep, 100, 2000), 0);
     // Real time: timers, bells, and the end of training after 200 ticks of 2 ms.
     let mut machine = Machine::load(None, &[("timing.period".to_owned(), "2ms".to_owned())]).unwrap();
     machine.axes.iter_mut().for_each(|axis| axis.identification.training = 400);

@@ -108,7 +108,11 @@ fn the_formula_of_the_paper_finds_the_coefficients_of_a_known_plant() {
 #[test]
 fn the_json_tells_what_was_identified() {
     let figures = figures(constant_plant().path(), &["--train", "0.5", "--horizon", "10"]);
-    assert_eq!(figures["structure"], serde_json::json!({ "na": 3, "nb": 1, "nk": 1, "order": 3 }));
+    let structure = serde_json::json!({
+        "na": 3, "nb": 1, "nk": 1, "order": 3,
+        "integrator": false, "drift": false, "dead_band": [0.0, 0.0], "knots": null
+    });
+    assert_eq!((&figures["structure"], &figures["output"]), (&structure, &"position".into()));
     for (name, expected) in [("rows", 600), ("train", 300), ("horizon", 10), ("irregular_steps", 0)] {
         assert_eq!(figures[name], expected, "{name}");
     }
@@ -166,6 +170,101 @@ fn the_full_form_follows_a_gain_that_changes() {
 fn the_full_form_keeps_the_coefficients_of_a_constant_plant() {
     let figures = figures(constant_plant().path(), &["--horizon", "10", "--form", "full"]);
     expect_coefficients(&figures, "adaptive");
+}
+
+/// The record with another output: what `change` makes of it, row by row.
+fn with_output(record: &[[f64; 3]], mut change: impl FnMut(f64) -> f64) -> TempDir {
+    let changed: Vec<[f64; 3]> = record.iter().map(|[t, u, y]| [*t, *u, change(*y)]).collect();
+    folder_with(&csv("t,u,y", &changed))
+}
+
+/// Sums the values up and adds `each` at every row.
+fn summed(each: f64) -> impl FnMut(f64) -> f64 {
+    let mut sum = 0.0;
+    move |value| {
+        sum += value + each;
+        sum
+    }
+}
+
+fn expect_list(figures: &Value, model: &str, name: &str, expected: &[f64]) {
+    let found: Vec<f64> = serde_json::from_value(figures[model]["coefficients"][name].clone()).unwrap();
+    assert_eq!(found.len(), expected.len(), "{model} {name}: {found:?}");
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found - expected).abs() <= 1e-6, "{model} {name}: {found} for {expected}");
+    }
+}
+
+/// A(z) (1 - z^-1) of the plant.
+const A_INTEGRATED: [f64; 4] = [A[0] - 1.0, A[1] - A[0], A[2] - A[1], -A[2]];
+
+#[test]
+fn an_integrator_and_a_drift_are_found() {
+    let folder = with_output(&simulate(600, |_| 1.0), summed(0.02));
+    for form in ["linear", "full"] {
+        let figures = figures(folder.path(), &["--horizon", "10", "--integrator", "--drift", "--form", form]);
+        assert_eq!((&figures["structure"]["integrator"], &figures["structure"]["drift"]), (&true.into(), &true.into()));
+        // The drift of the increments: what A makes of a constant 0.02.
+        let drift = 0.02 * (1.0 + A.iter().sum::<f64>());
+        for model in ["classical", "adaptive"] {
+            expect_list(&figures, model, "a", &A_INTEGRATED);
+            expect_list(&figures, model, "b", &B);
+            let found = number(&figures, &format!("/{model}/coefficients/drift"));
+            assert!((found - drift).abs() <= 1e-6, "{model}: {found} for {drift}");
+            assert!(number(&figures, &format!("/{model}/h_step/sigma")) <= 1e-9);
+        }
+    }
+}
+
+#[test]
+fn a_velocity_is_identified_and_a_model_of_the_output_told() {
+    let mut sum = summed(0.0);
+    let folder = with_output(&simulate(600, |_| 1.0), move |velocity| PERIOD * sum(velocity));
+    let figures = figures(folder.path(), &["--horizon", "10", "--velocity"]);
+    assert_eq!(figures["output"], "velocity");
+    for model in ["classical", "adaptive"] {
+        expect_list(&figures, model, "a", &A_INTEGRATED);
+        expect_list(&figures, model, "b", &B.map(|b| PERIOD * b));
+        assert!(number(&figures, &format!("/{model}/h_step/sigma")) <= 1e-9);
+    }
+}
+
+#[test]
+fn a_dead_band_and_knots_are_taken_as_they_are_typed() {
+    let folder = constant_plant();
+    let typed = ["--dead-band", "0.05,0.1", "--knots", "0,0.2,0.5,0.7"];
+    let figures = figures(folder.path(), &typed);
+    assert_eq!(figures["structure"]["dead_band"], serde_json::json!([0.05, 0.1]));
+    assert_eq!(figures["structure"]["knots"], serde_json::json!([0.0, 0.2, 0.5, 0.7]));
+    assert_eq!(figures["structure"]["order"], 4);
+    let both = self::figures(folder.path(), &["--dead-band", "0.05", "--knots", "0.3", "--order", "1"]);
+    assert_eq!(both["structure"]["dead_band"], serde_json::json!([0.05, 0.05]));
+}
+
+#[test]
+fn the_table_names_the_options_that_were_chosen() {
+    let folder = constant_plant();
+    let plain = success(folder.path(), &["identify", "r.csv"]);
+    assert!(plain.contains("nk 1, order 3; 500ms"), "{plain}");
+    let options = ["--integrator", "--drift", "--dead-band", "0.05,0.1", "--knots", "0,0.25", "--velocity"];
+    let text = success(folder.path(), &[&["identify", "r.csv"], &options[..]].concat());
+    let expected = "nk 1, order 2, integrator, drift, dead band -0.05 to 0.1, knots 0 0.25, velocity; 500ms";
+    assert!(text.contains(expected) && text.contains("   c "), "{text}");
+}
+
+#[test]
+fn an_order_that_is_not_the_number_of_knots_is_refused() {
+    let arguments = ["identify", "r.csv", "--knots", "0,0.2", "--order", "3"];
+    let expected = ["--order: found 3 with 2 --knots; allowed: 2, the number of knots, or no --order"];
+    expect_refusal(constant_plant().path(), &arguments, &expected);
+}
+
+#[test]
+fn the_options_need_rows_of_their_own() {
+    // 4 + 12 + 1 coefficients, one more with the drift, and a past of na + 2 outputs.
+    let arguments = ["identify", "r.csv", "--train", "5", "--na", "4", "--integrator", "--drift", "--velocity"];
+    let expected = ["r.csv: --train: found 5 of the 600 rows; allowed: at least 23, to determine 17 coefficients"];
+    expect_refusal(constant_plant().path(), &arguments, &expected);
 }
 
 #[test]
@@ -368,6 +467,13 @@ fn values_that_a_flag_does_not_take_are_refused_with_what_it_takes() {
         ("--period", "0", "allowed: seconds from 1e-9 to 1.6e7, or a duration with its unit"),
         ("--period", "nan", "allowed: seconds from 1e-9 to 1.6e7, or a duration with its unit"),
         ("--split", "qr", "possible values: als, paper"),
+        ("--dead-band", "-0.1", "allowed: one number of at least 0 for both directions, or two, LOW,HIGH"),
+        ("--dead-band", "0.1,nan", "allowed: one number of at least 0 for both directions, or two, LOW,HIGH"),
+        ("--dead-band", "0.1,0.2,0.3", "allowed: one number of at least 0 for both directions, or two, LOW,HIGH"),
+        ("--knots", "0.2,0.1", "allowed: 1 to 5 rising numbers of at least 0, K1,K2,.."),
+        ("--knots", "0,inf", "allowed: 1 to 5 rising numbers of at least 0, K1,K2,.."),
+        ("--knots", "0,1,2,3,4,5", "allowed: 1 to 5 rising numbers of at least 0, K1,K2,.."),
+        ("--knots", "a", "allowed: 1 to 5 rising numbers of at least 0, K1,K2,.."),
         ("--form", "half", "possible values: linear, full"),
     ] {
         expect_refusal(folder.path(), &["identify", "r.csv", flag, value], &[flag, allowed]);

@@ -29,7 +29,7 @@ pub enum Command {
     /// Run the same loop in one process, without shared memory
     Simulate(Simulate),
     /// Identify a Hammerstein model on a recording, offline and adaptive side by side
-    Identify(Identify),
+    Identify(Box<Identify>),
     /// Check a machine file and say everything that is wrong with it
     Check(MachineFile),
     /// Run the simulated machine alone, in the foreground

@@ -16,18 +16,29 @@
 //! value after training times the number of training samples: then the covariance says no less than one average
 //! training sample would. Cutting d_j keeps P positive definite.
 
+use std::array::from_fn;
+
 use crate::triangle::Triangle;
+
+/// All loops of an update run over blocks of this many numbers, which the compiler turns into vector instructions.
+const LANES: usize = 4;
+
+/// Coefficients of neighbouring columns or rows; what lies beyond the last is zero and stays zero.
+type Block = [f64; LANES];
 
 /// Coefficients and covariance of one recursive estimator.
 #[derive(Debug, Clone)]
 pub struct RecursiveLeastSquares {
     n: usize,
-    theta: Vec<f64>,
-    /// Unit upper triangle by columns: u_ij at j (j - 1) / 2 + i, i < j.
-    u: Vec<f64>,
-    d: Vec<f64>,
-    d_limit: Vec<f64>,
-    gain: Vec<f64>,
+    theta: Vec<Block>,
+    /// U in tiles of LANES columns, tile (s, t) at t (t + 1) / 2 + s, s <= t. The ones on the diagonal and the zeros
+    /// below are stored too: they map to themselves in an update, so that the tiles on the diagonal are no case of
+    /// their own and every loop has a fixed length.
+    tiles: Vec<[Block; LANES]>,
+    d: Vec<Block>,
+    d_limit: Vec<Block>,
+    phi: Vec<Block>,
+    gain: Vec<Block>,
 }
 
 /// What one update did.
@@ -42,91 +53,125 @@ pub struct Update {
 impl RecursiveLeastSquares {
     /// Room for `n` coefficients; nothing is known yet and nothing is learned.
     pub fn new(n: usize) -> Self {
-        Self {
+        let blocks = vec![[0.0; LANES]; n.div_ceil(LANES)];
+        let mut estimator = Self {
             n,
-            theta: vec![0.0; n],
-            u: vec![0.0; n * (n - 1) / 2],
-            d: vec![0.0; n],
-            d_limit: vec![0.0; n],
-            gain: vec![0.0; n],
-        }
+            theta: blocks.clone(),
+            tiles: vec![[[0.0; LANES]; LANES]; blocks.len() * (blocks.len() + 1) / 2],
+            d: blocks.clone(),
+            d_limit: blocks.clone(),
+            phi: blocks.clone(),
+            gain: blocks,
+        };
+        (0..n).for_each(|j| *estimator.u_mut(j, j) = 1.0);
+        estimator
     }
 
     /// Starts from what offline data say: theta = R^-1 z, P = (R'R)^-1, d_limit = d times the rows of the triangle.
     ///
     /// A coefficient that is `held` stays where it is for good: it has no covariance.
     pub fn start(&mut self, data: &Triangle, held: &[bool]) {
-        data.solve(&mut self.theta);
+        data.solve(&mut self.theta.as_flattened_mut()[..self.n]);
         // R^-1 = U diag(1 / r_jj): column j of U solves R u = r_jj e_j, from the bottom up.
         for j in 0..self.n {
             let diagonal = data.entry(j, j);
             for i in (0..j).rev() {
                 let sum: f64 = (i + 1..=j).map(|m| data.entry(i, m) * self.u_at(m, j)).sum();
                 let value = if held[i] || held[j] { 0.0 } else { -sum / data.entry(i, i) };
-                self.u[column(j) + i] = value;
+                *self.u_mut(i, j) = value;
             }
-            self.d[j] = if held[j] { 0.0 } else { 1.0 / (diagonal * diagonal) };
-            self.d_limit[j] = self.d[j] * data.count() as f64;
+            let d = if held[j] { 0.0 } else { 1.0 / (diagonal * diagonal) };
+            self.d.as_flattened_mut()[j] = d;
+            self.d_limit.as_flattened_mut()[j] = d * data.count() as f64;
         }
     }
 
     /// Puts other coefficients in the place of the solution of the data; the covariance stays.
     pub fn set_theta(&mut self, theta: &[f64]) {
-        self.theta.copy_from_slice(theta);
+        self.theta.as_flattened_mut()[..self.n].copy_from_slice(theta);
     }
 
+    /// u_ij, i <= j.
     fn u_at(&self, i: usize, j: usize) -> f64 {
-        if i == j { 1.0 } else { self.u[column(j) + i] }
+        self.tiles[tile(i, j)][j % LANES][i % LANES]
+    }
+
+    fn u_mut(&mut self, i: usize, j: usize) -> &mut f64 {
+        &mut self.tiles[tile(i, j)][j % LANES][i % LANES]
+    }
+
+    fn d(&self) -> &[f64] {
+        &self.d.as_flattened()[..self.n]
     }
 
     /// The coefficients.
     pub fn theta(&self) -> &[f64] {
-        &self.theta
+        &self.theta.as_flattened()[..self.n]
     }
 
     /// One update with the forgetting factor `lambda` in (0, 1]; allocates nothing.
     ///
     /// With a regressor or output that is not finite nothing is learned; the innovation shows it.
     pub fn update(&mut self, phi: &[f64], y: f64, lambda: f64) -> Update {
-        let n = self.n;
-        let predicted: f64 = phi.iter().zip(&self.theta).map(|(p, t)| p * t).sum();
-        let innovation = y - predicted;
+        self.phi.as_flattened_mut()[..self.n].copy_from_slice(phi);
+        let mut parts = [0.0; LANES];
+        for (phi, theta) in self.phi.iter().zip(&self.theta) {
+            (0..LANES).for_each(|i| parts[i] += phi[i] * theta[i]);
+        }
+        let innovation = y - sum(parts);
         if !innovation.is_finite() {
             return Update { innovation, bounded: false };
         }
+        self.gain.fill([0.0; LANES]);
         let mut bounded = false;
-        let mut beta = lambda;
-        for j in 0..n {
-            // f = U' phi, v = D f; the gain vector grows by one entry per column.
-            let (u, gain) = (&mut self.u[column(j)..column(j) + j], &mut self.gain);
-            let f = phi[j] + u.iter().zip(phi).map(|(u, p)| u * p).sum::<f64>();
-            let v = self.d[j] * f;
-            let before = beta;
-            beta += f * v;
-            let mut d = self.d[j] * before / (beta * lambda);
-            if d > self.d_limit[j] {
-                d = self.d_limit[j];
-                bounded = true;
+        let mut before = lambda;
+        let mut tiles = self.tiles.as_mut_slice();
+        for (t, (d, d_limit)) in self.d.iter_mut().zip(&self.d_limit).enumerate() {
+            let (column, right) = tiles.split_at_mut(t + 1);
+            tiles = right;
+            // f = U' phi, v = D f.
+            let mut parts = [[0.0; LANES]; LANES];
+            for (u, phi) in column.iter().zip(&self.phi) {
+                for j in 0..LANES {
+                    (0..LANES).for_each(|i| parts[j][i] += u[j][i] * phi[i]);
+                }
             }
-            self.d[j] = d;
-            let mu = -f / before;
-            for (u, gain) in u.iter_mut().zip(gain.iter_mut()) {
-                let old = *u;
-                *u += *gain * mu;
-                *gain += old * v;
+            let f = parts.map(sum);
+            let v: Block = from_fn(|j| d[j] * f[j]);
+            let mut beta = [before; LANES];
+            let mut previous = beta;
+            for j in 0..LANES {
+                previous[j] = before;
+                before += f[j] * v[j];
+                beta[j] = before;
             }
-            gain[j] = v;
+            for j in 0..LANES {
+                d[j] = d[j] * previous[j] / (beta[j] * lambda);
+                bounded |= d[j] > d_limit[j];
+                d[j] = if d[j] > d_limit[j] { d_limit[j] } else { d[j] };
+            }
+            let mu: Block = from_fn(|j| -f[j] / previous[j]);
+            // The gain grows by one entry per column.
+            for (u, gain) in column.iter_mut().zip(&mut self.gain) {
+                let mut g = *gain;
+                for j in 0..LANES {
+                    let old = u[j];
+                    u[j] = from_fn(|i| old[i] + g[i] * mu[j]);
+                    g = from_fn(|i| g[i] + old[i] * v[j]);
+                }
+                *gain = g;
+            }
         }
-        let step = innovation / beta;
+        let step = innovation / before;
         for (theta, gain) in self.theta.iter_mut().zip(&self.gain) {
-            *theta += gain * step;
+            (0..LANES).for_each(|i| theta[i] += gain[i] * step);
         }
         Update { innovation, bounded }
     }
 
     /// P_ij.
     pub fn covariance(&self, i: usize, j: usize) -> f64 {
-        (i.max(j)..self.n).map(|m| self.u_at(i, m) * self.d[m] * self.u_at(j, m)).sum()
+        (i.max(j)..self.n).map(|m| self.u_at(i, m) * self.d()[m] * self.u_at(j, m)).sum()
     }
 
     /// Sum of the diagonal of P.
@@ -136,7 +181,7 @@ impl RecursiveLeastSquares {
 
     /// Whether coefficients and covariance are finite.
     pub fn is_finite(&self) -> bool {
-        self.theta.iter().chain(&self.d).chain(&self.u).all(|v| v.is_finite())
+        self.theta.iter().chain(&self.d).chain(self.tiles.as_flattened()).flatten().all(|v| v.is_finite())
     }
 
     /// Writes the information that coefficients and covariance stand for: R with R'R = P^-1, z = R theta.
@@ -145,9 +190,9 @@ impl RecursiveLeastSquares {
     /// the best known other one.
     pub fn information(&self, information: &mut Triangle, row: &mut [f64]) {
         information.clear();
-        let smallest = self.d.iter().copied().filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
+        let smallest = self.d().iter().copied().filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
         for i in 0..self.n {
-            let d = if self.d[i] > 0.0 { self.d[i] } else { smallest };
+            let d = if self.d()[i] > 0.0 { self.d()[i] } else { smallest };
             // Row i of U^-1: entries w_j with w_i = 1 and w U = e_i.
             row.fill(0.0);
             row[i] = 1.0;
@@ -156,14 +201,20 @@ impl RecursiveLeastSquares {
             }
             let weight = 1.0 / d.sqrt();
             row.iter_mut().for_each(|value| *value *= weight);
-            let target = row.iter().zip(&self.theta).map(|(r, t)| r * t).sum();
+            let target = row.iter().zip(self.theta()).map(|(r, t)| r * t).sum();
             information.add(row, target);
         }
     }
 }
 
-fn column(j: usize) -> usize {
-    j * j.saturating_sub(1) / 2
+/// The tile that holds u_ij.
+fn tile(i: usize, j: usize) -> usize {
+    let (s, t) = (i / LANES, j / LANES);
+    t * (t + 1) / 2 + s
+}
+
+fn sum(parts: Block) -> f64 {
+    (parts[0] + parts[2]) + (parts[1] + parts[3])
 }
 
 #[cfg(test)]

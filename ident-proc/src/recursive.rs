@@ -38,6 +38,9 @@ pub struct RecursiveLeastSquares {
     d: Vec<Block>,
     d_limit: Vec<Block>,
     phi: Vec<Block>,
+    f: Vec<Block>,
+    v: Vec<Block>,
+    mu: Vec<Block>,
     gain: Vec<Block>,
 }
 
@@ -61,6 +64,9 @@ impl RecursiveLeastSquares {
             d: blocks.clone(),
             d_limit: blocks.clone(),
             phi: blocks.clone(),
+            f: blocks.clone(),
+            v: blocks.clone(),
+            mu: blocks.clone(),
             gain: blocks,
         };
         (0..n).for_each(|j| *estimator.u_mut(j, j) = 1.0);
@@ -113,45 +119,55 @@ impl RecursiveLeastSquares {
     ///
     /// With a regressor or output that is not finite nothing is learned; the innovation shows it.
     pub fn update(&mut self, phi: &[f64], y: f64, lambda: f64) -> Update {
-        self.phi.as_flattened_mut()[..self.n].copy_from_slice(phi);
+        assert_eq!(phi.len(), self.n);
+        let (whole, rest) = phi.as_chunks();
+        self.phi[..whole.len()].copy_from_slice(whole);
+        if let Some(last) = self.phi.get_mut(whole.len()) {
+            *last = from_fn(|i| rest.get(i).copied().unwrap_or(0.0));
+        }
         let mut parts = [0.0; LANES];
         for (phi, theta) in self.phi.iter().zip(&self.theta) {
-            (0..LANES).for_each(|i| parts[i] += phi[i] * theta[i]);
+            parts = from_fn(|i| parts[i] + phi[i] * theta[i]);
         }
         let innovation = y - sum(parts);
         if !innovation.is_finite() {
             return Update { innovation, bounded: false };
         }
-        self.gain.fill([0.0; LANES]);
-        let mut bounded = false;
-        let mut before = lambda;
-        let mut tiles = self.tiles.as_mut_slice();
-        for (t, (d, d_limit)) in self.d.iter_mut().zip(&self.d_limit).enumerate() {
-            let (column, right) = tiles.split_at_mut(t + 1);
+        // f = U' phi.
+        let mut tiles = self.tiles.as_slice();
+        for (t, f) in self.f.iter_mut().enumerate() {
+            let (column, right) = tiles.split_at(t + 1);
             tiles = right;
-            // f = U' phi, v = D f.
             let mut parts = [[0.0; LANES]; LANES];
             for (u, phi) in column.iter().zip(&self.phi) {
                 for j in 0..LANES {
                     (0..LANES).for_each(|i| parts[j][i] += u[j][i] * phi[i]);
                 }
             }
-            let f = parts.map(sum);
-            let v: Block = from_fn(|j| d[j] * f[j]);
-            let mut beta = [before; LANES];
-            let mut previous = beta;
-            for j in 0..LANES {
-                previous[j] = before;
-                before += f[j] * v[j];
-                beta[j] = before;
-            }
-            for j in 0..LANES {
-                d[j] = d[j] * previous[j] / (beta[j] * lambda);
-                bounded |= d[j] > d_limit[j];
-                d[j] = if d[j] > d_limit[j] { d_limit[j] } else { d[j] };
-            }
-            let mu: Block = from_fn(|j| -f[j] / previous[j]);
-            // The gain grows by one entry per column.
+            *f = parts.map(sum);
+        }
+        // beta_j = lambda + sum of d_i f_i^2, i <= j.
+        let mut bounded = false;
+        let (mut last, mut last_inverse) = (lambda, 1.0 / lambda);
+        let per_lambda = last_inverse;
+        let columns = pairs(&mut self.d).iter_mut().zip(pairs(&mut self.d_limit)).zip(pairs(&mut self.f));
+        for (((d, d_limit), f), (v, mu)) in columns.zip(pairs(&mut self.v).iter_mut().zip(pairs(&mut self.mu))) {
+            *v = [d[0] * f[0], d[1] * f[1]];
+            let (first, second) = (f[0] * v[0], f[1] * v[1]);
+            let beta = [last + first, last + (first + second)];
+            let inverse = beta.map(|beta| 1.0 / beta);
+            *mu = [-f[0] * last_inverse, -f[1] * inverse[0]];
+            let grown = [d[0] * last * (inverse[0] * per_lambda), d[1] * beta[0] * (inverse[1] * per_lambda)];
+            bounded |= (grown[0] > d_limit[0]) | (grown[1] > d_limit[1]);
+            *d = from_fn(|j| if grown[j] > d_limit[j] { d_limit[j] } else { grown[j] });
+            (last, last_inverse) = (beta[1], inverse[1]);
+        }
+        // The gain grows by one entry per column.
+        self.gain.fill([0.0; LANES]);
+        let mut tiles = self.tiles.as_mut_slice();
+        for (t, (v, mu)) in self.v.iter().zip(&self.mu).enumerate() {
+            let (column, right) = tiles.split_at_mut(t + 1);
+            tiles = right;
             for (u, gain) in column.iter_mut().zip(&mut self.gain) {
                 let mut g = *gain;
                 for j in 0..LANES {
@@ -162,7 +178,7 @@ impl RecursiveLeastSquares {
                 *gain = g;
             }
         }
-        let step = innovation / before;
+        let step = innovation * last_inverse;
         for (theta, gain) in self.theta.iter_mut().zip(&self.gain) {
             (0..LANES).for_each(|i| theta[i] += gain[i] * step);
         }
@@ -211,6 +227,10 @@ impl RecursiveLeastSquares {
 fn tile(i: usize, j: usize) -> usize {
     let (s, t) = (i / LANES, j / LANES);
     t * (t + 1) / 2 + s
+}
+
+fn pairs(blocks: &mut [Block]) -> &mut [[f64; 2]] {
+    blocks.as_flattened_mut().as_chunks_mut().0
 }
 
 fn sum(parts: Block) -> f64 {

@@ -165,7 +165,7 @@ impl RecursiveLeastSquares {
         // The gain grows by one entry per column.
         self.gain.fill([0.0; LANES]);
         let mut tiles = self.tiles.as_mut_slice();
-        for (t, (v, mu)) in self.v.iter().zip(&self.mu).enumerate() {
+        for (t, (&v, &mu)) in self.v.iter().zip(&self.mu).enumerate() {
             let (column, right) = tiles.split_at_mut(t + 1);
             tiles = right;
             for (u, gain) in column.iter_mut().zip(&mut self.gain) {

@@ -119,27 +119,46 @@ impl RecursiveLeastSquares {
     ///
     /// With a regressor or output that is not finite nothing is learned; the innovation shows it.
     pub fn update(&mut self, phi: &[f64], y: f64, lambda: f64) -> Update {
-        assert_eq!(phi.len(), self.n);
-        let (whole, rest) = phi.as_chunks();
-        self.phi[..whole.len()].copy_from_slice(whole);
-        if let Some(last) = self.phi.get_mut(whole.len()) {
-            *last = from_fn(|i| rest.get(i).copied().unwrap_or(0.0));
+        // The same code three times: where the compiler knows the number of blocks, it unrolls all loops. Two blocks
+        // are the linear form of the built-in machine, four the full form.
+        match self.d.len() {
+            2 => self.update_blocks(2, phi, y, lambda),
+            4 => self.update_blocks(4, phi, y, lambda),
+            m => self.update_blocks(m, phi, y, lambda),
         }
+    }
+
+    #[inline(always)]
+    fn update_blocks(&mut self, m: usize, phi: &[f64], y: f64, lambda: f64) -> Update {
+        // f in both senses: first U' phi, then scratch.
+        let tiles = &mut self.tiles[..m * (m + 1) / 2];
+        let (theta, d, d_limit) = (&mut self.theta[..m], &mut self.d[..m], &self.d_limit[..m]);
+        let (copy, f, v) = (&mut self.phi[..m], &mut self.f[..m], &mut self.v[..m]);
+        let (mu, gain) = (&mut self.mu[..m], &mut self.gain[..m]);
+
+        let (whole, rest) = phi.as_chunks::<LANES>();
         let mut parts = [0.0; LANES];
-        for (phi, theta) in self.phi.iter().zip(&self.theta) {
+        for ((copy, phi), theta) in copy.iter_mut().zip(whole).zip(theta.iter()) {
+            *copy = *phi;
             parts = from_fn(|i| parts[i] + phi[i] * theta[i]);
+        }
+        if let (Some(copy), Some(theta)) = (copy.get_mut(whole.len()), theta.get(whole.len())) {
+            for (i, phi) in rest.iter().enumerate() {
+                copy[i] = *phi;
+                parts[i] += phi * theta[i];
+            }
         }
         let innovation = y - sum(parts);
         if !innovation.is_finite() {
             return Update { innovation, bounded: false };
         }
         // f = U' phi.
-        let mut tiles = self.tiles.as_slice();
-        for (t, f) in self.f.iter_mut().enumerate() {
-            let (column, right) = tiles.split_at(t + 1);
-            tiles = right;
+        let mut rest = &*tiles;
+        for (t, f) in f.iter_mut().enumerate() {
+            let (column, right) = rest.split_at(t + 1);
+            rest = right;
             let mut parts = [[0.0; LANES]; LANES];
-            for (u, phi) in column.iter().zip(&self.phi) {
+            for (u, phi) in column.iter().zip(copy.iter()) {
                 for j in 0..LANES {
                     (0..LANES).for_each(|i| parts[j][i] += u[j][i] * phi[i]);
                 }
@@ -150,8 +169,8 @@ impl RecursiveLeastSquares {
         let mut bounded = false;
         let (mut last, mut last_inverse) = (lambda, 1.0 / lambda);
         let per_lambda = last_inverse;
-        let columns = pairs(&mut self.d).iter_mut().zip(pairs(&mut self.d_limit)).zip(pairs(&mut self.f));
-        for (((d, d_limit), f), (v, mu)) in columns.zip(pairs(&mut self.v).iter_mut().zip(pairs(&mut self.mu))) {
+        let columns = pairs_mut(d).iter_mut().zip(pairs(d_limit)).zip(pairs(f));
+        for (((d, d_limit), f), (v, mu)) in columns.zip(pairs_mut(v).iter_mut().zip(pairs_mut(mu))) {
             *v = [d[0] * f[0], d[1] * f[1]];
             let (first, second) = (f[0] * v[0], f[1] * v[1]);
             let beta = [last + first, last + (first + second)];
@@ -163,12 +182,12 @@ impl RecursiveLeastSquares {
             (last, last_inverse) = (beta[1], inverse[1]);
         }
         // The gain grows by one entry per column.
-        self.gain.fill([0.0; LANES]);
-        let mut tiles = self.tiles.as_mut_slice();
-        for (t, (&v, &mu)) in self.v.iter().zip(&self.mu).enumerate() {
-            let (column, right) = tiles.split_at_mut(t + 1);
-            tiles = right;
-            for (u, gain) in column.iter_mut().zip(&mut self.gain) {
+        gain.fill([0.0; LANES]);
+        let mut rest = tiles;
+        for (t, (&v, &mu)) in v.iter().zip(mu.iter()).enumerate() {
+            let (column, right) = rest.split_at_mut(t + 1);
+            rest = right;
+            for (u, gain) in column.iter_mut().zip(gain.iter_mut()) {
                 let mut g = *gain;
                 for j in 0..LANES {
                     let old = u[j];
@@ -179,8 +198,8 @@ impl RecursiveLeastSquares {
             }
         }
         let step = innovation * last_inverse;
-        for (theta, gain) in self.theta.iter_mut().zip(&self.gain) {
-            (0..LANES).for_each(|i| theta[i] += gain[i] * step);
+        for s in 0..m {
+            theta[s] = from_fn(|i| theta[s][i] + gain[s][i] * step);
         }
         Update { innovation, bounded }
     }
@@ -229,7 +248,11 @@ fn tile(i: usize, j: usize) -> usize {
     t * (t + 1) / 2 + s
 }
 
-fn pairs(blocks: &mut [Block]) -> &mut [[f64; 2]] {
+fn pairs(blocks: &[Block]) -> &[[f64; 2]] {
+    blocks.as_flattened().as_chunks().0
+}
+
+fn pairs_mut(blocks: &mut [Block]) -> &mut [[f64; 2]] {
     blocks.as_flattened_mut().as_chunks_mut().0
 }
 

@@ -13,16 +13,24 @@
 //! [`Identifier`] puts them together for one axis and knows the errors of the adaptive and of the classical, held
 //! model at any time ([`errors`]). [`process`] is the stage: channels in, channels out.
 
+pub mod bank;
 pub mod batch;
 pub mod errors;
-pub mod fuzzy;
+pub mod estimator;
+pub mod forecast;
+pub mod health;
 pub mod history;
 mod identifier;
 mod identifiers;
+pub mod outlier;
 pub mod process;
 pub mod rank;
+pub mod rank_one;
 pub mod recursive;
 pub mod regression;
+pub mod rest;
+pub mod row;
+pub mod single;
 pub mod split;
 pub mod triangle;
 

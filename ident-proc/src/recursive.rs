@@ -16,18 +16,32 @@
 //! value after training times the number of training samples: then the covariance says no less than one average
 //! training sample would. Cutting d_j keeps P positive definite.
 
+use std::array::from_fn;
+
 use crate::triangle::Triangle;
+
+/// All loops of an update run over blocks of this many numbers, which the compiler turns into vector instructions.
+const LANES: usize = 4;
+
+/// Coefficients of neighbouring columns or rows; what lies beyond the last is zero and stays zero.
+type Block = [f64; LANES];
 
 /// Coefficients and covariance of one recursive estimator.
 #[derive(Debug, Clone)]
 pub struct RecursiveLeastSquares {
     n: usize,
-    theta: Vec<f64>,
-    /// Unit upper triangle by columns: u_ij at j (j - 1) / 2 + i, i < j.
-    u: Vec<f64>,
-    d: Vec<f64>,
-    d_limit: Vec<f64>,
-    gain: Vec<f64>,
+    theta: Vec<Block>,
+    /// U in tiles of LANES columns, tile (s, t) at t (t + 1) / 2 + s, s <= t. The ones on the diagonal and the zeros
+    /// below are stored too: they map to themselves in an update, so that the tiles on the diagonal are no case of
+    /// their own and every loop has a fixed length.
+    tiles: Vec<[Block; LANES]>,
+    d: Vec<Block>,
+    d_limit: Vec<Block>,
+    phi: Vec<Block>,
+    f: Vec<Block>,
+    v: Vec<Block>,
+    mu: Vec<Block>,
+    gain: Vec<Block>,
 }
 
 /// What one update did.
@@ -42,91 +56,157 @@ pub struct Update {
 impl RecursiveLeastSquares {
     /// Room for `n` coefficients; nothing is known yet and nothing is learned.
     pub fn new(n: usize) -> Self {
-        Self {
+        let blocks = vec![[0.0; LANES]; n.div_ceil(LANES)];
+        let mut estimator = Self {
             n,
-            theta: vec![0.0; n],
-            u: vec![0.0; n * (n - 1) / 2],
-            d: vec![0.0; n],
-            d_limit: vec![0.0; n],
-            gain: vec![0.0; n],
-        }
+            theta: blocks.clone(),
+            tiles: vec![[[0.0; LANES]; LANES]; blocks.len() * (blocks.len() + 1) / 2],
+            d: blocks.clone(),
+            d_limit: blocks.clone(),
+            phi: blocks.clone(),
+            f: blocks.clone(),
+            v: blocks.clone(),
+            mu: blocks.clone(),
+            gain: blocks,
+        };
+        (0..n).for_each(|j| *estimator.u_mut(j, j) = 1.0);
+        estimator
     }
 
     /// Starts from what offline data say: theta = R^-1 z, P = (R'R)^-1, d_limit = d times the rows of the triangle.
     ///
     /// A coefficient that is `held` stays where it is for good: it has no covariance.
     pub fn start(&mut self, data: &Triangle, held: &[bool]) {
-        data.solve(&mut self.theta);
+        data.solve(&mut self.theta.as_flattened_mut()[..self.n]);
         // R^-1 = U diag(1 / r_jj): column j of U solves R u = r_jj e_j, from the bottom up.
         for j in 0..self.n {
             let diagonal = data.entry(j, j);
             for i in (0..j).rev() {
                 let sum: f64 = (i + 1..=j).map(|m| data.entry(i, m) * self.u_at(m, j)).sum();
                 let value = if held[i] || held[j] { 0.0 } else { -sum / data.entry(i, i) };
-                self.u[column(j) + i] = value;
+                *self.u_mut(i, j) = value;
             }
-            self.d[j] = if held[j] { 0.0 } else { 1.0 / (diagonal * diagonal) };
-            self.d_limit[j] = self.d[j] * data.count() as f64;
+            let d = if held[j] { 0.0 } else { 1.0 / (diagonal * diagonal) };
+            self.d.as_flattened_mut()[j] = d;
+            self.d_limit.as_flattened_mut()[j] = d * data.count() as f64;
         }
     }
 
     /// Puts other coefficients in the place of the solution of the data; the covariance stays.
     pub fn set_theta(&mut self, theta: &[f64]) {
-        self.theta.copy_from_slice(theta);
+        self.theta.as_flattened_mut()[..self.n].copy_from_slice(theta);
     }
 
+    /// u_ij, i <= j.
     fn u_at(&self, i: usize, j: usize) -> f64 {
-        if i == j { 1.0 } else { self.u[column(j) + i] }
+        self.tiles[tile(i, j)][j % LANES][i % LANES]
+    }
+
+    fn u_mut(&mut self, i: usize, j: usize) -> &mut f64 {
+        &mut self.tiles[tile(i, j)][j % LANES][i % LANES]
+    }
+
+    fn d(&self) -> &[f64] {
+        &self.d.as_flattened()[..self.n]
     }
 
     /// The coefficients.
     pub fn theta(&self) -> &[f64] {
-        &self.theta
+        &self.theta.as_flattened()[..self.n]
     }
 
     /// One update with the forgetting factor `lambda` in (0, 1]; allocates nothing.
     ///
     /// With a regressor or output that is not finite nothing is learned; the innovation shows it.
     pub fn update(&mut self, phi: &[f64], y: f64, lambda: f64) -> Update {
-        let n = self.n;
-        let predicted: f64 = phi.iter().zip(&self.theta).map(|(p, t)| p * t).sum();
-        let innovation = y - predicted;
+        // The same code three times: where the compiler knows the number of blocks, it unrolls all loops. Two blocks
+        // are the linear form of the built-in machine, four the full form.
+        match self.d.len() {
+            2 => self.update_blocks(2, phi, y, lambda),
+            4 => self.update_blocks(4, phi, y, lambda),
+            m => self.update_blocks(m, phi, y, lambda),
+        }
+    }
+
+    #[inline(always)]
+    fn update_blocks(&mut self, m: usize, phi: &[f64], y: f64, lambda: f64) -> Update {
+        // f in both senses: first U' phi, then scratch.
+        let tiles = &mut self.tiles[..m * (m + 1) / 2];
+        let (theta, d, d_limit) = (&mut self.theta[..m], &mut self.d[..m], &self.d_limit[..m]);
+        let (copy, f, v) = (&mut self.phi[..m], &mut self.f[..m], &mut self.v[..m]);
+        let (mu, gain) = (&mut self.mu[..m], &mut self.gain[..m]);
+
+        let (whole, rest) = phi.as_chunks::<LANES>();
+        let mut parts = [0.0; LANES];
+        for ((copy, phi), theta) in copy.iter_mut().zip(whole).zip(theta.iter()) {
+            *copy = *phi;
+            parts = from_fn(|i| parts[i] + phi[i] * theta[i]);
+        }
+        if let (Some(copy), Some(theta)) = (copy.get_mut(whole.len()), theta.get(whole.len())) {
+            for (i, phi) in rest.iter().enumerate() {
+                copy[i] = *phi;
+                parts[i] += phi * theta[i];
+            }
+        }
+        let innovation = y - sum(parts);
         if !innovation.is_finite() {
             return Update { innovation, bounded: false };
         }
-        let mut bounded = false;
-        let mut beta = lambda;
-        for j in 0..n {
-            // f = U' phi, v = D f; the gain vector grows by one entry per column.
-            let (u, gain) = (&mut self.u[column(j)..column(j) + j], &mut self.gain);
-            let f = phi[j] + u.iter().zip(phi).map(|(u, p)| u * p).sum::<f64>();
-            let v = self.d[j] * f;
-            let before = beta;
-            beta += f * v;
-            let mut d = self.d[j] * before / (beta * lambda);
-            if d > self.d_limit[j] {
-                d = self.d_limit[j];
-                bounded = true;
+        // f = U' phi.
+        let mut rest = &*tiles;
+        for (t, f) in f.iter_mut().enumerate() {
+            let (column, right) = rest.split_at(t + 1);
+            rest = right;
+            let mut parts = [[0.0; LANES]; LANES];
+            for (u, phi) in column.iter().zip(copy.iter()) {
+                for j in 0..LANES {
+                    (0..LANES).for_each(|i| parts[j][i] += u[j][i] * phi[i]);
+                }
             }
-            self.d[j] = d;
-            let mu = -f / before;
-            for (u, gain) in u.iter_mut().zip(gain.iter_mut()) {
-                let old = *u;
-                *u += *gain * mu;
-                *gain += old * v;
-            }
-            gain[j] = v;
+            *f = parts.map(sum);
         }
-        let step = innovation / beta;
-        for (theta, gain) in self.theta.iter_mut().zip(&self.gain) {
-            *theta += gain * step;
+        // beta_j = lambda + sum of d_i f_i^2, i <= j.
+        let mut bounded = false;
+        let (mut last, mut last_inverse) = (lambda, 1.0 / lambda);
+        let per_lambda = last_inverse;
+        let columns = pairs_mut(d).iter_mut().zip(pairs(d_limit)).zip(pairs(f));
+        for (((d, d_limit), f), (v, mu)) in columns.zip(pairs_mut(v).iter_mut().zip(pairs_mut(mu))) {
+            *v = [d[0] * f[0], d[1] * f[1]];
+            let (first, second) = (f[0] * v[0], f[1] * v[1]);
+            let beta = [last + first, last + (first + second)];
+            let inverse = beta.map(|beta| 1.0 / beta);
+            *mu = [-f[0] * last_inverse, -f[1] * inverse[0]];
+            let grown = [d[0] * last * (inverse[0] * per_lambda), d[1] * beta[0] * (inverse[1] * per_lambda)];
+            bounded |= (grown[0] > d_limit[0]) | (grown[1] > d_limit[1]);
+            *d = from_fn(|j| if grown[j] > d_limit[j] { d_limit[j] } else { grown[j] });
+            (last, last_inverse) = (beta[1], inverse[1]);
+        }
+        // The gain grows by one entry per column.
+        gain.fill([0.0; LANES]);
+        let mut rest = tiles;
+        for (t, (&v, &mu)) in v.iter().zip(mu.iter()).enumerate() {
+            let (column, right) = rest.split_at_mut(t + 1);
+            rest = right;
+            for (u, gain) in column.iter_mut().zip(gain.iter_mut()) {
+                let mut g = *gain;
+                for j in 0..LANES {
+                    let old = u[j];
+                    u[j] = from_fn(|i| old[i] + g[i] * mu[j]);
+                    g = from_fn(|i| g[i] + old[i] * v[j]);
+                }
+                *gain = g;
+            }
+        }
+        let step = innovation * last_inverse;
+        for s in 0..m {
+            theta[s] = from_fn(|i| theta[s][i] + gain[s][i] * step);
         }
         Update { innovation, bounded }
     }
 
     /// P_ij.
     pub fn covariance(&self, i: usize, j: usize) -> f64 {
-        (i.max(j)..self.n).map(|m| self.u_at(i, m) * self.d[m] * self.u_at(j, m)).sum()
+        (i.max(j)..self.n).map(|m| self.u_at(i, m) * self.d()[m] * self.u_at(j, m)).sum()
     }
 
     /// Sum of the diagonal of P.
@@ -136,7 +216,7 @@ impl RecursiveLeastSquares {
 
     /// Whether coefficients and covariance are finite.
     pub fn is_finite(&self) -> bool {
-        self.theta.iter().chain(&self.d).chain(&self.u).all(|v| v.is_finite())
+        self.theta.iter().chain(&self.d).chain(self.tiles.as_flattened()).flatten().all(|v| v.is_finite())
     }
 
     /// Writes the information that coefficients and covariance stand for: R with R'R = P^-1, z = R theta.
@@ -145,9 +225,9 @@ impl RecursiveLeastSquares {
     /// the best known other one.
     pub fn information(&self, information: &mut Triangle, row: &mut [f64]) {
         information.clear();
-        let smallest = self.d.iter().copied().filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
+        let smallest = self.d().iter().copied().filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
         for i in 0..self.n {
-            let d = if self.d[i] > 0.0 { self.d[i] } else { smallest };
+            let d = if self.d()[i] > 0.0 { self.d()[i] } else { smallest };
             // Row i of U^-1: entries w_j with w_i = 1 and w U = e_i.
             row.fill(0.0);
             row[i] = 1.0;
@@ -156,14 +236,28 @@ impl RecursiveLeastSquares {
             }
             let weight = 1.0 / d.sqrt();
             row.iter_mut().for_each(|value| *value *= weight);
-            let target = row.iter().zip(&self.theta).map(|(r, t)| r * t).sum();
+            let target = row.iter().zip(self.theta()).map(|(r, t)| r * t).sum();
             information.add(row, target);
         }
     }
 }
 
-fn column(j: usize) -> usize {
-    j * j.saturating_sub(1) / 2
+/// The tile that holds u_ij.
+fn tile(i: usize, j: usize) -> usize {
+    let (s, t) = (i / LANES, j / LANES);
+    t * (t + 1) / 2 + s
+}
+
+fn pairs(blocks: &[Block]) -> &[[f64; 2]] {
+    blocks.as_flattened().as_chunks().0
+}
+
+fn pairs_mut(blocks: &mut [Block]) -> &mut [[f64; 2]] {
+    blocks.as_flattened_mut().as_chunks_mut().0
+}
+
+fn sum(parts: Block) -> f64 {
+    (parts[0] + parts[2]) + (parts[1] + parts[3])
 }
 
 #[cfg(test)]

@@ -7,8 +7,8 @@ use pipeline::{
 };
 
 use crate::{
-    batch::Batch, errors::ErrorTracker, fuzzy::FuzzyForgetting, history::History, rank::RankGuard,
-    recursive::RecursiveLeastSquares, regression::Regression, split::Splitter, triangle::Triangle,
+    batch::Batch, errors::ErrorTracker, estimator::Estimator, history::History, rank::RankGuard,
+    regression::Regression, split::Splitter, triangle::Triangle,
 };
 
 /// Rounds of alternating least squares per snapshot in the full form: each starts from the last separation.
@@ -31,8 +31,7 @@ pub struct Identifier {
     commands: History,
     batch: Batch,
     regression: Regression,
-    estimator: RecursiveLeastSquares,
-    fuzzy: FuzzyForgetting,
+    estimator: Estimator,
     phi: Vec<f64>,
     classical_theta: Vec<f64>,
     projected: Triangle,
@@ -54,9 +53,11 @@ impl Identifier {
         let h = settings.horizon;
         let commands = nk + nb + h;
         let width = Regression::width_of(settings.form, structure);
-        let n = match settings.form {
-            Form::Linear => structure.linear_len(),
-            Form::Full => structure.full_len(),
+        let n = settings.coefficients();
+        let forgetting = match settings.forgetting {
+            // In the place of the bank, until it is here.
+            Forgetting::Auto => Forgetting::Constant(0.995),
+            one => one,
         };
         let zero = Coefficients::zero(structure);
         Self {
@@ -70,8 +71,7 @@ impl Identifier {
             commands: History::new(commands, width),
             batch: Batch::new(structure, settings.split),
             regression: Regression::full(structure),
-            estimator: RecursiveLeastSquares::new(n),
-            fuzzy: FuzzyForgetting::new(settings.fuzzy, 0.0),
+            estimator: Estimator::new(forgetting, n, &settings.fuzzy),
             phi: vec![0.0; n],
             classical_theta: vec![0.0; n],
             projected: Triangle::new(n),
@@ -166,11 +166,10 @@ impl Identifier {
         self.state.classical = offline.coefficients;
         self.state.adaptive = offline.coefficients;
         self.state.split_residual = offline.split_residual;
-        self.fuzzy = FuzzyForgetting::new(self.settings.fuzzy, offline.residual_sigma);
         match self.settings.form {
             Form::Full => {
                 self.held.copy_from_slice(self.batch.held());
-                self.estimator.start(self.batch.data(), &self.held);
+                self.estimator.start(self.batch.data(), &self.held, offline.residual_sigma);
                 self.classical_theta.copy_from_slice(self.batch.theta());
             }
             Form::Linear => {
@@ -178,7 +177,7 @@ impl Identifier {
                 self.batch.project(&offline.coefficients, &mut self.projected);
                 self.held.copy_from_slice(self.guard.dependent(&self.projected));
                 self.projected.hold_into(&self.held, &mut self.information);
-                self.estimator.start(&self.information, &self.held);
+                self.estimator.start(&self.information, &self.held, offline.residual_sigma);
                 let (a, b) = self.classical_theta.split_at_mut(structure.na);
                 let (b, drift) = b.split_at_mut(structure.nb + 1);
                 a.copy_from_slice(offline.coefficients.a());
@@ -211,15 +210,10 @@ impl Identifier {
         let past = outputs.latest(self.settings.structure.past_outputs());
         let target = regression.target(y, past);
         regression.regressor(past, commands.latest(nk + nb), &mut self.phi);
-        let predicted: f64 = self.phi.iter().zip(self.estimator.theta()).map(|(p, t)| p * t).sum();
-        let factor = match self.settings.forgetting {
-            Forgetting::Paper => self.fuzzy.factor(target - predicted),
-            Forgetting::Constant(factor) => factor,
-        };
-        let update = self.estimator.update(&self.phi, target, factor);
+        let update = self.estimator.update(&self.phi, target);
         self.state.innovation = update.innovation;
-        self.state.forgetting_factor = factor;
-        self.state.forgetting.push(1.0 - factor);
+        self.state.forgetting_factor = update.factor;
+        self.state.forgetting.push(1.0 - update.factor);
         self.state.updates += 1;
         if update.bounded {
             self.state.faults |= model_fault::COVARIANCE_BOUND;
@@ -242,15 +236,15 @@ impl Identifier {
                     self.state.adaptive.drift = drift.first().copied().unwrap_or(0.0);
                 }
                 Form::Full => {
-                    self.estimator.information(&mut self.information, &mut self.phi);
+                    self.estimator.factors().information(&mut self.information, &mut self.phi);
                     self.state.adaptive =
                         self.splitter.alternate(self.state.adaptive, &self.information, ROUNDS_PER_SNAPSHOT);
                     self.state.split_residual =
                         self.splitter.residual(self.estimator.theta(), &self.state.adaptive, &self.information);
                 }
             }
-            self.state.covariance_trace = self.estimator.covariance_trace();
-            if !self.state.adaptive.is_finite() || !self.estimator.is_finite() {
+            self.state.covariance_trace = self.estimator.factors().covariance_trace();
+            if !self.state.adaptive.is_finite() || !self.estimator.factors().is_finite() {
                 self.state.faults |= model_fault::NOT_FINITE;
             }
         }
@@ -278,9 +272,9 @@ impl Identifier {
         }
     }
 
-    /// Prediction error and change of it that count as PB, in the unit of the output.
-    pub fn universes(&self) -> (f64, f64) {
-        self.fuzzy.universes()
+    /// Prediction error and change of it that count as PB, in the unit of the output; only fuzzy forgetting has them.
+    pub fn universes(&self) -> Option<(f64, f64)> {
+        self.estimator.universes()
     }
 }
 

@@ -34,6 +34,7 @@ struct Report {
     form: pipeline::machine::Form,
     split: pipeline::machine::Split,
     forgetting: String,
+    /// Only fuzzy forgetting has universes.
     error_universe: Option<f64>,
     variation_universe: Option<f64>,
     faults: Vec<&'static str>,
@@ -120,7 +121,7 @@ fn settings(arguments: &cli::Identify, record: &Record) -> Result<Identification
     };
     fuzzy.error_universe = arguments.error_universe.or(fuzzy.error_universe);
     fuzzy.variation_universe = arguments.variation_universe.or(fuzzy.variation_universe);
-    Ok(Identification {
+    let settings = Identification {
         structure,
         output,
         period: record.period,
@@ -130,7 +131,11 @@ fn settings(arguments: &cli::Identify, record: &Record) -> Result<Identification
         split: arguments.split.into(),
         forgetting: arguments.forgetting,
         fuzzy,
-    })
+    };
+    settings
+        .check_window()
+        .map_err(|(found, allowed)| Failure::Usage(format!("--forgetting: found {found}; allowed: {allowed}")))?;
+    Ok(settings)
 }
 
 /// Orders and options of the model, from what was typed.
@@ -218,8 +223,8 @@ impl Report {
             form: settings.form,
             split: settings.split,
             forgetting: settings.forgetting.to_string(),
-            error_universe: universes.map(|both| both.0),
-            variation_universe: universes.map(|both| both.1),
+            error_universe: universes.map(|(error, _)| error),
+            variation_universe: universes.map(|(_, variation)| variation),
             faults: bit_names(snapshot.faults & model_fault::LASTING, &model_fault::NAMES).collect(),
             skipped: snapshot.skipped,
             irregular_steps: record.irregular_steps,

@@ -210,7 +210,8 @@ impl RecursiveLeastSquares {
         }
         // f = U' phi.
         let mut rest = &*tiles;
-        for (t, f) in f.iter_mut().enumerate() {
+        let mut total = [0.0; LANES];
+        for (t, (f, d)) in f.iter_mut().zip(d.iter()).enumerate() {
             let (column, right) = rest.split_at(t + 1);
             rest = right;
             let mut parts = [[0.0; LANES]; LANES];
@@ -220,12 +221,9 @@ impl RecursiveLeastSquares {
                 }
             }
             *f = parts.map(sum);
+            total = from_fn(|i| total[i] + d[i] * f[i] * f[i]);
         }
-        let mut parts = [0.0; LANES];
-        for (f, d) in f.iter().zip(d.iter()) {
-            parts = from_fn(|i| parts[i] + d[i] * f[i] * f[i]);
-        }
-        let leverage = sum(parts);
+        let leverage = sum(total);
         if !leverage.is_finite() {
             return Update { innovation, bounded: false };
         }
@@ -243,7 +241,8 @@ impl RecursiveLeastSquares {
             *mu = [-f[0] * last_inverse, -f[1] * inverse[0]];
             let grown = [d[0] * last * (inverse[0] * growth), d[1] * beta[0] * (inverse[1] * growth)];
             bounded |= (grown[0] > d_limit[0]) | (grown[1] > d_limit[1]);
-            *d = from_fn(|j| if grown[j] > d_limit[j] { d_limit[j] } else { grown[j].max(d_floor[j]) });
+            *d = from_fn(|j| if grown[j] > d_limit[j] { d_limit[j] } else { grown[j] });
+            *d = from_fn(|j| if d[j] < d_floor[j] { d_floor[j] } else { d[j] });
             (last, last_inverse) = (beta[1], inverse[1]);
         }
         // The gain grows by one entry per column.
@@ -330,28 +329,35 @@ impl RecursiveLeastSquares {
                 }
             }
         }
-        let mut bounded = false;
+        let (mut bounded, mut all) = (false, true);
         let scales = variances.as_flattened_mut().iter_mut().zip(self.variance_limit.as_flattened());
         for (j, (scale_of, limit)) in scales.enumerate() {
             let excited = j < self.n && !idle[j];
             let room = *scale_of * growth <= *limit;
             bounded |= excited && !room;
             *scale_of = if excited && room { scale } else { 1.0 };
+            all &= excited && room || j >= self.n;
+        }
+        for ((d, limit), s) in self.d.iter_mut().zip(&self.d_limit).zip(&self.v) {
+            for j in 0..LANES {
+                let grown = d[j] * s[j] * s[j];
+                bounded |= grown > limit[j];
+                d[j] = grown.min(limit[j]);
+            }
+        }
+        if all {
+            // One scale for all leaves U as it is.
+            return bounded;
         }
         let mut rest = &mut *self.tiles;
-        for t in 0..self.d.len() {
+        for (t, s_of_columns) in self.v.iter().enumerate() {
             let (column, right) = rest.split_at_mut(t + 1);
             rest = right;
-            for (u, s) in column.iter_mut().zip(self.v.iter()) {
+            let per = s_of_columns.map(f64::recip);
+            for (u, s) in column.iter_mut().zip(&self.v) {
                 for j in 0..LANES {
-                    let per = self.v[t][j].recip();
-                    u[j] = from_fn(|i| u[j][i] * (s[i] * per));
+                    u[j] = from_fn(|i| u[j][i] * (s[i] * per[j]));
                 }
-            }
-            for j in 0..LANES {
-                let (grown, limit) = (self.d[t][j] * self.v[t][j] * self.v[t][j], self.d_limit[t][j]);
-                bounded |= grown > limit;
-                self.d[t][j] = grown.min(limit);
             }
         }
         bounded

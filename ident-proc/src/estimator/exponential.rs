@@ -5,7 +5,10 @@
 //! machine that warms up and one that stays as it is.
 
 use super::{Adapted, Method};
-use crate::{recursive::RecursiveLeastSquares, triangle::Triangle};
+use crate::{
+    recursive::{Change, RecursiveLeastSquares},
+    triangle::Triangle,
+};
 
 /// The estimator `constant:L`.
 #[derive(Debug, Clone)]
@@ -31,8 +34,12 @@ impl Method for Exponential {
     }
 
     fn update(&mut self, phi: &[f64], target: f64) -> Adapted {
-        let update = self.factors.update(phi, target, self.factor);
-        Adapted { innovation: update.innovation, factor: self.factor, bounded: update.bounded }
+        let mut factor = 1.0;
+        let update = self.factors.update_by(phi, target, |_, _| {
+            factor = self.factor;
+            Change::forget(factor)
+        });
+        Adapted { innovation: update.innovation, factor, bounded: update.bounded }
     }
 
     fn factors(&self) -> &RecursiveLeastSquares {

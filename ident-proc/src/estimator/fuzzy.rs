@@ -1,4 +1,4 @@
-//! The fuzzy forgetting factor, step 5 of the paper: Table 1 and eq. (21).
+//! The fuzzy forgetting factor, step 5 of the paper: Table 1 and eq. (21), and the estimator with it.
 //!
 //! ```text
 //! e = 3 clip(error / error_universe)        de = 3 clip(change / variation_universe)       clip to [-1, 1]

@@ -7,18 +7,22 @@
 //! m(c) = E min(x^2, c^2) for x standard normal               g = 1/256, c = 2
 //! ```
 //!
-//! e is the innovation and s the running scale of its noise, both in the unit of the target. It starts at the
-//! standard deviation that offline identification left and does not fall below a quarter of that: at rest the errors of
-//! a counting encoder are zero, and the first sample of the next motion would be a thousand sigmas. Since an error
-//! counts at most as c sigmas (Huber's clipping; m(c) makes the scale that of normal noise again), one outlier moves s by less
-//! than a hundredth, while errors that stay large double it in about 100 samples: then they are the noise, and a wrong structure does
-//! not keep the memory short for ever, as it does with fixed universes. The root is the part of e that the
-//! uncertainty of the coefficients explains; without it short memory makes larger errors, and those a shorter memory.
+//! e is the innovation and s the running scale of its noise, both in the unit of the target. s starts at the standard
+//! deviation that offline identification left and does not fall below a quarter of that: at rest the errors of a
+//! counting encoder are zero, and the first sample of the next motion would be a thousand sigmas. Since an error counts
+//! at most as c sigmas (Huber: Robust Statistics, 1981; m(c) makes the scale that of normal noise again), one outlier
+//! moves s by less than a hundredth, while errors that stay large double it in about 100 samples: then they are the
+//! noise, and a wrong structure does not keep the memory short for ever, as it does with fixed universes. The root is
+//! the part of e that the uncertainty of the coefficients explains; without it a short memory makes larger errors, and
+//! those a shorter memory.
 //!
-//! PB is 8 sigmas of the error and 8 sqrt(2) of its change, for white noise as many of its own sigmas. Neighbouring terms are then 2.7
-//! sigmas apart, and white noise costs 6 % of the range of the factor on average, 0.006 with low = 0.9. With PB at 4
-//! sigmas it would cost 18 %, and with the paper's ratio of the two universes, one half, 35 %: the table asks for a
-//! small factor wherever the change is large, and of white noise the change is larger than the error.
+//! PB is 8 sigmas of the error and 8 sqrt(2) of its change, for white noise as many of its own sigmas. Neighbouring
+//! terms are then 2.7 sigmas apart, and white noise costs 6 % of the range of the factor on average: 0.006 with low
+//! 0.9. With PB at 4 sigmas it would cost 18 %, and with the paper's ratio of the two universes, one half, 35 %: the
+//! table asks for a small factor wherever the change is large, and of white noise the change is larger than the error.
+//!
+//! Trap: a change of the plant is followed only while s has not yet grown to it, for some 100 samples of errors. Below
+//! low about 0.9 that is more than enough; with low near 1 it may not be.
 
 use pipeline::machine::{Fuzzy, Level};
 

@@ -119,9 +119,10 @@ impl RecursiveLeastSquares {
     ///
     /// With a regressor or output that is not finite nothing is learned; the innovation shows it.
     pub fn update(&mut self, phi: &[f64], y: f64, lambda: f64) -> Update {
-        // The same code three times: where the compiler knows the number of blocks, it unrolls all loops. Two blocks
-        // are the linear form of the built-in machine, four the full form.
-        match self.d.len() {
+        // The same code three times: where the compiler knows the number of blocks, it unrolls all loops. With the
+        // built-in machine's structure the linear form has two blocks, the full form four.
+        let phi = &phi[..self.n];
+        match self.theta.len() {
             2 => self.update_blocks(2, phi, y, lambda),
             4 => self.update_blocks(4, phi, y, lambda),
             m => self.update_blocks(m, phi, y, lambda),
@@ -130,76 +131,20 @@ impl RecursiveLeastSquares {
 
     #[inline(always)]
     fn update_blocks(&mut self, m: usize, phi: &[f64], y: f64, lambda: f64) -> Update {
-        // f in both senses: first U' phi, then scratch.
-        let tiles = &mut self.tiles[..m * (m + 1) / 2];
-        let (theta, d, d_limit) = (&mut self.theta[..m], &mut self.d[..m], &self.d_limit[..m]);
-        let (copy, f, v) = (&mut self.phi[..m], &mut self.f[..m], &mut self.v[..m]);
-        let (mu, gain) = (&mut self.mu[..m], &mut self.gain[..m]);
+        let (tiles, theta, copy) = (&mut self.tiles[..m * (m + 1) / 2], &mut self.theta[..m], &mut self.phi[..m]);
+        let (f, v, mu, gain) = (&mut self.f[..m], &mut self.v[..m], &mut self.mu[..m], &mut self.gain[..m]);
 
-        let (whole, rest) = phi.as_chunks::<LANES>();
-        let mut parts = [0.0; LANES];
-        for ((copy, phi), theta) in copy.iter_mut().zip(whole).zip(theta.iter()) {
-            *copy = *phi;
-            parts = from_fn(|i| parts[i] + phi[i] * theta[i]);
-        }
-        if let (Some(copy), Some(theta)) = (copy.get_mut(whole.len()), theta.get(whole.len())) {
-            for (i, phi) in rest.iter().enumerate() {
-                copy[i] = *phi;
-                parts[i] += phi * theta[i];
-            }
-        }
-        let innovation = y - sum(parts);
+        let innovation = y - predict(theta, phi, copy);
         if !innovation.is_finite() {
             return Update { innovation, bounded: false };
         }
-        // f = U' phi.
-        let mut rest = &*tiles;
-        for (t, f) in f.iter_mut().enumerate() {
-            let (column, right) = rest.split_at(t + 1);
-            rest = right;
-            let mut parts = [[0.0; LANES]; LANES];
-            for (u, phi) in column.iter().zip(copy.iter()) {
-                for j in 0..LANES {
-                    (0..LANES).for_each(|i| parts[j][i] += u[j][i] * phi[i]);
-                }
-            }
-            *f = parts.map(sum);
-        }
-        // beta_j = lambda + sum of d_i f_i^2, i <= j.
-        let mut bounded = false;
-        let (mut last, mut last_inverse) = (lambda, 1.0 / lambda);
-        let per_lambda = last_inverse;
-        let columns = pairs_mut(d).iter_mut().zip(pairs(d_limit)).zip(pairs(f));
-        for (((d, d_limit), f), (v, mu)) in columns.zip(pairs_mut(v).iter_mut().zip(pairs_mut(mu))) {
-            *v = [d[0] * f[0], d[1] * f[1]];
-            let (first, second) = (f[0] * v[0], f[1] * v[1]);
-            let beta = [last + first, last + (first + second)];
-            let inverse = beta.map(|beta| 1.0 / beta);
-            *mu = [-f[0] * last_inverse, -f[1] * inverse[0]];
-            let grown = [d[0] * last * (inverse[0] * per_lambda), d[1] * beta[0] * (inverse[1] * per_lambda)];
-            bounded |= (grown[0] > d_limit[0]) | (grown[1] > d_limit[1]);
-            *d = from_fn(|j| if grown[j] > d_limit[j] { d_limit[j] } else { grown[j] });
-            (last, last_inverse) = (beta[1], inverse[1]);
-        }
-        // The gain grows by one entry per column.
+        project(tiles, copy, f);
+        let (bounded, per_beta) = divide(&mut self.d[..m], &self.d_limit[..m], f, lambda, v, mu);
         gain.fill([0.0; LANES]);
-        let mut rest = tiles;
-        for (t, (&v, &mu)) in v.iter().zip(mu.iter()).enumerate() {
-            let (column, right) = rest.split_at_mut(t + 1);
-            rest = right;
-            for (u, gain) in column.iter_mut().zip(gain.iter_mut()) {
-                let mut g = *gain;
-                for j in 0..LANES {
-                    let old = u[j];
-                    u[j] = from_fn(|i| old[i] + g[i] * mu[j]);
-                    g = from_fn(|i| g[i] + old[i] * v[j]);
-                }
-                *gain = g;
-            }
-        }
-        let step = innovation * last_inverse;
-        for s in 0..m {
-            theta[s] = from_fn(|i| theta[s][i] + gain[s][i] * step);
+        spread(tiles, v, mu, gain);
+        let step = innovation * per_beta;
+        for (theta, gain) in theta.iter_mut().zip(gain) {
+            *theta = from_fn(|i| theta[i] + gain[i] * step);
         }
         Update { innovation, bounded }
     }
@@ -242,10 +187,96 @@ impl RecursiveLeastSquares {
     }
 }
 
+/// phi' theta; copies phi on the way.
+#[inline(always)]
+fn predict(theta: &[Block], phi: &[f64], copy: &mut [Block]) -> f64 {
+    let (whole, rest) = phi.as_chunks::<LANES>();
+    let mut parts = [0.0; LANES];
+    for ((phi, theta), copy) in whole.iter().zip(theta).zip(copy.iter_mut()) {
+        *copy = *phi;
+        parts = from_fn(|i| parts[i] + phi[i] * theta[i]);
+    }
+    if let (Some(theta), Some(copy)) = (theta.get(whole.len()), copy.get_mut(whole.len())) {
+        for (i, phi) in rest.iter().enumerate() {
+            copy[i] = *phi;
+            parts[i] += phi * theta[i];
+        }
+    }
+    sum(parts)
+}
+
+/// f = U' phi.
+#[inline(always)]
+fn project(mut tiles: &[[Block; LANES]], phi: &[Block], f: &mut [Block]) {
+    for (t, f) in f.iter_mut().enumerate() {
+        let (column, right) = tiles.split_at(t + 1);
+        tiles = right;
+        let mut parts = [[0.0; LANES]; LANES];
+        for (u, phi) in column.iter().zip(phi) {
+            for j in 0..LANES {
+                parts[j] = from_fn(|i| parts[j][i] + u[j][i] * phi[i]);
+            }
+        }
+        *f = parts.map(sum);
+    }
+}
+
+/// v = D f, mu_j = -f_j / beta_(j-1), and the new D, with beta_j = lambda + sum of f_i v_i, i <= j.
+///
+/// Returns whether D was cut, and 1 / beta of the last column. A division takes as long as ten additions: there is one
+/// per column, and two columns are divided at once.
+#[inline(always)]
+fn divide(
+    d: &mut [Block],
+    d_limit: &[Block],
+    f: &[Block],
+    lambda: f64,
+    v: &mut [Block],
+    mu: &mut [Block],
+) -> (bool, f64) {
+    let per_lambda = 1.0 / lambda;
+    let (mut bounded, mut beta, mut per_beta) = (false, lambda, per_lambda);
+    let columns = pairs_mut(d).iter_mut().zip(pairs(d_limit)).zip(pairs(f));
+    for (((d, limit), f), (v, mu)) in columns.zip(pairs_mut(v).iter_mut().zip(pairs_mut(mu))) {
+        *v = [d[0] * f[0], d[1] * f[1]];
+        let [first, second] = [f[0] * v[0], f[1] * v[1]];
+        let next = [beta + first, beta + (first + second)];
+        let per_next = next.map(|beta| 1.0 / beta);
+        *mu = [-f[0] * per_beta, -f[1] * per_next[0]];
+        let free = [d[0] * beta * (per_next[0] * per_lambda), d[1] * next[0] * (per_next[1] * per_lambda)];
+        bounded |= (free[0] > limit[0]) | (free[1] > limit[1]);
+        *d = from_fn(|j| if free[j] > limit[j] { limit[j] } else { free[j] });
+        (beta, per_beta) = (next[1], per_next[1]);
+    }
+    (bounded, per_beta)
+}
+
+/// The new U, u_ij + gain_i mu_j; the gain, zero at first, grows by one entry per column.
+#[inline(always)]
+fn spread(mut tiles: &mut [[Block; LANES]], v: &[Block], mu: &[Block], gain: &mut [Block]) {
+    for (t, (&v, &mu)) in v.iter().zip(mu).enumerate() {
+        let (column, right) = tiles.split_at_mut(t + 1);
+        tiles = right;
+        for (u, gain) in column.iter_mut().zip(gain.iter_mut()) {
+            let mut g = *gain;
+            for j in 0..LANES {
+                let old = u[j];
+                u[j] = from_fn(|i| old[i] + g[i] * mu[j]);
+                g = from_fn(|i| g[i] + old[i] * v[j]);
+            }
+            *gain = g;
+        }
+    }
+}
+
 /// The tile that holds u_ij.
 fn tile(i: usize, j: usize) -> usize {
     let (s, t) = (i / LANES, j / LANES);
     t * (t + 1) / 2 + s
+}
+
+fn sum(parts: Block) -> f64 {
+    (parts[0] + parts[2]) + (parts[1] + parts[3])
 }
 
 fn pairs(blocks: &[Block]) -> &[[f64; 2]] {
@@ -254,10 +285,6 @@ fn pairs(blocks: &[Block]) -> &[[f64; 2]] {
 
 fn pairs_mut(blocks: &mut [Block]) -> &mut [[f64; 2]] {
     blocks.as_flattened_mut().as_chunks_mut().0
-}
-
-fn sum(parts: Block) -> f64 {
-    (parts[0] + parts[2]) + (parts[1] + parts[3])
 }
 
 #[cfg(test)]

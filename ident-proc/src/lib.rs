@@ -25,6 +25,7 @@ pub mod recursive;
 pub mod regression;
 pub mod split;
 pub mod triangle;
+pub mod validation;
 
 pub use identifier::Identifier;
 pub use identifiers::Identifiers;

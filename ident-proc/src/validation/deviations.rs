@@ -171,10 +171,11 @@ impl<'a> Layout<'a> {
 fn jacobian_rows(data: &Triangle, held: &[bool], layout: &Layout) -> Triangle {
     let mut rows = Triangle::new(layout.len());
     let mut is_held = held.iter();
-    rows.add_mapped(data, |row, out| {
+    rows.add_mapped(data, |row, target, out| {
         if is_held.next() != Some(&true) {
             layout.map(row, out);
         }
+        target
     });
     rows
 }

@@ -36,6 +36,10 @@ pub struct Identifier {
     commands: History,
     row: Row,
     gate: OutlierGate,
+    /// Predictions of the sample, in the order of their size.
+    predictions: [f64; 3],
+    /// Samples of the training until the row has measurements only.
+    tainted: usize,
     rest: Rest,
     batch: Batch,
     adaptation: Adaptation,
@@ -79,6 +83,8 @@ impl Identifier {
             commands: History::new(row.nk + row.nb, 2 * row.order),
             row: Row::new(row),
             gate: OutlierGate::default(),
+            predictions: [0.0; 3],
+            tainted: 0,
             rest: Rest::new(h),
             batch: Batch::new(structure, settings.split),
             adaptation,
@@ -169,12 +175,14 @@ impl Identifier {
                 }
                 self.outputs.push(y);
             }
-            Verdict::Wild(instead) => {
+            Verdict::Wild => {
                 self.state.outliers += 1;
                 self.state.faults |= model_fault::OUTLIER;
                 self.skip();
                 self.pass();
+                let instead = self.predictions[1];
                 self.outputs.push(instead);
+                self.tainted = self.row.structure().na;
             }
             Verdict::Step => {
                 self.skip();
@@ -187,18 +195,22 @@ impl Identifier {
         }
     }
 
+    /// Judges y(k) by what is predicted of it, and puts the middle one of the predictions in the middle.
     fn judge(&mut self, y: f64) -> Verdict {
         let before = self.outputs.latest(1)[0];
-        if self.trained {
+        self.predictions = if self.trained {
             let adaptive = product(self.adaptive_tracker.theta(), self.row.values());
             let classical = product(&self.classical, self.row.values());
-            let verdict = self.gate.judge(y, [adaptive, classical, before]);
             self.state.innovation_ratio = (y - adaptive).abs() / self.gate.size();
-            verdict
+            [adaptive, classical, before]
         } else {
+            // Before there is a model: what stands still, and what goes on as it did.
             let earlier = self.outputs.latest(self.outputs.len().min(2))[0];
-            self.gate.judge(y, [before, 2.0 * before - earlier])
-        }
+            [before, 2.0 * before - earlier, 2.0 * before - earlier]
+        };
+        let verdict = self.gate.judge(y, &self.predictions);
+        self.predictions.sort_by(f64::total_cmp);
+        verdict
     }
 
     fn skip(&mut self) {
@@ -231,7 +243,14 @@ impl Identifier {
 
     /// A sample of the training.
     fn collect(&mut self, y: f64, resting: bool) {
+        if self.tainted > 0 {
+            // The row has a prediction in the place of a measurement.
+            self.tainted -= 1;
+            self.pass();
+            return;
+        }
         self.batch.add(y, &self.row);
+        self.gate.collect(y - self.outputs.latest(1)[0]);
         let h = self.settings.horizon;
         let travel = (self.outputs.len() >= h).then(|| y - self.outputs.latest(h)[0]);
         self.rest.collect(travel, self.command);

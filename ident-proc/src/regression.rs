@@ -112,6 +112,19 @@ impl Regression {
         }
     }
 
+    /// Marks the coefficients that only commands of an `idle` sign, positive or negative, contribute to.
+    pub fn mark_idle(&self, idle: [bool; 2], marks: &mut [bool]) {
+        let Structure { na, nb, order, .. } = self.structure;
+        let per_sign = match self.form {
+            Form::Full => order * (nb + 1),
+            Form::Linear => 0,
+            Form::Directional => nb + 1,
+        };
+        marks.fill(false);
+        marks[na..na + per_sign].fill(idle[0]);
+        marks[na + per_sign..na + 2 * per_sign].fill(idle[1]);
+    }
+
     /// The least-squares problem of this form, from the one of rows of the structure `of`.
     pub fn project(&self, rows: &Triangle, of: &Structure, projected: &mut Triangle) {
         projected.clear();

@@ -28,14 +28,14 @@ fn spoil(axis: &mut AxisSnapshot, way: usize, place: usize, size: f64) {
         8 => [model.na, model.nb, model.nk, model.order][place % 4] = 0,
         9 => model.nk = [0, 4, 6, 65, u32::MAX][place % 5],
         10 => model.na = [0, 1, 4, 6, u32::MAX][place % 5],
-        11 => model.nb = [1, 2, 5, u32::MAX][place % 4],
+        11 => model.nb = [2, 3, 5, u32::MAX][place % 4],
         12 => model.order = [0, 1, 4, 6, u32::MAX][place % 5],
         13 => axis.faults |= model_fault::TRAINING,
         14 => axis.faults |= model_fault::NOT_FINITE,
         15 => model.b[0] *= 1e-4 * size.min(1.0),
         _ => {
-            axis.adaptive_errors.h_step.count = 200;
-            axis.adaptive_errors.h_step.m2 = 200.0 * (1.6 + size).powi(2);
+            axis.separated_h_step.count = 200;
+            axis.separated_h_step.m2 = 200.0 * (1.6 + size).powi(2);
             axis.classical_errors.h_step.count = 200;
             axis.classical_errors.h_step.m2 = 200.0;
         }

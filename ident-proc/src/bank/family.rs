@@ -13,6 +13,7 @@ pub struct Family {
     factors: &'static [f64],
     members: Vec<RecursiveLeastSquares>,
     phi: Vec<f64>,
+    idle: Vec<bool>,
     data: Triangle,
     restricted: Triangle,
     guard: RankGuard,
@@ -28,6 +29,7 @@ impl Family {
             factors,
             members: vec![RecursiveLeastSquares::new(n); factors.len()],
             phi: vec![0.0; n],
+            idle: vec![false; n],
             data: Triangle::new(n),
             restricted: Triangle::new(n),
             guard: RankGuard::new(n),
@@ -43,14 +45,22 @@ impl Family {
         self.members.iter_mut().for_each(|member| member.start(&self.restricted, held));
     }
 
-    /// One update of every member with y(k) and the row of sample k, or with both smoothed. Returns whether a
-    /// covariance was cut at its bound.
-    pub fn learn(&mut self, y: f64, row: &[f64], of: &Structure) -> bool {
+    /// One update of every member with y(k) and the row of sample k, or with both smoothed. What only commands of an
+    /// `idle` sign contribute to is not forgotten. Returns whether a covariance was cut at its bound.
+    pub fn learn(&mut self, y: f64, row: &[f64], of: &Structure, idle: [bool; 2]) -> bool {
         self.regression.regressor(row, of, &mut self.phi);
         let target = self.regression.target(y, row);
+        self.regression.mark_idle(idle, &mut self.idle);
+        let selective = self.idle.contains(&true);
         let mut bounded = false;
         for (member, factor) in self.members.iter_mut().zip(self.factors) {
-            bounded |= member.update(&self.phi, target, *factor).bounded;
+            let factor = if selective {
+                bounded |= member.forget_selectively(*factor, &self.idle);
+                1.0
+            } else {
+                *factor
+            };
+            bounded |= member.update(&self.phi, target, factor).bounded;
         }
         bounded
     }

@@ -28,8 +28,9 @@
 //! Identification for long-range predictive control, IEE Proceedings D 138, 1991).
 //!
 //! Traps: a member whose poles would make a prediction grow e-fold over the horizon gets no weight, however
-//! well it did. And at rest every model predicts perfectly while its coefficients learn the noise: an axis that rests
-//! teaches nothing and scores nothing ([`crate::rest`]).
+//! well it did. At rest every model predicts perfectly while its coefficients learn the noise: an axis that rests
+//! teaches nothing and scores nothing ([`crate::rest`]). And an axis that is moved in one direction only would forget the
+//! other: what is known of a sign that is long out of use is not forgotten.
 
 mod family;
 mod scores;
@@ -51,6 +52,8 @@ use crate::{
 const FORECASTS: usize = 4;
 /// Time constant of the smoothed family, in horizons.
 const SMOOTHING: f64 = 0.12;
+/// Horizons after which a sign of the command that is not used counts as idle.
+const IDLE: u64 = 20;
 /// Half rounds of separation at the start, where it begins from the classical model.
 const FIRST_ROUNDS: usize = 40;
 
@@ -83,6 +86,9 @@ pub struct Bank {
     /// Forecasts of each member on their way.
     launched: usize,
     separation: RankOne,
+    /// Samples since a positive, and since a negative command was in the row.
+    unused: [u64; 2],
+    idle_after: u64,
 }
 
 impl Bank {
@@ -127,6 +133,8 @@ impl Bank {
             slot: 0,
             launched: 0,
             separation: RankOne::new(row),
+            unused: [0; 2],
+            idle_after: IDLE * horizon as u64,
         }
     }
 
@@ -174,6 +182,7 @@ impl Bank {
             let (forecasts, slots, slot) = (&self.forecasts, self.slots, self.slot);
             self.scores.push(|member| y - forecasts.predicted(member * slots + slot));
         }
+        let idle = self.idle_signs(row);
         let mut learned = Learned { factor: self.weights[0], bounded: false };
         let mut weights = self.weights[1..].iter();
         for family in &mut self.families {
@@ -181,7 +190,7 @@ impl Bank {
                 true => (&self.smoothed[..row.values().len()], self.smoothed[row.values().len()]),
                 false => (row.values(), y),
             };
-            learned.bounded |= family.learn(target, row, &self.row_structure);
+            learned.bounded |= family.learn(target, row, &self.row_structure, idle);
             for (factor, weight) in family.factors().iter().zip(&mut weights) {
                 learned.factor += weight * factor;
             }
@@ -289,6 +298,16 @@ impl Bank {
             before += family.len();
         }
         0.0
+    }
+
+    /// Whether positive, and negative commands have been out of use for long.
+    fn idle_signs(&mut self, row: &Row) -> [bool; 2] {
+        let Structure { nb, order, .. } = self.row_structure;
+        let signs = row.driven().chunks_exact(order * (nb + 1));
+        for (unused, features) in self.unused.iter_mut().zip(signs) {
+            *unused = if features.iter().all(|feature| *feature == 0.0) { *unused + 1 } else { 0 };
+        }
+        self.unused.map(|samples| samples > self.idle_after)
     }
 
     fn smooth(&mut self, y: f64, row: &Row) {

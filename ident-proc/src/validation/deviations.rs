@@ -234,7 +234,7 @@ fn involved(data: &Triangle, dependent: &[bool]) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::{super::noise::Noise, *};
-    use crate::{history::History, regression::Regression, split::Splitter};
+    use crate::{history::History, row::Row, split::Splitter};
     use nalgebra::{DMatrix, DVector};
     use pipeline::machine::Split;
 
@@ -253,24 +253,25 @@ mod tests {
     /// The triangle of a record of `model` with white noise of the standard deviation 0.05 in (12), `offset` in every
     /// row; with `offset` a constant is its last unknown.
     fn record(model: &Coefficients, input: impl Fn(usize) -> f64, seed: u64, offset: Option<f64>) -> Triangle {
-        let regression = Regression::full(STRUCTURE);
-        let n = regression.len();
+        let mut row = Row::new(STRUCTURE);
+        let n = STRUCTURE.full_len();
         let mut data = Triangle::new(n + usize::from(offset.is_some()));
-        let (mut outputs, mut commands) = (History::new(2, 1), History::new(2, regression.width()));
+        let (mut outputs, mut commands) = (History::new(2, 1), History::new(2, 2 * STRUCTURE.order));
         (0..2).for_each(|_| outputs.push(0.0));
         let mut phi = vec![1.0; data.len()];
         let mut x = [0.0; 2];
         let mut noise = Noise::new(seed);
         for k in 0..ROWS + 2 {
             if k >= 2 {
-                regression.regressor(outputs.latest(2), commands.latest(2), &mut phi[..n]);
+                row.fill(&outputs, &commands);
+                phi[..n].copy_from_slice(row.values());
                 let newest = [outputs.latest(2)[1], outputs.latest(2)[0]];
                 let y = model.predict_one(&newest, &x) + offset.unwrap_or(0.0) + 0.05 * noise.normal();
                 data.add(&phi, y);
                 outputs.push(y);
             }
             x = [model.nonlinearity().evaluate(input(k)), x[0]];
-            commands.push_with(|slot| regression.features(input(k), slot));
+            commands.push_with(|slot| STRUCTURE.input.features(input(k), slot));
         }
         data
     }

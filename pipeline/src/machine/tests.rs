@@ -41,7 +41,7 @@ fn every_kind_of_wrong_value_names_key_found_and_allowed() {
         ("period = \"10ms\"", "period = \"10 cm\"", "timing.period: found \"10 cm\"; allowed: a duration"),
         ("kind = \"sim\"", "kind = \"simm\"", "source.kind: found \"simm\"; allowed: \"sim\" or \"replay\""),
         ("lock_memory = false", "lock_memory = 0", "realtime.lock_memory: found 0; allowed: true or false"),
-        ("forgetting = \"paper\" ", "forgetting = \"constant:1.5\" ", "axis.boom.forgetting: found \"constant:1.5\""),
+        ("forgetting = \"auto\" ", "forgetting = \"constant:1.5\" ", "axis.boom.forgetting: found \"constant:1.5\""),
         ("soft_limits = [0.05, 1.284]", "soft_limits = [1.2, 0.1]", "axis.boom.soft_limits: found [1.2, 0.1]"),
         (
             "amplitude = 0.12, frequency = 0.11",
@@ -94,7 +94,7 @@ fn a_setting_takes_the_place_of_the_file() {
     let set = |key: &str, value: &str| Machine::load(None, &[(key.to_owned(), value.to_owned())]);
     let machine = set("axis.boom.forgetting", "constant:0.99").unwrap();
     assert_eq!(machine.axes[0].identification.forgetting, Forgetting::Constant(0.99));
-    assert_eq!(machine.axes[1].identification.forgetting, Forgetting::Paper);
+    assert_eq!(machine.axes[1].identification.forgetting, Forgetting::Auto);
     for text in ["auto", "paper", "constant:1", "fuzzy:0.9", "fortescue:2", "directional:0.5", "window:100000"] {
         let machine = set("axis.boom.forgetting", text).unwrap();
         assert_eq!(machine.axes[0].identification.forgetting.to_string(), text);

@@ -1,0 +1,231 @@
+//! What must not harm the estimate: rest, one direction only, a wild sample, a gap, a sensor that is set anew.
+
+use ident_proc::Identifier;
+use pipeline::{
+    hammerstein::{Coefficients, Structure},
+    machine::{Forgetting, Form, Identification, Machine},
+    message::{AxisSnapshot, model_fault},
+};
+
+const TRAINING: usize = 2000;
+const HORIZON: usize = 25;
+/// Counts of the encoder, m.
+const COUNT: f64 = 1e-4;
+
+/// A bounded sequence without structure that matters here.
+fn noise(i: usize) -> f64 {
+    let x = (i as f64 * 12.9898).sin() * 43758.5453;
+    2.0 * (x - x.floor()) - 1.0
+}
+
+fn settings(forgetting: Forgetting) -> Identification {
+    let built_in = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
+    let structure = Structure::PAPER;
+    Identification { structure, training: TRAINING, horizon: HORIZON, forgetting, form: Form::Linear, ..built_in }
+}
+
+/// A position that integrates the answer of a valve, read by an encoder.
+struct Plant {
+    gains: [f64; 2],
+    position: f64,
+    speed: f64,
+    before: f64,
+    samples: usize,
+}
+
+impl Plant {
+    fn new() -> Self {
+        Self { gains: [0.002, 0.003], position: 0.5, speed: 0.0, before: 0.0, samples: 0 }
+    }
+
+    /// One sample: the command reaches the position two samples later. Returns what the encoder says.
+    fn step(&mut self, command: f64) -> f64 {
+        let x = self.before + 0.3 * self.before.abs() * self.before;
+        self.before = command;
+        self.speed = 0.7 * self.speed + 0.3 * x * self.gains[usize::from(x < 0.0)];
+        self.position += self.speed;
+        self.samples += 1;
+        ((self.position + 0.3 * COUNT * noise(self.samples)) / COUNT).round() * COUNT
+    }
+}
+
+/// A command that keeps the position near its middle and excites everything.
+fn exciting(k: usize, position: f64) -> f64 {
+    let target = 0.5 + 0.2 * (k as f64 * 0.013).sin() + 0.1 * (k as f64 * 0.041).sin() + 0.05 * (k as f64 * 0.11).sin();
+    (10.0 * (target - position) + 0.1 * noise(k / 7)).clamp(-1.0, 1.0)
+}
+
+struct Run {
+    identifier: Identifier,
+    plant: Plant,
+    output: f64,
+    k: usize,
+}
+
+impl Run {
+    /// Trained, and adapted for a while.
+    fn new(forgetting: Forgetting) -> Self {
+        let mut run =
+            Self { identifier: Identifier::new(&settings(forgetting)), plant: Plant::new(), output: 0.5, k: 0 };
+        run.excite(TRAINING + 1000);
+        run
+    }
+
+    fn sample(&mut self, command: f64) {
+        self.output = self.plant.step(command);
+        self.identifier.update(Some(self.output), Some(command));
+        self.k += 1;
+    }
+
+    fn excite(&mut self, samples: usize) {
+        for _ in 0..samples {
+            self.sample(exciting(self.k, self.output));
+        }
+    }
+
+    fn snapshot(&self) -> AxisSnapshot {
+        self.identifier.snapshot()
+    }
+
+    /// Root mean square of the h-step errors over the next samples of full excitation, before they could teach much.
+    fn h_step(&mut self, samples: usize) -> f64 {
+        let before = self.snapshot().adaptive_errors.h_step;
+        self.excite(samples);
+        let after = self.snapshot().adaptive_errors.h_step;
+        let sum = |s: pipeline::statistics::ErrorStatistics| s.m2 + s.count as f64 * s.mean * s.mean;
+        ((sum(after) - sum(before)) / (after.count - before.count) as f64).sqrt()
+    }
+}
+
+/// The predictions over 500 samples after `disturb`, in parts of those without it.
+fn harm(forgetting: Forgetting, disturb: impl Fn(&mut Run)) -> f64 {
+    let (mut with, mut without) = (Run::new(forgetting), Run::new(forgetting));
+    disturb(&mut with);
+    let (with, without) = (with.h_step(500), without.h_step(500));
+    println!("{forgetting}: {with} after it, {without} without");
+    with / without
+}
+
+#[test]
+fn ten_million_samples_at_rest_do_no_harm() {
+    let rest = |run: &mut Run| {
+        for _ in 0..10_000_000 {
+            run.sample(0.0);
+        }
+        assert_ne!(run.snapshot().faults & model_fault::RESTING, 0);
+        assert!(run.snapshot().since_update > 9_000_000);
+    };
+    let harm = harm(Forgetting::Auto, rest);
+    assert!(harm < 1.05, "{harm}");
+}
+
+#[test]
+fn a_million_samples_in_one_direction_do_no_harm() {
+    // The valve only ever extends; now and then the axis has been brought back while nobody looked.
+    let one_direction = |run: &mut Run| {
+        for k in 0..1_000_000 {
+            let command = 0.4 + 0.3 * (k as f64 * 0.013).sin() + 0.15 * (k as f64 * 0.11).sin() + 0.1 * noise(k / 7);
+            run.sample(command.max(0.0));
+            if run.plant.position > 1.0 {
+                run.plant.position = 0.1;
+                run.identifier.update(None, None);
+            }
+        }
+        assert_ne!(run.snapshot().faults & model_fault::ONE_SIDED, 0);
+        run.plant.position = 0.5;
+        run.output = 0.5;
+        run.identifier.update(None, None);
+    };
+    let harm = harm(Forgetting::Auto, one_direction);
+    assert!(harm < 1.05, "{harm}");
+}
+
+#[test]
+fn one_wild_sample_changes_nothing_to_speak_of() {
+    let run = |wild: Option<f64>| {
+        let mut run = Run::new(Forgetting::Auto);
+        let sigma = run.snapshot().adaptive_errors.one_step.sigma();
+        let before = run.snapshot();
+        if let Some(size) = wild {
+            let command = exciting(run.k, run.output);
+            let sound = run.plant.step(command);
+            run.identifier.update(Some(sound + size * sigma), Some(command));
+            (run.k, run.output) = (run.k + 1, sound);
+            let after = run.snapshot();
+            assert_ne!(after.faults & model_fault::OUTLIER, 0);
+            assert_eq!((after.outliers, after.skipped), (before.outliers + 1, before.skipped + 1));
+        } else {
+            run.sample(exciting(run.k, run.output));
+        }
+        run.excite(3000);
+        run.snapshot().adaptive_errors.h_step.sigma()
+    };
+    let without = run(None);
+    for size in [1000.0, -1000.0, 1e9] {
+        let with = run(Some(size));
+        println!("{size} sigma: {with} against {without}");
+        assert!((with / without - 1.0).abs() < 0.01, "{size}: {with} {without}");
+    }
+}
+
+#[test]
+fn a_wild_sample_in_the_training_does_not_spoil_the_classical_model() {
+    let run = |wild: bool| {
+        let mut identifier = Identifier::new(&settings(Forgetting::Auto));
+        let (mut plant, mut output) = (Plant::new(), 0.5);
+        for k in 0..TRAINING + 1000 {
+            let command = exciting(k, output);
+            output = plant.step(command);
+            let measured = if wild && k == 700 { output + 0.3 } else { output };
+            identifier.update(Some(measured), Some(command));
+        }
+        identifier.snapshot()
+    };
+    let (with, without) = (run(true), run(false));
+    assert_eq!((with.outliers, without.outliers), (1, 0));
+    let ratio = with.classical_errors.h_step.sigma() / without.classical_errors.h_step.sigma();
+    assert!((ratio - 1.0).abs() < 0.01, "{ratio}");
+}
+
+#[test]
+fn an_encoder_that_is_set_anew_is_believed_after_a_few_samples() {
+    let mut run = Run::new(Forgetting::Auto);
+    let before = run.snapshot();
+    for _ in 0..200 {
+        let command = exciting(run.k, run.output);
+        run.output = run.plant.step(command);
+        run.k += 1;
+        run.identifier.update(Some(run.output + 0.3), Some(command));
+    }
+    let after = run.snapshot();
+    assert_eq!(after.outliers - before.outliers, 5);
+    assert!(after.updates - before.updates > 180);
+    assert!(after.adaptive_errors.h_step.max < 0.05, "{}", after.adaptive_errors.h_step.max);
+}
+
+#[test]
+fn the_gain_of_each_direction_is_told() {
+    let mut run = Run::new(Forgetting::Auto);
+    run.plant.gains = [0.001, 0.003];
+    run.excite(3000);
+    let [extend, retract] = run.snapshot().gain_ratio;
+    assert!((extend - 0.5).abs() < 0.1 && (retract - 1.0).abs() < 0.15, "{extend} {retract}");
+    assert_eq!(run.snapshot().faults, 0);
+    run.plant.gains = [0.0002, 0.003];
+    run.excite(3000);
+    assert_ne!(run.snapshot().faults & model_fault::GAIN, 0, "{:?}", run.snapshot().gain_ratio);
+}
+
+#[test]
+fn every_estimator_stays_finite_at_rest_and_in_one_direction() {
+    for text in ["paper", "constant:0.75", "fuzzy:0.75", "fortescue:50", "directional:0.9", "window:100", "auto"] {
+        let mut run = Run::new(text.parse().unwrap());
+        (0..100_000).for_each(|_| run.sample(0.0));
+        (0..500).for_each(|k| run.sample(0.05 + 0.04 * noise(k)));
+        run.excite(1000);
+        let snapshot = run.snapshot();
+        assert!(snapshot.adaptive.is_finite(), "{text}: {:?}", snapshot.adaptive);
+        assert_eq!(snapshot.faults & model_fault::NOT_FINITE, 0, "{text}");
+        assert!(Coefficients::is_finite(&snapshot.classical));
+    }
+}

@@ -4,7 +4,7 @@ use std::{path::PathBuf, time::Duration};
 
 use clap::{Args, ValueEnum};
 use pipeline::{
-    hammerstein::{MAX_DELAY, MAX_LINEAR, MAX_ORDER, Structure},
+    hammerstein::{MAX_DELAY, MAX_LINEAR, MAX_ORDER},
     machine::{Forgetting, Form, Split},
 };
 
@@ -37,24 +37,24 @@ pub struct Identify {
     /// Rows for offline identification, or a fraction of all rows; the rest is the test part
     #[arg(long, default_value = "0.5")]
     pub train: Rows,
-    /// Order of A
-    #[arg(long, default_value_t = Structure::PAPER.na, value_parser = in_range(1, MAX_LINEAR))]
-    pub na: usize,
-    /// Order of B
-    #[arg(long, default_value_t = Structure::PAPER.nb, value_parser = in_range(0, MAX_LINEAR - 1))]
-    pub nb: usize,
-    /// Delay from input to output, samples
-    #[arg(long, default_value_t = Structure::PAPER.nk, value_parser = in_range(1, MAX_DELAY))]
-    pub nk: usize,
+    /// Order of A [default: 3]
+    #[arg(long, value_parser = in_range(1, MAX_LINEAR))]
+    pub na: Option<usize>,
+    /// Order of B [default: 1]
+    #[arg(long, value_parser = in_range(0, MAX_LINEAR - 1))]
+    pub nb: Option<usize>,
+    /// Delay from input to output, samples [default: 1]
+    #[arg(long, value_parser = in_range(1, MAX_DELAY))]
+    pub nk: Option<usize>,
     /// Order of the polynomials of the nonlinearity [default: 3, or the number of knots]
     #[arg(long, value_parser = in_range(1, MAX_ORDER))]
     pub order: Option<usize>,
     /// Build an integrator into A and estimate it on the increments of the output
-    #[arg(long)]
-    pub integrator: bool,
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
+    pub integrator: Option<bool>,
     /// Estimate a constant in the difference equation too (gravity, leakage)
-    #[arg(long)]
-    pub drift: bool,
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
+    pub drift: Option<bool>,
     /// Commands that open nothing, as magnitudes: one for both directions, or below and above zero
     #[arg(long, value_name = "LOW[,HIGH]")]
     pub dead_band: Option<DeadBand>,
@@ -64,9 +64,9 @@ pub struct Identify {
     /// Identify the velocity, the backward difference of the output by the period; the model is of the output still
     #[arg(long)]
     pub velocity: bool,
-    /// How far ahead the h-step error looks: samples, or a duration such as 0.5s
-    #[arg(long, default_value = "0.5s")]
-    pub horizon: Samples,
+    /// How far ahead the h-step error looks: samples, or a duration such as 0.5s [default: 0.5s, at least one sample]
+    #[arg(long)]
+    pub horizon: Option<Samples>,
     /// Forgetting factor: paper (fuzzy, Table 1) or constant:L
     #[arg(long, default_value = "paper", value_parser = forgetting)]
     pub forgetting: Forgetting,

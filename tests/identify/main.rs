@@ -1,0 +1,11 @@
+//! `hydraxis identify` as a user runs it: the figures of records whose plant the test knows, the choice of columns,
+//! period, training and horizon, the two outputs, every refusal, and the public records where they are present.
+
+mod arguments;
+#[path = "../cli/mod.rs"]
+mod cli;
+mod models;
+mod options;
+mod plant;
+mod public;
+mod refusals;

@@ -19,6 +19,7 @@ Examples:
   hydraxis identify boom.csv --forgetting constant:0.995      a constant forgetting factor instead of the paper's fuzzy one
   hydraxis identify boom.csv --input duty --output position --period 10ms --nk 20 --json -
   hydraxis identify boom.csv --na 2 --integrator --drift --dead-band 0.07,0.1 --knots 0,0.2,0.5
+  hydraxis identify boom.csv --select --na 2 --compare        search the structure but for na, then compare estimators
 
 A row holds y(k) and the u(k) that was applied from t(k) on. The headline is the h-step error: what the model predicts
 `--horizon` ahead with its coefficients held, as a predictive controller uses it.")]
@@ -64,6 +65,13 @@ pub struct Identify {
     /// Identify the velocity, the backward difference of the output by the period; the model is of the output still
     #[arg(long)]
     pub velocity: bool,
+    /// Search the structure on the training part first, fitted on its first 70 % and judged on the rest; what is typed
+    /// of the structure is kept, `--integrator=false` too
+    #[arg(long)]
+    pub select: bool,
+    /// Run every estimator on the record with the same settings, and show them side by side
+    #[arg(long)]
+    pub compare: bool,
     /// How far ahead the h-step error looks: samples, or a duration such as 0.5s [default: 0.5s, at least one sample]
     #[arg(long)]
     pub horizon: Option<Samples>,

@@ -12,7 +12,7 @@ use pipeline::{
 use sensor_proc::record::Record;
 use serde::Serialize;
 
-use super::structure::description;
+use super::{compare::Comparison, select::Selection, structure::description};
 use crate::{
     figures::{CoefficientLists, ErrorFigures, Reduction},
     table::{number, percent, table},
@@ -39,6 +39,12 @@ pub struct Report {
     classical: Classical,
     adaptive: Adaptive,
     reduction_percent: Reduction,
+    /// What `--select` found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub selection: Option<Selection>,
+    /// What `--compare` found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub comparison: Option<Comparison>,
 }
 
 #[derive(Debug, Serialize)]
@@ -115,12 +121,15 @@ impl Report {
                 ns_per_update,
             },
             reduction_percent: Reduction::new(classical, adaptive),
+            selection: None,
+            comparison: None,
         }
     }
 
     /// What people read.
     pub fn tables(&self, file: &Path) -> String {
-        let mut text = format!(
+        let mut text = self.selection.as_ref().map(|selection| selection.table(self.output)).unwrap_or_default();
+        text += &format!(
             "{}: {} rows of {} s, {} for training; {}; {} ahead is {} samples\n",
             file.display(),
             self.rows,
@@ -177,6 +186,9 @@ impl Report {
                 list(&model.f),
                 list(&model.g)
             );
+        }
+        if let Some(comparison) = &self.comparison {
+            text += &comparison.table();
         }
         text
     }

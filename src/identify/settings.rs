@@ -8,6 +8,7 @@ use pipeline::{
 };
 use sensor_proc::record::{Record, RecordError};
 
+use super::validation::{FIT_PART, Validation};
 use crate::{cli, failure::Failure};
 
 /// How far ahead the h-step error looks unless it is said; at least one sample.
@@ -103,7 +104,7 @@ pub fn settings(arguments: &cli::Identify, typed: &Typed, record: &Record) -> Re
     };
     fuzzy.error_universe = arguments.error_universe.or(fuzzy.error_universe);
     fuzzy.variation_universe = arguments.variation_universe.or(fuzzy.variation_universe);
-    Ok(Identification {
+    let settings = Identification {
         structure,
         output,
         period: record.period,
@@ -113,5 +114,15 @@ pub fn settings(arguments: &cli::Identify, typed: &Typed, record: &Record) -> Re
         split: arguments.split.into(),
         forgetting: arguments.forgetting,
         fuzzy,
-    })
+    };
+    let fewest = Validation::fewest_rows(&settings);
+    if arguments.select && training < fewest {
+        return Err(Failure::Usage(format!(
+            "{}: --select: found {training} rows for training; allowed: at least {fewest}, to fit {coefficients} \
+             coefficients on the first {:.0} % of them and to judge {horizon} samples ahead on the rest",
+            arguments.data.display(),
+            100.0 * FIT_PART
+        )));
+    }
+    Ok(settings)
 }

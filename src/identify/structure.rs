@@ -28,6 +28,30 @@ pub fn description(structure: &Structure, output: IdentifiedOutput) -> String {
     text
 }
 
+/// What to type to choose the structure.
+pub fn flags(structure: &Structure, output: IdentifiedOutput) -> String {
+    let Structure { na, nb, nk, order, .. } = structure;
+    let mut text = format!("--na {na} --nb {nb} --nk {nk}");
+    match knots(structure) {
+        Some(knots) => text += &format!(" --knots {}", knots.join(",")),
+        None => text += &format!(" --order {order}"),
+    }
+    if structure.integrator {
+        text += " --integrator";
+    }
+    if structure.drift {
+        text += " --drift";
+    }
+    let (low, high) = structure.input.dead_band;
+    if (low, high) != InputMap::PAPER.dead_band {
+        text += &format!(" --dead-band {low},{high}");
+    }
+    if output == IdentifiedOutput::Velocity {
+        text += " --velocity";
+    }
+    text
+}
+
 fn knots(structure: &Structure) -> Option<Vec<String>> {
     match &structure.input.basis {
         Basis::Powers => None,

@@ -75,7 +75,11 @@ impl Grid {
     fn dead_bands(&self, from: &Structure) -> Vec<Structure> {
         let (low, high) = from.input.dead_band;
         let edges = DEAD_BANDS.map(|part| rounded(part * self.largest));
-        let bands = edges.into_iter().flat_map(|edge| [(edge, edge), (low, edge), (edge, high)]);
+        // Of commands that do not occur nothing can be told.
+        let occur = |negative: bool| self.commands.iter().any(|u| *u != 0.0 && (*u < 0.0) == negative);
+        let (below, above) = (occur(true), occur(false));
+        let only = |(low, high)| (if below { low } else { 0.0 }, if above { high } else { 0.0 });
+        let bands = edges.into_iter().flat_map(|edge| [(edge, edge), (low, edge), (edge, high)]).map(only);
         bands.filter_map(|band| self.with_dead_band(from, band)).collect()
     }
 

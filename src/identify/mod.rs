@@ -9,11 +9,13 @@ mod settings;
 mod structure;
 mod validation;
 
+use pipeline::machine::Identification;
 use sensor_proc::record::Record;
 
 use crate::{cli, failure::Failure, output::Output, table::progress};
 use report::Report;
 use run::identify;
+use select::{Selection, select};
 use settings::{Typed, settings};
 
 /// Runs the command.
@@ -23,12 +25,9 @@ pub fn run(arguments: &cli::Identify) -> Result<(), Failure> {
     let record = Record::read(&arguments.data, &arguments.input, &arguments.output, period).map_err(Failure::usage)?;
     let mut settings = settings(arguments, &typed, &record)?;
     let output = Output::open(arguments.json.as_deref())?;
-    let mut selection = None;
-    if arguments.select {
-        let progress = progress(0, "structures");
-        selection = select::select(&settings, &typed, &record, &progress);
-        progress.finish_and_clear();
-        settings.structure = selection.as_ref().map_or(settings.structure, |found| found.chosen.candidate.structure);
+    let selection = if arguments.select { Some(search(&settings, &typed, &record)?) } else { None };
+    if let Some(selection) = &selection {
+        settings.structure = selection.chosen.candidate.structure;
     }
     let progress = progress(record.outputs.len() as u64, "samples");
     let (mut identifier, ns_per_update) = identify(&settings, &record, |samples| progress.set_position(samples));
@@ -37,4 +36,11 @@ pub fn run(arguments: &cli::Identify) -> Result<(), Failure> {
     report.selection = selection;
     report.comparison = arguments.compare.then(|| compare::compare(&settings, &record));
     output.write(|| report.tables(&arguments.data), &report)
+}
+
+fn search(settings: &Identification, typed: &Typed, record: &Record) -> Result<Selection, Failure> {
+    let progress = progress(0, "structures");
+    let selection = select(settings, typed, record, &progress);
+    progress.finish_and_clear();
+    selection.ok_or_else(|| Failure::run("--select: no structure could be fitted"))
 }

@@ -17,7 +17,8 @@ pub fn description(structure: &Structure, output: IdentifiedOutput) -> String {
         text += ", drift";
     }
     if (low, high) != InputMap::PAPER.dead_band {
-        text += &format!(", dead band -{low} to {high}");
+        let sign = if low > 0.0 { "-" } else { "" };
+        text += &format!(", dead band {sign}{low} to {high}");
     }
     if let Some(knots) = knots(structure) {
         text += &format!(", knots {}", knots.join(" "));

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! h steps:   y(k) - y(k | k-h), from every (h / 4)-th of the held-out rows on
-//! free run:  y(k) from the last row of the fit on, over all held-out rows
+//! free run:  y(k) from measured outputs up to where it starts, to the last held-out row; one starts at every quarter
 //! AIC = N ln(S / N) + 2 p,    BIC = N ln(S / N) + p ln N
 //! ```
 //!
@@ -22,6 +22,8 @@ use serde::Serialize;
 pub const FIT_PART: f64 = 0.7;
 /// Starts of an h-step prediction per horizon.
 const STARTS_PER_HORIZON: usize = 4;
+/// Free runs, from equally distant rows on: a single one may meet the record by luck.
+const FREE_RUNS: usize = 4;
 /// The held-out rows hold at least so many horizons.
 const FEWEST_HORIZONS: usize = 2;
 /// A structure is tried when there are so many rows of the fit for each of its coefficients.
@@ -217,10 +219,15 @@ impl<'a> Validation<'a> {
     }
 
     fn free_run_rmse(&self, model: &Coefficients) -> f64 {
-        let mut predicted = vec![0.0; self.held_out_rows()];
-        self.predict(model, self.fit, &mut predicted);
+        let held_out = self.held_out_rows();
+        let mut predicted = vec![0.0; held_out];
         let mut errors = ErrorStatistics::default();
-        self.outputs[self.fit..].iter().zip(&predicted).for_each(|(y, own)| errors.push(y - own));
+        for run in 0..FREE_RUNS {
+            let from = self.fit + run * held_out / FREE_RUNS;
+            let predicted = &mut predicted[..self.outputs.len() - from];
+            self.predict(model, from, predicted);
+            self.outputs[from..].iter().zip(predicted).for_each(|(y, own)| errors.push(y - *own));
+        }
         errors.rmse()
     }
 }

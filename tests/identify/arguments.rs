@@ -3,7 +3,7 @@
 use std::fs;
 
 use crate::{
-    cli::success,
+    cli::{expect_refusal, success},
     plant::{
         PERIOD, changing_plant, constant_plant, csv, expect_coefficients, figures, folder_with, number, simulate,
         timeless,
@@ -81,4 +81,14 @@ fn a_reader_that_has_gone_is_no_panic() {
     let output = command.current_dir(folder.path()).args(["identify", "r.csv"]).stdout(writer).output().unwrap();
     let errors = String::from_utf8(output.stderr).unwrap();
     assert!(!errors.contains("panicked"), "{errors}");
+}
+
+#[test]
+fn the_horizon_is_half_a_second_and_at_least_one_sample_unless_it_is_typed() {
+    let folder = constant_plant();
+    for (period, horizon) in [("10ms", 50), ("0.4s", 1), ("1", 1), ("60", 1)] {
+        assert_eq!(figures(folder.path(), &["--period", period])["horizon"], horizon, "{period}");
+    }
+    let typed = ["identify", "r.csv", "--period", "2s", "--horizon", "0.5s"];
+    expect_refusal(folder.path(), &typed, &["--horizon: found 0 samples; allowed: at least one sample"]);
 }

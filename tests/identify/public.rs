@@ -68,3 +68,12 @@ fn every_public_record_with_time_input_and_output_is_identified() {
     }
     assert!(identified > 0, "no record with columns t, u, y in {}", folder.display());
 }
+
+#[test]
+fn a_constant_factor_chosen_in_hindsight_beats_the_held_model_of_the_servo_that_warms_up() {
+    let Some(folder) = public("servo_warmup.csv") else { return };
+    let figures = public_figures(&folder, &["servo_warmup.csv", "--train", "0.4", "--compare"]);
+    let rows = figures["comparison"].as_array().unwrap();
+    let best = rows.iter().find(|row| row["best_constant"] == true).unwrap();
+    assert!(number(best, "/to_classical") < 0.25, "{best}");
+}

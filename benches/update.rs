@@ -2,6 +2,8 @@
 //!
 //! `cargo bench --bench update`; criterion prints the median between its bounds.
 
+mod data;
+
 use std::hint::black_box;
 
 use control_proc::Controller;
@@ -14,27 +16,10 @@ use pipeline::{
 use plant_sim::PlantSim;
 use sensor_proc::source::Acquisition;
 
-/// A bounded sequence without structure that matters here.
-fn noise(i: usize) -> f64 {
-    let x = (i as f64 * 12.9898).sin() * 43758.5453;
-    2.0 * (x - x.floor()) - 1.0
-}
-
-/// Regressors and outputs of a regression with `n` coefficients.
-fn rows(n: usize) -> Vec<(Vec<f64>, f64)> {
-    (0..1024)
-        .map(|k| {
-            let phi: Vec<f64> = (0..n).map(|j| noise(k * n + j)).collect();
-            let y = phi.iter().enumerate().map(|(j, p)| p / (j + 1) as f64).sum::<f64>() + 0.01 * noise(k + 7);
-            (phi, y)
-        })
-        .collect()
-}
-
 fn recursive(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("recursive least squares, one update");
     for n in [5, 15, 40] {
-        let rows = rows(n);
+        let rows = data::rows(n);
         let mut data = Triangle::new(n);
         rows.iter().take(200).for_each(|(phi, y)| data.add(phi, *y));
         let mut estimator = RecursiveLeastSquares::new(n);

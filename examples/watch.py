@@ -140,17 +140,24 @@ class AxisSnapshot(ctypes.Structure):
         # Errors, output and innovation are in m/s instead where the velocity is what is identified.
         ("adaptive_errors", ModelErrors),  # m
         ("classical_errors", ModelErrors),  # m
+        ("separated_h_step", ErrorStatistics),  # m, of the adaptive model as it is published
         ("output", ErrorStatistics),  # m, the output itself
         ("persistence", ErrorStatistics),  # m, change of the output over the horizon
         ("forgetting", ErrorStatistics),  # 1 - forgetting factor
         ("forgetting_factor", f64),  # of the last update
         ("innovation", f64),  # m, output minus one-step prediction at the last update
+        ("innovation_ratio", f64),  # innovation over its usual size
+        ("pole_radius", f64),  # largest magnitude of a pole of the adaptive model
+        ("gain_ratio", f64 * 2),  # travel after a step, adaptive over classical: positive, negative command
+        ("excitation", f64 * 2),  # part of the recent samples with a positive, a negative command
         ("covariance_trace", f64),
         ("split_residual", f64),  # 0 to 1
         ("command_low", f64),  # lowest valve command learned from
         ("command_high", f64),  # highest valve command learned from
         ("updates", u64),  # recursive updates
         ("skipped", u64),  # samples that could not be used
+        ("outliers", u64),  # samples too far from every prediction to be used
+        ("since_update", u64),  # samples since the last one learned from
         ("horizon", u32),  # samples
         ("faults", u32),  # bits; 0 is healthy
     ]
@@ -161,7 +168,7 @@ class CoefficientSnapshot(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.CoefficientSnapshot/2"
+        return "hydraxis.CoefficientSnapshot/3"
 
 
 def fingerprint(kind):

@@ -134,6 +134,12 @@ fn the_stage_loops_allocate_nothing_after_start() {
     machine.axes[1].identification.output = IdentifiedOutput::Velocity;
     machine.axes[2].identification.form = Form::Linear;
     assert_eq!(allocations("options", &machine, Clock::LockStep, 100, 2000), 0);
+    // What forgets in another way than the default.
+    let kinds = ["fuzzy:0.9", "fortescue:100", "directional:0.99", "window:300"];
+    for (axis, kind) in machine.axes.iter_mut().zip(kinds) {
+        axis.identification.forgetting = kind.parse().unwrap();
+    }
+    assert_eq!(allocations("forgetting", &machine, Clock::LockStep, 100, 2000), 0);
     // Real time: timers, bells, and the end of training after 200 ticks of 2 ms.
     let mut machine = Machine::load(None, &[("timing.period".to_owned(), "2ms".to_owned())]).unwrap();
     machine.axes.iter_mut().for_each(|axis| axis.identification.training = 400);

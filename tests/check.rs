@@ -411,6 +411,11 @@ fn settings_that_their_keys_take_are_accepted() {
         "axis.boom.control.kp=3",
         "axis.boom.forgetting=constant:0.995",
         "axis.boom.forgetting=\"paper\"",
+        "axis.boom.forgetting=fuzzy:0.9",
+        "axis.boom.forgetting=fortescue:500",
+        "axis.boom.forgetting=directional:0.99",
+        "axis.boom.forgetting=window:500",
+        "axis.boom.forgetting=auto",
         "axis.arm.soft_limits=[0.1, 1.4]",
         "axis.boom.reference.sines[0].amplitude=0.01",
         "realtime.lock_memory=true",
@@ -444,7 +449,13 @@ fn settings_that_their_keys_do_not_take_are_refused() {
         ("realtime.lock_memory=yes", "realtime.lock_memory: found yes (from --set); allowed: true or false"),
         (
             "axis.boom.forgetting=constant:2",
-            "axis.boom.forgetting: found constant:2 (from --set); allowed: \"paper\" or \"constant:L\"",
+            "axis.boom.forgetting: found constant:2 (from --set); allowed: \"auto\", \"paper\", \"constant:L\" with L",
+        ),
+        ("axis.boom.forgetting=fuzzy:1.0", "axis.boom.forgetting: found fuzzy:1.0 (from --set); allowed: \"auto\", "),
+        ("axis.boom.forgetting=window:1", "\"window:N\" with N from 2 to 100000 samples"),
+        (
+            "axis.boom.forgetting=window:3",
+            "axis.boom.forgetting: found \"window:3\" for 5 coefficients; allowed: \"window:N\" with N from 5",
         ),
     ] {
         expect_refusal(folder.path(), &check_with(setting), &[expected]);

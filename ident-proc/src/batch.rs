@@ -6,13 +6,7 @@ use pipeline::{
     machine::Split,
 };
 
-use crate::{
-    history::History,
-    rank::RankGuard,
-    regression::Regression,
-    split::{Splitter, fold_features},
-    triangle::Triangle,
-};
+use crate::{rank::RankGuard, regression::Regression, row::Row, split::Splitter, triangle::Triangle};
 
 /// Collects rows and solves them; its memory is taken at construction.
 #[derive(Debug, Clone)]
@@ -62,12 +56,10 @@ impl Batch {
         self.collected.count()
     }
 
-    /// Takes in y(k) with `outputs` = y(..k-1) and `commands` = features of u(..k-1).
-    pub fn add(&mut self, y: f64, outputs: &History, commands: &History) {
-        let Structure { nb, nk, .. } = self.regression.structure();
-        let outputs = outputs.latest(self.regression.structure().past_outputs());
-        self.regression.regressor(outputs, commands.latest(nk + nb), &mut self.phi);
-        self.collected.add(&self.phi, self.regression.target(y, outputs));
+    /// Takes in y(k) and the row of sample k.
+    pub fn add(&mut self, y: f64, row: &Row) {
+        self.regression.regressor(row.values(), &row.structure(), &mut self.phi);
+        self.collected.add(&self.phi, self.regression.target(y, row.values()));
     }
 
     /// Solves what was collected; allocates nothing.
@@ -84,9 +76,9 @@ impl Batch {
         Offline { coefficients, residual_sigma, split_residual, rank_deficient }
     }
 
-    /// theta of the full form, after [`Self::solve`].
-    pub fn theta(&self) -> &[f64] {
-        &self.theta
+    /// The rows collected so far, in the layout of the full form.
+    pub fn collected(&self) -> &Triangle {
+        &self.collected
     }
 
     /// Which coefficients could not be told apart and are held at zero, after [`Self::solve`].
@@ -97,13 +89,5 @@ impl Batch {
     /// The triangle that theta solves, after [`Self::solve`].
     pub fn data(&self) -> &Triangle {
         &self.data
-    }
-
-    /// Makes `linear` the least-squares problem of a, b and the drift alone with the given f and g: the features of
-    /// each lag fold into one.
-    pub fn project(&self, model: &Coefficients, linear: &mut Triangle) {
-        let structure = self.regression.structure();
-        linear.clear();
-        linear.add_mapped(&self.data, |row, out| fold_features(structure, model, row, out));
     }
 }

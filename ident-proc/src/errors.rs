@@ -9,33 +9,36 @@
 //! The h-step error is what a predictive controller consumes, and fast adaptation cannot flatter it. Trap: the
 //! one-step error of a position says next to nothing; y(k-1) is nearly as good.
 
-use pipeline::{hammerstein::Structure, message::ModelErrors};
+use pipeline::message::ModelErrors;
 
-use crate::{history::History, regression::Regression};
+use crate::{forecast::Forecasts, history::History, row::Row};
 
 /// Follows one model; its memory is taken at construction.
 #[derive(Debug, Clone)]
 pub struct ErrorTracker {
     horizon: usize,
-    /// theta of the last `horizon` samples, a ring.
-    past: Vec<f64>,
-    at: usize,
-    stored: usize,
-    path: Vec<f64>,
+    ahead: Forecasts,
+    /// The lane of the forecast that was launched longest ago.
+    lane: usize,
+    /// Forecasts on their way, up to `horizon`.
+    launched: usize,
+    /// theta(k-1), written out for the row.
+    theta: Vec<f64>,
     free_run: History,
     errors: ModelErrors,
 }
 
 impl ErrorTracker {
-    /// For a model of `n` coefficients and a horizon of `horizon` samples.
-    pub fn new(structure: Structure, n: usize, horizon: usize) -> Self {
+    /// For models written out for `row`, and a horizon of `horizon` samples.
+    pub fn new(row: &Row, horizon: usize) -> Self {
+        let (na, n) = (row.structure().na, row.values().len());
         Self {
             horizon,
-            past: vec![0.0; n * horizon],
-            at: 0,
-            stored: 0,
-            path: vec![0.0; structure.past_outputs() + horizon],
-            free_run: History::new(structure.past_outputs(), 1),
+            ahead: Forecasts::new(na, n - na, horizon),
+            lane: 0,
+            launched: 0,
+            theta: vec![0.0; n],
+            free_run: History::new(na, 1),
             errors: ModelErrors::default(),
         }
     }
@@ -45,48 +48,56 @@ impl ErrorTracker {
         &self.errors
     }
 
-    /// Takes in the coefficients known after a sample.
-    pub fn store(&mut self, theta: &[f64]) {
-        self.past[self.at * theta.len()..(self.at + 1) * theta.len()].copy_from_slice(theta);
-        self.at = (self.at + 1) % self.horizon;
-        self.stored = (self.stored + 1).min(self.horizon);
+    /// theta(k-1), written out for the row.
+    pub fn theta(&self) -> &[f64] {
+        &self.theta
     }
 
-    /// Takes in y(k) given `theta` = theta(k-1), `outputs` = y(..k-1) and `commands` = features of u(..k-1).
-    ///
-    /// Needs the histories to hold what a one-step prediction needs; the h-step error waits until they hold more.
-    /// Returns whether there was an h-step error.
-    pub fn observe(
-        &mut self,
-        y: f64,
-        theta: &[f64],
-        regression: &Regression,
-        outputs: &History,
-        commands: &History,
-    ) -> bool {
-        let Structure { nb, nk, .. } = regression.structure();
-        let (h, past) = (self.horizon, regression.structure().past_outputs());
-        self.errors.one_step.push(y - regression.predict_one(theta, outputs, commands));
-
-        if self.free_run.len() < past {
-            outputs.latest(past).iter().for_each(|measured| self.free_run.push(*measured));
+    /// Goes on by the sample of `row` without looking at its output. Returns whether an h-step prediction of it is
+    /// there.
+    pub fn pass(&mut self, row: &Row, outputs: &History) -> bool {
+        let na = row.structure().na;
+        self.ahead.advance(row.driven());
+        if self.free_run.len() < na {
+            outputs.latest(na).iter().for_each(|measured| self.free_run.push(*measured));
         }
-        let own = regression.predict_one(theta, &self.free_run, commands);
+        let own: f64 = product(&self.theta[na..], row.driven())
+            - self.theta[..na].iter().zip(self.free_run.latest(na).iter().rev()).map(|(a, y)| a * y).sum::<f64>();
         self.free_run.push(own);
-        self.errors.free_run.push(y - own);
+        self.launched == self.horizon
+    }
 
-        // With all slots filled, the next one to be overwritten holds theta(k-h).
-        let ahead = self.stored == h && outputs.len() >= past + h - 1 && commands.len() >= nk + nb + h - 1;
+    /// Takes in y(k), given the row of sample k and `outputs` = y(..k-1). Returns whether there was an h-step error.
+    pub fn observe(&mut self, y: f64, row: &Row, outputs: &History) -> bool {
+        let ahead = self.pass(row, outputs);
+        self.errors.one_step.push(y - product(&self.theta, row.values()));
+        self.errors.free_run.push(y - self.free_run.latest(1)[0]);
         if ahead {
-            let then = &self.past[self.at * theta.len()..(self.at + 1) * theta.len()];
-            let predicted = regression.predict_ahead(then, h, outputs, commands, &mut self.path);
-            self.errors.h_step.push(y - predicted);
+            self.errors.h_step.push(y - self.ahead.predicted(self.lane));
         }
         ahead
     }
 
-    /// After a gap in the samples the model's own outputs are worth nothing: the free run starts again.
+    /// Takes in the coefficients known after sample k, written out for the row, and launches the prediction of
+    /// y(k+h); `outputs` = y(..k). Without enough of them nothing is launched.
+    pub fn store(&mut self, theta: &[f64], outputs: &History) {
+        self.theta.copy_from_slice(theta);
+        let na = self.ahead.na();
+        if outputs.len() >= na {
+            self.ahead.launch(self.lane, theta, outputs.latest(na));
+            self.lane = (self.lane + 1) % self.horizon;
+            self.launched = (self.launched + 1).min(self.horizon);
+        }
+    }
+
+    /// After a gap in the samples predictions and the model's own outputs are worth nothing: both start again.
     pub fn interrupt(&mut self) {
         self.free_run.clear();
+        self.launched = 0;
     }
+}
+
+/// The scalar product of coefficients and row.
+pub(crate) fn product(theta: &[f64], row: &[f64]) -> f64 {
+    theta.iter().zip(row).map(|(theta, value)| theta * value).sum()
 }

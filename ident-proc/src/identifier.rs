@@ -7,12 +7,17 @@ use pipeline::{
 };
 
 use crate::{
-    batch::Batch, errors::ErrorTracker, fuzzy::FuzzyForgetting, history::History, rank::RankGuard,
-    recursive::RecursiveLeastSquares, regression::Regression, split::Splitter, triangle::Triangle,
+    bank::Bank,
+    batch::Batch,
+    errors::{ErrorTracker, product},
+    health::Health,
+    history::History,
+    outlier::{OutlierGate, Verdict},
+    regression::write_out,
+    rest::Rest,
+    row::Row,
+    single::Single,
 };
-
-/// Rounds of alternating least squares per snapshot in the full form: each starts from the last separation.
-const ROUNDS_PER_SNAPSHOT: usize = 1;
 
 /// Identifies one axis. Deterministic, allocates nothing after construction.
 ///
@@ -25,65 +30,66 @@ pub struct Identifier {
     trained: bool,
     /// y(k-1) as it was measured, if it was; of use where its difference is what is identified.
     position: Option<f64>,
-    applied: History,
+    command: f64,
     outputs: History,
-    batch_commands: History,
+    /// Features of the commands.
     commands: History,
+    row: Row,
+    gate: OutlierGate,
+    rest: Rest,
     batch: Batch,
-    regression: Regression,
-    estimator: RecursiveLeastSquares,
-    fuzzy: FuzzyForgetting,
-    phi: Vec<f64>,
-    classical_theta: Vec<f64>,
-    projected: Triangle,
-    guard: RankGuard,
-    information: Triangle,
-    held: Vec<bool>,
-    splitter: Splitter,
+    adaptation: Adaptation,
+    /// The classical model, written out for the row.
+    classical: Vec<f64>,
+    /// A model that is being written out for the row.
+    written: Vec<f64>,
     adaptive_tracker: ErrorTracker,
     classical_tracker: ErrorTracker,
+    separated_tracker: ErrorTracker,
+    health: Health,
     state: AxisSnapshot,
     lasting_faults: u32,
+}
+
+/// What learns online.
+#[derive(Debug, Clone)]
+enum Adaptation {
+    Single(Single),
+    Bank(Bank),
 }
 
 impl Identifier {
     /// Takes all memory that it will ever use.
     pub fn new(settings: &Identification) -> Self {
         let structure = settings.structure;
-        let Structure { nb, nk, .. } = structure;
         let h = settings.horizon;
-        let commands = nk + nb + h;
-        let width = Regression::width_of(settings.form, structure);
-        let n = match settings.form {
-            Form::Linear => structure.linear_len(),
-            Form::Full => structure.full_len(),
+        let (row, adaptation) = match settings.forgetting {
+            Forgetting::Auto => (Bank::row_structure(structure), Adaptation::Bank(Bank::new(structure, h))),
+            _ => (structure.published(), Adaptation::Single(Single::new(settings))),
         };
-        let zero = Coefficients::zero(structure);
+        let tracker = ErrorTracker::new(&Row::new(row), h);
         Self {
             settings: settings.clone(),
             seen: 0,
             trained: false,
             position: None,
-            applied: History::new(commands, 1),
-            outputs: History::new(structure.past_outputs() + h, 1),
-            batch_commands: History::new(nk + nb, 2 * structure.order),
-            commands: History::new(commands, width),
+            command: 0.0,
+            outputs: History::new(row.na.max(h).max(2), 1),
+            commands: History::new(row.nk + row.nb, 2 * row.order),
+            row: Row::new(row),
+            gate: OutlierGate::default(),
+            rest: Rest::new(h),
             batch: Batch::new(structure, settings.split),
-            regression: Regression::full(structure),
-            estimator: RecursiveLeastSquares::new(n),
-            fuzzy: FuzzyForgetting::new(settings.fuzzy, 0.0),
-            phi: vec![0.0; n],
-            classical_theta: vec![0.0; n],
-            projected: Triangle::new(n),
-            guard: RankGuard::new(n),
-            information: Triangle::new(n),
-            held: vec![false; n],
-            splitter: Splitter::new(structure),
-            adaptive_tracker: ErrorTracker::new(structure, n, h),
-            classical_tracker: ErrorTracker::new(structure, n, h),
+            adaptation,
+            classical: vec![0.0; row.full_len()],
+            written: vec![0.0; row.full_len()],
+            adaptive_tracker: tracker.clone(),
+            classical_tracker: tracker.clone(),
+            separated_tracker: tracker,
+            health: Health::new(h),
             state: AxisSnapshot {
-                adaptive: zero,
-                classical: zero,
+                adaptive: Coefficients::zero(structure),
+                classical: Coefficients::zero(structure),
                 forgetting_factor: 1.0,
                 horizon: h as u32,
                 faults: model_fault::TRAINING,
@@ -97,30 +103,25 @@ impl Identifier {
     /// the sample before, or `None` when it is not known (the very first sample, a gap).
     pub fn update(&mut self, output: Option<f64>, applied: Option<f64>) {
         self.seen += 1;
-        let output = output.filter(|y| y.is_finite());
+        self.state.since_update += 1;
+        self.state.faults = self.lasting_faults;
         match applied.filter(|u| u.is_finite()) {
             Some(u) => self.push_command(u),
-            None => self.interrupt(),
-        }
-        let output = self.identified(output);
-        let usable = self.outputs.len() >= self.settings.structure.past_outputs()
-            && self.applied.len() >= self.settings.structure.nk + self.settings.structure.nb;
-        self.state.faults = self.lasting_faults;
-        match output {
-            Some(y) if usable && self.trained => self.learn(y),
-            Some(y) if usable => self.batch.add(y, &self.outputs, &self.batch_commands),
-            _ => {
-                self.state.faults |= model_fault::SAMPLE_SKIPPED;
-                self.state.skipped += 1;
+            None => {
+                self.commands.clear();
+                self.position = None;
+                self.interrupt();
             }
         }
-        match output {
-            Some(y) => self.outputs.push(y),
-            None => self.interrupt_outputs(),
+        match self.identified(output.filter(|y| y.is_finite())) {
+            Some(y) => self.take_in(y),
+            None => {
+                self.skip();
+                self.interrupt();
+            }
         }
-        let enough = self.batch.rows() >= self.settings.structure.full_len() as u64;
-        if !self.trained && self.seen >= self.settings.training as u64 && enough {
-            self.finish_training();
+        if !self.trained {
+            self.train_further();
         }
     }
 
@@ -134,142 +135,247 @@ impl Identifier {
     }
 
     fn push_command(&mut self, u: f64) {
-        self.applied.push(u);
+        self.command = u;
+        let input = self.settings.structure.input;
+        self.commands.push_with(|slot| input.features(u, slot));
         // Held f and g have learned nothing from commands after training.
-        if !self.trained || self.settings.form == Form::Full {
+        if !self.trained || self.settings.forgetting == Forgetting::Auto || self.settings.form == Form::Full {
             self.state.command_low = self.state.command_low.min(u);
             self.state.command_high = self.state.command_high.max(u);
         }
-        if self.trained {
-            self.commands.push_with(|slot| self.regression.features(u, slot));
-        } else {
-            self.batch_commands.push_with(|slot| self.regression.features(u, slot));
+    }
+
+    fn take_in(&mut self, y: f64) {
+        let Structure { na, nb, nk, .. } = self.row.structure();
+        if self.outputs.len() < na || self.commands.len() < nk + nb {
+            self.skip();
+            self.outputs.push(y);
+            return;
+        }
+        self.row.fill(&self.outputs, &self.commands);
+        let verdict = self.judge(y);
+        match verdict {
+            Verdict::Sound => {
+                let resting = self.rest.update(y, self.command);
+                if resting {
+                    self.state.faults |= model_fault::RESTING;
+                }
+                if self.trained {
+                    self.learn(y, resting);
+                } else {
+                    self.collect(y, resting);
+                }
+                self.outputs.push(y);
+            }
+            Verdict::Wild(instead) => {
+                self.state.outliers += 1;
+                self.state.faults |= model_fault::OUTLIER;
+                self.skip();
+                self.pass();
+                self.outputs.push(instead);
+            }
+            Verdict::Step => {
+                self.skip();
+                self.interrupt();
+                self.outputs.push(y);
+            }
+        }
+        if self.is_adapting() {
+            self.settle();
         }
     }
 
-    fn interrupt(&mut self) {
-        [&mut self.applied, &mut self.batch_commands, &mut self.commands].into_iter().for_each(History::clear);
-        self.position = None;
-        self.interrupt_outputs();
+    fn judge(&mut self, y: f64) -> Verdict {
+        let before = self.outputs.latest(1)[0];
+        if self.trained {
+            let adaptive = product(self.adaptive_tracker.theta(), self.row.values());
+            let classical = product(&self.classical, self.row.values());
+            let verdict = self.gate.judge(y, [adaptive, classical, before]);
+            self.state.innovation_ratio = (y - adaptive).abs() / self.gate.size();
+            verdict
+        } else {
+            let earlier = self.outputs.latest(self.outputs.len().min(2))[0];
+            self.gate.judge(y, [before, 2.0 * before - earlier])
+        }
     }
 
-    fn interrupt_outputs(&mut self) {
+    fn skip(&mut self) {
+        self.state.faults |= model_fault::SAMPLE_SKIPPED;
+        self.state.skipped += 1;
+    }
+
+    /// After a gap in the samples.
+    fn interrupt(&mut self) {
         self.outputs.clear();
-        self.adaptive_tracker.interrupt();
-        self.classical_tracker.interrupt();
+        for tracker in [&mut self.adaptive_tracker, &mut self.classical_tracker, &mut self.separated_tracker] {
+            tracker.interrupt();
+        }
+        if let Adaptation::Bank(bank) = &mut self.adaptation {
+            bank.interrupt();
+        }
+    }
+
+    /// Goes on past a sample that is not to be used.
+    fn pass(&mut self) {
+        if self.trained {
+            for tracker in [&mut self.adaptive_tracker, &mut self.classical_tracker, &mut self.separated_tracker] {
+                tracker.pass(&self.row, &self.outputs);
+            }
+        }
+        if let Adaptation::Bank(bank) = &mut self.adaptation {
+            bank.pass(&self.row);
+        }
+    }
+
+    /// A sample of the training.
+    fn collect(&mut self, y: f64, resting: bool) {
+        self.batch.add(y, &self.row);
+        let h = self.settings.horizon;
+        let travel = (self.outputs.len() >= h).then(|| y - self.outputs.latest(h)[0]);
+        self.rest.collect(travel, self.command);
+        if let Adaptation::Bank(bank) = &mut self.adaptation {
+            if bank.is_started() {
+                bank.learn(y, &self.row, resting);
+            }
+            bank.collect(y, &self.row);
+        }
+    }
+
+    /// Ends the training when it is time. The bank begins to compare its members on the last quarter of it, with what
+    /// the first three quarters say.
+    fn train_further(&mut self) {
+        let training = self.settings.training as u64;
+        let needed = self.row.structure().full_len() as u64;
+        if self.seen >= training && self.batch.rows() >= needed {
+            self.finish_training();
+        } else if let Adaptation::Bank(bank) = &mut self.adaptation
+            && !bank.is_started()
+            && self.seen >= training - training / 4
+            && self.batch.rows() >= 2 * needed
+        {
+            let offline = self.batch.solve();
+            write_out(&self.written_model(&offline.coefficients), &self.row.structure(), &mut self.written);
+            if let Adaptation::Bank(bank) = &mut self.adaptation {
+                bank.start(&self.written, &offline.coefficients);
+            }
+        }
+    }
+
+    /// A model as identified, with its integrator multiplied in.
+    fn written_model(&self, model: &Coefficients) -> Coefficients {
+        if self.settings.structure.integrator { model.integrated() } else { *model }
     }
 
     /// Step 3: from here on the classical model is held and the adaptive one starts from it.
     fn finish_training(&mut self) {
         let offline = self.batch.solve();
-        let structure = self.settings.structure;
-        self.state.classical = offline.coefficients;
-        self.state.adaptive = offline.coefficients;
+        let row = self.row.structure();
+        self.state.classical = self.written_model(&offline.coefficients);
+        self.state.adaptive = self.state.classical;
         self.state.split_residual = offline.split_residual;
-        self.fuzzy = FuzzyForgetting::new(self.settings.fuzzy, offline.residual_sigma);
-        match self.settings.form {
-            Form::Full => {
-                self.held.copy_from_slice(self.batch.held());
-                self.estimator.start(self.batch.data(), &self.held);
-                self.classical_theta.copy_from_slice(self.batch.theta());
+        self.gate.trained(offline.residual_sigma);
+        write_out(&self.state.classical, &row, &mut self.classical);
+        match &mut self.adaptation {
+            Adaptation::Single(single) => {
+                single.start(&self.batch, &offline, &row);
+                if self.settings.form == Form::Full {
+                    self.classical.copy_from_slice(single.theta());
+                }
             }
-            Form::Linear => {
-                self.regression = Regression::linear(structure, offline.coefficients.nonlinearity());
-                self.batch.project(&offline.coefficients, &mut self.projected);
-                self.held.copy_from_slice(self.guard.dependent(&self.projected));
-                self.projected.hold_into(&self.held, &mut self.information);
-                self.estimator.start(&self.information, &self.held);
-                let (a, b) = self.classical_theta.split_at_mut(structure.na);
-                let (b, drift) = b.split_at_mut(structure.nb + 1);
-                a.copy_from_slice(offline.coefficients.a());
-                b.copy_from_slice(offline.coefficients.b());
-                drift.fill(offline.coefficients.drift);
-                self.estimator.set_theta(&self.classical_theta);
-            }
-        }
-        for u in self.applied.latest(self.applied.len()) {
-            self.commands.push_with(|slot| self.regression.features(*u, slot));
+            Adaptation::Bank(bank) => bank.start(&self.classical, &offline.coefficients),
         }
         self.trained = true;
         self.lasting_faults = if offline.rank_deficient { model_fault::RANK_DEFICIENT } else { 0 };
-        self.state.faults = self.lasting_faults;
-        self.adaptive_tracker.store(self.estimator.theta());
-        self.classical_tracker.store(&self.classical_theta);
+        self.state.faults = self.state.faults & !model_fault::TRAINING | self.lasting_faults;
+        self.publish();
+    }
+
+    fn is_adapting(&self) -> bool {
+        self.trained || matches!(&self.adaptation, Adaptation::Bank(bank) if bank.is_started())
     }
 
     /// Steps 5 and 6.
-    fn learn(&mut self, y: f64) {
-        let Structure { nb, nk, .. } = self.settings.structure;
-        let (regression, outputs, commands) = (&self.regression, &self.outputs, &self.commands);
-        self.adaptive_tracker.observe(y, self.estimator.theta(), regression, outputs, commands);
-        let ahead = self.classical_tracker.observe(y, &self.classical_theta, regression, outputs, commands);
-        if ahead {
-            self.state.persistence.push(y - outputs.latest(self.settings.horizon)[0]);
+    fn learn(&mut self, y: f64, resting: bool) {
+        self.adaptive_tracker.observe(y, &self.row, &self.outputs);
+        self.separated_tracker.observe(y, &self.row, &self.outputs);
+        if self.classical_tracker.observe(y, &self.row, &self.outputs) {
+            self.state.persistence.push(y - self.outputs.latest(self.settings.horizon)[0]);
         }
         self.state.output.push(y);
+        let Structure { nb, order, .. } = self.row.structure();
+        self.health.excite(self.command, &self.row.driven()[..2 * order * (nb + 1)]);
 
-        let past = outputs.latest(self.settings.structure.past_outputs());
-        let target = regression.target(y, past);
-        regression.regressor(past, commands.latest(nk + nb), &mut self.phi);
-        let predicted: f64 = self.phi.iter().zip(self.estimator.theta()).map(|(p, t)| p * t).sum();
-        let factor = match self.settings.forgetting {
-            Forgetting::Paper => self.fuzzy.factor(target - predicted),
-            Forgetting::Constant(factor) => factor,
+        self.state.innovation = y - product(self.adaptive_tracker.theta(), self.row.values());
+        let learned = match &mut self.adaptation {
+            Adaptation::Single(single) => single.learn(y, &self.row),
+            Adaptation::Bank(bank) => bank.learn(y, &self.row, resting),
         };
-        let update = self.estimator.update(&self.phi, target, factor);
-        self.state.innovation = update.innovation;
-        self.state.forgetting_factor = factor;
-        self.state.forgetting.push(1.0 - factor);
-        self.state.updates += 1;
-        if update.bounded {
+        self.state.forgetting_factor = learned.factor;
+        self.state.forgetting.push(1.0 - learned.factor);
+        if learned.bounded {
             self.state.faults |= model_fault::COVARIANCE_BOUND;
         }
-        self.adaptive_tracker.store(self.estimator.theta());
-        self.classical_tracker.store(&self.classical_theta);
+        if !resting || matches!(self.adaptation, Adaptation::Single(_)) {
+            self.state.updates += 1;
+            self.state.since_update = 0;
+        }
     }
 
-    /// All there is to know after the last sample, with models of the position. In the full form this separates b,
-    /// f and g again.
-    pub fn snapshot(&mut self) -> AxisSnapshot {
-        if self.trained {
-            let Structure { na, nb, .. } = self.settings.structure;
-            match self.settings.form {
-                Form::Linear => {
-                    let (a, b) = self.estimator.theta().split_at(na);
-                    let (b, drift) = b.split_at(nb + 1);
-                    self.state.adaptive.a[..na].copy_from_slice(a);
-                    self.state.adaptive.b[..=nb].copy_from_slice(b);
-                    self.state.adaptive.drift = drift.first().copied().unwrap_or(0.0);
-                }
-                Form::Full => {
-                    self.estimator.information(&mut self.information, &mut self.phi);
-                    self.state.adaptive =
-                        self.splitter.alternate(self.state.adaptive, &self.information, ROUNDS_PER_SNAPSHOT);
-                    self.state.split_residual =
-                        self.splitter.residual(self.estimator.theta(), &self.state.adaptive, &self.information);
-                }
-            }
-            self.state.covariance_trace = self.estimator.covariance_trace();
-            if !self.state.adaptive.is_finite() || !self.estimator.is_finite() {
-                self.state.faults |= model_fault::NOT_FINITE;
-            }
+    /// What is known after sample k: the model, and the predictions that start from here.
+    fn settle(&mut self) {
+        if let Adaptation::Bank(bank) = &mut self.adaptation {
+            bank.settle(&self.outputs);
         }
-        self.state.adaptive_errors = *self.adaptive_tracker.errors();
-        self.state.classical_errors = *self.classical_tracker.errors();
+        if self.trained {
+            self.publish();
+        }
+    }
+
+    fn publish(&mut self) {
+        let row = self.row.structure();
+        (self.state.adaptive, self.state.split_residual) = match &mut self.adaptation {
+            Adaptation::Single(single) => single.separate(),
+            Adaptation::Bank(bank) => bank.separate(),
+        };
+        if self.health.is_due() {
+            self.health.examine(&self.state.adaptive, &self.state.classical);
+            self.state.covariance_trace = match &self.adaptation {
+                Adaptation::Single(single) => single.covariance_trace(),
+                Adaptation::Bank(bank) => bank.covariance_trace(),
+            };
+        }
+        if !self.state.adaptive.is_finite() || !self.state.covariance_trace.is_finite() {
+            self.state.faults |= model_fault::NOT_FINITE;
+        }
+        let theta = match &self.adaptation {
+            Adaptation::Single(single) => single.theta(),
+            Adaptation::Bank(bank) => bank.theta(),
+        };
+        self.adaptive_tracker.store(theta, &self.outputs);
+        self.classical_tracker.store(&self.classical, &self.outputs);
+        write_out(&self.state.adaptive, &row, &mut self.written);
+        self.separated_tracker.store(&self.written, &self.outputs);
+        self.health.report(&mut self.state);
+    }
+
+    /// All there is to know after the last sample, with models of the position.
+    pub fn snapshot(&self) -> AxisSnapshot {
         AxisSnapshot {
             adaptive: self.published(&self.state.adaptive),
             classical: self.published(&self.state.classical),
+            adaptive_errors: *self.adaptive_tracker.errors(),
+            classical_errors: *self.classical_tracker.errors(),
+            separated_h_step: self.separated_tracker.errors().h_step,
             ..self.state
         }
     }
 
-    /// A model as it is published: of the position, with the integrator multiplied in.
+    /// A model of the output as a model of the position.
     ///
     /// From A(z) v(k) = B(z) x(k-nk) + c with v(k) = (y(k) - y(k-1)) / T: A(z) (1 - z^-1) y(k) = T B(z) x(k-nk) + T c.
     fn published(&self, model: &Coefficients) -> Coefficients {
-        let model = if self.settings.structure.integrator { model.integrated() } else { *model };
         match self.settings.output {
-            IdentifiedOutput::Position => model,
+            IdentifiedOutput::Position => *model,
             IdentifiedOutput::Velocity => {
                 let period = self.settings.period;
                 let model = model.integrated();
@@ -278,9 +384,19 @@ impl Identifier {
         }
     }
 
-    /// Prediction error and change of it that count as PB, in the unit of the output.
-    pub fn universes(&self) -> (f64, f64) {
-        self.fuzzy.universes()
+    /// dbg
+    pub fn weights(&self) -> Vec<f64> {
+        match &self.adaptation {
+            Adaptation::Bank(b) => b.weights().to_vec(),
+            _ => vec![],
+        }
+    }
+    /// Prediction error and change of it that count as PB, in the unit of the output; `None` where nothing is fuzzy.
+    pub fn universes(&self) -> Option<(f64, f64)> {
+        match &self.adaptation {
+            Adaptation::Single(single) => single.universes(),
+            Adaptation::Bank(_) => None,
+        }
     }
 }
 
@@ -291,9 +407,12 @@ mod tests {
 
     #[test]
     fn an_input_that_never_moves_leaves_a_finite_model() {
-        for form in [Form::Linear, Form::Full] {
+        for (forgetting, form) in
+            [(Forgetting::Paper, Form::Linear), (Forgetting::Paper, Form::Full), (Forgetting::Auto, Form::Linear)]
+        {
             let mut settings = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
-            (settings.form, settings.training, settings.horizon) = (form, 200, 10);
+            (settings.forgetting, settings.form) = (forgetting, form);
+            (settings.training, settings.horizon) = (200, 10);
             let mut identifier = Identifier::new(&settings);
             for k in 0..400 {
                 let y = 0.5 + 0.1 * (f64::from(k) * 0.1).sin() + 0.03 * (f64::from(k) * 0.37).cos();

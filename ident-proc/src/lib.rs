@@ -6,23 +6,33 @@
 //! | 1, 2 structure and initial values | [`pipeline::machine::Identification`], [`batch`] |
 //! | 3 offline identification, eqs. (11)-(17) | [`batch`], [`triangle`], [`split`] |
 //! | 4 collect a sample | [`history`], [`regression`] |
-//! | 5 forgetting factor by fuzzy rules, Table 1, eq. (21) | [`fuzzy`] |
+//! | 5 forgetting factor by fuzzy rules, Table 1, eq. (21) | [`estimator::fuzzy`] |
 //! | 6 recursive least squares, eqs. (18)-(20) | [`recursive`] |
 //! | 7, 8 the controller's turn, and again | `control-proc` |
 //!
-//! [`Identifier`] puts them together for one axis and knows the errors of the adaptive and of the classical, held
-//! model at any time ([`errors`]). [`process`] is the stage: channels in, channels out.
+//! The paper's forgetting is one of several ([`estimator`]); by default a [`bank`] of them runs side by side.
+//! [`Identifier`] puts everything together for one axis, tells wild samples ([`outlier`]) and rest ([`rest`]), and
+//! knows the errors of the adaptive and of the classical, held model at any time ([`errors`]). [`process`] is the
+//! stage: channels in, channels out.
 
+pub mod bank;
 pub mod batch;
 pub mod errors;
-pub mod fuzzy;
+pub mod estimator;
+pub mod forecast;
+pub mod health;
 pub mod history;
 mod identifier;
 mod identifiers;
+pub mod outlier;
 pub mod process;
 pub mod rank;
+pub mod rank_one;
 pub mod recursive;
 pub mod regression;
+pub mod rest;
+pub mod row;
+pub mod single;
 pub mod split;
 pub mod triangle;
 

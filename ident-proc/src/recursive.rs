@@ -14,20 +14,71 @@
 //! Trap, covariance wind-up: while a direction is not excited, (19) divides it by lambda at every sample, and the
 //! first sample that does excite it throws the coefficients away. Every d_j is therefore bounded by its
 //! value after training times the number of training samples: then the covariance says no less than one average
-//! training sample would. Cutting d_j keeps P positive definite.
+//! training sample would. Cutting d_j keeps P positive definite. From below every d_j is bounded too, far under what
+//! data say: a d_j that one huge row had rounded to zero would never learn again.
+//!
+//! Every rank-one change of P that a rule for forgetting asks for is the same update with other numbers ([`Change`]):
+//!
+//! ```text
+//! P <- g [P - P phi phi' P / (r + phi' P phi)]        theta <- theta + s P phi / (r + phi' P phi) [y - phi' theta]
+//! ```
+//!
+//! With r = -1 it takes a row out again; P stays positive definite as long as phi' P phi < |r|.
+
+use std::array::from_fn;
 
 use crate::triangle::Triangle;
+
+/// All loops of an update run over blocks of this many numbers, which the compiler turns into vector instructions.
+const LANES: usize = 4;
+
+/// Coefficients of neighbouring columns or rows; what lies beyond the last is zero and stays zero.
+type Block = [f64; LANES];
 
 /// Coefficients and covariance of one recursive estimator.
 #[derive(Debug, Clone)]
 pub struct RecursiveLeastSquares {
     n: usize,
-    theta: Vec<f64>,
-    /// Unit upper triangle by columns: u_ij at j (j - 1) / 2 + i, i < j.
-    u: Vec<f64>,
-    d: Vec<f64>,
-    d_limit: Vec<f64>,
-    gain: Vec<f64>,
+    theta: Vec<Block>,
+    /// U in tiles of LANES columns, tile (s, t) at t (t + 1) / 2 + s, s <= t. The ones on the diagonal and the zeros
+    /// below are stored too: they map to themselves in an update, so that the tiles on the diagonal are no case of
+    /// their own and every loop has a fixed length.
+    tiles: Vec<[Block; LANES]>,
+    d: Vec<Block>,
+    d_limit: Vec<Block>,
+    d_floor: Vec<Block>,
+    /// Where the diagonal of P has its bound against [`RecursiveLeastSquares::forget_selectively`].
+    variance_limit: Vec<Block>,
+    phi: Vec<Block>,
+    f: Vec<Block>,
+    v: Vec<Block>,
+    mu: Vec<Block>,
+    gain: Vec<Block>,
+}
+
+/// The smallest d_j, as a part of its value after training: further down than any record of samples leads.
+const FLOOR: f64 = 1e-24;
+
+/// The numbers of one update, r, g and s in the equation at the top of the module.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Change {
+    /// r, not zero: the variance that the row is taken to have, in units of the noise.
+    pub variance: f64,
+    /// g, greater than zero: what the covariance is multiplied by afterwards.
+    pub growth: f64,
+    /// s: 1, unless the coefficients follow another variance than the covariance does.
+    pub step: f64,
+}
+
+impl Change {
+    /// Exponential forgetting, (18)-(20).
+    #[inline(always)]
+    pub fn forget(lambda: f64) -> Self {
+        Self { variance: lambda, growth: 1.0 / lambda, step: 1.0 }
+    }
+
+    /// Takes a row out that was taken in before.
+    const REMOVE: Self = Self { variance: -1.0, growth: 1.0, step: 1.0 };
 }
 
 /// What one update did.
@@ -42,91 +93,279 @@ pub struct Update {
 impl RecursiveLeastSquares {
     /// Room for `n` coefficients; nothing is known yet and nothing is learned.
     pub fn new(n: usize) -> Self {
-        Self {
+        let blocks = vec![[0.0; LANES]; n.div_ceil(LANES)];
+        let mut estimator = Self {
             n,
-            theta: vec![0.0; n],
-            u: vec![0.0; n * (n - 1) / 2],
-            d: vec![0.0; n],
-            d_limit: vec![0.0; n],
-            gain: vec![0.0; n],
-        }
+            theta: blocks.clone(),
+            tiles: vec![[[0.0; LANES]; LANES]; blocks.len() * (blocks.len() + 1) / 2],
+            d: blocks.clone(),
+            d_limit: blocks.clone(),
+            d_floor: blocks.clone(),
+            variance_limit: blocks.clone(),
+            phi: blocks.clone(),
+            f: blocks.clone(),
+            v: blocks.clone(),
+            mu: blocks.clone(),
+            gain: blocks,
+        };
+        (0..n).for_each(|j| *estimator.u_mut(j, j) = 1.0);
+        estimator
     }
 
     /// Starts from what offline data say: theta = R^-1 z, P = (R'R)^-1, d_limit = d times the rows of the triangle.
     ///
     /// A coefficient that is `held` stays where it is for good: it has no covariance.
     pub fn start(&mut self, data: &Triangle, held: &[bool]) {
-        data.solve(&mut self.theta);
+        self.start_bounded(data, held, data.count() as f64);
+    }
+
+    /// The same with d_limit = d times `bound`.
+    pub(crate) fn start_bounded(&mut self, data: &Triangle, held: &[bool], bound: f64) {
+        data.solve(&mut self.theta.as_flattened_mut()[..self.n]);
         // R^-1 = U diag(1 / r_jj): column j of U solves R u = r_jj e_j, from the bottom up.
         for j in 0..self.n {
             let diagonal = data.entry(j, j);
             for i in (0..j).rev() {
                 let sum: f64 = (i + 1..=j).map(|m| data.entry(i, m) * self.u_at(m, j)).sum();
                 let value = if held[i] || held[j] { 0.0 } else { -sum / data.entry(i, i) };
-                self.u[column(j) + i] = value;
+                *self.u_mut(i, j) = value;
             }
-            self.d[j] = if held[j] { 0.0 } else { 1.0 / (diagonal * diagonal) };
-            self.d_limit[j] = self.d[j] * data.count() as f64;
+            let d = if held[j] { 0.0 } else { 1.0 / (diagonal * diagonal) };
+            self.d.as_flattened_mut()[j] = d;
+            self.d_limit.as_flattened_mut()[j] = if held[j] { 0.0 } else { d * bound };
+            self.d_floor.as_flattened_mut()[j] = d * FLOOR;
+        }
+        for i in 0..self.n {
+            let limit = if held[i] { 0.0 } else { self.covariance(i, i) * bound };
+            self.variance_limit.as_flattened_mut()[i] = limit;
         }
     }
 
     /// Puts other coefficients in the place of the solution of the data; the covariance stays.
     pub fn set_theta(&mut self, theta: &[f64]) {
-        self.theta.copy_from_slice(theta);
+        self.theta.as_flattened_mut()[..self.n].copy_from_slice(theta);
     }
 
+    /// u_ij, i <= j.
     fn u_at(&self, i: usize, j: usize) -> f64 {
-        if i == j { 1.0 } else { self.u[column(j) + i] }
+        self.tiles[tile(i, j)][j % LANES][i % LANES]
+    }
+
+    fn u_mut(&mut self, i: usize, j: usize) -> &mut f64 {
+        &mut self.tiles[tile(i, j)][j % LANES][i % LANES]
+    }
+
+    fn d(&self) -> &[f64] {
+        &self.d.as_flattened()[..self.n]
     }
 
     /// The coefficients.
     pub fn theta(&self) -> &[f64] {
-        &self.theta
+        &self.theta.as_flattened()[..self.n]
     }
 
     /// One update with the forgetting factor `lambda` in (0, 1]; allocates nothing.
     ///
     /// With a regressor or output that is not finite nothing is learned; the innovation shows it.
     pub fn update(&mut self, phi: &[f64], y: f64, lambda: f64) -> Update {
-        let n = self.n;
-        let predicted: f64 = phi.iter().zip(&self.theta).map(|(p, t)| p * t).sum();
-        let innovation = y - predicted;
+        self.update_by(phi, y, |_, _| Change::forget(lambda))
+    }
+
+    /// One update by what `choose` makes of the innovation and of phi' P phi; it is not asked about a row that is not
+    /// finite, nor about one whose phi' P phi overflows: those teach nothing.
+    pub(crate) fn update_by(&mut self, phi: &[f64], y: f64, choose: impl FnOnce(f64, f64) -> Change) -> Update {
+        // The same code three times: where the compiler knows the number of blocks, it unrolls all loops. Two blocks
+        // are the linear form of the built-in machine, four the full form.
+        match self.d.len() {
+            2 => self.update_blocks(2, phi, y, choose),
+            4 => self.update_blocks(4, phi, y, choose),
+            m => self.update_blocks(m, phi, y, choose),
+        }
+    }
+
+    #[inline(always)]
+    fn update_blocks(&mut self, m: usize, phi: &[f64], y: f64, choose: impl FnOnce(f64, f64) -> Change) -> Update {
+        // f in both senses: first U' phi, then scratch.
+        let tiles = &mut self.tiles[..m * (m + 1) / 2];
+        let (theta, d, d_limit) = (&mut self.theta[..m], &mut self.d[..m], &self.d_limit[..m]);
+        let d_floor = &self.d_floor[..m];
+        let (copy, f, v) = (&mut self.phi[..m], &mut self.f[..m], &mut self.v[..m]);
+        let (mu, gain) = (&mut self.mu[..m], &mut self.gain[..m]);
+
+        let (whole, rest) = phi.as_chunks::<LANES>();
+        let mut parts = [0.0; LANES];
+        for ((copy, phi), theta) in copy.iter_mut().zip(whole).zip(theta.iter()) {
+            *copy = *phi;
+            parts = from_fn(|i| parts[i] + phi[i] * theta[i]);
+        }
+        if let (Some(copy), Some(theta)) = (copy.get_mut(whole.len()), theta.get(whole.len())) {
+            for (i, phi) in rest.iter().enumerate() {
+                copy[i] = *phi;
+                parts[i] += phi * theta[i];
+            }
+        }
+        let innovation = y - sum(parts);
         if !innovation.is_finite() {
             return Update { innovation, bounded: false };
         }
-        let mut bounded = false;
-        let mut beta = lambda;
-        for j in 0..n {
-            // f = U' phi, v = D f; the gain vector grows by one entry per column.
-            let (u, gain) = (&mut self.u[column(j)..column(j) + j], &mut self.gain);
-            let f = phi[j] + u.iter().zip(phi).map(|(u, p)| u * p).sum::<f64>();
-            let v = self.d[j] * f;
-            let before = beta;
-            beta += f * v;
-            let mut d = self.d[j] * before / (beta * lambda);
-            if d > self.d_limit[j] {
-                d = self.d_limit[j];
-                bounded = true;
+        // f = U' phi.
+        let mut rest = &*tiles;
+        let mut total = [0.0; LANES];
+        for (t, (f, d)) in f.iter_mut().zip(d.iter()).enumerate() {
+            let (column, right) = rest.split_at(t + 1);
+            rest = right;
+            let mut parts = [[0.0; LANES]; LANES];
+            for (u, phi) in column.iter().zip(copy.iter()) {
+                for j in 0..LANES {
+                    (0..LANES).for_each(|i| parts[j][i] += u[j][i] * phi[i]);
+                }
             }
-            self.d[j] = d;
-            let mu = -f / before;
-            for (u, gain) in u.iter_mut().zip(gain.iter_mut()) {
-                let old = *u;
-                *u += *gain * mu;
-                *gain += old * v;
-            }
-            gain[j] = v;
+            *f = parts.map(sum);
+            total = from_fn(|i| total[i] + d[i] * f[i] * f[i]);
         }
-        let step = innovation / beta;
-        for (theta, gain) in self.theta.iter_mut().zip(&self.gain) {
-            *theta += gain * step;
+        let leverage = sum(total);
+        if !leverage.is_finite() {
+            return Update { innovation, bounded: false };
+        }
+        let Change { variance, growth, step } = choose(innovation, leverage);
+        // beta_j = variance + sum of d_i f_i^2, i <= j.
+        let mut bounded = false;
+        let (mut last, mut last_inverse) = (variance, 1.0 / variance);
+        let limits = pairs(d_limit).iter().zip(pairs(d_floor));
+        let columns = pairs_mut(d).iter_mut().zip(limits).zip(pairs(f));
+        for (((d, (d_limit, d_floor)), f), (v, mu)) in columns.zip(pairs_mut(v).iter_mut().zip(pairs_mut(mu))) {
+            *v = [d[0] * f[0], d[1] * f[1]];
+            let (first, second) = (f[0] * v[0], f[1] * v[1]);
+            let beta = [last + first, last + (first + second)];
+            let inverse = beta.map(|beta| 1.0 / beta);
+            *mu = [-f[0] * last_inverse, -f[1] * inverse[0]];
+            let grown = [d[0] * last * (inverse[0] * growth), d[1] * beta[0] * (inverse[1] * growth)];
+            bounded |= (grown[0] > d_limit[0]) | (grown[1] > d_limit[1]);
+            *d = from_fn(|j| if grown[j] > d_limit[j] { d_limit[j] } else { grown[j] });
+            *d = from_fn(|j| if d[j] < d_floor[j] { d_floor[j] } else { d[j] });
+            (last, last_inverse) = (beta[1], inverse[1]);
+        }
+        // The gain grows by one entry per column.
+        gain.fill([0.0; LANES]);
+        let mut rest = tiles;
+        for (t, (&v, &mu)) in v.iter().zip(mu.iter()).enumerate() {
+            let (column, right) = rest.split_at_mut(t + 1);
+            rest = right;
+            for (u, gain) in column.iter_mut().zip(gain.iter_mut()) {
+                let mut g = *gain;
+                for j in 0..LANES {
+                    let old = u[j];
+                    u[j] = from_fn(|i| old[i] + g[i] * mu[j]);
+                    g = from_fn(|i| g[i] + old[i] * v[j]);
+                }
+                *gain = g;
+            }
+        }
+        let step = innovation * last_inverse * step;
+        for s in 0..m {
+            theta[s] = from_fn(|i| theta[s][i] + gain[s][i] * step);
         }
         Update { innovation, bounded }
     }
 
+    /// Takes the row (phi, y) out again that was taken in without forgetting: the inverse of an update.
+    ///
+    /// False, and nothing has changed, when the row is nearly all that is known in its direction, so that the rest
+    /// would be rounding: phi' P phi greater than `most`, a number below 1.
+    #[must_use]
+    pub(crate) fn remove(&mut self, phi: &[f64], y: f64, most: f64) -> bool {
+        if self.leverage(phi) > most {
+            return false;
+        }
+        self.update_by(phi, y, |_, _| Change::REMOVE);
+        true
+    }
+
+    /// phi' P phi: how uncertain the prediction for this row is, in units of the noise's variance.
+    pub fn leverage(&self, phi: &[f64]) -> f64 {
+        let (whole, rest) = phi.as_chunks::<LANES>();
+        let mut last = [0.0; LANES];
+        last[..rest.len()].copy_from_slice(rest);
+        let blocks = || whole.iter().chain(if rest.is_empty() { None } else { Some(&last) });
+        let mut tiles = &*self.tiles;
+        let mut total = [0.0; LANES];
+        for (t, d) in self.d.iter().enumerate() {
+            let (column, right) = tiles.split_at(t + 1);
+            tiles = right;
+            let mut parts = [[0.0; LANES]; LANES];
+            for (u, phi) in column.iter().zip(blocks()) {
+                for j in 0..LANES {
+                    (0..LANES).for_each(|i| parts[j][i] += u[j][i] * phi[i]);
+                }
+            }
+            let f = parts.map(sum);
+            total = from_fn(|i| total[i] + d[i] * f[i] * f[i]);
+        }
+        sum(total)
+    }
+
+    /// Forgets only what is excited: P <- S P S, S diagonal with lambda^-1/2, or 1 where `idle`. To be followed by an
+    /// [update](Self::update) with the factor 1; with nothing idle the two are (19)-(20).
+    ///
+    /// ```text
+    /// u_ij <- u_ij s_i / s_j        d_j <- d_j s_j^2
+    /// ```
+    ///
+    /// True when something was held back by a bound. An idle coefficient keeps its d_j, so that u_ij alone would carry
+    /// the growth of the others' variances; a coefficient whose P_ii has reached its value after training times the
+    /// number of training samples therefore counts as idle.
+    pub fn forget_selectively(&mut self, lambda: f64, idle: &[bool]) -> bool {
+        let (scale, growth) = (lambda.sqrt().recip(), lambda.recip());
+        // v: P_ii, then s_i. Column j of U has its d_j, so every tile adds to the rows that it crosses.
+        let variances = &mut self.v;
+        variances.fill([0.0; LANES]);
+        let mut rest = &*self.tiles;
+        for (t, d) in self.d.iter().enumerate() {
+            let (column, right) = rest.split_at(t + 1);
+            rest = right;
+            for (u, variance) in column.iter().zip(variances.iter_mut()) {
+                for j in 0..LANES {
+                    (0..LANES).for_each(|i| variance[i] += d[j] * u[j][i] * u[j][i]);
+                }
+            }
+        }
+        let (mut bounded, mut all) = (false, true);
+        let scales = variances.as_flattened_mut().iter_mut().zip(self.variance_limit.as_flattened());
+        for (j, (scale_of, limit)) in scales.enumerate() {
+            let excited = j < self.n && !idle[j];
+            let room = *scale_of * growth <= *limit;
+            bounded |= excited && !room;
+            *scale_of = if excited && room { scale } else { 1.0 };
+            all &= excited && room || j >= self.n;
+        }
+        for ((d, limit), s) in self.d.iter_mut().zip(&self.d_limit).zip(&self.v) {
+            for j in 0..LANES {
+                let grown = d[j] * s[j] * s[j];
+                bounded |= grown > limit[j];
+                d[j] = grown.min(limit[j]);
+            }
+        }
+        if all {
+            // One scale for all leaves U as it is.
+            return bounded;
+        }
+        let mut rest = &mut *self.tiles;
+        for (t, s_of_columns) in self.v.iter().enumerate() {
+            let (column, right) = rest.split_at_mut(t + 1);
+            rest = right;
+            let per = s_of_columns.map(f64::recip);
+            for (u, s) in column.iter_mut().zip(&self.v) {
+                for j in 0..LANES {
+                    u[j] = from_fn(|i| u[j][i] * (s[i] * per[j]));
+                }
+            }
+        }
+        bounded
+    }
+
     /// P_ij.
     pub fn covariance(&self, i: usize, j: usize) -> f64 {
-        (i.max(j)..self.n).map(|m| self.u_at(i, m) * self.d[m] * self.u_at(j, m)).sum()
+        (i.max(j)..self.n).map(|m| self.u_at(i, m) * self.d()[m] * self.u_at(j, m)).sum()
     }
 
     /// Sum of the diagonal of P.
@@ -136,7 +375,7 @@ impl RecursiveLeastSquares {
 
     /// Whether coefficients and covariance are finite.
     pub fn is_finite(&self) -> bool {
-        self.theta.iter().chain(&self.d).chain(&self.u).all(|v| v.is_finite())
+        self.theta.iter().chain(&self.d).chain(self.tiles.as_flattened()).flatten().all(|v| v.is_finite())
     }
 
     /// Writes the information that coefficients and covariance stand for: R with R'R = P^-1, z = R theta.
@@ -145,9 +384,9 @@ impl RecursiveLeastSquares {
     /// the best known other one.
     pub fn information(&self, information: &mut Triangle, row: &mut [f64]) {
         information.clear();
-        let smallest = self.d.iter().copied().filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
+        let smallest = self.d().iter().copied().filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
         for i in 0..self.n {
-            let d = if self.d[i] > 0.0 { self.d[i] } else { smallest };
+            let d = if self.d()[i] > 0.0 { self.d()[i] } else { smallest };
             // Row i of U^-1: entries w_j with w_i = 1 and w U = e_i.
             row.fill(0.0);
             row[i] = 1.0;
@@ -156,14 +395,28 @@ impl RecursiveLeastSquares {
             }
             let weight = 1.0 / d.sqrt();
             row.iter_mut().for_each(|value| *value *= weight);
-            let target = row.iter().zip(&self.theta).map(|(r, t)| r * t).sum();
+            let target = row.iter().zip(self.theta()).map(|(r, t)| r * t).sum();
             information.add(row, target);
         }
     }
 }
 
-fn column(j: usize) -> usize {
-    j * j.saturating_sub(1) / 2
+/// The tile that holds u_ij.
+fn tile(i: usize, j: usize) -> usize {
+    let (s, t) = (i / LANES, j / LANES);
+    t * (t + 1) / 2 + s
+}
+
+fn pairs(blocks: &[Block]) -> &[[f64; 2]] {
+    blocks.as_flattened().as_chunks().0
+}
+
+fn pairs_mut(blocks: &mut [Block]) -> &mut [[f64; 2]] {
+    blocks.as_flattened_mut().as_chunks_mut().0
+}
+
+fn sum(parts: Block) -> f64 {
+    (parts[0] + parts[2]) + (parts[1] + parts[3])
 }
 
 #[cfg(test)]
@@ -303,6 +556,92 @@ mod tests {
         information.solve(&mut theta);
         for (a, b) in theta.iter().zip(estimator.theta()) {
             assert!((a - b).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn forgetting_selectively_with_nothing_idle_is_the_printed_recursion() {
+        for n in [3, 5, 15] {
+            let (mut printed, mut selective) = (started(n, 60), started(n, 60));
+            for k in 60..300 {
+                printed.update(&phi(k, n), y(k, n), 0.97);
+                assert!(!selective.forget_selectively(0.97, &vec![false; n]));
+                selective.update(&phi(k, n), y(k, n), 1.0);
+            }
+            for i in 0..n {
+                assert!((printed.theta()[i] - selective.theta()[i]).abs() < 1e-11);
+                for j in 0..n {
+                    assert!((printed.covariance(i, j) - selective.covariance(i, j)).abs() < 1e-11);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn forgetting_selectively_scales_the_excited_rows_and_columns_alone() {
+        let n = 5;
+        let idle = [false, true, false, true, true];
+        let before = started(n, 60);
+        let mut after = before.clone();
+        after.forget_selectively(0.81, &idle);
+        let s = idle.map(|idle| if idle { 1.0 } else { 1.0 / 0.9 });
+        for i in 0..n {
+            for j in 0..n {
+                let expected = s[i] * before.covariance(i, j) * s[j];
+                assert!((after.covariance(i, j) - expected).abs() < 1e-14);
+            }
+        }
+        // Marked as excited and never excited: each variance stays below its bound.
+        assert!((0..100_000).any(|_| after.forget_selectively(0.9, &idle)));
+        (0..100_000).for_each(|_| {
+            after.forget_selectively(0.9, &idle);
+        });
+        assert!(after.is_finite());
+        for i in 0..n {
+            let ratio = after.covariance(i, i) / before.covariance(i, i);
+            assert!(ratio <= 60.0 * (1.0 + 1e-9), "{ratio}");
+            assert!(idle[i] || ratio > 50.0, "{ratio}");
+            assert!(!idle[i] || (ratio - 1.0).abs() < 1e-6, "{ratio}");
+        }
+    }
+
+    #[test]
+    fn a_row_taken_out_again_was_never_there() {
+        for n in [4, 5, 16] {
+            let before = started(n, 80);
+            let mut after = before.clone();
+            let rows: Vec<_> = (80..100).map(|k| (phi(k, n), y(k, n))).collect();
+            for (phi, y) in &rows {
+                after.update(phi, *y, 1.0);
+            }
+            for (phi, y) in &rows {
+                assert!(after.leverage(phi) < before.leverage(phi));
+                assert!(after.remove(phi, *y, 0.999));
+            }
+            for i in 0..n {
+                assert!((before.theta()[i] - after.theta()[i]).abs() < 1e-12);
+                assert!((before.covariance(i, i) / after.covariance(i, i) - 1.0).abs() < 1e-12);
+            }
+            let huge: Vec<f64> = phi(7, n).iter().map(|p| 1e4 * p).collect();
+            after.update(&huge, 0.0, 1.0);
+            assert!(!after.remove(&huge, 0.0, 0.999));
+        }
+    }
+
+    #[test]
+    fn the_largest_rows_leave_an_estimator_that_still_learns() {
+        let n = 5;
+        let mut estimator = started(n, 100);
+        for size in [1e100, 1e150, 1e200, 1e300, f64::MAX] {
+            let row: Vec<f64> = phi(3, n).iter().map(|p| size * p).collect();
+            estimator.update(&row, 1.0, 0.99);
+            assert!(estimator.is_finite() && estimator.d().iter().all(|d| *d > 0.0), "{size}");
+        }
+        (0..20_000).for_each(|k| {
+            estimator.update(&phi(k, n), y(k, n), 0.98);
+        });
+        for (a, b) in estimator.theta().iter().zip(truth(n)) {
+            assert!((a - b).abs() < 0.02, "{a} {b}");
         }
     }
 }

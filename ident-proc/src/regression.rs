@@ -1,52 +1,57 @@
-//! The model as a linear regression, in either of its two forms.
+//! The model as a linear regression, in one of three forms, all of them read off the same [row](crate::row).
 //!
 //! ```text
 //! y(k) = phi(k)' theta                                                                             (13)
-//! full:    phi = (-y(k-1) .. -y(k-na),  u+(k-nk) .. u+(k-nk-nb), u+^2(k-nk) ..,  the same with u-)  (14)
-//! linear:  phi = (-y(k-1) .. -y(k-na),  x(k-nk) .. x(k-nk-nb)),   x = N(u) with held f and g
+//! full:         phi = (-y(k-1) .. -y(k-na),  every feature at every lag)                            (14)
+//! linear:       phi = (-y(k-1) .. -y(k-na),  x(k-nk) .. x(k-nk-nb)),       x = N(u), f and g held
+//! directional:  phi = (-y(k-1) .. -y(k-na),  x+(k-nk) .. x+(k-nk-nb),  x-(k-nk) .. x-(k-nk-nb))
 //! ```
 //!
-//! u+ is u where it is >= 0 and else zero, u- the reverse: the paper writes (14) for one sign only. theta of the
-//! full form is (a, C_10 .. C_1nb, C_20 .., C_r0 .. C_rnb) and then the same for g; of the linear form (a, b). With
-//! hinges these stand in the place of the powers. A drift is one more coefficient, the last, of a regressor that is 1.
-//!
-//! Both are one thing: `width` features per command, and one coefficient for each feature at each of nb + 1 lags.
+//! x+ is x where u >= 0 and else zero, x- the reverse. theta of the full form is (a, C_10 .. C_1nb, C_20 .., C_r0 ..
+//! C_rnb) and then the same for g; of the linear form (a, b); of the directional form (a, b of extending, b of
+//! retracting). A drift is one more coefficient, the last.
 //!
 //! With the integrator the outputs of phi and the target are increments, dy(k) = y(k) - y(k-1); the features are
-//! what they are, and predictions are of y. Trap: that takes na + 1 outputs of the past.
+//! what they are. Trap: that takes na + 1 outputs of the past.
+//!
+//! Whatever the form, theta can be written out as one of the full form with outputs, [`Regression::expand`]: there
+//! models of different forms can be compared, added and run ahead by the same code.
 
-use pipeline::{
-    hammerstein::{Nonlinearity, Structure},
-    machine::Form,
-};
+use pipeline::hammerstein::{Coefficients, MAX_ORDER, Nonlinearity, Structure};
 
-use crate::history::History;
+use crate::triangle::Triangle;
 
-/// How a command becomes features.
+/// How the features of a command become the regressors of a lag.
 #[derive(Debug, Clone, Copy)]
-pub enum Features {
-    /// x = N(u).
-    Intermediate(Nonlinearity),
-    /// phi_1 .. phi_r for u >= 0, u to u^r if they are powers, then the same for u < 0.
-    Basis,
+enum Form {
+    Full,
+    Linear,
+    Directional,
 }
 
-/// The regression of one structure and form.
+/// One form of one structure.
 #[derive(Debug, Clone, Copy)]
 pub struct Regression {
     structure: Structure,
-    features: Features,
+    form: Form,
+    /// f, then g, of the held nonlinearity.
+    held: [[f64; MAX_ORDER]; 2],
 }
 
 impl Regression {
     /// The over-parametrised form (14).
     pub fn full(structure: Structure) -> Self {
-        Self { structure, features: Features::Basis }
+        Self { structure, form: Form::Full, held: [[0.0; MAX_ORDER]; 2] }
     }
 
     /// The linear form with held nonlinearity.
-    pub fn linear(structure: Structure, nonlinearity: Nonlinearity) -> Self {
-        Self { structure, features: Features::Intermediate(nonlinearity) }
+    pub fn linear(structure: Structure, nonlinearity: &Nonlinearity) -> Self {
+        Self { structure, form: Form::Linear, held: [nonlinearity.f, nonlinearity.g] }
+    }
+
+    /// The directional form: the linear one with a B for each sign of the command.
+    pub fn directional(structure: Structure, nonlinearity: &Nonlinearity) -> Self {
+        Self { structure, form: Form::Directional, held: [nonlinearity.f, nonlinearity.g] }
     }
 
     /// The structure.
@@ -54,25 +59,14 @@ impl Regression {
         self.structure
     }
 
-    /// Features per command in a form.
-    pub fn width_of(form: Form, structure: Structure) -> usize {
-        match form {
-            Form::Linear => 1,
-            Form::Full => 2 * structure.order,
-        }
-    }
-
-    /// Features per command.
-    pub fn width(&self) -> usize {
-        match self.features {
-            Features::Intermediate(_) => 1,
-            Features::Basis => 2 * self.structure.order,
-        }
-    }
-
     /// Number of coefficients.
     pub fn len(&self) -> usize {
-        self.structure.na + self.width() * (self.structure.nb + 1) + self.structure.drift as usize
+        let per_lag = match self.form {
+            Form::Full => 2 * self.structure.order,
+            Form::Linear => 1,
+            Form::Directional => 2,
+        };
+        self.structure.na + per_lag * (self.structure.nb + 1) + self.structure.drift as usize
     }
 
     /// Never: na is at least 1.
@@ -80,103 +74,111 @@ impl Regression {
         false
     }
 
-    /// Writes the features of one command.
-    pub fn features(&self, u: f64, features: &mut [f64]) {
-        match self.features {
-            Features::Intermediate(nonlinearity) => features[0] = nonlinearity.evaluate(u),
-            Features::Basis => self.structure.input.features(u, features),
-        }
+    /// What phi(k)' theta is to give, from y(k) and the row of sample k.
+    pub fn target(&self, y: f64, row: &[f64]) -> f64 {
+        if self.structure.integrator { y + row[0] } else { y }
     }
 
-    /// What phi(k)' theta is to give, from y(k) and `outputs` = y(..k-1), oldest first.
-    pub fn target(&self, y: f64, outputs: &[f64]) -> f64 {
-        match outputs.last() {
-            Some(before) if self.structure.integrator => y - before,
-            _ => y,
-        }
-    }
-
-    /// Writes phi(k) from `outputs` = y(..k-1) and `commands` = features of u(..k-1), both oldest first.
-    ///
-    /// Needs [`Structure::past_outputs`] outputs and nk + nb commands.
-    pub fn regressor(&self, outputs: &[f64], commands: &[f64], phi: &mut [f64]) {
-        let Structure { na, nb, nk, .. } = self.structure;
-        if self.structure.integrator {
-            for (phi, pair) in phi[..na].iter_mut().zip(outputs.windows(2).rev()) {
-                *phi = pair[0] - pair[1];
-            }
+    /// Writes phi(k), read off the row of sample k of the structure `of`, which has at least these orders.
+    pub fn regressor(&self, row: &[f64], of: &Structure, phi: &mut [f64]) {
+        let Structure { na, nb, order, integrator, drift, .. } = self.structure;
+        let (outputs, driven) = phi.split_at_mut(na);
+        if integrator {
+            outputs.iter_mut().zip(row.windows(2)).for_each(|(phi, pair)| *phi = pair[0] - pair[1]);
         } else {
-            for (phi, y) in phi[..na].iter_mut().zip(outputs.iter().rev()) {
-                *phi = -y;
+            outputs.copy_from_slice(&row[..na]);
+        }
+        let row = &row[of.na..];
+        let branches = row.chunks_exact(order * (of.nb + 1)).zip(&self.held);
+        match self.form {
+            Form::Full => {
+                for (phi, lags) in driven.chunks_exact_mut(nb + 1).zip(row.chunks_exact(of.nb + 1)) {
+                    phi.copy_from_slice(&lags[..=nb]);
+                }
+            }
+            Form::Linear => {
+                driven.fill(0.0);
+                branches.for_each(|(features, held)| fold(features, of.nb + 1, held, &mut driven[..=nb]));
+            }
+            Form::Directional => {
+                driven.fill(0.0);
+                for ((features, held), phi) in branches.zip(driven.chunks_exact_mut(nb + 1)) {
+                    fold(features, of.nb + 1, held, phi);
+                }
             }
         }
-        let width = self.width();
-        let newest = commands.len() / width - nk;
-        for j in 0..=nb {
-            let features = &commands[(newest - j) * width..(newest - j + 1) * width];
-            for (power, feature) in features.iter().enumerate() {
-                phi[na + power * (nb + 1) + j] = *feature;
-            }
+        if drift {
+            driven[self.len() - na - 1] = 1.0;
         }
-        phi[na + width * (nb + 1)..].fill(1.0);
     }
 
-    /// One step: y(k) from phi(k)' theta without writing phi; slices as for [`Self::regressor`].
-    fn step(&self, theta: &[f64], outputs: &[f64], commands: &[f64]) -> f64 {
-        let Structure { na, nb, nk, .. } = self.structure;
+    /// The least-squares problem of this form, from the one of rows of the structure `of`.
+    pub fn project(&self, rows: &Triangle, of: &Structure, projected: &mut Triangle) {
+        projected.clear();
+        projected.add_mapped(rows, |row, target, phi| {
+            self.regressor(row, of, phi);
+            if self.structure.drift {
+                // A row of the triangle has anything where a row of the data has 1.
+                phi[self.len() - 1] = row[row.len() - 1];
+            }
+            self.target(target, row)
+        });
+    }
+
+    /// Writes `theta` out as coefficients of the row of the structure `of`.
+    pub fn expand(&self, theta: &[f64], of: &Structure, expanded: &mut [f64]) {
+        let Structure { na, nb, order, integrator, drift, .. } = self.structure;
+        expanded.fill(0.0);
         let (a, driven) = theta.split_at(na);
-        let mut y: f64 = if self.structure.integrator {
-            let increments: f64 = a.iter().zip(outputs.windows(2).rev()).map(|(a, pair)| a * (pair[0] - pair[1])).sum();
-            outputs[outputs.len() - 1] + increments
-        } else {
-            a.iter().zip(outputs.iter().rev()).map(|(a, y)| -a * y).sum()
-        };
-        let width = self.width();
-        let newest = commands.len() / width - nk;
-        for j in 0..=nb {
-            let features = &commands[(newest - j) * width..(newest - j + 1) * width];
-            for (power, feature) in features.iter().enumerate() {
-                y += driven[power * (nb + 1) + j] * feature;
+        expanded[..na].copy_from_slice(a);
+        if integrator {
+            // A(z) (1 - z^-1): every coefficient minus the one before it.
+            for i in (1..=na).rev() {
+                expanded[i] -= expanded[i - 1];
             }
+            expanded[0] -= 1.0;
         }
-        if self.structure.drift { y + driven[width * (nb + 1)] } else { y }
-    }
-
-    /// One step with `theta` from the past in two histories.
-    pub fn predict_one(&self, theta: &[f64], outputs: &History, commands: &History) -> f64 {
-        let Structure { nb, nk, .. } = self.structure;
-        self.step(theta, outputs.latest(self.structure.past_outputs()), commands.latest(nk + nb))
-    }
-
-    /// The prediction of y(k) made at k-h with `theta`: outputs measured up to k-h, the model's own after, commands
-    /// as they were applied.
-    ///
-    /// `outputs` = y(..k-1) with at least p + h - 1 values, p = [`Structure::past_outputs`], `commands` = features of
-    /// u(..k-1) with at least nk + nb + h - 1, `path` holds p + h numbers and is overwritten.
-    pub fn predict_ahead(
-        &self,
-        theta: &[f64],
-        h: usize,
-        outputs: &History,
-        commands: &History,
-        path: &mut [f64],
-    ) -> f64 {
-        let Structure { nb, nk, .. } = self.structure;
-        let (past, width) = (self.structure.past_outputs(), self.width());
-        path[..past].copy_from_slice(&outputs.latest(past + h - 1)[..past]);
-        let commands = commands.latest(nk + nb + h - 1);
-        for step in 0..h {
-            let (known, future) = path.split_at_mut(past + step);
-            future[0] = self.step(theta, &known[step..], &commands[..(nk + nb + step) * width]);
+        let (last, lags) = (expanded.len() - 1, of.nb + 1);
+        for (power, products) in expanded[of.na..].chunks_exact_mut(lags).take(2 * order).enumerate() {
+            let held = self.held[power / order][power % order];
+            let (weight, b) = match self.form {
+                Form::Full => (1.0, &driven[power * (nb + 1)..]),
+                Form::Linear => (held, driven),
+                Form::Directional => (held, &driven[power / order * (nb + 1)..]),
+            };
+            products.iter_mut().zip(&b[..=nb]).for_each(|(product, b)| *product = weight * b);
         }
-        path[past + h - 1]
+        if drift {
+            expanded[last] = theta[theta.len() - 1];
+        }
+    }
+}
+
+/// Writes a separated model out as coefficients of the row of the structure `of`, which has at least its orders.
+pub fn write_out(model: &Coefficients, of: &Structure, expanded: &mut [f64]) {
+    expanded.fill(0.0);
+    expanded[..model.a().len()].copy_from_slice(model.a());
+    let features = model.f[..of.order].iter().chain(&model.g[..of.order]);
+    for (products, feature) in expanded[of.na..].chunks_exact_mut(of.nb + 1).zip(features) {
+        products.iter_mut().zip(model.b()).for_each(|(product, b)| *product = feature * b);
+    }
+    if of.drift {
+        expanded[of.full_len() - 1] = model.drift;
+    }
+}
+
+/// Adds to `x` at each lag the features of that lag, weighed.
+fn fold(features: &[f64], lags: usize, weights: &[f64], x: &mut [f64]) {
+    for (features, weight) in features.chunks_exact(lags).zip(weights) {
+        x.iter_mut().zip(features).for_each(|(x, feature)| *x += weight * feature);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pipeline::hammerstein::{Basis, Coefficients, InputMap};
+    use crate::{errors::product, forecast::Forecasts, history::History, row::Row};
+    use pipeline::hammerstein::{Basis, InputMap};
 
     const STRUCTURE: Structure = Structure { na: 3, nb: 1, nk: 2, order: 3, ..Structure::PAPER };
 
@@ -211,56 +213,127 @@ mod tests {
         model
     }
 
-    fn full_theta(model: &Coefficients) -> Vec<f64> {
-        let mut theta = model.a().to_vec();
-        for branch in [model.f, model.g] {
-            for c in &branch[..3] {
-                theta.extend(model.b().iter().map(|b| c * b));
-            }
+    fn inputs() -> Vec<f64> {
+        (0..60).map(|k| (k as f64 * 0.9).sin()).collect()
+    }
+
+    fn outputs() -> Vec<f64> {
+        // Two sines alone would satisfy a difference equation of their own.
+        (0..60).map(|k| (k as f64 * 0.31).cos() + 0.3 * (k as f64 * k as f64).sin()).collect()
+    }
+
+    /// The row of sample `k`, of orders one larger than those of `structure`.
+    fn row(structure: Structure, k: usize) -> Row {
+        let published = structure.published();
+        let mut row = Row::new(Structure { na: published.na + 1, nb: published.nb + 1, ..published });
+        let (mut y, mut u) = (History::new(60, 1), History::new(60, 6));
+        outputs()[..k].iter().for_each(|v| y.push(*v));
+        inputs()[..k].iter().for_each(|v| u.push_with(|slot| structure.input.features(*v, slot)));
+        row.fill(&y, &u);
+        row
+    }
+
+    /// Every form that can say what the separated model says, with the theta that says it.
+    fn forms(structure: Structure) -> Vec<(Regression, Vec<f64>)> {
+        let model = model(structure);
+        let drift = &[model.drift][..structure.drift as usize];
+        let mut full = model.a().to_vec();
+        for c in model.f[..3].iter().chain(&model.g[..3]) {
+            full.extend(model.b().iter().map(|b| c * b));
         }
-        theta
+        let n = model.nonlinearity();
+        vec![
+            (Regression::full(structure), [&full[..], drift].concat()),
+            (Regression::linear(structure, &n), [model.a(), model.b(), drift].concat()),
+            (Regression::directional(structure, &n), [model.a(), model.b(), model.b(), drift].concat()),
+        ]
     }
 
     #[test]
-    fn both_forms_say_what_the_model_says() {
-        structures().into_iter().for_each(expect_the_models_predictions);
+    fn every_form_says_what_the_model_says() {
+        for structure in structures() {
+            let model = model(structure);
+            // What is published of it: with the integrator multiplied in.
+            let published = if structure.integrator { model.integrated() } else { model };
+            let row = row(structure, 60);
+            let x: Vec<f64> = (0..2).map(|j| model.nonlinearity().evaluate(inputs()[60 - 2 - j])).collect();
+            let newest: Vec<f64> = outputs().into_iter().rev().take(4).collect();
+            let expected = published.predict_one(&newest, &x);
+            let mut written = vec![0.0; row.values().len()];
+            write_out(&published, &row.structure(), &mut written);
+            assert!((product(&written, row.values()) - expected).abs() < 1e-14);
+            for (regression, theta) in forms(structure) {
+                assert_eq!(theta.len(), regression.len());
+                let mut phi = vec![0.0; regression.len()];
+                regression.regressor(row.values(), &row.structure(), &mut phi);
+                let target = regression.target(expected, row.values());
+                assert!((product(&phi, &theta) - target).abs() < 1e-14, "{regression:?}");
+                let mut expanded = vec![0.0; row.values().len()];
+                regression.expand(&theta, &row.structure(), &mut expanded);
+                for (found, written) in expanded.iter().zip(&written) {
+                    assert!((found - written).abs() < 1e-15, "{regression:?}");
+                }
+            }
+        }
     }
 
-    fn expect_the_models_predictions(structure: Structure) {
-        let model = model(structure);
-        let drift = &[model.drift][..structure.drift as usize];
-        // What is published of it: with the integrator multiplied in.
-        let published = if structure.integrator { model.integrated() } else { model };
-        let inputs: Vec<f64> = (0..60).map(|k| (k as f64 * 0.9).sin()).collect();
-        let outputs: Vec<f64> = (0..60).map(|k| (k as f64 * 0.31).cos()).collect();
-        let linear = [model.a(), model.b(), drift].concat();
-        let full = [&full_theta(&model)[..], drift].concat();
-        assert_eq!((full.len(), linear.len()), (structure.full_len(), structure.linear_len()));
-        let forms =
-            [(Regression::full(structure), full), (Regression::linear(structure, model.nonlinearity()), linear)];
-        for (regression, theta) in forms {
-            assert_eq!(theta.len(), regression.len());
-            let (mut y, mut u) = (History::new(60, 1), History::new(60, regression.width()));
-            outputs.iter().for_each(|v| y.push(*v));
-            inputs.iter().for_each(|v| u.push_with(|slot| regression.features(*v, slot)));
-            // y(60) from y(..59) and u(..59).
-            let x: Vec<f64> = (0..2).map(|j| model.nonlinearity().evaluate(inputs[60 - 2 - j])).collect();
-            let newest: Vec<f64> = outputs.iter().rev().take(4).copied().collect();
-            let expected = published.predict_one(&newest, &x);
-            let mut phi = vec![0.0; regression.len()];
-            let past = structure.past_outputs();
-            regression.regressor(y.latest(past), u.latest(3), &mut phi);
-            let found: f64 = phi.iter().zip(&theta).map(|(p, t)| p * t).sum();
-            assert!((found - regression.target(expected, y.latest(past))).abs() < 1e-14);
-            assert!((regression.predict_one(&theta, &y, &u) - expected).abs() < 1e-14);
+    #[test]
+    fn a_forecast_is_the_models_own_prediction_whenever_it_was_launched() {
+        for structure in structures() {
+            let model = model(structure);
+            let published = if structure.integrator { model.integrated() } else { model };
+            let of = row(structure, 40).structure();
+            let mut theta = vec![0.0; of.full_len()];
+            write_out(&published, &of, &mut theta);
+            let mut forecasts = Forecasts::new(of.na, of.full_len() - of.na, 3);
+            for (lane, start) in [38, 40, 43].into_iter().enumerate() {
+                (if lane == 0 { 39 } else { [38, 40, 43][lane - 1] + 1 }..=start)
+                    .for_each(|k| forecasts.advance(row(structure, k).driven()));
+                forecasts.launch(lane, &theta, &outputs()[..=start]);
+            }
+            (44..=50).for_each(|k| forecasts.advance(row(structure, k).driven()));
+            for (lane, start) in [38usize, 40, 43].into_iter().enumerate() {
+                let newest: Vec<f64> = outputs()[..=start].iter().rev().take(5).copied().collect();
+                let mut predicted = vec![0.0; 50 - start];
+                published.predict(&newest, &inputs()[start + 1 - 2 - 1..], &mut predicted);
+                let (found, expected) = (forecasts.predicted(lane), predicted[49 - start]);
+                assert!((found - expected).abs() < 1e-13, "{structure:?} {lane}: {found} {expected}");
+            }
+        }
+    }
 
-            // y(60) as predicted at 60 - 7 = 53, against the model's own h-step prediction.
-            let mut path = vec![0.0; past + 7];
-            let ahead = regression.predict_ahead(&theta, 7, &y, &u, &mut path);
-            let mut predicted = [0.0; 7];
-            let newest = [53, 52, 51, 50].map(|k| outputs[k]);
-            published.predict(&newest, &inputs[53 + 1 - 2 - 1..], &mut predicted);
-            assert!((ahead - predicted[6]).abs() < 1e-13, "{ahead} {}", predicted[6]);
+    #[test]
+    fn a_projected_problem_is_the_problem_of_the_projected_rows() {
+        for structure in structures() {
+            let rows: Vec<(Row, f64)> = (10..60).map(|k| (row(structure, k), (k as f64 * 0.77).sin())).collect();
+            let of = rows[0].0.structure();
+            let mut all = Triangle::new(of.full_len());
+            rows.iter().for_each(|(row, y)| all.add(row.values(), *y));
+            for (regression, _) in forms(structure) {
+                let (mut direct, mut projected) = (Triangle::new(regression.len()), Triangle::new(regression.len()));
+                let mut phi = vec![0.0; regression.len()];
+                for (row, y) in &rows {
+                    regression.regressor(row.values(), &of, &mut phi);
+                    direct.add(&phi, regression.target(*y, row.values()));
+                }
+                regression.project(&all, &of, &mut projected);
+                assert_eq!(projected.count(), direct.count());
+                assert!(
+                    (projected.residual() / direct.residual() - 1.0).abs() < 1e-9,
+                    "{structure:?} {regression:?} {} {}",
+                    projected.residual(),
+                    direct.residual()
+                );
+                let n = regression.len();
+                for (i, j) in (0..n).flat_map(|i| (i..=n).map(move |j| (i, j))) {
+                    // Rows are determined up to their sign.
+                    let (a, b) = (projected.entry(i, j), direct.entry(i, j));
+                    assert!(
+                        (a.abs() - b.abs()).abs() < 1e-9 * all.residual().sqrt().max(1.0),
+                        "{regression:?} {i} {j}"
+                    );
+                }
+            }
         }
     }
 }

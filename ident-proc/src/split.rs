@@ -120,18 +120,22 @@ impl Splitter {
             let before = model;
             // a, b with f, g held: the features of each lag fold into one.
             self.linear.clear();
-            self.linear.add_mapped(data, |row, out| fold_features(self.structure, &model, row, out));
+            self.linear.add_mapped(data, |row, target, out| {
+                fold_features(self.structure, &model, row, out);
+                target
+            });
             self.linear.solve(&mut self.linear_solution);
             model.b[..=nb].copy_from_slice(&self.linear_solution[na..=na + nb]);
             // a, f, g with b held: the lags of each feature fold into one.
             self.nonlinear.clear();
-            self.nonlinear.add_mapped(data, |row, out| {
+            self.nonlinear.add_mapped(data, |row, target, out| {
                 out[..na].copy_from_slice(&row[..na]);
                 for power in 0..2 * order {
                     let lags = &row[na + power * (nb + 1)..na + (power + 1) * (nb + 1)];
                     out[na + power] = lags.iter().zip(&model.b).map(|(r, b)| r * b).sum();
                 }
                 out[na + 2 * order..].copy_from_slice(&row[na + 2 * order * (nb + 1)..]);
+                target
             });
             self.nonlinear.solve(&mut self.nonlinear_solution);
             model.a[..na].copy_from_slice(&self.nonlinear_solution[..na]);
@@ -177,7 +181,7 @@ impl Splitter {
 
 /// A row of the full form as a row of the linear form with the f and g of `model`: the features of each lag fold
 /// into one.
-pub(crate) fn fold_features(structure: Structure, model: &Coefficients, row: &[f64], out: &mut [f64]) {
+fn fold_features(structure: Structure, model: &Coefficients, row: &[f64], out: &mut [f64]) {
     let Structure { na, nb, order, .. } = structure;
     out[..na].copy_from_slice(&row[..na]);
     for (power, c) in model.f[..order].iter().chain(&model.g[..order]).enumerate() {
@@ -190,7 +194,7 @@ pub(crate) fn fold_features(structure: Structure, model: &Coefficients, row: &[f
 
 /// Moves the common factor of b and N so that f_1 = 1, or, where f_1 is next to nothing, so that the largest
 /// coefficient of N is 1 in magnitude.
-fn scale(model: &mut Coefficients, order: usize) {
+pub(crate) fn scale(model: &mut Coefficients, order: usize) {
     let largest = model.f[..order].iter().chain(&model.g[..order]).fold(0.0f64, |m, c| m.max(c.abs()));
     let by = if model.f[0].abs() > SMALLEST_F1 * largest { model.f[0] } else { largest };
     if by != 0.0 && by.is_finite() {
@@ -209,7 +213,7 @@ fn moved(before: &[f64], after: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{history::History, regression::Regression};
+    use crate::{history::History, row::Row};
 
     const STRUCTURE: Structure = Structure { na: 2, nb: 1, nk: 1, order: 3, ..Structure::PAPER };
 
@@ -224,26 +228,25 @@ mod tests {
 
     /// Data of a known model with a little noise, and the full theta they give.
     fn record(model: &Coefficients, noise: f64) -> (Triangle, Vec<f64>) {
-        let regression = Regression::full(STRUCTURE);
-        let mut data = Triangle::new(regression.len());
-        let (mut outputs, mut commands) = (History::new(4, 1), History::new(4, regression.width()));
-        let mut phi = vec![0.0; regression.len()];
+        let mut row = Row::new(STRUCTURE);
+        let mut data = Triangle::new(STRUCTURE.full_len());
+        let (mut outputs, mut commands) = (History::new(4, 1), History::new(4, 6));
         let mut x = Vec::new();
         for k in 0..3000 {
             let u = (k as f64 * 0.37).sin() * (0.5 + 0.5 * (k as f64 * 0.011).sin());
             if k >= 2 {
-                regression.regressor(outputs.latest(2), commands.latest(2), &mut phi);
+                row.fill(&outputs, &commands);
                 let newest: Vec<f64> = outputs.latest(2).iter().rev().copied().collect();
                 let y = model.predict_one(&newest, &[x[k - 1], x[k - 2]]) + noise * (k as f64 * 91.7).sin();
-                data.add(&phi, y);
+                data.add(row.values(), y);
                 outputs.push(y);
             } else {
                 outputs.push(0.0);
             }
             x.push(model.nonlinearity().evaluate(u));
-            commands.push_with(|slot| regression.features(u, slot));
+            commands.push_with(|slot| STRUCTURE.input.features(u, slot));
         }
-        let mut theta = vec![0.0; regression.len()];
+        let mut theta = vec![0.0; STRUCTURE.full_len()];
         data.solve(&mut theta);
         (data, theta)
     }

@@ -68,6 +68,7 @@ impl Triangle {
         self.row[..self.n].copy_from_slice(regressor);
         self.row[self.n] = target;
         self.rotate_in();
+        self.count += 1;
     }
 
     fn rotate_in(&mut self) {
@@ -85,18 +86,18 @@ impl Triangle {
             }
         }
         self.residual += self.row[self.n] * self.row[self.n];
-        self.count += 1;
     }
 
-    /// Takes in the rows of `other`, each changed by `map` from its unknowns to these.
-    pub fn add_mapped(&mut self, other: &Self, mut map: impl FnMut(&[f64], &mut [f64])) {
-        let width = other.n + 1;
-        for row in other.rows.chunks_exact(width) {
+    /// Takes in all that `other` has taken in: `map` writes a row of its unknowns as one of these, and returns the
+    /// target; both must be linear in row and target.
+    pub fn add_mapped(&mut self, other: &Self, mut map: impl FnMut(&[f64], f64, &mut [f64]) -> f64) {
+        for row in other.rows.chunks_exact(other.n + 1) {
             self.row.fill(0.0);
-            map(&row[..other.n], &mut self.row[..self.n]);
-            self.row[self.n] = row[other.n];
+            self.row[self.n] = map(&row[..other.n], row[other.n], &mut self.row[..self.n]);
             self.rotate_in();
         }
+        self.residual += other.residual;
+        self.count += other.count;
     }
 
     /// Solves R theta = z by back substitution; an unknown whose diagonal is zero becomes 0.
@@ -115,18 +116,17 @@ impl Triangle {
     /// Makes `restricted` the same problem with the marked unknowns held at zero, each by a row of its own.
     pub fn hold_into(&self, held: &[bool], restricted: &mut Self) {
         restricted.clear();
-        restricted.add_mapped(self, |row, out| {
+        restricted.add_mapped(self, |row, target, out| {
             for ((out, value), held) in out.iter_mut().zip(row).zip(held) {
                 *out = if *held { 0.0 } else { *value };
             }
+            target
         });
         for j in (0..self.n).filter(|&j| held[j]) {
             restricted.row.fill(0.0);
             restricted.row[j] = 1.0;
             restricted.rotate_in();
         }
-        restricted.count = self.count;
-        restricted.residual += self.residual;
     }
 }
 

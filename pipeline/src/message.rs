@@ -232,7 +232,7 @@ shared_struct! {
 shared_struct! {
     /// One axis of a [`CoefficientSnapshot`]. Both models are of the position; errors are in the unit of the identified
     /// output, m, or m/s where that is the velocity.
-    #[type_name("hydraxis.AxisSnapshot/2")]
+    #[type_name("hydraxis.AxisSnapshot/3")]
     pub struct AxisSnapshot {
         /// The adaptive model.
         pub adaptive: Coefficients,
@@ -242,6 +242,9 @@ shared_struct! {
         pub adaptive_errors: ModelErrors,
         /// Errors of the classical model.
         pub classical_errors: ModelErrors,
+        /// h-step errors of `adaptive` itself: `adaptive_errors` are those of the coefficients before they are
+        /// separated into b, f and g, where there are such.
+        pub separated_h_step: ErrorStatistics,
         /// The output itself over the same samples, for the fit in percent.
         pub output: ErrorStatistics,
         /// Output minus the output `horizon` samples before: what doing nothing would reach.
@@ -252,6 +255,15 @@ shared_struct! {
         pub forgetting_factor: f64,
         /// Innovation of the last update: output minus one-step prediction.
         pub innovation: f64,
+        /// The same over its usual size: about 1 when all is well.
+        pub innovation_ratio: f64,
+        /// Largest magnitude of a pole of the adaptive model.
+        pub pole_radius: f64,
+        /// Travel over the horizon after a step to the mean positive (0) and negative (1) command so far, adaptive over
+        /// classical model.
+        pub gain_ratio: [f64; 2],
+        /// Part of the recent samples in which a positive (0) or negative (1) command was in the regressor.
+        pub excitation: [f64; 2],
         /// Trace of the covariance.
         pub covariance_trace: f64,
         /// Part of the driven half's weighted norm that the split into b, f, g does not explain; 0 for an exact split.
@@ -264,6 +276,10 @@ shared_struct! {
         pub updates: u64,
         /// Samples that could not be used (gap, fault, missing command).
         pub skipped: u64,
+        /// Samples that were too far from every prediction to be used.
+        pub outliers: u64,
+        /// Samples since the last one that the coefficients have learned from.
+        pub since_update: u64,
         /// Samples of the horizon.
         pub horizon: u32,
         /// Why the model is not to be trusted, [`model_fault`] bits; 0 is healthy.
@@ -283,16 +299,37 @@ pub mod model_fault {
     pub const NOT_FINITE: u32 = 8;
     /// The last sample could not be used.
     pub const SAMPLE_SKIPPED: u32 = 16;
+    /// The last sample was too far from every prediction to be used.
+    pub const OUTLIER: u32 = 32;
+    /// The axis rests: nothing is learned.
+    pub const RESTING: u32 = 64;
+    /// One sign of the command has not been used for long; what is known of it is from before.
+    pub const ONE_SIDED: u32 = 128;
+    /// A pole of the adaptive model makes a prediction grow more than e-fold over the horizon.
+    pub const UNSTABLE: u32 = 256;
+    /// The adaptive model's gain is less than a quarter or more than four times the classical one's, or turned round.
+    pub const GAIN: u32 = 512;
 
     /// The bits that do not come and go with the samples.
     pub const LASTING: u32 = TRAINING | RANK_DEFICIENT | NOT_FINITE;
     /// Names of the bits, lowest first.
-    pub const NAMES: [&str; 5] = ["training", "rank-deficient", "covariance-bound", "not-finite", "sample-skipped"];
+    pub const NAMES: [&str; 10] = [
+        "training",
+        "rank-deficient",
+        "covariance-bound",
+        "not-finite",
+        "sample-skipped",
+        "outlier",
+        "resting",
+        "one-sided",
+        "unstable",
+        "gain",
+    ];
 }
 
 shared_struct! {
     /// The models after one sample: ident-proc to control-proc. The newest counts.
-    #[type_name("hydraxis.CoefficientSnapshot/2")]
+    #[type_name("hydraxis.CoefficientSnapshot/3")]
     pub struct CoefficientSnapshot {
         /// `sequence` names the last sample that the coefficients have learned from.
         pub header: Header,

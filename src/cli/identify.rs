@@ -75,7 +75,9 @@ pub struct Identify {
     /// How far ahead the h-step error looks: samples, or a duration such as 0.5s [default: 0.5s, at least one sample]
     #[arg(long)]
     pub horizon: Option<Samples>,
-    /// Forgetting factor: paper (fuzzy, Table 1) or constant:L
+    /// What is forgotten online: paper (fuzzy factor, Table 1), constant:L, fuzzy:LOW (Table 1 on normalised errors, down
+    /// to LOW), fortescue:N0 (N0 samples while errors stay small), directional:L (only what is excited), window:N (all
+    /// but the last N samples), or auto (several, weighted by how well they predict)
     #[arg(long, default_value = "paper", value_parser = forgetting)]
     pub forgetting: Forgetting,
     /// Which coefficients are updated online

@@ -22,6 +22,7 @@ enum Forms {
 /// What is compared, as `--forgetting` names it.
 const ESTIMATORS: &[(&str, Forms)] = &[
     ("paper", Forms::Chosen),
+    ("fuzzy:0.95", Forms::Chosen),
     ("constant:0.95", Forms::Both),
     ("constant:0.98", Forms::Both),
     ("constant:0.99", Forms::Both),
@@ -30,6 +31,10 @@ const ESTIMATORS: &[(&str, Forms)] = &[
     ("constant:0.999", Forms::Both),
     ("constant:0.9995", Forms::Both),
     ("constant:1", Forms::Both),
+    ("fortescue:1000", Forms::Chosen),
+    ("directional:0.99", Forms::Chosen),
+    ("window:500", Forms::Chosen),
+    ("auto", Forms::Chosen),
 ];
 
 /// Each estimator runs so often, and its least time counts: a run of a few milliseconds is easily interrupted.
@@ -68,7 +73,7 @@ pub fn compare(settings: &Identification, record: &Record) -> Comparison {
     let progress = progress(runs.len() as u64, "estimators");
     let mut rows: Vec<Row> = Vec::new();
     for (name, run) in &runs {
-        let (mut identifier, mut ns_per_update) = identify(run, record, |_| {});
+        let (identifier, mut ns_per_update) = identify(run, record, |_| {});
         for _ in 1..TIMED_RUNS {
             ns_per_update = identify(run, record, |_| {}).1.min(ns_per_update);
         }

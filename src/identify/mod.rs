@@ -16,7 +16,7 @@ use crate::{cli, failure::Failure, output::Output, table::progress};
 use report::Report;
 use run::identify;
 use select::{Selection, select};
-use settings::{Typed, settings};
+use settings::{Typed, check_window, settings};
 
 /// Runs the command.
 pub fn run(arguments: &cli::Identify) -> Result<(), Failure> {
@@ -28,11 +28,12 @@ pub fn run(arguments: &cli::Identify) -> Result<(), Failure> {
     let selection = if arguments.select { Some(search(&settings, &typed, &record)?) } else { None };
     if let Some(selection) = &selection {
         settings.structure = selection.chosen.candidate.structure;
+        check_window(&settings)?;
     }
     let progress = progress(record.outputs.len() as u64, "samples");
-    let (mut identifier, ns_per_update) = identify(&settings, &record, |samples| progress.set_position(samples));
+    let (identifier, ns_per_update) = identify(&settings, &record, |samples| progress.set_position(samples));
     progress.finish_and_clear();
-    let mut report = Report::new(&settings, &record, &mut identifier, ns_per_update);
+    let mut report = Report::new(&settings, &record, &identifier, ns_per_update);
     report.selection = selection;
     report.comparison = arguments.compare.then(|| compare::compare(&settings, &record));
     output.write(|| report.tables(&arguments.data), &report)

@@ -30,8 +30,9 @@ pub struct Report {
     form: Form,
     split: Split,
     forgetting: String,
-    error_universe: f64,
-    variation_universe: f64,
+    /// Only fuzzy forgetting has universes.
+    error_universe: Option<f64>,
+    variation_universe: Option<f64>,
     faults: Vec<&'static str>,
     skipped: u64,
     irregular_steps: usize,
@@ -80,7 +81,7 @@ struct FactorFigures {
 
 impl Report {
     /// After the last sample.
-    pub fn new(settings: &Identification, record: &Record, identifier: &mut Identifier, ns_per_update: f64) -> Self {
+    pub fn new(settings: &Identification, record: &Record, identifier: &Identifier, ns_per_update: f64) -> Self {
         let (snapshot, universes) = (identifier.snapshot(), identifier.universes());
         let figures = |error: &ErrorStatistics| ErrorFigures::new(error, &snapshot.output);
         let (classical, adaptive) = (&snapshot.classical_errors, &snapshot.adaptive_errors);
@@ -94,8 +95,8 @@ impl Report {
             form: settings.form,
             split: settings.split,
             forgetting: settings.forgetting.to_string(),
-            error_universe: universes.0,
-            variation_universe: universes.1,
+            error_universe: universes.map(|(error, _)| error),
+            variation_universe: universes.map(|(_, variation)| variation),
             faults: bit_names(snapshot.faults & model_fault::LASTING, &model_fault::NAMES).collect(),
             skipped: snapshot.skipped,
             irregular_steps: record.irregular_steps,

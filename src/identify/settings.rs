@@ -115,6 +115,7 @@ pub fn settings(arguments: &cli::Identify, typed: &Typed, record: &Record) -> Re
         forgetting: arguments.forgetting,
         fuzzy,
     };
+    check_window(&settings)?;
     let fewest = Validation::fewest_rows(&settings);
     if arguments.select && training < fewest {
         return Err(Failure::Usage(format!(
@@ -125,4 +126,10 @@ pub fn settings(arguments: &cli::Identify, typed: &Typed, record: &Record) -> Re
         )));
     }
     Ok(settings)
+}
+
+/// A window shorter than the coefficients of its structure determines none of them.
+pub fn check_window(settings: &Identification) -> Result<(), Failure> {
+    let refusal = |(found, allowed)| Failure::Usage(format!("--forgetting: found {found}; allowed: {allowed}"));
+    settings.check_window().map_err(refusal)
 }

@@ -75,6 +75,17 @@ fn the_default_forgetting_follows_a_gain_that_changes() {
 }
 
 #[test]
+fn every_forgetting_follows_a_gain_that_changes() {
+    let folder = changing_plant();
+    for forgetting in ["constant:0.98", "fuzzy:0.9", "fortescue:100", "directional:0.95", "window:200", "auto"] {
+        let figures = figures(folder.path(), &["--horizon", "10", "--forgetting", forgetting]);
+        assert_eq!(figures["forgetting"], forgetting);
+        assert_eq!(figures["error_universe"].is_null(), forgetting != "fuzzy:0.9", "{forgetting}");
+        assert!(number(&figures, "/reduction_percent/h_step") > 50.0, "{forgetting}: {figures}");
+    }
+}
+
+#[test]
 fn the_full_form_follows_a_gain_that_changes() {
     let figures = figures(changing_plant().path(), &["--horizon", "10", "--form", "full"]);
     assert_eq!(figures["form"], "full");

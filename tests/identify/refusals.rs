@@ -136,8 +136,27 @@ fn values_that_a_flag_does_not_take_are_refused_with_what_it_takes() {
         ("--na", "9", "allowed: a whole number from 1 to 5"),
         ("--nk", "0", "allowed: a whole number from 1 to 64"),
         ("--order", "6", "allowed: a whole number from 1 to 5"),
-        ("--forgetting", "constant:2", "allowed: \"paper\", or \"constant:L\" with L from 0.5 to 1"),
-        ("--forgetting", "constant:nan", "allowed: \"paper\", or \"constant:L\" with L from 0.5 to 1"),
+        (
+            "--forgetting",
+            "constant:2",
+            "found \"constant:2\"; allowed: \"auto\", \"paper\", \"constant:L\" with L from 0.5 to 1",
+        ),
+        ("--forgetting", "constant:nan", "\"constant:L\" with L from 0.5 to 1"),
+        ("--forgetting", "constant", "\"constant:L\" with L from 0.5 to 1"),
+        ("--forgetting", "paper:1", "allowed: \"auto\", \"paper\""),
+        ("--forgetting", "auto:3", "allowed: \"auto\", \"paper\""),
+        ("--forgetting", "fuzzy:1", "\"fuzzy:LOW\" with LOW from 0.5 to below 1"),
+        ("--forgetting", "fuzzy:0.4", "\"fuzzy:LOW\" with LOW from 0.5 to below 1"),
+        ("--forgetting", "fortescue:1", "\"fortescue:N0\" with N0 of 2 samples or more"),
+        ("--forgetting", "fortescue:2.5", "\"fortescue:N0\" with N0 of 2 samples or more"),
+        ("--forgetting", "directional:inf", "\"directional:L\" with L from 0.5 to 1"),
+        ("--forgetting", "window:100001", "\"window:N\" with N from 2 to 100000 samples"),
+        ("--forgetting", "window:-5", "\"window:N\" with N from 2 to 100000 samples"),
+        (
+            "--forgetting",
+            "window:4",
+            "found \"window:4\" for 5 coefficients; allowed: \"window:N\" with N from 5, one sample for each",
+        ),
         ("--train", "-3", "allowed: a whole number of rows, or a fraction between 0 and 1"),
         ("--nb", "-1", "allowed: a whole number from 0 to 4"),
         ("--horizon", "0", "allowed: at least one sample"),
@@ -189,4 +208,11 @@ fn json_that_cannot_be_written_is_refused_before_the_work_with_its_file() {
     let folder = constant_plant();
     let expected = ["--json: absent/out.json cannot be written"];
     expect_refusal(folder.path(), &["identify", "r.csv", "--json", "absent/out.json"], &expected);
+}
+
+#[test]
+fn a_window_with_fewer_samples_than_the_full_form_has_coefficients_is_refused() {
+    let arguments = ["identify", "r.csv", "--form", "full", "--forgetting", "window:14"];
+    let expected = ["--forgetting: found \"window:14\" for 15 coefficients; allowed: \"window:N\" with N from 15"];
+    expect_refusal(constant_plant().path(), &arguments, &expected);
 }

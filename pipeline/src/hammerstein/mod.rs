@@ -21,6 +21,7 @@ mod structure;
 
 pub use input::{Basis, InputMap};
 pub use nonlinearity::Nonlinearity;
+pub use poles::poles_within;
 pub use structure::Structure;
 
 use iceoryx2::prelude::ZeroCopySend;

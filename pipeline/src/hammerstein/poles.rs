@@ -2,30 +2,35 @@
 
 use super::{Coefficients, MAX_A};
 
+/// Whether every root of z^n + a_1 z^(n-1) + .. + a_n, n up to [`MAX_A`], lies strictly inside the circle of this
+/// radius.
+///
+/// Schur-Cohn step-down recursion on A(z) with its roots divided by the radius: the last coefficient of each
+/// reduced polynomial must be smaller than 1 in magnitude. Not finite coefficients are never inside.
+pub fn poles_within(a: &[f64], radius: f64) -> bool {
+    let mut reduced = [0.0; MAX_A];
+    let mut scale = 1.0;
+    for (scaled, coefficient) in reduced.iter_mut().zip(a) {
+        scale *= radius;
+        *scaled = coefficient / scale;
+    }
+    for last in (0..a.len()).rev() {
+        let k = reduced[last];
+        if k.abs() >= 1.0 || k.is_nan() {
+            return false;
+        }
+        let before = reduced;
+        for i in 0..last {
+            reduced[i] = (before[i] - k * before[last - 1 - i]) / (1.0 - k * k);
+        }
+    }
+    true
+}
+
 impl Coefficients {
     /// Whether every pole lies strictly inside the circle of this radius.
-    ///
-    /// Schur-Cohn step-down recursion on A(z) with its roots divided by the radius: the last coefficient of each
-    /// reduced polynomial must be smaller than 1 in magnitude. Not finite coefficients are never inside.
     pub fn poles_within(&self, radius: f64) -> bool {
-        let n = self.a().len();
-        let mut a = [0.0; MAX_A];
-        let mut scale = 1.0;
-        for (scaled, coefficient) in a.iter_mut().zip(self.a()) {
-            scale *= radius;
-            *scaled = coefficient / scale;
-        }
-        for last in (0..n).rev() {
-            let k = a[last];
-            if k.abs() >= 1.0 || k.is_nan() {
-                return false;
-            }
-            let before = a;
-            for i in 0..last {
-                a[i] = (before[i] - k * before[last - 1 - i]) / (1.0 - k * k);
-            }
-        }
-        true
+        poles_within(self.a(), radius)
     }
 
     /// Largest magnitude of a pole, to a relative 1e-9; infinite when a coefficient is not finite.

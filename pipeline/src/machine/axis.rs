@@ -2,7 +2,7 @@
 
 use std::{path::Path, time::Duration};
 
-use super::{Fuzzy, Identification, Plant, ReferenceSource, Source, Timing, document::Section};
+use super::{Forgetting, Fuzzy, Identification, Plant, ReferenceSource, Source, Timing, document::Section};
 
 /// One axis of the machine.
 #[derive(Debug, Clone, PartialEq)]
@@ -111,12 +111,11 @@ impl Axis {
             }
         };
         let encoder = Encoder::read(section.section("encoder"));
-        let forgetting = section.parsed_or(
-            "forgetting",
-            super::Forgetting::Paper,
-            "\"paper\" or \"constant:L\" with L from 0.5 to 1",
-        );
+        let forgetting = section.parsed_or("forgetting", Forgetting::Paper, Forgetting::ALLOWED);
         let identification = Identification::read(section.section("identification"), forgetting, timing.period, fuzzy);
+        if let Err((found, allowed)) = identification.check_window() {
+            section.refuse("forgetting", found, allowed);
+        }
         let control = Control::read(section.section("control"));
         let reference = ReferenceSource::read(section.section("reference"), soft_limits, max_speed, folder, name);
         let plant = section.section("plant");

@@ -61,26 +61,55 @@ pub enum Split {
     Paper,
 }
 
-/// Which forgetting factor the recursive estimator uses.
+/// What the recursive estimator forgets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Forgetting {
-    /// The paper's fuzzy one.
+    /// By the paper's fuzzy factor.
     Paper,
-    /// A constant.
+    /// By a constant factor.
     Constant(f64),
+    /// By the paper's rules on errors in units of their own scale, with this as the smallest factor.
+    Fuzzy(f64),
+    /// By the factor of Fortescue, Kershenbaum and Ydstie, with a memory of this many samples while the errors are
+    /// those of the training.
+    Fortescue(usize),
+    /// By this constant factor, along the regressor only.
+    Directional(f64),
+    /// All but this many samples.
+    Window(usize),
+    /// By several estimators, weighted by how well they predict.
+    Auto,
+}
+
+impl Forgetting {
+    /// The texts that `FromStr` takes.
+    pub const ALLOWED: &str = "\"auto\", \"paper\", \"constant:L\" with L from 0.5 to 1, \"fuzzy:LOW\" with LOW from 0.5 \
+         to below 1, \"fortescue:N0\" with N0 of 2 samples or more, \"directional:L\" with L from 0.5 to 1, or \
+         \"window:N\" with N from 2 to 100000 samples";
+
+    fn parse(text: &str) -> Option<Self> {
+        let (kind, value) = text.split_once(':').unwrap_or((text, ""));
+        // `contains` is false for NaN.
+        let factor = || value.parse().ok().filter(|factor| (0.5..=1.0).contains(factor));
+        let samples = |most| value.parse().ok().filter(|samples| (2..=most).contains(samples));
+        match kind {
+            "auto" if text == kind => Some(Self::Auto),
+            "paper" if text == kind => Some(Self::Paper),
+            "constant" => factor().map(Self::Constant),
+            "fuzzy" => factor().filter(|low| *low < 1.0).map(Self::Fuzzy),
+            "fortescue" => samples(usize::MAX).map(Self::Fortescue),
+            "directional" => factor().map(Self::Directional),
+            "window" => samples(100_000).map(Self::Window),
+            _ => None,
+        }
+    }
 }
 
 impl FromStr for Forgetting {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let allowed = || format!("found \"{text}\"; allowed: \"paper\", or \"constant:L\" with L from 0.5 to 1");
-        if text == "paper" {
-            return Ok(Self::Paper);
-        }
-        let factor = text.strip_prefix("constant:").ok_or_else(allowed)?;
-        let factor: f64 = factor.parse().map_err(|_| allowed())?;
-        if (0.5..=1.0).contains(&factor) { Ok(Self::Constant(factor)) } else { Err(allowed()) }
+        Self::parse(text).ok_or_else(|| format!("found \"{text}\"; allowed: {}", Self::ALLOWED))
     }
 }
 
@@ -89,6 +118,11 @@ impl fmt::Display for Forgetting {
         match self {
             Self::Paper => write!(f, "paper"),
             Self::Constant(factor) => write!(f, "constant:{factor}"),
+            Self::Fuzzy(low) => write!(f, "fuzzy:{low}"),
+            Self::Fortescue(memory) => write!(f, "fortescue:{memory}"),
+            Self::Directional(factor) => write!(f, "directional:{factor}"),
+            Self::Window(rows) => write!(f, "window:{rows}"),
+            Self::Auto => write!(f, "auto"),
         }
     }
 }
@@ -127,6 +161,30 @@ impl Identification {
         };
         section.finish();
         identification
+    }
+
+    /// How many coefficients are updated online.
+    pub const fn coefficients(&self) -> usize {
+        match self.form {
+            Form::Linear => self.structure.linear_len(),
+            Form::Full => self.structure.full_len(),
+        }
+    }
+
+    /// Refuses a window with fewer samples than coefficients, which cannot determine them: what was found, and what is
+    /// allowed.
+    ///
+    /// # Errors
+    /// Both texts.
+    pub fn check_window(&self) -> Result<(), (String, String)> {
+        let n = self.coefficients();
+        match self.forgetting {
+            Forgetting::Window(rows) if rows < n => {
+                let found = format!("\"{}\" for {n} coefficients", self.forgetting);
+                Err((found, format!("\"window:N\" with N from {n}, one sample for each, to 100000")))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The structure of the coefficients that are published: those of a model of the position, with every integrator

@@ -95,6 +95,10 @@ fn a_setting_takes_the_place_of_the_file() {
     let machine = set("axis.boom.forgetting", "constant:0.99").unwrap();
     assert_eq!(machine.axes[0].identification.forgetting, Forgetting::Constant(0.99));
     assert_eq!(machine.axes[1].identification.forgetting, Forgetting::Paper);
+    for text in ["auto", "paper", "constant:1", "fuzzy:0.9", "fortescue:2", "directional:0.5", "window:100000"] {
+        let machine = set("axis.boom.forgetting", text).unwrap();
+        assert_eq!(machine.axes[0].identification.forgetting.to_string(), text);
+    }
     assert_eq!(set("axis.arm.control.kp", "3").unwrap().axes[1].control.kp, 3.0);
     assert_eq!(set("timing.period", "5ms").unwrap().timing.period, Duration::from_millis(5));
 

@@ -1,4 +1,4 @@
-//! The fuzzy forgetting factor, step 5 of the paper: Table 1 and eq. (21).
+//! The fuzzy forgetting factor, step 5 of the paper: Table 1 and eq. (21), and the estimator with it.
 //!
 //! ```text
 //! e = 3 clip(error / error_universe)        de = 3 clip(change / variation_universe)       clip to [-1, 1]
@@ -21,6 +21,9 @@
 //! factor to 0.75, a memory of four samples.
 
 use pipeline::machine::{Fuzzy, Level};
+
+use super::{Adapted, Method};
+use crate::{recursive::RecursiveLeastSquares, triangle::Triangle};
 
 /// Number of terms of each input.
 const TERMS: usize = 7;
@@ -86,6 +89,50 @@ impl FuzzyForgetting {
                 (1.0 - distance / self.settings.triangle_width).max(0.0)
             }
         })
+    }
+}
+
+/// The estimator `paper`: (18)-(20) with this factor.
+#[derive(Debug, Clone)]
+pub struct Paper {
+    factors: RecursiveLeastSquares,
+    fuzzy: FuzzyForgetting,
+}
+
+impl Paper {
+    /// For `n` coefficients.
+    pub fn new(n: usize, settings: &Fuzzy) -> Self {
+        Self { factors: RecursiveLeastSquares::new(n), fuzzy: FuzzyForgetting::new(*settings, 0.0) }
+    }
+}
+
+impl Method for Paper {
+    fn start(&mut self, data: &Triangle, held: &[bool], residual_sigma: f64) {
+        self.factors.start(data, held);
+        self.fuzzy = FuzzyForgetting::new(self.fuzzy.settings, residual_sigma);
+    }
+
+    fn set_theta(&mut self, theta: &[f64]) {
+        self.factors.set_theta(theta);
+    }
+
+    fn update(&mut self, phi: &[f64], target: f64) -> Adapted {
+        let predicted: f64 = phi.iter().zip(self.factors.theta()).map(|(p, t)| p * t).sum();
+        let innovation = target - predicted;
+        if !innovation.is_finite() {
+            return Adapted { innovation, factor: 1.0, bounded: false };
+        }
+        let factor = self.fuzzy.factor(innovation);
+        let update = self.factors.update(phi, target, factor);
+        Adapted { innovation: update.innovation, factor, bounded: update.bounded }
+    }
+
+    fn factors(&self) -> &RecursiveLeastSquares {
+        &self.factors
+    }
+
+    fn universes(&self) -> Option<(f64, f64)> {
+        Some(self.fuzzy.universes())
     }
 }
 

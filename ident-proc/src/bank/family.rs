@@ -1,0 +1,77 @@
+//! Members of the bank that learn from the same regressor, with different forgetting factors.
+
+use pipeline::hammerstein::Structure;
+
+use crate::{rank::RankGuard, recursive::RecursiveLeastSquares, regression::Regression, triangle::Triangle};
+
+/// What one family learns from.
+#[derive(Debug, Clone)]
+pub struct Family {
+    regression: Regression,
+    /// Whether regressor and target are smoothed.
+    pub smoothed: bool,
+    factors: &'static [f64],
+    members: Vec<RecursiveLeastSquares>,
+    phi: Vec<f64>,
+    data: Triangle,
+    restricted: Triangle,
+    guard: RankGuard,
+}
+
+impl Family {
+    /// One member for each of the forgetting `factors`; nothing is known yet.
+    pub fn new(regression: Regression, smoothed: bool, factors: &'static [f64]) -> Self {
+        let n = regression.len();
+        Self {
+            regression,
+            smoothed,
+            factors,
+            members: vec![RecursiveLeastSquares::new(n); factors.len()],
+            phi: vec![0.0; n],
+            data: Triangle::new(n),
+            restricted: Triangle::new(n),
+            guard: RankGuard::new(n),
+        }
+    }
+
+    /// Starts all members from offline data, given as the least-squares problem of rows of the structure `of`.
+    pub fn start(&mut self, regression: Regression, rows: &Triangle, of: &Structure) {
+        self.regression = regression;
+        self.regression.project(rows, of, &mut self.data);
+        let held = self.guard.dependent(&self.data);
+        self.data.hold_into(held, &mut self.restricted);
+        self.members.iter_mut().for_each(|member| member.start(&self.restricted, held));
+    }
+
+    /// One update of every member with y(k) and the row of sample k, or with both smoothed. Returns whether a
+    /// covariance was cut at its bound.
+    pub fn learn(&mut self, y: f64, row: &[f64], of: &Structure) -> bool {
+        self.regression.regressor(row, of, &mut self.phi);
+        let target = self.regression.target(y, row);
+        let mut bounded = false;
+        for (member, factor) in self.members.iter_mut().zip(self.factors) {
+            bounded |= member.update(&self.phi, target, *factor).bounded;
+        }
+        bounded
+    }
+
+    /// Number of members.
+    pub fn len(&self) -> usize {
+        self.members.len()
+    }
+
+    /// The forgetting factors of the members.
+    pub fn factors(&self) -> &'static [f64] {
+        self.factors
+    }
+
+    /// The estimator of a member.
+    pub fn member(&self, member: usize) -> &RecursiveLeastSquares {
+        &self.members[member]
+    }
+
+    /// Writes the coefficients of a member out for the row of the structure `of`.
+    pub fn expand(&self, member: usize, of: &Structure, theta: &mut [f64]) {
+        self.regression.expand(self.members[member].theta(), of, theta);
+    }
+}

@@ -1,0 +1,280 @@
+//! Separates the products of the over-parametrised form into b, f and g online, half a round per sample.
+//!
+//! ```text
+//! minimise over b and c   (C - c b')' W (C - c b')          c = (f, g),  C_ij and c_i b_j as vectors, W = Phi_c' Phi_c
+//! G_b b = sum_i c_i (W C)_i.     G_b = sum_ik c_i c_k W_i.k.          with c held
+//! G_c c = sum_j b_j (W C)_.j     G_c = sum_jl b_j b_l W_.j.l          with b held
+//! ```
+//!
+//! W are the normal equations of the training rows for what the commands contribute, so a product counts by what it
+//! contributes there, and directions that the training never told apart cost nothing. a stays as it was estimated.
+//! Alternating least squares, b at one sample and c at the next, each from the last separation, follows coefficients
+//! that change slowly.
+//!
+//! Trap: the squared condition of W would cost an offline fit its digits; here b and c are already close, and a weak
+//! pull holds what W does not determine: b to its last value, c to the products as they are.
+
+use pipeline::hammerstein::{Coefficients, MAX_LINEAR, MAX_ORDER, Structure};
+
+use crate::{split::scale, triangle::Triangle};
+
+/// Features of a command at most.
+const MAX_WIDTH: usize = 2 * MAX_ORDER;
+/// Weight of the pull to the last values, as a part of what the data weigh.
+const PULL: f64 = 1e-9;
+
+/// The separation of one model; its memory is taken at construction.
+#[derive(Debug, Clone)]
+pub struct RankOne {
+    structure: Structure,
+    /// W, row after row; the products of a feature side by side.
+    metric: Vec<f64>,
+    /// W C.
+    weighted: Vec<f64>,
+    /// Rows of W summed up, by lag or by feature.
+    folded: Vec<f64>,
+    b: [f64; MAX_LINEAR],
+    c: [f64; MAX_WIDTH],
+    turn_of_b: bool,
+    residual: f64,
+}
+
+impl RankOne {
+    /// For models of `structure`, without integrator.
+    pub fn new(structure: Structure) -> Self {
+        let m = 2 * structure.order * (structure.nb + 1);
+        Self {
+            structure,
+            metric: vec![0.0; m * m],
+            weighted: vec![0.0; m],
+            folded: vec![0.0; MAX_WIDTH * m],
+            b: [0.0; MAX_LINEAR],
+            c: [0.0; MAX_WIDTH],
+            turn_of_b: true,
+            residual: 0.0,
+        }
+    }
+
+    /// Starts from the separation of `model` and the normal equations of `rows`, whose last columns are the products,
+    /// and the drift if there is one.
+    pub fn start(&mut self, model: &Coefficients, rows: &Triangle) {
+        let Structure { order, drift, .. } = self.structure;
+        let m = self.weighted.len();
+        let na = rows.len() - m - drift as usize;
+        for i in 0..m {
+            for j in 0..=i {
+                let product = (0..=na + j).map(|row| rows.entry(row, na + i) * rows.entry(row, na + j)).sum();
+                self.metric[i * m + j] = product;
+                self.metric[j * m + i] = product;
+            }
+        }
+        self.b = [0.0; MAX_LINEAR];
+        self.b[..model.b().len()].copy_from_slice(model.b());
+        self.c = [0.0; MAX_WIDTH];
+        self.c[..order].copy_from_slice(&model.f[..order]);
+        self.c[order..2 * order].copy_from_slice(&model.g[..order]);
+    }
+
+    /// Half a round for `theta`, written out for the row: the separated model.
+    pub fn separate(&mut self, theta: &[f64]) -> Coefficients {
+        let Structure { na, nb, order, drift, .. } = self.structure;
+        let (lags, width, m) = (nb + 1, 2 * order, self.weighted.len());
+        let products = &theta[na..na + m];
+        for (weighted, row) in self.weighted.iter_mut().zip(self.metric.chunks_exact(m)) {
+            *weighted = dot(row, products);
+        }
+        let explained = if self.turn_of_b { self.solve_b(lags, width) } else { self.solve_c(products, lags, width) };
+        self.turn_of_b = !self.turn_of_b;
+        let all = dot(products, &self.weighted);
+        self.residual = if all > 0.0 { ((all - explained) / all).max(0.0).sqrt() } else { 0.0 };
+
+        let mut model = Coefficients::zero(self.structure);
+        model.a[..na].copy_from_slice(&theta[..na]);
+        model.b[..lags].copy_from_slice(&self.b[..lags]);
+        model.f[..order].copy_from_slice(&self.c[..order]);
+        model.g[..order].copy_from_slice(&self.c[order..width]);
+        model.drift = if drift { theta[na + m] } else { 0.0 };
+        scale(&mut model, order);
+        self.b[..lags].copy_from_slice(model.b());
+        self.c[..order].copy_from_slice(&model.f[..order]);
+        self.c[order..width].copy_from_slice(&model.g[..order]);
+        model
+    }
+
+    /// b with c held: rows of W folded over the features. Returns what the separation explains of C' W C.
+    fn solve_b(&mut self, lags: usize, width: usize) -> f64 {
+        let m = self.weighted.len();
+        let (mut normal, mut right) = ([[0.0; MAX_WIDTH]; MAX_WIDTH], [0.0; MAX_WIDTH]);
+        let folded = &mut self.folded[..lags * m];
+        folded.fill(0.0);
+        for (i, c) in self.c[..width].iter().enumerate() {
+            for (j, folded) in folded.chunks_exact_mut(m).enumerate() {
+                right[j] += c * self.weighted[i * lags + j];
+                let row = &self.metric[(i * lags + j) * m..(i * lags + j + 1) * m];
+                folded.iter_mut().zip(row).for_each(|(sum, w)| *sum += c * w);
+            }
+        }
+        for (normal, folded) in normal.iter_mut().zip(folded.chunks_exact(m)) {
+            for (c, group) in self.c[..width].iter().zip(folded.chunks_exact(lags)) {
+                normal.iter_mut().zip(group).for_each(|(sum, w)| *sum += c * w);
+            }
+        }
+        solve(&normal, &right, &mut self.b[..lags])
+    }
+
+    /// c with b held: rows of W folded over the lags. Returns what the separation explains of C' W C.
+    fn solve_c(&mut self, products: &[f64], lags: usize, width: usize) -> f64 {
+        let m = self.weighted.len();
+        // Where W says nothing: the factor of the products as they are.
+        let square = dot(&self.b[..lags], &self.b[..lags]);
+        for (c, products) in self.c.iter_mut().zip(products.chunks_exact(lags)) {
+            *c = if square > 0.0 { dot(products, &self.b[..lags]) / square } else { 0.0 };
+        }
+        let (mut normal, mut right) = ([[0.0; MAX_WIDTH]; MAX_WIDTH], [0.0; MAX_WIDTH]);
+        let folded = &mut self.folded[..width * m];
+        folded.fill(0.0);
+        for (i, folded) in folded.chunks_exact_mut(m).enumerate() {
+            for (j, b) in self.b[..lags].iter().enumerate() {
+                right[i] += b * self.weighted[i * lags + j];
+                let row = &self.metric[(i * lags + j) * m..(i * lags + j + 1) * m];
+                folded.iter_mut().zip(row).for_each(|(sum, w)| *sum += b * w);
+            }
+        }
+        for (normal, folded) in normal.iter_mut().zip(folded.chunks_exact(m)) {
+            for (normal, group) in normal.iter_mut().zip(folded.chunks_exact(lags)) {
+                *normal = dot(group, &self.b[..lags]);
+            }
+        }
+        solve(&normal, &right, &mut self.c[..width])
+    }
+
+    /// The part of the driven half's weighted norm that the last separation does not explain.
+    pub fn residual(&self) -> f64 {
+        self.residual
+    }
+}
+
+fn dot(one: &[f64], two: &[f64]) -> f64 {
+    one.iter().zip(two).map(|(one, two)| one * two).sum()
+}
+
+type Normal = [[f64; MAX_WIDTH]; MAX_WIDTH];
+
+/// Solves `normal` x = `right` for `unknowns`, pulled to what they are, by elimination. Returns 2 x' right -
+/// x' normal x.
+///
+/// An unknown that the equations do not determine stays where it is.
+fn solve(normal: &Normal, right: &[f64; MAX_WIDTH], unknowns: &mut [f64]) -> f64 {
+    let n = unknowns.len();
+    let (mut reduced, mut target) = (*normal, *right);
+    for i in 0..n {
+        let pull = if normal[i][i] > 0.0 { PULL * normal[i][i] } else { 1.0 };
+        reduced[i][i] += pull;
+        target[i] += pull * unknowns[i];
+    }
+    for i in 0..n {
+        for j in 0..i {
+            let (above, below) = reduced.split_at_mut(i);
+            let factor = below[0][j] / above[j][j];
+            for (value, pivot) in below[0][j + 1..n].iter_mut().zip(&above[j][j + 1..n]) {
+                *value -= factor * pivot;
+            }
+            target[i] -= factor * target[j];
+        }
+        // Rounding alone can make a pivot vanish that the pull made positive.
+        reduced[i][i] = reduced[i][i].max(f64::MIN_POSITIVE);
+    }
+    for i in (0..n).rev() {
+        unknowns[i] = (target[i] - dot(&reduced[i][i + 1..n], &unknowns[i + 1..])) / reduced[i][i];
+    }
+    (0..n).map(|i| unknowns[i] * (2.0 * right[i] - dot(&normal[i], unknowns))).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::regression::write_out;
+
+    const STRUCTURE: Structure = Structure { na: 2, nb: 2, nk: 1, order: 3, ..Structure::PAPER };
+
+    fn model(b: [f64; 3], f: [f64; 3], g: [f64; 3]) -> Coefficients {
+        let mut model = Coefficients::zero(STRUCTURE);
+        model.a[..2].copy_from_slice(&[-1.5, 0.7]);
+        model.b[..3].copy_from_slice(&b);
+        model.f[..3].copy_from_slice(&f);
+        model.g[..3].copy_from_slice(&g);
+        model
+    }
+
+    fn theta(model: &Coefficients) -> Vec<f64> {
+        let mut theta = vec![0.0; STRUCTURE.full_len()];
+        write_out(model, &STRUCTURE, &mut theta);
+        theta
+    }
+
+    /// Rows of commands of both signs, or of positive ones only.
+    fn rows(one_sided: bool) -> Triangle {
+        let mut rows = Triangle::new(STRUCTURE.full_len());
+        let u = |k: usize| {
+            let u = (k as f64 * 0.37).sin() * (0.5 + 0.5 * (k as f64 * 0.011).sin());
+            if one_sided { u.abs() } else { u }
+        };
+        for k in 3..2000 {
+            let mut row = vec![(k as f64 * 0.1).sin(), (k as f64 * 0.1).cos()];
+            row.resize(STRUCTURE.full_len(), 0.0);
+            for lag in 0..3 {
+                let mut features = [0.0; 6];
+                STRUCTURE.input.features(u(k - lag), &mut features);
+                features.iter().enumerate().for_each(|(power, feature)| row[2 + power * 3 + lag] = *feature);
+            }
+            rows.add(&row, 0.0);
+        }
+        rows
+    }
+
+    fn distance(one: &Coefficients, two: &Coefficients) -> f64 {
+        let all = |model: &Coefficients| [&model.a[..], &model.b, &model.f, &model.g].concat();
+        all(one).iter().zip(all(two)).map(|(one, two)| (one - two).abs()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn it_follows_a_model_to_another() {
+        let before = model([0.3, 0.2, 0.0], [1.0, 0.4, -0.3], [0.8, -0.2, 0.1]);
+        let after = model([0.25, 0.22, 0.05], [1.0, 0.1, 0.2], [1.2, 0.3, -0.1]);
+        let mut separation = RankOne::new(STRUCTURE);
+        separation.start(&before, &rows(false));
+        assert!(distance(&separation.separate(&theta(&before)), &before) < 1e-12);
+        let found = (0..200).map(|_| separation.separate(&theta(&after))).last().unwrap();
+        assert!(distance(&found, &after) < 1e-7, "{found:?}");
+        assert!(separation.residual() < 1e-7);
+    }
+
+    #[test]
+    fn what_was_never_commanded_is_what_the_products_say() {
+        let before = model([0.3, 0.2, 0.0], [1.0, 0.4, -0.3], [0.8, -0.2, 0.1]);
+        let after = model([0.4, 0.1, 0.0], [1.0, 0.1, 0.2], [0.6, 0.1, 0.0]);
+        let mut separation = RankOne::new(STRUCTURE);
+        separation.start(&before, &rows(true));
+        let found = (0..200).map(|_| separation.separate(&theta(&after))).last().unwrap();
+        assert!(distance(&found, &after) < 1e-6, "{found:?}");
+    }
+
+    #[test]
+    fn products_of_no_common_shape_show_in_the_residual() {
+        let one = model([0.3, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0; 3]);
+        let two = model([0.0, 0.0, 0.3], [0.0; 3], [1.0, 0.0, 0.0]);
+        let sum: Vec<f64> = theta(&one).iter().zip(theta(&two)).map(|(one, two)| one + two).collect();
+        let mut separation = RankOne::new(STRUCTURE);
+        separation.start(&model([0.2, 0.0, 0.2], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]), &rows(false));
+        (0..50).for_each(|_| assert!(separation.separate(&sum).is_finite()));
+        assert!(separation.residual() > 0.2, "{}", separation.residual());
+    }
+
+    #[test]
+    fn nothing_at_all_separates_into_something_finite() {
+        let mut separation = RankOne::new(STRUCTURE);
+        separation.start(&Coefficients::zero(STRUCTURE), &Triangle::new(STRUCTURE.full_len()));
+        (0..5).for_each(|_| assert!(separation.separate(&vec![0.0; STRUCTURE.full_len()]).is_finite()));
+        assert_eq!(separation.residual(), 0.0);
+    }
+}

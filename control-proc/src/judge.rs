@@ -111,12 +111,12 @@ impl Judge {
         Ok(Approved { model, range })
     }
 
-    /// Whether it is the configured structure, with an integrator or without: which of the two predicts better may be
-    /// for the identifier to say. The drift is of no account: nothing here uses it.
+    /// Whether it is the configured structure, or one order of A and one of B more: how many predict best may be for
+    /// the identifier to say. The drift is of no account: nothing here uses it.
     fn expects(&self, structure: &Structure) -> bool {
-        let least = self.structure.na;
-        let expected = Structure { na: structure.na, drift: structure.drift, ..self.structure };
-        *structure == expected && (least..=least + 1).contains(&structure.na)
+        let (na, nb) = (self.structure.na, self.structure.nb);
+        let expected = Structure { na: structure.na, nb: structure.nb, drift: structure.drift, ..self.structure };
+        *structure == expected && (na..=na + 1).contains(&structure.na) && (nb..=nb + 1).contains(&structure.nb)
     }
 
     fn judge_reach(&self, model: &Coefficients, range: (f64, f64)) -> Result<(), Refusal> {
@@ -142,7 +142,7 @@ fn without_integrator(identification: &Identification) -> Structure {
 
 /// Whether the adaptive model predicts clearly worse than the classical one, as far as both are known.
 fn is_worse(snapshot: &AxisSnapshot) -> bool {
-    let (adaptive, classical) = (&snapshot.adaptive_errors.h_step, &snapshot.classical_errors.h_step);
+    let (adaptive, classical) = (&snapshot.separated_h_step, &snapshot.classical_errors.h_step);
     if adaptive.count < LEAST_COUNT || classical.count < LEAST_COUNT {
         return false;
     }
@@ -288,7 +288,7 @@ mod tests {
     #[test]
     fn the_adaptive_model_may_not_be_clearly_worse_than_the_classical_one() {
         let with = |adaptive: ErrorStatistics, classical: ErrorStatistics| {
-            refusal(move |s| (s.adaptive_errors.h_step, s.classical_errors.h_step) = (adaptive, classical))
+            refusal(move |s| (s.separated_h_step, s.classical_errors.h_step) = (adaptive, classical))
         };
         assert_eq!(with(errors(100, 1.4), errors(100, 1.0)), None);
         assert_eq!(with(errors(100, 1.6), errors(100, 1.0)), Some(Refusal::Worse));

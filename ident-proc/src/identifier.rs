@@ -48,6 +48,7 @@ pub struct Identifier {
     separated_tracker: ErrorTracker,
     health: Health,
     state: AxisSnapshot,
+    classical_innovation: f64,
     lasting_faults: u32,
 }
 
@@ -95,6 +96,7 @@ impl Identifier {
                 faults: model_fault::TRAINING,
                 ..AxisSnapshot::default()
             },
+            classical_innovation: 0.0,
             lasting_faults: model_fault::TRAINING,
         }
     }
@@ -306,6 +308,7 @@ impl Identifier {
         self.health.excite(self.command, &self.row.driven()[..2 * order * (nb + 1)]);
 
         self.state.innovation = y - product(self.adaptive_tracker.theta(), self.row.values());
+        self.classical_innovation = y - product(&self.classical, self.row.values());
         let learned = match &mut self.adaptation {
             Adaptation::Single(single) => single.learn(y, &self.row),
             Adaptation::Bank(bank) => bank.learn(y, &self.row, resting),
@@ -384,13 +387,24 @@ impl Identifier {
         }
     }
 
-    /// dbg
-    pub fn weights(&self) -> Vec<f64> {
+    /// Weights of the members of the bank, the held model first; none without a bank.
+    pub fn weights(&self) -> &[f64] {
         match &self.adaptation {
-            Adaptation::Bank(b) => b.weights().to_vec(),
-            _ => vec![],
+            Adaptation::Single(_) => &[],
+            Adaptation::Bank(bank) => bank.weights(),
         }
     }
+
+    /// What offline identification has collected and solved.
+    pub fn batch(&self) -> &Batch {
+        &self.batch
+    }
+
+    /// y(k) minus its prediction by the classical model, of the last sample after training that was used.
+    pub fn classical_innovation(&self) -> f64 {
+        self.classical_innovation
+    }
+
     /// Prediction error and change of it that count as PB, in the unit of the output; `None` where nothing is fuzzy.
     pub fn universes(&self) -> Option<(f64, f64)> {
         match &self.adaptation {

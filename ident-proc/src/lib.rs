@@ -35,6 +35,7 @@ pub mod row;
 pub mod single;
 pub mod split;
 pub mod triangle;
+pub mod validation;
 
 pub use identifier::Identifier;
 pub use identifiers::Identifiers;

@@ -75,12 +75,12 @@ pub struct Identify {
     /// How far ahead the h-step error looks: samples, or a duration such as 0.5s [default: 0.5s, at least one sample]
     #[arg(long)]
     pub horizon: Option<Samples>,
-    /// What is forgotten online: paper (fuzzy factor, Table 1), constant:L, fuzzy:LOW (Table 1 on normalised errors, down
-    /// to LOW), fortescue:N0 (N0 samples while errors stay small), directional:L (only what is excited), window:N (all
-    /// but the last N samples), or auto (several, weighted by how well they predict)
-    #[arg(long, default_value = "paper", value_parser = forgetting)]
+    /// What is forgotten online: auto (several estimators, weighted by how well they predict), paper (fuzzy factor,
+    /// Table 1), constant:L, fuzzy:LOW (Table 1 on normalised errors, down to LOW), fortescue:N0 (N0 samples while errors
+    /// stay small), directional:L (only what is excited), or window:N (all but the last N samples)
+    #[arg(long, default_value = "auto", value_parser = forgetting)]
     pub forgetting: Forgetting,
-    /// Which coefficients are updated online
+    /// Which coefficients are updated online; auto has both and more
     #[arg(long, value_enum, default_value = "linear")]
     pub form: FormArgument,
     /// How the products of the over-parametrised form are separated

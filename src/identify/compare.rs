@@ -52,7 +52,7 @@ pub struct Comparison(Vec<Row>);
 #[derive(Debug, Serialize)]
 struct Row {
     estimator: String,
-    /// Nothing for holding y, which has no model.
+    /// Nothing for holding y, which has no model, and for auto, which has models of every form.
     form: Option<Form>,
     one_step_sigma: Option<f64>,
     h_step_sigma: f64,
@@ -82,7 +82,8 @@ pub fn compare(settings: &Identification, record: &Record) -> Comparison {
         if rows.is_empty() {
             rows.extend(held(run.form, &snapshot));
         }
-        rows.push(Row::new(name, run.form, &snapshot, ns_per_update));
+        let form = (run.forgetting != Forgetting::Auto).then_some(run.form);
+        rows.push(Row::new(name, form, &snapshot, ns_per_update));
         progress.inc(1);
     }
     progress.finish_and_clear();
@@ -146,11 +147,11 @@ fn faults(bits: u32) -> Vec<&'static str> {
 }
 
 impl Row {
-    fn new(name: &str, form: Form, snapshot: &AxisSnapshot, ns_per_update: f64) -> Self {
+    fn new(name: &str, form: Option<Form>, snapshot: &AxisSnapshot, ns_per_update: f64) -> Self {
         let errors = &snapshot.adaptive_errors;
         Self {
             estimator: name.to_owned(),
-            form: Some(form),
+            form,
             one_step_sigma: Some(errors.one_step.sigma()),
             h_step_sigma: errors.h_step.sigma(),
             to_classical: f64::NAN,

@@ -68,7 +68,8 @@ fn the_rows_are_those_of_the_estimators_alone() {
 
 #[test]
 fn the_held_model_is_that_of_the_form_that_was_typed() {
-    let figures = figures(changing_plant().path(), &[&ARGUMENTS[..], &["--form", "full"]].concat());
+    let figures =
+        figures(changing_plant().path(), &[&ARGUMENTS[..], &["--form", "full", "--forgetting", "paper"]].concat());
     let classical = row(&figures, "classical", "full");
     assert_eq!(number(classical, "/h_step_sigma"), number(&figures, "/classical/h_step/sigma"));
     assert_eq!(row(&figures, "paper", "full")["h_step_sigma"], figures["adaptive"]["h_step"]["sigma"]);

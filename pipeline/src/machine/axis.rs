@@ -111,7 +111,7 @@ impl Axis {
             }
         };
         let encoder = Encoder::read(section.section("encoder"));
-        let forgetting = section.parsed_or("forgetting", Forgetting::Paper, Forgetting::ALLOWED);
+        let forgetting = section.parsed_or("forgetting", Forgetting::Auto, Forgetting::ALLOWED);
         let identification = Identification::read(section.section("identification"), forgetting, timing.period, fuzzy);
         if let Err((found, allowed)) = identification.check_window() {
             section.refuse("forgetting", found, allowed);

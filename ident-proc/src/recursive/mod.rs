@@ -25,9 +25,12 @@
 //!
 //! With r = -1 it takes a row out again; P stays positive definite as long as phi' P phi < |r|.
 
+mod kernel;
+
 use std::array::from_fn;
 
 use crate::triangle::Triangle;
+use kernel::sum;
 
 /// All loops of an update run over blocks of this many numbers, which the compiler turns into vector instructions.
 const LANES: usize = 4;
@@ -174,9 +177,10 @@ impl RecursiveLeastSquares {
     /// One update by what `choose` makes of the innovation and of phi' P phi; it is not asked about a row that is not
     /// finite, nor about one whose phi' P phi overflows: those teach nothing.
     pub(crate) fn update_by(&mut self, phi: &[f64], y: f64, choose: impl FnOnce(f64, f64) -> Change) -> Update {
-        // The same code three times: where the compiler knows the number of blocks, it unrolls all loops. Two blocks
-        // are the linear form of the built-in machine, four the full form.
-        match self.d.len() {
+        // The same code three times: where the compiler knows the number of blocks, it unrolls all loops. With the
+        // built-in machine's structure the linear form has two blocks, the full form four.
+        let phi = &phi[..self.n];
+        match self.theta.len() {
             2 => self.update_blocks(2, phi, y, choose),
             4 => self.update_blocks(4, phi, y, choose),
             m => self.update_blocks(m, phi, y, choose),
@@ -185,85 +189,27 @@ impl RecursiveLeastSquares {
 
     #[inline(always)]
     fn update_blocks(&mut self, m: usize, phi: &[f64], y: f64, choose: impl FnOnce(f64, f64) -> Change) -> Update {
-        // f in both senses: first U' phi, then scratch.
-        let tiles = &mut self.tiles[..m * (m + 1) / 2];
-        let (theta, d, d_limit) = (&mut self.theta[..m], &mut self.d[..m], &self.d_limit[..m]);
-        let d_floor = &self.d_floor[..m];
-        let (copy, f, v) = (&mut self.phi[..m], &mut self.f[..m], &mut self.v[..m]);
-        let (mu, gain) = (&mut self.mu[..m], &mut self.gain[..m]);
+        let (tiles, theta, copy) = (&mut self.tiles[..m * (m + 1) / 2], &mut self.theta[..m], &mut self.phi[..m]);
+        let (f, v, mu, gain) = (&mut self.f[..m], &mut self.v[..m], &mut self.mu[..m], &mut self.gain[..m]);
+        let d = &mut self.d[..m];
 
-        let (whole, rest) = phi.as_chunks::<LANES>();
-        let mut parts = [0.0; LANES];
-        for ((copy, phi), theta) in copy.iter_mut().zip(whole).zip(theta.iter()) {
-            *copy = *phi;
-            parts = from_fn(|i| parts[i] + phi[i] * theta[i]);
-        }
-        if let (Some(copy), Some(theta)) = (copy.get_mut(whole.len()), theta.get(whole.len())) {
-            for (i, phi) in rest.iter().enumerate() {
-                copy[i] = *phi;
-                parts[i] += phi * theta[i];
-            }
-        }
-        let innovation = y - sum(parts);
+        let innovation = y - kernel::predict(theta, phi, copy);
         if !innovation.is_finite() {
             return Update { innovation, bounded: false };
         }
-        // f = U' phi.
-        let mut rest = &*tiles;
-        let mut total = [0.0; LANES];
-        for (t, (f, d)) in f.iter_mut().zip(d.iter()).enumerate() {
-            let (column, right) = rest.split_at(t + 1);
-            rest = right;
-            let mut parts = [[0.0; LANES]; LANES];
-            for (u, phi) in column.iter().zip(copy.iter()) {
-                for j in 0..LANES {
-                    (0..LANES).for_each(|i| parts[j][i] += u[j][i] * phi[i]);
-                }
-            }
-            *f = parts.map(sum);
-            total = from_fn(|i| total[i] + d[i] * f[i] * f[i]);
-        }
-        let leverage = sum(total);
+        kernel::project(tiles, copy, f);
+        let leverage = kernel::leverage(d, f);
         if !leverage.is_finite() {
             return Update { innovation, bounded: false };
         }
-        let Change { variance, growth, step } = choose(innovation, leverage);
-        // beta_j = variance + sum of d_i f_i^2, i <= j.
-        let mut bounded = false;
-        let (mut last, mut last_inverse) = (variance, 1.0 / variance);
-        let limits = pairs(d_limit).iter().zip(pairs(d_floor));
-        let columns = pairs_mut(d).iter_mut().zip(limits).zip(pairs(f));
-        for (((d, (d_limit, d_floor)), f), (v, mu)) in columns.zip(pairs_mut(v).iter_mut().zip(pairs_mut(mu))) {
-            *v = [d[0] * f[0], d[1] * f[1]];
-            let (first, second) = (f[0] * v[0], f[1] * v[1]);
-            let beta = [last + first, last + (first + second)];
-            let inverse = beta.map(|beta| 1.0 / beta);
-            *mu = [-f[0] * last_inverse, -f[1] * inverse[0]];
-            let grown = [d[0] * last * (inverse[0] * growth), d[1] * beta[0] * (inverse[1] * growth)];
-            bounded |= (grown[0] > d_limit[0]) | (grown[1] > d_limit[1]);
-            *d = from_fn(|j| if grown[j] > d_limit[j] { d_limit[j] } else { grown[j] });
-            *d = from_fn(|j| if d[j] < d_floor[j] { d_floor[j] } else { d[j] });
-            (last, last_inverse) = (beta[1], inverse[1]);
-        }
-        // The gain grows by one entry per column.
+        let change = choose(innovation, leverage);
+        let bounds = (&self.d_floor[..m], &self.d_limit[..m]);
+        let (bounded, per_beta) = kernel::divide(d, bounds, f, &change, v, mu);
         gain.fill([0.0; LANES]);
-        let mut rest = tiles;
-        for (t, (&v, &mu)) in v.iter().zip(mu.iter()).enumerate() {
-            let (column, right) = rest.split_at_mut(t + 1);
-            rest = right;
-            for (u, gain) in column.iter_mut().zip(gain.iter_mut()) {
-                let mut g = *gain;
-                for j in 0..LANES {
-                    let old = u[j];
-                    u[j] = from_fn(|i| old[i] + g[i] * mu[j]);
-                    g = from_fn(|i| g[i] + old[i] * v[j]);
-                }
-                *gain = g;
-            }
-        }
-        let step = innovation * last_inverse * step;
-        for s in 0..m {
-            theta[s] = from_fn(|i| theta[s][i] + gain[s][i] * step);
+        kernel::spread(tiles, v, mu, gain);
+        let step = innovation * per_beta * change.step;
+        for (theta, gain) in theta.iter_mut().zip(gain) {
+            *theta = from_fn(|i| theta[i] + gain[i] * step);
         }
         Update { innovation, bounded }
     }
@@ -405,18 +351,6 @@ impl RecursiveLeastSquares {
 fn tile(i: usize, j: usize) -> usize {
     let (s, t) = (i / LANES, j / LANES);
     t * (t + 1) / 2 + s
-}
-
-fn pairs(blocks: &[Block]) -> &[[f64; 2]] {
-    blocks.as_flattened().as_chunks().0
-}
-
-fn pairs_mut(blocks: &mut [Block]) -> &mut [[f64; 2]] {
-    blocks.as_flattened_mut().as_chunks_mut().0
-}
-
-fn sum(parts: Block) -> f64 {
-    (parts[0] + parts[2]) + (parts[1] + parts[3])
 }
 
 #[cfg(test)]

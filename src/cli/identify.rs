@@ -4,7 +4,7 @@ use std::{path::PathBuf, time::Duration};
 
 use clap::{Args, ValueEnum};
 use pipeline::{
-    hammerstein::{MAX_DELAY, MAX_LINEAR, MAX_ORDER, Structure},
+    hammerstein::{MAX_DELAY, MAX_LINEAR, MAX_ORDER},
     machine::{Forgetting, Form, Split},
 };
 
@@ -19,6 +19,7 @@ Examples:
   hydraxis identify boom.csv --forgetting constant:0.995      a constant forgetting factor instead of the paper's fuzzy one
   hydraxis identify boom.csv --input duty --output position --period 10ms --nk 20 --json -
   hydraxis identify boom.csv --na 2 --integrator --drift --dead-band 0.07,0.1 --knots 0,0.2,0.5
+  hydraxis identify boom.csv --select --na 2 --compare        search the structure but for na, then compare estimators
 
 A row holds y(k) and the u(k) that was applied from t(k) on. The headline is the h-step error: what the model predicts
 `--horizon` ahead with its coefficients held, as a predictive controller uses it.")]
@@ -37,24 +38,24 @@ pub struct Identify {
     /// Rows for offline identification, or a fraction of all rows; the rest is the test part
     #[arg(long, default_value = "0.5")]
     pub train: Rows,
-    /// Order of A
-    #[arg(long, default_value_t = Structure::PAPER.na, value_parser = in_range(1, MAX_LINEAR))]
-    pub na: usize,
-    /// Order of B
-    #[arg(long, default_value_t = Structure::PAPER.nb, value_parser = in_range(0, MAX_LINEAR - 1))]
-    pub nb: usize,
-    /// Delay from input to output, samples
-    #[arg(long, default_value_t = Structure::PAPER.nk, value_parser = in_range(1, MAX_DELAY))]
-    pub nk: usize,
+    /// Order of A [default: 3]
+    #[arg(long, value_parser = in_range(1, MAX_LINEAR))]
+    pub na: Option<usize>,
+    /// Order of B [default: 1]
+    #[arg(long, value_parser = in_range(0, MAX_LINEAR - 1))]
+    pub nb: Option<usize>,
+    /// Delay from input to output, samples [default: 1]
+    #[arg(long, value_parser = in_range(1, MAX_DELAY))]
+    pub nk: Option<usize>,
     /// Order of the polynomials of the nonlinearity [default: 3, or the number of knots]
     #[arg(long, value_parser = in_range(1, MAX_ORDER))]
     pub order: Option<usize>,
     /// Build an integrator into A and estimate it on the increments of the output
-    #[arg(long)]
-    pub integrator: bool,
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
+    pub integrator: Option<bool>,
     /// Estimate a constant in the difference equation too (gravity, leakage)
-    #[arg(long)]
-    pub drift: bool,
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
+    pub drift: Option<bool>,
     /// Commands that open nothing, as magnitudes: one for both directions, or below and above zero
     #[arg(long, value_name = "LOW[,HIGH]")]
     pub dead_band: Option<DeadBand>,
@@ -64,9 +65,16 @@ pub struct Identify {
     /// Identify the velocity, the backward difference of the output by the period; the model is of the output still
     #[arg(long)]
     pub velocity: bool,
-    /// How far ahead the h-step error looks: samples, or a duration such as 0.5s
-    #[arg(long, default_value = "0.5s")]
-    pub horizon: Samples,
+    /// Search the structure on the training part first, fitted on its first 70 % and judged on the rest; what is typed
+    /// of the structure is kept, `--integrator=false` too
+    #[arg(long)]
+    pub select: bool,
+    /// Run every estimator on the record with the same settings, and show them side by side
+    #[arg(long)]
+    pub compare: bool,
+    /// How far ahead the h-step error looks: samples, or a duration such as 0.5s [default: 0.5s, at least one sample]
+    #[arg(long)]
+    pub horizon: Option<Samples>,
     /// What is forgotten online: auto (several estimators, weighted by how well they predict), paper (fuzzy factor,
     /// Table 1), constant:L, fuzzy:LOW (Table 1 on normalised errors, down to LOW), fortescue:N0 (N0 samples while errors
     /// stay small), directional:L (only what is excited), or window:N (all but the last N samples)

@@ -8,6 +8,7 @@ use clap::{Parser, Subcommand};
 
 pub use identify::Identify;
 pub use run::{MachineFile, Run, Simulate, Stage};
+pub use values::Samples;
 
 /// Identifies and controls the electrohydraulic axes of a machine.
 #[derive(Debug, Parser)]

@@ -1,0 +1,30 @@
+//! A record through the core of ident-proc, timed.
+
+use std::time::Instant;
+
+use ident_proc::Identifier;
+use pipeline::machine::Identification;
+use sensor_proc::record::Record;
+
+/// Samples between two calls of `seen`.
+const SAMPLES_PER_CALL: usize = 65_536;
+
+/// The identifier after the record, and nanoseconds per sample after training: the update and the errors of both
+/// models. `seen` is told now and then how many samples have passed.
+pub fn identify(settings: &Identification, record: &Record, seen: impl Fn(u64)) -> (Identifier, f64) {
+    let mut identifier = Identifier::new(settings);
+    let mut test_started = Instant::now();
+    for (k, y) in record.outputs.iter().enumerate() {
+        if k == settings.training {
+            test_started = Instant::now();
+        }
+        let applied = k.checked_sub(1).map(|before| record.inputs[before]);
+        identifier.update(Some(*y), applied);
+        if k % SAMPLES_PER_CALL == 0 {
+            seen(k as u64);
+        }
+    }
+    let elapsed = test_started.elapsed().as_secs_f64();
+    let tested = record.outputs.len() - settings.training;
+    (identifier, 1e9 * elapsed / tested as f64)
+}

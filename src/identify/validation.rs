@@ -1,0 +1,250 @@
+//! Judges a structure on the training part alone: fitted on its first rows, judged on the rest.
+//!
+//! ```text
+//! h steps:   y(k) - y(k | k-h), from every (h / 4)-th of the held-out rows on
+//! free run:  y(k) from measured outputs up to where it starts, to the last held-out row; one starts at every quarter
+//! AIC = N ln(S / N) + 2 p,    BIC = N ln(S / N) + p ln N
+//! ```
+//!
+//! N rows of the fit, S the sum of squared one-step errors over them, p parameters. Trap: AIC and BIC are shown and
+//! not followed, since the one-step error of a position says next to nothing and more coefficients always lower it.
+
+use ident_proc::{batch::Batch, history::History, row::Row};
+use pipeline::{
+    hammerstein::{Coefficients, MAX_A, MAX_DELAY, MAX_LINEAR, Structure},
+    machine::{Identification, IdentifiedOutput, Split},
+    statistics::ErrorStatistics,
+};
+use sensor_proc::record::Record;
+use serde::Serialize;
+
+/// Part of the training rows that structures are fitted on.
+pub const FIT_PART: f64 = 0.7;
+/// Starts of an h-step prediction per horizon.
+const STARTS_PER_HORIZON: usize = 4;
+/// Free runs, from equally distant rows on: a single one may meet the record by luck.
+const FREE_RUNS: usize = 4;
+/// The held-out rows hold at least so many horizons.
+const FEWEST_HORIZONS: usize = 2;
+/// A structure is tried when there are so many rows of the fit for each of its coefficients.
+const ROWS_PER_COEFFICIENT: usize = 2;
+/// The longest delay tried is at most this part of the rows of the fit.
+const DELAY_PART: usize = 8;
+/// Errors below this part of the output's standard deviation are rounding and count as equal.
+const NEGLIGIBLE: f64 = 1e-6;
+
+/// The training part, divided.
+#[derive(Debug)]
+pub struct Validation<'a> {
+    inputs: &'a [f64],
+    /// What is identified: the output or its velocity, whose first value is not known.
+    outputs: Vec<f64>,
+    first: usize,
+    fit: usize,
+    horizon: usize,
+    split: Split,
+    negligible: f64,
+}
+
+/// A structure and how it did.
+#[derive(Debug, Clone, Serialize)]
+pub struct Candidate {
+    /// Orders and options.
+    pub structure: Structure,
+    /// What the data determined: coefficients of the separated model, without f_1 = 1, and edges of a dead band.
+    pub parameters: usize,
+    /// Root mean square of the h-step error over the held-out rows.
+    pub h_step_rmse: f64,
+    /// Root mean square of the error of the free run over the held-out rows.
+    pub free_run_rmse: f64,
+    /// Geometric mean of both, each divided by that of the first structure tried.
+    pub score: f64,
+    /// Akaike's criterion over the rows of the fit.
+    pub aic: f64,
+    /// Bayesian criterion over the rows of the fit.
+    pub bic: f64,
+    /// The rows of the fit did not determine every coefficient; those they did not were held at zero.
+    pub rank_deficient: bool,
+    /// A free run grows by more than a factor e over the held-out rows, or is not finite.
+    pub unstable: bool,
+}
+
+impl<'a> Validation<'a> {
+    /// Divides the training part of a record.
+    pub fn new(settings: &Identification, record: &'a Record) -> Self {
+        let inputs = &record.inputs[..settings.training];
+        let positions = &record.outputs[..settings.training];
+        let outputs = match settings.output {
+            IdentifiedOutput::Position => positions.to_vec(),
+            IdentifiedOutput::Velocity => std::iter::once(f64::NAN)
+                .chain(positions.windows(2).map(|pair| (pair[1] - pair[0]) / settings.period))
+                .collect(),
+        };
+        let fit = fit_rows(settings.training);
+        let mut spread = ErrorStatistics::default();
+        outputs[fit..].iter().for_each(|y| spread.push(*y));
+        Self {
+            inputs,
+            outputs,
+            first: first_row(fit, settings.structure.nk),
+            fit,
+            horizon: settings.horizon,
+            split: settings.split,
+            negligible: NEGLIGIBLE * spread.sigma(),
+        }
+    }
+
+    /// Fewest training rows that can be divided for these settings.
+    pub fn fewest_rows(settings: &Identification) -> usize {
+        let enough = |training: usize| {
+            let fit = fit_rows(training);
+            training - fit >= FEWEST_HORIZONS.saturating_mul(settings.horizon)
+                && fit >= first_row(fit, settings.structure.nk) + ROWS_PER_COEFFICIENT * settings.structure.full_len()
+        };
+        // Both conditions hold from some number of rows on.
+        let (mut low, mut high) = (0, usize::MAX >> 12);
+        while low < high {
+            let middle = low.midpoint(high);
+            if enough(middle) {
+                high = middle;
+            } else {
+                low = middle + 1;
+            }
+        }
+        low
+    }
+
+    /// The commands of the fit.
+    pub fn commands(&self) -> &[f64] {
+        &self.inputs[..self.fit]
+    }
+
+    /// Rows of the fit, from the first that every structure can be fitted on.
+    pub fn fit_rows(&self) -> usize {
+        self.fit - self.first
+    }
+
+    /// Rows that are held out.
+    pub fn held_out_rows(&self) -> usize {
+        self.outputs.len() - self.fit
+    }
+
+    /// Longest delay that is to be tried.
+    pub fn longest_delay(&self) -> usize {
+        longest_delay(self.fit)
+    }
+
+    /// Fits and judges a structure; nothing when the fit has too few rows for it. The score is for the caller to set.
+    pub fn judge(&self, structure: Structure) -> Option<Candidate> {
+        let (low, high) = structure.input.dead_band;
+        let edges = usize::from(low > 0.0) + usize::from(high > 0.0);
+        let parameters = structure.linear_len() + 2 * structure.order - 1 + edges;
+        let memory = structure.past_outputs().max(structure.nk + structure.nb);
+        if self.fit_rows() < ROWS_PER_COEFFICIENT * structure.full_len() || memory > self.first {
+            return None;
+        }
+        let mut batch = self.collect(structure);
+        let offline = batch.solve();
+        let own = offline.coefficients;
+        let model = if structure.integrator { own.integrated() } else { own };
+        let growth = 1.0 + 1.0 / self.held_out_rows() as f64;
+        let (h_step_rmse, free_run_rmse) = (self.h_step_rmse(&model), self.free_run_rmse(&model));
+        let finite = h_step_rmse.is_finite() && free_run_rmse.is_finite();
+        let rows = self.fit_rows() as f64;
+        let deviance = rows * (self.squares(&model) / rows).max(f64::MIN_POSITIVE).ln();
+        Some(Candidate {
+            structure,
+            parameters,
+            h_step_rmse,
+            free_run_rmse,
+            score: f64::NAN,
+            aic: deviance + 2.0 * parameters as f64,
+            bic: deviance + parameters as f64 * rows.ln(),
+            rank_deficient: offline.rank_deficient,
+            unstable: !finite || !own.poles_within(growth),
+        })
+    }
+
+    /// What a candidate is ranked by: the geometric mean of its two errors in the unit of the output.
+    pub fn error(&self, candidate: &Candidate) -> f64 {
+        let floor = |rmse: f64| rmse.max(self.negligible);
+        (floor(candidate.h_step_rmse) * floor(candidate.free_run_rmse)).sqrt()
+    }
+
+    fn collect(&self, structure: Structure) -> Batch {
+        let Structure { nb, nk, order, input, .. } = structure;
+        let mut batch = Batch::new(structure, self.split);
+        let mut row = Row::new(structure);
+        let mut outputs = History::new(structure.past_outputs(), 1);
+        let mut commands = History::new(nk + nb, 2 * order);
+        for k in 1..self.fit {
+            outputs.push(self.outputs[k - 1]);
+            commands.push_with(|slot| input.features(self.inputs[k - 1], slot));
+            if k >= self.first {
+                row.fill(&outputs, &commands);
+                batch.add(self.outputs[k], &row);
+            }
+        }
+        batch
+    }
+
+    /// y(k) .. predicted from y(..k-1) on.
+    fn predict(&self, model: &Coefficients, k: usize, predicted: &mut [f64]) {
+        let (nb, nk) = (model.b().len() - 1, model.nk as usize);
+        let mut past = [0.0; MAX_A];
+        for (past, y) in past.iter_mut().zip(self.outputs[..k].iter().rev()) {
+            *past = *y;
+        }
+        let from = k - nk - nb;
+        model.predict(&past, &self.inputs[from..from + nb + predicted.len()], predicted);
+    }
+
+    fn squares(&self, model: &Coefficients) -> f64 {
+        let mut predicted = [0.0];
+        let errors = (self.first..self.fit).map(|k| {
+            self.predict(model, k, &mut predicted);
+            self.outputs[k] - predicted[0]
+        });
+        errors.map(|error| error * error).sum()
+    }
+
+    fn h_step_rmse(&self, model: &Coefficients) -> f64 {
+        let h = self.horizon;
+        let mut predicted = vec![0.0; h];
+        let mut errors = ErrorStatistics::default();
+        for k in (self.fit..=self.outputs.len() - h).step_by((h / STARTS_PER_HORIZON).max(1)) {
+            self.predict(model, k, &mut predicted);
+            errors.push(self.outputs[k + h - 1] - predicted[h - 1]);
+        }
+        errors.rmse()
+    }
+
+    fn free_run_rmse(&self, model: &Coefficients) -> f64 {
+        let held_out = self.held_out_rows();
+        let mut predicted = vec![0.0; held_out];
+        let mut errors = ErrorStatistics::default();
+        for run in 0..FREE_RUNS {
+            let from = self.fit + run * held_out / FREE_RUNS;
+            let predicted = &mut predicted[..self.outputs.len() - from];
+            self.predict(model, from, predicted);
+            self.outputs[from..].iter().zip(predicted).for_each(|(y, own)| errors.push(y - *own));
+        }
+        errors.rmse()
+    }
+}
+
+fn fit_rows(training: usize) -> usize {
+    (FIT_PART * training as f64) as usize
+}
+
+fn longest_delay(fit: usize) -> usize {
+    (fit / DELAY_PART).clamp(1, MAX_DELAY)
+}
+
+/// The first row with the past that every structure needs, up to the longest delay or the one that was typed: then all
+/// are fitted on the same rows.
+fn first_row(fit: usize, typed_delay: usize) -> usize {
+    let delay = longest_delay(fit).max(typed_delay);
+    // One output more for the first velocity, which is not known.
+    (delay + MAX_LINEAR - 1).max(MAX_A)
+}

@@ -1,0 +1,99 @@
+//! The models of a plant that the test knows, and their errors.
+
+use crate::plant::{
+    PERIOD, changing_plant, constant_plant, expect_coefficients, figures, folder_with, number, simulate,
+};
+
+#[test]
+fn als_finds_the_coefficients_of_a_known_plant() {
+    let figures = figures(constant_plant().path(), &["--train", "0.5", "--horizon", "10"]);
+    assert_eq!(figures["split"], "als");
+    expect_coefficients(&figures, "classical");
+    expect_coefficients(&figures, "adaptive");
+}
+
+#[test]
+fn the_formula_of_the_paper_finds_the_coefficients_of_a_known_plant() {
+    let figures = figures(constant_plant().path(), &["--train", "0.5", "--horizon", "10", "--split", "paper"]);
+    assert_eq!(figures["split"], "paper");
+    expect_coefficients(&figures, "classical");
+    expect_coefficients(&figures, "adaptive");
+}
+
+#[test]
+fn the_json_tells_what_was_identified() {
+    let figures = figures(constant_plant().path(), &["--train", "0.5", "--horizon", "10"]);
+    let structure = serde_json::json!({
+        "na": 3, "nb": 1, "nk": 1, "order": 3,
+        "integrator": false, "drift": false, "dead_band": [0.0, 0.0], "knots": null
+    });
+    assert_eq!((&figures["structure"], &figures["output"]), (&structure, &"position".into()));
+    for (name, expected) in [("rows", 600), ("train", 300), ("horizon", 10), ("irregular_steps", 0)] {
+        assert_eq!(figures[name], expected, "{name}");
+    }
+    assert!((number(&figures, "/period_s") - PERIOD).abs() <= 1e-12);
+    assert_eq!((&figures["form"], &figures["forgetting"]), (&"linear".into(), &"paper".into()));
+    assert_eq!(figures["faults"], serde_json::json!([]));
+}
+
+#[test]
+fn a_model_of_the_true_plant_predicts_without_error() {
+    let figures = figures(constant_plant().path(), &["--train", "0.5", "--horizon", "10"]);
+    for model in ["classical", "adaptive"] {
+        for kind in ["one_step", "h_step", "free_run"] {
+            let sigma = number(&figures, &format!("/{model}/{kind}/sigma"));
+            assert!(sigma <= 1e-9, "{model} {kind}: {sigma}");
+        }
+    }
+}
+
+#[test]
+fn reductions_are_finite_or_null_when_there_is_no_error_to_reduce() {
+    // An output that stays where it is leaves errors of exactly 0, and 0 / 0.
+    let rows: String = simulate(600, |_| 1.0).iter().map(|[t, u, _]| format!("{t},{u},1\n")).collect();
+    let figures = figures(folder_with(&format!("t,u,y\n{rows}")).path(), &["--horizon", "10"]);
+    for kind in ["one_step", "h_step", "free_run"] {
+        let reduction = &figures["reduction_percent"][kind];
+        assert!(reduction.is_null() || reduction.as_f64().is_some_and(f64::is_finite), "{kind}: {reduction}");
+    }
+}
+
+#[test]
+fn constant_forgetting_follows_a_gain_that_changes() {
+    let figures = figures(changing_plant().path(), &["--horizon", "10", "--forgetting", "constant:0.98"]);
+    assert_eq!(figures["forgetting"], "constant:0.98");
+    assert!(number(&figures, "/adaptive/h_step/sigma") < 0.5 * number(&figures, "/classical/h_step/sigma"));
+    assert!(number(&figures, "/reduction_percent/h_step") > 50.0);
+}
+
+#[test]
+fn the_default_forgetting_follows_a_gain_that_changes() {
+    let figures = figures(changing_plant().path(), &["--horizon", "10"]);
+    assert_eq!(figures["forgetting"], "paper");
+    assert!(number(&figures, "/adaptive/h_step/sigma") < 0.5 * number(&figures, "/classical/h_step/sigma"));
+    assert!(number(&figures, "/reduction_percent/h_step") > 50.0);
+}
+
+#[test]
+fn every_forgetting_follows_a_gain_that_changes() {
+    let folder = changing_plant();
+    for forgetting in ["constant:0.98", "fuzzy:0.9", "fortescue:100", "directional:0.95", "window:200", "auto"] {
+        let figures = figures(folder.path(), &["--horizon", "10", "--forgetting", forgetting]);
+        assert_eq!(figures["forgetting"], forgetting);
+        assert_eq!(figures["error_universe"].is_null(), forgetting != "fuzzy:0.9", "{forgetting}");
+        assert!(number(&figures, "/reduction_percent/h_step") > 50.0, "{forgetting}: {figures}");
+    }
+}
+
+#[test]
+fn the_full_form_follows_a_gain_that_changes() {
+    let figures = figures(changing_plant().path(), &["--horizon", "10", "--form", "full"]);
+    assert_eq!(figures["form"], "full");
+    assert!(number(&figures, "/adaptive/h_step/sigma") < 0.5 * number(&figures, "/classical/h_step/sigma"));
+}
+
+#[test]
+fn the_full_form_keeps_the_coefficients_of_a_constant_plant() {
+    let figures = figures(constant_plant().path(), &["--horizon", "10", "--form", "full"]);
+    expect_coefficients(&figures, "adaptive");
+}

@@ -14,7 +14,9 @@
 //! Trap, covariance wind-up: while a direction is not excited, (19) divides it by lambda at every sample, and the
 //! first sample that does excite it throws the coefficients away. Every d_j is therefore bounded by its
 //! value after training times the number of training samples: then the covariance says no less than one average
-//! training sample would. Cutting d_j keeps P positive definite. From below every d_j is bounded too, far under what
+//! training sample would. Cutting d_j keeps P positive definite. It does not bound P: outliers between long rests turn U
+//! until it carries hundreds of times as much. A P_ii beyond four times its own bound is therefore brought back by scaling
+//! its row and column, which keeps P positive definite too. From below every d_j is bounded too, far under what
 //! data say: a d_j that one huge row had rounded to zero would never learn again.
 //!
 //! Every rank-one change of P that a rule for forgetting asks for is the same update with other numbers ([`Change`]):
@@ -47,14 +49,22 @@ pub struct RecursiveLeastSquares {
     d: Vec<Block>,
     d_limit: Vec<Block>,
     d_floor: Vec<Block>,
-    /// Where the diagonal of P has its bound against [`RecursiveLeastSquares::forget_selectively`].
+    /// P_ii after training times the number of training samples.
     variance_limit: Vec<Block>,
+    /// Updates since every P_ii was last looked at.
+    unchecked: u32,
     phi: Vec<Block>,
     f: Vec<Block>,
     v: Vec<Block>,
     mu: Vec<Block>,
     gain: Vec<Block>,
 }
+
+/// How far a P_ii may lie beyond its value after training times the number of training samples.
+const SLACK: f64 = 4.0;
+
+/// Updates after which every P_ii is looked at, also where no d_j was cut.
+const CHECK_EVERY: u32 = 64;
 
 /// The smallest d_j, as a part of its value after training: further down than any record of samples leads.
 const FLOOR: f64 = 1e-24;
@@ -102,6 +112,7 @@ impl RecursiveLeastSquares {
             d_limit: blocks.clone(),
             d_floor: blocks.clone(),
             variance_limit: blocks.clone(),
+            unchecked: 0,
             phi: blocks.clone(),
             f: blocks.clone(),
             v: blocks.clone(),
@@ -176,11 +187,17 @@ impl RecursiveLeastSquares {
     pub(crate) fn update_by(&mut self, phi: &[f64], y: f64, choose: impl FnOnce(f64, f64) -> Change) -> Update {
         // The same code three times: where the compiler knows the number of blocks, it unrolls all loops. Two blocks
         // are the linear form of the built-in machine, four the full form.
-        match self.d.len() {
+        let update = match self.d.len() {
             2 => self.update_blocks(2, phi, y, choose),
             4 => self.update_blocks(4, phi, y, choose),
             m => self.update_blocks(m, phi, y, choose),
+        };
+        self.unchecked += 1;
+        if update.bounded || self.unchecked == CHECK_EVERY {
+            self.unchecked = 0;
+            self.bound_variances();
         }
+        update
     }
 
     #[inline(always)]
@@ -316,26 +333,13 @@ impl RecursiveLeastSquares {
     /// number of training samples therefore counts as idle.
     pub fn forget_selectively(&mut self, lambda: f64, idle: &[bool]) -> bool {
         let (scale, growth) = (lambda.sqrt().recip(), lambda.recip());
-        // v: P_ii, then s_i. Column j of U has its d_j, so every tile adds to the rows that it crosses.
-        let variances = &mut self.v;
-        variances.fill([0.0; LANES]);
-        let mut rest = &*self.tiles;
-        for (t, d) in self.d.iter().enumerate() {
-            let (column, right) = rest.split_at(t + 1);
-            rest = right;
-            for (u, variance) in column.iter().zip(variances.iter_mut()) {
-                for j in 0..LANES {
-                    (0..LANES).for_each(|i| variance[i] += d[j] * u[j][i] * u[j][i]);
-                }
-            }
-        }
+        self.variances();
         let (mut bounded, mut all) = (false, true);
-        let scales = variances.as_flattened_mut().iter_mut().zip(self.variance_limit.as_flattened());
-        for (j, (scale_of, limit)) in scales.enumerate() {
-            let excited = j < self.n && !idle[j];
-            let room = *scale_of * growth <= *limit;
+        let scales = self.v.as_flattened_mut().iter_mut().zip(self.variance_limit.as_flattened());
+        for (j, (s, limit)) in scales.enumerate() {
+            let (excited, room) = (j < self.n && !idle[j], *s * growth <= *limit);
             bounded |= excited && !room;
-            *scale_of = if excited && room { scale } else { 1.0 };
+            *s = if excited && room { scale } else { 1.0 };
             all &= excited && room || j >= self.n;
         }
         for ((d, limit), s) in self.d.iter_mut().zip(&self.d_limit).zip(&self.v) {
@@ -345,10 +349,49 @@ impl RecursiveLeastSquares {
                 d[j] = grown.min(limit[j]);
             }
         }
-        if all {
-            // One scale for all leaves U as it is.
-            return bounded;
+        // One scale for all leaves U as it is.
+        if !all {
+            self.scale_u();
         }
+        bounded
+    }
+
+    /// Brings every P_ii that is beyond [`SLACK`] times its bound back to that, by P <- S P S.
+    fn bound_variances(&mut self) {
+        self.variances();
+        let beyond = |(variance, limit): (&f64, &f64)| *variance > SLACK * limit;
+        if !self.v.as_flattened().iter().zip(self.variance_limit.as_flattened()).any(beyond) {
+            return;
+        }
+        let scales = self.v.as_flattened_mut().iter_mut().zip(self.variance_limit.as_flattened());
+        scales.for_each(|(s, limit)| {
+            let limit = SLACK * limit;
+            *s = if *s > limit { (limit / *s).sqrt() } else { 1.0 };
+        });
+        self.scale_u();
+        for (d, s) in self.d.iter_mut().zip(&self.v) {
+            *d = from_fn(|j| d[j] * s[j] * s[j]);
+        }
+    }
+
+    /// Makes v the diagonal of P. Column j of U has its d_j, so every tile adds to the
+    /// rows that it crosses.
+    fn variances(&mut self) {
+        self.v.fill([0.0; LANES]);
+        let mut rest = &*self.tiles;
+        for (t, d) in self.d.iter().enumerate() {
+            let (column, right) = rest.split_at(t + 1);
+            rest = right;
+            for (u, variance) in column.iter().zip(self.v.iter_mut()) {
+                for j in 0..LANES {
+                    (0..LANES).for_each(|i| variance[i] += d[j] * u[j][i] * u[j][i]);
+                }
+            }
+        }
+    }
+
+    /// u_ij <- u_ij s_i / s_j, S in v.
+    fn scale_u(&mut self) {
         let mut rest = &mut *self.tiles;
         for (t, s_of_columns) in self.v.iter().enumerate() {
             let (column, right) = rest.split_at_mut(t + 1);
@@ -360,12 +403,13 @@ impl RecursiveLeastSquares {
                 }
             }
         }
-        bounded
     }
 
     /// P_ij.
     pub fn covariance(&self, i: usize, j: usize) -> f64 {
-        (i.max(j)..self.n).map(|m| self.u_at(i, m) * self.d()[m] * self.u_at(j, m)).sum()
+        // In one order for (i, j) and (j, i), or rounding would make them differ.
+        let (i, j) = (i.min(j), i.max(j));
+        (j..self.n).map(|m| self.u_at(i, m) * self.d()[m] * self.u_at(j, m)).sum()
     }
 
     /// Sum of the diagonal of P.

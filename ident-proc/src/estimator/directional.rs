@@ -21,7 +21,9 @@
 //! mu = lambda for all rows, as published, the size of a row does not matter to what it forgets, (phi phi') / zeta,
 //! but it does to what it brings; rows of nothing but noise then empty the covariance in all directions, one after the
 //! other. With s both are in proportion: as long as s <= 1, phi' P phi tends to (1 - lambda) / n of phi' Pm phi, from
-//! above and from below, whatever the size of the rows. That bounds P. Rows of zero do nothing.
+//! above and from below, whatever the size of the rows, and rows of zero do nothing. That holds for the directions that
+//! come; among rows of very different size the others can still grow, up to the bound of the
+//! [covariance](crate::recursive).
 //!
 //! The price: each sample forgets one direction out of n, so that the memory is n / (1 - lambda) samples in all, and
 //! longer in a direction that is excited rarely. Where the columns are nearly equal, as those of a position are, it is

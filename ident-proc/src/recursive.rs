@@ -12,14 +12,18 @@
 //! after a few thousand samples.
 //!
 //! Trap, covariance wind-up: while a direction is not excited, (19) divides it by lambda at every sample, and the
-//! first sample that does excite it throws the coefficients away. Every d_j is therefore bounded by its
-//! value after training times the number of training samples: then the covariance says no less than one average
-//! training sample would. Cutting d_j keeps P positive definite. It does not bound P: outliers between long rests turn U
-//! until it carries hundreds of times as much. A P_ii beyond four times its own bound is therefore brought back by scaling
-//! its row and column, which keeps P positive definite too. From below every d_j is bounded too, far under what
-//! data say: a d_j that one huge row had rounded to zero would never learn again.
+//! first sample that does excite it throws the coefficients away. Every d_j is therefore bounded by its value after
+//! training times the number of rows that the triangle has taken in: then the covariance says no less than one of
+//! these rows would on average. (The rows of the full form are the training samples. The linear form is projected from
+//! the triangle of the full one, which has as many rows as coefficients: its bound is tighter.) Cutting d_j keeps P
+//! positive definite.
 //!
-//! Every rank-one change of P that a rule for forgetting asks for is the same update with other numbers ([`Change`]):
+//! Trap: it does not bound P. Outliers between long rests turn U until P is hundreds of times beyond what the d_j
+//! allow. A P_ii beyond four times its own bound is therefore brought back by scaling its row and its column, which
+//! keeps P positive definite too. From below every d_j is bounded far under what data say: a d_j that one huge row had
+//! rounded to zero would never learn again.
+//!
+//! Every rank-one change of P that a rule for forgetting asks for is the same update with other numbers:
 //!
 //! ```text
 //! P <- g [P - P phi phi' P / (r + phi' P phi)]        theta <- theta + s P phi / (r + phi' P phi) [y - phi' theta]
@@ -49,7 +53,7 @@ pub struct RecursiveLeastSquares {
     d: Vec<Block>,
     d_limit: Vec<Block>,
     d_floor: Vec<Block>,
-    /// P_ii after training times the number of training samples.
+    /// P_ii after training times the number of rows.
     variance_limit: Vec<Block>,
     /// Updates since every P_ii was last looked at.
     unchecked: u32,
@@ -60,7 +64,7 @@ pub struct RecursiveLeastSquares {
     gain: Vec<Block>,
 }
 
-/// How far a P_ii may lie beyond its value after training times the number of training samples.
+/// How far a P_ii may lie beyond its value after training times the number of rows.
 const SLACK: f64 = 4.0;
 
 /// Updates after which every P_ii is looked at, also where no d_j was cut.
@@ -146,9 +150,10 @@ impl RecursiveLeastSquares {
             self.d_limit.as_flattened_mut()[j] = if held[j] { 0.0 } else { d * bound };
             self.d_floor.as_flattened_mut()[j] = d * FLOOR;
         }
-        for i in 0..self.n {
-            let limit = if held[i] { 0.0 } else { self.covariance(i, i) * bound };
-            self.variance_limit.as_flattened_mut()[i] = limit;
+        // P_ii of a held coefficient is zero.
+        self.variances();
+        for (limit, variance) in self.variance_limit.iter_mut().zip(&self.v) {
+            *limit = variance.map(|variance| variance * bound);
         }
     }
 
@@ -330,7 +335,7 @@ impl RecursiveLeastSquares {
     ///
     /// True when something was held back by a bound. An idle coefficient keeps its d_j, so that u_ij alone would carry
     /// the growth of the others' variances; a coefficient whose P_ii has reached its value after training times the
-    /// number of training samples therefore counts as idle.
+    /// number of rows therefore counts as idle.
     pub fn forget_selectively(&mut self, lambda: f64, idle: &[bool]) -> bool {
         let (scale, growth) = (lambda.sqrt().recip(), lambda.recip());
         self.variances();
@@ -641,11 +646,11 @@ mod tests {
             after.forget_selectively(0.9, &idle);
         });
         assert!(after.is_finite());
-        for i in 0..n {
+        for (i, idle) in idle.iter().enumerate() {
             let ratio = after.covariance(i, i) / before.covariance(i, i);
             assert!(ratio <= 60.0 * (1.0 + 1e-9), "{ratio}");
-            assert!(idle[i] || ratio > 50.0, "{ratio}");
-            assert!(!idle[i] || (ratio - 1.0).abs() < 1e-6, "{ratio}");
+            assert!(*idle || ratio > 50.0, "{ratio}");
+            assert!(!idle || (ratio - 1.0).abs() < 1e-6, "{ratio}");
         }
     }
 

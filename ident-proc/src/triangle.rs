@@ -23,12 +23,13 @@ pub struct Triangle {
     row: Vec<f64>,
     residual: f64,
     count: u64,
+    samples: u64,
 }
 
 impl Triangle {
     /// No rows yet, `n` unknowns.
     pub fn new(n: usize) -> Self {
-        Self { n, rows: vec![0.0; n * (n + 1)], row: vec![0.0; n + 1], residual: 0.0, count: 0 }
+        Self { n, rows: vec![0.0; n * (n + 1)], row: vec![0.0; n + 1], residual: 0.0, count: 0, samples: 0 }
     }
 
     /// Number of unknowns.
@@ -46,6 +47,11 @@ impl Triangle {
         self.count
     }
 
+    /// Rows of data that it stands for: a row taken over from another triangle is itself made of many.
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
     /// Sum of squares that no choice of the unknowns explains.
     pub fn residual(&self) -> f64 {
         self.residual
@@ -61,6 +67,7 @@ impl Triangle {
         self.rows.fill(0.0);
         self.residual = 0.0;
         self.count = 0;
+        self.samples = 0;
     }
 
     /// Takes in one row: `regressor` (n numbers) times the unknowns is to give `target`.
@@ -86,17 +93,19 @@ impl Triangle {
         }
         self.residual += self.row[self.n] * self.row[self.n];
         self.count += 1;
+        self.samples += 1;
     }
 
     /// Takes in the rows of `other`, each changed by `map` from its unknowns to these.
     pub fn add_mapped(&mut self, other: &Self, mut map: impl FnMut(&[f64], &mut [f64])) {
-        let width = other.n + 1;
+        let (width, samples) = (other.n + 1, self.samples + other.samples);
         for row in other.rows.chunks_exact(width) {
             self.row.fill(0.0);
             map(&row[..other.n], &mut self.row[..self.n]);
             self.row[self.n] = row[other.n];
             self.rotate_in();
         }
+        self.samples = samples;
     }
 
     /// Solves R theta = z by back substitution; an unknown whose diagonal is zero becomes 0.
@@ -126,6 +135,7 @@ impl Triangle {
             restricted.rotate_in();
         }
         restricted.count = self.count;
+        restricted.samples = self.samples;
         restricted.residual += self.residual;
     }
 }
@@ -158,6 +168,21 @@ mod tests {
             prop_assert!((rows.transpose() * &residual).norm() < bound);
             prop_assert!((triangle.residual() - residual.norm_squared()).abs() < 1e-12 * targets.norm_squared());
         }
+    }
+
+    #[test]
+    fn it_knows_how_many_samples_it_stands_for() {
+        let mut one = Triangle::new(3);
+        (0..50).for_each(|i| one.add(&[1.0, i as f64, (i * i) as f64], 0.5));
+        let (mut two, mut three) = (Triangle::new(2), Triangle::new(2));
+        two.add_mapped(&one, |row, out| out.copy_from_slice(&row[..2]));
+        two.hold_into(&[false, true], &mut three);
+        assert_eq!(
+            [&one, &two, &three].map(|triangle| (triangle.samples(), triangle.count())),
+            [(50, 50), (50, 3), (50, 3)]
+        );
+        three.clear();
+        assert_eq!(three.samples(), 0);
     }
 
     #[test]

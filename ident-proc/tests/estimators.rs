@@ -78,7 +78,7 @@ fn life(rows: &[[f64; N]], k: usize) -> [f64; N] {
         1 => [0.3, 0.3, 0.3, 0.0, 0.0],
         2 => [row[0].abs(), row[1].abs(), 0.0, 0.0, 0.0],
         3 => row.map(|value| 1e-9 * value),
-        4 if k % 100 == 0 => row.map(|value| 1e4 * value),
+        4 if k.is_multiple_of(100) => row.map(|value| 1e4 * value),
         4 => row,
         _ => [0.0; N],
     }

@@ -111,7 +111,7 @@ impl Window {
 
 impl Method for Window {
     fn start(&mut self, data: &Triangle, held: &[bool], _residual_sigma: f64) {
-        let (n, count) = (self.n, data.count().max(1) as f64);
+        let (n, count) = (self.n, data.samples().max(1) as f64);
         data.solve(&mut self.center);
         self.held.copy_from_slice(held);
         for (i, row) in self.prior.chunks_exact_mut(n).enumerate() {

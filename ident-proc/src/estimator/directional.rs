@@ -8,10 +8,9 @@
 //!
 //! The first term multiplies what is known about the output of this row, 1 / zeta, by the factor mu and leaves all that
 //! is known about the rest, given that output; the second takes the row in. Together S changes by a multiple of
-//! phi phi' and nothing else, so that v' S v stays for every v at right angles to phi: a coefficient that is not excited
-//! forgets nothing, however long that lasts. S stays positive definite since mu > 0. As a
-//! covariance it is one update with the variance 1 / eps, eps = 1 - (1 - mu) / zeta, negative where more leaves than
-//! comes in.
+//! phi phi' and nothing else, so that v' S v stays for every v at right angles to phi: a coefficient that is not
+//! excited forgets nothing, however long that lasts. S stays positive definite since mu > 0. As a covariance it is one
+//! update with the variance 1 / eps, eps = 1 - (1 - mu) / zeta, negative where more leaves than comes in.
 //!
 //! ```text
 //! mu = 1 - (1 - lambda) min(1, s)         s = phi' Pm phi / n

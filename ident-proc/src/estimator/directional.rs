@@ -8,10 +8,9 @@
 //!
 //! The first term multiplies what is known about the output of this row, 1 / zeta, by the factor mu and leaves all that
 //! is known about the rest, given that output; the second takes the row in. Together S changes by a multiple of
-//! phi phi' and nothing else, so that v' S v stays for every v at right angles to phi: a coefficient that is not excited
-//! forgets nothing, however long that lasts. S stays positive definite since mu > 0. As a
-//! covariance it is one update with the variance 1 / eps, eps = 1 - (1 - mu) / zeta, negative where more leaves than
-//! comes in.
+//! phi phi' and nothing else, so that v' S v stays for every v at right angles to phi: a coefficient that is not
+//! excited forgets nothing, however long that lasts. S stays positive definite since mu > 0. As a covariance it is one
+//! update with the variance 1 / eps, eps = 1 - (1 - mu) / zeta, negative where more leaves than comes in.
 //!
 //! ```text
 //! mu = 1 - (1 - lambda) min(1, s)         s = phi' Pm phi / n
@@ -21,7 +20,9 @@
 //! mu = lambda for all rows, as published, the size of a row does not matter to what it forgets, (phi phi') / zeta,
 //! but it does to what it brings; rows of nothing but noise then empty the covariance in all directions, one after the
 //! other. With s both are in proportion: as long as s <= 1, phi' P phi tends to (1 - lambda) / n of phi' Pm phi, from
-//! above and from below, whatever the size of the rows. That bounds P. Rows of zero do nothing.
+//! above and from below, whatever the size of the rows, and rows of zero do nothing. That holds for the directions that
+//! come; among rows of very different size the others can still grow, up to the bound of the
+//! [covariance](crate::recursive).
 //!
 //! The price: each sample forgets one direction out of n, so that the memory is n / (1 - lambda) samples in all, and
 //! longer in a direction that is excited rarely. Where the columns are nearly equal, as those of a position are, it is
@@ -63,10 +64,11 @@ impl Directional {
 
 impl Method for Directional {
     fn start(&mut self, data: &Triangle, held: &[bool], _residual_sigma: f64) {
-        self.factors.start(data, held);
-        self.training.start(data, held);
+        let samples = data.count() as f64;
+        self.factors.start_bounded(data, held, samples);
+        self.training.start_bounded(data, held, samples);
         let free = held.iter().filter(|held| !**held).count();
-        self.size = data.count() as f64 / free.max(1) as f64;
+        self.size = samples / free.max(1) as f64;
     }
 
     fn set_theta(&mut self, theta: &[f64]) {

@@ -119,7 +119,7 @@ impl RankOne {
                 normal.iter_mut().zip(group).for_each(|(sum, w)| *sum += c * w);
             }
         }
-        solve(&normal, &right, &mut self.b[..lags])
+        solve(&mut normal, right, &mut self.b[..lags])
     }
 
     /// c with b held: rows of W folded over the lags. Returns what the separation explains of C' W C.
@@ -145,7 +145,7 @@ impl RankOne {
                 *normal = dot(group, &self.b[..lags]);
             }
         }
-        solve(&normal, &right, &mut self.c[..width])
+        solve(&mut normal, right, &mut self.c[..width])
     }
 
     /// The part of the driven half's weighted norm that the last separation does not explain.
@@ -160,21 +160,21 @@ fn dot(one: &[f64], two: &[f64]) -> f64 {
 
 type Normal = [[f64; MAX_WIDTH]; MAX_WIDTH];
 
-/// Solves `normal` x = `right` for `unknowns`, pulled to what they are, by elimination. Returns 2 x' right -
-/// x' normal x.
+/// Solves `normal` x = `right` for `unknowns`, pulled to what they are, by elimination in place. Returns x' right, which
+/// but for the pull is x' normal x.
 ///
 /// An unknown that the equations do not determine stays where it is.
-fn solve(normal: &Normal, right: &[f64; MAX_WIDTH], unknowns: &mut [f64]) -> f64 {
+fn solve(normal: &mut Normal, right: [f64; MAX_WIDTH], unknowns: &mut [f64]) -> f64 {
     let n = unknowns.len();
-    let (mut reduced, mut target) = (*normal, *right);
+    let mut target = right;
     for i in 0..n {
         let pull = if normal[i][i] > 0.0 { PULL * normal[i][i] } else { 1.0 };
-        reduced[i][i] += pull;
+        normal[i][i] += pull;
         target[i] += pull * unknowns[i];
     }
     for i in 0..n {
         for j in 0..i {
-            let (above, below) = reduced.split_at_mut(i);
+            let (above, below) = normal.split_at_mut(i);
             let factor = below[0][j] / above[j][j];
             for (value, pivot) in below[0][j + 1..n].iter_mut().zip(&above[j][j + 1..n]) {
                 *value -= factor * pivot;
@@ -182,12 +182,12 @@ fn solve(normal: &Normal, right: &[f64; MAX_WIDTH], unknowns: &mut [f64]) -> f64
             target[i] -= factor * target[j];
         }
         // Rounding alone can make a pivot vanish that the pull made positive.
-        reduced[i][i] = reduced[i][i].max(f64::MIN_POSITIVE);
+        normal[i][i] = normal[i][i].max(f64::MIN_POSITIVE);
     }
     for i in (0..n).rev() {
-        unknowns[i] = (target[i] - dot(&reduced[i][i + 1..n], &unknowns[i + 1..])) / reduced[i][i];
+        unknowns[i] = (target[i] - dot(&normal[i][i + 1..n], &unknowns[i + 1..])) / normal[i][i];
     }
-    (0..n).map(|i| unknowns[i] * (2.0 * right[i] - dot(&normal[i], unknowns))).sum()
+    dot(unknowns, &right)
 }
 
 #[cfg(test)]

@@ -59,6 +59,7 @@ struct Run {
     identifier: Identifier,
     plant: Plant,
     output: f64,
+    /// Samples of full excitation: with or without something between, they are excited alike.
     k: usize,
 }
 
@@ -74,12 +75,12 @@ impl Run {
     fn sample(&mut self, command: f64) {
         self.output = self.plant.step(command);
         self.identifier.update(Some(self.output), Some(command));
-        self.k += 1;
     }
 
     fn excite(&mut self, samples: usize) {
         for _ in 0..samples {
             self.sample(exciting(self.k, self.output));
+            self.k += 1;
         }
     }
 
@@ -87,7 +88,7 @@ impl Run {
         self.identifier.snapshot()
     }
 
-    /// Root mean square of the h-step errors over the next samples of full excitation, before they could teach much.
+    /// Root mean square of the h-step errors over the next samples of full excitation.
     fn h_step(&mut self, samples: usize) -> f64 {
         let before = self.snapshot().adaptive_errors.h_step;
         self.excite(samples);
@@ -97,13 +98,16 @@ impl Run {
     }
 }
 
-/// The predictions over 500 samples after `disturb`, in parts of those without it.
-fn harm(forgetting: Forgetting, disturb: impl Fn(&mut Run)) -> f64 {
+/// The h-step errors over the first 1000 samples of full excitation after `disturb`, and over the 20 000 after those, in
+/// parts of what they are without it.
+fn harm(forgetting: Forgetting, disturb: impl Fn(&mut Run)) -> [f64; 2] {
     let (mut with, mut without) = (Run::new(forgetting), Run::new(forgetting));
     disturb(&mut with);
-    let (with, without) = (with.h_step(500), without.h_step(500));
-    println!("{forgetting}: {with} after it, {without} without");
-    with / without
+    [1000, 20_000].map(|samples| {
+        let (with, without) = (with.h_step(samples), without.h_step(samples));
+        println!("{forgetting}: h-step error {with:.3e} after it, {without:.3e} without");
+        with / without
+    })
 }
 
 #[test]
@@ -115,8 +119,8 @@ fn ten_million_samples_at_rest_do_no_harm() {
         assert_ne!(run.snapshot().faults & model_fault::RESTING, 0);
         assert!(run.snapshot().since_update > 9_000_000);
     };
-    let harm = harm(Forgetting::Auto, rest);
-    assert!(harm < 1.05, "{harm}");
+    let [first, later] = harm(Forgetting::Auto, rest);
+    assert!(first < 1.25 && later < 1.01, "{first} {later}");
 }
 
 #[test]
@@ -136,8 +140,9 @@ fn a_million_samples_in_one_direction_do_no_harm() {
         run.output = 0.5;
         run.identifier.update(None, None);
     };
-    let harm = harm(Forgetting::Auto, one_direction);
-    assert!(harm < 1.05, "{harm}");
+    let [first, later] = harm(Forgetting::Auto, one_direction);
+    // Of the other direction it knows what it knew a million samples ago, for a model that has changed since.
+    assert!(first < 2.5 && later < 1.02, "{first} {later}");
 }
 
 #[test]
@@ -155,7 +160,7 @@ fn one_wild_sample_changes_nothing_to_speak_of() {
             assert_ne!(after.faults & model_fault::OUTLIER, 0);
             assert_eq!((after.outliers, after.skipped), (before.outliers + 1, before.skipped + 1));
         } else {
-            run.sample(exciting(run.k, run.output));
+            run.excite(1);
         }
         run.excite(3000);
         run.snapshot().adaptive_errors.h_step.sigma()

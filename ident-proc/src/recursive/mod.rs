@@ -195,12 +195,13 @@ impl RecursiveLeastSquares {
     /// One update by what `choose` makes of the innovation and of phi' P phi; it is not asked about a row that is not
     /// finite, nor about one whose phi' P phi overflows: those teach nothing.
     pub(crate) fn update_by(&mut self, phi: &[f64], y: f64, choose: impl FnOnce(f64, f64) -> Change) -> Update {
-        // The same code three times: where the compiler knows the number of blocks, it unrolls all loops. With the
-        // built-in machine's structure the linear form has two blocks, the full form four.
+        // The same code four times: where the compiler knows the number of blocks, it unrolls all loops. With the
+        // paper's orders the linear form has two blocks, the full form four, and six with one more lag.
         let phi = &phi[..self.n];
         let update = match self.theta.len() {
             2 => self.update_blocks(2, phi, y, choose),
             4 => self.update_blocks(4, phi, y, choose),
+            6 => self.update_blocks(6, phi, y, choose),
             m => self.update_blocks(m, phi, y, choose),
         };
         self.unchecked += 1;

@@ -62,10 +62,10 @@ impl Health {
         }
     }
 
-    /// Whether it is time to look at the models: a quarter of the horizon after it last was.
+    /// Whether it is time to look at the models: a horizon after it last was.
     pub fn is_due(&mut self) -> bool {
         let due = self.until == 0;
-        self.until = if due { self.horizon / 4 } else { self.until - 1 };
+        self.until = if due { self.horizon } else { self.until } - 1;
         due
     }
 
@@ -91,8 +91,7 @@ impl Health {
         if positive.min(negative) < ONE_SIDED && positive.max(negative) >= ONE_SIDED {
             state.faults |= model_fault::ONE_SIDED;
         }
-        // Written so that NaN shows.
-        if !(self.pole_radius <= 1.0 + 1.0 / self.horizon as f64) {
+        if self.pole_radius > 1.0 + 1.0 / self.horizon as f64 || self.pole_radius.is_nan() {
             state.faults |= model_fault::UNSTABLE;
         }
         if !self.gain_ratio.iter().all(|ratio| (1.0 / GAIN..=GAIN).contains(ratio)) {

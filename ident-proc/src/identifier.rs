@@ -8,7 +8,7 @@ use pipeline::{
 
 use crate::{
     bank::Bank,
-    batch::Batch,
+    batch::{Batch, Offline},
     errors::{ErrorTracker, product},
     health::Health,
     history::History,
@@ -52,15 +52,16 @@ pub struct Identifier {
     separated_tracker: ErrorTracker,
     health: Health,
     state: AxisSnapshot,
-    classical_innovation: f64,
+    offline: Option<Offline>,
+    innovations: Option<[f64; 2]>,
     lasting_faults: u32,
 }
 
 /// What learns online.
 #[derive(Debug, Clone)]
 enum Adaptation {
-    Single(Single),
-    Bank(Bank),
+    Single(Box<Single>),
+    Bank(Box<Bank>),
 }
 
 impl Identifier {
@@ -69,8 +70,8 @@ impl Identifier {
         let structure = settings.structure;
         let h = settings.horizon;
         let (row, adaptation) = match settings.forgetting {
-            Forgetting::Auto => (Bank::row_structure(structure), Adaptation::Bank(Bank::new(structure, h))),
-            _ => (structure.published(), Adaptation::Single(Single::new(settings))),
+            Forgetting::Auto => (Bank::row_structure(structure), Adaptation::Bank(Box::new(Bank::new(structure, h)))),
+            _ => (structure.published(), Adaptation::Single(Box::new(Single::new(settings)))),
         };
         let tracker = ErrorTracker::new(&Row::new(row), h);
         Self {
@@ -102,7 +103,8 @@ impl Identifier {
                 faults: model_fault::TRAINING,
                 ..AxisSnapshot::default()
             },
-            classical_innovation: 0.0,
+            offline: None,
+            innovations: None,
             lasting_faults: model_fault::TRAINING,
         }
     }
@@ -112,6 +114,7 @@ impl Identifier {
     pub fn update(&mut self, output: Option<f64>, applied: Option<f64>) {
         self.seen += 1;
         self.state.since_update += 1;
+        self.innovations = None;
         self.state.faults = self.lasting_faults;
         match applied.filter(|u| u.is_finite()) {
             Some(u) => self.push_command(u),
@@ -294,6 +297,7 @@ impl Identifier {
         self.state.classical = self.written_model(&offline.coefficients);
         self.state.adaptive = self.state.classical;
         self.state.split_residual = offline.split_residual;
+        self.offline = Some(offline);
         self.gate.trained(offline.residual_sigma);
         write_out(&self.state.classical, &row, &mut self.classical);
         match &mut self.adaptation {
@@ -327,7 +331,7 @@ impl Identifier {
         self.health.excite(self.command, &self.row.driven()[..2 * order * (nb + 1)]);
 
         self.state.innovation = y - product(self.adaptive_tracker.theta(), self.row.values());
-        self.classical_innovation = y - product(&self.classical, self.row.values());
+        self.innovations = Some([self.state.innovation, y - product(&self.classical, self.row.values())]);
         let learned = match &mut self.adaptation {
             Adaptation::Single(single) => single.learn(y, &self.row),
             Adaptation::Bank(bank) => bank.learn(y, &self.row, resting),
@@ -406,11 +410,11 @@ impl Identifier {
         }
     }
 
-    /// Weights of the members of the bank, the held model first; none without a bank.
-    pub fn weights(&self) -> &[f64] {
+    /// The bank, where there is one.
+    pub fn bank(&self) -> Option<&Bank> {
         match &self.adaptation {
-            Adaptation::Single(_) => &[],
-            Adaptation::Bank(bank) => bank.weights(),
+            Adaptation::Single(_) => None,
+            Adaptation::Bank(bank) => Some(bank),
         }
     }
 
@@ -419,9 +423,15 @@ impl Identifier {
         &self.batch
     }
 
-    /// y(k) minus its prediction by the classical model, of the last sample after training that was used.
-    pub fn classical_innovation(&self) -> f64 {
-        self.classical_innovation
+    /// What offline identification found, after training.
+    pub fn offline(&self) -> Option<&Offline> {
+        self.offline.as_ref()
+    }
+
+    /// y(k) minus its prediction by the adaptive and by the classical model; nothing for a sample of the training or
+    /// one that was not used.
+    pub fn innovations(&self) -> Option<[f64; 2]> {
+        self.innovations
     }
 
     /// Prediction error and change of it that count as PB, in the unit of the output; `None` where nothing is fuzzy.

@@ -7,7 +7,7 @@ use pipeline::{
 use sensor_proc::record::Record;
 use serde::Serialize;
 
-use super::run::identify;
+use super::{residuals::Residuals, run::identify};
 use crate::table::{number, progress, table};
 
 /// In which forms an estimator runs.
@@ -72,10 +72,11 @@ pub fn compare(settings: &Identification, record: &Record) -> Comparison {
     let runs = runs(settings);
     let progress = progress(runs.len() as u64, "estimators");
     let mut rows: Vec<Row> = Vec::new();
+    let mut residuals = Residuals::default();
     for (name, run) in &runs {
-        let (identifier, mut ns_per_update) = identify(run, record, |_| {});
+        let (identifier, mut ns_per_update) = identify(run, record, |_| {}, &mut residuals);
         for _ in 1..TIMED_RUNS {
-            ns_per_update = identify(run, record, |_| {}).1.min(ns_per_update);
+            ns_per_update = identify(run, record, |_| {}, &mut residuals).1.min(ns_per_update);
         }
         let snapshot = identifier.snapshot();
         // The held model is that of the chosen form, and the same in all its runs.

@@ -3,6 +3,7 @@
 mod compare;
 mod grid;
 mod report;
+mod residuals;
 mod run;
 mod select;
 mod settings;
@@ -14,6 +15,7 @@ use sensor_proc::record::Record;
 
 use crate::{cli, failure::Failure, output::Output, table::progress};
 use report::Report;
+use residuals::Residuals;
 use run::identify;
 use select::{Selection, select};
 use settings::{Typed, check_window, settings};
@@ -31,9 +33,11 @@ pub fn run(arguments: &cli::Identify) -> Result<(), Failure> {
         check_window(&settings)?;
     }
     let progress = progress(record.outputs.len() as u64, "samples");
-    let (identifier, ns_per_update) = identify(&settings, &record, |samples| progress.set_position(samples));
+    let mut residuals = Residuals::default();
+    let seen = |samples| progress.set_position(samples);
+    let (identifier, ns_per_update) = identify(&settings, &record, seen, &mut residuals);
     progress.finish_and_clear();
-    let mut report = Report::new(&settings, &record, &identifier, ns_per_update);
+    let mut report = Report::new(&settings, &record, &identifier, &residuals, ns_per_update);
     report.selection = selection;
     report.comparison = arguments.compare.then(|| compare::compare(&settings, &record));
     output.write(|| report.tables(&arguments.data), &report)

@@ -12,7 +12,12 @@ use pipeline::{
 use sensor_proc::record::Record;
 use serde::Serialize;
 
-use super::{compare::Comparison, select::Selection, structure::description};
+use super::{
+    compare::Comparison,
+    residuals::{Deviations, Residuals, Validation},
+    select::Selection,
+    structure::description,
+};
 use crate::{
     figures::{CoefficientLists, ErrorFigures, Reduction},
     table::{number, percent, table},
@@ -35,11 +40,13 @@ pub struct Report {
     variation_universe: Option<f64>,
     faults: Vec<&'static str>,
     skipped: u64,
+    outliers: u64,
     irregular_steps: usize,
     persistence: Persistence,
     classical: Classical,
     adaptive: Adaptive,
     reduction_percent: Reduction,
+    validation: Validation,
     /// What `--select` found.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub selection: Option<Selection>,
@@ -69,8 +76,20 @@ struct Adaptive {
     free_run: ErrorFigures,
     free_run_frozen: ErrorFigures,
     coefficients: CoefficientLists,
+    /// Of the model as it is published, separated into b, f and g.
+    separated_h_step: ErrorFigures,
+    split_residual: f64,
     forgetting_factor: FactorFigures,
+    /// What auto is made of after the last sample.
+    members: Vec<Member>,
     ns_per_update: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Member {
+    family: &'static str,
+    forgetting_factor: f64,
+    weight: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -81,7 +100,13 @@ struct FactorFigures {
 
 impl Report {
     /// After the last sample.
-    pub fn new(settings: &Identification, record: &Record, identifier: &Identifier, ns_per_update: f64) -> Self {
+    pub fn new(
+        settings: &Identification,
+        record: &Record,
+        identifier: &Identifier,
+        residuals: &Residuals,
+        ns_per_update: f64,
+    ) -> Self {
         let (snapshot, universes) = (identifier.snapshot(), identifier.universes());
         let figures = |error: &ErrorStatistics| ErrorFigures::new(error, &snapshot.output);
         let (classical, adaptive) = (&snapshot.classical_errors, &snapshot.adaptive_errors);
@@ -99,6 +124,7 @@ impl Report {
             variation_universe: universes.map(|(_, variation)| variation),
             faults: bit_names(snapshot.faults & model_fault::LASTING, &model_fault::NAMES).collect(),
             skipped: snapshot.skipped,
+            outliers: snapshot.outliers,
             irregular_steps: record.irregular_steps,
             persistence: Persistence { h_step: figures(&snapshot.persistence) },
             classical: Classical {
@@ -106,7 +132,7 @@ impl Report {
                 h_step: figures(&classical.h_step),
                 free_run: figures(&classical.free_run),
                 coefficients: CoefficientLists::new(&snapshot.classical),
-                split_residual: snapshot.split_residual,
+                split_residual: identifier.offline().map_or(f64::NAN, |offline| offline.split_residual),
             },
             adaptive: Adaptive {
                 one_step: figures(&adaptive.one_step),
@@ -119,9 +145,13 @@ impl Report {
                     mean: 1.0 - snapshot.forgetting.mean,
                     min: 1.0 - snapshot.forgetting.max,
                 },
+                separated_h_step: figures(&snapshot.separated_h_step),
+                split_residual: snapshot.split_residual,
+                members: identifier.bank().map_or_else(Vec::new, |bank| bank.members().map(Member::from).collect()),
                 ns_per_update,
             },
             reduction_percent: Reduction::new(classical, adaptive),
+            validation: Validation::new(identifier, residuals),
             selection: None,
             comparison: None,
         }
@@ -177,8 +207,14 @@ impl Report {
             number(adaptive.forgetting_factor.min),
             adaptive.ns_per_update
         );
+        let mut members: Vec<&Member> = adaptive.members.iter().filter(|member| member.weight >= 0.01).collect();
+        members.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+        if !members.is_empty() {
+            text +=
+                &format!("auto in the end: {}\n", members.iter().map(|m| m.to_string()).collect::<Vec<_>>().join(", "));
+        }
+        let list = |values: &[f64]| values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(" ");
         for (name, model) in [("classical", &classical.coefficients), ("adaptive", &adaptive.coefficients)] {
-            let list = |values: &[f64]| values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(" ");
             let drift = if self.structure.drift { format!("   c {}", number(model.drift)) } else { String::new() };
             text += &format!(
                 "{name:9}  a {}   b {}   f {}   g {}{drift}\n",
@@ -188,9 +224,33 @@ impl Report {
                 list(&model.g)
             );
         }
+        if let Some(Deviations { a, b, f, g, drift, .. }) = &self.validation.deviations {
+            let list = |values: &[Option<f64>]| {
+                values.iter().map(|v| v.map_or_else(|| "?".to_owned(), number)).collect::<Vec<_>>().join(" ")
+            };
+            let drift = if self.structure.drift { format!("   c {}", list(&[*drift])) } else { String::new() };
+            text += &format!("  +- sigma  a {}   b {}   f {}   g {}{drift}\n", list(a), list(b), list(f), list(g));
+        }
+        text += &self.validation.table();
         if let Some(comparison) = &self.comparison {
             text += &comparison.table();
         }
         text
+    }
+}
+
+impl From<(&'static str, f64, f64)> for Member {
+    fn from((family, forgetting_factor, weight): (&'static str, f64, f64)) -> Self {
+        Self { family, forgetting_factor, weight }
+    }
+}
+
+impl std::fmt::Display for Member {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.family {
+            "held" => write!(f, "held")?,
+            family => write!(f, "{family} {}", self.forgetting_factor)?,
+        }
+        write!(f, " ({:.0} %)", 100.0 * self.weight)
     }
 }

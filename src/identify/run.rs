@@ -6,13 +6,21 @@ use ident_proc::Identifier;
 use pipeline::machine::Identification;
 use sensor_proc::record::Record;
 
+use super::residuals::Residuals;
+
 /// Samples between two calls of `seen`.
 const SAMPLES_PER_CALL: usize = 65_536;
 
-/// The identifier after the record, and nanoseconds per sample after training: the update and the errors of both
-/// models. `seen` is told now and then how many samples have passed.
-pub fn identify(settings: &Identification, record: &Record, seen: impl Fn(u64)) -> (Identifier, f64) {
+/// The identifier after the record, and nanoseconds per sample after training: the update and the errors of all
+/// models. `seen` is told now and then how many samples have passed; `residuals` gets those of the samples after training.
+pub fn identify(
+    settings: &Identification,
+    record: &Record,
+    seen: impl Fn(u64),
+    residuals: &mut Residuals,
+) -> (Identifier, f64) {
     let mut identifier = Identifier::new(settings);
+    residuals.clear(record.outputs.len());
     let mut test_started = Instant::now();
     for (k, y) in record.outputs.iter().enumerate() {
         if k == settings.training {
@@ -20,6 +28,9 @@ pub fn identify(settings: &Identification, record: &Record, seen: impl Fn(u64)) 
         }
         let applied = k.checked_sub(1).map(|before| record.inputs[before]);
         identifier.update(Some(*y), applied);
+        if let Some(innovations) = identifier.innovations() {
+            residuals.push(innovations, record.inputs[k]);
+        }
         if k % SAMPLES_PER_CALL == 0 {
             seen(k as u64);
         }

@@ -1,7 +1,7 @@
 //! The models of a plant that the test knows, and their errors.
 
 use crate::plant::{
-    PERIOD, changing_plant, constant_plant, expect_coefficients, figures, folder_with, number, simulate,
+    A, PERIOD, changing_plant, constant_plant, csv, expect_coefficients, figures, folder_with, number, simulate,
 };
 
 #[test]
@@ -99,4 +99,51 @@ fn the_full_form_follows_a_gain_that_changes() {
 fn the_full_form_keeps_the_coefficients_of_a_constant_plant() {
     let figures = figures(constant_plant().path(), &["--horizon", "10", "--form", "full", "--forgetting", "paper"]);
     expect_coefficients(&figures, "adaptive");
+}
+
+#[test]
+fn the_residuals_and_the_spread_of_the_coefficients_are_judged() {
+    // White noise on the difference equation: the residuals of the right model are white, those of one without delay
+    // enough are not.
+    let mut noise = 88_172_645_463_325_252u64;
+    let mut random = || {
+        noise ^= noise << 13;
+        noise ^= noise >> 7;
+        noise ^= noise << 17;
+        (noise >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+    };
+    let mut rows: Vec<[f64; 3]> = simulate(4000, |_| 1.0);
+    let mut past = [0.0; 3];
+    for row in &mut rows {
+        // The noise passes through 1 / A like everything else.
+        let e = 0.01 * random() - A.iter().zip(past).map(|(a, e)| a * e).sum::<f64>();
+        past = [e, past[0], past[1]];
+        row[2] += e;
+    }
+    let folder = folder_with(&csv("t,u,y", &rows));
+    let figures = figures(folder.path(), &["--horizon", "10"]);
+    let validation = &figures["validation"];
+    assert_eq!(validation["classical"]["whiteness"]["white"], true, "{validation}");
+    assert!(number(validation, "/classical/cross_correlation/model/p_value") > 0.01);
+    assert!((number(validation, "/deviations/noise_sigma") / (0.01 / 12f64.sqrt()) - 1.0).abs() < 0.05);
+    for (place, a) in A.iter().enumerate() {
+        let (found, sigma) = (
+            number(&figures, &format!("/classical/coefficients/a/{place}")),
+            number(validation, &format!("/deviations/a/{place}")),
+        );
+        assert!((found - a).abs() < 4.0 * sigma && sigma < 0.05, "{place}: {found} +- {sigma} for {a}");
+    }
+    let late = crate::plant::figures(folder.path(), &["--horizon", "10", "--nk", "3"]);
+    assert_eq!(late["validation"]["classical"]["whiteness"]["white"], false);
+}
+
+#[test]
+fn auto_tells_what_it_is_made_of() {
+    let figures = figures(constant_plant().path(), &["--horizon", "10"]);
+    let members = figures["adaptive"]["members"].as_array().unwrap();
+    let total: f64 = members.iter().map(|member| member["weight"].as_f64().unwrap()).sum();
+    assert!((total - 1.0).abs() < 1e-9 && members.len() > 5, "{members:?}");
+    assert_eq!(members[0]["family"], "held");
+    assert_eq!(figures["outliers"], 0);
+    assert!(number(&figures, "/adaptive/separated_h_step/sigma") <= 1e-6);
 }

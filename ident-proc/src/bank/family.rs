@@ -7,9 +7,8 @@ use crate::{rank::RankGuard, recursive::RecursiveLeastSquares, regression::Regre
 /// What one family learns from.
 #[derive(Debug, Clone)]
 pub struct Family {
+    name: &'static str,
     regression: Regression,
-    /// Whether regressor and target are smoothed.
-    pub smoothed: bool,
     factors: &'static [f64],
     members: Vec<RecursiveLeastSquares>,
     phi: Vec<f64>,
@@ -21,11 +20,11 @@ pub struct Family {
 
 impl Family {
     /// One member for each of the forgetting `factors`; nothing is known yet.
-    pub fn new(regression: Regression, smoothed: bool, factors: &'static [f64]) -> Self {
+    pub fn new(name: &'static str, regression: Regression, factors: &'static [f64]) -> Self {
         let n = regression.len();
         Self {
+            name,
             regression,
-            smoothed,
             factors,
             members: vec![RecursiveLeastSquares::new(n); factors.len()],
             phi: vec![0.0; n],
@@ -63,6 +62,16 @@ impl Family {
             bounded |= member.update(&self.phi, target, factor).bounded;
         }
         bounded
+    }
+
+    /// What it is called.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Whether regressor and target are smoothed.
+    pub fn is_smoothed(&self) -> bool {
+        self.name == super::SMOOTHED
     }
 
     /// Number of members.

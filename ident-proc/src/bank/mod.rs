@@ -50,7 +50,9 @@ use crate::{
 
 /// h-step forecasts of each member that are on their way at any time: errors any closer together say the same.
 const FORECASTS: usize = 4;
-/// Time constant of the smoothed family, in horizons.
+/// The family that learns from smoothed rows.
+const SMOOTHED: &str = "smoothed";
+/// Its time constant, in horizons.
 const SMOOTHING: f64 = 0.12;
 /// Horizons after which a sign of the command that is not used counts as idle.
 const IDLE: u64 = 20;
@@ -105,7 +107,7 @@ impl Bank {
         let nothing = Coefficients::zero(structure).nonlinearity();
         let families: Vec<Family> = families(structure, &nothing)
             .into_iter()
-            .map(|(regression, smoothed, factors)| Family::new(regression, smoothed, factors))
+            .map(|(name, regression, factors)| Family::new(name, regression, factors))
             .collect();
         let members = 1 + families.iter().map(Family::len).sum::<usize>();
         let n = row.full_len();
@@ -153,8 +155,8 @@ impl Bank {
     /// `held` is the `classical` model, which has the structure that the bank was made for, written out for the row.
     pub fn start(&mut self, held: &[f64], classical: &Coefficients) {
         let families = families(self.structure, &classical.nonlinearity());
-        for (family, (regression, smoothed, _)) in self.families.iter_mut().zip(families) {
-            let rows = if smoothed { &self.smoothed_rows } else { &self.rows };
+        for (family, (_, regression, _)) in self.families.iter_mut().zip(families) {
+            let rows = if family.is_smoothed() { &self.smoothed_rows } else { &self.rows };
             family.start(regression, rows, &self.row_structure);
         }
         self.members[0].copy_from_slice(held);
@@ -186,7 +188,7 @@ impl Bank {
         let mut learned = Learned { factor: self.weights[0], bounded: false };
         let mut weights = self.weights[1..].iter();
         for family in &mut self.families {
-            let (row, target) = match family.smoothed {
+            let (row, target) = match family.is_smoothed() {
                 true => (&self.smoothed[..row.values().len()], self.smoothed[row.values().len()]),
                 false => (row.values(), y),
             };
@@ -269,9 +271,12 @@ impl Bank {
         self.is_smoothed = false;
     }
 
-    /// Weights of all members, the held one first.
-    pub fn weights(&self) -> &[f64] {
-        &self.weights
+    /// Family, forgetting factor and weight of every member, the held one first.
+    pub fn members(&self) -> impl Iterator<Item = (&'static str, f64, f64)> {
+        let learning =
+            self.families.iter().flat_map(|family| family.factors().iter().map(|factor| (family.name(), *factor)));
+        let members = std::iter::once(("held", 1.0)).chain(learning);
+        members.zip(&self.weights).map(|((name, factor), weight)| (name, factor, *weight))
     }
 
     /// The model, written out for the row.
@@ -319,8 +324,8 @@ impl Bank {
     }
 }
 
-/// Regression, whether it is smoothed, and forgetting factors of every family.
-fn families(structure: Structure, held: &Nonlinearity) -> [(Regression, bool, &'static [f64]); 5] {
+/// Name, regression and forgetting factors of every family.
+fn families(structure: Structure, held: &Nonlinearity) -> [(&'static str, Regression, &'static [f64]); 5] {
     let row = Bank::row_structure(structure);
     let increments = Structure {
         na: if structure.integrator { structure.na } else { (structure.na - 1).max(1) },
@@ -330,10 +335,10 @@ fn families(structure: Structure, held: &Nonlinearity) -> [(Regression, bool, &'
     };
     let wide = Structure { nb: row.nb, ..structure };
     [
-        (Regression::linear(structure, held), false, &[0.99, 0.998]),
-        (Regression::linear(increments, held), false, &[0.98, 0.99, 0.995]),
-        (Regression::directional(increments, held), false, &[0.99]),
-        (Regression::full(structure), false, &[0.998, 0.9998]),
-        (Regression::full(wide), true, &[0.997, 0.9998]),
+        ("linear", Regression::linear(structure, held), &[0.99, 0.998]),
+        ("increments", Regression::linear(increments, held), &[0.98, 0.99, 0.995]),
+        ("directional", Regression::directional(increments, held), &[0.99]),
+        ("full", Regression::full(structure), &[0.998, 0.9998]),
+        (SMOOTHED, Regression::full(wide), &[0.997, 0.9998]),
     ]
 }

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! theta_i coefficients of member i, written out for the row of the over-parametrised form ([`crate::row`]); w_i its
-//! weight, from its own recent h-step errors ([`scores`]). No forgetting factor, no form and no filter is the best on
+//! weight, from its own recent h-step errors. No forgetting factor, no form and no filter is the best on
 //! every machine and at every time: a constant plant wants long memory, one that warms up short memory and few
 //! coefficients, a load that comes on gains that change by direction, a valve that wears all coefficients of its
 //! curve, a coarse encoder a smoothed row. The members differ in just these:

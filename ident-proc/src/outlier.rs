@@ -18,6 +18,8 @@ use pipeline::statistics::ErrorStatistics;
 
 /// Errors beyond this many times their usual size are wild: motion, load steps and end stops stay far below.
 const LIMIT: f64 = 30.0;
+/// The same before there is a model: an axis that sets out after a rest is not to be called wild.
+const LIMIT_OF_TRAINING: f64 = 100.0;
 /// Errors below this many times the usual increment of the output are not.
 const LEAST_INCREMENTS: f64 = 3.0;
 /// Wild samples in a row that are not believed.
@@ -68,7 +70,8 @@ impl OutlierGate {
         let error = predictions.iter().map(|predicted| (y - predicted).abs()).fold(f64::INFINITY, f64::min);
         let size = self.size();
         let increment = if self.increments.count > 0 { self.increments.rmse() } else { 0.0 };
-        if self.seen >= FIRST && error > LIMIT * size && error > LEAST_INCREMENTS * increment {
+        let limit = if self.floor > 0.0 { LIMIT } else { LIMIT_OF_TRAINING };
+        if self.seen >= FIRST && error > limit * size && error > LEAST_INCREMENTS * increment {
             self.wild += 1;
             if self.wild <= LONGEST {
                 return Verdict::Wild;

@@ -13,10 +13,10 @@
 //! | family | learns | forgetting factors |
 //! |---|---|---|
 //! | held | nothing: the classical model | |
-//! | linear | a, b | 0.99, 0.998 |
-//! | increments | a, b of the increments of y, one lag more | 0.98, 0.99, 0.995 |
-//! | directional | the same with a b for each direction | 0.99 |
-//! | full | a and all products | 0.998, 0.9998 |
+//! | linear | a, b | 0.99 |
+//! | increments | a, b of the increments of y, one lag more | 0.99, 0.995 |
+//! | directional | the same with a b for each direction | 0.995 |
+//! | full | a and all products | 0.995, 0.998, 0.9998 |
 //! | smoothed | the same, one lag more, from smoothed rows | 0.997, 0.9998 |
 //!
 //! The held model is a member, so the bank cannot stay much worse than not adapting at all; a sum of models is a
@@ -335,10 +335,10 @@ fn families(structure: Structure, held: &Nonlinearity) -> [(&'static str, Regres
     };
     let wide = Structure { nb: row.nb, ..structure };
     [
-        ("linear", Regression::linear(structure, held), &[0.99, 0.998]),
-        ("increments", Regression::linear(increments, held), &[0.98, 0.99, 0.995]),
-        ("directional", Regression::directional(increments, held), &[0.99]),
-        ("full", Regression::full(structure), &[0.998, 0.9998]),
+        ("linear", Regression::linear(structure, held), &[0.99]),
+        ("increments", Regression::linear(increments, held), &[0.99, 0.995]),
+        ("directional", Regression::directional(increments, held), &[0.995]),
+        ("full", Regression::full(structure), &[0.995, 0.998, 0.9998]),
         (SMOOTHED, Regression::full(wide), &[0.997, 0.9998]),
     ]
 }

@@ -1,72 +1,52 @@
 //! How good each member of the bank has been lately, and how much it counts.
 //!
 //! ```text
-//! J(k) = g J(k-1) + (1 - g) e^2(k)          g = exp(-s / tau),  tau = 20 h and 60 h
-//! J = max(J_short, J_long)
+//! J(k) = g J(k-1) + (1 - g) e^2(k)          g = exp(-s / tau),  tau = 30 h
 //! w_i = (min J / J_i)^8 / sum_j (min J / J_j)^8
 //! ```
 //!
 //! e h-step error of a member in the unit of the output, h horizon and s stride between two errors, in samples.
-//! The h-step error is what a controller pays for, and it is what the weights are made of. Both averages are divided
-//! by the weight of what they have seen, so that they are averages from the first error on.
+//! The h-step error is what a controller pays for, and it is what the weights are made of. J is divided by the weight of
+//! what it has seen, so that it is an average from the first error on.
 //!
-//! Why two: with the short one alone, a member that was lucky for some seconds leads; with the long one alone, a
-//! member that was right before the plant changed leads for too long. The power of 8 leaves half a vote to what is 4 %
-//! worse in the root of its mean square, and none to what is twice as bad.
+//! Traps: with a shorter tau a member that was lucky for some seconds leads, with a longer one a member that was right
+//! before the plant changed. The power of 8 leaves half a vote to what is 4 % worse in the root of its mean square, and
+//! none to what is half as bad again: on a constant plant a gentler power pays for members that only add noise.
 
-/// Time constants of the two averages, in horizons.
-const TIME_CONSTANTS: [f64; 2] = [20.0, 60.0];
+/// tau, in horizons.
+const TIME_CONSTANT: f64 = 30.0;
 /// A square counts at most this many times the mean square of the first member, which is held: one forecast that
 /// diverged must not shut its member out for good.
 const LARGEST_RATIO: f64 = 1e6;
-
 /// Members with less than this part of the best one's weight are not worth the work of adding them up.
 const LEAST_WEIGHT: f64 = 0.01;
 
-/// The averages of all members; its memory is taken at construction.
+/// The mean squares of all members; its memory is taken at construction.
 #[derive(Debug, Clone)]
 pub struct Scores {
-    averages: [Average; 2],
-}
-
-/// Exponentially weighted mean squares.
-#[derive(Debug, Clone)]
-struct Average {
     keep: f64,
     /// Sum of all weights.
     seen: f64,
     sums: Vec<f64>,
 }
 
-impl Average {
-    fn mean(&self, member: usize) -> f64 {
-        self.sums[member] / self.seen
-    }
-}
-
 impl Scores {
     /// For members whose errors over `horizon` samples come every `stride` samples.
     pub fn new(members: usize, stride: usize, horizon: usize) -> Self {
-        let averages = TIME_CONSTANTS.map(|time_constant| Average {
-            keep: (-(stride as f64) / (time_constant * horizon as f64)).exp(),
-            seen: 0.0,
-            sums: vec![0.0; members],
-        });
-        Self { averages }
+        let keep = (-(stride as f64) / (TIME_CONSTANT * horizon as f64)).exp();
+        Self { keep, seen: 0.0, sums: vec![0.0; members] }
     }
 
     /// Takes in the errors of all members at one sample, the held one's first.
     pub fn push(&mut self, error: impl Fn(usize) -> f64) {
-        for average in &mut self.averages {
-            let held = error(0).powi(2);
-            let limit = LARGEST_RATIO * if average.seen > 0.0 { held.max(average.mean(0)) } else { held };
-            average.seen = average.keep * average.seen + 1.0 - average.keep;
-            for (member, sum) in average.sums.iter_mut().enumerate() {
-                let square = error(member).powi(2);
-                // Written so that what is not a number counts as the limit.
-                let square = if square < limit { square } else { limit };
-                *sum = average.keep * *sum + (1.0 - average.keep) * square;
-            }
+        let held = error(0).powi(2);
+        let limit = LARGEST_RATIO * if self.seen > 0.0 { held.max(self.sums[0] / self.seen) } else { held };
+        self.seen = self.keep * self.seen + 1.0 - self.keep;
+        for (member, sum) in self.sums.iter_mut().enumerate() {
+            let square = error(member).powi(2);
+            // Written so that what is not a number counts as the limit.
+            let square = if square < limit { square } else { limit };
+            *sum = self.keep * *sum + (1.0 - self.keep) * square;
         }
     }
 
@@ -74,16 +54,15 @@ impl Scores {
     /// allowed, the first member has all of it.
     pub fn weigh(&self, allowed: impl Fn(usize) -> bool, weights: &mut [f64]) {
         weights.fill(0.0);
-        let score = |member: usize| self.averages.iter().map(|average| average.mean(member)).fold(0.0, f64::max);
         let members = (0..weights.len()).filter(|member| allowed(*member));
-        let best = members.clone().map(score).fold(f64::INFINITY, f64::min);
-        if self.averages[0].seen == 0.0 || !best.is_finite() {
+        let best = members.clone().map(|member| self.sums[member]).fold(f64::INFINITY, f64::min);
+        if self.seen == 0.0 || !best.is_finite() {
             weights[0] = 1.0;
             return;
         }
         for member in members {
             // Errors of exactly zero, as of a plant without noise, are equal.
-            let score = score(member);
+            let score = self.sums[member];
             let ratio = if score > best { best / score } else { 1.0 };
             let weight = ratio.powi(8);
             // The trap of leaving it out later: weights that do not sum to 1 scale a, and the output with it.

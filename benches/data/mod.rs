@@ -1,4 +1,13 @@
-//! Regressors and outputs that all benchmarks and `peers.py` share.
+//! What the benchmarks work on: regressors and outputs, which `peers.py` has as well, and a simulated run.
+
+use control_proc::Controller;
+use ident_proc::Identifiers;
+use pipeline::{
+    machine::Machine,
+    message::{CoefficientSnapshot, EncoderSample, ValveCommand},
+};
+use plant_sim::PlantSim;
+use sensor_proc::source::Acquisition;
 
 /// A bounded sequence without structure that matters here.
 fn noise(i: usize) -> f64 {
@@ -15,4 +24,41 @@ pub fn rows(n: usize) -> Vec<(Vec<f64>, f64)> {
             (phi, y)
         })
         .collect()
+}
+
+/// Runs the built-in machine, controlled, for so many samples, and shows what each has brought; the controller is as
+/// after the last.
+pub fn run(
+    samples: u64,
+    mut see: impl FnMut(&EncoderSample, &ValveCommand, &CoefficientSnapshot),
+) -> (Machine, Controller) {
+    let machine = Machine::load(None, &[]).expect("the built-in machine");
+    let mut plant = PlantSim::new(&machine, 1).expect("the built-in plant");
+    let mut acquisition = Acquisition::new(&machine);
+    let mut identifiers = Identifiers::new(&machine);
+    let mut controller = Controller::new(&machine).expect("the built-in references");
+    controller.arm();
+    let (mut command, mut snapshot) = (None, None);
+    for tick in 0..samples {
+        let sample = acquisition.update(tick, Some(&plant.read()));
+        let mut next = CoefficientSnapshot::default();
+        identifiers.update(&sample, command.as_ref(), &mut next);
+        let applied = controller.update(&sample, snapshot.as_ref(), None);
+        plant.command(&applied);
+        plant.advance(machine.timing.period);
+        see(&sample, &applied, &next);
+        (command, snapshot) = (Some(applied), Some(next));
+    }
+    (machine, controller)
+}
+
+/// The first axis of such a run: y(k), and u(k-1), which the first sample has not. The references come round every
+/// 10 000 samples.
+pub fn record(samples: usize) -> (Machine, Vec<(f64, Option<f64>)>) {
+    let (mut record, mut applied) = (Vec::with_capacity(samples), None);
+    let (machine, _) = run(samples as u64, |sample, command, _| {
+        record.push((sample.axes[0].position, applied));
+        applied = Some(command.axes[0].command);
+    });
+    (machine, record)
 }

@@ -54,11 +54,6 @@ impl Regression {
         Self { structure, form: Form::Directional, held: [nonlinearity.f, nonlinearity.g] }
     }
 
-    /// The structure.
-    pub fn structure(&self) -> Structure {
-        self.structure
-    }
-
     /// Number of coefficients.
     pub fn len(&self) -> usize {
         let per_lag = match self.form {

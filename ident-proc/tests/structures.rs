@@ -112,6 +112,25 @@ fn a_plant_of_each_structure_is_found_and_kept() {
 }
 
 #[test]
+fn auto_predicts_a_plant_of_each_structure_without_error() {
+    let commands = commands(3 * TRAINING);
+    let smallest = Structure { na: 1, nb: 0, nk: 3, order: 1, ..Structure::PAPER };
+    let largest = Structure { na: 5, nb: 4, nk: 2, order: 5, integrator: true, drift: true, ..Structure::PAPER };
+    for structure in structures().into_iter().chain([smallest, largest]) {
+        let outputs =
+            outputs(&plant(if structure.order < 3 || structure.na > 2 { PLAIN } else { structure }), &commands);
+        let found =
+            identify(&Identification { forgetting: Forgetting::Auto, ..settings(structure) }, &outputs, &commands);
+        let (published, adaptive) = (structure.published(), found.adaptive.structure().unwrap());
+        assert!((published.na..=published.na + 1).contains(&adaptive.na), "{structure:?}: {adaptive:?}");
+        assert!((published.nb..=published.nb + 1).contains(&adaptive.nb), "{structure:?}: {adaptive:?}");
+        assert_eq!(found.faults & model_fault::NOT_FINITE, 0, "{structure:?}");
+        let (adaptive, classical) = (found.adaptive_errors.h_step.rmse(), found.classical_errors.h_step.rmse());
+        assert!(adaptive <= 1.03 * classical + 1e-6 * found.output.sigma(), "{structure:?}: {adaptive} {classical}");
+    }
+}
+
+#[test]
 fn both_forms_follow_a_gain_and_a_drift_that_change() {
     let commands = commands(6 * TRAINING);
     let structure = structures()[5];

@@ -2,13 +2,13 @@
 
 mod compare;
 mod grid;
+mod held_out;
 mod report;
 mod residuals;
 mod run;
 mod select;
 mod settings;
 mod structure;
-mod validation;
 
 use pipeline::machine::Identification;
 use sensor_proc::record::Record;

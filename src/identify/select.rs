@@ -21,9 +21,9 @@ use serde::Serialize;
 
 use super::{
     grid::{Grid, STAGES},
+    held_out::{Candidate, HeldOut},
     settings::Typed,
     structure::{description, flags},
-    validation::{Candidate, Validation},
 };
 use crate::table::{number, table};
 
@@ -59,7 +59,7 @@ pub struct Chosen {
 
 /// Searches from the structure of the settings on; nothing when it cannot be fitted.
 pub fn select(settings: &Identification, typed: &Typed, record: &Record, progress: &ProgressBar) -> Option<Selection> {
-    let validation = Validation::new(settings, record);
+    let validation = HeldOut::new(settings, record);
     let grid = Grid::new(validation.commands(), validation.longest_delay());
     let mut search = Search { validation, seen: Vec::new(), tried: Vec::new() };
     for start in grid.starts(&settings.structure) {
@@ -78,7 +78,7 @@ pub fn select(settings: &Identification, typed: &Typed, record: &Record, progres
 }
 
 struct Search<'a> {
-    validation: Validation<'a>,
+    validation: HeldOut<'a>,
     /// All structures that were looked at, with their place in `tried`; nothing where there were too few rows.
     seen: Vec<(Structure, Option<usize>)>,
     tried: Vec<Candidate>,

@@ -8,7 +8,7 @@ use pipeline::{
 };
 use sensor_proc::record::{Record, RecordError};
 
-use super::validation::{FIT_PART, Validation};
+use super::held_out::{FIT_PART, HeldOut};
 use crate::{cli, failure::Failure};
 
 /// How far ahead the h-step error looks unless it is said; at least one sample.
@@ -116,7 +116,7 @@ pub fn settings(arguments: &cli::Identify, typed: &Typed, record: &Record) -> Re
         fuzzy,
     };
     check_window(&settings)?;
-    let fewest = Validation::fewest_rows(&settings);
+    let fewest = HeldOut::fewest_rows(&settings);
     if arguments.select && training < fewest {
         return Err(Failure::Usage(format!(
             "{}: --select: found {training} rows for training; allowed: at least {fewest}, to fit {coefficients} \

@@ -375,28 +375,6 @@ impl RecursiveLeastSquares {
     pub fn is_finite(&self) -> bool {
         self.theta.iter().chain(&self.d).chain(self.tiles.as_flattened()).flatten().all(|v| v.is_finite())
     }
-
-    /// Writes the information that coefficients and covariance stand for: R with R'R = P^-1, z = R theta.
-    ///
-    /// R = D^-1/2 U^-1. A held coefficient gets a row of its own that keeps it at its value, with the weight of
-    /// the best known other one.
-    pub fn information(&self, information: &mut Triangle, row: &mut [f64]) {
-        information.clear();
-        let smallest = self.d().iter().copied().filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
-        for i in 0..self.n {
-            let d = if self.d()[i] > 0.0 { self.d()[i] } else { smallest };
-            // Row i of U^-1: entries w_j with w_i = 1 and w U = e_i.
-            row.fill(0.0);
-            row[i] = 1.0;
-            for j in i + 1..self.n {
-                row[j] = -(i..j).map(|m| row[m] * self.u_at(m, j)).sum::<f64>();
-            }
-            let weight = 1.0 / d.sqrt();
-            row.iter_mut().for_each(|value| *value *= weight);
-            let target = row.iter().zip(self.theta()).map(|(r, t)| r * t).sum();
-            information.add(row, target);
-        }
-    }
 }
 
 /// The tile that holds u_ij.

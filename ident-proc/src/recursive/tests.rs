@@ -117,26 +117,6 @@ fn a_held_coefficient_stays_and_nonsense_teaches_nothing() {
 }
 
 #[test]
-fn information_is_the_inverse_covariance() {
-    let n = 5;
-    let mut estimator = started(n, 40);
-    (40..90).for_each(|k| {
-        estimator.update(&phi(k, n), y(k, n), 0.97);
-    });
-    let mut information = Triangle::new(n);
-    estimator.information(&mut information, &mut vec![0.0; n]);
-    let r = DMatrix::from_fn(n, n, |i, j| if j >= i { information.entry(i, j) } else { 0.0 });
-    let p = DMatrix::from_fn(n, n, |i, j| estimator.covariance(i, j));
-    let identity = r.transpose() * r * p;
-    assert!((identity - DMatrix::identity(n, n)).norm() < 1e-10);
-    let mut theta = vec![0.0; n];
-    information.solve(&mut theta);
-    for (a, b) in theta.iter().zip(estimator.theta()) {
-        assert!((a - b).abs() < 1e-12);
-    }
-}
-
-#[test]
 fn forgetting_selectively_with_nothing_idle_is_the_printed_recursion() {
     for n in [3, 5, 15] {
         let (mut printed, mut selective) = (started(n, 60), started(n, 60));

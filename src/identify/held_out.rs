@@ -3,13 +3,13 @@
 //! ```text
 //! h steps:   y(k) - y(k | k-h), from every (h / 4)-th of the held-out rows on
 //! free run:  y(k) from measured outputs up to where it starts, to the last held-out row; one starts at every quarter
-//! AIC = N ln(S / N) + 2 p,    BIC = N ln(S / N) + p ln N
+//! AIC = N ln(S / N) + 2 (p + 1),    BIC = N ln(S / N) + (p + 1) ln N
 //! ```
 //!
 //! N rows of the fit, S the sum of squared one-step errors over them, p parameters. Trap: AIC and BIC are shown and
 //! not followed, since the one-step error of a position says next to nothing and more coefficients always lower it.
 
-use ident_proc::{batch::Batch, history::History, row::Row};
+use ident_proc::{batch::Batch, history::History, row::Row, validation::criteria};
 use pipeline::{
     hammerstein::{Coefficients, MAX_A, MAX_DELAY, MAX_LINEAR, Structure},
     machine::{Identification, IdentifiedOutput, Split},
@@ -35,7 +35,7 @@ const NEGLIGIBLE: f64 = 1e-6;
 
 /// The training part, divided.
 #[derive(Debug)]
-pub struct Validation<'a> {
+pub struct HeldOut<'a> {
     inputs: &'a [f64],
     /// What is identified: the output or its velocity, whose first value is not known.
     outputs: Vec<f64>,
@@ -69,7 +69,7 @@ pub struct Candidate {
     pub unstable: bool,
 }
 
-impl<'a> Validation<'a> {
+impl<'a> HeldOut<'a> {
     /// Divides the training part of a record.
     pub fn new(settings: &Identification, record: &'a Record) -> Self {
         let inputs = &record.inputs[..settings.training];
@@ -150,16 +150,15 @@ impl<'a> Validation<'a> {
         let growth = 1.0 + 1.0 / self.held_out_rows() as f64;
         let (h_step_rmse, free_run_rmse) = (self.h_step_rmse(&model), self.free_run_rmse(&model));
         let finite = h_step_rmse.is_finite() && free_run_rmse.is_finite();
-        let rows = self.fit_rows() as f64;
-        let deviance = rows * (self.squares(&model) / rows).max(f64::MIN_POSITIVE).ln();
+        let (rows, squares) = (self.fit_rows() as u64, self.squares(&model).max(f64::MIN_POSITIVE));
         Some(Candidate {
             structure,
             parameters,
             h_step_rmse,
             free_run_rmse,
             score: f64::NAN,
-            aic: deviance + 2.0 * parameters as f64,
-            bic: deviance + parameters as f64 * rows.ln(),
+            aic: criteria::aic(squares, rows, parameters),
+            bic: criteria::bic(squares, rows, parameters),
             rank_deficient: offline.rank_deficient,
             unstable: !finite || !own.poles_within(growth),
         })

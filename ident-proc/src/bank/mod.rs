@@ -55,7 +55,7 @@ const SMOOTHED: &str = "smoothed";
 /// Its time constant, in horizons.
 const SMOOTHING: f64 = 0.12;
 /// Horizons after which a sign of the command that is not used counts as idle.
-const IDLE: u64 = 20;
+const IDLE: u64 = 40;
 /// Half rounds of separation at the start, where it begins from the classical model.
 const FIRST_ROUNDS: usize = 40;
 

@@ -11,6 +11,7 @@ use crate::{rank::RankGuard, regression::Regression, row::Row, split::Splitter, 
 /// Collects rows and solves them; its memory is taken at construction.
 #[derive(Debug, Clone)]
 pub struct Batch {
+    structure: Structure,
     regression: Regression,
     split: Split,
     collected: Triangle,
@@ -26,6 +27,8 @@ pub struct Batch {
 pub struct Offline {
     /// a, b, f, g and the drift; an integrator is not multiplied in.
     pub coefficients: Coefficients,
+    /// The same with the integrator multiplied in.
+    pub published: Coefficients,
     /// Standard deviation of the prediction error over the rows, in the unit of the output.
     pub residual_sigma: f64,
     /// Part of the driven half that the separation does not explain.
@@ -40,6 +43,7 @@ impl Batch {
         let regression = Regression::full(structure);
         let n = regression.len();
         Self {
+            structure,
             regression,
             split,
             collected: Triangle::new(n),
@@ -73,7 +77,9 @@ impl Batch {
         let free = held.iter().filter(|held| !**held).count() as u64;
         let freedom = self.collected.count().saturating_sub(free).max(1);
         let residual_sigma = (self.data.residual() / freedom as f64).sqrt();
-        Offline { coefficients, residual_sigma, split_residual, rank_deficient }
+        let integrator = self.structure.integrator;
+        let published = if integrator { coefficients.integrated() } else { coefficients };
+        Offline { coefficients, published, residual_sigma, split_residual, rank_deficient }
     }
 
     /// The rows collected so far, in the layout of the full form.

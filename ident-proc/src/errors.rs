@@ -11,7 +11,7 @@
 
 use pipeline::message::ModelErrors;
 
-use crate::{forecast::Forecasts, history::History, row::Row};
+use crate::{dot, forecast::Forecasts, history::History, row::Row};
 
 /// Follows one model; its memory is taken at construction.
 #[derive(Debug, Clone)]
@@ -48,11 +48,6 @@ impl ErrorTracker {
         &self.errors
     }
 
-    /// theta(k-1), written out for the row.
-    pub fn theta(&self) -> &[f64] {
-        &self.theta
-    }
-
     /// Goes on by the sample of `row` without looking at its output. Returns whether an h-step prediction of it is
     /// there.
     pub fn pass(&mut self, row: &Row, outputs: &History) -> bool {
@@ -61,16 +56,22 @@ impl ErrorTracker {
         if self.free_run.len() < na {
             outputs.latest(na).iter().for_each(|measured| self.free_run.push(*measured));
         }
-        let own: f64 = product(&self.theta[na..], row.driven())
+        let own: f64 = dot(&self.theta[na..], row.driven())
             - self.theta[..na].iter().zip(self.free_run.latest(na).iter().rev()).map(|(a, y)| a * y).sum::<f64>();
         self.free_run.push(own);
         self.launched == self.horizon
     }
 
-    /// Takes in y(k), given the row of sample k and `outputs` = y(..k-1). Returns whether there was an h-step error.
-    pub fn observe(&mut self, y: f64, row: &Row, outputs: &History) -> bool {
+    /// The one-step prediction of y(k) from the row of sample k.
+    pub fn predict(&self, row: &Row) -> f64 {
+        dot(&self.theta, row.values())
+    }
+
+    /// Takes in y(k), given its prediction by [`Self::predict`], the row of sample k and `outputs` = y(..k-1). Returns
+    /// whether there was an h-step error.
+    pub fn observe(&mut self, y: f64, predicted: f64, row: &Row, outputs: &History) -> bool {
         let ahead = self.pass(row, outputs);
-        self.errors.one_step.push(y - product(&self.theta, row.values()));
+        self.errors.one_step.push(y - predicted);
         self.errors.free_run.push(y - self.free_run.latest(1)[0]);
         if ahead {
             self.errors.h_step.push(y - self.ahead.predicted(self.lane));
@@ -95,9 +96,4 @@ impl ErrorTracker {
         self.free_run.clear();
         self.launched = 0;
     }
-}
-
-/// The scalar product of coefficients and row.
-pub(crate) fn product(theta: &[f64], row: &[f64]) -> f64 {
-    theta.iter().zip(row).map(|(theta, value)| theta * value).sum()
 }

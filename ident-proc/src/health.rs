@@ -51,14 +51,11 @@ impl Health {
         }
     }
 
-    /// Takes in the newest command, and what the commands contribute to the row of a sample: `features` of positive,
-    /// then of negative ones.
-    pub fn excite(&mut self, command: f64, features: &[f64]) {
+    /// Takes in the newest command, and whether positive and negative ones contribute to the row of the sample.
+    pub fn excite(&mut self, command: f64, signs: [bool; 2]) {
         self.commands[usize::from(command < 0.0)].push(command);
-        let (positive, negative) = features.split_at(features.len() / 2);
-        for (excitation, features) in self.excitation.iter_mut().zip([positive, negative]) {
-            let excited = f64::from(u8::from(features.iter().any(|feature| *feature != 0.0)));
-            *excitation = self.keep * *excitation + (1.0 - self.keep) * excited;
+        for (excitation, excited) in self.excitation.iter_mut().zip(signs) {
+            *excitation = self.keep * *excitation + (1.0 - self.keep) * f64::from(u8::from(excited));
         }
     }
 

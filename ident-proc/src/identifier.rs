@@ -9,7 +9,7 @@ use pipeline::{
 use crate::{
     bank::Bank,
     batch::{Batch, Offline},
-    errors::{ErrorTracker, product},
+    errors::ErrorTracker,
     health::Health,
     history::History,
     outlier::{OutlierGate, Verdict},
@@ -36,7 +36,9 @@ pub struct Identifier {
     commands: History,
     row: Row,
     gate: OutlierGate,
-    /// Predictions of the sample, in the order of their size.
+    /// One-step predictions of the sample by the adaptive and the classical model.
+    one_step: [f64; 2],
+    /// All predictions of the sample, in the order of their size.
     predictions: [f64; 3],
     /// Samples of the training until the row has measurements only.
     tainted: usize,
@@ -84,6 +86,7 @@ impl Identifier {
             commands: History::new(row.nk + row.nb, 2 * row.order),
             row: Row::new(row),
             gate: OutlierGate::default(),
+            one_step: [0.0; 2],
             predictions: [0.0; 3],
             tainted: 0,
             rest: Rest::new(h),
@@ -202,8 +205,9 @@ impl Identifier {
     fn judge(&mut self, y: f64) -> Verdict {
         let before = self.outputs.latest(1)[0];
         self.predictions = if self.trained {
-            let adaptive = product(self.adaptive_tracker.theta(), self.row.values());
-            let classical = product(&self.classical, self.row.values());
+            let adaptive = self.adaptive_tracker.predict(&self.row);
+            let classical = self.classical_tracker.predict(&self.row);
+            self.one_step = [adaptive, classical];
             self.state.innovation_ratio = (y - adaptive).abs() / self.gate.size();
             [adaptive, classical, before]
         } else {
@@ -278,23 +282,16 @@ impl Identifier {
             && self.batch.rows() >= 2 * needed
         {
             let offline = self.batch.solve();
-            write_out(&self.written_model(&offline.coefficients), &self.row.structure(), &mut self.written);
-            if let Adaptation::Bank(bank) = &mut self.adaptation {
-                bank.start(&self.written, &offline.coefficients);
-            }
+            write_out(&offline.published, &self.row.structure(), &mut self.written);
+            bank.start(&self.written, &offline.coefficients);
         }
-    }
-
-    /// A model as identified, with its integrator multiplied in.
-    fn written_model(&self, model: &Coefficients) -> Coefficients {
-        if self.settings.structure.integrator { model.integrated() } else { *model }
     }
 
     /// Step 3: from here on the classical model is held and the adaptive one starts from it.
     fn finish_training(&mut self) {
         let offline = self.batch.solve();
         let row = self.row.structure();
-        self.state.classical = self.written_model(&offline.coefficients);
+        self.state.classical = offline.published;
         self.state.adaptive = self.state.classical;
         self.state.split_residual = offline.split_residual;
         self.offline = Some(offline);
@@ -321,17 +318,18 @@ impl Identifier {
 
     /// Steps 5 and 6.
     fn learn(&mut self, y: f64, resting: bool) {
-        self.adaptive_tracker.observe(y, &self.row, &self.outputs);
-        self.separated_tracker.observe(y, &self.row, &self.outputs);
-        if self.classical_tracker.observe(y, &self.row, &self.outputs) {
+        let [adaptive, classical] = self.one_step;
+        let separated = self.separated_tracker.predict(&self.row);
+        self.adaptive_tracker.observe(y, adaptive, &self.row, &self.outputs);
+        self.separated_tracker.observe(y, separated, &self.row, &self.outputs);
+        if self.classical_tracker.observe(y, classical, &self.row, &self.outputs) {
             self.state.persistence.push(y - self.outputs.latest(self.settings.horizon)[0]);
         }
         self.state.output.push(y);
-        let Structure { nb, order, .. } = self.row.structure();
-        self.health.excite(self.command, &self.row.driven()[..2 * order * (nb + 1)]);
+        self.health.excite(self.command, self.row.signs());
 
-        self.state.innovation = y - product(self.adaptive_tracker.theta(), self.row.values());
-        self.innovations = Some([self.state.innovation, y - product(&self.classical, self.row.values())]);
+        self.state.innovation = y - adaptive;
+        self.innovations = Some([y - adaptive, y - classical]);
         let learned = match &mut self.adaptation {
             Adaptation::Single(single) => single.learn(y, &self.row),
             Adaptation::Bank(bank) => bank.learn(y, &self.row, resting),

@@ -26,6 +26,7 @@ mod identifier;
 mod identifiers;
 pub mod outlier;
 pub mod process;
+pub mod projection;
 pub mod rank;
 pub mod rank_one;
 pub mod recursive;
@@ -39,3 +40,8 @@ pub mod validation;
 
 pub use identifier::Identifier;
 pub use identifiers::Identifiers;
+
+/// The scalar product.
+fn dot(one: &[f64], two: &[f64]) -> f64 {
+    one.iter().zip(two).map(|(one, two)| one * two).sum()
+}

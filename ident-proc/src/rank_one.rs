@@ -16,7 +16,7 @@
 
 use pipeline::hammerstein::{Coefficients, MAX_LINEAR, MAX_ORDER, Structure};
 
-use crate::{split::scale, triangle::Triangle};
+use crate::{dot, split::scale, triangle::Triangle};
 
 /// Features of a command at most.
 const MAX_WIDTH: usize = 2 * MAX_ORDER;
@@ -152,10 +152,6 @@ impl RankOne {
     pub fn residual(&self) -> f64 {
         self.residual
     }
-}
-
-fn dot(one: &[f64], two: &[f64]) -> f64 {
-    one.iter().zip(two).map(|(one, two)| one * two).sum()
 }
 
 type Normal = [[f64; MAX_WIDTH]; MAX_WIDTH];

@@ -185,7 +185,7 @@ fn fold(features: &[f64], lags: usize, weights: &[f64], x: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{errors::product, forecast::Forecasts, history::History, row::Row};
+    use crate::{dot, forecast::Forecasts, history::History, row::Row};
     use pipeline::hammerstein::{Basis, InputMap};
 
     const STRUCTURE: Structure = Structure { na: 3, nb: 1, nk: 2, order: 3, ..Structure::PAPER };
@@ -269,13 +269,13 @@ mod tests {
             let expected = published.predict_one(&newest, &x);
             let mut written = vec![0.0; row.values().len()];
             write_out(&published, &row.structure(), &mut written);
-            assert!((product(&written, row.values()) - expected).abs() < 1e-14);
+            assert!((dot(&written, row.values()) - expected).abs() < 1e-14);
             for (regression, theta) in forms(structure) {
                 assert_eq!(theta.len(), regression.len());
                 let mut phi = vec![0.0; regression.len()];
                 regression.regressor(row.values(), &row.structure(), &mut phi);
                 let target = regression.target(expected, row.values());
-                assert!((product(&phi, &theta) - target).abs() < 1e-14, "{regression:?}");
+                assert!((dot(&phi, &theta) - target).abs() < 1e-14, "{regression:?}");
                 let mut expanded = vec![0.0; row.values().len()];
                 regression.expand(&theta, &row.structure(), &mut expanded);
                 for (found, written) in expanded.iter().zip(&written) {

@@ -52,6 +52,14 @@ impl Row {
         &self.values
     }
 
+    /// Whether a positive, and whether a negative command contributes.
+    pub fn signs(&self) -> [bool; 2] {
+        let Structure { nb, order, .. } = self.structure;
+        let (positive, negative) = self.driven().split_at(order * (nb + 1));
+        let used = |features: &[f64]| features.iter().any(|feature| *feature != 0.0);
+        [used(positive), used(&negative[..order * (nb + 1)])]
+    }
+
     /// What the commands, and the 1 of the drift, contribute.
     pub fn driven(&self) -> &[f64] {
         &self.values[self.structure.na..]

@@ -8,11 +8,10 @@ use pipeline::{
 use crate::{
     batch::{Batch, Offline},
     estimator::Estimator,
-    rank::RankGuard,
+    projection::Projection,
     rank_one::RankOne,
     regression::Regression,
     row::Row,
-    triangle::Triangle,
 };
 
 /// Half rounds of separation at the start, where it begins from the offline one.
@@ -35,9 +34,7 @@ pub struct Single {
     regression: Regression,
     estimator: Estimator,
     phi: Vec<f64>,
-    projected: Triangle,
-    restricted: Triangle,
-    guard: RankGuard,
+    projection: Projection,
     /// theta as it is estimated, and written out for the row.
     linear: Vec<f64>,
     theta: Vec<f64>,
@@ -61,9 +58,7 @@ impl Single {
             regression,
             estimator: Estimator::new(settings.forgetting, n, &settings.fuzzy),
             phi: vec![0.0; n],
-            projected: Triangle::new(n),
-            restricted: Triangle::new(n),
-            guard: RankGuard::new(n),
+            projection: Projection::new(n),
             linear: vec![0.0; n],
             theta: vec![0.0; published.full_len()],
             model: Coefficients::zero(published),
@@ -88,17 +83,15 @@ impl Single {
                 // The batch has taken the increments already.
                 let outputs = Structure { integrator: false, ..self.structure };
                 let fold = Regression::linear(outputs, &model.nonlinearity());
-                fold.project(batch.data(), &outputs, &mut self.projected);
-                let held = self.guard.dependent(&self.projected);
-                self.projected.hold_into(held, &mut self.restricted);
-                self.estimator.start(&self.restricted, held, offline.residual_sigma);
+                let (data, held) = self.projection.project(&fold, batch.data(), &outputs);
+                self.estimator.start(data, held, offline.residual_sigma);
                 let (a, b) = self.linear.split_at_mut(self.structure.na);
                 let (b, drift) = b.split_at_mut(self.structure.nb + 1);
                 a.copy_from_slice(model.a());
                 b.copy_from_slice(model.b());
                 drift.fill(model.drift);
                 self.estimator.set_theta(&self.linear);
-                self.model = if self.structure.integrator { model.integrated() } else { *model };
+                self.model = offline.published;
                 self.expand(of);
             }
         }

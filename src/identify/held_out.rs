@@ -145,8 +145,7 @@ impl<'a> HeldOut<'a> {
         }
         let mut batch = self.collect(structure);
         let offline = batch.solve();
-        let own = offline.coefficients;
-        let model = if structure.integrator { own.integrated() } else { own };
+        let (own, model) = (offline.coefficients, offline.published);
         let growth = 1.0 + 1.0 / self.held_out_rows() as f64;
         let (h_step_rmse, free_run_rmse) = (self.h_step_rmse(&model), self.free_run_rmse(&model));
         let finite = h_step_rmse.is_finite() && free_run_rmse.is_finite();

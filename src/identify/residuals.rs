@@ -59,36 +59,8 @@ pub struct Validation {
 /// Of one model's residuals; nothing where there is nothing to judge.
 #[derive(Debug, Serialize)]
 struct Correlations {
-    whiteness: Option<WhitenessFigures>,
-    cross_correlation: Option<CrossFigures>,
-}
-
-#[derive(Debug, Serialize)]
-struct WhitenessFigures {
-    white: bool,
-    p_value: f64,
-    statistic: f64,
-    bound_95: f64,
-    bound_99: f64,
-    outside_95: f64,
-    outside_99: f64,
-    correlations: Vec<f64>,
-}
-
-#[derive(Debug, Serialize)]
-struct CrossFigures {
-    bound_99: f64,
-    model: HalfFigures,
-    feedback: HalfFigures,
-    correlations: Vec<f64>,
-}
-
-#[derive(Debug, Serialize)]
-struct HalfFigures {
-    outside: f64,
-    worst_lag: isize,
-    worst: f64,
-    p_value: f64,
+    whiteness: Option<Whiteness>,
+    cross_correlation: Option<CrossCorrelation>,
 }
 
 #[derive(Debug, Serialize)]
@@ -121,8 +93,8 @@ impl Validation {
     pub fn new(identifier: &Identifier, residuals: &Residuals) -> Self {
         let lags = LAGS.min(residuals.inputs.len() / SAMPLES_PER_LAG);
         let correlations = |values: &[f64]| Correlations {
-            whiteness: Whiteness::new(values, lags, 0).map(WhitenessFigures::from),
-            cross_correlation: CrossCorrelation::new(values, &residuals.inputs, lags).map(CrossFigures::from),
+            whiteness: Whiteness::new(values, lags, 0),
+            cross_correlation: CrossCorrelation::new(values, &residuals.inputs, lags),
         };
         let batch = identifier.batch();
         let spread = identifier.offline().and_then(|offline| {
@@ -151,7 +123,7 @@ impl Validation {
             let cross = of.cross_correlation.as_ref().map_or_else(
                 || vec![String::new(); 4],
                 |c| {
-                    let half = |half: &HalfFigures| {
+                    let half = |half: &Half| {
                         [percent(100.0 * half.outside), format!("{:.3} at {}", half.worst, half.worst_lag)]
                     };
                     [half(&c.model), half(&c.feedback)].concat()
@@ -180,33 +152,6 @@ impl Validation {
             );
         }
         text
-    }
-}
-
-impl From<Whiteness> for WhitenessFigures {
-    fn from(of: Whiteness) -> Self {
-        Self {
-            white: of.white,
-            p_value: of.p_value,
-            statistic: of.statistic,
-            bound_95: of.bound_95,
-            bound_99: of.bound_99,
-            outside_95: of.outside_95,
-            outside_99: of.outside_99,
-            correlations: of.correlations,
-        }
-    }
-}
-
-impl From<CrossCorrelation> for CrossFigures {
-    fn from(of: CrossCorrelation) -> Self {
-        let half = |half: Half| HalfFigures {
-            outside: half.outside,
-            worst_lag: half.worst_lag,
-            worst: half.worst,
-            p_value: half.p_value,
-        };
-        Self { bound_99: of.bound, model: half(of.model), feedback: half(of.feedback), correlations: of.correlations }
     }
 }
 

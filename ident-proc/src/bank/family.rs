@@ -2,20 +2,19 @@
 
 use pipeline::hammerstein::Structure;
 
-use crate::{rank::RankGuard, recursive::RecursiveLeastSquares, regression::Regression, triangle::Triangle};
+use crate::{projection::Projection, recursive::RecursiveLeastSquares, regression::Regression, triangle::Triangle};
 
 /// What one family learns from.
 #[derive(Debug, Clone)]
 pub struct Family {
     name: &'static str,
+    smoothed: bool,
     regression: Regression,
     factors: &'static [f64],
     members: Vec<RecursiveLeastSquares>,
     phi: Vec<f64>,
     idle: Vec<bool>,
-    data: Triangle,
-    restricted: Triangle,
-    guard: RankGuard,
+    projection: Projection,
 }
 
 impl Family {
@@ -24,24 +23,21 @@ impl Family {
         let n = regression.len();
         Self {
             name,
+            smoothed: name == super::SMOOTHED,
             regression,
             factors,
             members: vec![RecursiveLeastSquares::new(n); factors.len()],
             phi: vec![0.0; n],
             idle: vec![false; n],
-            data: Triangle::new(n),
-            restricted: Triangle::new(n),
-            guard: RankGuard::new(n),
+            projection: Projection::new(n),
         }
     }
 
     /// Starts all members from offline data, given as the least-squares problem of rows of the structure `of`.
     pub fn start(&mut self, regression: Regression, rows: &Triangle, of: &Structure) {
         self.regression = regression;
-        self.regression.project(rows, of, &mut self.data);
-        let held = self.guard.dependent(&self.data);
-        self.data.hold_into(held, &mut self.restricted);
-        self.members.iter_mut().for_each(|member| member.start(&self.restricted, held));
+        let (data, held) = self.projection.project(&self.regression, rows, of);
+        self.members.iter_mut().for_each(|member| member.start(data, held));
     }
 
     /// One update of every member with y(k) and the row of sample k, or with both smoothed. What only commands of an
@@ -71,7 +67,7 @@ impl Family {
 
     /// Whether regressor and target are smoothed.
     pub fn is_smoothed(&self) -> bool {
-        self.name == super::SMOOTHED
+        self.smoothed
     }
 
     /// Number of members.

@@ -307,10 +307,8 @@ impl Bank {
 
     /// Whether positive, and negative commands have been out of use for long.
     fn idle_signs(&mut self, row: &Row) -> [bool; 2] {
-        let Structure { nb, order, .. } = self.row_structure;
-        let signs = row.driven().chunks_exact(order * (nb + 1));
-        for (unused, features) in self.unused.iter_mut().zip(signs) {
-            *unused = if features.iter().all(|feature| *feature == 0.0) { *unused + 1 } else { 0 };
+        for (unused, used) in self.unused.iter_mut().zip(row.signs()) {
+            *unused = if used { 0 } else { *unused + 1 };
         }
         self.unused.map(|samples| samples > self.idle_after)
     }

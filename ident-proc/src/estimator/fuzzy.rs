@@ -23,7 +23,7 @@
 use pipeline::machine::{Fuzzy, Level};
 
 use super::{Adapted, Method};
-use crate::{recursive::RecursiveLeastSquares, triangle::Triangle};
+use crate::{dot, recursive::RecursiveLeastSquares, triangle::Triangle};
 
 /// Number of terms of each input.
 const TERMS: usize = 7;
@@ -117,8 +117,7 @@ impl Method for Paper {
     }
 
     fn update(&mut self, phi: &[f64], target: f64) -> Adapted {
-        let predicted: f64 = phi.iter().zip(self.factors.theta()).map(|(p, t)| p * t).sum();
-        let innovation = target - predicted;
+        let innovation = target - dot(phi, self.factors.theta());
         if !innovation.is_finite() {
             return Adapted { innovation, factor: 1.0, bounded: false };
         }

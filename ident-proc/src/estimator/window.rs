@@ -25,7 +25,7 @@
 //! Estimation, 1977).
 
 use super::{Adapted, Method};
-use crate::{recursive::RecursiveLeastSquares, triangle::Triangle};
+use crate::{dot, recursive::RecursiveLeastSquares, triangle::Triangle};
 
 /// Largest phi' (R0' R0)^-1 phi of a row, in its units: 1000 average training rows, squared.
 const LARGEST_ROW: f64 = 1e6;
@@ -167,8 +167,4 @@ impl Method for Window {
     fn factors(&self) -> &RecursiveLeastSquares {
         &self.factors
     }
-}
-
-fn dot(one: &[f64], two: &[f64]) -> f64 {
-    one.iter().zip(two).map(|(one, two)| one * two).sum()
 }

@@ -93,7 +93,7 @@ pub(super) fn spread(mut tiles: &mut [[Block; LANES]], v: &[Block], mu: &[Block]
     }
 }
 
-pub(super) fn sum(parts: Block) -> f64 {
+fn sum(parts: Block) -> f64 {
     (parts[0] + parts[2]) + (parts[1] + parts[3])
 }
 

@@ -13,10 +13,8 @@
 //!
 //! Trap, covariance wind-up: while a direction is not excited, (19) divides it by lambda at every sample, and the
 //! first sample that does excite it throws the coefficients away. Every d_j is therefore bounded by its value after
-//! training times the number of rows that the triangle has taken in: then the covariance says no less than one of
-//! these rows would on average. (The rows of the full form are the training samples. The linear form is projected from
-//! the triangle of the full one, which has as many rows as coefficients: its bound is tighter.) Cutting d_j keeps P
-//! positive definite.
+//! training times the number of rows of the training: then the covariance says no less than one of these rows would on
+//! average. Cutting d_j keeps P positive definite.
 //!
 //! Trap: it does not bound P. Outliers between long rests turn U until P is hundreds of times beyond what the d_j
 //! allow. A P_ii beyond four times its own bound is therefore brought back by scaling its row and its column, which
@@ -38,7 +36,6 @@ mod tests;
 use std::array::from_fn;
 
 use crate::triangle::Triangle;
-use kernel::sum;
 
 /// All loops of an update run over blocks of this many numbers, which the compiler turns into vector instructions.
 const LANES: usize = 4;
@@ -253,26 +250,10 @@ impl RecursiveLeastSquares {
     }
 
     /// phi' P phi: how uncertain the prediction for this row is, in units of the noise's variance.
-    pub fn leverage(&self, phi: &[f64]) -> f64 {
-        let (whole, rest) = phi.as_chunks::<LANES>();
-        let mut last = [0.0; LANES];
-        last[..rest.len()].copy_from_slice(rest);
-        let blocks = || whole.iter().chain(if rest.is_empty() { None } else { Some(&last) });
-        let mut tiles = &*self.tiles;
-        let mut total = [0.0; LANES];
-        for (t, d) in self.d.iter().enumerate() {
-            let (column, right) = tiles.split_at(t + 1);
-            tiles = right;
-            let mut parts = [[0.0; LANES]; LANES];
-            for (u, phi) in column.iter().zip(blocks()) {
-                for j in 0..LANES {
-                    (0..LANES).for_each(|i| parts[j][i] += u[j][i] * phi[i]);
-                }
-            }
-            let f = parts.map(sum);
-            total = from_fn(|i| total[i] + d[i] * f[i] * f[i]);
-        }
-        sum(total)
+    pub fn leverage(&mut self, phi: &[f64]) -> f64 {
+        kernel::predict(&self.theta, &phi[..self.n], &mut self.phi);
+        kernel::project(&self.tiles, &self.phi, &mut self.f);
+        kernel::leverage(&self.d, &self.f)
     }
 
     /// Forgets only what is excited: P <- S P S, S diagonal with lambda^-1/2, or 1 where `idle`. To be followed by an

@@ -165,7 +165,7 @@ fn forgetting_selectively_scales_the_excited_rows_and_columns_alone() {
 #[test]
 fn a_row_taken_out_again_was_never_there() {
     for n in [4, 5, 16] {
-        let before = started(n, 80);
+        let mut before = started(n, 80);
         let mut after = before.clone();
         let rows: Vec<_> = (80..100).map(|k| (phi(k, n), y(k, n))).collect();
         for (phi, y) in &rows {

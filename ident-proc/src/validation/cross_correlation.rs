@@ -30,12 +30,12 @@ use super::{
 };
 
 /// What the cross-correlation of a residual with the input says.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct CrossCorrelation {
     /// r_eu(-M) .. r_eu(M).
     pub correlations: Vec<f64>,
     /// Bound of 99 % of the lags.
-    pub bound: f64,
+    pub bound_99: f64,
     /// tau = 1 .. M: what the model misses.
     pub model: Half,
     /// tau = -M .. 0: feedback in the record.
@@ -43,7 +43,7 @@ pub struct CrossCorrelation {
 }
 
 /// The lags on one side.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Half {
     /// Share of the lags outside of the bound; 0.01 is expected.
     pub outside: f64,
@@ -83,7 +83,7 @@ impl CrossCorrelation {
         let correlations: Vec<f64> = before.chain(after).map(|product| product / size).collect();
         let (feedback, model) = correlations.split_at(lags + 1);
         let (feedback, model) = (Half::new(feedback, -(lags as isize), sigma), Half::new(model, 1, sigma));
-        Some(Self { correlations, bound: QUANTILE_99 * sigma, model, feedback })
+        Some(Self { correlations, bound_99: QUANTILE_99 * sigma, model, feedback })
     }
 }
 
@@ -135,7 +135,7 @@ mod tests {
             let (e, u) = residuals(seed, 0.0, 1, 1);
             let found = CrossCorrelation::new(&e, &u, LAGS).unwrap();
             assert!(found.model.p_value > 1e-3 && found.feedback.p_value > 1e-3, "{seed} {found:?}");
-            assert!(found.correlations[LAGS + 1].abs() < 0.1 * found.bound, "the fit is orthogonal to u(k-1)");
+            assert!(found.correlations[LAGS + 1].abs() < 0.1 * found.bound_99, "the fit is orthogonal to u(k-1)");
         }
     }
 
@@ -145,7 +145,7 @@ mod tests {
             let (e, u) = residuals(1, 0.0, delay, assumed);
             let found = CrossCorrelation::new(&e, &u, LAGS).unwrap();
             assert_eq!(found.model.worst_lag, delay as isize);
-            assert!(found.model.worst > 5.0 * found.bound && found.model.p_value < 1e-9);
+            assert!(found.model.worst > 5.0 * found.bound_99 && found.model.p_value < 1e-9);
             assert!(found.model.outside >= 1.0 / LAGS as f64);
             assert!(found.feedback.p_value > LEVEL, "{found:?}");
         }
@@ -158,7 +158,7 @@ mod tests {
         assert!(found.feedback.p_value < 1e-9 && found.feedback.worst_lag <= 0 && found.feedback.worst < 0.0);
         assert!(found.model.p_value > LEVEL, "{found:?}");
         // And before the command has moved once, at lags below zero too.
-        assert!(found.correlations[LAGS - 1].abs() > found.bound);
+        assert!(found.correlations[LAGS - 1].abs() > found.bound_99);
     }
 
     /// The spread of r_eu over independent records of two slow signals is the bound's.

@@ -26,7 +26,7 @@ pub const QUANTILE_99: f64 = 2.58;
 pub const LEVEL: f64 = 0.01;
 
 /// What the autocorrelation of a residual says.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Whiteness {
     /// r(1) .. r(M).
     pub correlations: Vec<f64>,

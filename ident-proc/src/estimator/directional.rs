@@ -64,11 +64,10 @@ impl Directional {
 
 impl Method for Directional {
     fn start(&mut self, data: &Triangle, held: &[bool], _residual_sigma: f64) {
-        let samples = data.count() as f64;
-        self.factors.start_bounded(data, held, samples);
-        self.training.start_bounded(data, held, samples);
+        self.factors.start(data, held);
+        self.training.start(data, held);
         let free = held.iter().filter(|held| !**held).count();
-        self.size = samples / free.max(1) as f64;
+        self.size = data.count() as f64 / free.max(1) as f64;
     }
 
     fn set_theta(&mut self, theta: &[f64]) {

@@ -50,17 +50,23 @@
 //!
 //! The core is deterministic: it sees no clock, no file and no channel, and allocates at construction only.
 
-pub mod axis;
+pub mod conditions;
 pub mod cylinder;
 pub mod encoder;
+pub mod end_stop;
 pub mod friction;
+pub mod group;
 pub mod integrate;
+pub mod lanes;
+pub mod load;
+pub mod oil;
 pub mod orifice;
 pub mod plant;
+pub mod port;
 pub mod process;
-pub mod schedule;
 pub mod stiffness;
+pub mod supply;
 pub mod valve;
 
-pub use axis::AxisState;
+pub use group::AxisState;
 pub use plant::{PlantError, PlantSim};

@@ -1,14 +1,17 @@
 //! Flow through one control edge.
 //!
 //! ```text
-//! q = k X dp / (dp^2 + p_tr^2)^(1/4)        k = q_rated / sqrt(dp_rated)
+//! q = k X f(dp)        f(dp) = dp / (dp^2 + p_tr^2)^(1/4)        k = q_rated / sqrt(dp_rated)
 //! ```
 //!
 //! q m3/s, X opening in [0, 1], dp Pa across the edge, p_tr Pa; far above p_tr this is the edge of equation (3),
-//! k X sqrt(dp), with k in the place of C_d omega sqrt(2/rho). It is odd in dp: the flow turns with the pressure.
+//! k X sqrt(dp), with k in the place of C_d omega sqrt(2/rho); below it the flow is laminar, in proportion to dp. It
+//! is odd in dp: the flow turns with the pressure.
 //!
 //! The trap: the square root's slope at dp = 0 is infinite, and with it the stiffness of a small chamber. p_tr makes
 //! the slope finite, k X / sqrt(p_tr); a smaller p_tr needs a smaller step ([`crate::stiffness`]).
+
+use crate::lanes::Lanes;
 
 /// p_tr, Pa: 0.2 bar, below any pressure drop that matters, and the least that the step of 100 us bears on a cylinder
 /// with half a litre of dead volume.
@@ -19,29 +22,34 @@ pub fn conductance(rated_flow: f64, rated_pressure_drop: f64) -> f64 {
     rated_flow / rated_pressure_drop.sqrt()
 }
 
-/// The square root of `pressure_drop` with its sign, smooth at zero, Pa^(1/2).
+/// f: the square root of `pressure_drop` with its sign, smooth at zero, Pa^(1/2).
 #[inline]
-pub fn smooth_root(pressure_drop: f64) -> f64 {
-    pressure_drop / (pressure_drop * pressure_drop + TRANSITION_PRESSURE * TRANSITION_PRESSURE).sqrt().sqrt()
+pub fn smooth_root(pressure_drop: Lanes) -> Lanes {
+    let transition = Lanes::splat(TRANSITION_PRESSURE * TRANSITION_PRESSURE);
+    pressure_drop / (pressure_drop * pressure_drop + transition).sqrt().sqrt()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn root(pressure_drop: f64) -> f64 {
+        smooth_root(Lanes::splat(pressure_drop)).to_array()[0]
+    }
+
     #[test]
     fn the_rated_flow_passes_at_the_rated_pressure_drop() {
         let k = conductance(3.33e-3, 1.4e6);
-        assert!((k * smooth_root(1.4e6) / 3.33e-3 - 1.0).abs() < 1e-4);
-        assert!((k * smooth_root(4.0 * 1.4e6) / (2.0 * 3.33e-3) - 1.0).abs() < 1e-5);
+        assert!((k * root(1.4e6) / 3.33e-3 - 1.0).abs() < 1e-4);
+        assert!((k * root(4.0 * 1.4e6) / (2.0 * 3.33e-3) - 1.0).abs() < 1e-5);
     }
 
     #[test]
     fn the_law_is_odd_with_a_finite_slope_at_zero() {
-        assert_eq!(smooth_root(0.0), 0.0);
+        assert_eq!(root(0.0), 0.0);
         for dp in [1.0, 1e3, 2e4, 1e6, 3e7] {
-            assert_eq!(smooth_root(-dp), -smooth_root(dp));
+            assert_eq!(root(-dp), -root(dp));
         }
-        assert!((smooth_root(1.0) * TRANSITION_PRESSURE.sqrt() - 1.0).abs() < 1e-6);
+        assert!((root(1.0) * TRANSITION_PRESSURE.sqrt() - 1.0).abs() < 1e-6);
     }
 }

@@ -7,15 +7,18 @@ use std::time::Duration;
 
 use pipeline::{
     MAX_AXES,
-    machine::Machine,
+    machine::{Hydraulics, Machine, Scenario},
     message::{EncoderReading, ValveCommand},
 };
 
 use crate::{
-    axis::{AxisDynamics, AxisState},
+    conditions::{Conditions, UPDATE_PERIOD_NS},
     encoder::NoisyEncoder,
-    integrate::STEP_NS,
+    group::{AxisState, Group},
+    integrate::{STEP_NS, runge_kutta},
+    lanes::LANES,
     stiffness::{STABILITY_LIMIT, fastest_rate},
+    supply::Supply,
 };
 
 /// Why a machine cannot be simulated.
@@ -27,10 +30,19 @@ pub enum PlantError {
         /// Name of the axis.
         axis: String,
     },
+    /// Axes are simulated, but not what feeds them.
+    #[error("supply, oil: found nothing; give the simulated machine its tables [supply] and [oil]")]
+    NoHydraulics,
+    /// A step that conditions cannot be taken at.
+    #[error("step: found {found_ns} ns; allowed: a divisor of {UPDATE_PERIOD_NS} ns")]
+    Step {
+        /// The step, ns.
+        found_ns: u64,
+    },
     /// An axis is too fast for the step.
     #[error(
         "axis.{axis}.plant: found a motion at {rate:.3e} 1/s, too fast for the simulator's step; \
-         allowed: up to {limit:.3e} 1/s; more mass or dead volume, or less damping, stiffness, friction, leakage or rated_flow"
+         allowed: up to {limit:.3e} 1/s; more mass or dead volume, or less damping, stiffness, leakage or rated_flow"
     )]
     TooStiff {
         /// Name of the axis.
@@ -51,8 +63,14 @@ pub enum PlantError {
 /// The simulated machine.
 #[derive(Debug, Clone)]
 pub struct PlantSim {
-    dynamics: Vec<AxisDynamics>,
+    groups: Vec<Group>,
+    supply: Supply,
+    hydraulics: Hydraulics,
+    scenario: Scenario,
+    /// Of every axis at this time.
+    conditions: Vec<Conditions>,
     states: Vec<AxisState>,
+    supply_pressure: f64,
     encoders: Vec<NoisyEncoder>,
     /// What the drive holds, in [-1, 1].
     commands: Vec<f64>,
@@ -75,29 +93,46 @@ impl PlantSim {
         Self::with_step(machine, seed, STEP_NS)
     }
 
-    fn with_step(machine: &Machine, seed: u64, step_ns: u64) -> Result<Self, PlantError> {
+    /// The same, integrated in steps of `step_ns`, which has to divide 1 ms: to see what the step does to the result.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn with_step(machine: &Machine, seed: u64, step_ns: u64) -> Result<Self, PlantError> {
         let count = machine.axes.len();
         if count > MAX_AXES {
             return Err(PlantError::TooManyAxes { found: count });
         }
-        let mut dynamics = Vec::with_capacity(count);
-        let mut states = Vec::with_capacity(count);
+        if step_ns == 0 || !UPDATE_PERIOD_NS.is_multiple_of(step_ns) {
+            return Err(PlantError::Step { found_ns: step_ns });
+        }
+        let (scenario, step) = (machine.scenario.clone(), seconds(step_ns));
+        let mut axes = Vec::with_capacity(count);
         let mut encoders = Vec::with_capacity(count);
         for (index, axis) in machine.axes.iter().enumerate() {
             let name = || axis.name.clone();
             let plant = axis.plant.as_ref().ok_or_else(|| PlantError::NoPlant { axis: name() })?;
-            let (rate, limit) = (fastest_rate(axis, plant), STABILITY_LIMIT / (step_ns as f64 * 1e-9));
+            let hydraulics = machine.hydraulics.as_ref().ok_or(PlantError::NoHydraulics)?;
+            let rate = fastest_rate(axis, plant, hydraulics, &scenario.changes, index);
+            let limit = STABILITY_LIMIT / step;
             if rate > limit {
                 return Err(PlantError::TooStiff { axis: name(), rate, limit });
             }
-            let (axis_dynamics, state) = AxisDynamics::new(axis, plant, step_ns);
-            dynamics.push(axis_dynamics);
-            states.push(state);
+            axes.push((axis, plant));
             encoders.push(NoisyEncoder::new(axis.encoder.resolution, plant.encoder_noise, seed, index));
         }
-        Ok(Self {
-            dynamics,
-            states,
+        let hydraulics = machine.hydraulics.ok_or(PlantError::NoHydraulics)?;
+        let conditions: Vec<Conditions> =
+            (0..count).map(|index| Conditions::at(&scenario.changes, &hydraulics.oil, index, 0.0)).collect();
+        let groups = axes.chunks(LANES).enumerate();
+        let groups = groups.map(|(i, axes)| Group::new(axes, i * LANES, &hydraulics, &conditions, step)).collect();
+        let mut plant = Self {
+            groups,
+            supply: supply(&hydraulics, &conditions),
+            hydraulics,
+            scenario,
+            conditions,
+            states: Vec::with_capacity(count),
+            supply_pressure: hydraulics.supply.pressure,
             encoders,
             commands: vec![0.0; count],
             step_ns,
@@ -106,7 +141,9 @@ impl PlantSim {
             drive_ends_ns: 0,
             drive_timeout_ns: nanoseconds(machine.timing.drive_timeout),
             readings: 0,
-        })
+        };
+        plant.observe();
+        Ok(plant)
     }
 
     /// Gives the drive a command for every axis; one that is not finite is neutral, one beyond [-1, 1] is held there.
@@ -132,10 +169,41 @@ impl PlantSim {
     }
 
     fn step(&mut self, steps: u64) {
-        for ((dynamics, state), &command) in self.dynamics.iter_mut().zip(&mut self.states).zip(&self.commands) {
-            dynamics.advance(state, command, steps);
+        let step = seconds(self.step_ns);
+        for _ in 0..steps {
+            if !self.scenario.changes.is_empty() && self.time_ns.is_multiple_of(UPDATE_PERIOD_NS) {
+                self.change_conditions(step);
+            }
+            runge_kutta(&mut self.groups, &self.commands, &self.supply, step);
+            self.time_ns += self.step_ns;
         }
-        self.time_ns += steps * self.step_ns;
+        self.observe();
+    }
+
+    fn change_conditions(&mut self, step: f64) {
+        let time = seconds(self.time_ns);
+        for (index, conditions) in self.conditions.iter_mut().enumerate() {
+            *conditions = Conditions::at(&self.scenario.changes, &self.hydraulics.oil, index, time);
+        }
+        for group in &mut self.groups {
+            group.apply(|index| self.conditions[index], &self.hydraulics, step);
+        }
+        self.supply = supply(&self.hydraulics, &self.conditions);
+    }
+
+    /// Notes what can be seen from outside.
+    fn observe(&mut self) {
+        let share = self.supply.share(self.groups.iter().map(Group::demand_now).sum());
+        self.states.clear();
+        let mut pressure = f64::NEG_INFINITY;
+        for group in &self.groups {
+            for (state, fed) in group.observe(share) {
+                self.states.push(state);
+                pressure = pressure.max(fed.map_or(pressure, |fed| self.supply.sagged(share, fed)));
+            }
+        }
+        // Where nobody is fed nothing sags.
+        self.supply_pressure = if pressure.is_finite() { pressure } else { self.supply.pressure };
     }
 
     /// Reads all encoders, drawing their noise; `sequence` is the number of the reading, its times stay zero.
@@ -155,10 +223,25 @@ impl PlantSim {
         &self.states
     }
 
+    /// What is left of the supply pressure now, Pa.
+    pub fn supply_pressure(&self) -> f64 {
+        self.supply_pressure
+    }
+
     /// Model time: the whole steps made so far.
     pub fn time(&self) -> Duration {
         Duration::from_nanos(self.time_ns)
     }
+}
+
+/// The pump; its conditions are the same for all axes.
+fn supply(hydraulics: &Hydraulics, conditions: &[Conditions]) -> Supply {
+    let of = conditions.first().unwrap_or(&Conditions::NOMINAL);
+    Supply { pressure: hydraulics.supply.pressure * of.supply_pressure, flow: hydraulics.supply.flow * of.pump_flow }
+}
+
+fn seconds(ns: u64) -> f64 {
+    ns as f64 * 1e-9
 }
 
 /// Whole nanoseconds; what 64 bits do not hold, 584 years, is held at their end.

@@ -1,25 +1,38 @@
-//! The proportional valve: from the command to the opening of its control edges.
+//! The valve: from the command to the opening of its control edges.
 //!
 //! ```text
-//! tau_v dx_v/dt + x_v = u(t - t_d)                                     (1), K_1 = 1
-//! X = (x_v - d_e)/(1 - d_e)   for x_v > d_e                            extends
-//! X = (x_v + d_r)/(1 - d_r)   for x_v < -d_r                           retracts
-//! X = 0                       between
+//! w(t) = max(min(w(t-), u(t - t_d) + h/2), u(t - t_d) - h/2)           hysteresis
+//! tau_v dx_v/dt + x_v = w                                             (1), K_1 = 1
+//! c = clamp((x_v - d_e)/(e_e - d_e), 0, 1)                            extends
+//! c = clamp((-x_v - d_r)/(e_r - d_r), 0, 1)                           retracts
+//! X = +-c on a linear curve, +-(3 c^2 - 2 c^3) on an S                 opens
 //! ```
 //!
-//! u command and x_v spool position, both in [-1, 1]; t_d dead time s; tau_v s; d_e and d_r dead bands; X opening,
-//! held in [-1, 1]. A spool at 1 is open fully whatever the dead band is.
+//! u command and x_v spool position, both in [-1, 1]; t_d dead time s; h width of the hysteresis, the play between
+//! command and spool; tau_v s; d_e and d_r dead bands, e_e and e_r where the edges are fully open; X opening, in
+//! [-1, 1].
 //!
-//! The command is constant over a step, so (1) has a solution in closed form, u + (x_v - u) exp(-t/tau_v); it is used
+//! The S is that of a pilot-operated spool with notches: nothing up to about 40 % of the command, all from about 70 %
+//! on. It stays within 3.2 % of full opening of logistic curves fitted to a real excavator's boom and arm (a test).
+//!
+//! The command is constant over a step, so (1) has a solution in closed form, w + (x_v - w) exp(-t/tau_v); it is used
 //! in place of the numerical one, and no time constant is too short for the step.
 //!
 //! The trap: dead time and tau_v are not the same thing. The first moves the answer, the second bends it; only the
 //! first asks for samples of delay in an identified model.
 
-use pipeline::machine::DeadBand;
+use pipeline::machine::{Plant, ValveCurve};
 
-/// The widest dead band; a schedule could otherwise close a valve for good and divide by zero.
+use crate::{
+    conditions::Conditions,
+    lanes::{LANES, Lanes, lanes},
+};
+
+/// The widest dead band; a scenario could otherwise close a valve for good.
 pub const WIDEST_DEAD_BAND: f64 = 0.95;
+
+/// Least part of the command between dead band and saturation, where a scenario has widened the dead band.
+pub const LEAST_SPAN: f64 = 0.05;
 
 /// Commands on their way: what is put in comes out a fixed number of steps later.
 #[derive(Debug, Clone)]
@@ -49,56 +62,97 @@ impl DelayLine {
     }
 }
 
-/// The spool and its control edges, without the dead time.
+/// Hysteresis, spool and control edges of one axis, or of four, without the dead time.
 #[derive(Debug, Clone, Copy)]
-pub struct Valve {
+pub struct Valve<T> {
     /// exp(-(step/2)/tau_v): what is left of the distance to the command after half a step.
-    half_step_decay: f64,
-    dead_band: DeadBand,
+    half_step_decay: T,
+    /// h/2.
+    play: T,
+    /// d_e and d_r.
+    dead_band: [T; 2],
+    /// 1/(e_e - d_e) and 1/(e_r - d_r).
+    inverse_span: [T; 2],
+    /// 1 for an S, 0 for a line.
+    shape: T,
 }
 
-impl Valve {
-    /// A valve with `time_constant` s and `dead_band`, advanced in steps of `step` s.
-    pub fn new(time_constant: f64, dead_band: DeadBand, step: f64) -> Self {
+impl Valve<f64> {
+    /// The valve of `plant` under `conditions`, advanced in steps of `step` s.
+    pub fn new(plant: &Plant, conditions: &Conditions, step: f64) -> Self {
+        let time_constant = plant.valve_time_constant * conditions.valve_time_constant;
+        let dead_band = [plant.dead_band.extend, plant.dead_band.retract]
+            .map(|dead_band| (dead_band * conditions.dead_band).min(WIDEST_DEAD_BAND));
+        let saturation = [plant.saturation.extend, plant.saturation.retract];
         Self {
             half_step_decay: (-0.5 * step / time_constant).exp(),
-            dead_band: DeadBand {
-                extend: dead_band.extend.min(WIDEST_DEAD_BAND),
-                retract: dead_band.retract.min(WIDEST_DEAD_BAND),
-            },
+            play: 0.5 * plant.hysteresis * conditions.hysteresis,
+            dead_band,
+            inverse_span: [0, 1].map(|side| 1.0 / (saturation[side] - dead_band[side]).max(LEAST_SPAN)),
+            shape: if plant.valve_curve == ValveCurve::S { 1.0 } else { 0.0 },
+        }
+    }
+}
+
+impl Valve<Lanes> {
+    /// Four axes side by side.
+    pub fn pack(axes: &[Valve<f64>; LANES]) -> Self {
+        Self {
+            half_step_decay: lanes(axes, |valve| valve.half_step_decay),
+            play: lanes(axes, |valve| valve.play),
+            dead_band: [0, 1].map(|side| lanes(axes, |valve| valve.dead_band[side])),
+            inverse_span: [0, 1].map(|side| lanes(axes, |valve| valve.inverse_span[side])),
+            shape: lanes(axes, |valve| valve.shape),
         }
     }
 
-    /// Spool position half a step and a whole step after `spool` under a constant command, equation (1).
+    /// What the spool is asked for when the command is `command` and it was `target` before: w.
     #[inline]
-    pub fn spool_after(&self, spool: f64, command: f64) -> (f64, f64) {
-        let distance = spool - command;
-        let decay = self.half_step_decay;
-        (command + distance * decay, command + distance * decay * decay)
+    pub fn target(&self, target: Lanes, command: Lanes) -> Lanes {
+        target.fast_min(command + self.play).fast_max(command - self.play)
+    }
+
+    /// Spool position half a step and a whole step after `spool` under a constant target, equation (1).
+    #[inline]
+    pub fn spool_after(&self, spool: Lanes, target: Lanes) -> (Lanes, Lanes) {
+        let distance = spool - target;
+        let middle = distance * self.half_step_decay;
+        (target + middle, target + middle * self.half_step_decay)
     }
 
     /// Opening X of the edges in [-1, 1], positive extends.
     #[inline]
-    pub fn opening(&self, spool: f64) -> f64 {
-        let DeadBand { extend, retract } = self.dead_band;
-        if spool > extend {
-            ((spool - extend) / (1.0 - extend)).min(1.0)
-        } else if spool < -retract {
-            ((spool + retract) / (1.0 - retract)).max(-1.0)
-        } else {
-            0.0
-        }
+    pub fn opening(&self, spool: Lanes) -> Lanes {
+        self.open(spool, 0) - self.open(-spool, 1)
+    }
+
+    #[inline]
+    fn open(&self, spool: Lanes, side: usize) -> Lanes {
+        let c = (spool - self.dead_band[side]) * self.inverse_span[side];
+        let c = c.fast_max(Lanes::ZERO).fast_min(Lanes::ONE);
+        let s = c * c * (Lanes::splat(3.0) - c - c);
+        c + self.shape * (s - c)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use pipeline::machine::{DeadBand, Machine};
+
     use super::*;
 
     const STEP: f64 = 1e-4;
 
-    fn valve() -> Valve {
-        Valve::new(0.05, DeadBand { extend: 0.1, retract: 0.08 }, STEP)
+    fn plant() -> Plant {
+        Machine::load(None, &[]).unwrap().axes[0].plant.clone().unwrap()
+    }
+
+    fn valve(plant: &Plant) -> Valve<Lanes> {
+        Valve::pack(&[Valve::new(plant, &Conditions::NOMINAL, STEP); LANES])
+    }
+
+    fn opening(plant: &Plant, spool: f64) -> f64 {
+        valve(plant).opening(Lanes::splat(spool)).to_array()[0]
     }
 
     #[test]
@@ -114,28 +168,65 @@ mod tests {
 
     #[test]
     fn the_spool_follows_the_exponential() {
-        let mut spool = 0.0;
+        let (mut spool, valve) = (Lanes::ZERO, valve(&plant()));
         for _ in 0..500 {
-            spool = valve().spool_after(spool, 0.7).1;
+            spool = valve.spool_after(spool, Lanes::splat(0.7)).1;
         }
-        assert!((spool - 0.7 * (1.0 - (-1.0f64).exp())).abs() < 1e-12);
+        assert!((spool.to_array()[0] - 0.7 * (1.0 - (-1.0f64).exp())).abs() < 1e-12);
     }
 
     #[test]
     fn the_edges_stay_shut_inside_the_dead_band_and_open_fully_at_one() {
+        let plant = plant();
         for spool in [-0.08, -0.05, 0.0, 0.05, 0.1] {
-            assert_eq!(valve().opening(spool), 0.0);
+            assert_eq!(opening(&plant, spool), 0.0);
         }
-        assert!((valve().opening(0.55) - 0.5).abs() < 1e-12);
-        assert!((valve().opening(-0.54) + 0.5).abs() < 1e-12);
-        for (spool, opening) in [(1.0, 1.0), (1.5, 1.0), (-1.0, -1.0), (-1.5, -1.0)] {
-            assert_eq!(valve().opening(spool), opening);
+        assert!((opening(&plant, 0.55) - 0.5).abs() < 1e-12);
+        assert!((opening(&plant, -0.54) + 0.5).abs() < 1e-12);
+        for (spool, expected) in [(1.0, 1.0), (1.5, 1.0), (-1.0, -1.0), (-1.5, -1.0)] {
+            assert!((opening(&plant, spool) - expected).abs() < 1e-12);
         }
     }
 
     #[test]
     fn a_dead_band_beyond_the_widest_is_held_at_it() {
-        let valve = Valve::new(0.05, DeadBand { extend: 18.0, retract: 18.0 }, STEP);
-        assert_eq!((valve.opening(1.0), valve.opening(-1.0), valve.opening(0.94)), (1.0, -1.0, 0.0));
+        let wide = Conditions { dead_band: 18.0, ..Conditions::NOMINAL };
+        let valve = Valve::pack(&[Valve::new(&plant(), &wide, STEP); LANES]);
+        let openings = [1.0, -1.0, 0.94].map(|spool| valve.opening(Lanes::splat(spool)).to_array()[0]);
+        assert!((openings[0] - 1.0).abs() < 1e-12 && (openings[1] + 1.0).abs() < 1e-12 && openings[2] == 0.0);
+    }
+
+    #[test]
+    fn the_command_is_answered_after_the_width_of_the_hysteresis_only() {
+        let plant = Plant { hysteresis: 0.04, ..plant() };
+        let valve = valve(&plant);
+        let mut target = Lanes::ZERO;
+        let commands = [(0.5, 0.48), (0.47, 0.48), (0.461, 0.48), (0.44, 0.46), (0.47, 0.46), (0.5, 0.48), (0.0, 0.02)];
+        for (command, expected) in commands {
+            target = valve.target(target, Lanes::splat(command));
+            assert!((target.to_array()[0] - expected).abs() < 1e-12, "{command}: {target:?}");
+        }
+    }
+
+    #[test]
+    fn the_s_is_that_of_a_real_pilot_valve() {
+        // v = 1/(1 + exp(-c x + a)): 10, 50 and 90 % of the full speed at these commands; boom and arm, both ways.
+        for (ten, fifty, ninety) in [(0.44, 0.54, 0.64), (0.43, 0.57, 0.71), (0.47, 0.56, 0.65), (0.51, 0.61, 0.71)] {
+            // Where 3 c^2 - 2 c^3 is 10 and 90 %: c = 0.196 and 0.804.
+            let span: f64 = (ninety - ten) / 0.608;
+            let (low, high) = (fifty - 0.5 * span, fifty + 0.5 * span);
+            let plant = Plant {
+                valve_curve: ValveCurve::S,
+                dead_band: DeadBand { extend: low, retract: low },
+                saturation: DeadBand { extend: high, retract: high },
+                ..plant()
+            };
+            let logistic = |x: f64| 1.0 / (1.0 + (-(x - fifty) * 2.0 * 9f64.ln() / (ninety - ten)).exp());
+            let commands = (0..=100).map(|i| 0.01 * f64::from(i));
+            let worst = commands.map(|x| (opening(&plant, x) - logistic(x)).abs()).fold(0.0, f64::max);
+            println!("dead band {low:.3}, open at {high:.3}: within {:.2} %", 100.0 * worst);
+            assert!(worst < 0.032, "{worst}");
+            assert!((0.33..0.45).contains(&low) && (0.7..0.85).contains(&high));
+        }
     }
 }

@@ -22,12 +22,14 @@ pub fn machine_text(count: usize) -> String {
     let mut text = "name = \"test\"\n[timing]\nperiod = \"10ms\"\n[source]\nkind = \"sim\"\n[fuzzy]\n\
                     error_universe = 0.004\nvariation_universe = 0.002\n"
         .to_owned();
-    let plant = {
+    let built_in = |from: &str, to: &str| {
         let built_in = pipeline::machine::BUILT_IN;
-        let start = built_in.find("[axis.boom.plant]").unwrap();
-        let length = built_in[start..].find("schedule").unwrap();
+        let start = built_in.find(from).unwrap();
+        let length = built_in[start..].find(to).unwrap();
         built_in[start..start + length].to_owned()
     };
+    text += &built_in("[supply]", "# ---");
+    let plant = built_in("[axis.boom.plant]", "# ---");
     for i in 0..count {
         text += &format!(
             "[axis.a{i}]\nstroke = 1.334\nmax_speed = 1.0\nsoft_limits = [0.05, 1.284]\nforgetting = \"paper\"\n\

@@ -230,6 +230,18 @@ impl<'d, 'i> Section<'d, 'i> {
         .flatten()
     }
 
+    /// Three numbers in `range`, or one that stands for all; `names` says what the three are.
+    pub fn number_or_three(&mut self, key: &str, range: RangeInclusive<f64>, unit: &str, names: &str) -> [f64; 3] {
+        let allowed = format!("a number from {} to {} {unit}, or three, {names}", range.start(), range.end());
+        self.required(key, &allowed, [*range.end(); 3], |value| match value.as_array() {
+            None => number(value, &range).map(|all| [all; 3]),
+            Some(list) => {
+                let numbers: Option<Vec<f64>> = list.iter().map(|item| number(item.get_ref(), &range)).collect();
+                numbers?.try_into().ok()
+            }
+        })
+    }
+
     /// Two numbers in `range`, or one that stands for both, with a default.
     pub fn pair_or(&mut self, key: &str, default: (f64, f64), range: RangeInclusive<f64>) -> (f64, f64) {
         let allowed = format!("a number from {} to {}, or [low, high] of two", range.start(), range.end());
@@ -289,10 +301,14 @@ impl<'d, 'i> Section<'d, 'i> {
         self.required(key, allowed, String::new(), |value| value.as_str().map(str::to_owned))
     }
 
+    /// Any text, or nothing.
+    pub fn optional_text(&mut self, key: &str) -> Option<String> {
+        self.optional(key, "a text", |value| value.as_str().map(str::to_owned)).flatten()
+    }
+
     /// Any text, or the default.
     pub fn text_or(&mut self, key: &str, default: &str) -> String {
-        let parse = |value: &DeValue| value.as_str().map(str::to_owned);
-        self.optional(key, "a text", parse).flatten().unwrap_or_else(|| default.to_owned())
+        self.optional_text(key).unwrap_or_else(|| default.to_owned())
     }
 
     /// A list of texts, or nothing.

@@ -7,9 +7,11 @@
 mod axis;
 mod document;
 mod fuzzy;
+mod hydraulics;
 mod identification;
 mod plant;
 mod reference;
+mod scenario;
 
 use std::{
     fmt,
@@ -21,9 +23,11 @@ use document::{Document, Section};
 
 pub use axis::{Axis, Control, DeadBand, Encoder, ModelChoice};
 pub use fuzzy::{Fuzzy, Level};
+pub use hydraulics::{Hydraulics, Oil, Supply};
 pub use identification::{Forgetting, Form, Identification, IdentifiedOutput, Split, shortest_training};
-pub use plant::{Parameter, Plant, Schedule};
+pub use plant::{LoadForce, Plant, ValveCurve};
 pub use reference::{ReferenceSource, Sine};
+pub use scenario::{Change, CommandSine, Parameter, Scenario};
 
 use crate::{MAX_AXES, stage::StageKind};
 
@@ -43,6 +47,10 @@ pub struct Machine {
     pub stages: [StageSettings; 4],
     /// Where samples come from.
     pub source: Source,
+    /// Pump and oil of the simulated axes, if there are any.
+    pub hydraulics: Option<Hydraulics>,
+    /// What changes while the simulated machine works.
+    pub scenario: Scenario,
     /// The axes, in the order of the file.
     pub axes: Vec<Axis>,
 }
@@ -222,10 +230,13 @@ impl Machine {
             root.refuse("axis", format!("{} axes", names.len()), allowed);
         }
         let axes = names.iter().map(|name| Axis::read(name, table.section(name), &timing, &source, fuzzy, folder));
-        let axes = axes.collect();
+        let axes: Vec<Axis> = axes.collect();
         table.finish();
+        let is_simulated = axes.iter().any(|axis| axis.plant.is_some());
+        let hydraulics = Hydraulics::read(root.section("supply"), root.section("oil"), is_simulated);
+        let scenario = Scenario::read(&mut root, &names);
         root.finish();
-        Self { name, timing, realtime, stages, source, axes }
+        Self { name, timing, realtime, stages, source, hydraulics, scenario, axes }
     }
 
     /// Settings of one stage.

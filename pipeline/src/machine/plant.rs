@@ -2,7 +2,7 @@
 
 use super::{DeadBand, document::Section};
 
-/// Parameters of one simulated axis, SI units; the symbols are the paper's.
+/// Parameters of one simulated axis, SI units; the symbols are the paper's, and LuGre's for friction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plant {
     /// Position at start, m.
@@ -17,102 +17,126 @@ pub struct Plant {
     pub rod_dead_volume: f64,
     /// m, referred to the cylinder, kg.
     pub mass: f64,
-    /// F_L, positive against extension, N.
-    pub load_force: f64,
+    /// F_L.
+    pub load_force: LoadForce,
     /// K, load elasticity about the middle of the stroke, N/m.
     pub load_stiffness: f64,
-    /// B_p, N s/m.
+    /// B_p, sigma_2, N s/m.
     pub viscous_friction: f64,
-    /// Friction at speed, N.
+    /// F_c, friction at speed, N.
     pub coulomb_friction: f64,
-    /// Friction at rest, N.
+    /// F_s, friction at which motion begins, N.
     pub static_friction: f64,
-    /// Speed over which friction falls from static to Coulomb, m/s.
+    /// v_s, speed over which friction falls from static to Coulomb, m/s.
     pub stribeck_speed: f64,
-    /// p_s, Pa.
-    pub supply_pressure: f64,
-    /// p_0, Pa.
-    pub return_pressure: f64,
-    /// beta_e, Pa.
-    pub bulk_modulus: f64,
+    /// sigma_0, N/m.
+    pub bristle_stiffness: f64,
+    /// sigma_1, N s/m.
+    pub bristle_damping: f64,
     /// C_ip, m3/(s Pa).
     pub internal_leakage: f64,
     /// C_ep, m3/(s Pa).
     pub external_leakage: f64,
+    /// Pressure at which the relief valve of a chamber opens, Pa.
+    pub relief_pressure: f64,
     /// Flow of one control edge, fully open, at `rated_pressure_drop`, m3/s.
     pub rated_flow: f64,
     /// Pa.
     pub rated_pressure_drop: f64,
+    /// From spool position to opening.
+    pub valve_curve: ValveCurve,
+    /// Spool positions up to which the valve stays shut.
+    pub dead_band: DeadBand,
+    /// Spool positions from which on it is fully open.
+    pub saturation: DeadBand,
+    /// Width of the valve's hysteresis, in parts of the full command.
+    pub hysteresis: f64,
     /// tau_v, s.
     pub valve_time_constant: f64,
     /// From command to the valve's first reaction, s.
     pub dead_time: f64,
-    /// Dead band of the spool.
-    pub dead_band: DeadBand,
     /// N/m.
     pub end_stop_stiffness: f64,
     /// N s/m.
     pub end_stop_damping: f64,
     /// Standard deviation of the encoder's noise, m.
     pub encoder_noise: f64,
-    /// Parameters that change over time.
-    pub schedule: Vec<Schedule>,
 }
 
-/// A parameter that moves linearly from 1 to `factor` times its value between two times, and stays there.
+/// Force of the load against extension, N, at three positions; a parabola between.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Schedule {
-    /// What changes.
-    pub parameter: Parameter,
-    /// When it begins to, s.
-    pub start: f64,
-    /// When it has, s; equal to `start` for a step.
-    pub end: f64,
-    /// What its value is multiplied by then.
-    pub factor: f64,
+pub struct LoadForce {
+    /// At position 0.
+    pub retracted: f64,
+    /// In the middle of the stroke.
+    pub middle: f64,
+    /// At full stroke.
+    pub extended: f64,
 }
 
-/// What a [`Schedule`] can change.
+impl LoadForce {
+    /// The same force everywhere, N.
+    pub const fn constant(force: f64) -> Self {
+        Self { retracted: force, middle: force, extended: force }
+    }
+}
+
+/// How a valve opens between dead band and saturation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Parameter {
-    /// `rated_flow`.
-    FlowGain,
-    /// Viscous, Coulomb and static friction together.
-    Friction,
-    /// `mass`.
-    Mass,
-    /// `load_force`.
-    LoadForce,
-    /// `supply_pressure`.
-    SupplyPressure,
-    /// `valve_time_constant`.
-    ValveTimeConstant,
-    /// Both dead bands.
-    DeadBand,
-    /// `bulk_modulus`.
-    BulkModulus,
-    /// Internal and external leakage.
-    Leakage,
+pub enum ValveCurve {
+    /// In proportion: a spool with position feedback.
+    Linear,
+    /// As an S: the notched spool of a pilot-operated valve.
+    S,
 }
 
-impl Parameter {
-    const NAMES: [(&'static str, Self); 9] = [
-        ("flow_gain", Self::FlowGain),
-        ("friction", Self::Friction),
-        ("mass", Self::Mass),
-        ("load_force", Self::LoadForce),
-        ("supply_pressure", Self::SupplyPressure),
-        ("valve_time_constant", Self::ValveTimeConstant),
-        ("dead_band", Self::DeadBand),
-        ("bulk_modulus", Self::BulkModulus),
-        ("leakage", Self::Leakage),
-    ];
-}
+/// Presliding, m, of an axis whose bristle stiffness is not given: F_s/sigma_0.
+const PRESLIDING: f64 = 2e-4;
+
+/// Least part of the command between dead band and saturation.
+const LEAST_SPAN: f64 = 0.05;
+
+/// Largest ratio of static to Coulomb friction.
+const LARGEST_STICTION: f64 = 10.0;
 
 impl Plant {
     pub(super) fn read(mut section: Section, stroke: f64) -> Self {
-        let extend = section.number("dead_band_extend", 0.0..=0.9, "");
-        let retract = section.number("dead_band_retract", 0.0..=0.9, "");
+        let dead_band = DeadBand {
+            extend: section.number("dead_band_extend", 0.0..=0.9, ""),
+            retract: section.number("dead_band_retract", 0.0..=0.9, ""),
+        };
+        let saturation = DeadBand {
+            extend: section.number_or("saturation_extend", 1.0, LEAST_SPAN..=1.0, ""),
+            retract: section.number_or("saturation_retract", 1.0, LEAST_SPAN..=1.0, ""),
+        };
+        for (key, saturation, dead_band) in [
+            ("saturation_extend", saturation.extend, dead_band.extend),
+            ("saturation_retract", saturation.retract, dead_band.retract),
+        ] {
+            if saturation < dead_band + LEAST_SPAN {
+                let allowed = format!("a number from {} (the dead band and {LEAST_SPAN}) to 1", dead_band + LEAST_SPAN);
+                section.refuse(key, saturation.to_string(), allowed);
+            }
+        }
+        let coulomb_friction = section.number("coulomb_friction", 0.0..=1e6, "N");
+        let static_friction = section.number("static_friction", 0.0..=1e6, "N");
+        if !(coulomb_friction..=LARGEST_STICTION * coulomb_friction).contains(&static_friction) {
+            let allowed =
+                format!("a number from coulomb_friction, {coulomb_friction} N, to {LARGEST_STICTION} times it");
+            section.refuse("static_friction", static_friction.to_string(), allowed);
+        }
+        let viscous_friction = section.number("viscous_friction", 0.0..=1e7, "N s/m");
+        let bristle_damping = section.number_or("bristle_damping", 0.0, 0.0..=1e7, "N s/m");
+        // More makes LuGre friction a source of energy (Barabanov and Ortega, 2000).
+        if bristle_damping * (static_friction - coulomb_friction) > viscous_friction * coulomb_friction {
+            let most = viscous_friction * coulomb_friction / (static_friction - coulomb_friction);
+            let allowed = format!(
+                "up to {most} N s/m, viscous_friction coulomb_friction/(static_friction - coulomb_friction): more would \
+                 make friction a source of energy"
+            );
+            section.refuse("bristle_damping", bristle_damping.to_string(), allowed);
+        }
+        let curves = [("linear", ValveCurve::Linear), ("s", ValveCurve::S)];
         let plant = Self {
             initial_position: section.number("initial_position", 0.0..=stroke, "m (the stroke)"),
             piston_area: section.number("piston_area", 1e-5..=1.0, "m2"),
@@ -120,41 +144,39 @@ impl Plant {
             piston_dead_volume: section.number("piston_dead_volume", 1e-5..=1.0, "m3"),
             rod_dead_volume: section.number("rod_dead_volume", 1e-5..=1.0, "m3"),
             mass: section.number("mass", 1.0..=1e6, "kg"),
-            load_force: section.number("load_force", -1e7..=1e7, "N"),
+            load_force: LoadForce::read(&mut section),
             load_stiffness: section.number_or("load_stiffness", 0.0, 0.0..=1e8, "N/m"),
-            viscous_friction: section.number("viscous_friction", 0.0..=1e7, "N s/m"),
-            coulomb_friction: section.number("coulomb_friction", 0.0..=1e6, "N"),
-            static_friction: section.number("static_friction", 0.0..=1e6, "N"),
+            viscous_friction,
+            coulomb_friction,
+            static_friction,
             stribeck_speed: section.number("stribeck_speed", 1e-4..=1.0, "m/s"),
-            supply_pressure: section.number("supply_pressure", 1e5..=1e8, "Pa"),
-            return_pressure: section.number_or("return_pressure", 0.0, 0.0..=1e7, "Pa"),
-            bulk_modulus: section.number("bulk_modulus", 1e7..=5e9, "Pa"),
+            bristle_stiffness: section.number_or("bristle_stiffness", static_friction / PRESLIDING, 0.0..=1e10, "N/m"),
+            bristle_damping,
             internal_leakage: section.number_or("internal_leakage", 0.0, 0.0..=1e-9, "m3/(s Pa)"),
             external_leakage: section.number_or("external_leakage", 0.0, 0.0..=1e-9, "m3/(s Pa)"),
+            relief_pressure: section.number_or("relief_pressure", 35e6, 1e6..=1e8, "Pa"),
             rated_flow: section.number("rated_flow", 1e-6..=1.0, "m3/s"),
             rated_pressure_drop: section.number("rated_pressure_drop", 1e4..=1e8, "Pa"),
+            valve_curve: section.choice_or("valve_curve", ValveCurve::Linear, &curves),
+            dead_band,
+            saturation,
+            hysteresis: section.number_or("hysteresis", 0.0, 0.0..=0.2, ""),
             valve_time_constant: section.number("valve_time_constant", 1e-3..=10.0, "s"),
             dead_time: section.number("dead_time", 0.0..=0.5, "s"),
-            dead_band: DeadBand { extend, retract },
             end_stop_stiffness: section.number_or("end_stop_stiffness", 2e8, 1e5..=1e9, "N/m"),
             end_stop_damping: section.number_or("end_stop_damping", 4e6, 0.0..=1e7, "N s/m"),
             encoder_noise: section.number_or("encoder_noise", 0.0, 0.0..=0.1, "m"),
-            schedule: section.list("schedule").into_iter().filter_map(Schedule::read).collect(),
         };
         section.finish();
         plant
     }
 }
 
-impl Schedule {
-    fn read(mut section: Section) -> Option<Self> {
-        let parameter = section.choice("parameter", &Parameter::NAMES);
-        let (start, end) = (section.number("start", 0.0..=1e6, "s"), section.number("end", 0.0..=1e6, "s"));
-        if end < start {
-            section.refuse("end", end.to_string(), format!("a time not before start, {start} s"));
-        }
-        let factor = section.number("factor", 0.05..=20.0, "");
-        section.finish();
-        Some(Self { parameter: parameter?, start, end, factor })
+impl LoadForce {
+    /// One number, or three.
+    fn read(section: &mut Section) -> Self {
+        let [retracted, middle, extended] =
+            section.number_or_three("load_force", -1e7..=1e7, "N", "[retracted, middle, extended]");
+        Self { retracted, middle, extended }
     }
 }

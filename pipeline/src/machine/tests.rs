@@ -19,7 +19,7 @@ fn the_built_in_machine_is_the_four_axis_excavator() {
     assert_eq!(machine.timing.period, Duration::from_millis(10));
     assert_eq!(machine.axes[0].identification.training, 800);
     assert_eq!(machine.axes[0].identification.horizon, 50);
-    assert_eq!(machine.axes[0].plant.as_ref().unwrap().schedule.len(), 2);
+    assert_eq!(machine.scenario.name, "cold-start");
 }
 
 #[test]

@@ -2,22 +2,26 @@
 
 mod drive;
 mod motion;
+mod scenarios;
 
 use std::time::Duration;
 
 use pipeline::{
-    machine::{Machine, Plant},
+    machine::{LoadForce, Machine, Plant},
     message::ValveCommand,
 };
 use plant_sim::PlantSim;
 
 const TICK: Duration = Duration::from_millis(10);
 
-/// The built-in machine without its schedules.
+/// The built-in machine under one of its scenarios.
+fn under(scenario: &str) -> Machine {
+    Machine::load(None, &[("scenario".to_owned(), scenario.to_owned())]).unwrap()
+}
+
+/// The built-in machine; nothing changes.
 fn excavator() -> Machine {
-    let mut machine = Machine::load(None, &[]).unwrap();
-    (0..machine.axes.len()).for_each(|axis| plant_of(&mut machine, axis).schedule.clear());
-    machine
+    under("nominal")
 }
 
 fn plant_of(machine: &mut Machine, axis: usize) -> &mut Plant {

@@ -1,0 +1,86 @@
+//! What all simulated axes share: `[supply]`, the pump, and `[oil]`.
+
+use super::document::Section;
+
+/// The simulated machine's pump and oil.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hydraulics {
+    /// One pump for all axes.
+    pub supply: Supply,
+    /// The oil.
+    pub oil: Oil,
+}
+
+/// One pump for all axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Supply {
+    /// p_s as long as the flow suffices, Pa.
+    pub pressure: f64,
+    /// p_0, Pa.
+    pub return_pressure: f64,
+    /// Largest flow, m3/s.
+    pub flow: f64,
+}
+
+/// The oil.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Oil {
+    /// beta without air, Pa.
+    pub bulk_modulus: f64,
+    /// Part of the volume at atmospheric pressure that is undissolved air.
+    pub air: f64,
+    /// Temperature for which friction, leakage and time constants of the file hold, degrees Celsius.
+    pub temperature: f64,
+    /// Kinematic viscosity at 40 and at 100 degrees Celsius, mm2/s.
+    pub viscosity: (f64, f64),
+}
+
+impl Hydraulics {
+    /// Reads both tables; nothing where no axis is simulated and neither is given.
+    pub(super) fn read(supply: Section, oil: Section, is_simulated: bool) -> Option<Self> {
+        let wanted = is_simulated || supply.is_given() || oil.is_given();
+        wanted.then(|| Self { supply: Supply::read(supply), oil: Oil::read(oil) })
+    }
+}
+
+impl Supply {
+    fn read(mut section: Section) -> Self {
+        let pressure = section.number("pressure", 1e5..=1e8, "Pa");
+        let supply = Self {
+            pressure,
+            return_pressure: section.number_or("return_pressure", 0.0, 0.0..=1e7, "Pa"),
+            flow: section.number("flow", 1e-6..=10.0, "m3/s"),
+        };
+        if supply.return_pressure >= pressure {
+            section.refuse("return_pressure", supply.return_pressure.to_string(), format!("less than {pressure} Pa"));
+        }
+        section.finish();
+        supply
+    }
+}
+
+impl Oil {
+    fn read(mut section: Section) -> Self {
+        let allowed = "[at 40, at 100 degrees Celsius], falling, from 1 to 10000 mm2/s";
+        let viscosity = match section.optional_numbers("viscosity", 1.0..=1e4, allowed).as_deref() {
+            None => HM_46,
+            Some([at_40, at_100]) if at_40 > at_100 => (*at_40, *at_100),
+            Some(other) => {
+                section.refuse("viscosity", format!("{other:?}"), allowed);
+                HM_46
+            }
+        };
+        let oil = Self {
+            bulk_modulus: section.number("bulk_modulus", 1e8..=5e9, "Pa"),
+            air: section.number_or("air", 0.01, 1e-3..=0.3, ""),
+            temperature: section.number_or("temperature", 50.0, -40.0..=120.0, "degrees Celsius"),
+            viscosity,
+        };
+        section.finish();
+        oil
+    }
+}
+
+/// Viscosity of an HM 46 at 40 and at 100 degrees Celsius, mm2/s: the first is what the grade means (ISO 3448), the
+/// second that of an ordinary mineral oil of this grade.
+const HM_46: (f64, f64) = (46.0, 6.8);

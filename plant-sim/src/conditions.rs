@@ -1,0 +1,192 @@
+//! What a scenario has made of an axis at one time.
+//!
+//! ```text
+//! c(t) = clamp((t - start)/(end - start), 0, 1)
+//! factor(t) = product over the changes of 1 + (factor - 1) c(t)
+//! value(t)  = value_0 + sum over the changes of (value - value before) c(t)
+//! ```
+//!
+//! t, start and end in s; a change with start = end is a step. A temperature acts through the oil's viscosity nu by
+//! Walther's law ([`crate::oil`]), relative to that at the temperature for which the machine file holds:
+//!
+//! | what | goes with | because |
+//! |---|---|---|
+//! | viscous friction | nu | shear of a film |
+//! | leakage | 1/nu | laminar flow in a gap |
+//! | the valve's time constant | nu^(1/2) | the pilot line is part laminar (nu^1), part turbulent (nu^0); an assumption |
+//!
+//! The trap: a parameter that jumps between the stages of one Runge-Kutta step costs the method its order. Conditions
+//! are therefore taken at multiples of [`UPDATE_PERIOD_NS`], whatever the step is, and held between.
+
+use pipeline::machine::{Change, Oil, Parameter};
+
+use crate::oil::viscosity;
+
+/// How often conditions are taken anew, ns: 1 ms, a whole number of steps, far shorter than a control period and too
+/// short to see in a ramp. A change that is a step acts up to this much late.
+pub const UPDATE_PERIOD_NS: u64 = 1_000_000;
+
+/// What the parameters of an axis are multiplied by, and the values that are set, at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Conditions {
+    /// Of the rated flow.
+    pub flow_gain: f64,
+    /// Of all friction.
+    pub friction: f64,
+    /// Of the mass.
+    pub mass: f64,
+    /// Of the load force.
+    pub load_force: f64,
+    /// Of the valve's time constant, the oil's part included.
+    pub valve_time_constant: f64,
+    /// Of both dead bands.
+    pub dead_band: f64,
+    /// Of the hysteresis.
+    pub hysteresis: f64,
+    /// Of internal and external leakage, without the oil's part.
+    pub leakage: f64,
+    /// Force against extension, in parts of supply pressure times piston area.
+    pub external_force: f64,
+    /// Of the supply pressure.
+    pub supply_pressure: f64,
+    /// Of the pump's largest flow.
+    pub pump_flow: f64,
+    /// Of the bulk modulus.
+    pub bulk_modulus: f64,
+    /// Of the air in the oil.
+    pub air: f64,
+    /// nu by that at the temperature of the machine file.
+    pub viscosity: f64,
+}
+
+impl Conditions {
+    /// Nothing changed.
+    pub const NOMINAL: Self = Self {
+        flow_gain: 1.0,
+        friction: 1.0,
+        mass: 1.0,
+        load_force: 1.0,
+        valve_time_constant: 1.0,
+        dead_band: 1.0,
+        hysteresis: 1.0,
+        leakage: 1.0,
+        external_force: 0.0,
+        supply_pressure: 1.0,
+        pump_flow: 1.0,
+        bulk_modulus: 1.0,
+        air: 1.0,
+        viscosity: 1.0,
+    };
+
+    /// Conditions of axis `axis` at `time` s.
+    pub fn at(changes: &[Change], oil: &Oil, axis: usize, time: f64) -> Self {
+        let mut conditions = Self::NOMINAL;
+        let (mut temperature, mut last_temperature) = (oil.temperature, oil.temperature);
+        let mut last_force = 0.0;
+        for change in changes.iter().filter(|change| change.axis.is_none_or(|index| index == axis)) {
+            let part = part(change, time);
+            match conditions.factor(change.parameter) {
+                Some(factor) => *factor *= 1.0 + (change.to - 1.0) * part,
+                None if change.parameter == Parameter::Temperature => {
+                    temperature += (change.to - last_temperature) * part;
+                    last_temperature = change.to;
+                }
+                None => {
+                    conditions.external_force += (change.to - last_force) * part;
+                    last_force = change.to;
+                }
+            }
+        }
+        conditions.viscosity = viscosity(oil.viscosity, temperature) / viscosity(oil.viscosity, oil.temperature);
+        conditions.valve_time_constant *= conditions.viscosity.sqrt();
+        conditions
+    }
+
+    /// The factor of a parameter that has one.
+    fn factor(&mut self, parameter: Parameter) -> Option<&mut f64> {
+        Some(match parameter {
+            Parameter::FlowGain => &mut self.flow_gain,
+            Parameter::Friction => &mut self.friction,
+            Parameter::Mass => &mut self.mass,
+            Parameter::LoadForce => &mut self.load_force,
+            Parameter::ValveTimeConstant => &mut self.valve_time_constant,
+            Parameter::DeadBand => &mut self.dead_band,
+            Parameter::Hysteresis => &mut self.hysteresis,
+            Parameter::Leakage => &mut self.leakage,
+            Parameter::SupplyPressure => &mut self.supply_pressure,
+            Parameter::PumpFlow => &mut self.pump_flow,
+            Parameter::BulkModulus => &mut self.bulk_modulus,
+            Parameter::Air => &mut self.air,
+            Parameter::ExternalForce | Parameter::Temperature => return None,
+        })
+    }
+}
+
+/// How much of a change has happened.
+fn part(change: &Change, time: f64) -> f64 {
+    if time < change.start {
+        0.0
+    } else if time >= change.end {
+        1.0
+    } else {
+        (time - change.start) / (change.end - change.start)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OIL: Oil = Oil { bulk_modulus: 1.4e9, air: 0.01, temperature: 50.0, viscosity: (46.0, 6.8) };
+
+    fn change(parameter: Parameter, start: f64, end: f64, to: f64) -> Change {
+        Change { axis: None, parameter, start, end, to }
+    }
+
+    #[test]
+    fn a_ramp_is_linear_and_stays_at_its_end() {
+        let ramp = [change(Parameter::FlowGain, 8.0, 16.0, 0.6)];
+        for (time, expected) in [(0.0, 1.0), (8.0, 1.0), (12.0, 0.8), (16.0, 0.6), (1e6, 0.6)] {
+            let conditions = Conditions::at(&ramp, &OIL, 0, time);
+            assert!((conditions.flow_gain - expected).abs() < 1e-12, "{time} s: {conditions:?}");
+            assert_eq!(Conditions { flow_gain: 1.0, ..conditions }, Conditions::NOMINAL);
+        }
+    }
+
+    #[test]
+    fn a_change_without_length_is_a_step() {
+        let step = [change(Parameter::Mass, 2.0, 2.0, 3.0)];
+        assert_eq!(Conditions::at(&step, &OIL, 0, 1.999).mass, 1.0);
+        assert_eq!(Conditions::at(&step, &OIL, 0, 2.0).mass, 3.0);
+    }
+
+    #[test]
+    fn factors_of_the_same_parameter_multiply_and_values_follow_each_other() {
+        let leakage = [change(Parameter::Leakage, 1.0, 1.0, 2.0), change(Parameter::Leakage, 2.0, 2.0, 4.0)];
+        assert_eq!(Conditions::at(&leakage, &OIL, 0, 3.0).leakage, 8.0);
+        let force = [change(Parameter::ExternalForce, 1.0, 2.0, 0.4), change(Parameter::ExternalForce, 3.0, 4.0, -0.2)];
+        for (time, expected) in [(0.5, 0.0), (1.5, 0.2), (2.5, 0.4), (3.5, 0.1), (5.0, -0.2)] {
+            let found = Conditions::at(&force, &OIL, 0, time).external_force;
+            assert!((found - expected).abs() < 1e-12, "{time}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_change_of_one_axis_leaves_the_others_alone() {
+        let one = [Change { axis: Some(2), ..change(Parameter::Mass, 0.0, 0.0, 3.0) }];
+        let mass = [0, 1, 2, 3].map(|axis| Conditions::at(&one, &OIL, axis, 1.0).mass);
+        assert_eq!(mass, [1.0, 1.0, 3.0, 1.0]);
+    }
+
+    #[test]
+    fn cold_oil_is_thick_and_makes_the_valve_slow() {
+        let cold = [change(Parameter::Temperature, 0.0, 0.0, 5.0)];
+        let conditions = Conditions::at(&cold, &OIL, 0, 0.0);
+        let expected = viscosity(OIL.viscosity, 5.0) / viscosity(OIL.viscosity, 50.0);
+        assert_eq!(conditions.viscosity, expected);
+        assert!((10.0..20.0).contains(&expected), "{expected}");
+        assert_eq!(conditions.valve_time_constant, expected.sqrt());
+        let warm = Conditions::at(&[cold[0], change(Parameter::Temperature, 8.0, 16.0, 50.0)], &OIL, 0, 16.0);
+        assert!((warm.viscosity - 1.0).abs() < 1e-12);
+    }
+}

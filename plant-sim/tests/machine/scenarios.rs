@@ -1,0 +1,55 @@
+//! What scenarios do to the motion.
+
+use pipeline::machine::{Change, Parameter};
+
+use super::*;
+
+#[test]
+fn a_change_of_the_flow_gain_changes_the_speed_by_its_factor() {
+    let mut machine = excavator();
+    machine.scenario.changes =
+        vec![Change { axis: Some(0), parameter: Parameter::FlowGain, start: 1.2, end: 1.5, to: 0.5 }];
+    let plant = plant_of(&mut machine, 0);
+    // Else less speed means a little less friction, and another place another load.
+    plant.viscous_friction = 0.0;
+    plant.bristle_damping = 0.0;
+    plant.load_force = LoadForce::constant(120e3);
+    plant.initial_position = 0.1;
+    let mut sim = simulate(&machine);
+    let mut distance = |seconds| {
+        let begin = sim.axes()[0].position;
+        hold(&mut sim, 0.4, seconds);
+        sim.axes()[0].position - begin
+    };
+    distance(0.8);
+    let before = distance(0.4);
+    distance(0.8);
+    let after = distance(0.4);
+    assert!((after / before - 0.5).abs() < 0.005, "{before} {after}");
+}
+
+#[test]
+fn every_parameter_of_a_scenario_reaches_the_motion() {
+    let mut steady = excavator();
+    for axis in 0..4 {
+        plant_of(&mut steady, axis).external_leakage = 1e-12;
+    }
+    let run = |machine: &Machine| {
+        let mut sim = simulate(machine);
+        hold(&mut sim, 0.4, 0.5);
+        hold(&mut sim, -0.4, 0.5);
+        sim.axes()[0].position
+    };
+    let unchanged = run(&steady);
+    for parameter in Parameter::all() {
+        let mut machine = steady.clone();
+        let to = match parameter {
+            Parameter::Temperature => 20.0,
+            Parameter::PumpFlow => 0.2,
+            _ => 0.7,
+        };
+        machine.scenario.changes = vec![Change { axis: None, parameter, start: 0.1, end: 0.2, to }];
+        let changed = run(&machine);
+        assert!(changed.is_finite() && (changed - unchanged).abs() > 1e-7, "{parameter:?}: {changed} {unchanged}");
+    }
+}

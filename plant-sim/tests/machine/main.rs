@@ -1,7 +1,10 @@
 //! The simulated machine from outside: the built-in excavator and variations of it.
 
 mod drive;
+mod linear;
 mod motion;
+mod oil;
+mod rest;
 mod scenarios;
 
 use std::time::Duration;
@@ -13,6 +16,9 @@ use pipeline::{
 use plant_sim::PlantSim;
 
 const TICK: Duration = Duration::from_millis(10);
+
+/// The simulator's own step.
+const STEP: Duration = Duration::from_micros(100);
 
 /// The built-in machine under one of its scenarios.
 fn under(scenario: &str) -> Machine {
@@ -30,6 +36,15 @@ fn plant_of(machine: &mut Machine, axis: usize) -> &mut Plant {
 
 fn simulate(machine: &Machine) -> PlantSim {
     PlantSim::new(machine, 1).unwrap()
+}
+
+/// 1/beta_e of the machine's oil at `pressure` Pa above the atmosphere.
+fn compressibility(machine: &Machine, pressure: f64) -> f64 {
+    const ATMOSPHERE: f64 = 101_325.0;
+    let oil = machine.hydraulics.unwrap().oil;
+    let absolute = pressure + ATMOSPHERE;
+    let air = oil.air * (ATMOSPHERE / absolute).powf(1.0 / 1.4);
+    (1.0 / oil.bulk_modulus + air / (1.4 * absolute)) / (1.0 + air)
 }
 
 /// The same command for every axis.

@@ -1,10 +1,6 @@
 //! How the axes move, against closed formulas.
 
-use std::time::Duration;
-
 use super::*;
-
-const STEP: Duration = Duration::from_micros(100);
 
 /// Steady speed under a constant command, from (3) with both edges, (9) without acceleration, and no leakage.
 ///

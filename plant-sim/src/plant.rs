@@ -67,6 +67,8 @@ pub struct PlantSim {
     supply: Supply,
     hydraulics: Hydraulics,
     scenario: Scenario,
+    /// Model time after which the scenario changes nothing more.
+    changes_end_ns: u64,
     /// Of every axis at this time.
     conditions: Vec<Conditions>,
     states: Vec<AxisState>,
@@ -129,6 +131,7 @@ impl PlantSim {
             groups,
             supply: supply(&hydraulics, &conditions),
             hydraulics,
+            changes_end_ns: changes_end_ns(&scenario),
             scenario,
             conditions,
             states: Vec::with_capacity(count),
@@ -171,7 +174,7 @@ impl PlantSim {
     fn step(&mut self, steps: u64) {
         let step = seconds(self.step_ns);
         for _ in 0..steps {
-            if !self.scenario.changes.is_empty() && self.time_ns.is_multiple_of(UPDATE_PERIOD_NS) {
+            if self.time_ns <= self.changes_end_ns && self.time_ns.is_multiple_of(UPDATE_PERIOD_NS) {
                 self.change_conditions(step);
             }
             runge_kutta(&mut self.groups, &self.commands, &self.supply, step);
@@ -238,6 +241,12 @@ impl PlantSim {
 fn supply(hydraulics: &Hydraulics, conditions: &[Conditions]) -> Supply {
     let of = conditions.first().unwrap_or(&Conditions::NOMINAL);
     Supply { pressure: hydraulics.supply.pressure * of.supply_pressure, flow: hydraulics.supply.flow * of.pump_flow }
+}
+
+/// The first time at which conditions are taken and every change has ended.
+fn changes_end_ns(scenario: &Scenario) -> u64 {
+    let last = scenario.changes.iter().map(|change| change.end).fold(0.0, f64::max);
+    ((last * 1e9).ceil() as u64).next_multiple_of(UPDATE_PERIOD_NS)
 }
 
 fn seconds(ns: u64) -> f64 {

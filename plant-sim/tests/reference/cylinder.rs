@@ -102,8 +102,9 @@ impl Cylinder {
         (stiffness * z + damping * dz + self.dry * self.viscous * plant.viscous_friction * v, dz)
     }
 
-    /// F_L: Lagrange's parabola through the three forces.
+    /// F_L: Lagrange's parabola through the three forces; inside a stop as at the stop.
     fn load(&self, y: f64) -> f64 {
+        let y = y.clamp(0.0, self.stroke);
         let (force, part) = (self.plant.load_force, y / self.stroke);
         let parabola = force.retracted * 2.0 * (part - 0.5) * (part - 1.0) - force.middle * 4.0 * part * (part - 1.0)
             + force.extended * 2.0 * part * (part - 0.5);

@@ -48,8 +48,9 @@ impl Valve {
 
     /// Takes command and conditions to those of `now_ns`.
     pub fn update(&mut self, now_ns: u64, conditions: &Conditions, viscosity: f64) {
-        while let Some((_, command)) = self.given.pop_front_if(|(time, _)| *time <= now_ns) {
+        while let Some(&(_, command)) = self.given.front().filter(|(time, _)| *time <= now_ns) {
             self.acting = command;
+            self.given.pop_front();
         }
         let plant = &self.plant;
         let play = 0.5 * plant.hysteresis * conditions.factor(Parameter::Hysteresis);

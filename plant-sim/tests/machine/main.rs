@@ -2,6 +2,7 @@
 
 mod drive;
 mod motion;
+mod order;
 mod scenarios;
 
 use std::time::Duration;

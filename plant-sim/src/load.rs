@@ -1,10 +1,12 @@
 //! What the machine does to the piston: gravity, other forces, elasticity.
 //!
 //! ```text
-//! F(y) = c_0 + c_1 y + c_2 y^2 + F_ext + K (y - L/2)
+//! F(y) = c_0 + c_1 x + c_2 x^2 + F_ext + K (x - L/2)        x = min(max(y, 0), L)
 //! ```
 //!
-//! F N against extension, y position m, L stroke m, K N/m as in equation (9); F_ext N what a scenario adds. The
+//! F N against extension, y position m, L stroke m, K N/m as in equation (9); F_ext N what a scenario adds. Inside an
+//! end stop the force is that at the stop: a parabola that falls faster than the stop's spring rises would pull the
+//! piston through it. The
 //! parabola goes through the load's force at both ends and in the middle of the stroke, where an engineer can measure
 //! it: A1 p1 - A2 p2 of the axis at rest.
 //!
@@ -21,7 +23,7 @@
 
 use pipeline::machine::Plant;
 
-use crate::lanes::{LANES, Lanes, lanes};
+use crate::lanes::{LANES, Lanes, lanes, positive};
 
 /// Load of one axis, or of four: coefficients of F(y), in N, N/m, N/m2.
 #[derive(Debug, Clone, Copy)]
@@ -32,6 +34,8 @@ pub struct Load<T> {
     pub slope: T,
     /// Half its curvature.
     pub curvature: T,
+    /// L, m.
+    pub stroke: T,
 }
 
 impl Load<f64> {
@@ -44,17 +48,27 @@ impl Load<f64> {
             force: first + external - 0.5 * elasticity * stroke,
             slope: (4.0 * middle - 3.0 * first - last) / stroke + elasticity,
             curvature: 2.0 * (first - 2.0 * middle + last) / (stroke * stroke),
+            stroke,
         }
     }
 
     /// Force against extension at `position` m, N.
     pub fn at(&self, position: f64) -> f64 {
-        self.force + position * (self.slope + position * self.curvature)
+        let within = position.clamp(0.0, self.stroke);
+        self.force + within * (self.slope + within * self.curvature)
     }
 
-    /// Largest change of the force with the position, N/m, over `stroke` m.
-    pub fn steepest(&self, stroke: f64) -> f64 {
-        self.slope.abs().max((self.slope + 2.0 * self.curvature * stroke).abs())
+    /// Largest change of the force with the position, N/m.
+    pub fn steepest(&self) -> f64 {
+        self.slope.abs().max((self.slope + 2.0 * self.curvature * self.stroke).abs())
+    }
+
+    /// Least and largest force, N: at an end of the stroke, or where it turns.
+    pub fn range(&self) -> (f64, f64) {
+        let turn = -0.5 * self.slope / self.curvature;
+        let turn = if turn.is_finite() { turn } else { 0.0 };
+        let forces = [0.0, turn, self.stroke].map(|position| self.at(position));
+        (forces.into_iter().fold(f64::INFINITY, f64::min), forces.into_iter().fold(f64::NEG_INFINITY, f64::max))
     }
 }
 
@@ -65,13 +79,15 @@ impl Load<Lanes> {
             force: lanes(axes, |load| load.force),
             slope: lanes(axes, |load| load.slope),
             curvature: lanes(axes, |load| load.curvature),
+            stroke: lanes(axes, |load| load.stroke),
         }
     }
 
     /// Force against extension at `position` m, N.
     #[inline]
     pub fn at(&self, position: Lanes) -> Lanes {
-        self.force + position * (self.slope + position * self.curvature)
+        let within = positive(position).fast_min(self.stroke);
+        self.force + within * (self.slope + within * self.curvature)
     }
 }
 
@@ -93,7 +109,10 @@ mod tests {
         plant.load_stiffness = 3e4;
         let load = Load::new(&plant, stroke, 2.0, 5e3);
         let elastic = 3e4 * 0.5 * stroke;
-        for (position, expected) in [(0.0, 2e5 - elastic), (0.5 * stroke, 2.6e5), (stroke, -4e4 + elastic)] {
+        let (first, last) = (2e5 - elastic, -4e4 + elastic);
+        for (position, expected) in
+            [(-1.0, first), (0.0, first), (0.5 * stroke, 2.6e5), (stroke, last), (stroke + 1.0, last)]
+        {
             assert!((load.at(position) - expected - 5e3).abs() < 1e-6, "{position}");
             let four = Load::pack(&[load; LANES]).at(Lanes::splat(position)).to_array();
             assert_eq!(four, [load.at(position); LANES]);

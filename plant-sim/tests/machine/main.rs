@@ -5,6 +5,7 @@ mod linear;
 mod motion;
 mod oil;
 mod rest;
+mod order;
 mod scenarios;
 
 use std::time::Duration;

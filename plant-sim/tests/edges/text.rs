@@ -1,0 +1,39 @@
+//! Machine files: the built-in machine's text with other numbers in it.
+
+use std::path::Path;
+
+use pipeline::machine::{BUILT_IN, Machine};
+use toml::{Table, Value};
+
+/// Keys of `[axis.NAME.plant]` with their values; `stroke` is the axis'.
+pub type Edits = Vec<(&'static str, Value)>;
+
+/// A machine under the scenario `everything` whose axes are the built-in bucket with `axes` edits, and whose tables
+/// `[supply]` and `[oil]` have other values for `hydraulics`, such as `supply.flow`.
+pub fn machine(axes: &[Edits], hydraulics: &[(&str, f64)]) -> Machine {
+    let mut file: Table = BUILT_IN.parse().unwrap();
+    file.insert("scenario".to_owned(), "everything".into());
+    for (key, value) in hydraulics {
+        let (table, key) = key.split_once('.').unwrap();
+        file[table].as_table_mut().unwrap().insert(key.to_owned(), Value::Float(*value));
+    }
+    let bucket = file["axis"]["bucket"].clone();
+    let axes = axes.iter().enumerate().map(|(index, edits)| {
+        let mut axis = bucket.as_table().unwrap().clone();
+        let plant = axis["plant"].as_table_mut().unwrap();
+        plant.insert("bristle_damping".to_owned(), Value::Float(0.0));
+        plant.remove("bristle_stiffness");
+        for (key, value) in edits {
+            plant.insert((*key).to_owned(), value.clone());
+        }
+        if let Some(stroke) = plant.remove("stroke") {
+            axis.insert("soft_limits".to_owned(), Value::Array(vec![Value::Float(0.0), stroke.clone()]));
+            axis.insert("stroke".to_owned(), stroke);
+        }
+        axis["reference"] = Table::from_iter([("kind".to_owned(), Value::from("hold"))]).into();
+        (format!("axis-{index}"), Value::Table(axis))
+    });
+    file["axis"] = Value::Table(axes.collect());
+    let text = toml::to_string(&file).unwrap();
+    Machine::parse(&text, "edge.toml", Path::new("."), &[]).unwrap_or_else(|error| panic!("{error}\n{text}"))
+}

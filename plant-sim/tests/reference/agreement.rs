@@ -1,0 +1,176 @@
+//! How far apart simulator and reference are.
+
+use std::{thread, time::Duration};
+
+use pipeline::{
+    machine::{LoadForce, Machine, Plant, Scenario, ValveCurve},
+    message::ValveCommand,
+};
+use plant_sim::PlantSim;
+
+use super::{commands::commands, machine::Reference};
+
+/// Between two commands, and two looks at the positions, ns.
+const TICK: u64 = 10_000_000;
+
+/// 20 s.
+const TICKS: u64 = 2000;
+
+/// Largest distance of a position from the reference's, m.
+const BOUND: f64 = 5e-5;
+
+/// Largest change of a position by half the step, m.
+const HALVING_BOUND: f64 = 1e-4;
+
+/// Largest change of a position by a hundredth of the reference's tolerance, m.
+const TOLERANCE_BOUND: f64 = 1e-6;
+
+/// Half the simulator's step, ns.
+const HALF_STEP: u64 = 50_000;
+
+/// Dead volumes of either side of four small cylinders, cm3.
+const SMALL_VOLUMES: [u32; 4] = [400, 200, 100, 80];
+
+/// What two runs of the same machine under the same commands have in common.
+trait Run {
+    fn tick(&mut self, commands: &[f64]) -> Vec<f64>;
+}
+
+impl Run for PlantSim {
+    fn tick(&mut self, commands: &[f64]) -> Vec<f64> {
+        let mut message = ValveCommand::default();
+        message.axes.iter_mut().zip(commands).for_each(|(axis, command)| axis.command = *command);
+        self.command(&message);
+        self.advance(Duration::from_nanos(TICK));
+        self.axes().iter().map(|axis| axis.position).collect()
+    }
+}
+
+impl Run for Reference {
+    fn tick(&mut self, commands: &[f64]) -> Vec<f64> {
+        self.command(commands);
+        self.advance(TICK);
+        self.positions().collect()
+    }
+}
+
+/// Positions of every axis at every tick.
+fn run(machine: &Machine, mut run: impl Run) -> Vec<Vec<f64>> {
+    let commands = |tick| commands(&machine.scenario, machine.axes.len(), (tick * TICK) as f64 * 1e-9);
+    (0..TICKS).map(|tick| run.tick(&commands(tick))).collect()
+}
+
+/// Largest distance between two runs, m, axis by axis.
+fn apart(one: &[Vec<f64>], other: &[Vec<f64>]) -> Vec<f64> {
+    let mut worst = vec![0.0; one[0].len()];
+    for (one, other) in one.iter().zip(other) {
+        for (worst, (one, other)) in worst.iter_mut().zip(one.iter().zip(other)) {
+            // Not a number is infinitely far.
+            let distance = if (one - other).is_finite() { (one - other).abs() } else { f64::INFINITY };
+            *worst = f64::max(*worst, distance);
+        }
+    }
+    worst
+}
+
+/// Largest figures of one axis in one run, m.
+struct Figures {
+    run: String,
+    axis: String,
+    /// Simulator from reference.
+    error: f64,
+    /// Simulator from itself at half the step.
+    halving: f64,
+    /// Reference from itself at a hundredth of its tolerance.
+    tolerance: f64,
+    /// How far it moved.
+    travel: f64,
+}
+
+/// Runs `machine` by simulator and reference.
+fn figures(machine: &Machine, name: &str) -> Vec<Figures> {
+    let simulated = run(machine, PlantSim::new(machine, 1).unwrap());
+    let reference = run(machine, Reference::new(machine, 1.0));
+    let halving = apart(&simulated, &run(machine, PlantSim::with_step(machine, 1, HALF_STEP).unwrap()));
+    let tight = run(machine, Reference::new(machine, 100.0));
+    let (error, tolerance) = (apart(&simulated, &reference), apart(&reference, &tight));
+    let of = |axis: usize| {
+        let positions = || tight.iter().map(|positions| positions[axis]);
+        Figures {
+            run: name.to_owned(),
+            axis: machine.axes[axis].name.clone(),
+            error: error[axis],
+            halving: halving[axis],
+            tolerance: tolerance[axis],
+            travel: positions().fold(0.0, f64::max) - positions().fold(f64::INFINITY, f64::min),
+        }
+    };
+    (0..machine.axes.len()).map(of).collect()
+}
+
+/// Prints the figures as a table and holds them to their bounds.
+fn hold(figures: &[Figures]) {
+    println!("{:18} {:10} {:>9} {:>9} {:>9} {:>9}", "um", "axis", "error", "half step", "tolerance", "travel mm");
+    for Figures { run, axis, error, halving, tolerance, travel } in figures {
+        let [error, halving, tolerance] = [error, halving, tolerance].map(|distance| 1e6 * distance);
+        println!("{run:18} {axis:10} {error:9.3} {halving:9.3} {tolerance:9.5} {:9.1}", 1e3 * travel);
+    }
+    for Figures { run, axis, error, halving, tolerance, .. } in figures {
+        assert!(*tolerance < TOLERANCE_BOUND, "{run}, {axis}: the reference is no reference, {tolerance} m");
+        assert!(*error < BOUND, "{run}, {axis}: {error} m from the reference");
+        assert!(*halving < HALVING_BOUND, "{run}, {axis}: half the step changes {halving} m");
+    }
+}
+
+fn under(scenario: &str) -> Machine {
+    Machine::load(None, &[("scenario".to_owned(), scenario.to_owned())]).unwrap()
+}
+
+#[test]
+fn the_machine_is_within_the_bounds_under_every_scenario() {
+    let figures: Vec<Figures> = thread::scope(|scope| {
+        let scenarios = Scenario::built_in().into_iter();
+        let runs = scenarios.map(|scenario| scope.spawn(move || figures(&under(&scenario.name), &scenario.name)));
+        let runs: Vec<_> = runs.collect();
+        runs.into_iter().flat_map(|run| run.join().unwrap()).collect()
+    });
+    hold(&figures);
+    // Else the commands would not say much.
+    for Figures { run, axis, travel, .. } in figures.iter().filter(|figures| figures.run == "nominal") {
+        let stroke = under(run).axes.iter().find(|other| other.name == *axis).unwrap().stroke;
+        assert!(*travel > stroke, "{axis} moved by {travel} m and did not meet both stops");
+    }
+}
+
+#[test]
+fn pilot_valves_with_half_a_second_of_dead_time_are_within_the_bounds() {
+    let mut machine = under("everything");
+    for (axis, plant) in plants(&mut machine).enumerate() {
+        plant.valve_curve = ValveCurve::S;
+        (plant.dead_band.extend, plant.saturation.extend) = (0.38, 0.72);
+        (plant.dead_band.retract, plant.saturation.retract) = (0.35, 0.7);
+        // One that is no whole number of milliseconds, too.
+        plant.dead_time = [0.5, 0.5, 0.0123, 0.0][axis];
+    }
+    hold(&figures(&machine, "S, 0.5 s"));
+}
+
+#[test]
+fn small_dead_volumes_at_the_stops_are_within_the_bounds() {
+    let mut machine = under("nominal");
+    for (index, plant) in plants(&mut machine).enumerate() {
+        // A bucket's cylinder: about the least volumes that the step of the simulator is allowed.
+        let volume = 1e-6 * f64::from(SMALL_VOLUMES[index]);
+        (plant.piston_area, plant.rod_area) = (5e-3, 2.6e-3);
+        (plant.piston_dead_volume, plant.rod_dead_volume) = (volume, volume);
+        (plant.mass, plant.rated_flow) = (1e3, 8e-4);
+        // Stiffer ones the simulator refuses at the speed of so light a mass.
+        plant.bristle_stiffness = 8e6;
+        plant.load_force = LoadForce { retracted: 14e3, middle: 10e3, extended: -4e3 };
+    }
+    hold(&figures(&machine, "small volumes"));
+}
+
+fn plants(machine: &mut Machine) -> impl Iterator<Item = &mut Plant> {
+    machine.axes.iter_mut().map(|axis| axis.plant.as_mut().unwrap())
+}

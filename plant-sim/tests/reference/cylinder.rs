@@ -1,0 +1,137 @@
+//! One cylinder at one time, from the equations in `plant_sim::{cylinder, orifice, oil, friction, load, port,
+//! end_stop}`, written again in plain numbers.
+
+use pipeline::machine::{Hydraulics, Parameter, Plant};
+
+use super::conditions::Conditions;
+
+/// Parameters of one axis, all conditions worked in; SI units.
+pub struct Cylinder {
+    plant: Plant,
+    stroke: f64,
+    supply_pressure: f64,
+    return_pressure: f64,
+    bulk_modulus: f64,
+    air: f64,
+    /// k
+    conductance: f64,
+    mass: f64,
+    /// Factors of gravity, leakage, dry friction, and of viscous friction as well.
+    gravity: f64,
+    leakage: f64,
+    dry: f64,
+    viscous: f64,
+    external_force: f64,
+}
+
+/// f(dp) = dp / (dp^2 + p_tr^2)^(1/4)
+fn root(drop: f64) -> f64 {
+    let transition = 2e4;
+    drop / drop.hypot(transition).sqrt()
+}
+
+impl Cylinder {
+    pub fn new(plant: &Plant, stroke: f64, hydraulics: &Hydraulics, conditions: &Conditions, viscosity: f64) -> Self {
+        let Hydraulics { supply, oil } = hydraulics;
+        Self {
+            supply_pressure: supply.pressure * conditions.factor(Parameter::SupplyPressure),
+            return_pressure: supply.return_pressure,
+            bulk_modulus: oil.bulk_modulus * conditions.factor(Parameter::BulkModulus),
+            air: oil.air * conditions.factor(Parameter::Air),
+            conductance: plant.rated_flow * conditions.factor(Parameter::FlowGain) / plant.rated_pressure_drop.sqrt(),
+            mass: plant.mass * conditions.factor(Parameter::Mass),
+            gravity: conditions.factor(Parameter::LoadForce),
+            leakage: conditions.factor(Parameter::Leakage) / viscosity,
+            dry: conditions.factor(Parameter::Friction),
+            viscous: viscosity,
+            external_force: conditions.value(Parameter::ExternalForce, 0.0) * supply.pressure * plant.piston_area,
+            plant: plant.clone(),
+            stroke,
+        }
+    }
+
+    /// q_i, m3/s: what the axis asks of the pump at the opening `x`.
+    pub fn demand(&self, x: f64, p1: f64, p2: f64) -> f64 {
+        let fed = if x >= 0.0 { p1 } else { p2 };
+        self.conductance * x.abs() * root(self.supply_pressure - fed).max(0.0)
+    }
+
+    /// Rates of y, v, p1, p2 and z at the opening `x`, when the pump feeds `feed` m3/s.
+    pub fn rates(&self, state: &[f64], x: f64, feed: f64) -> [f64; 5] {
+        let &[y, v, p1, p2, z] = state else { unreachable!("five numbers for each axis") };
+        let plant = &self.plant;
+        let drain = |p: f64| self.conductance * x.abs() * root(p - self.return_pressure);
+        let (q1, q2) = if x >= 0.0 { (feed, drain(p2)) } else { (-drain(p1), -feed) };
+        let internal = self.leakage * plant.internal_leakage * (p1 - p2);
+        let external = self.leakage * plant.external_leakage;
+        let into_piston = q1 - plant.piston_area * v - internal - external * p1 - self.port(p1);
+        let into_rod = plant.rod_area * v - q2 + internal - external * p2 - self.port(p2);
+        let volume = |dead: f64, area: f64, out: f64| (dead + area * out).max(0.1 * dead);
+        let v1 = volume(plant.piston_dead_volume, plant.piston_area, y);
+        let v2 = volume(plant.rod_dead_volume, plant.rod_area, self.stroke - y);
+        let (friction, dz) = self.friction(v, z);
+        let force = plant.piston_area * p1 - plant.rod_area * p2 - friction - self.load(y) + self.stops(y, v);
+        [v, force / self.mass, self.modulus(p1) * into_piston / v1, self.modulus(p2) * into_rod / v2, dz]
+    }
+
+    /// beta_e
+    fn modulus(&self, p: f64) -> f64 {
+        let (atmosphere, kappa) = (101_325.0, 1.4);
+        let absolute = atmosphere + p.max(-0.99 * atmosphere);
+        let r = self.air * (atmosphere / absolute).powf(1.0 / kappa);
+        (1.0 + r) / (1.0 / self.bulk_modulus + r / (kappa * absolute))
+    }
+
+    /// Relief and make-up, m3/s out of the chamber.
+    fn port(&self, p: f64) -> f64 {
+        let relief = self.plant.relief_pressure;
+        let flow = self.plant.rated_flow;
+        flow * (p - relief).max(0.0) / (0.05 * relief) - flow * (-p).max(0.0) / 5e4
+    }
+
+    /// F and dz/dt
+    fn friction(&self, v: f64, z: f64) -> (f64, f64) {
+        let plant = &self.plant;
+        // Without any dry friction the bristles do not turn to slip; the floor is the simulator's.
+        let (coulomb, most) =
+            ((self.dry * plant.coulomb_friction).max(1e-6), (self.dry * plant.static_friction).max(1e-6));
+        let g = coulomb + (most - coulomb) / (1.0 + (v / plant.stribeck_speed).powi(2));
+        let stiffness = self.dry * plant.bristle_stiffness;
+        let damping = self.dry * self.viscous.min(1.0) * plant.bristle_damping;
+        let dz = v - stiffness * v.abs() * z / g;
+        (stiffness * z + damping * dz + self.dry * self.viscous * plant.viscous_friction * v, dz)
+    }
+
+    /// F_L: Lagrange's parabola through the three forces; inside a stop as at the stop.
+    fn load(&self, y: f64) -> f64 {
+        let y = y.clamp(0.0, self.stroke);
+        let (force, part) = (self.plant.load_force, y / self.stroke);
+        let parabola = force.retracted * 2.0 * (part - 0.5) * (part - 1.0) - force.middle * 4.0 * part * (part - 1.0)
+            + force.extended * 2.0 * part * (part - 0.5);
+        self.gravity * parabola + self.external_force + self.plant.load_stiffness * (y - 0.5 * self.stroke)
+    }
+
+    fn stops(&self, y: f64, v: f64) -> f64 {
+        let (stiffness, damping) = (self.plant.end_stop_stiffness, self.plant.end_stop_damping);
+        if y < 0.0 {
+            (-stiffness * y - damping * v).max(0.0)
+        } else if y > self.stroke {
+            -(stiffness * (y - self.stroke) + damping * v).max(0.0)
+        } else {
+            0.0
+        }
+    }
+
+    /// y, v, p1, p2 and z of the axis at rest at `y`: the rod side in the middle between return and supply pressure;
+    /// where that would leave the piston side less than the return pressure, the piston side at that.
+    pub fn at_rest(&self, y: f64) -> [f64; 5] {
+        let (a1, a2, load) = (self.plant.piston_area, self.plant.rod_area, self.load(y));
+        let rod = 0.5 * (self.supply_pressure + self.return_pressure);
+        let piston = (load + a2 * rod) / a1;
+        if piston >= self.return_pressure {
+            return [y, 0.0, piston, rod, 0.0];
+        }
+        let rod = (a1 * self.return_pressure - load) / a2;
+        [y, 0.0, self.return_pressure, rod.max(self.return_pressure), 0.0]
+    }
+}

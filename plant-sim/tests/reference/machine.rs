@@ -1,0 +1,113 @@
+//! The reference: all axes of a machine as one system of differential equations.
+//!
+//! The right-hand side is smooth between two instants: where conditions are taken anew, each 1 ms, and where a command
+//! has come through its valve's dead time. The integrator starts anew at each.
+
+use pipeline::machine::{Hydraulics, Machine, Parameter, Scenario};
+
+use super::{conditions::Conditions, cylinder::Cylinder, dormand_prince::DormandPrince, valve::Valve};
+
+/// Errors allowed in one step: y m, v m/s, p1 and p2 Pa, z m.
+const TOLERANCE: [f64; 5] = [1e-10, 1e-7, 10.0, 10.0, 1e-10];
+
+/// Conditions are taken anew at multiples of it, ns.
+const UPDATE_PERIOD: u64 = 1_000_000;
+
+pub struct Reference {
+    hydraulics: Hydraulics,
+    scenario: Scenario,
+    axes: Vec<pipeline::machine::Axis>,
+    valves: Vec<Valve>,
+    cylinders: Vec<Cylinder>,
+    /// y, v, p1, p2, z of one axis after the other.
+    state: Vec<f64>,
+    integrator: DormandPrince,
+    /// Q
+    flow: f64,
+    time_ns: u64,
+}
+
+impl Reference {
+    /// `machine` at rest; the tolerances are divided by `tightened`.
+    pub fn new(machine: &Machine, tightened: f64) -> Self {
+        let tolerance = machine.axes.iter().flat_map(|_| TOLERANCE.map(|tolerance| tolerance / tightened)).collect();
+        let mut reference = Self {
+            hydraulics: machine.hydraulics.unwrap(),
+            scenario: machine.scenario.clone(),
+            valves: machine.axes.iter().map(|axis| Valve::new(axis.plant.as_ref().unwrap())).collect(),
+            axes: machine.axes.clone(),
+            cylinders: Vec::new(),
+            state: Vec::new(),
+            integrator: DormandPrince::new(tolerance, 1e-5),
+            flow: 0.0,
+            time_ns: 0,
+        };
+        reference.update();
+        let plants = machine.axes.iter().map(|axis| axis.plant.as_ref().unwrap());
+        let at_rest = plants.zip(&reference.cylinders).flat_map(|(plant, axis)| axis.at_rest(plant.initial_position));
+        reference.state = at_rest.collect();
+        reference
+    }
+
+    /// Gives each axis its command.
+    pub fn command(&mut self, commands: &[f64]) {
+        for (valve, command) in self.valves.iter_mut().zip(commands) {
+            valve.command(self.time_ns, *command);
+        }
+    }
+
+    /// Takes conditions and commands to those of this time.
+    fn update(&mut self) {
+        let time = self.time_ns as f64 * 1e-9;
+        let at = |axis| Conditions { changes: &self.scenario.changes, axis, time };
+        let conditions_change = !self.scenario.changes.is_empty() && self.time_ns.is_multiple_of(UPDATE_PERIOD);
+        if self.cylinders.is_empty() || conditions_change {
+            let axes = self.axes.iter().enumerate();
+            let cylinders = axes.map(|(index, axis)| {
+                let viscosity = at(index).viscosity(&self.hydraulics.oil);
+                Cylinder::new(axis.plant.as_ref().unwrap(), axis.stroke, &self.hydraulics, &at(index), viscosity)
+            });
+            self.cylinders = cylinders.collect();
+            self.flow = self.hydraulics.supply.flow * at(0).factor(Parameter::PumpFlow);
+        }
+        for (index, valve) in self.valves.iter_mut().enumerate() {
+            valve.update(self.time_ns, &at(index), at(index).viscosity(&self.hydraulics.oil));
+        }
+    }
+
+    /// Advances by `duration` ns.
+    pub fn advance(&mut self, duration: u64) {
+        let end = self.time_ns + duration;
+        while self.time_ns < end {
+            self.update();
+            let update = (self.time_ns / UPDATE_PERIOD + 1) * UPDATE_PERIOD;
+            let commands = self.valves.iter().filter_map(Valve::next_change);
+            let next = commands.fold(end.min(update), u64::min);
+            let length = (next - self.time_ns) as f64 * 1e-9;
+            let Self { valves, cylinders, flow, .. } = self;
+            let mut asked = vec![(0.0, 0.0); cylinders.len()];
+            self.integrator.advance(length, &mut self.state, |after, state, rates| {
+                for (i, (opening, demand)) in asked.iter_mut().enumerate() {
+                    *opening = valves[i].opening(after);
+                    *demand = cylinders[i].demand(*opening, state[5 * i + 2], state[5 * i + 3]);
+                }
+                let total: f64 = asked.iter().map(|(_, demand)| demand).sum();
+                let share = if total > *flow { *flow / total } else { 1.0 };
+                for (i, (opening, demand)) in asked.iter().enumerate() {
+                    let axis = 5 * i..5 * i + 5;
+                    let own = cylinders[i].rates(&state[axis.clone()], *opening, share * demand);
+                    rates[axis].copy_from_slice(&own);
+                }
+            });
+            for valve in &mut self.valves {
+                valve.advance(length);
+            }
+            self.time_ns = next;
+        }
+    }
+
+    /// y of every axis, m.
+    pub fn positions(&self) -> impl Iterator<Item = f64> {
+        self.state.chunks(5).map(|axis| axis[0])
+    }
+}

@@ -6,8 +6,7 @@
 //!
 //! F N against extension, y position m, L stroke m, K N/m as in equation (9); F_ext N what a scenario adds. Inside an
 //! end stop the force is that at the stop: a parabola that falls faster than the stop's spring rises would pull the
-//! piston through it. The
-//! parabola goes through the load's force at both ends and in the middle of the stroke, where an engineer can measure
+//! piston through it. The parabola goes through the load's force at both ends and in the middle of the stroke, where an engineer can measure
 //! it: A1 p1 - A2 p2 of the axis at rest.
 //!
 //! A cylinder that turns a joint, pinned at the distances a and b from it, has the length l = l_0 + y, the angle gamma
@@ -63,12 +62,11 @@ impl Load<f64> {
         self.slope.abs().max((self.slope + 2.0 * self.curvature * self.stroke).abs())
     }
 
-    /// Least and largest force, N: at an end of the stroke, or where it turns.
-    pub fn range(&self) -> (f64, f64) {
+    /// Largest force either way, N: at an end of the stroke, or where it turns.
+    pub fn largest(&self) -> f64 {
         let turn = -0.5 * self.slope / self.curvature;
         let turn = if turn.is_finite() { turn } else { 0.0 };
-        let forces = [0.0, turn, self.stroke].map(|position| self.at(position));
-        (forces.into_iter().fold(f64::INFINITY, f64::min), forces.into_iter().fold(f64::NEG_INFINITY, f64::max))
+        [0.0, turn, self.stroke].map(|position| self.at(position).abs()).into_iter().fold(0.0, f64::max)
     }
 }
 

@@ -64,7 +64,7 @@ fn the_heaviest_mass_between_the_softest_stops() {
 #[test]
 fn the_largest_areas_and_volumes() {
     let large = [("piston_area", 1.0), ("rod_area", 1.0), ("piston_dead_volume", 1.0), ("rod_dead_volume", 1.0)];
-    let others = [("mass", 1e6), ("rated_flow", 1.0), ("bristle_stiffness", 5e6)];
+    let others = [("mass", 1e6), ("rated_flow", 1.0)];
     hold("large", &[large.as_slice(), others.as_slice()].concat(), &[("supply.flow", 10.0)]);
 }
 
@@ -83,7 +83,7 @@ fn a_relief_pressure_below_that_of_the_pump() {
 #[test]
 fn loads_beyond_what_the_pump_holds() {
     for load in [6e5, -6e5] {
-        hold("load", &[("load_force", load), ("mass", 4e4), ("bristle_stiffness", 3e6)], &[]);
+        hold("load", &[("load_force", load)], &[]);
     }
 }
 
@@ -94,21 +94,20 @@ fn the_smallest_pump() {
 
 #[test]
 fn most_and_least_air_in_the_softest_and_the_hardest_oil() {
-    hold("foam", &[("bristle_stiffness", 3e6)], &[("oil.air", 0.3), ("oil.bulk_modulus", 1e8)]);
-    hold("hard oil", &[("rated_flow", 1e-3)], &[("oil.air", 1e-3), ("oil.bulk_modulus", 4e9)]);
+    hold("foam", &[], &[("oil.air", 0.3), ("oil.bulk_modulus", 1e8)]);
+    hold("hard oil", &[("rated_flow", 1e-3)], &[("oil.air", 1e-3), ("oil.bulk_modulus", 5e9)]);
 }
 
 #[test]
 fn the_largest_leakage() {
     let volumes = [("piston_dead_volume", 1.0), ("rod_dead_volume", 1.0)];
-    let leaks = [("internal_leakage", 1e-9), ("external_leakage", 1e-9), ("bristle_stiffness", 2e6)];
+    let leaks = [("internal_leakage", 1e-9), ("external_leakage", 1e-9)];
     hold("leaks", &[volumes.as_slice(), leaks.as_slice()].concat(), &[]);
 }
 
-/// Soft stops and a light mass under a load that snaps: bristles went to infinity before the speed that the load gives
-/// and the volume that is left in the stop counted.
+/// Soft stops and a light mass under a load that snaps: its bristles went to infinity before they had a fastest rate.
 #[test]
-fn a_light_mass_under_a_load_that_snaps_is_refused() {
+fn a_light_mass_under_a_load_that_snaps() {
     let mut axis: text::Edits = [
         ("stroke", 4.0),
         ("initial_position", 2.0729),
@@ -127,7 +126,5 @@ fn a_light_mass_under_a_load_that_snaps_is_refused() {
     .to_vec();
     axis.push(("load_force", Value::Array([-3.6, -1.412e6, -4603.0].map(Value::Float).to_vec())));
     let oil = [("supply.pressure", 1.834e6), ("supply.return_pressure", 1.651e6), ("oil.bulk_modulus", 2.43e8)];
-    let machine = text::machine(&[axis], &oil);
-    let error = plant_sim::PlantSim::new(&machine, 1).err();
-    assert!(matches!(error, Some(plant_sim::PlantError::TooStiff { .. })), "{error:?}");
+    bounds::hold(&text::machine(&[axis], &oil), "snapping load");
 }

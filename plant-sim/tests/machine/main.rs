@@ -4,8 +4,8 @@ mod drive;
 mod linear;
 mod motion;
 mod oil;
-mod rest;
 mod order;
+mod rest;
 mod scenarios;
 
 use std::time::Duration;

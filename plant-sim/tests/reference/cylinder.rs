@@ -98,7 +98,8 @@ impl Cylinder {
         let g = coulomb + (most - coulomb) / (1.0 + (v / plant.stribeck_speed).powi(2));
         let stiffness = self.dry * plant.bristle_stiffness;
         let damping = self.dry * self.viscous.min(1.0) * plant.bristle_damping;
-        let dz = v - stiffness * v.abs() * z / g;
+        let forgetting = stiffness * v.abs() / g;
+        let dz = (v - forgetting * z) * if forgetting > 1e4 { 1e4 / forgetting } else { 1.0 };
         (stiffness * z + damping * dz + self.dry * self.viscous * plant.viscous_friction * v, dz)
     }
 

@@ -72,7 +72,7 @@ impl Oil {
         };
         let oil = Self {
             bulk_modulus: section.number("bulk_modulus", 1e8..=5e9, "Pa"),
-            air: section.number_or("air", 0.01, 1e-3..=0.3, ""),
+            air: section.number_or("air", 0.01, 2e-3..=0.3, ""),
             temperature: section.number_or("temperature", 50.0, -40.0..=120.0, "degrees Celsius"),
             viscosity,
         };

@@ -34,7 +34,7 @@ impl Draw {
             ("supply.return_pressure", self.log_or_zero(1e2, 1e7).min(0.9 * pressure)),
             ("supply.flow", self.log(1e-6, 10.0)),
             ("oil.bulk_modulus", self.log(1e8, 5e9)),
-            ("oil.air", self.log(1e-3, 0.3)),
+            ("oil.air", self.log(2e-3, 0.3)),
         ]
     }
 

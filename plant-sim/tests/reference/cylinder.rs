@@ -77,7 +77,7 @@ impl Cylinder {
     /// beta_e
     fn modulus(&self, p: f64) -> f64 {
         let (atmosphere, kappa) = (101_325.0, 1.4);
-        let absolute = atmosphere + p.max(-0.99 * atmosphere);
+        let absolute = atmosphere + p.max(-0.999 * atmosphere);
         let r = self.air * (atmosphere / absolute).powf(1.0 / kappa);
         (1.0 + r) / (1.0 / self.bulk_modulus + r / (kappa * absolute))
     }

@@ -99,6 +99,10 @@ impl Reference {
                     rates[axis].copy_from_slice(&own);
                 }
             });
+            // A cavity larger than what the air fills at 100 Pa is forgotten.
+            for pressures in self.state.chunks_mut(5).map(|axis| &mut axis[2..4]) {
+                pressures.iter_mut().for_each(|pressure| *pressure = pressure.max(-0.999 * 101_325.0));
+            }
             for valve in &mut self.valves {
                 valve.advance(length);
             }

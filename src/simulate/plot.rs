@@ -220,3 +220,36 @@ impl Line {
         first.into_iter().chain(steps).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_line_is_thinned_and_keeps_its_extremes() {
+        let mut line = Line { points: Vec::new(), stretch: 100.0 / STRETCHES, open: None };
+        for i in 0..100_000 {
+            let spike = if i == 34_567 { 5.0 } else { 0.0 };
+            line.push(f64::from(i) * 1e-3, f64::from(i).sin() + spike);
+        }
+        line.close();
+        assert!((1000..=2002).contains(&line.points.len()), "{}", line.points.len());
+        assert!(line.points.contains(&(34.567, f64::from(34_567).sin() + 5.0)));
+        assert!(line.points.windows(2).all(|pair| pair[0].0 < pair[1].0));
+    }
+
+    #[test]
+    fn a_short_line_is_drawn_whole() {
+        let mut line = Line { points: Vec::new(), stretch: 4.0 / STRETCHES, open: None };
+        let points = [(1.0, 0.5), (2.0, -0.5), (2.1, 0.25), (5.0, 0.0)];
+        points.iter().for_each(|(t, value)| line.push(*t, *value));
+        line.close();
+        assert_eq!(line.points, points);
+        assert_eq!(line.held()[..3], [(1.0, 0.5), (2.0, 0.5), (2.0, -0.5)]);
+    }
+
+    #[test]
+    fn numbers_beside_an_axis_are_short() {
+        assert_eq!([650.0, 0.05, -0.0, -1e-17, 1234.5].map(|value| tick(&value)), ["650", "0.05", "0", "0", "1234.5"]);
+    }
+}

@@ -32,20 +32,29 @@ const STALL_PERIODS: u32 = 3;
 /// Runs the command.
 pub fn run(arguments: &cli::Run) -> Result<(), Failure> {
     let machine = stage::load(&arguments.machine)?;
+    let scenario = &machine.scenario;
+    if !scenario.commands.is_empty() {
+        return Err(Failure::Usage(format!(
+            "scenario \"{0}\" is an open loop, without a controller; type: hydraxis simulate --scenario {0}",
+            scenario.name
+        )));
+    }
     let rows = check::deep(&machine)?;
     let output = Output::open(arguments.json.as_deref())?;
+    let is_simulated = machine.source == Source::Sim;
     let options = Options {
         prefix: arguments.prefix.clone().unwrap_or_else(Prefix::of_this_process),
         clock: if arguments.lockstep { Clock::LockStep } else { Clock::RealTime },
         ticks: Some(ticks(&machine, rows, arguments.duration)?),
         seed: arguments.seed,
         // Only a simulated machine moves without being asked to.
-        arm: machine.source == Source::Sim,
+        arm: is_simulated,
         stop: stage::stop_flag()?,
     };
     // What a killed run of this name has left; a living one is left alone.
     remove_leftovers(&options.prefix).map_err(Failure::run)?;
-    eprintln!("{}: group \"{}\", Ctrl-C ends it", machine.name, options.prefix);
+    let scenario = if is_simulated { format!(", scenario \"{}\"", scenario.name) } else { String::new() };
+    eprintln!("{}{scenario}: group \"{}\", Ctrl-C ends it", machine.name, options.prefix);
     let result = group(&machine, arguments, &options);
     // A client that is still attached keeps the files; the next run of this name removes them.
     let _ = remove_leftovers(&options.prefix);

@@ -96,8 +96,14 @@ impl Table {
         self.header.iter().any(|name| name == column)
     }
 
-    /// An error about this file.
-    pub fn error(&self, problems: Vec<TableProblem>) -> TableError {
+    /// Names of all columns, in the order of the file.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.header.iter().map(String::as_str)
+    }
+
+    /// An error about this file; of many problems the first are kept.
+    pub fn error(&self, mut problems: Vec<TableProblem>) -> TableError {
+        problems.truncate(MAX_PROBLEMS);
         TableError { file: self.file.clone(), problems }
     }
 

@@ -7,7 +7,7 @@ mod values;
 use clap::{Parser, Subcommand};
 
 pub use identify::Identify;
-pub use run::{MachineFile, Run, Simulate, Stage};
+pub use run::{MachineFile, Recording, Run, Simulate, Stage};
 pub use values::Samples;
 
 /// Identifies and controls the electrohydraulic axes of a machine.
@@ -27,7 +27,7 @@ pub struct Arguments {
 pub enum Command {
     /// Run a machine: one process per stage, over shared memory
     Run(Run),
-    /// Run the same loop in one process, without shared memory
+    /// Run the same loop in one process, without shared memory, or the simulated machine without a controller
     Simulate(Simulate),
     /// Identify a Hammerstein model on a recording, offline and adaptive side by side
     Identify(Box<Identify>),

@@ -3,7 +3,7 @@
 use std::{path::PathBuf, time::Duration};
 
 use clap::Args;
-use pipeline::channel::Prefix;
+use pipeline::{channel::Prefix, machine::Scenario};
 
 use super::values::{duration, setting};
 
@@ -16,15 +16,36 @@ pub struct MachineFile {
     /// Use another value for a key of the machine file; may be given several times
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
     pub settings: Vec<(String, String)>,
+    /// What changes while the simulated machine works: a built-in scenario (`hydraxis simulate --help` lists them), or
+    /// one of the machine file
+    #[arg(long, value_name = "NAME")]
+    pub scenario: Option<String>,
+}
+
+impl MachineFile {
+    /// Everything that takes the place of what the file says; `--scenario` is the last, which counts.
+    pub fn settings(&self) -> Vec<(String, String)> {
+        let scenario = self.scenario.iter().map(|name| ("scenario".to_owned(), name.clone()));
+        self.settings.iter().cloned().chain(scenario).collect()
+    }
+}
+
+/// `examples`, and the built-in scenarios.
+fn with_scenarios(examples: &str) -> String {
+    let scenarios = Scenario::built_in();
+    let width = scenarios.iter().map(|scenario| scenario.name.len()).max().unwrap_or_default();
+    let lines = scenarios.iter().map(|scenario| format!("\n  {:width$}  {}", scenario.name, scenario.summary));
+    format!("{examples}\n\nScenarios:{}", lines.collect::<String>())
 }
 
 /// `run`.
 #[derive(Debug, Args)]
-#[command(after_help = "\
+#[command(after_help = with_scenarios("\
 Examples:
   hydraxis run                                        the built-in excavator in real time, 20 s
   hydraxis run --lockstep --duration 60s --seed 7     as fast as the machine allows, bit for bit repeatable
-  hydraxis run my.toml --set axis.boom.forgetting=constant:0.995 --json out.json")]
+  hydraxis run --scenario payload                     with a load that grows on the way
+  hydraxis run my.toml --set axis.boom.forgetting=constant:0.995 --json out.json"))]
 pub struct Run {
     /// The machine
     #[command(flatten)]
@@ -48,6 +69,12 @@ pub struct Run {
 
 /// `simulate`.
 #[derive(Debug, Args)]
+#[command(after_help = with_scenarios("\
+Examples:
+  hydraxis simulate --scenario payload --plot motion.svg              the loop as of `run`, and a picture
+  hydraxis simulate --scenario open-loop --axis boom --plot boom.svg  no controller, the scenario's commands
+  hydraxis simulate --open-loop u.csv > y.csv                         no controller, your commands: columns t, boom, ..")
+)]
 pub struct Simulate {
     /// The machine
     #[command(flatten)]
@@ -55,12 +82,33 @@ pub struct Simulate {
     /// How long, in the machine's time; without it 20 s, or the whole record when it is replayed
     #[arg(long, value_parser = duration)]
     pub duration: Option<Duration>,
+    /// Simulate the plant alone, under the commands of a CSV file: column `t` (s) and one per axis, in [-1, 1], each
+    /// held until the next row
+    #[arg(long, value_name = "U.csv", conflicts_with = "duration")]
+    pub open_loop: Option<PathBuf>,
+    /// What is kept of the motion
+    #[command(flatten)]
+    pub recording: Recording,
     /// Seed of the simulated noise
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Write the figures as JSON, to a file or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+}
+
+/// What `simulate` keeps of the motion.
+#[derive(Debug, Args)]
+pub struct Recording {
+    /// Write commands and true states as CSV, to a file or to standard output with -
+    #[arg(long, value_name = "FILE.csv")]
+    pub trajectory: Option<PathBuf>,
+    /// Draw commands and positions over time, to a file or to standard output with -
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+    /// Only this axis in trajectory and picture; may be given several times
+    #[arg(long = "axis", value_name = "NAME")]
+    pub axes: Vec<String>,
 }
 
 /// One stage by name.

@@ -180,16 +180,17 @@ impl<'d, 'i> Section<'d, 'i> {
 
     /// `None` when the key is absent, `Some(None)` when its value was refused.
     fn optional<T>(&mut self, key: &str, allowed: &str, parse: impl Fn(&DeValue) -> Option<T>) -> Option<Option<T>> {
-        let (parsed, shown) = match self.take(key)? {
-            Value::File(value) => (parse(value.get_ref()), show(value.get_ref())),
+        let (parsed, shown, line) = match self.take(key)? {
+            Value::File(value) => (parse(value.get_ref()), show(value.get_ref()), self.line_of(key)),
             Value::Setting(text) => {
                 // A setting is TOML where it can be, else a plain string: `--set axis.boom.forgetting=paper`.
                 let as_toml = DeValue::parse(&text).ok().and_then(|value| parse(value.get_ref()));
-                (as_toml.or_else(|| parse(&DeValue::String(text.as_str().into()))), format!("{text} (from --set)"))
+                let parsed = as_toml.or_else(|| parse(&DeValue::String(text.as_str().into())));
+                (parsed, format!("{text} (from the command line)"), None)
             }
         };
         if parsed.is_none() {
-            self.refuse(key, shown, allowed);
+            self.document.problem(line, self.key(key), shown, allowed);
         }
         Some(parsed)
     }

@@ -103,7 +103,7 @@ fn a_setting_takes_the_place_of_the_file() {
     assert_eq!(set("timing.period", "5ms").unwrap().timing.period, Duration::from_millis(5));
 
     let text = set("axis.arm.control.kp", "nan").unwrap_err().to_string();
-    assert!(text.contains("axis.arm.control.kp: found nan (from --set)"), "{text}");
+    assert!(text.contains("axis.arm.control.kp: found nan (from the command line)"), "{text}");
     let text = set("axis.arm.kq", "3").unwrap_err().to_string();
     assert!(text.contains("--set axis.arm.kq: found an unknown key"), "{text}");
 }

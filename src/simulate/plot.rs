@@ -1,0 +1,255 @@
+//! A picture of the motion: commands and positions over time, one colour per axis.
+
+use pipeline::message::ValveCommand;
+use plant_sim::AxisState;
+use plotters::{
+    chart::ChartBuilder,
+    coord::Shift,
+    element::{PathElement, Text},
+    prelude::{Color, DrawingArea, IntoDrawingArea, IntoFont, RGBAColor, RGBColor, SVGBackend, WHITE},
+    series::LineSeries,
+};
+
+use crate::failure::Failure;
+
+/// Width and height; coordinates are whole, hence more of them than the picture has pixels on a page.
+const SIZE: (u32, u32) = (1600, 1200);
+/// Height of title and legend.
+const HEAD: u32 = 110;
+/// From the left edge to the panels.
+const LEFT: u32 = 140;
+const FONT: &str = "sans-serif";
+/// What colour-blind readers can tell apart (Okabe and Ito), for each axis that a machine can have.
+const COLOURS: [RGBColor; 8] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(80, 80, 80),
+    RGBColor(160, 120, 60),
+];
+/// Stretches of time, each drawn by its lowest and its highest point.
+const STRETCHES: f64 = 1000.0;
+/// Free space above and below the lines, as a part of their height.
+const MARGIN: f64 = 0.05;
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// What is drawn, collected row by row.
+pub struct Plot {
+    title: String,
+    is_controlled: bool,
+    axes: Vec<AxisLines>,
+}
+
+struct AxisLines {
+    index: usize,
+    name: String,
+    command: Line,
+    position: Line,
+    reference: Line,
+}
+
+/// A line through points (s, value), thinned so that no extreme is lost.
+struct Line {
+    points: Vec<(f64, f64)>,
+    /// Length of a stretch, s.
+    stretch: f64,
+    /// Begin, lowest and highest point of the one that is not over.
+    open: Option<[(f64, f64); 3]>,
+}
+
+impl Plot {
+    /// For `axes`, index and name, over `duration` s; those that are controlled have a reference.
+    pub fn new(title: String, axes: Vec<(usize, String)>, is_controlled: bool, duration: f64) -> Self {
+        let line = || Line { points: Vec::new(), stretch: duration / STRETCHES, open: None };
+        let lines = |(index, name)| AxisLines { index, name, command: line(), position: line(), reference: line() };
+        Self { title, is_controlled, axes: axes.into_iter().map(lines).collect() }
+    }
+
+    /// Takes the states at `t` s, and the command that is held from then on.
+    pub fn row(&mut self, t: f64, states: &[AxisState], command: &ValveCommand) {
+        for axis in &mut self.axes {
+            let control = &command.axes[axis.index];
+            axis.command.push(t, control.command);
+            axis.position.push(t, 1e3 * states[axis.index].position);
+            if self.is_controlled {
+                axis.reference.push(t, 1e3 * control.reference);
+            }
+        }
+    }
+
+    /// The picture.
+    pub fn svg(mut self) -> Result<String, Failure> {
+        for axis in &mut self.axes {
+            for line in [&mut axis.command, &mut axis.position, &mut axis.reference] {
+                line.close();
+            }
+        }
+        let mut text = String::new();
+        self.draw(&SVGBackend::with_string(&mut text, SIZE).into_drawing_area()).map_err(Failure::run)?;
+        Ok(text)
+    }
+
+    fn draw(&self, area: &Area) -> Result<(), Box<dyn std::error::Error>> {
+        area.fill(&WHITE)?;
+        let (head, panels) = area.split_vertically(HEAD);
+        let (upper, lower) = panels.split_vertically((SIZE.1 - HEAD) / 2);
+        self.draw_head(&head)?;
+        let commands: Vec<_> = (self.axes.iter())
+            .map(|axis| (axis.command.held(), COLOURS[axis.index % COLOURS.len()].to_rgba()))
+            .collect();
+        let positions: Vec<_> = (self.axes.iter())
+            .flat_map(|axis| {
+                let colour = COLOURS[axis.index % COLOURS.len()];
+                [(axis.reference.points.clone(), light(colour)), (axis.position.points.clone(), colour.to_rgba())]
+            })
+            .collect();
+        panel(&upper, "valve command", &commands, 0.01)?;
+        panel(&lower, "position, mm", &positions, 1.0)
+    }
+
+    /// The title, and below it a stroke and a name for every axis.
+    fn draw_head(&self, area: &Area) -> Result<(), Box<dyn std::error::Error>> {
+        area.draw(&Text::new(self.title.clone(), (LEFT as i32, 18), (FONT, 34).into_font()))?;
+        let mut entries: Vec<_> =
+            self.axes.iter().map(|axis| (axis.name.clone(), COLOURS[axis.index % COLOURS.len()].to_rgba())).collect();
+        if self.is_controlled {
+            entries.push(("reference".to_owned(), light(RGBColor(0, 0, 0))));
+        }
+        let width = ((SIZE.0 - LEFT) as usize / entries.len().max(6)) as i32;
+        for (i, (name, colour)) in entries.into_iter().enumerate() {
+            let x = LEFT as i32 + i as i32 * width;
+            area.draw(&PathElement::new([(x, 84), (x + 44, 84)], colour.stroke_width(5)))?;
+            area.draw(&Text::new(name, (x + 56, 68), (FONT, 28).into_font()))?;
+        }
+        Ok(())
+    }
+}
+
+/// A reference beside its position.
+fn light(colour: RGBColor) -> RGBAColor {
+    colour.mix(0.4)
+}
+
+/// One panel: lines over time; a line that is flat gets `least` of space above and below.
+fn panel(
+    area: &Area,
+    label: &str,
+    lines: &[(Vec<(f64, f64)>, RGBAColor)],
+    least: f64,
+) -> Result<(), Box<dyn std::error::Error>> {
+    let points = || lines.iter().flat_map(|(points, _)| points);
+    let (begin, end) = range(points().map(|point| point.0), 0.0, 0.0);
+    let (low, high) = range(points().map(|point| point.1), MARGIN, least);
+    // Of a single row as well something can be seen.
+    let end = if end > begin { end } else { begin + 1.0 };
+    let mut chart = ChartBuilder::on(area)
+        .margin_left(20)
+        .margin_right(40)
+        .margin_bottom(10)
+        .x_label_area_size(80)
+        .y_label_area_size(LEFT - 20)
+        .build_cartesian_2d(begin..end, low..high)?;
+    chart
+        .configure_mesh()
+        .x_desc("time, s")
+        .y_desc(label)
+        .x_label_formatter(&tick)
+        .y_label_formatter(&tick)
+        .label_style((FONT, 26))
+        .axis_desc_style((FONT, 30))
+        .bold_line_style(RGBColor(210, 210, 210))
+        .light_line_style(WHITE)
+        .draw()?;
+    for (points, colour) in lines {
+        chart.draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(3)))?;
+    }
+    Ok(())
+}
+
+/// A number beside an axis.
+fn tick(value: &f64) -> String {
+    let text = format!("{value:.3}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+}
+
+/// From the least to the greatest value, and a part `margin` of it, but at least `least`, to both sides.
+fn range(values: impl Iterator<Item = f64>, margin: f64, least: f64) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+    let space = (margin * (high - low)).max(least);
+    (low - space, high + space)
+}
+
+impl Line {
+    fn push(&mut self, t: f64, value: f64) {
+        let point = (t, value);
+        match &mut self.open {
+            Some([begin, low, high]) if t - begin.0 < self.stretch => {
+                if value < low.1 {
+                    *low = point;
+                }
+                if value > high.1 {
+                    *high = point;
+                }
+            }
+            _ => {
+                self.close();
+                self.open = Some([point; 3]);
+            }
+        }
+    }
+
+    /// Ends a stretch.
+    fn close(&mut self) {
+        let Some([_, low, high]) = self.open.take() else { return };
+        let (first, second) = if low.0 <= high.0 { (low, high) } else { (high, low) };
+        self.points.push(first);
+        if second != first {
+            self.points.push(second);
+        }
+    }
+
+    /// The points as steps: each value holds until the next.
+    fn held(&self) -> Vec<(f64, f64)> {
+        let first = self.points.first().copied();
+        let steps = self.points.windows(2).flat_map(|pair| [(pair[1].0, pair[0].1), pair[1]]);
+        first.into_iter().chain(steps).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_line_is_thinned_and_keeps_its_extremes() {
+        let mut line = Line { points: Vec::new(), stretch: 100.0 / STRETCHES, open: None };
+        for i in 0..100_000 {
+            let spike = if i == 34_567 { 5.0 } else { 0.0 };
+            line.push(f64::from(i) * 1e-3, f64::from(i).sin() + spike);
+        }
+        line.close();
+        assert!((1000..=2002).contains(&line.points.len()), "{}", line.points.len());
+        assert!(line.points.contains(&(34.567, f64::from(34_567).sin() + 5.0)));
+        assert!(line.points.windows(2).all(|pair| pair[0].0 < pair[1].0));
+    }
+
+    #[test]
+    fn a_short_line_is_drawn_whole() {
+        let mut line = Line { points: Vec::new(), stretch: 4.0 / STRETCHES, open: None };
+        let points = [(1.0, 0.5), (2.0, -0.5), (2.1, 0.25), (5.0, 0.0)];
+        points.iter().for_each(|(t, value)| line.push(*t, *value));
+        line.close();
+        assert_eq!(line.points, points);
+        assert_eq!(line.held()[..3], [(1.0, 0.5), (2.0, 0.5), (2.0, -0.5)]);
+    }
+
+    #[test]
+    fn numbers_beside_an_axis_are_short() {
+        assert_eq!([650.0, 0.05, -0.0, -1e-17, 1234.5].map(|value| tick(&value)), ["650", "0.05", "0", "0", "1234.5"]);
+    }
+}

@@ -12,13 +12,13 @@ use crate::{
 
 /// What an axis is made of, as the machine file has it.
 #[derive(Debug, Clone)]
-pub struct AxisModel {
+struct AxisModel {
     /// Its parameters.
-    pub plant: Plant,
+    plant: Plant,
     /// L, m.
-    pub stroke: f64,
+    stroke: f64,
     /// Its place in the machine.
-    pub index: usize,
+    index: usize,
 }
 
 /// What an observer of one axis sees.

@@ -42,7 +42,8 @@ pub fn run(kind: StageKind, arguments: &cli::Stage) -> Result<(), Failure> {
 
 /// Reads a machine file with what was typed in its place.
 pub fn load(arguments: &cli::MachineFile) -> Result<Machine, Failure> {
-    Machine::load(arguments.machine.as_deref(), &arguments.settings()).map_err(Failure::usage)
+    let settings = arguments.settings().map_err(Failure::usage)?;
+    Machine::load(arguments.machine.as_deref(), &settings).map_err(Failure::usage)
 }
 
 /// A flag that SIGINT and SIGTERM set.
@@ -88,7 +89,7 @@ pub fn command(
         }
     };
     command.args(&arguments.machine);
-    for (key, value) in arguments.settings() {
+    for (key, value) in arguments.settings().map_err(Failure::usage)? {
         command.arg("--set").arg(format!("{key}={value}"));
     }
     command.arg("--prefix").arg(options.prefix.to_string()).arg("--seed").arg(options.seed.to_string());

@@ -69,7 +69,7 @@ fn the_example_has_four_axes_and_no_problem() {
 
 #[test]
 fn an_unknown_key_is_refused_with_those_that_are_known() {
-    let expected = "axis.boom.max_sped: found an unknown key; allowed: one of columns, control, encoder, forgetting, \
+    let expected = "axis.boom.max_sped: found an unknown key; allowed: one of columns, commissioned, control, encoder, forgetting, \
                     identification, max_speed, plant, reference, soft_limits, stroke";
     expect_broken("max_speed = 1.0 ", "max_sped = 1.0 ", expected);
 }
@@ -486,4 +486,25 @@ fn a_setting_without_key_or_value_is_refused() {
     for setting in ["axis.boom.control.kp", "=3"] {
         expect_refusal(folder.path(), &check_with(setting), &["--set", setting, "allowed: KEY=VALUE"]);
     }
+}
+
+/// What commissioning writes, for the boom.
+const MODEL: &str = "[axis.boom.commissioned]\ndead_time = 0.02\ntime_constant = 0.05\ndead_band_extend = 0.1\n\
+                     dead_band_retract = 0.08\nopenings = [0.1, 0.3]\nspeeds_extend = [0.05, 0.2]\n\
+                     speeds_retract = [0.05, 0.2]\nfit_percent = 97.5\n";
+
+#[test]
+fn a_model_file_adds_to_the_machine_file_and_is_judged_like_it() {
+    let folder = folder_with(EXCAVATOR);
+    fs::write(folder.path().join("model.toml"), MODEL).unwrap();
+    expect_four_axes(&success(folder.path(), &["check", "m.toml", "--model", "model.toml"]));
+    fs::write(folder.path().join("model.toml"), MODEL.replace("[0.1, 0.3]", "[0.3, 0.1]")).unwrap();
+    let expected =
+        ["axis.boom.commissioned.openings: found [0.3, 0.1]; allowed: 1 to 16 rising numbers greater than 0"];
+    expect_refusal(folder.path(), &["check", "m.toml", "--model", "model.toml"], &expected);
+    fs::write(folder.path().join("model.toml"), MODEL.replace("dead_time", "deadtime")).unwrap();
+    let expected = ["axis.boom.commissioned.deadtime", "found an unknown key"];
+    expect_refusal(folder.path(), &["check", "m.toml", "--model", "model.toml"], &expected);
+    let expected = ["no.toml: found a file that cannot be read", "allowed: a model file"];
+    expect_refusal(folder.path(), &["check", "m.toml", "--model", "no.toml"], &expected);
 }

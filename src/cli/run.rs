@@ -3,7 +3,10 @@
 use std::{path::PathBuf, time::Duration};
 
 use clap::Args;
-use pipeline::{channel::Prefix, machine::Scenario};
+use pipeline::{
+    channel::Prefix,
+    machine::{MachineError, Scenario, model_settings},
+};
 
 use super::values::{duration, setting};
 
@@ -20,13 +23,22 @@ pub struct MachineFile {
     /// one of the machine file
     #[arg(long, value_name = "NAME")]
     pub scenario: Option<String>,
+    /// Model file of `hydraxis commission`: what it says takes the place of the machine file's
+    #[arg(long, value_name = "MODEL.toml")]
+    pub model: Option<PathBuf>,
 }
 
 impl MachineFile {
-    /// Everything that takes the place of what the file says; `--scenario` is the last, which counts.
-    pub fn settings(&self) -> Vec<(String, String)> {
-        let scenario = self.scenario.iter().map(|name| ("scenario".to_owned(), name.clone()));
-        self.settings.iter().cloned().chain(scenario).collect()
+    /// Everything that takes the place of what the file says; the last counts, so a model, then `--set`, then
+    /// `--scenario`.
+    ///
+    /// # Errors
+    /// The model file cannot be read, or is not TOML.
+    pub fn settings(&self) -> Result<Vec<(String, String)>, MachineError> {
+        let mut settings = self.model.as_deref().map_or(Ok(Vec::new()), model_settings)?;
+        settings.extend(self.settings.iter().cloned());
+        settings.extend(self.scenario.iter().map(|name| ("scenario".to_owned(), name.clone())));
+        Ok(settings)
     }
 }
 

@@ -2,7 +2,9 @@
 
 use std::{path::Path, time::Duration};
 
-use super::{Forgetting, Fuzzy, Identification, Plant, ReferenceSource, Source, Timing, document::Section};
+use super::{
+    Commissioned, Forgetting, Fuzzy, Identification, Plant, ReferenceSource, Source, Timing, document::Section,
+};
 
 /// One axis of the machine.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,6 +23,8 @@ pub struct Axis {
     pub identification: Identification,
     /// How it is controlled.
     pub control: Control,
+    /// What commissioning has found of it.
+    pub commissioned: Option<Commissioned>,
     /// Where its target comes from.
     pub reference: ReferenceSource,
     /// The simulated axis; only source `sim` needs it.
@@ -117,6 +121,7 @@ impl Axis {
             section.refuse("forgetting", found, allowed);
         }
         let control = Control::read(section.section("control"));
+        let commissioned = Commissioned::read(section.section("commissioned"));
         let reference = ReferenceSource::read(section.section("reference"), soft_limits, max_speed, folder, name);
         let plant = section.section("plant");
         let plant = if plant.is_given() {
@@ -145,6 +150,7 @@ impl Axis {
             encoder,
             identification,
             control,
+            commissioned,
             reference,
             plant,
             columns,

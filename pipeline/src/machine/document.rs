@@ -98,6 +98,22 @@ impl<'i> Document<'i> {
         if problems.is_empty() { Ok(value) } else { Err(MachineError { file: file.to_owned(), problems }) }
     }
 
+    /// Every value of the document with its full key, as settings for another one.
+    pub fn into_settings(self, file: &str) -> Result<Vec<(String, String)>, MachineError> {
+        fn collect(prefix: &str, table: &DeTable, settings: &mut Vec<(String, String)>) {
+            for (key, value) in table {
+                let path = format!("{prefix}{}", key.get_ref());
+                match value.get_ref().as_table() {
+                    Some(table) => collect(&format!("{path}."), table, settings),
+                    None => settings.push((path, show(value.get_ref()))),
+                }
+            }
+        }
+        let mut settings = Vec::new();
+        collect("", &self.root, &mut settings);
+        self.into_result(file, settings)
+    }
+
     fn line(&self, offset: usize) -> usize {
         1 + self.text[..offset.min(self.text.len())].matches('\n').count()
     }

@@ -5,6 +5,7 @@
 //! with file, line, key, what was found and what is allowed.
 
 mod axis;
+mod commissioned;
 mod document;
 mod fuzzy;
 mod hydraulics;
@@ -22,6 +23,7 @@ use std::{
 use document::{Document, Section};
 
 pub use axis::{Axis, Control, DeadBand, Encoder, ModelChoice};
+pub use commissioned::{Commissioned, MOST_POINTS};
 pub use fuzzy::{Fuzzy, Level};
 pub use hydraulics::{Hydraulics, Oil, Supply};
 pub use identification::{Forgetting, Form, Identification, IdentifiedOutput, Split, shortest_training};
@@ -181,6 +183,15 @@ fn read_file(path: &Path, allowed: &str) -> Result<String, MachineError> {
             allowed: allowed.to_owned(),
         }],
     })
+}
+
+/// The values of a model file, such as `commission` writes, as settings that take the place of what a machine file says.
+///
+/// # Errors
+/// The file cannot be read, or is not TOML.
+pub fn model_settings(file: &Path) -> Result<Vec<(String, String)>, MachineError> {
+    let text = read_file(file, "a model file in TOML, as `hydraxis commission` writes it")?;
+    Document::parse(&text, &[]).into_settings(&file.display().to_string())
 }
 
 /// Number of samples that a duration spans, rounded to the nearest.

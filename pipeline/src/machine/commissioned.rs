@@ -1,0 +1,140 @@
+//! What commissioning has found of an axis: `[axis.NAME.commissioned]`.
+//!
+//! ```text
+//! tau dx/dt + x = u(t - t_d)          v = c(x)
+//! c(x) = 0 for -d_r <= x <= d_e, straight lines through the points beyond, the last line going on
+//! ```
+//!
+//! u command and x spool position in [-1, 1], v speed m/s, t_d dead time s, tau time constant s, d_e and d_r dead
+//! bands; points (x - d_e, v) while extending, (-x - d_r, -v) while retracting. A static curve behind a lag and a
+//! delay: little, but all of it can be measured on a real machine in a minute.
+
+use super::{DeadBand, document::Section};
+
+/// The commissioned model of an axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Commissioned {
+    /// t_d, s.
+    pub dead_time: f64,
+    /// tau, s.
+    pub time_constant: f64,
+    /// d_e and d_r.
+    pub dead_band: DeadBand,
+    /// Commands beyond the dead band, rising, of the points of either direction.
+    pub openings: Vec<f64>,
+    /// Speeds at the openings while extending, m/s, rising.
+    pub speeds_extend: Vec<f64>,
+    /// Speeds at the openings while retracting, m/s, rising, as magnitudes.
+    pub speeds_retract: Vec<f64>,
+    /// How much of the motion that the experiment made the model explains half a second ahead: 100 is all.
+    pub fit_percent: f64,
+}
+
+/// Points of a curve.
+pub const MOST_POINTS: usize = 16;
+
+impl Commissioned {
+    pub(super) fn read(mut section: Section) -> Option<Self> {
+        if !section.is_given() {
+            section.finish();
+            return None;
+        }
+        let openings = section.numbers("openings", 0.0..=1.0, "", 1);
+        if openings.first().is_none_or(|first| *first <= 0.0)
+            || !openings.is_sorted_by(|a, b| a < b)
+            || openings.len() > MOST_POINTS
+        {
+            let allowed = format!("1 to {MOST_POINTS} rising numbers greater than 0");
+            section.refuse("openings", format!("{openings:?}"), allowed);
+        }
+        let mut speeds = |key| {
+            let speeds = section.numbers(key, 0.0..=1000.0, "m/s", 1);
+            if speeds.len() != openings.len()
+                || !speeds.is_sorted_by(|a, b| a < b)
+                || speeds.first().is_none_or(|first| *first <= 0.0)
+            {
+                let allowed = format!("{} rising numbers greater than 0, one for each opening", openings.len());
+                section.refuse(key, format!("{speeds:?}"), allowed);
+            }
+            speeds
+        };
+        let (speeds_extend, speeds_retract) = (speeds("speeds_extend"), speeds("speeds_retract"));
+        let commissioned = Self {
+            dead_time: section.number("dead_time", 0.0..=5.0, "s"),
+            time_constant: section.number("time_constant", 0.0..=10.0, "s"),
+            dead_band: DeadBand {
+                extend: section.number("dead_band_extend", 0.0..=0.9, ""),
+                retract: section.number("dead_band_retract", 0.0..=0.9, ""),
+            },
+            openings,
+            speeds_extend,
+            speeds_retract,
+            fit_percent: section.number("fit_percent", -1e9..=100.0, ""),
+        };
+        section.finish();
+        Some(commissioned)
+    }
+
+    /// c(x), m/s.
+    pub fn speed(&self, x: f64) -> f64 {
+        if x > self.dead_band.extend {
+            interpolate(&self.openings, &self.speeds_extend, x - self.dead_band.extend)
+        } else if x < -self.dead_band.retract {
+            -interpolate(&self.openings, &self.speeds_retract, -x - self.dead_band.retract)
+        } else {
+            0.0
+        }
+    }
+
+    /// The command that makes `speed` m/s in the end; 0 for none.
+    pub fn command(&self, speed: f64) -> f64 {
+        if speed > 0.0 {
+            self.dead_band.extend + interpolate(&self.speeds_extend, &self.openings, speed)
+        } else if speed < 0.0 {
+            -self.dead_band.retract - interpolate(&self.speeds_retract, &self.openings, -speed)
+        } else {
+            0.0
+        }
+    }
+}
+
+/// The line from (0, 0) through the points (x, y), its last piece going on, at `at` > 0.
+fn interpolate(x: &[f64], y: &[f64], at: f64) -> f64 {
+    let piece = x.partition_point(|x| *x < at).min(x.len() - 1);
+    let (x_0, y_0) = piece.checked_sub(1).map_or((0.0, 0.0), |before| (x[before], y[before]));
+    y_0 + (y[piece] - y_0) * (at - x_0) / (x[piece] - x_0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn model() -> Commissioned {
+        Commissioned {
+            dead_time: 0.15,
+            time_constant: 0.05,
+            dead_band: DeadBand { extend: 0.1, retract: 0.08 },
+            openings: vec![0.1, 0.3],
+            speeds_extend: vec![0.05, 0.25],
+            speeds_retract: vec![0.04, 0.3],
+            fit_percent: 97.0,
+        }
+    }
+
+    #[test]
+    fn the_curve_is_zero_in_the_dead_band_and_straight_between_its_points() {
+        for (x, v) in [(0.0, 0.0), (0.1, 0.0), (-0.08, 0.0), (0.15, 0.025), (0.2, 0.05), (0.3, 0.15), (-0.38, -0.3)] {
+            assert!((model().speed(x) - v).abs() < 1e-12, "{x}: {}", model().speed(x));
+        }
+        // Beyond the last point the last line goes on.
+        assert!((model().speed(0.6) - 0.45).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_command_is_the_curves_inverse() {
+        assert_eq!(model().command(0.0), 0.0);
+        for v in [-0.5, -0.3, -0.01, 1e-6, 0.02, 0.05, 0.2, 0.4] {
+            assert!((model().speed(model().command(v)) - v).abs() < 1e-12, "{v}");
+        }
+    }
+}

@@ -15,8 +15,8 @@ use super::{Problem, Status, basis::dot};
 
 /// A limit counts as met within this part of itself.
 const FEASIBLE: f64 = 1e-11;
-/// And within this part of what the variable could be, which is what rounding leaves of a limit of zero.
-const ROUNDING: f64 = 1e-15;
+/// And within this part of the size of x, by the scale of the constraint: what rounding leaves of a limit of zero.
+pub(super) const ROUNDING: f64 = 1e-14;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Constraint {
@@ -139,8 +139,8 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
         }
     }
 
-    /// The side that x violates most for its scale; none if all are met. `size` is that of x in the
-    /// norm of H, by which its rounding is.
+    /// The side that x violates most for its scale; none if all are met. `size` is that of x, by the scale of
+    /// its elements.
     pub(super) fn most_violated(&self, problem: &Problem<N, M>, x: &[f64; N], size: f64) -> Option<Side> {
         let mut worst = None;
         // A row of scale 0 is all zeros: nothing moves it, but it may ask for something.
@@ -148,8 +148,8 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
         let mut compare = |constraint, scale: f64, value: f64, lower: f64, upper: f64| {
             let (below, above) = (lower - value, value - upper);
             let (violation, sign, limit) = if below > above { (below, 1.0, lower) } else { (above, -1.0, upper) };
-            if violation > most * scale && violation > FEASIBLE * limit.abs() + ROUNDING * scale * size {
-                most = violation / scale;
+            if violation > most && violation > FEASIBLE * limit.abs() + ROUNDING * scale * size {
+                most = violation;
                 worst = Some(Side { constraint, sign, limit, equality: lower == upper });
             }
         };

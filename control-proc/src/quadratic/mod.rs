@@ -25,12 +25,14 @@ mod basis;
 mod constraints;
 
 use basis::{Basis, add, dot};
-use constraints::{Constraint, Constraints, Side, State};
+use constraints::{Constraint, Constraints, ROUNDING, Side, State};
 
 /// The part of a normal that counts as independent of the working set, by its scale.
 const INDEPENDENT: f64 = 1e-11;
 /// A multiplier shrinks if it loses more than this, by the scales of both constraints.
 const SHRINKING: f64 = 1e-12;
+/// A multiplier has its sign within this part of what all of them carry.
+const SIGN: f64 = 1e-12;
 /// Limits contradict each other if they do by more than this part of them.
 const CONTRADICTION: f64 = 1e-9;
 
@@ -117,8 +119,10 @@ pub struct Solver<const N: usize, const M: usize> {
     basis: Basis<N>,
     constraints: Constraints<N, M>,
     x: [f64; N],
-    /// sqrt(x'Hx), once x has been refined.
+    /// The largest of |x_i| / s_i since x was refined: what its rounding is in proportion to.
     size: f64,
+    /// The length of g in the norm of H^-1: how far away the unconstrained minimum is.
+    force: f64,
     /// The working set; as many of them as the basis has.
     members: [Member; N],
     iterations: usize,
@@ -140,6 +144,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
             constraints: Constraints::new(),
             x: [0.0; N],
             size: 0.0,
+            force: 0.0,
             members: [Member { side, scale: 0.0, multiplier: 0.0 }; N],
             iterations: 0,
         }
@@ -161,6 +166,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
             solution.x = self.x;
             solution.active = self.basis.len();
             for Member { side, multiplier, .. } in self.working_set() {
+                let multiplier = if side.equality { *multiplier } else { multiplier.max(0.0) };
                 match side.constraint {
                     Constraint::Bound(i) => solution.bound_multipliers[i] = side.sign * multiplier,
                     Constraint::Row(k) => solution.row_multipliers[k] = side.sign * multiplier,
@@ -177,17 +183,27 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         self.constraints.scale(problem, &lengths);
         let y = self.basis.project(0, &problem.gradient).map(|y| -y);
         self.x = self.basis.expand(&y);
-        self.size = 0.0;
+        self.force = dot(&y, &y).sqrt();
+        self.size = ROUNDING * self.force;
         let mut refined = false;
         loop {
-            let finite = self.size.is_finite() && self.x.iter().chain(&lengths).all(|x| x.is_finite());
-            if !finite {
+            for (x, length) in self.x.iter().zip(&lengths) {
+                let size = x.abs() / length;
+                // What is no number counts as infinite.
+                self.size = if size.is_nan() { f64::INFINITY } else { self.size.max(size) };
+            }
+            if self.size == f64::INFINITY {
                 return Err(Status::NotFinite);
             }
             match self.constraints.most_violated(problem, &self.x, self.size) {
                 None if refined => break,
                 None => {
                     self.refine(problem);
+                    while let Some(k) = self.worst_sign() {
+                        self.let_go(k);
+                        self.iterations += 1;
+                        self.refine(problem);
+                    }
                     refined = true;
                 }
                 Some(_) if self.iterations >= self.iteration_limit => return Err(Status::IterationLimit),
@@ -247,10 +263,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
             add(&mut self.x, step, &z);
             match first {
                 Some((k, _)) if step < full => {
-                    self.constraints.set(self.members[k].side.constraint, State::Open);
-                    self.constraints.reopen();
-                    self.members.copy_within(k + 1..q, k);
-                    self.basis.remove(k);
+                    self.let_go(k);
                 }
                 _ => {
                     self.constraints.set(side.constraint, State::Held);
@@ -260,6 +273,27 @@ impl<const N: usize, const M: usize> Solver<N, M> {
                 }
             }
         }
+    }
+
+    /// Takes the member in place `k` out of the working set.
+    fn let_go(&mut self, k: usize) {
+        self.constraints.set(self.members[k].side.constraint, State::Open);
+        self.constraints.reopen();
+        self.members.copy_within(k + 1..self.basis.len(), k);
+        self.basis.remove(k);
+    }
+
+    /// The member whose multiplier has the wrong sign by most and by more than rounding.
+    fn worst_sign(&self) -> Option<usize> {
+        let mut worst = None;
+        let mut most = -SIGN * self.force;
+        for (k, Member { side, scale, multiplier }) in self.working_set().iter().enumerate() {
+            if !side.equality && multiplier * scale < most {
+                most = multiplier * scale;
+                worst = Some(k);
+            }
+        }
+        worst
     }
 
     /// The member whose multiplier vanishes first if the multipliers lose r per unit of step, and the step.
@@ -291,13 +325,11 @@ impl<const N: usize, const M: usize> Solver<N, M> {
     /// of them.
     fn refine(&mut self, problem: &Problem<N, M>) {
         let q = self.basis.len();
-        let mut left = [0.0; N];
+        let mut left = problem.gradient;
         for (i, row) in problem.hessian.iter().enumerate() {
             left[i] += dot(&row[i..], &self.x[i..]);
             add(&mut left[i + 1..], self.x[i], &row[i + 1..]);
         }
-        self.size = dot(&left, &self.x).sqrt();
-        add(&mut left, 1.0, &problem.gradient);
         let mut y = [0.0; N];
         for (k, Member { side, multiplier, .. }) in self.members[..q].iter().enumerate() {
             let (start, part) = self.constraints.normal(problem, side.constraint);
@@ -308,14 +340,12 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         self.basis.solve_transposed(&mut y);
         y[q..].iter_mut().zip(&left[q..]).for_each(|(y, left)| *y = -left);
         add(&mut self.x, 1.0, &self.basis.expand(&y));
+        self.size = ROUNDING * self.force;
         let mut gained = y;
         add(&mut gained[..q], 1.0, &left);
         self.basis.solve(&mut gained);
         for (member, gained) in self.members[..q].iter_mut().zip(&gained) {
             member.multiplier += gained;
-            if !member.side.equality {
-                member.multiplier = member.multiplier.max(0.0);
-            }
         }
     }
 }

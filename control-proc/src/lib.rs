@@ -11,6 +11,7 @@
 //! | [`fallback`] | PI with dead-band compensation: needs no model |
 //! | [`predictive`] | generalised predictive control on the identified model |
 //! | [`response`] | what the model answers to nothing and to a step |
+//! | [`quadratic`] | quadratic programmes, solved exactly |
 //! | [`judge`] | which models may be used at all |
 //! | [`history`] | past outputs and commands of one axis |
 //! | [`limits`] | magnitude and rate of a command |
@@ -28,6 +29,7 @@ pub mod judge;
 pub mod limits;
 pub mod predictive;
 pub mod process;
+pub mod quadratic;
 pub mod reference;
 pub mod response;
 pub mod target;

@@ -67,7 +67,7 @@ enum State {
 }
 
 /// The controller of one axis.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct AxisController {
     limits: Limits,
     settling_ticks: u64,
@@ -270,7 +270,7 @@ impl AxisController {
         let mut wanted = None;
         if let (Some(model), Some(history)) = (model, history) {
             // Also on probation, so that it has an estimate of the noise when it takes over.
-            wanted = predictive.update(&model, history, target.positions());
+            wanted = predictive.update(&model, limits, history, target.positions());
             if wanted.is_none() {
                 flags |= control_flag::MODEL_REFUSED;
                 self.trusted = 0;
@@ -284,7 +284,7 @@ impl AxisController {
         let error = reference - position;
         let was_model = self.last.mode == ControlMode::Model as u32;
         let (command, mode) = match wanted {
-            Some(wanted) => (limits.apply(wanted, self.last.command), ControlMode::Model),
+            Some(wanted) => (wanted, ControlMode::Model),
             None => {
                 if was_model {
                     self.fallback.resume(self.last.command, error);

@@ -22,7 +22,7 @@ use crate::{
 };
 
 /// The controller of a machine. Disarmed until [`Controller::arm`].
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Controller {
     generator: ReferenceGenerator,
     axes: Vec<AxisController>,

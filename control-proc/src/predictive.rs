@@ -1,32 +1,36 @@
-//! Generalised predictive control of one axis.
+//! Predictive control of one axis: the best moves within the limits, anew at every tick.
 //!
 //! ```text
 //! A dy(k) = B dx(k-nk) + (1 - tau z^-1) e(k)                    the model in differences, with its noise e
 //! J = sum (w(k+i) - y(k+i))^2  +  lambda sum dx(k+m)^2        i = nk .. nk+H-1,  m = 0 .. M-1
-//! y(k+nk+p) = free(k+nk+p) + sum s(p-m) dx(k+m)               s step response, s(p) = 0 for p < 0
-//! (G^T G + lambda I) dx = G^T (w - free)                      G(p,m) = s(p-m)
-//! x(k) = x(k-1) + dx(k)         u(k) = N^-1(x(k))             lambda = move_weight * mean of s(p)^2
+//! y(k+nk+p) = free(k+nk+p) + sum h(p-m) X(m)                  X(m) = x(k+m) - x(k-1),  X(m) = X(M-1) for m >= M
+//! N(u(k-1) - (m+1) r) <= x(k+m) <= N(u(k-1) + (m+1) r)        and both within N(u_low), N(u_high)
+//! |x(k+m) - x(k+m-1)| <= rho                                  the most that r changes x on that way
+//! u(k) = N^-1(x(k))                                           lambda = move_weight * mean of s(p)^2
 //! ```
 //!
-//! y position in m, w target in m, e innovation in m, tau [`NOISE_ROOT`], x intermediate value, u valve command, nk delay, H `horizon`, M `moves`, in
-//! samples. Source: Clarke, Mohtadi and Tuffs, Generalized predictive control, Automatica 23 (1987); N and the
-//! model are eqs. (11) and (12) of the paper.
+//! y position in m, w target in m, e innovation in m, tau [`NOISE_ROOT`], x intermediate value, u valve command, r its
+//! largest change per tick, h impulse and s step response, m per unit of x; nk delay, H `horizon`, M `moves`, in
+//! samples. Source: Clarke, Mohtadi and Tuffs, Generalized predictive control, Automatica 23 (1987), with its
+//! constraints as a quadratic programme ([`crate::quadratic`]); N and the model are eqs. (11) and (12) of the paper.
+//!
+//! The limits are part of the plan, so nothing winds up behind them; the rate of the first move is exact, that of the
+//! later ones as wide as the widest on the way. Without an answer of the solver the first move of the plan without
+//! limits is clipped.
 //!
 //! Traps: the model of the paper's Table 2 has a zero at -1.157, outside the unit circle, so whatever inverts B at
 //! once (horizon 1 without a weight) is unstable; the horizon and the weight are what keeps this one from doing
 //! so. N can be inverted only where it is monotone, so x is kept to what the commands can reach there. And x(k-1)
 //! is N of the command that was *sent*: what the limits cut off is not remembered as done. Without the noise
 //! polynomial every step of the encoder passes for the start of a motion and shakes the valve.
-//!
-//! The limits are met by clipping the first move, not by planning with them; a constrained solver takes the place of
-//! `first_move` and gets the same step response and deviations.
 
-use nalgebra::{SMatrix, SVector};
-use pipeline::machine::Control;
+use pipeline::{hammerstein::Nonlinearity, machine::Control};
 
 use crate::{
     history::{COMMANDS, History},
     judge::Approved,
+    limits::Limits,
+    quadratic::{Problem, Solver, Status},
     response::{MAX_AHEAD, MAX_HORIZON, free_response, residual, step_response},
 };
 
@@ -34,28 +38,42 @@ use crate::{
 /// which is met within some ten samples; the value that is usual for this method.
 pub const NOISE_ROOT: f64 = 0.8;
 
+/// Part of what x can reach that counts as nothing: N of a valve with a dead band is not quite zero on it.
+const IDLE: f64 = 0.005;
+
 /// The most moves that are planned: what the machine file allows.
-pub const MAX_MOVES: usize = 8;
+pub const MAX_MOVES: usize = 20;
 
 /// The predictive controller of one axis.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Predictive {
     /// e(k), m.
     innovation: f64,
     horizon: usize,
     moves: usize,
     move_weight: f64,
+    problem: Problem<MAX_MOVES, MAX_MOVES>,
+    solver: Solver<MAX_MOVES, MAX_MOVES>,
+    /// Plans that had to do without the solver.
+    unsolved: u64,
 }
 
 impl Predictive {
     /// Horizon, moves and their weight from the machine file.
     pub fn new(control: &Control) -> Self {
         let horizon = control.horizon.clamp(1, MAX_HORIZON);
+        let mut problem = Problem::new([[0.0; MAX_MOVES]; MAX_MOVES], [0.0; MAX_MOVES]);
+        for m in 1..MAX_MOVES {
+            (problem.rows[m][m - 1], problem.rows[m][m]) = (-1.0, 1.0);
+        }
         Self {
             innovation: 0.0,
             horizon,
             moves: control.moves.clamp(1, MAX_MOVES.min(horizon)),
             move_weight: control.move_weight,
+            problem,
+            solver: Solver::new(),
+            unsolved: 0,
         }
     }
 
@@ -64,12 +82,23 @@ impl Predictive {
         self.innovation = 0.0;
     }
 
-    /// The command of this tick, within the model's range; the limits are the caller's. To be called at every tick
-    /// while there is a model, whether its command is used or not.
+    /// Plans that had to do without the solver, so far.
+    pub fn unsolved(&self) -> u64 {
+        self.unsolved
+    }
+
+    /// The command of this tick, within the model's range and within `limits` of the last one that was sent. To be
+    /// called at every tick while there is a model, whether its command is used or not.
     ///
     /// `targets` holds y_r(k), y_r(k+1), .. in m; beyond its end the last one counts. `None` when the model gives
     /// no finite answer, or no targets are given: then another controller must make the command.
-    pub fn update(&mut self, approved: &Approved<'_>, history: &History, targets: &[f64]) -> Option<f64> {
+    pub fn update(
+        &mut self,
+        approved: &Approved<'_>,
+        limits: &Limits,
+        history: &History,
+        targets: &[f64],
+    ) -> Option<f64> {
         let model = approved.model;
         let structure = model.structure()?;
         let nonlinearity = model.nonlinearity();
@@ -98,31 +127,102 @@ impl Predictive {
             let target = targets.get(structure.nk + p).copied().unwrap_or(last_target);
             *deviation = target - free[structure.nk - 1 + p];
         }
-        let dx = self.first_move(step, &deviation[..self.horizon])?;
+        self.weigh(step, &deviation[..self.horizon]);
+        let last = history.commands()[0];
+        self.bound(&nonlinearity, approved.range, limits, last, intermediate[0]);
 
-        let x = intermediate[0] + dx;
+        let x = intermediate[0] + self.first_level()?;
         // Beyond what the commands can reach the inverse stays at the command that reaches furthest.
         let u = nonlinearity.invert(x, approved.range);
-        (x.is_finite() && u.is_finite()).then_some(u)
+        (x.is_finite() && u.is_finite()).then(|| limits.apply(u, last))
     }
 
-    /// dx(k): the first of the moves that minimise J.
-    fn first_move(&self, step: &[f64], deviation: &[f64]) -> Option<f64> {
-        let mean_square = step.iter().map(|s| s * s).sum::<f64>() / step.len() as f64;
-        // Moves that are not planned keep a row of the identity: they come out as 0 and disturb nobody.
-        let mut h = SMatrix::<f64, MAX_MOVES, MAX_MOVES>::identity();
-        let mut g = SVector::<f64, MAX_MOVES>::zeros();
-        for m in 0..self.moves {
-            g[m] = step.iter().zip(&deviation[m..]).map(|(s, d)| s * d).sum();
-            for n in 0..=m {
-                // Columns m and n of G are the step response, shifted: from row m on both are there. Only the lower
-                // triangle is read.
-                h[(m, n)] = step.iter().zip(&step[m - n..]).take(step.len() - m).map(|(s, t)| s * t).sum();
-            }
-            h[(m, m)] += self.move_weight * mean_square;
+    /// J as 1/2 X'HX + g'X.
+    fn weigh(&mut self, step: &[f64], deviation: &[f64]) {
+        let (horizon, moves) = (self.horizon, self.moves);
+        let mut impulse = [0.0; MAX_HORIZON];
+        for p in 0..horizon {
+            impulse[p] = step[p] - if p > 0 { step[p - 1] } else { 0.0 };
         }
-        let moves = h.cholesky()?.solve(&g);
-        moves[0].is_finite().then_some(moves[0])
+        // Column m of the response: the impulse, shifted by m; the last move stays, so its column is the step.
+        let column = |m: usize| if m + 1 == moves { step } else { &impulse[..horizon] };
+        let weight = self.move_weight * step.iter().map(|s| s * s).sum::<f64>() / horizon as f64;
+        let Problem { hessian, gradient, .. } = &mut self.problem;
+        for m in (0..moves).rev() {
+            let of_m = column(m);
+            gradient[m] = -of_m.iter().zip(&deviation[m..]).map(|(h, d)| h * d).sum::<f64>();
+            for n in m..moves {
+                // Both columns from row n on; along a diagonal only the last product is new.
+                hessian[m][n] = if n + 1 < moves && n + 2 < moves {
+                    hessian[m + 1][n + 1] + impulse[horizon - 1 - m] * impulse[horizon - 1 - n]
+                } else {
+                    of_m[n - m..].iter().zip(column(n)).take(horizon - n).map(|(a, b)| a * b).sum()
+                };
+            }
+        }
+        for m in 0..moves {
+            // |X(0)|^2 + |X(1) - X(0)|^2 + ..: every level is in two moves, but the last.
+            hessian[m][m] += if m + 1 < moves { 2.0 * weight } else { weight };
+            if m + 1 < moves {
+                hessian[m][m + 1] -= weight;
+            }
+        }
+        for m in moves..MAX_MOVES {
+            hessian[m][m] = 1.0;
+        }
+    }
+
+    /// Where the levels may be, by magnitude and rate of the command that was last sent.
+    fn bound(&mut self, nonlinearity: &Nonlinearity, range: (f64, f64), limits: &Limits, last: f64, x: f64) {
+        let (lowest, highest) = nonlinearity.reachable(range);
+        let rising = nonlinearity.orientation(range) >= 0.0;
+        // The way over a dead band, or over a dip of N, counts for nothing: nothing moves on it, and a plan that had to
+        // wait for it would never begin.
+        let edge = |reachable: f64| nonlinearity.invert(IDLE * reachable, range);
+        let (one, other) = (edge(lowest), edge(highest));
+        let (low_edge, high_edge) = (one.min(other), one.max(other));
+        let opening = (last - high_edge).max(0.0) + (last - low_edge).min(0.0);
+        let at = |opening: f64| {
+            let edge = if opening > 0.0 { high_edge } else { low_edge };
+            if opening == 0.0 { -x } else { nonlinearity.evaluate((edge + opening).clamp(range.0, range.1)) - x }
+        };
+        let (lowest, highest) = (lowest - x, highest - x);
+        let (mut before, mut widest) = ((0.0, 0.0), 0.0f64);
+        for m in 0..MAX_MOVES {
+            if m >= self.moves {
+                // Not planned: 0, and of no account.
+                (self.problem.lower[m], self.problem.upper[m]) = (0.0, 0.0);
+                continue;
+            }
+            let reach = (m + 1) as f64 * limits.step;
+            let (down, up) = (at(opening - reach), at(opening + reach));
+            let (down, up) = if rising { (down, up) } else { (up, down) };
+            // 0, the level of now, stays allowed: N may turn back on the way.
+            let (lower, upper) = (down.min(0.0).max(lowest.min(0.0)), up.max(0.0).min(highest.max(0.0)));
+            widest = widest.max(before.0 - lower).max(upper - before.1);
+            before = (lower, upper);
+            (self.problem.lower[m], self.problem.upper[m]) = (lower, upper);
+        }
+        for m in 1..MAX_MOVES {
+            let rate = if m < self.moves { widest } else { f64::INFINITY };
+            (self.problem.row_lower[m], self.problem.row_upper[m]) = (-rate, rate);
+        }
+    }
+
+    /// X(0) of the best plan.
+    fn first_level(&mut self) -> Option<f64> {
+        let solution = self.solver.solve(&self.problem);
+        match solution.status {
+            Status::Solved => Some(solution.x[0]),
+            Status::NotConvex | Status::NotFinite => None,
+            Status::Infeasible | Status::IterationLimit => {
+                self.unsolved += 1;
+                let free = Problem::new(self.problem.hessian, self.problem.gradient);
+                let solution = self.solver.solve(&free);
+                let clipped = solution.x[0].clamp(self.problem.lower[0], self.problem.upper[0]);
+                (solution.status == Status::Solved).then_some(clipped)
+            }
+        }
     }
 }
 
@@ -169,8 +269,8 @@ mod tests {
             let y = undisturbed[k] + disturbance(k);
             history.push_output(y, 0);
             let targets: Vec<f64> = (0..MAX_AHEAD).map(|i| target(k + i)).collect();
-            let wanted = predictive.update(&approved(model), &history, &targets).expect("a command");
-            let u = limits.apply(wanted, history.commands()[0]);
+            let wanted = predictive.update(&approved(model), &limits, &history, &targets).expect("a command");
+            let u = wanted;
             history.push_command(u);
             x[k] = nonlinearity.evaluate(u);
             outputs.push(y);
@@ -207,8 +307,7 @@ mod tests {
             y.rotate_right(1);
             y[0] = process.predict_one(&y[1..], &x[..2]);
             history.push_output(y[0] + 3.0, 0);
-            let u = predictive.update(&approved(&wrong), &history, &[20.0]).unwrap();
-            let u = limits.apply(u, history.commands()[0]);
+            let u = predictive.update(&approved(&wrong), &limits, &history, &[20.0]).unwrap();
             history.push_command(u);
             x.rotate_right(1);
             x[0] = process.nonlinearity().evaluate(u);
@@ -287,11 +386,11 @@ mod tests {
     #[test]
     fn what_has_no_finite_answer_is_none() {
         let mut predictive = Predictive::new(&control(20, 4, 0.1));
-        let history = History::resting(0.0);
-        assert_eq!(predictive.update(&approved(&Coefficients::default()), &history, &[1.0]), None);
-        assert_eq!(predictive.update(&approved(&linear(&[-1.0], &[0.0], 1)), &history, &[1.0]), None);
-        assert_eq!(predictive.update(&approved(&linear(&[f64::NAN], &[0.1], 1)), &history, &[1.0]), None);
-        assert_eq!(predictive.update(&approved(&Coefficients::TABLE_2), &history, &[f64::NAN]), None);
-        assert_eq!(predictive.update(&approved(&Coefficients::TABLE_2), &history, &[]), None);
+        let (history, limits) = (History::resting(0.0), Limits { magnitude: 1.0, step: 0.1 });
+        assert_eq!(predictive.update(&approved(&Coefficients::default()), &limits, &history, &[1.0]), None);
+        assert_eq!(predictive.update(&approved(&linear(&[-1.0], &[0.0], 1)), &limits, &history, &[1.0]), None);
+        assert_eq!(predictive.update(&approved(&linear(&[f64::NAN], &[0.1], 1)), &limits, &history, &[1.0]), None);
+        assert_eq!(predictive.update(&approved(&Coefficients::TABLE_2), &limits, &history, &[f64::NAN]), None);
+        assert_eq!(predictive.update(&approved(&Coefficients::TABLE_2), &limits, &history, &[]), None);
     }
 }

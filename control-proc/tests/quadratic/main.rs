@@ -27,7 +27,8 @@ fn residual<const N: usize, const M: usize>(problem: &Problem<N, M>, solution: &
     let mut worst = stationarity / size;
     let (largest, (_, whole)) = (reach(problem, x), cost(problem, x));
     let mut check = |value: f64, lower: f64, upper: f64, multiplier: f64, norm: f64| {
-        let (violation, limit) = if lower - value > value - upper { (lower - value, lower) } else { (value - upper, upper) };
+        let (violation, limit) =
+            if lower - value > value - upper { (lower - value, lower) } else { (value - upper, upper) };
         if violation > 0.0 {
             worst = worst.max(violation / (limit.abs() + norm * largest));
         }
@@ -154,7 +155,8 @@ fn random<const N: usize, const M: usize>(problems: usize, make: fn(&mut Pcg64) 
 
 #[test]
 fn rate_limited_axes_agree_with_clarabel() {
-    let all = [axes::<1, 1>(2000), axes::<2, 2>(3000), axes::<5, 5>(6000), axes::<10, 10>(12000), axes::<20, 20>(12000)];
+    let all =
+        [axes::<1, 1>(2000), axes::<2, 2>(3000), axes::<5, 5>(6000), axes::<10, 10>(12000), axes::<20, 20>(12000)];
     for seen in all {
         assert_eq!(seen.infeasible, 0);
     }

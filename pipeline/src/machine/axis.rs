@@ -188,7 +188,7 @@ impl Control {
             command_rate: section.number("command_rate", 1e-3..=1e4, "1/s"),
             model: section.choice_or("model", ModelChoice::Adaptive, &models),
             horizon: section.integer_or("horizon", 20, 1..=31),
-            moves: section.integer_or("moves", 4, 1..=8),
+            moves: section.integer_or("moves", 20, 1..=20),
             move_weight: section.number_or("move_weight", 1.0, 1e-6..=1e3, ""),
         };
         section.finish();

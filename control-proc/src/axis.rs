@@ -27,6 +27,7 @@ use crate::{
     limits::Limits,
     predictive::Predictive,
     reference::ReferenceGenerator,
+    rest::Rest,
     target::Target,
 };
 
@@ -83,6 +84,7 @@ pub struct AxisController {
 
     state: State,
     fallback: Fallback,
+    rest: Rest,
     target: Target,
     /// `None` until the first usable position.
     history: Option<History>,
@@ -120,6 +122,7 @@ impl AxisController {
             predictive: Predictive::new(control),
             state: State::Disarmed,
             fallback: Fallback::new(control, period),
+            rest: Rest::new(axis.encoder.resolution, period),
             target: Target::new(index, axis, period, ahead),
             history: None,
             blind: 0,
@@ -248,6 +251,7 @@ impl AxisController {
         self.state = State::Following;
         self.trusted = 0;
         self.fallback.reset();
+        self.rest.reset();
         self.target.begin(input.sequence, position, input.generator);
     }
 
@@ -283,7 +287,9 @@ impl AxisController {
         let reference = target.positions()[0];
         let error = reference - position;
         let was_model = self.last.mode == ControlMode::Model as u32;
+        let rests = self.rest.update(error, target.positions());
         let (command, mode) = match wanted {
+            _ if rests => (0.0, if wanted.is_some() { ControlMode::Model } else { ControlMode::Fallback }),
             Some(wanted) => (wanted, ControlMode::Model),
             None => {
                 if was_model {

@@ -13,6 +13,7 @@
 //! | [`response`] | what the model answers to nothing and to a step |
 //! | [`quadratic`] | quadratic programmes, solved exactly |
 //! | [`judge`] | which models may be used at all |
+//! | [`rest`] | leaving an axis alone that has arrived |
 //! | [`history`] | past outputs and commands of one axis |
 //! | [`limits`] | magnitude and rate of a command |
 //! | [`process`] | the stage: channels in, channels out |
@@ -32,6 +33,7 @@ pub mod process;
 pub mod quadratic;
 pub mod reference;
 pub mod response;
+pub mod rest;
 pub mod target;
 pub mod trajectory;
 

@@ -5,16 +5,19 @@
 //! (sum b) N(u) > 0 for u > 0, < 0 for u < 0      a positive command extends
 //! |s(end)| |N| >= 1 % of max_speed * time        over the judged time, on both branches
 //! u_low <= u <= u_high                           commands that N was learned from, within command_limit
+//! 1/5 <= s'(end) N(u)/(T c(u)) <= 5              at half and all of the commands tested while commissioning
 //! sigma_adaptive <= 1.5 sigma_classical          h-step errors, in m
 //! ```
 //!
-//! s(p) step response of the linear half, m per unit of x. A recursive estimator is fed by whatever happens; what
+//! s(p) step response of the linear half, m per unit of x, s' its last difference, T period in s; c the commissioned
+//! curve, m/s, if there is one. A model of hinges that agrees with it may be asked for all commands that were tested,
+//! learned from or not: between and beyond its knots it goes on straight. A recursive estimator is fed by whatever happens; what
 //! it publishes is judged anew at every tick before it may move anything. Trap: the sign of b says nothing alone,
 //! b and N share a free factor; only their product has a direction.
 
 use pipeline::{
-    hammerstein::{Coefficients, Structure},
-    machine::{Axis, Identification, ModelChoice},
+    hammerstein::{Basis, Coefficients, Structure},
+    machine::{Axis, Commissioned, Identification, ModelChoice},
     message::{AxisSnapshot, model_fault},
 };
 
@@ -31,6 +34,9 @@ pub const WORST_RATIO: f64 = 1.5;
 /// Errors needed before two models are compared.
 pub const LEAST_COUNT: u64 = 100;
 
+/// How far a model's speed may be from the commissioned one, either way: oil, load and pump change it, a wrong model more.
+pub const SPEED_RATIO: f64 = 5.0;
+
 /// Why a model is not used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refusal {
@@ -46,6 +52,8 @@ pub enum Refusal {
     Direction,
     /// A full command of one direction moves the axis less than [`LEAST_TRAVEL`], or the other way.
     Unreachable,
+    /// Its speed is beyond [`SPEED_RATIO`] of the commissioned one.
+    Speed,
     /// It predicts clearly worse than the classical model.
     Worse,
 }
@@ -67,6 +75,8 @@ pub struct Judge {
     choice: ModelChoice,
     command_limit: f64,
     least_travel: f64,
+    period: f64,
+    commissioned: Option<Commissioned>,
 }
 
 impl Judge {
@@ -77,6 +87,8 @@ impl Judge {
             choice: axis.control.model,
             command_limit: axis.control.command_limit,
             least_travel: LEAST_TRAVEL * axis.max_speed * MAX_HORIZON as f64 * period,
+            period,
+            commissioned: axis.commissioned.clone(),
         }
     }
 
@@ -105,6 +117,7 @@ impl Judge {
             known(snapshot.command_high).clamp(0.0, self.command_limit),
         );
         self.judge_reach(model, range)?;
+        let range = self.judge_speed(model, range)?;
         if adaptive && is_worse(snapshot) {
             return Err(Refusal::Worse);
         }
@@ -135,6 +148,34 @@ impl Judge {
     }
 }
 
+impl Judge {
+    /// Compares the model's speeds with the commissioned ones; the commands that it may be asked for.
+    fn judge_speed(&self, model: &Coefficients, learned: (f64, f64)) -> Result<(f64, f64), Refusal> {
+        let Some(commissioned) = &self.commissioned else { return Ok(learned) };
+        let mut step = [0.0; MAX_HORIZON];
+        step_response(model, &mut step);
+        let gain = (step[MAX_HORIZON - 1] - step[MAX_HORIZON - 2]) / self.period;
+        let nonlinearity = model.nonlinearity();
+        let ratio = |command: f64| gain * nonlinearity.evaluate(command) / commissioned.speed(command);
+        let agrees = |command: f64| (1.0 / SPEED_RATIO..=SPEED_RATIO).contains(&ratio(command));
+        let (low, high) = commissioned.tested();
+        let tested = (low.max(-self.command_limit), high.min(self.command_limit));
+        let halfway = |dead_band: f64, end: f64| 0.5 * (dead_band + end);
+        let learned_end = (learned.0.max(tested.0), learned.1.min(tested.1));
+        let middles = (
+            halfway(-commissioned.dead_band.retract, learned_end.0),
+            halfway(commissioned.dead_band.extend, learned_end.1),
+        );
+        if ![middles.0, learned_end.0, middles.1, learned_end.1].into_iter().all(agrees) {
+            return Err(Refusal::Speed);
+        }
+        // Polynomials say anything beyond what they were learned from.
+        let straight = matches!(nonlinearity.input.basis, Basis::Hinges(_));
+        let end = |learned: f64, tested: f64| if straight && agrees(tested) { tested } else { learned };
+        Ok((end(learned.0, tested.0).min(learned.0), end(learned.1, tested.1).max(learned.1)))
+    }
+}
+
 fn without_integrator(identification: &Identification) -> Structure {
     let published = identification.published();
     Structure { na: published.na - identification.structure.integrator as usize, ..published }
@@ -156,8 +197,8 @@ mod tests {
     use super::*;
     use crate::tests::{machine, models::actuator};
     use pipeline::{
-        hammerstein::{Basis, InputMap},
-        machine::IdentifiedOutput,
+        hammerstein::InputMap,
+        machine::{DeadBand, IdentifiedOutput},
         statistics::ErrorStatistics,
     };
 
@@ -307,5 +348,53 @@ mod tests {
         assert_eq!(judge().judge(&snapshot), Err(Refusal::Unstable));
         machine.axes[0].control.model = ModelChoice::None;
         assert_eq!(Judge::new(&machine.axes[0], 0.01).judge(&snapshot), Err(Refusal::Training));
+    }
+
+    /// The judge of an axis whose commissioned curve is `factor` times what the actuator's model says, tested to 0.6.
+    fn commissioned(factor: f64) -> Judge {
+        let mut step = [0.0; MAX_HORIZON];
+        step_response(&actuator(), &mut step);
+        let gain = factor * (step[MAX_HORIZON - 1] - step[MAX_HORIZON - 2]) / 0.01;
+        let speed = |opening: f64| gain * actuator().nonlinearity().evaluate(opening);
+        let mut machine = machine(1);
+        machine.axes[0].commissioned = Some(Commissioned {
+            dead_time: 0.05,
+            time_constant: 0.05,
+            dead_band: DeadBand { extend: 0.0, retract: 0.0 },
+            openings: vec![0.3, 0.6],
+            speeds_extend: vec![speed(0.3), speed(0.6)],
+            speeds_retract: vec![-speed(-0.3), -speed(-0.6)],
+            fit_percent: 99.0,
+        });
+        Judge::new(&machine.axes[0], 0.01)
+    }
+
+    #[test]
+    fn a_model_far_from_the_commissioned_speeds_is_refused() {
+        for (factor, expected) in
+            [(1.0, None), (0.3, None), (4.0, None), (0.15, Some(Refusal::Speed)), (6.0, Some(Refusal::Speed))]
+        {
+            assert_eq!(commissioned(factor).judge(&snapshot(actuator())).err(), expected, "{factor}");
+        }
+    }
+
+    #[test]
+    fn a_model_of_hinges_may_be_asked_for_what_was_tested() {
+        let range = |model: Coefficients| {
+            let mut snapshot = snapshot(model);
+            (snapshot.command_low, snapshot.command_high) = (-0.2, 0.7);
+            commissioned(1.0).judge(&snapshot).map(|approved| approved.range)
+        };
+        // A polynomial stays with what it has learned.
+        assert_eq!(range(actuator()), Ok((-0.2, 0.7)));
+        let mut judge = commissioned(1.0);
+        judge.structure.input.basis = Basis::hinges(&[0.0]).unwrap();
+        judge.structure.order = 1;
+        let (linear, structure) = (actuator(), judge.structure);
+        let hinges =
+            Coefficients { a: linear.a, b: linear.b, f: linear.f, g: linear.g, ..Coefficients::zero(structure) };
+        let mut snapshot = snapshot(hinges);
+        (snapshot.command_low, snapshot.command_high) = (-0.2, 0.7);
+        assert_eq!(judge.judge(&snapshot).map(|approved| approved.range), Ok((-0.6, 0.7)));
     }
 }

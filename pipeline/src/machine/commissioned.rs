@@ -86,6 +86,12 @@ impl Commissioned {
         }
     }
 
+    /// The lowest and the highest command that the curve was measured at.
+    pub fn tested(&self) -> (f64, f64) {
+        let last = self.openings.last().copied().unwrap_or_default();
+        (-self.dead_band.retract - last, self.dead_band.extend + last)
+    }
+
     /// The command that makes `speed` m/s in the end; 0 for none.
     pub fn command(&self, speed: f64) -> f64 {
         if speed > 0.0 {

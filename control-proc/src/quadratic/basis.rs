@@ -129,9 +129,7 @@ impl<const N: usize> Basis<N> {
         add(&mut jv, -alpha, &self.j[q]);
         let scale = 1.0 / (alpha * (d[q] - alpha));
         add(&mut self.j[q], scale * (d[q] - alpha), &jv);
-        for k in q + 1..N {
-            add(&mut self.j[k], scale * d[k], &jv);
-        }
+        self.j[q + 1..].iter_mut().zip(&d[q + 1..]).for_each(|(column, d)| add(column, scale * d, &jv));
         self.r[q][..q].copy_from_slice(&d[..q]);
         self.r[q][q] = alpha;
         self.len += 1;

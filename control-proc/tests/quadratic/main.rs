@@ -17,10 +17,10 @@ use random::{degenerate, dense, dot, infeasible};
 fn residual<const N: usize, const M: usize>(problem: &Problem<N, M>, solution: &Solution<N, M>) -> f64 {
     let Solution { x, bound_multipliers, row_multipliers, .. } = solution;
     let (mut stationarity, mut size) = (0.0f64, f64::MIN_POSITIVE);
-    for i in 0..N {
+    for (i, v) in bound_multipliers.iter().enumerate() {
         let products = (0..N).map(|k| problem.hessian[i.min(k)][i.max(k)] * x[k]);
         let pulls = (0..M).map(|k| -problem.rows[k][i] * row_multipliers[k]);
-        let terms = || products.clone().chain(pulls.clone()).chain([problem.gradient[i], -bound_multipliers[i]]);
+        let terms = || products.clone().chain(pulls.clone()).chain([problem.gradient[i], -v]);
         stationarity = stationarity.max(terms().sum::<f64>().abs());
         size = size.max(terms().map(f64::abs).sum());
     }

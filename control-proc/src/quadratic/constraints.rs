@@ -134,6 +134,7 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
     }
 
     /// c'x.
+    #[inline]
     pub(super) fn value(&self, problem: &Problem<N, M>, constraint: Constraint, x: &[f64; N]) -> f64 {
         let (start, part) = self.normal(problem, constraint);
         match (constraint, part) {
@@ -148,20 +149,25 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
     pub(super) fn most_violated(&self, problem: &Problem<N, M>, x: &[f64; N], size: f64) -> Option<Side> {
         let mut worst = None;
         let mut most = 0.0;
-        let mut compare = |constraint, scale: f64, value: f64, lower: f64, upper: f64| {
+        let mut compare = |constraint, state, scale: f64, value: f64, lower: f64, upper: f64| {
             let (below, above) = (lower - value, value - upper);
-            let (violation, sign, limit) = if below > above { (below, 1.0, lower) } else { (above, -1.0, upper) };
-            if violation > most && violation > FEASIBLE * limit.abs() + ROUNDING * scale * size {
-                most = violation;
-                worst = Some(Side { constraint, sign, limit, equality: lower == upper });
+            let violation = if below > above { below } else { above };
+            if violation > most && state == State::Open {
+                let (sign, limit) = if below > above { (1.0, lower) } else { (-1.0, upper) };
+                if violation > FEASIBLE * limit.abs() + ROUNDING * scale * size {
+                    most = violation;
+                    worst = Some(Side { constraint, sign, limit, equality: lower == upper });
+                }
             }
         };
-        for i in (0..N).filter(|i| self.bound_states[*i] == State::Open) {
-            compare(Constraint::Bound(i), self.bound_scales[i], x[i], problem.lower[i], problem.upper[i]);
+        for i in 0..N {
+            let (state, scale) = (self.bound_states[i], self.bound_scales[i]);
+            compare(Constraint::Bound(i), state, scale, x[i], problem.lower[i], problem.upper[i]);
         }
-        for k in (0..M).filter(|k| self.row_states[*k] == State::Open) {
+        for k in 0..M {
+            let (state, scale) = (self.row_states[k], self.row_scales[k]);
             let value = self.value(problem, Constraint::Row(k), x);
-            compare(Constraint::Row(k), self.row_scales[k], value, problem.row_lower[k], problem.row_upper[k]);
+            compare(Constraint::Row(k), state, scale, value, problem.row_lower[k], problem.row_upper[k]);
         }
         worst
     }

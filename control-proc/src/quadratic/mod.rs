@@ -318,7 +318,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         let mut first = None;
         let mut shortest = f64::INFINITY;
         for (k, (member, r)) in self.working_set().iter().zip(r).enumerate() {
-            if !member.side.equality && r * member.scale > SHRINKING * scale && member.multiplier / r < shortest {
+            if !member.side.equality && r * member.scale > SHRINKING * scale && member.multiplier < shortest * r {
                 shortest = member.multiplier / r;
                 first = Some((k, shortest));
             }

@@ -160,9 +160,9 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
                 }
             }
         };
-        for i in 0..N {
+        for (i, x) in x.iter().enumerate() {
             let (state, scale) = (self.bound_states[i], self.bound_scales[i]);
-            compare(Constraint::Bound(i), state, scale, x[i], problem.lower[i], problem.upper[i]);
+            compare(Constraint::Bound(i), state, scale, *x, problem.lower[i], problem.upper[i]);
         }
         for k in 0..M {
             let (state, scale) = (self.row_states[k], self.row_scales[k]);

@@ -38,32 +38,28 @@ impl<const N: usize> Basis<N> {
         self.len = 0;
         // R is not needed yet: its columns hold those of L meanwhile.
         let (l, j) = (&mut self.r, &mut self.j);
-        l.copy_from_slice(hessian);
-        for k in 0..N {
-            let (before, after) = l.split_at_mut(k + 1);
-            let column = &mut before[k];
-            let pivot = column[k];
+        let mut factors = [0.0; N];
+        for i in 0..N {
+            let (known, rest) = l.split_at_mut(i);
+            let column = &mut rest[0][i..];
+            column.copy_from_slice(&hessian[i][i..]);
+            factors.iter_mut().zip(&*known).for_each(|(factor, known)| *factor = -known[i]);
+            add_all(column, &factors, known, i);
+            let pivot = column[0];
             if !pivot.is_finite() {
                 return Err(Status::NotFinite);
             }
-            if pivot <= N as f64 * PIVOT * hessian[k][k] {
+            if pivot <= N as f64 * PIVOT * hessian[i][i] {
                 return Err(Status::NotConvex);
             }
-            let root = pivot.sqrt();
-            column[k..].iter_mut().for_each(|l| *l /= root);
-            for (i, other) in after.iter_mut().enumerate() {
-                let i = k + 1 + i;
-                add(&mut other[i..], -column[i], &column[i..]);
-            }
-        }
-        for i in 0..N {
+            let inverse = 1.0 / pivot.sqrt();
+            column.iter_mut().for_each(|l| *l *= inverse);
+
+            // Row i of L^-1, from those above it.
             let (known, rest) = j.split_at_mut(i);
             let column = &mut rest[0];
             *column = [0.0; N];
-            for (k, known) in known.iter().enumerate() {
-                add(&mut column[..=k], -l[k][i], &known[..=k]);
-            }
-            let inverse = 1.0 / l[i][i];
+            add_all(&mut column[..i], &factors, known, 0);
             column[..i].iter_mut().for_each(|j| *j *= inverse);
             column[i] = inverse;
         }
@@ -97,14 +93,14 @@ impl<const N: usize> Basis<N> {
     /// J y.
     pub(super) fn expand(&self, y: &[f64; N]) -> [f64; N] {
         let mut x = [0.0; N];
-        self.j.iter().zip(y).for_each(|(column, y)| add(&mut x, *y, column));
+        add_all(&mut x, y, &self.j, 0);
         x
     }
 
     /// z of d = J^T n.
     pub(super) fn direction(&self, d: &[f64; N]) -> [f64; N] {
         let mut z = [0.0; N];
-        self.j[self.len..].iter().zip(&d[self.len..]).for_each(|(column, d)| add(&mut z, *d, column));
+        add_all(&mut z, &d[self.len..], &self.j[self.len..], 0);
         z
     }
 
@@ -133,9 +129,7 @@ impl<const N: usize> Basis<N> {
         add(&mut jv, -alpha, &self.j[q]);
         let scale = 1.0 / (alpha * (d[q] - alpha));
         add(&mut self.j[q], scale * (d[q] - alpha), &jv);
-        for k in q + 1..N {
-            add(&mut self.j[k], scale * d[k], &jv);
-        }
+        self.j[q + 1..].iter_mut().zip(&d[q + 1..]).for_each(|(column, d)| add(column, scale * d, &jv));
         self.r[q][..q].copy_from_slice(&d[..q]);
         self.r[q][q] = alpha;
         self.len += 1;
@@ -165,11 +159,29 @@ impl<const N: usize> Basis<N> {
 }
 
 /// `sum` + factor * `other`, as far as the shorter of them reaches.
+#[inline(always)]
 pub(super) fn add(sum: &mut [f64], factor: f64, other: &[f64]) {
     sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += factor * other);
 }
 
+/// `sum` + every column from `start` on by its factor; four at a time, so that `sum` is not stored in between.
+#[inline(always)]
+fn add_all<const N: usize>(sum: &mut [f64], factors: &[f64], columns: &[[f64; N]], start: usize) {
+    let common = factors.len().min(columns.len());
+    let part = start..start + sum.len();
+    let (fours, rest) = columns[..common].as_chunks::<4>();
+    let (factors, factors_rest) = factors[..common].as_chunks::<4>();
+    for (columns, factors) in fours.iter().zip(factors) {
+        let [a, b, c, d] = columns.each_ref().map(|column| &column[part.clone()]);
+        for ((((sum, a), b), c), d) in sum.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+            *sum += (factors[0] * a + factors[1] * b) + (factors[2] * c + factors[3] * d);
+        }
+    }
+    rest.iter().zip(factors_rest).for_each(|(column, factor)| add(sum, *factor, &column[part.clone()]));
+}
+
 /// The scalar product, as far as the shorter of them reaches; four sums, so that none waits for the other.
+#[inline(always)]
 pub(super) fn dot(one: &[f64], two: &[f64]) -> f64 {
     let common = one.len().min(two.len());
     let (one, one_rest) = one[..common].as_chunks::<4>();

@@ -5,8 +5,10 @@
 //! scale = sum |c_i| s_i >= sqrt(c' H^-1 c)        s_i = sqrt((H^-1)_ii)
 //! ```
 //!
-//! A bound is c = e_i. Violations are compared, and normals called dependent, by that scale: by it neither the units
-//! of a variable nor those of a row matter, and it is known before the first step. Trap: in a dense array of rows most
+//! A bound is c = e_i. What is rounding, and which normals are called dependent, goes by that scale: neither the units
+//! of a variable nor those of a row matter, and it is known before the first step. Which violation is the greatest goes by
+//! the violation itself: on axes with limits of magnitude and rate that takes a fifth fewer iterations than by scale,
+//! and as many fewer than the first one violated. Trap: in a dense array of rows most
 //! elements are zero; only what lies between the first and the last that is not is read again.
 
 use std::array::from_fn;
@@ -69,14 +71,16 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
     pub(super) fn read(&mut self, problem: &Problem<N, M>) -> Result<(), Status> {
         self.bound_states = [State::Open; N];
         self.row_states = [State::Open; M];
+        // 0 times what is not finite is not a number: a sum for each column finds them all.
+        let mut sums = [0.0; N];
         for (span, row) in self.spans.iter_mut().zip(&problem.rows) {
-            // 0 times what is not finite is not a number: one sum finds them all.
-            if row.iter().fold(0.0, |sum, c| sum + 0.0 * c) != 0.0 {
-                return Err(Status::NotFinite);
-            }
+            sums.iter_mut().zip(row).for_each(|(sum, c)| *sum += 0.0 * c);
             let start = row.iter().position(|c| *c != 0.0).unwrap_or(0);
             let end = row.iter().rposition(|c| *c != 0.0).map_or(0, |last| last + 1);
             *span = (start, end);
+        }
+        if sums != [0.0; N] {
+            return Err(Status::NotFinite);
         }
         let pairs = || {
             let bounds = problem.lower.iter().zip(&problem.upper);
@@ -130,6 +134,7 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
     }
 
     /// c'x.
+    #[inline]
     pub(super) fn value(&self, problem: &Problem<N, M>, constraint: Constraint, x: &[f64; N]) -> f64 {
         let (start, part) = self.normal(problem, constraint);
         match (constraint, part) {
@@ -139,26 +144,30 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
         }
     }
 
-    /// The side that x violates most for its scale; none if all are met. `size` is that of x, by the scale of
+    /// The side that x violates most; none if all are met. `size` is that of x, by the scale of
     /// its elements.
     pub(super) fn most_violated(&self, problem: &Problem<N, M>, x: &[f64; N], size: f64) -> Option<Side> {
         let mut worst = None;
-        // A row of scale 0 is all zeros: nothing moves it, but it may ask for something.
         let mut most = 0.0;
-        let mut compare = |constraint, scale: f64, value: f64, lower: f64, upper: f64| {
+        let mut compare = |constraint, state, scale: f64, value: f64, lower: f64, upper: f64| {
             let (below, above) = (lower - value, value - upper);
-            let (violation, sign, limit) = if below > above { (below, 1.0, lower) } else { (above, -1.0, upper) };
-            if violation > most && violation > FEASIBLE * limit.abs() + ROUNDING * scale * size {
-                most = violation;
-                worst = Some(Side { constraint, sign, limit, equality: lower == upper });
+            let violation = if below > above { below } else { above };
+            if violation > most && state == State::Open {
+                let (sign, limit) = if below > above { (1.0, lower) } else { (-1.0, upper) };
+                if violation > FEASIBLE * limit.abs() + ROUNDING * scale * size {
+                    most = violation;
+                    worst = Some(Side { constraint, sign, limit, equality: lower == upper });
+                }
             }
         };
-        for i in (0..N).filter(|i| self.bound_states[*i] == State::Open) {
-            compare(Constraint::Bound(i), self.bound_scales[i], x[i], problem.lower[i], problem.upper[i]);
+        for (i, x) in x.iter().enumerate() {
+            let (state, scale) = (self.bound_states[i], self.bound_scales[i]);
+            compare(Constraint::Bound(i), state, scale, *x, problem.lower[i], problem.upper[i]);
         }
-        for k in (0..M).filter(|k| self.row_states[*k] == State::Open) {
+        for k in 0..M {
+            let (state, scale) = (self.row_states[k], self.row_scales[k]);
             let value = self.value(problem, Constraint::Row(k), x);
-            compare(Constraint::Row(k), self.row_scales[k], value, problem.row_lower[k], problem.row_upper[k]);
+            compare(Constraint::Row(k), state, scale, value, problem.row_lower[k], problem.row_upper[k]);
         }
         worst
     }

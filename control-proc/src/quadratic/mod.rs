@@ -15,11 +15,15 @@
 //! constraint taken in, x is the exact minimum under the working set and its cost a lower bound of the cost sought;
 //! so it ends after finitely many steps, without a starting point and without a tolerance of convergence.
 //!
+//! Before it ends, or trusts a small violation, the conditions of the minimum under the working set are solved once more
+//! for what is left of them (iterative refinement), so that neither x nor multipliers carry the rounding of the way.
+//!
 //! Traps: until the end x violates something. What [`Status::IterationLimit`] leaves is the optimum of a problem with
 //! fewer constraints: its multipliers have their signs, its x does **not** keep the limits, and clipping it into the
 //! bounds keeps no row. The caller needs a command that is safe without a solution. Of an ill-conditioned H the cost
 //! is far more exact than x. Squares of the data must neither overflow nor vanish: beyond 1e-140 .. 1e140 nothing
-//! panics, but a problem may be called what it is not.
+//! panics, but a problem may be called what it is not. Which constraint is violated most depends on the units of the
+//! rows: the answer does not, the number of iterations does.
 
 mod basis;
 mod constraints;
@@ -27,8 +31,11 @@ mod constraints;
 use basis::{Basis, add, dot};
 use constraints::{Constraint, Constraints, ROUNDING, Side, State};
 
+/// A violation below this part of the limit is looked at again after refinement: on the way from a minimum far away x
+/// has lost digits, and among constraints that depend on each other their rounding would take turns for ever.
+const DOUBTFUL: f64 = 1e-6;
 /// The part of a normal that counts as independent of the working set, by its scale.
-const INDEPENDENT: f64 = 1e-11;
+const INDEPENDENT: f64 = 1e-9;
 /// A multiplier shrinks if it loses more than this, by the scales of both constraints.
 const SHRINKING: f64 = 1e-12;
 /// A multiplier has its sign within this part of what all of them carry.
@@ -180,6 +187,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         self.basis.factor(&problem.hessian)?;
         self.constraints.read(problem)?;
         let lengths = self.basis.lengths();
+        let inverse_lengths = lengths.map(|length| 1.0 / length);
         self.constraints.scale(problem, &lengths);
         let y = self.basis.project(0, &problem.gradient).map(|y| -y);
         self.x = self.basis.expand(&y);
@@ -187,17 +195,20 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         self.size = ROUNDING * self.force;
         let mut refined = false;
         loop {
-            for (x, length) in self.x.iter().zip(&lengths) {
-                let size = x.abs() / length;
-                // What is no number counts as infinite.
-                self.size = if size.is_nan() { f64::INFINITY } else { self.size.max(size) };
+            for (x, inverse) in self.x.iter().zip(&inverse_lengths) {
+                let size = x.abs() * inverse;
+                if size > self.size {
+                    self.size = size;
+                } else if size.is_nan() {
+                    return Err(Status::NotFinite);
+                }
             }
             if self.size == f64::INFINITY {
                 return Err(Status::NotFinite);
             }
-            match self.constraints.most_violated(problem, &self.x, self.size) {
-                None if refined => break,
-                None => {
+            let worst = self.constraints.most_violated(problem, &self.x, self.size);
+            match worst {
+                _ if !refined && worst.is_none_or(|side| self.is_doubtful(problem, &side)) => {
                     self.refine(problem);
                     while let Some(k) = self.worst_sign() {
                         self.let_go(k);
@@ -206,6 +217,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
                     }
                     refined = true;
                 }
+                None => break,
                 Some(_) if self.iterations >= self.iteration_limit => return Err(Status::IterationLimit),
                 Some(side) => {
                     self.take_in(problem, side)?;
@@ -226,6 +238,11 @@ impl<const N: usize, const M: usize> Solver<N, M> {
     /// sign (limit - c'x).
     fn violation(&self, problem: &Problem<N, M>, side: &Side) -> f64 {
         side.sign * (side.limit - self.constraints.value(problem, side.constraint, &self.x))
+    }
+
+    /// Whether it may be rounding alone that violates this side.
+    fn is_doubtful(&self, problem: &Problem<N, M>, side: &Side) -> bool {
+        self.violation(problem, side) < DOUBTFUL * side.limit.abs()
     }
 
     /// Steps to the minimum under the working set and this side, without the members that this makes superfluous.
@@ -301,7 +318,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         let mut first = None;
         let mut shortest = f64::INFINITY;
         for (k, (member, r)) in self.working_set().iter().zip(r).enumerate() {
-            if !member.side.equality && r * member.scale > SHRINKING * scale && member.multiplier / r < shortest {
+            if !member.side.equality && r * member.scale > SHRINKING * scale && member.multiplier < shortest * r {
                 shortest = member.multiplier / r;
                 first = Some((k, shortest));
             }

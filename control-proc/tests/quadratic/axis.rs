@@ -118,8 +118,8 @@ impl Axis {
                 let k = self.tick + p as f64;
                 gradient[m] -= impulse(p, m) * (offset + slope * k + amplitude * (frequency * k).sin() - rest);
             }
-            for n in m..N {
-                hessian[m][n] = (n..N).map(|p| impulse(p, m) * impulse(p, n)).sum();
+            for (n, h) in hessian[m].iter_mut().enumerate().skip(m) {
+                *h = (n..N).map(|p| impulse(p, m) * impulse(p, n)).sum();
             }
             hessian[m][m] += self.weight * if m + 1 < N { 2.0 } else { 1.0 };
             if m + 1 < N {

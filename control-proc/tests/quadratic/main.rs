@@ -17,10 +17,10 @@ use random::{degenerate, dense, dot, infeasible};
 fn residual<const N: usize, const M: usize>(problem: &Problem<N, M>, solution: &Solution<N, M>) -> f64 {
     let Solution { x, bound_multipliers, row_multipliers, .. } = solution;
     let (mut stationarity, mut size) = (0.0f64, f64::MIN_POSITIVE);
-    for i in 0..N {
+    for (i, v) in bound_multipliers.iter().enumerate() {
         let products = (0..N).map(|k| problem.hessian[i.min(k)][i.max(k)] * x[k]);
         let pulls = (0..M).map(|k| -problem.rows[k][i] * row_multipliers[k]);
-        let terms = || products.clone().chain(pulls.clone()).chain([problem.gradient[i], -bound_multipliers[i]]);
+        let terms = || products.clone().chain(pulls.clone()).chain([problem.gradient[i], -v]);
         stationarity = stationarity.max(terms().sum::<f64>().abs());
         size = size.max(terms().map(f64::abs).sum());
     }
@@ -55,10 +55,16 @@ fn reach<const N: usize, const M: usize>(problem: &Problem<N, M>, x: &[f64; N]) 
 
 /// The cost, and the size of what it is the sum of for an x of this reach.
 fn cost<const N: usize, const M: usize>(problem: &Problem<N, M>, x: &[f64; N]) -> (f64, f64) {
-    let hx: [f64; N] = std::array::from_fn(|i| (0..N).map(|k| problem.hessian[i.min(k)][i.max(k)] * x[k]).sum());
-    let (quadratic, linear) = (dot(&hx, x) / 2.0, dot(&problem.gradient, x));
-    let size = problem.gradient.iter().map(|g| g.abs()).sum::<f64>() * reach(problem, x);
-    (quadratic + linear, quadratic.abs() + size)
+    let (mut cost, mut size) = (dot(&problem.gradient, x), 0.0);
+    for i in 0..N {
+        for k in 0..N {
+            let part = x[i] * problem.hessian[i.min(k)][i.max(k)] * x[k] / 2.0;
+            cost += part;
+            size += part.abs();
+        }
+        size += problem.gradient[i].abs() * reach(problem, x);
+    }
+    (cost, size)
 }
 
 /// What many problems have shown.
@@ -123,6 +129,7 @@ impl Seen {
     }
 
     fn report(&self, what: &str) {
+        assert!(self.unsure <= self.problems / 20, "{what}: {self:?}");
         println!("{what}: {self:?}, mean iterations {:.2}", self.iterations as f64 / self.problems as f64);
     }
 }

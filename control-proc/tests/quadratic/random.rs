@@ -41,11 +41,11 @@ pub fn dense<const N: usize, const M: usize>(random: &mut Pcg64) -> Problem<N, M
     let far = 10f64.powf(uniform(random, -1.0, 6.0));
     let mut problem = Problem::new(hessian(random, condition), vector::<N>(random).map(|g| far * g));
     let inside: [f64; N] = vector(random);
-    for i in 0..N {
+    for (i, inside) in inside.iter().enumerate() {
         let (below, above) = (uniform(random, -1.0, 1.0), uniform(random, -1.0, 1.0));
         // A third of the sides without a limit.
-        problem.lower[i] = if below < -0.33 { f64::NEG_INFINITY } else { inside[i] - below.max(0.0) };
-        problem.upper[i] = if above < -0.33 { f64::INFINITY } else { inside[i] + above.max(0.0) };
+        problem.lower[i] = if below < -0.33 { f64::NEG_INFINITY } else { inside - below.max(0.0) };
+        problem.upper[i] = if above < -0.33 { f64::INFINITY } else { inside + above.max(0.0) };
     }
     for k in 0..M {
         problem.rows[k] = vector(random);
@@ -62,10 +62,10 @@ pub fn degenerate<const N: usize, const M: usize>(random: &mut Pcg64) -> Problem
     let mut problem = dense::<N, M>(random);
     let whole = |random: &mut Pcg64| uniform(random, -3.0, 4.0).floor();
     let point: [f64; N] = std::array::from_fn(|_| whole(random));
-    for i in 0..N {
+    for (i, point) in point.iter().enumerate() {
         let kind = uniform(random, 0.0, 4.0) as usize;
-        problem.lower[i] = point[i] - [0.0, 0.0, 1.0, f64::INFINITY][kind];
-        problem.upper[i] = point[i] + [0.0, 1.0, 0.0, 1.0][kind];
+        problem.lower[i] = point - [0.0, 0.0, 1.0, f64::INFINITY][kind];
+        problem.upper[i] = point + [0.0, 1.0, 0.0, 1.0][kind];
     }
     for k in 0..M {
         let (one, two) = if k < 2 { (0, 0) } else { (whole(random).abs() as usize % k, k - 1) };

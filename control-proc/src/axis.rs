@@ -241,7 +241,8 @@ impl AxisController {
                 if self.refused.replace(made_after) != Some(made_after) {
                     self.last.rejected_snapshots += 1;
                 }
-                (None, control_flag::MODEL_REFUSED)
+                // What was identified offline and held is still there, and judged as well.
+                (self.judge.judge_held(snapshot).ok(), control_flag::MODEL_REFUSED)
             }
         }
     }

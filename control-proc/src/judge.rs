@@ -97,7 +97,18 @@ impl Judge {
     /// # Errors
     /// The first reason why it may not be used.
     pub fn judge<'a>(&self, snapshot: &'a AxisSnapshot) -> Result<Approved<'a>, Refusal> {
-        let adaptive = self.choice == ModelChoice::Adaptive;
+        self.judge_one(snapshot, self.choice == ModelChoice::Adaptive)
+    }
+
+    /// The held model, to be used where the adaptive one is refused.
+    ///
+    /// # Errors
+    /// The first reason why it may not be used either.
+    pub fn judge_held<'a>(&self, snapshot: &'a AxisSnapshot) -> Result<Approved<'a>, Refusal> {
+        self.judge_one(snapshot, false)
+    }
+
+    fn judge_one<'a>(&self, snapshot: &'a AxisSnapshot, adaptive: bool) -> Result<Approved<'a>, Refusal> {
         let model = if adaptive { &snapshot.adaptive } else { &snapshot.classical };
         if snapshot.faults & model_fault::TRAINING != 0 || self.choice == ModelChoice::None {
             return Err(Refusal::Training);

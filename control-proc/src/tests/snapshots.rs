@@ -55,6 +55,8 @@ proptest! {
             let mut poisoned: CoefficientSnapshot = snapshot(k, actuator());
             let (way, place, size) = ways[k as usize % ways.len()];
             spoil(&mut poisoned.axes[0], way, place, size);
+            // The held model would take its place.
+            poisoned.axes[0].classical = Coefficients::default();
             let (a, b) = (with.tick(Some(&poisoned)).axes[0], without.tick(None).axes[0]);
             prop_assert_eq!(a.command.to_bits(), b.command.to_bits());
             prop_assert_eq!(a.mode, b.mode);
@@ -69,6 +71,7 @@ fn a_refused_model_is_left_at_once_and_counted_once() {
     axis.run(100, Some(actuator()));
     let mut bad = snapshot(99, actuator());
     bad.axes[0].adaptive.a[0] = f64::NAN;
+    bad.axes[0].classical.b[0] = f64::NAN;
     for _ in 0..5 {
         let command = axis.tick(Some(&bad)).axes[0];
         assert_eq!((command.mode, command.flags), (ControlMode::Fallback as u32, control_flag::MODEL_REFUSED));
@@ -80,6 +83,21 @@ fn a_refused_model_is_left_at_once_and_counted_once() {
     let commands = axis.run(11, Some(actuator()));
     assert_eq!(commands[9].axes[0].mode, ControlMode::Fallback as u32);
     assert_eq!((commands[10].axes[0].mode, commands[10].axes[0].flags), (ControlMode::Model as u32, 0));
+}
+
+#[test]
+fn the_held_model_takes_the_place_of_a_refused_adaptive_one() {
+    let classical = super::machine_with("command_rate = 10.0\n", "command_rate = 10.0\nmodel = \"classical\"\n");
+    let (mut refused, mut held) = (Loop::new(&machine(1), 0.0), Loop::new(&classical, 0.0));
+    for k in 0..200 {
+        let mut snapshot = snapshot(k, actuator());
+        let expected = held.tick(Some(&snapshot)).axes[0];
+        spoil(&mut snapshot.axes[0], k as usize % 4, k as usize, 1.0);
+        let command = refused.tick(Some(&snapshot)).axes[0];
+        assert_eq!((command.command.to_bits(), command.mode), (expected.command.to_bits(), expected.mode), "{k}");
+        assert_eq!((command.flags & control_flag::MODEL_REFUSED != 0, command.rejected_snapshots), (true, k + 1));
+    }
+    assert_eq!(held.tick(Some(&snapshot(200, actuator()))).axes[0].mode, ControlMode::Model as u32);
 }
 
 #[test]

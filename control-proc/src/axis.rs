@@ -119,7 +119,7 @@ impl AxisController {
             resting_range: (-control.dead_band.retract - STUCK_MARGIN, control.dead_band.extend + STUCK_MARGIN),
             choice: control.model,
             judge: Judge::new(axis, period),
-            predictive: Predictive::new(control),
+            predictive: Predictive::new(control, axis.soft_limits, period),
             state: State::Disarmed,
             fallback: Fallback::new(control, period),
             rest: Rest::new(axis.encoder.resolution, period),

@@ -6,11 +6,14 @@
 //! y(k+nk+p) = free(k+nk+p) + sum h(p-m) X(m)                  X(m) = x(k+m) - x(k-1),  X(m) = X(M-1) for m >= M
 //! N(u(k-1) - (m+1) r) <= x(k+m) <= N(u(k-1) + (m+1) r)        and both within N(u_low), N(u_high)
 //! |x(k+m) - x(k+m-1)| <= rho                                  the most that r changes x on that way
+//! -sqrt(2 a (y_f - y_low)) <= V x(k+m) <= sqrt(2 a (y_high - y_f))          no faster than it can stop
 //! u(k) = N^-1(x(k))                                           lambda = move_weight * mean of s(p)^2
 //! ```
 //!
 //! y position in m, w target in m, e innovation in m, tau [`NOISE_ROOT`], x intermediate value, u valve command, r its
-//! largest change per tick, h impulse and s step response, m per unit of x; nk delay, H `horizon`, M `moves`, in
+//! largest change per tick, h impulse and s step response, m per unit of x; V speed per unit of x, m/s, the last
+//! difference of s, y_f = free(k+nk) where the axis will be when x(k) acts, y_low and y_high the soft limits, m, a
+//! [`END_DECELERATION`]; nk delay, H `horizon`, M `moves`, in
 //! samples. Source: Clarke, Mohtadi and Tuffs, Generalized predictive control, Automatica 23 (1987), with its
 //! constraints as a quadratic programme ([`crate::quadratic`]); N and the model are eqs. (11) and (12) of the paper.
 //!
@@ -38,6 +41,9 @@ use crate::{
 /// which is met within some ten samples; the value that is usual for this method.
 pub const NOISE_ROOT: f64 = 0.8;
 
+/// a, m/s2: on the last 60 mm before a soft limit an axis of 0.25 m/s becomes slower.
+pub const END_DECELERATION: f64 = 0.5;
+
 /// Part of what x can reach that counts as nothing: N of a valve with a dead band is not quite zero on it.
 const IDLE: f64 = 0.005;
 
@@ -52,6 +58,8 @@ pub struct Predictive {
     horizon: usize,
     moves: usize,
     move_weight: f64,
+    soft_limits: (f64, f64),
+    period: f64,
     problem: Problem<MAX_MOVES, MAX_MOVES>,
     solver: Solver<MAX_MOVES, MAX_MOVES>,
     /// Plans that had to do without the solver.
@@ -59,8 +67,8 @@ pub struct Predictive {
 }
 
 impl Predictive {
-    /// Horizon, moves and their weight from the machine file.
-    pub fn new(control: &Control) -> Self {
+    /// Horizon, moves and their weight from the machine file; `soft_limits` in m, `period` in s.
+    pub fn new(control: &Control, soft_limits: (f64, f64), period: f64) -> Self {
         let horizon = control.horizon.clamp(1, MAX_HORIZON);
         let mut problem = Problem::new([[0.0; MAX_MOVES]; MAX_MOVES], [0.0; MAX_MOVES]);
         for m in 1..MAX_MOVES {
@@ -71,6 +79,8 @@ impl Predictive {
             horizon,
             moves: control.moves.clamp(1, MAX_MOVES.min(horizon)),
             move_weight: control.move_weight,
+            soft_limits,
+            period,
             problem,
             solver: Solver::new(),
             unsolved: 0,
@@ -130,6 +140,7 @@ impl Predictive {
         self.weigh(step, &deviation[..self.horizon]);
         let last = history.commands()[0];
         self.bound(&nonlinearity, approved.range, limits, last, intermediate[0]);
+        self.slow_down(step, free[structure.nk - 1], intermediate[0]);
 
         let x = intermediate[0] + self.first_level()?;
         // Beyond what the commands can reach the inverse stays at the command that reaches furthest.
@@ -209,6 +220,22 @@ impl Predictive {
         }
     }
 
+    /// Keeps the levels to speeds from which the axis can stop before its soft limits, when it is at `position` m.
+    fn slow_down(&mut self, step: &[f64], position: f64, x: f64) {
+        let before = step.len().checked_sub(2).map_or(0.0, |before| step[before]);
+        let speed = (step[step.len() - 1] - before) / self.period;
+        let (low, high) = self.soft_limits;
+        let allowed = |distance: f64| (2.0 * END_DECELERATION * distance.max(0.0)).sqrt() / speed.abs();
+        let (down, up) = (allowed(position - low), allowed(high - position));
+        let (down, up) = if speed >= 0.0 { (-down, up) } else { (-up, down) };
+        // What the rate does not allow is not asked for: an axis that is too fast brakes as fast as it may.
+        for m in 0..self.moves {
+            let (lower, upper) = (self.problem.lower[m], self.problem.upper[m]);
+            self.problem.upper[m] = upper.min((up - x).max(lower));
+            self.problem.lower[m] = lower.max((down - x).min(upper));
+        }
+    }
+
     /// X(0) of the best plan.
     fn first_level(&mut self) -> Option<f64> {
         let solution = self.solver.solve(&self.problem);
@@ -237,6 +264,7 @@ mod tests {
     }
 
     const PERIOD: f64 = 0.01;
+    const ANYWHERE: (f64, f64) = (-1e9, 1e9);
 
     fn control(horizon: usize, moves: usize, move_weight: f64) -> Control {
         let mut control = crate::tests::machine(1).axes[0].control;
@@ -282,7 +310,7 @@ mod tests {
     #[test]
     fn table_2_with_its_zero_outside_the_circle_is_stable_and_without_offset() {
         for (horizon, moves) in [(10, 1), (20, 4), (31, 8), (20, 8)] {
-            let predictive = Predictive::new(&control(horizon, moves, 0.1));
+            let predictive = Predictive::new(&control(horizon, moves, 0.1), ANYWHERE, PERIOD);
             let (y, u) =
                 run(&Coefficients::TABLE_2, predictive.clone(), 1500, |_| 20.0, |k| if k < 500 { 0.0 } else { 5.0 });
             for settled in [400..500, 1400..1500] {
@@ -300,7 +328,8 @@ mod tests {
         wrong.b.iter_mut().for_each(|b| *b *= 1.3);
         wrong.a[0] += 0.01;
         let limits = Limits { magnitude: 1.0, step: 0.1 };
-        let (process, mut predictive) = (Coefficients::TABLE_2, Predictive::new(&control(20, 4, 0.1)));
+        let (process, mut predictive) =
+            (Coefficients::TABLE_2, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD));
         let mut history = History::resting(0.0);
         let (mut y, mut x) = ([0.0; 4], [0.0; 3]);
         for _ in 0..2000 {
@@ -319,7 +348,7 @@ mod tests {
     fn a_drift_leaves_no_offset() {
         // Retracts by 0.2 mm per tick under its load, and needs a fifth of the full command to stay.
         let model = Coefficients { drift: -2e-4, has_drift: 1, ..linear(&[-1.8, 0.8], &[0.001], 3) };
-        let (y, u) = run(&model, Predictive::new(&control(20, 4, 0.1)), 1000, |_| 0.3, |_| 0.0);
+        let (y, u) = run(&model, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD), 1000, |_| 0.3, |_| 0.0);
         for k in 900..1000 {
             assert!((y[k] - 0.3).abs() < 1e-6 && (u[k] - 0.2).abs() < 1e-4, "y({k}) = {}, u = {}", y[k], u[k]);
         }
@@ -333,7 +362,7 @@ mod tests {
         let mut model = Coefficients { a: plain.a, b: plain.b, ..Coefficients::zero(structure) };
         (model.f[0], model.f[1], model.g[0], model.g[1]) = (0.5, 1.0, 0.8, -0.3);
         let target = |k: usize| if k < 500 { 0.3 } else { -0.1 };
-        let (y, u) = run(&model, Predictive::new(&control(20, 4, 0.1)), 1000, target, |_| 0.0);
+        let (y, u) = run(&model, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD), 1000, target, |_| 0.0);
         // At rest, the next target not yet in sight.
         for k in (400..470).chain(900..1000) {
             assert!((y[k] - target(k)).abs() < 1e-9, "y({k}) = {}", y[k]);
@@ -347,7 +376,7 @@ mod tests {
         let plain = linear(&[-1.8, 0.8], &[0.001], 5);
         let six = Coefficients { na: 6, ..plain };
         let target = |k: usize| if k < 300 { 0.4 } else { 0.1 };
-        let run = |model| run(model, Predictive::new(&control(20, 4, 0.1)), 600, target, |_| 0.0);
+        let run = |model| run(model, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD), 600, target, |_| 0.0);
         assert_eq!(run(&six), run(&plain));
         // And an order 6 whose every coefficient counts is led to its target.
         let mut full = Coefficients { na: 5, ..plain };
@@ -361,7 +390,7 @@ mod tests {
     fn an_integrator_with_dead_time_follows_a_ramp_that_it_sees_coming() {
         // y moves 0.005 m per tick at full command, through a valve of 0.8 and 5 ticks of dead time.
         let model = linear(&[-1.8, 0.8], &[0.001], 5);
-        let predictive = Predictive::new(&control(20, 4, 0.1));
+        let predictive = Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD);
         let target = |k: usize| (k as f64 - 100.0).clamp(0.0, 200.0) * 0.2 * PERIOD;
         let (y, _) = run(&model, predictive.clone(), 600, target, |_| 0.0);
         for (k, y) in y.iter().enumerate() {
@@ -373,9 +402,20 @@ mod tests {
     }
 
     #[test]
+    fn the_axis_slows_down_before_its_soft_limits_and_stops_there() {
+        // 0.6 m/s at full command, through a lag of 45 ms and 10 ticks of dead time; the target jumps beyond a limit.
+        let model = linear(&[-1.8, 0.8], &[0.6 * 0.01 * 0.2], 10);
+        let predictive = Predictive::new(&control(20, 20, 0.1), (-0.4, 0.5), PERIOD);
+        let (y, _) = run(&model, predictive, 1500, |k| if k / 300 % 2 == 0 { 0.7 } else { -0.7 }, |_| 0.0);
+        let (low, high) = y.iter().fold((0.0f64, 0.0f64), |(low, high), y| (low.min(*y), high.max(*y)));
+        println!("from {low} to {high} m");
+        assert!(low > -0.402 && high < 0.502 && low < -0.39 && high > 0.49, "from {low} to {high} m");
+    }
+
+    #[test]
     fn saturation_does_not_wind_up() {
         let model = linear(&[-1.8, 0.8], &[0.001], 3);
-        let predictive = Predictive::new(&control(20, 4, 0.1));
+        let predictive = Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD);
         // Far out of reach for 3 s, then back to where the axis is by then.
         let (y, _) = run(&model, predictive.clone(), 500, |k| if k < 300 { 1e3 } else { 1.4 }, |_| 0.0);
         let highest = y.iter().fold(0.0f64, |highest, y| highest.max(*y));
@@ -385,7 +425,7 @@ mod tests {
 
     #[test]
     fn what_has_no_finite_answer_is_none() {
-        let mut predictive = Predictive::new(&control(20, 4, 0.1));
+        let mut predictive = Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD);
         let (history, limits) = (History::resting(0.0), Limits { magnitude: 1.0, step: 0.1 });
         assert_eq!(predictive.update(&approved(&Coefficients::default()), &limits, &history, &[1.0]), None);
         assert_eq!(predictive.update(&approved(&linear(&[-1.0], &[0.0], 1)), &limits, &history, &[1.0]), None);

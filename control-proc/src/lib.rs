@@ -8,7 +8,8 @@
 //! | [`trajectory`] | a trajectory's CSV file, read and refused |
 //! | [`target`] | from where the axis stands to what its generator asks for, without a jump |
 //! | [`channel`] | targets from another program, accepted or refused |
-//! | [`fallback`] | PI with dead-band compensation: needs no model |
+//! | [`fallback`] | PI with dead-band compensation, and feed-forward where the axis is commissioned |
+//! | [`feedforward`] | what the fallback adds for a motion that it sees coming |
 //! | [`predictive`] | generalised predictive control on the identified model |
 //! | [`response`] | what the model answers to nothing and to a step |
 //! | [`judge`] | which models may be used at all |
@@ -23,6 +24,7 @@ pub mod axis;
 pub mod channel;
 pub mod controller;
 pub mod fallback;
+pub mod feedforward;
 pub mod history;
 pub mod judge;
 pub mod limits;

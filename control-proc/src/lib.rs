@@ -13,16 +13,19 @@
 //! | [`predictive`] | generalised predictive control on the identified model |
 //! | [`response`] | what the model answers to nothing and to a step |
 //! | [`judge`] | which models may be used at all |
+//! | [`course`] | the course on which controllers are tuned and compared |
+//! | [`tuning`] | gains of the fallback from a commissioned model |
 //! | [`history`] | past outputs and commands of one axis |
 //! | [`limits`] | magnitude and rate of a command |
 //! | [`process`] | the stage: channels in, channels out |
 //!
-//! Everything but the last is the core: no clock, no I/O, no allocation after construction, no panic, and the same inputs
+//! Everything but the last is the core, and all of that but tuning runs in the loop: no clock, no I/O, no allocation after construction, no panic, and the same inputs
 //! always give the same commands. Time is counted in ticks, the differences of the samples' sequence numbers.
 
 pub mod axis;
 pub mod channel;
 pub mod controller;
+pub mod course;
 pub mod fallback;
 pub mod feedforward;
 pub mod history;
@@ -34,6 +37,7 @@ pub mod reference;
 pub mod response;
 pub mod target;
 pub mod trajectory;
+pub mod tuning;
 
 pub use controller::Controller;
 pub use reference::ReferenceError;

@@ -1,5 +1,6 @@
 //! The `hydraxis` command; `hydraxis --help` tells what it does.
 
+mod bench;
 mod check;
 mod cli;
 mod failure;
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
         cli::Command::Run(arguments) => run::run(&arguments),
         cli::Command::Simulate(arguments) => simulate::run(&arguments),
         cli::Command::Identify(arguments) => identify::run(&arguments),
+        cli::Command::Bench(cli::Bench::Control(arguments)) => bench::run(&arguments),
         cli::Command::Check(arguments) => check::run(&arguments),
         cli::Command::PlantSim(arguments) => stage::run(StageKind::PlantSim, &arguments),
         cli::Command::SensorProc(arguments) => stage::run(StageKind::SensorProc, &arguments),

@@ -42,7 +42,12 @@ pub fn run(kind: StageKind, arguments: &cli::Stage) -> Result<(), Failure> {
 
 /// Reads a machine file with what was typed in its place.
 pub fn load(arguments: &cli::MachineFile) -> Result<Machine, Failure> {
-    let settings = arguments.settings().map_err(Failure::usage)?;
+    load_bare(&arguments.bare, arguments.scenario.as_deref())
+}
+
+/// Reads a machine file with what was typed in its place, under `scenario`.
+pub fn load_bare(arguments: &cli::BareMachine, scenario: Option<&str>) -> Result<Machine, Failure> {
+    let settings = arguments.settings(scenario).map_err(Failure::usage)?;
     Machine::load(arguments.machine.as_deref(), &settings).map_err(Failure::usage)
 }
 
@@ -88,7 +93,7 @@ pub fn command(
             command
         }
     };
-    command.args(&arguments.machine);
+    command.args(&arguments.bare.machine);
     for (key, value) in arguments.settings().map_err(Failure::usage)? {
         command.arg("--set").arg(format!("{key}={value}"));
     }

@@ -107,7 +107,12 @@ impl AxisController {
         let period = timing.period.as_secs_f64();
         let control = &axis.control;
         let structure = axis.identification.structure;
+        let fallback = Fallback::new(control, axis.commissioned.as_ref(), period);
         let ahead = if control.model == ModelChoice::None { 0 } else { structure.nk + control.horizon };
+        // The fallback compensates a little less than the valve's dead band, or none of it.
+        let found = axis.commissioned.as_ref().map_or(control.dead_band, |commissioned| commissioned.dead_band);
+        let (extend, retract) =
+            (control.dead_band.extend.max(found.extend), control.dead_band.retract.max(found.retract));
         Self {
             limits: Limits::new(control, period),
             settling_ticks: ticks(SETTLING),
@@ -116,14 +121,14 @@ impl AxisController {
             model_ticks: ticks(timing.model_timeout),
             // The motion cannot show before the dead time.
             stuck_ticks: ticks(axis.encoder.stuck_after) + structure.nk as u64,
-            resting_range: (-control.dead_band.retract - STUCK_MARGIN, control.dead_band.extend + STUCK_MARGIN),
+            resting_range: (-retract - STUCK_MARGIN, extend + STUCK_MARGIN),
             choice: control.model,
             judge: Judge::new(axis, period),
             predictive: Predictive::new(control, axis.soft_limits, period),
             state: State::Disarmed,
-            fallback: Fallback::new(control, period),
             rest: Rest::new(axis.encoder.resolution, period),
-            target: Target::new(index, axis, period, ahead),
+            target: Target::new(index, axis, period, ahead.max(fallback.ahead())),
+            fallback,
             history: None,
             blind: 0,
             driven: 0,
@@ -294,9 +299,9 @@ impl AxisController {
             Some(wanted) => (wanted, ControlMode::Model),
             None => {
                 if was_model {
-                    self.fallback.resume(self.last.command, error);
+                    self.fallback.resume(self.last.command, error, target.positions());
                 }
-                (self.fallback.update(error, self.last.command), ControlMode::Fallback)
+                (self.fallback.update(error, target.positions(), self.last.command), ControlMode::Fallback)
             }
         };
         self.send(command, mode);

@@ -1,21 +1,25 @@
-//! The fallback: PI with dead-band compensation.
+//! The fallback: PI with dead-band compensation, and velocity feed-forward where the axis is commissioned.
 //!
 //! ```text
-//! e(k) = y_r(k) - y(k)          v(k) = kp e(k) + I(k)          I(k+1) = I(k) + ki T e(k)
-//! u(k) = v + d(v) min(|v| / w, 1)           d(v) = +d_extend for v > 0, -d_retract for v < 0
+//! e(k) = y_r(k) - y(k)          v(k) = kp e(k) + I(k) + v_r(k)          I(k+1) = I(k) + ki T e(k)
+//! u(k) = C(v) = v + d(v) min(|v| / w, 1)    d(v) = +d_extend for v > 0, -d_retract for v < 0
+//! v_r  = C^-1(u_r)                          0 without feed-forward
 //! ```
 //!
-//! e error in m, kp in 1/m, ki in 1/(m s), T period in s, d calibrated dead band, w [`BLEND_WIDTH`]. It needs no
-//! model: it controls while the identifier learns, and takes over whenever the model may not be used. Source: the
-//! usual loop of mobile hydraulics.
+//! e error in m, v opening beyond the dead band, kp in 1/m, ki in 1/(m s), T period in s, d calibrated dead band, w
+//! [`BLEND_WIDTH`], u_r the command of [`crate::feedforward`]. It needs no identified model: it controls while the
+//! identifier learns, and takes over whenever the model may not be used. Source: the usual loop of mobile hydraulics.
+//!
+//! Feedback and feed-forward meet as openings, so the dead band is jumped once, by their sum: alone, u_r goes out as it
+//! is, and the gains mean the same with feed-forward and without.
 //!
 //! Traps: a jump over the whole dead band at v = 0 chatters with every count of noise, so it is blended in over
 //! |v| < w. The calibrated dead band must not exceed the valve's: too much of it is a relay, and a relay cycles. The
 //! integral stops while the limits cut the command off and the error would only push further.
 
-use pipeline::machine::Control;
+use pipeline::machine::{Commissioned, Control};
 
-use crate::limits::Limits;
+use crate::{feedforward::Feedforward, limits::Limits};
 
 /// Magnitude of v (command) below which the dead band is compensated in part only. With a kp of 4 1/m this is an
 /// error of 2.5 mm, some tens of encoder counts and so well above the noise.
@@ -30,20 +34,28 @@ pub struct Fallback {
     extend: f64,
     retract: f64,
     limits: Limits,
+    feedforward: Option<Feedforward>,
     integral: f64,
 }
 
 impl Fallback {
-    /// Gains and dead band from the machine file; `period` in s.
-    pub fn new(control: &Control, period: f64) -> Self {
+    /// Gains and dead band from the machine file, feed-forward by `commissioned` if they ask for it; `period` in s.
+    pub fn new(control: &Control, commissioned: Option<&Commissioned>, period: f64) -> Self {
+        let model = commissioned.filter(|_| control.feedforward);
         Self {
             kp: control.kp,
             ki_period: control.ki * period,
             extend: control.dead_band.extend,
             retract: control.dead_band.retract,
             limits: Limits::new(control, period),
+            feedforward: model.map(|model| Feedforward::new(model, period)),
             integral: 0.0,
         }
+    }
+
+    /// Ticks ahead of the last target that it looks at.
+    pub fn ahead(&self) -> usize {
+        self.feedforward.as_ref().map_or(0, Feedforward::ahead)
     }
 
     /// Forgets the integral: the axis stands.
@@ -52,14 +64,16 @@ impl Fallback {
     }
 
     /// Takes over from another controller that sent `last`, at an error of `error` m: the next command for the same
-    /// error is `last` again, as long as the integral that this takes is one the fallback could have by itself.
-    pub fn resume(&mut self, last: f64, error: f64) {
-        self.integral = self.bounded(self.uncompensated(last) - self.kp * error);
+    /// error and targets (m, from this tick on) is `last` again, as long as the integral that this takes is one the
+    /// fallback could have by itself.
+    pub fn resume(&mut self, last: f64, error: f64, targets: &[f64]) {
+        self.integral = self.bounded(self.uncompensated(last) - self.kp * error - self.coming(targets));
     }
 
-    /// The command for an error of `error` m after the command `last`, within the limits.
-    pub fn update(&mut self, error: f64, last: f64) -> f64 {
-        let wanted = self.compensated(self.kp * error + self.integral);
+    /// The command for an error of `error` m and targets (m, from this tick on), after the command `last`, within the
+    /// limits.
+    pub fn update(&mut self, error: f64, targets: &[f64], last: f64) -> f64 {
+        let wanted = self.compensated(self.kp * error + self.integral + self.coming(targets));
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
             self.integral = self.bounded(self.integral + self.ki_period * error);
@@ -67,12 +81,17 @@ impl Fallback {
         command
     }
 
-    /// u(v).
+    /// v_r.
+    fn coming(&self, targets: &[f64]) -> f64 {
+        self.feedforward.as_ref().map_or(0.0, |feedforward| self.uncompensated(feedforward.command(targets)))
+    }
+
+    /// C(v).
     fn compensated(&self, v: f64) -> f64 {
         v + self.dead_band(v) * (v.abs() / BLEND_WIDTH).min(1.0)
     }
 
-    /// v(u), its inverse.
+    /// C^-1(u).
     fn uncompensated(&self, u: f64) -> f64 {
         let dead_band = self.dead_band(u);
         if u.abs() < BLEND_WIDTH + dead_band.abs() {
@@ -96,23 +115,35 @@ impl Fallback {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tests::models::commissioned;
     use proptest::prelude::*;
 
     fn fallback() -> Fallback {
-        Fallback::new(&crate::tests::machine(1).axes[0].control, 0.01)
+        Fallback::new(&crate::tests::machine(1).axes[0].control, None, 0.01)
     }
 
     #[test]
     fn the_command_is_proportional_and_integral_beyond_the_dead_band() {
         let mut fallback = fallback();
         // kp 4, ki 1, dead band 0.08 and 0.07, no rate limit met: last is near.
-        assert!((fallback.update(0.05, 0.28) - (0.2 + 0.08)).abs() < 1e-12);
-        assert!((fallback.update(0.05, 0.28) - (0.2 + 0.0005 + 0.08)).abs() < 1e-12);
+        assert!((fallback.update(0.05, &[], 0.28) - (0.2 + 0.08)).abs() < 1e-12);
+        assert!((fallback.update(0.05, &[], 0.28) - (0.2 + 0.0005 + 0.08)).abs() < 1e-12);
         fallback.reset();
-        assert!((fallback.update(-0.05, -0.27) - (-0.2 - 0.07)).abs() < 1e-12);
+        assert!((fallback.update(-0.05, &[], -0.27) - (-0.2 - 0.07)).abs() < 1e-12);
         fallback.reset();
         // Inside the blend: v = 0.004 takes 0.4 of the dead band.
-        assert!((fallback.update(0.001, 0.0) - (0.004 + 0.4 * 0.08)).abs() < 1e-12);
+        assert!((fallback.update(0.001, &[], 0.0) - (0.004 + 0.4 * 0.08)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn feed_forward_alone_goes_out_as_it_is() {
+        let with = Control { feedforward: true, command_rate: 1e4, ..crate::tests::machine(1).axes[0].control };
+        let mut fallback = Fallback::new(&with, Some(&commissioned()), 0.01);
+        for speed in [0.3, 0.005, -0.002, -0.2] {
+            let targets: Vec<f64> = (0..=fallback.ahead()).map(|k| speed * 0.01 * k as f64).collect();
+            let command = fallback.update(0.0, &targets, 0.0);
+            assert!((commissioned().speed(command) - speed).abs() < 1e-9, "{speed}: {command}");
+        }
     }
 
     #[test]
@@ -120,7 +151,7 @@ mod tests {
         let mut fallback = fallback();
         let mut last = 0.0;
         for _ in 0..10_000 {
-            last = fallback.update(10.0, last);
+            last = fallback.update(10.0, &[], last);
         }
         assert_eq!(last, 1.0);
         assert!(fallback.integral.abs() < 1e-12, "{}", fallback.integral);
@@ -129,10 +160,13 @@ mod tests {
     proptest! {
         #[test]
         fn taking_over_is_without_a_bump(last in -1.0f64..1.0, error in -0.02f64..0.02) {
-            let mut fallback = fallback();
-            fallback.resume(last, error);
-            let within = (fallback.uncompensated(last) - 4.0 * error).abs() < 0.9;
-            prop_assert!(!within || (fallback.update(error, last) - last).abs() < 1e-12);
+            let with = Control { feedforward: true, ..crate::tests::machine(1).axes[0].control };
+            for mut fallback in [fallback(), Fallback::new(&with, Some(&commissioned()), 0.01)] {
+                let targets: Vec<f64> = (0..=fallback.ahead()).map(|k| 1e-3 * k as f64).collect();
+                fallback.resume(last, error, &targets);
+                let integral = fallback.uncompensated(last) - 4.0 * error - fallback.coming(&targets);
+                prop_assert!(integral.abs() > 0.9 || (fallback.update(error, &targets, last) - last).abs() < 1e-12);
+            }
         }
 
         #[test]

@@ -8,23 +8,28 @@
 //! | [`trajectory`] | a trajectory's CSV file, read and refused |
 //! | [`target`] | from where the axis stands to what its generator asks for, without a jump |
 //! | [`channel`] | targets from another program, accepted or refused |
-//! | [`fallback`] | PI with dead-band compensation: needs no model |
+//! | [`fallback`] | PI with dead-band compensation, and feed-forward where the axis is commissioned |
+//! | [`feedforward`] | what the fallback adds for a motion that it sees coming |
 //! | [`predictive`] | generalised predictive control on the identified model |
 //! | [`response`] | what the model answers to nothing and to a step |
 //! | [`quadratic`] | quadratic programmes, solved exactly |
 //! | [`judge`] | which models may be used at all |
 //! | [`rest`] | leaving an axis alone that has arrived |
+//! | [`course`] | the course on which controllers are tuned and compared |
+//! | [`tuning`] | gains of the fallback from a commissioned model |
 //! | [`history`] | past outputs and commands of one axis |
 //! | [`limits`] | magnitude and rate of a command |
 //! | [`process`] | the stage: channels in, channels out |
 //!
-//! Everything but the last is the core: no clock, no I/O, no allocation after construction, no panic, and the same inputs
+//! Everything but the last is the core, and all of that but tuning runs in the loop: no clock, no I/O, no allocation after construction, no panic, and the same inputs
 //! always give the same commands. Time is counted in ticks, the differences of the samples' sequence numbers.
 
 pub mod axis;
 pub mod channel;
 pub mod controller;
+pub mod course;
 pub mod fallback;
+pub mod feedforward;
 pub mod history;
 pub mod judge;
 pub mod limits;
@@ -36,6 +41,7 @@ pub mod response;
 pub mod rest;
 pub mod target;
 pub mod trajectory;
+pub mod tuning;
 
 pub use controller::Controller;
 pub use reference::ReferenceError;

@@ -15,7 +15,7 @@ use pipeline::{
     message::Reference,
 };
 
-use crate::{channel::ChannelFollower, reference::ReferenceGenerator, response::MAX_AHEAD};
+use crate::{channel::ChannelFollower, course::smooth, reference::ReferenceGenerator, response::MAX_AHEAD};
 
 /// Shortest time from standing still to following, s: a person near the machine sees it begin.
 pub const BLEND_TIME: f64 = 2.0;
@@ -101,10 +101,4 @@ impl Target {
     pub fn positions(&self) -> &[f64] {
         &self.positions[..=self.ahead]
     }
-}
-
-/// s(r).
-fn smooth(r: f64) -> f64 {
-    let r = r.clamp(0.0, 1.0);
-    r * r * r * (10.0 - r * (15.0 - 6.0 * r))
 }

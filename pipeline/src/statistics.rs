@@ -39,6 +39,21 @@ impl ErrorStatistics {
         }
     }
 
+    /// Takes in all values that `other` has taken in (Chan, Golub and LeVeque, 1979).
+    pub fn merge(&mut self, other: &Self) {
+        if other.count == 0 {
+            return;
+        }
+        let (n, m) = (self.count as f64, other.count as f64);
+        let between = other.mean - self.mean;
+        self.count += other.count;
+        self.mean += between * m / (n + m);
+        self.m2 += other.m2 + between * between * n * m / (n + m);
+        if other.max > self.max || other.max.is_nan() {
+            self.max = other.max;
+        }
+    }
+
     /// Standard deviation (divided by the count), NaN without values.
     pub fn sigma(&self) -> f64 {
         (self.m2 / self.count as f64).sqrt()
@@ -64,6 +79,22 @@ mod tests {
         let rmse = (values.iter().map(|v| v * v).sum::<f64>() / 4.0).sqrt();
         assert!((statistics.rmse() / rmse - 1.0).abs() < 1e-12);
         assert_eq!(statistics.max, 1e6 + 16.0);
+    }
+
+    #[test]
+    fn parts_merge_to_the_whole() {
+        let values = [3.0, -7.0, 13.0, 16.0, 1.0];
+        let of = |values: &[f64]| {
+            let mut statistics = ErrorStatistics::default();
+            values.iter().for_each(|&value| statistics.push(value));
+            statistics
+        };
+        for split in 0..=values.len() {
+            let (mut merged, all) = (of(&values[..split]), of(&values));
+            merged.merge(&of(&values[split..]));
+            assert_eq!((merged.count, merged.max), (all.count, all.max));
+            assert!((merged.mean - all.mean).abs() < 1e-12 && (merged.m2 - all.m2).abs() < 1e-9, "{split}");
+        }
     }
 
     #[test]

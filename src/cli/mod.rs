@@ -1,13 +1,15 @@
 //! What a user types.
 
+mod bench;
 mod identify;
 mod run;
 mod values;
 
 use clap::{Parser, Subcommand};
 
+pub use bench::{Bench, BenchControl};
 pub use identify::Identify;
-pub use run::{MachineFile, Recording, Run, Simulate, Stage};
+pub use run::{BareMachine, MachineFile, Recording, Run, Simulate, Stage};
 pub use values::Samples;
 
 /// Identifies and controls the electrohydraulic axes of a machine.
@@ -31,6 +33,9 @@ pub enum Command {
     Simulate(Simulate),
     /// Identify a Hammerstein model on a recording, offline and adaptive side by side
     Identify(Box<Identify>),
+    /// Compare controllers on the simulated machine
+    #[command(subcommand)]
+    Bench(Bench),
     /// Check a machine file and say everything that is wrong with it
     Check(MachineFile),
     /// Run the simulated machine alone, in the foreground

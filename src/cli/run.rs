@@ -10,35 +10,53 @@ use pipeline::{
 
 use super::values::{duration, setting};
 
-/// A machine and what is changed of it.
+/// A machine and what is changed of it, but for the scenario.
 #[derive(Debug, Args)]
-pub struct MachineFile {
+pub struct BareMachine {
     /// Machine file; without one the built-in four-axis excavator
     #[arg(value_name = "MACHINE.toml")]
     pub machine: Option<PathBuf>,
     /// Use another value for a key of the machine file; may be given several times
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
     pub settings: Vec<(String, String)>,
-    /// What changes while the simulated machine works: a built-in scenario (`hydraxis simulate --help` lists them), or
-    /// one of the machine file
-    #[arg(long, value_name = "NAME")]
-    pub scenario: Option<String>,
     /// Model file of `hydraxis commission`: what it says takes the place of the machine file's
     #[arg(long, value_name = "MODEL.toml")]
     pub model: Option<PathBuf>,
 }
 
-impl MachineFile {
+/// A machine and what is changed of it.
+#[derive(Debug, Args)]
+pub struct MachineFile {
+    /// All but the scenario
+    #[command(flatten)]
+    pub bare: BareMachine,
+    /// What changes while the simulated machine works: a built-in scenario (`hydraxis simulate --help` lists them), or
+    /// one of the machine file
+    #[arg(long, value_name = "NAME")]
+    pub scenario: Option<String>,
+}
+
+impl BareMachine {
     /// Everything that takes the place of what the file says; the last counts, so a model, then `--set`, then
-    /// `--scenario`.
+    /// `scenario`.
     ///
     /// # Errors
     /// The model file cannot be read, or is not TOML.
-    pub fn settings(&self) -> Result<Vec<(String, String)>, MachineError> {
+    pub fn settings(&self, scenario: Option<&str>) -> Result<Vec<(String, String)>, MachineError> {
         let mut settings = self.model.as_deref().map_or(Ok(Vec::new()), model_settings)?;
         settings.extend(self.settings.iter().cloned());
-        settings.extend(self.scenario.iter().map(|name| ("scenario".to_owned(), name.clone())));
+        settings.extend(scenario.map(|name| ("scenario".to_owned(), name.to_owned())));
         Ok(settings)
+    }
+}
+
+impl MachineFile {
+    /// The same with the scenario.
+    ///
+    /// # Errors
+    /// As [`BareMachine::settings`].
+    pub fn settings(&self) -> Result<Vec<(String, String)>, MachineError> {
+        self.bare.settings(self.scenario.as_deref())
     }
 }
 

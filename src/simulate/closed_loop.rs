@@ -2,7 +2,6 @@
 
 use control_proc::Controller;
 use ident_proc::Identifiers;
-use indicatif::ProgressBar;
 use pipeline::{
     latency::LatencyRecorder,
     machine::{Machine, Source},
@@ -12,15 +11,24 @@ use pipeline::{
 use plant_sim::PlantSim;
 use sensor_proc::source::{Acquisition, Replay, is_implausible};
 
-use super::recorder::Recorder;
-use crate::{failure::Failure, report::LastMessages, table::progress};
+use crate::{failure::Failure, report::LastMessages};
 
-/// The loop's last messages after `ticks`, every tick kept by `recorder`.
+/// What has come of one tick.
+pub struct Tick<'a> {
+    /// Its number, from 0.
+    pub number: u64,
+    /// As the command finds it; none when a recording plays.
+    pub plant: Option<&'a PlantSim>,
+    /// Made from the tick's sample.
+    pub command: &'a ValveCommand,
+}
+
+/// The loop's last messages after `ticks`, every one of them shown to `look`.
 pub fn run(
     machine: &Machine,
     seed: u64,
     ticks: u64,
-    mut recorder: Option<&mut Recorder>,
+    mut look: impl FnMut(&Tick<'_>) -> Result<(), Failure>,
 ) -> Result<LastMessages, Failure> {
     let mut ends = match &machine.source {
         Source::Sim => {
@@ -33,7 +41,6 @@ pub fn run(
     controller.arm();
     let mut timing = Timing::new();
     let (mut command, mut snapshot): (Option<ValveCommand>, Option<CoefficientSnapshot>) = (None, None);
-    let progress: ProgressBar = progress(ticks, "ticks");
 
     for tick in 0..ticks {
         let started = monotonic_ns();
@@ -70,15 +77,13 @@ pub fn run(
                 made
             }
         };
-        if let (Some(recorder), Ends::Live(plant, _)) = (&mut recorder, &ends) {
-            recorder.row(machine.timing.period.as_nanos() as f64 * tick as f64 / 1e9, plant, &applied)?;
-        }
+        let plant = match &ends {
+            Ends::Live(plant, _) => Some(&**plant),
+            Ends::Recorded(_) => None,
+        };
+        look(&Tick { number: tick, plant, command: &applied })?;
         command = Some(applied);
-        if tick % 1024 == 0 {
-            progress.set_position(tick);
-        }
     }
-    progress.finish_and_clear();
     Ok(LastMessages { command, snapshot, health: timing.into_health() })
 }
 

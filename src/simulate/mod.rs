@@ -1,6 +1,6 @@
 //! `hydraxis simulate`: the machine in one process, in closed loop or under given commands.
 
-mod closed_loop;
+pub mod closed_loop;
 mod commands;
 mod open_loop;
 mod plot;
@@ -19,6 +19,7 @@ use crate::{
     output::{Output, is_stdout},
     report::Report,
     stage,
+    table::progress,
 };
 use recorder::Recorder;
 
@@ -48,7 +49,19 @@ pub fn run(arguments: &cli::Simulate) -> Result<(), Failure> {
     let duration = machine.timing.period.as_secs_f64() * ticks as f64;
     let mut recorder = Recorder::for_closed_loop(&machine, &arguments.recording, duration)?;
     let started = Instant::now();
-    let last = closed_loop::run(&machine, arguments.seed, ticks, recorder.as_mut())?;
+    let progress = progress(ticks, "ticks");
+    let last = closed_loop::run(&machine, arguments.seed, ticks, |tick| {
+        if tick.number % 1024 == 0 {
+            progress.set_position(tick.number);
+        }
+        match (&mut recorder, tick.plant) {
+            (Some(recorder), Some(plant)) => {
+                recorder.row(machine.timing.period.as_nanos() as f64 * tick.number as f64 / 1e9, plant, tick.command)
+            }
+            _ => Ok(()),
+        }
+    })?;
+    progress.finish_and_clear();
     let report = Report::new(&machine, &last, started.elapsed().as_secs_f64());
     recorder.map_or(Ok(()), Recorder::finish)?;
     output.write(|| report.tables(&machine), &report)

@@ -1,6 +1,9 @@
 //! Models and a machine file for the tests.
 
-use pipeline::hammerstein::{Coefficients, Structure};
+use pipeline::{
+    hammerstein::{Coefficients, Structure},
+    machine::{Commissioned, DeadBand},
+};
 
 /// A linear model, N(u) = u.
 pub fn linear(a: &[f64], b: &[f64], nk: usize) -> Coefficients {
@@ -19,4 +22,17 @@ pub fn actuator() -> Coefficients {
     model.b[0] = 0.6 * 0.01 * 0.2;
     (model.f[0], model.g[0]) = (1.0, 1.0);
     model
+}
+
+/// What commissioning finds of an axis of 0.6 m/s at full command, 50 ms of dead time and 45 ms of lag.
+pub fn commissioned() -> Commissioned {
+    Commissioned {
+        dead_time: 0.05,
+        time_constant: 0.045,
+        dead_band: DeadBand { extend: 0.1, retract: 0.08 },
+        openings: vec![0.1, 0.9],
+        speeds_extend: vec![0.06, 0.6],
+        speeds_retract: vec![0.07, 0.6],
+        fit_percent: 100.0,
+    }
 }

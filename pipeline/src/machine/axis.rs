@@ -2,6 +2,8 @@
 
 use std::{path::Path, time::Duration};
 
+use crate::hammerstein::MAX_DELAY;
+
 use super::{
     Commissioned, Forgetting, Fuzzy, Identification, Plant, ReferenceSource, Source, Timing, document::Section,
 };
@@ -51,6 +53,8 @@ pub struct Control {
     pub kp: f64,
     /// Integral gain of the fallback, command per metre and second.
     pub ki: f64,
+    /// Whether the fallback adds velocity feed-forward by what commissioning has found.
+    pub feedforward: bool,
     /// Calibrated dead band of the valve, jumped over by the fallback.
     pub dead_band: DeadBand,
     /// Largest magnitude of a command.
@@ -120,8 +124,8 @@ impl Axis {
         if let Err((found, allowed)) = identification.check_window() {
             section.refuse("forgetting", found, allowed);
         }
-        let control = Control::read(section.section("control"));
         let commissioned = Commissioned::read(section.section("commissioned"));
+        let control = Control::read(section.section("control"), name, commissioned.as_ref(), timing.period);
         let reference = ReferenceSource::read(section.section("reference"), soft_limits, max_speed, folder, name);
         let plant = section.section("plant");
         let plant = if plant.is_given() {
@@ -175,7 +179,7 @@ impl Encoder {
 }
 
 impl Control {
-    fn read(mut section: Section) -> Self {
+    fn read(mut section: Section, name: &str, commissioned: Option<&Commissioned>, period: Duration) -> Self {
         let extend = section.number("dead_band_extend", 0.0..=0.9, "");
         let retract = section.number("dead_band_retract", 0.0..=0.9, "");
         let models =
@@ -183,6 +187,7 @@ impl Control {
         let control = Self {
             kp: section.number("kp", 0.0..=1e4, "1/m"),
             ki: section.number("ki", 0.0..=1e5, "1/(m s)"),
+            feedforward: read_feedforward(&mut section, name, commissioned, period),
             dead_band: DeadBand { extend, retract },
             command_limit: section.number("command_limit", 1e-3..=1.0, ""),
             command_rate: section.number("command_rate", 1e-3..=1e4, "1/s"),
@@ -194,4 +199,27 @@ impl Control {
         section.finish();
         control
     }
+}
+
+/// `feedforward`, which needs a commissioned model, and one whose answer comes within the targets' preview.
+fn read_feedforward(section: &mut Section, name: &str, commissioned: Option<&Commissioned>, period: Duration) -> bool {
+    let feedforward = section.flag_or("feedforward", false);
+    if !feedforward {
+        return false;
+    }
+    let longest = MAX_DELAY as f64 * period.as_secs_f64();
+    match commissioned {
+        None => section.refuse(
+            "feedforward",
+            format!("true without [axis.{name}.commissioned]"),
+            "false, or a commissioned model: `--model MODEL.toml`, as `hydraxis commission` writes it",
+        ),
+        Some(model) if model.dead_time + model.time_constant > longest => section.refuse(
+            "feedforward",
+            format!("true with dead_time + time_constant of {} s", model.dead_time + model.time_constant),
+            format!("false, or up to {MAX_DELAY} periods, {longest} s"),
+        ),
+        Some(_) => {}
+    }
+    feedforward
 }

@@ -189,3 +189,76 @@ impl<'a> Bench<'a> {
 pub fn reached(model: &Commissioned, limit: f64) -> f64 {
     model.speed(limit).min(-model.speed(-limit))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::{machine, models::commissioned};
+
+    const PERIOD: f64 = 0.01;
+    const ALL: [Baseline; 3] = [Baseline::Pi, Baseline::DeadBand, Baseline::Feedforward];
+
+    fn axis(dead_time: f64) -> Axis {
+        let mut axis = machine(1).axes.remove(0);
+        axis.commissioned = Some(Commissioned { dead_time, ..commissioned() });
+        axis
+    }
+
+    /// kp and ki by the rules of Skogestad (SIMC, 2003) for an integrator with gain k (m/s per command), dead time and
+    /// lag: kp = 1 / (2 k (t_d + T/2 + tau)), ki = kp / (8 (t_d + T/2 + tau)).
+    fn by_hand(bench: &Bench) -> (f64, f64) {
+        let delay = bench.model.dead_time + 0.5 * PERIOD + bench.model.time_constant;
+        let kp = 0.5 / (bench.steepest() * delay);
+        (kp, kp / (8.0 * delay))
+    }
+
+    #[test]
+    fn all_three_plants_are_quiet_at_rest_and_follow_better_than_by_hand() {
+        for dead_time in [0.01, 0.15] {
+            let axis = axis(dead_time);
+            for baseline in ALL {
+                let bench = Bench::new(0, &axis, PERIOD).unwrap();
+                let tuned = baseline.tuned(0, &axis, PERIOD).unwrap();
+                for plant in PLANTS {
+                    let (motion, square) = bench.simulated(&tuned, plant);
+                    assert!(motion <= REST, "{baseline:?} {dead_time} s {plant:?}: {motion} m at rest");
+                    assert!(square.sqrt() < 0.04, "{baseline:?} {dead_time} s {plant:?}: {} m", square.sqrt());
+                }
+                let (kp, ki) = by_hand(&bench);
+                let (tuned, hand) = (bench.rated(&tuned), bench.rated(&Control { kp, ki, ..tuned }));
+                println!(
+                    "{baseline:?} {dead_time} s: {:.3} mm, by hand {:.3} mm",
+                    1e3 * tuned.1.sqrt(),
+                    1e3 * hand.1.sqrt()
+                );
+                assert!(tuned < hand, "{baseline:?} {dead_time} s: {tuned:?}, by hand {hand:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn tuning_is_deterministic_and_feed_forward_pays() {
+        let axis = axis(0.15);
+        let bench = Bench::new(0, &axis, PERIOD).unwrap();
+        let errors = ALL.map(|baseline| {
+            let tuned = baseline.tuned(0, &axis, PERIOD).unwrap();
+            assert_eq!(baseline.tuned(0, &axis, PERIOD), Some(tuned));
+            bench.rated(&tuned).1.sqrt()
+        });
+        assert!(errors[1] < 0.9 * errors[0] && errors[2] < 0.5 * errors[1], "{errors:?}");
+    }
+
+    #[test]
+    fn gains_that_cycle_are_known_as_such() {
+        let axis = axis(0.15);
+        let bench = Bench::new(0, &axis, PERIOD).unwrap();
+        let tuned = Baseline::DeadBand.tuned(0, &axis, PERIOD).unwrap();
+        let (excess, _) = bench.rated(&Control { kp: 4.0 * tuned.kp, ..tuned });
+        assert!(excess > 1e-3, "{excess}");
+    }
+
+    #[test]
+    fn without_a_commissioned_model_there_is_nothing_to_tune_by() {
+        assert_eq!(Baseline::Pi.tuned(0, &machine(1).axes[0], PERIOD), None);
+    }
+}

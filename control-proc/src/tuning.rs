@@ -7,11 +7,12 @@
 //! ```
 //!
 //! u command that the fallback makes of the encoder's counts, x spool, v speed in m/s, y position in m, c static curve,
-//! tau and t_d of [`Commissioned`], y_r the [`crate::course`] in m, g gain, m dead time and l lag of a plant that is not the
-//! commissioned one: with cold oil a valve's lag doubles. w and zeta, [`SPRING`], are the load on its spring of oil, which a static curve behind a lag leaves
-//! out: at little dead time it is what limits the gains. The gains are those with the least J among those with which none of the three plants moves by more than
-//! [`REST`] while the target stands for long. A grid of factors of two is searched first, then finer and finer around
-//! the best.
+//! tau and t_d of [`Commissioned`], y_r the [`crate::course`] in m; g gain, m dead time and l lag of a plant over those
+//! of the commissioned one: with cold oil a valve's lag doubles. w and zeta, [`SPRING`], are the load on its spring of
+//! oil, which a static curve behind a lag leaves out: at little dead time it is what limits the gains.
+//!
+//! The gains are those with the least J among those with which none of the three plants moves by more than [`REST`]
+//! while the target stands for long. A grid of factors of two is searched first, then finer and finer around the best.
 //!
 //! It is fair: a baseline gets the gains that somebody with the same model and much patience would find, on the same
 //! course. It is robust: a fast plant with a long dead time asks for low gains, a slow one for high ones, and at rest
@@ -33,8 +34,8 @@ use crate::{
 pub const REST: f64 = 0.5e-3;
 /// Gain, dead time and lag of the plants over those of the model.
 pub const PLANTS: [(f64, f64, f64); 3] = [(0.7, 1.0, 1.0), (1.0, 1.0, 1.0), (1.4, 1.2, 2.0)];
-/// Natural frequency in Hz and damping ratio of load and oil. A loaded boom of 20 t machines has some 4 to 6 Hz, lighter
-/// axes more; damping of 0.1 to 0.2 is what is usually measured (Merritt, Hydraulic Control Systems, 1967).
+/// Natural frequency in Hz and damping ratio of load and oil. A loaded boom of a 20 t machine has some 4 to 6 Hz,
+/// lighter axes more; damping of 0.1 to 0.2 is what is usually measured (Merritt, Hydraulic Control Systems, 1967).
 pub const SPRING: (f64, f64) = (5.0, 0.15);
 /// The last rest goes on for this long, s: slow cycles need time to show.
 const LONG_REST: f64 = 20.0;
@@ -42,7 +43,8 @@ const LONG_REST: f64 = 20.0;
 const WATCHED: f64 = 10.0;
 /// Longest step of the simulation, s: a small part of the spring's period.
 const LONGEST_STEP: f64 = 2.5e-3;
-/// Part of the commissioned dead band that is compensated: what is left keeps a wrong or shrinking one from being a relay.
+/// Part of the commissioned dead band that is compensated: what is left keeps a wrong or shrinking one from being a
+/// relay.
 pub const COMPENSATED: f64 = 0.9;
 
 /// What a machine has in the place of a predictive controller.

@@ -7,9 +7,9 @@
 //! ```
 //!
 //! y_r target in m, t now, T period in s, t_d dead time and tau time constant in s, c static curve of
-//! [`Commissioned`], v_r coming speed in m/s, v_s [`STILL`], u_r command. What is sent now acts in the middle of its period
-//! and moves the axis after dead time and lag: hence L. Source: the usual loop of mobile hydraulics, with the targets
-//! taken ahead.
+//! [`Commissioned`], v_r coming speed in m/s, v_s [`STILL`], u_r command. What is sent now acts in the middle of its
+//! period and moves the axis after dead time and lag: hence L. Source: the usual loop of mobile hydraulics, with the
+//! targets taken ahead.
 //!
 //! Traps: without the lead, feed-forward is late by the dead time and the feedback corrects an error that is not one.
 //! Targets from a channel end with the preview of their message: beyond it the axis is taken to stand.

@@ -69,3 +69,44 @@ fn steady_speed(plant: &Plant, supply: &Supply, opening: f64, extends: bool) -> 
     }
     speed
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use pipeline::{machine::LoadForce, message::ValveCommand};
+    use plant_sim::PlantSim;
+
+    use super::*;
+
+    #[test]
+    fn the_simulated_axes_move_as_fast_as_it_says() {
+        let tick = Duration::from_millis(10);
+        for command in [0.3, -0.3, 0.15, -0.15, 0.7, -0.7] {
+            let settings = [("scenario".to_owned(), "nominal".to_owned())];
+            let mut machine = Machine::load(None, &settings).unwrap();
+            for axis in &mut machine.axes {
+                let plant = axis.plant.as_mut().unwrap();
+                plant.initial_position = if command > 0.0 { 0.05 } else { axis.stroke - 0.05 };
+                plant.load_force = LoadForce::constant(plant.load_force.middle);
+            }
+            machine.hydraulics.as_mut().unwrap().supply.flow = 1.0;
+            let mut sim = PlantSim::new(&machine, 1).unwrap();
+            let mut message = ValveCommand::default();
+            message.axes.iter_mut().for_each(|axis| axis.command = command);
+            let mut hold = |ticks| {
+                for _ in 0..ticks {
+                    sim.command(&message);
+                    sim.advance(tick);
+                }
+                sim.axes().iter().map(|axis| axis.position).collect::<Vec<_>>()
+            };
+            let (begin, end) = (hold(80), hold(20));
+            for (index, known) in commissioned(&machine).into_iter().enumerate() {
+                let (speed, expected) = ((end[index] - begin[index]) / 0.2, known.unwrap().speed(command));
+                // Leakage, and straight lines between the points of a curve that friction bends.
+                assert!((speed / expected - 1.0).abs() < 0.02, "{index} at {command}: {speed} m/s, {expected}");
+            }
+        }
+    }
+}

@@ -73,8 +73,18 @@ impl Report {
         Self { rows: groups.map(|group| Row::new(contest, group)).collect(), gains: gains.collect() }
     }
 
-    /// One line per controller and dead time.
+    /// One line per controller and dead time, then one per scenario and dead time.
     pub fn tables(&self) -> String {
+        let mut text = self.by_controller() + &self.by_scenario();
+        let latched: u64 = self.rows.iter().map(|row| row.latched).sum();
+        if latched > 0 {
+            text +=
+                &format!("{latched} times a fault latched an axis; --json tells of which controller and scenario.\n");
+        }
+        text
+    }
+
+    fn by_controller(&self) -> String {
         let entries = self.rows.chunk_by(|a, b| (a.controller, a.dead_time_s) == (b.controller, b.dead_time_s));
         let rows = entries.map(|rows| {
             let rms_of =
@@ -84,7 +94,7 @@ impl Report {
             let mm = |metres: f64| number(1e3 * metres);
             vec![
                 rows[0].controller.to_owned(),
-                format!("{:.0} ms", 1e3 * rows[0].dead_time_s),
+                milliseconds(rows[0].dead_time_s),
                 mm(rms_of("nominal")),
                 mm(worst.errors.rms),
                 worst.scenario.clone(),
@@ -94,16 +104,37 @@ impl Report {
             ]
         });
         let header = ["controller", "dead time", "nominal", "worst", "scenario", "all", "sigma", "max"];
-        let mut text =
-            "Tracking error over all axes and seeds, mm (rms; sigma and max over all scenarios):\n".to_owned();
-        text += &format!("{}\n", table(&header, rows.collect()));
-        let latched: u64 = self.rows.iter().map(|row| row.latched).sum();
-        if latched > 0 {
-            text +=
-                &format!("{latched} times a fault latched an axis; --json tells of which controller and scenario.\n");
-        }
-        text
+        format!(
+            "Tracking error over all axes and seeds, mm (rms; sigma and max over all scenarios):\n{}\n\n",
+            table(&header, rows.collect())
+        )
     }
+
+    fn by_scenario(&self) -> String {
+        let mut places: Vec<(f64, &str)> = Vec::new();
+        let mut controllers: Vec<&str> = Vec::new();
+        for row in &self.rows {
+            let place = (row.dead_time_s, row.scenario.as_str());
+            if !places.contains(&place) {
+                places.push(place);
+            }
+            if !controllers.contains(&row.controller) {
+                controllers.push(row.controller);
+            }
+        }
+        let rows = places.into_iter().map(|(dead_time, scenario)| {
+            // In the order of the controllers, which is the same at every place.
+            let here = self.rows.iter().filter(|row| (row.dead_time_s, row.scenario.as_str()) == (dead_time, scenario));
+            let cells = [scenario.to_owned(), milliseconds(dead_time)].into_iter();
+            cells.chain(here.map(|row| number(1e3 * row.errors.rms))).collect()
+        });
+        let header = [&["rms by scenario", "dead time"], &controllers[..]].concat();
+        format!("{}\n", table(&header, rows.collect()))
+    }
+}
+
+fn milliseconds(seconds: f64) -> String {
+    format!("{:.0} ms", 1e3 * seconds)
 }
 
 impl Row {

@@ -17,8 +17,8 @@ pub enum Bench {
 /// `bench control`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-The baselines' gains are tuned for each axis by simulation of its commissioned model: --model, or [axis.NAME.commissioned],
-or without either what a perfect commissioning of the simulated plant would find.
+The baselines' gains are tuned for each axis by simulation of its commissioned model: --model, or
+[axis.NAME.commissioned], or without either what a perfect commissioning of the simulated plant would find.
 
 Examples:
   hydraxis bench control                                          everything, some minutes

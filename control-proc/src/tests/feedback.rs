@@ -110,6 +110,24 @@ fn an_axis_that_rests_may_stand_still() {
 }
 
 #[test]
+fn the_valves_own_dead_band_is_not_a_fault_of_the_encoder_also_where_none_is_compensated() {
+    // Commands within the valve's dead band and a margin: the axis stands, so the encoder does.
+    let mut machine = super::machine_with(super::SINES, "kind = \"hold\"\n");
+    let axis = &mut machine.axes[0];
+    (axis.control.dead_band.extend, axis.control.dead_band.retract) = (0.0, 0.0);
+    axis.control.ki = 0.0;
+    axis.commissioned = Some(super::models::commissioned());
+    for (command, latches) in [(0.1, false), (-0.1, false), (0.2, true), (-0.2, true)] {
+        let mut axis = Loop::new(&machine, 0.9);
+        axis.run(50, None);
+        axis.plant.position -= command / 4.0;
+        let commands: Vec<_> = (0..200).map(|_| axis.tick_with(None, None, fault(sample_fault::STUCK))).collect();
+        let latched = commands.iter().any(|command| command.axes[0].flags & control_flag::FEEDBACK != 0);
+        assert_eq!(latched, latches, "{command}");
+    }
+}
+
+#[test]
 fn a_short_gap_is_bridged_and_one_of_the_time_out_latches() {
     let mut axis = moving();
     axis.sequence += 2;

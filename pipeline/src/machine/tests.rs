@@ -155,3 +155,22 @@ fn another_rule_table_can_be_loaded() {
     let text = refusal("[fuzzy]", &format!("[fuzzy]\nrules = [{short}]"));
     assert!(text.contains("fuzzy.rules: found another shape or term"), "{text}");
 }
+
+#[test]
+fn feed_forward_needs_a_commissioned_model_that_answers_within_the_preview() {
+    let control = "[axis.boom.control]\n";
+    let with = |dead_time: &str| {
+        format!(
+            "[axis.boom.commissioned]\ndead_time = {dead_time}\ntime_constant = 0.05\ndead_band_extend = 0.1\n\
+             dead_band_retract = 0.08\nopenings = [0.1]\nspeeds_extend = [0.05]\nspeeds_retract = [0.05]\n\
+             fit_percent = 97.0\n{control}feedforward = true\n"
+        )
+    };
+    let machine = built_in_with(control, &with("0.15")).unwrap();
+    assert!(machine.axes[0].control.feedforward && !machine.axes[1].control.feedforward);
+    let text = refusal(control, &format!("{control}feedforward = true\n"));
+    assert!(text.contains("axis.boom.control.feedforward: found true without [axis.boom.commissioned]"), "{text}");
+    assert!(text.contains("`--model MODEL.toml`"), "{text}");
+    let text = refusal(control, &with("0.7"));
+    assert!(text.contains("feedforward: found true with dead_time + time_constant of 0.75 s"), "{text}");
+}

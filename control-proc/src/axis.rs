@@ -108,7 +108,7 @@ impl AxisController {
         let control = &axis.control;
         let structure = axis.identification.structure;
         let fallback = Fallback::new(control, axis.commissioned.as_ref(), period);
-        let ahead = if control.model == ModelChoice::None { 0 } else { structure.nk + control.horizon };
+        let ahead = if control.model == ModelChoice::None { 0 } else { structure.nk + 2 * control.horizon };
         // The fallback compensates a little less than the valve's dead band, or none of it.
         let found = axis.commissioned.as_ref().map_or(control.dead_band, |commissioned| commissioned.dead_band);
         let (extend, retract) =

@@ -1,21 +1,25 @@
 //! Predictive control of one axis: the best moves within the limits, anew at every tick.
 //!
 //! ```text
-//! A dy(k) = B dx(k-nk) + (1 - tau z^-1) e(k)                    the model in differences, with its noise e
-//! J = sum (w(k+i) - y(k+i))^2  +  lambda sum dx(k+m)^2        i = nk .. nk+H-1,  m = 0 .. M-1
+//! A dy(k) = B dx(k-nk) + T e(k),  T = (1 - tau z^-1)^na         the model in differences, with its noise e
+//! J = sum (w(k+i) - y(k+i))^2  +  lambda sum (dx(k+m) - dx_w(k+m))^2        i = nk .. nk+H-1,  m = 0 .. M-1
+//! x_w(k) = (w(k+nk+d+1) - w(k+nk+d))/(V T)                     what the targets' speed takes, d lag of the model
 //! y(k+nk+p) = free(k+nk+p) + sum h(p-m) X(m)                  X(m) = x(k+m) - x(k-1),  X(m) = X(M-1) for m >= M
 //! N(u(k-1) - (m+1) r) <= x(k+m) <= N(u(k-1) + (m+1) r)        and both within N(u_low), N(u_high)
 //! |x(k+m) - x(k+m-1)| <= rho                                  the most that r changes x on that way
 //! -sqrt(2 a (y_f - y_low)) <= V x(k+m) <= sqrt(2 a (y_high - y_f))          no faster than it can stop
-//! u(k) = N^-1(x(k))                                           lambda = move_weight * mean of s(p)^2
+//! u(k) = N^-1(x(k))                                           lambda = move_weight (1 + nk T/T_w) * mean of s(p)^2
 //! ```
 //!
-//! y position in m, w target in m, e innovation in m, tau [`NOISE_ROOT`], x intermediate value, u valve command, r its
+//! y position in m, w target in m, e innovation in m, tau from [`OBSERVER`], x intermediate value, u valve command, r its
 //! largest change per tick, h impulse and s step response, m per unit of x; V speed per unit of x, m/s, the last
 //! difference of s, y_f = free(k+nk) where the axis will be when x(k) acts, y_low and y_high the soft limits, m, a
-//! [`END_DECELERATION`]; nk delay, H `horizon`, M `moves`, in
+//! [`END_DECELERATION`]; T period and T_w [`CAUTION`] in s; nk delay, H `horizon`, M `moves`, in
 //! samples. Source: Clarke, Mohtadi and Tuffs, Generalized predictive control, Automatica 23 (1987), with its
 //! constraints as a quadratic programme ([`crate::quadratic`]); N and the model are eqs. (11) and (12) of the paper.
+//!
+//! Only what goes beyond the moves that the targets ask for anyway is weighed: so a large weight makes the axis follow by
+//! what is known of it, and not late.
 //!
 //! The limits are part of the plan, so nothing winds up behind them; the rate of the first move is exact, that of the
 //! later ones as wide as the widest on the way. Without an answer of the solver the first move of the plan without
@@ -25,9 +29,13 @@
 //! once (horizon 1 without a weight) is unstable; the horizon and the weight are what keeps this one from doing
 //! so. N can be inverted only where it is monotone, so x is kept to what the commands can reach there. And x(k-1)
 //! is N of the command that was *sent*: what the limits cut off is not remembered as done. Without the noise
-//! polynomial every step of the encoder passes for the start of a motion and shakes the valve.
+//! polynomial every step of the encoder passes for the start of a motion and shakes the valve, the more the longer the
+//! dead time over which it is extrapolated; so T has as many roots as A, and they are the slower the longer that is.
 
-use pipeline::{hammerstein::Nonlinearity, machine::Control};
+use pipeline::{
+    hammerstein::{MAX_A, Nonlinearity},
+    machine::Control,
+};
 
 use crate::{
     history::{COMMANDS, History},
@@ -37,9 +45,13 @@ use crate::{
     response::{MAX_AHEAD, MAX_HORIZON, free_response, residual, step_response},
 };
 
-/// tau: the root of the noise polynomial. At 0.8 one wrong sample counts a fifth as much as a lasting disturbance,
-/// which is met within some ten samples; the value that is usual for this method.
-pub const NOISE_ROOT: f64 = 0.8;
+/// The time constant behind tau: so many s, and so many parts of the dead time. What T forgets more slowly, a lasting
+/// disturbance is met more slowly; half of the dead time is nothing beside the dead time itself.
+pub const OBSERVER: (f64, f64) = (0.04, 0.5);
+
+/// T_w, s: a dead time of so much doubles the weight of the moves. What a wrong model does shows a dead time late, so the
+/// longer that is the less may be done meanwhile.
+pub const CAUTION: f64 = 0.05;
 
 /// a, m/s2: on the last 60 mm before a soft limit an axis of 0.25 m/s becomes slower.
 pub const END_DECELERATION: f64 = 0.5;
@@ -53,8 +65,8 @@ pub const MAX_MOVES: usize = 20;
 /// The predictive controller of one axis.
 #[derive(Debug, Clone)]
 pub struct Predictive {
-    /// e(k), m.
-    innovation: f64,
+    /// e(k), e(k-1), .., m.
+    innovations: [f64; MAX_A],
     horizon: usize,
     moves: usize,
     move_weight: f64,
@@ -75,7 +87,7 @@ impl Predictive {
             (problem.rows[m][m - 1], problem.rows[m][m]) = (-1.0, 1.0);
         }
         Self {
-            innovation: 0.0,
+            innovations: [0.0; MAX_A],
             horizon,
             moves: control.moves.clamp(1, MAX_MOVES.min(horizon)),
             move_weight: control.move_weight,
@@ -89,7 +101,7 @@ impl Predictive {
 
     /// Forgets the noise: there has been no model.
     pub fn reset(&mut self) {
-        self.innovation = 0.0;
+        self.innovations = [0.0; MAX_A];
     }
 
     /// Plans that had to do without the solver, so far.
@@ -118,15 +130,12 @@ impl Predictive {
         for (x, u) in intermediate.iter_mut().zip(history.commands()).take(structure.nk + structure.nb + 1) {
             *x = nonlinearity.evaluate(*u);
         }
-        self.innovation = residual(model, history.outputs(), &intermediate) + NOISE_ROOT * self.innovation;
-        if !self.innovation.is_finite() {
-            self.innovation = 0.0;
-            return None;
-        }
-        let correction = -NOISE_ROOT * self.innovation;
+        // An order whose coefficient is zero is none.
+        let order = model.a().iter().rposition(|a| *a != 0.0).map_or(1, |last| last + 1);
+        let noise = self.noise(order, structure.nk, residual(model, history.outputs(), &intermediate))?;
         let mut free = [0.0; MAX_AHEAD];
         let ahead = structure.nk - 1 + self.horizon;
-        free_response(model, history.outputs(), &intermediate, correction, &mut free[..ahead]);
+        free_response(model, history.outputs(), &intermediate, &noise[..order], &mut free[..ahead]);
         let mut step = [0.0; MAX_HORIZON];
         let step = &mut step[..self.horizon];
         step_response(model, step);
@@ -137,7 +146,9 @@ impl Predictive {
             let target = targets.get(structure.nk + p).copied().unwrap_or(last_target);
             *deviation = target - free[structure.nk - 1 + p];
         }
-        self.weigh(step, &deviation[..self.horizon]);
+        let mut expected = [0.0; MAX_MOVES];
+        self.expect(step, targets, structure.nk, &mut expected);
+        self.weigh(step, &deviation[..self.horizon], &expected, structure.nk);
         let last = history.commands()[0];
         self.bound(&nonlinearity, approved.range, limits, last, intermediate[0]);
         self.slow_down(step, free[structure.nk - 1], intermediate[0]);
@@ -148,8 +159,53 @@ impl Predictive {
         (x.is_finite() && u.is_finite()).then(|| limits.apply(u, last))
     }
 
+    /// What the past innovations and this `residual`, m, say of the noise in dy(k+1), dy(k+2), .., m.
+    fn noise(&mut self, order: usize, nk: usize, residual: f64) -> Option<[f64; MAX_A]> {
+        let time_constant = OBSERVER.0 + OBSERVER.1 * nk as f64 * self.period;
+        let tau = (-self.period / time_constant).exp();
+        // t_1 .. t_na of T = 1 + t_1 z^-1 + ..: binomials.
+        let mut t = [0.0; MAX_A];
+        let mut coefficient = 1.0;
+        for (j, t) in t[..order].iter_mut().enumerate() {
+            coefficient *= -tau * (order - j) as f64 / (j + 1) as f64;
+            *t = coefficient;
+        }
+        let past: f64 = t.iter().zip(&self.innovations).map(|(t, e)| t * e).sum();
+        self.innovations.copy_within(..MAX_A - 1, 1);
+        self.innovations[0] = residual - past;
+        if !self.innovations[0].is_finite() {
+            self.reset();
+            return None;
+        }
+        Some(std::array::from_fn(|i| t[i..].iter().zip(&self.innovations).map(|(t, e)| t * e).sum()))
+    }
+
+    /// dx_w(k), dx_w(k+1), ..: the moves that `targets` take of a model with this step response; none of a model that does
+    /// not integrate, or where the targets ask for no finite speed.
+    fn expect(&self, step: &[f64], targets: &[f64], nk: usize, moves: &mut [f64; MAX_MOVES]) {
+        let last = step.len() - 1;
+        let slope = if last > 0 { step[last] - step[last - 1] } else { step[0] };
+        // The step response ends as slope (p + 1 - d).
+        let lag = (step.len() as f64 - step[last] / slope).round();
+        if !(0.0..=step.len() as f64).contains(&lag) {
+            return;
+        }
+        let at = |i: usize| targets[i.min(targets.len() - 1)];
+        let first = nk + lag as usize;
+        let mut before = None;
+        for (m, expected) in moves[..self.moves].iter_mut().enumerate() {
+            let speed = |i: usize| (at(i + 1) - at(i)) / slope;
+            let level = speed(first + m);
+            *expected = level - before.unwrap_or_else(|| speed((first + m).saturating_sub(1)));
+            before = Some(level);
+        }
+        if moves.iter().any(|expected| !expected.is_finite()) {
+            moves.fill(0.0);
+        }
+    }
+
     /// J as 1/2 X'HX + g'X.
-    fn weigh(&mut self, step: &[f64], deviation: &[f64]) {
+    fn weigh(&mut self, step: &[f64], deviation: &[f64], expected: &[f64; MAX_MOVES], nk: usize) {
         let (horizon, moves) = (self.horizon, self.moves);
         let mut impulse = [0.0; MAX_HORIZON];
         for p in 0..horizon {
@@ -157,7 +213,8 @@ impl Predictive {
         }
         // Column m of the response: the impulse, shifted by m; the last move stays, so its column is the step.
         let column = |m: usize| if m + 1 == moves { step } else { &impulse[..horizon] };
-        let weight = self.move_weight * step.iter().map(|s| s * s).sum::<f64>() / horizon as f64;
+        let caution = 1.0 + nk as f64 * self.period / CAUTION;
+        let weight = self.move_weight * caution * step.iter().map(|s| s * s).sum::<f64>() / horizon as f64;
         let Problem { hessian, gradient, .. } = &mut self.problem;
         for m in (0..moves).rev() {
             let of_m = column(m);
@@ -174,8 +231,10 @@ impl Predictive {
         for m in 0..moves {
             // |X(0)|^2 + |X(1) - X(0)|^2 + ..: every level is in two moves, but the last.
             hessian[m][m] += if m + 1 < moves { 2.0 * weight } else { weight };
+            gradient[m] -= weight * expected[m];
             if m + 1 < moves {
                 hessian[m][m + 1] -= weight;
+                gradient[m] += weight * expected[m + 1];
             }
         }
         for m in moves..MAX_MOVES {

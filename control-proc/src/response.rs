@@ -21,14 +21,8 @@ pub const MAX_AHEAD: usize = MAX_DELAY + MAX_HORIZON + 1;
 /// y(k+1), y(k+2), .. in `response` (m) if x stays at x(k-1) from now on.
 ///
 /// `outputs` holds y(k), y(k-1), .. (na + 1 of them), `intermediate` x(k-1), x(k-2), .. (nk + nb of them).
-/// `correction` is what is known of the noise in dy(k+1), m; 0 without an estimate.
-pub fn free_response(
-    model: &Coefficients,
-    outputs: &[f64],
-    intermediate: &[f64],
-    correction: f64,
-    response: &mut [f64],
-) {
+/// `noise` is what is known of the noise in dy(k+1), dy(k+2), .., m; 0 beyond.
+pub fn free_response(model: &Coefficients, outputs: &[f64], intermediate: &[f64], noise: &[f64], response: &mut [f64]) {
     let nk = model.nk as usize;
     // Differences of the outputs, the newest at the end of the known ones: d[MAX_A - 1] = dy(k).
     let mut differences = [0.0; MAX_A + MAX_AHEAD];
@@ -38,7 +32,7 @@ pub fn free_response(
     let mut y = outputs[0];
     for (i, predicted) in response.iter_mut().take(MAX_AHEAD).enumerate() {
         let now = MAX_A + i;
-        let mut difference = if i == 0 { correction } else { 0.0 };
+        let mut difference = noise.get(i).copied().unwrap_or(0.0);
         for (j, a) in model.a().iter().enumerate() {
             difference -= a * differences[now - 1 - j];
         }
@@ -123,7 +117,7 @@ mod tests {
             let outputs: Vec<f64> = (0..6).map(|i| y[k - i] + offset).collect();
             let intermediate: Vec<f64> = (0..20).map(|i| x[k - 1 - i]).collect();
             let mut response = [0.0; 40];
-            free_response(&model, &outputs, &intermediate, 0.0, &mut response);
+            free_response(&model, &outputs, &intermediate, &[], &mut response);
             for i in 0..40 {
                 prop_assert!((response[i] - y[k + 1 + i] - offset).abs() < 1e-9, "{i}");
             }

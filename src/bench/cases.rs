@@ -9,7 +9,7 @@ use control_proc::{
     tuning::{Baseline, reached},
 };
 use pipeline::{
-    machine::{Axis, Commissioned, Control, Machine, ModelChoice, ReferenceSource, samples_of},
+    machine::{Axis, Control, Machine, ModelChoice, ReferenceSource, samples_of},
     message::{ControlMode, control_flag},
     statistics::ErrorStatistics,
 };
@@ -53,8 +53,8 @@ impl Kind {
             Self::Pi => (Baseline::Pi, ModelChoice::None),
             Self::PiDeadband => (Baseline::DeadBand, ModelChoice::None),
             Self::PiFeedforward => (Baseline::Feedforward, ModelChoice::None),
-            Self::MpcHeld => (Baseline::DeadBand, ModelChoice::Classical),
-            Self::MpcAdaptive => (Baseline::DeadBand, ModelChoice::Adaptive),
+            Self::MpcHeld => (Baseline::Feedforward, ModelChoice::Classical),
+            Self::MpcAdaptive => (Baseline::Feedforward, ModelChoice::Adaptive),
         }
     }
 }
@@ -188,18 +188,12 @@ fn at_dead_time(machine: &Machine, dead_time: Duration) -> Result<Vec<Axis>, Fai
     for (index, (axis, known)) in machine.axes.iter_mut().zip(known).enumerate() {
         axis.commissioned = axis.commissioned.take().or(known);
         let model = axis.commissioned.as_ref().ok_or_else(|| not_commissioned(axis))?;
-        axis.identification.structure.nk = delay(model, period);
+        axis.identification.structure = model.structure(axis.identification.structure, period);
         axis.identification.training = samples_of(Duration::from_secs_f64(TRAINING), period);
         let points = course(index, axis.soft_limits, reached(model, axis.control.command_limit));
         axis.reference = ReferenceSource::Ramps(points);
     }
     Ok(machine.axes)
-}
-
-/// Samples from command to motion: whole periods of dead time, and the one in which the command is sent.
-fn delay(model: &Commissioned, period: Duration) -> usize {
-    // A dead time of whole periods is not one more for the last digit.
-    (model.dead_time / period.as_secs_f64() - 1e-6).ceil() as usize + 1
 }
 
 fn not_commissioned(axis: &Axis) -> Failure {

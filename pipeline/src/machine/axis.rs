@@ -194,7 +194,7 @@ impl Control {
             model: section.choice_or("model", ModelChoice::Adaptive, &models),
             horizon: section.integer_or("horizon", 20, 1..=31),
             moves: section.integer_or("moves", 20, 1..=20),
-            move_weight: section.number_or("move_weight", 1.0, 1e-6..=1e3, ""),
+            move_weight: section.number_or("move_weight", 5.0, 1e-6..=1e3, ""),
         };
         section.finish();
         control

@@ -9,7 +9,10 @@
 //! bands; points (x - d_e, v) while extending, (-x - d_r, -v) while retracting. A static curve behind a lag and a
 //! delay: little, but all of it can be measured on a real machine in a minute.
 
+use std::time::Duration;
+
 use super::{DeadBand, document::Section};
+use crate::hammerstein::{Basis, InputMap, MAX_DELAY, Structure};
 
 /// The commissioned model of an axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,6 +32,11 @@ pub struct Commissioned {
     /// How much of the motion that the experiment made the model explains half a second ahead: 100 is all.
     pub fit_percent: f64,
 }
+
+/// How much narrower than found a dead band is taken for identification.
+const NARROWER: f64 = 0.01;
+/// Hinges for identification, in parts of the largest opening that was tested.
+const KNOTS: [f64; 3] = [0.0, 0.1, 0.35];
 
 /// Points of a curve.
 pub const MOST_POINTS: usize = 16;
@@ -73,6 +81,21 @@ impl Commissioned {
         };
         section.finish();
         Some(commissioned)
+    }
+
+    /// What it says of the structure to identify every `period`: nk, the dead bands, and hinges where the curve bends.
+    ///
+    /// The dead bands are taken a little narrow ([`NARROWER`]): what is missing costs one more bend, what is too much
+    /// hides commands that move the axis.
+    pub fn structure(&self, structure: Structure, period: Duration) -> Structure {
+        // Whole periods of dead time, not one more for the last digit, and the one in which the command is sent.
+        let nk = (self.dead_time / period.as_secs_f64() - 1e-6).ceil() as usize + 1;
+        let narrower = |dead_band: f64| (dead_band - NARROWER).max(0.0);
+        let last = self.openings.last().copied().unwrap_or(1.0);
+        let knots = KNOTS.map(|part| part * last);
+        let dead_band = (narrower(self.dead_band.retract), narrower(self.dead_band.extend));
+        let basis = Basis::hinges(&knots).unwrap_or(Basis::Powers);
+        Structure { nk: nk.min(MAX_DELAY), order: knots.len(), input: InputMap { dead_band, basis }, ..structure }
     }
 
     /// c(x), m/s.

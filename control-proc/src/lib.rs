@@ -12,6 +12,7 @@
 //! | [`predictive`] | generalised predictive control on the identified model |
 //! | [`response`] | what the model answers to nothing and to a step |
 //! | [`judge`] | which models may be used at all |
+//! | [`commission`] | the experiment that finds an axis' model, and its analysis |
 //! | [`history`] | past outputs and commands of one axis |
 //! | [`limits`] | magnitude and rate of a command |
 //! | [`process`] | the stage: channels in, channels out |
@@ -21,6 +22,7 @@
 
 pub mod axis;
 pub mod channel;
+pub mod commission;
 pub mod controller;
 pub mod fallback;
 pub mod history;

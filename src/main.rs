@@ -2,6 +2,7 @@
 
 mod check;
 mod cli;
+mod commission;
 mod failure;
 mod figures;
 mod identify;
@@ -23,6 +24,7 @@ fn main() -> ExitCode {
     let result = match cli::Arguments::parse().command {
         cli::Command::Run(arguments) => run::run(&arguments),
         cli::Command::Simulate(arguments) => simulate::run(&arguments),
+        cli::Command::Commission(arguments) => commission::run(&arguments),
         cli::Command::Identify(arguments) => identify::run(&arguments),
         cli::Command::Check(arguments) => check::run(&arguments),
         cli::Command::PlantSim(arguments) => stage::run(StageKind::PlantSim, &arguments),

@@ -1,11 +1,13 @@
 //! What a user types.
 
+mod commission;
 mod identify;
 mod run;
 mod values;
 
 use clap::{Parser, Subcommand};
 
+pub use commission::Commission;
 pub use identify::Identify;
 pub use run::{MachineFile, Recording, Run, Simulate, Stage};
 pub use values::Samples;
@@ -29,6 +31,8 @@ pub enum Command {
     Run(Run),
     /// Run the same loop in one process, without shared memory, or the simulated machine without a controller
     Simulate(Simulate),
+    /// Find the model of every axis by a bounded experiment, and write it to a file
+    Commission(Commission),
     /// Identify a Hammerstein model on a recording, offline and adaptive side by side
     Identify(Box<Identify>),
     /// Check a machine file and say everything that is wrong with it

@@ -15,7 +15,8 @@
 //! Fitted on the first two thirds of the record, judged on the rest: half a second ahead, with the command known.
 //!
 //! Traps: t_d and tau trade off against each other where the plant is not a lag of first order (a mass on oil, say); what
-//! is certain is their sum. And a hysteresis of width h is half in the dead bands, d + h/2.
+//! is certain is their sum. A hysteresis of width h is half in the dead bands, d + h/2. And where an S begins flat the band
+//! found ends where motion begins to count, not where the first drop flows.
 
 use nalgebra::{DMatrix, DVector};
 use pipeline::machine::{Commissioned, DeadBand};
@@ -40,7 +41,8 @@ const ROW_SPACING: f64 = 0.03;
 const LONGEST_DEAD_TIME: f64 = 0.8;
 /// Time constants of the grid, s.
 const TIME_CONSTANTS: [f64; 3] = [0.03, 0.1, 0.25];
-/// Weight of bends, relative to the data: the curve is as straight as they allow.
+/// Weight of bends, relative to the data: the curve is as straight as they allow. Without it a curve that begins flat
+/// would do without a dead band.
 const STRAIGHTNESS: f64 = 1e-4;
 /// Steps of the search.
 const SEARCH_STEPS: usize = 250;
@@ -104,7 +106,10 @@ pub fn analyse(record: &Record) -> Result<Commissioned, AnalysisError> {
     for _ in 0..2 {
         best = minimum(cost, best.0, [0.02, 0.4, 0.02, 0.02], SEARCH_STEPS);
     }
-    let shape = Shape::of(&best.0, largest).filter(|_| best.1.is_finite()).ok_or(AnalysisError::NoMotion)?;
+    if !best.1.is_finite() {
+        return Err(AnalysisError::NoMotion);
+    }
+    let shape = Shape::of(&best.0, largest).ok_or(AnalysisError::NoMotion)?;
     let (_, slopes) = fitted.fit(&shape);
     let mut model = shape.model(&slopes).ok_or(AnalysisError::NoMotion)?;
     model.fit_percent = Data { record, begin: split, end: record.positions.len() }.judge(&model);

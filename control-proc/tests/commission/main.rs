@@ -1,6 +1,7 @@
 //! Commissioning of simulated axes: what is found, what ends the experiment, and the command as a user runs it.
 
 mod accuracy;
+mod bounds;
 
 use control_proc::commission::{Experiment, Options, Outcome};
 use pipeline::{machine::Machine, message::ValveCommand};

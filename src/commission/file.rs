@@ -59,8 +59,11 @@ impl ModelFile {
     /// Writes it whole.
     pub fn write(&self, text: &str) -> Result<(), Failure> {
         let path = &self.path;
-        let written =
-            if self.force { fs::write(path, text) } else { File::create_new(path).and_then(|mut file| file.write_all(text.as_bytes())) };
+        let written = if self.force {
+            fs::write(path, text)
+        } else {
+            File::create_new(path).and_then(|mut file| file.write_all(text.as_bytes()))
+        };
         written.map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => exists(path),
             _ => Failure::Run(format!("--out: {} cannot be written: {error}", path.display())),

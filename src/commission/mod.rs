@@ -17,7 +17,7 @@ use crate::{
     table::{number, percent, progress, table},
 };
 use file::ModelFile;
-use simulated::commission_axis;
+pub use simulated::commission_simulated;
 
 /// Fit below which a model is not to be trusted, percent.
 const POOR_FIT: f64 = 80.0;
@@ -43,20 +43,18 @@ pub fn run(arguments: &cli::Commission) -> Result<(), Failure> {
         duration: arguments.duration,
         seed: arguments.seed,
     };
-    let mut found = Vec::with_capacity(axes.len());
-    for axis in axes {
-        let name = &machine.axes[axis].name;
-        let bar = progress(1000, name);
-        let model = commission_axis(&machine, axis, arguments.seed, &options, |phase, part| {
-            let position = (1000.0 * part) as u64;
-            if position != bar.position() {
-                bar.set_position(position);
-                bar.set_message(format!("{name}: {}", phase.name()));
-            }
-        });
-        bar.finish_and_clear();
-        found.push((name.clone(), model?));
-    }
+    let bar = progress(1000 * axes.len() as u64, "");
+    let models = commission_simulated(&machine, &axes, arguments.seed, &options, |axis, phase, part| {
+        let done = axes.iter().take_while(|other| **other != axis).count();
+        let position = 1000 * done as u64 + (1000.0 * part) as u64;
+        if position != bar.position() {
+            bar.set_position(position);
+            bar.set_message(format!("{}: {}", machine.axes[axis].name, phase.name()));
+        }
+    });
+    bar.finish_and_clear();
+    let found: Vec<(String, Commissioned)> =
+        axes.iter().map(|axis| machine.axes[*axis].name.clone()).zip(models?).collect();
     file.write(&file::text(&machine.name, &found))?;
     for (name, model) in found.iter().filter(|(_, model)| is_poor(model)) {
         eprintln!(

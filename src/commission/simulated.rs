@@ -10,16 +10,23 @@ use sensor_proc::source::Acquisition;
 
 use crate::failure::Failure;
 
-/// What commissioning finds of every axis, in the machine's order. `seed` makes the encoders' noise.
+/// What commissioning finds of the axes with these indices, each from the machine's begin. `seed` makes the encoders'
+/// noise; `show` gets axis, phase and progress at every tick.
 ///
 /// # Errors
 /// The machine cannot be simulated, a bound was met, or a record has no model; with the name of the axis.
-pub fn commission_simulated(machine: &Machine, seed: u64, options: &Options) -> Result<Vec<Commissioned>, Failure> {
-    (0..machine.axes.len()).map(|axis| commission_axis(machine, axis, seed, options, |_, _| ())).collect()
+pub fn commission_simulated(
+    machine: &Machine,
+    axes: &[usize],
+    seed: u64,
+    options: &Options,
+    mut show: impl FnMut(usize, Phase, f64),
+) -> Result<Vec<Commissioned>, Failure> {
+    let one = |axis: &usize| commission(machine, *axis, seed, options, |phase, part| show(*axis, phase, part));
+    axes.iter().map(one).collect()
 }
 
-/// The same of one axis, from the machine's begin; `show` gets phase and progress at every tick.
-pub fn commission_axis(
+fn commission(
     machine: &Machine,
     axis: usize,
     seed: u64,
@@ -27,7 +34,6 @@ pub fn commission_axis(
     mut show: impl FnMut(Phase, f64),
 ) -> Result<Commissioned, Failure> {
     let name = &machine.axes[axis].name;
-    let failed = |error: &dyn std::fmt::Display| Failure::Run(format!("axis.{name}: {error}"));
     let mut plant = PlantSim::new(machine, seed).map_err(Failure::usage)?;
     let mut acquisition = Acquisition::new(machine);
     let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
@@ -42,11 +48,8 @@ pub fn commission_axis(
         plant.advance(machine.timing.period);
         show(experiment.phase(), experiment.progress());
     }
-    match experiment.outcome() {
-        Some(Outcome::Aborted(abort)) => {
-            return Err(Failure::Run(format!("axis.{name}: ended, valve neutral: {abort}")));
-        }
-        Some(Outcome::Finished) | None => {}
+    if let Some(Outcome::Aborted(abort)) = experiment.outcome() {
+        return Err(Failure::Run(format!("axis.{name}: ended, valve neutral: {abort}")));
     }
-    analyse(experiment.record()).map_err(|error| failed(&error))
+    analyse(experiment.record()).map_err(|error| Failure::Run(format!("axis.{name}: {error}")))
 }

@@ -89,7 +89,8 @@ fn the_servo_itself_is_commissioned() {
 
 #[test]
 fn an_axis_that_runs_away_is_left_neutral() {
-    let (reason, _) = abort(&Options::default(), |phase, servo, _| servo.drift = if phase == Phase::Random { 0.3 } else { 0.0 });
+    let (reason, _) =
+        abort(&Options::default(), |phase, servo, _| servo.drift = if phase == Phase::Random { 0.3 } else { 0.0 });
     assert!(matches!(reason, Abort::Speed { .. } | Abort::Against { .. } | Abort::Window { .. }), "{reason}");
     let (reason, _) = abort(&Options::default(), |_, servo, _| servo.drift = -0.05);
     assert!(matches!(reason, Abort::Against { command: 0.0, .. }), "moves without a command: {reason}");
@@ -97,14 +98,16 @@ fn an_axis_that_runs_away_is_left_neutral() {
 
 #[test]
 fn a_speed_beyond_the_bound_ends_it() {
-    let (reason, _) = abort(&Options::default(), |phase, servo, _| servo.gain = if phase == Phase::Random { 3.0 } else { 1.0 });
+    let (reason, _) =
+        abort(&Options::default(), |phase, servo, _| servo.gain = if phase == Phase::Random { 3.0 } else { 1.0 });
     let Abort::Speed { found, allowed } = reason else { panic!("{reason}") };
     assert!(found > allowed && (allowed - 1.5 * 0.25).abs() < 1e-12, "{reason}");
 }
 
 #[test]
 fn a_creep_out_of_the_window_ends_it() {
-    let (reason, experiment) = abort(&Options::default(), |_, servo, _| servo.drift = 0.02);
+    let (reason, experiment) =
+        abort(&Options::default(), |phase, servo, _| servo.drift = if phase == Phase::Pulses { 0.02 } else { 0.0 });
     let Abort::Window { position, .. } = reason else { panic!("{reason}") };
     let ((_, high), margin) = experiment.window();
     assert!(position > high + margin && position < high + margin + 0.01, "{reason}");
@@ -127,7 +130,8 @@ fn a_pump_that_is_off_is_asked_for() {
     assert!(reason.to_string().contains("is the pump on?"), "{reason}");
     assert!(experiment.record().commands.iter().all(|command| command.abs() <= 0.6));
     // And one that fails later.
-    let (reason, _) = abort(&Options::default(), |phase, servo, _| servo.gain = if phase == Phase::Strokes { 0.0 } else { 1.0 });
+    let (reason, _) =
+        abort(&Options::default(), |phase, servo, _| servo.gain = if phase == Phase::Strokes { 0.0 } else { 1.0 });
     assert!(matches!(reason, Abort::NoMotion { .. }), "{reason}");
 }
 
@@ -250,5 +254,7 @@ fn machines_of_all_kinds_stay_in_the_window() {
         }
         assert!(run.beyond <= margin, "{seed}: {} m beyond {low} to {high}, margin {margin}", run.beyond);
     }
+    // What ends early ends safely: a boom that swings, or the window's edge close by.
+    assert!(ended <= 8, "{ended}");
     println!("worst {:.1} mm beyond the window; {ended} of 200 ended early", 1e3 * worst);
 }

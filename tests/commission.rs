@@ -40,7 +40,7 @@ fn a_model_is_found_written_and_read_by_the_other_commands() {
 fn what_ends_the_experiment_is_said_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     for (arguments, expected) in [
-        (&["--set", "supply.pressure=1e5"][..], "axis.boom: ended, valve neutral: does not extend up to"),
+        (&["--set", "supply.pressure=1e6"][..], "axis.boom: ended, valve neutral: does not extend up to"),
         (&["--travel", "0.01"][..], "axis.boom: ended, valve neutral: window: found 0.0100 m of travel"),
         (&["--duration", "10s"][..], "axis.boom: ended, valve neutral: duration: found 10.0 s"),
     ] {

@@ -14,7 +14,7 @@ use crate::{
     failure::Failure,
     output::{Output, is_stdout},
     stage,
-    table::{number, percent, progress, table},
+    table::{percent, progress, table},
 };
 use file::ModelFile;
 pub use simulated::commission_simulated;
@@ -71,9 +71,8 @@ pub fn run(arguments: &cli::Commission) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Written so that NaN is poor.
 fn is_poor(model: &Commissioned) -> bool {
-    !(model.fit_percent >= POOR_FIT)
+    model.fit_percent.is_nan() || model.fit_percent < POOR_FIT
 }
 
 /// What to type next.
@@ -110,17 +109,19 @@ fn tables(found: &[(String, Commissioned)], out: &Path) -> String {
     };
     let header = ["axis", "dead time", "time constant", "dead band extending", "retracting", "fit 0.5 s ahead"];
     let figures = table(&header, found.iter().map(row).collect());
-    let curve = |(name, model): &(String, Commissioned)| {
+    let curve = |name: &str, model: &Commissioned, sign: f64| {
         let span = model.openings.last().copied().unwrap_or_default();
-        let mut cells = vec![name.clone()];
+        let mut cells = vec![name.to_owned()];
         cells.extend(SHOWN.iter().map(|part| {
-            let (up, down) = (model.dead_band.extend + part * span, -model.dead_band.retract - part * span);
-            format!("{up:.3}: {}, {down:.3}: {}", number(model.speed(up)), number(model.speed(down)))
+            let beyond = if sign > 0.0 { model.dead_band.extend } else { model.dead_band.retract };
+            let command = sign * (beyond + part * span);
+            format!("{command:+.3}: {:+.4} m/s", model.speed(command))
         }));
         cells
     };
-    let header = ["command: speed, m/s", "a quarter of what was tested", "half", "three quarters", "all"];
-    let curves = table(&header, found.iter().map(curve).collect());
+    let curves = found.iter().flat_map(|(name, model)| [1.0, -1.0].map(|sign| curve(name, model, sign)));
+    let header = ["command: speed", "a quarter of what was tested", "half", "three quarters", "all"];
+    let curves = table(&header, curves.collect());
     format!("{figures}\n\n{curves}\n\nwritten: {}\n", out.display())
 }
 

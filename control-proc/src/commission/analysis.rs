@@ -44,6 +44,10 @@ const TIME_CONSTANTS: [f64; 3] = [0.03, 0.1, 0.25];
 /// Weight of bends, relative to the data: the curve is as straight as they allow. Without it a curve that begins flat
 /// would do without a dead band.
 const STRAIGHTNESS: f64 = 1e-4;
+/// Part of the largest speed below which a curve is flat.
+const FLAT: f64 = 0.02;
+/// Mean square error, relative to the least found, of a curve with a wider dead band that is taken in its place.
+const AS_GOOD: f64 = 1.1;
 /// Steps of the search.
 const SEARCH_STEPS: usize = 250;
 /// Least rise of a curve from point to point, m/s: it can be inverted.
@@ -109,9 +113,25 @@ pub fn analyse(record: &Record) -> Result<Commissioned, AnalysisError> {
     if !best.1.is_finite() {
         return Err(AnalysisError::NoMotion);
     }
-    let shape = Shape::of(&best.0, largest).ok_or(AnalysisError::NoMotion)?;
-    let (_, slopes) = fitted.fit(&shape);
-    let mut model = shape.model(&slopes).ok_or(AnalysisError::NoMotion)?;
+    let model_at = |p: &[f64; 4]| {
+        let shape = Shape::of(p, largest).filter(|_| best.1.is_finite())?;
+        shape.model(&fitted.fit(&shape).1)
+    };
+    let mut model = model_at(&best.0).ok_or(AnalysisError::NoMotion)?;
+    // A curve that begins flat does without a dead band, and explains as much: the valley beside it is the one.
+    let flat = |speeds: &[f64]| {
+        let still = speeds.partition_point(|speed| *speed < FLAT * speeds[KNOTS - 1]);
+        still.checked_sub(1).map_or(0.0, |last| model.openings[last])
+    };
+    let beyond = [flat(&model.speeds_extend), flat(&model.speeds_retract)];
+    if beyond != [0.0; 2] {
+        let [dead_time, tau, extend, retract] = best.0;
+        let start = [dead_time, tau, extend + beyond[0], retract + beyond[1]];
+        let (p, value) = minimum(cost, start, [0.002, 0.05, 0.01, 0.01], SEARCH_STEPS);
+        if value <= AS_GOOD * best.1 {
+            model = model_at(&p).ok_or(AnalysisError::NoMotion)?;
+        }
+    }
     model.fit_percent = Data { record, begin: split, end: record.positions.len() }.judge(&model);
     Ok(model)
 }

@@ -14,6 +14,22 @@ fn the_nominal_machine_is_found() {
 }
 
 #[test]
+fn other_random_steps_find_the_same_dead_bands() {
+    let machine = under("nominal");
+    for seed in 2..8 {
+        for settings in 0..machine.axes.len() {
+            let options = Options { seed, ..Options::default() };
+            let run = Run::of(&machine, settings, &options, seed).expect_finished();
+            let found = analyse(run.experiment.record()).unwrap().dead_band;
+            let true_band = machine.axes[settings].plant.as_ref().unwrap().dead_band;
+            let (extend, retract) = (found.extend - true_band.extend, found.retract - true_band.retract);
+            println!("seed {seed}, axis {settings}: {extend:+.4} {retract:+.4}");
+            assert!(extend.abs() <= 0.02 && retract.abs() <= 0.02, "seed {seed}, axis {settings}: {found:?}");
+        }
+    }
+}
+
+#[test]
 fn long_dead_times_are_found() {
     for dead_time in [0.15, 0.3] {
         let mut machine = under("nominal");

@@ -45,7 +45,9 @@ const TIME_CONSTANTS: [f64; 3] = [0.03, 0.1, 0.25];
 /// would do without a dead band.
 const STRAIGHTNESS: f64 = 1e-4;
 /// Part of the largest speed below which a curve is flat.
-const FLAT: f64 = 0.02;
+const FLAT: f64 = 0.03;
+/// How often a flat begin is left.
+const FLAT_STEPS: usize = 3;
 /// Mean square error, relative to the least found, of a curve with a wider dead band that is taken in its place.
 const AS_GOOD: f64 = 1.1;
 /// Steps of the search.
@@ -119,18 +121,22 @@ pub fn analyse(record: &Record) -> Result<Commissioned, AnalysisError> {
     };
     let mut model = model_at(&best.0).ok_or(AnalysisError::NoMotion)?;
     // A curve that begins flat does without a dead band, and explains as much: the valley beside it is the one.
-    let flat = |speeds: &[f64]| {
-        let still = speeds.partition_point(|speed| *speed < FLAT * speeds[KNOTS - 1]);
-        still.checked_sub(1).map_or(0.0, |last| model.openings[last])
-    };
-    let beyond = [flat(&model.speeds_extend), flat(&model.speeds_retract)];
-    if beyond != [0.0; 2] {
-        let [dead_time, tau, extend, retract] = best.0;
-        let start = [dead_time, tau, extend + beyond[0], retract + beyond[1]];
-        let (p, value) = minimum(cost, start, [0.002, 0.05, 0.01, 0.01], SEARCH_STEPS);
-        if value <= AS_GOOD * best.1 {
-            model = model_at(&p).ok_or(AnalysisError::NoMotion)?;
+    for _ in 0..FLAT_STEPS {
+        let flat = |speeds: &[f64]| {
+            let still = speeds.partition_point(|speed| *speed < FLAT * speeds[KNOTS - 1]);
+            still.checked_sub(1).map_or(0.0, |last| model.openings[last])
+        };
+        let beyond = [flat(&model.speeds_extend), flat(&model.speeds_retract)];
+        let DeadBand { extend, retract } = model.dead_band;
+        let start = [model.dead_time, model.time_constant.ln(), extend + beyond[0], retract + beyond[1]];
+        if beyond == [0.0; 2] {
+            break;
         }
+        let (p, value) = minimum(cost, start, [0.002, 0.05, 0.005, 0.005], SEARCH_STEPS);
+        if value > AS_GOOD * best.1 {
+            break;
+        }
+        model = model_at(&p).ok_or(AnalysisError::NoMotion)?;
     }
     model.fit_percent = Data { record, begin: split, end: record.positions.len() }.judge(&model);
     Ok(model)

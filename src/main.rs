@@ -3,6 +3,7 @@
 mod bench;
 mod check;
 mod cli;
+mod commission;
 mod failure;
 mod figures;
 mod identify;
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
     let result = match cli::Arguments::parse().command {
         cli::Command::Run(arguments) => run::run(&arguments),
         cli::Command::Simulate(arguments) => simulate::run(&arguments),
+        cli::Command::Commission(arguments) => commission::run(&arguments),
         cli::Command::Identify(arguments) => identify::run(&arguments),
         cli::Command::Bench(cli::Bench::Control(arguments)) => bench::run(&arguments),
         cli::Command::Check(arguments) => check::run(&arguments),

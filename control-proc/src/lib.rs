@@ -17,6 +17,7 @@
 //! | [`rest`] | leaving an axis alone that has arrived |
 //! | [`course`] | the course on which controllers are tuned and compared |
 //! | [`tuning`] | gains of the fallback from a commissioned model |
+//! | [`commission`] | the experiment that finds an axis' model, and its analysis |
 //! | [`history`] | past outputs and commands of one axis |
 //! | [`limits`] | magnitude and rate of a command |
 //! | [`process`] | the stage: channels in, channels out |
@@ -26,6 +27,7 @@
 
 pub mod axis;
 pub mod channel;
+pub mod commission;
 pub mod controller;
 pub mod course;
 pub mod fallback;

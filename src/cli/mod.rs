@@ -1,6 +1,7 @@
 //! What a user types.
 
 mod bench;
+mod commission;
 mod identify;
 mod run;
 mod values;
@@ -8,6 +9,7 @@ mod values;
 use clap::{Parser, Subcommand};
 
 pub use bench::{Bench, BenchControl};
+pub use commission::Commission;
 pub use identify::Identify;
 pub use run::{BareMachine, MachineFile, Recording, Run, Simulate, Stage};
 pub use values::Samples;
@@ -31,6 +33,8 @@ pub enum Command {
     Run(Run),
     /// Run the same loop in one process, without shared memory, or the simulated machine without a controller
     Simulate(Simulate),
+    /// Find the model of every axis by a bounded experiment, and write it to a file
+    Commission(Commission),
     /// Identify a Hammerstein model on a recording, offline and adaptive side by side
     Identify(Box<Identify>),
     /// Compare controllers on the simulated machine

@@ -1,0 +1,260 @@
+//! Every bound is crossed, one by one, and the command is neutral for good afterwards; and none is crossed by machines of
+//! all kinds.
+
+use super::*;
+use control_proc::commission::{Abort, Phase};
+use pipeline::{
+    machine::Axis,
+    message::{AxisSample, sample_fault},
+};
+use std::time::Duration;
+
+const PERIOD: Duration = Duration::from_millis(10);
+
+/// Dead band 0.1, dead time 50 ms, lag 50 ms, 1 m/s at full opening; and what can be wrong with it.
+struct Servo {
+    position: f64,
+    spool: f64,
+    under_way: [f64; 5],
+    gain: f64,
+    drift: f64,
+}
+
+impl Servo {
+    fn new() -> Self {
+        Self { position: 0.65, spool: 0.0, under_way: [0.0; 5], gain: 1.0, drift: 0.0 }
+    }
+
+    fn step(&mut self, command: f64) {
+        self.under_way.rotate_right(1);
+        self.spool += 0.18 * (self.under_way[0] - self.spool);
+        self.under_way[0] = command;
+        let opening = (self.spool.abs() - 0.1).max(0.0).copysign(self.spool);
+        self.position += 0.01 * (self.gain * opening + self.drift);
+    }
+
+    fn sample(&self) -> AxisSample {
+        AxisSample { position: (self.position * 1e4).round() / 1e4, ..AxisSample::default() }
+    }
+}
+
+fn boom() -> Axis {
+    under("nominal").axes[0].clone()
+}
+
+/// Runs to the end with a servo that `change` spoils, tick by tick; what the abort was. The command is neutral after.
+fn abort(options: &Options, mut change: impl FnMut(Phase, &mut Servo, &mut AxisSample)) -> (Abort, Experiment) {
+    let mut servo = Servo::new();
+    let mut experiment = Experiment::new(&boom(), PERIOD, options);
+    for _ in 0..10_000 {
+        let mut sample = servo.sample();
+        change(experiment.phase(), &mut servo, &mut sample);
+        let command = experiment.update(Some(&sample));
+        servo.step(command);
+        if let Some(outcome) = experiment.outcome() {
+            assert_eq!(command, 0.0);
+            let Outcome::Aborted(abort) = outcome else { panic!("finished") };
+            for _ in 0..500 {
+                let sample = servo.sample();
+                assert_eq!(experiment.update(Some(&sample)), 0.0, "after {abort}");
+                servo.step(0.0);
+            }
+            assert_eq!(experiment.outcome(), Some(outcome), "the first reason stays");
+            println!("{abort}");
+            return (abort, experiment);
+        }
+    }
+    panic!("no end");
+}
+
+#[test]
+fn the_servo_itself_is_commissioned() {
+    let mut servo = Servo::new();
+    let mut experiment = Experiment::new(&boom(), PERIOD, &Options::default());
+    while experiment.outcome().is_none() {
+        servo.step(experiment.update(Some(&servo.sample())));
+    }
+    assert_eq!(experiment.outcome(), Some(Outcome::Finished));
+    let found = control_proc::commission::analyse(experiment.record()).unwrap();
+    // The command of tick k is in the spool from k + 5 on; 0.18 in 10 ms is 50 ms.
+    println!("{found:?}");
+    assert!((found.dead_time - 0.05).abs() < 0.01 && (found.time_constant - 0.05).abs() < 0.01, "{found:?}");
+    assert!((found.dead_band.extend - 0.1).abs() < 0.003 && (found.dead_band.retract - 0.1).abs() < 0.003, "{found:?}");
+    assert!(found.fit_percent > 99.0, "{found:?}");
+    for opening in [0.05, 0.1, 0.2] {
+        assert!((found.speed(0.1 + opening) / opening - 1.0).abs() < 0.03, "{opening}: {}", found.speed(0.1 + opening));
+        assert!((-found.speed(-0.1 - opening) / opening - 1.0).abs() < 0.03, "{opening}");
+    }
+}
+
+#[test]
+fn an_axis_that_runs_away_is_left_neutral() {
+    let (reason, _) =
+        abort(&Options::default(), |phase, servo, _| servo.drift = if phase == Phase::Random { 0.3 } else { 0.0 });
+    assert!(matches!(reason, Abort::Speed { .. } | Abort::Against { .. } | Abort::Window { .. }), "{reason}");
+    let (reason, _) = abort(&Options::default(), |_, servo, _| servo.drift = -0.05);
+    assert!(matches!(reason, Abort::Against { command: 0.0, .. }), "moves without a command: {reason}");
+}
+
+#[test]
+fn a_speed_beyond_the_bound_ends_it() {
+    let (reason, _) =
+        abort(&Options::default(), |phase, servo, _| servo.gain = if phase == Phase::Random { 3.0 } else { 1.0 });
+    let Abort::Speed { found, allowed } = reason else { panic!("{reason}") };
+    assert!(found > allowed && (allowed - 1.5 * 0.25).abs() < 1e-12, "{reason}");
+}
+
+#[test]
+fn a_creep_out_of_the_window_ends_it() {
+    let (reason, experiment) =
+        abort(&Options::default(), |phase, servo, _| servo.drift = if phase == Phase::Pulses { 0.02 } else { 0.0 });
+    let Abort::Window { position, .. } = reason else { panic!("{reason}") };
+    let ((_, high), margin) = experiment.window();
+    assert!(position > high + margin && position < high + margin + 0.01, "{reason}");
+}
+
+#[test]
+fn an_axis_outside_its_soft_limits_does_not_begin() {
+    let (reason, experiment) = abort(&Options::default(), |_, servo, sample| {
+        servo.position = 0.03;
+        sample.position = 0.03;
+    });
+    assert!(matches!(reason, Abort::Window { .. }), "{reason}");
+    assert!(experiment.record().commands.iter().all(|command| *command == 0.0));
+}
+
+#[test]
+fn a_pump_that_is_off_is_asked_for() {
+    let (reason, experiment) = abort(&Options::default(), |_, servo, _| servo.gain = 0.0);
+    assert_eq!(reason, Abort::NoMotion { extend: true, level: 0.6 });
+    assert!(reason.to_string().contains("is the pump on?"), "{reason}");
+    assert!(experiment.record().commands.iter().all(|command| command.abs() <= 0.6));
+    // And one that fails later.
+    let (reason, _) =
+        abort(&Options::default(), |phase, servo, _| servo.gain = if phase == Phase::Strokes { 0.0 } else { 1.0 });
+    assert!(matches!(reason, Abort::NoMotion { .. }), "{reason}");
+}
+
+#[test]
+fn a_reversed_sign_is_told() {
+    let (reason, _) = abort(&Options::default(), |_, servo, _| servo.gain = -1.0);
+    assert!(matches!(reason, Abort::Against { .. }), "{reason}");
+}
+
+#[test]
+fn an_encoder_that_stands_still_ends_it() {
+    let mut held = None;
+    let (reason, _) = abort(&Options::default(), |phase, _, sample| {
+        if phase == Phase::Random {
+            sample.position = *held.get_or_insert(sample.position);
+        }
+    });
+    assert!(matches!(reason, Abort::Stuck { .. }), "{reason}");
+}
+
+#[test]
+fn feedback_that_is_lost_ends_it_after_three_samples() {
+    for faults in [sample_fault::STALE, sample_fault::SPEED, sample_fault::ENCODER] {
+        let mut ticks = 0;
+        let (reason, experiment) = abort(&Options::default(), |phase, _, sample| {
+            if phase == Phase::Strokes {
+                ticks += 1;
+                sample.faults = faults;
+            }
+        });
+        assert_eq!((reason, ticks), (Abort::Feedback { faults }, 3));
+        let commands = &experiment.record().commands;
+        assert_eq!(commands.last(), Some(&0.0));
+    }
+    let (reason, _) = abort(&Options::default(), |phase, _, sample| {
+        sample.faults = if phase == Phase::Pulses { sample_fault::RANGE } else { 0 };
+    });
+    assert_eq!(reason, Abort::Feedback { faults: sample_fault::RANGE });
+    let (reason, _) = abort(&Options::default(), |phase, _, sample| {
+        if phase == Phase::Pulses {
+            sample.position = f64::NAN;
+        }
+    });
+    assert!(matches!(reason, Abort::Feedback { .. }), "{reason}");
+}
+
+#[test]
+fn a_sample_or_two_that_are_missing_are_bridged() {
+    let mut servo = Servo::new();
+    let mut experiment = Experiment::new(&boom(), PERIOD, &Options::default());
+    let mut tick = 0;
+    while experiment.outcome().is_none() {
+        let sample = servo.sample();
+        servo.step(experiment.update((tick % 50 > 1).then_some(&sample)));
+        tick += 1;
+    }
+    assert_eq!(experiment.outcome(), Some(Outcome::Finished));
+    assert!(experiment.record().positions.iter().any(|position| position.is_nan()));
+    let found = control_proc::commission::analyse(experiment.record()).unwrap();
+    assert!(found.fit_percent > 97.0, "{found:?}");
+}
+
+#[test]
+fn a_window_that_is_too_small_and_a_time_that_is_too_short_are_told() {
+    let (reason, _) = abort(&Options { travel: Some(0.01), ..Options::default() }, |_, _, _| ());
+    assert!(matches!(reason, Abort::TooSmall { .. }), "{reason}");
+    let (reason, _) = abort(&Options { duration: Duration::from_secs(12), ..Options::default() }, |_, _, _| ());
+    assert!(matches!(reason, Abort::TooShort { .. }), "{reason}");
+}
+
+#[test]
+fn it_can_be_stopped_at_any_time() {
+    let mut servo = Servo::new();
+    let mut experiment = Experiment::new(&boom(), PERIOD, &Options::default());
+    while experiment.phase() != Phase::Random {
+        servo.step(experiment.update(Some(&servo.sample())));
+    }
+    experiment.stop();
+    assert_eq!(experiment.update(Some(&servo.sample())), 0.0);
+    assert_eq!(experiment.outcome(), Some(Outcome::Aborted(Abort::Stopped)));
+}
+
+#[test]
+fn machines_of_all_kinds_stay_in_the_window() {
+    let mut random = 7u64;
+    let mut uniform = move |low: f64, high: f64| {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        low + (high - low) * (random >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let nominal = under("nominal");
+    let (mut worst, mut ended) = (f64::NEG_INFINITY, 0);
+    for seed in 0..200u64 {
+        let mut machine = nominal.clone();
+        let axis = (seed % 4) as usize;
+        machine.axes = vec![machine.axes[axis].clone()];
+        let (low, high) = machine.axes[0].soft_limits;
+        let plant = machine.axes[0].plant.as_mut().unwrap();
+        plant.dead_time = uniform(0.0, 0.5);
+        plant.dead_band.extend = uniform(0.02, 0.4);
+        plant.dead_band.retract = uniform(0.02, 0.4);
+        plant.rated_flow *= uniform(0.5, 1.5);
+        plant.mass *= uniform(0.5, 2.0);
+        let load = uniform(0.3, 1.5);
+        let force = &mut plant.load_force;
+        (force.retracted, force.middle, force.extended) =
+            (load * force.retracted, load * force.middle, load * force.extended);
+        plant.initial_position = uniform(low + 0.02, high - 0.02);
+        if seed % 3 == 0 {
+            plant.valve_curve = pipeline::machine::ValveCurve::S;
+            plant.saturation.extend = plant.dead_band.extend + uniform(0.3, 0.5);
+            plant.saturation.retract = plant.dead_band.retract + uniform(0.3, 0.5);
+        }
+        let start = plant.initial_position;
+        let run = Run::of(&machine, 0, &Options { seed, ..Options::default() }, seed);
+        let ((low, high), margin) = run.experiment.window();
+        worst = worst.max(run.beyond);
+        if run.experiment.outcome() != Some(Outcome::Finished) {
+            ended += 1;
+            println!("{seed}: start {start:.3} in {low:.3} to {high:.3}: {}", run.reason());
+        }
+        assert!(run.beyond <= margin, "{seed}: {} m beyond {low} to {high}, margin {margin}", run.beyond);
+    }
+    // What ends early ends safely: a boom that swings, or the window's edge close by.
+    assert!(ended <= 8, "{ended}");
+    println!("worst {:.1} mm beyond the window; {ended} of 200 ended early", 1e3 * worst);
+}

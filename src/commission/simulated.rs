@@ -1,0 +1,55 @@
+//! The experiment with a simulated machine, axis by axis, in one process and as fast as it goes.
+
+use control_proc::commission::{Experiment, Options, Outcome, Phase, analyse};
+use pipeline::{
+    machine::{Commissioned, Machine},
+    message::ValveCommand,
+};
+use plant_sim::PlantSim;
+use sensor_proc::source::Acquisition;
+
+use crate::failure::Failure;
+
+/// What commissioning finds of the axes with these indices, each from the machine's begin. `seed` makes the encoders'
+/// noise; `show` gets axis, phase and progress at every tick.
+///
+/// # Errors
+/// The machine cannot be simulated, a bound was met, or a record has no model; with the name of the axis.
+pub fn commission_simulated(
+    machine: &Machine,
+    axes: &[usize],
+    seed: u64,
+    options: &Options,
+    mut show: impl FnMut(usize, Phase, f64),
+) -> Result<Vec<Commissioned>, Failure> {
+    let one = |axis: &usize| commission(machine, *axis, seed, options, |phase, part| show(*axis, phase, part));
+    axes.iter().map(one).collect()
+}
+
+fn commission(
+    machine: &Machine,
+    axis: usize,
+    seed: u64,
+    options: &Options,
+    mut show: impl FnMut(Phase, f64),
+) -> Result<Commissioned, Failure> {
+    let name = &machine.axes[axis].name;
+    let mut plant = PlantSim::new(machine, seed).map_err(Failure::usage)?;
+    let mut acquisition = Acquisition::new(machine);
+    let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
+    let mut command = ValveCommand::default();
+    for tick in 0.. {
+        let sample = acquisition.update(tick, Some(&plant.read()));
+        command.axes[axis].command = experiment.update(Some(&sample.axes[axis]));
+        if experiment.outcome().is_some() {
+            break;
+        }
+        plant.command(&command);
+        plant.advance(machine.timing.period);
+        show(experiment.phase(), experiment.progress());
+    }
+    if let Some(Outcome::Aborted(abort)) = experiment.outcome() {
+        return Err(Failure::Run(format!("axis.{name}: ended, valve neutral: {abort}")));
+    }
+    analyse(experiment.record()).map_err(|error| Failure::Run(format!("axis.{name}: {error}")))
+}

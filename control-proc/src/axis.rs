@@ -26,6 +26,7 @@ use crate::{
     judge::{Approved, Judge, Refusal},
     limits::Limits,
     predictive::Predictive,
+    recent::Recent,
     reference::ReferenceGenerator,
     rest::Rest,
     target::Target,
@@ -80,6 +81,7 @@ pub struct AxisController {
     resting_range: (f64, f64),
     choice: ModelChoice,
     judge: Judge,
+    recent: Recent,
     predictive: Predictive,
 
     state: State,
@@ -88,12 +90,17 @@ pub struct AxisController {
     target: Target,
     /// `None` until the first usable position.
     history: Option<History>,
-    /// Ticks since the last usable position.
+    /// Ticks since the last usable position, and how many of them the model has filled.
     blind: u64,
+    bridged: u64,
     /// Ticks that the command has been beyond `resting_range` in one direction.
     driven: u64,
     /// Ticks in a row that the model was judged good.
     trusted: u64,
+    /// Tick of the last snapshot that was compared.
+    compared: Option<u64>,
+    /// The adaptive model predicts better than the held one.
+    is_better: bool,
     /// Tick of the last snapshot that was refused.
     refused: Option<u64>,
     /// What was sent for the last tick.
@@ -124,6 +131,7 @@ impl AxisController {
             resting_range: (-retract - STUCK_MARGIN, extend + STUCK_MARGIN),
             choice: control.model,
             judge: Judge::new(axis, period),
+            recent: Recent::new(period),
             predictive: Predictive::new(control, axis.soft_limits, period),
             state: State::Disarmed,
             rest: Rest::new(axis.encoder.resolution, period),
@@ -131,8 +139,11 @@ impl AxisController {
             fallback,
             history: None,
             blind: 0,
+            bridged: 0,
             driven: 0,
             trusted: 0,
+            compared: None,
+            is_better: false,
             refused: None,
             last: AxisCommand { flags: control_flag::DISARMED, ..AxisCommand::default() },
         }
@@ -153,7 +164,7 @@ impl AxisController {
         self.stand_still(State::Disarmed);
         self.last.flags = control_flag::DISARMED;
         self.history = None;
-        self.blind = 0;
+        (self.blind, self.bridged) = (0, 0);
     }
 
     /// Latches the axis at neutral.
@@ -177,7 +188,7 @@ impl AxisController {
         match (self.state, usable) {
             (State::Following, Some(position)) => self.follow(input, position, model, model_flags),
             // The last command stays until the position is back or given up.
-            (State::Following, None) => {}
+            (State::Following, None) => self.bridge(model),
             (state, _) => self.stand(state, model_flags),
         }
         if let Some(history) = &mut self.history {
@@ -197,9 +208,9 @@ impl AxisController {
         if let Some(position) = position {
             match &mut self.history {
                 None => self.history = Some(History::resting(position)),
-                Some(history) => history.push_output(position, missing),
+                Some(history) => history.push_output(position, missing.saturating_sub(self.bridged)),
             }
-            self.blind = 0;
+            (self.blind, self.bridged) = (0, 0);
         }
 
         let out_of_range = faults & sample_fault::RANGE != 0;
@@ -225,6 +236,15 @@ impl AxisController {
         position
     }
 
+    /// Puts what the model expects in the place of the position that has not come.
+    fn bridge(&mut self, model: Option<Approved<'_>>) {
+        let (Some(model), Some(history)) = (model, &mut self.history) else { return };
+        if let Some(expected) = self.predictive.bridge(&model, history) {
+            history.push_output(expected, self.blind.saturating_sub(self.bridged + 1));
+            self.bridged = self.blind;
+        }
+    }
+
     /// Whether the last command need not move the axis.
     fn rests(&self) -> bool {
         (self.resting_range.0..=self.resting_range.1).contains(&self.last.command)
@@ -238,16 +258,23 @@ impl AxisController {
         let Some((made_after, snapshot)) = snapshot else {
             return (None, control_flag::NO_MODEL);
         };
-        match self.judge.judge(snapshot) {
-            Ok(model) => (Some(model), 0),
+        // The same snapshot comes again until there is a newer one; its errors and its defects count once.
+        if self.compared != Some(made_after) {
+            self.compared = Some(made_after);
+            self.is_better = self.recent.update(&snapshot.separated_h_step, &snapshot.classical_errors.h_step);
+        }
+        let chosen = self.judge.judge(snapshot);
+        // What was identified offline and held is used until the adaptive model has shown that it is better.
+        let held = |judge: &Judge| judge.judge_held(snapshot).ok();
+        match chosen {
+            Ok(model) if self.is_better || self.choice == ModelChoice::Classical => (Some(model), 0),
+            Ok(model) => (held(&self.judge).or(Some(model)), 0),
             Err(Refusal::Training) => (None, control_flag::NO_MODEL),
             Err(_) => {
-                // The same snapshot comes again until there is a newer one; it counts once.
                 if self.refused.replace(made_after) != Some(made_after) {
                     self.last.rejected_snapshots += 1;
                 }
-                // What was identified offline and held is still there, and judged as well.
-                (self.judge.judge_held(snapshot).ok(), control_flag::MODEL_REFUSED)
+                (held(&self.judge), control_flag::MODEL_REFUSED)
             }
         }
     }

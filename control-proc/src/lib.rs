@@ -14,6 +14,7 @@
 //! | [`response`] | what the model answers to nothing and to a step |
 //! | [`quadratic`] | quadratic programmes, solved exactly |
 //! | [`judge`] | which models may be used at all |
+//! | [`recent`] | which of two models has predicted better of late |
 //! | [`rest`] | leaving an axis alone that has arrived |
 //! | [`course`] | the course on which controllers are tuned and compared |
 //! | [`tuning`] | gains of the fallback from a commissioned model |
@@ -38,6 +39,7 @@ pub mod limits;
 pub mod predictive;
 pub mod process;
 pub mod quadratic;
+pub mod recent;
 pub mod reference;
 pub mod response;
 pub mod rest;

@@ -33,7 +33,7 @@
 //! dead time over which it is extrapolated; so T has as many roots as A, and they are the slower the longer that is.
 
 use pipeline::{
-    hammerstein::{MAX_A, Nonlinearity},
+    hammerstein::{Coefficients, MAX_A, Nonlinearity},
     machine::Control,
 };
 
@@ -109,6 +109,26 @@ impl Predictive {
         self.unsolved
     }
 
+    /// y(k), m, where no position has come: what the model expected, so that nothing is learned of this tick. A line
+    /// drawn over the gap afterwards would hide how the axis accelerates, which a model in differences takes for a push.
+    ///
+    /// `history` is as it was made for tick k-1, with the command of that tick.
+    pub fn bridge(&mut self, approved: &Approved<'_>, history: &History) -> Option<f64> {
+        let model = approved.model;
+        let structure = model.structure()?;
+        let nonlinearity = model.nonlinearity();
+        let mut intermediate = [0.0; COMMANDS];
+        for (x, u) in intermediate.iter_mut().zip(&history.commands()[1..]).take(structure.nk + structure.nb) {
+            *x = nonlinearity.evaluate(*u);
+        }
+        let noise = self.expected_noise(&self.polynomial(order(model), structure.nk));
+        let mut next = [0.0];
+        free_response(model, history.outputs(), &intermediate, &noise, &mut next);
+        self.innovations.copy_within(..MAX_A - 1, 1);
+        self.innovations[0] = 0.0;
+        next[0].is_finite().then_some(next[0])
+    }
+
     /// The command of this tick, within the model's range and within `limits` of the last one that was sent. To be
     /// called at every tick while there is a model, whether its command is used or not.
     ///
@@ -130,8 +150,7 @@ impl Predictive {
         for (x, u) in intermediate.iter_mut().zip(history.commands()).take(structure.nk + structure.nb + 1) {
             *x = nonlinearity.evaluate(*u);
         }
-        // An order whose coefficient is zero is none.
-        let order = model.a().iter().rposition(|a| *a != 0.0).map_or(1, |last| last + 1);
+        let order = order(model);
         let noise = self.noise(order, structure.nk, residual(model, history.outputs(), &intermediate))?;
         let mut free = [0.0; MAX_AHEAD];
         let ahead = structure.nk - 1 + self.horizon;
@@ -159,25 +178,35 @@ impl Predictive {
         (x.is_finite() && u.is_finite()).then(|| limits.apply(u, last))
     }
 
-    /// What the past innovations and this `residual`, m, say of the noise in dy(k+1), dy(k+2), .., m.
-    fn noise(&mut self, order: usize, nk: usize, residual: f64) -> Option<[f64; MAX_A]> {
+    /// t_1 .. t_na of T = 1 + t_1 z^-1 + ..: binomials.
+    fn polynomial(&self, order: usize, nk: usize) -> [f64; MAX_A] {
         let time_constant = OBSERVER.0 + OBSERVER.1 * nk as f64 * self.period;
         let tau = (-self.period / time_constant).exp();
-        // t_1 .. t_na of T = 1 + t_1 z^-1 + ..: binomials.
         let mut t = [0.0; MAX_A];
         let mut coefficient = 1.0;
         for (j, t) in t[..order].iter_mut().enumerate() {
             coefficient *= -tau * (order - j) as f64 / (j + 1) as f64;
             *t = coefficient;
         }
-        let past: f64 = t.iter().zip(&self.innovations).map(|(t, e)| t * e).sum();
+        t
+    }
+
+    /// What the innovations so far say of the noise in the next differences of the position, m.
+    fn expected_noise(&self, t: &[f64; MAX_A]) -> [f64; MAX_A] {
+        std::array::from_fn(|i| t[i..].iter().zip(&self.innovations).map(|(t, e)| t * e).sum())
+    }
+
+    /// The same with this `residual`, m, of the newest difference.
+    fn noise(&mut self, order: usize, nk: usize, residual: f64) -> Option<[f64; MAX_A]> {
+        let t = self.polynomial(order, nk);
+        let innovation = residual - self.expected_noise(&t)[0];
         self.innovations.copy_within(..MAX_A - 1, 1);
-        self.innovations[0] = residual - past;
-        if !self.innovations[0].is_finite() {
+        self.innovations[0] = innovation;
+        if !innovation.is_finite() {
             self.reset();
             return None;
         }
-        Some(std::array::from_fn(|i| t[i..].iter().zip(&self.innovations).map(|(t, e)| t * e).sum()))
+        Some(self.expected_noise(&t))
     }
 
     /// dx_w(k), dx_w(k+1), ..: the moves that `targets` take of a model with this step response; none of a model that does
@@ -237,8 +266,8 @@ impl Predictive {
                 gradient[m] += weight * expected[m + 1];
             }
         }
-        for m in moves..MAX_MOVES {
-            hessian[m][m] = 1.0;
+        for (m, row) in hessian.iter_mut().enumerate().skip(moves) {
+            row[m] = 1.0;
         }
     }
 
@@ -312,11 +341,16 @@ impl Predictive {
     }
 }
 
+/// Order of A; one whose coefficient is zero is none.
+fn order(model: &Coefficients) -> usize {
+    model.a().iter().rposition(|a| *a != 0.0).map_or(1, |last| last + 1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{limits::Limits, tests::models::linear};
-    use pipeline::hammerstein::{Basis, Coefficients, InputMap, Structure};
+    use pipeline::hammerstein::{Basis, InputMap, Structure};
 
     fn approved(model: &Coefficients) -> Approved<'_> {
         Approved { model, range: (-1.0, 1.0) }

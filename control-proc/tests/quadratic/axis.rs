@@ -100,7 +100,7 @@ impl Axis {
         self.left -= 1;
         self.tick += 1.0;
         let (mut free, mut step) = ([0.0; N], [0.0; N]);
-        free_response(&self.model, &self.outputs, &self.inputs, 0.0, &mut free);
+        free_response(&self.model, &self.outputs, &self.inputs, &[], &mut free);
         step_response(&self.model, &mut step);
         // Of x itself, not of its change.
         let impulse = |p: usize, m: usize| match p.checked_sub(m) {
@@ -149,7 +149,7 @@ impl Axis {
     /// The next sample, after x(k) has been sent.
     pub fn advance(&mut self, x: f64) {
         let (mut free, mut step) = ([0.0], [0.0]);
-        free_response(&self.model, &self.outputs, &self.inputs, 0.0, &mut free);
+        free_response(&self.model, &self.outputs, &self.inputs, &[], &mut free);
         step_response(&self.model, &mut step);
         let x = x.clamp(self.bounds.0, self.bounds.1);
         let noise = 1e-4 * self.reach * uniform(&mut self.random, -1.0, 1.0);

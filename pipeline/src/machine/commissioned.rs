@@ -85,7 +85,7 @@ impl Commissioned {
 
     /// What it says of the structure to identify every `period`: nk, the dead bands, and hinges where the curve bends.
     ///
-    /// The dead bands are taken a little narrow ([`NARROWER`]): what is missing costs one more bend, what is too much
+    /// The dead bands are taken a little narrow, by 0.01: what is missing costs one more bend, what is too much
     /// hides commands that move the axis.
     pub fn structure(&self, structure: Structure, period: Duration) -> Structure {
         // Whole periods of dead time, not one more for the last digit, and the one in which the command is sent.

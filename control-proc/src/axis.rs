@@ -30,6 +30,7 @@ use crate::{
     reference::ReferenceGenerator,
     rest::Rest,
     target::Target,
+    trust::Trust,
 };
 
 /// Healthy samples before anything moves: long enough to see an encoder that comes and goes.
@@ -87,6 +88,7 @@ pub struct AxisController {
     state: State,
     fallback: Fallback,
     rest: Rest,
+    trust: Trust,
     target: Target,
     /// `None` until the first usable position.
     history: Option<History>,
@@ -135,6 +137,7 @@ impl AxisController {
             predictive: Predictive::new(control, axis.soft_limits, period),
             state: State::Disarmed,
             rest: Rest::new(axis.encoder.resolution, period),
+            trust: Trust::new(period),
             target: Target::new(index, axis, period, ahead.max(fallback.ahead())),
             fallback,
             history: None,
@@ -285,6 +288,7 @@ impl AxisController {
         self.trusted = 0;
         self.fallback.reset();
         self.rest.reset();
+        self.trust.reset();
         self.target.begin(input.sequence, position, input.generator);
     }
 
@@ -315,11 +319,14 @@ impl AxisController {
         } else {
             predictive.reset();
         }
-        let wanted = wanted.filter(|_| self.trusted > self.probation_ticks);
-
         let reference = target.positions()[0];
         let error = reference - position;
         let was_model = self.last.mode == ControlMode::Model as u32;
+        if !self.trust.update(reference, error, was_model) {
+            flags |= control_flag::MODEL_REFUSED;
+            self.trusted = 0;
+        }
+        let wanted = wanted.filter(|_| self.trusted > self.probation_ticks);
         let rests = self.rest.update(error, target.positions());
         let (command, mode) = match wanted {
             _ if rests => (0.0, if wanted.is_some() { ControlMode::Model } else { ControlMode::Fallback }),

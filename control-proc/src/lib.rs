@@ -15,6 +15,7 @@
 //! | [`quadratic`] | quadratic programmes, solved exactly |
 //! | [`judge`] | which models may be used at all |
 //! | [`recent`] | which of two models has predicted better of late |
+//! | [`trust`] | taking a model away from an axis that is not where it should be |
 //! | [`rest`] | leaving an axis alone that has arrived |
 //! | [`course`] | the course on which controllers are tuned and compared |
 //! | [`tuning`] | gains of the fallback from a commissioned model |
@@ -45,6 +46,7 @@ pub mod response;
 pub mod rest;
 pub mod target;
 pub mod trajectory;
+pub mod trust;
 pub mod tuning;
 
 pub use controller::Controller;

@@ -4,18 +4,22 @@ use std::time::Duration;
 
 use clap::ValueEnum;
 use control_proc::{
+    commission::Options,
     course::{END, TRAINING, course},
     reference::ReferenceGenerator,
     tuning::{Baseline, reached},
 };
 use pipeline::{
-    machine::{Axis, Control, Machine, ModelChoice, ReferenceSource, samples_of},
+    machine::{Axis, Control, Machine, ModelChoice, ReferenceSource, Scenario, samples_of},
     message::{ControlMode, control_flag},
     statistics::ErrorStatistics,
 };
 
-use super::{known, parallel};
-use crate::{failure::Failure, simulate::closed_loop};
+use super::parallel;
+use crate::{commission::commission_simulated, failure::Failure, simulate::closed_loop};
+
+/// Of the encoders' noise while commissioning; those of the runs count from 1.
+const COMMISSIONING_SEED: u64 = 0;
 
 /// A controller that takes part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -183,10 +187,16 @@ fn at_dead_time(machine: &Machine, dead_time: Duration) -> Result<Vec<Axis>, Fai
             commissioned.dead_time = (commissioned.dead_time + more).max(0.0);
         }
     }
-    let known = known::commissioned(&machine);
     let period = machine.timing.period;
-    for (index, (axis, known)) in machine.axes.iter_mut().zip(known).enumerate() {
-        axis.commissioned = axis.commissioned.take().or(known);
+    // As on the day it was put into service: nothing changes.
+    machine.scenario = Scenario::default();
+    let unknown: Vec<usize> =
+        (0..machine.axes.len()).filter(|axis| machine.axes[*axis].commissioned.is_none()).collect();
+    let found = commission_simulated(&machine, &unknown, COMMISSIONING_SEED, &Options::default(), |_, _, _| ())?;
+    for (index, model) in unknown.into_iter().zip(found) {
+        machine.axes[index].commissioned = Some(model);
+    }
+    for (index, axis) in machine.axes.iter_mut().enumerate() {
         let model = axis.commissioned.as_ref().ok_or_else(|| not_commissioned(axis))?;
         axis.identification.structure = model.structure(axis.identification.structure, period);
         axis.identification.training = samples_of(Duration::from_secs_f64(TRAINING), period);

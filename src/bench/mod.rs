@@ -6,7 +6,6 @@
 //! commissioned model; no controller knows the scenario.
 
 mod cases;
-mod known;
 mod parallel;
 mod report;
 

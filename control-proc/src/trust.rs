@@ -1,0 +1,77 @@
+//! How long a model is trusted: until the axis is not where it should be.
+//!
+//! ```text
+//! distrusted for 5 s     after |e| > 30 mm + 0.2 s |v_r| for 200 ms while a model controls
+//! ```
+//!
+//! e error m, v_r speed of the target m/s. Source: following-error limits of numerical controls, with a floor and a part
+//! that grows with the speed. The fallback, which needs no model, takes over meanwhile.
+//!
+//! The trap: a model can predict well, and be judged good, and still make a loop that swings: only the axis shows it.
+
+/// Floor, m, and what the speed adds, s.
+const BOUND: (f64, f64) = (0.03, 0.2);
+/// How long the error has to be beyond, and how long the model is not used then, s.
+const TIMES: (f64, f64) = (0.2, 5.0);
+
+/// Whether the model of an axis may control.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trust {
+    period: f64,
+    /// Ticks in a row beyond the bound, and ticks left without a model.
+    beyond: u32,
+    left: u32,
+    target: Option<f64>,
+}
+
+impl Trust {
+    /// For an axis that is looked at every `period` s.
+    pub fn new(period: f64) -> Self {
+        Self { period, beyond: 0, left: 0, target: None }
+    }
+
+    /// Forgets: the axis begins to follow.
+    pub fn reset(&mut self) {
+        *self = Self::new(self.period);
+    }
+
+    /// Whether a model may control at this tick; `target` and `error` in m, `by_model` whether one did at the last.
+    pub fn update(&mut self, target: f64, error: f64, by_model: bool) -> bool {
+        let speed = self.target.map_or(0.0, |before| (target - before) / self.period);
+        self.target = Some(target);
+        let is_beyond = !(error.abs() <= BOUND.0 + BOUND.1 * speed.abs());
+        self.beyond = if by_model && is_beyond { self.beyond.saturating_add(1) } else { 0 };
+        self.left = self.left.saturating_sub(1);
+        if f64::from(self.beyond) * self.period >= TIMES.0 {
+            self.beyond = 0;
+            self.left = (TIMES.1 / self.period).ceil() as u32;
+        }
+        self.left == 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ticks at which the model may control, with these targets and errors.
+    fn trusted(target: impl Fn(usize) -> f64, error: impl Fn(usize) -> f64, by_model: bool) -> usize {
+        let mut trust = Trust::new(0.01);
+        (0..1000).filter(|k| trust.update(target(*k), error(*k), by_model)).count()
+    }
+
+    #[test]
+    fn a_large_error_that_stays_takes_the_model_away_for_five_seconds() {
+        assert_eq!(trusted(|_| 0.5, |k| if (100..130).contains(&k) { 0.04 } else { 0.0 }, true), 500);
+        assert_eq!(trusted(|_| 0.5, |k| if k == 100 { f64::NAN } else { 0.0 }, true), 1000);
+        assert!(trusted(|_| 0.5, |_| f64::NAN, true) < 100);
+    }
+
+    #[test]
+    fn short_small_or_fast_ones_and_those_of_the_fallback_do_not() {
+        assert_eq!(trusted(|_| 0.5, |k| if (100..119).contains(&k) { 0.04 } else { 0.0 }, true), 1000);
+        assert_eq!(trusted(|_| 0.5, |_| 0.029, true), 1000);
+        assert_eq!(trusted(|k| 2e-3 * k as f64, |_| 0.06, true), 1000);
+        assert_eq!(trusted(|_| 0.5, |_| 0.5, false), 1000);
+    }
+}

@@ -1,7 +1,7 @@
 //! Predictive control of one axis: the best moves within the limits, anew at every tick.
 //!
 //! ```text
-//! A dy(k) = B dx(k-nk) + T e(k),  T = (1 - tau z^-1)^na         the model in differences, with its noise e
+//! A dy(k) = B dx(k-nk) + T e(k),  T = 1 - tau z^-1              the model in differences, with its noise e
 //! J = sum (w(k+i) - y(k+i))^2  +  lambda sum (dx(k+m) - dx_w(k+m))^2        i = nk .. nk+H-1,  m = 0 .. M-1
 //! x_w(k) = (w(k+nk+d+1) - w(k+nk+d))/(V T)                     what the targets' speed takes, d lag of the model
 //! y(k+nk+p) = free(k+nk+p) + sum h(p-m) X(m)                  X(m) = x(k+m) - x(k-1),  X(m) = X(M-1) for m >= M
@@ -30,12 +30,9 @@
 //! so. N can be inverted only where it is monotone, so x is kept to what the commands can reach there. And x(k-1)
 //! is N of the command that was *sent*: what the limits cut off is not remembered as done. Without the noise
 //! polynomial every step of the encoder passes for the start of a motion and shakes the valve, the more the longer the
-//! dead time over which it is extrapolated; so T has as many roots as A, and they are the slower the longer that is.
+//! dead time over which it is extrapolated; so its root is the slower the longer that is.
 
-use pipeline::{
-    hammerstein::{Coefficients, MAX_A, Nonlinearity},
-    machine::Control,
-};
+use pipeline::{hammerstein::Nonlinearity, machine::Control};
 
 use crate::{
     history::{COMMANDS, History},
@@ -65,8 +62,8 @@ pub const MAX_MOVES: usize = 20;
 /// The predictive controller of one axis.
 #[derive(Debug, Clone)]
 pub struct Predictive {
-    /// e(k), e(k-1), .., m.
-    innovations: [f64; MAX_A],
+    /// e(k), m.
+    innovation: f64,
     horizon: usize,
     moves: usize,
     move_weight: f64,
@@ -87,7 +84,7 @@ impl Predictive {
             (problem.rows[m][m - 1], problem.rows[m][m]) = (-1.0, 1.0);
         }
         Self {
-            innovations: [0.0; MAX_A],
+            innovation: 0.0,
             horizon,
             moves: control.moves.clamp(1, MAX_MOVES.min(horizon)),
             move_weight: control.move_weight,
@@ -101,7 +98,7 @@ impl Predictive {
 
     /// Forgets the noise: there has been no model.
     pub fn reset(&mut self) {
-        self.innovations = [0.0; MAX_A];
+        self.innovation = 0.0;
     }
 
     /// Plans that had to do without the solver, so far.
@@ -121,11 +118,10 @@ impl Predictive {
         for (x, u) in intermediate.iter_mut().zip(&history.commands()[1..]).take(structure.nk + structure.nb) {
             *x = nonlinearity.evaluate(*u);
         }
-        let noise = self.expected_noise(&self.polynomial(order(model), structure.nk));
         let mut next = [0.0];
+        let noise = [-self.noise_root(structure.nk) * self.innovation];
         free_response(model, history.outputs(), &intermediate, &noise, &mut next);
-        self.innovations.copy_within(..MAX_A - 1, 1);
-        self.innovations[0] = 0.0;
+        self.innovation = 0.0;
         next[0].is_finite().then_some(next[0])
     }
 
@@ -150,11 +146,16 @@ impl Predictive {
         for (x, u) in intermediate.iter_mut().zip(history.commands()).take(structure.nk + structure.nb + 1) {
             *x = nonlinearity.evaluate(*u);
         }
-        let order = order(model);
-        let noise = self.noise(order, structure.nk, residual(model, history.outputs(), &intermediate))?;
+        let tau = self.noise_root(structure.nk);
+        self.innovation = residual(model, history.outputs(), &intermediate) + tau * self.innovation;
+        if !self.innovation.is_finite() {
+            self.reset();
+            return None;
+        }
         let mut free = [0.0; MAX_AHEAD];
         let ahead = structure.nk - 1 + self.horizon;
-        free_response(model, history.outputs(), &intermediate, &noise[..order], &mut free[..ahead]);
+        let noise = [-tau * self.innovation];
+        free_response(model, history.outputs(), &intermediate, &noise, &mut free[..ahead]);
         let mut step = [0.0; MAX_HORIZON];
         let step = &mut step[..self.horizon];
         step_response(model, step);
@@ -178,35 +179,9 @@ impl Predictive {
         (x.is_finite() && u.is_finite()).then(|| limits.apply(u, last))
     }
 
-    /// t_1 .. t_na of T = 1 + t_1 z^-1 + ..: binomials.
-    fn polynomial(&self, order: usize, nk: usize) -> [f64; MAX_A] {
-        let time_constant = OBSERVER.0 + OBSERVER.1 * nk as f64 * self.period;
-        let tau = (-self.period / time_constant).exp();
-        let mut t = [0.0; MAX_A];
-        let mut coefficient = 1.0;
-        for (j, t) in t[..order].iter_mut().enumerate() {
-            coefficient *= -tau * (order - j) as f64 / (j + 1) as f64;
-            *t = coefficient;
-        }
-        t
-    }
-
-    /// What the innovations so far say of the noise in the next differences of the position, m.
-    fn expected_noise(&self, t: &[f64; MAX_A]) -> [f64; MAX_A] {
-        std::array::from_fn(|i| t[i..].iter().zip(&self.innovations).map(|(t, e)| t * e).sum())
-    }
-
-    /// The same with this `residual`, m, of the newest difference.
-    fn noise(&mut self, order: usize, nk: usize, residual: f64) -> Option<[f64; MAX_A]> {
-        let t = self.polynomial(order, nk);
-        let innovation = residual - self.expected_noise(&t)[0];
-        self.innovations.copy_within(..MAX_A - 1, 1);
-        self.innovations[0] = innovation;
-        if !innovation.is_finite() {
-            self.reset();
-            return None;
-        }
-        Some(self.expected_noise(&t))
+    /// tau.
+    fn noise_root(&self, nk: usize) -> f64 {
+        (-self.period / (OBSERVER.0 + OBSERVER.1 * nk as f64 * self.period)).exp()
     }
 
     /// dx_w(k), dx_w(k+1), ..: the moves that `targets` take of a model with this step response; none of a model that does
@@ -341,16 +316,11 @@ impl Predictive {
     }
 }
 
-/// Order of A; one whose coefficient is zero is none.
-fn order(model: &Coefficients) -> usize {
-    model.a().iter().rposition(|a| *a != 0.0).map_or(1, |last| last + 1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{limits::Limits, tests::models::linear};
-    use pipeline::hammerstein::{Basis, InputMap, Structure};
+    use pipeline::hammerstein::{Basis, Coefficients, InputMap, Structure};
 
     fn approved(model: &Coefficients) -> Approved<'_> {
         Approved { model, range: (-1.0, 1.0) }

@@ -39,7 +39,7 @@ impl Trust {
     pub fn update(&mut self, target: f64, error: f64, by_model: bool) -> bool {
         let speed = self.target.map_or(0.0, |before| (target - before) / self.period);
         self.target = Some(target);
-        let is_beyond = !(error.abs() <= BOUND.0 + BOUND.1 * speed.abs());
+        let is_beyond = error.is_nan() || error.abs() > BOUND.0 + BOUND.1 * speed.abs();
         self.beyond = if by_model && is_beyond { self.beyond.saturating_add(1) } else { 0 };
         self.left = self.left.saturating_sub(1);
         if f64::from(self.beyond) * self.period >= TIMES.0 {

@@ -95,6 +95,7 @@ class AxisCommand(ctypes.Structure):
         ("flags", u32),  # bits; 0 is healthy
         ("operation", u32),  # 1 off, 2 manual, 3 hold, 4 track, 5 commission; 0 where nobody controls
         ("refused_requests", u32),  # requests refused so far
+        ("taken_requests", u64),  # requests taken so far
         ("rejected_snapshots", u64),  # snapshots refused so far
         ("tracking", ErrorStatistics),  # m
         ("model_tracking", ErrorStatistics),  # m, over the ticks of the model-based controller

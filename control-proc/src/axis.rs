@@ -243,9 +243,13 @@ impl AxisController {
             (State::Following, None) => self.bridge(model),
             (state, _) => self.stand(state, model_flags),
         }
-        let (refused, is_refused) = self.requests.refused();
-        self.last.refused_requests = refused;
-        self.last.flags = self.last.flags & !control_flag::REQUEST | if is_refused { control_flag::REQUEST } else { 0 };
+        (self.last.taken_requests, self.last.refused_requests) = self.requests.counts();
+        if self.requests.is_refused() {
+            self.last.flags |= control_flag::REQUEST;
+        } else {
+            // A command that is bridged keeps its flags.
+            self.last.flags &= !control_flag::REQUEST;
+        }
         if let Some(history) = &mut self.history {
             history.push_command(self.last.command);
         }

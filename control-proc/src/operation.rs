@@ -8,8 +8,9 @@
 //! track                  follows its reference, as of its beginning
 //! ```
 //!
-//! A request is taken from when it is made to [`STREAM_TIMEOUT`] later (a commissioning's: `feedback_timeout`), told by
-//! the samples that its program had seen and this axis has. Among modes other than off an axis changes without an enable.
+//! A request lasts for [`STREAM_TIMEOUT`], told by the samples that its program had seen and this axis has; then an axis
+//! that needs them is off. A commissioning's command is neutral before that, after `feedback_timeout`: its program knows
+//! what was sent, and goes on. Among modes other than off an axis changes without an enable.
 //!
 //! Enabling is an edge: the number `enable` differs from the message before, of the same session and at most
 //! [`STREAM_TIMEOUT`] older. A program's first message is where the edge is counted from, so a message that was left in a
@@ -57,6 +58,7 @@ pub struct Requests {
     /// Tick of the last one that was taken, and what it asked for.
     taken: Option<u64>,
     command: f64,
+    accepted: u64,
     refused: u32,
     is_refused: bool,
 }
@@ -74,6 +76,7 @@ impl Requests {
             enable: None,
             taken: None,
             command: 0.0,
+            accepted: 0,
             refused: 0,
             is_refused: false,
         }
@@ -96,6 +99,7 @@ impl Requests {
             return None;
         };
         self.taken = Some(request.header.sequence);
+        self.accepted += 1;
         self.command = axis.command;
         let mode = Some(mode).filter(|mode| *mode != AxisMode::Unchanged);
         Some(Asked { mode, enabled, target: (axis.has_target == 1).then_some(axis.target) })
@@ -103,13 +107,19 @@ impl Requests {
 
     /// The command by hand at tick `sequence` in this mode; none when requests have stopped.
     pub fn command(&self, sequence: u64, mode: AxisMode) -> Option<f64> {
-        let longest = if mode == AxisMode::Commission { self.commission_ticks } else { self.manual_ticks };
-        self.taken.filter(|taken| sequence.saturating_sub(*taken) <= longest).map(|_| self.command)
+        let age = sequence.saturating_sub(self.taken?);
+        let is_late = mode == AxisMode::Commission && age > self.commission_ticks;
+        (age <= self.manual_ticks).then_some(if is_late { 0.0 } else { self.command })
     }
 
-    /// Requests refused so far, and whether the newest is one of them.
-    pub fn refused(&self) -> (u32, bool) {
-        (self.refused, self.is_refused)
+    /// Requests taken and refused so far.
+    pub fn counts(&self) -> (u64, u32) {
+        (self.accepted, self.refused)
+    }
+
+    /// Whether the newest was refused.
+    pub fn is_refused(&self) -> bool {
+        self.is_refused
     }
 
     /// Whether there is an edge, counted from a message of tick `before`. An edge in a message that is refused is none.

@@ -160,6 +160,8 @@ shared_struct! {
         pub operation: u32,
         /// [`Request`] messages that were judged and refused so far.
         pub refused_requests: u32,
+        /// The same that were taken.
+        pub taken_requests: u64,
         /// Snapshots that were judged and refused so far.
         pub rejected_snapshots: u64,
         /// Tracking error since the axis began to follow its reference, m.

@@ -166,6 +166,7 @@ fn a_controller_that_starts_again_comes_up_off() {
 
 #[test]
 fn manual_is_the_command_within_its_limits_and_stops_with_its_program() {
+    // The commissioning's command is neutral after three periods, the feedback's time-out; both are off after 0.1 s.
     for (mode, lasts, who) in
         [(AxisMode::Manual, 10, ControlMode::Manual), (AxisMode::Commission, 3, ControlMode::Commission)]
     {
@@ -179,8 +180,9 @@ fn manual_is_the_command_within_its_limits_and_stops_with_its_program() {
         }
         // The last message was made from the sample before the last.
         let after = axis.axis.run(30, None);
-        let moving = after.iter().take_while(|command| command.axes[0].command != 0.0).count();
-        assert_eq!(moving, lasts - 1, "{mode:?}");
+        let first = |is: fn(&&ValveCommand) -> bool| after.iter().take_while(|command| !is(command)).count();
+        assert_eq!(first(|command| command.axes[0].command == 0.0), lasts - 1, "{mode:?}");
+        assert_eq!(first(|command| command.axes[0].operation == AxisMode::Off as u32), 9, "{mode:?}");
         assert_ne!(after[29].axes[0].flags & control_flag::REQUEST_STOPPED, 0);
         // What comes again moves nothing.
         assert!(axis.asks(50, mode, 0.3, None).iter().all(|command| command.axes[0].command == 0.0));

@@ -29,6 +29,9 @@ const PATIENCE: (Duration, u32) = (Duration::from_secs(2), 3);
 /// How long the controller may take to do what it is asked, settling included; and periods.
 const ANSWER_PATIENCE: (Duration, u32) = (Duration::from_secs(5), 50);
 
+/// What is nothing to whoever operates.
+const ABOUT_MODELS: u32 = control_flag::NO_MODEL | control_flag::MODEL_STALE | control_flag::MODEL_REFUSED;
+
 /// One program's place at the levers of a group.
 pub struct Operator {
     names: Vec<String>,
@@ -220,7 +223,7 @@ impl Operator {
     pub fn state(&self, axis: usize) -> String {
         let name = &self.names[axis];
         let Some(last) = self.last(axis) else { return format!("axis.{name}: no command yet") };
-        let flags: Vec<&str> = bit_names(last.flags, &control_flag::NAMES).collect();
+        let flags: Vec<&str> = bit_names(last.flags & !ABOUT_MODELS, &control_flag::NAMES).collect();
         let flags = if flags.is_empty() { String::new() } else { format!(" ({})", flags.join(", ")) };
         let mode = AxisMode::from_number(last.operation).map_or("unknown", AxisMode::name);
         format!("axis.{name}: {mode}{flags}")

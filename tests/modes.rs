@@ -5,6 +5,7 @@ mod harness;
 use std::{
     io::Read,
     process::{Child, Output, Stdio},
+    sync::{Mutex, MutexGuard, PoisonError},
 };
 
 use control_proc::commission::{Experiment, Options, Outcome, Record, analyse};
@@ -22,21 +23,35 @@ use plant_sim::PlantSim;
 use rustix::process::Signal;
 use sensor_proc::source::Acquisition;
 
+/// Groups in real time take the machine's cores, so there is one of them at a time, and none beside lock-step.
+static CORES: Mutex<()> = Mutex::new(());
+
+fn alone() -> MutexGuard<'static, ()> {
+    CORES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// A running group of which nothing moves yet.
 struct Running {
     group: TestGroup,
     supervisor: Child,
     commands: Reader<ValveCommand>,
     channels: Option<pipeline::channel::Group>,
+    _alone: MutexGuard<'static, ()>,
 }
 
 impl Running {
     /// In real time, with time-outs that a busy test machine meets.
     fn start(test: &str) -> Self {
+        Self::start_with(test, &[])
+    }
+
+    fn start_with(test: &str, arguments: &[&str]) -> Self {
+        let alone = alone();
         let group = TestGroup::new(test);
         let supervisor = hydraxis()
             .args(["run", "--prefix", &group.prefix.to_string(), "--off", "--duration", "10min"])
             .args(["--scenario", "nominal", "--set", "timing.feedback_timeout=5s"])
+            .args(arguments)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -44,7 +59,7 @@ impl Running {
         wait_for("the group", || group.prefix.folder().join("members").exists().then_some(()));
         let channels = group.join();
         let commands = channels.reader().unwrap();
-        let mut running = Self { group, supervisor, commands, channels: Some(channels) };
+        let mut running = Self { group, supervisor, commands, channels: Some(channels), _alone: alone };
         running.wait_until("its first command", |_| true);
         running
     }
@@ -193,17 +208,17 @@ fn what_cannot_be_asked_for_is_refused() {
 /// What is found in the place of what is found in one process, within these bounds.
 fn expect_close(live: &Commissioned, single: &Commissioned) {
     println!("over the channels {live:?}\nin one process    {single:?}");
-    // A tick of delay more makes other random steps: as near as two seeds are in one process, and the README's bounds.
+    // A tick of delay more makes another record, but of the same plant, by the commands that were on its valve.
     let reaction = |model: &Commissioned| model.dead_time + model.time_constant;
-    assert!((reaction(live) - reaction(single)).abs() < 0.005, "{} s", reaction(live) - reaction(single));
-    assert!((live.dead_band.extend - single.dead_band.extend).abs() < 0.015);
-    assert!((live.dead_band.retract - single.dead_band.retract).abs() < 0.015);
+    assert!((reaction(live) - reaction(single)).abs() < 0.002, "{} s", reaction(live) - reaction(single));
+    assert!((live.dead_band.extend - single.dead_band.extend).abs() < 0.003);
+    assert!((live.dead_band.retract - single.dead_band.retract).abs() < 0.003);
     let tested = live.openings.last().unwrap().min(*single.openings.last().unwrap());
     for (sign, closed) in [(1.0, single.dead_band.extend), (-1.0, single.dead_band.retract)] {
         for part in [0.4, 0.7, 1.0] {
             let command = sign * (closed + part * tested);
             let ratio = live.speed(command) / single.speed(command);
-            assert!((ratio - 1.0).abs() < 0.1, "{command}: {ratio}");
+            assert!((ratio - 1.0).abs() < 0.03, "{command}: {ratio}");
         }
     }
     assert!(live.fit_percent > 90.0, "{}", live.fit_percent);
@@ -232,6 +247,7 @@ fn in_one_process(machine: &Machine, axis: usize, options: &Options) -> Commissi
 #[test]
 fn an_axis_is_commissioned_over_the_channels_as_in_one_process() {
     const AXIS: usize = 3;
+    let _alone = alone();
     let machine = Machine::load(None, &[("scenario".to_owned(), "nominal".to_owned())]).unwrap();
     let options = Options::default();
     let mut group = TestGroup::new("experiment");
@@ -284,7 +300,10 @@ fn an_axis_is_commissioned_over_the_channels_as_in_one_process() {
 /// The same by the command itself, in real time.
 #[test]
 fn a_running_machine_is_commissioned() {
-    let running = Running::start("commission");
+    // Three samples in a row that are missing end the experiment, by right: so they are far enough apart for a busy
+    // machine that has no real-time kernel.
+    const PERIOD: [&str; 2] = ["--set", "timing.period=20ms"];
+    let running = Running::start_with("commission", &PERIOD);
     let folder = tempfile::tempdir().unwrap();
     let model = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let found = |output: &Output| -> f64 {
@@ -296,14 +315,14 @@ fn a_running_machine_is_commissioned() {
         println!("{bucket}");
         bucket["dead_time_s"].as_f64().unwrap() + bucket["time_constant_s"].as_f64().unwrap()
     };
-    let quick =
-        ["commission", "--scenario", "nominal", "--axis", "bucket", "--duration", "40s", "--json", "-", "--out"];
+    let quick = ["commission", "--scenario", "nominal", "--axis", "bucket", "--duration", "40s"];
+    let quick = [&quick[..], &PERIOD, &["--json", "-", "--out"]].concat();
     let prefix = running.group.prefix.to_string();
     let live = succeed(&[&quick[..], &[&model("live.toml"), "--prefix", &prefix, "--enable"]].concat());
     let single = succeed(&[&quick[..], &[&model("single.toml")]].concat());
     // In real time command and plant meet within a reading's period, 1 ms, and the samples' jitter comes on top.
     let more = found(&live) - found(&single);
-    assert!((-0.005..0.010).contains(&more), "{more} s");
+    assert!(more.abs() < 0.005, "{more} s");
     succeed(&["check", "--model", &model("live.toml")]);
     running.end();
 }

@@ -108,23 +108,26 @@ fn nothing_moves_before_an_enable() {
 
 #[test]
 fn an_edge_counts_only_within_a_session_and_between_messages_in_a_row() {
-    // Another program with another number.
+    // Another program with another number, its first message or one that it has sent since.
     let mut axis = Operated::new();
-    axis.asks(5, AxisMode::Manual, 0.5, None);
-    (axis.session, axis.number, axis.enable) = (2, 0, 1);
-    axis.asks(30, AxisMode::Manual, 0.5, None);
-    assert!(axis.is_off());
+    for (session, number) in [(2, 0), (3, 100)] {
+        axis.asks(5, AxisMode::Manual, 0.5, None);
+        (axis.session, axis.number) = (session, number);
+        axis.enable += 1;
+        axis.asks(30, AxisMode::Manual, 0.5, None);
+        assert!(axis.is_off());
+    }
     // The same after a pause that is longer than the time-out.
     axis.axis.run(12, None);
-    axis.enable = 2;
+    axis.enable += 1;
     axis.asks(30, AxisMode::Manual, 0.5, None);
     assert!(axis.is_off());
     // An edge in a message that is refused.
-    axis.enable = 3;
+    axis.enable += 1;
     axis.ask(AxisMode::Manual, f64::NAN, None);
     axis.asks(30, AxisMode::Manual, 0.5, None);
     assert!(axis.is_off());
-    axis.enable = 4;
+    axis.enable += 1;
     axis.asks(30, AxisMode::Manual, 0.5, None);
     assert!(!axis.is_off());
 }

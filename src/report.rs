@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use pipeline::{
     latency::Percentiles,
     machine::{Axis, IdentifiedOutput, Machine},
-    message::{AxisCommand, AxisMode, AxisSnapshot, CoefficientSnapshot, ModelErrors, StageHealth, ValveCommand},
+    message::{
+        AxisCommand, AxisMode, AxisSnapshot, CoefficientSnapshot, ModelErrors, REFUSALS, StageHealth, ValveCommand,
+    },
     stage::StageKind,
     statistics::ErrorStatistics,
 };
@@ -35,7 +37,10 @@ pub struct Report {
 struct AxisReport {
     tracking: Tracking,
     tracking_by_model: Tracking,
-    rejected_snapshots: u64,
+    /// Those that were refused, by reason.
+    rejected_snapshots: BTreeMap<&'static str, u64>,
+    /// Plans without the solver.
+    unsolved_plans: u64,
     /// Where a program has operated the axis.
     #[serde(skip_serializing_if = "Option::is_none")]
     operation: Option<Operation>,
@@ -243,6 +248,11 @@ impl Tracking {
     }
 }
 
+/// Refused snapshots by reason, without the reasons that there were not.
+fn rejected(command: &AxisCommand) -> BTreeMap<&'static str, u64> {
+    REFUSALS.into_iter().zip(command.rejected_snapshots).filter(|(_, count)| *count > 0).collect()
+}
+
 impl Operation {
     fn new(command: &AxisCommand) -> Option<Self> {
         let AxisCommand { operation, taken_requests: requests, refused_requests, .. } = *command;
@@ -266,7 +276,8 @@ impl AxisReport {
         Self {
             tracking: Tracking::new(&command.tracking),
             tracking_by_model: Tracking::new(&command.model_tracking),
-            rejected_snapshots: command.rejected_snapshots,
+            rejected_snapshots: rejected(command),
+            unsolved_plans: command.unsolved_plans,
             operation: Operation::new(command),
             identification: Identification {
                 classical: model(classical, &snapshot.classical),

@@ -15,14 +15,14 @@
 //! heals by itself moves the machine while somebody looks at why it stopped.
 //!
 //! From a command by hand to a controller: the targets begin where the axis is and as fast as it is, the fallback at the
-//! command that was, and what of that was the motion's goes as the targets come to a stand.
+//! command that was.
 
 mod modes;
 
 use std::time::Duration;
 
 use pipeline::{
-    machine::{Axis, ModelChoice, Timing, samples_of},
+    machine::{Axis, Forgetting, ModelChoice, Timing, samples_of},
     message::{
         AxisCommand, AxisMode, AxisSample, AxisSnapshot, ControlMode, Reference, Request, control_flag, sample_fault,
     },
@@ -33,7 +33,7 @@ use crate::{
     end_stops::EndStops,
     fallback::Fallback,
     history::History,
-    judge::{Approved, Judge, Refusal},
+    judge::{Approved, Judge},
     limits::Limits,
     operation::Requests,
     predictive::Predictive,
@@ -53,10 +53,8 @@ pub const UNUSABLE_LIMIT: u64 = 3;
 /// How far a command must be beyond the calibrated dead band for a position that stands still to be a fault: the
 /// calibration is a little low on purpose, and just above the band the axis may creep below the encoder's resolution.
 pub const STUCK_MARGIN: f64 = 0.05;
-/// Shortest time in which a command by hand fades from the controller that has taken it over, s.
-const FADING: f64 = 0.1;
-/// Part of it that has gone.
-const FADED: f64 = 1e-3;
+/// A command beyond this part of its limit is all that can be done.
+const AT_LIMIT: f64 = 0.99;
 
 /// What one axis gets for one tick.
 #[derive(Debug, Clone, Copy)]
@@ -100,6 +98,8 @@ pub struct AxisController {
     /// Commands below which the axis need not move, retracting and extending.
     resting_range: (f64, f64),
     choice: ModelChoice,
+    /// The adaptive model is used whether it predicts better than the held one or not.
+    at_once: bool,
     judge: Judge,
     recent: Recent,
     predictive: Predictive,
@@ -111,8 +111,6 @@ pub struct AxisController {
     goal: Option<f64>,
     /// Requests stopped, and it is off since.
     stopped: bool,
-    /// What is left of a command by hand that the fallback has taken over.
-    fading: f64,
     state: State,
     fallback: Fallback,
     rest: Rest,
@@ -127,12 +125,8 @@ pub struct AxisController {
     driven: u64,
     /// Ticks in a row that the model was judged good.
     trusted: u64,
-    /// Tick of the last snapshot that was compared.
-    compared: Option<u64>,
-    /// The adaptive model predicts better than the held one.
-    is_better: bool,
-    /// Tick of the last snapshot that was refused.
-    refused: Option<u64>,
+    /// Tick of the last snapshot that was taken in.
+    seen: Option<u64>,
     /// What was sent for the last tick.
     last: AxisCommand,
 }
@@ -158,7 +152,6 @@ impl AxisController {
             mode: AxisMode::Track,
             goal: None,
             stopped: false,
-            fading: 0.0,
             settling_ticks: ticks(SETTLING),
             probation_ticks: ticks(PROBATION),
             feedback_ticks: ticks(timing.feedback_timeout),
@@ -167,6 +160,8 @@ impl AxisController {
             stuck_ticks: ticks(axis.encoder.stuck_after) + structure.nk as u64,
             resting_range: (-retract - STUCK_MARGIN, extend + STUCK_MARGIN),
             choice: control.model,
+            // A grey box knows what commissioning has found, which is more than what the training has shown.
+            at_once: control.model == ModelChoice::Classical || axis.identification.forgetting == Forgetting::GreyBox,
             judge: Judge::new(axis, period),
             recent: Recent::new(period),
             predictive: Predictive::new(control, axis.soft_limits, period),
@@ -180,9 +175,7 @@ impl AxisController {
             bridged: 0,
             driven: 0,
             trusted: 0,
-            compared: None,
-            is_better: false,
-            refused: None,
+            seen: None,
             last: AxisCommand {
                 flags: control_flag::DISARMED,
                 operation: AxisMode::Off as u32,
@@ -261,8 +254,7 @@ impl AxisController {
         self.blind = self.blind.saturating_add(input.elapsed);
         self.driven = if self.rests() { 0 } else { self.driven.saturating_add(input.elapsed) };
         let faults = input.sample.map_or(sample_fault::STALE, |sample| sample.faults);
-        let position = (input.sample.map(|sample| sample.position))
-            .filter(|position| position.is_finite() && faults & sample_fault::UNUSABLE == 0);
+        let position = input.sample.and_then(AxisSample::usable);
         let missing = self.blind.saturating_sub(1);
         if let Some(position) = position {
             match &mut self.history {
@@ -318,20 +310,19 @@ impl AxisController {
             return (None, control_flag::NO_MODEL);
         };
         // The same snapshot comes again until there is a newer one; its errors and its defects count once.
-        if self.compared != Some(made_after) {
-            self.compared = Some(made_after);
-            self.is_better = self.recent.update(&snapshot.separated_h_step, &snapshot.classical_errors.h_step);
+        let is_new = self.seen.replace(made_after) != Some(made_after);
+        if is_new {
+            self.recent.update(&snapshot.separated_h_step, &snapshot.classical_errors.h_step);
         }
-        let chosen = self.judge.judge(snapshot);
         // What was identified offline and held is used until the adaptive model has shown that it is better.
         let held = |judge: &Judge| judge.judge_held(snapshot).ok();
-        match chosen {
-            Ok(model) if self.is_better || self.choice == ModelChoice::Classical => (Some(model), 0),
+        match self.judge.judge(snapshot) {
+            Ok(model) if self.at_once || self.recent.is_better() => (Some(model), 0),
             Ok(model) => (held(&self.judge).or(Some(model)), 0),
-            Err(Refusal::Training) => (None, control_flag::NO_MODEL),
-            Err(_) => {
-                if self.refused.replace(made_after) != Some(made_after) {
-                    self.last.rejected_snapshots += 1;
+            Err(None) => (None, control_flag::NO_MODEL),
+            Err(Some(refusal)) => {
+                if is_new {
+                    self.last.rejected_snapshots[refusal as usize] += 1;
                 }
                 (held(&self.judge), control_flag::MODEL_REFUSED)
             }
@@ -345,7 +336,6 @@ impl AxisController {
         self.fallback.reset();
         self.rest.reset();
         self.trust.reset();
-        self.fading = 0.0;
         self.target.begin(input.sequence, position, input.generator);
         if self.mode == AxisMode::Hold {
             self.target.hold(None);
@@ -356,7 +346,6 @@ impl AxisController {
     /// Makes the command of an axis that follows, from its position in m.
     fn follow(&mut self, input: &AxisInput<'_>, position: f64, model: Option<Approved<'_>>, model_flags: u32) {
         let Self { target, history, predictive, limits, .. } = self;
-        let speed_before = target.speed();
         let following = target.update(input.sequence, input.elapsed, position, input.generator, input.reference);
         let mut flags = model_flags;
         if following.refused {
@@ -374,6 +363,7 @@ impl AxisController {
         if let (Some(model), Some(history)) = (model, history) {
             // Also on probation, so that it has an estimate of the noise when it takes over.
             wanted = predictive.update(&model, limits, history, target.positions());
+            self.last.unsolved_plans = predictive.unsolved();
             if wanted.is_none() {
                 flags |= control_flag::MODEL_REFUSED;
                 self.trusted = 0;
@@ -385,13 +375,8 @@ impl AxisController {
         let error = reference - position;
         let was_model = self.last.mode == ControlMode::Model as u32;
         let was_by_hand = [ControlMode::Manual as u32, ControlMode::Commission as u32].contains(&self.last.mode);
-        if self.fading > FADED && !was_by_hand {
-            let slower = target.speed() / speed_before;
-            let part = if slower.is_nan() { 0.0 } else { slower.min(1.0) }.max(1.0 - self.period / FADING);
-            self.fading *= part;
-            self.fallback.fade(part);
-        }
-        if !self.trust.update(reference, error, was_model) {
+        let at_limit = self.last.command.abs() >= AT_LIMIT * self.limits.magnitude;
+        if !self.trust.update(reference, error, was_model, at_limit) {
             flags |= control_flag::MODEL_REFUSED;
             self.trusted = 0;
         }

@@ -40,7 +40,7 @@ pub fn course(index: usize, (low, high): (f64, f64), speed: f64) -> Vec<(f64, f6
 /// p over the training; axes meet their sines at different phases.
 fn training(t: f64, index: usize) -> f64 {
     let shift = index as f64;
-    let sines = [(0.13, 0.15, 0.0), (0.05, 0.31, 1.0), (0.02, 0.73, 2.0)];
+    let sines = [(0.08, 0.15, 0.0), (0.03, 0.31, 1.0), (0.012, 0.73, 2.0)];
     let sum: f64 = sines.iter().map(|(amplitude, f, phase)| amplitude * (TAU * f * t + phase + shift).sin()).sum();
     smooth(t / 2.0) * smooth((7.5 - t) / 1.5) * sum
 }

@@ -13,6 +13,10 @@
 //! Feedback and feed-forward meet as openings, so the dead band is jumped once, by their sum: alone, u_r goes out as it
 //! is, and the gains mean the same with feed-forward and without.
 //!
+//! Taking over from another controller, v goes on from where that one was and comes to the fallback's own within some
+//! tenths of a second. Trap: an integral that takes the difference up, the usual way without a bump, keeps for seconds
+//! what the other controller did at one moment, be it in the middle of its worst.
+//!
 //! Traps: a jump over the whole dead band at v = 0 chatters with every count of noise, so it is blended in over
 //! |v| < w. The calibrated dead band must not exceed the valve's: too much of it is a relay, and a relay cycles. The
 //! integral stops while the limits cut the command off and the error would only push further.
@@ -25,6 +29,9 @@ use crate::{feedforward::Feedforward, limits::Limits};
 /// error of 2.5 mm, some tens of encoder counts and so well above the noise.
 pub const BLEND_WIDTH: f64 = 0.01;
 
+/// How long it takes to a third of the step that taking over would have been, s.
+pub const HANDOVER: f64 = 0.2;
+
 /// The fallback controller of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fallback {
@@ -36,6 +43,10 @@ pub struct Fallback {
     limits: Limits,
     feedforward: Option<Feedforward>,
     integral: f64,
+    /// What is left of the step in v that taking over would have been.
+    offset: f64,
+    /// Part of it that is left a tick later.
+    kept: f64,
 }
 
 impl Fallback {
@@ -50,6 +61,8 @@ impl Fallback {
             limits: Limits::new(control, period),
             feedforward: model.map(|model| Feedforward::new(model, period)),
             integral: 0.0,
+            offset: 0.0,
+            kept: (-period / HANDOVER).exp(),
         }
     }
 
@@ -60,25 +73,20 @@ impl Fallback {
 
     /// Forgets the integral: the axis stands.
     pub fn reset(&mut self) {
-        self.integral = 0.0;
+        (self.integral, self.offset) = (0.0, 0.0);
     }
 
     /// Takes over from another controller that sent `last`, at an error of `error` m: the next command for the same
-    /// error and targets (m, from this tick on) is `last` again, as long as the integral that this takes is one the
-    /// fallback could have by itself.
+    /// error and targets (m, from this tick on) is `last` again, and what of it is not the fallback's own fades.
     pub fn resume(&mut self, last: f64, error: f64, targets: &[f64]) {
-        self.integral = self.bounded(self.uncompensated(last) - self.kp * error - self.coming(targets));
-    }
-
-    /// Forgets all but this part of the integral.
-    pub fn fade(&mut self, part: f64) {
-        self.integral *= part;
+        self.offset = self.uncompensated(last) - self.kp * error - self.coming(targets) - self.integral;
     }
 
     /// The command for an error of `error` m and targets (m, from this tick on), after the command `last`, within the
     /// limits.
     pub fn update(&mut self, error: f64, targets: &[f64], last: f64) -> f64 {
-        let wanted = self.compensated(self.kp * error + self.integral + self.coming(targets));
+        let wanted = self.compensated(self.kp * error + self.integral + self.offset + self.coming(targets));
+        self.offset *= self.kept;
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
             self.integral = self.bounded(self.integral + self.ki_period * error);
@@ -169,8 +177,15 @@ mod tests {
             for mut fallback in [fallback(), Fallback::new(&with, Some(&commissioned()), 0.01)] {
                 let targets: Vec<f64> = (0..=fallback.ahead()).map(|k| 1e-3 * k as f64).collect();
                 fallback.resume(last, error, &targets);
-                let integral = fallback.uncompensated(last) - 4.0 * error - fallback.coming(&targets);
-                prop_assert!(integral.abs() > 0.9 || (fallback.update(error, &targets, last) - last).abs() < 1e-12);
+                let mut command = fallback.update(error, &targets, last);
+                prop_assert!((command - last).abs() < 1e-12);
+                // A second later it is what it would have been without.
+                let mut alone = Fallback { integral: 0.0, offset: 0.0, ..fallback.clone() };
+                for _ in 0..100 {
+                    command = fallback.update(error, &targets, command);
+                    alone.update(error, &targets, command);
+                }
+                prop_assert!((fallback.integral - alone.integral).abs() < 0.02, "{}", fallback.integral);
             }
         }
 

@@ -13,22 +13,26 @@
 
 use pipeline::hammerstein::{MAX_A, MAX_DELAY, MAX_LINEAR};
 
-/// Outputs kept: differences over the highest order of A, and one more for the residual of the newest.
-pub const OUTPUTS: usize = MAX_A + 2;
+/// Ticks that a model can be tried on.
+pub const TRIED: usize = 104;
+/// Outputs kept: for each of the ticks a difference, and those over the highest order of A before it.
+pub const OUTPUTS: usize = MAX_A + 1 + TRIED;
 /// Commands kept: the longest delay, the highest order of B, and one more for the oldest difference.
-pub const COMMANDS: usize = MAX_DELAY + MAX_LINEAR + 1;
+pub const COMMANDS: usize = MAX_DELAY + MAX_LINEAR + TRIED;
 
 /// Past outputs and commands.
 #[derive(Debug, Clone, PartialEq)]
 pub struct History {
     outputs: [f64; OUTPUTS],
     commands: [f64; COMMANDS],
+    /// Outputs taken in so far.
+    count: u64,
 }
 
 impl History {
     /// An axis that has always stood at `position` (m), neutral.
     pub fn resting(position: f64) -> Self {
-        Self { outputs: [position; OUTPUTS], commands: [0.0; COMMANDS] }
+        Self { outputs: [position; OUTPUTS], commands: [0.0; COMMANDS], count: 0 }
     }
 
     /// y(k), y(k-1), .., m.
@@ -41,11 +45,17 @@ impl History {
         &self.commands
     }
 
+    /// Outputs taken in so far, those of missing ticks with them.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
     /// Takes in a position (m) that `missing` ticks without one went before.
     pub fn push_output(&mut self, position: f64, missing: u64) {
         let before = self.outputs[0];
         let new = usize::try_from(missing).map_or(OUTPUTS, |missing| missing.saturating_add(1).min(OUTPUTS));
         self.outputs.copy_within(..OUTPUTS - new, new);
+        self.count += new as u64;
         let slope = (position - before) / (missing as f64 + 1.0);
         for (i, output) in self.outputs[..new].iter_mut().enumerate() {
             *output = position - slope * i as f64;

@@ -10,8 +10,9 @@
 //! ```
 //!
 //! s(p) step response of the linear half, m per unit of x, s' its last difference, T period in s; c the commissioned
-//! curve, m/s, if there is one. A model of hinges that agrees with it may be asked for all commands that were tested,
-//! learned from or not: between and beyond its knots it goes on straight. A recursive estimator is fed by whatever happens; what
+//! curve, m/s, if there is one. A model of hinges that agrees with it may be asked for all commands, learned from or not:
+//! between and beyond its knots it goes on straight, and a machine that has grown slow needs more than was tested when it
+//! was healthy. A recursive estimator is fed by whatever happens; what
 //! it publishes is judged anew at every tick before it may move anything. Trap: the sign of b says nothing alone,
 //! b and N share a free factor; only their product has a direction.
 
@@ -21,7 +22,7 @@ use pipeline::{
     message::{AxisSnapshot, model_fault},
 };
 
-use crate::response::{MAX_HORIZON, step_response};
+use crate::response::{MAX_HORIZON, Ramp, step_response};
 
 /// Largest pole radius. An identified integrator comes out a little beyond 1; at 1.02 a deviation grows by half in 20
 /// samples, which feedback still holds.
@@ -37,11 +38,10 @@ pub const LEAST_COUNT: u64 = 100;
 /// How far a model's speed may be from the commissioned one, either way: oil, load and pump change it, a wrong model more.
 pub const SPEED_RATIO: f64 = 5.0;
 
-/// Why a model is not used.
+/// Why a model is refused; the numbers are the places in [`pipeline::message::REFUSALS`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(usize)]
 pub enum Refusal {
-    /// There is no model yet.
-    Training,
     /// A coefficient is not finite, or the identifier says so.
     NotFinite,
     /// Orders that no model can have, or not the configured ones.
@@ -95,42 +95,44 @@ impl Judge {
     /// The model to be used, of those in the snapshot.
     ///
     /// # Errors
-    /// The first reason why it may not be used.
-    pub fn judge<'a>(&self, snapshot: &'a AxisSnapshot) -> Result<Approved<'a>, Refusal> {
+    /// The first reason why it may not be used, or `None` while there is no model.
+    pub fn judge<'a>(&self, snapshot: &'a AxisSnapshot) -> Result<Approved<'a>, Option<Refusal>> {
         self.judge_one(snapshot, self.choice == ModelChoice::Adaptive)
     }
 
     /// The held model, to be used where the adaptive one is refused.
     ///
     /// # Errors
-    /// The first reason why it may not be used either.
-    pub fn judge_held<'a>(&self, snapshot: &'a AxisSnapshot) -> Result<Approved<'a>, Refusal> {
+    /// The first reason why it may not be used either, or `None` while there is no model.
+    pub fn judge_held<'a>(&self, snapshot: &'a AxisSnapshot) -> Result<Approved<'a>, Option<Refusal>> {
         self.judge_one(snapshot, false)
     }
 
-    fn judge_one<'a>(&self, snapshot: &'a AxisSnapshot, adaptive: bool) -> Result<Approved<'a>, Refusal> {
-        let model = if adaptive { &snapshot.adaptive } else { &snapshot.classical };
+    fn judge_one<'a>(&self, snapshot: &'a AxisSnapshot, adaptive: bool) -> Result<Approved<'a>, Option<Refusal>> {
         if snapshot.faults & model_fault::TRAINING != 0 || self.choice == ModelChoice::None {
-            return Err(Refusal::Training);
+            return Err(None);
         }
+        let model = if adaptive { &snapshot.adaptive } else { &snapshot.classical };
         if snapshot.faults & model_fault::NOT_FINITE != 0 || !model.is_finite() {
-            return Err(Refusal::NotFinite);
+            return Err(Some(Refusal::NotFinite));
         }
         if !model.structure().is_some_and(|structure| self.expects(&structure)) {
-            return Err(Refusal::Structure);
+            return Err(Some(Refusal::Structure));
         }
         if !model.poles_within(POLE_LIMIT) {
-            return Err(Refusal::Unstable);
+            return Err(Some(Refusal::Unstable));
         }
         let known = |bound: f64| if bound.is_finite() { bound } else { 0.0 };
         let range = (
             known(snapshot.command_low).clamp(-self.command_limit, 0.0),
             known(snapshot.command_high).clamp(0.0, self.command_limit),
         );
-        self.judge_reach(model, range)?;
-        let range = self.judge_speed(model, range)?;
+        let mut step = [0.0; MAX_HORIZON];
+        step_response(model, &mut step);
+        self.judge_reach(model, &step, range).map_err(Some)?;
+        let range = self.judge_speed(model, &step, range).map_err(Some)?;
         if adaptive && is_worse(snapshot) {
-            return Err(Refusal::Worse);
+            return Err(Some(Refusal::Worse));
         }
         Ok(Approved { model, range })
     }
@@ -143,29 +145,23 @@ impl Judge {
         *structure == expected && (na..=na + 1).contains(&structure.na) && (nb..=nb + 1).contains(&structure.nb)
     }
 
-    fn judge_reach(&self, model: &Coefficients, range: (f64, f64)) -> Result<(), Refusal> {
+    fn judge_reach(&self, model: &Coefficients, step: &[f64], range: (f64, f64)) -> Result<(), Refusal> {
         let nonlinearity = model.nonlinearity();
         let orientation = nonlinearity.orientation(range);
         let gain = model.b().iter().sum::<f64>() * orientation;
         if gain < 0.0 {
             return Err(Refusal::Direction);
         }
-        let mut step = [0.0; MAX_HORIZON];
-        step_response(model, &mut step);
         let (low, high) = nonlinearity.reachable(range);
         let travel = step[MAX_HORIZON - 1] * orientation * high.min(-low);
         // Written so that NaN is refused too.
         if gain > 0.0 && travel >= self.least_travel && travel.is_finite() { Ok(()) } else { Err(Refusal::Unreachable) }
     }
-}
 
-impl Judge {
     /// Compares the model's speeds with the commissioned ones; the commands that it may be asked for.
-    fn judge_speed(&self, model: &Coefficients, learned: (f64, f64)) -> Result<(f64, f64), Refusal> {
+    fn judge_speed(&self, model: &Coefficients, step: &[f64], learned: (f64, f64)) -> Result<(f64, f64), Refusal> {
         let Some(commissioned) = &self.commissioned else { return Ok(learned) };
-        let mut step = [0.0; MAX_HORIZON];
-        step_response(model, &mut step);
-        let gain = (step[MAX_HORIZON - 1] - step[MAX_HORIZON - 2]) / self.period;
+        let gain = Ramp::new(step).slope / self.period;
         let nonlinearity = model.nonlinearity();
         let ratio = |command: f64| gain * nonlinearity.evaluate(command) / commissioned.speed(command);
         let agrees = |command: f64| (1.0 / SPEED_RATIO..=SPEED_RATIO).contains(&ratio(command));
@@ -182,8 +178,10 @@ impl Judge {
         }
         // Polynomials say anything beyond what they were learned from.
         let straight = matches!(nonlinearity.input.basis, Basis::Hinges(_));
-        let end = |learned: f64, tested: f64| if straight && agrees(tested) { tested } else { learned };
-        Ok((end(learned.0, tested.0).min(learned.0), end(learned.1, tested.1).max(learned.1)))
+        Ok((
+            if straight && agrees(tested.0) { -self.command_limit } else { learned.0 },
+            if straight && agrees(tested.1) { self.command_limit } else { learned.1 },
+        ))
     }
 }
 
@@ -227,7 +225,7 @@ mod tests {
         }
     }
 
-    fn refusal(change: impl Fn(&mut AxisSnapshot)) -> Option<Refusal> {
+    fn refusal(change: impl Fn(&mut AxisSnapshot)) -> Option<Option<Refusal>> {
         let mut snapshot = snapshot(actuator());
         change(&mut snapshot);
         judge().judge(&snapshot).err()
@@ -252,19 +250,19 @@ mod tests {
 
     #[test]
     fn each_defect_has_its_reason() {
-        assert_eq!(refusal(|s| s.faults = model_fault::TRAINING), Some(Refusal::Training));
-        assert_eq!(refusal(|s| s.faults = model_fault::NOT_FINITE), Some(Refusal::NotFinite));
-        assert_eq!(refusal(|s| s.adaptive.a[0] = f64::NAN), Some(Refusal::NotFinite));
-        assert_eq!(refusal(|s| s.adaptive.g[1] = f64::INFINITY), Some(Refusal::NotFinite));
-        assert_eq!(refusal(|s| s.adaptive.nk += 1), Some(Refusal::Structure));
-        assert_eq!(refusal(|s| s.adaptive.na = 9), Some(Refusal::Structure));
-        assert_eq!(refusal(|s| s.adaptive.a[0] -= 0.1), Some(Refusal::Unstable));
-        assert_eq!(refusal(|s| s.adaptive.b = s.adaptive.b.map(|b| -b)), Some(Refusal::Direction));
-        assert_eq!(refusal(|s| s.adaptive.b = s.adaptive.b.map(|b| 1e-3 * b)), Some(Refusal::Unreachable));
-        assert_eq!(refusal(|s| s.adaptive.b = [0.0; 5]), Some(Refusal::Unreachable));
-        assert_eq!(refusal(|s| s.adaptive.b = [f64::MAX; 5]), Some(Refusal::Unreachable));
-        assert_eq!(refusal(|s| s.adaptive.g = [-0.5, 0.0, 0.0, 0.0, 0.0]), Some(Refusal::Unreachable));
-        assert_eq!(refusal(|s| s.adaptive.f = [0.0; 5]), Some(Refusal::Unreachable));
+        assert_eq!(refusal(|s| s.faults = model_fault::TRAINING), Some(None));
+        assert_eq!(refusal(|s| s.faults = model_fault::NOT_FINITE), Some(Some(Refusal::NotFinite)));
+        assert_eq!(refusal(|s| s.adaptive.a[0] = f64::NAN), Some(Some(Refusal::NotFinite)));
+        assert_eq!(refusal(|s| s.adaptive.g[1] = f64::INFINITY), Some(Some(Refusal::NotFinite)));
+        assert_eq!(refusal(|s| s.adaptive.nk += 1), Some(Some(Refusal::Structure)));
+        assert_eq!(refusal(|s| s.adaptive.na = 9), Some(Some(Refusal::Structure)));
+        assert_eq!(refusal(|s| s.adaptive.a[0] -= 0.1), Some(Some(Refusal::Unstable)));
+        assert_eq!(refusal(|s| s.adaptive.b = s.adaptive.b.map(|b| -b)), Some(Some(Refusal::Direction)));
+        assert_eq!(refusal(|s| s.adaptive.b = s.adaptive.b.map(|b| 1e-3 * b)), Some(Some(Refusal::Unreachable)));
+        assert_eq!(refusal(|s| s.adaptive.b = [0.0; 5]), Some(Some(Refusal::Unreachable)));
+        assert_eq!(refusal(|s| s.adaptive.b = [f64::MAX; 5]), Some(Some(Refusal::Unreachable)));
+        assert_eq!(refusal(|s| s.adaptive.g = [-0.5, 0.0, 0.0, 0.0, 0.0]), Some(Some(Refusal::Unreachable)));
+        assert_eq!(refusal(|s| s.adaptive.f = [0.0; 5]), Some(Some(Refusal::Unreachable)));
     }
 
     #[test]
@@ -283,18 +281,18 @@ mod tests {
         for model in [actuator(), one_more] {
             assert_eq!(judge(&machine, model), Ok(()));
         }
-        assert_eq!(judge(&machine, Coefficients { na: 4, ..one_more }), Err(Refusal::Structure));
+        assert_eq!(judge(&machine, Coefficients { na: 4, ..one_more }), Err(Some(Refusal::Structure)));
         machine.axes[0].identification.structure.integrator = true;
         for model in [actuator(), one_more] {
             assert_eq!(judge(&machine, model), Ok(()));
         }
         // Identified as a velocity, the position's own pole comes on top.
         machine.axes[0].identification.output = IdentifiedOutput::Velocity;
-        assert_eq!(judge(&machine, actuator()), Err(Refusal::Structure));
+        assert_eq!(judge(&machine, actuator()), Err(Some(Refusal::Structure)));
         assert_eq!(judge(&machine, one_more), Ok(()));
         assert_eq!(judge(&machine, Coefficients { na: 4, ..one_more }), Ok(()));
         // Of the right order; but a position that is integrated once more runs away.
-        assert_ne!(judge(&machine, integrated), Err(Refusal::Structure));
+        assert_ne!(judge(&machine, integrated), Err(Some(Refusal::Structure)));
     }
 
     #[test]
@@ -309,17 +307,17 @@ mod tests {
             Coefficients { a: linear.a, b: linear.b, f: linear.f, g: linear.g, ..Coefficients::zero(structure) };
         let refusal = |model: Coefficients| judge.judge(&snapshot(model)).err();
         assert_eq!(refusal(model), None);
-        assert_eq!(refusal(linear), Some(Refusal::Structure));
-        assert_eq!(refusal(Coefficients { dead_band: [0.05, 0.11], ..model }), Some(Refusal::Structure));
-        assert_eq!(refusal(Coefficients { knots: [0.0, 0.2, 0.5, 0.0, 0.0], ..model }), Some(Refusal::Structure));
-        assert_eq!(refusal(Coefficients { knots: [0.0, 0.2, 0.2, 0.0, 0.0], ..model }), Some(Refusal::Structure));
-        assert_eq!(refusal(Coefficients { basis: 2, ..model }), Some(Refusal::Structure));
-        assert_eq!(refusal(Coefficients { basis: 0, ..model }), Some(Refusal::Structure));
-        assert_eq!(refusal(Coefficients { drift: f64::NAN, ..model }), Some(Refusal::NotFinite));
+        assert_eq!(refusal(linear), Some(Some(Refusal::Structure)));
+        assert_eq!(refusal(Coefficients { dead_band: [0.05, 0.11], ..model }), Some(Some(Refusal::Structure)));
+        assert_eq!(refusal(Coefficients { knots: [0.0, 0.2, 0.5, 0.0, 0.0], ..model }), Some(Some(Refusal::Structure)));
+        assert_eq!(refusal(Coefficients { knots: [0.0, 0.2, 0.2, 0.0, 0.0], ..model }), Some(Some(Refusal::Structure)));
+        assert_eq!(refusal(Coefficients { basis: 2, ..model }), Some(Some(Refusal::Structure)));
+        assert_eq!(refusal(Coefficients { basis: 0, ..model }), Some(Some(Refusal::Structure)));
+        assert_eq!(refusal(Coefficients { drift: f64::NAN, ..model }), Some(Some(Refusal::NotFinite)));
         // Commands that end within the dead band move nothing.
         let mut snapshot = snapshot(model);
         snapshot.command_high = 0.1;
-        assert_eq!(judge.judge(&snapshot), Err(Refusal::Unreachable));
+        assert_eq!(judge.judge(&snapshot), Err(Some(Refusal::Unreachable)));
     }
 
     #[test]
@@ -333,7 +331,7 @@ mod tests {
         assert_eq!(range(-9.0, 9.0), Ok((-1.0, 1.0)));
         for (low, high) in [(0.0, 0.5), (-0.5, 0.0), (0.2, 0.5), (f64::NAN, f64::NAN)] {
             // One branch without data, or nothing known.
-            assert_eq!(range(low, high), Err(Refusal::Unreachable), "{low} {high}");
+            assert_eq!(range(low, high), Err(Some(Refusal::Unreachable)), "{low} {high}");
         }
     }
 
@@ -343,9 +341,9 @@ mod tests {
             refusal(move |s| (s.separated_h_step, s.classical_errors.h_step) = (adaptive, classical))
         };
         assert_eq!(with(errors(100, 1.4), errors(100, 1.0)), None);
-        assert_eq!(with(errors(100, 1.6), errors(100, 1.0)), Some(Refusal::Worse));
+        assert_eq!(with(errors(100, 1.6), errors(100, 1.0)), Some(Some(Refusal::Worse)));
         assert_eq!(with(errors(99, 1.6), errors(100, 1.0)), None);
-        assert_eq!(with(errors(100, f64::NAN), errors(100, f64::NAN)), Some(Refusal::Worse));
+        assert_eq!(with(errors(100, f64::NAN), errors(100, f64::NAN)), Some(Some(Refusal::Worse)));
         assert_eq!(with(errors(100, 1.6), errors(100, f64::NAN)), None);
     }
 
@@ -356,16 +354,16 @@ mod tests {
         let mut snapshot = snapshot(actuator());
         snapshot.adaptive.a[0] = 7.0;
         assert!(Judge::new(&machine.axes[0], 0.01).judge(&snapshot).is_ok());
-        assert_eq!(judge().judge(&snapshot), Err(Refusal::Unstable));
+        assert_eq!(judge().judge(&snapshot), Err(Some(Refusal::Unstable)));
         machine.axes[0].control.model = ModelChoice::None;
-        assert_eq!(Judge::new(&machine.axes[0], 0.01).judge(&snapshot), Err(Refusal::Training));
+        assert_eq!(Judge::new(&machine.axes[0], 0.01).judge(&snapshot), Err(None));
     }
 
     /// The judge of an axis whose commissioned curve is `factor` times what the actuator's model says, tested to 0.6.
     fn commissioned(factor: f64) -> Judge {
         let mut step = [0.0; MAX_HORIZON];
         step_response(&actuator(), &mut step);
-        let gain = factor * (step[MAX_HORIZON - 1] - step[MAX_HORIZON - 2]) / 0.01;
+        let gain = factor * Ramp::new(&step).slope / 0.01;
         let speed = |opening: f64| gain * actuator().nonlinearity().evaluate(opening);
         let mut machine = machine(1);
         machine.axes[0].commissioned = Some(Commissioned {
@@ -382,15 +380,19 @@ mod tests {
 
     #[test]
     fn a_model_far_from_the_commissioned_speeds_is_refused() {
-        for (factor, expected) in
-            [(1.0, None), (0.3, None), (4.0, None), (0.15, Some(Refusal::Speed)), (6.0, Some(Refusal::Speed))]
-        {
+        for (factor, expected) in [
+            (1.0, None),
+            (0.3, None),
+            (4.0, None),
+            (0.15, Some(Some(Refusal::Speed))),
+            (6.0, Some(Some(Refusal::Speed))),
+        ] {
             assert_eq!(commissioned(factor).judge(&snapshot(actuator())).err(), expected, "{factor}");
         }
     }
 
     #[test]
-    fn a_model_of_hinges_may_be_asked_for_what_was_tested() {
+    fn a_model_of_hinges_that_agrees_may_be_asked_for_everything() {
         let range = |model: Coefficients| {
             let mut snapshot = snapshot(model);
             (snapshot.command_low, snapshot.command_high) = (-0.2, 0.7);
@@ -406,6 +408,6 @@ mod tests {
             Coefficients { a: linear.a, b: linear.b, f: linear.f, g: linear.g, ..Coefficients::zero(structure) };
         let mut snapshot = snapshot(hinges);
         (snapshot.command_low, snapshot.command_high) = (-0.2, 0.7);
-        assert_eq!(judge.judge(&snapshot).map(|approved| approved.range), Ok((-0.6, 0.7)));
+        assert_eq!(judge.judge(&snapshot).map(|approved| approved.range), Ok((-1.0, 1.0)));
     }
 }

@@ -52,19 +52,23 @@ impl Recent {
         }
     }
 
-    /// Takes in the errors of the next snapshot; whether the adaptive model predicts better than the classical one.
-    pub fn update(&mut self, adaptive: &ErrorStatistics, classical: &ErrorStatistics) -> bool {
+    /// Whether the adaptive model predicts better than the classical one.
+    pub fn is_better(&self) -> bool {
+        self.is_better
+    }
+
+    /// Takes in the errors of the next snapshot.
+    pub fn update(&mut self, adaptive: &ErrorStatistics, classical: &ErrorStatistics) {
         self.adaptive.update(adaptive, self.forgetting);
         self.classical.update(classical, self.forgetting);
         if self.adaptive.weight < LEAST || self.classical.weight < LEAST {
             self.is_better = false;
-            return false;
+            return;
         }
         let bound = if self.is_better { BETTER.1 } else { BETTER.0 };
         // What is not a number is worse than any.
         let (adaptive, classical) = (self.adaptive.mean(), self.classical.mean());
         self.is_better = adaptive.is_finite() && (!classical.is_finite() || adaptive < bound * bound * classical);
-        self.is_better
     }
 }
 
@@ -100,7 +104,8 @@ mod tests {
                 let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
                 a.push(sign * adaptive(*k));
                 c.push(sign * classical(*k));
-                recent.update(&a, &c)
+                recent.update(&a, &c);
+                recent.is_better()
             })
             .collect()
     }
@@ -132,6 +137,7 @@ mod tests {
             recent.update(&a, &c);
         }
         assert!(recent.is_better);
-        assert!(!recent.update(&ErrorStatistics::default(), &ErrorStatistics::default()));
+        recent.update(&ErrorStatistics::default(), &ErrorStatistics::default());
+        assert!(!recent.is_better());
     }
 }

@@ -81,6 +81,28 @@ pub fn step_response(model: &Coefficients, response: &mut [f64]) {
     }
 }
 
+/// How a step response of an axis ends: as slope (p + 1 - lag).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ramp {
+    /// What a tick adds, m per unit of x.
+    pub slope: f64,
+    /// By how many ticks it is late, the delay not counted. Not finite for a model that does not move.
+    pub lag: f64,
+}
+
+impl Ramp {
+    /// The end of the step response `step`; all of it counts as settled but its beginning.
+    pub fn new(step: &[f64]) -> Self {
+        let (last, before) = match step {
+            [.., before, last] => (*last, *before),
+            [last] => (*last, 0.0),
+            [] => (0.0, 0.0),
+        };
+        let slope = last - before;
+        Self { slope, lag: step.len() as f64 - last / slope }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -95,6 +117,17 @@ mod tests {
         let gain = (0.7237 + 0.8375) / 0.0355;
         // The slow pole, 0.9633, has decayed to 3 % after 95 samples.
         assert!((response[MAX_AHEAD - 1] / gain - 1.0).abs() < 0.04);
+    }
+
+    #[test]
+    fn the_ramp_of_a_lag_has_its_slope_and_its_lag() {
+        let mut response = [0.0; MAX_HORIZON];
+        // (1 - z^-1)(1 - 0.6 z^-1): 0.01 m per tick in the end, 0.6/(1 - 0.6) ticks late.
+        step_response(&linear(&[-1.6, 0.6], &[0.004], 3), &mut response);
+        let ramp = Ramp::new(&response);
+        assert!((ramp.slope - 0.01).abs() < 1e-8 && (ramp.lag - 1.5).abs() < 1e-4, "{ramp:?}");
+        assert_eq!(Ramp::new(&[0.5]), Ramp { slope: 0.5, lag: 0.0 });
+        assert!(Ramp::new(&[]).lag.is_nan() && Ramp::new(&[0.5, 0.5]).lag == f64::NEG_INFINITY);
     }
 
     proptest! {

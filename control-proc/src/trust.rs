@@ -1,16 +1,19 @@
 //! How long a model is trusted: until the axis is not where it should be.
 //!
 //! ```text
-//! distrusted for 5 s     after |e| > 30 mm + 0.2 s |v_r| for 200 ms while a model controls
+//! distrusted for 5 s     after |e| > 30 mm + 0.2 s |v_r| + e_0 for 200 ms while a model controls
 //! ```
 //!
-//! e error m, v_r speed of the target m/s. Source: following-error limits of numerical controls, with a floor and a part
+//! e error m, v_r speed of the target m/s, e_0 what the model has taken over, which it is given a second for (e_0 falls to
+//! a third). A command at its limit is no model's fault: nobody could do more. Source: following-error limits of numerical controls, with a floor and a part
 //! that grows with the speed. The fallback, which needs no model, takes over meanwhile.
 //!
 //! The trap: a model can predict well, and be judged good, and still make a loop that swings: only the axis shows it.
 
 /// Floor, m, and what the speed adds, s.
 const BOUND: (f64, f64) = (0.03, 0.2);
+/// How long a model is given for an error that it has taken over, s.
+const TAKEN_OVER: f64 = 1.0;
 /// How long the error has to be beyond, and how long the model is not used then, s.
 const TIMES: (f64, f64) = (0.2, 5.0);
 
@@ -22,12 +25,14 @@ pub struct Trust {
     beyond: u32,
     left: u32,
     target: Option<f64>,
+    /// e_0.
+    taken_over: f64,
 }
 
 impl Trust {
     /// For an axis that is looked at every `period` s.
     pub fn new(period: f64) -> Self {
-        Self { period, beyond: 0, left: 0, target: None }
+        Self { period, beyond: 0, left: 0, target: None, taken_over: 0.0 }
     }
 
     /// Forgets: the axis begins to follow.
@@ -35,12 +40,18 @@ impl Trust {
         *self = Self::new(self.period);
     }
 
-    /// Whether a model may control at this tick; `target` and `error` in m, `by_model` whether one did at the last.
-    pub fn update(&mut self, target: f64, error: f64, by_model: bool) -> bool {
+    /// Whether a model may control at this tick; `target` and `error` in m, `by_model` whether one did at the last,
+    /// `at_limit` whether with all that the command can do.
+    pub fn update(&mut self, target: f64, error: f64, by_model: bool, at_limit: bool) -> bool {
         let speed = self.target.map_or(0.0, |before| (target - before) / self.period);
         self.target = Some(target);
-        let is_beyond = error.is_nan() || error.abs() > BOUND.0 + BOUND.1 * speed.abs();
-        self.beyond = if by_model && is_beyond { self.beyond.saturating_add(1) } else { 0 };
+        self.taken_over = match by_model {
+            true => self.taken_over * (-self.period / TAKEN_OVER).exp(),
+            // `max` leaves out what is not a number.
+            false => error.abs().max(0.0),
+        };
+        let is_beyond = error.is_nan() || error.abs() > BOUND.0 + BOUND.1 * speed.abs() + self.taken_over;
+        self.beyond = if by_model && !at_limit && is_beyond { self.beyond.saturating_add(1) } else { 0 };
         self.left = self.left.saturating_sub(1);
         if f64::from(self.beyond) * self.period >= TIMES.0 {
             self.beyond = 0;
@@ -57,7 +68,21 @@ mod tests {
     /// Ticks at which the model may control, with these targets and errors.
     fn trusted(target: impl Fn(usize) -> f64, error: impl Fn(usize) -> f64, by_model: bool) -> usize {
         let mut trust = Trust::new(0.01);
-        (0..1000).filter(|k| trust.update(target(*k), error(*k), by_model)).count()
+        (0..1000).filter(|k| trust.update(target(*k), error(*k), by_model, false)).count()
+    }
+
+    #[test]
+    fn what_was_taken_over_has_a_second_and_a_command_at_its_limit_is_no_fault() {
+        for (at_limit, decays, expected) in [(false, true, 500..501), (false, false, 50..60), (true, false, 500..501)] {
+            let mut trust = Trust::new(0.01);
+            trust.update(0.5, 0.1, false, false);
+            let error = |k: usize| if decays { 0.1 * (-0.01 * k as f64).exp() } else { 0.1 };
+            let trusted = (0..500).filter(|k| trust.update(0.5, error(*k), true, at_limit)).count();
+            assert!(expected.contains(&trusted), "{at_limit} {decays}: {trusted}");
+        }
+        let mut trust = Trust::new(0.01);
+        trust.update(0.5, f64::NAN, false, false);
+        assert!((0..100).filter(|_| trust.update(0.5, 0.04, true, false)).count() < 30);
     }
 
     #[test]

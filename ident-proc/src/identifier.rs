@@ -2,7 +2,7 @@
 
 use pipeline::{
     hammerstein::{Coefficients, Structure},
-    machine::{Forgetting, Form, Identification, IdentifiedOutput},
+    machine::{Commissioned, Forgetting, Form, Identification, IdentifiedOutput},
     message::{AxisSnapshot, model_fault},
 };
 
@@ -10,6 +10,7 @@ use crate::{
     bank::Bank,
     batch::{Batch, Offline},
     errors::ErrorTracker,
+    grey_box::GreyBox,
     health::Health,
     history::History,
     outlier::{OutlierGate, Verdict},
@@ -64,15 +65,29 @@ pub struct Identifier {
 enum Adaptation {
     Single(Box<Single>),
     Bank(Box<Bank>),
+    GreyBox(Box<GreyBox>),
 }
 
 impl Identifier {
     /// Takes all memory that it will ever use.
     pub fn new(settings: &Identification) -> Self {
+        Self::commissioned(settings, None)
+    }
+
+    /// The same with what commissioning has found of the axis.
+    ///
+    /// # Panics
+    /// With [`Forgetting::GreyBox`] and nothing found, which the machine file refuses.
+    pub fn commissioned(settings: &Identification, commissioned: Option<&Commissioned>) -> Self {
         let structure = settings.structure;
         let h = settings.horizon;
         let (row, adaptation) = match settings.forgetting {
             Forgetting::Auto => (Bank::row_structure(structure), Adaptation::Bank(Box::new(Bank::new(structure, h)))),
+            Forgetting::GreyBox => {
+                let commissioned = commissioned.expect("a grey box is of a commissioned axis");
+                let grey_box = GreyBox::new(structure, commissioned, settings.period);
+                (structure.published(), Adaptation::GreyBox(Box::new(grey_box)))
+            }
             _ => (structure.published(), Adaptation::Single(Box::new(Single::new(settings)))),
         };
         let tracker = ErrorTracker::new(&Row::new(row), h);
@@ -153,7 +168,8 @@ impl Identifier {
         let input = self.settings.structure.input;
         self.commands.push_with(|slot| input.features(u, slot));
         // Held f and g have learned nothing from commands after training.
-        if !self.trained || self.settings.forgetting == Forgetting::Auto || self.settings.form == Form::Full {
+        let is_linear = matches!(self.adaptation, Adaptation::Single(_)) && self.settings.form == Form::Linear;
+        if !self.trained || !is_linear {
             self.state.command_low = self.state.command_low.min(u);
             self.state.command_high = self.state.command_high.max(u);
         }
@@ -231,8 +247,10 @@ impl Identifier {
         for tracker in [&mut self.adaptive_tracker, &mut self.classical_tracker, &mut self.separated_tracker] {
             tracker.interrupt();
         }
-        if let Adaptation::Bank(bank) = &mut self.adaptation {
-            bank.interrupt();
+        match &mut self.adaptation {
+            Adaptation::Bank(bank) => bank.interrupt(),
+            Adaptation::GreyBox(grey_box) => grey_box.interrupt(),
+            Adaptation::Single(_) => {}
         }
     }
 
@@ -243,8 +261,10 @@ impl Identifier {
                 tracker.pass(&self.row, &self.outputs);
             }
         }
-        if let Adaptation::Bank(bank) = &mut self.adaptation {
-            bank.pass(&self.row);
+        match &mut self.adaptation {
+            Adaptation::Bank(bank) => bank.pass(&self.row),
+            Adaptation::GreyBox(grey_box) => grey_box.interrupt(),
+            Adaptation::Single(_) => {}
         }
     }
 
@@ -266,6 +286,9 @@ impl Identifier {
                 bank.learn(y, &self.row, resting);
             }
             bank.collect(y, &self.row);
+        }
+        if let Adaptation::GreyBox(grey_box) = &mut self.adaptation {
+            grey_box.learn(y, &self.row);
         }
     }
 
@@ -305,6 +328,7 @@ impl Identifier {
                 }
             }
             Adaptation::Bank(bank) => bank.start(&self.classical, &offline.coefficients),
+            Adaptation::GreyBox(_) => {}
         }
         self.trained = true;
         self.lasting_faults = if offline.rank_deficient { model_fault::RANK_DEFICIENT } else { 0 };
@@ -333,6 +357,7 @@ impl Identifier {
         let learned = match &mut self.adaptation {
             Adaptation::Single(single) => single.learn(y, &self.row),
             Adaptation::Bank(bank) => bank.learn(y, &self.row, resting),
+            Adaptation::GreyBox(grey_box) => grey_box.learn(y, &self.row),
         };
         self.state.forgetting_factor = learned.factor;
         self.state.forgetting.push(1.0 - learned.factor);
@@ -360,12 +385,14 @@ impl Identifier {
         (self.state.adaptive, self.state.split_residual) = match &mut self.adaptation {
             Adaptation::Single(single) => single.separate(),
             Adaptation::Bank(bank) => bank.separate(),
+            Adaptation::GreyBox(grey_box) => (grey_box.model(), 0.0),
         };
         if self.health.is_due() {
             self.health.examine(&self.state.adaptive, &self.state.classical);
             self.state.covariance_trace = match &self.adaptation {
                 Adaptation::Single(single) => single.covariance_trace(),
                 Adaptation::Bank(bank) => bank.covariance_trace(),
+                Adaptation::GreyBox(grey_box) => grey_box.covariance_trace(),
             };
         }
         if !self.state.adaptive.is_finite() || !self.state.covariance_trace.is_finite() {
@@ -374,6 +401,7 @@ impl Identifier {
         let theta = match &self.adaptation {
             Adaptation::Single(single) => single.theta(),
             Adaptation::Bank(bank) => bank.theta(),
+            Adaptation::GreyBox(grey_box) => grey_box.theta(),
         };
         self.adaptive_tracker.store(theta, &self.outputs);
         self.classical_tracker.store(&self.classical, &self.outputs);
@@ -411,8 +439,8 @@ impl Identifier {
     /// The bank, where there is one.
     pub fn bank(&self) -> Option<&Bank> {
         match &self.adaptation {
-            Adaptation::Single(_) => None,
             Adaptation::Bank(bank) => Some(bank),
+            _ => None,
         }
     }
 
@@ -436,7 +464,7 @@ impl Identifier {
     pub fn universes(&self) -> Option<(f64, f64)> {
         match &self.adaptation {
             Adaptation::Single(single) => single.universes(),
-            Adaptation::Bank(_) => None,
+            _ => None,
         }
     }
 }

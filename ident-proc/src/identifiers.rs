@@ -1,7 +1,7 @@
 //! All axes of a machine at once: messages in, message out.
 
 use pipeline::{
-    machine::Machine,
+    machine::{Axis, Machine},
     message::{CoefficientSnapshot, EncoderSample, ValveCommand, sample_fault},
 };
 
@@ -17,7 +17,9 @@ pub struct Identifiers {
 impl Identifiers {
     /// Takes all memory that it will ever use.
     pub fn new(machine: &Machine) -> Self {
-        Self { axes: machine.axes.iter().map(|axis| Identifier::new(&axis.identification)).collect(), last: None }
+        let axes = machine.axes.iter();
+        let identifier = |axis: &Axis| Identifier::commissioned(&axis.identification, axis.commissioned.as_ref());
+        Self { axes: axes.map(identifier).collect(), last: None }
     }
 
     /// Takes in the sample of a tick and the command of the tick before, if it is known, and writes the snapshot.

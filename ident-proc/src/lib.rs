@@ -20,6 +20,7 @@ pub mod batch;
 pub mod errors;
 pub mod estimator;
 pub mod forecast;
+pub mod grey_box;
 pub mod health;
 pub mod history;
 mod identifier;

@@ -111,6 +111,13 @@ shared_struct! {
     }
 }
 
+impl AxisSample {
+    /// The position, m, where it is one.
+    pub fn usable(&self) -> Option<f64> {
+        (self.position.is_finite() && self.faults & sample_fault::UNUSABLE == 0).then_some(self.position)
+    }
+}
+
 /// Bits of [`AxisSample::faults`]; 0 is healthy.
 pub mod sample_fault {
     /// The position is outside the stroke by more than the tolerance.
@@ -162,14 +169,19 @@ shared_struct! {
         pub refused_requests: u32,
         /// The same that were taken.
         pub taken_requests: u64,
-        /// Snapshots that were judged and refused so far.
-        pub rejected_snapshots: u64,
+        /// Snapshots that were judged and refused so far, by [`REFUSALS`].
+        pub rejected_snapshots: [u64; REFUSALS.len()],
+        /// Plans of the model-based controller that had to do without the solver so far.
+        pub unsolved_plans: u64,
         /// Tracking error since the axis began to follow its reference, m.
         pub tracking: ErrorStatistics,
         /// The same over the ticks that the model-based controller made the command of.
         pub model_tracking: ErrorStatistics,
     }
 }
+
+/// Why a snapshot was refused, in the order of [`AxisCommand::rejected_snapshots`].
+pub const REFUSALS: [&str; 7] = ["not-finite", "structure", "unstable", "direction", "unreachable", "speed", "worse"];
 
 /// Who made a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use control_proc::{
     tuning::{Baseline, reached},
 };
 use pipeline::{
-    machine::{Axis, Control, Machine, ModelChoice, ReferenceSource, Scenario, samples_of},
+    machine::{Axis, Control, Forgetting, Machine, ModelChoice, ReferenceSource, Scenario, samples_of},
     message::{ControlMode, control_flag},
     statistics::ErrorStatistics,
 };
@@ -116,7 +116,11 @@ impl Contest {
         for dead_time in dead_times {
             let axes = at_dead_time(machine, *dead_time)?;
             for kind in &kinds {
-                entries.push(Entry { kind: *kind, dead_time: *dead_time, axes: axes.clone() });
+                let mut axes = axes.clone();
+                if *kind == Kind::MpcAdaptive {
+                    axes.iter_mut().for_each(|axis| axis.identification.forgetting = Forgetting::GreyBox);
+                }
+                entries.push(Entry { kind: *kind, dead_time: *dead_time, axes });
             }
         }
         let places: Vec<(usize, usize)> =

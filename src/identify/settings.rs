@@ -115,7 +115,7 @@ pub fn settings(arguments: &cli::Identify, typed: &Typed, record: &Record) -> Re
         forgetting: arguments.forgetting,
         fuzzy,
     };
-    check_window(&settings)?;
+    check_forgetting(&settings)?;
     let fewest = HeldOut::fewest_rows(&settings);
     if arguments.select && training < fewest {
         return Err(Failure::Usage(format!(
@@ -129,7 +129,7 @@ pub fn settings(arguments: &cli::Identify, typed: &Typed, record: &Record) -> Re
 }
 
 /// A window shorter than the coefficients of its structure determines none of them.
-pub fn check_window(settings: &Identification) -> Result<(), Failure> {
+pub fn check_forgetting(settings: &Identification) -> Result<(), Failure> {
     let refusal = |(found, allowed)| Failure::Usage(format!("--forgetting: found {found}; allowed: {allowed}"));
-    settings.check_window().map_err(refusal)
+    settings.check_forgetting("NAME", false).map_err(refusal)
 }

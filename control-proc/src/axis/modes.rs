@@ -56,7 +56,6 @@ impl AxisController {
         self.rest.reset();
         self.trust.reset();
         self.predictive.reset();
-        self.fading = 1.0;
         if let Some(position) = self.history.as_ref().map(|history| history.outputs()[0]) {
             self.target.hold(Some((position, self.speed())));
         }

@@ -146,8 +146,7 @@ impl Experiment {
         self.watch.commanded(command);
         if self.record.commands.len() < self.record.commands.capacity() {
             self.record.commands.push(command);
-            let position = sample.filter(|sample| sample.faults & pipeline::message::sample_fault::UNUSABLE == 0);
-            self.record.positions.push(position.map_or(f64::NAN, |sample| sample.position));
+            self.record.positions.push(sample.and_then(AxisSample::usable).unwrap_or(f64::NAN));
         }
         command
     }
@@ -194,8 +193,7 @@ impl Experiment {
     }
 
     fn act(&mut self, sample: Option<&AxisSample>) -> Result<f64, Abort> {
-        let faults = sample.map_or(pipeline::message::sample_fault::STALE, |sample| sample.faults);
-        let usable = self.watch.take(sample.map(|sample| sample.position), faults)?;
+        let usable = self.watch.take(sample)?;
         self.tick += 1;
         let Some(position) = usable else { return Ok(self.watch.command()) };
         if self.step.from.is_nan() {

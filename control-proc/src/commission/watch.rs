@@ -12,7 +12,7 @@
 
 use std::fmt;
 
-use pipeline::message::sample_fault;
+use pipeline::message::{AxisSample, sample_fault};
 
 /// Part of the speed bound at which the experiment ends.
 pub const SPEED_FACTOR: f64 = 1.5;
@@ -163,8 +163,9 @@ impl Watch {
     }
 
     /// The position as far as it is usable, m; held from before where it is not.
-    pub fn take(&mut self, position: Option<f64>, faults: u32) -> Result<Option<f64>, Abort> {
-        let position = position.filter(|position| position.is_finite() && faults & sample_fault::UNUSABLE == 0);
+    pub fn take(&mut self, sample: Option<&AxisSample>) -> Result<Option<f64>, Abort> {
+        let faults = sample.map_or(sample_fault::STALE, |sample| sample.faults);
+        let position = sample.and_then(AxisSample::usable);
         self.blind = if position.is_some() { 0 } else { self.blind + 1 };
         if self.blind >= UNUSABLE_LIMIT || faults & sample_fault::RANGE != 0 {
             return Err(Abort::Feedback { faults });

@@ -77,7 +77,8 @@ impl Estimator {
     /// For `n` coefficients; takes all memory that it will ever use.
     ///
     /// # Panics
-    /// With [`Forgetting::Auto`], which is several estimators and not one.
+    /// With [`Forgetting::Auto`], which is several estimators and not one, and [`Forgetting::GreyBox`], which is none of
+    /// these.
     pub fn new(forgetting: Forgetting, n: usize, fuzzy: &Fuzzy) -> Self {
         match forgetting {
             Forgetting::Constant(factor) => Self::Exponential(Exponential::new(n, factor)),
@@ -87,6 +88,7 @@ impl Estimator {
             Forgetting::Directional(factor) => Self::Directional(Directional::new(n, factor)),
             Forgetting::Window(rows) => Self::Window(Window::new(n, rows)),
             Forgetting::Auto => panic!("auto is several estimators, not one"),
+            Forgetting::GreyBox => panic!("a grey box is an estimator of its own"),
         }
     }
 

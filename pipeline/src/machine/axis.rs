@@ -120,11 +120,18 @@ impl Axis {
         };
         let encoder = Encoder::read(section.section("encoder"));
         let forgetting = section.parsed_or("forgetting", Forgetting::Auto, Forgetting::ALLOWED);
-        let identification = Identification::read(section.section("identification"), forgetting, timing.period, fuzzy);
-        if let Err((found, allowed)) = identification.check_window() {
+        let mut identification =
+            Identification::read(section.section("identification"), forgetting, timing.period, fuzzy);
+        let commissioned = Commissioned::read(section.section("commissioned"));
+        match &commissioned {
+            Some(model) if forgetting == Forgetting::GreyBox => {
+                identification.structure = model.structure(identification.structure, timing.period);
+            }
+            _ => {}
+        }
+        if let Err((found, allowed)) = identification.check_forgetting(name, commissioned.is_some()) {
             section.refuse("forgetting", found, allowed);
         }
-        let commissioned = Commissioned::read(section.section("commissioned"));
         let control = Control::read(section.section("control"), name, commissioned.as_ref(), timing.period);
         let reference = ReferenceSource::read(section.section("reference"), soft_limits, max_speed, folder, name);
         let plant = section.section("plant");
@@ -194,7 +201,7 @@ impl Control {
             model: section.choice_or("model", ModelChoice::Adaptive, &models),
             horizon: section.integer_or("horizon", 20, 1..=31),
             moves: section.integer_or("moves", 20, 1..=20),
-            move_weight: section.number_or("move_weight", 5.0, 1e-6..=1e3, ""),
+            move_weight: section.number_or("move_weight", 25.0, 1e-6..=1e3, ""),
         };
         section.finish();
         control

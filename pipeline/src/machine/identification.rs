@@ -79,13 +79,15 @@ pub enum Forgetting {
     Window(usize),
     /// By several estimators, weighted by how well they predict.
     Auto,
+    /// Only the speeds and the lag of the commissioned model are adapted, which also gives the structure.
+    GreyBox,
 }
 
 impl Forgetting {
     /// The texts that `FromStr` takes.
     pub const ALLOWED: &str = "\"auto\", \"paper\", \"constant:L\" with L from 0.5 to 1, \"fuzzy:LOW\" with LOW from 0.5 \
-         to below 1, \"fortescue:N0\" with N0 of 2 samples or more, \"directional:L\" with L from 0.5 to 1, or \
-         \"window:N\" with N from 2 to 100000 samples";
+         to below 1, \"fortescue:N0\" with N0 of 2 samples or more, \"directional:L\" with L from 0.5 to 1, \
+         \"window:N\" with N from 2 to 100000 samples, or \"grey-box\"";
 
     fn parse(text: &str) -> Option<Self> {
         let (kind, value) = text.split_once(':').unwrap_or((text, ""));
@@ -95,6 +97,7 @@ impl Forgetting {
         match kind {
             "auto" if text == kind => Some(Self::Auto),
             "paper" if text == kind => Some(Self::Paper),
+            "grey-box" if text == kind => Some(Self::GreyBox),
             "constant" => factor().map(Self::Constant),
             "fuzzy" => factor().filter(|low| *low < 1.0).map(Self::Fuzzy),
             "fortescue" => samples(usize::MAX).map(Self::Fortescue),
@@ -123,6 +126,7 @@ impl fmt::Display for Forgetting {
             Self::Directional(factor) => write!(f, "directional:{factor}"),
             Self::Window(rows) => write!(f, "window:{rows}"),
             Self::Auto => write!(f, "auto"),
+            Self::GreyBox => write!(f, "grey-box"),
         }
     }
 }
@@ -171,14 +175,24 @@ impl Identification {
         }
     }
 
-    /// Refuses a window with fewer samples than coefficients, which cannot determine them: what was found, and what is
-    /// allowed.
+    /// Refuses what cannot work for the axis `name`: a window with fewer samples than coefficients, which cannot determine
+    /// them, and a grey box of an axis that is not commissioned, or of another output or order than it has.
     ///
     /// # Errors
-    /// Both texts.
-    pub fn check_window(&self) -> Result<(), (String, String)> {
+    /// What was found, and what is allowed.
+    pub fn check_forgetting(&self, name: &str, commissioned: bool) -> Result<(), (String, String)> {
         let n = self.coefficients();
         match self.forgetting {
+            Forgetting::GreyBox if !commissioned => {
+                let found = format!("\"grey-box\" without [axis.{name}.commissioned]");
+                let allowed =
+                    "another one, or a commissioned model: `--model MODEL.toml`, as `hydraxis commission` writes it";
+                Err((found, allowed.to_owned()))
+            }
+            Forgetting::GreyBox if self.output != IdentifiedOutput::Position || self.structure.past_outputs() < 2 => {
+                let found = format!("\"grey-box\" with output \"{:?}\" and na = {}", self.output, self.structure.na);
+                Err((found.to_lowercase(), "output \"position\" and na of 2 or more".to_owned()))
+            }
             Forgetting::Window(rows) if rows < n => {
                 let found = format!("\"{}\" for {n} coefficients", self.forgetting);
                 Err((found, format!("\"window:N\" with N from {n}, one sample for each, to 100000")))

@@ -9,7 +9,8 @@
 //!
 //! p course in m of an axis with soft limits 1.234 m apart, s size, `low` and `high` soft limits in m, v the speed in
 //! m/s that the axis reaches in its slower direction; the smooth moves are 10 r^3 - 15 r^4 + 6 r^5 and reach 0.1875
-//! m/s. Half of v is left to errors and to a machine that has grown slower. Axes with odd numbers go the other way, so
+//! m/s. Half of v is left to errors and to a machine that has grown slower, while training too: a course that a cold machine
+//! cannot follow would measure the pump. Axes with odd numbers go the other way, so
 //! that they do not all extend at once and the pump does not decide the comparison.
 //!
 //! The trap: a course without rests and creeping hides what dead bands do; one of sines alone hides the feed-forward.
@@ -80,9 +81,8 @@ mod tests {
                 assert_eq!((points[0].0, points[points.len() - 1].0), (0.0, END));
                 assert!(points.iter().all(|point| (limits.0..=limits.1).contains(&point.1)));
                 let fastest = points.windows(2).map(|p| (p[1].1 - p[0].1).abs() / STEP);
-                let after = fastest.clone().skip((TRAINING / STEP) as usize).fold(0.0, f64::max);
-                assert!(after <= 0.5001 * speed, "{after} of {speed}");
-                assert!(fastest.fold(0.0, f64::max) <= speed, "training");
+                let fastest = fastest.fold(0.0, f64::max);
+                assert!(fastest <= 0.5001 * speed, "{fastest} of {speed}");
             }
         }
     }

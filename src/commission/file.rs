@@ -7,18 +7,27 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use pipeline::machine::Commissioned;
+use pipeline::machine::{Commissioned, Control, DeadBand};
 
 use crate::failure::Failure;
 
-/// The text of the file; numbers read back exactly.
-pub fn text(machine: &str, found: &[(String, Commissioned)]) -> String {
+/// The text of the file; numbers read back exactly. `found` has the settings that fit to a model where there are some.
+pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commissioned, Option<Control>)>) -> String {
     let mut text = format!(
         "# Found by `hydraxis commission` on \"{}\": static curve behind a dead time and a lag of first order.\n\
-         # Speeds in m/s at openings of the valve beyond its dead band; times in s.\n",
+         # Speeds in m/s at openings of the valve beyond its dead band; times in s. The gains are those with which this\n\
+         # axis, a third faster and a third slower ones follow best and come to rest.\n",
         machine.escape_default()
     );
-    for (name, model) in found {
+    for (name, model, control) in found {
+        if let Some(Control { kp, ki, feedforward, dead_band: DeadBand { extend, retract }, .. }) = control {
+            let _ = write!(
+                text,
+                "\n[axis.{name}]\nforgetting = \"grey-box\"    # its speeds and its lag are adapted\n\
+                 \n[axis.{name}.control]\nkp = {kp:?}\nki = {ki:?}\nfeedforward = {feedforward}\n\
+                 dead_band_extend = {extend:?}\ndead_band_retract = {retract:?}\n"
+            );
+        }
         let Commissioned { dead_time, time_constant, dead_band, openings, speeds_extend, speeds_retract, fit_percent } =
             model;
         // Writing to a text cannot fail.

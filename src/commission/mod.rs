@@ -6,10 +6,14 @@ mod simulated;
 
 use std::path::Path;
 
-use control_proc::commission::{Options, Phase};
+use control_proc::{
+    commission::{Options, Phase},
+    tuning::Baseline,
+};
 use pipeline::{
     channel::remove_leftovers,
-    machine::{Commissioned, Source},
+    hammerstein::MAX_DELAY,
+    machine::{Axis, Commissioned, Control, Machine, Source},
 };
 use serde::Serialize;
 
@@ -75,7 +79,9 @@ pub fn run(arguments: &cli::Commission) -> Result<(), Failure> {
     bar.finish_and_clear();
     let found: Vec<(String, Commissioned)> =
         axes.iter().map(|axis| machine.axes[*axis].name.clone()).zip(models?).collect();
-    file.write(&file::text(&machine.name, &found))?;
+    let settings: Vec<_> = axes.iter().zip(&found).map(|(axis, (_, model))| tuned(&machine, *axis, model)).collect();
+    let all = found.iter().zip(settings).map(|((name, model), control)| (name.as_str(), model, control));
+    file.write(&file::text(&machine.name, all))?;
     for (name, model) in found.iter().filter(|(_, model)| is_poor(model)) {
         eprintln!(
             "axis.{name}: found a fit of {}; allowed: {POOR_FIT} % and more: do not control by this model, and look at \
@@ -89,6 +95,19 @@ pub fn run(arguments: &cli::Commission) -> Result<(), Failure> {
         eprintln!("{}", next(arguments));
     }
     Ok(())
+}
+
+/// The settings of an axis with this model; none with a poor one.
+fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Control> {
+    if is_poor(model) {
+        return None;
+    }
+    let period = machine.timing.period.as_secs_f64();
+    let axis = Axis { commissioned: Some(model.clone()), ..machine.axes[index].clone() };
+    // Feed-forward looks ahead no further than the longest preview.
+    let is_near = model.dead_time + model.time_constant <= MAX_DELAY as f64 * period;
+    let baseline = if is_near { Baseline::Feedforward } else { Baseline::DeadBand };
+    baseline.tuned(index, &axis, period)
 }
 
 fn is_poor(model: &Commissioned) -> bool {

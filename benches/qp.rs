@@ -6,19 +6,20 @@
 //! same one in turn, each from nothing, as after a pause. Clarabel either gets new data or is made anew, at its default
 //! tolerance; making what it is given is not timed. Ratios are of p50, to ours.
 
+mod arguments;
 #[path = "../control-proc/tests/quadratic/axis.rs"]
 mod axis;
 mod figures;
 #[path = "../control-proc/tests/quadratic/peer.rs"]
 mod peer;
 
-use std::{fs, hint::black_box, path::PathBuf, time::Instant};
+use std::{fs, hint::black_box, time::Instant};
 
-use clap::Parser;
 use clarabel::solver::IPSolver;
 use control_proc::quadratic::{Problem, Solver, Status};
 use serde_json::{Value, json};
 
+use arguments::Arguments;
 use axis::Axis;
 use figures::{Figures, head};
 use peer::{Form, settings};
@@ -28,19 +29,6 @@ const UPDATED: &str = "Clarabel, new data";
 const ANEW: &str = "Clarabel, anew";
 /// Clarabel's default.
 const TOLERANCE: f64 = 1e-8;
-
-#[derive(Parser)]
-struct Arguments {
-    /// Few samples: shows that everything works, not how fast.
-    #[arg(long, visible_alias = "test")]
-    quick: bool,
-    /// Writes the figures here as well.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Sent by cargo.
-    #[arg(long, hide = true)]
-    bench: bool,
-}
 
 fn timed(times: &mut Vec<f64>, solve: impl FnOnce()) {
     let start = Instant::now();
@@ -121,8 +109,7 @@ fn load() -> String {
 }
 
 fn main() {
-    let arguments = Arguments::parse();
-    let _ = arguments.bench;
+    let arguments = Arguments::read();
     let samples = if arguments.quick { 200 } else { 20_000 };
     let before = load();
     let mut figures = Vec::new();

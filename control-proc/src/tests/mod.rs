@@ -4,8 +4,10 @@ mod feedback;
 pub mod models;
 mod motion;
 mod plant;
+mod poison;
 mod references;
 mod snapshots;
+mod table_2;
 
 use std::path::Path;
 

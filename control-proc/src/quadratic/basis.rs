@@ -89,6 +89,7 @@ impl<const N: usize> Basis<N> {
     }
 
     /// J^T n of a normal that is zero but for `part`, which begins at `start`.
+    #[inline]
     pub(super) fn project(&self, start: usize, part: &[f64]) -> [f64; N] {
         let mut d = [0.0; N];
         let columns = d.iter_mut().zip(&self.j);
@@ -102,6 +103,7 @@ impl<const N: usize> Basis<N> {
     }
 
     /// J y.
+    #[inline]
     pub(super) fn expand(&self, y: &[f64; N]) -> [f64; N] {
         let mut x = [0.0; N];
         add_all(&mut x, y, &self.j, 0..N);
@@ -109,6 +111,7 @@ impl<const N: usize> Basis<N> {
     }
 
     /// z of d = J^T n.
+    #[inline]
     pub(super) fn direction(&self, d: &[f64; N]) -> [f64; N] {
         let mut z = [0.0; N];
         add_all(&mut z, &d[self.len..], &self.j[self.len..], 0..N);
@@ -116,6 +119,7 @@ impl<const N: usize> Basis<N> {
     }
 
     /// U d of the first q elements of d; the others are zero.
+    #[inline]
     pub(super) fn solve(&self, d: &[f64; N]) -> [f64; N] {
         let mut r = [0.0; N];
         add_all(&mut r, &d[..self.len], &self.u, 0..self.len);
@@ -131,6 +135,7 @@ impl<const N: usize> Basis<N> {
 
     /// The normal with J^T n = d joins the working set. `z` is its direction, `r` what the multipliers lose, `length` that
     /// of the rest of d, not 0.
+    #[inline]
     pub(super) fn append(&mut self, d: &[f64; N], z: &[f64; N], r: &[f64; N], length: f64) {
         let q = self.len;
         // v = d2 - alpha e1 turns d2 into alpha e1; alpha has the sign that does not cancel.

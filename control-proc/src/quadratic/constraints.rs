@@ -130,6 +130,7 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
         });
     }
 
+    #[inline]
     pub(super) fn scale_of(&self, constraint: Constraint) -> f64 {
         match constraint {
             Constraint::Bound(i) => self.bound_scales[i],
@@ -137,6 +138,7 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
         }
     }
 
+    #[inline]
     pub(super) fn set(&mut self, constraint: Constraint, state: State) {
         let mask = if state == State::Open { 0.0 } else { -f64::INFINITY };
         match constraint {
@@ -156,6 +158,7 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
     }
 
     /// c, as the elements from a place on that are not zero.
+    #[inline]
     pub(super) fn normal<'a>(&self, problem: &'a Problem<N, M>, constraint: Constraint) -> (usize, &'a [f64]) {
         match constraint {
             Constraint::Bound(i) => (i, &[1.0]),

@@ -238,21 +238,25 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         Ok(())
     }
 
+    #[inline]
     fn working_set(&self) -> &[Side] {
         &self.members.sides[..self.basis.len()]
     }
 
     /// sign (limit - c'x).
+    #[inline]
     fn violation(&self, problem: &Problem<N, M>, side: &Side) -> f64 {
         side.sign * (side.limit - self.constraints.value(problem, side.constraint, &self.x))
     }
 
     /// Whether it may be rounding alone that violates this side.
+    #[inline]
     fn is_doubtful(&self, problem: &Problem<N, M>, side: &Side) -> bool {
         self.violation(problem, side) < DOUBTFUL * side.limit.abs()
     }
 
     /// Steps to the minimum under the working set and this side, without the members that this makes superfluous.
+    #[inline]
     fn take_in(&mut self, problem: &Problem<N, M>, side: Side) -> Result<(), Status> {
         let scale = self.constraints.scale_of(side.constraint);
         let (start, part) = self.constraints.normal(problem, side.constraint);
@@ -341,6 +345,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
     }
 
     /// The member whose multiplier has the wrong sign by most and by more than rounding.
+    #[inline]
     fn worst_sign(&self) -> Option<usize> {
         let mut worst = None;
         let mut most = -SIGN * self.force;
@@ -355,6 +360,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
     }
 
     /// The member whose multiplier vanishes first, before this step, if the multipliers lose r per unit of step; and when.
+    #[inline]
     fn first_to_vanish(&self, r: &[f64; N], scale: f64, full: f64) -> Option<(usize, f64)> {
         let Members { multipliers, scales, .. } = &self.members;
         let vanishes = |k: usize, step: f64| (r[k] * scales[k] > SHRINKING * scale) & (multipliers[k] < step * r[k]);

@@ -40,7 +40,7 @@ OPEN_PATIENCE_S = 5.0  # for the channels of a group that is just starting
 FIRST_PATIENCE_S = 10.0  # for its first message
 END_PATIENCE_S = 2.0  # without any message after that, the group has ended
 MAX_AXES = 8
-MODES = ["neutral", "fallback", "model", "replay"]
+MODES = ["neutral", "fallback", "model", "replay", "manual", "commission"]
 TRAINING = 1  # bit of AxisSnapshot.faults: there are no coefficients yet
 
 
@@ -93,6 +93,9 @@ class AxisCommand(ctypes.Structure):
         ("error", f64),  # m, reference - position
         ("mode", u32),  # index in MODES
         ("flags", u32),  # bits; 0 is healthy
+        ("operation", u32),  # 1 off, 2 manual, 3 hold, 4 track, 5 commission; 0 where nobody controls
+        ("refused_requests", u32),  # requests refused so far
+        ("taken_requests", u64),  # requests taken so far
         ("rejected_snapshots", u64),  # snapshots refused so far
         ("tracking", ErrorStatistics),  # m
         ("model_tracking", ErrorStatistics),  # m, over the ticks of the model-based controller
@@ -104,7 +107,7 @@ class ValveCommand(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.ValveCommand/1"
+        return "hydraxis.ValveCommand/2"
 
 
 class Coefficients(ctypes.Structure):
@@ -323,8 +326,8 @@ def choose(prefix):
 
 # --------------------------------------------------------------------------------------------------- output
 
-HEADING = ("    tick axis  position   command reference     error mode      forget innovation  a | b\n"
-           "                   mm                  mm        mm                     mm")
+HEADING = ("    tick axis  position   command reference     error mode        forget innovation  a | b\n"
+           "                   mm                  mm        mm                       mm")
 
 
 def print_axes(samples, commands, snapshots):
@@ -340,9 +343,9 @@ def print_axes(samples, commands, snapshots):
         if command:
             c = command.axes[axis]
             mode = MODES[c.mode] if c.mode < len(MODES) else "unknown"
-            columns.append(f"{c.command:+9.4f} {c.reference * 1e3:9.2f} {c.error * 1e3:+9.3f} {mode:8}")
+            columns.append(f"{c.command:+9.4f} {c.reference * 1e3:9.2f} {c.error * 1e3:+9.3f} {mode:10}")
         else:
-            columns.append(f"{'-':>9} {'-':>9} {'-':>9} {'-':8}")
+            columns.append(f"{'-':>9} {'-':>9} {'-':>9} {'-':10}")
         if snapshot is None:
             columns.append("no snapshot")
         elif snapshot.axes[axis].faults & TRAINING:

@@ -6,7 +6,8 @@ use pipeline::{
     channel::{ChannelError, Group, Reader},
     machine::Machine,
     message::{
-        CoefficientSnapshot, ControlMode, StageHealth, StageState, ValveCommand, bit_names, control_flag, model_fault,
+        AxisMode, CoefficientSnapshot, ControlMode, StageHealth, StageState, ValveCommand, bit_names, control_flag,
+        model_fault,
     },
     stage::StageKind,
 };
@@ -106,7 +107,14 @@ impl Monitor {
                 && command.mode != ControlMode::Replay as u32
             {
                 line += &format!(" {:+.1} mm {}", 1e3 * command.error, ControlMode::name(command.mode));
-                let fault = control_flag::FEEDBACK | control_flag::REFERENCE;
+                if command.operation == AxisMode::Hold as u32 {
+                    line += " hold";
+                }
+                let fault = control_flag::FEEDBACK
+                    | control_flag::REFERENCE
+                    | control_flag::REQUEST
+                    | control_flag::REQUEST_STOPPED
+                    | control_flag::SOFT_LIMIT;
                 for flag in bit_names(command.flags & fault, &control_flag::NAMES) {
                     line += &format!(" {}!", flag.to_uppercase());
                 }

@@ -8,6 +8,8 @@ mod failure;
 mod figures;
 mod identify;
 mod live;
+mod operate;
+mod operator;
 mod output;
 mod report;
 mod run;
@@ -26,6 +28,7 @@ fn main() -> ExitCode {
         cli::Command::Run(arguments) => run::run(&arguments),
         cli::Command::Simulate(arguments) => simulate::run(&arguments),
         cli::Command::Commission(arguments) => commission::run(&arguments),
+        cli::Command::Operate(arguments) => operate::run(&arguments),
         cli::Command::Identify(arguments) => identify::run(&arguments),
         cli::Command::Bench(cli::Bench::Control(arguments)) => bench::run(&arguments),
         cli::Command::Check(arguments) => check::run(&arguments),

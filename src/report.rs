@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use pipeline::{
     latency::Percentiles,
     machine::{Axis, IdentifiedOutput, Machine},
-    message::{AxisSnapshot, CoefficientSnapshot, ModelErrors, StageHealth, ValveCommand},
+    message::{AxisCommand, AxisMode, AxisSnapshot, CoefficientSnapshot, ModelErrors, StageHealth, ValveCommand},
     stage::StageKind,
     statistics::ErrorStatistics,
 };
@@ -36,7 +36,18 @@ struct AxisReport {
     tracking: Tracking,
     tracking_by_model: Tracking,
     rejected_snapshots: u64,
+    /// Where a program has operated the axis.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    operation: Option<Operation>,
     identification: Identification,
+}
+
+#[derive(Debug, Serialize)]
+struct Operation {
+    /// At the end.
+    mode: &'static str,
+    requests: u64,
+    refused_requests: u32,
 }
 
 #[derive(Debug, Serialize)]
@@ -200,6 +211,11 @@ impl Report {
             let header = ["latency", "count", "p50", "p99", "p99.9", "p99.99", "max", "beyond"];
             text += &format!("{}\n\n", table(&header, rows));
         }
+        for (name, axis) in axes() {
+            if let Some(Operation { mode, requests, refused_requests }) = &axis.operation {
+                text += &format!("{name}: {mode} after {requests} requests, {refused_requests} more refused.\n");
+            }
+        }
         for axis in machine.axes.iter().filter(|axis| self.axes[&axis.name].identification.updates == 0) {
             let training = axis.identification.training as f64 * machine.timing.period.as_secs_f64();
             text += &format!(
@@ -227,8 +243,16 @@ impl Tracking {
     }
 }
 
+impl Operation {
+    fn new(command: &AxisCommand) -> Option<Self> {
+        let AxisCommand { operation, taken_requests: requests, refused_requests, .. } = *command;
+        let mode = AxisMode::from_number(operation).map_or("unknown", AxisMode::name);
+        (requests + u64::from(refused_requests) > 0).then_some(Self { mode, requests, refused_requests })
+    }
+}
+
 impl AxisReport {
-    fn new(command: &pipeline::message::AxisCommand, snapshot: &AxisSnapshot) -> Self {
+    fn new(command: &AxisCommand, snapshot: &AxisSnapshot) -> Self {
         let (classical, adaptive) = (&snapshot.classical_errors, &snapshot.adaptive_errors);
         let model = |errors: &ModelErrors, coefficients| {
             let figures = |error: &ErrorStatistics| ErrorFigures::new(error, &snapshot.output);
@@ -243,6 +267,7 @@ impl AxisReport {
             tracking: Tracking::new(&command.tracking),
             tracking_by_model: Tracking::new(&command.model_tracking),
             rejected_snapshots: command.rejected_snapshots,
+            operation: Operation::new(command),
             identification: Identification {
                 classical: model(classical, &snapshot.classical),
                 adaptive: model(adaptive, &snapshot.adaptive),

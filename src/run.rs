@@ -48,7 +48,7 @@ pub fn run(arguments: &cli::Run) -> Result<(), Failure> {
         ticks: Some(ticks(&machine, rows, arguments.duration)?),
         seed: arguments.seed,
         // Only a simulated machine moves without being asked to.
-        arm: is_simulated,
+        arm: is_simulated && !arguments.off,
         stop: stage::stop_flag()?,
     };
     // What a killed run of this name has left; a living one is left alone.

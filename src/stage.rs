@@ -51,6 +51,19 @@ pub fn load_bare(arguments: &cli::BareMachine, scenario: Option<&str>) -> Result
     Machine::load(arguments.machine.as_deref(), &settings).map_err(Failure::usage)
 }
 
+/// The axes that were named, or all.
+pub fn axes(machine: &Machine, names: &[String]) -> Result<Vec<usize>, Failure> {
+    if names.is_empty() {
+        return Ok((0..machine.axes.len()).collect());
+    }
+    let known: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
+    if let Some(name) = names.iter().find(|name| !known.contains(&name.as_str())) {
+        return Err(Failure::Usage(format!("--axis: found \"{name}\"; allowed: one of {}", known.join(", "))));
+    }
+    let wanted = |name: &&str| names.iter().any(|other| other == *name);
+    Ok((0..known.len()).filter(|index| wanted(&known[*index])).collect())
+}
+
 /// A flag that SIGINT and SIGTERM set.
 pub fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));

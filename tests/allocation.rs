@@ -17,7 +17,7 @@ use pipeline::{
     channel::Prefix,
     hammerstein::{Basis, InputMap, Structure},
     machine::{Form, IdentifiedOutput, Machine},
-    message::CoefficientSnapshot,
+    message::{AxisMode, AxisRequest, CoefficientSnapshot, Request, ValveCommand},
     stage::{Clock, Options, StageError, StageKind},
 };
 
@@ -66,11 +66,53 @@ const STAGES: [(StageKind, Run); 4] = [
     (StageKind::ControlProc, control_proc::process::run),
 ];
 
+/// A program that changes the axes' modes all the time, with nonsense among its requests.
+struct Restless {
+    requests: pipeline::channel::Publisher<Request>,
+    commands: pipeline::channel::Reader<ValveCommand>,
+    request: Request,
+    /// Modes that the first axis was seen in.
+    seen: [bool; 6],
+}
+
+impl Restless {
+    fn join(channels: &pipeline::channel::Group) -> Self {
+        let (requests, commands) = (channels.publisher().unwrap(), channels.reader().unwrap());
+        Self { requests, commands, request: Request { session: 1, ..Request::default() }, seen: [false; 6] }
+    }
+
+    fn ask(&mut self) {
+        while let Some(command) = self.commands.read().unwrap().if_new() {
+            self.seen[command.axes[0].operation as usize] = true;
+            self.request.header.sequence = command.header.sequence;
+        }
+        let turn = self.request.header.sequence / 60;
+        self.request.header.axis_count = 4;
+        let enable = self.request.axes[0].enable + 1;
+        self.request.axes[..4].fill(AxisRequest {
+            mode: [AxisMode::Manual, AxisMode::Hold, AxisMode::Commission, AxisMode::Track, AxisMode::Off]
+                [turn as usize % 5] as u32,
+            enable,
+            command: if turn % 7 == 6 { f64::NAN } else { 0.3 * (turn as f64).sin() },
+            target: 0.6 + 0.05 * (turn as f64).sin(),
+            has_target: 1,
+            reserved: 0,
+        });
+        self.requests.send(&self.request).unwrap();
+    }
+}
+
 /// Runs all stages on threads and counts what they allocate and free between two ticks, both included.
 fn allocations(name: &str, machine: &Machine, clock: Clock, from: u64, to: u64) -> u64 {
+    allocations_with(name, machine, clock, from, to, false)
+}
+
+/// The same, while a program operates the axes.
+fn allocations_with(name: &str, machine: &Machine, clock: Clock, from: u64, to: u64, is_operated: bool) -> u64 {
     let group = TestGroup::new(name);
     let channels = group.join();
     let mut snapshots = channels.reader::<CoefficientSnapshot>().unwrap();
+    let mut operator = is_operated.then(|| Restless::join(&channels));
     let stop = Arc::new(AtomicBool::new(false));
     let threads: Vec<_> = STAGES
         .into_iter()
@@ -88,6 +130,7 @@ fn allocations(name: &str, machine: &Machine, clock: Clock, from: u64, to: u64) 
     let mut wait_until = |tick| {
         wait_for("the tick", || {
             snapshots.newest().unwrap();
+            operator.iter_mut().for_each(Restless::ask);
             snapshots.last().is_some_and(|snapshot| snapshot.header.sequence >= tick).then_some(())
         });
     };
@@ -98,6 +141,9 @@ fn allocations(name: &str, machine: &Machine, clock: Clock, from: u64, to: u64) 
     COUNTING.store(false, Ordering::Relaxed);
     let counted = ALLOCATIONS.load(Ordering::Relaxed) - before;
     stop.store(true, Ordering::Relaxed);
+    if let Some(operator) = operator {
+        assert_eq!(operator.seen, [false, true, true, true, true, true], "it was in every mode");
+    }
     for thread in threads {
         thread.join().unwrap().unwrap();
     }
@@ -145,4 +191,6 @@ fn the_stage_loops_allocate_nothing_after_start() {
     machine.axes.iter_mut().for_each(|axis| axis.identification.training = 400);
     machine.timing.feedback_timeout = Duration::from_secs(1);
     assert_eq!(allocations("realtime", &machine, Clock::RealTime, 100, 1200), 0);
+    // A program that changes the modes of all axes all the time.
+    assert_eq!(allocations_with("modes", &machine, Clock::RealTime, 100, 2000, true), 0);
 }

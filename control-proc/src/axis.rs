@@ -4,27 +4,38 @@
 //! disarmed --arm--> settling --0.2 s of healthy samples--> following --fault--> latched
 //!     ^----------------------- disarm -----------------------'------------------'
 //!
-//! while following: fallback --model judged good for 0.1 s--> model --stale, absent, refused--> fallback
+//! while following, by its mode (see [`crate::operation`]):
+//!   manual, commission: the command that is asked for, within all limits
+//!   hold, track: fallback --model judged good for 0.1 s--> model --stale, absent, refused--> fallback
 //! ```
 //!
 //! Only an axis that follows is ever commanded anything but neutral. A sample or two without a usable position are
 //! bridged: the last command stays. Three in a row, a position outside the stroke, or an encoder that stands still
 //! while the axis is driven, latch the axis at neutral until a person disarms and arms again. Trap: a latch that
 //! heals by itself moves the machine while somebody looks at why it stopped.
+//!
+//! From a command by hand to a controller: the targets begin where the axis is and as fast as it is, the fallback at the
+//! command that was, and what of that was the motion's goes as the targets come to a stand.
+
+mod modes;
 
 use std::time::Duration;
 
 use pipeline::{
     machine::{Axis, ModelChoice, Timing, samples_of},
-    message::{AxisCommand, AxisSample, AxisSnapshot, ControlMode, Reference, control_flag, sample_fault},
+    message::{
+        AxisCommand, AxisMode, AxisSample, AxisSnapshot, ControlMode, Reference, Request, control_flag, sample_fault,
+    },
     statistics::ErrorStatistics,
 };
 
 use crate::{
+    end_stops::EndStops,
     fallback::Fallback,
     history::History,
     judge::{Approved, Judge, Refusal},
     limits::Limits,
+    operation::Requests,
     predictive::Predictive,
     recent::Recent,
     reference::ReferenceGenerator,
@@ -42,6 +53,10 @@ pub const UNUSABLE_LIMIT: u64 = 3;
 /// How far a command must be beyond the calibrated dead band for a position that stands still to be a fault: the
 /// calibration is a little low on purpose, and just above the band the axis may creep below the encoder's resolution.
 pub const STUCK_MARGIN: f64 = 0.05;
+/// Shortest time in which a command by hand fades from the controller that has taken it over, s.
+const FADING: f64 = 0.1;
+/// Part of it that has gone.
+const FADED: f64 = 1e-3;
 
 /// What one axis gets for one tick.
 #[derive(Debug, Clone, Copy)]
@@ -56,6 +71,8 @@ pub struct AxisInput<'a> {
     pub snapshot: Option<(u64, &'a AxisSnapshot)>,
     /// The newest reference message, if there is one.
     pub reference: Option<&'a Reference>,
+    /// The newest request, if there is one.
+    pub request: Option<&'a Request>,
     /// The generators of all axes.
     pub generator: &'a ReferenceGenerator,
 }
@@ -72,7 +89,9 @@ enum State {
 /// The controller of one axis.
 #[derive(Debug, Clone)]
 pub struct AxisController {
+    period: f64,
     limits: Limits,
+    end_stops: EndStops,
     settling_ticks: u64,
     probation_ticks: u64,
     feedback_ticks: u64,
@@ -85,6 +104,15 @@ pub struct AxisController {
     recent: Recent,
     predictive: Predictive,
 
+    requests: Requests,
+    /// What it is operated in while it is not off.
+    mode: AxisMode,
+    /// Where to hold once it does, m.
+    goal: Option<f64>,
+    /// Requests stopped, and it is off since.
+    stopped: bool,
+    /// What is left of a command by hand that the fallback has taken over.
+    fading: f64,
     state: State,
     fallback: Fallback,
     rest: Rest,
@@ -123,7 +151,14 @@ impl AxisController {
         let (extend, retract) =
             (control.dead_band.extend.max(found.extend), control.dead_band.retract.max(found.retract));
         Self {
+            period,
             limits: Limits::new(control, period),
+            end_stops: EndStops::new(axis),
+            requests: Requests::new(index, axis, timing),
+            mode: AxisMode::Track,
+            goal: None,
+            stopped: false,
+            fading: 0.0,
             settling_ticks: ticks(SETTLING),
             probation_ticks: ticks(PROBATION),
             feedback_ticks: ticks(timing.feedback_timeout),
@@ -148,14 +183,25 @@ impl AxisController {
             compared: None,
             is_better: false,
             refused: None,
-            last: AxisCommand { flags: control_flag::DISARMED, ..AxisCommand::default() },
+            last: AxisCommand {
+                flags: control_flag::DISARMED,
+                operation: AxisMode::Off as u32,
+                ..AxisCommand::default()
+            },
         }
     }
 
-    /// Lets a disarmed axis settle and then follow. A latched one stays latched.
+    /// Lets a disarmed axis settle and then track its reference. A latched one stays latched.
     pub fn arm(&mut self) {
+        self.enable(AxisMode::Track, None);
+    }
+
+    /// The same in any mode.
+    fn enable(&mut self, mode: AxisMode, goal: Option<f64>) {
         if self.state == State::Disarmed {
             self.state = State::Settling(0);
+            (self.mode, self.goal, self.stopped) = (mode, goal, false);
+            self.last.operation = mode as u32;
             self.last.tracking = ErrorStatistics::default();
             self.last.model_tracking = ErrorStatistics::default();
             self.last.flags = control_flag::SETTLING;
@@ -165,6 +211,7 @@ impl AxisController {
     /// Neutral from the next command on; releases the latch and forgets the past.
     pub fn disarm(&mut self) {
         self.stand_still(State::Disarmed);
+        self.stopped = false;
         self.last.flags = control_flag::DISARMED;
         self.history = None;
         (self.blind, self.bridged) = (0, 0);
@@ -186,13 +233,22 @@ impl AxisController {
         if let Some(history) = &mut self.history {
             history.hold_command(input.elapsed.saturating_sub(1));
         }
+        self.take_request(input);
         let usable = self.take_feedback(input);
         let (model, model_flags) = self.take_snapshot(input.snapshot);
         match (self.state, usable) {
+            (State::Following, Some(position)) if self.mode.is_by_hand() => self.drive(input.sequence, position),
             (State::Following, Some(position)) => self.follow(input, position, model, model_flags),
             // The last command stays until the position is back or given up.
             (State::Following, None) => self.bridge(model),
             (state, _) => self.stand(state, model_flags),
+        }
+        (self.last.taken_requests, self.last.refused_requests) = self.requests.counts();
+        if self.requests.is_refused() {
+            self.last.flags |= control_flag::REQUEST;
+        } else {
+            // A command that is bridged keeps its flags.
+            self.last.flags &= !control_flag::REQUEST;
         }
         if let Some(history) = &mut self.history {
             history.push_command(self.last.command);
@@ -289,12 +345,18 @@ impl AxisController {
         self.fallback.reset();
         self.rest.reset();
         self.trust.reset();
+        self.fading = 0.0;
         self.target.begin(input.sequence, position, input.generator);
+        if self.mode == AxisMode::Hold {
+            self.target.hold(None);
+            self.goal.into_iter().for_each(|goal| self.target.aim(goal));
+        }
     }
 
     /// Makes the command of an axis that follows, from its position in m.
     fn follow(&mut self, input: &AxisInput<'_>, position: f64, model: Option<Approved<'_>>, model_flags: u32) {
         let Self { target, history, predictive, limits, .. } = self;
+        let speed_before = target.speed();
         let following = target.update(input.sequence, input.elapsed, position, input.generator, input.reference);
         let mut flags = model_flags;
         if following.refused {
@@ -322,6 +384,13 @@ impl AxisController {
         let reference = target.positions()[0];
         let error = reference - position;
         let was_model = self.last.mode == ControlMode::Model as u32;
+        let was_by_hand = [ControlMode::Manual as u32, ControlMode::Commission as u32].contains(&self.last.mode);
+        if self.fading > FADED && !was_by_hand {
+            let slower = target.speed() / speed_before;
+            let part = if slower.is_nan() { 0.0 } else { slower.min(1.0) }.max(1.0 - self.period / FADING);
+            self.fading *= part;
+            self.fallback.fade(part);
+        }
         if !self.trust.update(reference, error, was_model) {
             flags |= control_flag::MODEL_REFUSED;
             self.trusted = 0;
@@ -332,7 +401,7 @@ impl AxisController {
             _ if rests => (0.0, if wanted.is_some() { ControlMode::Model } else { ControlMode::Fallback }),
             Some(wanted) => (wanted, ControlMode::Model),
             None => {
-                if was_model {
+                if was_model || was_by_hand {
                     self.fallback.resume(self.last.command, error, target.positions());
                 }
                 (self.fallback.update(error, target.positions(), self.last.command), ControlMode::Fallback)
@@ -353,6 +422,7 @@ impl AxisController {
         self.stand_still(state);
         self.last.flags = model_flags
             | match state {
+                State::Disarmed if self.stopped => control_flag::DISARMED | control_flag::REQUEST_STOPPED,
                 State::Disarmed => control_flag::DISARMED,
                 State::Settling(_) => control_flag::SETTLING,
                 State::Latched | State::Following => control_flag::FEEDBACK,
@@ -363,6 +433,9 @@ impl AxisController {
     fn stand_still(&mut self, state: State) {
         self.state = state;
         self.trusted = 0;
+        if !matches!(state, State::Settling(_)) {
+            self.last.operation = AxisMode::Off as u32;
+        }
         self.send(0.0, ControlMode::Neutral);
         if let Some(history) = &self.history {
             self.last.reference = history.outputs()[0];

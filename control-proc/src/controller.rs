@@ -12,7 +12,8 @@ use pipeline::{
     MAX_AXES,
     machine::Machine,
     message::{
-        AxisCommand, CoefficientSnapshot, ControlMode, EncoderSample, Header, Reference, ValveCommand, control_flag,
+        AxisCommand, CoefficientSnapshot, ControlMode, EncoderSample, Header, Reference, Request, ValveCommand,
+        control_flag,
     },
 };
 
@@ -26,6 +27,7 @@ use crate::{
 pub struct Controller {
     generator: ReferenceGenerator,
     axes: Vec<AxisController>,
+    request: Option<Request>,
     last_sequence: Option<u64>,
     /// Samples in a row that were not newer than the last.
     repeated: u64,
@@ -41,6 +43,7 @@ impl Controller {
         Ok(Self {
             generator: ReferenceGenerator::new(machine)?,
             axes: axes.map(|(i, axis)| AxisController::new(i, axis, &machine.timing)).collect(),
+            request: None,
             last_sequence: None,
             repeated: 0,
         })
@@ -56,6 +59,11 @@ impl Controller {
     pub fn disarm(&mut self) {
         self.axes.iter_mut().for_each(AxisController::disarm);
         (self.last_sequence, self.repeated) = (None, 0);
+    }
+
+    /// What the axes are to do from the next sample on, the newest request there is; the same again does nothing.
+    pub fn ask(&mut self, request: &Request) {
+        self.request = Some(*request);
     }
 
     /// The samples have stopped: latches every axis at neutral until disarmed and armed again.
@@ -97,6 +105,7 @@ impl Controller {
                 snapshot: (snapshot.filter(|snapshot| within(&snapshot.header)))
                     .map(|snapshot| (snapshot.header.sequence, &snapshot.axes[i])),
                 reference,
+                request: self.request.as_ref(),
                 generator: &self.generator,
             });
         }

@@ -70,6 +70,11 @@ impl Fallback {
         self.integral = self.bounded(self.uncompensated(last) - self.kp * error - self.coming(targets));
     }
 
+    /// Forgets all but this part of the integral.
+    pub fn fade(&mut self, part: f64) {
+        self.integral *= part;
+    }
+
     /// The command for an error of `error` m and targets (m, from this tick on), after the command `last`, within the
     /// limits.
     pub fn update(&mut self, error: f64, targets: &[f64], last: f64) -> f64 {

@@ -6,6 +6,9 @@
 //! | [`axis`] | one axis: what it may do when, and who makes its command |
 //! | [`mod@reference`] | target generators: sines, ramps, trajectories |
 //! | [`trajectory`] | a trajectory's CSV file, read and refused |
+//! | [`operation`] | off, manual, hold, track, commission: requests of a person or a program, accepted or refused |
+//! | [`end_stops`] | how far a command by hand may go towards a soft limit |
+//! | [`profile`] | targets bounded in speed, acceleration and jerk |
 //! | [`target`] | from where the axis stands to what its generator asks for, without a jump |
 //! | [`channel`] | targets from another program, accepted or refused |
 //! | [`fallback`] | PI with dead-band compensation, and feed-forward where the axis is commissioned |
@@ -32,13 +35,16 @@ pub mod channel;
 pub mod commission;
 pub mod controller;
 pub mod course;
+pub mod end_stops;
 pub mod fallback;
 pub mod feedforward;
 pub mod history;
 pub mod judge;
 pub mod limits;
+pub mod operation;
 pub mod predictive;
 pub mod process;
+pub mod profile;
 pub mod quadratic;
 pub mod recent;
 pub mod reference;

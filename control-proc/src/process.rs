@@ -1,4 +1,4 @@
-//! The stage: samples, snapshots and references in, valve commands out.
+//! The stage: samples, snapshots, references and requests in, valve commands out.
 //!
 //! In real time a sample that is late by more than `feedback_timeout` makes the valves neutral, by a message that
 //! was built in advance, and latches them there. In lock-step the command of tick k is made with the snapshot of tick
@@ -7,7 +7,7 @@
 use pipeline::{
     channel::{Group, Publisher, Reader},
     machine::Machine,
-    message::{CoefficientSnapshot, EncoderSample, Reference, ValveCommand},
+    message::{CoefficientSnapshot, EncoderSample, Reference, Request, ValveCommand},
     stage::{Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage},
 };
 
@@ -27,6 +27,7 @@ struct Process {
     samples: Reader<EncoderSample>,
     snapshots: Reader<CoefficientSnapshot>,
     references: Reader<Reference>,
+    requests: Reader<Request>,
     commands: Publisher<ValveCommand>,
     waiter: Waiter,
     clock: Clock,
@@ -47,6 +48,7 @@ impl Process {
             samples: group.reader()?,
             snapshots: group.reader()?,
             references: group.reader()?,
+            requests: group.reader()?,
             commands: group.publisher()?,
             waiter: Waiter::new::<EncoderSample>(group, machine, StageKind::ControlProc, options.clock)?,
             clock: options.clock,
@@ -125,12 +127,16 @@ impl Stage for Process {
             }
         }
         self.references.newest()?;
+        if let Some(request) = self.requests.newest()?.if_new() {
+            self.core.ask(request);
+        }
         let Some(sample) = self.samples.last() else { return Ok(Next::Waiting) };
         let mut command = self.core.update(sample, self.snapshots.last(), self.references.last());
         turn.finish(&mut command.header, header.sequence, header.acquired_ns, header.acquired_ns);
         self.commands.send(&command)?;
         turn.arrive(&command.header);
         self.last_sample_ns = Some(header.acquired_ns);
+        self.lost = false;
         Ok(if turn.is_last(header.sequence) { Next::Finished } else { Next::Worked })
     }
 
@@ -143,6 +149,6 @@ impl Stage for Process {
     }
 
     fn lost(&self) -> u64 {
-        self.samples.lost() + self.snapshots.lost() + self.references.lost()
+        self.samples.lost() + self.snapshots.lost() + self.references.lost() + self.requests.lost()
     }
 }

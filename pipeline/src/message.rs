@@ -47,6 +47,10 @@ macro_rules! message {
     };
 }
 
+mod request;
+
+pub use request::{AxisMode, AxisRequest, Request};
+
 shared_struct! {
     /// What every message starts with.
     #[type_name("hydraxis.Header/1")]
@@ -140,7 +144,7 @@ message!(EncoderSample, "encoder-sample", publishers 1, buffer 256);
 
 shared_struct! {
     /// One axis of a [`ValveCommand`].
-    #[type_name("hydraxis.AxisCommand/1")]
+    #[type_name("hydraxis.AxisCommand/2")]
     pub struct AxisCommand {
         /// Valve command in [-1, 1], positive extends; made from sample `sequence` and held until the next.
         pub command: f64,
@@ -152,6 +156,12 @@ shared_struct! {
         pub mode: u32,
         /// Why the axis stands still or the model is not used, [`control_flag`] bits; 0 is healthy.
         pub flags: u32,
+        /// What the axis is operated in, an [`AxisMode`] as number; 0 where nobody controls.
+        pub operation: u32,
+        /// [`Request`] messages that were judged and refused so far.
+        pub refused_requests: u32,
+        /// The same that were taken.
+        pub taken_requests: u64,
         /// Snapshots that were judged and refused so far.
         pub rejected_snapshots: u64,
         /// Tracking error since the axis began to follow its reference, m.
@@ -173,12 +183,16 @@ pub enum ControlMode {
     Model = 2,
     /// A recording plays; nobody controls.
     Replay = 3,
+    /// A person, by [`Request`], within the limits.
+    Manual = 4,
+    /// A commissioning program, by [`Request`], within the limits.
+    Commission = 5,
 }
 
 impl ControlMode {
     /// The mode's name, or `unknown` for a number that is none.
     pub fn name(mode: u32) -> &'static str {
-        ["neutral", "fallback", "model", "replay"].get(mode as usize).unwrap_or(&"unknown")
+        ["neutral", "fallback", "model", "replay", "manual", "commission"].get(mode as usize).unwrap_or(&"unknown")
     }
 }
 
@@ -198,15 +212,31 @@ pub mod control_flag {
     pub const MODEL_STALE: u32 = 32;
     /// The newest snapshot was judged and refused.
     pub const MODEL_REFUSED: u32 = 64;
+    /// The newest request was judged and refused; the axis does what it did.
+    pub const REQUEST: u32 = 128;
+    /// Requests stopped while an axis needed them; it is off since.
+    pub const REQUEST_STOPPED: u32 = 256;
+    /// A soft limit is near: the command that was asked for would not stop before it.
+    pub const SOFT_LIMIT: u32 = 512;
 
     /// Names of the bits, lowest first.
-    pub const NAMES: [&str; 7] =
-        ["disarmed", "settling", "feedback", "reference", "no-model", "model-stale", "model-refused"];
+    pub const NAMES: [&str; 10] = [
+        "disarmed",
+        "settling",
+        "feedback",
+        "reference",
+        "no-model",
+        "model-stale",
+        "model-refused",
+        "request",
+        "request-stopped",
+        "soft-limit",
+    ];
 }
 
 shared_struct! {
     /// The valve commands of one tick: control-proc (or a recording) to plant-sim and ident-proc.
-    #[type_name("hydraxis.ValveCommand/1")]
+    #[type_name("hydraxis.ValveCommand/2")]
     pub struct ValveCommand {
         /// `sequence` names the sample that the command was made from.
         pub header: Header,

@@ -4,6 +4,8 @@ use std::{path::PathBuf, time::Duration};
 
 use clap::Args;
 
+use pipeline::channel::Prefix;
+
 use super::{
     MachineFile,
     values::{duration, positive},
@@ -15,11 +17,18 @@ use super::{
 Examples:
   hydraxis commission                                  all axes of the built-in excavator, one after another
   hydraxis commission my.toml --axis boom --out boom.toml --travel 0.3 --speed 0.15
+  hydraxis commission my.toml --prefix demo --enable   the machine of the group that `hydraxis run --prefix demo` runs
   hydraxis run my.toml --model model.toml              what to type next")]
 pub struct Commission {
     /// The machine
     #[command(flatten)]
     pub machine: MachineFile,
+    /// Commission the machine of this running group, over its channels; without it a simulated one, in one process
+    #[arg(long)]
+    pub prefix: Option<Prefix>,
+    /// Let the running group's axes move, one after another; all others are off meanwhile
+    #[arg(long, requires = "prefix")]
+    pub enable: bool,
     /// Only this axis; may be given several times
     #[arg(long = "axis", value_name = "NAME")]
     pub axes: Vec<String>,

@@ -3,6 +3,7 @@
 mod bench;
 mod commission;
 mod identify;
+mod operate;
 mod run;
 mod values;
 
@@ -11,6 +12,7 @@ use clap::{Parser, Subcommand};
 pub use bench::{Bench, BenchControl};
 pub use commission::Commission;
 pub use identify::Identify;
+pub use operate::Operate;
 pub use run::{BareMachine, MachineFile, Recording, Run, Simulate, Stage};
 pub use values::Samples;
 
@@ -35,6 +37,8 @@ pub enum Command {
     Simulate(Simulate),
     /// Find the model of every axis by a bounded experiment, and write it to a file
     Commission(Commission),
+    /// Operate the axes of a running group: off, manual, hold, track
+    Operate(Operate),
     /// Identify a Hammerstein model on a recording, offline and adaptive side by side
     Identify(Box<Identify>),
     /// Compare controllers on the simulated machine

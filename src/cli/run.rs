@@ -92,6 +92,9 @@ pub struct Run {
     /// Name of the group's channels; without it one that no other run has
     #[arg(long)]
     pub prefix: Option<Prefix>,
+    /// Let no axis move until `hydraxis operate` or `hydraxis commission` enables it
+    #[arg(long)]
+    pub off: bool,
     /// Write the figures as JSON, to a file or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,

@@ -1,12 +1,16 @@
 //! `hydraxis commission`: a bounded experiment with every axis, and a model file of what it found.
 
 mod file;
+mod live;
 mod simulated;
 
 use std::path::Path;
 
-use control_proc::commission::Options;
-use pipeline::machine::{Commissioned, Machine, Source};
+use control_proc::commission::{Options, Phase};
+use pipeline::{
+    channel::remove_leftovers,
+    machine::{Commissioned, Source},
+};
 use serde::Serialize;
 
 use crate::{
@@ -17,6 +21,7 @@ use crate::{
     table::{percent, progress, table},
 };
 use file::ModelFile;
+use live::commission_live;
 pub use simulated::commission_simulated;
 
 /// Fit below which a model is not to be trusted, percent.
@@ -27,12 +32,18 @@ const SHOWN: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
 /// Runs the command.
 pub fn run(arguments: &cli::Commission) -> Result<(), Failure> {
     let machine = stage::load(&arguments.machine)?;
-    if machine.source != Source::Sim {
+    if arguments.prefix.is_none() && machine.source != Source::Sim {
         return Err(Failure::Usage(
             "source.kind: found \"replay\"; allowed: \"sim\": a record cannot be experimented with".to_owned(),
         ));
     }
-    let axes = axes(&machine, &arguments.axes)?;
+    let axes = stage::axes(&machine, &arguments.axes)?;
+    if let Some(prefix) = arguments.prefix.as_ref().filter(|_| !arguments.enable) {
+        return Err(Failure::Usage(format!(
+            "--prefix: found \"{prefix}\", a running group, without --enable; allowed: with it: the axes are put off, and \
+             one after another is moved"
+        )));
+    }
     check::deep(&machine)?;
     let file = ModelFile::new(&arguments.out, arguments.force)?;
     let output = Output::open(arguments.json.as_deref())?;
@@ -44,14 +55,23 @@ pub fn run(arguments: &cli::Commission) -> Result<(), Failure> {
         seed: arguments.seed,
     };
     let bar = progress(1000 * axes.len() as u64, "");
-    let models = commission_simulated(&machine, &axes, arguments.seed, &options, |axis, phase, part| {
+    let show = |axis: usize, phase: Phase, part: f64| {
         let done = axes.iter().take_while(|other| **other != axis).count();
         let position = 1000 * done as u64 + (1000.0 * part) as u64;
         if position != bar.position() {
             bar.set_position(position);
             bar.set_message(format!("{}: {}", machine.axes[axis].name, phase.name()));
         }
-    });
+    };
+    let models = match &arguments.prefix {
+        None => commission_simulated(&machine, &axes, arguments.seed, &options, show),
+        Some(prefix) => {
+            let found = commission_live(&machine, &axes, prefix, stage::stop_flag()?, &options, show);
+            // The last to leave a group that has ended leaves nothing behind.
+            let _ = remove_leftovers(prefix);
+            found
+        }
+    };
     bar.finish_and_clear();
     let found: Vec<(String, Commissioned)> =
         axes.iter().map(|axis| machine.axes[*axis].name.clone()).zip(models?).collect();
@@ -79,19 +99,6 @@ fn is_poor(model: &Commissioned) -> bool {
 fn next(arguments: &cli::Commission) -> String {
     let machine = arguments.machine.bare.machine.iter().map(|machine| format!(" {}", machine.display()));
     format!("next: hydraxis run{} --model {}", machine.collect::<String>(), arguments.out.display())
-}
-
-/// The axes that were named, or all.
-fn axes(machine: &Machine, names: &[String]) -> Result<Vec<usize>, Failure> {
-    if names.is_empty() {
-        return Ok((0..machine.axes.len()).collect());
-    }
-    let known: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
-    if let Some(name) = names.iter().find(|name| !known.contains(&name.as_str())) {
-        return Err(Failure::Usage(format!("--axis: found \"{name}\"; allowed: one of {}", known.join(", "))));
-    }
-    let wanted = |name: &&str| names.iter().any(|other| other == *name);
-    Ok((0..known.len()).filter(|index| wanted(&known[*index])).collect())
 }
 
 /// What was found, for people.

@@ -2,6 +2,7 @@
 
 mod feedback;
 pub mod models;
+mod modes;
 mod motion;
 mod plant;
 mod poison;

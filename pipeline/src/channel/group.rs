@@ -26,6 +26,8 @@ const MAX_SUBSCRIBERS: usize = 16;
 const MAX_NODES: usize = 32;
 /// How long opening is tried while another process creates or removes the same channel.
 const OPEN_PATIENCE: Duration = Duration::from_secs(2);
+/// How long freeing the places of killed members is tried.
+const BURIAL_PATIENCE: Duration = Duration::from_millis(500);
 /// File in the group's folder that every member keeps locked.
 const MEMBERS: &str = "members";
 /// Attribute that holds the layout's fingerprint.
@@ -107,6 +109,12 @@ impl Group {
     /// The group's name.
     pub fn prefix(&self) -> &Prefix {
         &self.prefix
+    }
+
+    /// Frees the places on the channels that killed members still hold. Takes milliseconds: not for a stage's loop.
+    pub fn bury_the_dead(&self) {
+        // Another process may be at it as well; whoever opens a channel then sees what came of it.
+        self.node.blocking_cleanup_dead_nodes(BURIAL_PATIENCE);
     }
 
     /// Opens the channel of `M` for writing.

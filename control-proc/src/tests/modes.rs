@@ -1,0 +1,391 @@
+//! Off, manual, hold, track, commission.
+
+use pipeline::message::{AxisMode, AxisRequest, ControlMode, Request, ValveCommand, control_flag};
+use proptest::prelude::*;
+
+use super::{Loop, SINES, machine, machine_with, models::actuator, sample, snapshot};
+use crate::Controller;
+
+/// What a request may change of the command from tick to tick.
+const RATE: f64 = 0.1 + 1e-12;
+/// The same where the axis is where it should be: 2 % of the range.
+const BUMP: f64 = 0.02;
+
+/// A loop that nobody has armed, and the program that operates it.
+struct Operated {
+    axis: Loop,
+    session: u64,
+    number: u64,
+    enable: u32,
+    /// Whether there is a model.
+    is_modelled: bool,
+}
+
+impl Operated {
+    fn new() -> Self {
+        Self::of(&machine(1))
+    }
+
+    /// With a model that is right about the plant.
+    fn modelled() -> Self {
+        let mut operated = Self::new();
+        operated.axis.plant = super::plant::Actuator::new(0.6, 0.0);
+        Self { is_modelled: true, ..operated }
+    }
+
+    fn of(machine: &pipeline::machine::Machine) -> Self {
+        let mut axis = Loop::new(machine, 0.05);
+        axis.controller = Controller::new(machine).unwrap();
+        Self { axis, session: 1, number: 0, enable: 0, is_modelled: false }
+    }
+
+    /// The program's next message, made from the newest sample.
+    fn request(&mut self, mode: AxisMode, command: f64, target: Option<f64>) -> Request {
+        let mut request = Request { session: self.session, ..Request::default() };
+        request.header.axis_count = 1;
+        request.header.sequence = self.axis.sequence.saturating_sub(1);
+        request.header.number = self.number;
+        self.number += 1;
+        request.axes[0] = AxisRequest {
+            mode: mode as u32,
+            enable: self.enable,
+            command,
+            target: target.unwrap_or(0.0),
+            has_target: u32::from(target.is_some()),
+            reserved: 0,
+        };
+        request
+    }
+
+    /// One tick with a request.
+    fn ask(&mut self, mode: AxisMode, command: f64, target: Option<f64>) -> ValveCommand {
+        let request = self.request(mode, command, target);
+        self.axis.controller.ask(&request);
+        self.tick()
+    }
+
+    fn tick(&mut self) -> ValveCommand {
+        let fresh = self.is_modelled.then(|| snapshot(self.axis.sequence.saturating_sub(1), actuator()));
+        self.axis.tick(fresh.as_ref())
+    }
+
+    fn asks(&mut self, ticks: usize, mode: AxisMode, command: f64, target: Option<f64>) -> Vec<ValveCommand> {
+        (0..ticks).map(|_| self.ask(mode, command, target)).collect()
+    }
+
+    /// Enables, and goes through settling.
+    fn enable(&mut self, mode: AxisMode) {
+        self.ask(mode, 0.0, None);
+        self.enable += 1;
+        let settled = self.asks(22, mode, 0.0, None);
+        assert!(settled[..20].iter().all(|command| command.axes[0].command == 0.0), "settling is neutral");
+        assert_eq!(settled[21].axes[0].operation, mode as u32);
+        assert_eq!(settled[21].axes[0].flags & (control_flag::SETTLING | control_flag::DISARMED), 0);
+    }
+
+    fn is_off(&mut self) -> bool {
+        let axis = self.axis.controller.neutral(0).axes[0];
+        axis.operation == AxisMode::Off as u32 && axis.flags & control_flag::DISARMED != 0
+    }
+}
+
+#[test]
+fn nothing_moves_before_an_enable() {
+    for mode in [AxisMode::Manual, AxisMode::Hold, AxisMode::Track, AxisMode::Commission] {
+        let mut axis = Operated::new();
+        // A program that comes with a number of its own, whatever it is, has not enabled.
+        axis.enable = 7;
+        let by_hand = if mode.is_by_hand() { 0.5 } else { 0.0 };
+        for command in axis.asks(300, mode, by_hand, Some(0.9)) {
+            assert_eq!((command.axes[0].command, command.axes[0].operation), (0.0, AxisMode::Off as u32));
+            assert_ne!(command.axes[0].flags & control_flag::DISARMED, 0);
+        }
+        axis.enable(mode);
+        axis.asks(50, mode, by_hand, Some(0.9));
+        assert!(axis.axis.plant.position != 0.6, "{mode:?} moves once it is enabled");
+    }
+}
+
+#[test]
+fn an_edge_counts_only_within_a_session_and_between_messages_in_a_row() {
+    // Another program with another number, its first message or one that it has sent since.
+    let mut axis = Operated::new();
+    for (session, number) in [(2, 0), (3, 100)] {
+        axis.asks(5, AxisMode::Manual, 0.5, None);
+        (axis.session, axis.number) = (session, number);
+        axis.enable += 1;
+        axis.asks(30, AxisMode::Manual, 0.5, None);
+        assert!(axis.is_off());
+    }
+    // The same after a pause that is longer than the time-out.
+    axis.axis.run(12, None);
+    axis.enable += 1;
+    axis.asks(30, AxisMode::Manual, 0.5, None);
+    assert!(axis.is_off());
+    // An edge in a message that is refused.
+    axis.enable += 1;
+    axis.ask(AxisMode::Manual, f64::NAN, None);
+    axis.asks(30, AxisMode::Manual, 0.5, None);
+    assert!(axis.is_off());
+    axis.enable += 1;
+    axis.asks(30, AxisMode::Manual, 0.5, None);
+    assert!(!axis.is_off());
+}
+
+#[test]
+fn an_old_message_moves_nothing_however_often_it_comes() {
+    let mut axis = Operated::new();
+    axis.ask(AxisMode::Manual, 0.5, None);
+    let before = axis.request(AxisMode::Manual, 0.5, None);
+    axis.enable = 1;
+    let mut edge = axis.request(AxisMode::Manual, 0.5, None);
+    axis.axis.run(11, None);
+    for k in 0..100 {
+        let old = if k % 2 == 0 { before } else { edge };
+        axis.axis.controller.ask(&old);
+        assert_eq!(axis.axis.tick(None).axes[0].command, 0.0);
+    }
+    // Nor does one that claims to be of a time to come.
+    edge.header.sequence += 1000;
+    edge.header.number += 10;
+    axis.axis.controller.ask(&edge);
+    axis.axis.run(30, None);
+    assert!(axis.is_off());
+}
+
+#[test]
+fn a_controller_that_starts_again_comes_up_off() {
+    let mut axis = Operated::new();
+    axis.enable(AxisMode::Manual);
+    axis.asks(50, AxisMode::Manual, 0.3, None);
+    axis.axis.controller = Controller::new(&machine(1)).unwrap();
+    for command in axis.asks(100, AxisMode::Manual, 0.3, None) {
+        assert_eq!(command.axes[0].command, 0.0);
+    }
+    assert!(axis.is_off());
+    axis.enable(AxisMode::Manual);
+    assert!(axis.ask(AxisMode::Manual, 0.3, None).axes[0].command > 0.0);
+}
+
+#[test]
+fn manual_is_the_command_within_its_limits_and_stops_with_its_program() {
+    // The commissioning's command is neutral after three periods, the feedback's time-out; both are off after 0.1 s.
+    for (mode, lasts, who) in
+        [(AxisMode::Manual, 10, ControlMode::Manual), (AxisMode::Commission, 3, ControlMode::Commission)]
+    {
+        let mut axis = Operated::new();
+        axis.enable(mode);
+        let commands = axis.asks(20, mode, 0.3, None);
+        let expected = [0.1, 0.2, 0.3, 0.3];
+        for (command, expected) in commands.iter().zip(expected) {
+            assert!((command.axes[0].command - expected).abs() < 1e-12, "{}", command.axes[0].command);
+            assert_eq!((command.axes[0].mode, command.axes[0].flags), (who as u32, 0));
+        }
+        // The last message was made from the sample before the last.
+        let after = axis.axis.run(30, None);
+        let first = |is: fn(&&ValveCommand) -> bool| after.iter().take_while(|command| !is(command)).count();
+        assert_eq!(first(|command| command.axes[0].command == 0.0), lasts - 1, "{mode:?}");
+        assert_eq!(first(|command| command.axes[0].operation == AxisMode::Off as u32), 9, "{mode:?}");
+        assert_ne!(after[29].axes[0].flags & control_flag::REQUEST_STOPPED, 0);
+        // What comes again moves nothing.
+        assert!(axis.asks(50, mode, 0.3, None).iter().all(|command| command.axes[0].command == 0.0));
+        axis.enable(mode);
+    }
+}
+
+#[test]
+fn a_soft_limit_is_not_overrun_by_hand() {
+    for (command, limit) in [(1.0, 1.284), (-1.0, 0.05)] {
+        let mut axis = Operated::new();
+        axis.enable(AxisMode::Manual);
+        let mut farthest = 0.6;
+        for sent in axis.asks(3000, AxisMode::Manual, command, None) {
+            farthest = axis.axis.plant.position;
+            assert!(sent.axes[0].command * command >= 0.0);
+        }
+        let beyond = (farthest - limit) * command;
+        assert!((-0.02..=0.002).contains(&beyond), "{} mm", 1e3 * beyond);
+        let sent = axis.ask(AxisMode::Manual, command, None).axes[0];
+        assert_ne!(sent.flags & control_flag::SOFT_LIMIT, 0);
+        // Away from it is free.
+        let sent = axis.asks(5, AxisMode::Manual, -0.4 * command, None)[4].axes[0];
+        assert_eq!((sent.command, sent.flags), (-0.4 * command, 0));
+    }
+}
+
+#[test]
+fn hold_goes_to_its_target_and_stays() {
+    let mut axis = Operated::modelled();
+    axis.enable(AxisMode::Hold);
+    assert!(axis.asks(100, AxisMode::Hold, 0.0, None).iter().all(|command| command.axes[0].command == 0.0));
+    let commands = axis.asks(800, AxisMode::Hold, 0.0, Some(0.9));
+    let references: Vec<f64> = commands.iter().map(|command| command.axes[0].reference).collect();
+    let fastest = references.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
+    assert!(fastest <= 0.25 * 0.01 + 1e-12, "{fastest}");
+    assert_eq!(references[799], 0.9);
+    assert!((axis.axis.plant.position - 0.9).abs() < 1e-3, "{}", axis.axis.plant.position);
+    // It needs no requests to go on.
+    let after: Vec<_> = (0..300).map(|_| axis.tick().axes[0]).collect();
+    assert_eq!((after[299].operation, after[299].mode), (AxisMode::Hold as u32, ControlMode::Model as u32));
+    assert!((axis.axis.plant.position - 0.9).abs() < 1e-3);
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_counted_and_shown_and_changes_nothing() {
+    let mut axis = Operated::new();
+    axis.enable(AxisMode::Hold);
+    axis.asks(400, AxisMode::Hold, 0.0, Some(0.7));
+    let wrong: [fn(&mut Request); 12] = [
+        |request| request.axes[0].target = f64::NAN,
+        |request| request.axes[0].target = f64::INFINITY,
+        |request| request.axes[0].target = 1.2841,
+        |request| request.axes[0].target = 0.0499,
+        |request| request.axes[0].has_target = 2,
+        |request| request.axes[0].command = f64::NAN,
+        |request| request.axes[0].command = 1.01,
+        |request| request.axes[0].mode = 6,
+        |request| request.axes[0].mode = u32::MAX,
+        |request| request.header.axis_count = 0,
+        |request| request.header.axis_count = 9,
+        |request| request.header.sequence -= 20,
+    ];
+    for (i, spoil) in wrong.into_iter().enumerate() {
+        let mut request = axis.request(AxisMode::Manual, 0.5, Some(0.8));
+        spoil(&mut request);
+        axis.axis.controller.ask(&request);
+        for _ in 0..3 {
+            let command = axis.axis.tick(None).axes[0];
+            assert_ne!(command.flags & control_flag::REQUEST, 0, "{i}");
+            assert_eq!(command.refused_requests, i as u32 + 1);
+            assert_eq!((command.operation, command.reference), (AxisMode::Hold as u32, 0.7), "{i}");
+        }
+        // One that is sound is taken again.
+        let command = axis.ask(AxisMode::Hold, 0.0, Some(0.7)).axes[0];
+        assert_eq!((command.flags & control_flag::REQUEST, command.refused_requests), (0, i as u32 + 1));
+    }
+}
+
+#[test]
+fn off_is_neutral_at_once_and_wants_an_enable() {
+    for mode in [AxisMode::Manual, AxisMode::Hold, AxisMode::Track, AxisMode::Commission] {
+        let mut axis = Operated::new();
+        axis.enable(mode);
+        axis.asks(60, mode, 0.3, Some(0.9));
+        assert_eq!(axis.ask(AxisMode::Off, 0.0, None).axes[0].command, 0.0);
+        assert!(axis.is_off());
+        assert!(axis.asks(60, mode, 0.3, Some(0.9)).iter().all(|command| command.axes[0].command == 0.0));
+    }
+}
+
+#[test]
+fn a_fault_latches_in_every_mode_until_off_and_an_enable() {
+    for mode in [AxisMode::Manual, AxisMode::Hold, AxisMode::Track, AxisMode::Commission] {
+        let mut axis = Operated::new();
+        axis.enable(mode);
+        axis.asks(60, mode, 0.3, Some(0.9));
+        axis.axis.controller.feedback_lost();
+        // Neither going on nor an edge alone.
+        axis.asks(30, mode, 0.3, None);
+        axis.enable += 1;
+        for command in axis.asks(60, mode, 0.3, None) {
+            assert_eq!(command.axes[0].command, 0.0);
+            assert_ne!(command.axes[0].flags & control_flag::FEEDBACK, 0);
+        }
+        axis.ask(AxisMode::Off, 0.0, None);
+        assert!(axis.is_off());
+        axis.enable(mode);
+    }
+}
+
+#[test]
+fn armed_axes_track_and_take_requests() {
+    let mut axis = Operated::modelled();
+    axis.axis.controller.arm();
+    assert_eq!((0..50).map(|_| axis.tick().axes[0].operation).max(), Some(AxisMode::Track as u32));
+    axis.ask(AxisMode::Hold, 0.0, Some(0.8));
+    (0..600).for_each(|_| _ = axis.tick());
+    assert!((axis.axis.plant.position - 0.8).abs() < 1e-3);
+}
+
+#[test]
+fn an_axis_asked_for_nothing_does_what_it_did() {
+    let mut plain = Loop::new(&machine(1), 0.05);
+    let mut asked = Operated::new();
+    asked.axis.controller.arm();
+    for (one, other) in plain.run(600, None).iter().zip(asked.asks(600, AxisMode::Unchanged, 0.0, None)) {
+        assert_eq!(one.axes[0].command.to_bits(), other.axes[0].command.to_bits());
+    }
+}
+
+/// From a motion by hand the axis comes to a stand where its targets do, and is not carried on.
+#[test]
+fn a_motion_by_hand_is_braked() {
+    for (next, command) in [(AxisMode::Hold, 0.4), (AxisMode::Track, -0.4)] {
+        let mut axis = Operated::of(&machine_with(SINES, "kind = \"hold\"\n"));
+        axis.enable(AxisMode::Manual);
+        let last = axis.asks(80, AxisMode::Manual, command, None)[79].axes[0].command;
+        let from = axis.axis.plant.position;
+        let commands = axis.asks(400, next, 0.0, None);
+        assert!((commands[0].axes[0].command - last).abs() <= BUMP, "{} after {last}", commands[0].axes[0].command);
+        let errors = commands.iter().map(|command| command.axes[0].error.abs()).fold(0.0, f64::max);
+        assert!(errors < 0.02, "{errors} m behind");
+        let way = (axis.axis.plant.position - from) * command.signum();
+        assert!((0.02..0.15).contains(&way), "{way} m");
+        assert_eq!(commands[399].axes[0].command, 0.0);
+    }
+}
+
+proptest! {
+    /// Modes in any order, at any time, with the model and without it.
+    #[test]
+    fn no_change_of_mode_bumps(
+        steps in prop::collection::vec((1u32..6, -1.0f64..1.0, prop::option::of(0.05f64..1.284), 1usize..150), 1..12),
+        by_model: bool,
+    ) {
+        let mut axis = if by_model { Operated::modelled() } else { Operated::new() };
+        axis.enable(AxisMode::Hold);
+        let (mut last, mut before) = (0.0, AxisMode::Hold);
+        for (mode, command, target, ticks) in steps {
+            let mode = AxisMode::from_number(mode).unwrap();
+            if axis.is_off() && mode != AxisMode::Off {
+                axis.enable(mode);
+                (last, before) = (0.0, mode);
+            }
+            for k in 0..ticks {
+                let sent = axis.ask(mode, command, target).axes[0];
+                let step = (sent.command - last).abs();
+                prop_assert!(sent.command.is_finite() && sent.command.abs() <= 1.0);
+                // Down to neutral, and where a soft limit is near, a command may go at once.
+                let stops = sent.command == 0.0 || sent.flags & control_flag::SOFT_LIMIT != 0;
+                // A commissioning's other direction begins at neutral.
+                let turns = mode == AxisMode::Commission && sent.command.abs() <= RATE;
+                prop_assert!(step <= RATE || stops || turns, "{before:?} to {mode:?}: {step}");
+                let (to, from) = (mode as u32, before);
+                if k == 0 && to != from as u32 && !mode.is_by_hand() && mode != AxisMode::Off && !stops {
+                    // The share of the error that is there anyhow is the controller's, not the change's.
+                    let bound = if from.is_by_hand() { BUMP } else { RATE };
+                    prop_assert!(step <= bound, "{from:?} to {mode:?}: {step} at an error of {}", sent.error);
+                }
+                last = sent.command;
+            }
+            before = mode;
+        }
+    }
+}
+
+#[test]
+fn every_axis_has_a_mode_of_its_own() {
+    let mut controller = Controller::new(&machine(2)).unwrap();
+    let ask = |k: u64, enable| {
+        let mut request = Request { session: 1, ..Request::default() };
+        (request.header.sequence, request.header.number, request.header.axis_count) = (k, k, 2);
+        request.axes[1] = AxisRequest { mode: AxisMode::Manual as u32, enable, command: 0.3, ..AxisRequest::default() };
+        request
+    };
+    for k in 0..60 {
+        controller.ask(&ask(k, u32::from(k > 1)));
+        let command = controller.update(&sample(k, &[0.6, 0.6]), None, None);
+        assert_eq!((command.axes[0].command, command.axes[0].operation), (0.0, AxisMode::Off as u32));
+        assert_eq!(command.axes[1].command != 0.0, k >= 22, "{k}");
+    }
+}

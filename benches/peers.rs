@@ -6,20 +6,21 @@
 //! [`RecursiveLeastSquares`], on which all of our estimators stand. Last comes a whole axis, sample by sample
 //! ([`axis`]).
 
+mod arguments;
 mod axis;
 mod data;
 mod figures;
 mod floors;
 
-use std::{array::from_fn, fs, hint::black_box, path::PathBuf, time::Instant};
+use std::{array::from_fn, fs, hint::black_box, time::Instant};
 
-use clap::Parser;
 use flight_solver::{cls::VecN, rls::InverseQrRls};
 use ident_proc::{estimator::Estimator, recursive::RecursiveLeastSquares, triangle::Triangle};
 use nalgebra::{DMatrix, DVector, DVectorView, SMatrix, SVector};
 use pipeline::machine::Fuzzy;
 use serde_json::{Value, json};
 
+use arguments::Arguments;
 use figures::{Figures, head};
 use floors::{Packed, Tiles};
 
@@ -37,19 +38,6 @@ const OURS: &str = "RecursiveLeastSquares";
 const FLIGHT_SOLVER: &str = "flight-solver QR, f32";
 /// Initial covariance of those that start from nothing; forgotten long before the first timed sample.
 const VAGUE: f64 = 100.0;
-
-#[derive(Parser)]
-struct Arguments {
-    /// Few samples: shows that everything works, not how fast.
-    #[arg(long, visible_alias = "test")]
-    quick: bool,
-    /// Writes the figures here as well.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Sent by cargo.
-    #[arg(long, hide = true)]
-    bench: bool,
-}
 
 /// One row of the regression, in the types of all contestants.
 struct Row<const N: usize> {
@@ -245,7 +233,7 @@ fn figure(figures: &[Value], n: usize, name: &str, key: &str) -> f64 {
 }
 
 fn main() {
-    let arguments = Arguments::parse();
+    let arguments = Arguments::read();
     let (samples, axis_samples) = if arguments.quick { (50, 500) } else { (10_000, 10_000) };
     let before = load();
     let figures = [compare::<5>(samples), compare::<15>(samples), compare::<40>(samples)].concat();

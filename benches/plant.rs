@@ -4,29 +4,17 @@
 //! that a busy machine disturbs all alike. Ratios are to the built-in machine with its four axes when nothing changes;
 //! the last column is how many times faster than real time it is, by the mean.
 
+mod arguments;
 mod figures;
 
-use std::{fs, hint::black_box, path::PathBuf, time::Instant};
+use std::{fs, hint::black_box, time::Instant};
 
-use clap::Parser;
 use pipeline::{machine::Machine, message::ValveCommand};
 use plant_sim::PlantSim;
 use serde_json::json;
 
+use arguments::Arguments;
 use figures::{Figures, head};
-
-#[derive(Parser)]
-struct Arguments {
-    /// Few samples: shows that everything works, not how fast.
-    #[arg(long, visible_alias = "test")]
-    quick: bool,
-    /// Writes the figures here as well.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Sent by cargo.
-    #[arg(long, hide = true)]
-    bench: bool,
-}
 
 /// The built-in machine under a scenario, with so many axes: the first ones, or all and the first ones again.
 fn machine(scenario: &str, axes: usize) -> Machine {
@@ -44,8 +32,7 @@ struct Contestant {
 }
 
 fn main() {
-    let arguments = Arguments::parse();
-    let _ = arguments.bench;
+    let arguments = Arguments::read();
     let samples = if arguments.quick { 200 } else { 20_000 };
     let cases = [("nominal", 4), ("nominal", 1), ("nominal", 8), ("cold-start", 4), ("everything", 4)];
     let mut contestants = cases.map(|(scenario, axes)| {

@@ -64,14 +64,20 @@ pub struct Group {
 
 impl Group {
     /// The axes at rest: at their initial positions, valves shut, loads held. There are 1 to 4, numbered from `first`;
-    /// dead times are rounded to whole steps of `step` s.
-    pub fn new(axes: &[(&Axis, &Plant)], first: usize, hydraulics: &Hydraulics, at: &[Conditions], step: f64) -> Self {
+    /// `of` gives the conditions of an axis of the machine; dead times are rounded to whole steps of `step` s.
+    pub fn new(
+        axes: &[(&Axis, &Plant)],
+        first: usize,
+        hydraulics: &Hydraulics,
+        of: impl Fn(usize) -> Conditions,
+        step: f64,
+    ) -> Self {
         let models: [AxisModel; LANES] = std::array::from_fn(|lane| {
             let index = if lane < axes.len() { lane } else { 0 };
             let (axis, plant) = axes[index];
             AxisModel { plant: plant.clone(), stroke: axis.stroke, index: first + index }
         });
-        let conditions = std::array::from_fn(|lane| at[models[lane].index]);
+        let conditions = std::array::from_fn(|lane| of(models[lane].index));
         let cylinders = cylinders(&models, hydraulics, &conditions);
         let at_rest: [[f64; 3]; LANES] = std::array::from_fn(|lane| {
             let position = models[lane].plant.initial_position;
@@ -100,6 +106,11 @@ impl Group {
             sum: [Lanes::ZERO; 5],
             edges: Edges::default(),
         }
+    }
+
+    /// The conditions of the first axis.
+    pub fn first_conditions(&self) -> Conditions {
+        self.conditions[0]
     }
 
     /// Takes the parameters to other conditions; `of` gives those of an axis of the machine.

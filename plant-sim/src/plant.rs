@@ -69,8 +69,6 @@ pub struct PlantSim {
     scenario: Scenario,
     /// Model time after which the scenario changes nothing more.
     changes_end_ns: u64,
-    /// Of every axis at this time.
-    conditions: Vec<Conditions>,
     states: Vec<AxisState>,
     supply_pressure: f64,
     encoders: Vec<NoisyEncoder>,
@@ -109,31 +107,30 @@ impl PlantSim {
         }
         let (scenario, step) = (machine.scenario.clone(), seconds(step_ns));
         let mut axes = Vec::with_capacity(count);
-        let mut encoders = Vec::with_capacity(count);
-        for (index, axis) in machine.axes.iter().enumerate() {
-            let name = || axis.name.clone();
-            let plant = axis.plant.as_ref().ok_or_else(|| PlantError::NoPlant { axis: name() })?;
-            let hydraulics = machine.hydraulics.as_ref().ok_or(PlantError::NoHydraulics)?;
-            let rate = fastest_rate(axis, plant, hydraulics, &scenario.changes, index);
-            let limit = STABILITY_LIMIT / step;
-            if rate > limit {
-                return Err(PlantError::TooStiff { axis: name(), rate, limit });
-            }
+        for axis in &machine.axes {
+            let plant = axis.plant.as_ref().ok_or_else(|| PlantError::NoPlant { axis: axis.name.clone() })?;
             axes.push((axis, plant));
-            encoders.push(NoisyEncoder::new(axis.encoder.resolution, plant.encoder_noise, seed, index));
         }
         let hydraulics = machine.hydraulics.ok_or(PlantError::NoHydraulics)?;
-        let conditions: Vec<Conditions> =
-            (0..count).map(|index| Conditions::at(&scenario.changes, &hydraulics.oil, index, 0.0)).collect();
+        let mut encoders = Vec::with_capacity(count);
+        for (index, (axis, plant)) in axes.iter().enumerate() {
+            let rate = fastest_rate(axis, plant, &hydraulics, &scenario.changes, index);
+            let limit = STABILITY_LIMIT / step;
+            if rate > limit {
+                return Err(PlantError::TooStiff { axis: axis.name.clone(), rate, limit });
+            }
+            encoders.push(NoisyEncoder::new(axis.encoder.resolution, plant.encoder_noise, seed, index));
+        }
+        let at_begin = |index| Conditions::at(&scenario.changes, &hydraulics.oil, index, 0.0);
         let groups = axes.chunks(LANES).enumerate();
-        let groups = groups.map(|(i, axes)| Group::new(axes, i * LANES, &hydraulics, &conditions, step)).collect();
+        let groups: Vec<Group> =
+            groups.map(|(i, axes)| Group::new(axes, i * LANES, &hydraulics, at_begin, step)).collect();
         let mut plant = Self {
+            supply: supply(&hydraulics, &groups),
             groups,
-            supply: supply(&hydraulics, &conditions),
             hydraulics,
             changes_end_ns: changes_end_ns(&scenario),
             scenario,
-            conditions,
             states: Vec::with_capacity(count),
             supply_pressure: hydraulics.supply.pressure,
             encoders,
@@ -169,6 +166,7 @@ impl PlantSim {
             self.commands.fill(0.0);
             self.step(steps - driven);
         }
+        self.observe();
     }
 
     fn step(&mut self, steps: u64) {
@@ -180,18 +178,15 @@ impl PlantSim {
             runge_kutta(&mut self.groups, &self.commands, &self.supply, step);
             self.time_ns += self.step_ns;
         }
-        self.observe();
     }
 
     fn change_conditions(&mut self, step: f64) {
         let time = seconds(self.time_ns);
-        for (index, conditions) in self.conditions.iter_mut().enumerate() {
-            *conditions = Conditions::at(&self.scenario.changes, &self.hydraulics.oil, index, time);
-        }
+        let now = |index| Conditions::at(&self.scenario.changes, &self.hydraulics.oil, index, time);
         for group in &mut self.groups {
-            group.apply(|index| self.conditions[index], &self.hydraulics, step);
+            group.apply(now, &self.hydraulics, step);
         }
-        self.supply = supply(&self.hydraulics, &self.conditions);
+        self.supply = supply(&self.hydraulics, &self.groups);
     }
 
     /// Notes what can be seen from outside.
@@ -238,9 +233,9 @@ impl PlantSim {
 }
 
 /// The pump; its conditions are the same for all axes.
-fn supply(hydraulics: &Hydraulics, conditions: &[Conditions]) -> Supply {
-    let of = conditions.first().unwrap_or(&Conditions::NOMINAL);
-    Supply { pressure: hydraulics.supply.pressure * of.supply_pressure, flow: hydraulics.supply.flow * of.pump_flow }
+fn supply(hydraulics: &Hydraulics, groups: &[Group]) -> Supply {
+    let at = groups.first().map_or(Conditions::NOMINAL, Group::first_conditions);
+    Supply { pressure: hydraulics.supply.pressure * at.supply_pressure, flow: hydraulics.supply.flow * at.pump_flow }
 }
 
 /// The first time at which conditions are taken and every change has ended.

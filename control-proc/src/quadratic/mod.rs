@@ -29,7 +29,7 @@ mod basis;
 mod constraints;
 
 use basis::{Basis, add, dot};
-use constraints::{Constraint, Constraints, ROUNDING, Side, State};
+use constraints::{Constraint, Constraints, ROUNDING, Side, State, largest};
 
 /// A violation below this part of the limit is looked at again after refinement: on the way from a minimum far away x
 /// has lost digits, and among constraints that depend on each other their rounding would take turns for ever.
@@ -109,16 +109,18 @@ pub struct Solution<const N: usize, const M: usize> {
     pub active: usize,
 }
 
-/// A member of the working set.
-#[derive(Debug, Clone, Copy)]
-struct Member {
-    side: Side,
-    scale: f64,
-    /// Not negative, unless of an equality.
-    multiplier: f64,
+/// The working set, of as many members as the basis has; beyond them numbers mean nothing, but are finite.
+#[derive(Debug, Clone)]
+struct Members<const N: usize> {
+    sides: [Side; N],
+    multipliers: [f64; N],
+    /// What a multiplier must not go below: 0, or -inf of an equality.
+    floors: [f64; N],
+    /// The scale of the constraint, or 0 of an equality: what its multiplier's sign is measured by.
+    scales: [f64; N],
 }
 
-/// The solver with its memory, to be used again and again; nothing of one problem is left for the next.
+/// The solver with its memory, to be used again and again.
 #[derive(Debug, Clone)]
 pub struct Solver<const N: usize, const M: usize> {
     /// Iterations after which no further constraint is taken in; the one in hand may still take up to N. 10 N by default.
@@ -130,8 +132,9 @@ pub struct Solver<const N: usize, const M: usize> {
     size: f64,
     /// The length of g in the norm of H^-1: how far away the unconstrained minimum is.
     force: f64,
-    /// The working set; as many of them as the basis has.
-    members: [Member; N],
+    members: Members<N>,
+    /// Members that the last solve has ended with, if it has found the minimum.
+    kept: usize,
     iterations: usize,
 }
 
@@ -152,13 +155,22 @@ impl<const N: usize, const M: usize> Solver<N, M> {
             x: [0.0; N],
             size: 0.0,
             force: 0.0,
-            members: [Member { side, scale: 0.0, multiplier: 0.0 }; N],
+            members: Members { sides: [side; N], multipliers: [0.0; N], floors: [0.0; N], scales: [0.0; N] },
+            kept: 0,
             iterations: 0,
         }
     }
 
     /// The minimum, or why there is none. The same problem always gives the same answer, bit for bit.
     pub fn solve(&mut self, problem: &Problem<N, M>) -> Solution<N, M> {
+        self.kept = 0;
+        self.resume(problem)
+    }
+
+    /// The minimum, or why there is none, beginning with the working set that the last solve has ended with: far sooner
+    /// where that is nearly the right one, as from sample to sample. What it begins with counts as no iteration. The
+    /// answer is as exact as that of [`Self::solve`], but not bit for bit the same: it depends on the problems before.
+    pub fn resume(&mut self, problem: &Problem<N, M>) -> Solution<N, M> {
         self.iterations = 0;
         let status = self.run(problem).err().unwrap_or(Status::Solved);
         let mut solution = Solution {
@@ -169,11 +181,12 @@ impl<const N: usize, const M: usize> Solver<N, M> {
             iterations: self.iterations,
             active: 0,
         };
+        self.kept = if status == Status::Solved { self.basis.len() } else { 0 };
         if matches!(status, Status::Solved | Status::IterationLimit) {
             solution.x = self.x;
             solution.active = self.basis.len();
-            for Member { side, multiplier, .. } in self.working_set() {
-                let multiplier = if side.equality { *multiplier } else { multiplier.max(0.0) };
+            for (k, side) in self.working_set().iter().enumerate() {
+                let multiplier = self.members.multipliers[k].max(self.members.floors[k]);
                 match side.constraint {
                     Constraint::Bound(i) => solution.bound_multipliers[i] = side.sign * multiplier,
                     Constraint::Row(k) => solution.row_multipliers[k] = side.sign * multiplier,
@@ -193,28 +206,22 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         self.x = self.basis.expand(&y);
         self.force = dot(&y, &y).sqrt();
         self.size = ROUNDING * self.force;
+        if self.kept > 0 {
+            self.take_up(problem);
+        }
         let mut refined = false;
         loop {
-            for (x, inverse) in self.x.iter().zip(&inverse_lengths) {
-                let size = x.abs() * inverse;
-                if size > self.size {
-                    self.size = size;
-                } else if size.is_nan() {
-                    return Err(Status::NotFinite);
-                }
-            }
-            if self.size == f64::INFINITY {
+            let mut sizes = self.x;
+            sizes.iter_mut().zip(&inverse_lengths).for_each(|(size, inverse)| *size = size.abs() * inverse);
+            // 0 times what is not finite is not a number.
+            if sizes.iter().fold(0.0, |sum, size| sum + 0.0 * size) != 0.0 {
                 return Err(Status::NotFinite);
             }
+            self.size = self.size.max(largest(&sizes));
             let worst = self.constraints.most_violated(problem, &self.x, self.size);
             match worst {
                 _ if !refined && worst.is_none_or(|side| self.is_doubtful(problem, &side)) => {
-                    self.refine(problem);
-                    while let Some(k) = self.worst_sign() {
-                        self.let_go(k);
-                        self.iterations += 1;
-                        self.refine(problem);
-                    }
+                    self.settle(problem);
                     refined = true;
                 }
                 None => break,
@@ -231,21 +238,25 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         Ok(())
     }
 
-    fn working_set(&self) -> &[Member] {
-        &self.members[..self.basis.len()]
+    #[inline]
+    fn working_set(&self) -> &[Side] {
+        &self.members.sides[..self.basis.len()]
     }
 
     /// sign (limit - c'x).
+    #[inline]
     fn violation(&self, problem: &Problem<N, M>, side: &Side) -> f64 {
         side.sign * (side.limit - self.constraints.value(problem, side.constraint, &self.x))
     }
 
     /// Whether it may be rounding alone that violates this side.
+    #[inline]
     fn is_doubtful(&self, problem: &Problem<N, M>, side: &Side) -> bool {
         self.violation(problem, side) < DOUBTFUL * side.limit.abs()
     }
 
     /// Steps to the minimum under the working set and this side, without the members that this makes superfluous.
+    #[inline]
     fn take_in(&mut self, problem: &Problem<N, M>, side: Side) -> Result<(), Status> {
         let scale = self.constraints.scale_of(side.constraint);
         let (start, part) = self.constraints.normal(problem, side.constraint);
@@ -256,12 +267,11 @@ impl<const N: usize, const M: usize> Solver<N, M> {
             let d = self.basis.project(start, part).map(|d| side.sign * d);
             let square = dot(&d[q..], &d[q..]);
             let independent = q < N && square > (INDEPENDENT * scale).powi(2);
-            let mut r = d;
-            self.basis.solve(&mut r);
+            let r = self.basis.solve(&d);
             // In the dual: to where c'x meets its limit, or to where a multiplier would change its sign.
             let full = if independent { (self.violation(problem, &side) / square).max(0.0) } else { f64::INFINITY };
-            let first = self.first_to_vanish(&r, scale);
-            let step = first.map_or(full, |(_, step)| step.min(full));
+            let first = self.first_to_vanish(&r, scale, full);
+            let step = first.map_or(full, |(_, step)| step);
             if step == f64::INFINITY {
                 if self.contradicts(&side, scale, &r) {
                     return Err(Status::Infeasible);
@@ -270,56 +280,99 @@ impl<const N: usize, const M: usize> Solver<N, M> {
                 return Ok(());
             }
             multiplier += step;
-            for (member, r) in self.members.iter_mut().zip(&r[..q]) {
-                member.multiplier -= step * r;
-                if !member.side.equality {
-                    member.multiplier = member.multiplier.max(0.0);
-                }
+            let Members { multipliers, floors, .. } = &mut self.members;
+            for ((multiplier, r), floor) in multipliers.iter_mut().zip(&r).zip(&*floors) {
+                let left = *multiplier - step * r;
+                *multiplier = if left > *floor { left } else { *floor };
             }
             let z = if independent { self.basis.direction(&d) } else { [0.0; N] };
             add(&mut self.x, step, &z);
             match first {
-                Some((k, _)) if step < full => {
-                    self.let_go(k);
-                }
-                _ => {
+                Some((k, _)) => self.let_go(k),
+                None => {
                     self.constraints.set(side.constraint, State::Held);
-                    self.members[q] = Member { side, scale, multiplier };
-                    self.basis.append(&d, &z, square.sqrt());
+                    self.members.push(q, side, scale, multiplier);
+                    self.basis.append(&d, &z, &r, square.sqrt());
                     return Ok(());
                 }
             }
         }
     }
 
+    /// Takes up the kept members with their limits of today, and steps to the minimum under them, without those whose
+    /// multipliers it gives the wrong sign.
+    fn take_up(&mut self, problem: &Problem<N, M>) {
+        let sides = self.members.sides;
+        for side in &sides[..self.kept] {
+            let (lower, upper) = match side.constraint {
+                Constraint::Bound(i) => (problem.lower[i], problem.upper[i]),
+                Constraint::Row(k) => (problem.row_lower[k], problem.row_upper[k]),
+            };
+            let limit = if side.sign > 0.0 { lower } else { upper };
+            let (q, scale) = (self.basis.len(), self.constraints.scale_of(side.constraint));
+            let (start, part) = self.constraints.normal(problem, side.constraint);
+            let d = self.basis.project(start, part).map(|d| side.sign * d);
+            let square = dot(&d[q..], &d[q..]);
+            // Written so that NaN is refused too.
+            if !(limit.is_finite() && square > (INDEPENDENT * scale).powi(2)) {
+                continue;
+            }
+            let (r, z) = (self.basis.solve(&d), self.basis.direction(&d));
+            self.constraints.set(side.constraint, State::Held);
+            self.members.push(q, Side { limit, equality: lower == upper, ..*side }, scale, 0.0);
+            self.basis.append(&d, &z, &r, square.sqrt());
+        }
+        self.x = [0.0; N];
+        self.settle(problem);
+    }
+
+    /// Refines, and lets go of members as long as one has a multiplier of the wrong sign.
+    fn settle(&mut self, problem: &Problem<N, M>) {
+        self.refine(problem);
+        while let Some(k) = self.worst_sign() {
+            self.let_go(k);
+            self.iterations += 1;
+            self.refine(problem);
+        }
+    }
+
     /// Takes the member in place `k` out of the working set.
     fn let_go(&mut self, k: usize) {
-        self.constraints.set(self.members[k].side.constraint, State::Open);
+        self.constraints.set(self.members.sides[k].constraint, State::Open);
         self.constraints.reopen();
-        self.members.copy_within(k + 1..self.basis.len(), k);
+        self.members.remove(k);
         self.basis.remove(k);
     }
 
     /// The member whose multiplier has the wrong sign by most and by more than rounding.
+    #[inline]
     fn worst_sign(&self) -> Option<usize> {
         let mut worst = None;
         let mut most = -SIGN * self.force;
-        for (k, Member { side, scale, multiplier }) in self.working_set().iter().enumerate() {
-            if !side.equality && multiplier * scale < most {
-                most = multiplier * scale;
+        for k in 0..self.basis.len() {
+            let pull = self.members.multipliers[k] * self.members.scales[k];
+            if pull < most {
+                most = pull;
                 worst = Some(k);
             }
         }
         worst
     }
 
-    /// The member whose multiplier vanishes first if the multipliers lose r per unit of step, and the step.
-    fn first_to_vanish(&self, r: &[f64; N], scale: f64) -> Option<(usize, f64)> {
+    /// The member whose multiplier vanishes first, before this step, if the multipliers lose r per unit of step; and when.
+    #[inline]
+    fn first_to_vanish(&self, r: &[f64; N], scale: f64, full: f64) -> Option<(usize, f64)> {
+        let Members { multipliers, scales, .. } = &self.members;
+        let vanishes = |k: usize, step: f64| (r[k] * scales[k] > SHRINKING * scale) & (multipliers[k] < step * r[k]);
+        // Mostly there is none, which all of them at once, without a branch, say soonest.
+        if !(0..N).fold(false, |any, k| any | vanishes(k, full)) {
+            return None;
+        }
         let mut first = None;
-        let mut shortest = f64::INFINITY;
-        for (k, (member, r)) in self.working_set().iter().zip(r).enumerate() {
-            if !member.side.equality && r * member.scale > SHRINKING * scale && member.multiplier < shortest * r {
-                shortest = member.multiplier / r;
+        let mut shortest = full;
+        for k in 0..self.basis.len() {
+            if vanishes(k, shortest) {
+                shortest = multipliers[k] / r[k];
                 first = Some((k, shortest));
             }
         }
@@ -331,9 +384,9 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         // With no r > 0 but of equalities, n'x = sum r_j n_j'x <= sum r_j b_j for all x that keep the working set.
         let (mut gap, mut size) = (side.sign * side.limit, side.limit.abs());
         for (member, r) in self.working_set().iter().zip(r) {
-            gap -= r * member.side.sign * member.side.limit;
+            gap -= r * member.sign * member.limit;
             // Where r should be 0, rounding leaves some of the ratio of the scales.
-            size += (r.abs() + scale / member.scale) * member.side.limit.abs();
+            size += (r.abs() + scale / self.constraints.scale_of(member.constraint)) * member.limit.abs();
         }
         gap > CONTRADICTION * size
     }
@@ -348,9 +401,9 @@ impl<const N: usize, const M: usize> Solver<N, M> {
             add(&mut left[i + 1..], self.x[i], &row[i + 1..]);
         }
         let mut y = [0.0; N];
-        for (k, Member { side, multiplier, .. }) in self.members[..q].iter().enumerate() {
+        for (k, side) in self.working_set().iter().enumerate() {
             let (start, part) = self.constraints.normal(problem, side.constraint);
-            add(&mut left[start..], -side.sign * multiplier, part);
+            add(&mut left[start..], -side.sign * self.members.multipliers[k], part);
             y[k] = self.violation(problem, side);
         }
         let left = self.basis.project(0, &left);
@@ -360,10 +413,23 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         self.size = ROUNDING * self.force;
         let mut gained = y;
         add(&mut gained[..q], 1.0, &left);
-        self.basis.solve(&mut gained);
-        for (member, gained) in self.members[..q].iter_mut().zip(&gained) {
-            member.multiplier += gained;
-        }
+        let gained = self.basis.solve(&gained);
+        add(&mut self.members.multipliers[..q], 1.0, &gained);
+    }
+}
+
+impl<const N: usize> Members<N> {
+    /// The member in place `q`, the first that is free.
+    fn push(&mut self, q: usize, side: Side, scale: f64, multiplier: f64) {
+        (self.sides[q], self.multipliers[q]) = (side, multiplier);
+        (self.floors[q], self.scales[q]) = if side.equality { (f64::NEG_INFINITY, 0.0) } else { (0.0, scale) };
+    }
+
+    fn remove(&mut self, k: usize) {
+        self.sides.copy_within(k + 1.., k);
+        self.multipliers.copy_within(k + 1.., k);
+        self.floors.copy_within(k + 1.., k);
+        self.scales.copy_within(k + 1.., k);
     }
 }
 

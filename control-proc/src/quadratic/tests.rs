@@ -199,6 +199,21 @@ fn neither_units_nor_the_problem_before_matter() {
     close(&[solution.x[0] / unit, solution.x[1]], &first.x);
 }
 
+#[test]
+fn a_solve_that_resumes_begins_with_the_working_set_of_the_last_one() {
+    let mut solver = Solver::new();
+    let first = solver.solve(&corner());
+    assert_eq!((first.iterations, first.active), (2, 2));
+    let again = solver.resume(&corner());
+    assert_eq!((again.status, again.iterations, again.active), (Status::Solved, 0, 2));
+    close(&again.x, &first.x);
+    // Without the limits nothing is held; then there is nothing to begin with, nor after what has no minimum.
+    assert_eq!(solver.resume(&Problem::new(identity(), [-3.0, -2.0])).active, 0);
+    assert_eq!(solver.resume(&corner()), first);
+    solver.resume(&Problem::new([[f64::NAN; 2]; 2], [1.0; 2]));
+    assert_eq!(solver.resume(&corner()), first);
+}
+
 /// Whatever a double can be, the usual among it.
 fn anything() -> impl Strategy<Value = f64> {
     prop_oneof![
@@ -244,6 +259,8 @@ proptest! {
                     prop_assert!(problem.lower[i] <= solution.x[i] && solution.x[i] <= problem.upper[i]);
                 }
             }
+            let resumed = solver.resume(&problem);
+            prop_assert!(resumed.x.iter().all(|x| x.is_finite()));
             prop_assert_eq!(solver.solve(&problem), solution);
         }
     }

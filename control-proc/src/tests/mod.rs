@@ -5,8 +5,10 @@ pub mod models;
 mod modes;
 mod motion;
 mod plant;
+mod poison;
 mod references;
 mod snapshots;
+mod table_2;
 
 use std::path::Path;
 

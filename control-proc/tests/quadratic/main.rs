@@ -87,7 +87,10 @@ impl Seen {
         solver: &mut Solver<N, M>,
         problem: &Problem<N, M>,
     ) -> Solution<N, M> {
+        // From the working set of the problem before, which among random ones is of no use at all; then from nothing.
+        let resumed = solver.resume(problem);
         let solution = solver.solve(problem);
+        self.expect_same(problem, &resumed, &solution);
         // Its tolerances are absolute where the numbers are small: it gets a gradient of 1.
         let largest = problem.gradient.iter().fold(0.0f64, |largest, g| largest.max(g.abs()));
         let mut unit = problem.clone();
@@ -126,6 +129,23 @@ impl Seen {
             _ => panic!("{}", told()),
         }
         solution
+    }
+
+    /// Both are minima: each keeps the conditions, and the costs are one.
+    fn expect_same<const N: usize, const M: usize>(
+        &self,
+        problem: &Problem<N, M>,
+        resumed: &Solution<N, M>,
+        solution: &Solution<N, M>,
+    ) {
+        let told = || format!("N = {N}, M = {M}, number {}: {resumed:?}, {solution:?}, {problem:?}", self.problems);
+        assert_eq!(resumed.status, solution.status, "{}", told());
+        if solution.status == Status::Solved {
+            let residual = residual(problem, resumed);
+            assert!(residual < 1e-8, "{residual} {}", told());
+            let ((one, parts), (two, _)) = (cost(problem, &resumed.x), cost(problem, &solution.x));
+            assert!((one - two).abs() < 1e-9 * parts, "{one} {two} {}", told());
+        }
     }
 
     fn report(&self, what: &str) {

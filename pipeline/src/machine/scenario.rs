@@ -2,8 +2,6 @@
 //!
 //! The built-in ones stand in `scenarios.toml`, in the form that a machine file uses for its own.
 
-use std::path::Path;
-
 use super::{
     MachineError,
     document::{Document, Section},
@@ -152,7 +150,7 @@ impl Scenario {
         let names = root.names();
         let scenarios = names.iter().map(|name| Self::read_one(name, root.section(name), &[])).collect();
         root.finish();
-        document.into_result(&Path::new("scenarios.toml").display().to_string(), scenarios)
+        document.into_result("scenarios.toml", scenarios)
     }
 
     fn read_one(name: &str, mut section: Section, axes: &[String]) -> Self {

@@ -1,0 +1,94 @@
+//! The controller allocates nothing while models control its axes: counted by an allocator.
+
+use std::{
+    alloc::{GlobalAlloc, Layout, System},
+    hint::black_box,
+    sync::atomic::{AtomicU64, Ordering},
+};
+
+use control_proc::Controller;
+use pipeline::{
+    hammerstein::Coefficients,
+    machine::Machine,
+    message::{CoefficientSnapshot, ControlMode, EncoderSample},
+};
+
+static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+
+/// The system's allocator, with a count of what is asked of it.
+struct Counting;
+
+// SAFETY: every call is passed on to the system's allocator as it came; counting touches no memory of the heap.
+#[allow(unsafe_code, reason = "an allocator cannot be written without")]
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// A lag and an integrator behind the dead time of the machine file: what the axes are, and what is identified.
+fn model(machine: &Machine, axis: usize) -> Coefficients {
+    let mut model = Coefficients::zero(machine.axes[axis].identification.structure);
+    // (1 - z^-1)(1 - 0.8 z^-1), or without the lag where A has one coefficient only; 0.5 m/s at full command.
+    let (a, b): (&[f64], f64) = if model.na >= 2 { (&[-1.8, 0.8], 0.2) } else { (&[-1.0], 1.0) };
+    model.a[..a.len()].copy_from_slice(a);
+    model.b[0] = b * 0.5 * machine.timing.period.as_secs_f64();
+    (model.f[0], model.g[0]) = (1.0, 1.0);
+    model
+}
+
+/// One test, since the allocator counts for the whole process. The thread that runs it is the only one at work.
+#[test]
+fn the_controller_allocates_nothing_while_models_control() {
+    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    drop(black_box(vec![1u8; 100]));
+    assert_eq!(ALLOCATIONS.load(Ordering::Relaxed) - before, 2);
+
+    let machine = Machine::load(None, &[]).unwrap();
+    let count = machine.axes.len();
+    let models: Vec<Coefficients> = (0..count).map(|axis| model(&machine, axis)).collect();
+    let mut commands: Vec<Vec<f64>> = vec![vec![0.0; 64]; count];
+    let mut outputs: Vec<[f64; 8]> =
+        machine.axes.iter().map(|axis| [0.5 * (axis.soft_limits.0 + axis.soft_limits.1); 8]).collect();
+    let mut controller = Controller::new(&machine).unwrap();
+    controller.arm();
+    let mut snapshot = CoefficientSnapshot::default();
+    snapshot.header.axis_count = count as u32;
+    for (entry, model) in snapshot.axes.iter_mut().zip(&models) {
+        (entry.adaptive, entry.classical) = (*model, *model);
+        (entry.command_low, entry.command_high) = (-1.0, 1.0);
+    }
+
+    let (mut by_model, mut allocated) = (0, 0);
+    for tick in 0..5000u64 {
+        let mut sample = EncoderSample::default();
+        (sample.header.sequence, sample.header.axis_count) = (tick, count as u32);
+        for (entry, y) in sample.axes.iter_mut().zip(&outputs) {
+            entry.position = y[0];
+        }
+        snapshot.header.sequence = tick.saturating_sub(1);
+        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let command = black_box(controller.update(black_box(&sample), Some(&snapshot), None));
+        allocated += ALLOCATIONS.load(Ordering::Relaxed) - before;
+        for (axis, entry) in command.axes[..count].iter().enumerate() {
+            by_model += u64::from(entry.mode == ControlMode::Model as u32);
+            let (u, y) = (&mut commands[axis], &mut outputs[axis]);
+            u.rotate_right(1);
+            u[0] = entry.command;
+            let model = &models[axis];
+            let next = model.predict_one(&y[..], &u[model.nk as usize - 1..]);
+            y.rotate_right(1);
+            y[0] = next;
+        }
+    }
+    assert_eq!(allocated, 0);
+    assert!(by_model > 4 * 4000, "models controlled for {by_model} ticks of axes");
+}

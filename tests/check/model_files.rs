@@ -1,0 +1,30 @@
+//! `--model`.
+
+use std::fs;
+
+use super::{
+    EXCAVATOR,
+    cli::{expect_refusal, success},
+    expect_four_axes, folder_with,
+};
+
+/// What commissioning writes, for the boom.
+const MODEL: &str = "[axis.boom.commissioned]\ndead_time = 0.02\ntime_constant = 0.05\ndead_band_extend = 0.1\n\
+                     dead_band_retract = 0.08\nopenings = [0.1, 0.3]\nspeeds_extend = [0.05, 0.2]\n\
+                     speeds_retract = [0.05, 0.2]\nfit_percent = 97.5\n";
+
+#[test]
+fn a_model_file_adds_to_the_machine_file_and_is_judged_like_it() {
+    let folder = folder_with(EXCAVATOR);
+    fs::write(folder.path().join("model.toml"), MODEL).unwrap();
+    expect_four_axes(&success(folder.path(), &["check", "m.toml", "--model", "model.toml"]));
+    fs::write(folder.path().join("model.toml"), MODEL.replace("[0.1, 0.3]", "[0.3, 0.1]")).unwrap();
+    let expected =
+        ["axis.boom.commissioned.openings: found [0.3, 0.1]; allowed: 1 to 16 rising numbers greater than 0"];
+    expect_refusal(folder.path(), &["check", "m.toml", "--model", "model.toml"], &expected);
+    fs::write(folder.path().join("model.toml"), MODEL.replace("dead_time", "deadtime")).unwrap();
+    let expected = ["axis.boom.commissioned.deadtime", "found an unknown key"];
+    expect_refusal(folder.path(), &["check", "m.toml", "--model", "model.toml"], &expected);
+    let expected = ["no.toml: found a file that cannot be read", "allowed: a model file"];
+    expect_refusal(folder.path(), &["check", "m.toml", "--model", "no.toml"], &expected);
+}

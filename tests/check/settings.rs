@@ -1,0 +1,96 @@
+//! `--set`.
+
+use super::{
+    EXCAVATOR,
+    cli::{expect_refusal, success},
+    expect_four_axes, folder_with, replaced,
+};
+
+/// `check` of the built-in machine with one setting.
+fn check_with(setting: &str) -> [&str; 3] {
+    ["check", "--set", setting]
+}
+
+#[test]
+fn settings_that_their_keys_take_are_accepted() {
+    let folder = tempfile::tempdir().unwrap();
+    for setting in [
+        "axis.boom.control.kp=3",
+        "axis.boom.forgetting=constant:0.995",
+        "axis.boom.forgetting=\"paper\"",
+        "axis.boom.forgetting=fuzzy:0.9",
+        "axis.boom.forgetting=fortescue:500",
+        "axis.boom.forgetting=directional:0.99",
+        "axis.boom.forgetting=window:500",
+        "axis.boom.forgetting=auto",
+        "axis.arm.soft_limits=[0.1, 1.4]",
+        "axis.boom.reference.sines[0].amplitude=0.01",
+        "realtime.lock_memory=true",
+        "stage.control-proc.core=3",
+    ] {
+        expect_four_axes(&success(folder.path(), &check_with(setting)));
+    }
+}
+
+#[test]
+fn a_setting_takes_the_place_of_the_value_in_the_file() {
+    let folder = folder_with(&replaced(EXCAVATOR, "period = \"10ms\"", "period = 10"));
+    let text = success(folder.path(), &["check", "m.toml", "--set", "timing.period=5ms"]);
+    assert!(text.contains("every 5ms"), "{text}");
+}
+
+#[test]
+fn the_last_of_several_settings_of_a_key_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = success(folder.path(), &["check", "--set", "timing.period=-1", "--set", "timing.period=20ms"]);
+    assert!(text.contains("every 20ms"), "{text}");
+}
+
+#[test]
+fn settings_that_their_keys_do_not_take_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for (setting, expected) in [
+        (
+            "axis.boom.control.kp=nan",
+            "axis.boom.control.kp: found nan (from the command line); allowed: a number from 0 to 10000",
+        ),
+        (
+            "axis.boom.stroke=-1",
+            "axis.boom.stroke: found -1 (from the command line); allowed: a number from 0.001 to 100 m",
+        ),
+        ("timing.period=5", "timing.period: found 5 (from the command line); allowed: a duration with its unit"),
+        ("realtime.lock_memory=yes", "realtime.lock_memory: found yes (from the command line); allowed: true or false"),
+        (
+            "axis.boom.forgetting=constant:2",
+            "axis.boom.forgetting: found constant:2 (from the command line); allowed: \"auto\", \"paper\", \"constant:L\" with L",
+        ),
+        (
+            "axis.boom.forgetting=fuzzy:1.0",
+            "axis.boom.forgetting: found fuzzy:1.0 (from the command line); allowed: \"auto\", ",
+        ),
+        ("axis.boom.forgetting=window:1", "\"window:N\" with N from 2 to 100000 samples"),
+        (
+            "axis.boom.forgetting=window:3",
+            "axis.boom.forgetting: found \"window:3\" for 5 coefficients; allowed: \"window:N\" with N from 5",
+        ),
+    ] {
+        expect_refusal(folder.path(), &check_with(setting), &[expected]);
+    }
+}
+
+#[test]
+fn a_setting_of_an_unknown_key_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for key in ["axis.boom.kq", "axis.crane.stroke", "axis.boom.reference.sines[9].phase"] {
+        let expected = format!("--set {key}: found an unknown key; allowed: a key of the machine file, not a table");
+        expect_refusal(folder.path(), &check_with(&format!("{key}=3")), &[&expected]);
+    }
+}
+
+#[test]
+fn a_setting_without_key_or_value_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for setting in ["axis.boom.control.kp", "=3"] {
+        expect_refusal(folder.path(), &check_with(setting), &["--set", setting, "allowed: KEY=VALUE"]);
+    }
+}

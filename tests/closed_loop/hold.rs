@@ -128,14 +128,14 @@ fn the_model_holds_for_a_minute_when_nothing_changes() {
 }
 
 #[test]
-#[ignore = "fails: worn valves swing by 3 mm, the boom under everything by 36 mm, others are not quiet"]
+#[ignore = "fails: with grown dead bands and worn valves it is not quiet, and the worn telescope swings by 0.9 mm"]
 fn the_model_holds_for_a_minute_in_every_scenario() {
     let wrong = hold(ModelChoice::Adaptive, &scenarios());
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
 #[test]
-#[ignore = "fails: worn valves swing by 3 mm, the bucket is not quiet"]
+#[ignore = "fails: with worn valves the arm and the bucket swing, and the bucket is 3.9 mm off under everything"]
 fn the_fallback_holds_for_a_minute_in_every_scenario() {
     let wrong = hold(ModelChoice::None, &scenarios());
     assert!(wrong.is_empty(), "{wrong:#?}");

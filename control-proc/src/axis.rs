@@ -345,6 +345,7 @@ impl AxisController {
 
     /// Makes the command of an axis that follows, from its position in m.
     fn follow(&mut self, input: &AxisInput<'_>, position: f64, model: Option<Approved<'_>>, model_flags: u32) {
+        let speed = self.speed();
         let Self { target, history, predictive, limits, .. } = self;
         let following = target.update(input.sequence, input.elapsed, position, input.generator, input.reference);
         let mut flags = model_flags;
@@ -392,7 +393,11 @@ impl AxisController {
                 (self.fallback.update(error, target.positions(), self.last.command), ControlMode::Fallback)
             }
         };
-        self.send(command, mode);
+        let stoppable = self.end_stops.apply(command, position, speed, true);
+        if stoppable != command {
+            flags |= control_flag::SOFT_LIMIT;
+        }
+        self.send(stoppable, mode);
         (self.last.reference, self.last.error, self.last.flags) = (reference, error, flags);
         if following.counts {
             self.last.tracking.push(error);

@@ -326,7 +326,8 @@ impl Predictive {
 
     /// X(0) of the best plan.
     fn first_level(&mut self) -> Option<f64> {
-        let solution = self.solver.solve(&self.problem);
+        // Most limits of a plan are those of the plan before.
+        let solution = self.solver.resume(&self.problem);
         match solution.status {
             Status::Solved => Some(solution.x[0]),
             Status::NotConvex | Status::NotFinite => None,

@@ -36,7 +36,7 @@ fn scenarios() -> Vec<Scenario> {
 }
 
 /// Holds in these scenarios; what is wrong, a line for each axis.
-fn hold(model: ModelChoice, scenarios: &[Scenario]) -> Vec<String> {
+fn hold(model: ModelChoice, scenarios: &[Scenario], is_right: fn(&Seen) -> bool) -> Vec<String> {
     let mut wrong = Vec::new();
     for scenario in scenarios {
         assert!(scenario.changes.iter().all(|change| change.end < STANDS), "{}", scenario.name);
@@ -65,7 +65,7 @@ fn hold(model: ModelChoice, scenarios: &[Scenario]) -> Vec<String> {
         for (name, seen) in names.iter().zip(&seen) {
             let told = format!("{} {name}: {}", scenario.name, seen.told());
             println!("{told}");
-            if !seen.is_steady() {
+            if !is_right(seen) {
                 wrong.push(told);
             }
         }
@@ -101,8 +101,12 @@ impl Seen {
         }
     }
 
-    fn is_steady(&self) -> bool {
+    fn is_near(&self) -> bool {
         self.lowest.abs().max(self.highest.abs()) <= NEAR
+    }
+
+    fn is_steady(&self) -> bool {
+        self.is_near()
             && self.highest - self.lowest <= 2.0 * CYCLE
             && self.neutral as f64 >= LEAST_NEUTRAL * self.ticks as f64
             && self.reversals <= MOST_REVERSALS
@@ -120,23 +124,30 @@ impl Seen {
 }
 
 #[test]
-fn the_model_holds_for_a_minute_when_nothing_changes() {
-    let nominal: Vec<Scenario> = scenarios().into_iter().filter(|scenario| scenario.changes.is_empty()).collect();
-    assert_eq!(nominal.len(), 1);
-    let wrong = hold(ModelChoice::Adaptive, &nominal);
+fn the_model_holds_for_a_minute_unless_the_valve_itself_changes() {
+    let same_valve = |scenario: &Scenario| !["dead-band-drift", "valve-wear", "everything"].contains(&&*scenario.name);
+    let scenarios: Vec<Scenario> = scenarios().into_iter().filter(same_valve).collect();
+    assert_eq!(scenarios.len(), 6);
+    let wrong = hold(ModelChoice::Adaptive, &scenarios, Seen::is_steady);
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn the_model_stays_within_a_millimetre_for_a_minute_in_every_scenario() {
+    let wrong = hold(ModelChoice::Adaptive, &scenarios(), Seen::is_near);
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
 #[test]
 #[ignore = "fails: with grown dead bands and worn valves it is not quiet, and the worn telescope swings by 0.9 mm"]
 fn the_model_holds_for_a_minute_in_every_scenario() {
-    let wrong = hold(ModelChoice::Adaptive, &scenarios());
+    let wrong = hold(ModelChoice::Adaptive, &scenarios(), Seen::is_steady);
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
 #[test]
 #[ignore = "fails: with worn valves the arm and the bucket swing, and the bucket is 3.9 mm off under everything"]
 fn the_fallback_holds_for_a_minute_in_every_scenario() {
-    let wrong = hold(ModelChoice::None, &scenarios());
+    let wrong = hold(ModelChoice::None, &scenarios(), Seen::is_steady);
     assert!(wrong.is_empty(), "{wrong:#?}");
 }

@@ -62,7 +62,7 @@ impl AxisController {
     }
 
     /// Speed of the axis, m/s.
-    fn speed(&self) -> f64 {
+    pub(super) fn speed(&self) -> f64 {
         self.history.as_ref().map_or(0.0, |history| {
             (history.outputs()[0] - history.outputs()[SPEED_TICKS]) / (SPEED_TICKS as f64 * self.period)
         })

@@ -281,9 +281,7 @@ impl Lag {
     fn solve(&mut self, n: usize) {
         if let Some(factor) = cholesky(&self.information, n) {
             let change = solved(&factor, &self.gathered, n);
-            for i in 0..n {
-                self.theta[i] += change[i];
-            }
+            self.theta.iter_mut().zip(&change[..n]).for_each(|(theta, change)| *theta += change);
             self.gathered = [0.0; MOST];
         }
     }
@@ -309,13 +307,10 @@ fn cholesky(matrix: &Matrix, n: usize) -> Option<Matrix> {
     for i in 0..n {
         for j in 0..=i {
             let rest = matrix[i][j] - dot(&factor[i][..j], &factor[j][..j]);
-            factor[i][j] = if i == j {
-                if !(rest > 0.0) {
-                    return None;
-                }
-                rest.sqrt()
-            } else {
-                rest / factor[j][j]
+            factor[i][j] = match i == j {
+                true if rest > 0.0 => rest.sqrt(),
+                true => return None,
+                false => rest / factor[j][j],
             };
         }
     }

@@ -1,0 +1,219 @@
+//! The predictive controller on processes that are a model themselves.
+
+use super::*;
+use crate::{limits::Limits, tests::models::linear};
+use pipeline::hammerstein::{Basis, Coefficients, InputMap, Structure};
+
+fn approved(model: &Coefficients) -> Approved<'_> {
+    Approved { model, range: (-1.0, 1.0) }
+}
+
+const PERIOD: f64 = 0.01;
+const ANYWHERE: (f64, f64) = (-1e9, 1e9);
+
+fn control(horizon: usize, moves: usize, move_weight: f64) -> Control {
+    let mut control = crate::tests::machine(1).axes[0].control;
+    (control.horizon, control.moves, control.move_weight) = (horizon, moves, move_weight);
+    control
+}
+
+/// Drives a process that is the model itself plus a disturbance of its output; returns outputs and commands.
+fn run(
+    model: &Coefficients,
+    mut predictive: Predictive,
+    ticks: usize,
+    target: impl Fn(usize) -> f64,
+    disturbance: impl Fn(usize) -> f64,
+) -> (Vec<f64>, Vec<f64>) {
+    let limits = Limits { magnitude: 1.0, step: 0.1 };
+    let structure = model.structure().unwrap();
+    let nonlinearity = model.nonlinearity();
+    let (mut undisturbed, mut x) = (vec![0.0; ticks], vec![0.0; ticks]);
+    let (mut outputs, mut commands) = (Vec::new(), Vec::new());
+    let mut history = History::resting(disturbance(0));
+    for k in 0..ticks {
+        for (j, a) in model.a().iter().enumerate().filter(|(j, _)| k > *j) {
+            undisturbed[k] -= a * undisturbed[k - 1 - j];
+        }
+        for (j, b) in model.b().iter().enumerate().filter(|(j, _)| k >= structure.nk + j) {
+            undisturbed[k] += b * x[k - structure.nk - j];
+        }
+        undisturbed[k] += model.drift;
+        let y = undisturbed[k] + disturbance(k);
+        history.push_output(y, 0);
+        let targets: Vec<f64> = (0..MAX_AHEAD).map(|i| target(k + i)).collect();
+        let wanted = predictive.update(&approved(model), &limits, &history, &targets).expect("a command");
+        let u = wanted;
+        history.push_command(u);
+        x[k] = nonlinearity.evaluate(u);
+        outputs.push(y);
+        commands.push(u);
+    }
+    (outputs, commands)
+}
+
+#[test]
+fn table_2_with_its_zero_outside_the_circle_is_stable_and_without_offset() {
+    for (horizon, moves) in [(10, 1), (20, 4), (31, 8), (20, 8)] {
+        let predictive = Predictive::new(&control(horizon, moves, 0.1), ANYWHERE, PERIOD);
+        let (y, u) =
+            run(&Coefficients::TABLE_2, predictive.clone(), 1500, |_| 20.0, |k| if k < 500 { 0.0 } else { 5.0 });
+        for settled in [400..500, 1400..1500] {
+            for k in settled {
+                assert!((y[k] - 20.0).abs() < 1e-6, "{horizon} {moves}: y({k}) = {}", y[k]);
+                assert!((u[k] - u[k - 1]).abs() < 1e-6, "{horizon} {moves}: u({k}) still moves");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_model_that_is_wrong_by_a_third_still_leaves_no_offset() {
+    let mut wrong = Coefficients::TABLE_2;
+    wrong.b.iter_mut().for_each(|b| *b *= 1.3);
+    wrong.a[0] += 0.01;
+    let limits = Limits { magnitude: 1.0, step: 0.1 };
+    let (process, mut predictive) = (Coefficients::TABLE_2, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD));
+    let mut history = History::resting(0.0);
+    let (mut y, mut x) = ([0.0; 4], [0.0; 3]);
+    for _ in 0..2000 {
+        y.rotate_right(1);
+        y[0] = process.predict_one(&y[1..], &x[..2]);
+        history.push_output(y[0] + 3.0, 0);
+        let u = predictive.update(&approved(&wrong), &limits, &history, &[20.0]).unwrap();
+        history.push_command(u);
+        x.rotate_right(1);
+        x[0] = process.nonlinearity().evaluate(u);
+    }
+    assert!((y[0] + 3.0 - 20.0).abs() < 1e-6, "{}", y[0]);
+}
+
+#[test]
+fn a_drift_leaves_no_offset() {
+    // Retracts by 0.2 mm per tick under its load, and needs a fifth of the full command to stay.
+    let model = Coefficients { drift: -2e-4, has_drift: 1, ..linear(&[-1.8, 0.8], &[0.001], 3) };
+    let (y, u) = run(&model, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD), 1000, |_| 0.3, |_| 0.0);
+    for k in 900..1000 {
+        assert!((y[k] - 0.3).abs() < 1e-6 && (u[k] - 0.2).abs() < 1e-4, "y({k}) = {}, u = {}", y[k], u[k]);
+    }
+}
+
+#[test]
+fn hinges_behind_a_dead_band_are_led_to_the_target() {
+    let input = InputMap { dead_band: (0.1, 0.2), basis: Basis::hinges(&[0.0, 0.3]).unwrap() };
+    let structure = Structure { na: 2, nb: 0, nk: 3, order: 2, input, ..Structure::PAPER };
+    let plain = linear(&[-1.8, 0.8], &[0.001], 3);
+    let mut model = Coefficients { a: plain.a, b: plain.b, ..Coefficients::zero(structure) };
+    (model.f[0], model.f[1], model.g[0], model.g[1]) = (0.5, 1.0, 0.8, -0.3);
+    let target = |k: usize| if k < 500 { 0.3 } else { -0.1 };
+    let (y, u) = run(&model, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD), 1000, target, |_| 0.0);
+    // At rest, the next target not yet in sight.
+    for k in (400..470).chain(900..1000) {
+        assert!((y[k] - target(k)).abs() < 1e-9, "y({k}) = {}", y[k]);
+    }
+    assert!(u.iter().all(|u| u.abs() <= 1.0));
+}
+
+#[test]
+fn a_model_of_the_highest_order_is_controlled_like_the_one_it_holds() {
+    // Poles of 0 up to order 6, as from na = 5 with an integrator.
+    let plain = linear(&[-1.8, 0.8], &[0.001], 5);
+    let six = Coefficients { na: 6, ..plain };
+    let target = |k: usize| if k < 300 { 0.4 } else { 0.1 };
+    let run = |model| run(model, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD), 600, target, |_| 0.0);
+    assert_eq!(run(&six), run(&plain));
+    // And an order 6 whose every coefficient counts is led to its target.
+    let mut full = Coefficients { na: 5, ..plain };
+    full.a[..5].copy_from_slice(&[-0.9, 0.3, -0.15, 0.06, -0.02]);
+    let full = full.integrated();
+    let (y, _) = run(&full);
+    assert!((y[270] - 0.4).abs() < 1e-6 && (y[599] - 0.1).abs() < 1e-6, "{} {}", y[270], y[599]);
+}
+
+#[test]
+fn another_model_changes_the_command_by_no_more_than_two_percent_where_the_axis_follows() {
+    let model = linear(&[-1.8, 0.8], &[0.001], 5);
+    let limits = Limits { magnitude: 1.0, step: 0.1 };
+    let others = [
+        linear(&[-1.8, 0.8], &[0.0013], 5),
+        linear(&[-1.8, 0.8], &[0.0007], 5),
+        linear(&[-1.6, 0.6], &[0.002], 5),
+        linear(&[-1.8, 0.8], &[0.001], 9),
+        Coefficients { f: [1.3, 0.0, 0.0, 0.0, 0.0], ..model },
+    ];
+    let target = |k: usize| (k as f64 - 100.0).clamp(0.0, 200.0) * 0.2 * PERIOD;
+    // On the ramp, and where it has ended.
+    for changed in [280, 500] {
+        let mut predictive = Predictive::new(&control(20, 20, 25.0), ANYWHERE, PERIOD);
+        let (mut history, mut y, mut x) = (History::resting(0.0), [0.0; 3], [0.0; 8]);
+        for k in 0..changed {
+            y.rotate_right(1);
+            y[0] = model.predict_one(&y[1..], &x[4..]);
+            history.push_output(y[0], 0);
+            let targets: Vec<f64> = (0..MAX_AHEAD).map(|i| target(k + i)).collect();
+            let as_before = |predictive: &mut Predictive, model: &Coefficients| {
+                predictive.update(&approved(model), &limits, &history, &targets).expect("a command")
+            };
+            if k + 1 == changed {
+                assert!((y[0] - target(k)).abs() < 1e-4, "{changed}: {} m off", y[0] - target(k));
+                let before = as_before(&mut predictive.clone(), &model);
+                for other in &others {
+                    let change = as_before(&mut predictive.clone(), other) - before;
+                    assert!(change.abs() <= 0.02, "{changed}: {change} by {other:?}");
+                }
+            }
+            let u = as_before(&mut predictive, &model);
+            history.push_command(u);
+            x.rotate_right(1);
+            x[0] = u;
+        }
+    }
+}
+
+#[test]
+fn an_integrator_with_dead_time_follows_a_ramp_that_it_sees_coming() {
+    // y moves 0.005 m per tick at full command, through a valve of 0.8 and 5 ticks of dead time.
+    let model = linear(&[-1.8, 0.8], &[0.001], 5);
+    let predictive = Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD);
+    let target = |k: usize| (k as f64 - 100.0).clamp(0.0, 200.0) * 0.2 * PERIOD;
+    let (y, _) = run(&model, predictive.clone(), 600, target, |_| 0.0);
+    for (k, y) in y.iter().enumerate() {
+        assert!((y - target(k)).abs() < 3e-3, "y({k}) = {y} for {}", target(k));
+    }
+    // On the ramp, the start forgotten and the end not yet in sight.
+    let worst = (220..270).map(|k| (y[k] - target(k)).abs()).fold(0.0, f64::max);
+    assert!(worst < 1e-6, "{worst}");
+}
+
+#[test]
+fn the_axis_slows_down_before_its_soft_limits_and_stops_there() {
+    // 0.6 m/s at full command, through a lag of 45 ms and 10 ticks of dead time; the target jumps beyond a limit.
+    let model = linear(&[-1.8, 0.8], &[0.6 * 0.01 * 0.2], 10);
+    let predictive = Predictive::new(&control(20, 20, 0.1), (-0.4, 0.5), PERIOD);
+    let (y, _) = run(&model, predictive, 1500, |k| if k / 300 % 2 == 0 { 0.7 } else { -0.7 }, |_| 0.0);
+    let (low, high) = y.iter().fold((0.0f64, 0.0f64), |(low, high), y| (low.min(*y), high.max(*y)));
+    println!("from {low} to {high} m");
+    assert!(low > -0.402 && high < 0.502 && low < -0.39 && high > 0.49, "from {low} to {high} m");
+}
+
+#[test]
+fn saturation_does_not_wind_up() {
+    let model = linear(&[-1.8, 0.8], &[0.001], 3);
+    let predictive = Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD);
+    // Far out of reach for 3 s, then back to where the axis is by then.
+    let (y, _) = run(&model, predictive.clone(), 500, |k| if k < 300 { 1e3 } else { 1.4 }, |_| 0.0);
+    let highest = y.iter().fold(0.0f64, |highest, y| highest.max(*y));
+    assert!(highest < y[300] + 0.1, "{highest} after {}", y[300]);
+    assert!((y[499] - 1.4).abs() < 1e-3, "{}", y[499]);
+}
+
+#[test]
+fn what_has_no_finite_answer_is_none() {
+    let mut predictive = Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD);
+    let (history, limits) = (History::resting(0.0), Limits { magnitude: 1.0, step: 0.1 });
+    assert_eq!(predictive.update(&approved(&Coefficients::default()), &limits, &history, &[1.0]), None);
+    assert_eq!(predictive.update(&approved(&linear(&[-1.0], &[0.0], 1)), &limits, &history, &[1.0]), None);
+    assert_eq!(predictive.update(&approved(&linear(&[f64::NAN], &[0.1], 1)), &limits, &history, &[1.0]), None);
+    assert_eq!(predictive.update(&approved(&Coefficients::TABLE_2), &limits, &history, &[f64::NAN]), None);
+    assert_eq!(predictive.update(&approved(&Coefficients::TABLE_2), &limits, &history, &[]), None);
+}

@@ -214,8 +214,10 @@ impl Predictive {
         let further = |[one, two]: [f64; 2], ago: usize| {
             [residual(model, &outputs[ago..], &intermediate[ago..]) - t_1 * one - t_2 * two, one]
         };
-        let new = usize::try_from(count - self.noise.taken).ok().filter(|new| AGAIN + new <= TRIED);
-        // What is older stays as the models of then explained it; after a long gap there is nothing older.
+        let new = count.checked_sub(self.noise.taken).and_then(|new| usize::try_from(new).ok());
+        let new = new.filter(|new| *new <= TRIED - AGAIN);
+        // What is older stays as the models of then explained it; after a long gap, and in another history, there is
+        // nothing older.
         let (leaving, older) = new.map_or((TRIED, [0.0; 2]), |new| (AGAIN + new, self.noise.older));
         let older = (AGAIN..leaving).rev().fold(older, further);
         let [one, two] = (0..AGAIN).rev().fold(older, further);

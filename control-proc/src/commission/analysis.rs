@@ -116,7 +116,7 @@ pub fn analyse(record: &Record) -> Result<Commissioned, AnalysisError> {
         return Err(AnalysisError::NoMotion);
     }
     let model_at = |p: &[f64; 4]| {
-        let shape = Shape::of(p, largest).filter(|_| best.1.is_finite())?;
+        let shape = Shape::of(p, largest)?;
         shape.model(&fitted.fit(&shape).1)
     };
     let mut model = model_at(&best.0).ok_or(AnalysisError::NoMotion)?;
@@ -228,7 +228,7 @@ impl Data<'_> {
             if way.is_nan() {
                 continue;
             }
-            let (from, to) = (delayed(&integrals, k, shape, period), delayed(&integrals, k + ahead, shape, period));
+            let [from, to] = [k, k + ahead].map(|k| delayed(&integrals, k, shape.dead_time, period));
             let row: [f64; COUNT] = std::array::from_fn(|j| to[j] - from[j]);
             for i in 0..COUNT {
                 if row[i] != 0.0 {
@@ -256,12 +256,6 @@ impl Data<'_> {
     fn judge(&self, model: &Commissioned) -> f64 {
         let period = self.record.period;
         let integrals = integrate(self.record, self.end, model.time_constant, |x| [model.speed(x)]);
-        let shape = Shape {
-            dead_time: model.dead_time,
-            time_constant: model.time_constant,
-            dead_band: model.dead_band,
-            span: 1.0,
-        };
         let ahead = samples(JUDGED_AHEAD, period);
         let (mut error, mut motion) = (0.0, 0.0);
         for k in self.begin..self.end.saturating_sub(ahead) {
@@ -269,8 +263,7 @@ impl Data<'_> {
             if way.is_nan() {
                 continue;
             }
-            let [from] = delayed(&integrals, k, &shape, period);
-            let [to] = delayed(&integrals, k + ahead, &shape, period);
+            let [[from], [to]] = [k, k + ahead].map(|k| delayed(&integrals, k, model.dead_time, period));
             error += (way - (to - from)).powi(2);
             motion += way * way;
         }
@@ -310,9 +303,9 @@ fn integrate<const N: usize>(
     integrals
 }
 
-/// An integral at sample `k`, one dead time earlier.
-fn delayed<const N: usize>(integrals: &[[f64; N]], k: usize, shape: &Shape, period: f64) -> [f64; N] {
-    let at = (k as f64 - shape.dead_time / period) * PARTS as f64;
+/// An integral at sample `k`, one dead time (s) earlier.
+fn delayed<const N: usize>(integrals: &[[f64; N]], k: usize, dead_time: f64, period: f64) -> [f64; N] {
+    let at = (k as f64 - dead_time / period) * PARTS as f64;
     if at <= 0.0 {
         return [0.0; N];
     }

@@ -128,7 +128,7 @@ impl Monitor {
             }
         }
         let (lost, late) = (self.last.health.iter().flatten())
-            .fold((0, 0), |(lost, late), health| (lost + health.lost, late + health.missed_deadlines));
+            .fold((0, 0), |(lost, late), health| (lost + health.lost(), late + health.missed.total()));
         Some(line + &format!(" | lost {lost} late {late}"))
     }
 }

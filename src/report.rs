@@ -6,9 +6,10 @@ use pipeline::{
     latency::Percentiles,
     machine::{Axis, IdentifiedOutput, Machine},
     message::{
-        AxisCommand, AxisMode, AxisSnapshot, CoefficientSnapshot, ModelErrors, REFUSALS, StageHealth, ValveCommand,
+        AxisCommand, AxisMode, AxisSnapshot, ChannelHealth, CoefficientSnapshot, MissedDeadlines, ModelErrors,
+        REFUSALS, StageHealth, ValveCommand,
     },
-    stage::StageKind,
+    stage::{Clock, StageKind},
     statistics::ErrorStatistics,
 };
 use serde::Serialize;
@@ -86,10 +87,33 @@ struct StageReport {
     samples: u64,
     lost: u64,
     missed_deadlines: u64,
+    missed_by_cause: MissedByCause,
+    /// In real time only: nothing is late where everybody waits.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    channels: BTreeMap<&'static str, ChannelReport>,
     implausible: u64,
     restarts: u64,
     wait_ns: Percentiles,
     work_ns: Percentiles,
+}
+
+/// Deadlines missed, by what took longest.
+#[derive(Debug, Serialize)]
+struct MissedByCause {
+    late_input: u64,
+    late_release: u64,
+    long_work: u64,
+    /// Where there was one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    last_tick: Option<u64>,
+}
+
+/// A channel as a stage has read it.
+#[derive(Debug, Serialize)]
+struct ChannelReport {
+    received: u64,
+    lost: u64,
+    longest_gap_ns: u64,
 }
 
 /// The last messages of a run, from which everything is reported.
@@ -105,7 +129,7 @@ pub struct LastMessages {
 
 impl Report {
     /// From the last messages of a run that took `wall_s`.
-    pub fn new(machine: &Machine, last: &LastMessages, wall_s: f64) -> Self {
+    pub fn new(machine: &Machine, last: &LastMessages, clock: Clock, wall_s: f64) -> Self {
         let health = |kind: StageKind| last.health[kind as usize].as_ref();
         let axes = machine.axes.iter().enumerate().map(|(i, axis)| {
             let command = last.command.map(|command| command.axes[i]).unwrap_or_default();
@@ -116,8 +140,14 @@ impl Report {
             health(kind).map(|health| {
                 let stage = StageReport {
                     samples: health.samples,
-                    lost: health.lost,
-                    missed_deadlines: health.missed_deadlines,
+                    lost: health.lost(),
+                    missed_deadlines: health.missed.total(),
+                    missed_by_cause: MissedByCause::new(&health.missed),
+                    channels: if clock == Clock::RealTime {
+                        health.channels().iter().map(|c| (c.name(), ChannelReport::new(c))).collect()
+                    } else {
+                        BTreeMap::new()
+                    },
                     implausible: health.implausible,
                     // A stage that ends before its time ends the run: none is ever started again.
                     restarts: 0,
@@ -238,6 +268,21 @@ impl Report {
             self.lost()
         );
         text
+    }
+}
+
+impl MissedByCause {
+    fn new(missed: &MissedDeadlines) -> Self {
+        let MissedDeadlines { late_input, late_release, long_work, .. } = *missed;
+        let last_tick = (missed.total() > 0).then_some(missed.last_tick);
+        Self { late_input, late_release, long_work, last_tick }
+    }
+}
+
+impl ChannelReport {
+    fn new(channel: &ChannelHealth) -> Self {
+        let ChannelHealth { received, lost, longest_gap_ns, .. } = *channel;
+        Self { received, lost, longest_gap_ns }
     }
 }
 

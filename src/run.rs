@@ -2,7 +2,7 @@
 
 use std::{
     io::IsTerminal,
-    sync::atomic::Ordering,
+    sync::{Arc, atomic::Ordering},
     thread::sleep,
     time::{Duration, Instant},
 };
@@ -50,6 +50,7 @@ pub fn run(arguments: &cli::Run) -> Result<(), Failure> {
         // Only a simulated machine moves without being asked to.
         arm: is_simulated && !arguments.off,
         stop: stage::stop_flag()?,
+        reset: Arc::default(),
     };
     // What a killed run of this name has left; a living one is left alone.
     remove_leftovers(&options.prefix).map_err(Failure::run)?;
@@ -97,7 +98,7 @@ fn group(machine: &Machine, arguments: &cli::Run, options: &Options) -> Result<R
     monitor.poll().map_err(Failure::run)?;
     // Asked to end, a stage that fails to is a failure of the run as well.
     supervisor.failed().map_or(Ok(()), Err)?;
-    Ok(Report::new(machine, &monitor.into_last(), wall_s))
+    Ok(Report::new(machine, &monitor.into_last(), options.clock, wall_s))
 }
 
 /// Waits for the heartbeat of a stage. Another program in its place may have none: it gets no more than its time.

@@ -25,6 +25,7 @@ pub fn run(kind: StageKind, arguments: &cli::Stage) -> Result<(), Failure> {
         seed: arguments.seed,
         arm: arguments.arm,
         stop: stop_flag()?,
+        reset: reset_flag()?,
     };
     if let Some(parent) = arguments.parent {
         die_with(parent).map_err(|error| Failure::Run(named(&error)))?;
@@ -71,6 +72,13 @@ pub fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
         signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(Failure::run)?;
     }
     Ok(stop)
+}
+
+/// A flag that SIGUSR1 sets: count from zero again.
+fn reset_flag() -> Result<Arc<AtomicBool>, Failure> {
+    let reset = Arc::new(AtomicBool::new(false));
+    signal_hook::flag::register(signal_hook::consts::SIGUSR1, Arc::clone(&reset)).map_err(Failure::run)?;
+    Ok(reset)
 }
 
 /// Arranges that this process is asked to end when its parent dies.

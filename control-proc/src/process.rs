@@ -7,8 +7,12 @@
 use pipeline::{
     channel::{Group, Publisher, Reader},
     machine::Machine,
-    message::{CoefficientSnapshot, EncoderSample, Reference, Request, ValveCommand},
-    stage::{Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage},
+    message::{
+        AxisState, CoefficientSnapshot, EncoderSample, MachineState, MissCause, Reference, Request, ValveCommand,
+    },
+    stage::{
+        Accounting, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
+    },
 };
 
 use crate::Controller;
@@ -29,6 +33,9 @@ struct Process {
     references: Reader<Reference>,
     requests: Reader<Request>,
     commands: Publisher<ValveCommand>,
+    states: Publisher<MachineState>,
+    /// What was sent last.
+    last: ValveCommand,
     waiter: Waiter,
     clock: Clock,
     feedback_timeout_ns: u64,
@@ -50,6 +57,8 @@ impl Process {
             references: group.reader()?,
             requests: group.reader()?,
             commands: group.publisher()?,
+            states: group.publisher()?,
+            last: ValveCommand::default(),
             waiter: Waiter::new::<EncoderSample>(group, machine, StageKind::ControlProc, options.clock)?,
             clock: options.clock,
             feedback_timeout_ns: machine.timing.feedback_timeout.as_nanos() as u64,
@@ -72,11 +81,12 @@ impl Process {
         Ok(())
     }
 
-    fn send_neutral(&self, now: u64) -> Result<(), StageError> {
+    fn send_neutral(&mut self, now: u64) -> Result<(), StageError> {
         let last = self.samples.last().map(|sample| sample.header).unwrap_or_default();
         let mut neutral = self.core.neutral(last.sequence);
         neutral.header.acquired_ns = last.acquired_ns;
         neutral.header.sent_ns = now;
+        self.last = neutral;
         Ok(self.commands.send(&neutral)?)
     }
 
@@ -96,6 +106,7 @@ impl Process {
 impl Stage for Process {
     fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
         let (samples, clock) = (&mut self.samples, self.clock);
+        let before = samples.last().map(|sample| sample.header.sequence);
         let mut come = 0;
         turn.wait_for(&self.waiter, || {
             // Only the newest sample is worth a command; the gap tells the core what it missed.
@@ -107,13 +118,18 @@ impl Stage for Process {
             }
             Ok(come > 0)
         })?;
-        turn.skip(u64::saturating_sub(come, 1));
         if come == 0 {
             self.watch_feedback()?;
             return Ok(Next::Waiting);
         }
         let Some(header) = self.samples.last().map(|sample| sample.header) else { return Ok(Next::Waiting) };
         turn.pick_up(header.sent_ns);
+        // Of the ticks since the last one some have come and were too old to be worked, the others never came.
+        let passed = before.map_or(0, |before| header.sequence.saturating_sub(before + 1));
+        let unworked = u64::saturating_sub(come, 1).min(passed);
+        let newest = header.sequence.saturating_sub(1);
+        turn.skip(passed - unworked, newest, MissCause::LateInput);
+        turn.skip(unworked, newest, MissCause::LateRelease);
         match clock {
             Clock::RealTime => {
                 self.snapshots.newest()?;
@@ -134,6 +150,7 @@ impl Stage for Process {
         let mut command = self.core.update(sample, self.snapshots.last(), self.references.last());
         turn.finish(&mut command.header, header.sequence, header.acquired_ns, header.acquired_ns);
         self.commands.send(&command)?;
+        self.last = command;
         turn.arrive(&command.header);
         self.last_sample_ns = Some(header.acquired_ns);
         self.lost = false;
@@ -148,7 +165,20 @@ impl Stage for Process {
         self.send_neutral(monotonic_ns())
     }
 
-    fn lost(&self) -> u64 {
-        self.samples.lost() + self.snapshots.lost() + self.references.lost() + self.requests.lost()
+    fn channels(&mut self, accounting: &mut Accounting) {
+        accounting.channel(&mut self.samples);
+        accounting.channel(&mut self.snapshots);
+        accounting.channel(&mut self.references);
+        accounting.channel(&mut self.requests);
+    }
+
+    fn tell(&mut self) -> Result<(), StageError> {
+        let mut state = MachineState { header: self.last.header, ..MachineState::default() };
+        state.header.sent_ns = monotonic_ns();
+        let sample = self.samples.last().copied().unwrap_or_default();
+        for (place, (sample, command)) in state.axes.iter_mut().zip(sample.axes.iter().zip(&self.last.axes)) {
+            *place = AxisState { sample: *sample, command: *command };
+        }
+        Ok(self.states.send(&state)?)
     }
 }

@@ -4,7 +4,7 @@ use pipeline::{
     channel::{Group, Publisher, Reader},
     machine::Machine,
     message::{CoefficientSnapshot, EncoderSample, ValveCommand},
-    stage::{Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, run as run_stage},
+    stage::{Accounting, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, run as run_stage},
 };
 
 use crate::Identifiers;
@@ -80,7 +80,8 @@ impl Stage for Process {
         Ok(())
     }
 
-    fn lost(&self) -> u64 {
-        self.samples.lost() + self.commands.lost()
+    fn channels(&mut self, accounting: &mut Accounting) {
+        accounting.channel(&mut self.samples);
+        accounting.channel(&mut self.commands);
     }
 }

@@ -57,6 +57,12 @@ impl LatencyRecorder {
         self.histogram.saturating_record(nanoseconds);
     }
 
+    /// Forgets everything.
+    pub fn reset(&mut self) {
+        self.histogram.reset();
+        (self.beyond, self.max) = (0, 0);
+    }
+
     /// The percentiles so far.
     pub fn percentiles(&self) -> Percentiles {
         let at = |quantile| self.histogram.value_at_quantile(quantile).min(self.max);
@@ -101,5 +107,7 @@ mod tests {
         recorder.record(LONGEST_NS * 3);
         let p = recorder.percentiles();
         assert_eq!((p.count, p.beyond, p.max), (3, 1, LONGEST_NS * 3));
+        recorder.reset();
+        assert_eq!(recorder.percentiles(), Percentiles::default());
     }
 }

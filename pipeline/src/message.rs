@@ -8,13 +8,24 @@ use iceoryx2::prelude::ZeroCopySend;
 use crate::{
     MAX_AXES,
     hammerstein::Coefficients,
-    latency::Percentiles,
     layout::{Layout, shared_struct},
     statistics::ErrorStatistics,
 };
 
 /// Ticks that a [`Reference`] can carry, the present one included.
 pub const MAX_PREVIEW: usize = 32;
+
+/// Names of all channels, in the order of the data.
+pub const CHANNELS: [&str; 8] = [
+    "encoder-reading",
+    "encoder-sample",
+    "valve-command",
+    "coefficient-snapshot",
+    "reference",
+    "request",
+    "stage-health",
+    "machine-state",
+];
 
 /// A message that has a channel.
 pub trait Message: ZeroCopySend + Layout + Copy + Default + std::fmt::Debug + 'static {
@@ -47,8 +58,10 @@ macro_rules! message {
     };
 }
 
+mod health;
 mod request;
 
+pub use health::{AxisState, ChannelHealth, MachineState, MissCause, MissedDeadlines, StageHealth, StageState};
 pub use request::{AxisMode, AxisRequest, Request};
 
 shared_struct! {
@@ -396,52 +409,6 @@ shared_struct! {
     }
 }
 message!(Reference, "reference", publishers 1, buffer 4);
-
-shared_struct! {
-    /// How one stage is doing, several times a second: every stage to whoever watches.
-    #[type_name("hydraxis.StageHealth/1")]
-    pub struct StageHealth {
-        /// `sequence` is the last tick worked; `sent_ns` is the heartbeat.
-        pub header: Header,
-        /// Which stage, its index in [`crate::stage::StageKind`].
-        pub stage: u32,
-        /// What it does, a [`StageState`] as number.
-        pub state: u32,
-        /// Its process.
-        pub pid: u32,
-        /// Zero.
-        pub reserved: u32,
-        /// Ticks worked since start.
-        pub samples: u64,
-        /// Messages lost on the channels it reads.
-        pub lost: u64,
-        /// Ticks whose output came later than one period after their sample was due, or not at all.
-        pub missed_deadlines: u64,
-        /// Samples with a fault bit (sensor-proc only).
-        pub implausible: u64,
-        /// From an input being sent to being picked up, ns.
-        pub wait: Percentiles,
-        /// From pick-up to the output being sent, ns.
-        pub work: Percentiles,
-        /// From acquisition to the command being sent, ns (control-proc only).
-        pub end_to_end: Percentiles,
-        /// Lateness of the timer against the intended time, ns (stages with a timer only).
-        pub release_jitter: Percentiles,
-    }
-}
-message!(StageHealth, "stage-health", publishers 8, buffer 16);
-
-/// What a stage is doing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum StageState {
-    /// Its channels are open; it waits for its first input.
-    Ready = 1,
-    /// It works.
-    Running = 2,
-    /// It has ended; this is its last message.
-    Stopped = 3,
-}
 
 /// Names of the set bits, for messages to people.
 pub fn bit_names<'a>(bits: u32, names: &'a [&'a str]) -> impl Iterator<Item = &'a str> {

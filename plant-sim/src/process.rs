@@ -11,7 +11,7 @@ use pipeline::{
     machine::Machine,
     message::{CoefficientSnapshot, EncoderReading, ValveCommand},
     stage::{
-        Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage, sleep_until,
+        Accounting, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
     },
 };
 
@@ -65,7 +65,9 @@ impl Process {
     }
 
     fn real_time(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
-        sleep_until(self.next_release_ns);
+        if !turn.sleep_until(self.next_release_ns) {
+            return Ok(Next::Waiting);
+        }
         let intended = self.next_release_ns;
         let now = turn.release(intended);
         // The plant is time itself: it never skips, it catches up.
@@ -129,7 +131,8 @@ impl Stage for Process {
         Ok(())
     }
 
-    fn lost(&self) -> u64 {
-        self.commands.lost() + self.snapshots.as_ref().map_or(0, Reader::lost)
+    fn channels(&mut self, accounting: &mut Accounting) {
+        accounting.channel(&mut self.commands);
+        self.snapshots.iter_mut().for_each(|snapshots| accounting.channel(snapshots));
     }
 }

@@ -5,9 +5,9 @@ use std::path::Path;
 use pipeline::{
     channel::{Bell, Group, Publisher, Reader},
     machine::{Machine, Source},
-    message::{CoefficientSnapshot, EncoderReading, EncoderSample, ValveCommand},
+    message::{CoefficientSnapshot, EncoderReading, EncoderSample, MissCause, ValveCommand},
     stage::{
-        Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage, sleep_until,
+        Accounting, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
     },
 };
 
@@ -80,14 +80,13 @@ impl Timer {
     /// that have passed meanwhile are counted, and their numbers left out: whoever reads the samples sees the gap.
     fn release(&mut self, turn: &mut Turn) -> Option<(u64, u64)> {
         let due_ns = self.start_ns + self.next * self.period_ns;
-        sleep_until(due_ns);
-        if turn.stopping() {
+        if !turn.sleep_until(due_ns) {
             return None;
         }
         let now = turn.release(due_ns);
         let passed = now.saturating_sub(due_ns) / self.period_ns;
-        turn.skip(passed);
         let tick = self.next + passed;
+        turn.skip(passed, tick.saturating_sub(1), MissCause::LateRelease);
         self.next = tick + 1;
         Some((tick, self.start_ns + tick * self.period_ns))
     }
@@ -117,7 +116,7 @@ impl Live {
     fn real_time(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
         let Some(timer) = &mut self.timer else {
             // The ticks begin when the encoders do.
-            sleep_until(monotonic_ns() + FIRST_READING_POLL_NS);
+            turn.sleep_until(monotonic_ns() + FIRST_READING_POLL_NS);
             if self.readings.newest()?.if_new().is_some() {
                 self.timer = Some(Timer::new(self.period_ns));
             }
@@ -164,8 +163,8 @@ impl Stage for Live {
         Ok(())
     }
 
-    fn lost(&self) -> u64 {
-        self.readings.lost()
+    fn channels(&mut self, accounting: &mut Accounting) {
+        accounting.channel(&mut self.readings);
     }
 }
 
@@ -210,8 +209,7 @@ impl Recorded {
                 let timer = self.timer.get_or_insert_with(|| Timer::new(self.period_ns));
                 // A late row is sent late: a recording has no gaps of its own.
                 let due_ns = timer.start_ns + self.next * timer.period_ns;
-                sleep_until(due_ns);
-                if turn.stopping() {
+                if !turn.sleep_until(due_ns) {
                     return Ok(None);
                 }
                 turn.release(due_ns);
@@ -246,7 +244,7 @@ impl Stage for Recorded {
         Ok(())
     }
 
-    fn lost(&self) -> u64 {
-        0
+    fn channels(&mut self, accounting: &mut Accounting) {
+        self.snapshots.iter_mut().for_each(|snapshots| accounting.channel(snapshots));
     }
 }

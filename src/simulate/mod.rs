@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use pipeline::{
     machine::{Machine, Source, samples_of},
-    stage::StageKind,
+    stage::{Clock, StageKind},
 };
 
 use crate::{
@@ -62,7 +62,7 @@ pub fn run(arguments: &cli::Simulate) -> Result<(), Failure> {
         }
     })?;
     progress.finish_and_clear();
-    let report = Report::new(&machine, &last, started.elapsed().as_secs_f64());
+    let report = Report::new(&machine, &last, Clock::LockStep, started.elapsed().as_secs_f64());
     recorder.map_or(Ok(()), Recorder::finish)?;
     output.write(|| report.tables(&machine), &report)
 }

@@ -3,7 +3,7 @@
 use iceoryx2::port::subscriber::Subscriber;
 
 use super::{ChannelError, service::Service};
-use crate::message::Message;
+use crate::message::{CHANNELS, ChannelHealth, Message};
 
 /// What a read found. Nobody can mistake an old message for a new one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,13 +31,13 @@ pub struct Reader<M: Message> {
     port: Subscriber<Service, M, ()>,
     last: M,
     any: bool,
-    lost: u64,
-    restarts: u64,
+    health: ChannelHealth,
 }
 
 impl<M: Message> Reader<M> {
     pub(super) fn new(port: Subscriber<Service, M, ()>) -> Self {
-        Self { port, last: M::default(), any: false, lost: 0, restarts: 0 }
+        let channel = CHANNELS.iter().position(|name| *name == M::CHANNEL).unwrap_or(CHANNELS.len()) as u32;
+        Self { port, last: M::default(), any: false, health: ChannelHealth { channel, ..ChannelHealth::default() } }
     }
 
     /// The next message in the order they were sent.
@@ -49,12 +49,17 @@ impl<M: Message> Reader<M> {
             self.port.receive().map_err(|e| ChannelError::Receive { channel: M::CHANNEL, reason: format!("{e:?}") })?;
         match received {
             Some(sample) => {
-                let (before, after) = (self.last.header().number, sample.payload().header().number);
-                if self.any && after > before {
-                    self.lost += after - before - 1;
+                let (before, after) = (self.last.header(), sample.payload().header());
+                if self.any && after.number > before.number {
+                    self.health.lost += after.number - before.number - 1;
                 } else if self.any {
-                    self.restarts += 1;
+                    self.health.restarts += 1;
                 }
+                if self.any {
+                    let gap = after.acquired_ns.saturating_sub(before.acquired_ns);
+                    self.health.longest_gap_ns = self.health.longest_gap_ns.max(gap);
+                }
+                self.health.received += 1;
                 self.last = *sample;
                 self.any = true;
                 Ok(Read::New(&self.last))
@@ -103,11 +108,22 @@ impl<M: Message> Reader<M> {
 
     /// Messages that were sent and never read, by the gaps in their numbers.
     pub fn lost(&self) -> u64 {
-        self.lost
+        self.health.lost
     }
 
     /// Messages whose number did not rise: the writer started again.
     pub fn restarts(&self) -> u64 {
-        self.restarts
+        self.health.restarts
+    }
+
+    /// How the channel is doing at a time, ns of `CLOCK_MONOTONIC`.
+    pub fn health(&self, now_ns: u64) -> ChannelHealth {
+        let age_ns = if self.any { now_ns.saturating_sub(self.last.header().acquired_ns) } else { 0 };
+        ChannelHealth { any: u32::from(self.any), age_ns, ..self.health }
+    }
+
+    /// Counts from zero again.
+    pub fn reset_health(&mut self) {
+        self.health = ChannelHealth { channel: self.health.channel, ..ChannelHealth::default() };
     }
 }

@@ -291,8 +291,13 @@ impl<'d, 'i> Section<'d, 'i> {
 
     /// The same with a default.
     pub fn duration_or(&mut self, key: &str, default: Duration, range: RangeInclusive<Duration>) -> Duration {
+        self.optional_duration(key, range).unwrap_or(default)
+    }
+
+    /// The same, or nothing.
+    pub fn optional_duration(&mut self, key: &str, range: RangeInclusive<Duration>) -> Option<Duration> {
         let allowed = allowed_duration(&range);
-        self.optional(key, &allowed, |value| duration(value, &range)).flatten().unwrap_or(default)
+        self.optional(key, &allowed, |value| duration(value, &range)).flatten()
     }
 
     /// Samples, given as a whole number or as a duration that is divided by `period`.

@@ -81,6 +81,8 @@ pub struct Realtime {
     pub memory: Rights,
     /// Whether the memory of the stages is to be locked.
     pub lock_memory: bool,
+    /// The longest that a core may take to wake from an idle state; without it as the kernel likes.
+    pub wakeup_latency: Option<Duration>,
 }
 
 /// What happens when a right is not to be had.
@@ -113,6 +115,8 @@ pub enum Wait {
     Event,
     /// Polls without a pause: for a core of its own.
     Spin,
+    /// Polls for this long, and then sleeps until the event: for inputs that come close together.
+    SpinThenEvent(Duration),
 }
 
 /// Where samples come from.
@@ -167,6 +171,11 @@ impl fmt::Display for MachineError {
         }
     }
 }
+
+/// How long `spin-then-event` polls where the machine file does not say: twice what one stage takes.
+const DEFAULT_SPIN: Duration = Duration::from_micros(200);
+/// Beyond this a spin is no short one any more.
+const LONGEST_SPIN: Duration = Duration::from_millis(10);
 
 /// Problems that are shown; a file of another kind has one in every line.
 const MAX_SHOWN: usize = 30;
@@ -280,6 +289,7 @@ impl Realtime {
             scheduling: section.choice_or("scheduling", all, &choices),
             memory: section.choice_or("memory", all, &choices),
             lock_memory: section.flag_or("lock_memory", false),
+            wakeup_latency: section.optional_duration("wakeup_latency", Duration::ZERO..=Duration::from_millis(100)),
         };
         section.finish();
         realtime
@@ -293,10 +303,20 @@ impl StageSettings {
         if command.as_ref().is_some_and(Vec::is_empty) {
             section.refuse("command", "an empty list", "a program and its arguments");
         }
+        let spin = section.optional_duration("spin", Duration::from_micros(1)..=LONGEST_SPIN);
+        let choices = [
+            ("event", Wait::Event),
+            ("spin", Wait::Spin),
+            ("spin-then-event", Wait::SpinThenEvent(spin.unwrap_or(DEFAULT_SPIN))),
+        ];
+        let wait = section.choice_or("wait", Wait::Event, &choices);
+        if spin.is_some() && !matches!(wait, Wait::SpinThenEvent(_)) {
+            section.refuse("spin", "a time without its way of waiting", "with wait = \"spin-then-event\"");
+        }
         let settings = Self {
             core: section.optional_integer("core", 0..=1023),
             priority: section.optional_integer("priority", 1..=99).map(|priority| priority as u8),
-            wait: section.choice_or("wait", Wait::Event, &[("event", Wait::Event), ("spin", Wait::Spin)]),
+            wait,
             command,
         };
         section.finish();

@@ -7,7 +7,11 @@
 //!
 //! After start a stage's loop allocates nothing, locks nothing, writes no log and no file, and never waits for a
 //! reader; it waits for its input only.
+//!
+//! Every tick has a deadline, one period after its sample was due. A miss is counted with its cause, and so is a tick
+//! that was not worked at all: an overrun is never hidden by skipping ([`accounting`]).
 
+mod accounting;
 mod clock;
 mod rights;
 mod run;
@@ -15,7 +19,9 @@ mod turn;
 
 use std::sync::{Arc, atomic::AtomicBool};
 
+pub use accounting::Accounting;
 pub use clock::{monotonic_ns, sleep_until};
+pub use rights::{Missing, missing};
 pub use run::{Stage, run};
 pub use turn::{Next, Turn, Waiter};
 
@@ -68,6 +74,8 @@ pub struct Options {
     pub arm: bool,
     /// Set by a signal: end soon, with the valve neutral.
     pub stop: Arc<AtomicBool>,
+    /// Set by a signal, cleared by the stage: count and measure from zero again.
+    pub reset: Arc<AtomicBool>,
 }
 
 /// Why a stage ended before its time.

@@ -1,6 +1,6 @@
 //! Runs a stage from start to end.
 
-use super::{Next, Options, StageError, StageKind, Turn, rights};
+use super::{Accounting, Next, Options, StageError, StageKind, Turn, rights};
 use crate::{channel::Group, machine::Machine};
 
 /// A stage: a core between its channels.
@@ -20,8 +20,16 @@ pub trait Stage {
     /// The last message cannot be sent.
     fn stop(&mut self) -> Result<(), StageError>;
 
-    /// Messages lost on the channels it reads.
-    fn lost(&self) -> u64;
+    /// Hands every channel that it reads to [`Accounting::channel`].
+    fn channels(&mut self, accounting: &mut Accounting);
+
+    /// Says more at a heartbeat than the loop knows; called between two ticks.
+    ///
+    /// # Errors
+    /// The message cannot be sent.
+    fn tell(&mut self) -> Result<(), StageError> {
+        Ok(())
+    }
 }
 
 /// Sets up rights and channels, then turns until the last tick, the stop flag, or an error.
@@ -36,7 +44,8 @@ pub fn run<S: Stage>(
     options: Options,
     build: impl FnOnce(&Group) -> Result<S, StageError>,
 ) -> Result<(), StageError> {
-    for missing in rights::apply(machine, kind)? {
+    let rights = rights::apply(machine, kind, options.clock)?;
+    for missing in &rights.missing {
         eprintln!("{}: warning: {missing}", kind.name());
     }
     let group = Group::join(&options.prefix, kind.name())?;
@@ -45,19 +54,24 @@ pub fn run<S: Stage>(
     let ended = turns(&mut stage, &mut turn);
     // Neutral first, whatever happened.
     let stopped = stage.stop();
-    let reported = turn.farewell(stage.lost());
+    let reported = turn.farewell(|accounting| stage.channels(accounting));
+    drop(rights);
     ended.and(stopped).and(reported.map_err(StageError::from))
 }
 
 fn turns(stage: &mut impl Stage, turn: &mut Turn) -> Result<(), StageError> {
-    turn.beat(stage.lost())?;
-    while !turn.stopping() {
+    loop {
+        if turn.is_beat_due() {
+            turn.beat(|accounting| stage.channels(accounting))?;
+            stage.tell()?;
+        }
+        if turn.stopping() {
+            return Ok(());
+        }
         match stage.turn(turn)? {
             Next::Worked => {}
             Next::Waiting => stage.greet(),
-            Next::Finished => break,
+            Next::Finished => return Ok(()),
         }
-        turn.beat(stage.lost())?;
     }
-    Ok(())
 }

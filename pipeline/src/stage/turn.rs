@@ -1,23 +1,25 @@
-//! One turn of a stage's loop: waiting for input, and taking the times.
+//! One turn of a stage's loop: waiting for input, and saying how it went.
 
 use std::{sync::atomic::Ordering, time::Duration};
 
-use super::{Clock, Options, StageError, StageKind, clock::monotonic_ns};
+use super::{
+    Accounting, Clock, Options, StageError, StageKind,
+    clock::{monotonic_ns, sleep_until},
+};
 use crate::{
     channel::{ChannelError, Ear, Group, Publisher},
-    latency::LatencyRecorder,
     machine::{Machine, Wait},
-    message::{Header, Message, StageHealth, StageState},
+    message::{Header, Message, MissCause, StageHealth},
 };
 
 /// Longest wait before the loop looks at its stop flag and its time-outs again.
 const SLICE_NS: u64 = 10_000_000;
+/// Longest sleep of a timer before the stop flag is looked at.
+const SLEEP_NS: u64 = 100_000_000;
 /// Polls between two looks at the clock.
 const POLLS_PER_LOOK: u32 = 64;
 /// Time between two heartbeats.
 const HEARTBEAT_NS: u64 = 100_000_000;
-/// Heartbeats between two computations of the percentiles, which read the whole histogram.
-const BEATS_PER_PERCENTILES: u32 = 10;
 
 /// What a turn came to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,8 +38,8 @@ pub enum Waiter {
     Spin,
     /// Polls, giving the core away between two polls: lock-step has more stages than cores.
     Yield,
-    /// Sleeps until the bell of the channel rings.
-    Event(Box<Ear>),
+    /// Polls for so many ns, then sleeps until the bell of the channel rings; 0 only sleeps.
+    Event(Box<Ear>, u64),
 }
 
 impl Waiter {
@@ -54,7 +56,10 @@ impl Waiter {
         Ok(match (clock, machine.stage(kind).wait) {
             (Clock::LockStep, _) => Self::Yield,
             (Clock::RealTime, Wait::Spin) => Self::Spin,
-            (Clock::RealTime, Wait::Event) => Self::Event(Box::new(group.ear::<M>()?)),
+            (Clock::RealTime, Wait::Event) => Self::Event(Box::new(group.ear::<M>()?), 0),
+            (Clock::RealTime, Wait::SpinThenEvent(spin)) => {
+                Self::Event(Box::new(group.ear::<M>()?), spin.as_nanos() as u64)
+            }
         })
     }
 }
@@ -65,15 +70,9 @@ pub struct Turn {
     pub options: Options,
     period_ns: u64,
     slice_ns: u64,
-    health: StageHealth,
+    accounting: Accounting,
     publisher: Publisher<StageHealth>,
-    wait: LatencyRecorder,
-    work: LatencyRecorder,
-    end_to_end: LatencyRecorder,
-    release_jitter: LatencyRecorder,
-    picked_up_ns: u64,
     next_beat_ns: u64,
-    beats: u32,
 }
 
 impl Turn {
@@ -84,22 +83,14 @@ impl Turn {
         options: Options,
     ) -> Result<Self, ChannelError> {
         let period_ns = period.as_nanos() as u64;
-        let mut health = StageHealth { stage: kind as u32, pid: std::process::id(), ..StageHealth::default() };
-        health.state = StageState::Ready as u32;
         Ok(Self {
             options,
             period_ns,
             // A writer that rings no bell is still heard within half a period.
             slice_ns: (period_ns / 2).clamp(1_000_000, SLICE_NS),
-            health,
+            accounting: Accounting::new(kind as u32),
             publisher: group.publisher()?,
-            wait: LatencyRecorder::new(),
-            work: LatencyRecorder::new(),
-            end_to_end: LatencyRecorder::new(),
-            release_jitter: LatencyRecorder::new(),
-            picked_up_ns: 0,
             next_beat_ns: 0,
-            beats: 0,
         })
     }
 
@@ -113,6 +104,21 @@ impl Turn {
         self.options.ticks.is_some_and(|ticks| sequence + 1 >= ticks)
     }
 
+    /// Sleeps until an absolute time, ns; false when the loop is to end first. A signal that asks for something else
+    /// wakes nobody early.
+    pub fn sleep_until(&self, deadline_ns: u64) -> bool {
+        loop {
+            if self.stopping() {
+                return false;
+            }
+            let now = monotonic_ns();
+            if now >= deadline_ns {
+                return true;
+            }
+            sleep_until(deadline_ns.min(now + SLEEP_NS));
+        }
+    }
+
     /// Waits until `poll` finds input, for a slice of time at most; false when none came.
     ///
     /// # Errors
@@ -122,11 +128,26 @@ impl Turn {
         waiter: &Waiter,
         mut poll: impl FnMut() -> Result<bool, ChannelError>,
     ) -> Result<bool, StageError> {
-        if let Waiter::Event(ear) = waiter {
-            if poll()? {
-                return Ok(true);
-            }
-            ear.wait(Duration::from_nanos(self.slice_ns))?;
+        let spin_ns = match waiter {
+            Waiter::Event(_, spin_ns) => *spin_ns,
+            Waiter::Spin | Waiter::Yield => self.slice_ns,
+        };
+        if self.poll_for(spin_ns, matches!(waiter, Waiter::Yield), &mut poll)? {
+            return Ok(true);
+        }
+        let Waiter::Event(ear, _) = waiter else { return Ok(false) };
+        ear.wait(Duration::from_nanos(self.slice_ns))?;
+        Ok(poll()?)
+    }
+
+    /// Polls for a time, at least once.
+    fn poll_for(
+        &self,
+        nanoseconds: u64,
+        gives_way: bool,
+        poll: &mut impl FnMut() -> Result<bool, ChannelError>,
+    ) -> Result<bool, StageError> {
+        if nanoseconds == 0 {
             return Ok(poll()?);
         }
         let mut until = 0;
@@ -135,14 +156,15 @@ impl Turn {
                 if poll()? {
                     return Ok(true);
                 }
-                match waiter {
-                    Waiter::Yield => rustix::thread::sched_yield(),
-                    Waiter::Spin | Waiter::Event(_) => std::hint::spin_loop(),
+                if gives_way {
+                    rustix::thread::sched_yield();
+                } else {
+                    std::hint::spin_loop();
                 }
             }
             let now = monotonic_ns();
             if until == 0 {
-                until = now + self.slice_ns;
+                until = now + nanoseconds;
             }
             if now >= until || self.stopping() {
                 return Ok(false);
@@ -152,15 +174,12 @@ impl Turn {
 
     /// A tick begins with a message that was sent at `sent_ns`.
     pub fn pick_up(&mut self, sent_ns: u64) {
-        self.picked_up_ns = monotonic_ns();
-        self.wait.record(self.picked_up_ns.saturating_sub(sent_ns));
+        self.accounting.pick_up(sent_ns);
     }
 
     /// A tick begins by a timer that was set to `intended_ns`; returns the time.
     pub fn release(&mut self, intended_ns: u64) -> u64 {
-        self.picked_up_ns = monotonic_ns();
-        self.release_jitter.record(self.picked_up_ns.saturating_sub(intended_ns));
-        self.picked_up_ns
+        self.accounting.release(intended_ns)
     }
 
     /// The output of tick `sequence` is about to be sent: fills in its header and takes the times.
@@ -171,62 +190,46 @@ impl Turn {
         header.sequence = sequence;
         header.acquired_ns = acquired_ns;
         header.sent_ns = now;
-        self.work.record(now.saturating_sub(self.picked_up_ns));
-        if self.options.clock == Clock::RealTime && now > due_ns + self.period_ns {
-            self.health.missed_deadlines += 1;
+        self.accounting.finish(sequence, acquired_ns, now);
+        if self.options.clock == Clock::RealTime {
+            self.accounting.judge(sequence, due_ns, self.period_ns, now);
         }
-        self.health.samples += 1;
-        self.health.header.sequence = sequence;
-        self.health.header.acquired_ns = acquired_ns;
-        self.health.state = StageState::Running as u32;
     }
 
     /// The valve command was sent: the whole way from acquisition to here is over.
     pub fn arrive(&mut self, header: &Header) {
-        self.end_to_end.record(header.sent_ns.saturating_sub(header.acquired_ns));
+        self.accounting.arrive(header.sent_ns.saturating_sub(header.acquired_ns));
     }
 
-    /// Counts ticks that were due and not worked at all.
-    pub fn skip(&mut self, ticks: u64) {
-        self.health.missed_deadlines += ticks;
+    /// Counts ticks that were due and not worked at all, the last of them `last_tick`.
+    pub fn skip(&mut self, ticks: u64, last_tick: u64, cause: MissCause) {
+        self.accounting.skip(ticks, last_tick, cause);
     }
 
     /// Counts a sample with a fault bit.
     pub fn implausible(&mut self) {
-        self.health.implausible += 1;
+        self.accounting.implausible();
     }
 
-    /// Sends a heartbeat when one is due.
-    pub(super) fn beat(&mut self, lost: u64) -> Result<(), ChannelError> {
+    /// Whether a heartbeat is due.
+    pub(super) fn is_beat_due(&self) -> bool {
+        monotonic_ns() >= self.next_beat_ns
+    }
+
+    /// Sends a heartbeat; `channels` takes in those that the stage reads.
+    pub(super) fn beat(&mut self, channels: impl FnOnce(&mut Accounting)) -> Result<(), ChannelError> {
         let now = monotonic_ns();
-        if now < self.next_beat_ns {
-            return Ok(());
-        }
         self.next_beat_ns = now + HEARTBEAT_NS;
-        if self.beats.is_multiple_of(BEATS_PER_PERCENTILES) {
-            self.percentiles();
-        }
-        self.beats += 1;
-        self.send_health(now, lost)
+        let reset = self.options.reset.swap(false, Ordering::Relaxed);
+        self.accounting.begin(now, reset);
+        channels(&mut self.accounting);
+        self.publisher.send(self.accounting.health())
     }
 
     /// Sends the last message of the stage, with all figures up to date.
-    pub(super) fn farewell(&mut self, lost: u64) -> Result<(), ChannelError> {
-        self.percentiles();
-        self.health.state = StageState::Stopped as u32;
-        self.send_health(monotonic_ns(), lost)
-    }
-
-    fn percentiles(&mut self) {
-        self.health.wait = self.wait.percentiles();
-        self.health.work = self.work.percentiles();
-        self.health.end_to_end = self.end_to_end.percentiles();
-        self.health.release_jitter = self.release_jitter.percentiles();
-    }
-
-    fn send_health(&mut self, now: u64, lost: u64) -> Result<(), ChannelError> {
-        self.health.lost = lost;
-        self.health.header.sent_ns = now;
-        self.publisher.send(&self.health)
+    pub(super) fn farewell(&mut self, channels: impl FnOnce(&mut Accounting)) -> Result<(), ChannelError> {
+        self.accounting.begin(monotonic_ns(), false);
+        channels(&mut self.accounting);
+        self.publisher.send(self.accounting.farewell())
     }
 }

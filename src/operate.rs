@@ -1,5 +1,7 @@
 //! `hydraxis operate`: a person's hand on the axes of a running group.
 
+mod arm;
+
 use std::time::{Duration, Instant};
 
 use pipeline::{
@@ -8,6 +10,8 @@ use pipeline::{
     message::{AxisMode, ControlMode, EncoderSample},
 };
 
+pub use arm::{arm, disarm, reset};
+
 use crate::{cli, failure::Failure, operator::Operator, output::show, stage};
 
 /// Time between two lines.
@@ -15,14 +19,22 @@ const LINE_PERIOD: Duration = Duration::from_secs(1);
 
 /// Runs the command.
 pub fn run(arguments: &cli::Operate) -> Result<(), Failure> {
-    let machine = stage::load(&arguments.machine)?;
-    let axes = stage::axes(&machine, &arguments.axes)?;
+    let machine = stage::load(&arguments.group.machine)?;
+    let axes = stage::axes(&machine, &arguments.group.axes)?;
     check(&machine, &axes, arguments)?;
+    at_levers(&machine, &arguments.group, |operator| operate(&machine, &axes, arguments, operator))
+}
+
+/// Does something as the operator of a group.
+fn at_levers(
+    machine: &Machine,
+    group: &cli::GroupAxes,
+    work: impl FnOnce(&mut Operator) -> Result<(), Failure>,
+) -> Result<(), Failure> {
     let stop = stage::stop_flag()?;
-    let result = Operator::join(&machine, &arguments.prefix, stop)
-        .and_then(|mut operator| operate(&machine, &axes, arguments, &mut operator));
+    let result = Operator::join(machine, &group.prefix, stop).and_then(|mut operator| work(&mut operator));
     // The last to leave a group that has ended leaves nothing behind.
-    let _ = remove_leftovers(&arguments.prefix);
+    let _ = remove_leftovers(&group.prefix);
     result
 }
 

@@ -207,16 +207,30 @@ impl Operator {
     /// to end first.
     ///
     /// # Errors
-    /// They are not within a bound.
+    /// They are not within a bound, or a fault latches one of them on the way.
     pub fn change(&mut self, axes: &[usize], mode: AxisMode) -> Result<bool, Failure> {
         for axis in axes {
             self.axis(*axis).mode = mode as u32;
             self.axis(*axis).enable += 1;
         }
-        self.ask_until(mode.name(), |command| {
+        let mut latched = None;
+        let is_changed = self.ask_until(mode.name(), |command| {
             let is_in = |axis: &AxisCommand| axis.operation == mode as u32 && axis.flags & control_flag::SETTLING == 0;
-            axes.iter().all(|axis| is_in(&command.axes[*axis]))
-        })
+            latched = axes.iter().copied().find(|axis| command.axes[*axis].flags & control_flag::LATCHED != 0);
+            latched.is_some() || axes.iter().all(|axis| is_in(&command.axes[*axis]))
+        })?;
+        match latched {
+            Some(axis) => {
+                Err(Failure::Run(format!("{}: not {}, a fault has latched it", self.state(axis), mode.name())))
+            }
+            None => Ok(is_changed),
+        }
+    }
+
+    /// Names of the faults that have latched an axis; empty when none has.
+    pub fn latched_by(&self, axis: usize) -> String {
+        let flags = self.last(axis).map_or(0, |last| last.flags & control_flag::LATCHED);
+        bit_names(flags, &control_flag::NAMES).collect::<Vec<_>>().join(", ")
     }
 
     /// The state of an axis in words.

@@ -244,6 +244,8 @@ pub mod control_flag {
     /// A soft limit is near: the command that was asked for would not stop before it.
     pub const SOFT_LIMIT: u32 = 512;
 
+    /// The bits that latch an axis at neutral until a person puts it off.
+    pub const LATCHED: u32 = FEEDBACK;
     /// Names of the bits, lowest first.
     pub const NAMES: [&str; 10] = [
         "disarmed",

@@ -12,7 +12,7 @@ use clap::{Parser, Subcommand};
 pub use bench::{Bench, BenchControl};
 pub use commission::Commission;
 pub use identify::Identify;
-pub use operate::Operate;
+pub use operate::{Arm, Disarm, GroupAxes, Operate, Reset};
 pub use run::{BareMachine, MachineFile, Recording, Run, Simulate, Stage};
 pub use values::Samples;
 
@@ -39,6 +39,12 @@ pub enum Command {
     Commission(Commission),
     /// Operate the axes of a running group: off, manual, hold, track
     Operate(Operate),
+    /// Let the axes of a running group move: enable those that are off, and leave them so
+    Arm(Arm),
+    /// Put the axes of a running group off, neutral at once
+    Disarm(Disarm),
+    /// Release the axes of a running group that a fault has latched, and say what it was
+    Reset(Reset),
     /// Identify a Hammerstein model on a recording, offline and adaptive side by side
     Identify(Box<Identify>),
     /// Compare controllers on the simulated machine

@@ -1,4 +1,4 @@
-//! The arguments of `hydraxis operate`.
+//! The arguments of `hydraxis operate`, `arm`, `disarm` and `reset`.
 
 use std::time::Duration;
 
@@ -6,6 +6,20 @@ use clap::{Args, ValueEnum};
 use pipeline::{channel::Prefix, message::AxisMode};
 
 use super::{MachineFile, values::duration};
+
+/// The axes of a running group.
+#[derive(Debug, Args)]
+pub struct GroupAxes {
+    /// The machine that the group was started with
+    #[command(flatten)]
+    pub machine: MachineFile,
+    /// Name of the running group's channels
+    #[arg(long)]
+    pub prefix: Prefix,
+    /// Only this axis; may be given several times
+    #[arg(long = "axis", value_name = "NAME")]
+    pub axes: Vec<String>,
+}
 
 /// `operate`.
 #[derive(Debug, Args)]
@@ -25,17 +39,12 @@ Modes:
 
 An axis that is off, after a fault too, leaves it only with --enable. Among the other modes an axis changes without.
 Ctrl-C makes the axes neutral and off. So does, in manual, the death of this program, within 0.1 s; an axis that holds
-or tracks goes on without it. One program operates a group at a time.")]
+or tracks goes on without it. One program operates a group at a time. `hydraxis arm`, `disarm` and `reset` are for the
+usual three, and for scripts.")]
 pub struct Operate {
-    /// The machine that the group was started with
+    /// Whose axes
     #[command(flatten)]
-    pub machine: MachineFile,
-    /// Name of the running group's channels
-    #[arg(long)]
-    pub prefix: Prefix,
-    /// Only this axis; may be given several times
-    #[arg(long = "axis", value_name = "NAME")]
-    pub axes: Vec<String>,
+    pub group: GroupAxes,
     /// What the axes are to do
     #[arg(long)]
     pub mode: Mode,
@@ -78,4 +87,72 @@ impl From<Mode> for AxisMode {
             Mode::Track => Self::Track,
         }
     }
+}
+
+/// `arm`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  hydraxis arm --prefix demo                            all axes follow their references, as of `run` without --off
+  hydraxis arm --prefix demo --axis boom --mode hold    the boom stays where it is
+
+Enables the axes that are off, waits until they are in the mode, and leaves them in it. An axis that a fault has latched
+is refused until `hydraxis reset` has released it, one in another mode until `hydraxis operate` has changed it; then no
+axis is enabled. When an axis does not get there, or at Ctrl-C, those that this command has enabled are off again.")]
+pub struct Arm {
+    /// Whose axes
+    #[command(flatten)]
+    pub group: GroupAxes,
+    /// What the axes are to do
+    #[arg(long, default_value = "track")]
+    pub mode: ArmMode,
+}
+
+/// `--mode` of `arm`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ArmMode {
+    /// Follow the reference.
+    Track,
+    /// Stay where the axis is.
+    Hold,
+}
+
+impl From<ArmMode> for AxisMode {
+    fn from(mode: ArmMode) -> Self {
+        match mode {
+            ArmMode::Track => Self::Track,
+            ArmMode::Hold => Self::Hold,
+        }
+    }
+}
+
+/// `disarm`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  hydraxis disarm --prefix demo                    all axes neutral, at once
+  hydraxis disarm --prefix demo --axis bucket
+
+The axes move again only after `hydraxis arm`, or `operate --enable`. An axis that a fault has latched is neutral already
+and stays latched: `hydraxis reset` says by what, and releases it. This is no emergency stop: it needs the whole way from
+this program to the valve.")]
+pub struct Disarm {
+    /// Whose axes
+    #[command(flatten)]
+    pub group: GroupAxes,
+}
+
+/// `reset`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  hydraxis reset --prefix demo                     says what has latched which axis, and releases all of them
+  hydraxis reset --prefix demo --axis boom
+
+A fault latches an axis at neutral, so that it does not move again by itself while somebody looks at why it stopped. Look
+first. After a reset the axis is off: nothing moves before `hydraxis arm`. An axis that is not latched is left alone.")]
+pub struct Reset {
+    /// Whose axes
+    #[command(flatten)]
+    pub group: GroupAxes,
 }

@@ -2,6 +2,7 @@
 
 mod bench;
 mod check;
+mod clean;
 mod cli;
 mod commission;
 mod failure;
@@ -35,6 +36,7 @@ fn main() -> ExitCode {
         cli::Command::Identify(arguments) => identify::run(&arguments),
         cli::Command::Bench(cli::Bench::Control(arguments)) => bench::run(&arguments),
         cli::Command::Check(arguments) => check::run(&arguments),
+        cli::Command::Clean(arguments) => clean::run(&arguments),
         cli::Command::PlantSim(arguments) => stage::run(StageKind::PlantSim, &arguments),
         cli::Command::SensorProc(arguments) => stage::run(StageKind::SensorProc, &arguments),
         cli::Command::IdentProc(arguments) => stage::run(StageKind::IdentProc, &arguments),

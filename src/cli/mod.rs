@@ -1,6 +1,7 @@
 //! What a user types.
 
 mod bench;
+mod clean;
 mod commission;
 mod identify;
 mod operate;
@@ -10,6 +11,7 @@ mod values;
 use clap::{Parser, Subcommand};
 
 pub use bench::{Bench, BenchControl};
+pub use clean::Clean;
 pub use commission::Commission;
 pub use identify::Identify;
 pub use operate::{Arm, Disarm, GroupAxes, Operate, Reset};
@@ -52,6 +54,8 @@ pub enum Command {
     Bench(Bench),
     /// Check a machine file and say everything that is wrong with it
     Check(MachineFile),
+    /// Remove what dead groups have left in shared memory and beside it
+    Clean(Clean),
     /// Run the simulated machine alone, in the foreground
     PlantSim(Stage),
     /// Run the encoder acquisition alone, in the foreground

@@ -28,8 +28,10 @@ const MAX_NODES: usize = 32;
 const OPEN_PATIENCE: Duration = Duration::from_secs(2);
 /// How long freeing the places of killed members is tried.
 const BURIAL_PATIENCE: Duration = Duration::from_millis(500);
+/// What the name of a group's folder starts with.
+pub(super) const FOLDER: &str = "hydraxis.";
 /// File in the group's folder that every member keeps locked.
-const MEMBERS: &str = "members";
+pub(super) const MEMBERS: &str = "members";
 /// Attribute that holds the layout's fingerprint.
 const LAYOUT_ATTRIBUTE: &str = "hydraxis.layout";
 
@@ -61,11 +63,11 @@ impl Prefix {
 
     /// Folder of the group's static files.
     pub fn folder(&self) -> PathBuf {
-        std::env::temp_dir().join(format!("hydraxis.{}", self.0))
+        std::env::temp_dir().join(format!("{FOLDER}{}", self.0))
     }
 
     /// What the names of the group's shared memory start with. The dot keeps prefix `a` apart from prefix `ab`.
-    fn file_prefix(&self) -> String {
+    pub(super) fn file_prefix(&self) -> String {
         format!("{}.", self.0)
     }
 }
@@ -273,27 +275,4 @@ fn is_passing(error: &PublishSubscribeOpenOrCreateError) -> bool {
             Create::AlreadyExists | Create::IsBeingCreatedByAnotherInstance | Create::HangsInCreation
         ) | PublishSubscribeOpenOrCreateError::SystemInFlux
     )
-}
-
-/// Removes every file that a dead group has left behind; returns what was removed.
-///
-/// A process that was killed cannot remove its shared memory, and the library leaves a small file per prefix.
-///
-/// # Errors
-/// A member of the group is alive: its files are in use.
-pub fn remove_leftovers(prefix: &Prefix) -> Result<Vec<PathBuf>, ChannelError> {
-    let folder = prefix.folder();
-    if let Ok(members) = File::open(folder.join(MEMBERS)) {
-        members.try_lock().map_err(|_| ChannelError::Alive { prefix: prefix.to_string() })?;
-    }
-    let start = prefix.file_prefix();
-    let shared_memory = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten().map(|entry| entry.path());
-    let mut found: Vec<PathBuf> = shared_memory
-        .filter(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&start)))
-        .collect();
-    found.retain(|path| std::fs::remove_file(path).is_ok());
-    if folder.exists() && std::fs::remove_dir_all(&folder).is_ok() {
-        found.push(folder);
-    }
-    Ok(found)
 }

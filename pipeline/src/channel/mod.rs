@@ -12,13 +12,15 @@
 
 mod event;
 mod group;
+mod leftovers;
 mod publisher;
 mod reader;
 mod recycled;
 mod service;
 
 pub use event::{Bell, Ear};
-pub use group::{Group, Prefix, remove_leftovers};
+pub use group::{Group, Prefix};
+pub use leftovers::{FoundGroup, GroupState, groups, remove_leftovers};
 pub use publisher::Publisher;
 pub use reader::{Read, Reader};
 

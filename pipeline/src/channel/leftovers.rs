@@ -1,0 +1,192 @@
+//! What groups leave behind: which groups there are, which of them live, and what may be removed of the dead.
+//!
+//! A process that was killed cannot remove its shared memory, and the library leaves a small file per prefix.
+//!
+//! | where | name | is ours because |
+//! |---|---|---|
+//! | folder for temporary files | `hydraxis.PREFIX/` | it holds the file `members`, which every member keeps locked |
+//! | `/dev/shm` | `PREFIX.`, 40 hexadecimal digits, `_`, and more | the library names its files so, and the folder has told the prefix |
+//!
+//! A group lives as long as somebody holds the lock. Trap: the folder is where `TMPDIR` points, and that may be another
+//! place for a service than for a person. A group whose memory is there without its folder is not known to be dead,
+//! and another program that is built on the same library may have named its files alike: it is removed by its name only,
+//! and only while no process has its memory mapped.
+
+use std::{
+    collections::BTreeMap,
+    fs::{File, TryLockError},
+    path::{Path, PathBuf},
+};
+
+use super::{
+    ChannelError, Prefix,
+    group::{FOLDER, MEMBERS},
+};
+
+/// Where shared memory has its names.
+const SHARED_MEMORY: &str = "/dev/shm";
+/// Hexadecimal digits that the library puts behind the prefix.
+const HASH_DIGITS: usize = 40;
+
+/// What is known of a group.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GroupState {
+    /// Somebody is a member, or has its memory mapped.
+    Alive,
+    /// Nobody is a member.
+    Dead,
+    /// There is memory without a folder, and nobody has it mapped: dead, or another program's.
+    Unknown,
+}
+
+impl GroupState {
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Alive => "alive",
+            Self::Dead => "dead",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+/// A group that has left its marks on this machine.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FoundGroup {
+    /// Its name.
+    pub prefix: Prefix,
+    /// Whether it lives.
+    pub state: GroupState,
+    /// Its files in shared memory, and its folder, sorted.
+    pub files: Vec<PathBuf>,
+}
+
+/// All groups of this machine, sorted by name.
+pub fn groups() -> Vec<FoundGroup> {
+    let mut files = BTreeMap::<String, Vec<PathBuf>>::new();
+    for path in entries(Path::new(SHARED_MEMORY)) {
+        if let Some(prefix) = prefix_of(&path) {
+            files.entry(prefix.to_string()).or_default().push(path);
+        }
+    }
+    for path in entries(&std::env::temp_dir()) {
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let prefix = name.strip_prefix(FOLDER).and_then(|rest| rest.parse::<Prefix>().ok());
+        if let Some(prefix) = prefix.filter(|_| path.join(MEMBERS).is_file()) {
+            files.entry(prefix.to_string()).or_default().push(path);
+        }
+    }
+    let one = |(prefix, mut files): (String, Vec<PathBuf>)| {
+        let prefix: Prefix = prefix.parse().ok()?;
+        files.sort();
+        let state = match lock(&prefix) {
+            Lock::Held => GroupState::Alive,
+            Lock::Taken(_) => GroupState::Dead,
+            Lock::Missing if is_mapped(&files) => GroupState::Alive,
+            Lock::Missing => GroupState::Unknown,
+        };
+        Some(FoundGroup { prefix, state, files })
+    };
+    files.into_iter().filter_map(one).collect()
+}
+
+/// Removes every file that a dead group has left behind; returns what was removed, sorted.
+///
+/// # Errors
+/// The group is alive: its files are in use.
+pub fn remove_leftovers(prefix: &Prefix) -> Result<Vec<PathBuf>, ChannelError> {
+    let alive = || Err(ChannelError::Alive { prefix: prefix.to_string() });
+    let is_of = |path: &PathBuf| prefix_of(path).is_some_and(|other| other == *prefix);
+    let mut found: Vec<PathBuf> = entries(Path::new(SHARED_MEMORY)).filter(is_of).collect();
+    found.sort();
+    // Held until all is removed: whoever joins meanwhile waits, and then sees that its lock is on a file that is gone.
+    let members = match lock(prefix) {
+        Lock::Held => return alive(),
+        Lock::Missing if is_mapped(&found) => return alive(),
+        Lock::Taken(members) => Some(members),
+        Lock::Missing => None,
+    };
+    found.retain(|path| std::fs::remove_file(path).is_ok());
+    let folder = prefix.folder();
+    // A folder of that name without the lock is somebody else's.
+    if members.is_some() && std::fs::remove_dir_all(&folder).is_ok() {
+        found.push(folder);
+    }
+    Ok(found)
+}
+
+/// The lock that every member holds.
+enum Lock {
+    /// By somebody else.
+    Held,
+    /// By us, until it is dropped.
+    Taken(File),
+    /// There is no folder, or no such file in it.
+    Missing,
+}
+
+fn lock(prefix: &Prefix) -> Lock {
+    let members = match File::open(prefix.folder().join(MEMBERS)) {
+        Ok(members) => members,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Lock::Missing,
+        // Somebody else's: whatever it is, it is not ours to remove.
+        Err(_) => return Lock::Held,
+    };
+    match members.try_lock() {
+        Ok(()) => Lock::Taken(members),
+        Err(TryLockError::WouldBlock | TryLockError::Error(_)) => Lock::Held,
+    }
+}
+
+fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
+    std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path())
+}
+
+/// The prefix of a file in shared memory, if its name is one that the library gives.
+fn prefix_of(path: &Path) -> Option<Prefix> {
+    let (prefix, rest) = path.file_name()?.to_str()?.split_once('.')?;
+    let (hash, rest) = rest.split_at_checked(HASH_DIGITS)?;
+    let is_hash = hash.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
+    (is_hash && rest.starts_with('_')).then(|| prefix.parse().ok()).flatten()
+}
+
+/// Whether a process that we may look into has one of these files mapped; our own files' users we always may.
+fn is_mapped(files: &[PathBuf]) -> bool {
+    let maps = entries(Path::new("/proc")).filter_map(|process| std::fs::read_to_string(process.join("maps")).ok());
+    let is_ours = |line: &str| {
+        // What is mapped stands at the end of the line, and is absolute.
+        line.find('/').is_some_and(|begin| files.iter().any(|file| file.as_os_str() == &line[begin..]))
+    };
+    !files.is_empty() && maps.into_iter().any(|maps| maps.lines().any(is_ours))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_names_that_the_library_gives_have_a_prefix() {
+        let hash = "0354a209029e7d094a819e2d4030ea331e6caaf0";
+        let prefix = |name: &str| prefix_of(&Path::new("/dev/shm").join(name)).map(|prefix| prefix.to_string());
+        for rest in ["_158456874115226466134152721365.data", "_1_2.connection", "_node.0_10_0.global_mgmt"] {
+            assert_eq!(prefix(&format!("my-group.{hash}{rest}")).as_deref(), Some("my-group"), "{rest}");
+        }
+        for name in [
+            "demo.txt".to_owned(),
+            "demo".to_owned(),
+            format!("{hash}_1.data"),
+            format!("iox2_{hash}_1.data"),
+            format!("demo.{hash}"),
+            format!("demo.{hash}.data"),
+            format!("demo.{}_1.data", hash.to_uppercase()),
+            format!("demo.{}_1.data", &hash[1..]),
+            format!("demo.0{hash}_1.data"),
+            format!("sem.demo.{hash}_1.data"),
+            format!("de mo.{hash}_1.data"),
+            format!(".{hash}_1.data"),
+            "demo.ääääääääääääääääääääääääääääääääääääääääääää_".to_owned(),
+        ] {
+            assert_eq!(prefix(&name), None, "{name}");
+        }
+    }
+}

@@ -16,6 +16,7 @@ mod report;
 mod run;
 mod simulate;
 mod stage;
+mod status;
 mod supervisor;
 mod table;
 
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
         cli::Command::Run(arguments) => run::run(&arguments),
         cli::Command::Simulate(arguments) => simulate::run(&arguments),
         cli::Command::Commission(arguments) => commission::run(&arguments),
+        cli::Command::Status(arguments) => status::run(&arguments),
         cli::Command::Operate(arguments) => operate::run(&arguments),
         cli::Command::Arm(arguments) => operate::arm(&arguments),
         cli::Command::Disarm(arguments) => operate::disarm(&arguments),

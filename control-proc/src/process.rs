@@ -7,9 +7,7 @@
 use pipeline::{
     channel::{Group, Publisher, Reader},
     machine::Machine,
-    message::{
-        AxisState, CoefficientSnapshot, EncoderSample, MachineState, MissCause, Reference, Request, ValveCommand,
-    },
+    message::{CoefficientSnapshot, EncoderSample, Header, MachineState, MissCause, Reference, Request, ValveCommand},
     stage::{
         Accounting, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
     },
@@ -34,6 +32,8 @@ struct Process {
     requests: Reader<Request>,
     commands: Publisher<ValveCommand>,
     states: Publisher<MachineState>,
+    /// Filled in at every heartbeat; the names of the axes stay.
+    state: MachineState,
     /// What was sent last.
     last: ValveCommand,
     waiter: Waiter,
@@ -58,6 +58,7 @@ impl Process {
             requests: group.reader()?,
             commands: group.publisher()?,
             states: group.publisher()?,
+            state: named(machine),
             last: ValveCommand::default(),
             waiter: Waiter::new::<EncoderSample>(group, machine, StageKind::ControlProc, options.clock)?,
             clock: options.clock,
@@ -173,12 +174,29 @@ impl Stage for Process {
     }
 
     fn tell(&mut self) -> Result<(), StageError> {
-        let mut state = MachineState { header: self.last.header, ..MachineState::default() };
-        state.header.sent_ns = monotonic_ns();
-        let sample = self.samples.last().copied().unwrap_or_default();
-        for (place, (sample, command)) in state.axes.iter_mut().zip(sample.axes.iter().zip(&self.last.axes)) {
-            *place = AxisState { sample: *sample, command: *command };
+        let now = monotonic_ns();
+        self.state.header = Header { sent_ns: now, ..self.last.header };
+        let (sample, snapshot) = (self.samples.last(), self.snapshots.last());
+        for (i, state) in self.state.axes.iter_mut().enumerate() {
+            state.command = self.last.axes[i];
+            if let Some(sample) = sample {
+                state.sample = sample.axes[i];
+            }
+            if let Some(snapshot) = snapshot {
+                let axis = &snapshot.axes[i];
+                (state.has_model, state.model_faults) = (1, axis.faults);
+                state.model_age_ns = now.saturating_sub(snapshot.header.acquired_ns);
+                state.forgetting_factor = axis.forgetting_factor;
+                state.h_step_sigma = axis.adaptive_errors.h_step.sigma();
+            }
         }
-        Ok(self.states.send(&state)?)
+        Ok(self.states.send(&self.state)?)
     }
+}
+
+/// The state of a machine of which nothing is known but the names of its axes.
+fn named(machine: &Machine) -> MachineState {
+    let mut state = MachineState::default();
+    state.axes.iter_mut().zip(&machine.axes).for_each(|(state, axis)| state.set_name(&axis.name));
+    state
 }

@@ -43,7 +43,7 @@ pub const fn with_number(mut hash: u64, number: u64) -> u64 {
 macro_rules! primitive {
     ($($ty:ident),*) => { $(impl Layout for $ty { const LAYOUT: u64 = named(stringify!($ty)); })* };
 }
-primitive!(u32, u64, i64, f64);
+primitive!(u8, u32, u64, i64, f64);
 
 impl<T: Layout, const N: usize> Layout for [T; N] {
     const LAYOUT: u64 = with_number(with_name(T::LAYOUT, "array"), N as u64);

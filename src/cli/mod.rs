@@ -6,6 +6,7 @@ mod commission;
 mod identify;
 mod operate;
 mod run;
+mod status;
 mod values;
 
 use clap::{Parser, Subcommand};
@@ -16,6 +17,7 @@ pub use commission::Commission;
 pub use identify::Identify;
 pub use operate::{Arm, Disarm, GroupAxes, Operate, Reset};
 pub use run::{BareMachine, MachineFile, Recording, Run, Simulate, Stage};
+pub use status::Status;
 pub use values::Samples;
 
 /// Identifies and controls the electrohydraulic axes of a machine.
@@ -47,6 +49,8 @@ pub enum Command {
     Disarm(Disarm),
     /// Release the axes of a running group that a fault has latched, and say what it was
     Reset(Reset),
+    /// Show how a running group is doing: states, rates, losses, latencies, axes
+    Status(Status),
     /// Identify a Hammerstein model on a recording, offline and adaptive side by side
     Identify(Box<Identify>),
     /// Compare controllers on the simulated machine

@@ -10,6 +10,7 @@ use std::{
 };
 
 use iceoryx2::{
+    node::NodeView,
     prelude::*,
     service::builder::publish_subscribe::{
         PublishSubscribeCreateError, PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
@@ -72,6 +73,17 @@ impl Prefix {
     }
 }
 
+/// Somebody in a group.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Member {
+    /// As it joined: a stage's name, `supervisor`, or a client's.
+    pub name: String,
+    /// Its process.
+    pub pid: u32,
+    /// False for one that was killed and has not been buried.
+    pub is_alive: bool,
+}
+
 /// One process' membership in a group.
 pub struct Group {
     prefix: Prefix,
@@ -117,6 +129,26 @@ impl Group {
     pub fn bury_the_dead(&self) {
         // Another process may be at it as well; whoever opens a channel then sees what came of it.
         self.node.blocking_cleanup_dead_nodes(BURIAL_PATIENCE);
+    }
+
+    /// Who is in the group, by the names that they joined under, the killed among them. Looks at files: not for a
+    /// stage's loop.
+    pub fn members(&self) -> Vec<Member> {
+        let mut members = Vec::new();
+        // A member that is just leaving ends the list early; it is a look, and the next one sees more.
+        let _ = Node::<Service>::list(self.node.config(), |state| {
+            let (is_alive, details) = match &state {
+                NodeState::Alive(view) => (true, view.details().as_ref()),
+                NodeState::Dead(view) => (false, view.details().as_ref()),
+                NodeState::Inaccessible(_) | NodeState::Undefined(_) => (false, None),
+            };
+            if let Some(details) = details {
+                let pid = u32::try_from(details.process_id().value()).unwrap_or_default();
+                members.push(Member { name: details.name().to_string(), pid, is_alive });
+            }
+            CallbackProgression::Continue
+        });
+        members
     }
 
     /// Opens the channel of `M` for writing.

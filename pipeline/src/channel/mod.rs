@@ -19,7 +19,7 @@ mod recycled;
 mod service;
 
 pub use event::{Bell, Ear};
-pub use group::{Group, Prefix};
+pub use group::{Group, Member, Prefix};
 pub use leftovers::{FoundGroup, GroupState, groups, remove_leftovers};
 pub use publisher::Publisher;
 pub use reader::{Read, Reader};

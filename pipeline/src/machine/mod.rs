@@ -107,15 +107,16 @@ pub struct StageSettings {
     pub command: Option<Vec<String>>,
 }
 
-/// How a stage waits for its input in real time.
+/// How a stage waits for its input, or for its timer, in real time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Wait {
-    /// Sleeps until the sender's event: for cores that are shared.
+    /// Sleeps until the sender's event, or until its time: for cores that are shared.
     #[default]
     Event,
     /// Polls without a pause: for a core of its own.
     Spin,
-    /// Polls for this long, and then sleeps until the event: for inputs that come close together.
+    /// Polls for this long, and then sleeps until the event: for inputs that come close together. A timer is slept for
+    /// first, and polled for the last bit.
     SpinThenEvent(Duration),
 }
 

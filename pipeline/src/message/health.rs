@@ -167,10 +167,40 @@ shared_struct! {
     /// One axis of a [`MachineState`].
     #[type_name("hydraxis.AxisState/1")]
     pub struct AxisState {
+        /// Its name in UTF-8, cut to what there is room for, then zeros.
+        pub name: [u8; 32],
         /// Where it is.
         pub sample: AxisSample,
         /// What its valve was last told.
         pub command: AxisCommand,
+        /// Forgetting factor of the newest snapshot; 0 while there is none.
+        pub forgetting_factor: f64,
+        /// Standard deviation of the adaptive model's h-step error, in the unit of the identified output.
+        pub h_step_sigma: f64,
+        /// Age of the newest snapshot's sample at this heartbeat, ns.
+        pub model_age_ns: u64,
+        /// Why the model is not to be trusted, [`super::model_fault`] bits.
+        pub model_faults: u32,
+        /// 1 once a snapshot has come.
+        pub has_model: u32,
+    }
+}
+
+impl AxisState {
+    /// Names the axis.
+    pub fn set_name(&mut self, name: &str) {
+        let mut length = name.len().min(self.name.len());
+        while !name.is_char_boundary(length) {
+            length -= 1;
+        }
+        self.name = [0; 32];
+        self.name[..length].copy_from_slice(&name.as_bytes()[..length]);
+    }
+
+    /// The axis' name.
+    pub fn name(&self) -> &str {
+        let length = self.name.iter().position(|byte| *byte == 0).unwrap_or(self.name.len());
+        std::str::from_utf8(&self.name[..length]).unwrap_or("?")
     }
 }
 
@@ -206,6 +236,18 @@ mod tests {
             MachineState::CHANNEL,
         ];
         assert_eq!(channels, CHANNELS);
+    }
+
+    #[test]
+    fn a_name_is_cut_between_two_letters() {
+        let mut axis = AxisState::default();
+        assert_eq!(axis.name(), "");
+        axis.set_name("boom");
+        assert_eq!(axis.name(), "boom");
+        axis.set_name(&"\u{e4}".repeat(20));
+        assert_eq!(axis.name(), "\u{e4}".repeat(16));
+        axis.set_name(&format!("x{}", "\u{e4}".repeat(20)));
+        assert_eq!(axis.name().chars().count(), 16);
     }
 
     #[test]

@@ -49,7 +49,7 @@ pub fn run<S: Stage>(
         eprintln!("{}: warning: {missing}", kind.name());
     }
     let group = Group::join(&options.prefix, kind.name())?;
-    let mut turn = Turn::new(&group, kind, machine.timing.period, options)?;
+    let mut turn = Turn::new(&group, machine, kind, options)?;
     let mut stage = build(&group)?;
     let ended = turns(&mut stage, &mut turn);
     // Neutral first, whatever happened.

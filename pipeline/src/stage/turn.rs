@@ -70,6 +70,8 @@ pub struct Turn {
     pub options: Options,
     period_ns: u64,
     slice_ns: u64,
+    /// How long before its time a timer is polled instead of slept for.
+    timer_spin_ns: u64,
     accounting: Accounting,
     publisher: Publisher<StageHealth>,
     next_beat_ns: u64,
@@ -78,16 +80,22 @@ pub struct Turn {
 impl Turn {
     pub(super) fn new(
         group: &Group,
+        machine: &Machine,
         kind: StageKind,
-        period: Duration,
         options: Options,
     ) -> Result<Self, ChannelError> {
-        let period_ns = period.as_nanos() as u64;
+        let period_ns = machine.timing.period.as_nanos() as u64;
+        let timer_spin_ns = match machine.stage(kind).wait {
+            Wait::Event => 0,
+            Wait::Spin => u64::MAX,
+            Wait::SpinThenEvent(spin) => spin.as_nanos() as u64,
+        };
         Ok(Self {
             options,
             period_ns,
             // A writer that rings no bell is still heard within half a period.
             slice_ns: (period_ns / 2).clamp(1_000_000, SLICE_NS),
+            timer_spin_ns,
             accounting: Accounting::new(kind as u32),
             publisher: group.publisher()?,
             next_beat_ns: 0,
@@ -104,9 +112,10 @@ impl Turn {
         self.options.ticks.is_some_and(|ticks| sequence + 1 >= ticks)
     }
 
-    /// Sleeps until an absolute time, ns; false when the loop is to end first. A signal that asks for something else
-    /// wakes nobody early.
+    /// Waits for an absolute time, ns, the way that the machine file asks for; false when the loop is to end first. A
+    /// signal that asks for something else wakes nobody early.
     pub fn sleep_until(&self, deadline_ns: u64) -> bool {
+        let asleep_until = deadline_ns.saturating_sub(self.timer_spin_ns);
         loop {
             if self.stopping() {
                 return false;
@@ -115,7 +124,11 @@ impl Turn {
             if now >= deadline_ns {
                 return true;
             }
-            sleep_until(deadline_ns.min(now + SLEEP_NS));
+            if now < asleep_until {
+                sleep_until(asleep_until.min(now + SLEEP_NS));
+            } else {
+                std::hint::spin_loop();
+            }
         }
     }
 

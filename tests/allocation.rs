@@ -151,7 +151,8 @@ fn allocations_with(name: &str, machine: &Machine, clock: Clock, from: u64, to: 
 }
 
 fn options(prefix: &Prefix, clock: Clock, stop: &Arc<AtomicBool>) -> Options {
-    Options { prefix: prefix.clone(), clock, ticks: None, seed: 1, arm: true, stop: Arc::clone(stop) }
+    let (prefix, stop) = (prefix.clone(), Arc::clone(stop));
+    Options { prefix, clock, ticks: None, seed: 1, arm: true, first_tick: 0, warn: true, stop }
 }
 
 /// One test, since the allocator counts for the whole process.

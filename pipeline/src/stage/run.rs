@@ -36,7 +36,8 @@ pub fn run<S: Stage>(
     options: Options,
     build: impl FnOnce(&Group) -> Result<S, StageError>,
 ) -> Result<(), StageError> {
-    for missing in rights::apply(machine, kind)? {
+    let missing = rights::apply(machine, kind)?;
+    for missing in missing.iter().filter(|_| options.warn) {
         eprintln!("{}: warning: {missing}", kind.name());
     }
     let group = Group::join(&options.prefix, kind.name())?;

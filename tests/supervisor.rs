@@ -3,7 +3,7 @@
 mod harness;
 
 use std::{
-    io::{BufRead, BufReader},
+    io::{BufRead, BufReader, Read},
     os::unix::net::UnixDatagram,
     path::PathBuf,
     process::{ChildStdin, Stdio},
@@ -28,6 +28,12 @@ static CORES: Mutex<()> = Mutex::new(());
 
 fn alone() -> MutexGuard<'static, ()> {
     CORES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn text(mut pipe: impl Read) -> String {
+    let mut text = String::new();
+    pipe.read_to_string(&mut text).unwrap();
+    text
 }
 
 /// A shell script in the place of ident-proc.
@@ -130,14 +136,14 @@ fn too_many_deaths_end_the_run_with_the_first_cause() {
     let mut running = Running::start("limit");
     let channels = running.group.join();
     let mut health = channels.reader().unwrap();
-    signal(running.pid(StageKind::IdentProc), Signal::SEGV);
+    signal(running.pid(StageKind::IdentProc), Signal::ABORT);
     for _ in 0..5 {
         running.await_next(StageKind::IdentProc, &mut health);
         signal(running.pid(StageKind::IdentProc), Signal::KILL);
     }
     let said = running.expect_end(1);
     let last = said.stderr.lines().last().unwrap_or_default();
-    assert_eq!(last, "ident-proc killed by SIGSEGV, first of 6 times within 30s", "{}", said.stderr);
+    assert_eq!(last, "ident-proc killed by SIGABRT, first of 6 times within 30s", "{}", said.stderr);
     assert!(said.stderr.contains("starts again in 3.2 s"), "{}", said.stderr);
     assert!(running.none_runs());
 }
@@ -192,6 +198,46 @@ fn a_stage_ends_when_its_input_does() {
     drop(stdin);
     let status = wait_for("its end", || stage.try_wait().unwrap());
     assert!(status.success(), "{status}");
+}
+
+#[test]
+fn a_stage_that_does_not_end_with_its_input_is_ended() {
+    let (group, folder) = (TestGroup::new("eof-stuck"), tempfile::tempdir().unwrap());
+    let fifo = folder.path().join("path.csv");
+    rustix::fs::mknodat(rustix::fs::CWD, &fifo, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
+    // It reads its reference from a pipe that nobody writes into, and so never comes to look at its stop flag.
+    let mut stage = hydraxis()
+        .args(["control-proc", "--prefix", &group.prefix.to_string(), "--parent", &std::process::id().to_string()])
+        .args(["--set", "axis.boom.reference.kind=trajectory"])
+        .args(["--set", &format!("axis.boom.reference.file={}", fifo.display())])
+        .stdin(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let _writer = wait_for("the stage to read", || {
+        let open = rustix::fs::OFlags::WRONLY | rustix::fs::OFlags::NONBLOCK;
+        rustix::fs::open(&fifo, open, rustix::fs::Mode::empty()).ok()
+    });
+    drop(stage.stdin.take());
+    let status = wait_for("its end", || stage.try_wait().unwrap());
+    let said = text(stage.stderr.take().unwrap());
+    assert_eq!(status.code(), Some(1), "{said}");
+    assert!(said.contains("whoever started it is gone, and it did not end within 500ms"), "{said}");
+}
+
+#[test]
+fn a_supervisor_that_is_asked_to_end_ends_well() {
+    let _alone = alone();
+    for asked in [Signal::TERM, Signal::HUP] {
+        let mut running = Running::start("asked");
+        signal(running.supervisor.id(), asked);
+        let said = running.expect_end(0);
+        let steps = ["control-proc: asked to end", "control-proc: ended", "ident-proc: asked to end"];
+        let places = steps.map(|step| said.stderr.find(step).unwrap_or_else(|| panic!("{step}: {}", said.stderr)));
+        assert!(places.is_sorted(), "{}", said.stderr);
+        assert!(running.none_runs());
+        assert_eq!(running.group.files(), NOTHING);
+    }
 }
 
 #[test]
@@ -267,7 +313,9 @@ fn lines_of_the_stages_are_whole_and_go_to_a_file_too() {
         .unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{said}");
-    let talked: Vec<&str> = said.lines().filter_map(|line| line.strip_prefix("ident-proc | ")).collect();
+    // What a shell says of its killed child is its own.
+    let before = said.lines().take_while(|line| *line != "ident-proc: asked to end");
+    let talked: Vec<&str> = before.filter_map(|line| line.strip_prefix("ident-proc | ")).collect();
     assert!(talked.len() > 50 && talked.contains(&"one two") && talked.contains(&"uno due"), "{said}");
     let whole = |line: &&str| ["one two", "uno due", "one ", "uno "].contains(line);
     assert!(talked.iter().all(whole), "{said}");

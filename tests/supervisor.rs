@@ -420,6 +420,6 @@ fn a_service_manager_hears_of_start_life_and_end() {
     let of = |what: &'static str| life.iter().filter(move |(text, _)| text.starts_with(what));
     assert!(of("WATCHDOG=1").filter(|(_, at)| *at < stopped).count() >= 5, "{life:?}");
     assert!(of("STATUS=").any(|(text, _)| text.contains("boom")), "{life:?}");
-    let (last, end) = (of("WATCHDOG=1").last().unwrap().1, life.last().unwrap().1);
+    let (last, end) = (of("WATCHDOG=1").next_back().unwrap().1, life.last().unwrap().1);
     assert!(end - last > Duration::from_millis(500), "not fed any more: {:?} before the end", end - last);
 }

@@ -183,5 +183,7 @@ fn all_stages_but_the_simulated_machine_start_again_unless_told_otherwise() {
     assert_eq!(restarts(&Machine::load(None, &[]).unwrap()), [never, again, again, again]);
     assert_eq!(restarts(&Machine::load(None, &setting("never")).unwrap()), [never, again, never, again]);
     let refused = Machine::load(None, &setting("always")).unwrap_err().to_string();
-    assert!(refused.contains("stage.ident-proc.restart: found \"always\"; allowed: "), "{refused}");
+    let expected =
+        "stage.ident-proc.restart: found always (from the command line); allowed: \"on-failure\" or \"never\"";
+    assert!(refused.contains(expected), "{refused}");
 }

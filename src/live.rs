@@ -6,8 +6,8 @@ use pipeline::{
     channel::{ChannelError, Group, Reader},
     machine::Machine,
     message::{
-        AxisMode, CoefficientSnapshot, ControlMode, StageHealth, StageState, ValveCommand, bit_names, control_flag,
-        model_fault,
+        AxisMode, CoefficientSnapshot, ControlMode, EncoderSample, StageHealth, StageState, ValveCommand, bit_names,
+        control_flag, model_fault,
     },
     stage::StageKind,
 };
@@ -20,9 +20,12 @@ const LINE_PERIOD: Duration = Duration::from_secs(1);
 /// Reads along with a group, without being waited for.
 pub struct Monitor {
     health: Reader<StageHealth>,
+    samples: Reader<EncoderSample>,
     commands: Reader<ValveCommand>,
     snapshots: Reader<CoefficientSnapshot>,
     last: LastMessages,
+    /// When each stage was last heard of, while it lives.
+    heard: [Option<Instant>; 4],
     next_line: Instant,
     progress: u64,
     progressed: Instant,
@@ -37,9 +40,11 @@ impl Monitor {
         let now = Instant::now();
         Ok(Self {
             health: group.reader()?,
+            samples: group.reader()?,
             commands: group.reader()?,
             snapshots: group.reader()?,
             last: LastMessages::default(),
+            heard: [None; 4],
             next_line: now + LINE_PERIOD,
             progress: 0,
             progressed: now,
@@ -52,17 +57,21 @@ impl Monitor {
     /// A channel cannot be read.
     pub fn poll(&mut self) -> Result<(), ChannelError> {
         while let Some(health) = self.health.read()?.if_new() {
-            if let Some(slot) = self.last.health.get_mut(health.stage as usize) {
-                *slot = Some(*health);
-            }
+            let Some(slot) = self.last.health.get_mut(health.stage as usize) else { continue };
+            self.heard[health.stage as usize] = Some(Instant::now());
+            let before = slot.replace(*health);
+            // Another process counts from 0 again.
+            self.last.former.extend(before.filter(|before| before.pid != health.pid));
         }
+        self.samples.newest()?;
         if let Some(command) = self.commands.newest()?.if_new() {
             self.last.command = Some(*command);
         }
         if let Some(snapshot) = self.snapshots.newest()?.if_new() {
             self.last.snapshot = Some(*snapshot);
         }
-        let progress = self.last.health.iter().flatten().map(|health| health.samples).sum();
+        let all = self.last.health.iter().flatten().chain(&self.last.former);
+        let progress = all.map(|health| health.samples).sum();
         if progress != self.progress {
             (self.progress, self.progressed) = (progress, Instant::now());
         }
@@ -71,7 +80,23 @@ impl Monitor {
 
     /// Whether a stage has said that its channels are open.
     pub fn is_ready(&self, kind: StageKind) -> bool {
-        self.last.health[kind as usize].is_some_and(|health| health.state != StageState::Stopped as u32)
+        self.heard[kind as usize].is_some()
+            && self.last.health[kind as usize].is_some_and(|health| health.state != StageState::Stopped as u32)
+    }
+
+    /// How long ago a stage was heard of; none before its first word.
+    pub fn heartbeat_age(&self, kind: StageKind) -> Option<Duration> {
+        self.heard[kind as usize].map(|heard| heard.elapsed())
+    }
+
+    /// A stage has died: what its next life says is its first word again.
+    pub fn forget(&mut self, kind: StageKind) {
+        self.heard[kind as usize] = None;
+    }
+
+    /// Number of the newest sample, and when it was acquired, ns of `CLOCK_MONOTONIC`.
+    pub fn last_sample(&self) -> Option<(u64, u64)> {
+        self.samples.last().map(|sample| (sample.header.sequence, sample.header.acquired_ns))
     }
 
     /// For how long no stage has worked a tick.
@@ -87,9 +112,9 @@ impl Monitor {
         ticks.collect::<Vec<_>>().join(", ")
     }
 
-    /// What was read last.
-    pub fn into_last(self) -> LastMessages {
-        self.last
+    /// What was read last, with what ended the stages that were started again.
+    pub fn into_last(self, restart_causes: [Vec<String>; 4]) -> LastMessages {
+        LastMessages { restart_causes, ..self.last }
     }
 
     /// The line of this second, once it is due.

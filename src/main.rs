@@ -8,6 +8,7 @@ mod commission;
 mod failure;
 mod figures;
 mod identify;
+mod lifeline;
 mod live;
 mod operate;
 mod operator;
@@ -20,7 +21,10 @@ mod status;
 mod supervisor;
 mod table;
 
-use std::process::ExitCode;
+use std::{
+    io::{Write, stderr},
+    process::ExitCode,
+};
 
 use clap::Parser;
 use pipeline::stage::StageKind;
@@ -47,7 +51,8 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("{failure}");
+            // Whoever would read it may be gone.
+            let _ = writeln!(stderr(), "{failure}");
             failure.exit_code()
         }
     }

@@ -92,7 +92,9 @@ struct StageReport {
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     channels: BTreeMap<&'static str, ChannelReport>,
     implausible: u64,
-    restarts: u64,
+    restarts: usize,
+    /// What ended each life that was followed by another.
+    restart_causes: Vec<String>,
     wait_ns: Percentiles,
     work_ns: Percentiles,
 }
@@ -125,6 +127,18 @@ pub struct LastMessages {
     pub snapshot: Option<CoefficientSnapshot>,
     /// One per stage that ran, by [`StageKind`].
     pub health: [Option<StageHealth>; 4],
+    /// The last ones of processes that were followed by others.
+    pub former: Vec<StageHealth>,
+    /// What ended those, by [`StageKind`].
+    pub restart_causes: [Vec<String>; 4],
+}
+
+impl LastMessages {
+    /// What all processes of a stage have counted together.
+    fn sum(&self, kind: StageKind, of: fn(&StageHealth) -> u64) -> u64 {
+        let former = self.former.iter().filter(|health| health.stage == kind as u32);
+        self.health[kind as usize].iter().chain(former).map(of).sum()
+    }
 }
 
 impl Report {
@@ -138,19 +152,21 @@ impl Report {
         });
         let stages = StageKind::ALL.into_iter().filter_map(|kind| {
             health(kind).map(|health| {
+                let sum = |of| last.sum(kind, of);
+                let causes = &last.restart_causes[kind as usize];
                 let stage = StageReport {
-                    samples: health.samples,
-                    lost: health.lost(),
-                    missed_deadlines: health.missed.total(),
+                    samples: sum(|health| health.samples),
+                    lost: sum(StageHealth::lost),
+                    missed_deadlines: sum(|health| health.missed.total()),
                     missed_by_cause: MissedByCause::new(&health.missed),
                     channels: if clock == Clock::RealTime {
                         health.channels().iter().map(|c| (c.name(), ChannelReport::new(c))).collect()
                     } else {
                         BTreeMap::new()
                     },
-                    implausible: health.implausible,
-                    // A stage that ends before its time ends the run: none is ever started again.
-                    restarts: 0,
+                    implausible: sum(|health| health.implausible),
+                    restarts: causes.len(),
+                    restart_causes: causes.clone(),
                     wait_ns: health.wait,
                     work_ns: health.work,
                 };
@@ -158,7 +174,7 @@ impl Report {
             })
         });
         let percentiles = |kind, of: fn(&StageHealth) -> Percentiles| health(kind).map(of).unwrap_or_default();
-        let ticks = health(StageKind::SensorProc).map_or(0, |health| health.samples);
+        let ticks = last.sum(StageKind::SensorProc, |health| health.samples);
         Self {
             axes: axes.collect(),
             stages: stages.collect(),
@@ -245,6 +261,10 @@ impl Report {
         if !rows.is_empty() {
             let header = ["latency", "count", "p50", "p99", "p99.9", "p99.99", "max", "beyond"];
             text += &format!("{}\n\n", table(&header, rows));
+        }
+        for (name, stage) in self.stages.iter().filter(|(_, stage)| stage.restarts > 0) {
+            let times = if stage.restarts == 1 { "once".to_owned() } else { format!("{} times", stage.restarts) };
+            text += &format!("{name}: started again {times}: {}.\n", stage.restart_causes.join(", "));
         }
         for (name, axis) in axes() {
             if let Some(Operation { mode, requests, refused_requests }) = &axis.operation {

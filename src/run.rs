@@ -2,8 +2,7 @@
 
 use std::{
     io::IsTerminal,
-    sync::{Arc, atomic::Ordering},
-    thread::sleep,
+    sync::Arc,
     time::{Duration, Instant},
 };
 
@@ -14,14 +13,16 @@ use pipeline::{
 };
 
 use crate::{
-    check, cli, failure::Failure, live::Monitor, output::Output, report::Report, simulate::ticks, stage,
-    supervisor::Supervisor,
+    check, cli,
+    failure::Failure,
+    live::Monitor,
+    output::Output,
+    report::Report,
+    simulate::ticks,
+    stage,
+    supervisor::{Launch, Supervisor, preflight::Findings},
 };
 
-/// How often the group is looked at.
-const POLL: Duration = Duration::from_millis(10);
-/// How long a stage may take to open its channels.
-const START_PATIENCE: Duration = Duration::from_secs(10);
 /// How long the others may take to end after the last tick.
 const END_PATIENCE: Duration = Duration::from_secs(2);
 /// How long nothing may happen before the run is given up, unless the machine's period is of that order itself.
@@ -31,36 +32,50 @@ const STALL_PERIODS: u32 = 3;
 
 /// Runs the command.
 pub fn run(arguments: &cli::Run) -> Result<(), Failure> {
-    let machine = stage::load(&arguments.machine)?;
-    let scenario = &machine.scenario;
-    if !scenario.commands.is_empty() {
-        return Err(Failure::Usage(format!(
-            "scenario \"{0}\" is an open loop, without a controller; type: hydraxis simulate --scenario {0}",
-            scenario.name
-        )));
-    }
-    let rows = check::deep(&machine)?;
+    let clock = if arguments.lockstep { Clock::LockStep } else { Clock::RealTime };
+    let prefix = arguments.prefix.clone().unwrap_or_else(Prefix::of_this_process);
+    let (machine, ticks, warnings) = checked(arguments, clock, &prefix)?;
     let output = Output::open(arguments.json.as_deref())?;
     let is_simulated = machine.source == Source::Sim;
     let options = Options {
-        prefix: arguments.prefix.clone().unwrap_or_else(Prefix::of_this_process),
-        clock: if arguments.lockstep { Clock::LockStep } else { Clock::RealTime },
-        ticks: Some(ticks(&machine, rows, arguments.duration)?),
+        prefix,
+        clock,
+        ticks: Some(ticks),
         seed: arguments.seed,
         // Only a simulated machine moves without being asked to.
         arm: is_simulated && !arguments.off,
-        stop: stage::stop_flag()?,
+        first_tick: 0,
+        warn: true,
+        stop: Arc::default(),
         reset: Arc::default(),
     };
-    // What a killed run of this name has left; a living one is left alone.
-    remove_leftovers(&options.prefix).map_err(Failure::run)?;
-    let scenario = if is_simulated { format!(", scenario \"{}\"", scenario.name) } else { String::new() };
-    eprintln!("{}{scenario}: group \"{}\", Ctrl-C ends it", machine.name, options.prefix);
-    let result = group(&machine, arguments, &options);
+    let result = group(&machine, arguments, &options, &warnings);
     // A client that is still attached keeps the files; the next run of this name removes them.
     let _ = remove_leftovers(&options.prefix);
     let report = result?;
     output.write(|| report.tables(&machine), &report)
+}
+
+/// The machine, the ticks of the run, and what to warn of; or all that is wrong, before anything is started.
+fn checked(arguments: &cli::Run, clock: Clock, prefix: &Prefix) -> Result<(Machine, u64, Vec<String>), Failure> {
+    let mut findings = Findings::default();
+    findings.places(prefix, arguments.log_folder.as_deref());
+    let machine = findings.take(stage::load(&arguments.machine));
+    let (mut count, mut warnings) = (None, Vec::new());
+    if let Some(machine) = &machine {
+        let name = &machine.scenario.name;
+        if !machine.scenario.commands.is_empty() {
+            findings.add(Failure::Usage(format!(
+                "scenario \"{name}\" is an open loop, without a controller; type: hydraxis simulate --scenario {name}"
+            )));
+        }
+        let rows = findings.take(check::deep(machine));
+        count = rows.and_then(|rows| findings.take(ticks(machine, rows, arguments.duration)));
+        let (followers, head) = stages(machine, clock);
+        findings.programs(machine, followers.into_iter().chain([head]));
+        warnings = findings.rights(machine, clock);
+    }
+    findings.verdict(machine.zip(count)).map(|(machine, ticks)| (machine, ticks, warnings))
 }
 
 /// The stages of a run: those that wait for input, and the one that all wait for, which is started last.
@@ -74,55 +89,36 @@ fn stages(machine: &Machine, clock: Clock) -> (Vec<StageKind>, StageKind) {
 }
 
 /// Everything from the first process to the last message.
-fn group(machine: &Machine, arguments: &cli::Run, options: &Options) -> Result<Report, Failure> {
+fn group(machine: &Machine, arguments: &cli::Run, options: &Options, warnings: &[String]) -> Result<Report, Failure> {
     let group = Group::join(&options.prefix, "supervisor").map_err(Failure::run)?;
     let mut monitor = Monitor::new(&group).map_err(Failure::run)?;
-    let mut supervisor = Supervisor::default();
-    let start = |supervisor: &mut Supervisor, kind| {
-        supervisor.start(kind, stage::command(kind, machine, &arguments.machine, options)?)
-    };
+    let launch = Launch { machine, arguments: &arguments.machine, options };
+    let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref())?;
+    let scenario = &machine.scenario.name;
+    let scenario = if machine.source == Source::Sim { format!(", scenario \"{scenario}\"") } else { String::new() };
+    supervisor.say(format!("{}{scenario}: group \"{}\", Ctrl-C ends it", machine.name, options.prefix));
+    for warning in warnings {
+        supervisor.say(format!("warning: {warning}"));
+    }
     let (followers, head) = stages(machine, options.clock);
     for kind in &followers {
-        start(&mut supervisor, *kind)?;
+        supervisor.start(*kind)?;
     }
     for kind in &followers {
-        await_ready(*kind, machine, &mut monitor, &mut supervisor, options)?;
+        while !supervisor.is_ready(*kind, &monitor) && !supervisor.is_interrupted() {
+            supervisor.step(&mut monitor)?;
+        }
     }
     let started = Instant::now();
-    if !options.stop.load(Ordering::Relaxed) {
-        start(&mut supervisor, head)?;
+    if !supervisor.is_interrupted() {
+        supervisor.start(head)?;
+        watch(machine, head, &mut monitor, &mut supervisor)?;
     }
-    watch(machine, head, &mut monitor, &mut supervisor, options)?;
     let wall_s = started.elapsed().as_secs_f64();
-    supervisor.stop();
-    monitor.poll().map_err(Failure::run)?;
     // Asked to end, a stage that fails to is a failure of the run as well.
-    supervisor.failed().map_or(Ok(()), Err)?;
-    Ok(Report::new(machine, &monitor.into_last(), options.clock, wall_s))
-}
-
-/// Waits for the heartbeat of a stage. Another program in its place may have none: it gets no more than its time.
-fn await_ready(
-    kind: StageKind,
-    machine: &Machine,
-    monitor: &mut Monitor,
-    supervisor: &mut Supervisor,
-    options: &Options,
-) -> Result<(), Failure> {
-    let foreign = machine.stage(kind).command.is_some();
-    let until = Instant::now() + if foreign { START_PATIENCE / 10 } else { START_PATIENCE };
-    while !monitor.is_ready(kind) && !options.stop.load(Ordering::Relaxed) {
-        monitor.poll().map_err(Failure::run)?;
-        supervisor.failed().map_or(Ok(()), Err)?;
-        if Instant::now() > until {
-            if foreign {
-                break;
-            }
-            return Err(Failure::Run(format!("{}: no heartbeat within {START_PATIENCE:?}", kind.name())));
-        }
-        sleep(POLL);
-    }
-    Ok(())
+    supervisor.stop().map_or(Ok(()), Err)?;
+    monitor.poll().map_err(Failure::run)?;
+    Ok(Report::new(machine, &monitor.into_last(supervisor.restart_causes()), options.clock, wall_s))
 }
 
 /// Reads along until the last tick, a signal, or a failure.
@@ -131,26 +127,25 @@ fn watch(
     head: StageKind,
     monitor: &mut Monitor,
     supervisor: &mut Supervisor,
-    options: &Options,
 ) -> Result<(), Failure> {
     let show = std::io::stderr().is_terminal();
     let patience = stall_patience(machine.timing.period);
     let mut end = None;
-    while supervisor.any_running() && !options.stop.load(Ordering::Relaxed) {
-        sleep(POLL);
-        monitor.poll().map_err(Failure::run)?;
-        supervisor.failed().map_or(Ok(()), Err)?;
-        if let Some(line) = monitor.line(machine).filter(|_| show) {
-            eprintln!("{line}");
+    while !supervisor.all_done() && !supervisor.is_interrupted() {
+        supervisor.step(monitor)?;
+        supervisor.announce(monitor);
+        if let Some(line) = monitor.line(machine) {
+            supervisor.report(&line, show);
         }
         // The last tick is out when its source has ended; the others follow by themselves.
-        if !supervisor.is_running(head) {
+        if supervisor.is_done(head) {
             let end = *end.get_or_insert_with(|| Instant::now() + END_PATIENCE);
             if Instant::now() > end {
                 break;
             }
         }
-        if monitor.stalled_for() > patience {
+        // While a stage is being started again the others wait for it.
+        if monitor.stalled_for() > patience && supervisor.all_up(monitor) {
             return Err(Failure::Run(format!(
                 "no stage has worked for {patience:?}; the last ticks are: {}",
                 monitor.ticks()

@@ -8,27 +8,30 @@ use std::{
 use pipeline::{
     channel::remove_leftovers,
     machine::Machine,
-    stage::{Clock, Options, StageKind},
+    stage::{Clock, Options, StageKind, missing},
 };
-use rustix::process::{Signal, getppid, set_parent_process_death_signal};
 
-use crate::{cli, failure::Failure};
+use crate::{cli, failure::Failure, lifeline};
 
 /// Runs one stage until its last tick or a signal.
 pub fn run(kind: StageKind, arguments: &cli::Stage) -> Result<(), Failure> {
     let named = |error: &dyn std::fmt::Display| format!("{}: {error}", kind.name());
     let machine = load(&arguments.machine)?;
+    let clock = if arguments.lockstep { Clock::LockStep } else { Clock::RealTime };
     let options = Options {
         prefix: arguments.prefix.clone(),
-        clock: if arguments.lockstep { Clock::LockStep } else { Clock::RealTime },
+        clock,
         ticks: arguments.ticks,
         seed: arguments.seed,
         arm: arguments.arm,
+        first_tick: arguments.first_tick,
+        // A supervisor has said what it could foretell.
+        warn: arguments.parent.is_none() || missing(&machine, clock).is_empty(),
         stop: stop_flag()?,
         reset: reset_flag()?,
     };
     if let Some(parent) = arguments.parent {
-        die_with(parent).map_err(|error| Failure::Run(named(&error)))?;
+        lifeline::hold(parent, kind.name()).map_err(|error| Failure::Run(named(&error)))?;
     }
     let result = match kind {
         StageKind::PlantSim => plant_sim::process::run(&machine, options),
@@ -65,10 +68,11 @@ pub fn axes(machine: &Machine, names: &[String]) -> Result<Vec<usize>, Failure> 
     Ok((0..known.len()).filter(|index| wanted(&known[*index])).collect())
 }
 
-/// A flag that SIGINT and SIGTERM set.
+/// A flag that SIGINT, SIGTERM and SIGHUP set; the last comes when a terminal is closed, and to a stopped process that
+/// has lost its parent.
 pub fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
         signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(Failure::run)?;
     }
     Ok(stop)
@@ -79,17 +83,6 @@ fn reset_flag() -> Result<Arc<AtomicBool>, Failure> {
     let reset = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(signal_hook::consts::SIGUSR1, Arc::clone(&reset)).map_err(Failure::run)?;
     Ok(reset)
-}
-
-/// Arranges that this process is asked to end when its parent dies.
-fn die_with(parent: i32) -> Result<(), String> {
-    set_parent_process_death_signal(Some(Signal::TERM)).map_err(|error| format!("death signal: {error}"))?;
-    // The parent may have died before the call above.
-    if getppid().map(|pid| pid.as_raw_pid()) == Some(parent) {
-        Ok(())
-    } else {
-        Err("whoever started this stage is gone".to_owned())
-    }
 }
 
 /// The command that starts a stage of `machine` as a process of its own.
@@ -109,7 +102,7 @@ pub fn command(
             let executable = std::env::current_exe().map_err(Failure::run)?;
             let mut command = Command::new(executable);
             command.arg(kind.name());
-            // Another program would not know the option, and is stopped by its signals alone.
+            // Another program would not know the option; it has its signals and the end of its input.
             command.arg("--parent").arg(std::process::id().to_string());
             command
         }
@@ -127,6 +120,9 @@ pub fn command(
     }
     if options.arm && kind == StageKind::ControlProc {
         command.arg("--arm");
+    }
+    if options.first_tick > 0 && kind == StageKind::SensorProc {
+        command.arg("--first-tick").arg(options.first_tick.to_string());
     }
     Ok(command)
 }

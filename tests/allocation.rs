@@ -151,8 +151,8 @@ fn allocations_with(name: &str, machine: &Machine, clock: Clock, from: u64, to: 
 }
 
 fn options(prefix: &Prefix, clock: Clock, stop: &Arc<AtomicBool>) -> Options {
-    let (stop, reset) = (Arc::clone(stop), Arc::default());
-    Options { prefix: prefix.clone(), clock, ticks: None, seed: 1, arm: true, stop, reset }
+    let (prefix, stop, reset) = (prefix.clone(), Arc::clone(stop), Arc::default());
+    Options { prefix, clock, ticks: None, seed: 1, arm: true, first_tick: 0, warn: true, stop, reset }
 }
 
 /// One test, since the allocator counts for the whole process.

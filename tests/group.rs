@@ -2,75 +2,15 @@
 
 mod harness;
 
-use std::{
-    process::{Child, Stdio},
-    time::{Duration, Instant},
-};
+use std::time::{Duration, Instant};
 
-use harness::{TestGroup, files, hydraxis, is_running, signal, wait_for};
+use harness::{TestGroup, files, hydraxis, is_running, running::Running, signal, succeed, wait_for};
 use pipeline::{
-    channel::{Publisher, Reader},
-    message::{CoefficientSnapshot, EncoderReading, EncoderSample, Header, StageHealth, StageState},
+    channel::Publisher,
+    message::{CoefficientSnapshot, EncoderReading, EncoderSample, Header, StageHealth},
     stage::{StageKind, monotonic_ns},
 };
 use rustix::process::Signal;
-
-/// A whole group under a supervisor, with the pids of its stages.
-struct Running {
-    group: TestGroup,
-    supervisor: Child,
-    pids: [u32; 4],
-}
-
-impl Running {
-    /// Starts `hydraxis run` in real time and waits until all four stages work.
-    fn start(test: &str) -> Self {
-        Self::start_with(test, &["--duration", "60s"])
-    }
-
-    /// The same with other arguments.
-    fn start_with(test: &str, arguments: &[&str]) -> Self {
-        let group = TestGroup::new(test);
-        let supervisor = hydraxis()
-            .args(["run", "--prefix", &group.prefix.to_string()])
-            .args(arguments)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        // A member before the supervisor would look like a group that runs already.
-        wait_for("the group", || group.prefix.folder().join("members").exists().then_some(()));
-        let channels = group.join();
-        let mut health: Reader<StageHealth> = channels.reader().unwrap();
-        let mut pids = [0; 4];
-        wait_for("four running stages", || {
-            while let Some(health) = health.read().unwrap().if_new() {
-                if health.state == StageState::Running as u32 {
-                    pids[health.stage as usize] = health.pid;
-                }
-            }
-            pids.iter().all(|pid| *pid != 0).then_some(())
-        });
-        drop(channels);
-        Self { group, supervisor, pids }
-    }
-
-    fn pid(&self, kind: StageKind) -> u32 {
-        self.pids[kind as usize]
-    }
-
-    fn none_runs(&self) -> bool {
-        self.pids.iter().all(|pid| !is_running(*pid))
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.supervisor.kill();
-        let _ = self.supervisor.wait();
-        wait_for("the stages to die with their supervisor", || self.none_runs().then_some(()));
-    }
-}
 
 #[test]
 fn ctrl_c_stops_all_four_within_a_second_and_leaves_nothing() {
@@ -88,13 +28,10 @@ fn ctrl_c_stops_all_four_within_a_second_and_leaves_nothing() {
 }
 
 #[test]
-fn a_killed_stage_ends_the_run_and_is_named() {
-    let mut running = Running::start("killed");
+fn a_killed_stage_that_is_not_to_be_started_again_ends_the_run_and_is_named() {
+    let mut running = Running::start_with("killed", &["--duration", "60s", "--set", "stage.ident-proc.restart=never"]);
     signal(running.pid(StageKind::IdentProc), Signal::KILL);
-    let status = wait_for("the supervisor to end", || running.supervisor.try_wait().unwrap());
-    assert_eq!(status.code(), Some(1));
-    let mut text = String::new();
-    std::io::Read::read_to_string(&mut running.supervisor.stderr.take().unwrap(), &mut text).unwrap();
+    let text = running.expect_end(1).stderr;
     assert!(text.contains("ident-proc killed by SIGKILL"), "{text}");
     assert!(running.none_runs());
     assert_eq!(running.group.files(), Vec::<std::path::PathBuf>::new());
@@ -104,21 +41,24 @@ fn a_killed_stage_ends_the_run_and_is_named() {
 fn a_stopped_stage_in_lock_step_ends_the_run_after_a_bound() {
     let mut running = Running::start_with("stalled", &["--lockstep", "--duration", "100000s"]);
     signal(running.pid(StageKind::IdentProc), Signal::STOP);
-    let status = wait_for("the supervisor to give up", || running.supervisor.try_wait().unwrap());
-    assert_eq!(status.code(), Some(1));
-    let mut text = String::new();
-    std::io::Read::read_to_string(&mut running.supervisor.stderr.take().unwrap(), &mut text).unwrap();
+    let text = running.expect_end(1).stderr;
     assert!(text.contains("no stage has worked for 10s") && text.contains("ident-proc"), "{text}");
     assert!(running.none_runs(), "a stopped stage is killed when it does not end");
     assert_eq!(running.group.files(), Vec::<std::path::PathBuf>::new());
 }
 
 #[test]
-fn stages_do_not_outlive_a_killed_supervisor() {
+fn stages_do_not_outlive_a_killed_supervisor_and_the_next_run_cleans_up() {
     let mut running = Running::start("orphans");
+    let started = Instant::now();
     signal(running.supervisor.id(), Signal::KILL);
     running.supervisor.wait().unwrap();
     wait_for("the stages to die with their supervisor", || running.none_runs().then_some(()));
+    let took = started.elapsed();
+    assert!(took < Duration::from_secs(1), "{took:?}");
+    let again = ["run", "--prefix", &running.group.prefix.to_string(), "--lockstep", "--duration", "1s"];
+    succeed(&again);
+    assert_eq!(running.group.files(), Vec::<std::path::PathBuf>::new());
 }
 
 #[test]

@@ -21,12 +21,12 @@ const FIRST_READING_POLL_NS: u64 = 1_000_000;
 /// # Errors
 /// The recording cannot be used, or a channel cannot.
 pub fn run(machine: &Machine, options: Options) -> Result<(), StageError> {
-    let clock = options.clock;
+    let (clock, first_tick) = (options.clock, options.first_tick);
     match &machine.source {
         Source::Sim => run_stage(StageKind::SensorProc, machine, options, |group| Live::new(machine, clock, group)),
-        Source::Replay(file) => {
-            run_stage(StageKind::SensorProc, machine, options, |group| Recorded::new(machine, file, clock, group))
-        }
+        Source::Replay(file) => run_stage(StageKind::SensorProc, machine, options, |group| {
+            Recorded::new(machine, file, clock, first_tick, group)
+        }),
     }
 }
 
@@ -63,23 +63,28 @@ impl Output {
     }
 }
 
-/// The release of ticks by absolute timers: tick k is due at start + k periods.
+/// The release of ticks by absolute timers: tick k is due at start + (k - first) periods.
 struct Timer {
     start_ns: u64,
     period_ns: u64,
+    first: u64,
     next: u64,
 }
 
 impl Timer {
-    /// The first tick is due one period from now.
-    fn new(period_ns: u64) -> Self {
-        Self { start_ns: monotonic_ns() + period_ns, period_ns, next: 0 }
+    /// Tick `first` is due one period from now.
+    fn new(period_ns: u64, first: u64) -> Self {
+        Self { start_ns: monotonic_ns() + period_ns, period_ns, first, next: first }
+    }
+
+    fn due_ns(&self, tick: u64) -> u64 {
+        self.start_ns + (tick - self.first) * self.period_ns
     }
 
     /// Sleeps until the next tick; returns its number and when it was due, or `None` when a signal came first. Ticks
     /// that have passed meanwhile are counted, and their numbers left out: whoever reads the samples sees the gap.
     fn release(&mut self, turn: &mut Turn) -> Option<(u64, u64)> {
-        let due_ns = self.start_ns + self.next * self.period_ns;
+        let due_ns = self.due_ns(self.next);
         if !turn.sleep_until(due_ns) {
             return None;
         }
@@ -88,7 +93,7 @@ impl Timer {
         let tick = self.next + passed;
         turn.skip(passed, tick.saturating_sub(1), MissCause::LateRelease);
         self.next = tick + 1;
-        Some((tick, self.start_ns + tick * self.period_ns))
+        Some((tick, self.due_ns(tick)))
     }
 }
 
@@ -118,7 +123,7 @@ impl Live {
             // The ticks begin when the encoders do.
             turn.sleep_until(monotonic_ns() + FIRST_READING_POLL_NS);
             if self.readings.newest()?.if_new().is_some() {
-                self.timer = Some(Timer::new(self.period_ns));
+                self.timer = Some(Timer::new(self.period_ns, turn.options.first_tick));
             }
             return Ok(Next::Waiting);
         };
@@ -181,7 +186,7 @@ struct Recorded {
 }
 
 impl Recorded {
-    fn new(machine: &Machine, file: &Path, clock: Clock, group: &Group) -> Result<Self, StageError> {
+    fn new(machine: &Machine, file: &Path, clock: Clock, first_tick: u64, group: &Group) -> Result<Self, StageError> {
         Ok(Self {
             core: Replay::new(machine, file).map_err(|error| StageError::Setup(error.to_string()))?,
             output: Output::new(group, clock)?,
@@ -189,7 +194,7 @@ impl Recorded {
             snapshots: if clock == Clock::LockStep { Some(group.reader()?) } else { None },
             timer: None,
             period_ns: machine.timing.period.as_nanos() as u64,
-            next: 0,
+            next: first_tick,
         })
     }
 
@@ -206,9 +211,9 @@ impl Recorded {
                 Ok(Some(monotonic_ns()))
             }
             None => {
-                let timer = self.timer.get_or_insert_with(|| Timer::new(self.period_ns));
+                let timer = self.timer.get_or_insert_with(|| Timer::new(self.period_ns, self.next));
                 // A late row is sent late: a recording has no gaps of its own.
-                let due_ns = timer.start_ns + self.next * timer.period_ns;
+                let due_ns = timer.due_ns(self.next);
                 if !turn.sleep_until(due_ns) {
                     return Ok(None);
                 }

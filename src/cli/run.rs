@@ -98,6 +98,9 @@ pub struct Run {
     /// Write the figures as JSON, to a file or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// Write what supervisor and stages say, with times, to a new file in this folder as well
+    #[arg(long, value_name = "DIR")]
+    pub log_folder: Option<PathBuf>,
 }
 
 /// `simulate`.
@@ -168,7 +171,10 @@ pub struct Stage {
     /// Let control-proc move the machine
     #[arg(long)]
     pub arm: bool,
-    /// End when this process does
+    /// Number of the first tick: where a source that was started again goes on
+    #[arg(long, hide = true, default_value_t = 0)]
+    pub first_tick: u64,
+    /// End when this process does, or standard input
     #[arg(long, hide = true)]
     pub parent: Option<i32>,
 }

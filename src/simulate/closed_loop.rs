@@ -84,7 +84,7 @@ pub fn run(
         look(&Tick { number: tick, plant, command: &applied })?;
         command = Some(applied);
     }
-    Ok(LastMessages { command, snapshot, health: timing.into_health() })
+    Ok(LastMessages { command, snapshot, health: timing.into_health(), ..LastMessages::default() })
 }
 
 /// What makes samples and takes commands.

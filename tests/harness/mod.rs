@@ -1,6 +1,8 @@
 //! A group of real processes for one test: its own prefix, nothing left behind.
 #![allow(dead_code, reason = "each test file uses the part that it needs")]
 
+pub mod running;
+
 use std::{
     path::{Path, PathBuf},
     process::{Child, Command, Output, Stdio},

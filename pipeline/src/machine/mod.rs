@@ -105,6 +105,18 @@ pub struct StageSettings {
     pub wait: Wait,
     /// Another program in its place.
     pub command: Option<Vec<String>>,
+    /// What `hydraxis run` does when it ends before its time, in real time.
+    pub restart: Restart,
+}
+
+/// What becomes of a stage that has ended before its time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Restart {
+    /// It ends the run.
+    #[default]
+    Never,
+    /// It is started again, within bounds.
+    OnFailure,
 }
 
 /// How a stage waits for its input, or for its timer, in real time.
@@ -239,7 +251,7 @@ impl Machine {
         let timing = Timing::read(root.section("timing"));
         let realtime = Realtime::read(root.section("realtime"));
         let mut stage = root.section("stage");
-        let stages = StageKind::ALL.map(|kind| StageSettings::read(stage.section(kind.name())));
+        let stages = StageKind::ALL.map(|kind| StageSettings::read(stage.section(kind.name()), kind));
         stage.finish();
         let source = Source::read(root.section("source"), folder);
         let fuzzy = Fuzzy::read(root.section("fuzzy"));
@@ -298,7 +310,9 @@ impl Realtime {
 }
 
 impl StageSettings {
-    fn read(mut section: Section) -> Self {
+    fn read(mut section: Section, kind: StageKind) -> Self {
+        // A simulated machine that began anew would jump.
+        let restart = if kind == StageKind::PlantSim { Restart::Never } else { Restart::OnFailure };
         let command =
             section.optional_texts("command", "a program and its arguments, such as [\"python3\", \"my_plant.py\"]");
         if command.as_ref().is_some_and(Vec::is_empty) {
@@ -319,6 +333,11 @@ impl StageSettings {
             priority: section.optional_integer("priority", 1..=99).map(|priority| priority as u8),
             wait,
             command,
+            restart: section.choice_or(
+                "restart",
+                restart,
+                &[("on-failure", Restart::OnFailure), ("never", Restart::Never)],
+            ),
         };
         section.finish();
         settings

@@ -174,3 +174,16 @@ fn feed_forward_needs_a_commissioned_model_that_answers_within_the_preview() {
     let text = refusal(control, &with("0.7"));
     assert!(text.contains("feedforward: found true with dead_time + time_constant of 0.75 s"), "{text}");
 }
+
+#[test]
+fn all_stages_but_the_simulated_machine_start_again_unless_told_otherwise() {
+    let setting = |value: &str| [("stage.ident-proc.restart".to_owned(), value.to_owned())];
+    let restarts = |machine: &Machine| machine.stages.clone().map(|stage| stage.restart);
+    let (never, again) = (Restart::Never, Restart::OnFailure);
+    assert_eq!(restarts(&Machine::load(None, &[]).unwrap()), [never, again, again, again]);
+    assert_eq!(restarts(&Machine::load(None, &setting("never")).unwrap()), [never, again, never, again]);
+    let refused = Machine::load(None, &setting("always")).unwrap_err().to_string();
+    let expected =
+        "stage.ident-proc.restart: found always (from the command line); allowed: \"on-failure\" or \"never\"";
+    assert!(refused.contains(expected), "{refused}");
+}

@@ -72,6 +72,11 @@ pub struct Options {
     pub seed: u64,
     /// Whether control-proc may move the machine from the start on.
     pub arm: bool,
+    /// Number of the first tick of a source that releases ticks by time: one that was started again goes on where the
+    /// numbers are by now, since its readers take a number that does not rise for a repetition.
+    pub first_tick: u64,
+    /// Whether the stage says which rights it could not have: not where whoever started it has said so.
+    pub warn: bool,
     /// Set by a signal: end soon, with the valve neutral.
     pub stop: Arc<AtomicBool>,
     /// Set by a signal, cleared by the stage: count and measure from zero again.

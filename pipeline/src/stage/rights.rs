@@ -39,6 +39,8 @@ const STACK: usize = 256 * 1024;
 const WAKEUP_LATENCY: &str = "/dev/cpu_dma_latency";
 /// What the kernel lets SCHED_FIFO threads use of every period, both in microseconds.
 const THROTTLING: [&str; 2] = ["/proc/sys/kernel/sched_rt_runtime_us", "/proc/sys/kernel/sched_rt_period_us"];
+/// Bit of `CAP_IPC_LOCK` in a set of capabilities.
+const IPC_LOCK: u64 = 1 << 14;
 /// How to be given a priority.
 const ALLOW_PRIORITY: &str = "allow it with LimitRTPRIO= in the unit or rtprio in limits.conf";
 /// How to be given locked memory.
@@ -205,11 +207,20 @@ fn lock_memory() -> Result<(), String> {
 
 /// By the limit, since locking and unlocking the memory of this process is no mere look.
 fn may_lock() -> Result<(), String> {
-    let limit = getrlimit(Resource::Memlock).current;
-    if limit.is_none() || rustix::process::geteuid().is_root() {
-        return Ok(());
+    match getrlimit(Resource::Memlock).current {
+        Some(limit) if !may_lock_all() => {
+            Err(format!("locked memory: found a limit of {} kB; {ALLOW_LOCKING}", limit / 1024))
+        }
+        _ => Ok(()),
     }
-    Err(format!("locked memory: found a limit of {} kB; {ALLOW_LOCKING}", limit.unwrap_or_default() / 1024))
+}
+
+/// Whether this process has the capability that no limit holds for; not where that cannot be told.
+fn may_lock_all() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("CapEff:"));
+    let effective = line.and_then(|digits| u64::from_str_radix(digits.trim(), 16).ok()).unwrap_or_default();
+    effective & IPC_LOCK != 0
 }
 
 fn open_wakeup_latency() -> Result<File, String> {

@@ -45,7 +45,7 @@ pub fn run<S: Stage>(
     build: impl FnOnce(&Group) -> Result<S, StageError>,
 ) -> Result<(), StageError> {
     let rights = rights::apply(machine, kind, options.clock)?;
-    for missing in &rights.missing {
+    for missing in rights.missing.iter().filter(|_| options.warn) {
         eprintln!("{}: warning: {missing}", kind.name());
     }
     let group = Group::join(&options.prefix, kind.name())?;

@@ -1,0 +1,192 @@
+//! What the stages say, line by line: to standard error, to a file, and the last lines kept for error messages.
+//!
+//! Two threads per stage take what it says out of its pipes, always; one thread writes it on. Between them is a queue
+//! of bounded length: when whoever reads standard error is slow, or the disk is, lines are left out and counted, and no
+//! stage is ever waited for.
+//!
+//! Trap: a stage that writes into a full pipe stops, valves as they are. So nothing here may stop taking lines.
+
+use std::{
+    collections::VecDeque,
+    fs::File,
+    io::{BufRead, BufReader, Read, Write, stderr},
+    path::{Path, PathBuf},
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicU64, Ordering},
+        mpsc::{Receiver, SyncSender, sync_channel},
+    },
+    thread::{JoinHandle, sleep},
+    time::{Duration, Instant, SystemTime},
+};
+
+use pipeline::{channel::Prefix, stage::StageKind};
+
+use crate::failure::Failure;
+
+/// Lines between the stages and the writer.
+const QUEUE: usize = 1024;
+/// Bytes of a line; what is longer becomes several.
+const LONGEST_LINE: u64 = 4096;
+/// Lines per stage that are kept.
+const KEPT: usize = 8;
+/// How long the writer may take for what is left at the end.
+const CLOSING: Duration = Duration::from_millis(500);
+
+/// One line.
+struct Line {
+    /// The stage; none for the supervisor itself.
+    from: Option<StageKind>,
+    at: SystemTime,
+    text: String,
+}
+
+/// Where lines go in; clones go in at the same place.
+#[derive(Clone)]
+struct Entrance {
+    queue: SyncSender<Line>,
+    left_out: Arc<AtomicU64>,
+    kept: Arc<[Mutex<VecDeque<String>>; 4]>,
+}
+
+/// The log of one run.
+pub struct Log {
+    entrance: Option<Entrance>,
+    writer: JoinHandle<()>,
+}
+
+/// The file of a run under `folder`, named by its group and the time of its start.
+pub fn file_name(folder: &Path, prefix: &Prefix, start: SystemTime) -> PathBuf {
+    let start = humantime::format_rfc3339_seconds(start).to_string().replace(':', "-");
+    folder.join(format!("{prefix}-{start}.log"))
+}
+
+impl Log {
+    /// Begins to write, to standard error and to `file` if there is one.
+    ///
+    /// # Errors
+    /// The file cannot be created.
+    pub fn start(file: Option<&Path>) -> Result<Self, Failure> {
+        let file = file.map(create).transpose()?;
+        let (queue, lines) = sync_channel(QUEUE);
+        let left_out = Arc::new(AtomicU64::new(0));
+        let counted = Arc::clone(&left_out);
+        let writer = std::thread::spawn(move || write(&lines, file, &counted));
+        let kept = Arc::new(std::array::from_fn(|_| Mutex::default()));
+        Ok(Self { entrance: Some(Entrance { queue, left_out, kept }), writer })
+    }
+
+    /// The supervisor's own line.
+    pub fn say(&self, text: impl Into<String>) {
+        if let Some(entrance) = &self.entrance {
+            entrance.take(None, text.into());
+        }
+    }
+
+    /// What a thread does that takes the lines out of one pipe of a stage until it ends.
+    pub fn drain(&self, kind: StageKind, pipe: impl Read + Send + 'static) -> impl FnOnce() + Send + 'static {
+        let entrance = self.entrance.clone();
+        move || {
+            let (mut pipe, mut line) = (BufReader::new(pipe), Vec::new());
+            while let Ok(1..) = (&mut pipe).take(LONGEST_LINE).read_until(b'\n', &mut line) {
+                if let Some(entrance) = &entrance {
+                    let text = String::from_utf8_lossy(&line);
+                    entrance.take(Some(kind), text.trim_end_matches(['\n', '\r']).to_owned());
+                }
+                line.clear();
+            }
+        }
+    }
+
+    /// The last lines of a stage, each as it stands in the log, behind a message about it.
+    pub fn last_lines(&self, kind: StageKind) -> String {
+        let Some(entrance) = &self.entrance else { return String::new() };
+        let kept = entrance.kept[kind as usize].lock().unwrap_or_else(PoisonError::into_inner);
+        kept.iter().map(|line| format!("\n  {} | {line}", kind.name())).collect()
+    }
+}
+
+impl Drop for Log {
+    fn drop(&mut self) {
+        self.entrance = None;
+        let until = Instant::now() + CLOSING;
+        while !self.writer.is_finished() && Instant::now() < until {
+            sleep(Duration::from_millis(1));
+        }
+    }
+}
+
+impl Entrance {
+    fn take(&self, from: Option<StageKind>, text: String) {
+        if let Some(kind) = from {
+            let mut kept = self.kept[kind as usize].lock().unwrap_or_else(PoisonError::into_inner);
+            if kept.len() == KEPT {
+                kept.pop_front();
+            }
+            kept.push_back(text.clone());
+        }
+        if self.queue.try_send(Line { from, at: SystemTime::now(), text }).is_err() {
+            self.left_out.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+fn create(path: &Path) -> Result<File, Failure> {
+    let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+    folder
+        .and_then(|()| File::create(path))
+        .map_err(|error| Failure::Usage(format!("--log-folder: {} cannot be written: {error}", path.display())))
+}
+
+/// Writes until all entrances are gone.
+fn write(lines: &Receiver<Line>, mut file: Option<File>, left_out: &AtomicU64) {
+    for line in lines {
+        let missing = left_out.swap(0, Ordering::Relaxed);
+        let missing = (missing > 0).then(|| Line {
+            from: None,
+            at: line.at,
+            text: format!("{missing} lines left out: they came faster than they can be written"),
+        });
+        for Line { from, at, text } in missing.into_iter().chain([line]) {
+            let shown = from.map_or_else(|| format!("{text}\n"), |kind| format!("{} | {text}\n", kind.name()));
+            // Nobody may be there to read it any more; the file still is.
+            let _ = stderr().write_all(shown.as_bytes());
+            let Some(open) = &mut file else { continue };
+            let (at, from) = (humantime::format_rfc3339_millis(at), from.map_or("hydraxis", StageKind::name));
+            if let Err(error) = open.write_all(format!("{at} {from} | {text}\n").as_bytes()) {
+                let _ = writeln!(stderr(), "warning: the log file takes no more lines: {error}");
+                file = None;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_named_by_group_and_start() {
+        let start = SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000_000);
+        let name = file_name(Path::new("/var/log"), &"press-1".parse().unwrap(), start);
+        assert_eq!(name, Path::new("/var/log/press-1-2001-09-09T01-46-40Z.log"));
+    }
+
+    #[test]
+    fn lines_are_whole_and_the_last_ones_are_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("new").join("run.log");
+        let log = Log::start(Some(&file)).unwrap();
+        let said: String = (0..20).map(|i| format!("line {i}\r\n")).collect();
+        log.drain(StageKind::SensorProc, std::io::Cursor::new(said + "no end"))();
+        let long = "x".repeat(LONGEST_LINE as usize + 1);
+        log.drain(StageKind::IdentProc, std::io::Cursor::new([long.as_bytes(), b"\n\xff"].concat()))();
+        let last = log.last_lines(StageKind::SensorProc);
+        assert!(last.starts_with("\n  sensor-proc | line 13\n") && last.ends_with(" | no end"), "{last}");
+        drop(log);
+        let text = std::fs::read_to_string(&file).unwrap();
+        assert_eq!(text.lines().filter(|line| line.contains(" sensor-proc | line ")).count(), 20);
+        let parts: Vec<usize> = text.lines().filter(|line| line.contains("ident-proc")).map(str::len).collect();
+        assert_eq!(parts.len(), 3, "a line that is too long becomes several");
+    }
+}

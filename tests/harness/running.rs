@@ -1,0 +1,119 @@
+//! A whole group under `hydraxis run`.
+
+use std::{
+    io::Read,
+    process::{Child, Command, Stdio},
+    thread,
+};
+
+use pipeline::{
+    channel::Reader,
+    message::{StageHealth, StageState},
+    stage::StageKind,
+};
+
+use super::{TestGroup, hydraxis, is_running, wait_for};
+
+/// What the supervisor has said until its end.
+pub struct Said {
+    pub stdout: String,
+    pub stderr: String,
+}
+
+fn text(pipe: Option<impl Read>) -> String {
+    let mut text = Vec::new();
+    if let Some(mut pipe) = pipe {
+        pipe.read_to_end(&mut text).unwrap();
+    }
+    String::from_utf8(text).unwrap()
+}
+
+/// A whole group under a supervisor, with the pids of its stages.
+pub struct Running {
+    pub group: TestGroup,
+    pub supervisor: Child,
+    pub pids: [u32; 4],
+}
+
+impl Running {
+    /// Starts `hydraxis run` in real time and waits until all four stages work.
+    pub fn start(test: &str) -> Self {
+        Self::start_with(test, &["--duration", "60s"])
+    }
+
+    /// The same with other arguments.
+    pub fn start_with(test: &str, arguments: &[&str]) -> Self {
+        let mut running = Self::spawn(test, arguments, &StageKind::ALL, |_| ());
+        let channels = running.group.join();
+        let mut health: Reader<StageHealth> = channels.reader().unwrap();
+        wait_for("running stages", || {
+            while let Some(health) = health.read().unwrap().if_new() {
+                if health.state == StageState::Running as u32 {
+                    running.pids[health.stage as usize] = health.pid;
+                }
+            }
+            running.pids.iter().all(|pid| *pid != 0).then_some(())
+        });
+        running
+    }
+
+    /// Starts it and waits for these stages to say that they are ready only.
+    pub fn spawn(test: &str, arguments: &[&str], kinds: &[StageKind], set: impl FnOnce(&mut Command)) -> Self {
+        let group = TestGroup::new(test);
+        let mut command = hydraxis();
+        command.args(["run", "--prefix", &group.prefix.to_string()]).args(arguments);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        set(&mut command);
+        let supervisor = command.spawn().unwrap();
+        // A member before the supervisor would look like a group that runs already.
+        wait_for("the group", || group.prefix.folder().join("members").exists().then_some(()));
+        let channels = group.join();
+        let mut health: Reader<StageHealth> = channels.reader().unwrap();
+        let mut pids = [0; 4];
+        wait_for("stages that are ready", || {
+            while let Some(health) = health.read().unwrap().if_new() {
+                pids[health.stage as usize] = health.pid;
+            }
+            kinds.iter().all(|kind| pids[*kind as usize] != 0).then_some(())
+        });
+        drop(channels);
+        Self { group, supervisor, pids }
+    }
+
+    /// Waits until another process works in a stage's place.
+    pub fn await_next(&mut self, kind: StageKind, health: &mut Reader<StageHealth>) {
+        let before = self.pid(kind);
+        self.pids[kind as usize] = wait_for("the next life of a stage", || {
+            let health = health.read().unwrap().if_new()?;
+            let is_it =
+                health.stage == kind as u32 && health.pid != before && health.state != StageState::Stopped as u32;
+            is_it.then_some(health.pid)
+        });
+    }
+
+    /// Waits for the supervisor's end with this exit code; what it has said.
+    pub fn expect_end(&mut self, code: i32) -> Said {
+        let (stdout, stderr) = (self.supervisor.stdout.take(), self.supervisor.stderr.take());
+        let (stdout, stderr) = (thread::spawn(move || text(stdout)), thread::spawn(move || text(stderr)));
+        let status = wait_for("the supervisor to end", || self.supervisor.try_wait().unwrap());
+        let said = Said { stdout: stdout.join().unwrap(), stderr: stderr.join().unwrap() };
+        assert_eq!(status.code(), Some(code), "{}", said.stderr);
+        said
+    }
+
+    pub fn pid(&self, kind: StageKind) -> u32 {
+        self.pids[kind as usize]
+    }
+
+    pub fn none_runs(&self) -> bool {
+        self.pids.iter().all(|pid| *pid == 0 || !is_running(*pid))
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.supervisor.kill();
+        let _ = self.supervisor.wait();
+        wait_for("the stages to die with their supervisor", || self.none_runs().then_some(()));
+    }
+}

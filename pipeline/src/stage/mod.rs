@@ -16,6 +16,7 @@ mod turn;
 use std::sync::{Arc, atomic::AtomicBool};
 
 pub use clock::{monotonic_ns, sleep_until};
+pub use rights::{lock_memory, pin, schedule};
 pub use run::{Stage, run};
 pub use turn::{Next, Turn, Waiter};
 

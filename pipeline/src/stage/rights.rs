@@ -43,7 +43,11 @@ pub(super) fn apply(machine: &Machine, kind: StageKind) -> Result<Vec<String>, S
     Ok(warnings)
 }
 
-fn pin(core: usize) -> Result<(), String> {
+/// Keeps the calling thread on a core.
+///
+/// # Errors
+/// In words for the user.
+pub fn pin(core: usize) -> Result<(), String> {
     let cores = core_affinity::get_core_ids().unwrap_or_default();
     if cores.iter().find(|id| id.id == core).is_some_and(|id| core_affinity::set_for_current(*id)) {
         return Ok(());
@@ -52,7 +56,11 @@ fn pin(core: usize) -> Result<(), String> {
     Err(format!("core {core}: not to be had; this process may use {}", present.join(", ")))
 }
 
-fn schedule(priority: u8) -> Result<(), String> {
+/// Gives the calling thread a priority of SCHED_FIFO, 1 to 99.
+///
+/// # Errors
+/// In words for the user.
+pub fn schedule(priority: u8) -> Result<(), String> {
     let help = "allow it with LimitRTPRIO= in the unit or rtprio in limits.conf";
     let value = ThreadPriorityValue::try_from(priority).map_err(|error| format!("SCHED_FIFO {priority}: {error}"))?;
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
@@ -60,7 +68,11 @@ fn schedule(priority: u8) -> Result<(), String> {
         .map_err(|error| format!("SCHED_FIFO {priority}: {error:?}; {help}"))
 }
 
-fn lock_memory() -> Result<(), String> {
+/// Locks all memory of this process, now and from now on.
+///
+/// # Errors
+/// In words for the user.
+pub fn lock_memory() -> Result<(), String> {
     let help = "allow it with LimitMEMLOCK=infinity in the unit or memlock in limits.conf";
     mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|error| format!("locked memory: {error}; {help}"))
 }

@@ -36,7 +36,7 @@ fn systemd_would_name_what_is_wrong() {
     let moved = UNIT.replace("StartLimitBurst=3\n", "").replace("[Service]\n", "[Service]\nStartLimitIntervalSec=3\n");
     for (from, to, expected) in [
         ("LimitRTPRIO=", "LimitRTPRIOX=", "'LimitRTPRIOX'"),
-        ("KillMode=mixed", "KillMode=mixt", "KillMode"),
+        ("KillMode=mixed", "KillMode=mixt", "mixt"),
         ("ExecStart=/usr/local/bin/hydraxis", "ExecStart=/nowhere/hydraxis", "not executable"),
         (UNIT, moved.as_str(), "StartLimitIntervalSec"),
     ] {

@@ -5,6 +5,7 @@ mod check;
 mod clean;
 mod cli;
 mod commission;
+mod doctor;
 mod failure;
 mod figures;
 mod identify;
@@ -42,6 +43,7 @@ fn main() -> ExitCode {
         cli::Command::Identify(arguments) => identify::run(&arguments),
         cli::Command::Bench(cli::Bench::Control(arguments)) => bench::run(&arguments),
         cli::Command::Check(arguments) => check::run(&arguments),
+        cli::Command::Doctor(arguments) => doctor::run(&arguments),
         cli::Command::Clean(arguments) => clean::run(&arguments),
         cli::Command::PlantSim(arguments) => stage::run(StageKind::PlantSim, &arguments),
         cli::Command::SensorProc(arguments) => stage::run(StageKind::SensorProc, &arguments),

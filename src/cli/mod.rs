@@ -3,6 +3,7 @@
 mod bench;
 mod clean;
 mod commission;
+mod doctor;
 mod identify;
 mod operate;
 mod run;
@@ -14,6 +15,7 @@ use clap::{Parser, Subcommand};
 pub use bench::{Bench, BenchControl};
 pub use clean::Clean;
 pub use commission::Commission;
+pub use doctor::Doctor;
 pub use identify::Identify;
 pub use operate::{Arm, Disarm, GroupAxes, Operate, Reset};
 pub use run::{BareMachine, MachineFile, Recording, Run, Simulate, Stage};
@@ -58,6 +60,8 @@ pub enum Command {
     Bench(Bench),
     /// Check a machine file and say everything that is wrong with it
     Check(MachineFile),
+    /// Say whether this computer is fit for real time, what is not, and what to do about it
+    Doctor(Doctor),
     /// Remove what dead groups have left in shared memory and beside it
     Clean(Clean),
     /// Run the simulated machine alone, in the foreground

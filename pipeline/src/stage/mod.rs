@@ -21,7 +21,7 @@ use std::sync::{Arc, atomic::AtomicBool};
 
 pub use accounting::Accounting;
 pub use clock::{monotonic_ns, sleep_until};
-pub use rights::{Missing, missing};
+pub use rights::{Missing, lock_memory, missing, pin, schedule};
 pub use run::{Stage, run};
 pub use turn::{Next, Turn, Waiter};
 

@@ -181,12 +181,20 @@ fn find(core: usize) -> Result<core_affinity::CoreId, String> {
     })
 }
 
-fn pin(core: usize) -> Result<(), String> {
+/// Keeps the calling thread on a core.
+///
+/// # Errors
+/// In words for the user.
+pub fn pin(core: usize) -> Result<(), String> {
     let id = find(core)?;
     if core_affinity::set_for_current(id) { Ok(()) } else { Err(format!("core {core}: refused by the kernel")) }
 }
 
-fn schedule(priority: u8) -> Result<(), String> {
+/// Gives the calling thread a priority of SCHED_FIFO, 1 to 99.
+///
+/// # Errors
+/// In words for the user.
+pub fn schedule(priority: u8) -> Result<(), String> {
     let value = ThreadPriorityValue::try_from(priority).map_err(|error| format!("SCHED_FIFO {priority}: {error}"))?;
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), fifo)
@@ -200,7 +208,11 @@ fn may_schedule(priority: u8) -> Result<(), String> {
         .unwrap_or_else(|_| Err(format!("SCHED_FIFO {priority}: cannot be tried")))
 }
 
-fn lock_memory() -> Result<(), String> {
+/// Locks all memory of this process, now and from now on.
+///
+/// # Errors
+/// In words for the user.
+pub fn lock_memory() -> Result<(), String> {
     mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
         .map_err(|error| format!("locked memory: {error}; {ALLOW_LOCKING}"))
 }

@@ -52,7 +52,7 @@ fn with_the_pilot_cut_off_the_spools_go_to_neutral_at_once_whatever_the_command(
         assert!(cut.spool_position < 0.95 * open, "{cut:?}");
     }
     // For as long as it is asked for, also where the drive times out, and no hysteresis keeps the spools open.
-    cut.advance(millis(1000));
+    cut.advance(millis(2000));
     assert!(cut.axes().iter().all(|axis| axis.spool_position.abs() < 1e-6 && axis.velocity.abs() < 5e-3));
     hold(&mut cut, 0.5, 0.5);
     assert!(cut.axes().iter().all(|axis| axis.velocity > 0.05), "released it is commanded again");

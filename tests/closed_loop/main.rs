@@ -4,6 +4,7 @@
 #[path = "../cli/mod.rs"]
 mod cli;
 mod end_stops;
+mod faults;
 mod hold;
 
 use std::sync::OnceLock;

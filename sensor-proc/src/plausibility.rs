@@ -1,7 +1,7 @@
 //! Whether a position is to be believed.
 //!
 //! ```text
-//! range:  -tolerance <= y <= stroke + tolerance
+//! range:  -tolerance <= y <= stroke + tolerance, or the jump there was none that an axis makes
 //! speed:  |y(k) - y_good|                <= n v_max T + margin
 //!         |y(k) - y_good - n v_good T|   <=   v_max T + margin        for n <= 3
 //! base:   after an implausible position, n > 3: |y(k) - y(k-1)| <= v_max T + margin, for 0.5 s
@@ -10,6 +10,8 @@
 //!
 //! y position in m, v_max `max_speed` in m/s, T period in s, y_good the last good position, n ticks since, v_good median
 //! of the last three speeds between good positions, m/s, margin 5 counts.
+//!
+//! A single position far out of the stroke is a wrong one, not an axis out of its stroke; the next one there is.
 //!
 //! What an encoder has been seen to do wrongly is never reached by waiting: a position that has jumped by more than an
 //! axis can move in a tick stays implausible, so whoever controls has stopped long before it is taken as a new base,
@@ -96,9 +98,11 @@ impl Plausibility {
                 self.unchanged = if position == self.last { self.unchanged.saturating_add(elapsed) } else { 0 };
                 self.last = position;
                 // Written so that NaN is out of range.
-                if !(self.range.0..=self.range.1).contains(&position) {
+                let is_out = !(self.range.0..=self.range.1).contains(&position);
+                let is_near = self.is_near(position);
+                if is_out && (is_near || goes_on || !position.is_finite()) {
                     faults |= sample_fault::RANGE;
-                } else if !self.is_near(position) {
+                } else if is_out || !is_near {
                     faults |= sample_fault::SPEED;
                 }
                 self.suspect |= faults & (sample_fault::RANGE | sample_fault::SPEED) != 0;
@@ -181,8 +185,8 @@ mod tests {
     #[test]
     fn each_fault_holds_the_last_good_position() {
         for (position, error, expected) in [
-            (Some(1.340), false, sample_fault::RANGE),
-            (Some(-0.006), false, sample_fault::RANGE),
+            (Some(1.340), false, sample_fault::SPEED),
+            (Some(-0.006), false, sample_fault::SPEED),
             (Some(f64::NAN), false, sample_fault::RANGE),
             (Some(f64::INFINITY), false, sample_fault::RANGE),
             (Some(0.75), false, sample_fault::SPEED),
@@ -194,6 +198,22 @@ mod tests {
             let sample = check.judge(1, position, error);
             assert_eq!((sample.faults, sample.position), (expected, 0.6), "{position:?}");
         }
+    }
+
+    #[test]
+    fn an_axis_that_leaves_its_stroke_is_out_of_range_at_once_and_one_that_jumps_out_with_the_second() {
+        for (last, inside, outside) in [(1.333, 1.3389, 1.3391), (0.001, -0.0049, -0.0051)] {
+            let mut check = boom();
+            check.judge(1, Some(last), false);
+            assert_eq!(check.judge(1, Some(inside), false).faults, 0);
+            assert_eq!(check.judge(1, Some(outside), false).faults, sample_fault::RANGE);
+        }
+        let mut check = boom();
+        check.judge(1, Some(0.6), false);
+        assert_eq!(check.judge(1, Some(2.0), false).faults, sample_fault::SPEED);
+        assert_eq!(check.judge(1, Some(2.0), false).faults, sample_fault::RANGE);
+        // The first of all there is has nothing to jump from.
+        assert_eq!(boom().judge(1, Some(2.0), false).faults, sample_fault::RANGE);
     }
 
     #[test]

@@ -79,11 +79,16 @@ class AxisSample(ctypes.Structure):
 
 
 class EncoderSample(ctypes.Structure):
-    _fields_ = [("header", Header), ("axes", AxisSample * MAX_AXES)]
+    _fields_ = [
+        ("header", Header),
+        ("axes", AxisSample * MAX_AXES),
+        ("emergency_stop", u32),  # 0 while released
+        ("reserved", u32),
+    ]
 
     @staticmethod
     def type_name():
-        return "hydraxis.EncoderSample/1"
+        return "hydraxis.EncoderSample/2"
 
 
 class AxisCommand(ctypes.Structure):
@@ -104,11 +109,16 @@ class AxisCommand(ctypes.Structure):
 
 
 class ValveCommand(ctypes.Structure):
-    _fields_ = [("header", Header), ("axes", AxisCommand * MAX_AXES)]
+    _fields_ = [
+        ("header", Header),
+        ("axes", AxisCommand * MAX_AXES),
+        ("cut_off", u32),  # 1 asks for the pilot pressure to be cut off
+        ("reserved", u32),
+    ]
 
     @staticmethod
     def type_name():
-        return "hydraxis.ValveCommand/2"
+        return "hydraxis.ValveCommand/3"
 
 
 class Coefficients(ctypes.Structure):

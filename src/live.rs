@@ -135,11 +135,12 @@ impl Monitor {
                 if command.operation == AxisMode::Hold as u32 {
                     line += " hold";
                 }
-                let fault = control_flag::FEEDBACK
+                let fault = control_flag::LATCHED
                     | control_flag::REFERENCE
                     | control_flag::REQUEST
                     | control_flag::REQUEST_STOPPED
-                    | control_flag::SOFT_LIMIT;
+                    | control_flag::SOFT_LIMIT
+                    | control_flag::HALF_SPEED;
                 for flag in bit_names(command.flags & fault, &control_flag::NAMES) {
                     line += &format!(" {}!", flag.to_uppercase());
                 }

@@ -6,23 +6,37 @@
 //!
 //! while following, by its mode (see [`crate::operation`]):
 //!   manual, commission: the command that is asked for, within all limits
-//!   hold, track: fallback --model judged good for 0.1 s--> model --stale, absent, refused--> fallback
+//!   hold, track: fallback --model judged good for 0.1 s--> model --too old, absent, distrusted--> fallback
 //! ```
 //!
 //! Only an axis that follows is ever commanded anything but neutral. A sample or two without a usable position are
-//! bridged: the last command stays. Three in a row, a position outside the stroke, or an encoder that stands still
-//! while the axis is driven, latch the axis at neutral until a person disarms and arms again. Trap: a latch that
-//! heals by itself moves the machine while somebody looks at why it stopped.
+//! bridged: the last command stays. What latches the axis at neutral until a person disarms and arms again:
+//!
+//! | flag | after |
+//! |---|---|
+//! | `FEEDBACK` | three samples in a row without a usable position, one outside the stroke, an encoder that stands still while the axis is driven |
+//! | `STALL` | no motion of an axis that is driven ([`crate::motion`]), in hold and track |
+//! | `FOLLOWING` | a following error ([`crate::following`]) |
+//! | `SOLVER` | [`UNSOLVED_LIMIT`] plans in a row without an answer of the solver |
+//! | `DEADLINE` | late commands ([`crate::process`]) |
+//! | `EMERGENCY_STOP` | the emergency stop, whatever the axis does, off too; not to be reset while it is pressed |
+//!
+//! The first of them stays what it is; an emergency stop comes on top. Trap: a latch that heals by itself moves the
+//! machine while somebody looks at why it stopped.
+//!
+//! A refused snapshot is not used once; the last approved one is, until it is too old ([`crate::kept`]). Then the axis goes
+//! on by the fallback, at half of its speed.
 //!
 //! From a command by hand to a controller: the targets begin where the axis is and as fast as it is, the fallback at the
 //! command that was.
 
+mod latch;
 mod modes;
 
 use std::time::Duration;
 
 use pipeline::{
-    machine::{Axis, Forgetting, ModelChoice, Timing, samples_of},
+    machine::{Axis, Control, Forgetting, ModelChoice, Timing, samples_of},
     message::{
         AxisCommand, AxisMode, AxisSample, AxisSnapshot, ControlMode, Reference, Request, control_flag, sample_fault,
     },
@@ -32,9 +46,12 @@ use pipeline::{
 use crate::{
     end_stops::EndStops,
     fallback::Fallback,
+    following::FollowingError,
     history::History,
-    judge::{Approved, Judge},
+    judge::{Approved, Judge, Refusal},
+    kept::{Age, Kept},
     limits::Limits,
+    motion::{Motion, Standing},
     operation::Requests,
     predictive::Predictive,
     recent::Recent,
@@ -50,9 +67,8 @@ pub const SETTLING: Duration = Duration::from_millis(200);
 pub const PROBATION: Duration = Duration::from_millis(100);
 /// Samples in a row without a usable position that latch the axis.
 pub const UNUSABLE_LIMIT: u64 = 3;
-/// How far a command must be beyond the calibrated dead band for a position that stands still to be a fault: the
-/// calibration is a little low on purpose, and just above the band the axis may creep below the encoder's resolution.
-pub const STUCK_MARGIN: f64 = 0.05;
+/// Plans in a row without an answer of the solver that latch the axis.
+pub const UNSOLVED_LIMIT: u64 = 5;
 /// A command beyond this part of its limit is all that can be done.
 const AT_LIMIT: f64 = 0.99;
 
@@ -69,6 +85,8 @@ pub struct AxisInput<'a> {
     pub snapshot: Option<(u64, &'a AxisSnapshot)>,
     /// The newest reference message, if there is one.
     pub reference: Option<&'a Reference>,
+    /// The emergency stop is pressed.
+    pub emergency_stop: bool,
     /// The newest request, if there is one.
     pub request: Option<&'a Request>,
     /// The generators of all axes.
@@ -81,7 +99,8 @@ enum State {
     /// Healthy samples so far.
     Settling(u64),
     Following,
-    Latched,
+    /// The [`control_flag`] bits that say why.
+    Latched(u32),
 }
 
 /// The controller of one axis.
@@ -89,19 +108,18 @@ enum State {
 pub struct AxisController {
     period: f64,
     limits: Limits,
+    /// Largest magnitude of a command for half of the speed.
+    half_speed: f64,
     end_stops: EndStops,
     settling_ticks: u64,
     probation_ticks: u64,
     feedback_ticks: u64,
-    model_ticks: u64,
-    stuck_ticks: u64,
-    /// Commands below which the axis need not move, retracting and extending.
-    resting_range: (f64, f64),
     choice: ModelChoice,
     /// The adaptive model is used whether it predicts better than the held one or not.
     at_once: bool,
     judge: Judge,
     recent: Recent,
+    kept: Kept,
     predictive: Predictive,
 
     requests: Requests,
@@ -111,22 +129,25 @@ pub struct AxisController {
     goal: Option<f64>,
     /// Requests stopped, and it is off since.
     stopped: bool,
+    /// The emergency stop was pressed when it was last seen.
+    is_pressed: bool,
     state: State,
     fallback: Fallback,
     rest: Rest,
     trust: Trust,
+    following: FollowingError,
+    motion: Motion,
     target: Target,
     /// `None` until the first usable position.
     history: Option<History>,
     /// Ticks since the last usable position, and how many of them the model has filled.
     blind: u64,
     bridged: u64,
-    /// Ticks that the command has been beyond `resting_range` in one direction.
-    driven: u64,
     /// Ticks in a row that the model was judged good.
     trusted: u64,
-    /// Tick of the last snapshot that was taken in.
+    /// Tick of the last snapshot that was taken in, and what was said of it.
     seen: Option<u64>,
+    said: u32,
     /// What was sent for the last tick.
     last: AxisCommand,
 }
@@ -140,42 +161,39 @@ impl AxisController {
         let structure = axis.identification.structure;
         let fallback = Fallback::new(control, axis.commissioned.as_ref(), period);
         let ahead = if control.model == ModelChoice::None { 0 } else { structure.nk + 2 * control.horizon };
-        // The fallback compensates a little less than the valve's dead band, or none of it.
-        let found = axis.commissioned.as_ref().map_or(control.dead_band, |commissioned| commissioned.dead_band);
-        let (extend, retract) =
-            (control.dead_band.extend.max(found.extend), control.dead_band.retract.max(found.retract));
         Self {
             period,
             limits: Limits::new(control, period),
+            half_speed: half_speed(axis),
             end_stops: EndStops::new(axis),
             requests: Requests::new(index, axis, timing),
             mode: AxisMode::Track,
             goal: None,
             stopped: false,
+            is_pressed: false,
             settling_ticks: ticks(SETTLING),
             probation_ticks: ticks(PROBATION),
             feedback_ticks: ticks(timing.feedback_timeout),
-            model_ticks: ticks(timing.model_timeout),
-            // The motion cannot show before the dead time.
-            stuck_ticks: ticks(axis.encoder.stuck_after) + structure.nk as u64,
-            resting_range: (-retract - STUCK_MARGIN, extend + STUCK_MARGIN),
             choice: control.model,
             // A grey box knows what commissioning has found, which is more than what the training has shown.
             at_once: control.model == ModelChoice::Classical || axis.identification.forgetting == Forgetting::GreyBox,
             judge: Judge::new(axis, period),
             recent: Recent::new(period),
+            kept: Kept::new(ticks(timing.model_timeout), ticks(timing.model_lifetime)),
             predictive: Predictive::new(control, axis.soft_limits, period),
             state: State::Disarmed,
             rest: Rest::new(axis.encoder.resolution, period),
-            trust: Trust::new(period),
+            trust: Trust::new(control.following_error, period),
+            following: FollowingError::new(control.following_error, period),
+            motion: Motion::new(axis, timing),
             target: Target::new(index, axis, period, ahead.max(fallback.ahead())),
             fallback,
             history: None,
             blind: 0,
             bridged: 0,
-            driven: 0,
             trusted: 0,
             seen: None,
+            said: 0,
             last: AxisCommand {
                 flags: control_flag::DISARMED,
                 operation: AxisMode::Off as u32,
@@ -201,21 +219,6 @@ impl AxisController {
         }
     }
 
-    /// Neutral from the next command on; releases the latch and forgets the past.
-    pub fn disarm(&mut self) {
-        self.stand_still(State::Disarmed);
-        self.stopped = false;
-        self.last.flags = control_flag::DISARMED;
-        self.history = None;
-        (self.blind, self.bridged) = (0, 0);
-    }
-
-    /// Latches the axis at neutral.
-    pub fn latch(&mut self) {
-        self.stand_still(State::Latched);
-        self.last.flags = control_flag::FEEDBACK;
-    }
-
     /// What was last sent, or what stands in its place since.
     pub fn last(&self) -> AxisCommand {
         self.last
@@ -226,9 +229,13 @@ impl AxisController {
         if let Some(history) = &mut self.history {
             history.hold_command(input.elapsed.saturating_sub(1));
         }
+        self.take_emergency_stop(input.emergency_stop);
         self.take_request(input);
         let usable = self.take_feedback(input);
-        let (model, model_flags) = self.take_snapshot(input.snapshot);
+        let model_flags = self.take_snapshot(input);
+        // A copy, so that the axis may change while it is in use.
+        let kept = self.kept;
+        let model = kept.approved(input.sequence);
         match (self.state, usable) {
             (State::Following, Some(position)) if self.mode.is_by_hand() => self.drive(input.sequence, position),
             (State::Following, Some(position)) => self.follow(input, position, model, model_flags),
@@ -252,7 +259,6 @@ impl AxisController {
     /// Takes in the position, if it is usable, and moves from state to state.
     fn take_feedback(&mut self, input: &AxisInput<'_>) -> Option<f64> {
         self.blind = self.blind.saturating_add(input.elapsed);
-        self.driven = if self.rests() { 0 } else { self.driven.saturating_add(input.elapsed) };
         let faults = input.sample.map_or(sample_fault::STALE, |sample| sample.faults);
         let position = input.sample.and_then(AxisSample::usable);
         let missing = self.blind.saturating_sub(1);
@@ -263,10 +269,11 @@ impl AxisController {
             }
             (self.blind, self.bridged) = (0, 0);
         }
+        let standing = self.motion.update(input.elapsed, self.last.command, position);
 
         let out_of_range = faults & sample_fault::RANGE != 0;
         match self.state {
-            State::Settling(_) if out_of_range => self.latch(),
+            State::Settling(_) if out_of_range => self.latch(control_flag::FEEDBACK),
             State::Settling(healthy) => match position {
                 Some(position) if missing == 0 && healthy >= self.settling_ticks => self.begin(input, position),
                 Some(_) if missing == 0 || healthy == 0 => self.state = State::Settling(healthy + 1),
@@ -277,12 +284,14 @@ impl AxisController {
                     Some(_) => missing >= self.feedback_ticks,
                     None => self.blind >= UNUSABLE_LIMIT,
                 };
-                let stuck = faults & sample_fault::STUCK != 0 && self.driven >= self.stuck_ticks;
-                if out_of_range || lost || stuck {
-                    self.latch();
+                if out_of_range || lost || standing == Some(Standing::Stuck) {
+                    self.latch(control_flag::FEEDBACK);
+                } else if standing.is_some() && !self.mode.is_by_hand() {
+                    // A person sees it, and a commissioning has to find out from where on it moves.
+                    self.latch(control_flag::STALL);
                 }
             }
-            State::Disarmed | State::Latched => {}
+            State::Disarmed | State::Latched(_) => {}
         }
         position
     }
@@ -296,37 +305,36 @@ impl AxisController {
         }
     }
 
-    /// Whether the last command need not move the axis.
-    fn rests(&self) -> bool {
-        (self.resting_range.0..=self.resting_range.1).contains(&self.last.command)
-    }
-
-    /// The model, if it may be used, and the flags that say why not.
-    fn take_snapshot<'a>(&mut self, snapshot: Option<(u64, &'a AxisSnapshot)>) -> (Option<Approved<'a>>, u32) {
+    /// Takes in the newest snapshot, once; the flags that say what is wrong with it.
+    fn take_snapshot(&mut self, input: &AxisInput<'_>) -> u32 {
         if self.choice == ModelChoice::None {
-            return (None, 0);
+            return 0;
         }
-        let Some((made_after, snapshot)) = snapshot else {
-            return (None, control_flag::NO_MODEL);
+        let Some((made_after, snapshot)) = input.snapshot else {
+            return control_flag::NO_MODEL;
         };
-        // The same snapshot comes again until there is a newer one; its errors and its defects count once.
-        let is_new = self.seen.replace(made_after) != Some(made_after);
-        if is_new {
-            self.recent.update(&snapshot.separated_h_step, &snapshot.classical_errors.h_step);
+        if self.seen.replace(made_after) == Some(made_after) {
+            return self.said;
         }
-        // What was identified offline and held is used until the adaptive model has shown that it is better.
-        let held = |judge: &Judge| judge.judge_held(snapshot).ok();
-        match self.judge.judge(snapshot) {
+        self.recent.update(&snapshot.separated_h_step, &snapshot.classical_errors.h_step);
+        let held = || self.judge.judge_held(snapshot).ok();
+        let (model, flags) = match self.judge.judge(snapshot) {
             Ok(model) if self.at_once || self.recent.is_better() => (Some(model), 0),
-            Ok(model) => (held(&self.judge).or(Some(model)), 0),
+            // What was identified offline and held is used until the adaptive model has shown that it is better.
+            Ok(model) => (held().or(Some(model)), 0),
             Err(None) => (None, control_flag::NO_MODEL),
             Err(Some(refusal)) => {
-                if is_new {
-                    self.last.rejected_snapshots[refusal as usize] += 1;
-                }
-                (held(&self.judge), control_flag::MODEL_REFUSED)
+                self.last.rejected_snapshots[refusal as usize] += 1;
+                // One that predicts worse has been on its way there for long: the one before it is no better.
+                let old_one_stays = refusal != Refusal::Worse && self.kept.age(input.sequence) == Age::Fresh;
+                (if old_one_stays { None } else { held() }, control_flag::MODEL_REFUSED)
             }
+        };
+        if let Some(model) = model {
+            self.kept.keep(&model, made_after);
         }
+        self.said = flags;
+        flags
     }
 
     /// Begins to follow from where the axis stands.
@@ -336,6 +344,7 @@ impl AxisController {
         self.fallback.reset();
         self.rest.reset();
         self.trust.reset();
+        self.following.reset();
         self.target.begin(input.sequence, position, input.generator);
         if self.mode == AxisMode::Hold {
             self.target.hold(None);
@@ -352,19 +361,38 @@ impl AxisController {
         if following.refused {
             flags |= control_flag::REFERENCE;
         }
-        let stale =
-            input.snapshot.is_some_and(|(made_after, _)| input.sequence.abs_diff(made_after) > self.model_ticks);
-        if stale {
+        let reference = target.positions()[0];
+        let error = reference - position;
+        let age = self.kept.age(input.sequence);
+        if matches!(age, Age::Stale | Age::Over) {
             flags |= control_flag::MODEL_STALE;
         }
+        let is_slow = age == Age::Over;
+        let limits = if is_slow {
+            flags |= control_flag::HALF_SPEED;
+            // Not all at once.
+            let magnitude = self.half_speed.max(self.last.command.abs() - limits.step);
+            Limits { magnitude: magnitude.min(limits.magnitude), ..*limits }
+        } else {
+            *limits
+        };
+        let at_limit = self.last.command.abs() >= AT_LIMIT * limits.magnitude;
+        // An axis that has been slowed down cannot always follow, and is to go on.
+        if self.following.update(input.elapsed, if is_slow && at_limit { 0.0 } else { error }, target.speed()) {
+            self.latch(control_flag::FOLLOWING);
+            return;
+        }
 
-        let model = model.filter(|_| !stale);
         self.trusted = if model.is_some() { self.trusted.saturating_add(1) } else { 0 };
         let mut wanted = None;
         if let (Some(model), Some(history)) = (model, history) {
             // Also on probation, so that it has an estimate of the noise when it takes over.
-            wanted = predictive.update(&model, limits, history, target.positions());
+            wanted = predictive.update(&model, &limits, history, target.positions());
             self.last.unsolved_plans = predictive.unsolved();
+            if predictive.unsolved_in_a_row() >= UNSOLVED_LIMIT {
+                self.latch(control_flag::SOLVER);
+                return;
+            }
             if wanted.is_none() {
                 flags |= control_flag::MODEL_REFUSED;
                 self.trusted = 0;
@@ -372,14 +400,12 @@ impl AxisController {
         } else {
             predictive.reset();
         }
-        let reference = target.positions()[0];
-        let error = reference - position;
         let was_model = self.last.mode == ControlMode::Model as u32;
         let was_by_hand = [ControlMode::Manual as u32, ControlMode::Commission as u32].contains(&self.last.mode);
-        let at_limit = self.last.command.abs() >= AT_LIMIT * self.limits.magnitude;
         if !self.trust.update(reference, error, was_model, at_limit) {
             flags |= control_flag::MODEL_REFUSED;
             self.trusted = 0;
+            self.kept.discard();
         }
         let wanted = wanted.filter(|_| self.trusted > self.probation_ticks);
         let rests = self.rest.update(error, target.positions());
@@ -390,6 +416,7 @@ impl AxisController {
                 if was_model || was_by_hand {
                     self.fallback.resume(self.last.command, error, target.positions());
                 }
+                self.fallback.limit(limits.magnitude);
                 (self.fallback.update(error, target.positions(), self.last.command), ControlMode::Fallback)
             }
         };
@@ -407,38 +434,21 @@ impl AxisController {
         }
     }
 
-    /// Makes the command of an axis that does not follow.
-    fn stand(&mut self, state: State, model_flags: u32) {
-        self.stand_still(state);
-        self.last.flags = model_flags
-            | match state {
-                State::Disarmed if self.stopped => control_flag::DISARMED | control_flag::REQUEST_STOPPED,
-                State::Disarmed => control_flag::DISARMED,
-                State::Settling(_) => control_flag::SETTLING,
-                State::Latched | State::Following => control_flag::FEEDBACK,
-            };
-    }
-
-    /// Neutral, with the target where the axis is.
-    fn stand_still(&mut self, state: State) {
-        self.state = state;
-        self.trusted = 0;
-        if !matches!(state, State::Settling(_)) {
-            self.last.operation = AxisMode::Off as u32;
-        }
-        self.send(0.0, ControlMode::Neutral);
-        if let Some(history) = &self.history {
-            self.last.reference = history.outputs()[0];
-        }
-        self.last.error = 0.0;
-    }
-
     fn send(&mut self, command: f64, mode: ControlMode) {
-        if command * self.last.command <= 0.0 {
-            // Neutral or the other direction: not yet driven that way.
-            self.driven = 0;
-        }
         self.last.command = command;
         self.last.mode = mode as u32;
     }
+}
+
+/// The magnitude of a command that makes at most half of the axis' speed: half of the way from the dead band to the limit,
+/// or less where the commissioned curve bends.
+fn half_speed(axis: &Axis) -> f64 {
+    let Control { command_limit, dead_band, .. } = axis.control;
+    let found = axis.commissioned.as_ref().map_or(dead_band, |model| model.dead_band);
+    let closed = dead_band.extend.min(dead_band.retract).min(found.extend).min(found.retract);
+    let half = closed + 0.5 * (command_limit - closed).max(0.0);
+    axis.commissioned.as_ref().map_or(half, |model| {
+        let by_curve = |limit: f64| model.command(0.5 * model.speed(limit)).abs();
+        half.min(by_curve(command_limit)).min(by_curve(-command_limit))
+    })
 }

@@ -7,7 +7,7 @@
 //!
 //! k tick of the sample, k_ref tick of the message's first target, v_max `max_speed` in m/s, T period in s. A message
 //! that is absent, used up, not finite, outside the soft limits, jumping, or older than one before is refused, and
-//! the axis holds the target that it has.
+//! the axis holds the target that it has, or comes to a stand from it ([`crate::target`]).
 //!
 //! Trap: after a refusal, and at the start, the program may be anywhere. Its targets are taken up again only where
 //! they go on from the target held or where the axis stands, so that taking them up moves nothing.
@@ -56,6 +56,11 @@ impl ChannelFollower {
     /// Starts again from where the axis stands (m).
     pub fn begin(&mut self, position: f64) {
         (self.held, self.engaged, self.was_engaged, self.newest) = (position, false, false, None);
+    }
+
+    /// Another target is held, m.
+    pub fn hold(&mut self, target: f64) {
+        self.held = target;
     }
 
     /// Whether it has followed the channel since [`Self::begin`].

@@ -7,6 +7,9 @@
 //! y positions in m, u valve commands in [-1, 1], y_r targets in m, k tick. u(k) is made from sample k and stays on
 //! the valve until sample k+1. Trap: a sample that is not newer than the last says nothing new, and a source that
 //! repeats itself is as blind as one that is silent: the last command stays twice, not longer.
+//!
+//! An emergency stop comes before everything: all axes are neutral and latched with the sample that says it, and the
+//! message asks for the pilot to be cut off until it is released and every axis has been reset.
 
 use pipeline::{
     MAX_AXES,
@@ -68,7 +71,12 @@ impl Controller {
 
     /// The samples have stopped: latches every axis at neutral until disarmed and armed again.
     pub fn feedback_lost(&mut self) {
-        self.axes.iter_mut().for_each(AxisController::latch);
+        self.latch(control_flag::FEEDBACK);
+    }
+
+    /// Latches every axis at neutral for this cause, a [`control_flag`] bit, until disarmed and armed again.
+    pub fn latch(&mut self, cause: u32) {
+        self.axes.iter_mut().for_each(|axis| axis.latch(cause));
     }
 
     /// The command for one sample, to be sent as it is but for its times.
@@ -82,11 +90,16 @@ impl Controller {
         reference: Option<&Reference>,
     ) -> ValveCommand {
         let sequence = sample.header.sequence;
+        let emergency_stop = sample.emergency_stop != 0;
         let elapsed = match self.last_sequence {
             None => 1,
             Some(last) if sequence > last => sequence - last,
             Some(last) => {
                 self.repeated += 1;
+                // It may be old, but a stop is a stop.
+                if emergency_stop {
+                    self.axes.iter_mut().for_each(|axis| axis.take_emergency_stop(true));
+                }
                 if self.repeated >= UNUSABLE_LIMIT {
                     self.feedback_lost();
                 }
@@ -105,10 +118,12 @@ impl Controller {
                 snapshot: (snapshot.filter(|snapshot| within(&snapshot.header)))
                     .map(|snapshot| (snapshot.header.sequence, &snapshot.axes[i])),
                 reference,
+                emergency_stop,
                 request: self.request.as_ref(),
                 generator: &self.generator,
             });
         }
+        command.cut_off = self.cut_off();
         command
     }
 
@@ -125,7 +140,12 @@ impl Controller {
 
     /// Whether a fault has latched any axis.
     pub fn is_latched(&self) -> bool {
-        self.axes.iter().any(|axis| axis.last().flags & control_flag::FEEDBACK != 0)
+        self.axes.iter().any(|axis| axis.cause() != 0)
+    }
+
+    /// 1 while an axis is latched by an emergency stop, which it is as long as that is pressed.
+    fn cut_off(&self) -> u32 {
+        u32::from(self.axes.iter().any(|axis| axis.cause() & control_flag::EMERGENCY_STOP != 0))
     }
 
     fn message(&self, sequence: u64, entry: impl Fn(&AxisController) -> AxisCommand) -> ValveCommand {
@@ -133,6 +153,7 @@ impl Controller {
         for (axis, place) in self.axes.iter().zip(&mut command.axes) {
             *place = entry(axis);
         }
+        command.cut_off = self.cut_off();
         command
     }
 

@@ -71,6 +71,11 @@ impl Fallback {
         self.feedforward.as_ref().map_or(0, Feedforward::ahead)
     }
 
+    /// Takes another largest magnitude of a command.
+    pub fn limit(&mut self, magnitude: f64) {
+        self.limits.magnitude = magnitude;
+    }
+
     /// Forgets the integral: the axis stands.
     pub fn reset(&mut self) {
         (self.integral, self.offset) = (0.0, 0.0);

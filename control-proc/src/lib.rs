@@ -23,6 +23,9 @@
 //! | [`course`] | the course on which controllers are tuned and compared |
 //! | [`tuning`] | gains of the fallback from a commissioned model |
 //! | [`commission`] | the experiment that finds an axis' model, and its analysis |
+//! | [`kept`] | the last model that was approved, and how old it is |
+//! | [`following`] | stopping an axis that is not where it should be |
+//! | [`motion`] | whether an axis that is driven moves |
 //! | [`history`] | past outputs and commands of one axis |
 //! | [`limits`] | magnitude and rate of a command |
 //! | [`process`] | the stage: channels in, channels out |
@@ -38,9 +41,12 @@ pub mod course;
 pub mod end_stops;
 pub mod fallback;
 pub mod feedforward;
+pub mod following;
 pub mod history;
 pub mod judge;
+pub mod kept;
 pub mod limits;
+pub mod motion;
 pub mod operation;
 pub mod predictive;
 pub mod process;

@@ -19,7 +19,7 @@
 //!
 //! Refused is, as a whole and with a count: a mode that is none, a command or a target that is not finite, a command
 //! outside [-1, 1], a target outside the soft limits, a message without this axis, one for another time, and one that
-//! goes back in time. The axis then does what it did, and a mode that needs requests has not had one.
+//! goes back in time. The axis then does what it did, and a mode that needs requests has not had one. Off is refused while the emergency stop is pressed: it would reset.
 //!
 //! Trap: "the last message counts" is a machine that goes on when its operator's program has died.
 
@@ -110,6 +110,12 @@ impl Requests {
         let age = sequence.saturating_sub(self.taken?);
         let is_late = mode == AxisMode::Commission && age > self.commission_ticks;
         (age <= self.manual_ticks).then_some(if is_late { 0.0 } else { self.command })
+    }
+
+    /// Refuses after all what was asked for last.
+    pub fn refuse(&mut self) {
+        (self.accepted, self.refused) = (self.accepted.saturating_sub(1), self.refused.saturating_add(1));
+        self.is_refused = true;
     }
 
     /// Requests taken and refused so far.

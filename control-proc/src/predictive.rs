@@ -78,6 +78,7 @@ pub struct Predictive {
     problem: Problem<MAX_MOVES, MAX_MOVES>,
     solver: Solver<MAX_MOVES, MAX_MOVES>,
     unsolved: u64,
+    unsolved_in_a_row: u64,
 }
 
 /// e of the past.
@@ -121,17 +122,24 @@ impl Predictive {
             problem,
             solver: Solver::new(),
             unsolved: 0,
+            unsolved_in_a_row: 0,
         }
     }
 
     /// Forgets the noise: there has been no model.
     pub fn reset(&mut self) {
         self.noise = Noise::default();
+        self.unsolved_in_a_row = 0;
     }
 
     /// Plans that had to do without the solver, so far.
     pub fn unsolved(&self) -> u64 {
         self.unsolved
+    }
+
+    /// The same since the last that did not.
+    pub fn unsolved_in_a_row(&self) -> u64 {
+        self.unsolved_in_a_row
     }
 
     /// y(k), m, where no position has come: what the model expected, so that nothing is learned of this tick. A line
@@ -223,7 +231,7 @@ impl Predictive {
         let [one, two] = (0..AGAIN).rev().fold(older, further);
         let coming = [t_1 * one + t_2 * two, t_2 * one];
         if !coming.iter().all(|noise| noise.is_finite()) {
-            self.reset();
+            self.noise = Noise::default();
             return None;
         }
         self.noise = Noise { older, taken: count };
@@ -330,11 +338,15 @@ impl Predictive {
     fn first_level(&mut self) -> Option<f64> {
         // Most limits of a plan are those of the plan before.
         let solution = self.solver.resume(&self.problem);
+        if solution.status == Status::Solved {
+            self.unsolved_in_a_row = 0;
+            return Some(solution.x[0]);
+        }
+        self.unsolved += 1;
+        self.unsolved_in_a_row += 1;
         match solution.status {
-            Status::Solved => Some(solution.x[0]),
-            Status::NotConvex | Status::NotFinite => None,
+            Status::Solved | Status::NotConvex | Status::NotFinite => None,
             Status::Infeasible | Status::IterationLimit => {
-                self.unsolved += 1;
                 let free = Problem::new(self.problem.hessian, self.problem.gradient);
                 let solution = self.solver.solve(&free);
                 let clipped = solution.x[0].clamp(self.problem.lower[0], self.problem.upper[0]);

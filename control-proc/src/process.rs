@@ -1,19 +1,27 @@
 //! The stage: samples, snapshots, references and requests in, valve commands out.
 //!
-//! In real time a sample that is late by more than `feedback_timeout` makes the valves neutral, by a message that
-//! was built in advance, and latches them there. In lock-step the command of tick k is made with the snapshot of tick
+//! In real time a sample that is late by more than `feedback_timeout` makes the valves neutral, by a message that takes
+//! nothing but copying, and latches them there; one that comes later than that is not acted on. So do commands that go out
+//! more than a period after their samples were acquired, as many in a row as periods fit into `feedback_timeout`, two at
+//! the least. A single one is late, and made for what is known by then. In lock-step the command of tick k is made with the snapshot of tick
 //! k-1, which is waited for.
 
 use pipeline::{
     channel::{Group, Publisher, Reader},
-    machine::Machine,
-    message::{CoefficientSnapshot, EncoderSample, Header, MachineState, MissCause, Reference, Request, ValveCommand},
+    machine::{Machine, samples_of},
+    message::{
+        CoefficientSnapshot, EncoderSample, Header, MachineState, MissCause, Reference, Request, ValveCommand,
+        control_flag,
+    },
     stage::{
         Accounting, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
     },
 };
 
 use crate::Controller;
+
+/// Late commands in a row that latch the axes at the least: one is the scheduler's, two are a trend.
+const LEAST_LATE: usize = 2;
 
 /// Runs the stage until its last tick or a signal; the last command is neutral.
 ///
@@ -42,6 +50,33 @@ struct Process {
     /// When the last sample was acquired; none before the first.
     last_sample_ns: Option<u64>,
     lost: bool,
+    deadlines: Deadlines,
+}
+
+/// Commands that are late.
+#[derive(Debug, Clone, PartialEq)]
+struct Deadlines {
+    period_ns: u64,
+    limit: usize,
+    late_in_a_row: usize,
+}
+
+impl Deadlines {
+    fn new(machine: &Machine) -> Self {
+        let timing = &machine.timing;
+        Self {
+            period_ns: timing.period.as_nanos() as u64,
+            limit: samples_of(timing.feedback_timeout, timing.period).max(LEAST_LATE),
+            late_in_a_row: 0,
+        }
+    }
+
+    /// Whether too many in a row are late, with one sent at `now` for a sample that was acquired at `acquired`, ns.
+    fn are_missed(&mut self, now: u64, acquired: u64) -> bool {
+        let is_late = now.saturating_sub(acquired) > self.period_ns;
+        self.late_in_a_row = if is_late { self.late_in_a_row.saturating_add(1) } else { 0 };
+        self.late_in_a_row >= self.limit
+    }
 }
 
 impl Process {
@@ -65,6 +100,7 @@ impl Process {
             feedback_timeout_ns: machine.timing.feedback_timeout.as_nanos() as u64,
             last_sample_ns: None,
             lost: false,
+            deadlines: Deadlines::new(machine),
         })
     }
 
@@ -80,6 +116,12 @@ impl Process {
             self.send_neutral(now)?;
         }
         Ok(())
+    }
+
+    /// Real time: whether a sample is so old that it says nothing of now, as those do that were written before a stage was
+    /// stopped and are read after it goes on.
+    fn is_too_old(&self, sample: &Header) -> bool {
+        self.clock == Clock::RealTime && monotonic_ns().saturating_sub(sample.acquired_ns) > self.feedback_timeout_ns
     }
 
     fn send_neutral(&mut self, now: u64) -> Result<(), StageError> {
@@ -131,6 +173,10 @@ impl Stage for Process {
         let newest = header.sequence.saturating_sub(1);
         turn.skip(passed - unworked, newest, MissCause::LateInput);
         turn.skip(unworked, newest, MissCause::LateRelease);
+        if self.is_too_old(&header) {
+            self.watch_feedback()?;
+            return Ok(if turn.is_last(header.sequence) { Next::Finished } else { Next::Waiting });
+        }
         match clock {
             Clock::RealTime => {
                 self.snapshots.newest()?;
@@ -149,6 +195,10 @@ impl Stage for Process {
         }
         let Some(sample) = self.samples.last() else { return Ok(Next::Waiting) };
         let mut command = self.core.update(sample, self.snapshots.last(), self.references.last());
+        if clock == Clock::RealTime && self.deadlines.are_missed(monotonic_ns(), header.acquired_ns) {
+            self.core.latch(control_flag::DEADLINE);
+            command = self.core.neutral(header.sequence);
+        }
         turn.finish(&mut command.header, header.sequence, header.acquired_ns, header.acquired_ns);
         self.commands.send(&command)?;
         self.last = command;
@@ -199,4 +249,29 @@ fn named(machine: &Machine) -> MachineState {
     let mut state = MachineState::default();
     state.axes.iter_mut().zip(&machine.axes).for_each(|(state, axis)| state.set_name(&axis.name));
     state
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    /// Commands of which these were late, in ms: which of them are one too many.
+    fn missed(late: &[u64], feedback_timeout: u64) -> Vec<bool> {
+        let mut machine = crate::tests::machine(1);
+        machine.timing.feedback_timeout = Duration::from_millis(feedback_timeout);
+        let mut deadlines = Deadlines::new(&machine);
+        let acquired = 1_000_000_000;
+        late.iter().map(|late| deadlines.are_missed(acquired + late * 1_000_000, acquired)).collect()
+    }
+
+    #[test]
+    fn as_many_late_commands_in_a_row_as_fit_into_the_time_out_are_too_many() {
+        assert_eq!(missed(&[11, 50, 10, 11, 11, 11, 0], 30), [false, false, false, false, false, true, false]);
+        assert_eq!(missed(&[10, 10, 10, 10], 30), [false; 4]);
+        // Two at the least.
+        assert_eq!(missed(&[11, 9, 11, 11], 1), [false, false, false, true]);
+        assert_eq!(missed(&[11; 7], 60), [false, false, false, false, false, true, true]);
+    }
 }

@@ -8,8 +8,9 @@
 //! y_0 position when the axis began to follow, g generator, v_max `max_speed`. s has no speed and no acceleration at
 //! both ends; its steepest slope is 15/8, hence T_b keeps the way there below a quarter of the axis' speed. y_r lies
 //! between y_0 and g, so it leaves the soft limits nowhere that the axis did not already stand. While the axis holds, y_r
-//! comes from [`crate::profile`] instead, and following begins where that has come to a stand. Trap: the preview
-//! must be blended too, or prediction sees a step at the end of its window.
+//! comes from [`crate::profile`] instead, and following begins where that has come to a stand; so do the targets of a
+//! channel that has stopped, or sends what is refused, until it goes on from where they are. Trap: the preview must be
+//! blended too, or prediction sees a step at the end of its window.
 
 use pipeline::{
     machine::{Axis, ReferenceSource},
@@ -34,6 +35,8 @@ pub struct Target {
     period: f64,
     blend_speed: f64,
     channel: Option<ChannelFollower>,
+    /// The channel has stopped, and its target comes to a stand.
+    brakes: bool,
     profile: Profile,
     state: State,
     start: u64,
@@ -72,6 +75,7 @@ impl Target {
             period,
             blend_speed: BLEND_SPEED * axis.max_speed,
             channel: from_channel.then(|| ChannelFollower::new(index, axis, period)),
+            brakes: false,
             profile: Profile::new(axis, period, ahead),
             state: State::Follows,
             start: 0,
@@ -86,7 +90,7 @@ impl Target {
     /// Begins to follow at tick `sequence`, from where the axis stands (m).
     pub fn begin(&mut self, sequence: u64, position: f64, generator: &ReferenceGenerator) {
         (self.start, self.start_position) = (sequence, position);
-        (self.state, self.positions[0], self.speed) = (State::Follows, position, 0.0);
+        (self.state, self.positions[0], self.speed, self.brakes) = (State::Follows, position, 0.0, false);
         let distance = generator.position(self.axis, 0.0).map_or(0.0, |first| (first - position).abs());
         self.blend_time = BLEND_TIME.max(STEEPEST * distance / self.blend_speed);
         if let Some(channel) = &mut self.channel {
@@ -157,9 +161,21 @@ impl Target {
         generator: &ReferenceGenerator,
         reference: Option<&Reference>,
     ) -> Following {
+        let before = self.positions[0];
         let positions = &mut self.positions[..=self.ahead];
         if let Some(channel) = &mut self.channel {
             let accepted = channel.update(reference, sequence, elapsed, position, positions);
+            if accepted {
+                self.brakes = false;
+            } else if self.brakes || self.speed != 0.0 {
+                if !self.brakes {
+                    self.profile.begin(before, self.speed);
+                    self.brakes = true;
+                }
+                self.profile.advance(elapsed);
+                self.profile.fill(positions);
+                channel.hold(positions[0]);
+            }
             return Following { refused: !accepted, counts: channel.has_engaged() };
         }
         let tick = sequence.saturating_sub(self.start);

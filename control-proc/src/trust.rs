@@ -1,16 +1,16 @@
 //! How long a model is trusted: until the axis is not where it should be.
 //!
 //! ```text
-//! distrusted for 5 s     after |e| > 30 mm + 0.2 s |v_r| + e_0 for 200 ms while a model controls
+//! distrusted for 5 s     after |e| > e_m + 0.2 s |v_r| + e_0 for 200 ms while a model controls
 //! ```
 //!
-//! e error m, v_r speed of the target m/s, e_0 what the model has taken over, which it is given a second for (e_0 falls to
+//! e error m, e_m 30 mm or half of `following_error`, whichever is less: before the axis is stopped, v_r speed of the target m/s, e_0 what the model has taken over, which it is given a second for (e_0 falls to
 //! a third). A command at its limit is no model's fault: nobody could do more. Source: following-error limits of numerical controls, with a floor and a part
 //! that grows with the speed. The fallback, which needs no model, takes over meanwhile.
 //!
 //! The trap: a model can predict well, and be judged good, and still make a loop that swings: only the axis shows it.
 
-/// Floor, m, and what the speed adds, s.
+/// Floor at the most, m, and what the speed adds, s.
 const BOUND: (f64, f64) = (0.03, 0.2);
 /// How long a model is given for an error that it has taken over, s.
 const TAKEN_OVER: f64 = 1.0;
@@ -20,6 +20,7 @@ const TIMES: (f64, f64) = (0.2, 5.0);
 /// Whether the model of an axis may control.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trust {
+    floor: f64,
     period: f64,
     /// Ticks in a row beyond the bound, and ticks left without a model.
     beyond: u32,
@@ -30,14 +31,14 @@ pub struct Trust {
 }
 
 impl Trust {
-    /// For an axis that is looked at every `period` s.
-    pub fn new(period: f64) -> Self {
-        Self { period, beyond: 0, left: 0, target: None, taken_over: 0.0 }
+    /// For an axis that stops at this following error, m, and is looked at every `period` s.
+    pub fn new(following_error: f64, period: f64) -> Self {
+        Self { floor: BOUND.0.min(0.5 * following_error), period, beyond: 0, left: 0, target: None, taken_over: 0.0 }
     }
 
     /// Forgets: the axis begins to follow.
     pub fn reset(&mut self) {
-        *self = Self::new(self.period);
+        (self.beyond, self.left, self.target, self.taken_over) = (0, 0, None, 0.0);
     }
 
     /// Whether a model may control at this tick; `target` and `error` in m, `by_model` whether one did at the last,
@@ -50,7 +51,7 @@ impl Trust {
             // `max` leaves out what is not a number.
             false => error.abs().max(0.0),
         };
-        let is_beyond = error.is_nan() || error.abs() > BOUND.0 + BOUND.1 * speed.abs() + self.taken_over;
+        let is_beyond = error.is_nan() || error.abs() > self.floor + BOUND.1 * speed.abs() + self.taken_over;
         self.beyond = if by_model && !at_limit && is_beyond { self.beyond.saturating_add(1) } else { 0 };
         self.left = self.left.saturating_sub(1);
         if f64::from(self.beyond) * self.period >= TIMES.0 {
@@ -67,20 +68,20 @@ mod tests {
 
     /// Ticks at which the model may control, with these targets and errors.
     fn trusted(target: impl Fn(usize) -> f64, error: impl Fn(usize) -> f64, by_model: bool) -> usize {
-        let mut trust = Trust::new(0.01);
+        let mut trust = Trust::new(0.06, 0.01);
         (0..1000).filter(|k| trust.update(target(*k), error(*k), by_model, false)).count()
     }
 
     #[test]
     fn what_was_taken_over_has_a_second_and_a_command_at_its_limit_is_no_fault() {
         for (at_limit, decays, expected) in [(false, true, 500..501), (false, false, 50..60), (true, false, 500..501)] {
-            let mut trust = Trust::new(0.01);
+            let mut trust = Trust::new(0.06, 0.01);
             trust.update(0.5, 0.1, false, false);
             let error = |k: usize| if decays { 0.1 * (-0.01 * k as f64).exp() } else { 0.1 };
             let trusted = (0..500).filter(|k| trust.update(0.5, error(*k), true, at_limit)).count();
             assert!(expected.contains(&trusted), "{at_limit} {decays}: {trusted}");
         }
-        let mut trust = Trust::new(0.01);
+        let mut trust = Trust::new(0.06, 0.01);
         trust.update(0.5, f64::NAN, false, false);
         assert!((0..100).filter(|_| trust.update(0.5, 0.04, true, false)).count() < 30);
     }

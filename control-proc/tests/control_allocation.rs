@@ -1,4 +1,5 @@
-//! The controller allocates nothing while models control its axes: counted by an allocator.
+//! The controller allocates nothing while models control its axes, nor when a fault makes it neutral: counted by an
+//! allocator.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
@@ -10,7 +11,7 @@ use control_proc::Controller;
 use pipeline::{
     hammerstein::Coefficients,
     machine::Machine,
-    message::{CoefficientSnapshot, ControlMode, EncoderSample},
+    message::{CoefficientSnapshot, ControlMode, EncoderSample, control_flag},
 };
 
 static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
@@ -43,6 +44,40 @@ fn model(machine: &Machine, axis: usize) -> Coefficients {
     model.b[0] = b * 0.5 * machine.timing.period.as_secs_f64();
     (model.f[0], model.g[0]) = (1.0, 1.0);
     model
+}
+
+/// What every cause of a latch takes of the heap: making the neutral message, the ticks after it, and the reset.
+fn neutral_allocations(controller: &Controller, snapshot: &CoefficientSnapshot) -> u64 {
+    let mut allocated = 0;
+    let count = snapshot.header.axis_count as usize;
+    for bit in (0..32).map(|bit| 1 << bit).filter(|bit| control_flag::LATCHED & bit != 0) {
+        let mut controller = controller.clone();
+        let mut sample = EncoderSample::default();
+        sample.header.axis_count = count as u32;
+        sample.axes[..count].iter_mut().for_each(|axis| axis.position = 0.6);
+        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        if bit == control_flag::EMERGENCY_STOP {
+            sample.emergency_stop = 1;
+        } else {
+            controller.latch(bit);
+        }
+        for tick in 5000..5010 {
+            sample.header.sequence = tick;
+            let command = black_box(controller.update(&sample, Some(snapshot), None));
+            let neutral = black_box(controller.neutral(tick));
+            for axis in command.axes[..count].iter().chain(&neutral.axes[..count]) {
+                assert!(axis.command == 0.0 && axis.flags & control_flag::LATCHED == bit, "{bit}: {}", axis.flags);
+            }
+        }
+        sample.emergency_stop = 0;
+        sample.header.sequence += 1;
+        controller.update(&sample, Some(snapshot), None);
+        controller.disarm();
+        controller.arm();
+        assert!(!controller.is_latched());
+        allocated += ALLOCATIONS.load(Ordering::Relaxed) - before;
+    }
+    allocated
 }
 
 /// One test, since the allocator counts for the whole process. The thread that runs it is the only one at work.
@@ -90,5 +125,6 @@ fn the_controller_allocates_nothing_while_models_control() {
         }
     }
     assert_eq!(allocated, 0);
+    assert_eq!(neutral_allocations(&controller, &snapshot), 0);
     assert!(by_model > 4 * 4000, "models controlled for {by_model} ticks of axes");
 }

@@ -99,12 +99,16 @@ shared_struct! {
 
 shared_struct! {
     /// What the encoders said, unjudged: plant-sim (or a bus) to sensor-proc.
-    #[type_name("hydraxis.EncoderReading/1")]
+    #[type_name("hydraxis.EncoderReading/2")]
     pub struct EncoderReading {
         /// `sequence` counts readings; `acquired_ns` is the time of the reading.
         pub header: Header,
         /// One value per axis.
         pub encoders: [EncoderValue; MAX_AXES],
+        /// 0 while the machine's emergency stop is released.
+        pub emergency_stop: u32,
+        /// Zero.
+        pub reserved: u32,
     }
 }
 message!(EncoderReading, "encoder-reading", publishers 1, buffer 64);
@@ -152,12 +156,16 @@ pub mod sample_fault {
 
 shared_struct! {
     /// The judged positions of one tick: sensor-proc to ident-proc and control-proc.
-    #[type_name("hydraxis.EncoderSample/1")]
+    #[type_name("hydraxis.EncoderSample/2")]
     pub struct EncoderSample {
         /// `sequence` is the index of the tick.
         pub header: Header,
         /// One entry per axis.
         pub axes: [AxisSample; MAX_AXES],
+        /// 0 while the machine's emergency stop is released, as far as is known.
+        pub emergency_stop: u32,
+        /// Zero.
+        pub reserved: u32,
     }
 }
 message!(EncoderSample, "encoder-sample", publishers 1, buffer 256);
@@ -233,7 +241,7 @@ pub mod control_flag {
     pub const REFERENCE: u32 = 8;
     /// The identifier has no model yet.
     pub const NO_MODEL: u32 = 16;
-    /// The newest snapshot is too old.
+    /// The last snapshot that could be used is old; it is used on until its lifetime is over.
     pub const MODEL_STALE: u32 = 32;
     /// The newest snapshot was judged and refused.
     pub const MODEL_REFUSED: u32 = 64;
@@ -243,11 +251,23 @@ pub mod control_flag {
     pub const REQUEST_STOPPED: u32 = 256;
     /// A soft limit is near: the command that was asked for would not stop before it.
     pub const SOFT_LIMIT: u32 = 512;
+    /// Commands came too late several times in a row; latched.
+    pub const DEADLINE: u32 = 1024;
+    /// The model-based controller found no plan several times in a row; latched.
+    pub const SOLVER: u32 = 2048;
+    /// The axis was driven and hardly moved; latched.
+    pub const STALL: u32 = 4096;
+    /// The axis was too far from its target for too long; latched.
+    pub const FOLLOWING: u32 = 8192;
+    /// The emergency stop is or was pressed; latched, with the pilot cut off.
+    pub const EMERGENCY_STOP: u32 = 16384;
+    /// No model has been usable for so long that the axis may move at half of its speed only.
+    pub const HALF_SPEED: u32 = 32768;
 
-    /// The bits that latch an axis at neutral until a person puts it off.
-    pub const LATCHED: u32 = FEEDBACK;
+    /// The bits of faults that keep the axis neutral until it is put off and enabled again.
+    pub const LATCHED: u32 = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | EMERGENCY_STOP;
     /// Names of the bits, lowest first.
-    pub const NAMES: [&str; 10] = [
+    pub const NAMES: [&str; 16] = [
         "disarmed",
         "settling",
         "feedback",
@@ -258,17 +278,27 @@ pub mod control_flag {
         "request",
         "request-stopped",
         "soft-limit",
+        "deadline",
+        "solver",
+        "stall",
+        "following",
+        "emergency-stop",
+        "half-speed",
     ];
 }
 
 shared_struct! {
     /// The valve commands of one tick: control-proc (or a recording) to plant-sim and ident-proc.
-    #[type_name("hydraxis.ValveCommand/2")]
+    #[type_name("hydraxis.ValveCommand/3")]
     pub struct ValveCommand {
         /// `sequence` names the sample that the command was made from.
         pub header: Header,
         /// One entry per axis.
         pub axes: [AxisCommand; MAX_AXES],
+        /// 1 asks for the pilot pressure of all valves to be cut off, whatever the commands; else 0.
+        pub cut_off: u32,
+        /// Zero.
+        pub reserved: u32,
     }
 }
 message!(ValveCommand, "valve-command", publishers 1, buffer 256);

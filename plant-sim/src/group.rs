@@ -125,14 +125,15 @@ impl Group {
         self.openings[2] = self.valve.opening(self.spool);
     }
 
-    /// Begins a step under `commands`, one per axis in [-1, 1].
+    /// Begins a step under `commands`, one per axis in [-1, 1]. With the pilot pressure `cut_off` the springs centre the
+    /// spools, whatever is commanded or under way.
     #[inline]
-    pub fn begin(&mut self, commands: &[f64]) {
+    pub fn begin(&mut self, commands: &[f64], cut_off: bool) {
         let mut acting = [0.0; LANES];
         for ((acting, delay), command) in acting.iter_mut().zip(&mut self.delays).zip(commands) {
             *acting = delay.pass(*command);
         }
-        self.target = self.valve.target(self.target, Lanes::new(acting));
+        self.target = if cut_off { Lanes::ZERO } else { self.valve.target(self.target, Lanes::new(acting)) };
         let (middle, end) = self.valve.spool_after(self.spool, self.target);
         self.openings = [self.openings[2], self.valve.opening(middle), self.valve.opening(end)];
         self.spool = end;

@@ -20,11 +20,11 @@ pub const STEP_NS: u64 = 100_000;
 const STAGES: [(usize, f64, f64); 4] =
     [(0, 1.0 / 6.0, 0.5), (1, 1.0 / 3.0, 0.5), (1, 1.0 / 3.0, 1.0), (2, 1.0 / 6.0, 0.0)];
 
-/// Advances all axes by one step of `step` s under `commands`, one per axis.
+/// Advances all axes by one step of `step` s under `commands`, one per axis, or with the pilot pressure `cut_off`.
 #[inline]
-pub fn runge_kutta(groups: &mut [Group], commands: &[f64], supply: &Supply, step: f64) {
+pub fn runge_kutta(groups: &mut [Group], commands: &[f64], cut_off: bool, supply: &Supply, step: f64) {
     for (group, commands) in groups.iter_mut().zip(commands.chunks(LANES)) {
-        group.begin(commands);
+        group.begin(commands, cut_off);
     }
     for (part, weight, ahead) in STAGES {
         let demand = groups.iter_mut().map(|group| group.demand(part)).sum();

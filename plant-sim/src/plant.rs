@@ -1,7 +1,8 @@
 //! The machine: all axes, the drive that feeds their valves, and their encoders.
 //!
 //! The drive holds the last command. Without one for `timing.drive_timeout` of model time it goes neutral by itself,
-//! and the next command revives it: a controller that died must not leave a valve open.
+//! and the next command revives it: a controller that died must not leave a valve open. While a command asks for it the
+//! pilot pressure is cut off: no dead time, no hysteresis, the spools go to neutral as fast as their springs push.
 
 use std::time::Duration;
 
@@ -74,6 +75,8 @@ pub struct PlantSim {
     encoders: Vec<NoisyEncoder>,
     /// What the drive holds, in [-1, 1].
     commands: Vec<f64>,
+    /// The pilot pressure is cut off.
+    cut_off: bool,
     step_ns: u64,
     time_ns: u64,
     /// Asked for but not yet a whole step.
@@ -135,6 +138,7 @@ impl PlantSim {
             supply_pressure: hydraulics.supply.pressure,
             encoders,
             commands: vec![0.0; count],
+            cut_off: false,
             step_ns,
             time_ns: 0,
             remainder_ns: 0,
@@ -146,10 +150,13 @@ impl PlantSim {
         Ok(plant)
     }
 
-    /// Gives the drive a command for every axis; one that is not finite is neutral, one beyond [-1, 1] is held there.
+    /// Gives the drive a command for every axis; one that is not finite is neutral, one beyond [-1, 1] is held there,
+    /// and all are neutral with the pilot pressure cut off. A drive that goes neutral by itself leaves that as it is.
     pub fn command(&mut self, command: &ValveCommand) {
+        self.cut_off = command.cut_off != 0;
         for (held, axis) in self.commands.iter_mut().zip(&command.axes) {
-            *held = if axis.command.is_finite() { axis.command.clamp(-1.0, 1.0) } else { 0.0 };
+            let is_command = axis.command.is_finite() && !self.cut_off;
+            *held = if is_command { axis.command.clamp(-1.0, 1.0) } else { 0.0 };
         }
         self.drive_ends_ns = self.time_ns.saturating_add(self.drive_timeout_ns);
     }
@@ -175,7 +182,7 @@ impl PlantSim {
             if self.time_ns <= self.changes_end_ns && self.time_ns.is_multiple_of(UPDATE_PERIOD_NS) {
                 self.change_conditions(step);
             }
-            runge_kutta(&mut self.groups, &self.commands, &self.supply, step);
+            runge_kutta(&mut self.groups, &self.commands, self.cut_off, &self.supply, step);
             self.time_ns += self.step_ns;
         }
     }

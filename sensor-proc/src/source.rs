@@ -17,6 +17,10 @@ use crate::{
 pub struct Acquisition {
     checks: Vec<Plausibility>,
     resolutions: Vec<f64>,
+    /// Tick of the last sample.
+    last: Option<u64>,
+    /// As last seen.
+    emergency_stop: u32,
 }
 
 impl Acquisition {
@@ -25,21 +29,29 @@ impl Acquisition {
         Self {
             checks: machine.axes.iter().map(|axis| Plausibility::new(axis, machine.timing.period)).collect(),
             resolutions: machine.axes.iter().map(|axis| axis.encoder.resolution).collect(),
+            last: None,
+            emergency_stop: 0,
         }
     }
 
     /// The sample of tick `sequence` from the reading that belongs to it, or from none.
     ///
-    /// A reading with another number of axes is none. The times of the header are for the process to fill in.
+    /// A reading with another number of axes is none, but that an emergency stop in it counts; without a reading the
+    /// stop stays as it was last seen. The times of the header are for the process to fill in.
     pub fn update(&mut self, sequence: u64, reading: Option<&EncoderReading>) -> EncoderSample {
+        let elapsed = self.last.replace(sequence).map_or(1, |last| sequence.saturating_sub(last));
+        let pressed = reading.map_or(0, |reading| reading.emergency_stop);
         let reading = reading.filter(|reading| reading.header.axis_count as usize == self.checks.len());
-        let mut sample = EncoderSample::default();
+        if reading.is_some() || pressed != 0 {
+            self.emergency_stop = pressed;
+        }
+        let mut sample = EncoderSample { emergency_stop: self.emergency_stop, ..EncoderSample::default() };
         sample.header.sequence = sequence;
         sample.header.axis_count = self.checks.len() as u32;
         for (i, (check, resolution)) in self.checks.iter_mut().zip(&self.resolutions).enumerate() {
             let encoder = reading.map(|reading| &reading.encoders[i]);
             let position = encoder.map(|encoder| encoder.counts as f64 * resolution);
-            sample.axes[i] = check.judge(position, encoder.is_some_and(|encoder| encoder.error != 0));
+            sample.axes[i] = check.judge(elapsed, position, encoder.is_some_and(|encoder| encoder.error != 0));
         }
         sample
     }
@@ -116,7 +128,7 @@ impl Replay {
             header.axis_count = self.records.len() as u32;
         }
         for (i, (check, record)) in self.checks.iter_mut().zip(&self.records).enumerate() {
-            sample.axes[i] = check.judge(Some(record.outputs[row]), false);
+            sample.axes[i] = check.judge(1, Some(record.outputs[row]), false);
             command.axes[i] =
                 AxisCommand { command: record.inputs[row], mode: ControlMode::Replay as u32, ..AxisCommand::default() };
         }
@@ -161,6 +173,38 @@ mod tests {
         reading.header.axis_count = 3;
         let foreign = acquisition.update(11, Some(&reading));
         assert!(foreign.axes[..4].iter().all(|axis| axis.faults & sample_fault::STALE != 0));
+    }
+
+    #[test]
+    fn an_emergency_stop_is_passed_on_and_stays_until_it_is_seen_released() {
+        let machine = Machine::load(None, &[]).unwrap();
+        let mut acquisition = Acquisition::new(&machine);
+        let mut reading = EncoderReading { emergency_stop: 1, ..EncoderReading::default() };
+        assert_eq!(acquisition.update(0, None).emergency_stop, 0);
+        // Pressed counts in whatever reading; released only in a sound one.
+        assert_eq!(acquisition.update(1, Some(&reading)).emergency_stop, 1);
+        assert_eq!(acquisition.update(2, None).emergency_stop, 1);
+        reading.emergency_stop = 0;
+        assert_eq!(acquisition.update(3, Some(&reading)).emergency_stop, 1);
+        reading.header.axis_count = 4;
+        assert_eq!(acquisition.update(4, Some(&reading)).emergency_stop, 0);
+    }
+
+    #[test]
+    fn ticks_that_nobody_worked_count_as_time() {
+        let machine = Machine::load(None, &[]).unwrap();
+        let mut acquisition = Acquisition::new(&machine);
+        let mut sample = |tick, counts| {
+            let mut reading = EncoderReading::default();
+            reading.header.axis_count = 4;
+            reading.encoders[..4].fill(EncoderValue { counts, ..EncoderValue::default() });
+            acquisition.update(tick, Some(&reading)).axes[0]
+        };
+        sample(0, 6000);
+        // 10.4 mm in one tick would be too fast, and so would 20 mm in two be where nothing has moved.
+        let later = sample(2, 6104);
+        assert_eq!(later.faults, 0);
+        assert!((later.velocity - 0.52).abs() < 1e-9, "{}", later.velocity);
     }
 
     #[test]

@@ -171,7 +171,7 @@ impl Contest {
                 let position = plant.axes()[index].position;
                 outcome.error.push(generator.position(index, t).unwrap_or(position) - position);
                 outcome.by_model += u64::from(command.mode == ControlMode::Model as u32);
-                outcome.is_latched = command.flags & control_flag::FEEDBACK != 0;
+                outcome.is_latched = command.flags & control_flag::LATCHED != 0;
             }
             Ok(())
         })?;

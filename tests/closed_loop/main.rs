@@ -4,6 +4,7 @@
 #[path = "../cli/mod.rs"]
 mod cli;
 mod end_stops;
+mod faults;
 mod hold;
 
 use std::sync::OnceLock;
@@ -13,7 +14,7 @@ use control_proc::Controller;
 use ident_proc::Identifiers;
 use pipeline::{
     machine::{Machine, ModelChoice, ReferenceSource, model_settings},
-    message::{CoefficientSnapshot, Reference, ValveCommand},
+    message::{CoefficientSnapshot, EncoderReading, EncoderSample, Reference, ValveCommand},
 };
 use plant_sim::PlantSim;
 use sensor_proc::source::Acquisition;
@@ -42,12 +43,15 @@ fn machine(scenario: &str, model: ModelChoice, reference: impl Fn((f64, f64)) ->
 }
 
 /// The loop: plant, acquisition, identification, control.
+#[derive(Clone)]
 struct ClosedLoop {
     machine: Machine,
     plant: PlantSim,
     acquisition: Acquisition,
     identifiers: Identifiers,
     controller: Controller,
+    /// Of the last tick.
+    sample: EncoderSample,
     command: Option<ValveCommand>,
     snapshot: Option<CoefficientSnapshot>,
     tick: u64,
@@ -63,6 +67,7 @@ impl ClosedLoop {
             identifiers: Identifiers::new(&machine),
             controller,
             machine,
+            sample: EncoderSample::default(),
             command: None,
             snapshot: None,
             tick: 0,
@@ -71,11 +76,19 @@ impl ClosedLoop {
 
     /// One tick, in the order of the pipeline: a command is made from the model of the tick before.
     fn tick(&mut self, reference: Option<&Reference>) -> ValveCommand {
+        self.tick_with(reference, |_| ())
+    }
+
+    /// The same; `change` may spoil the reading.
+    fn tick_with(&mut self, reference: Option<&Reference>, change: impl FnOnce(&mut EncoderReading)) -> ValveCommand {
         if let Some(command) = &self.command {
             self.plant.command(command);
             self.plant.advance(self.machine.timing.period);
         }
-        let sample = self.acquisition.update(self.tick, Some(&self.plant.read()));
+        let mut reading = self.plant.read();
+        change(&mut reading);
+        let sample = self.acquisition.update(self.tick, Some(&reading));
+        self.sample = sample;
         let before = self.snapshot;
         self.identifiers.update(&sample, self.command.as_ref(), self.snapshot.get_or_insert_default());
         let command = self.controller.update(&sample, before.as_ref(), reference);

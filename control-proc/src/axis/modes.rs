@@ -12,7 +12,11 @@ impl AxisController {
     /// Takes in what is asked of the axis.
     pub(super) fn take_request(&mut self, input: &AxisInput<'_>) {
         if let Some(asked) = input.request.and_then(|request| self.requests.update(request, input.sequence)) {
-            self.change(&asked);
+            if asked.mode == Some(AxisMode::Off) && self.is_pressed {
+                self.requests.refuse();
+            } else {
+                self.change(&asked);
+            }
         }
         let runs = matches!(self.state, State::Settling(_) | State::Following);
         if runs && self.mode.is_by_hand() && self.requests.command(input.sequence, self.mode).is_none() {
@@ -43,7 +47,7 @@ impl AxisController {
                     self.target.aim(goal);
                 }
             }
-            State::Latched => {}
+            State::Latched(_) => {}
         }
         if matches!(self.state, State::Settling(_) | State::Following) {
             self.last.operation = self.mode as u32;
@@ -55,6 +59,7 @@ impl AxisController {
         self.trusted = 0;
         self.rest.reset();
         self.trust.reset();
+        self.following.reset();
         self.predictive.reset();
         if let Some(position) = self.history.as_ref().map(|history| history.outputs()[0]) {
             self.target.hold(Some((position, self.speed())));

@@ -217,3 +217,46 @@ fn what_has_no_finite_answer_is_none() {
     assert_eq!(predictive.update(&approved(&Coefficients::TABLE_2), &limits, &history, &[f64::NAN]), None);
     assert_eq!(predictive.update(&approved(&Coefficients::TABLE_2), &limits, &history, &[]), None);
 }
+
+#[test]
+fn a_command_outside_of_what_the_model_may_be_asked_for_goes_there_as_fast_as_it_may() {
+    let model = linear(&[-1.8, 0.8], &[1.2e-3], 5);
+    let limits = Limits { magnitude: 1.0, step: 0.1 };
+    // The box has shrunk around the command: it was at 0.9, and -0.9, and may be within 0.3.
+    for last in [0.9, -0.9] {
+        let mut predictive = Predictive::new(&control(20, 20, 25.0), ANYWHERE, PERIOD);
+        let mut history = History::resting(0.0);
+        history.push_command(last);
+        let small = Approved { model: &model, range: (-0.3, 0.3) };
+        let mut before = last;
+        for _ in 0..6 {
+            history.push_output(0.0, 0);
+            // The targets ask for more of what is too much.
+            let u = predictive.update(&small, &limits, &history, &[last.signum(); 60]).expect("a command");
+            assert!((before - u - 0.1 * last.signum()).abs() < 1e-9, "{u} after {before}");
+            history.push_command(u);
+            before = u;
+        }
+        assert!((before.abs() - 0.3).abs() < 1e-9 && predictive.unsolved() == 0, "{before}");
+    }
+}
+
+#[test]
+fn without_an_answer_of_the_solver_the_first_move_is_clipped_and_it_counts() {
+    let model = linear(&[-1.8, 0.8], &[1.2e-3], 5);
+    let limits = Limits { magnitude: 1.0, step: 0.1 };
+    let mut predictive = Predictive::new(&control(20, 20, 25.0), ANYWHERE, PERIOD);
+    let mut history = History::resting(0.0);
+    predictive.solver.iteration_limit = 0;
+    for k in 1..=7 {
+        history.push_output(0.0, 0);
+        let u = predictive.update(&approved(&model), &limits, &history, &[1.0; 60]).expect("a command");
+        assert!((u - history.commands()[0]).abs() <= 0.1 + 1e-12 && u > 0.0, "{u}");
+        assert_eq!((predictive.unsolved(), predictive.unsolved_in_a_row()), (k, k));
+        history.push_command(u);
+    }
+    predictive.solver.iteration_limit = 1000;
+    history.push_output(0.0, 0);
+    predictive.update(&approved(&model), &limits, &history, &[1.0; 60]).expect("a command");
+    assert_eq!((predictive.unsolved(), predictive.unsolved_in_a_row()), (7, 0));
+}

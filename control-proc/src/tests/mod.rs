@@ -1,6 +1,7 @@
 //! Tests of the whole core: closed loops with a tiny axis, faults, poisoned models, bad references.
 
 mod feedback;
+mod latches;
 pub mod models;
 mod modes;
 mod motion;
@@ -39,7 +40,7 @@ pub fn machine_text(count: usize) -> String {
              [axis.a{i}.encoder]\nresolution = 1e-4\n\
              [axis.a{i}.identification]\nna = 2\nnb = 0\nnk = 5\norder = 3\ntraining = \"8s\"\n\
              [axis.a{i}.control]\nkp = 4.0\nki = 1.0\ndead_band_extend = 0.08\ndead_band_retract = 0.07\n\
-             command_limit = 1.0\ncommand_rate = 10.0\n\
+             command_limit = 1.0\nfollowing_error = 0.5\ncommand_rate = 10.0\n\
              [axis.a{i}.reference]\nkind = \"sines\"\ncenter = 0.65\n\
              sines = [{{ amplitude = 0.12, frequency = 0.3, phase = 0.4 }}]\n"
         );

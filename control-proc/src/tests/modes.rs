@@ -1,6 +1,6 @@
 //! Off, manual, hold, track, commission.
 
-use pipeline::message::{AxisMode, AxisRequest, ControlMode, Request, ValveCommand, control_flag};
+use pipeline::message::{AxisMode, AxisRequest, ControlMode, EncoderSample, Request, ValveCommand, control_flag};
 use proptest::prelude::*;
 
 use super::{Loop, SINES, machine, machine_with, models::actuator, sample, snapshot};
@@ -12,17 +12,17 @@ const RATE: f64 = 0.1 + 1e-12;
 const BUMP: f64 = 0.02;
 
 /// A loop that nobody has armed, and the program that operates it.
-struct Operated {
-    axis: Loop,
+pub struct Operated {
+    pub(super) axis: Loop,
     session: u64,
     number: u64,
-    enable: u32,
+    pub(super) enable: u32,
     /// Whether there is a model.
     is_modelled: bool,
 }
 
 impl Operated {
-    fn new() -> Self {
+    pub fn new() -> Self {
         Self::of(&machine(1))
     }
 
@@ -58,10 +58,22 @@ impl Operated {
     }
 
     /// One tick with a request.
-    fn ask(&mut self, mode: AxisMode, command: f64, target: Option<f64>) -> ValveCommand {
+    pub fn ask(&mut self, mode: AxisMode, command: f64, target: Option<f64>) -> ValveCommand {
         let request = self.request(mode, command, target);
         self.axis.controller.ask(&request);
         self.tick()
+    }
+
+    /// The same; `change` may spoil the sample.
+    pub(super) fn ask_with(
+        &mut self,
+        mode: AxisMode,
+        command: f64,
+        change: impl FnOnce(&mut EncoderSample),
+    ) -> ValveCommand {
+        let request = self.request(mode, command, None);
+        self.axis.controller.ask(&request);
+        self.axis.tick_with(None, None, change)
     }
 
     fn tick(&mut self) -> ValveCommand {
@@ -69,12 +81,12 @@ impl Operated {
         self.axis.tick(fresh.as_ref())
     }
 
-    fn asks(&mut self, ticks: usize, mode: AxisMode, command: f64, target: Option<f64>) -> Vec<ValveCommand> {
+    pub fn asks(&mut self, ticks: usize, mode: AxisMode, command: f64, target: Option<f64>) -> Vec<ValveCommand> {
         (0..ticks).map(|_| self.ask(mode, command, target)).collect()
     }
 
     /// Enables, and goes through settling.
-    fn enable(&mut self, mode: AxisMode) {
+    pub fn enable(&mut self, mode: AxisMode) {
         self.ask(mode, 0.0, None);
         self.enable += 1;
         let settled = self.asks(22, mode, 0.0, None);
@@ -384,7 +396,8 @@ fn every_axis_has_a_mode_of_its_own() {
     };
     for k in 0..60 {
         controller.ask(&ask(k, u32::from(k > 1)));
-        let command = controller.update(&sample(k, &[0.6, 0.6]), None, None);
+        // The second one moves, by as much as its encoder can tell.
+        let command = controller.update(&sample(k, &[0.6, 0.6 + 1e-4 * k as f64]), None, None);
         assert_eq!((command.axes[0].command, command.axes[0].operation), (0.0, AxisMode::Off as u32));
         assert_eq!(command.axes[1].command != 0.0, k >= 22, "{k}");
     }

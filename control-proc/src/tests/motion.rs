@@ -1,6 +1,6 @@
 //! Starting, following, switching.
 
-use pipeline::message::{ControlMode, control_flag};
+use pipeline::message::{ControlMode, control_flag, model_fault};
 
 use super::{Loop, SINES, machine, machine_with, models::actuator, snapshot};
 use crate::Controller;
@@ -64,34 +64,87 @@ fn the_steps_of_the_encoder_do_not_shake_the_valve() {
 
 #[test]
 fn the_model_is_tried_and_left_without_a_bump() {
-    let mut axis = Loop::new(&machine(1), 0.0);
+    let mut machine = machine(1);
+    let lifetime = std::time::Duration::from_millis(20);
+    (machine.timing.model_timeout, machine.timing.model_lifetime) = (lifetime, lifetime);
+    let mut axis = Loop::new(&machine, 0.0);
     let mut commands = axis.run(35, None);
     commands.extend(axis.run(400, Some(actuator())));
     // 10 ticks of probation, from tick 35 on.
     assert_eq!(commands[44].axes[0].mode, ControlMode::Fallback as u32);
     assert_eq!(commands[45].axes[0].mode, ControlMode::Model as u32);
-    let last = commands[434].axes[0];
     commands.extend(axis.run(10, None));
-    let first = commands[435].axes[0];
-    assert_eq!((first.mode, first.flags), (ControlMode::Fallback as u32, control_flag::NO_MODEL));
+    // Made after tick 433, it is used for two ticks more.
+    let (last, first) = (commands[435].axes[0], commands[436].axes[0]);
+    assert_eq!((last.mode, last.flags), (ControlMode::Model as u32, control_flag::NO_MODEL));
+    let flags = control_flag::NO_MODEL | control_flag::MODEL_STALE | control_flag::HALF_SPEED;
+    assert_eq!((first.mode, first.flags), (ControlMode::Fallback as u32, flags));
     assert!((first.command - last.command).abs() < 1e-9, "{} after {}", first.command, last.command);
     assert!(largest_step(&commands) <= 0.1 + 1e-12);
 }
 
 #[test]
-fn a_stale_model_is_left_and_flagged() {
-    let mut axis = Loop::new(&machine(1), 0.0);
-    axis.run(100, Some(actuator()));
-    let old = snapshot(99, actuator());
-    // 2 s of the default time-out: tick 299 is the last that may use it.
-    for k in 100..400 {
-        let command = axis.tick(Some(&old)).axes[0];
-        let (mode, flags) = if k <= 299 {
-            (ControlMode::Model as u32, 0)
-        } else {
-            (ControlMode::Fallback as u32, control_flag::MODEL_STALE)
+fn an_old_model_is_used_on_and_flagged_and_after_its_lifetime_the_axis_goes_at_half_speed() {
+    // A fast sine, of more than half of the axis' speed.
+    let fast = machine_with("frequency = 0.3", "frequency = 0.6");
+    let mut axis = Loop::new(&fast, 0.0);
+    axis.run(400, Some(actuator()));
+    let old = snapshot(399, actuator());
+    // The default time-outs, 2 and 30 s: ticks 599 and 3399 are the last within them.
+    let half = 0.07 + 0.5 * (1.0 - 0.07);
+    let mut last = axis.controller.neutral(0).axes[0].command;
+    let (mut slowed, mut stood) = (0, false);
+    for k in 400..4400 {
+        // An identifier that begins anew says that it has no model yet: that ends nothing.
+        let mut restarted = snapshot(k - 1, actuator());
+        restarted.axes[0].faults = model_fault::TRAINING;
+        let command = axis.tick(Some(if k > 500 { &restarted } else { &old })).axes[0];
+        let said = if k > 500 { control_flag::NO_MODEL } else { 0 };
+        let (mode, flags) = match k {
+            ..=599 => (ControlMode::Model, 0),
+            600..=3399 => (ControlMode::Model, control_flag::MODEL_STALE),
+            _ => (ControlMode::Fallback, control_flag::MODEL_STALE | control_flag::HALF_SPEED),
         };
-        assert_eq!((command.mode, command.flags), (mode, flags), "tick {k}");
+        let without_limit = command.flags & !control_flag::SOFT_LIMIT;
+        assert_eq!((command.mode, without_limit), (mode as u32, flags | said), "tick {k}");
+        if k > 400 {
+            assert!((command.command - last).abs() <= 0.1 + 1e-12, "tick {k}");
+        }
+        last = command.command;
+        if k >= 3420 {
+            assert!(command.command.abs() <= half + 1e-12, "tick {k}: {}", command.command);
+            slowed += u32::from(command.command.abs() > half - 1e-9);
+        } else if k > 600 {
+            stood |= command.command.abs() > half + 0.1;
+        }
+    }
+    assert!(stood && slowed > 50, "{slowed}");
+    // Another model ends it.
+    let commands = axis.run(50, Some(actuator()));
+    let last = commands[49].axes[0];
+    assert_eq!((last.mode, last.flags & !control_flag::SOFT_LIMIT), (ControlMode::Model as u32, 0));
+}
+
+#[test]
+fn half_of_the_speed_is_half_of_the_commissioned_one_where_that_is_less() {
+    let mut machine = machine_with("frequency = 0.3", "frequency = 0.6");
+    // Twice as fast at half of the opening as a straight line.
+    let mut model = super::models::commissioned();
+    (model.openings, model.speeds_extend, model.speeds_retract) = (vec![0.4, 0.8], vec![0.4, 0.5], vec![0.4, 0.5]);
+    let fastest = model.speed(1.0).max(-model.speed(-1.0));
+    machine.axes[0].commissioned = Some(model.clone());
+    let mut axis = Loop::new(&machine, 0.0);
+    axis.run(400, Some(actuator()));
+    let old = snapshot(399, actuator());
+    let commands: Vec<_> = (0..4000).map(|_| axis.tick(Some(&old)).axes[0]).collect();
+    let largest = commands[3100..].iter().map(|command| command.command.abs()).fold(0.0, f64::max);
+    assert!(model.speed(largest) <= 0.5 * fastest + 1e-9 && model.speed(largest) > 0.4 * fastest, "{largest}");
+}
+
+#[test]
+fn an_axis_without_any_model_goes_at_full_speed() {
+    for command in &Loop::new(&machine(1), 0.0).run(3600, None)[20..] {
+        assert_eq!(command.axes[0].flags, control_flag::NO_MODEL);
     }
 }
 
@@ -118,8 +171,10 @@ fn all_axes_of_a_machine_are_commanded() {
     let mut controller = Controller::new(&machine(4)).unwrap();
     controller.arm();
     let fresh = |k: u64| snapshot(k, actuator());
-    for k in 0..200u64 {
-        let command = controller.update(&super::sample(k, &[0.6, 0.65, 0.7, 0.75]), Some(&fresh(k)), None);
+    for k in 0..60u64 {
+        // They move, by as much as their encoders can tell.
+        let positions = [0.6, 0.65, 0.7, 0.75].map(|position| position + 1e-4 * (k % 2) as f64);
+        let command = controller.update(&super::sample(k, &positions), Some(&fresh(k)), None);
         assert_eq!((command.header.sequence, command.header.axis_count), (k, 4));
         assert_eq!(command.axes[0].command == 0.0, k <= 20, "tick {k}");
         assert_eq!(command.axes[4].mode, 0);

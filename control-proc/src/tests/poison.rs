@@ -18,7 +18,7 @@ use rand_pcg::{
 use super::{Loop, machine, models::actuator, snapshot};
 
 const POISONED: usize = 10_000;
-/// Good snapshots in a row before the next poisoned ones: a probation is 10 ticks.
+/// The most good snapshots in a row before the next poisoned ones.
 const GOOD: usize = 30;
 
 /// From 0 to 1.
@@ -107,7 +107,7 @@ fn run(poison: bool) -> Seen {
     while sent < POISONED {
         if good == 0 && burst == 0 {
             burst = 1 + below(&mut random, 20);
-            good = 12 + below(&mut random, GOOD);
+            good = 1 + below(&mut random, GOOD);
         }
         let made_after = axis.sequence.saturating_sub(1);
         let command = if burst > 0 {
@@ -117,7 +117,6 @@ fn run(poison: bool) -> Seen {
             bad.axes[0].classical = poisoned(held, &mut random);
             (burst, sent) = (burst - 1, sent + 1);
             let command = axis.tick(poison.then_some(&bad)).axes[0];
-            assert_ne!(command.mode, ControlMode::Model as u32, "way {way}, held {held}: {:?}", bad.axes[0].adaptive);
             let said = if poison { control_flag::MODEL_REFUSED } else { control_flag::NO_MODEL };
             assert_ne!(command.flags & said, 0, "way {way}, held {held}");
             command
@@ -125,7 +124,7 @@ fn run(poison: bool) -> Seen {
             good -= 1;
             axis.tick(Some(&snapshot(made_after, actuator()))).axes[0]
         };
-        assert_eq!(command.flags & control_flag::FEEDBACK, 0);
+        assert_eq!(command.flags & control_flag::LATCHED, 0);
         seen.model_ticks += usize::from(command.mode == ControlMode::Model as u32);
         seen.commands.push(command.command);
         if axis.sequence > 300 {
@@ -148,7 +147,7 @@ fn ten_thousand_poisoned_snapshots_do_what_their_absence_does() {
     let share = with.model_ticks as f64 / with.commands.len() as f64;
     println!("largest error {:.2} mm, {:.0} % by the model", with.largest_error * 1e3, share * 100.0);
     assert_eq!(with.model_ticks, without.model_ticks);
-    assert!(share > 0.2, "the model came back for {share} of the ticks");
+    assert!(share > 0.9, "the good ones were used on: {share} of the ticks");
     for (k, (a, b)) in with.commands.iter().zip(&without.commands).enumerate() {
         assert_eq!(a.to_bits(), b.to_bits(), "tick {k}");
     }

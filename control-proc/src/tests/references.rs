@@ -113,12 +113,56 @@ fn the_channel_is_followed_over_its_preview() {
         let command = axis.tick_with(None, Some(&reference), |_| ()).axes[0];
         assert_eq!((command.reference, command.flags & control_flag::REFERENCE), (expected, 0));
     }
-    // Used up: the last target is held.
+    // Used up: the target goes on, and comes to a stand.
     let command = axis.tick_with(None, Some(&reference), |_| ()).axes[0];
-    assert_eq!((command.reference, command.flags & control_flag::REFERENCE), (0.604, control_flag::REFERENCE));
+    assert!(command.reference > 0.604 && command.reference <= 0.605, "{}", command.reference);
+    assert_ne!(command.flags & control_flag::REFERENCE, 0);
     // A message for a later tick within its preview starts at its first target.
     let command = axis.tick_with(None, Some(&constant(57, 0.605, 4)), |_| ()).axes[0];
     assert_eq!((command.reference, command.flags & control_flag::REFERENCE), (0.605, 0));
+}
+
+#[test]
+fn where_the_stream_stops_the_target_comes_to_a_stand_and_is_taken_up_from_there() {
+    // At 0.2 m/s, previews of one and of many ticks; a quarter of max_speed is more.
+    for (preview, silent) in [(1, true), (20, true), (20, false)] {
+        let mut axis = following();
+        let target = |k: u64| 0.6 + 0.002 * (k - 50) as f64;
+        let ramp = |k: u64| {
+            let mut reference = constant(k, 0.0, preview);
+            (0..preview as u64).for_each(|i| reference.positions[0][i as usize] = target(k + i));
+            reference
+        };
+        let mut seen = vec![0.6 - 0.004, 0.6 - 0.002];
+        for k in 50..100 {
+            seen.push(axis.tick_with(None, Some(&ramp(k)), |_| ()).axes[0].reference);
+        }
+        // Silence, or nonsense: what is left of the preview is followed first.
+        let last = if silent { ramp(99) } else { constant(100, f64::NAN, preview) };
+        let left = if silent { preview as usize - 1 } else { 0 };
+        for k in 0..200 {
+            let command = axis.tick_with(None, Some(&last), |_| ()).axes[0];
+            assert_eq!(command.flags & control_flag::REFERENCE != 0, k >= left, "{k}");
+            assert_eq!(command.flags & control_flag::LATCHED, 0);
+            seen.push(command.reference);
+        }
+        let rate = |y: &[f64]| y.windows(2).map(|pair| (pair[1] - pair[0]) / 0.01).collect::<Vec<_>>();
+        let most = |y: &[f64]| y.iter().fold(0.0f64, |most, value| most.max(value.abs()));
+        // Those of the profile: 1 m/s2 and 10 m/s3.
+        let (a, j) = (most(&rate(&rate(&seen))), most(&rate(&rate(&rate(&seen)))));
+        assert!(a <= 1.001 && j <= 10.01, "{a} m/s2, {j} m/s3");
+        let stand = seen[seen.len() - 1];
+        assert!(seen[seen.len() - 100..].iter().all(|target| *target == stand), "it holds");
+        // 0.2 m/s from 0.8 m/s2 is 25 mm, and half of the mean's 0.2 s.
+        let way = stand - target(99 + left as u64);
+        assert!((0.02..0.06).contains(&way), "{way} m");
+        // Elsewhere it is not taken up, there it is.
+        let next = axis.sequence;
+        let command = axis.tick_with(None, Some(&constant(next, stand - 0.05, 5)), |_| ()).axes[0];
+        assert_eq!((command.reference, command.flags & control_flag::REFERENCE != 0), (stand, true));
+        let command = axis.tick_with(None, Some(&constant(next + 1, stand + 0.001, 5)), |_| ()).axes[0];
+        assert_eq!((command.reference, command.flags & control_flag::REFERENCE), (stand + 0.001, 0));
+    }
 }
 
 #[test]

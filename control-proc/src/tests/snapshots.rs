@@ -2,7 +2,7 @@
 
 use pipeline::{
     hammerstein::Coefficients,
-    message::{AxisSnapshot, CoefficientSnapshot, ControlMode, control_flag, model_fault},
+    message::{AxisSnapshot, CoefficientSnapshot, ControlMode, REFUSALS, control_flag, model_fault},
 };
 use proptest::{prelude::*, sample::select, test_runner::Config};
 
@@ -66,23 +66,109 @@ proptest! {
 }
 
 #[test]
-fn a_refused_model_is_left_at_once_and_counted_once() {
+fn a_refused_model_is_never_used_counted_once_by_its_reason_and_the_one_before_is_used_on() {
+    // What is wrong, and its place among the reasons.
+    let ways: [(usize, usize, f64, &str); 10] = [
+        (0, 0, 0.0, "not-finite"),
+        (1, 1, 0.0, "not-finite"),
+        (14, 0, 0.0, "not-finite"),
+        (9, 0, 0.0, "structure"),
+        (12, 0, 0.0, "structure"),
+        (4, 0, 0.5, "unstable"),
+        (4, 1, 0.5, "unstable"),
+        (5, 0, 1.0, "direction"),
+        (7, 0, 0.0, "unreachable"),
+        (15, 0, 1.0, "unreachable"),
+    ];
+    for (way, place, size, reason) in ways {
+        let (mut spoilt, mut whole) = (Loop::new(&machine(1), 0.0), Loop::new(&machine(1), 0.0));
+        spoilt.run(100, Some(actuator()));
+        whole.run(100, Some(actuator()));
+        let old = snapshot(99, actuator());
+        for k in 0..150 {
+            // A new one every other tick.
+            let mut bad = snapshot(100 + k / 2 * 2, actuator());
+            spoil(&mut bad.axes[0], way, place, size);
+            // The held one would do, but the one before is better.
+            bad.axes[0].classical.b[0] *= 0.9;
+            let (command, expected) = (spoilt.tick(Some(&bad)).axes[0], whole.tick(Some(&old)).axes[0]);
+            assert_eq!(command.command.to_bits(), expected.command.to_bits(), "{reason}, tick {k}");
+            assert_eq!((command.mode, command.flags), (ControlMode::Model as u32, control_flag::MODEL_REFUSED));
+            let mut counts = [0; REFUSALS.len()];
+            counts[REFUSALS.iter().position(|name| *name == reason).unwrap()] = k / 2 + 1;
+            assert_eq!(command.rejected_snapshots, counts);
+        }
+    }
+}
+
+#[test]
+fn after_a_while_the_held_model_takes_the_place_of_an_old_one() {
+    let mut axis = Loop::new(&machine(1), 0.0);
+    axis.run(100, Some(actuator()));
+    for k in 100..4000 {
+        let mut bad = snapshot(k, actuator());
+        spoil(&mut bad.axes[0], 0, 0, 0.0);
+        let command = axis.tick(Some(&bad)).axes[0];
+        // It is as fresh as the message that holds it.
+        assert_eq!((command.mode, command.flags), (ControlMode::Model as u32, control_flag::MODEL_REFUSED), "{k}");
+    }
+}
+
+#[test]
+fn one_that_predicts_worse_gives_way_to_the_held_model_at_once() {
+    let machine = machine(1);
+    let (mut worse, mut held) = (Loop::new(&machine, 0.0), Loop::new(&machine, 0.0));
+    let slower = Coefficients { b: actuator().b.map(|b| 0.8 * b), ..actuator() };
+    worse.run(100, Some(actuator()));
+    held.run(100, Some(actuator()));
+    for k in 100..200 {
+        let mut bad = snapshot(k, actuator());
+        bad.axes[0].classical = slower;
+        spoil(&mut bad.axes[0], 16, 0, 0.0);
+        let command = worse.tick(Some(&bad)).axes[0];
+        let expected = held.tick(Some(&snapshot(k, slower))).axes[0];
+        assert_eq!(command.command.to_bits(), expected.command.to_bits(), "{k}");
+        assert_eq!(command.rejected_snapshots[6], k - 99);
+    }
+}
+
+#[test]
+fn of_a_flood_of_snapshots_one_is_judged_per_tick_and_a_reset_judges_the_newest_again() {
     let mut axis = Loop::new(&machine(1), 0.0);
     axis.run(100, Some(actuator()));
     let mut bad = snapshot(99, actuator());
-    bad.axes[0].adaptive.a[0] = f64::NAN;
-    bad.axes[0].classical.b[0] = f64::NAN;
-    for _ in 0..5 {
-        let command = axis.tick(Some(&bad)).axes[0];
-        assert_eq!((command.mode, command.flags), (ControlMode::Fallback as u32, control_flag::MODEL_REFUSED));
-        assert_eq!(command.rejected_snapshots.iter().sum::<u64>(), 1);
+    spoil(&mut bad.axes[0], 0, 0, 0.0);
+    for k in 0..10 {
+        // Ten per tick, of which the newest is seen.
+        bad.header.sequence = 100 + 10 * k;
+        assert_eq!(axis.tick(Some(&bad)).axes[0].rejected_snapshots[0], k + 1);
     }
-    bad.header.sequence = 104;
-    assert_eq!(axis.tick(Some(&bad)).axes[0].rejected_snapshots.iter().sum::<u64>(), 2);
-    // Back on the model after its probation.
-    let commands = axis.run(11, Some(actuator()));
-    assert_eq!(commands[9].axes[0].mode, ControlMode::Fallback as u32);
-    assert_eq!((commands[10].axes[0].mode, commands[10].axes[0].flags), (ControlMode::Model as u32, 0));
+    let good = snapshot(axis.sequence, actuator());
+    axis.tick(Some(&good));
+    axis.controller.disarm();
+    axis.controller.arm();
+    let commands: Vec<_> = (0..60).map(|_| axis.tick(Some(&good)).axes[0]).collect();
+    assert_eq!(commands[59].mode, ControlMode::Model as u32);
+}
+
+#[test]
+fn a_model_that_has_lost_the_axis_does_not_come_back_by_being_the_last_good_one() {
+    let mut axis = Loop::new(&machine(1), 0.0);
+    axis.run(400, Some(actuator()));
+    let last = snapshot(399, actuator());
+    // The axis is far off, whatever it is commanded.
+    for k in 0..100 {
+        axis.tick_with(Some(&last), None, |sample| {
+            if k < 25 {
+                sample.axes[0].position = 0.4
+            }
+        });
+    }
+    // Five seconds later, and for as long as nothing new comes.
+    let commands: Vec<_> = (0..1000).map(|_| axis.tick(Some(&last)).axes[0]).collect();
+    assert!(commands.iter().all(|command| command.mode == ControlMode::Fallback as u32));
+    let commands = axis.run(50, Some(actuator()));
+    assert_eq!(commands[49].axes[0].mode, ControlMode::Model as u32);
 }
 
 #[test]

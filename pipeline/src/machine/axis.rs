@@ -61,6 +61,8 @@ pub struct Control {
     pub command_limit: f64,
     /// Fastest change of a command, 1/s.
     pub command_rate: f64,
+    /// How far the axis may be from a target that stands, m; farther for too long is a fault.
+    pub following_error: f64,
     /// Which model the model-based controller uses.
     pub model: ModelChoice,
     /// Prediction horizon after the dead time, samples.
@@ -198,6 +200,7 @@ impl Control {
             dead_band: DeadBand { extend, retract },
             command_limit: section.number("command_limit", 1e-3..=1.0, ""),
             command_rate: section.number("command_rate", 1e-3..=1e4, "1/s"),
+            following_error: section.number_or("following_error", 0.03, 1e-4..=100.0, "m"),
             model: section.choice_or("model", ModelChoice::Adaptive, &models),
             horizon: section.integer_or("horizon", 20, 1..=31),
             moves: section.integer_or("moves", 20, 1..=20),

@@ -23,6 +23,16 @@ fn the_built_in_machine_is_the_four_axis_excavator() {
 }
 
 #[test]
+fn reactions_have_defaults() {
+    let machine = built_in_with("following_error = 0.15", "").unwrap();
+    assert_eq!(machine.axes[0].control.following_error, 0.03);
+    assert_eq!(machine.timing.model_lifetime, Duration::from_secs(30));
+    // A model may be in time for longer than it lives by default.
+    let machine = built_in_with("period = \"10ms\"", "period = \"10ms\"\nmodel_timeout = \"60s\"").unwrap();
+    assert_eq!(machine.timing.model_lifetime, Duration::from_secs(60));
+}
+
+#[test]
 fn an_unknown_key_is_refused_with_its_line() {
     let text = refusal("max_speed = 1.0 ", "max_sped = 1.0 ");
     let line = 1 + BUILT_IN[..BUILT_IN.find("max_speed = 1.0 ").unwrap()].matches('\n').count();
@@ -38,6 +48,16 @@ fn every_kind_of_wrong_value_names_key_found_and_allowed() {
         ("stroke = 1.334", "stroke = +inf", "axis.boom.stroke: found +inf; allowed: a number"),
         ("stroke = 1.334", "stroke = \"1.3 m\"", "axis.boom.stroke: found \"1.3 m\"; allowed: a number"),
         ("period = \"10ms\"", "period = 10", "timing.period: found 10; allowed: a duration with its unit"),
+        (
+            "period = \"10ms\"",
+            "period = \"10ms\"\nmodel_lifetime = \"1999ms\"",
+            "timing.model_lifetime: found 1.999s; allowed: model_timeout, 2s, or longer",
+        ),
+        (
+            "following_error = 0.15",
+            "following_error = 0",
+            "axis.boom.control.following_error: found 0; allowed: a number from 0.0001 to 100 m",
+        ),
         ("period = \"10ms\"", "period = \"10 cm\"", "timing.period: found \"10 cm\"; allowed: a duration"),
         ("kind = \"sim\"", "kind = \"simm\"", "source.kind: found \"simm\"; allowed: \"sim\" or \"replay\""),
         ("lock_memory = false", "lock_memory = 0", "realtime.lock_memory: found 0; allowed: true or false"),

@@ -33,6 +33,32 @@ fn the_drive_goes_neutral_without_commands_and_a_command_revives_it() {
 }
 
 #[test]
+fn with_the_pilot_cut_off_the_spools_go_to_neutral_at_once_whatever_the_command() {
+    let machine = excavator();
+    let moving = || {
+        let mut sim = simulate(&machine);
+        hold(&mut sim, 0.5, 1.0);
+        sim
+    };
+    let (mut cut, mut neutral) = (moving(), moving());
+    cut.command(&ValveCommand { cut_off: 1, ..all(0.5) });
+    neutral.command(&all(0.0));
+    let open = cut.axes()[0].spool_position;
+    // Less than the shortest dead time: a neutral command has not arrived.
+    cut.advance(millis(5));
+    neutral.advance(millis(5));
+    for (cut, neutral) in cut.axes().iter().zip(neutral.axes()) {
+        assert!(neutral.spool_position > 0.99 * open, "{neutral:?}");
+        assert!(cut.spool_position < 0.95 * open, "{cut:?}");
+    }
+    // For as long as it is asked for, also where the drive times out, and no hysteresis keeps the spools open.
+    cut.advance(millis(2000));
+    assert!(cut.axes().iter().all(|axis| axis.spool_position.abs() < 1e-6 && axis.velocity.abs() < 5e-3));
+    hold(&mut cut, 0.5, 0.5);
+    assert!(cut.axes().iter().all(|axis| axis.velocity > 0.05), "released it is commanded again");
+}
+
+#[test]
 fn the_time_out_does_not_depend_on_how_time_is_cut() {
     let machine = excavator();
     let (mut whole, mut cut) = (simulate(&machine), simulate(&machine));

@@ -1,0 +1,159 @@
+//! Whether an axis that is driven moves.
+//!
+//! ```text
+//! stuck     u beyond d + 0.05 one way for stuck_after + t_d, and y has not changed at all for stuck_after
+//! stalled   u beyond d + 0.1 one way for 0.4 s + t_d, in which y has not moved that way by 0.4 s * v_max / 200
+//! ```
+//!
+//! u command, d dead band that is calibrated or was found, whichever is wider, y position m, t_d dead time s, v_max
+//! `max_speed` m/s. Stuck is an encoder that says nothing any more, told from the positions themselves. Stalled is an axis
+//! without supply, or in front of something that does not give way; its encoder may be well, and flicker by its noise.
+//!
+//! Traps: a valve whose dead band has grown stands still above the calibrated one, for as long as it takes an integral
+//! to get over it: hence the margins. And what moves against its command does not move.
+
+use std::time::Duration;
+
+use pipeline::machine::{Axis, Timing, samples_of};
+
+/// How far a command must be beyond the dead band for a position that stands still to be a fault: the
+/// calibration is a little low on purpose, and just above the band the axis may creep below the encoder's resolution.
+pub const STUCK_MARGIN: f64 = 0.05;
+/// The same for an axis that hardly moves: a dead band that has grown by half, friction and hysteresis are within it.
+pub const STALL_MARGIN: f64 = 0.1;
+/// How long an axis is given to move.
+pub const STALL_TIME: Duration = Duration::from_millis(400);
+/// Part of `max_speed` below which an axis hardly moves; a model that moves less than twice that is no model.
+const HARDLY: f64 = 0.005;
+/// Counts of the encoder that are no motion.
+const NOISE: f64 = 5.0;
+
+/// An axis that is driven and does not move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Standing {
+    /// Its position does not change at all.
+    Stuck,
+    /// It hardly moves.
+    Stalled,
+}
+
+/// Watches the motion of one axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    /// d, retracting and extending.
+    dead_band: (f64, f64),
+    still_ticks: u64,
+    stuck_ticks: u64,
+    stall_ticks: u64,
+    /// Least way within `stall_ticks`, m.
+    least: f64,
+    /// Command of the tick before.
+    command: f64,
+    /// Ticks that the command has been beyond the dead band and the margin for stuck, one way.
+    driven: u64,
+    /// The same for stalled, since the axis has last moved by `least`, and where it was then, m.
+    stalled: u64,
+    from: f64,
+    /// Ticks that the position has not changed.
+    still: u64,
+    position: f64,
+}
+
+impl Motion {
+    /// By what the machine file says of the axis.
+    pub fn new(axis: &Axis, timing: &Timing) -> Self {
+        let ticks = |duration| samples_of(duration, timing.period).max(1) as u64;
+        let control = &axis.control;
+        // The fallback compensates a little less than the valve's dead band, or none of it.
+        let found = axis.commissioned.as_ref().map_or(control.dead_band, |commissioned| commissioned.dead_band);
+        // The motion cannot show before the dead time.
+        let dead_time = axis.identification.structure.nk as u64;
+        Self {
+            dead_band: (control.dead_band.retract.max(found.retract), control.dead_band.extend.max(found.extend)),
+            still_ticks: ticks(axis.encoder.stuck_after),
+            stuck_ticks: ticks(axis.encoder.stuck_after) + dead_time,
+            stall_ticks: ticks(STALL_TIME) + dead_time,
+            least: (HARDLY * axis.max_speed * STALL_TIME.as_secs_f64()).max(NOISE * axis.encoder.resolution),
+            command: 0.0,
+            driven: 0,
+            stalled: 0,
+            from: 0.0,
+            still: 0,
+            position: f64::NAN,
+        }
+    }
+
+    /// Whether the axis stands, `elapsed` ticks after the last look: `command` has been on the valve since, the axis is at
+    /// `position` m now, if that is known.
+    pub fn update(&mut self, elapsed: u64, command: f64, position: Option<f64>) -> Option<Standing> {
+        if command * self.command <= 0.0 {
+            (self.driven, self.stalled) = (0, 0);
+        }
+        self.command = command;
+        let dead_band = if command < 0.0 { self.dead_band.0 } else { self.dead_band.1 };
+        let beyond = |margin: f64| command.abs() > dead_band + margin;
+        self.driven = if beyond(STUCK_MARGIN) { self.driven.saturating_add(elapsed) } else { 0 };
+        if let Some(position) = position {
+            self.still = if position == self.position { self.still.saturating_add(elapsed) } else { 0 };
+            self.position = position;
+            if self.stalled == 0 || (position - self.from) * command.signum() >= self.least {
+                (self.stalled, self.from) = (0, position);
+            }
+        }
+        self.stalled = if beyond(STALL_MARGIN) { self.stalled.saturating_add(elapsed) } else { 0 };
+        if self.driven >= self.stuck_ticks && self.still >= self.still_ticks {
+            Some(Standing::Stuck)
+        } else if self.stalled > self.stall_ticks {
+            Some(Standing::Stalled)
+        } else {
+            None
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::machine;
+
+    /// Of the test machine: dead bands 0.08 and 0.07, 1 m/s, 5 ticks of dead time, stuck after 300 ms.
+    fn stands(command: impl Fn(u64) -> f64, position: impl Fn(u64) -> f64) -> Option<(u64, Standing)> {
+        let machine = machine(1);
+        let mut motion = Motion::new(&machine.axes[0], &machine.timing);
+        (0..200).find_map(|k| motion.update(1, command(k), Some(position(k))).map(|standing| (k, standing)))
+    }
+
+    /// An encoder that flickers.
+    fn noise(k: u64) -> f64 {
+        0.6 + 1e-4 * (k % 2) as f64
+    }
+
+    #[test]
+    fn a_position_that_never_changes_is_stuck_after_its_time() {
+        assert_eq!(stands(|_| 0.1301, |_| 0.6), Some((34, Standing::Stuck)));
+        assert_eq!(stands(|_| -0.1201, |_| 0.6), Some((34, Standing::Stuck)));
+        assert_eq!(stands(|_| 0.3, |k| if k < 100 { noise(k) + 1e-3 * k as f64 } else { 0.7 }).map(|s| s.0), Some(130));
+        assert_eq!(stands(|_| 0.13, |_| 0.6), None);
+        assert_eq!(stands(|_| -0.12, |_| 0.6), None);
+        assert_eq!(stands(|_| 0.17, noise), None);
+        // Driven to and fro it has no time to move.
+        assert_eq!(stands(|k| if k / 30 % 2 == 0 { 0.3 } else { -0.3 }, |_| 0.6), None);
+    }
+
+    #[test]
+    fn an_axis_that_hardly_moves_has_stalled_after_its_time() {
+        assert_eq!(stands(|_| 0.1801, noise), Some((45, Standing::Stalled)));
+        assert_eq!(stands(|_| -0.1701, noise), Some((45, Standing::Stalled)));
+        assert_eq!(stands(|_| 0.18, noise), None);
+        assert_eq!(stands(|_| -0.17, noise), None);
+        // It moves, and then it does not: after 0.45 s at the most.
+        let stops = |k: u64| noise(k) + 1e-3 * k.min(100) as f64;
+        let (tick, standing) = stands(|_| 0.3, stops).unwrap();
+        assert!(standing == Standing::Stalled && (140..=146).contains(&tick), "{tick}");
+        // Slower than 5 mm/s, faster, and the wrong way.
+        assert!(stands(|_| 0.3, |k| noise(k) + 4e-5 * k as f64).is_some());
+        assert_eq!(stands(|_| 0.3, |k| noise(k) + 6e-5 * k as f64), None);
+        assert!(stands(|_| 0.3, |k| noise(k) - 1e-3 * k as f64).is_some());
+        assert_eq!(stands(|k| if k % 40 == 0 { 0.0 } else { 0.3 }, noise), None);
+    }
+}

@@ -4,7 +4,8 @@
 //! order. Nothing is reaped here: until it is, no other process can have its number.
 //!
 //! Trap: asking each process in turn whether it lives gives them in the order of asking, and threads that wait for one
-//! each wake in the order of the scheduler. Either way the cause and its consequence change places.
+//! each wake in the order of the scheduler. Either way the cause and its consequence change places. Even so a
+//! process has died when its last thread has, milliseconds after a signal: nobody can tell closer deaths apart.
 
 use std::{
     io,

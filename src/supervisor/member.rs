@@ -10,20 +10,19 @@ use std::{
     io,
     os::unix::process::{CommandExt, ExitStatusExt},
     process::{Child, ChildStdin, Command, ExitStatus, Stdio},
-    sync::mpsc::Sender,
     thread::{Builder, JoinHandle, sleep},
     time::{Duration, Instant},
 };
 
 use pipeline::stage::StageKind;
-use rustix::{
-    io::Errno,
-    process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid},
+use rustix::process::{Pid, Signal, kill_process_group};
+
+use super::{
+    deaths::{Deaths, Watched},
+    log::Log,
 };
 
-use super::log::Log;
-
-/// Stack of a thread that only waits or copies lines.
+/// Stack of a thread that only copies lines.
 const STACK: usize = 128 * 1024;
 /// How long the last lines of a dead process are waited for.
 const LAST_LINES: Duration = Duration::from_millis(200);
@@ -36,21 +35,28 @@ pub struct Life {
     pid: Pid,
     _lifeline: Option<ChildStdin>,
     readers: Vec<JoinHandle<()>>,
+    _watched: Option<Watched>,
     started: Instant,
 }
 
 impl Life {
-    /// Starts the process; its end is told to `deaths`, so that these come in the order of the deaths.
-    pub fn begin(kind: StageKind, mut command: Command, log: &Log, deaths: &Sender<Pid>) -> io::Result<Self> {
+    /// Starts the process, whose end is told by `deaths`.
+    pub fn begin(kind: StageKind, mut command: Command, log: &Log, deaths: &Deaths) -> io::Result<Self> {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).process_group(0);
         for name in NOT_INHERITED {
             command.env_remove(name);
         }
         let mut process = command.spawn()?;
         let pid = Pid::from_child(&process);
-        let mut life =
-            Self { pid, _lifeline: process.stdin.take(), readers: Vec::new(), started: Instant::now(), process };
-        let begun = life.watch(kind, log, deaths.clone());
+        let mut life = Self {
+            pid,
+            _lifeline: process.stdin.take(),
+            readers: Vec::new(),
+            _watched: None,
+            started: Instant::now(),
+            process,
+        };
+        let begun = life.watch(kind, log, deaths);
         if begun.is_err() {
             life.signal(Signal::KILL);
             let _ = life.process.wait();
@@ -58,7 +64,7 @@ impl Life {
         begun.map(|()| life)
     }
 
-    fn watch(&mut self, kind: StageKind, log: &Log, deaths: Sender<Pid>) -> io::Result<()> {
+    fn watch(&mut self, kind: StageKind, log: &Log, deaths: &Deaths) -> io::Result<()> {
         let thread = || Builder::new().stack_size(STACK);
         if let Some(stdout) = self.process.stdout.take() {
             self.readers.push(thread().spawn(log.drain(kind, stdout))?);
@@ -66,12 +72,7 @@ impl Life {
         if let Some(stderr) = self.process.stderr.take() {
             self.readers.push(thread().spawn(log.drain(kind, stderr))?);
         }
-        let pid = self.pid;
-        thread().spawn(move || {
-            // Not reaped here: until it is, no other process can have its number.
-            while let Err(Errno::INTR) = waitid(WaitId::Pid(pid), WaitIdOptions::EXITED | WaitIdOptions::NOWAIT) {}
-            let _ = deaths.send(pid);
-        })?;
+        self._watched = Some(deaths.watch(self.pid)?);
         Ok(())
     }
 

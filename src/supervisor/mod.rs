@@ -12,6 +12,7 @@
 //! Trap: a controller that is started again begins disarmed, whatever the run was started with. Nobody may be moved by
 //! a program that came back by itself.
 
+mod deaths;
 mod interrupts;
 mod log;
 mod member;
@@ -22,7 +23,6 @@ mod stop;
 
 use std::{
     path::Path,
-    sync::mpsc::{Receiver, Sender, channel},
     time::{Duration, Instant, SystemTime},
 };
 
@@ -34,6 +34,7 @@ use pipeline::{
 use rustix::process::{Pid, Signal};
 
 use crate::{cli, failure::Failure, live::Monitor, stage};
+use deaths::Deaths;
 use interrupts::Interrupts;
 use log::Log;
 use member::{Life, cause};
@@ -83,8 +84,7 @@ pub struct Supervisor<'a> {
     launch: Launch<'a>,
     group: &'a Group,
     members: Vec<Member>,
-    deaths: Receiver<Pid>,
-    on_death: Sender<Pid>,
+    deaths: Deaths,
     interrupts: Interrupts,
     notifier: Notifier,
     is_stopping: bool,
@@ -99,14 +99,12 @@ impl<'a> Supervisor<'a> {
     /// # Errors
     /// The log's file cannot be created, or signals not be taken.
     pub fn new(launch: Launch<'a>, group: &'a Group, log_folder: Option<&Path>) -> Result<Self, Failure> {
-        let (on_death, deaths) = channel();
         let file = log_folder.map(|folder| log::file_name(folder, group.prefix(), SystemTime::now()));
         let supervisor = Self {
             launch,
             group,
             members: Vec::new(),
-            deaths,
-            on_death,
+            deaths: Deaths::new().map_err(Failure::run)?,
             interrupts: Interrupts::new()?,
             notifier: Notifier::new(),
             is_stopping: false,
@@ -153,7 +151,7 @@ impl<'a> Supervisor<'a> {
     fn begin(&self, kind: StageKind, options: &Options) -> Result<Life, Failure> {
         let command = stage::command(kind, self.launch.machine, self.launch.arguments, options)?;
         let program = command.get_program().to_string_lossy().into_owned();
-        Life::begin(kind, command, &self.log, &self.on_death)
+        Life::begin(kind, command, &self.log, &self.deaths)
             .map_err(|error| Failure::Run(format!("{}: \"{program}\" cannot be started: {error}", kind.name())))
     }
 
@@ -162,8 +160,7 @@ impl<'a> Supervisor<'a> {
     /// # Errors
     /// A stage has ended that is not to be started again, with the first cause.
     pub fn step(&mut self, monitor: &mut Monitor) -> Result<(), Failure> {
-        let first = self.deaths.recv_timeout(POLL).ok();
-        let deaths: Vec<Pid> = first.into_iter().chain(self.deaths.try_iter()).collect();
+        let deaths = self.deaths.wait(POLL);
         monitor.poll().map_err(Failure::run)?;
         for pid in deaths {
             self.take_death(pid, monitor)?;

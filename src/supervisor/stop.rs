@@ -13,7 +13,7 @@ use std::{
 };
 
 use pipeline::stage::StageKind;
-use rustix::process::{Pid, Signal};
+use rustix::process::Signal;
 
 use super::{Supervisor, cause, member::Life};
 use crate::failure::Failure;
@@ -96,9 +96,7 @@ impl Supervisor<'_> {
 
     /// Reaps what has ended, after waiting for the next death.
     fn settle(&mut self, wait: Duration) {
-        let first = self.deaths.recv_timeout(wait).ok();
-        let deaths: Vec<Pid> = first.into_iter().chain(self.deaths.try_iter()).collect();
-        for pid in deaths {
+        for pid in self.deaths.wait(wait) {
             let mut members = self.members.iter_mut();
             let Some(member) = members.find(|member| member.life.as_ref().is_some_and(|life| life.pid() == pid)) else {
                 continue;

@@ -136,11 +136,14 @@ pub fn signal(pid: u32, signal: Signal) {
     kill_process(Pid::from_raw(i32::try_from(pid).unwrap()).unwrap(), signal).unwrap();
 }
 
-/// Whether a process runs: neither gone nor a zombie.
+/// Whether a process runs: neither gone nor a zombie with all its threads.
 pub fn is_running(pid: u32) -> bool {
     let Ok(stat) = std::fs::read_to_string(format!("/proc/{pid}/stat")) else { return false };
     // The state follows the name, which may hold spaces and is closed by the last bracket.
-    !stat.rsplit(") ").next().is_some_and(|rest| rest.starts_with('Z'))
+    let is_zombie = stat.rsplit(") ").next().is_some_and(|rest| rest.starts_with('Z'));
+    // The first thread may be one while others are still ending: the process has not died yet.
+    let threads = std::fs::read_dir(format!("/proc/{pid}/task")).map_or(0, Iterator::count);
+    !is_zombie || threads > 1
 }
 
 /// A machine file in a folder, from the built-in text with one piece replaced.

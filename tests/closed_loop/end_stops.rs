@@ -60,6 +60,8 @@ fn go(model: ModelChoice, seed: u64) -> Seen {
     for axis in &mut machine.axes {
         let (low, high) = axis.soft_limits;
         axis.plant.as_mut().unwrap().initial_position = uniform(&mut random, low, high);
+        // Some ways are faster than the axis, which would be stopped for it.
+        axis.control.following_error = axis.stroke;
     }
     let axes = machine.axes.clone();
     let period = machine.timing.period.as_secs_f64();
@@ -95,6 +97,7 @@ fn go(model: ModelChoice, seed: u64) -> Seen {
             (way.ticks, way.left) = (way.ticks + 1, way.left - 1);
         }
         let command = closed.tick(Some(&reference));
+        assert!(!closed.controller.is_latched(), "{}: {:?}", closed.tick, command.axes.map(|axis| axis.flags));
         for (i, (axis, state)) in axes.iter().zip(closed.plant.axes()).enumerate() {
             let (low, high) = axis.soft_limits;
             beyond = beyond.max(state.position - high).max(low - state.position);

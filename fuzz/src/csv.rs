@@ -1,0 +1,65 @@
+//! Recordings and trajectories.
+
+use std::{fs::File, io::Write, os::fd::AsRawFd, path::PathBuf};
+
+use control_proc::trajectory::Trajectory;
+use pipeline::{columns::Table, machine::Machine};
+use rustix::fs::{MemfdFlags, memfd_create};
+use sensor_proc::record::Record;
+
+/// The columns of a table, and a record of it.
+pub fn csv(data: &[u8]) {
+    let (_file, path) = file(data);
+    match Table::read(&path) {
+        Ok(table) => {
+            let names: Vec<&str> = table.names().collect();
+            for rising in names.iter().take(2) {
+                match table.numbers(&names[..names.len().min(4)], rising) {
+                    Ok(columns) => {
+                        assert!(columns.values.iter().all(|values| values.len() == columns.lines.len()));
+                        assert!(columns.values.iter().flatten().all(|value| value.is_finite()));
+                        assert!(columns.lines.is_sorted(), "{:?}", columns.lines);
+                    }
+                    Err(error) => assert!(!error.to_string().is_empty()),
+                }
+            }
+        }
+        Err(error) => assert!(!error.to_string().is_empty()),
+    }
+    for period in [None, Some(0.01)] {
+        match Record::read(&path, "u", "y", period) {
+            Ok(record) => {
+                assert!(record.inputs.len() == record.outputs.len() && record.outputs.len() >= 2);
+                assert!(record.period > 0.0 && record.period.is_finite());
+                assert!(record.irregular_steps < record.outputs.len());
+            }
+            Err(error) => assert!(!error.to_string().is_empty()),
+        }
+    }
+}
+
+/// A reference out of a file.
+pub fn trajectory(data: &[u8]) {
+    let machine = Machine::load(None, &[]).expect("the built-in machine");
+    let axis = &machine.axes[0];
+    let (low, high) = axis.soft_limits;
+    let (_file, path) = file(data);
+    match Trajectory::read(&path, "x", axis) {
+        Ok(trajectory) => {
+            let end = trajectory.end();
+            for t in [f64::MIN, -1.0, 0.0, 1e-9, 0.5, 1.0, end / 2.0, end, end + 1.0, f64::MAX] {
+                let position = trajectory.position(t);
+                assert!((low - 1e-9..=high + 1e-9).contains(&position), "{position} at {t}");
+            }
+        }
+        Err(error) => assert!(!error.to_string().is_empty()),
+    }
+}
+
+/// A file in memory, and the path by which it can be opened as long as it is held.
+fn file(data: &[u8]) -> (File, PathBuf) {
+    let mut file = File::from(memfd_create("fuzz", MemfdFlags::CLOEXEC).expect("memory for a file"));
+    file.write_all(data).expect("memory takes what it gets");
+    let path = PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()));
+    (file, path)
+}

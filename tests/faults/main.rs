@@ -10,4 +10,6 @@ mod harness;
 mod clock;
 mod script;
 
+mod control;
 mod feedback;
+mod motion;

@@ -1,0 +1,333 @@
+//! Rows 1 to 8: what can happen to the feedback.
+
+use std::time::Duration;
+
+use pipeline::{
+    channel::Reader,
+    message::{AxisMode, EncoderReading, EncoderSample, StageHealth, ValveCommand, control_flag},
+    stage::{StageKind, monotonic_ns},
+};
+use rustix::process::Signal;
+
+use crate::{
+    clock::judge,
+    harness::{TestGroup, running::Running, signal, wait_for},
+    script::{AXES, RESOLUTION, Scripted, is_latched, moving, receive, send},
+};
+
+/// The drive's own time-out, the valve's lag five times over and its dead time: what a neutral command takes to show.
+const DRIVE: Duration = Duration::from_millis(50 + 5 * 50 + 20);
+/// Standing still, m/s.
+const STILL: f64 = 5e-3;
+
+/// A real-time group in motion, and a place at its channels.
+pub struct Moving {
+    pub running: Running,
+    pub commands: Reader<ValveCommand>,
+    pub readings: Reader<EncoderReading>,
+    pub health: Reader<StageHealth>,
+}
+
+impl Moving {
+    /// Starts a group and waits until the boom is driven.
+    pub fn start(test: &str, arguments: &[&str]) -> Self {
+        let running = Running::start_with(test, &[&["--duration", "120s"], arguments].concat());
+        let channels = running.group.join();
+        let (commands, readings) = (channels.reader().unwrap(), channels.reader().unwrap());
+        let mut moving = Self { running, commands, readings, health: channels.reader().unwrap() };
+        moving.await_command("motion", |command| command.axes[0].command.abs() > 0.15);
+        moving
+    }
+
+    /// Waits for a command, however many come before it.
+    pub fn await_command(&mut self, what: &str, mut is_it: impl FnMut(&ValveCommand) -> bool) -> ValveCommand {
+        wait_for(what, || {
+            while let Some(command) = self.commands.read().unwrap().if_new() {
+                if is_it(command) {
+                    return Some(*command);
+                }
+            }
+            None
+        })
+    }
+
+    /// The last time, ns, at which an axis moved by the readings of 50 ms, until it has stood for 300 ms.
+    pub fn last_motion(&mut self, axis: usize) -> u64 {
+        let mut past: Vec<(u64, f64)> = Vec::new();
+        let mut moved = 0;
+        wait_for("standstill", || {
+            while let Some(reading) = self.readings.read().unwrap().if_new() {
+                let now = reading.header.acquired_ns;
+                past.push((now, reading.encoders[axis].counts as f64 * RESOLUTION));
+                let before = past.iter().rev().find(|(time, _)| now - time >= 50_000_000);
+                if let Some((time, position)) = before
+                    && (past[past.len() - 1].1 - position).abs() > STILL * (now - time) as f64 * 1e-9 + 3.0 * RESOLUTION
+                {
+                    moved = now;
+                }
+                moved = moved.max(past[0].0);
+            }
+            past.last().filter(|(now, _)| now - moved > 300_000_000).map(|_| moved)
+        })
+    }
+
+    /// Every command that comes for this long is neutral and latched by `cause`.
+    pub fn expect_latched(&mut self, cause: u32, time: Duration) {
+        let until = monotonic_ns() + time.as_nanos() as u64;
+        while monotonic_ns() < until {
+            while let Some(command) = self.commands.read().unwrap().if_new() {
+                for axis in &command.axes[..AXES] {
+                    assert!(is_latched(axis, cause), "{} {:#b}", axis.command, axis.flags);
+                }
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+}
+
+fn all_latched(command: &ValveCommand) -> bool {
+    command.axes[..AXES].iter().all(|axis| is_latched(axis, control_flag::FEEDBACK))
+}
+
+#[test]
+fn row_01_a_killed_acquisition_makes_the_valves_neutral_and_latches() {
+    let mut moving = Moving::start("row-01", &[]);
+    let killed = monotonic_ns();
+    signal(moving.running.pid(StageKind::SensorProc), Signal::KILL);
+    let neutral = moving.await_command("neutral", all_latched);
+    let after = |time: u64| Duration::from_nanos(time.saturating_sub(killed));
+    judge("row 1", "kill to neutral command", after(neutral.header.sent_ns), Duration::from_millis(40));
+    let still = moving.last_motion(0);
+    judge("row 1", "kill to standstill", after(still), Duration::from_millis(40) + DRIVE);
+    // Also when the acquisition is back.
+    moving.running.await_next(StageKind::SensorProc, &mut moving.health);
+    moving.expect_latched(control_flag::FEEDBACK, Duration::from_millis(500));
+}
+
+/// The time-out of these two rows is ten times the usual one, so that the machine's own delays are small beside it.
+const LONGER: [&str; 2] = ["--set", "timing.feedback_timeout=300ms"];
+
+#[test]
+fn row_02_a_short_stop_of_the_acquisition_is_bridged() {
+    let mut moving = Moving::start("row-02", &LONGER);
+    let pid = moving.running.pid(StageKind::SensorProc);
+    for _ in 0..3 {
+        signal(pid, Signal::STOP);
+        // 150 of 300 ms; the row has 25 of 30.
+        std::thread::sleep(Duration::from_millis(150));
+        signal(pid, Signal::CONT);
+        let begin = monotonic_ns();
+        let mut last = f64::NAN;
+        moving.await_command("half a second without a fault", |command| {
+            let boom = &command.axes[0];
+            assert_eq!(boom.flags & control_flag::LATCHED, 0, "{:#b}", boom.flags);
+            // The rate limit over the ticks that passed.
+            assert!(last.is_nan() || (boom.command - last).abs() <= 2.0);
+            last = boom.command;
+            command.header.sent_ns > begin + 500_000_000
+        });
+    }
+}
+
+#[test]
+fn row_03_a_long_stop_of_the_acquisition_is_a_loss_and_late_samples_are_not_acted_on() {
+    let mut moving = Moving::start("row-03", &LONGER);
+    let pid = moving.running.pid(StageKind::SensorProc);
+    let stopped = monotonic_ns();
+    signal(pid, Signal::STOP);
+    let neutral = moving.await_command("neutral", all_latched);
+    let took = Duration::from_nanos(neutral.header.sent_ns.saturating_sub(stopped));
+    judge("row 3", "stop to neutral command", took, Duration::from_millis(310));
+    signal(pid, Signal::CONT);
+    moving.expect_latched(control_flag::FEEDBACK, Duration::from_millis(500));
+}
+
+#[test]
+fn row_03_a_sample_from_before_a_stop_moves_nothing() {
+    let mut group = TestGroup::new("row-03-late");
+    let channels = group.join();
+    let samples = channels.publisher::<EncoderSample>().unwrap();
+    let mut commands = channels.reader::<ValveCommand>().unwrap();
+    group.start(StageKind::ControlProc, &["--arm", "--set", "timing.feedback_timeout=300ms"]);
+    let mut sample = |sequence: u64, age: u64| {
+        let mut sample = EncoderSample::default();
+        sample.header.sequence = sequence;
+        sample.header.axis_count = AXES as u32;
+        sample.header.acquired_ns = monotonic_ns() - age;
+        sample.header.sent_ns = monotonic_ns();
+        let positions = [0.65, 0.75, 0.6, 0.55];
+        sample.axes.iter_mut().zip(positions).for_each(|(axis, position)| axis.position = position);
+        samples.send(&sample).unwrap();
+        std::thread::sleep(Duration::from_millis(10));
+        commands.newest().unwrap();
+        commands.last().copied()
+    };
+    let mut sequence = 0;
+    wait_for("an axis that follows", || {
+        sequence += 1;
+        sample(sequence, 0).filter(|command| command.axes[0].flags & control_flag::SETTLING == 0)
+    });
+    // One that was written a second ago, as after SIGCONT.
+    let command = wait_for("the latch", || {
+        sequence += 1;
+        sample(sequence, 1_000_000_000).filter(all_latched)
+    });
+    assert!(all_latched(&command));
+    for _ in 0..20 {
+        sequence += 1;
+        assert!(all_latched(&sample(sequence, 0).unwrap()), "latched for good");
+    }
+}
+
+#[test]
+fn row_04_a_sample_that_is_sent_again_and_again_is_found_stuck() {
+    let ticks = 400;
+    let mut group = TestGroup::new("row-04");
+    let channels = group.join();
+    let samples = channels.publisher::<EncoderSample>().unwrap();
+    let mut readings = channels.reader::<EncoderReading>().unwrap();
+    let mut commands = channels.reader::<ValveCommand>().unwrap();
+    group.start_all_but(StageKind::SensorProc, &["--lockstep", "--ticks", &ticks.to_string(), "--arm"]);
+    let (mut held, mut driven, mut latched) = (None, 0, None);
+    for tick in 0..ticks {
+        let reading: EncoderReading = receive(&mut readings, tick, || samples.greet());
+        let mut sample = EncoderSample::default();
+        for (axis, encoder) in sample.axes.iter_mut().zip(&reading.encoders) {
+            axis.position = encoder.counts as f64 * RESOLUTION;
+        }
+        // From tick 250 on the same positions under new numbers, and no word of it.
+        if tick >= 250 {
+            sample.axes = *held.get_or_insert(sample.axes);
+        }
+        send(&samples, sample, tick);
+        let command: ValveCommand = receive(&mut commands, tick, || samples.greet());
+        let boom = &command.axes[0];
+        if tick >= 250 && latched.is_none() {
+            driven = if boom.command.abs() > 0.15 { driven + 1 } else { 0 };
+            if is_latched(boom, control_flag::FEEDBACK | control_flag::STALL) {
+                latched = Some(tick);
+            }
+        }
+    }
+    let latched = latched.expect("the boom latches") - 250;
+    // 300 ms and the dead time of 3 samples from when it is driven; that it is not at once is the reference's doing.
+    eprintln!("row 4: latched {latched} ticks after the first repetition");
+    assert!(driven <= 33 + 1, "driven blindly for {driven} ticks");
+    group.expect_end();
+}
+
+#[test]
+fn row_05_a_flipped_bit_is_dropped_or_small() {
+    let flips = |tick: u64| tick.checked_sub(300).filter(|since| since % 20 == 0 && since / 20 < 32);
+    let ticks = 300 + 20 * 32;
+    let run = |test: &str, is_faulty: bool| {
+        let mut scripted = Scripted::start(test, ticks, &["--arm"]);
+        let commands: Vec<f64> = (0..ticks)
+            .map(|tick| {
+                let command = scripted.step(|reading| {
+                    if let Some(since) = flips(tick).filter(|_| is_faulty) {
+                        let counts = &mut reading.encoders[0].counts;
+                        *counts = i64::from(*counts as i32 ^ (1 << (since / 20)));
+                    }
+                });
+                assert_eq!(command.axes[0].flags & control_flag::LATCHED, 0, "tick {tick}");
+                command.axes[0].command
+            })
+            .collect();
+        scripted.end();
+        commands
+    };
+    let (clean, faulty) = (run("row-05-clean", false), run("row-05", true));
+    // 10 mm and the margin in 10 ms are 105 counts: from bit 7 on.
+    for bit in 0..32 {
+        let tick = 300 + 20 * bit;
+        let worst = (tick..tick + 5).map(|k| (clean[k] - faulty[k]).abs()).fold(0.0, f64::max);
+        if bit >= 7 {
+            // 1 % of the range, which is 2 wide.
+            assert!(worst <= 0.02, "bit {bit}: {worst}");
+        }
+    }
+}
+
+/// Ticks from the first faulty reading to the neutral, latched command; the command never follows what is read.
+fn ticks_to_latch(test: &str, cause: u32, fault: impl Fn(u64, &mut EncoderReading)) -> u64 {
+    let ticks = 600;
+    let mut scripted = Scripted::start(test, ticks, &["--arm"]);
+    let mut latched = None;
+    for tick in 0..ticks {
+        let command = scripted.step(|reading| {
+            if tick >= 300 {
+                fault(tick - 300, reading);
+            }
+        });
+        let boom = &command.axes[0];
+        if tick < 300 {
+            assert_eq!(boom.flags & control_flag::LATCHED, 0, "tick {tick}");
+        } else if is_latched(boom, cause) {
+            latched.get_or_insert(tick - 299);
+        } else {
+            assert_eq!(latched, None, "tick {tick}: once latched it stays so");
+            assert!(moving(boom.command).abs() < 0.5, "tick {tick}: {}", boom.command);
+        }
+    }
+    scripted.end();
+    let latched = latched.expect("it latches");
+    eprintln!("{test}: latched with tick {latched} of the fault");
+    latched
+}
+
+#[test]
+fn row_06_three_implausible_samples_in_a_row_latch() {
+    let jumps = |since: u64, reading: &mut EncoderReading| {
+        if since < 3 {
+            reading.encoders[0].counts += 1500 + 700 * since as i64;
+        }
+    };
+    assert!(ticks_to_latch("row-06", control_flag::FEEDBACK, jumps) <= 4);
+}
+
+#[test]
+fn row_07_a_step_that_stays_is_never_followed() {
+    let slips = |_: u64, reading: &mut EncoderReading| reading.encoders[0].counts += 200;
+    assert!(ticks_to_latch("row-07", control_flag::FEEDBACK, slips) <= 4);
+}
+
+#[test]
+fn row_08_a_position_outside_the_stroke_latches_at_once() {
+    // It creeps there at 0.5 m/s, which any axis can, and is beyond by more than the tolerance of 5 mm with the last.
+    let mut beyond = None;
+    let mut scripted = Scripted::start("row-08", 600, &["--arm"]);
+    scripted.steps(300);
+    let begin = scripted.positions[0];
+    for tick in 0..300 {
+        let position = begin + 0.005 * tick as f64;
+        let command = scripted.step(|reading| reading.encoders[0].counts = (position / RESOLUTION).round() as i64);
+        let is_beyond = position > 1.334 + 0.005 + RESOLUTION;
+        if is_beyond && beyond.is_none() {
+            beyond = Some(tick);
+            assert!(is_latched(&command.axes[0], control_flag::LATCHED), "in the same tick");
+        }
+    }
+    assert!(beyond.is_some());
+    scripted.end();
+}
+
+#[test]
+fn what_is_latched_is_let_go_by_a_person_only() {
+    let mut scripted = Scripted::start("unlatched", 900, &["--arm"]);
+    scripted.steps(300);
+    (0..5).for_each(|_| {
+        scripted.step(|reading| reading.encoders[0].counts += 3000);
+    });
+    assert!(is_latched(&scripted.steps(200).axes[0], control_flag::FEEDBACK));
+    // Enabled while latched: nothing. Off, and then enabled: it follows again.
+    scripted.ask(AxisMode::Track, 0.0, None);
+    assert!(is_latched(&scripted.steps(50).axes[0], control_flag::FEEDBACK));
+    scripted.ask(AxisMode::Off, 0.0, None);
+    assert_eq!(scripted.steps(50).axes[0].flags & control_flag::LATCHED, 0);
+    scripted.ask(AxisMode::Track, 0.0, None);
+    let command = scripted.steps(295);
+    assert_eq!(command.axes[0].operation, AxisMode::Track as u32, "{:#b}", command.axes[0].flags);
+    assert!(command.axes.iter().any(|axis| axis.command != 0.0));
+    scripted.end();
+}

@@ -167,7 +167,12 @@ impl Chaos {
     /// Waits for the end that the group comes to by itself.
     pub fn await_end(mut self, tally: &mut Tally) -> Said {
         self.look_away(tally);
+        // Whoever was attached at its end has kept its files.
+        let was_late = self.has_ended();
         let said = self.running.expect_end(0);
+        if was_late {
+            succeed(&["clean", "--prefix", &self.prefix().to_string()]);
+        }
         self.expect_nothing();
         *tally.ends.entry("last tick".to_owned()).or_default() += 1;
         said

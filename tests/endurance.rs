@@ -10,6 +10,7 @@
 mod harness;
 
 use std::{
+    fs::File,
     sync::{Mutex, MutexGuard, PoisonError},
     thread::sleep,
     time::{Duration, Instant},
@@ -87,6 +88,8 @@ fn groups_that_come_and_go_leave_nothing_and_take_no_more_each_time() {
     let cycles = variable("HYDRAXIS_ENDURANCE_CYCLES", 5.0) as usize;
     let group = harness::TestGroup::new("cycles");
     let prefix = group.prefix.to_string();
+    let folder = tempfile::tempdir().unwrap();
+    let said = folder.path().join("said");
     let mut peaks: Vec<[u64; 5]> = Vec::new();
     let mut before = None;
     for cycle in 0..cycles {
@@ -95,7 +98,7 @@ fn groups_that_come_and_go_leave_nothing_and_take_no_more_each_time() {
             .args(["run", "--prefix", &prefix])
             .args(clock)
             .stdout(std::process::Stdio::null())
-            .stderr(std::process::Stdio::null())
+            .stderr(File::create(&said).unwrap())
             .spawn()
             .unwrap();
         let mut peak = [0; 5];
@@ -107,7 +110,7 @@ fn groups_that_come_and_go_leave_nothing_and_take_no_more_each_time() {
             }
             supervisor.try_wait().unwrap()
         });
-        assert!(ended.success(), "cycle {cycle}: {ended}");
+        assert!(ended.success(), "cycle {cycle}: {ended}\n{}", std::fs::read_to_string(&said).unwrap());
         peaks.push(peak);
         assert_eq!(all_files(), Vec::<std::path::PathBuf>::new(), "cycle {cycle}");
         assert_eq!(files(&group.prefix), Vec::<std::path::PathBuf>::new(), "cycle {cycle}");

@@ -40,7 +40,8 @@ pub fn report(arguments: &[&str]) -> serde_json::Value {
     value
 }
 
-fn strip_times(value: &mut serde_json::Value) {
+/// Removes what differs from run to run.
+pub fn strip_times(value: &mut serde_json::Value) {
     if let serde_json::Value::Object(object) = value {
         object.retain(|key, _| !key.ends_with("_ns") && key != "wall_s");
         object.values_mut().for_each(strip_times);

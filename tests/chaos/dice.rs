@@ -1,0 +1,57 @@
+//! The faults' order, kind and time: random, from a seed that is printed, as is every fault.
+
+use std::time::{Duration, Instant};
+
+use pipeline::stage::StageKind;
+use rand_pcg::{
+    Pcg64,
+    rand_core::{Rng, SeedableRng},
+};
+
+pub struct Dice {
+    random: Pcg64,
+    started: Instant,
+    test: &'static str,
+}
+
+/// A number from the environment.
+pub fn variable(name: &str, default: u64) -> u64 {
+    std::env::var(name).map_or(default, |text| text.parse().unwrap_or_else(|error| panic!("{name}={text}: {error}")))
+}
+
+impl Dice {
+    pub fn new(test: &'static str, kills: u64) -> Self {
+        let seed = variable("HYDRAXIS_CHAOS_SEED", 1);
+        println!("{test}: HYDRAXIS_CHAOS_SEED={seed} HYDRAXIS_CHAOS_KILLS={kills}");
+        Self { random: Pcg64::seed_from_u64(seed), started: Instant::now(), test }
+    }
+
+    /// 0, 1, .. below `end`.
+    pub fn below(&mut self, end: u64) -> u64 {
+        self.random.next_u64() % end
+    }
+
+    /// Once in so many times.
+    pub fn once_in(&mut self, times: u64) -> bool {
+        self.below(times) == 0
+    }
+
+    pub fn stage(&mut self) -> StageKind {
+        StageKind::ALL[self.below(4) as usize]
+    }
+
+    /// Between two durations, each order of magnitude alike.
+    pub fn duration(&mut self, shortest: Duration, longest: Duration) -> Duration {
+        let part = self.below(1001) as f64 / 1000.0;
+        shortest.mul_f64((longest.as_secs_f64() / shortest.as_secs_f64()).powf(part))
+    }
+
+    /// Prints what is done now.
+    pub fn note(&self, what: &str) {
+        println!("{} {:8.3} s: {what}", self.test, self.started.elapsed().as_secs_f64());
+    }
+
+    pub fn elapsed(&self) -> Duration {
+        self.started.elapsed()
+    }
+}

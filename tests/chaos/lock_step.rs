@@ -1,0 +1,100 @@
+//! In lock-step a kill ends the run with its cause, and a stop only delays it.
+
+use std::time::Duration;
+
+use pipeline::stage::StageKind;
+use rustix::process::Signal;
+
+use crate::{
+    alone,
+    dice::Dice,
+    group::{Chaos, Tally, client},
+    harness::{report, strip_times},
+    kills,
+};
+
+/// Of a run that is delayed: long enough to be met by the first stop, in either profile.
+const DURATION: &str = if cfg!(debug_assertions) { "4s" } else { "40s" };
+/// Groups that are delayed only, among those that are killed: one in so many.
+const DELAYED: u64 = 8;
+const SHORTEST: Duration = Duration::from_millis(5);
+const LONGEST: Duration = Duration::from_secs(3);
+
+#[test]
+fn in_lock_step_a_kill_ends_the_run_and_a_stop_only_delays_it() {
+    let _alone = alone();
+    let (kills, mut tally) = (kills(), Tally::default());
+    let mut dice = Dice::new("lock-step", kills);
+    let undisturbed = report(&["run", "--lockstep", "--duration", DURATION, "--seed", "3"]);
+    for i in 0..kills {
+        if i % DELAYED == 0 {
+            delayed(&mut dice, &mut tally, &undisturbed);
+        }
+        killed(&mut dice, &mut tally);
+    }
+    tally.print(dice.elapsed());
+}
+
+/// Stops stages of a run and lets them go on: its figures are those of a run that nobody has disturbed.
+fn delayed(dice: &mut Dice, tally: &mut Tally, undisturbed: &serde_json::Value) {
+    let arguments = ["--lockstep", "--duration", DURATION, "--seed", "3", "--json", "-"];
+    let mut chaos = Chaos::start("chaos-delay", &arguments, tally);
+    for _ in 0..3 {
+        stop(&mut chaos, dice, tally);
+        chaos.release();
+        visit(&mut chaos, dice, tally);
+    }
+    let said = chaos.await_end(tally);
+    let mut report = serde_json::from_str(&said.stdout).unwrap();
+    strip_times(&mut report);
+    assert_eq!(report, *undisturbed);
+}
+
+fn killed(dice: &mut Dice, tally: &mut Tally) {
+    let mut chaos = Chaos::start("chaos-lock", &["--lockstep", "--duration", "100000s"], tally);
+    chaos.look_for(dice.duration(Duration::from_millis(1), Duration::from_millis(300)));
+    if dice.once_in(4) {
+        stop(&mut chaos, dice, tally);
+        // One that stands still may be killed too, and one that is gone is waited for by it.
+        if dice.once_in(2) {
+            chaos.release();
+        }
+    }
+    if dice.once_in(4) {
+        visit(&mut chaos, dice, tally);
+    }
+    if dice.once_in(8) {
+        chaos.orphan(dice, tally);
+        return;
+    }
+    let kind = dice.stage();
+    dice.note(&format!("SIGKILL {}", kind.name()));
+    chaos.disturbed = [false; 4];
+    tally.kills += u64::from(chaos.signal(kind, Signal::KILL));
+    let verdict = chaos.await_failure(tally);
+    assert_eq!(verdict, format!("{} killed by SIGKILL", kind.name()));
+}
+
+fn stop(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
+    let (kind, time): (StageKind, _) = (dice.stage(), dice.duration(SHORTEST, LONGEST));
+    dice.note(&format!("SIGSTOP {} for {time:?}", kind.name()));
+    let pid = chaos.watch().pids[kind as usize];
+    if chaos.signal(kind, Signal::STOP) {
+        tally.stops += 1;
+        chaos.stopped.push(pid);
+    }
+    chaos.look_for(time);
+}
+
+/// A client looks, and may be killed while it does.
+fn visit(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
+    let is_killed = dice.once_in(2);
+    dice.note(if is_killed { "status, killed" } else { "status" });
+    tally.clients += 1;
+    let mut status = client(&["status", "--prefix", &chaos.prefix().to_string()]);
+    if is_killed {
+        chaos.look_for(dice.duration(SHORTEST, Duration::from_millis(300)));
+        let _ = status.kill();
+    }
+    chaos.finish(status);
+}

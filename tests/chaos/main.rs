@@ -1,0 +1,27 @@
+//! Whole groups under random faults: kills, stops, clients that come and go, and no core to work on.
+//!
+//! `HYDRAXIS_CHAOS_KILLS` is how many processes are killed in all, half of them in real time and half in lock-step;
+//! `HYDRAXIS_CHAOS_SEED` repeats the order of a failure's faults. In real time what they meet differs each time.
+
+mod dice;
+mod group;
+#[path = "../harness/mod.rs"]
+mod harness;
+mod lives;
+mod lock_step;
+mod real_time;
+mod watch;
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Groups take the machine's cores, so there is one of them at a time.
+static CORES: Mutex<()> = Mutex::new(());
+
+fn alone() -> MutexGuard<'static, ()> {
+    CORES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Kills in each of the two clocks.
+fn kills() -> u64 {
+    dice::variable("HYDRAXIS_CHAOS_KILLS", 16).div_ceil(2)
+}

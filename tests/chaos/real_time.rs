@@ -1,0 +1,194 @@
+//! In real time what has died starts again, disarmed, until it is given up; and the machine stands still meanwhile.
+
+use std::{
+    thread,
+    time::{Duration, Instant},
+};
+
+use pipeline::stage::{StageKind, monotonic_ns};
+use rustix::process::Signal;
+
+use crate::{
+    alone,
+    dice::Dice,
+    group::{Chaos, Tally, client},
+    harness::is_running,
+    kills,
+};
+
+const SHORTEST: Duration = Duration::from_millis(5);
+const LONGEST: Duration = Duration::from_secs(3);
+/// How long the machine is looked at after it has lost its controller or its eyes.
+const AFTERMATH: Duration = Duration::from_millis(500);
+/// How long it may go on: the drive's time-out (50 ms), its dead time and five time constants of its valve (0.1 s), and
+/// ten times that for a machine that is busy with something else.
+const STANDS_WITHIN_MS: f64 = 2000.0;
+
+#[test]
+fn in_real_time_nothing_moves_that_nobody_has_let_and_every_group_ends() {
+    let _alone = alone();
+    let (kills, mut tally) = (kills(), Tally::default());
+    let mut dice = Dice::new("real time", kills);
+    while tally.kills < kills {
+        group(&mut dice, &mut tally, kills);
+    }
+    tally.print(dice.elapsed());
+}
+
+fn group(dice: &mut Dice, tally: &mut Tally, kills: u64) {
+    let mut chaos = Chaos::start("chaos-real", &["--duration", "1h"], tally);
+    dice.note("a group");
+    while tally.kills < kills {
+        if dice.below(4) > 0 {
+            arm(&mut chaos, dice, tally);
+        }
+        match dice.below(18) {
+            0..8 => kill(&mut chaos, dice, tally),
+            8..12 => stop(&mut chaos, dice, tally),
+            12..14 => visit(&mut chaos, dice, tally),
+            14 => operate(&mut chaos, dice, tally),
+            15 => {
+                let kind = dice.stage();
+                dice.note(&format!("SIGUSR1 {}", kind.name()));
+                chaos.signal(kind, Signal::USR1);
+            }
+            16 => hogs(&mut chaos, dice),
+            _ => return chaos.orphan(dice, tally),
+        }
+        if chaos.has_ended() {
+            let verdict = chaos.await_failure(tally);
+            return dice.note(&format!("end: {verdict}"));
+        }
+    }
+    chaos.interrupt(tally);
+}
+
+/// Starts motion where there is none; a stage that is just dying may be in the way.
+fn arm(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
+    let all_live = |chaos: &mut Chaos| chaos.watch().pids.iter().all(|pid| is_running(*pid)).then_some(());
+    if chaos.look_until("all four stages", all_live).is_none() || !chaos.watch().needs_arming() {
+        return;
+    }
+    let prefix = chaos.prefix().to_string();
+    dice.note("reset, arm");
+    for lever in ["reset", "disarm", "arm"] {
+        tally.clients += 1;
+        chaos.watch().controller.at_levers = true;
+        let lever = client(&[lever, "--prefix", &prefix]);
+        chaos.finish(lever);
+        chaos.look_for(Duration::from_millis(20));
+        chaos.watch().controller.at_levers = false;
+    }
+    let until = Instant::now() + Duration::from_secs(3);
+    while !chaos.watch().is_moving() && Instant::now() < until {
+        chaos.look_for(Duration::from_millis(20));
+    }
+}
+
+fn kill(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
+    let kind = match dice.below(10) {
+        0..4 => StageKind::ControlProc,
+        4..7 => StageKind::SensorProc,
+        7..9 => StageKind::IdentProc,
+        _ => StageKind::PlantSim,
+    };
+    let was_moving = chaos.watch().is_moving();
+    dice.note(&format!("SIGKILL {}{}", kind.name(), if was_moving { ", in motion" } else { "" }));
+    let (at_ns, before) = (monotonic_ns(), chaos.watch().pids[kind as usize]);
+    if !chaos.signal(kind, Signal::KILL) {
+        return;
+    }
+    tally.kills += 1;
+    chaos.look_for(AFTERMATH);
+    if was_moving {
+        measure(chaos, dice, tally, kind, "killed", at_ns);
+    }
+    // Now and then the next fault meets a group that is not whole.
+    if kind == StageKind::PlantSim || !dice.once_in(4) {
+        chaos.look_until("the next life", |chaos| (chaos.watch().pids[kind as usize] != before).then_some(()));
+    }
+}
+
+fn stop(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
+    let (kind, time) = (dice.stage(), dice.duration(SHORTEST, LONGEST));
+    let was_moving = chaos.watch().is_moving();
+    dice.note(&format!("SIGSTOP {} for {time:?}{}", kind.name(), if was_moving { ", in motion" } else { "" }));
+    let (at_ns, pid) = (monotonic_ns(), chaos.watch().pids[kind as usize]);
+    if !chaos.signal(kind, Signal::STOP) {
+        return;
+    }
+    chaos.stopped.push(pid);
+    tally.stops += 1;
+    chaos.look_for(time);
+    if was_moving && time > AFTERMATH {
+        measure(chaos, dice, tally, kind, "stopped", at_ns);
+    }
+    chaos.release();
+}
+
+/// How long the machine went on after its controller or its eyes were gone.
+fn measure(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally, kind: StageKind, how: &str, at_ns: u64) {
+    if !matches!(kind, StageKind::ControlProc | StageKind::SensorProc) {
+        return;
+    }
+    let (name, watch) = (kind.name(), chaos.watch());
+    // A controller that is gone says nothing more; one that is blind says neutral.
+    let last_ns = if kind == StageKind::ControlProc { watch.last_moving_ns } else { watch.neutral_ns };
+    assert!(kind == StageKind::ControlProc || last_ns > watch.last_moving_ns, "{name} {how}: not neutral");
+    let what = if kind == StageKind::ControlProc { "last command" } else { "neutral command" };
+    let command = tally.react(&format!("{what}, {name} {how}"), at_ns, last_ns);
+    let motion_ns = watch.last_motion(at_ns).unwrap_or(at_ns);
+    let motion = tally.react(&format!("standstill, {name} {how}"), at_ns, motion_ns);
+    dice.note(&format!("moved on for {motion:.0} ms, commanded to for {command:.0} ms"));
+    assert!(command < STANDS_WITHIN_MS && motion < STANDS_WITHIN_MS, "{name} {how}: {command} ms, {motion} ms");
+}
+
+/// A client reads along, and may be killed while it does.
+fn visit(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
+    let is_killed = dice.once_in(2);
+    dice.note(if is_killed { "status, killed" } else { "status" });
+    tally.clients += 1;
+    let mut status = client(&["status", "--prefix", &chaos.prefix().to_string()]);
+    if is_killed {
+        chaos.look_for(dice.duration(SHORTEST, Duration::from_millis(300)));
+        let _ = status.kill();
+    }
+    chaos.finish(status);
+}
+
+/// A program moves an axis by hand, and is killed while it does.
+fn operate(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
+    dice.note("operate by hand, killed");
+    tally.clients += 1;
+    let prefix = chaos.prefix().to_string();
+    chaos.watch().controller.at_levers = true;
+    let operator = ["operate", "--prefix", &prefix, "--mode", "manual", "--command", "0.2", "--enable"];
+    let mut operator = client(&operator);
+    chaos.look_for(dice.duration(SHORTEST, LONGEST));
+    let _ = operator.kill();
+    chaos.finish(operator);
+    let killed_ns = monotonic_ns();
+    chaos.look_for(AFTERMATH);
+    chaos.watch().controller.at_levers = false;
+    let last_ns = chaos.watch().last_moving_ns;
+    if chaos.watch().last.iter().all(|axis| axis.operation != pipeline::message::AxisMode::Track as u32) {
+        let longest = tally.react("last command, operator killed", killed_ns, last_ns);
+        assert!(longest < AFTERMATH.as_secs_f64() * 1e3, "{longest} ms");
+    }
+}
+
+/// Nobody has a core of its own for a second.
+fn hogs(chaos: &mut Chaos, dice: &mut Dice) {
+    dice.note("two hogs");
+    let until = Instant::now() + Duration::from_secs(1);
+    let hog = || {
+        thread::spawn(move || {
+            while Instant::now() < until {
+                std::hint::spin_loop();
+            }
+        })
+    };
+    let hogs = [hog(), hog()];
+    chaos.look_for(Duration::from_secs(1));
+    hogs.into_iter().for_each(|hog| hog.join().unwrap());
+}

@@ -1,0 +1,247 @@
+//! What must not grow: files, descriptors and memory, over many groups and within one, and page faults in the loops.
+//!
+//! Short by default. `HYDRAXIS_ENDURANCE_CYCLES` (100), `HYDRAXIS_ENDURANCE_MODEL_MINUTES` (60, in lock-step) and
+//! `HYDRAXIS_ENDURANCE_MINUTES` (10, in real time) make it long; the release profile is meant for that.
+//!
+//! Trap: resident memory is not what a process has taken. A page counts from its first touch on, in the program's code and
+//! in the channels too, where a reader that falls behind makes its writer use a slot for the first time. So what must
+//! stay the same to the page is a process' own memory, and of shared memory what the channels have taken at start.
+
+mod harness;
+
+use std::{
+    fs::File,
+    sync::{Mutex, MutexGuard, PoisonError},
+    thread::sleep,
+    time::{Duration, Instant},
+};
+
+use harness::{PATIENCE, files, hydraxis, running::Running, signal, wait_for};
+use pipeline::{
+    channel::Reader,
+    message::StageHealth,
+    stage::{StageKind, monotonic_ns},
+};
+use rustix::process::Signal;
+
+/// Groups take the machine's cores, so there is one of them at a time.
+static CORES: Mutex<()> = Mutex::new(());
+
+fn alone() -> MutexGuard<'static, ()> {
+    CORES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn variable(name: &str, default: f64) -> f64 {
+    std::env::var(name).map_or(default, |text| text.parse().unwrap_or_else(|error| panic!("{name}={text}: {error}")))
+}
+
+/// The number behind a word in `/proc/PID/status`, kB.
+fn status(pid: u32, word: &str) -> u64 {
+    let text = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
+    let line = text.lines().find_map(|line| line.strip_prefix(word)).unwrap();
+    line.trim_start_matches(':').trim_end_matches("kB").trim().parse().unwrap()
+}
+
+/// What a process holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Holds {
+    own_kb: u64,
+    data_kb: u64,
+    descriptors: usize,
+    threads: u64,
+}
+
+impl Holds {
+    fn of(pid: u32) -> Self {
+        Self {
+            own_kb: status(pid, "RssAnon"),
+            data_kb: status(pid, "VmData"),
+            descriptors: descriptors(pid),
+            threads: status(pid, "Threads"),
+        }
+    }
+}
+
+fn descriptors(pid: u32) -> usize {
+    std::fs::read_dir(format!("/proc/{pid}/fd")).unwrap().count()
+}
+
+/// The supervisor and its stages, by name.
+fn processes(running: &Running) -> Vec<(&'static str, u32)> {
+    let stages = StageKind::ALL.into_iter().map(|kind| (kind.name(), running.pid(kind)));
+    [("supervisor", running.supervisor.id())].into_iter().chain(stages).collect()
+}
+
+/// Files in shared memory and the folder for temporary files.
+fn all_files() -> Vec<std::path::PathBuf> {
+    let folders = ["/dev/shm".into(), std::env::temp_dir()];
+    let own = format!("t{}-", std::process::id());
+    let paths =
+        folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap().flatten()).map(|entry| entry.path());
+    // Of this process: others work on the same machine.
+    paths.filter(|path| path.to_string_lossy().contains(&own)).collect()
+}
+
+#[test]
+fn groups_that_come_and_go_leave_nothing_and_take_no_more_each_time() {
+    let _alone = alone();
+    let cycles = variable("HYDRAXIS_ENDURANCE_CYCLES", 5.0) as usize;
+    let group = harness::TestGroup::new("cycles");
+    let prefix = group.prefix.to_string();
+    let folder = tempfile::tempdir().unwrap();
+    let said = folder.path().join("said");
+    let mut peaks: Vec<[u64; 5]> = Vec::new();
+    let mut before = None;
+    for cycle in 0..cycles {
+        let clock = if cycle % 2 == 0 { &["--duration", "0.3s"][..] } else { &["--duration", "2s", "--lockstep"] };
+        let mut supervisor = hydraxis()
+            .args(["run", "--prefix", &prefix])
+            .args(clock)
+            .stdout(std::process::Stdio::null())
+            .stderr(File::create(&said).unwrap())
+            .spawn()
+            .unwrap();
+        let mut peak = [0; 5];
+        let ended = wait_for("the group to end", || {
+            let text = std::fs::read_to_string(format!("/proc/{0}/task/{0}/children", supervisor.id()));
+            let children = text.unwrap_or_default();
+            for pid in std::iter::once(supervisor.id()).chain(children.split(' ').filter_map(|pid| pid.parse().ok())) {
+                take_peak(pid, &mut peak);
+            }
+            supervisor.try_wait().unwrap()
+        });
+        assert!(ended.success(), "cycle {cycle}: {ended}\n{}", std::fs::read_to_string(&said).unwrap());
+        peaks.push(peak);
+        assert_eq!(all_files(), Vec::<std::path::PathBuf>::new(), "cycle {cycle}");
+        assert_eq!(files(&group.prefix), Vec::<std::path::PathBuf>::new(), "cycle {cycle}");
+        assert_eq!(named(&prefix), Vec::<String>::new(), "cycle {cycle}");
+        let now = descriptors(std::process::id());
+        assert_eq!(*before.get_or_insert(now), now, "descriptors of this process, cycle {cycle}");
+    }
+    println!("{cycles} cycles; peaks of supervisor, plant-sim, sensor-proc, ident-proc, control-proc, kB:");
+    let (first, last) = peaks.split_at(cycles / 2);
+    for (name, half) in [("first half", first), ("second half", last)] {
+        println!("  {name}: {:?}", means(half));
+    }
+    // Nothing outlives a group by which the next could take more; what differs is which pages it has come to touch.
+    for (before, after) in means(first).iter().zip(means(last)) {
+        assert!(after < 1.1 * before, "{before} kB grow to {after} kB");
+    }
+}
+
+fn means(peaks: &[[u64; 5]]) -> [f64; 5] {
+    std::array::from_fn(|i| peaks.iter().map(|peak| peak[i] as f64).sum::<f64>() / peaks.len() as f64)
+}
+
+/// Takes in the peak of one process of a group, by the name on its command line.
+fn take_peak(pid: u32, peaks: &mut [u64; 5]) {
+    // It may be gone between two looks.
+    let Ok(line) = std::fs::read_to_string(format!("/proc/{pid}/cmdline")) else { return };
+    let Ok(text) = std::fs::read_to_string(format!("/proc/{pid}/status")) else { return };
+    let names = ["run", "plant-sim", "sensor-proc", "ident-proc", "control-proc"];
+    let place = names.iter().position(|name| line.split('\0').nth(1) == Some(name));
+    let peak = text.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim_end_matches("kB").trim().parse().ok());
+    if let Some((place, peak)) = place.zip(peak) {
+        peaks[place] = peaks[place].max(peak);
+    }
+}
+
+/// Command lines of processes that name this group.
+fn named(prefix: &str) -> Vec<String> {
+    let processes = std::fs::read_dir("/proc").unwrap().flatten();
+    let lines = processes.filter_map(|process| std::fs::read_to_string(process.path().join("cmdline")).ok());
+    lines.filter(|line| line.split('\0').any(|word| word == prefix)).collect()
+}
+
+/// Reads heartbeats along until a number of ticks is through.
+fn await_tick(health: &mut Reader<StageHealth>, tick: u64, patience: Duration) {
+    let until = Instant::now() + patience;
+    let mut least = [0; 4];
+    while least.iter().skip(1).any(|of| *of < tick) {
+        while let Some(health) = health.read().unwrap().if_new() {
+            least[health.stage as usize] = health.header.sequence;
+        }
+        assert!(Instant::now() < until, "waited {patience:?} for tick {tick}: {least:?}");
+        sleep(Duration::from_millis(5));
+    }
+}
+
+/// Takes what all processes hold after `warm_up` ticks, and expects the same at ten later ticks until `ticks`.
+fn expect_constant(test: &str, arguments: &[&str], warm_up: u64, ticks: u64) {
+    let running = Running::start_with(test, &[&["--duration", "100000s"], arguments].concat());
+    let channels = running.group.join();
+    let mut health: Reader<StageHealth> = channels.reader().unwrap();
+    // In lock-step a tick takes a millisecond at the most, on a busy machine ten.
+    let patience = PATIENCE + Duration::from_millis(20 * ticks);
+    await_tick(&mut health, warm_up, patience);
+    let look = || processes(&running).into_iter().map(|(name, pid)| (name, Holds::of(pid))).collect::<Vec<_>>();
+    let touched = || processes(&running).into_iter().map(|(_, pid)| status(pid, "VmRSS")).collect::<Vec<_>>();
+    let shared = || running.group.files().iter().map(|file| std::fs::metadata(file).unwrap().len()).sum::<u64>() / 1024;
+    let (before, shared_before, touched_before) = (look(), shared(), touched());
+    let started = monotonic_ns();
+    let mut changes = Vec::new();
+    for part in 1..=10 {
+        await_tick(&mut health, warm_up + (ticks - warm_up) * part / 10, patience);
+        let now = look();
+        for (then, now) in before.iter().zip(&now).filter(|(then, now)| then != now) {
+            changes.push(format!("part {part} of 10: {then:?} has become {:?}", now.1));
+        }
+        assert_eq!(shared(), shared_before, "kB of shared memory, part {part} of 10");
+    }
+    println!(
+        "{test}: from tick {warm_up} to {ticks} in {:.1} s: {before:?}; shared {shared_before} kB; VmRSS was \
+         {touched_before:?} kB and is {:?} kB",
+        (monotonic_ns() - started) as f64 * 1e-9,
+        touched()
+    );
+    assert_eq!(changes, Vec::<String>::new());
+    end(running, channels, health);
+}
+
+/// Ends a group in order: it leaves nothing.
+fn end(mut running: Running, channels: pipeline::channel::Group, health: Reader<StageHealth>) {
+    drop((health, channels));
+    signal(running.supervisor.id(), Signal::INT);
+    running.expect_end(0);
+    assert_eq!(running.group.files(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn memory_is_constant_to_the_page_in_lock_step() {
+    let _alone = alone();
+    let minutes = variable("HYDRAXIS_ENDURANCE_MODEL_MINUTES", 1.0);
+    expect_constant("constant-lock", &["--lockstep"], 1000, (6000.0 * minutes) as u64);
+}
+
+#[test]
+fn memory_is_constant_to_the_page_in_real_time() {
+    let _alone = alone();
+    let minutes = variable("HYDRAXIS_ENDURANCE_MINUTES", 1.0 / 6.0);
+    expect_constant("constant-real", &[], 500, 500 + (6000.0 * minutes) as u64);
+}
+
+/// Minor and major page faults of a process' main thread.
+fn page_faults(pid: u32) -> (u64, u64) {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/task/{pid}/stat")).unwrap();
+    // The state is field 3; it follows the name, which may hold spaces and is closed by the last bracket.
+    let fields: Vec<&str> = stat.rsplit(") ").next().unwrap().split(' ').collect();
+    (fields[10 - 3].parse().unwrap(), fields[12 - 3].parse().unwrap())
+}
+
+#[test]
+fn the_loops_of_the_stages_meet_no_page_fault() {
+    let _alone = alone();
+    let locked = ["--set", "realtime.lock_memory=true"];
+    let running = Running::start_with("faults", &[&["--duration", "100000s"], &locked[..]].concat());
+    let channels = running.group.join();
+    let mut health: Reader<StageHealth> = channels.reader().unwrap();
+    await_tick(&mut health, 500, PATIENCE);
+    let look = || StageKind::ALL.map(|kind| (kind.name(), page_faults(running.pid(kind))));
+    let before = look();
+    await_tick(&mut health, 1000, PATIENCE);
+    let after = look();
+    let locked = StageKind::ALL.map(|kind| status(running.pid(kind), "VmLck"));
+    println!("minor and major page faults: {before:?}, then {after:?}; locked {locked:?} kB");
+    assert_eq!(before, after);
+    end(running, channels, health);
+}

@@ -1,9 +1,12 @@
 //! Recordings and trajectories.
 
-use std::{fs::File, io::Write, os::fd::AsRawFd, path::PathBuf};
+use std::{fs::File, io::Write, os::fd::AsRawFd, path::PathBuf, sync::OnceLock};
 
 use control_proc::trajectory::Trajectory;
-use pipeline::{columns::Table, machine::Machine};
+use pipeline::{
+    columns::Table,
+    machine::{Axis, Machine},
+};
 use rustix::fs::{MemfdFlags, memfd_create};
 use sensor_proc::record::Record;
 
@@ -40,8 +43,8 @@ pub fn csv(data: &[u8]) {
 
 /// A reference out of a file.
 pub fn trajectory(data: &[u8]) {
-    let machine = Machine::load(None, &[]).expect("the built-in machine");
-    let axis = &machine.axes[0];
+    static AXIS: OnceLock<Axis> = OnceLock::new();
+    let axis = AXIS.get_or_init(|| Machine::load(None, &[]).expect("the built-in machine").axes[0].clone());
     let (low, high) = axis.soft_limits;
     let (_file, path) = file(data);
     match Trajectory::read(&path, "x", axis) {

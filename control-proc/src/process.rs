@@ -14,7 +14,7 @@ use pipeline::{
         control_flag,
     },
     stage::{
-        Accounting, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
+        Channels, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
     },
 };
 
@@ -216,11 +216,11 @@ impl Stage for Process {
         self.send_neutral(monotonic_ns())
     }
 
-    fn channels(&mut self, accounting: &mut Accounting) {
-        accounting.channel(&mut self.samples);
-        accounting.channel(&mut self.snapshots);
-        accounting.channel(&mut self.references);
-        accounting.channel(&mut self.requests);
+    fn channels(&mut self, channels: &mut Channels<'_>) {
+        channels.visit(&mut self.samples);
+        channels.visit(&mut self.snapshots);
+        channels.visit(&mut self.references);
+        channels.visit(&mut self.requests);
     }
 
     fn tell(&mut self) -> Result<(), StageError> {

@@ -4,7 +4,7 @@ use pipeline::{
     channel::{Group, Publisher, Reader},
     machine::Machine,
     message::{CoefficientSnapshot, EncoderSample, ValveCommand},
-    stage::{Accounting, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, run as run_stage},
+    stage::{Channels, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, run as run_stage},
 };
 
 use crate::Identifiers;
@@ -80,8 +80,8 @@ impl Stage for Process {
         Ok(())
     }
 
-    fn channels(&mut self, accounting: &mut Accounting) {
-        accounting.channel(&mut self.samples);
-        accounting.channel(&mut self.commands);
+    fn channels(&mut self, channels: &mut Channels<'_>) {
+        channels.visit(&mut self.samples);
+        channels.visit(&mut self.commands);
     }
 }

@@ -11,7 +11,7 @@ use pipeline::{
     machine::Machine,
     message::{CoefficientSnapshot, EncoderReading, ValveCommand},
     stage::{
-        Accounting, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
+        Channels, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
     },
 };
 
@@ -131,8 +131,8 @@ impl Stage for Process {
         Ok(())
     }
 
-    fn channels(&mut self, accounting: &mut Accounting) {
-        accounting.channel(&mut self.commands);
-        self.snapshots.iter_mut().for_each(|snapshots| accounting.channel(snapshots));
+    fn channels(&mut self, channels: &mut Channels<'_>) {
+        channels.visit(&mut self.commands);
+        self.snapshots.iter_mut().for_each(|snapshots| channels.visit(snapshots));
     }
 }

@@ -7,7 +7,7 @@ use pipeline::{
     machine::{Machine, Source},
     message::{CoefficientSnapshot, EncoderReading, EncoderSample, MissCause, ValveCommand},
     stage::{
-        Accounting, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
+        Channels, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
     },
 };
 
@@ -168,8 +168,8 @@ impl Stage for Live {
         Ok(())
     }
 
-    fn channels(&mut self, accounting: &mut Accounting) {
-        accounting.channel(&mut self.readings);
+    fn channels(&mut self, channels: &mut Channels<'_>) {
+        channels.visit(&mut self.readings);
     }
 }
 
@@ -249,7 +249,7 @@ impl Stage for Recorded {
         Ok(())
     }
 
-    fn channels(&mut self, accounting: &mut Accounting) {
-        self.snapshots.iter_mut().for_each(|snapshots| accounting.channel(snapshots));
+    fn channels(&mut self, channels: &mut Channels<'_>) {
+        self.snapshots.iter_mut().for_each(|snapshots| channels.visit(snapshots));
     }
 }

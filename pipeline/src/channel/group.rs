@@ -170,13 +170,7 @@ impl Group {
     /// # Errors
     /// The channel has another layout, or has its readers already.
     pub fn reader<M: Message>(&self) -> Result<Reader<M>, ChannelError> {
-        let port = self
-            .open::<M>()?
-            .subscriber_builder()
-            .buffer_size(M::BUFFER)
-            .create()
-            .map_err(|error| self.cannot_open::<M>(format!("{error:?}")))?;
-        Ok(Reader::new(port))
+        Reader::new(self.open::<M>()?).map_err(|reason| self.cannot_open::<M>(reason))
     }
 
     /// Opens the event that goes with the channel of `M`, to ring it.

@@ -1,6 +1,6 @@
 //! The reading end of a channel.
 
-use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::{port::subscriber::Subscriber, service::port_factory::publish_subscribe::PortFactory};
 
 use super::{ChannelError, service::Service};
 use crate::message::{CHANNELS, ChannelHealth, Message};
@@ -28,6 +28,7 @@ impl<'a, M> Read<'a, M> {
 
 /// Reads messages of one kind and counts the ones it missed; never waits, allocates nothing.
 pub struct Reader<M: Message> {
+    channel: PortFactory<Service, M, ()>,
     port: Subscriber<Service, M, ()>,
     last: M,
     any: bool,
@@ -35,9 +36,23 @@ pub struct Reader<M: Message> {
 }
 
 impl<M: Message> Reader<M> {
-    pub(super) fn new(port: Subscriber<Service, M, ()>) -> Self {
+    /// # Errors
+    /// The channel has its readers already.
+    pub(super) fn new(factory: PortFactory<Service, M, ()>) -> Result<Self, String> {
+        let port = attach(&factory)?;
         let channel = CHANNELS.iter().position(|name| *name == M::CHANNEL).unwrap_or(CHANNELS.len()) as u32;
-        Self { port, last: M::default(), any: false, health: ChannelHealth { channel, ..ChannelHealth::default() } }
+        let health = ChannelHealth { channel, ..ChannelHealth::default() };
+        Ok(Self { channel: factory, port, last: M::default(), any: false, health })
+    }
+
+    /// Takes another place on the channel, which makes all its writers connect anew; what was sent last comes again if it
+    /// was not read. For a reader that hears nothing where it should: the library gives a connection up that could not be
+    /// made at the first try, and nobody is told.
+    pub fn reattach(&mut self) {
+        // Without another place it keeps the one it has.
+        if let Ok(port) = attach(&self.channel) {
+            self.port = port;
+        }
     }
 
     /// The next message in the order they were sent.
@@ -45,27 +60,30 @@ impl<M: Message> Reader<M> {
     /// # Errors
     /// The library cannot connect to a writer.
     pub fn read(&mut self) -> Result<Read<'_, M>, ChannelError> {
-        let received =
-            self.port.receive().map_err(|e| ChannelError::Receive { channel: M::CHANNEL, reason: format!("{e:?}") })?;
-        match received {
-            Some(sample) => {
-                let (before, after) = (self.last.header(), sample.payload().header());
-                if self.any && after.number > before.number {
-                    self.health.lost += after.number - before.number - 1;
-                } else if self.any {
-                    self.health.restarts += 1;
-                }
-                if self.any {
-                    let gap = after.acquired_ns.saturating_sub(before.acquired_ns);
-                    self.health.longest_gap_ns = self.health.longest_gap_ns.max(gap);
-                }
-                self.health.received += 1;
-                self.last = *sample;
-                self.any = true;
-                Ok(Read::New(&self.last))
+        let refuse = |reason| ChannelError::Receive { channel: M::CHANNEL, reason };
+        loop {
+            let received = self.port.receive().map_err(|error| refuse(format!("{error:?}")))?;
+            let Some(sample) = received else {
+                return Ok(if self.any { Read::Old(&self.last) } else { Read::None });
+            };
+            // What was sent last comes again to a reader that has attached anew.
+            if self.any && sample.payload().header() == self.last.header() {
+                continue;
             }
-            None if self.any => Ok(Read::Old(&self.last)),
-            None => Ok(Read::None),
+            let (before, after) = (self.last.header(), sample.payload().header());
+            if self.any && after.number > before.number {
+                self.health.lost += after.number - before.number - 1;
+            } else if self.any {
+                self.health.restarts += 1;
+            }
+            if self.any {
+                let gap = after.acquired_ns.saturating_sub(before.acquired_ns);
+                self.health.longest_gap_ns = self.health.longest_gap_ns.max(gap);
+            }
+            self.health.received += 1;
+            self.last = *sample;
+            self.any = true;
+            return Ok(Read::New(&self.last));
         }
     }
 
@@ -126,4 +144,8 @@ impl<M: Message> Reader<M> {
     pub fn reset_health(&mut self) {
         self.health = ChannelHealth { channel: self.health.channel, ..ChannelHealth::default() };
     }
+}
+
+fn attach<M: Message>(factory: &PortFactory<Service, M, ()>) -> Result<Subscriber<Service, M, ()>, String> {
+    factory.subscriber_builder().buffer_size(M::BUFFER).create().map_err(|error| format!("{error:?}"))
 }

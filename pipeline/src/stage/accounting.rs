@@ -130,7 +130,7 @@ impl Accounting {
     }
 
     /// Takes in a channel that the stage reads.
-    pub fn channel<M: Message>(&mut self, reader: &mut Reader<M>) {
+    pub(super) fn channel<M: Message>(&mut self, reader: &mut Reader<M>) {
         if self.resetting {
             reader.reset_health();
         }

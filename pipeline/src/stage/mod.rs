@@ -12,6 +12,7 @@
 //! that was not worked at all: an overrun is never hidden by skipping ([`accounting`]).
 
 mod accounting;
+mod channels;
 mod clock;
 mod rights;
 mod run;
@@ -20,6 +21,7 @@ mod turn;
 use std::sync::{Arc, atomic::AtomicBool};
 
 pub use accounting::Accounting;
+pub use channels::Channels;
 pub use clock::{monotonic_ns, sleep_until};
 pub use rights::{Missing, lock_memory, missing, pin, schedule};
 pub use run::{Stage, run};

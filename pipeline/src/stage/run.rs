@@ -1,6 +1,6 @@
 //! Runs a stage from start to end.
 
-use super::{Accounting, Next, Options, StageError, StageKind, Turn, rights};
+use super::{Channels, Next, Options, StageError, StageKind, Turn, monotonic_ns, rights};
 use crate::{channel::Group, machine::Machine};
 
 /// A stage: a core between its channels.
@@ -20,8 +20,8 @@ pub trait Stage {
     /// The last message cannot be sent.
     fn stop(&mut self) -> Result<(), StageError>;
 
-    /// Hands every channel that it reads to [`Accounting::channel`].
-    fn channels(&mut self, accounting: &mut Accounting);
+    /// Hands every channel that it reads to [`Channels::visit`].
+    fn channels(&mut self, channels: &mut Channels<'_>);
 
     /// Says more at a heartbeat than the loop knows; called between two ticks.
     ///
@@ -54,23 +54,34 @@ pub fn run<S: Stage>(
     let ended = turns(&mut stage, &mut turn);
     // Neutral first, whatever happened.
     let stopped = stage.stop();
-    let reported = turn.farewell(|accounting| stage.channels(accounting));
+    let reported = turn.farewell(|accounting| stage.channels(&mut Channels::Account(accounting)));
     drop(rights);
     ended.and(stopped).and(reported.map_err(StageError::from))
 }
 
+/// Time without any input after which a stage attaches to its channels anew, and again after as long: far more than any
+/// sample is late, and soon enough for whoever waits for a group to begin.
+const SILENCE_NS: u64 = 1_000_000_000;
+
 fn turns(stage: &mut impl Stage, turn: &mut Turn) -> Result<(), StageError> {
+    let mut heard_ns = monotonic_ns();
     loop {
         if turn.is_beat_due() {
-            turn.beat(|accounting| stage.channels(accounting))?;
+            turn.beat(|accounting| stage.channels(&mut Channels::Account(accounting)))?;
             stage.tell()?;
         }
         if turn.stopping() {
             return Ok(());
         }
         match stage.turn(turn)? {
-            Next::Worked => {}
-            Next::Waiting => stage.greet(),
+            Next::Worked => heard_ns = monotonic_ns(),
+            Next::Waiting => {
+                stage.greet();
+                if monotonic_ns().saturating_sub(heard_ns) > SILENCE_NS {
+                    stage.channels(&mut Channels::Reattach);
+                    heard_ns = monotonic_ns();
+                }
+            }
             Next::Finished => return Ok(()),
         }
     }

@@ -273,10 +273,15 @@ fn join_members(folder: &Path) -> std::io::Result<File> {
         };
         file.lock_shared()?;
         // Between opening and locking it may have been removed: then the lock is on a file that nobody else sees.
-        if std::fs::metadata(&path).is_ok_and(|seen| file.metadata().is_ok_and(|own| own.ino() == seen.ino())) {
+        if is_still(&file, &path) {
             return Ok(file);
         }
     }
+}
+
+/// Whether an open file is the one that now has this name.
+pub(super) fn is_still(file: &File, path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|seen| file.metadata().is_ok_and(|own| own.ino() == seen.ino()))
 }
 
 fn is_foreign(error: &PublishSubscribeOpenOrCreateError) -> bool {

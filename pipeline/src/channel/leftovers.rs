@@ -14,17 +14,21 @@
 
 use std::{
     collections::BTreeMap,
-    fs::{File, TryLockError},
+    fs::File,
     path::{Path, PathBuf},
+    time::Duration,
 };
 
 use super::{
     ChannelError, Prefix,
-    group::{FOLDER, MEMBERS},
+    group::{FOLDER, MEMBERS, is_still},
 };
 
 /// Where shared memory has its names.
 const SHARED_MEMORY: &str = "/dev/shm";
+/// How often, and after which pause again, a lock is tried before its group is alive: somebody may hold it for the moment
+/// that it takes to look whether it can be had, as [`groups`] does.
+const TRIES: (usize, Duration) = (10, Duration::from_millis(1));
 /// Hexadecimal digits that the library puts behind the prefix.
 const HASH_DIGITS: usize = 40;
 
@@ -126,16 +130,23 @@ enum Lock {
 }
 
 fn lock(prefix: &Prefix) -> Lock {
-    let members = match File::open(prefix.folder().join(MEMBERS)) {
-        Ok(members) => members,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Lock::Missing,
-        // Somebody else's: whatever it is, it is not ours to remove.
-        Err(_) => return Lock::Held,
-    };
-    match members.try_lock() {
-        Ok(()) => Lock::Taken(members),
-        Err(TryLockError::WouldBlock | TryLockError::Error(_)) => Lock::Held,
+    let path = prefix.folder().join(MEMBERS);
+    for again in 0..TRIES.0 {
+        if again > 0 {
+            std::thread::sleep(TRIES.1);
+        }
+        let members = match File::open(&path) {
+            Ok(members) => members,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Lock::Missing,
+            // Somebody else's: whatever it is, it is not ours to remove.
+            Err(_) => return Lock::Held,
+        };
+        // Another may have removed it since, and a new group have made its own.
+        if members.try_lock().is_ok() && is_still(&members, &path) {
+            return Lock::Taken(members);
+        }
     }
+    Lock::Held
 }
 
 fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
@@ -162,6 +173,8 @@ fn is_mapped(files: &[PathBuf]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
     use super::*;
 
     #[test]
@@ -188,5 +201,28 @@ mod tests {
         ] {
             assert_eq!(prefix(&name), None, "{name}");
         }
+    }
+    #[test]
+    fn a_dead_group_is_removed_while_others_look_whether_it_lives() {
+        let prefix: Prefix = format!("t{}-looked-at", std::process::id()).parse().unwrap();
+        let stop = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    while !stop.load(Ordering::Relaxed) {
+                        drop(lock(&prefix));
+                        std::thread::sleep(Duration::from_micros(100));
+                    }
+                });
+            }
+            let tries = (0..2000).map(|_| {
+                std::fs::create_dir_all(prefix.folder()).unwrap();
+                std::fs::write(prefix.folder().join(MEMBERS), "").unwrap();
+                remove_leftovers(&prefix)
+            });
+            let refused = tries.filter(Result::is_err).count();
+            stop.store(true, Ordering::Relaxed);
+            assert_eq!(refused, 0);
+        });
     }
 }

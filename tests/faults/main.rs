@@ -11,3 +11,5 @@ mod clock;
 mod script;
 
 mod feedback;
+mod model;
+mod system;

@@ -27,6 +27,18 @@ fn patient(model: &[&str]) -> Vec<String> {
     settings
 }
 
+/// The axes of which something has been seen, be it at different times.
+#[derive(Default)]
+struct Each([bool; AXES]);
+
+impl Each {
+    /// Looks at one more command; whether it has been seen of all.
+    fn take(&mut self, command: &ValveCommand, is_it: impl Fn(&AxisCommand) -> bool) -> bool {
+        self.0.iter_mut().zip(&command.axes).for_each(|(seen, axis)| *seen |= is_it(axis));
+        self.0 == [true; AXES]
+    }
+}
+
 #[test]
 fn row_23_a_killed_identifier_stops_nobody() {
     let _alone = alone();
@@ -45,14 +57,16 @@ fn row_23_a_killed_identifier_stops_nobody() {
         let gap = last.replace(header.sequence).map_or(0, |last: u64| header.sequence.saturating_sub(last + 1));
         gaps[place] = gaps[place].max(gap);
     };
+    let mut fine = Each::default();
     wait_for("models", || {
         let command = commands.read().unwrap().if_new()?;
         count(&command.header, 0);
-        all(command, &is_fine).then_some(())
+        fine.take(command, is_fine).then_some(())
     });
     signal(running.pid(StageKind::IdentProc), Signal::KILL);
     let killed = Instant::now();
     let (mut stale, mut slow, mut slow_ticks) = (None, None, 0);
+    let mut fine = Each::default();
     wait_for("the next life's model", || {
         let command = commands.read().unwrap().if_new()?;
         count(&command.header, 1);
@@ -70,7 +84,8 @@ fn row_23_a_killed_identifier_stops_nobody() {
             // Half of the way from the smallest dead band to the limit, once the command has come down to it.
             assert!(slow_ticks < 20 || all(command, &|axis| axis.command.abs() < 0.55));
         }
-        (slow.is_some() && all(command, &is_fine)).then_some(())
+        // Only of the next life: the last model of the one before is stale by then.
+        (slow.is_some() && fine.take(command, is_fine)).then_some(())
     });
     let (stale, slow) = (stale.unwrap(), slow.unwrap());
     assert!(stale > timeout / 2 && slow > lifetime / 2 + timeout / 2, "{stale:?} {slow:?}");
@@ -110,10 +125,11 @@ fn row_24_a_flood_of_snapshots_delays_nobody() {
         }
         u64::from(flood)
     };
+    let mut fine = Each::default();
     wait_for("models", || {
         identify(false);
         let command: &ValveCommand = seen.read().unwrap().if_new()?;
-        command.axes[..AXES].iter().all(is_by_model).then_some(())
+        fine.take(command, is_by_model).then_some(())
     });
     let mut pid = 0;
     wait_for("control-proc", || {
@@ -163,6 +179,8 @@ fn row_24_a_flood_of_snapshots_delays_nobody() {
     // What is on the way is neither read nor lost yet.
     let accounted = channel.received + channel.lost;
     assert!(accounted + 500 >= sent && channel.received > flooded.samples, "{accounted} of {sent}");
+    // The middle says more than the tail, of which a busy machine makes what it likes.
+    assert!(flooded.work.p50 <= 10 * calm.work.p50, "{} ns for {} ns", flooded.work.p50, calm.work.p50);
     judge("row 24", "work, p99", Duration::from_nanos(flooded.work.p99), Duration::from_nanos(calm.work.p99));
     judge("row 24", "wait, p99", Duration::from_nanos(flooded.wait.p99), Duration::from_nanos(calm.wait.p99));
 }

@@ -12,4 +12,6 @@ mod script;
 
 mod control;
 mod feedback;
+mod model;
 mod motion;
+mod system;

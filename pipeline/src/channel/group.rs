@@ -102,7 +102,13 @@ impl Group {
         set_log_level(LogLevel::Fatal);
         let refuse = |reason: String| ChannelError::Join { prefix: prefix.to_string(), reason };
         let folder = prefix.folder();
-        let membership = join_members(&folder).map_err(|error| refuse(format!("{}: {error}", folder.display())))?;
+        let membership = join_members(&folder).map_err(|error| match folder.metadata() {
+            Ok(found) if !found.is_dir() => refuse(format!(
+                "found {}, which is no folder; allowed: a group's folder, or nothing: remove it, or take another --prefix",
+                folder.display()
+            )),
+            _ => refuse(format!("{}: {error}", folder.display())),
+        })?;
         let mut config = Config::default();
         config.global.prefix = FileName::new(prefix.file_prefix().as_bytes()).map_err(|e| refuse(format!("{e:?}")))?;
         let root = iceoryx2::prelude::Path::new(folder.as_os_str().as_encoded_bytes());

@@ -15,6 +15,7 @@
 use std::{
     collections::BTreeMap,
     fs::File,
+    io::ErrorKind,
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -137,7 +138,10 @@ fn lock(prefix: &Prefix) -> Lock {
         }
         let members = match File::open(&path) {
             Ok(members) => members,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Lock::Missing,
+            // A file in the folder's place is no group's either.
+            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+                return Lock::Missing;
+            }
             // Somebody else's: whatever it is, it is not ours to remove.
             Err(_) => return Lock::Held,
         };

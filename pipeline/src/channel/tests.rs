@@ -218,6 +218,18 @@ fn the_files_of_a_living_group_are_not_touched() {
 }
 
 #[test]
+fn a_file_in_the_place_of_the_folder_is_no_running_group_and_stays() {
+    let own = Own::new("file");
+    std::fs::write(own.0.folder(), "foreign").unwrap();
+    assert_eq!(remove_leftovers(&own.0).unwrap(), Vec::<std::path::PathBuf>::new());
+    let error = Group::join(&own.0, "test").map(|_| ()).unwrap_err().to_string();
+    let left = std::fs::read_to_string(own.0.folder()).unwrap();
+    std::fs::remove_file(own.0.folder()).unwrap();
+    assert_eq!(left, "foreign");
+    assert!(error.contains("no folder") && error.contains("take another --prefix"), "{error}");
+}
+
+#[test]
 fn nothing_is_left_behind() {
     let own = Own::new("left");
     {

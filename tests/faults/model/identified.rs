@@ -30,12 +30,10 @@ const GOOD: usize = 4;
 
 /// The stages but for ident-proc, whose core is here.
 pub struct Identified {
-    _group: TestGroup,
     samples: Reader<EncoderSample>,
     commands: Reader<ValveCommand>,
     snapshots: Publisher<CoefficientSnapshot>,
     requests: Publisher<Request>,
-    _channels: Group,
     core: Identifiers,
     /// What control-proc runs, fed with the same.
     pub twin: Controller,
@@ -50,6 +48,9 @@ pub struct Identified {
     pub sample: EncoderSample,
     pub command: ValveCommand,
     tick: u64,
+    // Removes what is left of the group, so after all that is in it.
+    _channels: Group,
+    _group: TestGroup,
 }
 
 impl Identified {

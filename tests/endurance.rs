@@ -11,25 +11,17 @@ mod harness;
 
 use std::{
     fs::File,
-    sync::{Mutex, MutexGuard, PoisonError},
     thread::sleep,
     time::{Duration, Instant},
 };
 
-use harness::{PATIENCE, files, hydraxis, running::Running, signal, wait_for};
+use harness::{PATIENCE, alone, files, hydraxis, running::Running, signal, wait_for};
 use pipeline::{
     channel::Reader,
     message::StageHealth,
     stage::{StageKind, monotonic_ns},
 };
 use rustix::process::Signal;
-
-/// Groups take the machine's cores, so there is one of them at a time.
-static CORES: Mutex<()> = Mutex::new(());
-
-fn alone() -> MutexGuard<'static, ()> {
-    CORES.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 fn variable(name: &str, default: f64) -> f64 {
     std::env::var(name).map_or(default, |text| text.parse().unwrap_or_else(|error| panic!("{name}={text}: {error}")))

@@ -7,12 +7,11 @@ use std::{
     os::unix::net::UnixDatagram,
     path::PathBuf,
     process::{ChildStdin, Stdio},
-    sync::{Mutex, MutexGuard, PoisonError},
     thread,
     time::{Duration, Instant},
 };
 
-use harness::{TestGroup, hydraxis, is_running, running::Running, signal, wait_for};
+use harness::{TestGroup, alone, hydraxis, is_running, running::Running, signal, wait_for};
 use pipeline::{
     channel::Reader,
     message::{ControlMode, EncoderSample, StageHealth, ValveCommand, control_flag},
@@ -22,13 +21,6 @@ use rustix::process::Signal;
 use serde_json::json;
 
 const NOTHING: Vec<PathBuf> = Vec::new();
-
-/// Groups in real time take the machine's cores, so there is one of them at a time.
-static CORES: Mutex<()> = Mutex::new(());
-
-fn alone() -> MutexGuard<'static, ()> {
-    CORES.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 fn text(mut pipe: impl Read) -> String {
     let mut text = String::new();

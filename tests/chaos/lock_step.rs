@@ -6,10 +6,9 @@ use pipeline::stage::StageKind;
 use rustix::process::Signal;
 
 use crate::{
-    alone,
     dice::Dice,
     group::{Chaos, Tally, client},
-    harness::{report, strip_times},
+    harness::{alone, report, strip_times},
     kills,
 };
 

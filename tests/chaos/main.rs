@@ -12,15 +12,6 @@ mod lock_step;
 mod real_time;
 mod watch;
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-/// Groups take the machine's cores, so there is one of them at a time.
-static CORES: Mutex<()> = Mutex::new(());
-
-fn alone() -> MutexGuard<'static, ()> {
-    CORES.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// Kills in each of the two clocks.
 fn kills() -> u64 {
     dice::variable("HYDRAXIS_CHAOS_KILLS", 16).div_ceil(2)

@@ -9,10 +9,9 @@ use pipeline::stage::{StageKind, monotonic_ns};
 use rustix::process::Signal;
 
 use crate::{
-    alone,
     dice::Dice,
     group::{Chaos, Tally, client},
-    harness::is_running,
+    harness::{alone, is_running},
     kills,
 };
 

@@ -1,6 +1,6 @@
 //! Rows 1 to 8: what can happen to the feedback.
 
-use std::time::Duration;
+use std::{sync::MutexGuard, time::Duration};
 
 use pipeline::{
     channel::Reader,
@@ -11,7 +11,7 @@ use rustix::process::Signal;
 
 use crate::{
     clock::judge,
-    harness::{TestGroup, running::Running, signal, wait_for},
+    harness::{TestGroup, alone, running::Running, signal, wait_for},
     script::{AXES, RESOLUTION, Scripted, is_latched, moving, receive, send},
 };
 
@@ -23,19 +23,26 @@ const STILL: f64 = 5e-3;
 /// A real-time group in motion, and a place at its channels.
 pub struct Moving {
     pub running: Running,
+    _alone: MutexGuard<'static, ()>,
     pub commands: Reader<ValveCommand>,
     pub readings: Reader<EncoderReading>,
+    pub samples: Reader<EncoderSample>,
     pub health: Reader<StageHealth>,
 }
 
 impl Moving {
     /// Starts a group and waits until the boom is driven.
     pub fn start(test: &str, arguments: &[&str]) -> Self {
+        let alone = alone();
         let running = Running::start_with(test, &[&["--duration", "120s"], arguments].concat());
         let channels = running.group.join();
         let (commands, readings) = (channels.reader().unwrap(), channels.reader().unwrap());
-        let mut moving = Self { running, commands, readings, health: channels.reader().unwrap() };
-        moving.await_command("motion", |command| command.axes[0].command.abs() > 0.15);
+        let (samples, health) = (channels.reader().unwrap(), channels.reader().unwrap());
+        let mut moving = Self { running, _alone: alone, commands, readings, samples, health };
+        wait_for("motion", || {
+            let sample = moving.samples.newest().unwrap().if_new()?;
+            (sample.axes[0].velocity.abs() > 0.08).then_some(())
+        });
         moving
     }
 
@@ -144,9 +151,11 @@ fn row_03_a_long_stop_of_the_acquisition_is_a_loss_and_late_samples_are_not_acte
 
 #[test]
 fn row_03_a_sample_from_before_a_stop_moves_nothing() {
+    let _alone = alone();
     let mut group = TestGroup::new("row-03-late");
     let channels = group.join();
     let samples = channels.publisher::<EncoderSample>().unwrap();
+    let bell = channels.bell::<EncoderSample>().unwrap();
     let mut commands = channels.reader::<ValveCommand>().unwrap();
     group.start(StageKind::ControlProc, &["--arm", "--set", "timing.feedback_timeout=300ms"]);
     let mut sample = |sequence: u64, age: u64| {
@@ -158,6 +167,7 @@ fn row_03_a_sample_from_before_a_stop_moves_nothing() {
         let positions = [0.65, 0.75, 0.6, 0.55];
         sample.axes.iter_mut().zip(positions).for_each(|(axis, position)| axis.position = position);
         samples.send(&sample).unwrap();
+        bell.ring().unwrap();
         std::thread::sleep(Duration::from_millis(10));
         commands.newest().unwrap();
         commands.last().copied()

@@ -6,8 +6,6 @@
 mod identified;
 mod real_time;
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
 use pipeline::{
     hammerstein::Coefficients,
     machine::Machine,
@@ -16,12 +14,6 @@ use pipeline::{
 
 use crate::script::AXES;
 use identified::{Identified, SPOILT, is_by_model, number};
-
-/// Groups in real time take the machine's cores, so there is one of them at a time.
-pub fn alone() -> MutexGuard<'static, ()> {
-    static CORES: Mutex<()> = Mutex::new(());
-    CORES.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// The built-in machine in warm oil, trained within seconds.
 pub fn trained_soon() -> Vec<String> {

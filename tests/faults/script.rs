@@ -39,13 +39,11 @@ pub fn receive<M: Message>(reader: &mut Reader<M>, sequence: u64, greet: impl Fn
 
 /// The stages but for plant-sim, and in its place an integrator with a dead band for each axis.
 pub struct Scripted {
-    group: TestGroup,
     readings: Publisher<EncoderReading>,
     commands: Reader<ValveCommand>,
     snapshots: Reader<CoefficientSnapshot>,
     references: Publisher<Reference>,
     requests: Publisher<Request>,
-    _channels: Group,
     /// Where the pistons are, m.
     pub positions: [f64; AXES],
     /// Speed at full command, m/s.
@@ -54,6 +52,9 @@ pub struct Scripted {
     pub request: Option<Request>,
     /// The next tick.
     pub tick: u64,
+    // Last: whoever is still a member when the group is dropped keeps its files.
+    _channels: Group,
+    group: TestGroup,
 }
 
 impl Scripted {

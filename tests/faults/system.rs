@@ -19,8 +19,8 @@ use serde_json::Value;
 
 use crate::{
     clock::judge,
-    harness::{TestGroup, hydraxis, running::Running, signal, wait_for},
-    model::{alone, set},
+    harness::{TestGroup, alone, hydraxis, running::Running, signal, wait_for},
+    model::set,
     script::AXES,
 };
 

@@ -6,6 +6,7 @@ pub mod running;
 use std::{
     path::{Path, PathBuf},
     process::{Child, Command, Output, Stdio},
+    sync::{Mutex, MutexGuard, PoisonError},
     time::{Duration, Instant},
 };
 
@@ -17,6 +18,12 @@ use rustix::process::{Pid, Signal, kill_process};
 
 /// Longest wait for anything that has to come; far beyond what it takes on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Groups in real time take the machine's cores: there is one of them at a time in a test binary.
+pub fn alone() -> MutexGuard<'static, ()> {
+    static CORES: Mutex<()> = Mutex::new(());
+    CORES.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// The command under test.
 pub fn hydraxis() -> Command {

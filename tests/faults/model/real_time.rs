@@ -12,10 +12,10 @@ use pipeline::{
 };
 use rustix::process::Signal;
 
-use super::{alone, identified::is_by_model, machine, set, trained_soon};
+use super::{identified::is_by_model, machine, set, trained_soon};
 use crate::{
     clock::{judge, scaled},
-    harness::{TestGroup, running::Running, signal, wait_for},
+    harness::{TestGroup, alone, running::Running, signal, wait_for},
     script::{AXES, send},
 };
 

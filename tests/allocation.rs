@@ -17,7 +17,7 @@ use pipeline::{
     channel::Prefix,
     hammerstein::{Basis, InputMap, Structure},
     machine::{Form, IdentifiedOutput, Machine},
-    message::{AxisMode, AxisRequest, CoefficientSnapshot, Request, ValveCommand},
+    message::{AxisMode, AxisRequest, CoefficientSnapshot, EncoderSample, Request, ValveCommand},
     stage::{Clock, Options, StageError, StageKind},
 };
 
@@ -155,6 +155,22 @@ fn options(prefix: &Prefix, clock: Clock, stop: &Arc<AtomicBool>) -> Options {
     Options { prefix, clock, ticks: None, seed: 1, arm: true, first_tick: 0, warn: true, stop, reset }
 }
 
+/// What two thousand bells allocate that a sleeper is too late for.
+fn unheard_bells() -> u64 {
+    let group = TestGroup::new("bells");
+    let channels = group.join();
+    let (ear, bell) = (channels.ear::<EncoderSample>().unwrap(), channels.bell::<EncoderSample>().unwrap());
+    bell.ring().unwrap();
+    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    COUNTING.store(true, Ordering::Relaxed);
+    IS_STAGE.with(|stage| stage.set(true));
+    (0..2000).for_each(|_| bell.ring().unwrap());
+    ear.wait(Duration::from_millis(1)).unwrap();
+    IS_STAGE.with(|stage| stage.set(false));
+    COUNTING.store(false, Ordering::Relaxed);
+    ALLOCATIONS.load(Ordering::Relaxed) - before
+}
+
 /// One test, since the allocator counts for the whole process.
 #[test]
 fn the_stage_loops_allocate_nothing_after_start() {
@@ -165,6 +181,9 @@ fn the_stage_loops_allocate_nothing_after_start() {
     IS_STAGE.with(|stage| stage.set(false));
     COUNTING.store(false, Ordering::Relaxed);
     assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), 2);
+
+    // A bell that rings and rings for somebody who does not get to hear it.
+    assert_eq!(unheard_bells(), 0);
 
     // Lock-step, through the end of training (tick 800), the change to the model, and heartbeats.
     let mut machine = Machine::load(None, &[]).unwrap();

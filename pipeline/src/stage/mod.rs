@@ -9,7 +9,7 @@
 //! reader; it waits for its input only.
 //!
 //! Every tick has a deadline, one period after its sample was due. A miss is counted with its cause, and so is a tick
-//! that was not worked at all: an overrun is never hidden by skipping ([`accounting`]).
+//! that was not worked at all: an overrun is never hidden by skipping ([`Accounting`]).
 
 mod accounting;
 mod channels;

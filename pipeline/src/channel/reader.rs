@@ -32,6 +32,8 @@ pub struct Reader<M: Message> {
     port: Subscriber<Service, M, ()>,
     last: M,
     any: bool,
+    /// It has attached anew: what was sent last may come again.
+    may_repeat: bool,
     health: ChannelHealth,
 }
 
@@ -42,7 +44,7 @@ impl<M: Message> Reader<M> {
         let port = attach(&factory)?;
         let channel = CHANNELS.iter().position(|name| *name == M::CHANNEL).unwrap_or(CHANNELS.len()) as u32;
         let health = ChannelHealth { channel, ..ChannelHealth::default() };
-        Ok(Self { channel: factory, port, last: M::default(), any: false, health })
+        Ok(Self { channel: factory, port, last: M::default(), any: false, may_repeat: false, health })
     }
 
     /// Takes another place on the channel, which makes all its writers connect anew; what was sent last comes again if it
@@ -52,6 +54,7 @@ impl<M: Message> Reader<M> {
         // Without another place it keeps the one it has.
         if let Ok(port) = attach(&self.channel) {
             self.port = port;
+            self.may_repeat = true;
         }
     }
 
@@ -66,8 +69,7 @@ impl<M: Message> Reader<M> {
             let Some(sample) = received else {
                 return Ok(if self.any { Read::Old(&self.last) } else { Read::None });
             };
-            // What was sent last comes again to a reader that has attached anew.
-            if self.any && sample.payload().header() == self.last.header() {
+            if std::mem::take(&mut self.may_repeat) && self.any && sample.payload().header() == self.last.header() {
                 continue;
             }
             let (before, after) = (self.last.header(), sample.payload().header());

@@ -5,14 +5,14 @@ mod harness;
 use std::{
     process::Output,
     sync::{
-        Arc, Mutex, MutexGuard, PoisonError,
+        Arc, MutexGuard,
         atomic::{AtomicBool, AtomicU32, Ordering},
     },
     thread::{JoinHandle, sleep},
     time::Duration,
 };
 
-use harness::{TestGroup, hydraxis, wait_for};
+use harness::{TestGroup, alone, channel::await_message, hydraxis, wait_for};
 use pipeline::{
     channel::{Group, Prefix, Reader},
     message::{AxisMode, EncoderSample, Header, ValveCommand, control_flag, sample_fault},
@@ -38,9 +38,6 @@ const MACHINE: [&str; 12] = [
     "axis.bucket.reference.kind=hold",
 ];
 
-/// Groups in real time take the machine's cores, so there is one of them at a time.
-static CORES: Mutex<()> = Mutex::new(());
-
 /// A control-proc that gets samples of axes that stand in the middle, with the faults that the test wants.
 struct Played {
     faults: Arc<[AtomicU32; 4]>,
@@ -55,7 +52,7 @@ struct Played {
 
 impl Played {
     fn start(test: &str) -> Self {
-        let alone = CORES.lock().unwrap_or_else(PoisonError::into_inner);
+        let alone = alone();
         let mut group = TestGroup::new(test);
         let channels = group.join();
         let commands = channels.reader().unwrap();
@@ -94,14 +91,7 @@ impl Played {
 
     /// Waits for a command that is as it should be.
     fn wait_until(&mut self, what: &str, is_it: impl Fn(&ValveCommand) -> bool) -> ValveCommand {
-        wait_for(what, || {
-            while let Some(command) = self.commands.read().unwrap().if_new() {
-                if is_it(command) {
-                    return Some(*command);
-                }
-            }
-            None
-        })
+        await_message(&mut self.commands, what, is_it)
     }
 
     /// The commands that have come since the last look, and one more.

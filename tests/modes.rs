@@ -5,11 +5,11 @@ mod harness;
 use std::{
     io::Read,
     process::{Child, Output, Stdio},
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::MutexGuard,
 };
 
 use control_proc::commission::{Experiment, Options, Outcome, Record, analyse};
-use harness::{TestGroup, hydraxis, signal, succeed, wait_for};
+use harness::{TestGroup, alone, channel::await_message, hydraxis, signal, succeed, wait_for};
 use pipeline::{
     channel::Reader,
     machine::{Commissioned, Machine},
@@ -22,13 +22,6 @@ use pipeline::{
 use plant_sim::PlantSim;
 use rustix::process::Signal;
 use sensor_proc::source::Acquisition;
-
-/// Groups in real time take the machine's cores, so there is one of them at a time, and none beside lock-step.
-static CORES: Mutex<()> = Mutex::new(());
-
-fn alone() -> MutexGuard<'static, ()> {
-    CORES.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// A running group of which nothing moves yet.
 struct Running {
@@ -66,14 +59,7 @@ impl Running {
 
     /// Waits for a command that is as it should be.
     fn wait_until(&mut self, what: &str, is_it: impl Fn(&ValveCommand) -> bool) -> ValveCommand {
-        wait_for(what, || {
-            while let Some(command) = self.commands.read().unwrap().if_new() {
-                if is_it(command) {
-                    return Some(*command);
-                }
-            }
-            None
-        })
+        await_message(&mut self.commands, what, is_it)
     }
 
     /// The tool of this group with these arguments.

@@ -2,37 +2,18 @@
 
 mod harness;
 
-use harness::{TestGroup, wait_for};
+use harness::{
+    TestGroup,
+    channel::{AXES, receive, send},
+};
 use pipeline::{
-    channel::{Publisher, Reader},
     machine::Machine,
     message::{
-        CoefficientSnapshot, ControlMode, EncoderReading, EncoderSample, Header, Message, Reference, ValveCommand,
-        control_flag, model_fault, sample_fault,
+        CoefficientSnapshot, ControlMode, EncoderReading, EncoderSample, Reference, ValveCommand, control_flag,
+        model_fault, sample_fault,
     },
-    stage::{StageKind, monotonic_ns},
+    stage::StageKind,
 };
-
-const AXES: usize = 4;
-
-/// Sends the message of a tick.
-fn send<M: Message>(publisher: &Publisher<M>, mut message: M, sequence: u64) {
-    let now = monotonic_ns();
-    *message.header_mut() =
-        Header { sequence, acquired_ns: now, sent_ns: now, axis_count: AXES as u32, ..Header::default() };
-    publisher.send(&message).unwrap();
-}
-
-/// The message of a tick, once it has come; meanwhile late readers are handed what was sent last.
-fn receive<M: Message>(reader: &mut Reader<M>, sequence: u64, greet: impl Fn()) -> M {
-    wait_for(M::CHANNEL, || {
-        if reader.reach(sequence).unwrap() {
-            return reader.last().copied();
-        }
-        greet();
-        None
-    })
-}
 
 #[test]
 fn a_scripted_plant_is_never_moved_by_a_controller_that_nobody_armed() {

@@ -2,66 +2,28 @@
 
 mod harness;
 
-use std::process::{Child, Stdio};
-
-use harness::{TestGroup, hydraxis, signal, wait_for};
-use pipeline::{
-    channel::Reader,
-    message::{EncoderSample, StageHealth, StageState},
-    stage::StageKind,
-};
+use harness::{TestGroup, hydraxis, running::Running, signal, wait_for};
+use pipeline::{channel::Reader, message::EncoderSample, stage::StageKind};
 use rustix::process::Signal;
 use serde_json::Value;
 
-/// A group of four stages under a supervisor, and a look at it.
-struct Running {
-    group: TestGroup,
-    supervisor: Child,
+/// A group that outlives any of these tests.
+fn start(test: &str) -> Running {
+    Running::start_with(test, &["--duration", "600s"])
 }
 
-impl Running {
-    fn start(test: &str, arguments: &[&str]) -> Self {
-        let group = TestGroup::new(test);
-        let supervisor = hydraxis()
-            .args(["run", "--duration", "600s", "--prefix", &group.prefix.to_string()])
-            .args(arguments)
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        wait_for("the group", || group.prefix.folder().join("members").exists().then_some(()));
-        let channels = group.join();
-        let mut health: Reader<StageHealth> = channels.reader().unwrap();
-        let mut running = [false; 4];
-        wait_for("four running stages", || {
-            while let Some(health) = health.read().unwrap().if_new() {
-                running[health.stage as usize] |= health.state == StageState::Running as u32;
-            }
-            (running == [true; 4]).then_some(())
-        });
-        Self { group, supervisor }
-    }
-
-    /// What status says of it as JSON, and its exit code.
-    fn status(&self, arguments: &[&str]) -> (Value, Option<i32>) {
-        let prefix = self.group.prefix.to_string();
-        let output = hydraxis().args(["status", "--json", "-", "--prefix", &prefix]).args(arguments).output().unwrap();
-        let text = String::from_utf8_lossy(&output.stderr).into_owned();
-        (serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {text}")), output.status.code())
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        signal(self.supervisor.id(), Signal::INT);
-        wait_for("the supervisor to end", || self.supervisor.try_wait().unwrap());
-    }
+/// What status says of it as JSON, and its exit code.
+fn status(running: &Running, arguments: &[&str]) -> (Value, Option<i32>) {
+    let prefix = running.group.prefix.to_string();
+    let output = hydraxis().args(["status", "--json", "-", "--prefix", &prefix]).args(arguments).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    (serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {text}")), output.status.code())
 }
 
 #[test]
 fn a_running_group_is_shown_with_its_stages_channels_and_axes() {
-    let running = Running::start("status", &[]);
-    let (status, code) = running.status(&[]);
+    let running = start("status");
+    let (status, code) = status(&running, &[]);
     assert_eq!(code, Some(0));
     assert_eq!(status["group"], running.group.prefix.to_string());
     for kind in StageKind::ALL {
@@ -95,16 +57,16 @@ fn a_running_group_is_shown_with_its_stages_channels_and_axes() {
 
 #[test]
 fn a_reset_counts_from_zero_again_without_a_gap() {
-    let running = Running::start("status-reset", &[]);
+    let running = start("status-reset");
     let channels = running.group.join();
     let mut samples: Reader<EncoderSample> = channels.reader().unwrap();
     let before = wait_for("300 ticks", || {
-        let (status, _) = running.status(&[]);
+        let (status, _) = status(&running, &[]);
         status["stages"]["ident-proc"]["samples"].as_u64().filter(|samples| *samples > 300)
     });
-    running.status(&["--reset"]);
+    status(&running, &["--reset"]);
     let after = wait_for("the reset", || {
-        let (status, _) = running.status(&[]);
+        let (status, _) = status(&running, &[]);
         let stage = &status["stages"]["ident-proc"];
         stage["samples"].as_u64().filter(|samples| *samples < before).map(|samples| (samples, stage["tick"].clone()))
     });
@@ -121,8 +83,8 @@ fn a_reset_counts_from_zero_again_without_a_gap() {
 
 #[test]
 fn a_stage_that_is_silent_is_named() {
-    let running = Running::start("status-silent", &[]);
-    let (status, _) = running.status(&[]);
+    let running = start("status-silent");
+    let (status, _) = status(&running, &[]);
     let pid = status["stages"]["ident-proc"]["pid"].as_u64().unwrap() as u32;
     signal(pid, Signal::STOP);
     let prefix = running.group.prefix.to_string();

@@ -37,6 +37,13 @@ struct Other {
     is_alive: bool,
 }
 
+impl Other {
+    /// Whether it joined as one of the stages.
+    fn is_stage(&self) -> bool {
+        StageKind::ALL.iter().any(|kind| kind.name() == self.name)
+    }
+}
+
 #[derive(Debug, Serialize)]
 struct StageFigures {
     pid: u32,
@@ -122,8 +129,7 @@ impl Figures {
             let stage = &self.stages[*name];
             stage.heartbeat_age_ns > SILENT_NS && stage.state != StageState::name(StageState::Stopped as u32)
         };
-        let unheard = self.others.iter().map(|other| other.name.as_str());
-        let unheard = unheard.filter(|name| StageKind::ALL.iter().any(|kind| kind.name() == *name));
+        let unheard = self.others.iter().filter(|other| other.is_stage()).map(|other| other.name.as_str());
         self.order.iter().copied().filter(is_silent).chain(unheard).collect()
     }
 
@@ -199,8 +205,7 @@ impl Figures {
         text += &format!("{}\n", table(&header, rows.collect()));
 
         for other in &self.others {
-            let is_stage = StageKind::ALL.iter().any(|kind| kind.name() == other.name);
-            let state = match (other.is_alive, is_stage) {
+            let state = match (other.is_alive, other.is_stage()) {
                 (false, _) => "killed",
                 (true, true) => "nothing heard",
                 (true, false) => "alive",

@@ -15,6 +15,10 @@ use crate::{
     watch::Watch,
 };
 
+/// Bounds of a time that a stage is stopped for, or that a client gets.
+pub const SHORTEST: Duration = Duration::from_millis(5);
+pub const LONGEST: Duration = Duration::from_secs(3);
+
 /// What has happened over all groups.
 #[derive(Default)]
 pub struct Tally {
@@ -125,6 +129,19 @@ impl Chaos {
             assert!(Instant::now() < until, "waited {PATIENCE:?} for {client:?}");
             self.look();
         }
+    }
+
+    /// A client reads along, and may be killed while it does.
+    pub fn visit(&mut self, dice: &mut Dice, tally: &mut Tally) {
+        let is_killed = dice.once_in(2);
+        dice.note(if is_killed { "status, killed" } else { "status" });
+        tally.clients += 1;
+        let mut status = client(&["status", "--prefix", &self.prefix().to_string()]);
+        if is_killed {
+            self.look_for(dice.duration(SHORTEST, Duration::from_millis(300)));
+            let _ = status.kill();
+        }
+        self.finish(status);
     }
 
     /// Sends a signal to a stage, if it lives; false when it does not.

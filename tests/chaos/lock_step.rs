@@ -7,7 +7,7 @@ use rustix::process::Signal;
 
 use crate::{
     dice::Dice,
-    group::{Chaos, Tally, client},
+    group::{Chaos, LONGEST, SHORTEST, Tally},
     harness::{alone, report, strip_times},
     kills,
 };
@@ -16,8 +16,6 @@ use crate::{
 const DURATION: &str = if cfg!(debug_assertions) { "4s" } else { "40s" };
 /// Groups that are delayed only, among those that are killed: one in so many.
 const DELAYED: u64 = 8;
-const SHORTEST: Duration = Duration::from_millis(5);
-const LONGEST: Duration = Duration::from_secs(3);
 
 #[test]
 fn in_lock_step_a_kill_ends_the_run_and_a_stop_only_delays_it() {
@@ -41,7 +39,7 @@ fn delayed(dice: &mut Dice, tally: &mut Tally, undisturbed: &serde_json::Value) 
     for _ in 0..3 {
         stop(&mut chaos, dice, tally);
         chaos.release();
-        visit(&mut chaos, dice, tally);
+        chaos.visit(dice, tally);
     }
     let said = chaos.await_end(tally);
     let mut report = serde_json::from_str(&said.stdout).unwrap();
@@ -60,7 +58,7 @@ fn killed(dice: &mut Dice, tally: &mut Tally) {
         }
     }
     if dice.once_in(4) {
-        visit(&mut chaos, dice, tally);
+        chaos.visit(dice, tally);
     }
     if dice.once_in(8) {
         chaos.orphan(dice, tally);
@@ -83,17 +81,4 @@ fn stop(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
         chaos.stopped.push(pid);
     }
     chaos.look_for(time);
-}
-
-/// A client looks, and may be killed while it does.
-fn visit(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
-    let is_killed = dice.once_in(2);
-    dice.note(if is_killed { "status, killed" } else { "status" });
-    tally.clients += 1;
-    let mut status = client(&["status", "--prefix", &chaos.prefix().to_string()]);
-    if is_killed {
-        chaos.look_for(dice.duration(SHORTEST, Duration::from_millis(300)));
-        let _ = status.kill();
-    }
-    chaos.finish(status);
 }

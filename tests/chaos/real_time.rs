@@ -10,13 +10,11 @@ use rustix::process::Signal;
 
 use crate::{
     dice::Dice,
-    group::{Chaos, Tally, client},
+    group::{Chaos, LONGEST, SHORTEST, Tally, client},
     harness::{alone, is_running},
     kills,
 };
 
-const SHORTEST: Duration = Duration::from_millis(5);
-const LONGEST: Duration = Duration::from_secs(3);
 /// How long the machine is looked at after it has lost its controller or its eyes.
 const AFTERMATH: Duration = Duration::from_millis(500);
 /// How long it may go on: the drive's time-out (50 ms), its dead time and five time constants of its valve (0.1 s), and
@@ -44,7 +42,7 @@ fn group(dice: &mut Dice, tally: &mut Tally, kills: u64) {
         match dice.below(18) {
             0..8 => kill(&mut chaos, dice, tally),
             8..12 => stop(&mut chaos, dice, tally),
-            12..14 => visit(&mut chaos, dice, tally),
+            12..14 => chaos.visit(dice, tally),
             14 => operate(&mut chaos, dice, tally),
             15 => {
                 let kind = dice.stage();
@@ -140,19 +138,6 @@ fn measure(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally, kind: StageKin
     let motion = tally.react(&format!("standstill, {name} {how}"), at_ns, motion_ns);
     dice.note(&format!("moved on for {motion:.0} ms, commanded to for {command:.0} ms"));
     assert!(command < STANDS_WITHIN_MS && motion < STANDS_WITHIN_MS, "{name} {how}: {command} ms, {motion} ms");
-}
-
-/// A client reads along, and may be killed while it does.
-fn visit(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
-    let is_killed = dice.once_in(2);
-    dice.note(if is_killed { "status, killed" } else { "status" });
-    tally.clients += 1;
-    let mut status = client(&["status", "--prefix", &chaos.prefix().to_string()]);
-    if is_killed {
-        chaos.look_for(dice.duration(SHORTEST, Duration::from_millis(300)));
-        let _ = status.kill();
-    }
-    chaos.finish(status);
 }
 
 /// A program moves an axis by hand, and is killed while it does.

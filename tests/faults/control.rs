@@ -15,8 +15,8 @@ use rustix::process::Signal;
 use crate::{
     clock::judge,
     feedback::Moving,
-    harness::{TestGroup, alone, signal, wait_for},
-    script::{AXES, from_channel, is_latched},
+    harness::{TestGroup, alone, channel::AXES, signal, wait_for},
+    script::{from_channel, is_latched},
 };
 
 #[test]

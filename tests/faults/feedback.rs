@@ -11,8 +11,13 @@ use rustix::process::Signal;
 
 use crate::{
     clock::judge,
-    harness::{TestGroup, alone, running::Running, signal, wait_for},
-    script::{AXES, RESOLUTION, Scripted, is_latched, moving, receive, send},
+    harness::{
+        TestGroup, alone,
+        channel::{AXES, await_message, receive, send},
+        running::Running,
+        signal, wait_for,
+    },
+    script::{RESOLUTION, Scripted, is_latched, moving},
 };
 
 /// The drive's own time-out, the valve's lag five times over and its dead time: what a neutral command takes to show.
@@ -47,15 +52,8 @@ impl Moving {
     }
 
     /// Waits for a command, however many come before it.
-    pub fn await_command(&mut self, what: &str, mut is_it: impl FnMut(&ValveCommand) -> bool) -> ValveCommand {
-        wait_for(what, || {
-            while let Some(command) = self.commands.read().unwrap().if_new() {
-                if is_it(command) {
-                    return Some(*command);
-                }
-            }
-            None
-        })
+    pub fn await_command(&mut self, what: &str, is_it: impl FnMut(&ValveCommand) -> bool) -> ValveCommand {
+        await_message(&mut self.commands, what, is_it)
     }
 
     /// The last time, ns, at which an axis moved by the readings of 50 ms, until it has stood for 300 ms.

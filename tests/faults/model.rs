@@ -12,7 +12,7 @@ use pipeline::{
     message::{AxisMode, AxisSnapshot, Request, control_flag},
 };
 
-use crate::script::AXES;
+use crate::harness::channel::AXES;
 use identified::{Identified, SPOILT, is_by_model, number};
 
 /// The built-in machine in warm oil, trained within seconds.

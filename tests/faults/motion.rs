@@ -6,8 +6,11 @@ use pipeline::{
 };
 
 use crate::{
-    harness::TestGroup,
-    script::{AXES, RATE, Scripted, from_channel, is_latched, receive},
+    harness::{
+        TestGroup,
+        channel::{AXES, receive},
+    },
+    script::{RATE, Scripted, from_channel, is_latched},
 };
 
 fn borrowed(arguments: &[String]) -> Vec<&str> {

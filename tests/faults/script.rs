@@ -3,39 +3,20 @@
 use pipeline::{
     channel::{Group, Publisher, Reader},
     message::{
-        AxisCommand, AxisMode, CoefficientSnapshot, EncoderReading, Header, Message, Reference, Request, ValveCommand,
-        control_flag,
+        AxisCommand, AxisMode, CoefficientSnapshot, EncoderReading, Reference, Request, ValveCommand, control_flag,
     },
-    stage::{StageKind, monotonic_ns},
+    stage::StageKind,
 };
 
-use crate::harness::{TestGroup, wait_for};
+use crate::harness::{
+    TestGroup,
+    channel::{AXES, receive, send},
+};
 
-/// Axes of the built-in machine.
-pub const AXES: usize = 4;
 /// m per count.
 pub const RESOLUTION: f64 = 1e-4;
 /// Ticks per second.
 pub const RATE: f64 = 100.0;
-
-/// Sends the message of a tick.
-pub fn send<M: Message>(publisher: &Publisher<M>, mut message: M, sequence: u64) {
-    let now = monotonic_ns();
-    *message.header_mut() =
-        Header { sequence, acquired_ns: now, sent_ns: now, axis_count: AXES as u32, ..Header::default() };
-    publisher.send(&message).unwrap();
-}
-
-/// The message of a tick, once it has come; meanwhile late readers are handed what was sent last.
-pub fn receive<M: Message>(reader: &mut Reader<M>, sequence: u64, greet: impl Fn()) -> M {
-    wait_for(M::CHANNEL, || {
-        if reader.reach(sequence).unwrap() {
-            return reader.last().copied();
-        }
-        greet();
-        None
-    })
-}
 
 /// The stages but for plant-sim, and in its place an integrator with a dead band for each axis.
 pub struct Scripted {

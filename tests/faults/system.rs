@@ -19,9 +19,8 @@ use serde_json::Value;
 
 use crate::{
     clock::judge,
-    harness::{TestGroup, alone, hydraxis, running::Running, signal, wait_for},
+    harness::{TestGroup, alone, channel::AXES, hydraxis, running::Running, signal, wait_for},
     model::set,
-    script::AXES,
 };
 
 const NOTHING: Vec<PathBuf> = Vec::new();

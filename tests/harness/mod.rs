@@ -1,6 +1,7 @@
 //! A group of real processes for one test: its own prefix, nothing left behind.
 #![allow(dead_code, reason = "each test file uses the part that it needs")]
 
+pub mod channel;
 pub mod running;
 
 use std::{

@@ -16,9 +16,9 @@ use pipeline::{
 };
 
 use super::{machine, set};
-use crate::{
-    harness::TestGroup,
-    script::{AXES, receive},
+use crate::harness::{
+    TestGroup,
+    channel::{AXES, receive},
 };
 
 /// Why a model may be refused, the first of what is wrong with it.

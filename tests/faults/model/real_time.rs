@@ -15,8 +15,12 @@ use rustix::process::Signal;
 use super::{identified::is_by_model, machine, set, trained_soon};
 use crate::{
     clock::{judge, scaled},
-    harness::{TestGroup, alone, running::Running, signal, wait_for},
-    script::{AXES, send},
+    harness::{
+        TestGroup, alone,
+        channel::{AXES, send},
+        running::Running,
+        signal, wait_for,
+    },
 };
 
 /// Settings with which a busy machine latches nothing by itself.

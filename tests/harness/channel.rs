@@ -1,0 +1,43 @@
+//! A test's place on the channels of a group.
+
+use pipeline::{
+    channel::{Publisher, Reader},
+    message::{Header, Message},
+    stage::monotonic_ns,
+};
+
+use super::wait_for;
+
+/// Axes of the built-in machine.
+pub const AXES: usize = 4;
+
+/// Sends the message of a tick.
+pub fn send<M: Message>(publisher: &Publisher<M>, mut message: M, sequence: u64) {
+    let now = monotonic_ns();
+    *message.header_mut() =
+        Header { sequence, acquired_ns: now, sent_ns: now, axis_count: AXES as u32, ..Header::default() };
+    publisher.send(&message).unwrap();
+}
+
+/// The message of a tick, once it has come; meanwhile late readers are handed what was sent last.
+pub fn receive<M: Message>(reader: &mut Reader<M>, sequence: u64, greet: impl Fn()) -> M {
+    wait_for(M::CHANNEL, || {
+        if reader.reach(sequence).unwrap() {
+            return reader.last().copied();
+        }
+        greet();
+        None
+    })
+}
+
+/// Waits for a message that is as it should be, however many come before it.
+pub fn await_message<M: Message>(reader: &mut Reader<M>, what: &str, mut is_it: impl FnMut(&M) -> bool) -> M {
+    wait_for(what, || {
+        while let Some(message) = reader.read().unwrap().if_new() {
+            if is_it(message) {
+                return Some(*message);
+            }
+        }
+        None
+    })
+}

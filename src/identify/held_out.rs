@@ -9,7 +9,11 @@
 //! N rows of the fit, S the sum of squared one-step errors over them, p parameters. Trap: AIC and BIC are shown and
 //! not followed, since the one-step error of a position says next to nothing and more coefficients always lower it.
 
-use ident_proc::{history::History, offline::Batch, row::Row, validation::criteria};
+use ident_proc::{
+    offline::Batch,
+    sample::{RegressorRow, SlidingBuffer},
+    validation::criteria,
+};
 use pipeline::{
     hammerstein::{Coefficients, MAX_A, MAX_DELAY, MAX_LINEAR, Structure},
     machine::{Identification, IdentifiedOutput, Split},

@@ -7,7 +7,7 @@ mod data;
 use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use ident_proc::{Identifier, recursive::RecursiveLeastSquares, triangle::Triangle};
+use ident_proc::{Identifier, least_squares::Triangle, recursive::RecursiveLeastSquares};
 use pipeline::machine::{Estimator, Form};
 
 fn recursive(criterion: &mut Criterion) {

@@ -7,17 +7,17 @@ use pipeline::{
 };
 
 use crate::{
-    bank::Bank,
-    batch::{Batch, Offline},
-    errors::ErrorTracker,
-    grey_box::GreyBox,
-    health::Health,
-    history::History,
-    outlier::{OutlierGate, Verdict},
+    adaptation::Bank,
+    adaptation::GreyBox,
+    adaptation::Single,
+    offline::{Batch, Offline},
+    quality::ErrorTracker,
+    quality::Health,
     regression::write_out,
-    rest::Rest,
-    row::Row,
-    single::Single,
+    sample::RegressorRow,
+    sample::RestDetection,
+    sample::SlidingBuffer,
+    sample::{OutlierGate, Verdict},
 };
 
 /// Identifies one axis. Deterministic, allocates nothing after construction.
@@ -32,10 +32,10 @@ pub struct Identifier {
     /// y(k-1) as it was measured, if it was; of use where its difference is what is identified.
     position: Option<f64>,
     command: f64,
-    outputs: History,
+    outputs: SlidingBuffer,
     /// Features of the commands.
-    commands: History,
-    row: Row,
+    commands: SlidingBuffer,
+    row: RegressorRow,
     gate: OutlierGate,
     /// One-step predictions of the sample by the adaptive and the classical model.
     one_step: [f64; 2],
@@ -43,7 +43,7 @@ pub struct Identifier {
     predictions: [f64; 3],
     /// Samples of the training until the row has measurements only.
     tainted: usize,
-    rest: Rest,
+    rest: RestDetection,
     batch: Batch,
     adaptation: Adaptation,
     /// The classical model, written out for the row.
@@ -90,21 +90,21 @@ impl Identifier {
             }
             _ => (structure.published(), Adaptation::Single(Box::new(Single::new(settings)))),
         };
-        let tracker = ErrorTracker::new(&Row::new(row), h);
+        let tracker = ErrorTracker::new(&RegressorRow::new(row), h);
         Self {
             settings: settings.clone(),
             seen: 0,
             trained: false,
             position: None,
             command: 0.0,
-            outputs: History::new(row.na.max(h).max(2), 1),
-            commands: History::new(row.nk + row.nb, 2 * row.order),
-            row: Row::new(row),
+            outputs: SlidingBuffer::new(row.na.max(h).max(2), 1),
+            commands: SlidingBuffer::new(row.nk + row.nb, 2 * row.order),
+            row: RegressorRow::new(row),
             gate: OutlierGate::default(),
             one_step: [0.0; 2],
             predictions: [0.0; 3],
             tainted: 0,
-            rest: Rest::new(h),
+            rest: RestDetection::new(h),
             batch: Batch::new(structure, settings.split),
             adaptation,
             classical: vec![0.0; row.full_len()],

@@ -4,8 +4,8 @@
 
 use ident_proc::{
     estimator::{Estimator, fuzzy::FuzzyForgetting},
+    least_squares::Triangle,
     recursive::RecursiveLeastSquares,
-    triangle::Triangle,
 };
 use nalgebra::{DMatrix, DVector};
 use pipeline::machine::{self, Fuzzy};

@@ -22,7 +22,7 @@ pub mod window;
 
 use pipeline::machine::{self, Fuzzy};
 
-use crate::{recursive::RecursiveLeastSquares, triangle::Triangle};
+use crate::{least_squares::Triangle, recursive::RecursiveLeastSquares};
 use directional::Directional;
 use exponential::Exponential;
 use fortescue::Fortescue;

@@ -14,4 +14,4 @@ pub mod terms;
 
 pub use analysis::{AnalysisError, analyse};
 pub use experiment::{Experiment, watch::Abort};
-pub use terms::{Options, Outcome, Phase, Record};
+pub use terms::{ExperimentOptions, ExperimentRecord, Outcome, Phase};

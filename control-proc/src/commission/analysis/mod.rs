@@ -25,7 +25,7 @@ use pipeline::machine::{Commissioned, DeadBand};
 
 use simplex::minimum;
 
-use super::Record;
+use super::ExperimentRecord;
 
 /// Where the curve bends, in parts of the largest opening.
 const BENDS: [f64; KNOTS] = [0.0, 0.1, 0.22, 0.38, 0.58, 0.8];
@@ -79,7 +79,7 @@ pub enum AnalysisError {
 ///
 /// # Errors
 /// The record is too short, or no model with rising curves explains it.
-pub fn analyse(record: &Record) -> Result<Commissioned, AnalysisError> {
+pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError> {
     let seconds = record.positions.len() as f64 * record.period;
     let needed = 10.0 * JUDGED_AHEAD;
     if seconds < needed {
@@ -201,7 +201,7 @@ impl Shape {
 
 /// A part of a record.
 struct Data<'a> {
-    record: &'a Record,
+    record: &'a ExperimentRecord,
     begin: usize,
     end: usize,
 }
@@ -282,7 +282,7 @@ fn samples(seconds: f64, period: f64) -> usize {
 
 /// The integral of `f(X(t))` at every part of a period up to sample `end`.
 fn integrate<const N: usize>(
-    record: &Record,
+    record: &ExperimentRecord,
     end: usize,
     time_constant: f64,
     f: impl Fn(f64) -> [f64; N],

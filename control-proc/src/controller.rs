@@ -15,14 +15,13 @@ use pipeline::{
     MAX_AXES,
     machine::Machine,
     message::{
-        AxisCommand, CoefficientSnapshot, ControlMode, EncoderSample, Header, Reference, Request, ValveCommand,
-        control_flag,
+        AxisCommand, CoefficientSnapshot, EncoderSample, Header, Reference, Request, ValveCommand, control_flag,
     },
 };
 
 use crate::{
     axis::{AxisController, AxisInput, UNUSABLE_LIMIT},
-    target::generator::ReferenceGenerator,
+    reference::generator::ReferenceGenerator,
     trajectory_file::{ReferenceError, read_references},
 };
 
@@ -104,7 +103,7 @@ impl Controller {
                 if self.repeated >= UNUSABLE_LIMIT {
                     self.feedback_lost();
                 }
-                return self.message(last, AxisController::last);
+                return self.message_of(last, AxisController::message);
             }
         };
         (self.last_sequence, self.repeated) = (Some(sequence), 0);
@@ -131,12 +130,7 @@ impl Controller {
     /// Neutral for all axes, at once and without solving anything. It does not change the controller: whoever sends
     /// it because the samples have stopped calls [`Self::feedback_lost`] first.
     pub fn neutral(&self, sequence: u64) -> ValveCommand {
-        self.message(sequence, |axis| AxisCommand {
-            command: 0.0,
-            error: 0.0,
-            mode: ControlMode::Neutral as u32,
-            ..axis.last()
-        })
+        self.message_of(sequence, AxisController::neutral_message)
     }
 
     /// Whether a fault has latched any axis.
@@ -149,7 +143,7 @@ impl Controller {
         u32::from(self.axes.iter().any(|axis| axis.cause() & control_flag::EMERGENCY_STOP != 0))
     }
 
-    fn message(&self, sequence: u64, entry: impl Fn(&AxisController) -> AxisCommand) -> ValveCommand {
+    fn message_of(&self, sequence: u64, entry: impl Fn(&AxisController) -> AxisCommand) -> ValveCommand {
         let mut command = self.empty(sequence);
         for (axis, place) in self.axes.iter().zip(&mut command.axes) {
             *place = entry(axis);

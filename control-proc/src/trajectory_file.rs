@@ -10,7 +10,7 @@ use pipeline::{
     machine::{Axis, Machine, ReferenceSource},
 };
 
-use crate::target::{
+use crate::reference::{
     generator::{Generator, ReferenceGenerator},
     trajectory::Trajectory,
 };

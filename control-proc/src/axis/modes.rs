@@ -1,87 +1,89 @@
-//! From mode to mode of one axis, and its commands by hand.
+//! Changes of mode by requests, and the commands of the direct modes.
 
 use pipeline::message::{AxisMode, ControlMode, control_flag};
 
-use super::{AxisController, AxisInput, State, requests::Asked};
-
-/// Ticks over which the speed of an axis is taken.
-const SPEED_TICKS: usize = 4;
+use super::{AxisController, AxisInput, command::Tracking, decision::Decision, requests::Accepted, state::State};
 
 impl AxisController {
-    /// Takes in what is asked of the axis.
+    /// Takes in the newest request. Disarms an axis in a direct mode whose requests have stopped.
     pub(super) fn take_request(&mut self, input: &AxisInput<'_>) {
-        if let Some(asked) = input.request.and_then(|request| self.requests.update(request, input.sequence)) {
-            if asked.mode == Some(AxisMode::Off) && self.is_pressed {
-                self.requests.refuse();
+        let requests = &mut self.operation.requests;
+        if let Some(accepted) = input.request.and_then(|request| requests.update(request, input.sequence)) {
+            if accepted.mode == Some(AxisMode::Off) && self.state.is_pressed() {
+                requests.refuse();
             } else {
-                self.change(&asked);
+                self.change_mode(&accepted);
             }
         }
-        let runs = matches!(self.state, State::Settling(_) | State::Following);
-        if runs && self.mode.is_by_hand() && self.requests.command(input.sequence, self.mode).is_none() {
+        let mode = self.operation.mode;
+        let needs_requests = self.state.is_armed() && mode.is_by_hand();
+        if needs_requests && self.operation.requests.command(input.sequence, mode).is_none() {
             self.disarm();
-            self.stopped = true;
+            self.state.note_stopped_requests();
         }
     }
 
-    /// Changes to the mode that is asked for.
-    fn change(&mut self, asked: &Asked) {
-        let Some(mode) = asked.mode else { return };
-        match self.state {
-            State::Disarmed if mode != AxisMode::Off && asked.enabled => self.enable(mode, asked.target),
+    /// Arms a disarmed axis in this mode, with the set point of hold in m.
+    pub(super) fn arm_in(&mut self, mode: AxisMode, set_point: Option<f64>) {
+        if self.state.arm() {
+            (self.operation.mode, self.operation.set_point) = (mode, set_point);
+            self.tracking = Tracking::default();
+            self.decision.flags = control_flag::SETTLING;
+        }
+    }
+
+    /// Changes to the mode of an accepted request.
+    fn change_mode(&mut self, accepted: &Accepted) {
+        let Some(mode) = accepted.mode else { return };
+        match self.state.current() {
+            State::Disarmed if mode != AxisMode::Off && accepted.is_enabled => self.arm_in(mode, accepted.set_point),
             State::Disarmed => {}
             _ if mode == AxisMode::Off => self.disarm(),
-            State::Settling(_) => (self.mode, self.goal) = (mode, asked.target),
+            State::Settling(_) => (self.operation.mode, self.operation.set_point) = (mode, accepted.set_point),
             State::Following => {
-                let before = std::mem::replace(&mut self.mode, mode);
+                let before = std::mem::replace(&mut self.operation.mode, mode);
                 if before.is_by_hand() && !mode.is_by_hand() {
                     self.take_over();
                 }
                 match mode {
-                    AxisMode::Hold if before != mode => self.target.hold(None),
-                    AxisMode::Track => self.target.follow(),
+                    AxisMode::Hold if before != mode => self.references.hold(None),
+                    AxisMode::Track => self.references.track(),
                     _ => {}
                 }
-                if let Some(goal) = asked.target.filter(|_| mode == AxisMode::Hold) {
-                    self.target.aim(goal);
+                if let Some(set_point) = accepted.set_point.filter(|_| mode == AxisMode::Hold) {
+                    self.references.aim(set_point);
                 }
             }
             State::Latched(_) => {}
         }
-        if matches!(self.state, State::Settling(_) | State::Following) {
-            self.last.operation = self.mode as u32;
-        }
     }
 
-    /// A controller takes over from a command by hand, on a motion that nobody has given a target so far.
+    /// A controller takes over from a direct mode: the reference begins with the motion of the axis.
     fn take_over(&mut self) {
-        self.trusted = 0;
+        self.gate.begin();
         self.rest.reset();
-        self.trust.reset();
-        self.following.reset();
+        self.protection.reset();
         self.predictive.reset();
-        if let Some(position) = self.history.as_ref().map(|history| history.outputs()[0]) {
-            self.target.hold(Some((position, self.speed())));
+        if let Some(position) = self.feedback.position() {
+            self.references.hold(Some((position, self.feedback.speed())));
         }
     }
 
-    /// Speed of the axis, m/s.
-    pub(super) fn speed(&self) -> f64 {
-        self.history.as_ref().map_or(0.0, |history| {
-            (history.outputs()[0] - history.outputs()[SPEED_TICKS]) / (SPEED_TICKS as f64 * self.period)
-        })
-    }
-
-    /// Makes the command that is asked for, within all limits, at a position in m.
-    pub(super) fn drive(&mut self, sequence: u64, position: f64) {
-        let asked = self.requests.command(sequence, self.mode).unwrap_or(0.0);
-        let (manual, last) = (self.mode == AxisMode::Manual, self.last.command);
-        // A commissioning counts on neutral at once.
-        let from = if manual || asked * last > 0.0 { last } else { 0.0 };
-        let limited = self.limits.apply(asked, from);
-        let command = self.end_stops.apply(limited, position, self.speed(), manual);
-        self.send(command, if manual { ControlMode::Manual } else { ControlMode::Commission });
-        (self.last.reference, self.last.error) = (position, 0.0);
-        self.last.flags = if command == limited { 0 } else { control_flag::SOFT_LIMIT };
+    /// The decision in a direct mode: the command of the request within all limits, at a position in m.
+    pub(super) fn command_directly(&self, sequence: u64, position: f64) -> Decision {
+        let mode = self.operation.mode;
+        let requested = self.operation.requests.command(sequence, mode).unwrap_or(0.0);
+        let (is_manual, last) = (mode == AxisMode::Manual, self.decision.command);
+        // A commissioning relies on a change of direction that passes neutral at once.
+        let from = if is_manual || requested * last > 0.0 { last } else { 0.0 };
+        let limited = self.protection.limits().apply(requested, from);
+        let command = self.protection.end_stops().apply(limited, position, self.feedback.speed(), is_manual);
+        Decision {
+            command,
+            by: if is_manual { ControlMode::Manual } else { ControlMode::Commission },
+            reference: position,
+            error: 0.0,
+            flags: if command == limited { 0 } else { control_flag::SOFT_LIMIT },
+        }
     }
 }

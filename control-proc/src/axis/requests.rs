@@ -1,27 +1,25 @@
-//! What an axis is operated in, and what requests may change of it.
+//! Requests to one axis: accepted, or refused with a count.
 //!
-//! ```text
-//! off --enable, with a mode--> manual, hold, track, commission --off, fault, requests stopped--> off
+//! A request lasts for [`STREAM_TIMEOUT`]. Its age is the difference between the sample that its program had seen and the
+//! newest sample. An axis in a direct mode is off after that time. The command of a commissioning is neutral earlier,
+//! after `feedback_timeout`: its program knows what was sent, and goes on.
 //!
-//! manual, commission     the request's command, as long as requests come
-//! hold                   goes to the request's target, without one to a stand, and stays ([`crate::target::profile`])
-//! track                  follows its reference, as of its beginning
-//! ```
+//! Arming by request is an edge: the number `enable` differs from that of the message before, which is of the same session
+//! and at most [`STREAM_TIMEOUT`] older. The first message of a program only gives the number from which the edge is
+//! counted. So a message that was left in a channel never moves an axis. A controller that has been restarted is off.
+//! After a fault an axis has to be switched off and enabled again.
 //!
-//! A request lasts for [`STREAM_TIMEOUT`], told by the samples that its program had seen and this axis has; then an axis
-//! that needs them is off. A commissioning's command is neutral before that, after `feedback_timeout`: its program knows
-//! what was sent, and goes on. Among modes other than off an axis changes without an enable.
+//! These messages are refused as a whole:
+//! - a mode that does not exist,
+//! - a command or a set point that is not finite,
+//! - a command outside [-1, 1], or a set point outside the soft limits,
+//! - a message without this axis,
+//! - a message for another time, or one that goes back in time.
 //!
-//! Enabling is an edge: the number `enable` differs from the message before, of the same session and at most
-//! [`STREAM_TIMEOUT`] older. A program's first message is where the edge is counted from, so a message that was left in a
-//! channel, by whomever, never moves an axis; nor does a restarted controller, which begins off. After a fault an axis
-//! wants off, then an enable.
+//! After a refusal the axis does what it did before; a mode that needs requests has not had one. Off is refused while the
+//! emergency stop is pressed, since it would reset the latch.
 //!
-//! Refused is, as a whole and with a count: a mode that is none, a command or a target that is not finite, a command
-//! outside [-1, 1], a target outside the soft limits, a message without this axis, one for another time, and one that
-//! goes back in time. The axis then does what it did, and a mode that needs requests has not had one. Off is refused while the emergency stop is pressed: it would reset.
-//!
-//! Trap: "the last message counts" is a machine that goes on when its operator's program has died.
+//! Trap: if the last message simply counted, a machine would go on after its operator's program has died.
 
 use std::time::Duration;
 
@@ -31,18 +29,27 @@ use pipeline::{
     message::{AxisMode, AxisRequest, Request},
 };
 
-/// How long a manual command lasts: ten messages at 100 Hz, and less than a person takes to see it.
+/// How long a command of a direct mode lasts: ten messages at 100 Hz, and less than the reaction time of a person.
 pub const STREAM_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// What the newest request means for one axis.
+/// What an accepted request means for one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Asked {
-    /// Another mode than it was in, or the same again.
+pub struct Accepted {
+    /// The mode that is asked for, which may be the present one; none where the mode is to stay.
     pub mode: Option<AxisMode>,
-    /// There was an edge.
-    pub enabled: bool,
+    /// The request has the edge that arms the axis.
+    pub is_enabled: bool,
     /// Where to hold, m.
-    pub target: Option<f64>,
+    pub set_point: Option<f64>,
+}
+
+/// A message that was looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Seen {
+    session: u64,
+    number: u64,
+    /// Newest sample that the program had seen.
+    sequence: u64,
 }
 
 /// The requests to one axis.
@@ -50,13 +57,17 @@ pub struct Asked {
 pub struct Requests {
     axis: usize,
     soft_limits: (f64, f64),
+    /// [`STREAM_TIMEOUT`] in ticks.
     manual_ticks: u64,
+    /// `feedback_timeout` in ticks.
     commission_ticks: u64,
-    /// Session, number and tick of the last message that was looked at, and its `enable`.
-    last: Option<(u64, u64, u64)>,
+    /// The last message that was looked at, accepted or not.
+    seen: Option<Seen>,
+    /// Its number for arming; none where it has no entry for this axis.
     enable: Option<u32>,
-    /// Tick of the last one that was taken, and what it asked for.
-    taken: Option<u64>,
+    /// Tick of the last accepted message.
+    accepted_at: Option<u64>,
+    /// Command of the last accepted message.
     command: f64,
     accepted: u64,
     refused: u32,
@@ -72,9 +83,9 @@ impl Requests {
             soft_limits: axis.soft_limits,
             manual_ticks: ticks(STREAM_TIMEOUT),
             commission_ticks: ticks(timing.feedback_timeout),
-            last: None,
+            seen: None,
             enable: None,
-            taken: None,
+            accepted_at: None,
             command: 0.0,
             accepted: 0,
             refused: 0,
@@ -82,53 +93,54 @@ impl Requests {
         }
     }
 
-    /// Takes in the newest message at tick `sequence`; the same again, and one that is refused, ask for nothing.
-    pub fn update(&mut self, request: &Request, sequence: u64) -> Option<Asked> {
-        let this = (request.session, request.header.number, request.header.sequence);
-        if self.last == Some(this) {
+    /// Takes in the newest message at tick `sequence`. None for a message that was seen before, and for one that is refused.
+    pub fn update(&mut self, request: &Request, sequence: u64) -> Option<Accepted> {
+        let Request { header, session, .. } = request;
+        let this = Seen { session: *session, number: header.number, sequence: header.sequence };
+        if self.seen == Some(this) {
             return None;
         }
-        let before = self.last.replace(this).filter(|before| before.0 == request.session);
-        let enabled = self.take_enable(request, before.map(|before| before.2));
-        let goes_back = before.is_some_and(|(_, number, tick)| this.1 <= number || this.2 < tick);
-        let in_time = sequence.abs_diff(request.header.sequence) <= self.manual_ticks;
-        let sound = self.sound(request).filter(|_| in_time && !goes_back);
+        let before = self.seen.replace(this).filter(|before| before.session == this.session);
+        let is_enabled = self.take_enable(request, before.map(|before| before.sequence));
+        let goes_back = before.is_some_and(|before| this.number <= before.number || this.sequence < before.sequence);
+        let is_in_time = sequence.abs_diff(this.sequence) <= self.manual_ticks;
+        let sound = self.sound(request).filter(|_| is_in_time && !goes_back);
         self.is_refused = sound.is_none();
         let Some((mode, axis)) = sound else {
             self.refused = self.refused.saturating_add(1);
             return None;
         };
-        self.taken = Some(request.header.sequence);
+        self.accepted_at = Some(this.sequence);
         self.accepted += 1;
         self.command = axis.command;
         let mode = Some(mode).filter(|mode| *mode != AxisMode::Unchanged);
-        Some(Asked { mode, enabled, target: (axis.has_target == 1).then_some(axis.target) })
+        Some(Accepted { mode, is_enabled, set_point: (axis.has_target == 1).then_some(axis.target) })
     }
 
-    /// The command by hand at tick `sequence` in this mode; none when requests have stopped.
+    /// The command of a direct mode at tick `sequence`; none when requests have stopped.
     pub fn command(&self, sequence: u64, mode: AxisMode) -> Option<f64> {
-        let age = sequence.saturating_sub(self.taken?);
+        let age = sequence.saturating_sub(self.accepted_at?);
         let is_late = mode == AxisMode::Commission && age > self.commission_ticks;
         (age <= self.manual_ticks).then_some(if is_late { 0.0 } else { self.command })
     }
 
-    /// Refuses after all what was asked for last.
+    /// Refuses the last accepted message afterwards.
     pub fn refuse(&mut self) {
         (self.accepted, self.refused) = (self.accepted.saturating_sub(1), self.refused.saturating_add(1));
         self.is_refused = true;
     }
 
-    /// Requests taken and refused so far.
+    /// Numbers of accepted and of refused messages so far.
     pub fn counts(&self) -> (u64, u32) {
         (self.accepted, self.refused)
     }
 
-    /// Whether the newest was refused.
+    /// Whether the newest message was refused.
     pub fn is_refused(&self) -> bool {
         self.is_refused
     }
 
-    /// Whether there is an edge, counted from a message of tick `before`. An edge in a message that is refused is none.
+    /// Whether there is an edge, counted from a message of tick `before`. The edge of a message that is refused is lost.
     fn take_enable(&mut self, request: &Request, before: Option<u64>) -> bool {
         let now = request.axes.get(self.axis).map(|axis| axis.enable);
         let last = std::mem::replace(&mut self.enable, now);
@@ -136,7 +148,7 @@ impl Requests {
         in_a_row && last != now
     }
 
-    /// The axis' part of a message that makes sense.
+    /// Mode and entry of this axis, if the message makes sense by itself.
     fn sound(&self, request: &Request) -> Option<(AxisMode, AxisRequest)> {
         let count = request.header.axis_count as usize;
         let axis = *request.axes.get(self.axis).filter(|_| self.axis < count && count <= MAX_AXES)?;

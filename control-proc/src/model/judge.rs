@@ -104,7 +104,7 @@ impl Judge {
     ///
     /// # Errors
     /// The first reason why it may not be used either, or `None` while there is no model.
-    pub fn judge_held<'a>(&self, snapshot: &'a AxisSnapshot) -> Result<Approved<'a>, Option<Refusal>> {
+    pub fn judge_classical<'a>(&self, snapshot: &'a AxisSnapshot) -> Result<Approved<'a>, Option<Refusal>> {
         self.judge_one(snapshot, false)
     }
 

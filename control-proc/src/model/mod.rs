@@ -2,6 +2,7 @@
 //!
 //! | module | what it holds |
 //! |---|---|
+//! | [`gate`] | a snapshot goes in, the approved model or none comes out |
 //! | [`judge`] | checks of a snapshot's models: a model is approved, or refused with a reason |
 //! | [`comparison`] | whether the adaptive model predicts better than the classical one |
 //! | [`age`] | the last approved model, and how old it is |
@@ -12,6 +13,7 @@
 
 pub mod age;
 pub mod comparison;
+pub mod gate;
 pub mod judge;
 pub mod response;
 pub mod trust;

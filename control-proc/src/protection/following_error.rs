@@ -1,22 +1,38 @@
-//! Following error: an axis that is not where it should be is stopped.
+//! The bound on the following error.
 //!
 //! ```text
-//! stop     after |e| > e_max + 0.2 s |v_r| for 200 ms
+//! beyond   after |e| > e_b + 0.2 s |v_r| + e_0 for 200 ms
 //! ```
 //!
-//! e error m, v_r speed of the target m/s, e_max `following_error` m. Source: following-error limits of numerical
-//! controls, with a floor and a part that grows with the speed. [`crate::model::trust`] takes the model away before, where there
-//! is one.
+//! e following error m, reference minus position; e_b floor m; v_r speed of the reference m/s; e_0 allowance m. Source:
+//! following-error limits of numerical controls, with a floor and a part that grows with the speed.
 //!
-//! Trap: a floor below what the axis needs at its worst, cold and uncommissioned, stops a machine that is all right; so
-//! it is the machine file's to say.
+//! Two users apply this rule. [`super::Protection`] stops the axis; its floor is `following_error` of the machine file and
+//! its allowance is 0. [`crate::model::trust`] takes the model away earlier; its floor is lower, and its allowance is the
+//! error that the model has taken over.
+//!
+//! Ticks whose samples are missing count as beyond if the tick after them is: `elapsed` ticks are added at once.
+//!
+//! Trap: a floor below the error that an axis needs at its worst, cold and without a commissioned model, stops a healthy
+//! machine. Therefore the machine file sets it.
 
-/// What the speed adds, s.
-const BY_SPEED: f64 = 0.2;
-/// How long the error has to be beyond, s.
-const TIME: f64 = 0.2;
+/// Addition to the bound for each m/s of the reference's speed, s: a lag of this length is no fault.
+const SPEED_ALLOWANCE: f64 = 0.2;
+/// Time for which the error has to be beyond its bound, s: a disturbance that is over earlier is no fault.
+const DURATION: f64 = 0.2;
 
-/// Watches the error of one axis.
+/// How far an axis is from its reference at one tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Deviation {
+    /// Ticks since the last look, 1 when no sample is missing.
+    pub elapsed: u64,
+    /// Reference minus position, m.
+    pub error: f64,
+    /// Speed of the reference, m/s.
+    pub speed: f64,
+}
+
+/// The bound of one axis, and for how long the error has been beyond it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FollowingError {
     floor: f64,
@@ -31,17 +47,18 @@ impl FollowingError {
         Self { floor, period, beyond: 0 }
     }
 
-    /// Forgets: the axis begins to follow.
+    /// Begins to count anew.
     pub fn reset(&mut self) {
         self.beyond = 0;
     }
 
-    /// Whether the axis is to stop, `elapsed` ticks after the last look, with an `error` of m from a target of `speed` m/s.
-    pub fn update(&mut self, elapsed: u64, error: f64, speed: f64) -> bool {
+    /// Whether the error has been beyond its bound for too long, with an allowance of `allowance` m at this tick.
+    pub fn update(&mut self, deviation: &Deviation, allowance: f64) -> bool {
+        let bound = self.floor + SPEED_ALLOWANCE * deviation.speed.abs() + allowance;
         // Written so that NaN is beyond.
-        let is_within = error.abs() <= self.floor + BY_SPEED * speed.abs();
-        self.beyond = if is_within { 0 } else { self.beyond.saturating_add(elapsed) };
-        self.beyond as f64 * self.period >= TIME
+        let is_within = deviation.error.abs() <= bound;
+        self.beyond = if is_within { 0 } else { self.beyond.saturating_add(deviation.elapsed) };
+        self.beyond as f64 * self.period >= DURATION
     }
 }
 
@@ -49,27 +66,29 @@ impl FollowingError {
 mod tests {
     use super::*;
 
-    /// Tick at which it stops.
-    fn stops(error: impl Fn(u64) -> f64, speed: f64) -> Option<u64> {
+    /// Tick at which the error has been beyond the bound for too long.
+    fn stops(error: impl Fn(u64) -> f64, speed: f64, allowance: f64) -> Option<u64> {
         let mut following = FollowingError::new(0.03, 0.01);
-        (0..200).find(|k| following.update(1, error(*k), speed))
+        (0..200).find(|k| following.update(&Deviation { elapsed: 1, error: error(*k), speed }, allowance))
     }
 
     #[test]
     fn an_error_beyond_the_bound_for_its_time_stops() {
-        assert_eq!(stops(|k| if k >= 50 { 0.0301 } else { 0.0 }, 0.0), Some(69));
-        assert_eq!(stops(|k| if k >= 50 { -0.0301 } else { 0.0 }, 0.0), Some(69));
-        assert_eq!(stops(|_| 0.0701, 0.2), Some(19));
-        assert_eq!(stops(|_| f64::NAN, 0.0), Some(19));
-        // Ticks that nobody worked count.
+        assert_eq!(stops(|k| if k >= 50 { 0.0301 } else { 0.0 }, 0.0, 0.0), Some(69));
+        assert_eq!(stops(|k| if k >= 50 { -0.0301 } else { 0.0 }, 0.0, 0.0), Some(69));
+        assert_eq!(stops(|_| 0.0701, 0.2, 0.0), Some(19));
+        assert_eq!(stops(|_| f64::NAN, 0.0, 0.0), Some(19));
+        assert_eq!(stops(|_| 0.0701, 0.0, 0.04), Some(19));
+        // Ticks without a sample count.
         let mut following = FollowingError::new(0.03, 0.01);
-        assert!(following.update(20, 0.04, 0.0));
+        assert!(following.update(&Deviation { elapsed: 20, error: 0.04, speed: 0.0 }, 0.0));
     }
 
     #[test]
-    fn a_smaller_or_shorter_one_does_not() {
-        assert_eq!(stops(|_| 0.0299, 0.0), None);
-        assert_eq!(stops(|_| 0.0699, -0.2), None);
-        assert_eq!(stops(|k| if k % 20 == 0 { 0.0 } else { 1.0 }, 0.0), None);
+    fn a_smaller_or_shorter_error_does_not_stop() {
+        assert_eq!(stops(|_| 0.0299, 0.0, 0.0), None);
+        assert_eq!(stops(|_| 0.0699, -0.2, 0.0), None);
+        assert_eq!(stops(|_| 0.0699, 0.0, 0.04), None);
+        assert_eq!(stops(|k| if k % 20 == 0 { 0.0 } else { 1.0 }, 0.0, 0.0), None);
     }
 }

@@ -5,9 +5,12 @@
 //! ```
 //!
 //! u valve command, u_max `command_limit`, r `command_rate` in 1/s, T period in s. Trap: neutral is always allowed
-//! at once; a rate limit on the way to neutral would keep a machine moving that is to stop.
+//! at once. A rate limit on the way to neutral would keep a machine moving that has to stop.
 
-use pipeline::machine::Control;
+use pipeline::machine::{Axis, Control};
+
+/// Share of the largest magnitude from which on a command is at its limit: nothing more can be done.
+const AT_LIMIT: f64 = 0.99;
 
 /// What a command may be.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,10 +35,28 @@ impl Limits {
         wanted.max(last - self.step).min(last + self.step).max(-self.magnitude).min(self.magnitude)
     }
 
+    /// Whether `command` is at the largest magnitude.
+    pub fn is_reached_by(&self, command: f64) -> bool {
+        command.abs() >= AT_LIMIT * self.magnitude
+    }
+
     /// Lowest and highest command.
     pub fn range(&self) -> (f64, f64) {
         (-self.magnitude, self.magnitude)
     }
+}
+
+/// The magnitude of a command that makes at most half of the axis' speed: half of the way from the dead band to the limit,
+/// or less where the commissioned curve bends.
+pub fn half_speed(axis: &Axis) -> f64 {
+    let Control { command_limit, dead_band, .. } = axis.control;
+    let found = axis.commissioned.as_ref().map_or(dead_band, |model| model.dead_band);
+    let closed = dead_band.extend.min(dead_band.retract).min(found.extend).min(found.retract);
+    let half = closed + 0.5 * (command_limit - closed).max(0.0);
+    axis.commissioned.as_ref().map_or(half, |model| {
+        let by_curve = |limit: f64| model.command(0.5 * model.speed(limit)).abs();
+        half.min(by_curve(command_limit)).min(by_curve(-command_limit))
+    })
 }
 
 #[cfg(test)]
@@ -43,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn magnitude_and_rate_both_hold_and_nonsense_is_neutral() {
+    fn magnitude_and_rate_both_hold_and_a_command_that_is_not_finite_is_neutral() {
         let limits = Limits { magnitude: 0.5, step: 0.1 };
         assert_eq!(limits.apply(1.0, 0.2), 0.2 + 0.1);
         assert_eq!(limits.apply(-1.0, 0.2), 0.2 - 0.1);

@@ -2,7 +2,7 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`limits`] | largest magnitude and rate of a command |
+//! | [`limits`] | largest magnitude and rate of a command, and half of the speed |
 //! | [`end_stops`] | commands near the soft limits |
 //! | [`following_error`] | the bound on the difference between reference and position |
 //! | [`motion`] | whether an axis that is driven moves |
@@ -13,3 +13,61 @@ pub mod end_stops;
 pub mod following_error;
 pub mod limits;
 pub mod motion;
+
+use pipeline::machine::Axis;
+
+use end_stops::EndStops;
+use following_error::{Deviation, FollowingError};
+use limits::{Limits, half_speed};
+
+/// The protection of one axis while it follows.
+#[derive(Debug, Clone)]
+pub struct Protection {
+    limits: Limits,
+    /// Largest magnitude of a command for half of the speed.
+    half_speed: f64,
+    end_stops: EndStops,
+    following_error: FollowingError,
+}
+
+impl Protection {
+    /// As the machine file sets it for `axis`; `period` in s.
+    pub fn new(axis: &Axis, period: f64) -> Self {
+        Self {
+            limits: Limits::new(&axis.control, period),
+            half_speed: half_speed(axis),
+            end_stops: EndStops::new(axis),
+            following_error: FollowingError::new(axis.control.following_error, period),
+        }
+    }
+
+    /// Begins anew: the axis begins to follow, or a controller takes over.
+    pub fn reset(&mut self) {
+        self.following_error.reset();
+    }
+
+    /// The limits of the machine file.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// The soft end stops.
+    pub fn end_stops(&self) -> &EndStops {
+        &self.end_stops
+    }
+
+    /// The limits after the command `last`; `is_slow`: for half of the speed, which the command reaches step by step.
+    pub fn limits_after(&self, last: f64, is_slow: bool) -> Limits {
+        if !is_slow {
+            return self.limits;
+        }
+        let magnitude = self.half_speed.max(last.abs() - self.limits.step);
+        Limits { magnitude: magnitude.min(self.limits.magnitude), ..self.limits }
+    }
+
+    /// Whether a following error stops the axis. An error that `is_excused` counts as none.
+    pub fn stops(&mut self, deviation: &Deviation, is_excused: bool) -> bool {
+        let error = if is_excused { 0.0 } else { deviation.error };
+        self.following_error.update(&Deviation { error, ..*deviation }, 0.0)
+    }
+}

@@ -8,7 +8,7 @@ use pipeline::{
 };
 
 use super::{Loop, SINES, machine, machine_with};
-use crate::{Controller, target::generator::ReferenceGenerator, trajectory_file::read_references};
+use crate::{Controller, reference::generator::ReferenceGenerator, trajectory_file::read_references};
 
 /// A message of `preview` equal targets from tick `sequence` on.
 fn constant(sequence: u64, target: f64, preview: u32) -> Reference {

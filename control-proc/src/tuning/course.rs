@@ -17,7 +17,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::target::blend::smooth;
+use crate::reference::blend::smooth;
 
 /// From where on errors count, s: what is before is for offline identification.
 pub const TRAINING: f64 = 8.0;

@@ -129,7 +129,7 @@ impl<'a> Bench<'a> {
     fn new(index: usize, axis: &'a Axis, period: f64) -> Option<Self> {
         let model = axis.commissioned.as_ref()?;
         let points = course(index, axis.soft_limits, reached(model, axis.control.command_limit));
-        let round = crate::target::trajectory::Trajectory::through(points);
+        let round = crate::reference::trajectory::Trajectory::through(points);
         let ticks = ((END - TRAINING + LONG_REST) / period) as usize;
         let targets = (0..ticks).map(|tick| round.position(TRAINING + tick as f64 * period)).collect();
         Some(Self { model, resolution: axis.encoder.resolution, period, targets })

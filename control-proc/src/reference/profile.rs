@@ -6,15 +6,15 @@
 //! y_r(k) = (x(k) + x(k-1) + .. + x(k-N+1)) / N            N T = 0.2 s
 //! ```
 //!
-//! g goal m, x a motion of bounded speed and acceleration m, v its speed m/s, w the speed from which it still stops at
-//! the goal, y_r target m, T period s. A mean over N points of a motion is as bounded as the motion, so
+//! g set_point m, x a motion of bounded speed and acceleration m, v its speed m/s, w the speed from which it still stops at
+//! the set_point, y_r target m, T period s. A mean over N points of a motion is as bounded as the motion, so
 //! `|v_r| <= v_max` and `|a_r| <= a_max`; and a_r changes from tick to tick by the difference of two accelerations over
 //! N, so its jerk is at most `2 a_max / (N T)`, reached only where the acceleration turns round at once. At the end all
 //! N points are g, and y_r is g exactly.
 //!
 //! v_max is a quarter of `max_speed`, a_max is v_max over 0.25 s. A motion that is taken over faster than v_max is braked
 //! to it. Source: acceleration-limited planning behind a moving
-//! average, as numerical controls do it. Unlike with a curve of seven segments, nothing is planned that a new goal could
+//! average, as numerical controls do it. Unlike with a curve of seven segments, nothing is planned that a new set_point could
 //! contradict: it may come at any tick.
 //!
 //! Traps: braking along w exactly asks for 1.125 times its deceleration in the last ticks, hence b below a_max. The mean
@@ -39,7 +39,7 @@ pub struct Profile {
     speed: f64,
     max_speed: f64,
     acceleration: f64,
-    goal: f64,
+    set_point: f64,
     v: f64,
     /// x of the last N ticks, the newest last, and room for the coming ones.
     points: Vec<f64>,
@@ -57,7 +57,7 @@ impl Profile {
             speed,
             max_speed: axis.max_speed,
             acceleration: speed / RISE_TIME,
-            goal: 0.0,
+            set_point: 0.0,
             v: 0.0,
             points: vec![0.0; mean + ahead],
             mean,
@@ -74,26 +74,26 @@ impl Profile {
         self.stop();
     }
 
-    /// Makes the goal where it comes to a stand, inside the soft limits.
+    /// Makes the set_point where it comes to a stand, inside the soft limits.
     pub fn stop(&mut self) {
         let braking = BRAKING * self.acceleration;
         let way = self.v.abs() * (self.v.abs() / (2.0 * braking) + 0.5 * self.period);
         self.aim(self.points[self.mean - 1] + way.copysign(self.v));
     }
 
-    /// Another goal, m; outside the soft limits the limit.
-    pub fn aim(&mut self, goal: f64) {
-        self.goal = goal.max(self.limits.0).min(self.limits.1);
+    /// Another set_point, m; outside the soft limits the limit.
+    pub fn aim(&mut self, set_point: f64) {
+        self.set_point = set_point.max(self.limits.0).min(self.limits.1);
     }
 
-    /// The goal, m.
-    pub fn goal(&self) -> f64 {
-        self.goal
+    /// The set_point, m.
+    pub fn set_point(&self) -> f64 {
+        self.set_point
     }
 
     /// Whether it has arrived.
     pub fn stands(&self) -> bool {
-        self.v == 0.0 && self.points[..self.mean].iter().all(|point| *point == self.goal)
+        self.v == 0.0 && self.points[..self.mean].iter().all(|point| *point == self.set_point)
     }
 
     /// Goes on by `ticks`.
@@ -128,7 +128,7 @@ impl Profile {
 
     /// v(k+1).
     fn next_speed(&self, x: f64, v: f64) -> f64 {
-        let way = self.goal - x;
+        let way = self.set_point - x;
         let half = 0.5 * BRAKING * self.acceleration * self.period;
         let braking = (half * half + 2.0 * BRAKING * self.acceleration * way.abs()).sqrt() - half;
         let wanted = braking.min(self.speed).min(way.abs() / self.period).copysign(way);
@@ -136,9 +136,9 @@ impl Profile {
         wanted.max(v - step).min(v + step)
     }
 
-    /// The goal itself in the place of what differs from it by rounding.
+    /// The set_point itself in the place of what differs from it by rounding.
     fn landed(&self, x: f64) -> f64 {
-        if (x - self.goal).abs() <= 1e-12 { self.goal } else { x }
+        if (x - self.set_point).abs() <= 1e-12 { self.set_point } else { x }
     }
 }
 
@@ -193,7 +193,7 @@ mod tests {
         assert!((y[0] - 0.498).abs() < 1e-4, "{}", y[0]);
         let (_, a, j) = largest(&[&[0.504, 0.502, 0.5], &y[..]].concat());
         assert!(a <= MOST.1 * 1.001 && j <= MOST.2 * 1.001, "{a} {j}");
-        assert_eq!(y[199], profile.goal());
+        assert_eq!(y[199], profile.set_point());
         assert!(y.windows(2).all(|pair| pair[1] <= pair[0]), "it does not come back");
     }
 
@@ -235,15 +235,15 @@ mod tests {
             let mut profile = profile();
             profile.begin(start, speed);
             let mut y: Vec<f64> = (0..4).map(|i| start - f64::from(3 - i) * speed * PERIOD).collect();
-            for (goal, ticks) in goals {
-                profile.aim(goal);
+            for (set_point, ticks) in goals {
+                profile.aim(set_point);
                 y.extend((0..ticks).map(|_| next(&mut profile)));
             }
             let (v, a, j) = largest(&y);
             prop_assert!(v <= MOST.0 * 1.000_001 && a <= MOST.1 * 1.000_01 && j <= MOST.2 * 1.000_1, "{v} {a} {j}");
             prop_assert!(y.iter().all(|y| (0.05..=1.284).contains(y)), "inside the soft limits");
             y.extend((0..1000).map(|_| next(&mut profile)));
-            prop_assert_eq!(y[y.len() - 1], profile.goal());
+            prop_assert_eq!(y[y.len() - 1], profile.set_point());
         }
     }
 }

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! t time since the axis began to follow, s; g position, m. The settings are `[axis.NAME.reference]`. Trap: g does not
-//! depend on where the axis stands; [`super::Target`] leads from there to g.
+//! depend on where the axis stands; [`super::References`] leads from there to g.
 
 use std::f64::consts::TAU;
 

@@ -1,4 +1,4 @@
-//! The reference of one axis: of this tick and of the coming ones.
+//! The references of one axis: of this tick and of the coming ones.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -8,9 +8,9 @@
 //! | [`channel`] | references from another program, accepted or refused |
 //! | [`profile`] | motions to a set point, bounded in speed, acceleration and jerk |
 //!
-//! While the axis tracks, its reference comes from its generator or from the channel. While it holds, its reference
-//! comes from the profile; tracking begins once the profile has come to a stand. The profile also brings the reference to
-//! a stand when the channel stops or sends what is refused, until an accepted message goes on from there.
+//! While the axis tracks, its references come from its generator or from the channel. While it holds, they come from the
+//! profile; tracking begins once the profile has come to a stand. The profile also brings the references to a stand when
+//! the channel stops or sends what is refused, until an accepted message goes on from there.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
@@ -25,49 +25,53 @@ use pipeline::{
     message::Reference,
 };
 
+use crate::model::response::MAX_AHEAD;
 use blend::Blend;
 use channel::ChannelFollower;
 use generator::ReferenceGenerator;
 use profile::Profile;
 
-use crate::model::response::MAX_AHEAD;
-
-/// The targets of one axis: this tick's and the coming ones.
+/// The references of one axis.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Target {
+pub struct References {
     axis: usize,
     period: f64,
+    /// `None` for an axis whose references come from its generator.
     channel: Option<ChannelFollower>,
-    /// The channel has stopped, and its target comes to a stand.
+    /// The channel has stopped, and the profile brings the reference to a stand.
     brakes: bool,
+    blend: Blend,
     profile: Profile,
     state: State,
-    blend: Blend,
+    /// Number of coming ticks that are worked out.
     ahead: usize,
+    /// References of this tick and the coming ones, m.
     positions: [f64; MAX_AHEAD],
-    /// Of the target, m/s.
+    /// Speed of the reference, m/s.
     speed: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
-    Follows,
+    /// Follows generator or channel.
+    Tracks,
+    /// Goes to a set point and stays there.
     Holds,
-    /// Follows once it stands.
+    /// Comes to a stand, and tracks then.
     Halts,
 }
 
-/// How the targets of a tick came about.
+/// How the references of a tick came about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Following {
-    /// The channel's reference is refused and the axis holds its target.
-    pub refused: bool,
-    /// The way to the generator is over, or the channel has been taken up: the tracking error counts.
+pub struct ReferenceStatus {
+    /// The channel's message is refused, and the axis holds its reference.
+    pub is_refused: bool,
+    /// The blend is over, or the channel has been taken up: the tracking error counts.
     pub counts: bool,
 }
 
-impl Target {
-    /// Targets of the axis with this number for this and `ahead` more ticks; `period` in s.
+impl References {
+    /// References of the axis with this number for this tick and `ahead` more ticks; `period` in s.
     pub fn new(index: usize, axis: &Axis, period: f64, ahead: usize) -> Self {
         let ahead = ahead.min(MAX_AHEAD - 1);
         let from_channel = axis.reference == ReferenceSource::Channel;
@@ -76,27 +80,28 @@ impl Target {
             period,
             channel: from_channel.then(|| ChannelFollower::new(index, axis, period)),
             brakes: false,
-            profile: Profile::new(axis, period, ahead),
-            state: State::Follows,
             blend: Blend::new(axis.max_speed),
+            profile: Profile::new(axis, period, ahead),
+            state: State::Tracks,
             ahead,
             positions: [0.0; MAX_AHEAD],
             speed: 0.0,
         }
     }
 
-    /// Begins to follow at tick `sequence`, from where the axis stands (m).
+    /// Begins to track at tick `sequence`, from where the axis stands (m).
     pub fn begin(&mut self, sequence: u64, position: f64, generator: &ReferenceGenerator) {
-        (self.state, self.positions[0], self.speed, self.brakes) = (State::Follows, position, 0.0, false);
+        (self.state, self.positions[0], self.speed, self.brakes) = (State::Tracks, position, 0.0, false);
         self.blend.begin(sequence, position, generator.position(self.axis, 0.0));
         if let Some(channel) = &mut self.channel {
             channel.begin(position);
         }
     }
 
-    /// Comes to a stand and holds: from where the target is, or from `position` (m) at `speed` (m/s) where it has none.
+    /// Comes to a stand and holds. The motion begins at `from`, a position (m) and a speed (m/s), or goes on from the
+    /// present reference.
     pub fn hold(&mut self, from: Option<(f64, f64)>) {
-        if from.is_some() || self.state == State::Follows {
+        if from.is_some() || self.state == State::Tracks {
             let (position, speed) = from.unwrap_or((self.positions[0], self.speed));
             self.profile.begin(position, speed);
             (self.positions[0], self.speed) = (position, speed);
@@ -104,27 +109,27 @@ impl Target {
         self.state = State::Holds;
     }
 
-    /// Holds at `goal` (m) instead.
-    pub fn aim(&mut self, goal: f64) {
+    /// Changes the set point (m) of an axis that holds.
+    pub fn aim(&mut self, set_point: f64) {
         if self.state == State::Holds {
-            self.profile.aim(goal);
+            self.profile.aim(set_point);
         }
     }
 
-    /// Comes to a stand and then follows, where it holds.
-    pub fn follow(&mut self) {
+    /// Lets an axis that holds come to a stand and track then.
+    pub fn track(&mut self) {
         if self.state == State::Holds {
             self.profile.stop();
             self.state = State::Halts;
         }
     }
 
-    /// Speed of the target, m/s.
+    /// Speed of the reference, m/s.
     pub fn speed(&self) -> f64 {
         self.speed
     }
 
-    /// Works out the targets from tick `sequence` on, `elapsed` ticks after the last call.
+    /// Works out the references from tick `sequence` on, `elapsed` ticks after the last call.
     pub fn update(
         &mut self,
         sequence: u64,
@@ -132,23 +137,23 @@ impl Target {
         position: f64,
         generator: &ReferenceGenerator,
         reference: Option<&Reference>,
-    ) -> Following {
+    ) -> ReferenceStatus {
         let before = self.positions[0];
         if self.state == State::Halts && self.profile.stands() {
-            self.begin(sequence, self.profile.goal(), generator);
+            self.begin(sequence, self.profile.set_point(), generator);
         }
-        let following = if self.state == State::Follows {
+        let status = if self.state == State::Tracks {
             self.pursue(sequence, elapsed, position, generator, reference)
         } else {
             self.profile.advance(elapsed);
             self.profile.fill(&mut self.positions[..=self.ahead]);
-            Following { refused: false, counts: false }
+            ReferenceStatus { is_refused: false, counts: false }
         };
         self.speed = (self.positions[0] - before) / (elapsed.max(1) as f64 * self.period);
-        following
+        status
     }
 
-    /// The targets of generator or channel.
+    /// The references of generator or channel.
     fn pursue(
         &mut self,
         sequence: u64,
@@ -156,12 +161,12 @@ impl Target {
         position: f64,
         generator: &ReferenceGenerator,
         reference: Option<&Reference>,
-    ) -> Following {
+    ) -> ReferenceStatus {
         let before = self.positions[0];
         let positions = &mut self.positions[..=self.ahead];
         if let Some(channel) = &mut self.channel {
-            let accepted = channel.update(reference, sequence, elapsed, position, positions);
-            if accepted {
+            let is_accepted = channel.update(reference, sequence, elapsed, position, positions);
+            if is_accepted {
                 self.brakes = false;
             } else if self.brakes || self.speed != 0.0 {
                 if !self.brakes {
@@ -172,14 +177,14 @@ impl Target {
                 self.profile.fill(positions);
                 channel.hold(positions[0]);
             }
-            return Following { refused: !accepted, counts: channel.has_engaged() };
+            return ReferenceStatus { is_refused: !is_accepted, counts: channel.has_engaged() };
         }
         let tick = self.blend.ticks(sequence);
-        for (i, target) in positions.iter_mut().enumerate() {
+        for (i, reference) in positions.iter_mut().enumerate() {
             let t = (tick + i as u64) as f64 * self.period;
-            *target = self.blend.position(t, generator.position(self.axis, t));
+            *reference = self.blend.position(t, generator.position(self.axis, t));
         }
-        Following { refused: false, counts: self.blend.is_over(tick as f64 * self.period) }
+        ReferenceStatus { is_refused: false, counts: self.blend.is_over(tick as f64 * self.period) }
     }
 
     /// y_r(k), y_r(k+1), .. as of the last update, m.

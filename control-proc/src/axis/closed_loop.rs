@@ -1,0 +1,111 @@
+//! One tick of an axis in closed loop: from its reference to its command.
+//!
+//! ```text
+//! reference -> limits -> following error -> plan of the predictive controller -> model gate -> commander -> end stops
+//! ```
+
+use pipeline::message::{ControlMode, control_flag};
+
+use super::{
+    AxisController, AxisInput,
+    decision::{Commander, Decision},
+};
+use crate::{
+    model::{age::Age, gate::ModelAnswer},
+    protection::{following_error::Deviation, limits::Limits},
+};
+
+/// Plans in a row without an answer of the solver that latch the axis.
+pub const UNSOLVED_LIMIT: u64 = 5;
+
+impl AxisController {
+    /// The decision of an axis in closed loop, from its position in m.
+    ///
+    /// # Errors
+    /// The cause that latches the axis, a [`control_flag`] bit.
+    pub(super) fn follow(
+        &mut self,
+        input: &AxisInput<'_>,
+        position: f64,
+        snapshot_flags: u32,
+    ) -> Result<Decision, u32> {
+        let last = self.decision;
+        let status = self.references.update(input.sequence, input.elapsed, position, input.generator, input.reference);
+        let reference = self.references.positions()[0];
+        let deviation =
+            Deviation { elapsed: input.elapsed, error: reference - position, speed: self.references.speed() };
+
+        let age = self.gate.age(input.sequence);
+        let is_slow = age == Age::Expired;
+        let limits = self.protection.limits_after(last.command, is_slow);
+        let at_limit = limits.is_reached_by(last.command);
+        // An axis that has been slowed down cannot always follow its reference, and is to go on.
+        if self.protection.stops(&deviation, is_slow && at_limit) {
+            return Err(control_flag::FOLLOWING);
+        }
+
+        let answer = self.plan(input.sequence, &limits)?;
+        let admission = self.gate.admit(answer, &deviation, last.by == ControlMode::Model, at_limit);
+
+        let rests = self.rest.update(deviation.error, self.references.positions());
+        let (wanted, by) = match Commander::choose(admission.command, rests) {
+            Commander::Rest(by) => (0.0, by),
+            Commander::Predictive(command) => (command, ControlMode::Model),
+            Commander::Fallback => (self.fall_back(&last, deviation.error, &limits), ControlMode::Fallback),
+        };
+        let command = self.protection.end_stops().apply(wanted, position, self.feedback.speed(), true);
+
+        if status.counts {
+            self.tracking.push(deviation.error, by);
+        }
+        let mut flags = snapshot_flags | age_flags(age) | admission.flags;
+        if status.is_refused {
+            flags |= control_flag::REFERENCE;
+        }
+        if command != wanted {
+            flags |= control_flag::SOFT_LIMIT;
+        }
+        Ok(Decision { command, by, reference, error: deviation.error, flags })
+    }
+
+    /// What the predictive controller answers with the usable model. It plans during probation too, so that it has an
+    /// estimate of the noise when it takes over.
+    fn plan(&mut self, sequence: u64, limits: &Limits) -> Result<ModelAnswer, u32> {
+        let (Some(model), Some(history)) = (self.gate.model(sequence), self.feedback.history()) else {
+            self.predictive.reset();
+            return Ok(ModelAnswer::NoModel);
+        };
+        let command = self.predictive.update(&model, limits, history, self.references.positions());
+        if self.predictive.unsolved_in_a_row() >= UNSOLVED_LIMIT {
+            return Err(control_flag::SOLVER);
+        }
+        Ok(command.map_or(ModelAnswer::NoCommand, ModelAnswer::Command))
+    }
+
+    /// The command of the fallback at an error of `error` m.
+    fn fall_back(&mut self, last: &Decision, error: f64, limits: &Limits) -> f64 {
+        let positions = self.references.positions();
+        if last.is_handed_over() {
+            self.fallback.resume(last.command, error, positions);
+        }
+        self.fallback.limit(limits.magnitude);
+        self.fallback.update(error, positions, last.command)
+    }
+
+    /// Puts the position that the model expects in the place of the missing one, so that the next plan has it.
+    pub(super) fn bridge(&mut self, sequence: u64) {
+        let (Some(model), Some(history)) = (self.gate.model(sequence), self.feedback.history()) else { return };
+        if let Some(expected) = self.predictive.bridge(&model, history) {
+            self.feedback.bridge(expected);
+        }
+    }
+}
+
+/// What the age of the last approved model means, as [`control_flag`] bits.
+fn age_flags(age: Age) -> u32 {
+    match age {
+        Age::None | Age::Fresh => 0,
+        Age::Stale => control_flag::MODEL_STALE,
+        Age::Expired => control_flag::MODEL_STALE | control_flag::HALF_SPEED,
+    }
+}

@@ -1,0 +1,131 @@
+//! Feedback of an axis: its usable positions, missing samples, and whether it moves.
+//!
+//! A tick without a usable position is blind. While the axis follows, the position that the model expects is put in the
+//! place of a blind tick (bridged). When a position comes again, only the blind ticks that are not bridged are filled by
+//! a straight line ([`History::push_output`]).
+
+use pipeline::{
+    machine::{Axis, Timing, samples_of},
+    message::{AxisSample, sample_fault},
+};
+
+use crate::{
+    predictive::history::History,
+    protection::motion::{Motion, Standing},
+};
+
+/// Samples in a row without a usable position that latch the axis.
+pub const UNUSABLE_LIMIT: u64 = 3;
+/// Ticks over which the speed of an axis is taken.
+const SPEED_TICKS: usize = 4;
+
+/// What was observed of an axis at one tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Observation {
+    /// The usable position, m.
+    pub position: Option<f64>,
+    /// Ticks without a usable position before this one.
+    pub missing: u64,
+    /// The sample is outside the stroke.
+    pub is_out_of_range: bool,
+    /// The position has been missing for too long.
+    pub is_lost: bool,
+    /// The axis is driven and does not move.
+    pub standing: Option<Standing>,
+}
+
+/// The feedback of one axis.
+#[derive(Debug, Clone)]
+pub struct Feedback {
+    period: f64,
+    /// Missing ticks before a usable position that are too many.
+    timeout_ticks: u64,
+    /// `None` until the first usable position.
+    history: Option<History>,
+    /// Ticks since the last usable position.
+    blind: u64,
+    /// How many of the blind ticks the model has filled.
+    bridged: u64,
+    motion: Motion,
+}
+
+impl Feedback {
+    /// Before the first sample.
+    pub fn new(axis: &Axis, timing: &Timing) -> Self {
+        Self {
+            period: timing.period.as_secs_f64(),
+            timeout_ticks: samples_of(timing.feedback_timeout, timing.period).max(1) as u64,
+            history: None,
+            blind: 0,
+            bridged: 0,
+            motion: Motion::new(axis, timing),
+        }
+    }
+
+    /// Forgets the past of the axis.
+    pub fn reset(&mut self) {
+        self.history = None;
+        (self.blind, self.bridged) = (0, 0);
+    }
+
+    /// Takes in the sample of a tick, `elapsed` ticks after the last one; `command` has been on the valve since.
+    pub fn observe(&mut self, elapsed: u64, sample: Option<&AxisSample>, command: f64) -> Observation {
+        self.blind = self.blind.saturating_add(elapsed);
+        let faults = sample.map_or(sample_fault::STALE, |sample| sample.faults);
+        let position = sample.and_then(AxisSample::usable);
+        let (blind, missing) = (self.blind, self.blind.saturating_sub(1));
+        if let Some(position) = position {
+            match &mut self.history {
+                None => self.history = Some(History::resting(position)),
+                Some(history) => history.push_output(position, missing.saturating_sub(self.bridged)),
+            }
+            (self.blind, self.bridged) = (0, 0);
+        }
+        Observation {
+            position,
+            missing,
+            is_out_of_range: faults & sample_fault::RANGE != 0,
+            is_lost: if position.is_some() { missing >= self.timeout_ticks } else { blind >= UNUSABLE_LIMIT },
+            standing: self.motion.update(elapsed, command, position),
+        }
+    }
+
+    /// Puts `expected` (m) in the place of the position of a blind tick.
+    pub fn bridge(&mut self, expected: f64) {
+        if let Some(history) = &mut self.history {
+            history.push_output(expected, self.blind.saturating_sub(self.bridged + 1));
+            self.bridged = self.blind;
+        }
+    }
+
+    /// The last command stayed on the valve for so many more ticks.
+    pub fn hold_command(&mut self, ticks: u64) {
+        if let Some(history) = &mut self.history {
+            history.hold_command(ticks);
+        }
+    }
+
+    /// Takes in the command that was sent.
+    pub fn push_command(&mut self, command: f64) {
+        if let Some(history) = &mut self.history {
+            history.push_command(command);
+        }
+    }
+
+    /// Past positions and commands; none before the first usable position.
+    pub fn history(&self) -> Option<&History> {
+        self.history.as_ref()
+    }
+
+    /// The newest position, m.
+    pub fn position(&self) -> Option<f64> {
+        self.history.as_ref().map(|history| history.outputs()[0])
+    }
+
+    /// Speed of the axis over the last ticks, m/s.
+    pub fn speed(&self) -> f64 {
+        self.history.as_ref().map_or(0.0, |history| {
+            (history.outputs()[0] - history.outputs()[SPEED_TICKS]) / (SPEED_TICKS as f64 * self.period)
+        })
+    }
+}

@@ -1,0 +1,164 @@
+//! States of an axis, and what leads from one to the other.
+//!
+//! ```text
+//! disarmed --arm--> settling --0.2 s of healthy samples--> following
+//! settling, following --fault--> latched         any state --disarm--> disarmed
+//! ```
+//!
+//! Settling begins anew with every sample that is missing or unusable. The emergency stop latches in every state.
+
+use std::time::Duration;
+
+use pipeline::{
+    machine::{Timing, samples_of},
+    message::control_flag,
+};
+
+use super::feedback::Observation;
+use crate::protection::motion::Standing;
+
+/// Time of healthy samples before anything moves: long enough to see an encoder that comes and goes.
+pub const SETTLING: Duration = Duration::from_millis(200);
+
+/// The state of an axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum State {
+    /// Neutral until it is armed.
+    Disarmed,
+    /// Armed; so many healthy samples in a row so far.
+    Settling(u64),
+    /// Commanded by a request or a controller.
+    Following,
+    /// Neutral until it is disarmed, for these [`control_flag`] bits.
+    Latched(u32),
+}
+
+/// What an observation leads to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Transition {
+    /// Nothing that the controller has to act on.
+    Stay,
+    /// The axis begins to follow at this position, m.
+    Begin(f64),
+    /// A fault latches the axis, a [`control_flag`] bit.
+    Latch(u32),
+}
+
+/// The state of an axis and what it depends on.
+#[derive(Debug, Clone)]
+pub struct StateMachine {
+    state: State,
+    settling_ticks: u64,
+    /// The emergency stop was pressed when it was last seen.
+    is_pressed: bool,
+    /// The axis was disarmed because its requests stopped.
+    requests_stopped: bool,
+}
+
+impl StateMachine {
+    /// Disarmed.
+    pub fn new(timing: &Timing) -> Self {
+        let settling_ticks = samples_of(SETTLING, timing.period).max(1) as u64;
+        Self { state: State::Disarmed, settling_ticks, is_pressed: false, requests_stopped: false }
+    }
+
+    /// The present state.
+    pub fn current(&self) -> State {
+        self.state
+    }
+
+    /// Whether the axis settles or follows, and so is operated in its mode.
+    pub fn is_armed(&self) -> bool {
+        matches!(self.state, State::Settling(_) | State::Following)
+    }
+
+    /// Whether the emergency stop is pressed.
+    pub fn is_pressed(&self) -> bool {
+        self.is_pressed
+    }
+
+    /// Takes in the emergency stop.
+    pub fn press(&mut self, is_pressed: bool) {
+        self.is_pressed = is_pressed;
+    }
+
+    /// Begins to settle. False without effect where the axis is not disarmed.
+    pub fn arm(&mut self) -> bool {
+        let is_disarmed = self.state == State::Disarmed;
+        if is_disarmed {
+            (self.state, self.requests_stopped) = (State::Settling(0), false);
+        }
+        is_disarmed
+    }
+
+    /// Disarms. False without effect while the emergency stop is pressed.
+    pub fn disarm(&mut self) -> bool {
+        if !self.is_pressed {
+            (self.state, self.requests_stopped) = (State::Disarmed, false);
+        }
+        !self.is_pressed
+    }
+
+    /// Notes that the axis was disarmed because its requests stopped.
+    pub fn note_stopped_requests(&mut self) {
+        self.requests_stopped = true;
+    }
+
+    /// Latches. The first cause stays, and an emergency stop is added to it.
+    pub fn latch(&mut self, cause: u32) {
+        self.state = State::Latched(match self.state {
+            State::Latched(first) => first | cause & control_flag::EMERGENCY_STOP,
+            _ => cause,
+        });
+    }
+
+    /// Why the axis is latched, [`control_flag`] bits; 0 while it is not.
+    pub fn cause(&self) -> u32 {
+        if let State::Latched(cause) = self.state { cause } else { 0 }
+    }
+
+    /// The state as [`control_flag`] bits.
+    pub fn flags(&self) -> u32 {
+        match self.state {
+            State::Disarmed if self.requests_stopped => control_flag::DISARMED | control_flag::REQUEST_STOPPED,
+            State::Disarmed => control_flag::DISARMED,
+            State::Settling(_) => control_flag::SETTLING,
+            State::Following => 0,
+            State::Latched(cause) => cause,
+        }
+    }
+
+    /// Moves on by what was observed at a tick; `is_direct`: the axis is in a direct mode.
+    pub fn observe(&mut self, observation: &Observation, is_direct: bool) -> Transition {
+        match self.state {
+            State::Settling(_) if observation.is_out_of_range => Transition::Latch(control_flag::FEEDBACK),
+            State::Settling(healthy) => self.settle(observation, healthy),
+            State::Following => fault(observation, is_direct).map_or(Transition::Stay, Transition::Latch),
+            State::Disarmed | State::Latched(_) => Transition::Stay,
+        }
+    }
+
+    fn settle(&mut self, observation: &Observation, healthy: u64) -> Transition {
+        self.state = match observation.position {
+            Some(position) if observation.missing == 0 && healthy >= self.settling_ticks => {
+                self.state = State::Following;
+                return Transition::Begin(position);
+            }
+            Some(_) if observation.missing == 0 || healthy == 0 => State::Settling(healthy + 1),
+            _ => State::Settling(0),
+        };
+        Transition::Stay
+    }
+}
+
+/// The fault that latches an axis that follows, if there is one.
+fn fault(observation: &Observation, is_direct: bool) -> Option<u32> {
+    if observation.is_out_of_range || observation.is_lost || observation.standing == Some(Standing::Stuck) {
+        Some(control_flag::FEEDBACK)
+    } else if observation.standing.is_some() && !is_direct {
+        // In manual a person sees that the axis stands, and a commissioning has to find the command that moves it.
+        Some(control_flag::STALL)
+    } else {
+        None
+    }
+}

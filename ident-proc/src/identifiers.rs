@@ -2,7 +2,7 @@
 
 use pipeline::{
     machine::{Axis, Machine},
-    message::{CoefficientSnapshot, EncoderSample, ValveCommand, sample_fault},
+    message::{CoefficientSnapshot, EncoderSample, ValveCommand},
 };
 
 use crate::Identifier;
@@ -39,11 +39,10 @@ impl Identifiers {
         let command = command.filter(|command| {
             follows && command.header.sequence.checked_add(1) == Some(tick) && command.header.axis_count == count
         });
-        let usable = sample.header.axis_count == count;
+        let is_complete = sample.header.axis_count == count;
         for (i, axis) in self.axes.iter_mut().enumerate() {
-            let position = &sample.axes[i];
-            let healthy = usable && position.faults & sample_fault::UNUSABLE == 0;
-            axis.update(healthy.then_some(position.position), command.map(|command| command.axes[i].command));
+            let position = sample.axes[i].usable().filter(|_| is_complete);
+            axis.update(position, command.map(|command| command.axes[i].command));
             snapshot.axes[i] = axis.snapshot();
         }
         snapshot.header.sequence = tick;

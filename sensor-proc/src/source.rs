@@ -4,7 +4,7 @@ use std::{path::Path, time::Duration};
 
 use pipeline::{
     machine::Machine,
-    message::{AxisCommand, ControlMode, EncoderReading, EncoderSample, ValveCommand, sample_fault},
+    message::{AxisCommand, ControlMode, EncoderReading, EncoderSample, ValveCommand},
 };
 
 use crate::{
@@ -146,13 +146,13 @@ fn check_period(record: &Record, period: Duration, file: &Path) -> Result<(), Re
 
 /// Whether any axis of the sample is marked with more than rest.
 pub fn is_implausible(sample: &EncoderSample) -> bool {
-    sample.axes.iter().any(|axis| axis.faults & sample_fault::UNUSABLE != 0)
+    sample.axes.iter().any(|axis| axis.usable().is_none())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pipeline::message::EncoderValue;
+    use pipeline::message::{EncoderValue, sample_fault};
 
     #[test]
     fn counts_become_metres() {

@@ -129,6 +129,7 @@ impl Applied {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pipeline::message::sample_fault;
 
     #[test]
     fn ticks_without_a_sample_and_without_a_command_are_filled() {

@@ -1,8 +1,8 @@
-//! Nelder, Mead 1965: the lowest point of a function of N numbers, without derivatives.
+//! Nelder and Mead (1965): the lowest point of a function of N numbers, without derivatives.
 //!
-//! The worst corner of a simplex is reflected at the middle of the others, twice as far where that is the best, half as
-//! far where it is bad; where that is no better, all corners move half-way to the best. Trap: it finds the valley it
-//! starts in.
+//! The worst corner of a simplex is reflected at the middle of the others: twice as far where the reflected corner is the
+//! best, half as far where it is bad. Where that is no better, all corners move half-way to the best one. Trap: the search
+//! stays in the valley that it starts in.
 
 /// The lowest point found after `steps` from `start` with first steps of `size`, and the function there.
 pub fn minimum<const N: usize>(
@@ -53,9 +53,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_banana_is_followed_to_its_end() {
-        let banana = |p: &[f64; 2]| 100.0 * (p[1] - p[0] * p[0]).powi(2) + (1.0 - p[0]).powi(2);
-        let (point, value) = minimum(banana, [-1.2, 1.0], [0.1, 0.1], 200);
+    fn the_minimum_of_the_rosenbrock_function_is_found() {
+        let rosenbrock = |p: &[f64; 2]| 100.0 * (p[1] - p[0] * p[0]).powi(2) + (1.0 - p[0]).powi(2);
+        let (point, value) = minimum(rosenbrock, [-1.2, 1.0], [0.1, 0.1], 200);
         assert!(value < 1e-10 && (point[0] - 1.0).abs() < 1e-4 && (point[1] - 1.0).abs() < 1e-4, "{point:?} {value}");
     }
 }

@@ -1,4 +1,4 @@
-//! How far the axis still goes, before its model is known.
+//! How fast the commands of one direction move the axis, before its model is known.
 //!
 //! ```text
 //! rest(k) = sum of v(u(i)) T over i = k-R .. k          v(u) = g * line through the strokes (l_j, v_j)
@@ -6,34 +6,45 @@
 //! ```
 //!
 //! u commands, T period s, R the longest time from neutral to rest seen so far, ticks; l_j levels of the strokes so far,
-//! v_j the fastest speeds in them m/s, l_0 a level that was seen to move the axis, g >= 1 raised by whatever moves faster.
-//! What is under way in the pilot lines comes out whatever is commanded now, so it counts in full. Trap: a dead band
-//! taken too small makes the quadratic rule rash; l_0 is above it.
+//! v_j the fastest speeds in them m/s, l_0 a level that was seen to move the axis, g >= 1 raised by whatever moves faster;
+//! rest(k) way that is under way, m. What is under way in the pilot lines comes out whatever is commanded now, so all of
+//! it counts. Trap: if l_0 is below the dead band, the quadratic rule expects too little speed; l_0 is above it.
 
 /// Strokes that are kept, of either direction.
 pub const MOST_STROKES: usize = 12;
 
-/// More than was seen: loads and oil are not everywhere the same.
+/// Factor on the speeds that were seen: loads and oil differ from place to place.
 const CAUTION: f64 = 1.1;
+
+/// A stroke that was made.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Stroke {
+    /// Magnitude of its command.
+    pub level: f64,
+    /// Fastest speed in it, m/s.
+    pub speed: f64,
+}
 
 /// What has been seen of one direction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Direction {
-    /// l_0, a level that moved the axis; the command limit or more before one has.
+    /// l_0, a level that moved the axis; infinite before one has.
     pub moving: f64,
-    strokes: [(f64, f64); MOST_STROKES],
+    strokes: [Stroke; MOST_STROKES],
     count: usize,
+    /// g.
     gain: f64,
 }
 
 impl Direction {
     /// Nothing seen yet.
     pub const fn new() -> Self {
-        Self { moving: f64::INFINITY, strokes: [(0.0, 0.0); MOST_STROKES], count: 0, gain: 1.0 }
+        let none = Stroke { level: 0.0, speed: 0.0 };
+        Self { moving: f64::INFINITY, strokes: [none; MOST_STROKES], count: 0, gain: 1.0 }
     }
 
-    /// Level and fastest speed of the last stroke, m/s.
-    pub fn last(&self) -> Option<(f64, f64)> {
+    /// The last stroke.
+    pub fn last(&self) -> Option<Stroke> {
         self.strokes[..self.count].last().copied()
     }
 
@@ -44,9 +55,9 @@ impl Direction {
 
     /// Keeps a stroke; levels rise, and speeds do not fall.
     pub fn push(&mut self, level: f64, speed: f64) {
-        let before = self.last().unwrap_or((0.0, 0.0));
-        if !self.is_full() && level > before.0 {
-            self.strokes[self.count] = (level, speed.max(before.1));
+        let before = self.last().unwrap_or_default();
+        if !self.is_full() && level > before.level {
+            self.strokes[self.count] = Stroke { level, speed: speed.max(before.speed) };
             self.count += 1;
         }
     }
@@ -54,23 +65,23 @@ impl Direction {
     /// The speed that a command of this magnitude may make, m/s.
     pub fn speed(&self, level: f64) -> f64 {
         let strokes = &self.strokes[..self.count];
-        let Some((last, fastest)) = self.last() else { return 0.0 };
-        let speed = if level > last {
-            fastest * ((level - self.moving) / (last - self.moving)).powi(2)
+        let Some(last) = self.last() else { return 0.0 };
+        let speed = if level > last.level {
+            last.speed * ((level - self.moving) / (last.level - self.moving)).powi(2)
         } else {
-            let above = strokes.partition_point(|(stroke, _)| *stroke < level).min(self.count - 1);
-            // Below the first stroke: from a little below where it was seen to move.
-            let (l_0, v_0) = if above == 0 { (0.5 * self.moving, 0.0) } else { strokes[above - 1] };
-            let (l_1, v_1) = strokes[above];
-            v_0 + (v_1 - v_0) * ((level - l_0) / (l_1 - l_0)).max(0.0)
+            let above = strokes.partition_point(|stroke| stroke.level < level).min(self.count - 1);
+            // Below the first stroke the line begins a little below the level that was seen to move the axis.
+            let below = if above == 0 { Stroke { level: 0.5 * self.moving, speed: 0.0 } } else { strokes[above - 1] };
+            let above = strokes[above];
+            below.speed + (above.speed - below.speed) * ((level - below.level) / (above.level - below.level)).max(0.0)
         };
         CAUTION * self.gain * speed
     }
 
-    /// A speed was seen that commands up to `level` had made, m/s.
+    /// Takes in a speed (m/s) that commands up to `level` have made.
     pub fn learn(&mut self, level: f64, speed: f64) {
         let expected = self.speed(level);
-        if expected > 0.0 && speed > expected && level <= self.last().map_or(0.0, |(last, _)| last) {
+        if expected > 0.0 && speed > expected && level <= self.last().map_or(0.0, |last| last.level) {
             self.gain *= speed / expected;
         }
     }

@@ -3,27 +3,32 @@
 /// One pulse pair, stroke or random step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Step {
-    /// Ticks since it began.
+    /// Ticks since the step began.
     pub ticks: usize,
-    /// Position at its begin, and the lowest and highest since, m.
+    /// Position at the beginning, m.
     pub from: f64,
+    /// Lowest position since, m.
     pub lowest: f64,
+    /// Highest position since, m.
     pub highest: f64,
     /// Largest fall from the highest position, m.
     pub fall: f64,
     /// Tick at which the motion became clear.
     pub moved_at: Option<usize>,
-    /// Tick at which the command went neutral, and the last one at which the axis still moved.
+    /// Tick at which the command went neutral.
     pub neutral_at: Option<usize>,
+    /// Last tick at which the axis still moved.
     pub last_motion: usize,
     /// Fastest speed in the direction of the command, m/s.
     pub peak: f64,
-    /// What is commanded, and for how many ticks.
+    /// The command of the step.
     pub wanted: f64,
+    /// Ticks for which it is commanded.
     pub length: usize,
 }
 
 impl Step {
+    /// Begins at the position `from` (m).
     pub const fn begin(from: f64, wanted: f64, length: usize) -> Self {
         Self {
             ticks: 0,
@@ -37,6 +42,21 @@ impl Step {
             peak: 0.0,
             wanted,
             length,
+        }
+    }
+
+    /// Takes in the position (m) and the speed (m/s) of a tick. Motion is clear from `clear` m on.
+    pub fn observe(&mut self, position: f64, speed: f64, clear: f64, is_quiet: bool) {
+        self.ticks += 1;
+        self.lowest = self.lowest.min(position);
+        self.highest = self.highest.max(position);
+        self.fall = self.fall.max(self.highest - position);
+        self.peak = self.peak.max(speed * self.wanted.signum());
+        if self.moved_at.is_none() && (position - self.from).abs() > clear {
+            self.moved_at = Some(self.ticks);
+        }
+        if !is_quiet {
+            self.last_motion = self.ticks;
         }
     }
 }

@@ -1,19 +1,19 @@
-//! What the experiment takes and gives.
+//! Options, phases and outcome of an experiment.
 
 use std::time::Duration;
 
-use super::experiment::watch::Abort;
+use super::abort::Abort;
 
 /// What the experiment may do.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExperimentOptions {
-    /// Travel of the window, m, around where the axis stands; 0.4 of the soft limits' without it.
+    /// Travel of the window around where the axis stands, m; 0.4 of the travel between the soft limits without it.
     pub travel: Option<f64>,
-    /// Speed bound, m/s; 0.25 of the axis' greatest without it.
+    /// Speed bound, m/s; 0.25 of the axis' `max_speed` without it.
     pub speed: Option<f64>,
-    /// All of it, of one axis.
+    /// Duration of the whole experiment with one axis.
     pub duration: Duration,
-    /// Of the random steps.
+    /// Seed of the random steps.
     pub seed: u64,
 }
 
@@ -23,36 +23,25 @@ impl Default for ExperimentOptions {
     }
 }
 
-/// What was commanded and what came of it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ExperimentRecord {
-    /// s.
-    pub period: f64,
-    /// u(k), held from sample k to the next, in [-1, 1].
-    pub commands: Vec<f64>,
-    /// y(k), m; NaN where there was no usable sample.
-    pub positions: Vec<f64>,
-}
-
-/// Where the experiment is.
+/// The phase that the experiment is in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// Looks at the noise.
+    /// Measures the noise at neutral.
     Rest,
-    /// Looks for the levels that move the axis.
+    /// Searches the levels that move the axis.
     Pulses,
-    /// Looks for the levels that make the allowed speed.
+    /// Searches the levels that make the allowed speed.
     Strokes,
     /// Random steps.
     Random,
     /// Waits for standstill.
     End,
-    /// It is over.
+    /// The experiment is over.
     Over,
 }
 
 impl Phase {
-    /// In a word.
+    /// Name of the phase.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Rest => "rest",
@@ -65,11 +54,11 @@ impl Phase {
     }
 }
 
-/// How it ended. The command is neutral from then on.
+/// How the experiment ended. The command is neutral from then on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome {
     /// The record is complete.
     Finished,
-    /// A bound was met.
+    /// A bound was exceeded, or somebody ended the experiment.
     Aborted(Abort),
 }

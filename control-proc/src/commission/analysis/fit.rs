@@ -1,0 +1,161 @@
+//! The curve that explains a part of a record best for a given shape, and how well a model predicts a part.
+
+use nalgebra::{DMatrix, DVector};
+use pipeline::machine::Commissioned;
+
+use super::shape::{BENDS, KNOTS, Shape};
+use crate::commission::record::ExperimentRecord;
+
+/// Parts of a period in which the lag and the hinges are integrated.
+const PARTS: usize = 4;
+/// Length of the differences that are fitted, s.
+const FITTED_AHEAD: f64 = 0.2;
+/// Spacing of the rows that are fitted, s.
+const ROW_SPACING: f64 = 0.03;
+/// Weight of bends, relative to the data: the curve is as straight as they allow. Without this weight a curve that begins
+/// flat would do without a dead band.
+const STRAIGHTNESS: f64 = 1e-4;
+/// Unknowns: the changes of slope of both directions.
+const COUNT: usize = 2 * KNOTS;
+
+/// A part of a record.
+pub(super) struct Data<'a> {
+    pub record: &'a ExperimentRecord,
+    /// First sample.
+    pub begin: usize,
+    /// Sample after the last one.
+    pub end: usize,
+}
+
+/// Normal equations of the differences, as sums over the rows.
+struct Normal {
+    /// Upper triangle of the products of the regressors.
+    matrix: [[f64; COUNT]; COUNT],
+    /// Products of the regressors with the differences.
+    right: [f64; COUNT],
+    /// Sum of the squared differences, m2.
+    square: f64,
+    rows: usize,
+}
+
+impl Data<'_> {
+    /// Mean square error of the differences (m2), and the changes of slope that make it least.
+    pub fn fit(&self, shape: &Shape) -> (f64, DVector<f64>) {
+        let Normal { matrix, right, square, rows } = self.normal(shape);
+        let scale = STRAIGHTNESS * matrix[0][0].max(matrix[KNOTS][KNOTS]);
+        let normal = DMatrix::from_fn(COUNT, COUNT, |i, j| {
+            let weight = if i != j || i.is_multiple_of(KNOTS) { 0.0 } else { scale };
+            matrix[i.min(j)][i.max(j)] + weight + if i == j { f64::MIN_POSITIVE } else { 0.0 }
+        });
+        let right = DVector::from_row_slice(&right);
+        let Some(solver) = normal.cholesky() else { return (f64::INFINITY, right) };
+        let slopes = solver.solve(&right);
+        ((square - slopes.dot(&right)) / rows.max(1) as f64, slopes)
+    }
+
+    fn normal(&self, shape: &Shape) -> Normal {
+        let period = self.record.period;
+        let integrals = integrate(self.record, self.end, shape.time_constant, hinges(shape));
+        let mut normal = Normal { matrix: [[0.0; COUNT]; COUNT], right: [0.0; COUNT], square: 0.0, rows: 0 };
+        let ahead = samples(FITTED_AHEAD, period);
+        for k in (self.begin..self.end.saturating_sub(ahead)).step_by(samples(ROW_SPACING, period)) {
+            let way = self.record.positions[k + ahead] - self.record.positions[k];
+            if way.is_nan() {
+                continue;
+            }
+            let [from, to] = [k, k + ahead].map(|k| delayed(&integrals, k, shape.dead_time, period));
+            let row: [f64; COUNT] = std::array::from_fn(|j| to[j] - from[j]);
+            for i in 0..COUNT {
+                if row[i] != 0.0 {
+                    normal.right[i] += row[i] * way;
+                    for j in i..COUNT {
+                        normal.matrix[i][j] += row[i] * row[j];
+                    }
+                }
+            }
+            normal.square += way * way;
+            normal.rows += 1;
+        }
+        normal
+    }
+
+    /// How much of the motion the model explains `seconds` ahead, percent.
+    pub fn judge(&self, model: &Commissioned, seconds: f64) -> f64 {
+        let period = self.record.period;
+        let integrals = integrate(self.record, self.end, model.time_constant, |x| [model.speed(x)]);
+        let ahead = samples(seconds, period);
+        let (mut error, mut motion) = (0.0, 0.0);
+        for k in self.begin..self.end.saturating_sub(ahead) {
+            let way = self.record.positions[k + ahead] - self.record.positions[k];
+            if way.is_nan() {
+                continue;
+            }
+            let [[from], [to]] = [k, k + ahead].map(|k| delayed(&integrals, k, model.dead_time, period));
+            error += (way - (to - from)).powi(2);
+            motion += way * way;
+        }
+        100.0 * (1.0 - (error / motion).sqrt())
+    }
+}
+
+/// max(0, x - d_e - q_j) and the mirrored terms, as a function of x.
+fn hinges(shape: &Shape) -> impl Fn(f64) -> [f64; COUNT] {
+    let bends = BENDS.map(|part| part * shape.span);
+    let dead_band = shape.dead_band;
+    move |x| {
+        let mut hinges = [0.0; COUNT];
+        let (side, sign, beyond) =
+            if x > 0.0 { (0, 1.0, x - dead_band.extend) } else { (1, -1.0, -x - dead_band.retract) };
+        for (hinge, bend) in hinges[side * KNOTS..].iter_mut().zip(&bends) {
+            if beyond <= *bend {
+                break;
+            }
+            *hinge = sign * (beyond - bend);
+        }
+        hinges
+    }
+}
+
+/// Samples of a time, at least one.
+fn samples(seconds: f64, period: f64) -> usize {
+    ((seconds / period).round() as usize).max(1)
+}
+
+/// The integral of `f(X(t))` at every part of a period up to sample `end`.
+fn integrate<const N: usize>(
+    record: &ExperimentRecord,
+    end: usize,
+    time_constant: f64,
+    f: impl Fn(f64) -> [f64; N],
+) -> Vec<[f64; N]> {
+    let step = record.period / PARTS as f64;
+    let decay = (-step / time_constant).exp();
+    let mut integrals = Vec::with_capacity(end * PARTS + 1);
+    let (mut x, mut integral) = (0.0, [0.0; N]);
+    let mut before = f(x);
+    integrals.push(integral);
+    for command in &record.commands[..end] {
+        for _ in 0..PARTS {
+            x = command + (x - command) * decay;
+            let now = f(x);
+            for (integral, (before, now)) in integral.iter_mut().zip(before.iter().zip(&now)) {
+                *integral += 0.5 * step * (before + now);
+            }
+            before = now;
+            integrals.push(integral);
+        }
+    }
+    integrals
+}
+
+/// An integral at sample `k`, one dead time (s) earlier.
+fn delayed<const N: usize>(integrals: &[[f64; N]], k: usize, dead_time: f64, period: f64) -> [f64; N] {
+    let at = (k as f64 - dead_time / period) * PARTS as f64;
+    if at <= 0.0 {
+        return [0.0; N];
+    }
+    let whole = at as usize;
+    let part = at - whole as f64;
+    let (low, high) = (&integrals[whole.min(integrals.len() - 1)], &integrals[(whole + 1).min(integrals.len() - 1)]);
+    std::array::from_fn(|j| low[j] + part * (high[j] - low[j]))
+}

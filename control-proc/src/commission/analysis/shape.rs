@@ -1,0 +1,81 @@
+//! What the search changes: dead time, lag and dead bands; and the curve that belongs to them.
+
+use nalgebra::DVector;
+use pipeline::machine::{Commissioned, DeadBand};
+
+/// Dead time s, logarithm of the time constant, and dead bands of extending and retracting.
+pub(super) type Parameters = [f64; 4];
+
+/// Bends of either direction.
+pub(super) const KNOTS: usize = 6;
+/// Where the curve bends, in parts of the largest opening.
+pub(super) const BENDS: [f64; KNOTS] = [0.0, 0.1, 0.22, 0.38, 0.58, 0.8];
+/// Longest dead time that is searched, s.
+pub(super) const LONGEST_DEAD_TIME: f64 = 0.8;
+/// Shortest time constant that is searched, s.
+const SHORTEST_TIME_CONSTANT: f64 = 1e-3;
+/// Longest time constant that is searched, s.
+const LONGEST_TIME_CONSTANT: f64 = 2.0;
+/// Widest dead band that is searched.
+const WIDEST_DEAD_BAND: f64 = 0.9;
+/// Least rise of a curve from point to point, m/s, so that the curve can be inverted.
+const LEAST_RISE: f64 = 1e-6;
+/// Least speed at the end of a curve that moves its way, m/s.
+const LEAST_SPEED: f64 = 1e-3;
+
+/// A point of the search.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shape {
+    /// s.
+    pub dead_time: f64,
+    /// s.
+    pub time_constant: f64,
+    pub dead_band: DeadBand,
+    /// Largest opening.
+    pub span: f64,
+}
+
+impl Shape {
+    /// From the parameters and the largest magnitude of a command; none if the commands never leave the dead bands.
+    pub fn of(p: &Parameters, largest: f64) -> Option<Self> {
+        let span = largest - p[2].min(p[3]);
+        let dead_band = DeadBand { extend: p[2], retract: p[3] };
+        (span > 0.0).then_some(Self { dead_time: p[0], time_constant: p[1].exp(), dead_band, span })
+    }
+
+    /// Whether all parameters are in the ranges that are searched.
+    pub fn is_allowed(&self) -> bool {
+        (0.0..=LONGEST_DEAD_TIME).contains(&self.dead_time)
+            && (SHORTEST_TIME_CONSTANT..=LONGEST_TIME_CONSTANT).contains(&self.time_constant)
+            && (0.0..=WIDEST_DEAD_BAND).contains(&self.dead_band.extend)
+            && (0.0..=WIDEST_DEAD_BAND).contains(&self.dead_band.retract)
+    }
+
+    /// The model of this shape with these changes of slope; none where a direction does not move its way.
+    pub fn model(&self, slopes: &DVector<f64>) -> Option<Commissioned> {
+        let openings: Vec<f64> = BENDS[1..].iter().chain(&[1.0]).map(|part| part * self.span).collect();
+        let speeds = |side: usize| {
+            let mut last = 0.0;
+            let at = |opening: f64| -> f64 {
+                let bends = BENDS.iter().enumerate();
+                bends.map(|(j, part)| slopes[side * KNOTS + j] * (opening - part * self.span).max(0.0)).sum()
+            };
+            let speeds: Vec<f64> = (openings.iter())
+                .map(|opening| {
+                    last = at(*opening).max(last + LEAST_RISE);
+                    last
+                })
+                .collect();
+            (last > LEAST_SPEED).then_some(speeds)
+        };
+        Some(Commissioned {
+            dead_time: self.dead_time,
+            time_constant: self.time_constant,
+            dead_band: self.dead_band,
+            speeds_extend: speeds(0)?,
+            speeds_retract: speeds(1)?,
+            openings,
+            fit_percent: f64::NAN,
+        })
+    }
+}

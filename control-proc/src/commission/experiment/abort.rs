@@ -1,0 +1,117 @@
+//! Reasons that end an experiment before its time.
+
+use std::fmt;
+
+use pipeline::message::sample_fault;
+
+use super::watch::{OWED_DISTANCE, UNUSABLE_LIMIT};
+
+/// Why the experiment was ended. The valve has been neutral since.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Abort {
+    /// The caller ended it.
+    Stopped,
+    /// Samples in a row without a usable position, or one outside the stroke.
+    Feedback {
+        /// [`sample_fault`] bits of the last one.
+        faults: u32,
+    },
+    /// Outside the window by more than the margin.
+    Window {
+        /// m.
+        position: f64,
+        /// Low and high end of the window, m.
+        window: (f64, f64),
+        /// m.
+        margin: f64,
+    },
+    /// Faster than the speed bound allows.
+    Speed {
+        /// m/s.
+        found: f64,
+        /// m/s.
+        allowed: f64,
+    },
+    /// The axis moves against the command, or without one.
+    Against {
+        /// The largest command that can be at work.
+        command: f64,
+        /// m.
+        moved: f64,
+        /// m.
+        allowed: f64,
+    },
+    /// The position does not change although it should.
+    Stuck {
+        /// The way that the commands should have made, m.
+        owed: f64,
+    },
+    /// No motion in at least one direction.
+    NoMotion {
+        /// Whether the axis does not extend; otherwise it does not retract.
+        extend: bool,
+        /// The highest level that was tried.
+        level: f64,
+    },
+    /// The window does not let the axis move fast enough to be seen.
+    TooSmall {
+        /// Travel of the window, m.
+        travel: f64,
+        /// The least that is needed, m.
+        needed: f64,
+    },
+    /// The time was over before the random steps could last long enough.
+    TooShort {
+        /// What the experiment has, s.
+        duration: f64,
+        /// What has to be left for the random steps, s.
+        needed: f64,
+    },
+}
+
+impl fmt::Display for Abort {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Stopped => write!(f, "stopped"),
+            Self::Feedback { faults } => {
+                let names = sample_fault::NAMES.iter().enumerate().filter(|(bit, _)| faults & (1 << bit) != 0);
+                let names: Vec<&str> = names.map(|(_, name)| *name).collect();
+                write!(f, "feedback: found no usable position ({}); allowed: fewer than ", names.join(", "))?;
+                write!(f, "{UNUSABLE_LIMIT} in a row, and none out of range")
+            }
+            Self::Window { position, window: (low, high), margin } => {
+                write!(f, "position: found {position:.4} m; allowed: {low:.4} to {high:.4} m, and {margin:.4} m beyond")
+            }
+            Self::Speed { found, allowed } => write!(f, "speed: found {found:.4} m/s; allowed: up to {allowed:.4} m/s"),
+            Self::Against { command, moved, allowed } => write!(
+                f,
+                "direction: found {:+.1} mm under a command of {command:+.3}; allowed: up to {:.1} mm against the \
+                 command: are valve and encoder of the same sign?",
+                1e3 * moved,
+                1e3 * allowed
+            ),
+            Self::Stuck { owed } => write!(
+                f,
+                "position: found no change where the commands should have made {:.1} mm; allowed: up to {:.1} mm: is \
+                 the encoder stuck?",
+                1e3 * owed,
+                1e3 * OWED_DISTANCE
+            ),
+            Self::NoMotion { extend, level } => write!(
+                f,
+                "does not {} up to a command of {level:.3}: is the pump on?",
+                if extend { "extend" } else { "retract" }
+            ),
+            Self::TooSmall { travel, needed } => {
+                write!(f, "window: found {travel:.4} m of travel; allowed: at least {needed:.4} m")
+            }
+            Self::TooShort { duration, needed } => write!(
+                f,
+                "duration: found {duration:.1} s, of which less than {needed:.1} s are left after the strokes; allowed: \
+                 a longer one"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for Abort {}

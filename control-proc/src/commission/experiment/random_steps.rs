@@ -1,0 +1,45 @@
+//! The phase of random steps: the data that the model is found from.
+
+use super::{Experiment, signed, step::Step};
+
+/// Lowest level, as part of the level that moved the axis: the dead band has to be in the data too.
+const LOWEST_LEVEL: f64 = 0.7;
+/// Part of the steps that are neutral.
+const NEUTRAL_PART: f64 = 0.1;
+/// Shortest step, s.
+const SHORTEST: f64 = 0.1;
+/// Range of the steps' lengths, s.
+const LENGTH_RANGE: f64 = 0.7;
+/// Wait at neutral where both directions would leave the window, s.
+const WAIT: f64 = 0.1;
+
+impl Experiment {
+    /// The command of a random step that stays in the window.
+    pub(super) fn random_steps(&mut self, position: f64) -> f64 {
+        if self.step.ticks > self.step.length {
+            let extends = self.random.uniform() < self.window.part_above(position);
+            self.choose(position, if extends { 0 } else { 1 });
+        }
+        if self.would_leave(position, self.step.wanted) {
+            let other = usize::from(self.step.wanted > 0.0);
+            self.choose(position, other);
+            if self.would_leave(position, self.step.wanted) {
+                self.step = Step::begin(position, 0.0, self.ticks(WAIT));
+            }
+            return 0.0;
+        }
+        self.step.wanted
+    }
+
+    /// Begins a random step in one direction, or a neutral one.
+    fn choose(&mut self, position: f64, side: usize) {
+        let direction = &self.found.directions[side];
+        let low = LOWEST_LEVEL * direction.moving;
+        let high = direction.last().map_or(direction.moving, |stroke| stroke.level);
+        let is_neutral = self.random.uniform() < NEUTRAL_PART;
+        let level = if is_neutral { 0.0 } else { low + (high - low) * self.random.uniform() };
+        let seconds = SHORTEST + LENGTH_RANGE * self.random.uniform();
+        let length = self.ticks(seconds);
+        self.step = Step::begin(position, signed(side, level), length);
+    }
+}

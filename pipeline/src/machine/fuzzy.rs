@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::{
-    MachineError,
     document::{Document, Section},
+    error::MachineError,
 };
 
 /// What the fuzzy forgetting factor is made of; the paper leaves the widths open.

@@ -3,8 +3,8 @@
 //! The built-in ones stand in `scenarios.toml`, in the form that a machine file uses for its own.
 
 use super::{
-    MachineError,
     document::{Document, Section},
+    error::MachineError,
 };
 
 /// The built-in scenarios.

@@ -1,4 +1,6 @@
 use super::*;
+use std::time::Duration;
+
 use crate::hammerstein::{Basis, InputMap, Structure};
 
 fn built_in_with(from: &str, to: &str) -> Result<Machine, MachineError> {

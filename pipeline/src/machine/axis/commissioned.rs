@@ -11,8 +11,11 @@
 
 use std::time::Duration;
 
-use super::{DeadBand, document::Section};
-use crate::hammerstein::{Basis, InputMap, MAX_DELAY, Structure};
+use super::dead_band::DeadBand;
+use crate::{
+    hammerstein::{Basis, InputMap, MAX_DELAY, Structure},
+    machine::document::Section,
+};
 
 /// The commissioned model of an axis.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,6 +1,7 @@
 //! The simulated axis: `[axis.NAME.plant]`.
 
-use super::{DeadBand, document::Section};
+use super::dead_band::DeadBand;
+use crate::machine::document::Section;
 
 /// Parameters of one simulated axis, SI units; the symbols are the paper's, and LuGre's for friction.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,130 +1,16 @@
-//! Reads a TOML document key by key and collects every problem, instead of stopping at the first.
-//!
-//! Each key is asked for once, with what is allowed; what was never asked for is an unknown key. Values given on
-//! the command line (`--set a.b=c`) take the place of those in the file.
+//! One table of a document, read key by key.
 
-use std::{cell::RefCell, collections::BTreeSet, ops::RangeInclusive, time::Duration};
+use std::{collections::BTreeSet, ops::RangeInclusive, time::Duration};
 
 use toml::{
     Spanned,
     de::{DeTable, DeValue},
 };
 
-use super::{MachineError, Problem};
-
-/// A value from the command line that takes the place of one in the file.
-struct Setting {
-    path: String,
-    text: String,
-    used: bool,
-}
-
-/// A parsed document with its settings and the problems found so far.
-pub(super) struct Document<'i> {
-    root: DeTable<'i>,
-    text: &'i str,
-    settings: RefCell<Vec<Setting>>,
-    /// What is not TOML at all.
-    grammar: Vec<Problem>,
-    problems: RefCell<Vec<Problem>>,
-}
-
-impl<'i> Document<'i> {
-    /// Parses `text`; grammar errors are collected like all others.
-    pub fn parse(text: &'i str, settings: &[(String, String)]) -> Self {
-        let (root, errors) = DeTable::parse_recoverable(text);
-        let settings = (settings.iter())
-            .map(|(path, text)| Setting { path: path.clone(), text: text.clone(), used: false })
-            .collect();
-        let mut document = Self {
-            root: root.into_inner(),
-            text,
-            settings: RefCell::new(settings),
-            grammar: Vec::new(),
-            problems: RefCell::default(),
-        };
-        for error in errors {
-            let (line, at) = match error.span() {
-                Some(span) => {
-                    let line = document.line(span.start);
-                    let shown = text.lines().nth(line - 1).unwrap_or_default().trim();
-                    (Some(line), format!(" in \"{shown}\""))
-                }
-                None => (None, String::new()),
-            };
-            let found = format!("{}{at}", error.message());
-            document.grammar.push(Problem { line, key: String::new(), found, allowed: "valid TOML".to_owned() });
-        }
-        document
-    }
-
-    /// The top of the document.
-    pub fn root(&self) -> Section<'_, 'i> {
-        Section {
-            document: self,
-            table: Some(&self.root),
-            path: String::new(),
-            line: None,
-            asked: BTreeSet::new(),
-            renamed: BTreeSet::new(),
-        }
-    }
-
-    /// Notes a problem that only the reader can see.
-    pub fn problem(
-        &self,
-        line: Option<usize>,
-        key: impl Into<String>,
-        found: impl Into<String>,
-        allowed: impl Into<String>,
-    ) {
-        self.problems.borrow_mut().push(Problem {
-            line,
-            key: key.into(),
-            found: found.into(),
-            allowed: allowed.into(),
-        });
-    }
-
-    /// `value`, or all problems in the order of lines; settings that named no known key are among them.
-    pub fn into_result<T>(self, file: &str, value: T) -> Result<T, MachineError> {
-        // What follows from a broken line says nothing: those are to be mended first.
-        if !self.grammar.is_empty() {
-            return Err(MachineError { file: file.to_owned(), problems: self.grammar });
-        }
-        for setting in self.settings.borrow().iter().filter(|setting| !setting.used) {
-            self.problem(
-                None,
-                format!("--set {}", setting.path),
-                "an unknown key",
-                "a key of the machine file, not a table",
-            );
-        }
-        let mut problems = self.problems.into_inner();
-        problems.sort_by_key(|problem| problem.line.unwrap_or(usize::MAX));
-        if problems.is_empty() { Ok(value) } else { Err(MachineError { file: file.to_owned(), problems }) }
-    }
-
-    /// Every value of the document with its full key, as settings for another one.
-    pub fn into_settings(self, file: &str) -> Result<Vec<(String, String)>, MachineError> {
-        fn collect(prefix: &str, table: &DeTable, settings: &mut Vec<(String, String)>) {
-            for (key, value) in table {
-                let path = format!("{prefix}{}", key.get_ref());
-                match value.get_ref().as_table() {
-                    Some(table) => collect(&format!("{path}."), table, settings),
-                    None => settings.push((path, show(value.get_ref()))),
-                }
-            }
-        }
-        let mut settings = Vec::new();
-        collect("", &self.root, &mut settings);
-        self.into_result(file, settings)
-    }
-
-    fn line(&self, offset: usize) -> usize {
-        1 + self.text[..offset.min(self.text.len())].matches('\n').count()
-    }
-}
+use super::{
+    Document,
+    value::{allowed_choice, allowed_duration, choose, count, duration, number, samples_of, show},
+};
 
 /// One value, wherever it comes from.
 enum Value<'d, 'i> {
@@ -133,14 +19,14 @@ enum Value<'d, 'i> {
 }
 
 /// One table of the document, being read.
-pub(super) struct Section<'d, 'i> {
-    document: &'d Document<'i>,
-    table: Option<&'d DeTable<'i>>,
-    path: String,
-    line: Option<usize>,
-    asked: BTreeSet<String>,
+pub(in crate::machine) struct Section<'d, 'i> {
+    pub(super) document: &'d Document<'i>,
+    pub(super) table: Option<&'d DeTable<'i>>,
+    pub(super) path: String,
+    pub(super) line: Option<usize>,
+    pub(super) asked: BTreeSet<String>,
     /// Keys that have another name now and were refused with it.
-    renamed: BTreeSet<&'static str>,
+    pub(super) renamed: BTreeSet<&'static str>,
 }
 
 impl<'d, 'i> Section<'d, 'i> {
@@ -319,7 +205,7 @@ impl<'d, 'i> Section<'d, 'i> {
         );
         let parse = |value: &DeValue| {
             let samples = match value.as_str() {
-                Some(text) => super::samples_of(humantime::parse_duration(text).ok()?, period),
+                Some(text) => samples_of(humantime::parse_duration(text).ok()?, period),
                 None => count(value)?,
             };
             Some(samples).filter(|samples| range.contains(samples))
@@ -452,61 +338,5 @@ impl<'d, 'i> Section<'d, 'i> {
                 self.document.problem(line, self.key(key.get_ref()), "an unknown key", allowed);
             }
         }
-    }
-}
-
-fn number(value: &DeValue, range: &RangeInclusive<f64>) -> Option<f64> {
-    let digits = match value {
-        DeValue::Float(float) => float.as_str(),
-        DeValue::Integer(_) => {
-            return integer(value).map(|number| number as f64).filter(|number| range.contains(number));
-        }
-        _ => return None,
-    };
-    // `contains` is false for NaN, which TOML allows.
-    digits.parse().ok().filter(|number| range.contains(number))
-}
-
-fn integer(value: &DeValue) -> Option<i64> {
-    let integer = value.as_integer()?;
-    i64::from_str_radix(integer.as_str(), integer.radix()).ok()
-}
-
-fn count(value: &DeValue) -> Option<usize> {
-    usize::try_from(integer(value)?).ok()
-}
-
-fn duration(value: &DeValue, range: &RangeInclusive<Duration>) -> Option<Duration> {
-    humantime::parse_duration(value.as_str()?).ok().filter(|duration| range.contains(duration))
-}
-
-fn allowed_duration(range: &RangeInclusive<Duration>) -> String {
-    let (start, end) = (humantime::format_duration(*range.start()), humantime::format_duration(*range.end()));
-    format!("a duration with its unit, \"{start}\" to \"{end}\"")
-}
-
-fn choose<T: Copy>(value: &DeValue, choices: &[(&str, T)]) -> Option<T> {
-    let text = value.as_str()?;
-    choices.iter().find(|(name, _)| *name == text).map(|(_, choice)| *choice)
-}
-
-fn allowed_choice<T>(choices: &[(&str, T)]) -> String {
-    let names: Vec<String> = choices.iter().map(|(name, _)| format!("\"{name}\"")).collect();
-    names.join(" or ")
-}
-
-/// A value as the user wrote it, with its type.
-fn show(value: &DeValue) -> String {
-    match value {
-        DeValue::String(text) => format!("\"{text}\""),
-        DeValue::Integer(integer) => integer.as_str().to_owned(),
-        DeValue::Float(float) => float.as_str().to_owned(),
-        DeValue::Boolean(flag) => flag.to_string(),
-        DeValue::Datetime(time) => time.to_string(),
-        DeValue::Array(list) => {
-            let items: Vec<String> = list.iter().map(|item| show(item.get_ref())).collect();
-            format!("[{}]", items.join(", "))
-        }
-        DeValue::Table(_) => "a table".to_owned(),
     }
 }

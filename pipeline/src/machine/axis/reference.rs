@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::document::Section;
+use crate::machine::document::Section;
 
 /// Where an axis gets its target from.
 #[derive(Debug, Clone, PartialEq)]

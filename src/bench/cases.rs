@@ -5,9 +5,12 @@ use std::time::Duration;
 use clap::ValueEnum;
 use control_proc::{
     commission::ExperimentOptions,
-    course::{END, TRAINING, course},
-    reference::ReferenceGenerator,
-    tuning::{Baseline, reached},
+    trajectory_file::read_references,
+    tuning::{
+        Baseline,
+        course::{END, TRAINING, course},
+        reached,
+    },
 };
 use pipeline::{
     machine::{Axis, Control, Estimator, Machine, ModelChoice, ReferenceSource, Scenario, samples_of},
@@ -153,7 +156,7 @@ impl Contest {
         let axes = self.entries[case.entry].axes.clone();
         let machine = Machine { axes, ..self.scenarios[case.scenario].clone() };
         let period = machine.timing.period.as_secs_f64();
-        let generator = ReferenceGenerator::new(&machine).map_err(Failure::usage)?;
+        let generator = read_references(&machine).map_err(Failure::usage)?;
         let mut outcomes = vec![Outcome::default(); machine.axes.len()];
         // Ticks at which the axes began to follow.
         let mut begins = vec![None; machine.axes.len()];

@@ -9,9 +9,13 @@
 //! ```
 //!
 //! l level of the last stroke and v its fastest speed m/s, v_max speed bound m/s, l_0 the level that first moved the axis,
-//! rest(k) what is under way, m ([`super::foresight`]). No curve that is less than quadratic above l_0 overruns the bound. Trap:
+//! rest(k) what is under way, m ([`direction`]). No curve that is less than quadratic above l_0 overruns the bound. Trap:
 //! an encoder that is stuck from the beginning looks like a valve that does not open. So the pulses are short, go both
 //! ways, and end at [`PULSE_LIMIT`].
+
+pub mod direction;
+mod step;
+pub mod watch;
 
 use std::time::Duration;
 
@@ -20,13 +24,12 @@ use pipeline::{
     message::AxisSample,
 };
 
-use super::{
-    ExperimentOptions, ExperimentRecord, Outcome, Phase,
-    foresight::Direction,
-    step::Step,
-    watch::{Abort, Watch},
-};
-use crate::limits::Limits;
+use direction::Direction;
+use step::Step;
+use watch::{Abort, Watch};
+
+use super::{ExperimentOptions, ExperimentRecord, Outcome, Phase};
+use crate::protection::limits::Limits;
 
 /// Highest level of the pulses.
 pub const PULSE_LIMIT: f64 = 0.6;
@@ -266,7 +269,7 @@ impl Experiment {
 
     /// Notes what the axis does in this step.
     fn observe(&mut self, position: f64) {
-        let quiet = self.watch.speed().abs() * super::watch::SPEED_TIME <= self.quiet;
+        let quiet = self.watch.speed().abs() * watch::SPEED_TIME <= self.quiet;
         let speed = self.watch.speed();
         let step = &mut self.step;
         step.ticks += 1;

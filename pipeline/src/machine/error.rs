@@ -2,13 +2,13 @@
 
 use std::fmt;
 
-/// Problems that are shown; a file of another kind has one in every line.
+/// Number of problems that are shown; a file that is no machine file has one in every line.
 const MAX_SHOWN: usize = 30;
 
-/// One thing wrong with a machine file.
+/// One problem of a machine file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
-    /// Line, where it has one.
+    /// Line of the file, where the problem has one.
     pub line: Option<usize>,
     /// Full dotted key, empty for the file as a whole.
     pub key: String,
@@ -18,10 +18,10 @@ pub struct Problem {
     pub allowed: String,
 }
 
-/// Everything wrong with a machine file.
+/// All problems of a machine file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MachineError {
-    /// The file's name, as the user typed it.
+    /// Name of the file, as the user typed it.
     pub file: String,
     /// At least one problem.
     pub problems: Vec<Problem>,

@@ -1,12 +1,24 @@
 //! The machine file: what the machine is, how it is identified and controlled, and on what it runs.
 //!
-//! TOML, SI units, durations as texts with their unit (`"10ms"`). Nothing that can move the machine has a
-//! default. An unknown key, a wrong type, NaN, or a value out of range is refused, all problems at once, each
-//! with file, line, key, what was found and what is allowed.
+//! A machine file is TOML with SI units; durations are texts with their unit (`"10ms"`). A key that decides how the
+//! machine moves has no default. An unknown key, a wrong type, NaN, or a value out of range is refused. All problems are
+//! reported at once, each with file, line, key, what was found and what is allowed.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics` | the tables of the whole machine |
+//! | `axis/` | the tables of one axis |
+//! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |
+//! | `document/` | the reader: keys with meaning, allowed values, default and origin |
+//! | `explain` | effective values with their origin, and the table of all keys |
+//! | `error` | what is wrong with a machine file |
+//!
+//! Nothing here runs in a stage's loop: files are read and memory is taken before the loop begins.
 
 mod axis;
 mod document;
 mod error;
+mod explain;
 mod fuzzy;
 mod hydraulics;
 mod scenario;
@@ -14,19 +26,24 @@ mod source;
 mod stages;
 mod timing;
 
-use std::path::Path;
+use std::{
+    borrow::Cow,
+    path::{Path, PathBuf},
+};
 
-use document::{Document, Section};
+use axis::Shared;
+use document::{Document, Section, Setting};
 
 pub use axis::{
-    Axis, Commissioned, Control, DeadBand, Encoder, Estimator, Form, Identification, IdentifiedOutput, LoadForce,
-    MOST_POINTS, ModelChoice, Plant, ReferenceSource, Sine, Split, ValveCurve, shortest_training,
+    Axis, COMPENSATED, Commissioned, Control, DeadBand, Encoder, Estimator, Form, Identification, IdentifiedOutput,
+    LoadForce, MOST_POINTS, ModelChoice, Plant, ReferenceSource, Sine, Split, ValveCurve, shortest_training,
 };
-pub use document::samples_of;
+pub use document::{DefaultValue, EffectiveValue, Origin, samples_of};
 pub use error::{MachineError, Problem};
+pub use explain::{Key, keys};
 pub use fuzzy::{Fuzzy, Level};
 pub use hydraulics::{Hydraulics, Oil, Supply};
-pub use scenario::{Change, CommandSine, Parameter, Scenario};
+pub use scenario::{Change, CommandSine, Parameter, Scenario, Target};
 pub use source::Source;
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
@@ -36,14 +53,14 @@ use crate::MAX_AXES;
 /// The built-in machine, the four-axis excavator; the same text is in `examples/`.
 pub const BUILT_IN: &str = include_str!("../../../examples/excavator.toml");
 
-/// Everything a machine file says.
+/// A machine: what a machine file says.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Machine {
-    /// Shown in reports.
+    /// Name of the machine, shown in reports.
     pub name: String,
-    /// Rates and time-outs.
+    /// Period and time-outs.
     pub timing: Timing,
-    /// Scheduling rights.
+    /// Rights of real time.
     pub realtime: Realtime,
     /// How each stage runs, by [`StageKind`].
     pub stages: [StageSettings; 4],
@@ -69,42 +86,80 @@ fn read_file(path: &Path, allowed: &str) -> Result<String, MachineError> {
     })
 }
 
-/// The values of a model file, such as `commission` writes, as settings that take the place of what a machine file says.
+/// The values of a model file, such as `commission` writes, as settings that take the place of values in a machine file.
 ///
 /// # Errors
 /// The file cannot be read, or is not TOML.
 pub fn model_settings(file: &Path) -> Result<Vec<(String, String)>, MachineError> {
+    let settings = read_model(file)?.into_iter();
+    Ok(settings.map(|setting| (setting.path, setting.text)).collect())
+}
+
+fn read_model(file: &Path) -> Result<Vec<Setting>, MachineError> {
     let text = read_file(file, "a model file in TOML, as `hydraxis commission` writes it")?;
-    Document::parse(&text, &[]).into_settings(&file.display().to_string())
+    Document::parse(&text, Vec::new()).into_settings(&file.display().to_string())
+}
+
+/// A machine file that is to be read.
+struct MachineFile {
+    text: Cow<'static, str>,
+    /// Name of the file for messages.
+    name: String,
+    /// Folder that paths in the file are relative to.
+    folder: PathBuf,
+}
+
+impl MachineFile {
+    /// Opens the file; without one the built-in machine.
+    fn open(file: Option<&Path>) -> Result<Self, MachineError> {
+        let Some(path) = file else {
+            let (text, name) = (Cow::Borrowed(BUILT_IN), "built-in machine".to_owned());
+            return Ok(Self { text, name, folder: PathBuf::from(".") });
+        };
+        let text = read_file(path, "a machine file in TOML; without one the built-in machine is used")?;
+        let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
+        Ok(Self { text: Cow::Owned(text), name: path.display().to_string(), folder })
+    }
 }
 
 impl Machine {
-    /// Reads the file, or the built-in machine without one; `settings` are `(key, value)` pairs that take the
-    /// place of what the file says.
+    /// Reads the file, or the built-in machine without one. `settings` are pairs of key and value that take the place of
+    /// values in the file.
     ///
     /// # Errors
-    /// All problems of the file at once, or that it cannot be read.
+    /// All problems of the file at once, or that the file cannot be read.
+    ///
+    /// ```
+    /// use pipeline::machine::Machine;
+    ///
+    /// let machine = Machine::load(None, &[])?;
+    /// assert_eq!(machine.axes[0].name, "boom");
+    ///
+    /// let slower = ("axis.boom.control.kp".to_owned(), "3".to_owned());
+    /// assert_eq!(Machine::load(None, &[slower])?.axes[0].control.kp, 3.0);
+    ///
+    /// let unknown = ("axis.boom.gain".to_owned(), "3".to_owned());
+    /// let error = Machine::load(None, &[unknown]).unwrap_err();
+    /// assert!(error.to_string().contains("--set axis.boom.gain: found an unknown key"));
+    /// # Ok::<(), pipeline::machine::MachineError>(())
+    /// ```
     pub fn load(file: Option<&Path>, settings: &[(String, String)]) -> Result<Self, MachineError> {
-        let Some(path) = file else {
-            return Self::parse(BUILT_IN, "built-in machine", Path::new("."), settings);
-        };
-        let text = read_file(path, "a machine file in TOML; without one the built-in machine is used")?;
-        let name = path.display().to_string();
-        Self::parse(&text, &name, path.parent().unwrap_or(Path::new(".")), settings)
+        let MachineFile { text, name, folder } = MachineFile::open(file)?;
+        Self::parse(&text, &name, &folder, settings)
     }
 
-    /// Reads a machine file's text; paths in it are relative to `folder`.
+    /// Reads the text of a machine file. `file` is its name for messages; paths in the text are relative to `folder`.
     ///
     /// # Errors
-    /// All problems at once.
+    /// All problems of the text at once.
     pub fn parse(text: &str, file: &str, folder: &Path, settings: &[(String, String)]) -> Result<Self, MachineError> {
-        let document = Document::parse(text, settings);
+        let document = Document::parse(text, Setting::typed(settings));
         let machine = Self::read(document.root(), folder);
         document.into_result(file, machine)
     }
 
     fn read(mut root: Section, folder: &Path) -> Self {
-        let name = root.text("name", "a text that names the machine");
+        let name = root.key("name", "Name of the machine, shown in reports").text("a text that names the machine");
         let timing = Timing::read(root.section("timing"));
         let realtime = Realtime::read(root.section("realtime"));
         let mut stage = root.section("stage");
@@ -119,8 +174,8 @@ impl Machine {
             let allowed = format!("1 to {MAX_AXES} axes, each a table [axis.NAME]");
             root.refuse("axis", format!("{} axes", names.len()), allowed);
         }
-        let axes = names.iter().map(|name| Axis::read(name, table.section(name), &timing, &source, fuzzy, folder));
-        let axes: Vec<Axis> = axes.collect();
+        let shared = Shared { timing: &timing, source: &source, fuzzy, folder };
+        let axes: Vec<Axis> = names.iter().map(|name| Axis::read(name, table.section(name), &shared)).collect();
         table.finish();
         let is_simulated = axes.iter().any(|axis| axis.plant.is_some());
         let hydraulics = Hydraulics::read(root.section("supply"), root.section("oil"), is_simulated);

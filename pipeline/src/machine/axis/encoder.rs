@@ -9,23 +9,27 @@ use crate::machine::document::Section;
 pub struct Encoder {
     /// Length of one count, m.
     pub resolution: f64,
-    /// How far outside the stroke a position is still believed, m.
+    /// How far outside the stroke a position is still plausible, m.
     pub tolerance: f64,
-    /// A raw value that has not changed for this long while the axis is commanded to move is stuck.
+    /// An encoder is stuck when its raw value has not changed for this long while the axis is commanded to move.
     pub stuck_after: Duration,
 }
 
 impl Encoder {
     pub(super) fn read(mut section: Section) -> Self {
-        let encoder = Self {
-            resolution: section.number("resolution", 1e-9..=0.1, "m"),
-            tolerance: section.number_or("tolerance", 5e-3, 0.0..=1.0, "m"),
-            stuck_after: section.duration_or(
-                "stuck_after",
-                Duration::from_millis(300),
-                Duration::from_millis(1)..=Duration::from_secs(60),
-            ),
-        };
+        let encoder =
+            Self {
+                resolution: section.key("resolution", "Length of one encoder count").number(1e-9..=0.1, "m"),
+                tolerance: section
+                    .key("tolerance", "How far outside the stroke a position is still plausible")
+                    .number_or(5e-3, 0.0..=1.0, "m"),
+                stuck_after: section
+                    .key(
+                        "stuck_after",
+                        "The encoder is stuck when it does not change for this long while the axis should move",
+                    )
+                    .duration_or(Duration::from_millis(300), Duration::from_millis(1)..=Duration::from_secs(60)),
+            };
         section.finish();
         encoder
     }

@@ -2,16 +2,16 @@
 
 use std::time::Duration;
 
-use super::estimator::Estimator;
+use super::{commissioned::Commissioned, estimator::Estimator};
 use crate::{
     hammerstein::{Basis, InputMap, MAX_DELAY, MAX_LINEAR, MAX_ORDER, Structure},
     machine::{
-        document::{Section, samples_of},
+        document::{Section, Shown, samples_of},
         fuzzy::Fuzzy,
     },
 };
 
-/// Widest dead band that the machine file takes, as that of the fallback.
+/// Widest dead band that the machine file takes, here and for the fallback.
 const WIDEST_DEAD_BAND: f64 = 0.9;
 
 /// How one output is identified.
@@ -19,17 +19,17 @@ const WIDEST_DEAD_BAND: f64 = 0.9;
 pub struct Identification {
     /// Orders and options of the model of the output.
     pub structure: Structure,
-    /// What the output is.
+    /// What is identified.
     pub output: IdentifiedOutput,
     /// Sample period, s.
     pub period: f64,
-    /// Samples for offline identification, from the start on.
+    /// Samples from the start on for offline identification.
     pub training: usize,
-    /// Samples ahead for the h-step error.
+    /// How many samples ahead the h-step error looks.
     pub horizon: usize,
     /// Which coefficients are updated online.
     pub form: Form,
-    /// How b, f and g are separated.
+    /// How the products f_i b_j are separated.
     pub split: Split,
     /// Algorithm that adapts the coefficients online.
     pub estimator: Estimator,
@@ -37,13 +37,14 @@ pub struct Identification {
     pub fuzzy: Fuzzy,
 }
 
-/// What is identified, of an axis whose position is measured.
+/// What is identified. The position is what is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum IdentifiedOutput {
     /// The position itself, m.
     Position,
-    /// Its backward difference by the period, m/s. The published model is one of the position all the same.
+    /// The backward difference of the position, divided by the period, m/s. The published model is still one of the
+    /// position.
     Velocity,
 }
 
@@ -53,7 +54,7 @@ pub enum IdentifiedOutput {
 pub enum Form {
     /// a and b, with f and g held from offline identification: the paper's steps 3 and 6.
     Linear,
-    /// The over-parametrised form (14), a and all products C_ij: can follow a changing valve curve.
+    /// a and all products C_ij of the over-parametrised form (14): can follow a valve curve that changes.
     Full,
 }
 
@@ -68,42 +69,59 @@ pub enum Split {
 }
 
 impl Identification {
-    pub(super) fn read(mut section: Section, period: Duration, fuzzy: Fuzzy) -> Self {
-        let paper = Structure::PAPER;
-        let (order, basis) = read_basis(&mut section);
-        let structure = Structure {
-            na: section.integer_or("na", paper.na, 1..=MAX_LINEAR),
-            nb: section.integer_or("nb", paper.nb, 0..=MAX_LINEAR - 1),
-            nk: section.integer_or("nk", paper.nk, 1..=MAX_DELAY),
-            order,
-            integrator: section.flag_or("integrator", false),
-            drift: section.flag_or("drift", false),
-            input: InputMap { dead_band: section.pair_or("dead_band", (0.0, 0.0), 0.0..=WIDEST_DEAD_BAND), basis },
-        };
+    pub(super) fn read(
+        mut section: Section,
+        axis: &str,
+        commissioned: Option<&Commissioned>,
+        period: Duration,
+        fuzzy: Fuzzy,
+    ) -> Self {
+        let structure = read_structure(&mut section, commissioned, period);
         let outputs = [("position", IdentifiedOutput::Position), ("velocity", IdentifiedOutput::Velocity)];
-        let output = section.choice_or("output", IdentifiedOutput::Position, &outputs);
+        let output = section
+            .key("output", "What is identified; the controller's model is one of the position with either choice")
+            .choice_or(IdentifiedOutput::Position, &outputs);
         let shortest = shortest_training(structure, output);
-        let identification = Self {
+        let mut identification = Self {
             structure,
             output,
             period: period.as_secs_f64(),
-            training: section.samples_or("training", shortest.max(1000), shortest..=100_000_000, period),
-            horizon: section.samples_or(
-                "horizon",
-                samples_of(Duration::from_millis(500), period).max(1),
-                1..=10_000,
-                period,
-            ),
-            form: section.choice_or("form", Form::Linear, &[("linear", Form::Linear), ("full", Form::Full)]),
-            split: section.choice_or("split", Split::Als, &[("als", Split::Als), ("paper", Split::Paper)]),
-            estimator: section.parsed_or("estimator", Estimator::Auto, Estimator::ALLOWED),
+            training: section
+                .key("training", "Samples from the start on for offline identification")
+                .rule("1000 samples, or one for each coefficient where those are more")
+                .allows("one sample for each coefficient or more, as a whole number or a duration such as \"8s\"")
+                .samples_or(shortest.max(1000), shortest..=100_000_000, period),
+            horizon: section
+                .key("horizon", "How many samples ahead the h-step error looks")
+                .rule("0.5s, one sample at least")
+                .allows("1 to 10000 samples, as a whole number or a duration such as \"0.5s\"")
+                .samples_or(samples_of(Duration::from_millis(500), period).max(1), 1..=10_000, period),
+            form: section
+                .key("form", "Which coefficients are updated online: a and b (linear), or all products f_i b_j (full)")
+                .choice_or(Form::Linear, &[("linear", Form::Linear), ("full", Form::Full)]),
+            split: section
+                .key(
+                    "split",
+                    "How the products f_i b_j are separated: by alternating least squares, or by formula (17)",
+                )
+                .choice_or(Split::Als, &[("als", Split::Als), ("paper", Split::Paper)]),
+            estimator: section
+                .key("estimator", "Algorithm that adapts the coefficients online")
+                .parsed_or(Estimator::Auto, Estimator::ALLOWED),
             fuzzy,
         };
+        if let Some(model) = commissioned.filter(|_| identification.estimator == Estimator::GreyBox) {
+            identification.structure = model.structure(structure, period);
+            show_structure(&section, identification.structure);
+        }
+        if let Err((found, allowed)) = identification.check_estimator(axis, commissioned.is_some()) {
+            section.refuse("estimator", found, allowed);
+        }
         section.finish();
         identification
     }
 
-    /// How many coefficients are updated online.
+    /// Number of coefficients that are updated online.
     pub const fn coefficients(&self) -> usize {
         match self.form {
             Form::Linear => self.structure.linear_len(),
@@ -111,8 +129,9 @@ impl Identification {
         }
     }
 
-    /// Refuses what cannot work for the axis `name`: a window with fewer samples than coefficients, which cannot determine
-    /// them, and a grey box of an axis that is not commissioned, or of another output or order than it has.
+    /// Refuses an estimator that cannot work for the axis `name`: a window with fewer samples than coefficients, which
+    /// cannot determine them, and a grey box without a commissioned model, or with an output or order that the grey box
+    /// does not have.
     ///
     /// # Errors
     /// What was found, and what is allowed.
@@ -137,8 +156,7 @@ impl Identification {
         }
     }
 
-    /// The structure of the coefficients that are published: those of a model of the position, with every integrator
-    /// multiplied into A.
+    /// Structure of the published coefficients: a model of the position, with every integrator multiplied into A.
     pub const fn published(&self) -> Structure {
         published(self.structure, self.output)
     }
@@ -152,17 +170,63 @@ const fn published(structure: Structure, output: IdentifiedOutput) -> Structure 
     }
 }
 
-/// Fewest samples for offline identification: fewer rows than coefficients cannot determine them.
+/// Smallest number of samples for offline identification: fewer rows than coefficients cannot determine them.
 pub const fn shortest_training(structure: Structure, output: IdentifiedOutput) -> usize {
     structure.full_len() + published(structure, output).memory()
 }
 
+/// The structure; delay and dead band of the commissioned model are its defaults.
+fn read_structure(section: &mut Section, commissioned: Option<&Commissioned>, period: Duration) -> Structure {
+    let paper = Structure::PAPER;
+    let (order, basis) = read_basis(section);
+    Structure {
+        na: section.key("na", "Order of A: number of past outputs").integer_or(paper.na, 1..=MAX_LINEAR),
+        nb: section.key("nb", "Order of B: number of past commands less one").integer_or(paper.nb, 0..=MAX_LINEAR - 1),
+        nk: section
+            .key("nk", "Samples from command to motion")
+            .rule("commissioned.dead_time in periods, rounded up, plus 1; 1 without it")
+            .integer_or(commissioned.map_or(paper.nk, |model| model.delay(period)), 1..=MAX_DELAY),
+        order,
+        integrator: section
+            .key("integrator", "Whether A(z) = (1 - z^-1) A'(z), estimated on the increments of the position")
+            .flag_or(false),
+        drift: section
+            .key("drift", "Whether the difference equation has a constant, for gravity and leakage")
+            .flag_or(false),
+        input: InputMap {
+            dead_band: section
+                .key("dead_band", "Dead band that is taken off the command first: retracting and extending")
+                .rule("commissioned.dead_band_retract and _extend, less 0.01; [0.0, 0.0] without them")
+                .pair_or(commissioned.map_or((0.0, 0.0), Commissioned::identified_dead_band), 0.0..=WIDEST_DEAD_BAND),
+            basis,
+        },
+    }
+}
+
+/// Notes the structure that the grey box takes from the commissioned model, whatever its keys say.
+fn show_structure(section: &Section, structure: Structure) {
+    let rule = |from: &str| format!("{from}, by estimator \"grey-box\"");
+    section.derive("nk", structure.nk.shown(), &rule("commissioned.dead_time in periods, rounded up, plus 1"));
+    let dead_band = rule("commissioned.dead_band_retract and _extend, less 0.01");
+    section.derive("dead_band", structure.input.dead_band.shown(), &dead_band);
+    if let Basis::Hinges(knots) = structure.input.basis {
+        let rule = rule("parts of the largest of commissioned.openings");
+        section.derive("knots", knots[..structure.order].shown(), &rule);
+        section.derive("order", structure.order.shown(), &rule);
+    }
+}
+
 /// Order and basis of N, from `order` and `knots`.
 fn read_basis(section: &mut Section) -> (usize, Basis) {
-    let order = section.optional_integer("order", 1..=MAX_ORDER);
+    let order = section
+        .key("order", "Order of the polynomials of the nonlinearity N")
+        .rule("3, or the number of knots")
+        .optional_integer(1..=MAX_ORDER);
     let default = order.unwrap_or(Structure::PAPER.order);
     let allowed = format!("a list of 1 to {MAX_ORDER} rising numbers from 0 to 1");
-    let knots = section.optional_numbers("knots", 0.0..=1.0, &allowed);
+    let knots = section
+        .key("knots", "Hinges in the place of powers: magnitudes of the command beyond the dead band where they begin")
+        .optional_numbers(0.0..=1.0, "", &allowed);
     let Some(knots) = knots else { return (default, Basis::Powers) };
     let Some(basis) = Basis::hinges(&knots) else {
         section.refuse("knots", format!("{knots:?}"), allowed);

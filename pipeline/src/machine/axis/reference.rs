@@ -1,13 +1,13 @@
-//! Where an axis gets its target from: `[axis.NAME.reference]`.
+//! Where an axis gets its reference from: `[axis.NAME.reference]`.
 
 use std::path::{Path, PathBuf};
 
 use crate::machine::document::Section;
 
-/// Where an axis gets its target from.
+/// Where an axis gets its reference from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ReferenceSource {
-    /// Stays where it is at start.
+    /// The position at the start, held.
     Hold,
     /// center + sum of amplitude sin(2 pi frequency t + phase).
     Sines {
@@ -16,31 +16,40 @@ pub enum ReferenceSource {
         /// The sines that are added.
         sines: Vec<Sine>,
     },
-    /// Straight lines through (time, position), repeated from the start after the last.
+    /// Straight lines through points (time, position); after the last point they begin again.
     Ramps(Vec<(f64, f64)>),
-    /// A CSV file with columns `t` (s) and one per axis (m), straight lines between its rows, the last held.
+    /// A CSV file with columns `t` (s) and one per axis (m): straight lines between its rows, the last row held.
     Trajectory {
         /// The file.
         file: PathBuf,
-        /// Its column.
+        /// The column of the axis.
         column: String,
     },
-    /// The `Reference` channel.
+    /// The channel of [`Reference`](crate::message::Reference) messages.
     Channel,
 }
 
 /// One sine of a sum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sine {
-    /// m
+    /// Amplitude, m.
     pub amplitude: f64,
-    /// Hz
+    /// Frequency, Hz.
     pub frequency: f64,
-    /// rad
+    /// Phase at the start, rad.
     pub phase: f64,
 }
 
+/// What a reference must keep to.
 #[derive(Clone, Copy)]
+pub(super) struct Limits {
+    /// Lowest and highest position, m.
+    pub soft_limits: (f64, f64),
+    /// Fastest speed, m/s.
+    pub max_speed: f64,
+}
+
+#[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Hold,
     Sines,
@@ -50,13 +59,7 @@ enum Kind {
 }
 
 impl ReferenceSource {
-    pub(super) fn read(
-        mut section: Section,
-        soft_limits: (f64, f64),
-        max_speed: f64,
-        folder: &Path,
-        axis: &str,
-    ) -> Self {
+    pub(super) fn read(mut section: Section, limits: Limits, folder: &Path, axis: &str) -> Self {
         let kinds = [
             ("hold", Kind::Hold),
             ("sines", Kind::Sines),
@@ -64,19 +67,26 @@ impl ReferenceSource {
             ("trajectory", Kind::Trajectory),
             ("channel", Kind::Channel),
         ];
-        let chosen = section.choice("kind", &kinds);
+        let chosen = section.key("kind", "Where the reference comes from").choice(&kinds);
         let source = match chosen {
             None | Some(Kind::Hold) => Self::Hold,
             Some(Kind::Channel) => Self::Channel,
-            Some(Kind::Sines) => read_sines(&mut section, soft_limits, max_speed),
-            Some(Kind::Ramps) => read_ramps(&mut section, soft_limits, max_speed),
+            Some(Kind::Sines) => read_sines(&mut section, limits),
+            Some(Kind::Ramps) => read_ramps(&mut section, limits),
             Some(Kind::Trajectory) => Self::Trajectory {
-                file: folder.join(section.text("file", "the path of a CSV file, relative to the machine file")),
-                column: section.text_or("column", axis),
+                file: folder.join(
+                    section
+                        .key("file", "CSV file with the trajectory, for kind = \"trajectory\"")
+                        .text("the path of a CSV file, relative to the machine file"),
+                ),
+                column: section
+                    .key("column", "Column of this axis, for kind = \"trajectory\"")
+                    .rule("the name of the axis")
+                    .text_or(axis),
             },
         };
-        // Another kind from the command line leaves the keys of the one in the file behind; after an unknown kind
-        // nobody can say which keys belong to it.
+        // A kind from the command line leaves the keys of the file's kind behind, which are not unknown. After an unknown
+        // kind it is not known which keys belong to it.
         if chosen.is_some() && !section.is_set("kind") {
             section.finish();
         }
@@ -84,14 +94,18 @@ impl ReferenceSource {
     }
 }
 
-fn read_sines(section: &mut Section, (low, high): (f64, f64), max_speed: f64) -> ReferenceSource {
-    let center = section.number("center", low..=high, "m (the soft limits)");
+fn read_sines(section: &mut Section, limits: Limits) -> ReferenceSource {
+    let Limits { soft_limits: (low, high), max_speed } = limits;
+    let center = section
+        .key("center", "Middle of the sum of sines, for kind = \"sines\"")
+        .allows("a number within the soft limits")
+        .number(low..=high, "m (the soft limits)");
     let mut sines = Vec::new();
     for mut item in section.list("sines") {
         sines.push(Sine {
-            amplitude: item.number("amplitude", 0.0..=100.0, "m"),
-            frequency: item.number("frequency", 0.0..=1000.0, "Hz"),
-            phase: item.number_or("phase", 0.0, -10.0..=10.0, "rad"),
+            amplitude: item.key("amplitude", "Amplitude of one sine").number(0.0..=100.0, "m"),
+            frequency: item.key("frequency", "Frequency of one sine").number(0.0..=1000.0, "Hz"),
+            phase: item.key("phase", "Phase of one sine at the start").number_or(0.0, -10.0..=10.0, "rad"),
         });
         item.finish();
     }
@@ -107,9 +121,16 @@ fn read_sines(section: &mut Section, (low, high): (f64, f64), max_speed: f64) ->
     ReferenceSource::Sines { center, sines }
 }
 
-fn read_ramps(section: &mut Section, (low, high): (f64, f64), max_speed: f64) -> ReferenceSource {
-    let times = section.numbers("times", 0.0..=1e6, "s", 2);
-    let positions = section.numbers("positions", low..=high, "m (the soft limits)", 2);
+fn read_ramps(section: &mut Section, limits: Limits) -> ReferenceSource {
+    let Limits { soft_limits: (low, high), max_speed } = limits;
+    let times = section
+        .key("times", "Times of the corners of the ramps, which begin again after the last, for kind = \"ramps\"")
+        .allows("2 or more times that start at 0 and rise")
+        .numbers(0.0..=1e6, "s", 2);
+    let positions = section
+        .key("positions", "Positions of the corners of the ramps, for kind = \"ramps\"")
+        .allows("as many positions within the soft limits as times, the last equal to the first")
+        .numbers(low..=high, "m (the soft limits)", 2);
     if times.len() != positions.len() {
         let found = format!("{} times for {} positions", times.len(), positions.len());
         section.refuse("times", found, "as many times as positions");

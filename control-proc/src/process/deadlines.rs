@@ -1,0 +1,111 @@
+//! Late commands and late samples of the stage, in real time.
+
+use pipeline::machine::{Machine, samples_of};
+
+/// Late commands in a row that latch the axes at the least: a single one is due to the scheduler, two are a trend.
+const LEAST_LATE: usize = 2;
+
+/// Counts commands that are late: that go out more than a period after their samples were acquired.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Deadlines {
+    period_ns: u64,
+    limit: usize,
+    late_in_a_row: usize,
+}
+
+impl Deadlines {
+    /// As many late commands in a row as fit into `feedback_timeout` are too many.
+    pub fn new(machine: &Machine) -> Self {
+        let timing = &machine.timing;
+        Self {
+            period_ns: timing.period.as_nanos() as u64,
+            limit: samples_of(timing.feedback_timeout, timing.period).max(LEAST_LATE),
+            late_in_a_row: 0,
+        }
+    }
+
+    /// Whether too many commands in a row are late, with one sent at `now` for a sample acquired at `acquired`, ns.
+    pub fn are_missed(&mut self, now: u64, acquired: u64) -> bool {
+        let is_late = now.saturating_sub(acquired) > self.period_ns;
+        self.late_in_a_row = if is_late { self.late_in_a_row.saturating_add(1) } else { 0 };
+        self.late_in_a_row >= self.limit
+    }
+}
+
+/// The age of the newest sample that was acted on.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct FeedbackAge {
+    timeout_ns: u64,
+    /// When that sample was acquired; none before the first.
+    acquired_ns: Option<u64>,
+    /// The controller has been told that the samples have stopped.
+    is_lost: bool,
+}
+
+impl FeedbackAge {
+    /// Before the first sample.
+    pub fn new(machine: &Machine) -> Self {
+        let timeout_ns = machine.timing.feedback_timeout.as_nanos() as u64;
+        Self { timeout_ns, acquired_ns: None, is_lost: false }
+    }
+
+    /// Whether a sample acquired at `acquired` says nothing of `now` any more, ns.
+    pub fn is_too_old(&self, now: u64, acquired: u64) -> bool {
+        now.saturating_sub(acquired) > self.timeout_ns
+    }
+
+    /// Whether the samples have stopped by `now`, ns.
+    pub fn has_stopped(&self, now: u64) -> bool {
+        self.acquired_ns.is_some_and(|acquired| self.is_too_old(now, acquired))
+    }
+
+    /// Notes that the samples have stopped; true for the first time.
+    pub fn lose(&mut self) -> bool {
+        !std::mem::replace(&mut self.is_lost, true)
+    }
+
+    /// Notes a sample that was acted on, acquired at `acquired`, ns.
+    pub fn renew(&mut self, acquired: u64) {
+        (self.acquired_ns, self.is_lost) = (Some(acquired), false);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    fn machine(feedback_timeout: u64) -> Machine {
+        let mut machine = crate::tests::machine(1);
+        machine.timing.feedback_timeout = Duration::from_millis(feedback_timeout);
+        machine
+    }
+
+    /// For commands that go out so many ms after their samples: whether each is one too many.
+    fn missed(late: &[u64], feedback_timeout: u64) -> Vec<bool> {
+        let mut deadlines = Deadlines::new(&machine(feedback_timeout));
+        let acquired = 1_000_000_000;
+        late.iter().map(|late| deadlines.are_missed(acquired + late * 1_000_000, acquired)).collect()
+    }
+
+    #[test]
+    fn as_many_late_commands_in_a_row_as_fit_into_the_time_out_are_too_many() {
+        assert_eq!(missed(&[11, 50, 10, 11, 11, 11, 0], 30), [false, false, false, false, false, true, false]);
+        assert_eq!(missed(&[10, 10, 10, 10], 30), [false; 4]);
+        // Two at the least.
+        assert_eq!(missed(&[11, 9, 11, 11], 1), [false, false, false, true]);
+        assert_eq!(missed(&[11; 7], 60), [false, false, false, false, false, true, true]);
+    }
+
+    #[test]
+    fn samples_have_stopped_after_the_time_out_and_are_lost_once() {
+        let mut age = FeedbackAge::new(&machine(30));
+        assert!(!age.has_stopped(u64::MAX), "no sample has come yet");
+        age.renew(1_000_000_000);
+        assert!(!age.has_stopped(1_030_000_000) && age.has_stopped(1_030_000_001));
+        assert!(age.lose() && !age.lose());
+        age.renew(2_000_000_000);
+        assert!(age.lose());
+    }
+}

@@ -1,0 +1,249 @@
+//! The stage: samples, snapshots, references and requests in, valve commands out.
+//!
+//! In real time the stage watches two times:
+//!
+//! - No sample for more than `feedback_timeout`: the valves are made neutral by a message that only has to be copied, and
+//!   the axes are latched. A sample that is older than that when it is read is not acted on.
+//! - A command that goes out more than a period after its sample was acquired is late. It is made with the newest data. As
+//!   many late commands in a row as periods fit into `feedback_timeout`, at least two, latch the axes.
+//!
+//! In lock-step the command of tick k is made with the snapshot of tick k-1, and the stage waits for that.
+
+mod deadlines;
+
+use pipeline::{
+    channel::{Group, Publisher, Reader},
+    machine::Machine,
+    message::{
+        CoefficientSnapshot, EncoderSample, Header, MachineState, MissCause, Reference, Request, ValveCommand,
+        control_flag,
+    },
+    stage::{
+        Channels, Clock, Next, Stage, StageError, StageKind, StageOptions, Turn, Waiter, monotonic_ns, run as run_stage,
+    },
+};
+
+use crate::Controller;
+use deadlines::{Deadlines, FeedbackAge};
+
+/// Runs the stage until its last tick or a signal; the last command is neutral.
+///
+/// # Errors
+/// A trajectory cannot be used, or a channel cannot.
+pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
+    let setup = options.clone();
+    run_stage(StageKind::ControlProc, machine, options, |group| Process::new(machine, &setup, group))
+}
+
+struct Process {
+    core: Controller,
+    inputs: Inputs,
+    commands: Publisher<ValveCommand>,
+    states: Publisher<MachineState>,
+    /// Filled in at every heartbeat; the names of the axes stay.
+    state: MachineState,
+    /// The last command that was sent.
+    last: ValveCommand,
+    waiter: Waiter,
+    clock: Clock,
+    feedback: FeedbackAge,
+    deadlines: Deadlines,
+}
+
+/// The channels that the stage reads.
+struct Inputs {
+    samples: Reader<EncoderSample>,
+    snapshots: Reader<CoefficientSnapshot>,
+    references: Reader<Reference>,
+    requests: Reader<Request>,
+}
+
+/// A sample that has come, and the ticks that it followed.
+struct Arrival {
+    header: Header,
+    /// Samples that have come in this turn.
+    count: u64,
+    /// Ticks between the last sample and this one.
+    passed: u64,
+}
+
+impl Process {
+    fn new(machine: &Machine, options: &StageOptions, group: &Group) -> Result<Self, StageError> {
+        let mut core = Controller::new(machine).map_err(|error| StageError::Setup(error.to_string()))?;
+        if options.arm {
+            core.arm();
+        }
+        Ok(Self {
+            core,
+            inputs: Inputs {
+                samples: group.reader()?,
+                snapshots: group.reader()?,
+                references: group.reader()?,
+                requests: group.reader()?,
+            },
+            commands: group.publisher()?,
+            states: group.publisher()?,
+            state: named(machine),
+            last: ValveCommand::default(),
+            waiter: Waiter::new::<EncoderSample>(group, machine, StageKind::ControlProc, options.clock)?,
+            clock: options.clock,
+            feedback: FeedbackAge::new(machine),
+            deadlines: Deadlines::new(machine),
+        })
+    }
+
+    /// Waits for a sample; none if the turn ends without one.
+    fn await_sample(&mut self, turn: &mut Turn) -> Result<Option<Arrival>, StageError> {
+        let (samples, clock) = (&mut self.inputs.samples, self.clock);
+        let before = samples.last().map(|sample| sample.header.sequence);
+        let mut count = 0;
+        turn.wait_for(&self.waiter, || {
+            // Only the newest sample is worth a command; the gap in the sequence tells the core what it missed.
+            while samples.read()?.if_new().is_some() {
+                count += 1;
+                if clock == Clock::LockStep {
+                    break;
+                }
+            }
+            Ok(count > 0)
+        })?;
+        let newest = samples.last().filter(|_| count > 0);
+        Ok(newest.map(|sample| {
+            let header = sample.header;
+            let passed = before.map_or(0, |before| header.sequence.saturating_sub(before + 1));
+            Arrival { header, count, passed }
+        }))
+    }
+
+    /// Real time: makes the valves neutral once the last sample is too old, and again at every call after that.
+    fn watch_feedback(&mut self) -> Result<(), StageError> {
+        let now = monotonic_ns();
+        if self.clock == Clock::RealTime && self.feedback.has_stopped(now) {
+            if self.feedback.lose() {
+                self.core.feedback_lost();
+            }
+            self.send_neutral(now)?;
+        }
+        Ok(())
+    }
+
+    /// Real time: whether a sample says nothing of now any more. Samples that were written while the stage was stopped
+    /// are read when it goes on.
+    fn is_too_old(&self, sample: &Header) -> bool {
+        self.clock == Clock::RealTime && self.feedback.is_too_old(monotonic_ns(), sample.acquired_ns)
+    }
+
+    fn send_neutral(&mut self, now: u64) -> Result<(), StageError> {
+        let last = self.inputs.samples.last().map(|sample| sample.header).unwrap_or_default();
+        let mut neutral = self.core.neutral(last.sequence);
+        neutral.header.acquired_ns = last.acquired_ns;
+        neutral.header.sent_ns = now;
+        self.last = neutral;
+        Ok(self.commands.send(&neutral)?)
+    }
+
+    /// Takes in the snapshot for a sample. In lock-step it waits for the snapshot of the tick before. False when the loop
+    /// is to stop.
+    fn take_snapshot(&mut self, turn: &mut Turn, sample: &Header) -> Result<bool, StageError> {
+        let snapshots = &mut self.inputs.snapshots;
+        let Some(before) = sample.sequence.checked_sub(1).filter(|_| self.clock == Clock::LockStep) else {
+            if self.clock == Clock::RealTime {
+                snapshots.newest()?;
+            }
+            return Ok(true);
+        };
+        while !turn.wait_for(&Waiter::Yield, || snapshots.reach(before))? {
+            if turn.stopping() {
+                return Ok(false);
+            }
+            self.commands.greet();
+        }
+        Ok(true)
+    }
+
+    /// The command for the newest sample. It is neutral when too many commands in a row are late.
+    fn command(&mut self, header: &Header) -> Result<Option<ValveCommand>, StageError> {
+        self.inputs.references.newest()?;
+        if let Some(request) = self.inputs.requests.newest()?.if_new() {
+            self.core.ask(request);
+        }
+        let Some(sample) = self.inputs.samples.last() else { return Ok(None) };
+        let command = self.core.update(sample, self.inputs.snapshots.last(), self.inputs.references.last());
+        if self.clock == Clock::RealTime && self.deadlines.are_missed(monotonic_ns(), header.acquired_ns) {
+            self.core.latch(control_flag::DEADLINE);
+            return Ok(Some(self.core.neutral(header.sequence)));
+        }
+        Ok(Some(command))
+    }
+}
+
+impl Stage for Process {
+    fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
+        let Some(Arrival { header, count, passed }) = self.await_sample(turn)? else {
+            self.watch_feedback()?;
+            return Ok(Next::Waiting);
+        };
+        turn.pick_up(header.sent_ns);
+        // Some of the passed ticks have come and were too old to be worked, the others never came.
+        let unworked = count.saturating_sub(1).min(passed);
+        let newest = header.sequence.saturating_sub(1);
+        turn.skip(passed - unworked, newest, MissCause::LateInput);
+        turn.skip(unworked, newest, MissCause::LateRelease);
+        if self.is_too_old(&header) {
+            self.watch_feedback()?;
+            return Ok(if turn.is_last(header.sequence) { Next::Finished } else { Next::Waiting });
+        }
+        if !self.take_snapshot(turn, &header)? {
+            return Ok(Next::Waiting);
+        }
+        let Some(mut command) = self.command(&header)? else { return Ok(Next::Waiting) };
+        turn.finish(&mut command.header, header.sequence, header.acquired_ns, header.acquired_ns);
+        self.commands.send(&command)?;
+        self.last = command;
+        turn.arrive(&command.header);
+        self.feedback.renew(header.acquired_ns);
+        Ok(if turn.is_last(header.sequence) { Next::Finished } else { Next::Worked })
+    }
+
+    fn greet(&self) {
+        self.commands.greet();
+    }
+
+    fn stop(&mut self) -> Result<(), StageError> {
+        self.send_neutral(monotonic_ns())
+    }
+
+    fn channels(&mut self, channels: &mut Channels<'_>) {
+        channels.visit(&mut self.inputs.samples);
+        channels.visit(&mut self.inputs.snapshots);
+        channels.visit(&mut self.inputs.references);
+        channels.visit(&mut self.inputs.requests);
+    }
+
+    fn tell(&mut self) -> Result<(), StageError> {
+        let now = monotonic_ns();
+        self.state.header = Header { sent_ns: now, ..self.last.header };
+        let (sample, snapshot) = (self.inputs.samples.last(), self.inputs.snapshots.last());
+        for (i, state) in self.state.axes.iter_mut().enumerate() {
+            state.command = self.last.axes[i];
+            if let Some(sample) = sample {
+                state.sample = sample.axes[i];
+            }
+            if let Some(snapshot) = snapshot {
+                let axis = &snapshot.axes[i];
+                (state.has_model, state.model_faults) = (1, axis.faults);
+                state.model_age_ns = now.saturating_sub(snapshot.header.acquired_ns);
+                state.forgetting_factor = axis.forgetting_factor;
+                state.h_step_sigma = axis.adaptive_errors.h_step.sigma();
+            }
+        }
+        Ok(self.states.send(&self.state)?)
+    }
+}
+
+/// The state of a machine of which only the names of the axes are known.
+fn named(machine: &Machine) -> MachineState {
+    let mut state = MachineState::default();
+    state.axes.iter_mut().zip(&machine.axes).for_each(|(state, axis)| state.set_name(&axis.name));
+    state
+}

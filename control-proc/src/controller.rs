@@ -4,12 +4,12 @@
 //! u(k) = controller(y(k), model learned from samples before k, y_r(k), y_r(k+1), ..)
 //! ```
 //!
-//! y positions in m, u valve commands in [-1, 1], y_r targets in m, k tick. u(k) is made from sample k and stays on
-//! the valve until sample k+1. Trap: a sample that is not newer than the last says nothing new, and a source that
-//! repeats itself is as blind as one that is silent: the last command stays twice, not longer.
+//! y positions in m, u valve commands in [-1, 1], y_r references in m, k tick. u(k) is made from sample k and stays on the
+//! valve until sample k+1. Trap: a sample that is not newer than the last one holds no new information. A source that
+//! repeats itself is as blind as one that is silent, so the last command is repeated twice at most.
 //!
-//! An emergency stop comes before everything: all axes are neutral and latched with the sample that says it, and the
-//! message asks for the pilot to be cut off until it is released and every axis has been reset.
+//! The emergency stop comes before everything else. All axes are neutral and latched with the sample that reports it. The
+//! message asks to cut off the pilot pressure until the stop is released and every axis has been reset.
 
 use pipeline::{
     MAX_AXES,
@@ -25,7 +25,7 @@ use crate::{
     trajectory_file::{ReferenceError, read_references},
 };
 
-/// The controller of a machine. Disarmed until [`Controller::arm`].
+/// The controller of a machine. Disarmed until [`Controller::arm`] or a request arms its axes.
 #[derive(Debug, Clone)]
 pub struct Controller {
     generator: ReferenceGenerator,
@@ -37,10 +37,10 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// Builds all axes and reads their trajectories; nothing is allocated after this.
+    /// Builds all axes and reads their trajectories. Nothing is allocated after this.
     ///
     /// # Errors
-    /// A trajectory's file is refused.
+    /// The trajectory file of an axis is refused.
     pub fn new(machine: &Machine) -> Result<Self, ReferenceError> {
         let axes = machine.axes.iter().take(MAX_AXES).enumerate();
         Ok(Self {
@@ -52,37 +52,37 @@ impl Controller {
         })
     }
 
-    /// Lets the axes settle and then follow. Without effect on axes that are armed already or latched.
+    /// Arms the axes: they settle and then follow. Without effect on axes that are armed already or latched.
     pub fn arm(&mut self) {
         self.axes.iter_mut().for_each(AxisController::arm);
     }
 
-    /// Neutral from now on. Releases latches, so that the next [`Self::arm`] starts afresh; also from a source whose
-    /// sequence numbers have started again.
+    /// Makes all axes neutral from now on and releases their latches. After the next [`Self::arm`] they may follow a source
+    /// whose sequence numbers have started again.
     pub fn disarm(&mut self) {
         self.axes.iter_mut().for_each(AxisController::disarm);
         (self.last_sequence, self.repeated) = (None, 0);
     }
 
-    /// What the axes are to do from the next sample on, the newest request there is; the same again does nothing.
+    /// Takes in the newest request, which counts from the next sample on. A request that was seen before has no effect.
     pub fn ask(&mut self, request: &Request) {
         self.request = Some(*request);
     }
 
-    /// The samples have stopped: latches every axis at neutral until disarmed and armed again.
+    /// Latches every axis at neutral because the samples have stopped, until the axes are disarmed and armed again.
     pub fn feedback_lost(&mut self) {
         self.latch(control_flag::FEEDBACK);
     }
 
-    /// Latches every axis at neutral for this cause, a [`control_flag`] bit, until disarmed and armed again.
+    /// Latches every axis at neutral for this cause, a [`control_flag`] bit, until it is disarmed and armed again.
     pub fn latch(&mut self, cause: u32) {
         self.axes.iter_mut().for_each(|axis| axis.latch(cause));
     }
 
-    /// The command for one sample, to be sent as it is but for its times.
+    /// The command for one sample, complete except for its times.
     ///
-    /// `snapshot` and `reference` are the newest ones there are, the same ones again if nothing new has come. A
-    /// sample that is not newer than the last repeats the last command; the third one in a row latches every axis.
+    /// `snapshot` and `reference` are the newest messages; messages that were seen before may be passed again. A sample
+    /// that is not newer than the last one repeats the last command; the third one in a row latches every axis.
     pub fn update(
         &mut self,
         sample: &EncoderSample,
@@ -96,7 +96,7 @@ impl Controller {
             Some(last) if sequence > last => sequence - last,
             Some(last) => {
                 self.repeated += 1;
-                // It may be old, but a stop is a stop.
+                // An emergency stop counts even in an old sample.
                 if emergency_stop {
                     self.axes.iter_mut().for_each(|axis| axis.take_emergency_stop(true));
                 }
@@ -127,8 +127,8 @@ impl Controller {
         command
     }
 
-    /// Neutral for all axes, at once and without solving anything. It does not change the controller: whoever sends
-    /// it because the samples have stopped calls [`Self::feedback_lost`] first.
+    /// The message that makes all axes neutral at once. It is only copied, and does not change the controller: a caller
+    /// that sends it because the samples have stopped calls [`Self::feedback_lost`] first.
     pub fn neutral(&self, sequence: u64) -> ValveCommand {
         self.message_of(sequence, AxisController::neutral_message)
     }
@@ -138,7 +138,7 @@ impl Controller {
         self.axes.iter().any(|axis| axis.cause() != 0)
     }
 
-    /// 1 while an axis is latched by an emergency stop, which it is as long as that is pressed.
+    /// 1 while an axis is latched by an emergency stop; so at least as long as the stop is pressed.
     fn cut_off(&self) -> u32 {
         u32::from(self.axes.iter().any(|axis| axis.cause() & control_flag::EMERGENCY_STOP != 0))
     }

@@ -1,32 +1,35 @@
-//! Which of two models has predicted better of late.
+//! Whether the adaptive model has predicted better than the classical one of late.
 //!
 //! ```text
 //! J(k) = lambda^n J(k-1) + sum of the n new squares e^2        W(k) = lambda^n W(k-1) + n        lambda = exp(-T/3 s)
 //! the adaptive model is better     from  J_a/W_a < 0.9^2 J_c/W_c   until   J_a/W_a > J_c/W_c
 //! ```
 //!
-//! e h-step error m, of the adaptive (a) and the classical, held model (c), T period s. A snapshot holds count, mean and
-//! m2 of all errors so far; what they gain from one snapshot to the next are the new squares.
+//! e h-step error m, of the adaptive (a) and the classical model (c), T period s. A snapshot holds count, mean and m2 of
+//! all errors so far; their increase from one snapshot to the next gives the new squares.
 //!
-//! The held model was identified offline, on a part of the data that was made for it, and is the one that is used until
-//! the other has shown that it is better.
+//! The classical model was identified offline, from data that was made for it. It is used until the adaptive model has shown
+//! that it predicts better.
 //!
-//! The trap: errors since the start say little of a model that has learned something wrong ten seconds ago; and one
-//! bound in the place of two would change the model to and fro, each time with a step in the command.
+//! Traps: errors since the start say little about a model that has learned something wrong ten seconds ago. And with one
+//! bound in the place of two, the model would change to and fro, each time with a step in the command.
 
 use pipeline::statistics::ErrorStatistics;
 
-/// Memory, s.
+/// Time in which the weight of an error falls to a third, s.
 const MEMORY: f64 = 3.0;
-/// Ratio of the root mean squares below which the adaptive model is better, and above which it is not any more.
-const BETTER: (f64, f64) = (0.9, 1.0);
-/// Errors before anything is said.
-const LEAST: f64 = 50.0;
+/// Ratio of the root mean squares below which the adaptive model becomes the better one.
+const BECOMES_BETTER: f64 = 0.9;
+/// Ratio of the root mean squares below which it stays the better one.
+const STAYS_BETTER: f64 = 1.0;
+/// Least weight of the errors for a comparison.
+const LEAST_WEIGHT: f64 = 50.0;
 
 /// The comparison for one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
-    forgetting: f64,
+    /// lambda.
+    forgetting_factor: f64,
     adaptive: Window,
     classical: Window,
     is_better: bool,
@@ -35,9 +38,13 @@ pub struct Comparison {
 /// J and W of one model.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Window {
+    /// J, m2.
     squares: f64,
+    /// W.
     weight: f64,
-    seen: u64,
+    /// Errors in the last snapshot.
+    count: u64,
+    /// Sum of their squares, m2.
     sum: f64,
 }
 
@@ -45,7 +52,7 @@ impl Comparison {
     /// For snapshots every `period` s.
     pub fn new(period: f64) -> Self {
         Self {
-            forgetting: (-period / MEMORY).exp(),
+            forgetting_factor: (-period / MEMORY).exp(),
             adaptive: Window::default(),
             classical: Window::default(),
             is_better: false,
@@ -59,32 +66,32 @@ impl Comparison {
 
     /// Takes in the errors of the next snapshot.
     pub fn update(&mut self, adaptive: &ErrorStatistics, classical: &ErrorStatistics) {
-        self.adaptive.update(adaptive, self.forgetting);
-        self.classical.update(classical, self.forgetting);
-        if self.adaptive.weight < LEAST || self.classical.weight < LEAST {
+        self.adaptive.update(adaptive, self.forgetting_factor);
+        self.classical.update(classical, self.forgetting_factor);
+        if self.adaptive.weight < LEAST_WEIGHT || self.classical.weight < LEAST_WEIGHT {
             self.is_better = false;
             return;
         }
-        let bound = if self.is_better { BETTER.1 } else { BETTER.0 };
-        // What is not a number is worse than any.
+        let bound = if self.is_better { STAYS_BETTER } else { BECOMES_BETTER };
+        // An error that is not a number is worse than any other.
         let (adaptive, classical) = (self.adaptive.mean(), self.classical.mean());
         self.is_better = adaptive.is_finite() && (!classical.is_finite() || adaptive < bound * bound * classical);
     }
 }
 
 impl Window {
-    fn update(&mut self, errors: &ErrorStatistics, forgetting: f64) {
+    fn update(&mut self, errors: &ErrorStatistics, forgetting_factor: f64) {
         let sum = errors.m2 + errors.count as f64 * errors.mean * errors.mean;
-        if errors.count < self.seen || !sum.is_finite() {
-            // The identifier has begun anew, or its figures are lost.
-            *self = Self { seen: errors.count, sum: if sum.is_finite() { sum } else { 0.0 }, ..Self::default() };
+        if errors.count < self.count || !sum.is_finite() {
+            // The identifier has been restarted, or its figures are lost.
+            *self = Self { count: errors.count, sum: if sum.is_finite() { sum } else { 0.0 }, ..Self::default() };
             return;
         }
-        let new = (errors.count - self.seen) as f64;
-        let kept = forgetting.powf(new);
+        let new = (errors.count - self.count) as f64;
+        let kept = forgetting_factor.powf(new);
         self.squares = kept * self.squares + (sum - self.sum).max(0.0);
         self.weight = kept * self.weight + new;
-        (self.seen, self.sum) = (errors.count, sum);
+        (self.count, self.sum) = (errors.count, sum);
     }
 
     fn mean(&self) -> f64 {
@@ -112,16 +119,16 @@ mod tests {
     }
 
     #[test]
-    fn a_held_model_that_has_become_worse_is_told_within_seconds_and_again_when_it_is_good_again() {
-        let told = better(|_| 1e-3, |k| if (1000..2000).contains(&k) { 2e-3 } else { 0.9e-3 });
-        let (first, last) = (told[0], told[told.len() - 1]);
+    fn a_classical_model_that_becomes_worse_loses_within_seconds_and_wins_when_it_is_good_again() {
+        let ticks = better(|_| 1e-3, |k| if (1000..2000).contains(&k) { 2e-3 } else { 0.9e-3 });
+        let (first, last) = (ticks[0], ticks[ticks.len() - 1]);
         println!("better from {first} to {last}");
         assert!((1000..1100).contains(&first) && (2000..3000).contains(&last));
-        assert_eq!(told.len(), last - first + 1);
+        assert_eq!(ticks.len(), last - first + 1);
     }
 
     #[test]
-    fn equal_models_and_few_errors_say_nothing() {
+    fn equal_models_and_few_errors_do_not_decide() {
         assert!(better(|_| 1e-3, |_| 1e-3).is_empty());
         assert!(better(|_| 0.95e-3, |_| 1e-3).is_empty());
         assert!(better(|_| f64::NAN, |_| 1e-3).is_empty());
@@ -129,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn an_identifier_that_begins_anew_is_judged_anew() {
+    fn after_a_restart_of_the_identifier_the_comparison_begins_anew() {
         let mut recent = Comparison::new(0.01);
         let (mut a, mut c) = (ErrorStatistics::default(), ErrorStatistics::default());
         for _ in 0..200 {

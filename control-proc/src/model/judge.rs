@@ -9,12 +9,14 @@
 //! sigma_adaptive <= 1.5 sigma_classical          h-step errors, in m
 //! ```
 //!
-//! s(p) step response of the linear half, m per unit of x, s' its last difference, T period in s; c the commissioned
-//! curve, m/s, if there is one. A model of hinges that agrees with it may be asked for all commands, learned from or not:
-//! between and beyond its knots it goes on straight, and a machine that has grown slow needs more than was tested when it
-//! was healthy. A recursive estimator is fed by whatever happens; what
-//! it publishes is judged anew at every tick before it may move anything. Trap: the sign of b says nothing alone,
-//! b and N share a free factor; only their product has a direction.
+//! s(p) step response of the linear part, m per unit of x, s' its last difference, T period in s; c the commissioned curve,
+//! m/s, if there is one. A model of hinges that agrees with c may be asked for all commands, also for those it was not
+//! trained on: between and beyond its knots it is straight, and a machine that has become slow needs larger commands than
+//! were tested when it was healthy.
+//!
+//! An online estimator is fed by whatever happens. So what it publishes is judged anew at every tick before it may move
+//! anything. Trap: the sign of b alone says nothing, because b and N share a free factor; only their product has a
+//! direction.
 
 use pipeline::{
     hammerstein::{Basis, Coefficients, Structure},
@@ -24,37 +26,37 @@ use pipeline::{
 
 use super::response::{MAX_HORIZON, Ramp, step_response};
 
-/// Largest pole radius. An identified integrator comes out a little beyond 1; at 1.02 a deviation grows by half in 20
-/// samples, which feedback still holds.
+/// Largest pole radius. An identified integrator may be a little beyond 1. At 1.02 a deviation grows by half in 20
+/// samples, which feedback can still correct.
 pub const POLE_LIMIT: f64 = 1.02;
-/// Least travel of a full command over [`MAX_HORIZON`] samples after the dead time, as share of `max_speed` times
-/// that time. A model that moves less makes the controller use full commands for millimetres.
+/// Least travel of a full command over [`MAX_HORIZON`] samples after the dead time, as share of `max_speed` times that
+/// time. With a model that moves less, the controller would use full commands for millimetres.
 pub const LEAST_TRAVEL: f64 = 0.01;
-/// How much worse than the classical model the adaptive one may predict.
+/// Largest ratio of the h-step errors of the adaptive and the classical model.
 pub const WORST_RATIO: f64 = 1.5;
 /// Errors needed before two models are compared.
 pub const LEAST_COUNT: u64 = 100;
-
-/// How far a model's speed may be from the commissioned one, either way: oil, load and pump change it, a wrong model more.
+/// Largest ratio of a model's speed to the commissioned one, and of the commissioned one to it: oil, load and pump change
+/// the speed, a wrong model changes it more.
 pub const SPEED_RATIO: f64 = 5.0;
 
-/// Why a model is refused; the numbers are the places in [`pipeline::message::REFUSALS`].
+/// Why a model is refused. The numbers are the places in [`pipeline::message::REFUSALS`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Refusal {
-    /// A coefficient is not finite, or the identifier says so.
+    /// A coefficient is not finite, or the identifier reports that.
     NotFinite,
-    /// Orders that no model can have, or not the configured ones.
+    /// Orders that no model can have, or that are not the configured ones.
     Structure,
     /// A pole outside [`POLE_LIMIT`].
     Unstable,
     /// A positive command retracts.
     Direction,
-    /// A full command of one direction moves the axis less than [`LEAST_TRAVEL`], or the other way.
+    /// A full command of one direction moves the axis less than [`LEAST_TRAVEL`], or in the other direction.
     Unreachable,
-    /// Its speed is beyond [`SPEED_RATIO`] of the commissioned one.
+    /// The speed is beyond [`SPEED_RATIO`] of the commissioned one.
     Speed,
-    /// It predicts clearly worse than the classical model.
+    /// The adaptive model predicts clearly worse than the classical one.
     Worse,
 }
 
@@ -63,14 +65,14 @@ pub enum Refusal {
 pub struct Approved<'a> {
     /// The model.
     pub model: &'a Coefficients,
-    /// Lowest and highest command that it may be asked for: outside, a polynomial says anything.
+    /// Lowest and highest command that the model may be asked for: a polynomial is arbitrary outside.
     pub range: (f64, f64),
 }
 
 /// The judge of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judge {
-    /// What is published, without the integrator that its A may have or not.
+    /// Structure of the published model without an integrator, which A may have or not.
     structure: Structure,
     choice: ModelChoice,
     command_limit: f64,
@@ -80,7 +82,7 @@ pub struct Judge {
 }
 
 impl Judge {
-    /// What the machine file expects of the models of `axis`; `period` in s.
+    /// A judge by what the machine file expects of the models of `axis`; `period` in s.
     pub fn new(axis: &Axis, period: f64) -> Self {
         Self {
             structure: without_integrator(&axis.identification),
@@ -92,7 +94,7 @@ impl Judge {
         }
     }
 
-    /// The model to be used, of those in the snapshot.
+    /// The model of the snapshot that the machine file chooses.
     ///
     /// # Errors
     /// The first reason why it may not be used, or `None` while there is no model.
@@ -100,7 +102,7 @@ impl Judge {
         self.judge_one(snapshot, self.choice == ModelChoice::Adaptive)
     }
 
-    /// The held model, to be used where the adaptive one is refused.
+    /// The classical model, to be used where the adaptive one is refused.
     ///
     /// # Errors
     /// The first reason why it may not be used either, or `None` while there is no model.
@@ -137,8 +139,8 @@ impl Judge {
         Ok(Approved { model, range })
     }
 
-    /// Whether it is the configured structure, or one order of A and one of B more: how many predict best may be for
-    /// the identifier to say. The drift is of no account: nothing here uses it.
+    /// Whether it is the configured structure, or has one order more of A or of B: the identifier may choose which orders
+    /// predict best. The drift does not matter, since nothing here uses it.
     fn expects(&self, structure: &Structure) -> bool {
         let (na, nb) = (self.structure.na, self.structure.nb);
         let expected = Structure { na: structure.na, nb: structure.nb, drift: structure.drift, ..self.structure };
@@ -158,7 +160,7 @@ impl Judge {
         if gain > 0.0 && travel >= self.least_travel && travel.is_finite() { Ok(()) } else { Err(Refusal::Unreachable) }
     }
 
-    /// Compares the model's speeds with the commissioned ones; the commands that it may be asked for.
+    /// Compares the model's speeds with the commissioned ones. Returns the range of commands that the model may be asked for.
     fn judge_speed(&self, model: &Coefficients, step: &[f64], learned: (f64, f64)) -> Result<(f64, f64), Refusal> {
         let Some(commissioned) = &self.commissioned else { return Ok(learned) };
         let gain = Ramp::new(step).slope / self.period;
@@ -176,7 +178,7 @@ impl Judge {
         if ![middles.0, learned_end.0, middles.1, learned_end.1].into_iter().all(agrees) {
             return Err(Refusal::Speed);
         }
-        // Polynomials say anything beyond what they were learned from.
+        // Polynomials are arbitrary beyond the commands that they were trained on.
         let straight = matches!(nonlinearity.input.basis, Basis::Hinges(_));
         Ok((
             if straight && agrees(tested.0) { -self.command_limit } else { learned.0 },
@@ -197,7 +199,7 @@ fn is_worse(snapshot: &AxisSnapshot) -> bool {
         return false;
     }
     let (adaptive, classical) = (adaptive.sigma(), classical.sigma());
-    // A classical model that diverged is no measure; an adaptive one that did is worse than anything.
+    // A classical model that diverged is no measure. An adaptive model that diverged is worse than any other.
     !adaptive.is_finite() || (classical.is_finite() && adaptive > WORST_RATIO * classical)
 }
 
@@ -266,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn it_may_have_an_integrator_or_not_whatever_is_configured() {
+    fn a_model_may_have_an_integrator_or_not_whatever_is_configured() {
         let mut machine = machine(1);
         let integrated = actuator().integrated();
         let judge = |machine: &pipeline::machine::Machine, model| {
@@ -286,12 +288,12 @@ mod tests {
         for model in [actuator(), one_more] {
             assert_eq!(judge(&machine, model), Ok(()));
         }
-        // Identified as a velocity, the position's own pole comes on top.
+        // If it is identified as a velocity, the pole of the position is added.
         machine.axes[0].identification.output = IdentifiedOutput::Velocity;
         assert_eq!(judge(&machine, actuator()), Err(Some(Refusal::Structure)));
         assert_eq!(judge(&machine, one_more), Ok(()));
         assert_eq!(judge(&machine, Coefficients { na: 4, ..one_more }), Ok(()));
-        // Of the right order; but a position that is integrated once more runs away.
+        // The order is right, but a position that is integrated once more diverges.
         assert_ne!(judge(&machine, integrated), Err(Some(Refusal::Structure)));
     }
 
@@ -314,14 +316,14 @@ mod tests {
         assert_eq!(refusal(Coefficients { basis: 2, ..model }), Some(Some(Refusal::Structure)));
         assert_eq!(refusal(Coefficients { basis: 0, ..model }), Some(Some(Refusal::Structure)));
         assert_eq!(refusal(Coefficients { drift: f64::NAN, ..model }), Some(Some(Refusal::NotFinite)));
-        // Commands that end within the dead band move nothing.
+        // Commands that end within the dead band do not move the axis.
         let mut snapshot = snapshot(model);
         snapshot.command_high = 0.1;
         assert_eq!(judge.judge(&snapshot), Err(Some(Refusal::Unreachable)));
     }
 
     #[test]
-    fn it_is_used_for_the_commands_it_has_learned_from_only() {
+    fn a_model_is_used_only_for_the_commands_it_was_trained_on() {
         let range = |low, high| {
             let mut snapshot = snapshot(actuator());
             (snapshot.command_low, snapshot.command_high) = (low, high);
@@ -330,7 +332,7 @@ mod tests {
         assert_eq!(range(-0.4, 0.3), Ok((-0.4, 0.3)));
         assert_eq!(range(-9.0, 9.0), Ok((-1.0, 1.0)));
         for (low, high) in [(0.0, 0.5), (-0.5, 0.0), (0.2, 0.5), (f64::NAN, f64::NAN)] {
-            // One branch without data, or nothing known.
+            // One branch has no data, or the range is unknown.
             assert_eq!(range(low, high), Err(Some(Refusal::Unreachable)), "{low} {high}");
         }
     }
@@ -392,13 +394,13 @@ mod tests {
     }
 
     #[test]
-    fn a_model_of_hinges_that_agrees_may_be_asked_for_everything() {
+    fn a_model_of_hinges_that_agrees_may_be_asked_for_all_commands() {
         let range = |model: Coefficients| {
             let mut snapshot = snapshot(model);
             (snapshot.command_low, snapshot.command_high) = (-0.2, 0.7);
             commissioned(1.0).judge(&snapshot).map(|approved| approved.range)
         };
-        // A polynomial stays with what it has learned.
+        // A polynomial is limited to the commands it was trained on.
         assert_eq!(range(actuator()), Ok((-0.2, 0.7)));
         let mut judge = commissioned(1.0);
         judge.structure.input.basis = Basis::hinges(&[0.0]).unwrap();

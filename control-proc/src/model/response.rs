@@ -1,4 +1,4 @@
-//! What the model answers to nothing and to a step.
+//! Free response, step response and residual of a model.
 //!
 //! The difference equation (12) of the paper, in differences (CARIMA form):
 //!
@@ -8,12 +8,15 @@
 //! ```
 //!
 //! y output in m, x = N(u) intermediate value. Source: Clarke, Mohtadi and Tuffs, Generalized predictive control,
-//! Automatica 23 (1987). In differences a constant offset of the output cancels, and so does the model's drift: a
-//! load or a model without an integrator leaves no steady error. Trap: the same differencing amplifies measurement noise.
+//! Automatica 23 (1987). In differences a constant offset of the output cancels, and so does the drift of the model. Hence
+//! a load, or a model without an integrator, leaves no steady error. Trap: differencing amplifies measurement noise.
+//!
+//! The health check of the identifier needs only the last value of a step response. It sums positions, not differences, so
+//! its result differs from [`step_response`] in the last bits.
 
 use pipeline::hammerstein::{Coefficients, MAX_A, MAX_DELAY};
 
-/// Longest prediction horizon after the dead time, samples: what the machine file allows.
+/// Longest prediction horizon after the dead time, samples: the largest that the machine file allows.
 pub const MAX_HORIZON: usize = 31;
 /// Ticks from now to the end of the longest prediction, now included.
 pub const MAX_AHEAD: usize = MAX_DELAY + MAX_HORIZON + 1;
@@ -21,7 +24,7 @@ pub const MAX_AHEAD: usize = MAX_DELAY + MAX_HORIZON + 1;
 /// y(k+1), y(k+2), .. in `response` (m) if x stays at x(k-1) from now on.
 ///
 /// `outputs` holds y(k), y(k-1), .. (na + 1 of them), `intermediate` x(k-1), x(k-2), .. (nk + nb of them).
-/// `noise` is what is known of the noise in dy(k+1), dy(k+2), .., m; 0 beyond.
+/// `noise` is what is known of the noise in dy(k+1), dy(k+2), .., m. Beyond its end the noise is 0.
 pub fn free_response(model: &Coefficients, outputs: &[f64], intermediate: &[f64], noise: &[f64], response: &mut [f64]) {
     let nk = model.nk as usize;
     // Differences of the outputs, the newest at the end of the known ones: d[MAX_A - 1] = dy(k).
@@ -49,7 +52,7 @@ pub fn free_response(model: &Coefficients, outputs: &[f64], intermediate: &[f64]
     }
 }
 
-/// What the model did not foresee of dy(k), m: dy(k) minus its prediction from the differences before it.
+/// The residual of dy(k), m: dy(k) minus its prediction from the differences before it.
 ///
 /// `outputs` holds y(k), y(k-1), .. (na + 2 of them), `intermediate` x(k-1), x(k-2), .. (nk + nb + 1 of them).
 pub fn residual(model: &Coefficients, outputs: &[f64], intermediate: &[f64]) -> f64 {
@@ -65,7 +68,7 @@ pub fn residual(model: &Coefficients, outputs: &[f64], intermediate: &[f64]) -> 
     residual
 }
 
-/// The answer to a unit step of x at k, from y(k+nk) on: `response[p]` = y(k+nk+p), m per unit of x.
+/// The response to a unit step of x at k, from y(k+nk) on: `response[p]` = y(k+nk+p), m per unit of x.
 pub fn step_response(model: &Coefficients, response: &mut [f64]) {
     let mut differences = [0.0; MAX_A + MAX_AHEAD];
     let mut y = 0.0;
@@ -81,17 +84,17 @@ pub fn step_response(model: &Coefficients, response: &mut [f64]) {
     }
 }
 
-/// How a step response of an axis ends: as slope (p + 1 - lag).
+/// The end of a step response of an axis: slope (p + 1 - lag).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ramp {
-    /// What a tick adds, m per unit of x.
+    /// Increase per tick, m per unit of x.
     pub slope: f64,
-    /// By how many ticks it is late, the delay not counted. Not finite for a model that does not move.
+    /// Lag in ticks, without the delay. Not finite for a model that does not move.
     pub lag: f64,
 }
 
 impl Ramp {
-    /// The end of the step response `step`; all of it counts as settled but its beginning.
+    /// The end of the step response `step`, which has to be settled by then.
     pub fn new(step: &[f64]) -> Self {
         let (last, before) = match step {
             [.., before, last] => (*last, *before),
@@ -131,7 +134,7 @@ mod tests {
     }
 
     proptest! {
-        /// An offset on the output and all moves known: differences predict exactly what (12) then does.
+        /// With an offset on the output and all moves known, the differences predict exactly what (12) does.
         #[test]
         fn free_response_is_the_model_itself_with_x_held(
             x in prop::collection::vec(-1.0f64..1.0, 60),

@@ -4,20 +4,21 @@
 //! at tick k, before the command is made:   outputs  y(k), y(k-1), ..      commands  u(k-1), u(k-2), ..
 //! ```
 //!
-//! y position in m, u valve command as it was sent. Commands are kept, not x = N(u): N changes with every snapshot,
-//! and what was sent after all limits is what moved the axis, so that saturation cannot wind up the model.
+//! y position in m, u valve command as it was sent. Both lists are ordered from the newest to the oldest. Commands are kept
+//! instead of x = N(u), since N changes with every snapshot. What was sent after all limits is what moved the axis, so
+//! saturation cannot wind up the model.
 //!
-//! Trap: a tick without a position leaves a hole. A held position followed by the leap to the next good one looks
-//! like a sudden speed to a controller that works on differences; so the hole is bridged by a straight line once
-//! its far side is known.
+//! Trap: a tick without a position leaves a gap. A held position that is followed by the leap to the next good one looks
+//! like a sudden speed to a controller that works on differences. So a gap is filled by a straight line once the position
+//! after it is known.
 
 use pipeline::hammerstein::{MAX_A, MAX_DELAY, MAX_LINEAR};
 
-/// Ticks that a model can be tried on.
+/// Ticks of the past for which the noise of a model is computed.
 pub const TRIED: usize = 104;
-/// Outputs kept: for each of the ticks a difference, and those over the highest order of A before it.
+/// Outputs kept: a difference for each of these ticks, and for the ticks before them up to the highest order of A.
 pub const OUTPUTS: usize = MAX_A + 1 + TRIED;
-/// Commands kept: the longest delay, the highest order of B, and one more for the oldest difference.
+/// Commands kept: for these ticks, the longest delay and the order of B, with one more for the oldest difference.
 pub const COMMANDS: usize = MAX_DELAY + MAX_LINEAR + TRIED;
 
 /// Past outputs and commands.
@@ -30,7 +31,7 @@ pub struct History {
 }
 
 impl History {
-    /// An axis that has always stood at `position` (m), neutral.
+    /// The history of an axis that has always stood at `position` (m), at neutral.
     pub fn resting(position: f64) -> Self {
         Self { outputs: [position; OUTPUTS], commands: [0.0; COMMANDS], count: 0 }
     }
@@ -45,12 +46,12 @@ impl History {
         &self.commands
     }
 
-    /// Outputs taken in so far, those of missing ticks with them.
+    /// Number of outputs taken in so far, including those of missing ticks.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Takes in a position (m) that `missing` ticks without one went before.
+    /// Takes in a position (m) that follows `missing` ticks without one.
     pub fn push_output(&mut self, position: f64, missing: u64) {
         let before = self.outputs[0];
         let new = usize::try_from(missing).map_or(OUTPUTS, |missing| missing.saturating_add(1).min(OUTPUTS));
@@ -68,7 +69,7 @@ impl History {
         self.commands[0] = command;
     }
 
-    /// The last command stayed on the valve for so many more ticks.
+    /// Repeats the last command, which stayed on the valve for so many more ticks.
     pub fn hold_command(&mut self, ticks: u64) {
         for _ in 0..ticks.min(COMMANDS as u64) {
             self.push_command(self.commands[0]);
@@ -81,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn holes_are_bridged_by_a_straight_line() {
+    fn gaps_are_filled_by_a_straight_line() {
         let mut history = History::resting(1.0);
         history.push_output(2.0, 0);
         history.push_output(5.0, 2);

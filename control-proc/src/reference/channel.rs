@@ -1,28 +1,28 @@
-//! Targets from another program, accepted or refused.
+//! References from another program, accepted or refused.
 //!
 //! ```text
 //! i = k - k_ref                                    place of this tick in the preview, 0 while k < k_ref
 //! |y_r(k) - y_r(k-1)| <= 1.5 v_max T + 1 mm        also from each preview entry to the next
 //! ```
 //!
-//! k tick of the sample, k_ref tick of the message's first target, v_max `max_speed` in m/s, T period in s. A message
-//! that is absent, used up, not finite, outside the soft limits, jumping, or older than one before is refused, and
-//! the axis holds the target that it has, or comes to a stand from it ([`super::References`]).
+//! k tick of the sample, k_ref tick of the message's first reference, v_max `max_speed` in m/s, T period in s. A message
+//! is refused if it is missing, used up, not finite, outside the soft limits, or older than one before, or if its references
+//! jump. Then the axis holds its present reference, or comes to a stand from it ([`super::References`]).
 //!
-//! Trap: after a refusal, and at the start, the program may be anywhere. Its targets are taken up again only where
-//! they go on from the target held or where the axis stands, so that taking them up moves nothing.
+//! Trap: after a refusal, and at the start, the program may be anywhere. Its references are taken up again only where they
+//! go on from the reference that is held or from where the axis stands, so that nothing moves when they are taken up.
 
 use pipeline::{
     machine::Axis,
     message::{MAX_PREVIEW, Reference},
 };
 
-/// How near to the position the first target of a channel must be, m: a person moves the axis' target there before
-/// the axis moves, and 10 mm is what can be seen on a machine.
+/// Largest distance of a channel's first reference from the position, m. A person first brings the reference to where the
+/// axis stands; 10 mm can be seen on a machine.
 pub const ENGAGE_DISTANCE: f64 = 0.010;
-/// Allowance over the fastest speed: a program need not write at exactly our rate.
+/// Allowance over the fastest speed: a program need not send at exactly the rate of the samples.
 const SPEED_ALLOWANCE: f64 = 1.5;
-/// Change of a target that is never a jump, m: rounding to whole millimetres.
+/// Change of a reference that is never a jump, m: rounding to whole millimetres.
 const LEAST_JUMP: f64 = 1e-3;
 
 /// Follows the reference channel for one axis.
@@ -30,12 +30,15 @@ const LEAST_JUMP: f64 = 1e-3;
 pub struct ChannelFollower {
     axis: usize,
     soft_limits: (f64, f64),
-    /// Largest change of the target per tick, m.
+    /// Largest change of the reference per tick, m.
     max_step: f64,
+    /// The reference that is held while messages are refused, m.
     held: f64,
-    engaged: bool,
+    /// The last message was accepted.
+    is_engaged: bool,
+    /// A message has been accepted since [`Self::begin`].
     was_engaged: bool,
-    /// `sequence` of the newest message that was accepted.
+    /// `sequence` of the newest accepted message.
     newest: Option<u64>,
 }
 
@@ -47,7 +50,7 @@ impl ChannelFollower {
             soft_limits: axis.soft_limits,
             max_step: axis.max_speed * period * SPEED_ALLOWANCE + LEAST_JUMP,
             held: 0.0,
-            engaged: false,
+            is_engaged: false,
             was_engaged: false,
             newest: None,
         }
@@ -55,20 +58,21 @@ impl ChannelFollower {
 
     /// Starts again from where the axis stands (m).
     pub fn begin(&mut self, position: f64) {
-        (self.held, self.engaged, self.was_engaged, self.newest) = (position, false, false, None);
+        (self.held, self.is_engaged, self.was_engaged, self.newest) = (position, false, false, None);
     }
 
-    /// Another target is held, m.
-    pub fn hold(&mut self, target: f64) {
-        self.held = target;
+    /// Holds another reference, m.
+    pub fn hold(&mut self, reference: f64) {
+        self.held = reference;
     }
 
-    /// Whether it has followed the channel since [`Self::begin`].
+    /// Whether the axis has followed the channel since [`Self::begin`].
     pub fn has_engaged(&self) -> bool {
         self.was_engaged
     }
 
-    /// Fills `targets` (m) from tick `sequence` on; false when the reference is refused and the target is held.
+    /// Fills `positions` with the references (m) from tick `sequence` on. False when the message is refused and the last
+    /// reference is held.
     ///
     /// `elapsed` is the number of ticks since the last call, `position` (m) where the axis stands.
     pub fn update(
@@ -77,26 +81,26 @@ impl ChannelFollower {
         sequence: u64,
         elapsed: u64,
         position: f64,
-        targets: &mut [f64],
+        positions: &mut [f64],
     ) -> bool {
         let coming = self.coming(reference, sequence).filter(|coming| self.continues(coming[0], elapsed, position));
         let accepted = coming.is_some();
         if let (Some(coming), Some(reference)) = (coming, reference) {
             let last = coming[coming.len() - 1];
-            for (i, target) in targets.iter_mut().enumerate() {
-                *target = coming.get(i).copied().unwrap_or(last);
+            for (i, reference) in positions.iter_mut().enumerate() {
+                *reference = coming.get(i).copied().unwrap_or(last);
             }
             self.held = coming[0];
             self.newest = Some(reference.header.sequence);
             self.was_engaged = true;
         } else {
-            targets.fill(self.held);
+            positions.fill(self.held);
         }
-        self.engaged = accepted;
+        self.is_engaged = accepted;
         accepted
     }
 
-    /// The targets from this tick on, at least one, if the message and all of them are sound.
+    /// The references of the message from this tick on, at least one, if the message and all of them are sound.
     fn coming<'a>(&self, reference: Option<&'a Reference>, sequence: u64) -> Option<&'a [f64]> {
         let reference = reference?;
         let preview = reference.preview as usize;
@@ -111,14 +115,14 @@ impl ChannelFollower {
         let index = sequence.saturating_sub(first) as usize;
         let coming = &reference.positions.get(self.axis)?[index..preview];
         let (low, high) = self.soft_limits;
-        let inside = coming.iter().all(|target| (low..=high).contains(target));
+        let inside = coming.iter().all(|reference| (low..=high).contains(reference));
         let smooth = coming.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= self.max_step);
         (inside && smooth).then_some(coming)
     }
 
-    /// Whether a target goes on from what the axis does now.
-    fn continues(&self, target: f64, elapsed: u64, position: f64) -> bool {
-        let from_held = self.was_engaged && (target - self.held).abs() <= self.max_step * elapsed as f64;
-        from_held || (!self.engaged && (target - position).abs() <= ENGAGE_DISTANCE)
+    /// Whether a reference goes on from what the axis does now.
+    fn continues(&self, reference: f64, elapsed: u64, position: f64) -> bool {
+        let from_held = self.was_engaged && (reference - self.held).abs() <= self.max_step * elapsed as f64;
+        from_held || (!self.is_engaged && (reference - position).abs() <= ENGAGE_DISTANCE)
     }
 }

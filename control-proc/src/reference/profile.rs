@@ -1,4 +1,4 @@
-//! From where a target is to where it shall be: bounded in speed, acceleration and jerk, and to be changed at any time.
+//! The motion of a reference to a set point, bounded in speed, acceleration and jerk. The set point may change at any tick.
 //!
 //! ```text
 //! w(d)   = min(v_max, -b T/2 + sqrt((b T/2)^2 + 2 b |d|), |d| / T) sgn d        b = 0.8 a_max
@@ -6,48 +6,59 @@
 //! y_r(k) = (x(k) + x(k-1) + .. + x(k-N+1)) / N            N T = 0.2 s
 //! ```
 //!
-//! g set_point m, x a motion of bounded speed and acceleration m, v its speed m/s, w the speed from which it still stops at
-//! the set_point, y_r target m, T period s. A mean over N points of a motion is as bounded as the motion, so
-//! `|v_r| <= v_max` and `|a_r| <= a_max`; and a_r changes from tick to tick by the difference of two accelerations over
-//! N, so its jerk is at most `2 a_max / (N T)`, reached only where the acceleration turns round at once. At the end all
-//! N points are g, and y_r is g exactly.
+//! g set point m, x a motion of bounded speed and acceleration m, v its speed m/s, w the speed from which it still stops at
+//! the set point, y_r reference m, T period s. The mean over N points of a motion is as bounded as the motion, so
+//! `|v_r| <= v_max` and `|a_r| <= a_max`. From tick to tick a_r changes by the difference of two accelerations over N, so
+//! the jerk is at most `2 a_max / (N T)`; it is reached only where the acceleration reverses at once. At the end all N points
+//! are g, and y_r is exactly g.
 //!
-//! v_max is a quarter of `max_speed`, a_max is v_max over 0.25 s. A motion that is taken over faster than v_max is braked
-//! to it. Source: acceleration-limited planning behind a moving
-//! average, as numerical controls do it. Unlike with a curve of seven segments, nothing is planned that a new set_point could
-//! contradict: it may come at any tick.
+//! v_max is a quarter of `max_speed`, a_max is v_max over 0.25 s. A motion that is faster than v_max at its beginning is
+//! braked to v_max. Source: acceleration-limited planning behind a moving average, as in numerical controls. Other than a
+//! curve of seven segments, this motion has no plan that a new set point could contradict.
 //!
-//! Traps: braking along w exactly asks for 1.125 times its deceleration in the last ticks, hence b below a_max. The mean
-//! lags by half its length, so a motion that is taken over at a speed begins that much ahead of it.
+//! Traps: braking exactly along w asks for 1.125 times its deceleration in the last ticks, hence b is below a_max. The mean
+//! lags by half its length, so a motion that begins with a speed begins that much ahead.
 
 use pipeline::machine::Axis;
 
-/// Fastest speed of a target that nobody but the controller plans, as part of `max_speed`.
+/// Fastest speed of a reference that the controller plans itself, as part of `max_speed`.
 pub const SPEED: f64 = 0.25;
-/// From standstill to that speed and back, s.
+/// Time from standstill to that speed, s.
 pub const RISE_TIME: f64 = 0.25;
-/// Length of the mean, s: long against the lag of a valve, so that it can follow.
+/// Length of the mean, s: long against the lag of a valve, so that the axis can follow.
 pub const SMOOTHING: f64 = 0.2;
-/// Part of the acceleration that the braking curve counts on.
+/// Part of the acceleration that the braking curve uses.
 const BRAKING: f64 = 0.8;
+
+/// Ticks after which every motion has come to a stand.
+const MOST_TICKS: u64 = 1_000_000;
+/// Distance from the set point that is due to rounding, m.
+const ROUNDING: f64 = 1e-12;
 
 /// The profile of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     period: f64,
+    /// Soft limits, m.
     limits: (f64, f64),
+    /// v_max, m/s.
     speed: f64,
+    /// The axis' `max_speed`, m/s.
     max_speed: f64,
+    /// a_max, m/s2.
     acceleration: f64,
+    /// g, m.
     set_point: f64,
+    /// v, m/s.
     v: f64,
     /// x of the last N ticks, the newest last, and room for the coming ones.
     points: Vec<f64>,
+    /// N.
     mean: usize,
 }
 
 impl Profile {
-    /// For goals inside the axis' soft limits, and so many ticks ahead; `period` in s. Nothing is allocated after this.
+    /// For set points inside the axis' soft limits, and so many ticks ahead; `period` in s. Nothing is allocated after this.
     pub fn new(axis: &Axis, period: f64, ahead: usize) -> Self {
         let mean = ((SMOOTHING / period).round() as usize).max(1);
         let speed = SPEED * axis.max_speed;
@@ -64,7 +75,7 @@ impl Profile {
         }
     }
 
-    /// Begins at `position` (m) and `speed` (m/s), towards where it comes to a stand.
+    /// Begins at `position` (m) and `speed` (m/s), and comes to a stand.
     pub fn begin(&mut self, position: f64, speed: f64) {
         self.v = speed.max(-self.max_speed).min(self.max_speed);
         let (mean, step) = (self.mean, self.v * self.period);
@@ -74,32 +85,32 @@ impl Profile {
         self.stop();
     }
 
-    /// Makes the set_point where it comes to a stand, inside the soft limits.
+    /// Comes to a stand: the set point becomes the place where the motion can stop, inside the soft limits.
     pub fn stop(&mut self) {
         let braking = BRAKING * self.acceleration;
         let way = self.v.abs() * (self.v.abs() / (2.0 * braking) + 0.5 * self.period);
         self.aim(self.points[self.mean - 1] + way.copysign(self.v));
     }
 
-    /// Another set_point, m; outside the soft limits the limit.
+    /// Changes the set point, m. Outside the soft limits the limit is taken.
     pub fn aim(&mut self, set_point: f64) {
         self.set_point = set_point.max(self.limits.0).min(self.limits.1);
     }
 
-    /// The set_point, m.
+    /// The set point, m.
     pub fn set_point(&self) -> f64 {
         self.set_point
     }
 
-    /// Whether it has arrived.
+    /// Whether the motion has arrived.
     pub fn stands(&self) -> bool {
         self.v == 0.0 && self.points[..self.mean].iter().all(|point| *point == self.set_point)
     }
 
-    /// Goes on by `ticks`.
+    /// Moves on by `ticks`.
     pub fn advance(&mut self, ticks: u64) {
-        // After a gap of any length it stands: the axis that it is for has been latched long before.
-        for _ in 0..ticks.min(1_000_000) {
+        // An axis with a longer gap in its samples has been latched long before.
+        for _ in 0..ticks.min(MOST_TICKS) {
             if self.stands() {
                 break;
             }
@@ -110,19 +121,19 @@ impl Profile {
         }
     }
 
-    /// Fills `targets` (m) with the present one and the coming ones, as many as it was made for.
-    pub fn fill(&mut self, targets: &mut [f64]) {
+    /// Fills `positions` with the present reference and the coming ones (m), as many as the profile was made for.
+    pub fn fill(&mut self, positions: &mut [f64]) {
         let (mean, mut v) = (self.mean, self.v);
-        let count = targets.len().min(self.points.len() - mean + 1);
+        let count = positions.len().min(self.points.len() - mean + 1);
         for i in mean..mean + count.saturating_sub(1) {
             v = self.next_speed(self.points[i - 1], v);
             self.points[i] = self.landed(self.points[i - 1] + v * self.period);
         }
-        for (i, target) in targets.iter_mut().enumerate() {
+        for (i, reference) in positions.iter_mut().enumerate() {
             let points = &self.points[i.min(count - 1)..][..mean];
-            // Relative to one of them: the mean of equal numbers is that number, to the last bit.
+            // The mean is taken relative to one point, so that the mean of equal numbers is exactly that number.
             let newest = points[mean - 1];
-            *target = newest + points.iter().map(|point| point - newest).sum::<f64>() / mean as f64;
+            *reference = newest + points.iter().map(|point| point - newest).sum::<f64>() / mean as f64;
         }
     }
 
@@ -136,9 +147,9 @@ impl Profile {
         wanted.max(v - step).min(v + step)
     }
 
-    /// The set_point itself in the place of what differs from it by rounding.
+    /// The set point itself where x differs from it by rounding only.
     fn landed(&self, x: f64) -> f64 {
-        if (x - self.set_point).abs() <= 1e-12 { self.set_point } else { x }
+        if (x - self.set_point).abs() <= ROUNDING { self.set_point } else { x }
     }
 }
 
@@ -148,8 +159,10 @@ mod tests {
     use proptest::prelude::*;
 
     const PERIOD: f64 = 0.01;
-    /// Of the test machine: max_speed 1 m/s.
-    const MOST: (f64, f64, f64) = (0.25, 1.0, 10.0);
+    /// Bounds of the test machine with a `max_speed` of 1 m/s: m/s, m/s2, m/s3.
+    const MOST_SPEED: f64 = 0.25;
+    const MOST_ACCELERATION: f64 = 1.0;
+    const MOST_JERK: f64 = 10.0;
 
     fn profile() -> Profile {
         Profile::new(&crate::tests::machine(1).axes[0], PERIOD, 20)
@@ -171,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn it_goes_to_its_goal_at_full_speed_and_stays_there_exactly() {
+    fn the_motion_goes_to_its_set_point_at_full_speed_and_stays_exactly_there() {
         let mut profile = profile();
         profile.begin(0.3, 0.0);
         assert!(profile.stands());
@@ -181,24 +194,24 @@ mod tests {
         // 0.5 m at 0.25 m/s, 0.25 s to that speed, 0.3125 s from it, and the mean: 2 + 0.125 + 0.156 + 0.2 s.
         assert!((245..255).contains(&ticks), "{ticks}");
         assert!(y[ticks..].iter().all(|y| *y == 0.8) && profile.stands());
-        assert!(y.windows(2).all(|pair| pair[1] >= pair[0]), "it does not overshoot");
+        assert!(y.windows(2).all(|pair| pair[1] >= pair[0]), "the motion overshoots");
         assert!((largest(&y).0 - 0.25).abs() < 1e-9);
     }
 
     #[test]
-    fn a_motion_is_taken_over_where_it_is_and_as_fast_as_it_is() {
+    fn a_motion_begins_at_the_given_position_and_speed() {
         let mut profile = profile();
         profile.begin(0.5, -0.2);
         let y: Vec<f64> = (0..200).map(|_| next(&mut profile)).collect();
         assert!((y[0] - 0.498).abs() < 1e-4, "{}", y[0]);
         let (_, a, j) = largest(&[&[0.504, 0.502, 0.5], &y[..]].concat());
-        assert!(a <= MOST.1 * 1.001 && j <= MOST.2 * 1.001, "{a} {j}");
+        assert!(a <= MOST_ACCELERATION * 1.001 && j <= MOST_JERK * 1.001, "{a} {j}");
         assert_eq!(y[199], profile.set_point());
-        assert!(y.windows(2).all(|pair| pair[1] <= pair[0]), "it does not come back");
+        assert!(y.windows(2).all(|pair| pair[1] <= pair[0]), "the motion comes back");
     }
 
     #[test]
-    fn what_it_shows_ahead_is_what_comes() {
+    fn the_coming_references_are_those_that_come() {
         let mut profile = profile();
         profile.begin(0.5, 0.1);
         profile.aim(0.52);
@@ -211,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_takes_it_as_far_as_its_ticks() {
+    fn a_gap_counts_as_its_ticks() {
         let (mut one, mut other) = (profile(), profile());
         one.begin(0.5, 0.0);
         other.begin(0.5, 0.0);
@@ -225,23 +238,23 @@ mod tests {
     }
 
     proptest! {
-        /// Goals anywhere at any time, from a beginning inside the limits from which it can still stop.
+        /// Set points anywhere at any time, from a beginning inside the limits from which the motion can still stop.
         #[test]
-        fn bounds_hold_whatever_the_goals(
+        fn bounds_hold_for_all_set_points(
             start in 0.2f64..1.1,
             speed in -0.25f64..0.25,
-            goals in prop::collection::vec((-0.5f64..2.0, 1usize..300), 1..8),
+            set_points in prop::collection::vec((-0.5f64..2.0, 1usize..300), 1..8),
         ) {
             let mut profile = profile();
             profile.begin(start, speed);
             let mut y: Vec<f64> = (0..4).map(|i| start - f64::from(3 - i) * speed * PERIOD).collect();
-            for (set_point, ticks) in goals {
+            for (set_point, ticks) in set_points {
                 profile.aim(set_point);
                 y.extend((0..ticks).map(|_| next(&mut profile)));
             }
             let (v, a, j) = largest(&y);
-            prop_assert!(v <= MOST.0 * 1.000_001 && a <= MOST.1 * 1.000_01 && j <= MOST.2 * 1.000_1, "{v} {a} {j}");
-            prop_assert!(y.iter().all(|y| (0.05..=1.284).contains(y)), "inside the soft limits");
+            prop_assert!(v <= MOST_SPEED * 1.000_001 && a <= MOST_ACCELERATION * 1.000_01 && j <= MOST_JERK * 1.000_1, "{v} {a} {j}");
+            prop_assert!(y.iter().all(|y| (0.05..=1.284).contains(y)), "outside the soft limits");
             y.extend((0..1000).map(|_| next(&mut profile)));
             prop_assert_eq!(y[y.len() - 1], profile.set_point());
         }

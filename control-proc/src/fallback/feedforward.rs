@@ -1,23 +1,23 @@
-//! What the fallback adds for a motion that it sees coming: velocity feed-forward by the commissioned model.
+//! Velocity feed-forward of the fallback: the command of a coming motion, by the commissioned model.
 //!
 //! ```text
 //! L   = t_d + tau + T/2
-//! v_r = (y_r(t + L + T/2) - y_r(t + L - T/2)) / T          straight lines between the ticks' targets
+//! v_r = (y_r(t + L + T/2) - y_r(t + L - T/2)) / T          straight lines between the references of the ticks
 //! u_r = c^-1(v_r) min(|v_r| / v_s, 1)
 //! ```
 //!
-//! y_r target in m, t now, T period in s, t_d dead time and tau time constant in s, c static curve of
-//! [`Commissioned`], v_r coming speed in m/s, v_s [`STILL`], u_r command. What is sent now acts in the middle of its
-//! period and moves the axis after dead time and lag: hence L. Source: the usual loop of mobile hydraulics, with the
-//! targets taken ahead.
+//! y_r reference in m, t now, T period in s, t_d dead time and tau time constant in s, c static curve of
+//! [`Commissioned`], v_r coming speed in m/s, v_s [`STILL`], u_r command. A command that is sent now acts in the middle of
+//! its period and moves the axis after dead time and lag; hence the lead L. Source: the usual loop of mobile hydraulics, with
+//! references that are known ahead.
 //!
-//! Traps: without the lead, feed-forward is late by the dead time and the feedback corrects an error that is not one.
-//! Targets from a channel end with the preview of their message: beyond it the axis is taken to stand.
+//! Traps: without the lead, feed-forward is late by the dead time, and the feedback corrects an error that is none. The
+//! references of a channel end with the preview of its message: beyond it the axis is assumed to stand.
 
 use pipeline::machine::Commissioned;
 
-/// Slower than this, in m/s, a motion is left to the feedback more and more: at v_r = 0 the command would jump over the
-/// whole dead band.
+/// Speed below which a motion is left to the feedback more and more, m/s: at v_r = 0 the command would jump over the whole
+/// dead band.
 pub const STILL: f64 = 1e-3;
 
 /// The feed-forward of one axis.
@@ -30,24 +30,24 @@ pub struct Feedforward {
 }
 
 impl Feedforward {
-    /// By `model`, for a command every `period` s.
+    /// Feed-forward by `model`, for a command every `period` s.
     pub fn new(model: &Commissioned, period: f64) -> Self {
         Self { model: model.clone(), period, lead: (model.dead_time + model.time_constant) / period }
     }
 
-    /// Ticks ahead of the last target that is used.
+    /// Number of coming ticks whose references are used.
     pub fn ahead(&self) -> usize {
         self.lead.floor() as usize + 2
     }
 
-    /// u_r for y_r(k), y_r(k+1), .. in m; beyond their end the last one counts, and no targets ask for nothing.
-    pub fn command(&self, targets: &[f64]) -> f64 {
-        let Some(last) = targets.last() else { return 0.0 };
+    /// u_r for y_r(k), y_r(k+1), .. in m. Beyond their end the last one counts; without references u_r is 0.
+    pub fn command(&self, references: &[f64]) -> f64 {
+        let Some(last) = references.last() else { return 0.0 };
         let first = self.lead.floor() as usize;
         let part = self.lead.fract();
-        let target = |i: usize| targets.get(first + i).unwrap_or(last);
+        let at = |i: usize| references.get(first + i).unwrap_or(last);
         // The difference of two points on straight lines, one tick apart.
-        let speed = ((1.0 - part) * (target(1) - target(0)) + part * (target(2) - target(1))) / self.period;
+        let speed = ((1.0 - part) * (at(1) - at(0)) + part * (at(2) - at(1))) / self.period;
         self.model.command(speed) * (speed.abs() / STILL).min(1.0)
     }
 }
@@ -60,7 +60,7 @@ mod tests {
     const PERIOD: f64 = 0.01;
 
     #[test]
-    fn a_steady_speed_gets_the_command_that_makes_it() {
+    fn a_steady_speed_gets_the_command_of_the_static_curve() {
         let feedforward = Feedforward::new(&commissioned(), PERIOD);
         for speed in [0.2, 0.005, -0.1] {
             let targets: Vec<f64> = (0..40).map(|k| 0.3 + speed * PERIOD * f64::from(k)).collect();
@@ -72,21 +72,21 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_is_met_a_dead_time_and_a_lag_before_it_begins() {
+    fn the_command_leads_the_motion_by_dead_time_and_lag() {
         let model = commissioned();
         let feedforward = Feedforward::new(&model, PERIOD);
         let ahead = feedforward.ahead();
         let lead = (model.dead_time + model.time_constant) / PERIOD;
         for start in 0..40usize {
             let targets: Vec<f64> = (0..=ahead).map(|k| 0.1 * PERIOD * k.saturating_sub(start) as f64).collect();
-            // Moves within (lead, lead + 1) ticks from now.
+            // The reference moves within (lead, lead + 1) ticks from now.
             let expected = (start as f64) < lead + 1.0;
             assert_eq!(feedforward.command(&targets) != 0.0, expected, "{start}");
         }
     }
 
     #[test]
-    fn at_rest_it_does_not_jump_over_the_dead_band() {
+    fn at_rest_the_command_does_not_jump_over_the_dead_band() {
         let feedforward = Feedforward::new(&commissioned(), PERIOD);
         let creep = |speed: f64| {
             let targets: Vec<f64> = (0..40).map(|k| speed * PERIOD * f64::from(k)).collect();

@@ -1,4 +1,9 @@
-//! The fallback: PI with dead-band compensation, and velocity feed-forward where the axis is commissioned.
+//! The fallback: PI controller with dead-band compensation, and velocity feed-forward where the axis is commissioned.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`feedforward`] | the command of a motion that the preview shows |
+//! | [`rest`] | neutral for an axis that has arrived |
 //!
 //! ```text
 //! e(k) = y_r(k) - y(k)          v(k) = kp e(k) + I(k) + v_r(k)          I(k+1) = I(k) + ki T e(k)
@@ -6,20 +11,22 @@
 //! v_r  = C^-1(u_r)                          0 without feed-forward
 //! ```
 //!
-//! e error in m, v opening beyond the dead band, kp in 1/m, ki in 1/(m s), T period in s, d calibrated dead band, w
-//! [`BLEND_WIDTH`], u_r the command of [`feedforward`]. It needs no identified model: it controls while the
-//! identifier learns, and takes over whenever the model may not be used. Source: the usual loop of mobile hydraulics.
+//! e following error in m, v opening beyond the dead band, kp in 1/m, ki in 1/(m s), T period in s, d calibrated dead band,
+//! w [`BLEND_WIDTH`], u_r the command of [`feedforward`]. The fallback needs no identified model: it controls while the
+//! identifier is trained, and takes over whenever the model may not be used. Source: the usual loop of mobile hydraulics.
 //!
-//! Feedback and feed-forward meet as openings, so the dead band is jumped once, by their sum: alone, u_r goes out as it
-//! is, and the gains mean the same with feed-forward and without.
+//! Feedback and feed-forward are added as openings, so the dead band is jumped once, by their sum. Without an error the
+//! command is exactly u_r, and the gains have the same meaning with and without feed-forward.
 //!
-//! Taking over from another controller, v goes on from where that one was and comes to the fallback's own within some
-//! tenths of a second. Trap: an integral that takes the difference up, the usual way without a bump, keeps for seconds
-//! what the other controller did at one moment, be it in the middle of its worst.
+//! After another controller, v goes on from the value that this controller had and comes to the fallback's own value within
+//! some tenths of a second. Trap: the usual bumpless transfer puts the difference into the integral. The integral would then
+//! keep for seconds what the other controller did at one moment, even if that was its largest error.
 //!
-//! Traps: a jump over the whole dead band at v = 0 chatters with every count of noise, so it is blended in over
-//! |v| < w. The calibrated dead band must not exceed the valve's: too much of it is a relay, and a relay cycles. The
-//! integral stops while the limits cut the command off and the error would only push further.
+//! Traps: a jump over the whole dead band at v = 0 chatters with every count of noise, so the jump is blended in over
+//! |v| < w. The calibrated dead band must not exceed the valve's: too much compensation acts as a relay, and a relay cycles.
+//! The integral stops while the limits cut the command off and the error would only push further.
+//!
+//! Runs in the loop: nothing here allocates after construction.
 
 pub mod feedforward;
 pub mod rest;
@@ -30,11 +37,11 @@ use feedforward::Feedforward;
 
 use crate::protection::limits::Limits;
 
-/// Magnitude of v (command) below which the dead band is compensated in part only. With a kp of 4 1/m this is an
-/// error of 2.5 mm, some tens of encoder counts and so well above the noise.
+/// Magnitude of v (command) below which the dead band is compensated only in part. With a kp of 4 1/m this is an error of
+/// 2.5 mm: some tens of encoder counts, and so well above the noise.
 pub const BLEND_WIDTH: f64 = 0.01;
 
-/// How long it takes to a third of the step that taking over would have been, s.
+/// Time in which the difference to the last controller falls to a third, s.
 pub const HANDOVER: f64 = 0.2;
 
 /// The fallback controller of one axis.
@@ -47,15 +54,16 @@ pub struct Fallback {
     retract: f64,
     limits: Limits,
     feedforward: Option<Feedforward>,
+    /// I.
     integral: f64,
-    /// What is left of the step in v that taking over would have been.
+    /// What is left in v of the difference to the last controller.
     offset: f64,
-    /// Part of it that is left a tick later.
+    /// Part of this difference that is left a tick later.
     kept: f64,
 }
 
 impl Fallback {
-    /// Gains and dead band from the machine file, feed-forward by `commissioned` if they ask for it; `period` in s.
+    /// Gains and dead band from the machine file; feed-forward by `commissioned` if the file asks for it; `period` in s.
     pub fn new(control: &Control, commissioned: Option<&Commissioned>, period: f64) -> Self {
         let model = commissioned.filter(|_| control.feedforward);
         Self {
@@ -71,31 +79,31 @@ impl Fallback {
         }
     }
 
-    /// Ticks ahead of the last target that it looks at.
+    /// Number of coming ticks whose references are used.
     pub fn ahead(&self) -> usize {
         self.feedforward.as_ref().map_or(0, Feedforward::ahead)
     }
 
-    /// Takes another largest magnitude of a command.
+    /// Changes the largest magnitude of a command.
     pub fn limit(&mut self, magnitude: f64) {
         self.limits.magnitude = magnitude;
     }
 
-    /// Forgets the integral: the axis stands.
+    /// Forgets the integral: the axis begins to follow.
     pub fn reset(&mut self) {
         (self.integral, self.offset) = (0.0, 0.0);
     }
 
-    /// Takes over from another controller that sent `last`, at an error of `error` m: the next command for the same
-    /// error and targets (m, from this tick on) is `last` again, and what of it is not the fallback's own fades.
-    pub fn resume(&mut self, last: f64, error: f64, targets: &[f64]) {
-        self.offset = self.uncompensated(last) - self.kp * error - self.coming(targets) - self.integral;
+    /// Takes over from another controller that sent `last`, at a following error of `error` m. The next command for this
+    /// error and these references (m, from this tick on) is `last` again; its difference to the fallback's own fades.
+    pub fn resume(&mut self, last: f64, error: f64, references: &[f64]) {
+        self.offset = self.uncompensated(last) - self.kp * error - self.coming(references) - self.integral;
     }
 
-    /// The command for an error of `error` m and targets (m, from this tick on), after the command `last`, within the
-    /// limits.
-    pub fn update(&mut self, error: f64, targets: &[f64], last: f64) -> f64 {
-        let wanted = self.compensated(self.kp * error + self.integral + self.offset + self.coming(targets));
+    /// The command for a following error of `error` m and references (m, from this tick on), after the command `last`,
+    /// within the limits.
+    pub fn update(&mut self, error: f64, references: &[f64], last: f64) -> f64 {
+        let wanted = self.compensated(self.kp * error + self.integral + self.offset + self.coming(references));
         self.offset *= self.kept;
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
@@ -105,8 +113,8 @@ impl Fallback {
     }
 
     /// v_r.
-    fn coming(&self, targets: &[f64]) -> f64 {
-        self.feedforward.as_ref().map_or(0.0, |feedforward| self.uncompensated(feedforward.command(targets)))
+    fn coming(&self, references: &[f64]) -> f64 {
+        self.feedforward.as_ref().map_or(0.0, |feedforward| self.uncompensated(feedforward.command(references)))
     }
 
     /// C(v).
@@ -128,7 +136,7 @@ impl Fallback {
         if direction >= 0.0 { self.extend } else { -self.retract }
     }
 
-    /// More integral than a full command takes would only have to be unwound.
+    /// The integral within the openings of the largest commands: more would only have to be unwound.
     fn bounded(&self, integral: f64) -> f64 {
         let (low, high) = self.limits.range();
         integral.max(self.uncompensated(low)).min(self.uncompensated(high))
@@ -148,18 +156,18 @@ mod tests {
     #[test]
     fn the_command_is_proportional_and_integral_beyond_the_dead_band() {
         let mut fallback = fallback();
-        // kp 4, ki 1, dead band 0.08 and 0.07, no rate limit met: last is near.
+        // kp 4, ki 1, dead band 0.08 and 0.07. The last command is so near that the rate limit does not act.
         assert!((fallback.update(0.05, &[], 0.28) - (0.2 + 0.08)).abs() < 1e-12);
         assert!((fallback.update(0.05, &[], 0.28) - (0.2 + 0.0005 + 0.08)).abs() < 1e-12);
         fallback.reset();
         assert!((fallback.update(-0.05, &[], -0.27) - (-0.2 - 0.07)).abs() < 1e-12);
         fallback.reset();
-        // Inside the blend: v = 0.004 takes 0.4 of the dead band.
+        // Inside the blend, v = 0.004 adds 0.4 of the dead band.
         assert!((fallback.update(0.001, &[], 0.0) - (0.004 + 0.4 * 0.08)).abs() < 1e-12);
     }
 
     #[test]
-    fn feed_forward_alone_goes_out_as_it_is() {
+    fn without_an_error_the_command_is_the_feed_forward() {
         let with = Control { feedforward: true, command_rate: 1e4, ..crate::tests::machine(1).axes[0].control };
         let mut fallback = Fallback::new(&with, Some(&commissioned()), 0.01);
         for speed in [0.3, 0.005, -0.002, -0.2] {
@@ -182,14 +190,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn taking_over_is_without_a_bump(last in -1.0f64..1.0, error in -0.02f64..0.02) {
+        fn taking_over_does_not_change_the_command(last in -1.0f64..1.0, error in -0.02f64..0.02) {
             let with = Control { feedforward: true, ..crate::tests::machine(1).axes[0].control };
             for mut fallback in [fallback(), Fallback::new(&with, Some(&commissioned()), 0.01)] {
                 let targets: Vec<f64> = (0..=fallback.ahead()).map(|k| 1e-3 * k as f64).collect();
                 fallback.resume(last, error, &targets);
                 let mut command = fallback.update(error, &targets, last);
                 prop_assert!((command - last).abs() < 1e-12);
-                // A second later it is what it would have been without.
+                // A second later the integral is what it would have been without taking over.
                 let mut alone = Fallback { integral: 0.0, offset: 0.0, ..fallback.clone() };
                 for _ in 0..100 {
                     command = fallback.update(error, &targets, command);

@@ -5,62 +5,68 @@
 //! stalled   u beyond d + 0.1 one way for 0.4 s + t_d, in which y has not moved that way by 0.4 s * v_max / 200
 //! ```
 //!
-//! u command, d dead band that is calibrated or was found, whichever is wider, y position m, t_d dead time s, v_max
-//! `max_speed` m/s. Stuck is an encoder that says nothing any more, told from the positions themselves. Stalled is an axis
-//! without supply, or in front of something that does not give way; its encoder may be well, and flicker by its noise.
+//! u command, d calibrated or commissioned dead band, whichever is wider, y position m, t_d dead time s, v_max `max_speed`
+//! m/s. Stuck is an encoder that does not report any change; this is seen from the positions alone. Stalled is an axis
+//! without supply, or one that stands against an obstacle. Its encoder may be healthy and show noise.
 //!
-//! Traps: a valve whose dead band has grown stands still above the calibrated one, for as long as it takes an integral
-//! to get over it: hence the margins. And what moves against its command does not move.
+//! Traps: a valve whose dead band has grown stands still above the calibrated dead band, until the integral of the fallback
+//! has passed it; hence the margins. Motion against the command does not count as motion.
 
 use std::time::Duration;
 
 use pipeline::machine::{Axis, Timing, samples_of};
 
-/// How far a command must be beyond the dead band for a position that stands still to be a fault: the
-/// calibration is a little low on purpose, and just above the band the axis may creep below the encoder's resolution.
+/// Command beyond the dead band from which on a position that stands still is a fault. The calibration is a little low on
+/// purpose, and just above the dead band the axis may creep below the resolution of the encoder.
 pub const STUCK_MARGIN: f64 = 0.05;
-/// The same for an axis that hardly moves: a dead band that has grown by half, friction and hysteresis are within it.
+/// Command beyond the dead band from which on an axis that hardly moves is a fault. A dead band that has grown by half,
+/// friction and hysteresis are within this margin.
 pub const STALL_MARGIN: f64 = 0.1;
-/// How long an axis is given to move.
+/// Time in which a driven axis has to move.
 pub const STALL_TIME: Duration = Duration::from_millis(400);
-/// Part of `max_speed` below which an axis hardly moves; a model that moves less than twice that is no model.
-const HARDLY: f64 = 0.005;
+/// Part of `max_speed` below which an axis hardly moves. The judge refuses a model that moves less than twice that.
+const HARDLY_MOVING: f64 = 0.005;
 /// Counts of the encoder that are no motion.
-const NOISE: f64 = 5.0;
+const NOISE_COUNTS: f64 = 5.0;
 
 /// An axis that is driven and does not move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
-    /// Its position does not change at all.
+    /// The position does not change at all.
     Stuck,
-    /// It hardly moves.
+    /// The axis hardly moves.
     Stalled,
 }
 
 /// Watches the motion of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
-    /// d, retracting and extending.
+    /// d of retracting and extending.
     dead_band: (f64, f64),
+    /// Ticks without a change of the position that are a fault.
     still_ticks: u64,
+    /// Ticks of a command beyond the margin for stuck that are a fault.
     stuck_ticks: u64,
+    /// Ticks of a command beyond the margin for stalled that are a fault.
     stall_ticks: u64,
     /// Least way within `stall_ticks`, m.
     least: f64,
     /// Command of the tick before.
     command: f64,
-    /// Ticks that the command has been beyond the dead band and the margin for stuck, one way.
+    /// Ticks for which the command has been beyond the dead band and the margin for stuck, one way.
     driven: u64,
-    /// The same for stalled, since the axis has last moved by `least`, and where it was then, m.
+    /// Ticks for which the command has been beyond the dead band and the margin for stalled, one way, since the axis has
+    /// last moved by `least`.
     stalled: u64,
+    /// Where the axis was then, m.
     from: f64,
-    /// Ticks that the position has not changed.
+    /// Ticks for which the position has not changed.
     still: u64,
     position: f64,
 }
 
 impl Motion {
-    /// By what the machine file says of the axis.
+    /// As the machine file sets it for `axis`.
     pub fn new(axis: &Axis, timing: &Timing) -> Self {
         let ticks = |duration| samples_of(duration, timing.period).max(1) as u64;
         let control = &axis.control;
@@ -73,7 +79,8 @@ impl Motion {
             still_ticks: ticks(axis.encoder.stuck_after),
             stuck_ticks: ticks(axis.encoder.stuck_after) + dead_time,
             stall_ticks: ticks(STALL_TIME) + dead_time,
-            least: (HARDLY * axis.max_speed * STALL_TIME.as_secs_f64()).max(NOISE * axis.encoder.resolution),
+            least: (HARDLY_MOVING * axis.max_speed * STALL_TIME.as_secs_f64())
+                .max(NOISE_COUNTS * axis.encoder.resolution),
             command: 0.0,
             driven: 0,
             stalled: 0,
@@ -83,8 +90,8 @@ impl Motion {
         }
     }
 
-    /// Whether the axis stands, `elapsed` ticks after the last look: `command` has been on the valve since, the axis is at
-    /// `position` m now, if that is known.
+    /// Whether the axis stands, `elapsed` ticks after the last call. `command` has been on the valve since then; `position`
+    /// (m) is where the axis is now, if that is known.
     pub fn update(&mut self, elapsed: u64, command: f64, position: Option<f64>) -> Option<Standing> {
         if command * self.command <= 0.0 {
             (self.driven, self.stalled) = (0, 0);
@@ -116,14 +123,15 @@ mod tests {
     use super::*;
     use crate::tests::machine;
 
-    /// Of the test machine: dead bands 0.08 and 0.07, 1 m/s, 5 ticks of dead time, stuck after 300 ms.
+    /// Tick and kind of the fault of the test machine: dead bands 0.08 and 0.07, 1 m/s, 5 ticks of dead time, stuck after
+    /// 300 ms.
     fn stands(command: impl Fn(u64) -> f64, position: impl Fn(u64) -> f64) -> Option<(u64, Standing)> {
         let machine = machine(1);
         let mut motion = Motion::new(&machine.axes[0], &machine.timing);
         (0..200).find_map(|k| motion.update(1, command(k), Some(position(k))).map(|standing| (k, standing)))
     }
 
-    /// An encoder that flickers.
+    /// The position of an axis that stands, with noise.
     fn noise(k: u64) -> f64 {
         0.6 + 1e-4 * (k % 2) as f64
     }
@@ -136,7 +144,7 @@ mod tests {
         assert_eq!(stands(|_| 0.13, |_| 0.6), None);
         assert_eq!(stands(|_| -0.12, |_| 0.6), None);
         assert_eq!(stands(|_| 0.17, noise), None);
-        // Driven to and fro it has no time to move.
+        // An axis that is driven to and fro has no time to move.
         assert_eq!(stands(|k| if k / 30 % 2 == 0 { 0.3 } else { -0.3 }, |_| 0.6), None);
     }
 
@@ -146,11 +154,11 @@ mod tests {
         assert_eq!(stands(|_| -0.1701, noise), Some((45, Standing::Stalled)));
         assert_eq!(stands(|_| 0.18, noise), None);
         assert_eq!(stands(|_| -0.17, noise), None);
-        // It moves, and then it does not: after 0.45 s at the most.
+        // An axis that moves and then stops has stalled after 0.45 s at the latest.
         let stops = |k: u64| noise(k) + 1e-3 * k.min(100) as f64;
         let (tick, standing) = stands(|_| 0.3, stops).unwrap();
         assert!(standing == Standing::Stalled && (140..=146).contains(&tick), "{tick}");
-        // Slower than 5 mm/s, faster, and the wrong way.
+        // Slower than 5 mm/s, faster, against the command, and with pauses of the command.
         assert!(stands(|_| 0.3, |k| noise(k) + 4e-5 * k as f64).is_some());
         assert_eq!(stands(|_| 0.3, |k| noise(k) + 6e-5 * k as f64), None);
         assert!(stands(|_| 0.3, |k| noise(k) - 1e-3 * k as f64).is_some());

@@ -1,4 +1,4 @@
-//! The course on which controllers are tuned and compared, the same for every axis but for its size.
+//! The course on which controllers are tuned and compared. Only its size differs from axis to axis.
 //!
 //! ```text
 //! g(t) = center + direction s p(t)          s = min((high - low) / 1.234 m, v / (2 * 0.1875 m/s))
@@ -8,26 +8,27 @@
 //! ```
 //!
 //! p course in m of an axis with soft limits 1.234 m apart, s size, `low` and `high` soft limits in m, v the speed in
-//! m/s that the axis reaches in its slower direction; the smooth moves are 10 r^3 - 15 r^4 + 6 r^5 and reach 0.1875
-//! m/s. Half of v is left to errors and to a machine that has grown slower, while training too: a course that a cold machine
-//! cannot follow would measure the pump. Axes with odd numbers go the other way, so
-//! that they do not all extend at once and the pump does not decide the comparison.
+//! m/s that the axis reaches in its slower direction. The smooth moves are 10 r^3 - 15 r^4 + 6 r^5 and reach 0.1875 m/s.
+//! Half of v is left for errors and for a machine that has become slower, in training too: on a course that a cold machine
+//! cannot follow, the comparison would measure the pump. Axes with odd numbers go the other way, so that they do not all
+//! extend at once and the pump does not decide the comparison.
 //!
-//! The trap: a course without rests and creeping hides what dead bands do; one of sines alone hides the feed-forward.
+//! Trap: a course without rests and slow motions hides the effect of dead bands; a course of sines alone hides that of the
+//! feed-forward.
 
 use std::f64::consts::TAU;
 
 use crate::reference::blend::smooth;
 
-/// From where on errors count, s: what is before is for offline identification.
+/// Time from which on errors count, s. The time before is for offline identification.
 pub const TRAINING: f64 = 8.0;
-/// Where the course ends, s.
+/// End of the course, s.
 pub const END: f64 = 45.0;
-/// Distance of the soft limits for which it is written, m.
+/// Distance of the soft limits for which p is written, m.
 const RANGE: f64 = 1.234;
 /// Fastest speed of the smooth moves, m/s.
 const FASTEST: f64 = 0.1875;
-/// Points are this far apart, s.
+/// Time from point to point, s.
 const STEP: f64 = 0.01;
 
 /// Points (s, m) with straight lines between them for the axis with this number, its soft limits in m, and the speed
@@ -40,7 +41,7 @@ pub fn course(index: usize, (low, high): (f64, f64), speed: f64) -> Vec<(f64, f6
     points.map(|t| (t, 0.5 * (low + high) + direction * size * place(t))).collect()
 }
 
-/// p over the training; axes meet their sines at different phases.
+/// p of the training. The phases of the sines differ from axis to axis.
 fn training(t: f64, index: usize) -> f64 {
     let shift = index as f64;
     let sines = [(0.08, 0.15, 0.0), (0.03, 0.31, 1.0), (0.012, 0.73, 2.0)];
@@ -48,7 +49,7 @@ fn training(t: f64, index: usize) -> f64 {
     smooth(t / 2.0) * smooth((7.5 - t) / 1.5) * sum
 }
 
-/// p, t s after the training.
+/// p at `t` s after the training.
 fn judged(t: f64) -> f64 {
     match t {
         ..9.0 => 0.3 * smooth((t - 1.0) / 3.0) - 0.35 * smooth((t - 5.5) / 3.5),
@@ -60,7 +61,7 @@ fn judged(t: f64) -> f64 {
     }
 }
 
-/// 2 s there, 4 s back, 2 s there, at 1/s.
+/// A triangle of slope 1/s: 2 s up, 4 s down, 2 s up.
 fn creep(t: f64) -> f64 {
     if t < 2.0 { t } else { (4.0 - t).max(t - 8.0) }
 }
@@ -70,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_stays_in_its_limits_and_below_half_the_speed_and_never_jumps() {
+    fn the_course_stays_in_the_limits_and_below_half_of_the_speed() {
         for index in 0..4 {
             for (limits, speed) in [((0.05, 1.284), 0.4), ((0.1, 0.3), 1.0), ((0.05, 1.07), 0.1)] {
                 let points = course(index, limits, speed);
@@ -84,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn it_rests_between_its_parts_and_creeps_both_ways() {
+    fn the_course_rests_between_its_parts_and_creeps_both_ways() {
         let points = course(0, (0.05, 1.284), 1.0);
         let speed = |t: f64| (points[(t / STEP) as usize + 1].1 - points[(t / STEP) as usize].1) / STEP;
         for t in [7.6, 8.5, 12.8, 18.0, 34.5, 44.0] {

@@ -1,4 +1,8 @@
-//! Gains of the fallback, by simulation of what commissioning has found: not for the loop, it allocates.
+//! Gains of the fallback, by simulation of the commissioned model. Never called in the loop: it allocates and takes seconds.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`mod@course`] | the course on which controllers are tuned and compared |
 //!
 //! ```text
 //! l tau dx/dt + x = u(t - m t_d)                (g, m, l) in (0.7, 1, 1), (1, 1, 1), (1.4, 1.2, 2)
@@ -7,19 +11,21 @@
 //! ```
 //!
 //! u command that the fallback makes of the encoder's counts, x spool, v speed in m/s, y position in m, c static curve,
-//! tau and t_d of [`Commissioned`], y_r the [`mod@course`] in m; g gain, m dead time and l lag of a plant over those
-//! of the commissioned one: with cold oil a valve's lag doubles. w and zeta, [`SPRING`], are the load on its spring of
-//! oil, which a static curve behind a lag leaves out: at little dead time it is what limits the gains.
+//! tau and t_d of [`Commissioned`], y_r the [`mod@course`] in m; g gain, m dead time and l lag of a plant as multiples of
+//! those of the commissioned one: with cold oil the lag of a valve doubles. w and zeta ([`SPRING_FREQUENCY`],
+//! [`SPRING_DAMPING`]) are the load on its spring of oil. A static curve behind a lag does not contain this spring, which
+//! limits the gains where the dead time is short.
 //!
-//! The gains are those with the least J among those with which none of the three plants moves by more than [`REST`]
-//! while the target stands for long. A grid of factors of two is searched first, then finer and finer around the best.
+//! The gains with the least J are chosen among those with which none of the three plants moves by more than
+//! [`RESTING_MOTION`] while the reference stands for long. A grid of factors of two is searched first, then finer and finer
+//! steps around the best point.
 //!
-//! It is fair: a baseline gets the gains that somebody with the same model and much patience would find, on the same
-//! course. It is robust: a fast plant with a long dead time asks for low gains, a slow one for high ones, and at rest
-//! all three are quiet. It knows nothing of the scenarios.
+//! The comparison is fair: a baseline gets the gains that a patient engineer with this model would find, on this course. The
+//! gains are robust: a fast plant with a long dead time asks for low gains, a slow one for high gains, and at rest all three
+//! are quiet. Tuning does not know the scenarios.
 //!
-//! Traps: tuned for the nominal plant alone, gains come out so high that a little more dead time makes them cycle; and
-//! tuned without the spring, so high that every heavy axis rings.
+//! Traps: if only the nominal plant is used, the gains become so high that a little more dead time makes the loop cycle.
+//! Without the spring they become so high that every heavy axis oscillates.
 
 pub mod course;
 
@@ -31,61 +37,84 @@ use course::{END, TRAINING, course};
 
 use crate::fallback::Fallback;
 
-/// Motion at rest that is taken for a cycle, peak to peak, m.
-pub const REST: f64 = 0.5e-3;
-/// Gain, dead time and lag of the plants over those of the model.
-pub const PLANTS: [(f64, f64, f64); 3] = [(0.7, 1.0, 1.0), (1.0, 1.0, 1.0), (1.4, 1.2, 2.0)];
-/// Natural frequency in Hz and damping ratio of load and oil. A loaded boom of a 20 t machine has some 4 to 6 Hz,
-/// lighter axes more; damping of 0.1 to 0.2 is what is usually measured (Merritt, Hydraulic Control Systems, 1967).
-pub const SPRING: (f64, f64) = (5.0, 0.15);
-/// The last rest goes on for this long, s: slow cycles need time to show.
+/// Motion at rest from which on the loop cycles, peak to peak, m.
+pub const RESTING_MOTION: f64 = 0.5e-3;
+/// The plants on which gains are tried: slow, as commissioned, and fast with cold oil.
+pub const PLANTS: [Plant; 3] = [
+    Plant { gain: 0.7, dead_time: 1.0, lag: 1.0 },
+    Plant { gain: 1.0, dead_time: 1.0, lag: 1.0 },
+    Plant { gain: 1.4, dead_time: 1.2, lag: 2.0 },
+];
+/// Natural frequency of load and oil, Hz. A loaded boom of a 20 t machine has some 4 to 6 Hz, lighter axes have more
+/// (Merritt, Hydraulic Control Systems, 1967).
+pub const SPRING_FREQUENCY: f64 = 5.0;
+/// Damping ratio of load and oil; 0.1 to 0.2 is usually measured (Merritt, 1967).
+pub const SPRING_DAMPING: f64 = 0.15;
+/// Length of the last rest of the course, s: slow cycles need time to show.
 const LONG_REST: f64 = 20.0;
 /// The part of it that is watched for motion, s.
 const WATCHED: f64 = 10.0;
 /// Longest step of the simulation, s: a small part of the spring's period.
 const LONGEST_STEP: f64 = 2.5e-3;
-/// Part of the commissioned dead band that is compensated: what is left keeps a wrong or shrinking one from being a
-/// relay.
+/// Part of the commissioned dead band that is compensated. With the rest left, the compensation of a dead band that is
+/// wrong or shrinks does not become a relay.
 pub const COMPENSATED: f64 = 0.9;
+/// First kp of the grid as part of 1 / (gain * delay).
+const FIRST_GAIN: f64 = 0.5;
+/// Powers of two by which the grid multiplies the first kp.
+const GAIN_POWERS: std::ops::RangeInclusive<i32> = -4..=2;
+/// Ratios of ki to kp on the grid, 1/s.
+const RATES: [f64; 7] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6];
 
-/// What a machine has in the place of a predictive controller.
+/// A plant, by its ratios to the commissioned model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plant {
+    /// Ratio of the gains.
+    pub gain: f64,
+    /// Ratio of the dead times.
+    pub dead_time: f64,
+    /// Ratio of the lags.
+    pub lag: f64,
+}
+
+/// What a machine usually has in the place of a predictive controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Baseline {
     /// PI alone.
     Pi,
     /// PI with dead-band compensation.
     DeadBand,
-    /// The same with velocity feed-forward.
+    /// PI with dead-band compensation and velocity feed-forward.
     Feedforward,
 }
 
 impl Baseline {
     /// The settings of `axis` number `index` with this baseline and its tuned gains, for a command every `period` s;
-    /// `None` for an axis that nobody has commissioned.
+    /// `None` for an axis that is not commissioned.
     pub fn tuned(self, index: usize, axis: &Axis, period: f64) -> Option<Control> {
         let bench = Bench::new(index, axis, period)?;
         let control = self.untuned(&axis.control, bench.model);
-        // Of a linear loop with the gain of the steepest piece: kp of a fifth to four times of what dead time allows.
-        let start = 0.5 / (bench.steepest() * (bench.model.dead_time + bench.model.time_constant + period));
+        // For a linear loop with the gain of the steepest piece the grid begins far below the gain that the delay allows.
+        let start = FIRST_GAIN / (bench.steepest() * (bench.model.dead_time + bench.model.time_constant + period));
         let mut best = (bench.rated(&control), control);
         let mut consider = |kp: f64, ki: f64| {
             let candidate = Control { kp, ki, ..control };
-            let verdict = bench.rated(&candidate);
-            if verdict < best.0 {
-                best = (verdict, candidate);
+            let rating = bench.rated(&candidate);
+            if rating < best.0 {
+                best = (rating, candidate);
             }
             best.1
         };
         let mut at = control;
-        for i in -4..=2 {
+        for i in GAIN_POWERS {
             let kp = start * 2f64.powi(i);
-            for rate in [0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6] {
+            for rate in RATES {
                 at = consider(kp, rate * kp);
             }
         }
         for factor in [2f64.powf(0.5), 2f64.powf(0.25), 2f64.powf(0.125)] {
             for (kp, ki) in [(factor, 1.0), (1.0 / factor, 1.0), (1.0, factor), (1.0, 1.0 / factor)] {
-                // On in a direction for as long as it is better.
+                // Goes on in a direction as long as the rating becomes better.
                 loop {
                     let before = at;
                     at = consider(before.kp * kp, before.ki * ki);
@@ -98,7 +127,7 @@ impl Baseline {
         Some(at)
     }
 
-    /// What it is but for its gains, which are 0.
+    /// The settings of this baseline with gains of 0.
     fn untuned(self, control: &Control, model: &Commissioned) -> Control {
         let part = if self == Self::Pi { 0.0 } else { COMPENSATED };
         let DeadBand { extend, retract } = model.dead_band;
@@ -113,16 +142,22 @@ impl Baseline {
     }
 }
 
-/// How good gains are; less is better. First comes what moves too much at rest, m, then J, m2.
-type Verdict = (f64, f64);
+/// How good gains are; less is better. The first part counts first.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+struct Rating {
+    /// Motion at rest beyond [`RESTING_MOTION`], m.
+    excess: f64,
+    /// J, m2.
+    square: f64,
+}
 
 /// The course and the model that gains are tried on.
 struct Bench<'a> {
     model: &'a Commissioned,
     resolution: f64,
     period: f64,
-    /// y_r tick by tick.
-    targets: Vec<f64>,
+    /// y_r tick by tick, m.
+    references: Vec<f64>,
 }
 
 impl<'a> Bench<'a> {
@@ -131,8 +166,8 @@ impl<'a> Bench<'a> {
         let points = course(index, axis.soft_limits, reached(model, axis.control.command_limit));
         let round = crate::reference::trajectory::Trajectory::through(points);
         let ticks = ((END - TRAINING + LONG_REST) / period) as usize;
-        let targets = (0..ticks).map(|tick| round.position(TRAINING + tick as f64 * period)).collect();
-        Some(Self { model, resolution: axis.encoder.resolution, period, targets })
+        let references = (0..ticks).map(|tick| round.position(TRAINING + tick as f64 * period)).collect();
+        Some(Self { model, resolution: axis.encoder.resolution, period, references })
     }
 
     /// Largest slope of c, m/s.
@@ -145,41 +180,41 @@ impl<'a> Bench<'a> {
         slopes(&self.model.speeds_extend).max(slopes(&self.model.speeds_retract))
     }
 
-    fn rated(&self, control: &Control) -> Verdict {
-        let verdicts = PLANTS.map(|plant| self.simulated(control, plant));
-        let excess = verdicts.iter().map(|(motion, _)| (motion - REST).max(0.0)).fold(0.0, f64::max);
-        (excess, verdicts.iter().map(|(_, square)| square).sum::<f64>() / PLANTS.len() as f64)
+    fn rated(&self, control: &Control) -> Rating {
+        let results = PLANTS.map(|plant| self.simulated(control, plant));
+        let excess = results.iter().map(|(motion, _)| (motion - RESTING_MOTION).max(0.0)).fold(0.0, f64::max);
+        Rating { excess, square: results.iter().map(|(_, square)| square).sum::<f64>() / PLANTS.len() as f64 }
     }
 
     /// Motion at rest, m, and mean square of the error, m2, of one plant.
-    fn simulated(&self, control: &Control, (gain, later, slower): (f64, f64, f64)) -> (f64, f64) {
+    fn simulated(&self, control: &Control, plant: Plant) -> (f64, f64) {
         let substeps = (self.period / LONGEST_STEP).ceil().max(1.0);
         let step = self.period / substeps;
-        let (frequency, damping) = (TAU * SPRING.0, SPRING.1);
-        let lag = slower * self.model.time_constant;
+        let (frequency, damping) = (TAU * SPRING_FREQUENCY, SPRING_DAMPING);
+        let lag = plant.lag * self.model.time_constant;
         let decay = if lag > 0.0 { (-step / lag).exp() } else { 0.0 };
-        let underway = (later * self.model.dead_time / step).round() as usize;
+        let underway = (plant.dead_time * self.model.dead_time / step).round() as usize;
         let mut underway: VecDeque<f64> = std::iter::repeat_n(0.0, underway).collect();
         let mut fallback = Fallback::new(control, Some(self.model), self.period);
         let judged = ((END - TRAINING) / self.period) as usize;
-        let watched = self.targets.len() - (WATCHED / self.period) as usize;
+        let watched = self.references.len() - (WATCHED / self.period) as usize;
         let (mut x, mut speed, mut acceleration) = (0.0, 0.0, 0.0);
-        let (mut y, mut command, mut squares) = (self.targets[0], 0.0, 0.0);
+        let (mut y, mut command, mut squares) = (self.references[0], 0.0, 0.0);
         let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
-        for (tick, target) in self.targets.iter().enumerate() {
+        for (tick, reference) in self.references.iter().enumerate() {
             if tick < judged {
-                squares += (target - y) * (target - y);
+                squares += (reference - y) * (reference - y);
             }
             if tick >= watched {
                 (lowest, highest) = (lowest.min(y), highest.max(y));
             }
             let seen = (y / self.resolution).round() * self.resolution;
-            command = fallback.update(target - seen, &self.targets[tick..], command);
+            command = fallback.update(reference - seen, &self.references[tick..], command);
             for _ in 0..substeps as usize {
                 underway.push_back(command);
                 let acting = underway.pop_front().unwrap_or(command);
                 x = acting + (x - acting) * decay;
-                let lacking = gain * self.model.speed(x) - speed;
+                let lacking = plant.gain * self.model.speed(x) - speed;
                 acceleration += (frequency * lacking - 2.0 * damping * acceleration) * frequency * step;
                 speed += acceleration * step;
                 y += speed * step;
@@ -210,14 +245,14 @@ mod tests {
 
     /// kp and ki by the rules of Skogestad (SIMC, 2003) for an integrator with gain k (m/s per command), dead time and
     /// lag: kp = 1 / (2 k (t_d + T/2 + tau)), ki = kp / (8 (t_d + T/2 + tau)).
-    fn by_hand(bench: &Bench) -> (f64, f64) {
+    fn simc(bench: &Bench) -> (f64, f64) {
         let delay = bench.model.dead_time + 0.5 * PERIOD + bench.model.time_constant;
         let kp = 0.5 / (bench.steepest() * delay);
         (kp, kp / (8.0 * delay))
     }
 
     #[test]
-    fn all_three_plants_are_quiet_at_rest_and_follow_better_than_by_hand() {
+    fn all_three_plants_are_quiet_at_rest_and_follow_better_than_with_simc_gains() {
         for dead_time in [0.01, 0.15] {
             let axis = axis(dead_time);
             for baseline in ALL {
@@ -225,44 +260,44 @@ mod tests {
                 let tuned = baseline.tuned(0, &axis, PERIOD).unwrap();
                 for plant in PLANTS {
                     let (motion, square) = bench.simulated(&tuned, plant);
-                    assert!(motion <= REST, "{baseline:?} {dead_time} s {plant:?}: {motion} m at rest");
+                    assert!(motion <= RESTING_MOTION, "{baseline:?} {dead_time} s {plant:?}: {motion} m at rest");
                     assert!(square.sqrt() < 0.04, "{baseline:?} {dead_time} s {plant:?}: {} m", square.sqrt());
                 }
-                let (kp, ki) = by_hand(&bench);
-                let (tuned, hand) = (bench.rated(&tuned), bench.rated(&Control { kp, ki, ..tuned }));
+                let (kp, ki) = simc(&bench);
+                let (tuned, simc) = (bench.rated(&tuned), bench.rated(&Control { kp, ki, ..tuned }));
                 println!(
-                    "{baseline:?} {dead_time} s: {:.3} mm, by hand {:.3} mm",
-                    1e3 * tuned.1.sqrt(),
-                    1e3 * hand.1.sqrt()
+                    "{baseline:?} {dead_time} s: {:.3} mm, SIMC {:.3} mm",
+                    1e3 * tuned.square.sqrt(),
+                    1e3 * simc.square.sqrt()
                 );
-                assert!(tuned < hand, "{baseline:?} {dead_time} s: {tuned:?}, by hand {hand:?}");
+                assert!(tuned < simc, "{baseline:?} {dead_time} s: {tuned:?}, SIMC {simc:?}");
             }
         }
     }
 
     #[test]
-    fn tuning_is_deterministic_and_feed_forward_pays() {
+    fn tuning_is_deterministic_and_each_addition_reduces_the_error() {
         let axis = axis(0.15);
         let bench = Bench::new(0, &axis, PERIOD).unwrap();
         let errors = ALL.map(|baseline| {
             let tuned = baseline.tuned(0, &axis, PERIOD).unwrap();
             assert_eq!(baseline.tuned(0, &axis, PERIOD), Some(tuned));
-            bench.rated(&tuned).1.sqrt()
+            bench.rated(&tuned).square.sqrt()
         });
         assert!(errors[1] < 0.9 * errors[0] && errors[2] < 0.5 * errors[1], "{errors:?}");
     }
 
     #[test]
-    fn gains_that_cycle_are_known_as_such() {
+    fn gains_that_cycle_are_recognised() {
         let axis = axis(0.15);
         let bench = Bench::new(0, &axis, PERIOD).unwrap();
         let tuned = Baseline::DeadBand.tuned(0, &axis, PERIOD).unwrap();
-        let (excess, _) = bench.rated(&Control { kp: 4.0 * tuned.kp, ..tuned });
+        let Rating { excess, .. } = bench.rated(&Control { kp: 4.0 * tuned.kp, ..tuned });
         assert!(excess > 1e-3, "{excess}");
     }
 
     #[test]
-    fn without_a_commissioned_model_there_is_nothing_to_tune_by() {
+    fn without_a_commissioned_model_there_are_no_tuned_gains() {
         assert_eq!(Baseline::Pi.tuned(0, &machine(1).axes[0], PERIOD), None);
     }
 }

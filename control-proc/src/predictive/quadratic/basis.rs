@@ -3,23 +3,25 @@
 //! ```text
 //! J^T H J = I        J^T A = | R |        J = (J1 J2), J1 has q columns        U = R^-1
 //!                            | 0 |
-//! z = J2 J2^T n      direction of x in which n'x grows at least cost while the working set stays where it is
+//! z = J2 J2^T n      direction of x in which n'x grows at the least cost while the working set is kept
 //! r = U J1^T n       what the multipliers of the working set lose meanwhile
 //! ```
 //!
-//! H = L L^T the Hessian, A (N x q) the normals of the working set, n one that is to join it. Source: Goldfarb and
-//! Idnani, Math. Programming 27 (1983), section 4. J begins as L^-T; a normal joins by a reflection of J2, which
-//! has z already, and leaves by Givens rotations. Of R only its inverse is kept: the column that a normal adds to it is r,
-//! which is known by then, and products with it, unlike substitution, do not wait for each other. Trap: rows of J keep
-//! their length through all of this, and that length, not the machine's epsilon alone, says what of J^T n is rounding.
+//! H = L L^T the Hessian, A (N x q) the normals of the working set, n a normal that is to join it. Source: Goldfarb and
+//! Idnani, Math. Programming 27 (1983), section 4. J begins as L^-T. A normal joins by a reflection of J2, which z already
+//! contains, and leaves by Givens rotations. Of R only the inverse U is kept. The column that a normal adds to U is r, which
+//! is known by then; and the elements of a product with U, unlike those of a substitution, do not wait for each other.
+//!
+//! Trap: all these operations keep the lengths of the rows of J. Those lengths, and not the machine's epsilon alone, tell
+//! which part of J^T n is rounding.
 
 use std::ops::Range;
 
 use super::Status;
 
-/// A pivot of the factorisation below this part of its diagonal element per variable is rounding: one epsilon each.
+/// Part of the diagonal element, for each variable, below which a pivot of the factorisation is rounding: one epsilon each.
 const PIVOT: f64 = f64::EPSILON;
-/// Elements that are worked on together; loops begin at a multiple of it.
+/// Number of elements that are worked on together; loops begin at a multiple of it.
 const BLOCK: usize = 4;
 
 /// J and U, both as columns.
@@ -40,8 +42,8 @@ impl<const N: usize> Basis<N> {
     /// Begins with no working set, J = L^-T. Of H only its upper triangle is read.
     pub(super) fn factor(&mut self, hessian: &[[f64; N]; N]) -> Result<(), Status> {
         self.len = 0;
-        // U is not needed yet: its columns hold those of L meanwhile, each by the root of its pivot, and above the
-        // diagonal what means nothing.
+        // U is not needed yet. Meanwhile its columns hold those of L, each multiplied by the root of its pivot; elements
+        // above the diagonal have no meaning.
         let (l, j) = (&mut self.u, &mut self.j);
         let (mut inverses, mut roots) = ([0.0; N], [0.0; N]);
         for i in 0..N {
@@ -88,13 +90,13 @@ impl<const N: usize> Basis<N> {
         squares.map(f64::sqrt)
     }
 
-    /// J^T n of a normal that is zero but for `part`, which begins at `start`.
+    /// J^T n of a normal whose elements are `part` from place `start` on, and 0 elsewhere.
     #[inline]
     pub(super) fn project(&self, start: usize, part: &[f64]) -> [f64; N] {
         let mut d = [0.0; N];
         let columns = d.iter_mut().zip(&self.j);
         match part {
-            // A bound or a rate: nothing to sum.
+            // A bound or a rate has at most two elements.
             [one] => columns.for_each(|(d, j)| *d = one * j[start]),
             [one, two] if start + 1 < N => columns.for_each(|(d, j)| *d = one * j[start] + two * j[start + 1]),
             _ => columns.for_each(|(d, j)| *d = dot(part, &j[start..])),
@@ -118,7 +120,7 @@ impl<const N: usize> Basis<N> {
         z
     }
 
-    /// U d of the first q elements of d; the others are zero.
+    /// U d of the first q elements of d. The other elements of the result are 0.
     #[inline]
     pub(super) fn solve(&self, d: &[f64; N]) -> [f64; N] {
         let mut r = [0.0; N];
@@ -133,8 +135,8 @@ impl<const N: usize> Basis<N> {
         }
     }
 
-    /// The normal with J^T n = d joins the working set. `z` is its direction, `r` what the multipliers lose, `length` that
-    /// of the rest of d, not 0.
+    /// Lets the normal with J^T n = d join the working set. `z` is its direction, `r` what the multipliers lose, and `length`
+    /// the length of the elements of d from q on, which is not 0.
     #[inline]
     pub(super) fn append(&mut self, d: &[f64; N], z: &[f64; N], r: &[f64; N], length: f64) {
         let q = self.len;
@@ -151,9 +153,9 @@ impl<const N: usize> Basis<N> {
         self.len += 1;
     }
 
-    /// The normal in place `k` of the working set leaves it.
+    /// Removes the normal in place `k` from the working set.
     pub(super) fn remove(&mut self, k: usize) {
-        // Rotations that leave nothing of row k of U but its last element: without both, the rest is an inverse again.
+        // Rotations move all of row k of U into its last element. Without this row and this column the rest is an inverse again.
         let mut carried = self.u[k][k];
         self.u[k][k] = 0.0;
         for i in k + 1..self.len {
@@ -174,14 +176,14 @@ impl<const N: usize> Basis<N> {
     }
 }
 
-/// `sum` + factor * `other`, as far as the shorter of them reaches.
+/// Adds factor * `other` to `sum`, as far as the shorter of them reaches.
 #[inline(always)]
 pub(super) fn add(sum: &mut [f64], factor: f64, other: &[f64]) {
     sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += factor * other);
 }
 
-/// `sum` + every column by its factor, at least in the given places: blocks of them, each in registers until its sum is
-/// complete.
+/// Adds every column, multiplied by its factor, to `sum`, at least in the given places. Works in blocks that stay in
+/// registers until their sums are complete.
 #[inline(always)]
 fn add_all<const N: usize>(sum: &mut [f64; N], factors: &[f64], columns: &[[f64; N]], places: Range<usize>) {
     let mut at = places.start / BLOCK * BLOCK;
@@ -208,7 +210,7 @@ fn add_block<const W: usize, const N: usize>(sum: &mut [f64; N], factors: &[f64]
     sum[at..at + W].copy_from_slice(&block);
 }
 
-/// The scalar product, as far as the shorter of them reaches; four sums, so that none waits for the other.
+/// The scalar product, as far as the shorter of them reaches. It has four sums, so that none waits for the other.
 #[inline(always)]
 pub(super) fn dot(one: &[f64], two: &[f64]) -> f64 {
     let common = one.len().min(two.len());

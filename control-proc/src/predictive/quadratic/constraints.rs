@@ -1,24 +1,26 @@
-//! Which constraints there are, what is wrong with them, and which one is violated most.
+//! The constraints: whether they can be met, and which one is violated most.
 //!
 //! ```text
 //! sign c'x >= sign limit        sign +1 at the lower limit, -1 at the upper one
 //! scale = sum |c_i| s_i >= sqrt(c' H^-1 c)        s_i = sqrt((H^-1)_ii)
 //! ```
 //!
-//! A bound is c = e_i. What is rounding, and which normals are called dependent, goes by that scale: neither the units
-//! of a variable nor those of a row matter, and it is known before the first step. Which violation is the greatest goes by
-//! the violation itself: on axes with limits of magnitude and rate that takes a fifth fewer iterations than by scale,
-//! and as many fewer than the first one violated. Trap: in a dense array of rows most
-//! elements are zero; only what lies between the first and the last that is not is read again, and of a row of
-//! neighbouring elements a copy of those.
+//! A bound is c = e_i. The scale decides what is rounding, and which normals are dependent. So neither the units of a
+//! variable nor those of a row matter there, and the scale is known before the first step. Which violation is the largest is
+//! decided by the violation itself. On axes with limits of magnitude and rate this takes a fifth fewer iterations than by
+//! scale, and as many fewer than the first violation.
+//!
+//! Trap: most elements of a dense array of rows are zero. Only the elements from the first to the last one that is not zero
+//! are read again, and of a row with two neighbouring elements only a copy of those.
 
 use std::array::from_fn;
 
 use super::{Problem, Status, basis::dot};
 
-/// A limit counts as met within this part of itself.
+/// Part of a limit within which the limit counts as met.
 const FEASIBLE: f64 = 1e-11;
-/// And within this part of the size of x, by the scale of the constraint: what rounding leaves of a limit of zero.
+/// Part of the size of x, by the scale of the constraint, within which a limit counts as met: the rounding at a limit of
+/// zero.
 pub(super) const ROUNDING: f64 = 1e-14;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,11 +45,11 @@ pub(super) struct Side {
     pub constraint: Constraint,
     pub sign: f64,
     pub limit: f64,
-    /// Both limits are one: its multiplier has either sign.
+    /// Both limits are equal: the multiplier may have either sign.
     pub equality: bool,
 }
 
-/// A row that has no elements but two neighbours.
+/// A row that has only two elements, which are neighbours.
 #[derive(Debug, Clone, Copy)]
 struct Pair {
     start: usize,
@@ -56,9 +58,9 @@ struct Pair {
 
 #[derive(Debug, Clone)]
 pub(super) struct Constraints<const N: usize, const M: usize> {
-    /// Of each row, where its first element that is not zero is, and where the last one ends.
+    /// Of each row, the place of the first element that is not zero, and the place after the last one.
     spans: [(usize, usize); M],
-    /// Of a row that is none, nothing that means anything.
+    /// The rows that have two elements; without meaning for other rows.
     pairs: [Pair; M],
     bound_scales: [f64; N],
     row_scales: [f64; M],
@@ -67,7 +69,7 @@ pub(super) struct Constraints<const N: usize, const M: usize> {
     /// 0 where the state is open, else -inf.
     bound_masks: [f64; N],
     row_masks: [f64; M],
-    /// By how much x is beyond the limits, where the state is open; negative within them.
+    /// Distance of x beyond the limits where the state is open; negative within the limits.
     bound_violations: [f64; N],
     row_violations: [f64; M],
 }
@@ -88,12 +90,12 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
         }
     }
 
-    /// Begins with nothing held; says what is wrong with the limits and rows by themselves.
+    /// Begins with an empty working set. Refuses limits and rows that are wrong by themselves.
     pub(super) fn read(&mut self, problem: &Problem<N, M>) -> Result<(), Status> {
         self.bound_states = [State::Open; N];
         self.row_states = [State::Open; M];
         (self.bound_masks, self.row_masks) = ([0.0; N], [0.0; M]);
-        // 0 times what is not finite is not a number: the sum finds them all.
+        // 0 times a number that is not finite is not a number: the sum finds them all.
         let mut sum = 0.0;
         for ((span, pair), row) in self.spans.iter_mut().zip(&mut self.pairs).zip(&problem.rows) {
             *span = part(row);
@@ -104,7 +106,7 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
         if sum != 0.0 {
             return Err(Status::NotFinite);
         }
-        // Without branches: comparing many limits at once takes no longer than finding the first that is wrong.
+        // Comparing all limits without branches takes no longer than finding the first wrong one.
         let (mut is_nan, mut is_empty) = (false, false);
         let mut check = |lower: &[f64], upper: &[f64]| {
             for (lower, upper) in lower.iter().zip(upper) {
@@ -121,7 +123,7 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
         }
     }
 
-    /// Takes the s_i, which measure everything.
+    /// Takes over the s_i and computes the scales.
     pub(super) fn scale(&mut self, problem: &Problem<N, M>, lengths: &[f64; N]) {
         self.bound_scales = *lengths;
         self.row_scales = from_fn(|k| {
@@ -147,7 +149,7 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
         }
     }
 
-    /// What followed from the working set may be violated again, since the set has become smaller.
+    /// Opens the constraints that followed from the working set: they may be violated again, since the set is smaller.
     pub(super) fn reopen(&mut self) {
         let bounds = self.bound_states.iter_mut().zip(&mut self.bound_masks);
         for (state, mask) in bounds.chain(self.row_states.iter_mut().zip(&mut self.row_masks)) {
@@ -157,7 +159,7 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
         }
     }
 
-    /// c, as the elements from a place on that are not zero.
+    /// c as a place and the elements from that place on; all others are 0.
     #[inline]
     pub(super) fn normal<'a>(&self, problem: &'a Problem<N, M>, constraint: Constraint) -> (usize, &'a [f64]) {
         match constraint {
@@ -189,8 +191,7 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
         }
     }
 
-    /// The side that x violates most; none if all are met. `size` is that of x, by the scale of
-    /// its elements.
+    /// The side that x violates most; none if all are met. `size` is that of x, by the scale of its elements.
     pub(super) fn most_violated(&mut self, problem: &Problem<N, M>, x: &[f64; N], size: f64) -> Option<Side> {
         let mut values = [0.0; M];
         (0..M).for_each(|k| values[k] = self.row_value(problem, k, x));
@@ -221,7 +222,7 @@ impl<const N: usize, const M: usize> Constraints<N, M> {
     }
 }
 
-/// By how much each value is beyond its limits, plus its mask.
+/// The distance of each value beyond its limits, plus its mask.
 #[inline(always)]
 fn violations<const K: usize>(
     violations: &mut [f64; K],
@@ -236,7 +237,7 @@ fn violations<const K: usize>(
     }
 }
 
-/// The largest of the values and of 0; four at a time, so that none waits for the other.
+/// The largest of the values and 0. It compares four at a time, so that none waits for the other.
 #[inline(always)]
 pub(super) fn largest(values: &[f64]) -> f64 {
     let larger = |one: f64, two: f64| if one > two { one } else { two };
@@ -248,7 +249,7 @@ pub(super) fn largest(values: &[f64]) -> f64 {
     rest.iter().chain(&most).fold(0.0, |most, value| larger(*value, most))
 }
 
-/// Where the first element that is not zero is, and where the last one ends; zeros are passed over by fours.
+/// The place of the first element that is not zero, and the place after the last one. Zeros are skipped in fours.
 fn part(row: &[f64]) -> (usize, usize) {
     let is_zero = |four: &[f64; 4]| four.iter().fold(0, |bits, c| bits | c.to_bits()) << 1 == 0;
     let (fours, _) = row.as_chunks::<4>();

@@ -1,29 +1,36 @@
 //! Quadratic programmes, solved exactly and without the heap.
 //!
+//! | module | what it holds |
+//! |---|---|
+//! | `constraints` | bounds and rows, their scales, and which one is violated most |
+//! | `basis` | the factors of the working set |
+//!
 //! ```text
 //! minimise 1/2 x'Hx + g'x    subject to    l <= x <= u,    lo <= Cx <= hi
 //! Hx + g = v + C'w        v, w >= 0 at a lower limit, <= 0 at an upper one, 0 between them
 //! ```
 //!
 //! x N variables, H (N x N) the Hessian, positive definite, g (N) the gradient at 0, l and u (N) bounds, C (M x N) rows
-//! with the limits lo and hi (M); limits may be infinite, and equal. v (N) and w (M) are the multipliers: what the
-//! minimum gains by one unit of the limit. Units are the caller's. Source: Goldfarb and Idnani, A numerically stable
-//! dual method for solving strictly convex quadratic programs, Math. Programming 27 (1983).
+//! with the limits lo and hi (M); limits may be infinite, and equal. v (N) and w (M) are the multipliers: the increase of the
+//! minimum for one unit of the limit. Units are the caller's. Source: Goldfarb and Idnani, A numerically stable dual method
+//! for solving strictly convex quadratic programs, Math. Programming 27 (1983).
 //!
-//! From the unconstrained minimum the method takes in the constraint that is violated most, again and again, each
-//! time as far as the others' multipliers keep their sign, and lets go of those that would not. After every
-//! constraint taken in, x is the exact minimum under the working set and its cost a lower bound of the cost sought;
-//! so it ends after finitely many steps, without a starting point and without a tolerance of convergence.
+//! The method begins at the unconstrained minimum and adds the constraint that is violated most, again and again. Each step
+//! goes as far as the multipliers of the other constraints keep their sign, and removes those whose sign would change. After
+//! every constraint that is added, x is the exact minimum under the working set, and its cost is a lower bound of the cost
+//! sought. So the method ends after finitely many steps, without a starting point and without a tolerance of convergence.
 //!
-//! Before it ends, or trusts a small violation, the conditions of the minimum under the working set are solved once more
-//! for what is left of them (iterative refinement), so that neither x nor multipliers carry the rounding of the way.
+//! Before the method ends, or relies on a small violation, the conditions of the minimum under the working set are solved
+//! once more for their residual (iterative refinement). So neither x nor the multipliers carry the rounding of all steps.
 //!
-//! Traps: until the end x violates something. What [`Status::IterationLimit`] leaves is the optimum of a problem with
-//! fewer constraints: its multipliers have their signs, its x does **not** keep the limits, and clipping it into the
-//! bounds keeps no row. The caller needs a command that is safe without a solution. Of an ill-conditioned H the cost
-//! is far more exact than x. Squares of the data must neither overflow nor vanish: beyond 1e-140 .. 1e140 nothing
-//! panics, but a problem may be called what it is not. Which constraint is violated most depends on the units of the
-//! rows: the answer does not, the number of iterations does.
+//! Traps:
+//! - Until the end x violates a constraint. [`Status::IterationLimit`] leaves the optimum of a problem with fewer
+//!   constraints: its multipliers have their signs, but its x does **not** keep the limits, and clipping x into the bounds
+//!   keeps no row. The caller needs a command that is safe without a solution.
+//! - If H is ill-conditioned, the cost is far more exact than x.
+//! - Squares of the data must neither overflow nor vanish. Beyond 1e-140 .. 1e140 nothing panics, but the status may be
+//!   wrong.
+//! - Which constraint is violated most depends on the units of the rows. The answer does not, the number of iterations does.
 
 mod basis;
 mod constraints;
@@ -31,19 +38,19 @@ mod constraints;
 use basis::{Basis, add, dot};
 use constraints::{Constraint, Constraints, ROUNDING, Side, State, largest};
 
-/// A violation below this part of the limit is looked at again after refinement: on the way from a minimum far away x
-/// has lost digits, and among constraints that depend on each other their rounding would take turns for ever.
+/// A violation below this part of the limit is checked again after refinement. On the way from a far minimum x has lost
+/// digits, and constraints that depend on each other could be added in turn for ever because of their rounding.
 const DOUBTFUL: f64 = 1e-6;
-/// The part of a normal that counts as independent of the working set, by its scale.
+/// Least part of a normal, relative to its scale, that makes it independent of the working set.
 const INDEPENDENT: f64 = 1e-9;
-/// A multiplier shrinks if it loses more than this, by the scales of both constraints.
+/// Least loss of a multiplier, relative to the scales of both constraints, that counts as shrinking.
 const SHRINKING: f64 = 1e-12;
-/// A multiplier has its sign within this part of what all of them carry.
+/// Tolerance of a multiplier's sign, relative to the force of all of them.
 const SIGN: f64 = 1e-12;
-/// Limits contradict each other if they do by more than this part of them.
+/// Least contradiction between limits, relative to the limits, that counts.
 const CONTRADICTION: f64 = 1e-9;
 
-/// What is to be minimised, and subject to what: the equation of the [module](self).
+/// Cost and constraints, as in the equation of the [module](self).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem<const N: usize, const M: usize> {
     /// H, of which only the upper triangle is read: `hessian[i][j]` with i <= j.
@@ -54,7 +61,7 @@ pub struct Problem<const N: usize, const M: usize> {
     pub lower: [f64; N],
     /// u, inf where there is none.
     pub upper: [f64; N],
-    /// C. A row with neighbouring elements, such as a difference, costs little; anything else a scalar product.
+    /// C. A row with two neighbouring elements, such as a difference, costs little; any other row costs a scalar product.
     pub rows: [[f64; N]; M],
     /// lo, -inf where there is none.
     pub row_lower: [f64; M],
@@ -63,7 +70,7 @@ pub struct Problem<const N: usize, const M: usize> {
 }
 
 impl<const N: usize, const M: usize> Problem<N, M> {
-    /// Without a limit, and with rows of zeros.
+    /// A problem without limits, and with rows of zeros.
     pub const fn new(hessian: [[f64; N]; N], gradient: [f64; N]) -> Self {
         Self {
             hessian,
@@ -84,56 +91,56 @@ pub enum Status {
     Solved,
     /// No x keeps all limits.
     Infeasible,
-    /// Too many iterations: x is the minimum under some of the constraints and violates others.
+    /// Too many iterations: x is the minimum under some constraints and violates others.
     IterationLimit,
-    /// H is not positive definite, or not within rounding.
+    /// H is not positive definite within rounding.
     NotConvex,
     /// A number of H, g or C is not finite, a limit is not a number, or the numbers overflow on the way.
     NotFinite,
 }
 
-/// How a solve ended, and with what. Unless it is `Solved` or `IterationLimit`, x and multipliers are zeros.
+/// The result of a solve. x and the multipliers are 0 unless the status is `Solved` or `IterationLimit`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution<const N: usize, const M: usize> {
-    /// How it ended.
+    /// How the solve ended.
     pub status: Status,
-    /// x. If `Solved`, never outside its bounds, and within 1e-11 of the limits of the rows, relative to those limits.
+    /// x. If `Solved`, x is never outside its bounds, and within 1e-11 of the limits of the rows, relative to those limits.
     pub x: [f64; N],
     /// v.
     pub bound_multipliers: [f64; N],
     /// w.
     pub row_multipliers: [f64; M],
-    /// Steps taken: each takes a constraint in or lets one go.
+    /// Number of steps; each adds a constraint or removes one.
     pub iterations: usize,
-    /// Constraints in the working set at the end, each of them met with equality.
+    /// Number of constraints in the working set at the end, each of them met with equality.
     pub active: usize,
 }
 
-/// The working set, of as many members as the basis has; beyond them numbers mean nothing, but are finite.
+/// The working set. It has as many members as the basis; the numbers beyond them have no meaning, but are finite.
 #[derive(Debug, Clone)]
 struct Members<const N: usize> {
     sides: [Side; N],
     multipliers: [f64; N],
-    /// What a multiplier must not go below: 0, or -inf of an equality.
+    /// Lower bound of each multiplier: 0, or -inf for an equality.
     floors: [f64; N],
-    /// The scale of the constraint, or 0 of an equality: what its multiplier's sign is measured by.
+    /// The scale by which the sign of each multiplier is measured: that of the constraint, or 0 for an equality.
     scales: [f64; N],
 }
 
-/// The solver with its memory, to be used again and again.
+/// The solver with its memory, which is reused for the next problem.
 #[derive(Debug, Clone)]
 pub struct Solver<const N: usize, const M: usize> {
-    /// Iterations after which no further constraint is taken in; the one in hand may still take up to N. 10 N by default.
+    /// Iterations after which no further constraint is added; the one at hand may still take up to N. Default: 10 N.
     pub iteration_limit: usize,
     basis: Basis<N>,
     constraints: Constraints<N, M>,
     x: [f64; N],
-    /// The largest of |x_i| / s_i since x was refined: what its rounding is in proportion to.
+    /// The largest |x_i| / s_i since x was refined; the rounding of x is proportional to it.
     size: f64,
-    /// The length of g in the norm of H^-1: how far away the unconstrained minimum is.
+    /// The length of g in the norm of H^-1: the distance of the unconstrained minimum.
     force: f64,
     members: Members<N>,
-    /// Members that the last solve has ended with, if it has found the minimum.
+    /// Number of members at the end of the last solve, if it found the minimum.
     kept: usize,
     iterations: usize,
 }
@@ -145,7 +152,7 @@ impl<const N: usize, const M: usize> Default for Solver<N, M> {
 }
 
 impl<const N: usize, const M: usize> Solver<N, M> {
-    /// With the default limit of iterations.
+    /// A solver with the default limit of iterations.
     pub const fn new() -> Self {
         let side = Side { constraint: Constraint::Bound(0), sign: 1.0, limit: 0.0, equality: false };
         Self {
@@ -161,15 +168,15 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         }
     }
 
-    /// The minimum, or why there is none. The same problem always gives the same answer, bit for bit.
+    /// The minimum, or why there is none. Equal problems always give equal answers, bit for bit.
     pub fn solve(&mut self, problem: &Problem<N, M>) -> Solution<N, M> {
         self.kept = 0;
         self.resume(problem)
     }
 
-    /// The minimum, or why there is none, beginning with the working set that the last solve has ended with: far sooner
-    /// where that is nearly the right one, as from sample to sample. What it begins with counts as no iteration. The
-    /// answer is as exact as that of [`Self::solve`], but not bit for bit the same: it depends on the problems before.
+    /// The minimum, or why there is none, beginning with the working set at the end of the last solve. This is far faster
+    /// where that set is nearly the right one, as from sample to sample. The members at the beginning do not count as
+    /// iterations. The answer is as exact as that of [`Self::solve`], but depends in its last bits on the problems before.
     pub fn resume(&mut self, problem: &Problem<N, M>) -> Solution<N, M> {
         self.iterations = 0;
         let status = self.run(problem).err().unwrap_or(Status::Solved);
@@ -213,7 +220,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         loop {
             let mut sizes = self.x;
             sizes.iter_mut().zip(&inverse_lengths).for_each(|(size, inverse)| *size = size.abs() * inverse);
-            // 0 times what is not finite is not a number.
+            // 0 times a number that is not finite is not a number.
             if sizes.iter().fold(0.0, |sum, size| sum + 0.0 * size) != 0.0 {
                 return Err(Status::NotFinite);
             }
@@ -249,13 +256,13 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         side.sign * (side.limit - self.constraints.value(problem, side.constraint, &self.x))
     }
 
-    /// Whether it may be rounding alone that violates this side.
+    /// Whether this side may be violated by rounding alone.
     #[inline]
     fn is_doubtful(&self, problem: &Problem<N, M>, side: &Side) -> bool {
         self.violation(problem, side) < DOUBTFUL * side.limit.abs()
     }
 
-    /// Steps to the minimum under the working set and this side, without the members that this makes superfluous.
+    /// Steps to the minimum under the working set and this side, and removes the members that become superfluous.
     #[inline]
     fn take_in(&mut self, problem: &Problem<N, M>, side: Side) -> Result<(), Status> {
         let scale = self.constraints.scale_of(side.constraint);
@@ -268,7 +275,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
             let square = dot(&d[q..], &d[q..]);
             let independent = q < N && square > (INDEPENDENT * scale).powi(2);
             let r = self.basis.solve(&d);
-            // In the dual: to where c'x meets its limit, or to where a multiplier would change its sign.
+            // The step in the dual ends where c'x meets its limit, or where a multiplier would change its sign.
             let full = if independent { (self.violation(problem, &side) / square).max(0.0) } else { f64::INFINITY };
             let first = self.first_to_vanish(&r, scale, full);
             let step = first.map_or(full, |(_, step)| step);
@@ -299,8 +306,8 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         }
     }
 
-    /// Takes up the kept members with their limits of today, and steps to the minimum under them, without those whose
-    /// multipliers it gives the wrong sign.
+    /// Takes up the kept members with their present limits and steps to the minimum under them. Removes the members whose
+    /// multipliers get the wrong sign.
     fn take_up(&mut self, problem: &Problem<N, M>) {
         let sides = self.members.sides;
         for side in &sides[..self.kept] {
@@ -326,7 +333,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         self.settle(problem);
     }
 
-    /// Refines, and lets go of members as long as one has a multiplier of the wrong sign.
+    /// Refines, and removes members as long as one has a multiplier of the wrong sign.
     fn settle(&mut self, problem: &Problem<N, M>) {
         self.refine(problem);
         while let Some(k) = self.worst_sign() {
@@ -344,7 +351,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         self.basis.remove(k);
     }
 
-    /// The member whose multiplier has the wrong sign by most and by more than rounding.
+    /// The member whose multiplier has the wrong sign by the largest amount, and by more than rounding.
     #[inline]
     fn worst_sign(&self) -> Option<usize> {
         let mut worst = None;
@@ -359,12 +366,13 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         worst
     }
 
-    /// The member whose multiplier vanishes first, before this step, if the multipliers lose r per unit of step; and when.
+    /// The member whose multiplier vanishes first, and the step at which it does; none if none vanishes before the step `full`.
+    /// The multipliers lose r per unit of step.
     #[inline]
     fn first_to_vanish(&self, r: &[f64; N], scale: f64, full: f64) -> Option<(usize, f64)> {
         let Members { multipliers, scales, .. } = &self.members;
         let vanishes = |k: usize, step: f64| (r[k] * scales[k] > SHRINKING * scale) & (multipliers[k] < step * r[k]);
-        // Mostly there is none, which all of them at once, without a branch, say soonest.
+        // Mostly there is none. Comparing all of them at once, without a branch, shows that fastest.
         if !(0..N).fold(false, |any, k| any | vanishes(k, full)) {
             return None;
         }
@@ -379,9 +387,9 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         first
     }
 
-    /// Whether the working set allows no x on this side of a constraint whose normal is r times those of the set.
+    /// Whether the working set allows no x on this side of a constraint whose normal is r times the normals of the set.
     fn contradicts(&self, side: &Side, scale: f64, r: &[f64; N]) -> bool {
-        // With no r > 0 but of equalities, n'x = sum r_j n_j'x <= sum r_j b_j for all x that keep the working set.
+        // If only equalities have r > 0, then n'x = sum r_j n_j'x <= sum r_j b_j for all x that keep the working set.
         let (mut gap, mut size) = (side.sign * side.limit, side.limit.abs());
         for (member, r) in self.working_set().iter().zip(r) {
             gap -= r * member.sign * member.limit;
@@ -391,8 +399,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         gap > CONTRADICTION * size
     }
 
-    /// One step of iterative refinement: solves the conditions of the minimum under the working set for what is left
-    /// of them.
+    /// One step of iterative refinement: solves the conditions of the minimum under the working set for their residual.
     fn refine(&mut self, problem: &Problem<N, M>) {
         let q = self.basis.len();
         let mut left = problem.gradient;
@@ -419,7 +426,7 @@ impl<const N: usize, const M: usize> Solver<N, M> {
 }
 
 impl<const N: usize> Members<N> {
-    /// The member in place `q`, the first that is free.
+    /// Puts a member in place `q`, the first that is free.
     fn push(&mut self, q: usize, side: Side, scale: f64, multiplier: f64) {
         (self.sides[q], self.multipliers[q]) = (side, multiplier);
         (self.floors[q], self.scales[q]) = if side.equality { (f64::NEG_INFINITY, 0.0) } else { (0.0, scale) };

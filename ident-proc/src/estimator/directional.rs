@@ -47,7 +47,7 @@ const LEAST_CHANGE: f64 = 1e-12;
 /// The estimator `directional:L`.
 #[derive(Debug, Clone)]
 pub struct Directional {
-    factors: RecursiveLeastSquares,
+    recursion: RecursiveLeastSquares,
     /// As after training.
     training: RecursiveLeastSquares,
     factor: f64,
@@ -58,26 +58,26 @@ pub struct Directional {
 impl Directional {
     /// For `n` coefficients with the factor `factor` in (0, 1].
     pub fn new(n: usize, factor: f64) -> Self {
-        Self { factors: RecursiveLeastSquares::new(n), training: RecursiveLeastSquares::new(n), factor, size: 0.0 }
+        Self { recursion: RecursiveLeastSquares::new(n), training: RecursiveLeastSquares::new(n), factor, size: 0.0 }
     }
 }
 
 impl Method for Directional {
     fn start(&mut self, data: &Triangle, held: &[bool], _residual_sigma: f64) {
-        self.factors.start(data, held);
+        self.recursion.start(data, held);
         self.training.start(data, held);
         let free = held.iter().filter(|held| !**held).count();
         self.size = data.count() as f64 / free.max(1) as f64;
     }
 
     fn set_theta(&mut self, theta: &[f64]) {
-        self.factors.set_theta(theta);
+        self.recursion.set_theta(theta);
     }
 
     fn update(&mut self, phi: &[f64], target: f64) -> Adapted {
         let size = self.size * self.training.leverage(phi);
         let mut factor = 1.0;
-        let update = self.factors.update_by(phi, target, |_, leverage| {
+        let update = self.recursion.update_by(phi, target, |_, leverage| {
             // A row of zero, or one of held coefficients alone, tells nothing.
             if leverage <= f64::MIN_POSITIVE {
                 return Change::forget(1.0);
@@ -94,7 +94,7 @@ impl Method for Directional {
         Adapted { innovation: update.innovation, factor, bounded: update.bounded }
     }
 
-    fn factors(&self) -> &RecursiveLeastSquares {
-        &self.factors
+    fn recursion(&self) -> &RecursiveLeastSquares {
+        &self.recursion
     }
 }

@@ -13,36 +13,36 @@ use crate::{
 /// The estimator `constant:L`.
 #[derive(Debug, Clone)]
 pub struct Exponential {
-    factors: RecursiveLeastSquares,
+    recursion: RecursiveLeastSquares,
     factor: f64,
 }
 
 impl Exponential {
     /// For `n` coefficients with the forgetting factor `factor` in (0, 1].
     pub fn new(n: usize, factor: f64) -> Self {
-        Self { factors: RecursiveLeastSquares::new(n), factor }
+        Self { recursion: RecursiveLeastSquares::new(n), factor }
     }
 }
 
 impl Method for Exponential {
     fn start(&mut self, data: &Triangle, held: &[bool], _residual_sigma: f64) {
-        self.factors.start(data, held);
+        self.recursion.start(data, held);
     }
 
     fn set_theta(&mut self, theta: &[f64]) {
-        self.factors.set_theta(theta);
+        self.recursion.set_theta(theta);
     }
 
     fn update(&mut self, phi: &[f64], target: f64) -> Adapted {
         let mut factor = 1.0;
-        let update = self.factors.update_by(phi, target, |_, _| {
+        let update = self.recursion.update_by(phi, target, |_, _| {
             factor = self.factor;
             Change::forget(factor)
         });
         Adapted { innovation: update.innovation, factor, bounded: update.bounded }
     }
 
-    fn factors(&self) -> &RecursiveLeastSquares {
-        &self.factors
+    fn recursion(&self) -> &RecursiveLeastSquares {
+        &self.recursion
     }
 }

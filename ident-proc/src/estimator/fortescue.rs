@@ -29,7 +29,7 @@ use crate::{
 /// The estimator `fortescue:N0`.
 #[derive(Debug, Clone)]
 pub struct Fortescue {
-    factors: RecursiveLeastSquares,
+    recursion: RecursiveLeastSquares,
     /// N0.
     memory: f64,
     /// Sigma0, (unit of the target)^2.
@@ -41,7 +41,7 @@ impl Fortescue {
     /// For `n` coefficients with a memory of `memory` samples.
     pub fn new(n: usize, memory: usize) -> Self {
         Self {
-            factors: RecursiveLeastSquares::new(n),
+            recursion: RecursiveLeastSquares::new(n),
             memory: memory as f64,
             information: f64::MIN_POSITIVE,
             least: 1.0 - 0.5 / n.max(1) as f64,
@@ -56,27 +56,27 @@ impl Fortescue {
 
 impl Method for Fortescue {
     fn start(&mut self, data: &Triangle, held: &[bool], residual_sigma: f64) {
-        self.factors.start(data, held);
+        self.recursion.start(data, held);
         // A residual of zero (data made without noise): zero errors forget nothing, all others the most.
         self.information = (residual_sigma * residual_sigma * self.memory).max(f64::MIN_POSITIVE);
     }
 
     fn set_theta(&mut self, theta: &[f64]) {
-        self.factors.set_theta(theta);
+        self.recursion.set_theta(theta);
     }
 
     fn update(&mut self, phi: &[f64], target: f64) -> Adapted {
         let (information, least) = (self.information, self.least);
         let mut factor = 1.0;
-        let update = self.factors.update_by(phi, target, |e, leverage| {
+        let update = self.recursion.update_by(phi, target, |e, leverage| {
             factor = (1.0 - e * e / ((1.0 + leverage) * information)).clamp(least, 1.0);
             Change { variance: 1.0, growth: factor.recip(), step: 1.0 }
         });
         Adapted { innovation: update.innovation, factor, bounded: update.bounded }
     }
 
-    fn factors(&self) -> &RecursiveLeastSquares {
-        &self.factors
+    fn recursion(&self) -> &RecursiveLeastSquares {
+        &self.recursion
     }
 }
 
@@ -117,7 +117,7 @@ mod tests {
         for k in 0..20_000 {
             // Errors of +-0.1, rows in turn.
             let error = if k % 3 == 0 { -0.1 } else { 0.1 };
-            let theta = fortescue.factors().theta();
+            let theta = fortescue.recursion().theta();
             let (row, predicted) = if k % 2 == 0 { ([1.0, 0.0], theta[0]) } else { ([0.0, 1.0], theta[1]) };
             forgotten += 1.0 - fortescue.update(&row, predicted + error).factor;
         }

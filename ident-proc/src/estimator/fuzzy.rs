@@ -95,39 +95,39 @@ impl FuzzyForgetting {
 /// The estimator `paper`: (18)-(20) with this factor.
 #[derive(Debug, Clone)]
 pub struct Paper {
-    factors: RecursiveLeastSquares,
+    recursion: RecursiveLeastSquares,
     fuzzy: FuzzyForgetting,
 }
 
 impl Paper {
     /// For `n` coefficients.
     pub fn new(n: usize, settings: &Fuzzy) -> Self {
-        Self { factors: RecursiveLeastSquares::new(n), fuzzy: FuzzyForgetting::new(*settings, 0.0) }
+        Self { recursion: RecursiveLeastSquares::new(n), fuzzy: FuzzyForgetting::new(*settings, 0.0) }
     }
 }
 
 impl Method for Paper {
     fn start(&mut self, data: &Triangle, held: &[bool], residual_sigma: f64) {
-        self.factors.start(data, held);
+        self.recursion.start(data, held);
         self.fuzzy = FuzzyForgetting::new(self.fuzzy.settings, residual_sigma);
     }
 
     fn set_theta(&mut self, theta: &[f64]) {
-        self.factors.set_theta(theta);
+        self.recursion.set_theta(theta);
     }
 
     fn update(&mut self, phi: &[f64], target: f64) -> Adapted {
-        let innovation = target - dot(phi, self.factors.theta());
+        let innovation = target - dot(phi, self.recursion.theta());
         if !innovation.is_finite() {
             return Adapted { innovation, factor: 1.0, bounded: false };
         }
         let factor = self.fuzzy.factor(innovation);
-        let update = self.factors.update(phi, target, factor);
+        let update = self.recursion.update(phi, target, factor);
         Adapted { innovation: update.innovation, factor, bounded: update.bounded }
     }
 
-    fn factors(&self) -> &RecursiveLeastSquares {
-        &self.factors
+    fn recursion(&self) -> &RecursiveLeastSquares {
+        &self.recursion
     }
 
     fn universes(&self) -> Option<(f64, f64)> {

@@ -20,7 +20,7 @@ pub mod fuzzy;
 pub mod normalized;
 pub mod window;
 
-use pipeline::machine::{self, Fuzzy};
+use pipeline::machine::{Estimator, Fuzzy};
 
 use crate::{least_squares::Triangle, recursive::RecursiveLeastSquares};
 use directional::Directional;
@@ -49,7 +49,7 @@ trait Method {
 
     fn update(&mut self, phi: &[f64], target: f64) -> Adapted;
 
-    fn factors(&self) -> &RecursiveLeastSquares;
+    fn recursion(&self) -> &RecursiveLeastSquares;
 
     fn universes(&self) -> Option<(f64, f64)> {
         None
@@ -58,7 +58,7 @@ trait Method {
 
 /// One recursive estimator of any kind.
 #[derive(Debug, Clone)]
-pub enum Estimator {
+pub enum RecursiveEstimator {
     /// `constant:L`
     Exponential(Exponential),
     /// `paper`
@@ -73,22 +73,22 @@ pub enum Estimator {
     Window(Window),
 }
 
-impl Estimator {
+impl RecursiveEstimator {
     /// For `n` coefficients; takes all memory that it will ever use.
     ///
     /// # Panics
-    /// With [`machine::Estimator::Auto`], which is several estimators and not one, and with
-    /// [`machine::Estimator::GreyBox`], which is none of these.
-    pub fn new(kind: machine::Estimator, n: usize, fuzzy: &Fuzzy) -> Self {
+    /// With [`Estimator::Auto`], which is several estimators and not one, and with
+    /// [`Estimator::GreyBox`], which is none of these.
+    pub fn new(kind: Estimator, n: usize, fuzzy: &Fuzzy) -> Self {
         match kind {
-            machine::Estimator::Constant(factor) => Self::Exponential(Exponential::new(n, factor)),
-            machine::Estimator::Paper => Self::Paper(Paper::new(n, fuzzy)),
-            machine::Estimator::Fuzzy(low) => Self::Normalized(Normalized::new(n, fuzzy, low)),
-            machine::Estimator::Fortescue(memory) => Self::Fortescue(Fortescue::new(n, memory)),
-            machine::Estimator::Directional(factor) => Self::Directional(Directional::new(n, factor)),
-            machine::Estimator::Window(rows) => Self::Window(Window::new(n, rows)),
-            machine::Estimator::Auto => panic!("auto is several estimators, not one"),
-            machine::Estimator::GreyBox => panic!("a grey box is an estimator of its own"),
+            Estimator::Constant(factor) => Self::Exponential(Exponential::new(n, factor)),
+            Estimator::Paper => Self::Paper(Paper::new(n, fuzzy)),
+            Estimator::Fuzzy(low) => Self::Normalized(Normalized::new(n, fuzzy, low)),
+            Estimator::Fortescue(memory) => Self::Fortescue(Fortescue::new(n, memory)),
+            Estimator::Directional(factor) => Self::Directional(Directional::new(n, factor)),
+            Estimator::Window(rows) => Self::Window(Window::new(n, rows)),
+            Estimator::Auto => panic!("auto is several estimators, not one"),
+            Estimator::GreyBox => panic!("a grey box is an estimator of its own"),
         }
     }
 
@@ -133,12 +133,12 @@ impl Estimator {
 
     /// The coefficients.
     pub fn theta(&self) -> &[f64] {
-        self.factors().theta()
+        self.recursion().theta()
     }
 
     /// Coefficients with covariance and information.
-    pub fn factors(&self) -> &RecursiveLeastSquares {
-        self.method().factors()
+    pub fn recursion(&self) -> &RecursiveLeastSquares {
+        self.method().recursion()
     }
 
     /// Error and change of error that count as PB, in the unit of the target; only the fuzzy ones have them.

@@ -48,7 +48,7 @@ const FLOOR: f64 = 0.25;
 /// The estimator `fuzzy:LOW`.
 #[derive(Debug, Clone)]
 pub struct Normalized {
-    factors: RecursiveLeastSquares,
+    recursion: RecursiveLeastSquares,
     table: FuzzyForgetting,
     low: f64,
     scale: f64,
@@ -62,7 +62,7 @@ impl Normalized {
         let settings =
             Fuzzy { error_universe: Some(ERROR_UNIVERSE), variation_universe: Some(VARIATION_UNIVERSE), ..*settings };
         Self {
-            factors: RecursiveLeastSquares::new(n),
+            recursion: RecursiveLeastSquares::new(n),
             table: FuzzyForgetting::new(settings, 0.0),
             low,
             scale: f64::MIN_POSITIVE,
@@ -74,7 +74,7 @@ impl Normalized {
 
 impl Method for Normalized {
     fn start(&mut self, data: &Triangle, held: &[bool], residual_sigma: f64) {
-        self.factors.start(data, held);
+        self.recursion.start(data, held);
         // A residual of zero (data made without noise) leaves all but a zero error beyond the universe.
         self.floor = (FLOOR * residual_sigma).max(f64::MIN_POSITIVE);
         self.scale = residual_sigma.max(self.floor);
@@ -82,13 +82,13 @@ impl Method for Normalized {
     }
 
     fn set_theta(&mut self, theta: &[f64]) {
-        self.factors.set_theta(theta);
+        self.recursion.set_theta(theta);
     }
 
     fn update(&mut self, phi: &[f64], target: f64) -> Adapted {
         let (table, scale, last) = (&self.table, &mut self.scale, &mut self.last);
         let mut factor = 1.0;
-        let update = self.factors.update_by(phi, target, |e, leverage| {
+        let update = self.recursion.update_by(phi, target, |e, leverage| {
             // Beyond the universe size does not matter, and the difference of two infinite ones would be no number.
             let z = (e / (*scale * (1.0 + leverage).sqrt())).clamp(-1e6, 1e6);
             let table = table.evaluate(z, z - *last);
@@ -102,8 +102,8 @@ impl Method for Normalized {
         Adapted { innovation: update.innovation, factor, bounded: update.bounded }
     }
 
-    fn factors(&self) -> &RecursiveLeastSquares {
-        &self.factors
+    fn recursion(&self) -> &RecursiveLeastSquares {
+        &self.recursion
     }
 
     fn universes(&self) -> Option<(f64, f64)> {

@@ -38,12 +38,12 @@ const NO_BOUND: f64 = 1e100;
 #[derive(Debug, Clone)]
 pub struct Window {
     n: usize,
-    factors: RecursiveLeastSquares,
+    recursion: RecursiveLeastSquares,
     /// theta0.
     center: Vec<f64>,
     /// R0, n rows of n; the row of a held coefficient has a one on the diagonal and nothing else.
     prior: Vec<f64>,
-    prior_factors: RecursiveLeastSquares,
+    prior_recursion: RecursiveLeastSquares,
     held: Vec<bool>,
     /// R0 and the rows since the factors were last made afresh, as deviations from theta0.
     recent: Triangle,
@@ -59,10 +59,10 @@ impl Window {
     pub fn new(n: usize, rows: usize) -> Self {
         Self {
             n,
-            factors: RecursiveLeastSquares::new(n),
+            recursion: RecursiveLeastSquares::new(n),
             center: vec![0.0; n],
             prior: vec![0.0; n * n],
-            prior_factors: RecursiveLeastSquares::new(n),
+            prior_recursion: RecursiveLeastSquares::new(n),
             held: vec![false; n],
             recent: Triangle::new(n),
             ring: vec![0.0; rows.max(1) * (n + 1)],
@@ -84,11 +84,11 @@ impl Window {
 
     /// Makes the factors from `recent`, which then starts again.
     fn renew(&mut self) {
-        self.factors.start_bounded(&self.recent, &self.held, NO_BOUND);
-        for ((theta, deviation), center) in self.row.iter_mut().zip(self.factors.theta()).zip(&self.center) {
+        self.recursion.start_bounded(&self.recent, &self.held, NO_BOUND);
+        for ((theta, deviation), center) in self.row.iter_mut().zip(self.recursion.theta()).zip(&self.center) {
             *theta = center + deviation;
         }
-        self.factors.set_theta(&self.row);
+        self.recursion.set_theta(&self.row);
         self.forget_recent();
     }
 
@@ -124,32 +124,32 @@ impl Method for Window {
             }
         }
         self.forget_recent();
-        self.prior_factors.start_bounded(&self.recent, held, NO_BOUND);
+        self.prior_recursion.start_bounded(&self.recent, held, NO_BOUND);
         self.fill(count.min(self.rows() as f64));
         self.renew();
     }
 
     fn set_theta(&mut self, theta: &[f64]) {
         self.center.copy_from_slice(theta);
-        self.factors.set_theta(theta);
+        self.recursion.set_theta(theta);
     }
 
     fn update(&mut self, phi: &[f64], target: f64) -> Adapted {
         let (n, rows) = (self.n, self.rows());
         let factor = 1.0 - 1.0 / rows as f64;
-        let size = self.prior_factors.leverage(phi);
+        let size = self.prior_recursion.leverage(phi);
         let weight = if size > LARGEST_ROW { (LARGEST_ROW / size).sqrt() } else { 1.0 };
-        let predicted = dot(phi, self.factors.theta());
+        let predicted = dot(phi, self.recursion.theta());
         let innovation = target - predicted;
         if !(innovation.is_finite() && size.is_finite()) {
             return Adapted { innovation, factor: 1.0, bounded: false };
         }
         self.row.iter_mut().zip(phi).for_each(|(value, phi)| *value = weight * phi);
-        self.factors.update(&self.row, weight * target, 1.0);
+        self.recursion.update(&self.row, weight * target, 1.0);
 
         let slot = &mut self.ring[self.at * (n + 1)..(self.at + 1) * (n + 1)];
         let (leaving, deviation) = slot.split_at_mut(n);
-        let left = self.factors.remove(leaving, deviation[0] + dot(leaving, &self.center), MOST_OF_A_DIRECTION);
+        let left = self.recursion.remove(leaving, deviation[0] + dot(leaving, &self.center), MOST_OF_A_DIRECTION);
 
         deviation[0] = weight * target - dot(&self.row, &self.center);
         for ((slot, value), held) in leaving.iter_mut().zip(&self.row).zip(&self.held) {
@@ -164,7 +164,7 @@ impl Method for Window {
         Adapted { innovation, factor, bounded: !left || weight < 1.0 }
     }
 
-    fn factors(&self) -> &RecursiveLeastSquares {
-        &self.factors
+    fn recursion(&self) -> &RecursiveLeastSquares {
+        &self.recursion
     }
 }

@@ -55,7 +55,7 @@ impl OfflineSeparation {
     }
 
     /// Separates `theta` as `split` says; `data` is the triangle that theta solves.
-    pub fn split(&mut self, theta: &[f64], data: &Triangle, split: Split) -> Coefficients {
+    pub fn separate(&mut self, theta: &[f64], data: &Triangle, split: Split) -> Coefficients {
         match split {
             Split::Paper => self.by_formula(theta),
             Split::Als => {
@@ -262,7 +262,7 @@ mod tests {
         let (data, theta) = record(&model, 0.0);
         let mut separation = OfflineSeparation::new(STRUCTURE);
         for split in [Split::Paper, Split::Als] {
-            let found = separation.split(&theta, &data, split);
+            let found = separation.separate(&theta, &data, split);
             assert!(close(&found, &model, 1e-8), "{split:?} {found:?}");
             assert!(separation.residual(&theta, &found, &data) < 1e-8);
         }
@@ -279,8 +279,8 @@ mod tests {
         };
         let (data, theta) = record(&model, 0.02);
         let mut separation = OfflineSeparation::new(STRUCTURE);
-        let paper = separation.split(&theta, &data, Split::Paper);
-        let als = separation.split(&theta, &data, Split::Als);
+        let paper = separation.separate(&theta, &data, Split::Paper);
+        let als = separation.separate(&theta, &data, Split::Als);
         let paper = separation.residual(&theta, &paper, &data);
         let als = separation.residual(&theta, &als, &data);
         assert!(als < 0.02 && paper > 2.0 * als, "formula {paper} alternation {als}");
@@ -290,7 +290,7 @@ mod tests {
     fn the_scale_is_f1_equal_to_one() {
         let model = truth([2.0, 0.8, -0.6], [1.6, -0.4, 0.2]);
         let (data, theta) = record(&model, 0.0);
-        let found = OfflineSeparation::new(STRUCTURE).split(&theta, &data, Split::Als);
+        let found = OfflineSeparation::new(STRUCTURE).separate(&theta, &data, Split::Als);
         assert_eq!(found.f[0], 1.0);
         assert!((found.b[0] - 0.6).abs() < 1e-8 && (found.f[1] - 0.4).abs() < 1e-8);
     }

@@ -336,7 +336,7 @@ mod tests {
             let (theta, held, data) = solved(&record(&model, input(seed + 1000), seed, None));
             let variance = noise_variance(data.residual(), data.count(), theta.len()).unwrap();
             full.add(theta.clone(), &linear(&data, &held, variance));
-            let estimate = separation.split(&theta, &data, Split::Als);
+            let estimate = separation.separate(&theta, &data, Split::Als);
             let found = separated(&data, &held, &estimate).unwrap();
             noise += found.noise / 400.0;
             assert_eq!(found.determined, 7);
@@ -398,7 +398,7 @@ mod tests {
         let model = model([1.0, 0.6], [0.8, -0.5]);
         let values = input(3);
         let (theta, held, data) = solved(&record(&model, |k| values(k).abs(), 3, None));
-        let estimate = OfflineSeparation::new(STRUCTURE).split(&theta, &data, Split::Als);
+        let estimate = OfflineSeparation::new(STRUCTURE).separate(&theta, &data, Split::Als);
         let found = separated(&data, &held, &estimate).unwrap();
         assert_eq!(found.g, [None, None]);
         assert!(found.a.iter().chain(&found.b).chain(&found.f).all(|d| d.is_some_and(|d| d.is_finite())));
@@ -413,7 +413,7 @@ mod tests {
     fn a_command_that_never_moves_determines_a_alone() {
         let model = model([1.0, 0.6], [0.8, -0.5]);
         let (theta, held, data) = solved(&record(&model, |_| 0.0, 4, None));
-        let estimate = OfflineSeparation::new(STRUCTURE).split(&theta, &data, Split::Als);
+        let estimate = OfflineSeparation::new(STRUCTURE).separate(&theta, &data, Split::Als);
         let found = separated(&data, &held, &estimate).unwrap();
         assert!(found.a.iter().all(Option::is_some));
         assert_eq!((found.b, found.g, found.determined), (vec![None; 2], vec![None; 2], 2));

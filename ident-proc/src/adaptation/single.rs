@@ -1,4 +1,5 @@
-//! One recursive estimator for one form of the model: steps 5 and 6 of the paper, with the paper's estimator or another.
+//! One recursive estimator for one form of the model: steps 5 and 6 of the paper, with the paper's estimator or
+//! another.
 
 use pipeline::{
     hammerstein::{Coefficients, Structure},

@@ -1,8 +1,11 @@
 //! Exponential forgetting with a constant factor, eqs. (18)-(20).
 //!
-//! A row of k samples ago counts lambda^k: the memory is 1 / (1 - lambda) samples long. Traps: what is not excited is
-//! forgotten all the same, up to the bound of the [covariance](crate::recursive); and no one factor suits both a
-//! machine that warms up and one that stays as it is.
+//! ```text
+//! weight of a row of k samples ago: lambda^k            memory: 1 / (1 - lambda) samples
+//! ```
+//!
+//! lambda forgetting factor. Traps: a coefficient without excitation is forgotten too, up to the bound of the
+//! [covariance](crate::recursive). No one factor suits both a machine that warms up and one that stays as it is.
 
 use super::{Adapted, Method};
 use crate::{

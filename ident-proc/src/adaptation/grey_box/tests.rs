@@ -11,7 +11,7 @@ fn commissioned() -> Commissioned {
         dead_time: 0.05,
         time_constant: 0.05,
         dead_band: DeadBand { extend: 0.1, retract: 0.08 },
-        // Where the hinges are.
+        // At the knots of the hinges.
         openings: vec![0.05, 0.175, 0.5],
         speeds_extend: vec![0.02, 0.12, 0.4],
         speeds_retract: vec![0.03, 0.14, 0.5],
@@ -19,7 +19,7 @@ fn commissioned() -> Commissioned {
     }
 }
 
-/// An axis that is as commissioned but for its speeds, its lag and its dead band.
+/// An axis as it was commissioned, with other speeds, another lag and another dead band.
 struct Axis {
     grey_box: GreyBox,
     row: RegressorRow,
@@ -49,7 +49,8 @@ impl Axis {
         }
     }
 
-    /// Goes on for `seconds` with commands of this size, speeds and lag by these factors, a dead band wider by this.
+    /// Runs for `seconds` with commands up to about `size`. Speeds and lag of the axis are multiplied by `speeds` and
+    /// `slower`, and its dead band is widened by `wider`.
     fn drive(&mut self, seconds: f64, size: f64, (speeds, slower, wider): (f64, f64, f64)) {
         for _ in 0..(seconds / PERIOD) as usize {
             let t = self.k as f64 * PERIOD;
@@ -73,11 +74,12 @@ impl Axis {
         }
     }
 
-    /// Speed of the model at a command, m/s, and its lag in s.
+    /// Speed of the model at a command, m/s.
     fn speed(&self, u: f64) -> f64 {
         self.grey_box.model().nonlinearity().evaluate(u)
     }
 
+    /// Lag of the model, s.
     fn lag(&self) -> f64 {
         let alpha = self.grey_box.model().a[1];
         PERIOD * alpha / (1.0 - alpha)
@@ -89,12 +91,12 @@ fn near(found: f64, expected: f64, part: f64) -> bool {
 }
 
 #[test]
-fn it_starts_from_what_was_commissioned() {
+fn it_starts_from_the_commissioned_model() {
     let axis = Axis::new();
     for u in [0.3, 0.5, -0.3, -0.5] {
         assert!(near(axis.speed(u), commissioned().speed(u), 0.06), "{u}: {}", axis.speed(u));
     }
-    // One period of the delay is the one in which the command is sent: the lag makes up for nothing else.
+    // The dead time fills all samples of the delay but the one in which the command is sent.
     assert!(near(axis.lag(), 0.05, 1e-9), "{}", axis.lag());
 }
 
@@ -107,7 +109,7 @@ fn speeds_lag_and_dead_band_are_followed() {
         axis.drive(6.0, 0.35, (speeds, slower, wider));
         for u in [0.35, 0.5, -0.35, -0.5] {
             let expected = speeds * commissioned().speed(u - f64::signum(u) * wider);
-            // The plant's lag is before its curve, the model's behind it: that shows the more the longer it is.
+            // The plant's lag is before its curve, the model's is behind it. The difference grows with the lag.
             let part = if slower > 1.0 { 0.2 } else { 0.1 };
             assert!(near(axis.speed(u), expected, part), "{speeds} {slower} {wider}, {u}: {}", axis.speed(u));
         }
@@ -120,7 +122,7 @@ fn what_was_learned_is_kept_at_rest_and_in_the_other_direction() {
     let mut axis = Axis::new();
     axis.drive(6.0, 0.35, (1.4, 1.0, 0.0));
     let before = (axis.speed(0.4), axis.speed(-0.4), axis.lag());
-    // Inside the dead band.
+    // These commands stay inside the dead band.
     axis.drive(600.0, 0.03, (1.4, 1.0, 0.0));
     let after = (axis.speed(0.4), axis.speed(-0.4), axis.lag());
     assert!(
@@ -130,12 +132,12 @@ fn what_was_learned_is_kept_at_rest_and_in_the_other_direction() {
 }
 
 #[test]
-fn whatever_comes_it_stays_finite_monotone_and_within_its_bounds() {
+fn the_model_stays_finite_monotone_and_within_its_bounds() {
     let mut axis = Axis::new();
-    // Nothing moves, then everything four times as fast, then a leap.
+    // First the axis is blocked, then it moves four times as fast, then its position jumps.
     axis.drive(5.0, 0.5, (0.0, 1.0, 0.0));
     let stuck = axis.speed(0.5);
-    assert!(stuck >= 0.5 * commissioned().speed(0.5), "{stuck}: the floor of what is believed");
+    assert!(stuck >= 0.5 * commissioned().speed(0.5), "{stuck}: below the floor of the speeds");
     axis.drive(5.0, 0.5, (4.0, 0.2, 0.0));
     axis.y += 0.3;
     axis.drive(1.0, 0.5, (1.0, 1.0, 0.0));

@@ -3,14 +3,14 @@
 use std::{
     process::Output,
     sync::{
-        Arc, MutexGuard,
+        Arc,
         atomic::{AtomicBool, AtomicU32, Ordering},
     },
     thread::{JoinHandle, sleep},
     time::Duration,
 };
 
-use crate::harness::{TestGroup, alone, channel::await_message, hydraxis, wait_for};
+use crate::harness::{Cores, TestGroup, channel::await_message, hydraxis, shared};
 use pipeline::{
     channel::{Group, Prefix, Reader},
     message::{AxisMode, EncoderSample, Header, ValveCommand, control_flag, sample_fault},
@@ -45,12 +45,12 @@ struct Played {
     _channels: Group,
     // After the channels: the last to leave removes what is left.
     group: TestGroup,
-    _alone: MutexGuard<'static, ()>,
+    _cores: Cores,
 }
 
 impl Played {
     fn start(test: &str) -> Self {
-        let alone = alone();
+        let cores = shared();
         let mut group = TestGroup::new(test);
         let channels = group.join();
         let commands = channels.reader().unwrap();
@@ -61,7 +61,7 @@ impl Played {
         });
         group.start(StageKind::ControlProc, &MACHINE);
         let mut played =
-            Self { faults, stop, sensor: Some(sensor), commands, _channels: channels, group, _alone: alone };
+            Self { faults, stop, sensor: Some(sensor), commands, _channels: channels, group, _cores: cores };
         played.wait_until("its first command", |_| true);
         played
     }

@@ -1,6 +1,6 @@
 //! Lock-step: the same bits every time, in four processes and in one.
 
-use crate::harness::{TestGroup, machine_file, report, succeed};
+use crate::harness::{TestGroup, hydraxis, machine_file, replay::expect_same_bits, report};
 
 #[test]
 fn four_processes_repeat_bit_for_bit_and_equal_one_process() {

@@ -2,14 +2,15 @@
 
 use std::{
     io::Read,
-    process::{Child, Output, Stdio},
-    sync::MutexGuard,
+    process::{Command, Output, Stdio},
 };
 
-use crate::harness::{TestGroup, alone, channel::await_message, hydraxis, signal, succeed, wait_for};
+use crate::harness::{
+    Cores, TestGroup, alone, channel::await_message, hydraxis, running::Running, shared, signal, succeed, wait_for,
+};
 use control_proc::commission::{Experiment, ExperimentOptions, ExperimentRecord, Outcome, analyse};
 use pipeline::{
-    channel::Reader,
+    channel::{Group, Reader},
     machine::{Commissioned, Machine},
     message::{
         AxisMode, AxisRequest, CoefficientSnapshot, EncoderSample, Header, Request, ValveCommand, control_flag,
@@ -21,49 +22,46 @@ use plant_sim::PlantSim;
 use rustix::process::Signal;
 use sensor_proc::source::Acquisition;
 
-/// A running group of which nothing moves yet.
-struct Running {
-    group: TestGroup,
-    supervisor: Child,
+/// A running group whose axes are off, and a program that operates it.
+struct Operated {
+    running: Running,
     commands: Reader<ValveCommand>,
-    channels: Option<pipeline::channel::Group>,
-    _alone: MutexGuard<'static, ()>,
+    // After the readers, and before the cores: others may start their group only when this one is gone.
+    channels: Group,
+    _cores: Cores,
 }
 
-impl Running {
-    /// In real time, with time-outs that a busy test machine meets.
+impl Operated {
+    /// Starts a group in real time, with a feedback time-out that a busy machine meets.
     fn start(test: &str) -> Self {
         Self::start_with(test, &[])
     }
 
+    /// Starts a group in real time with more arguments.
     fn start_with(test: &str, arguments: &[&str]) -> Self {
-        let alone = alone();
-        let group = TestGroup::new(test);
-        let supervisor = hydraxis()
-            .args(["run", "--prefix", &group.prefix.to_string(), "--off", "--duration", "10min"])
-            .args(["--scenario", "nominal", "--set", "timing.feedback_timeout=5s"])
-            .args(arguments)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        wait_for("the group", || group.prefix.folder().join("members").exists().then_some(()));
-        let channels = group.join();
+        let cores = shared();
+        let common = ["--off", "--duration", "10min", "--scenario", "nominal", "--set", "timing.feedback_timeout=5s"];
+        let running = Running::spawn(test, &[&common, arguments].concat(), &StageKind::ALL, |_| ());
+        let channels = running.group.join();
         let commands = channels.reader().unwrap();
-        let mut running = Self { group, supervisor, commands, channels: Some(channels), _alone: alone };
-        running.wait_until("its first command", |_| true);
-        running
+        let mut operated = Self { running, commands, channels, _cores: cores };
+        operated.wait_until("its first command", |_| true);
+        operated
     }
 
-    /// Waits for a command that is as it should be.
+    fn prefix(&self) -> String {
+        self.running.group.prefix.to_string()
+    }
+
+    /// Waits for a command for which this holds.
     fn wait_until(&mut self, what: &str, is_it: impl Fn(&ValveCommand) -> bool) -> ValveCommand {
         await_message(&mut self.commands, what, is_it)
     }
 
-    /// The tool of this group with these arguments.
-    fn operate(&self, arguments: &[&str]) -> std::process::Command {
+    /// `hydraxis operate` on this group.
+    fn operate(&self, arguments: &[&str]) -> Command {
         let mut command = hydraxis();
-        command.args(["operate", "--prefix", &self.group.prefix.to_string()]).args(arguments);
+        command.args(["operate", "--prefix", &self.prefix()]).args(arguments);
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }
@@ -72,22 +70,11 @@ impl Running {
         self.operate(arguments).output().unwrap()
     }
 
-    /// Ends the group, which leaves nothing; its report.
-    fn end(mut self) -> String {
-        drop(self.channels.take());
-        signal(self.supervisor.id(), Signal::INT);
-        let status = wait_for("the supervisor to end", || self.supervisor.try_wait().unwrap());
-        assert!(status.success(), "{status}");
-        let mut text = String::new();
-        self.supervisor.stdout.take().unwrap().read_to_string(&mut text).unwrap();
-        text
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.supervisor.kill();
-        let _ = self.supervisor.wait();
+    /// Ends the group. Returns its report.
+    fn end(self) -> String {
+        let Self { mut running, commands, channels, _cores } = self;
+        drop((commands, channels));
+        running.interrupt().stdout
     }
 }
 
@@ -101,7 +88,7 @@ fn is_off(command: &ValveCommand) -> bool {
 
 #[test]
 fn a_person_moves_one_axis_and_ctrl_c_makes_it_neutral() {
-    let mut running = Running::start("by-hand");
+    let mut running = Operated::start("by-hand");
     let refused = running.operated(&["--axis", "boom", "--mode", "manual", "--command", "0.3"]);
     assert_eq!(refused.status.code(), Some(2));
     let said = text(&refused.stderr);
@@ -128,7 +115,7 @@ fn a_person_moves_one_axis_and_ctrl_c_makes_it_neutral() {
 
 #[test]
 fn an_axis_is_neutral_when_the_hand_on_it_is_killed() {
-    let mut running = Running::start("killed-hand");
+    let mut running = Operated::start("killed-hand");
     let arguments = ["--axis", "arm", "--mode", "manual", "--command", "-0.3", "--enable"];
     let mut tool = running.operate(&arguments).spawn().unwrap();
     running.wait_until("the arm to be commanded", |command| command.axes[1].command == -0.3);
@@ -145,7 +132,7 @@ fn an_axis_is_neutral_when_the_hand_on_it_is_killed() {
 
 #[test]
 fn an_axis_is_brought_to_a_target_and_left_there() {
-    let mut running = Running::start("hold");
+    let mut running = Operated::start("hold");
     let hold = ["--axis", "bucket", "--mode", "hold", "--target", "0.6", "--enable", "--leave"];
     let output = running.operated(&hold);
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -287,7 +274,7 @@ fn a_running_machine_is_commissioned() {
     // Three samples in a row that are missing end the experiment, by right: so they are far enough apart for a busy
     // machine that has no real-time kernel.
     const PERIOD: [&str; 2] = ["--set", "timing.period=20ms"];
-    let running = Running::start_with("commission", &PERIOD);
+    let running = Operated::start_with("commission", &PERIOD);
     let folder = tempfile::tempdir().unwrap();
     let model = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let found = |output: &Output| -> f64 {
@@ -301,7 +288,7 @@ fn a_running_machine_is_commissioned() {
     };
     let quick = ["commission", "--scenario", "nominal", "--axis", "bucket", "--duration", "40s"];
     let quick = [&quick[..], &PERIOD, &["--json", "-", "--out"]].concat();
-    let prefix = running.group.prefix.to_string();
+    let prefix = running.prefix();
     let live = model("live.toml");
     let live = [&quick[..], &[&live, "--prefix", &prefix, "--enable"]].concat();
     // A machine that is starved for three samples has ended it by right, and said so: then once more.
@@ -322,11 +309,11 @@ fn a_running_machine_is_commissioned() {
 
 #[test]
 fn a_commissioning_that_is_stopped_leaves_all_neutral_and_writes_nothing() {
-    let mut running = Running::start("stopped");
+    let mut running = Operated::start("stopped");
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("model.toml");
     let mut commissioning = hydraxis()
-        .args(["commission", "--scenario", "nominal", "--prefix", &running.group.prefix.to_string(), "--enable"])
+        .args(["commission", "--scenario", "nominal", "--prefix", &running.prefix(), "--enable"])
         .args(["--axis", "boom", "--out", file.to_str().unwrap()])
         .stderr(Stdio::piped())
         .spawn()

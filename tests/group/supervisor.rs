@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::harness::{TestGroup, alone, hydraxis, is_running, running::Running, signal, wait_for};
+use crate::harness::{PATIENCE, TestGroup, alone, hydraxis, is_running, running::Running, signal, wait_for};
 use pipeline::{
     channel::Reader,
     message::{ControlMode, EncoderSample, StageHealth, ValveCommand, control_flag},

@@ -1,5 +1,4 @@
-//! The controller allocates nothing while models control its axes, nor when a fault makes it neutral: counted by an
-//! allocator.
+//! The controller does not allocate while models control its axes, nor when a fault makes it neutral. An allocator counts.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
@@ -16,10 +15,10 @@ use pipeline::{
 
 static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
 
-/// The system's allocator, with a count of what is asked of it.
+/// The system's allocator, with a count of its calls.
 struct Counting;
 
-// SAFETY: every call is passed on to the system's allocator as it came; counting touches no memory of the heap.
+// SAFETY: every call is passed on unchanged to the system's allocator; counting touches no memory of the heap.
 #[allow(unsafe_code, reason = "an allocator cannot be written without")]
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
@@ -35,7 +34,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// A lag and an integrator behind the dead time of the machine file: what the axes are, and what is identified.
+/// A lag and an integrator behind the dead time of the machine file: both the simulated axes and their models.
 fn model(machine: &Machine, axis: usize) -> Coefficients {
     let mut model = Coefficients::zero(machine.axes[axis].identification.structure);
     // (1 - z^-1)(1 - 0.8 z^-1), or without the lag where A has one coefficient only; 0.5 m/s at full command.
@@ -46,7 +45,7 @@ fn model(machine: &Machine, axis: usize) -> Coefficients {
     model
 }
 
-/// What every cause of a latch takes of the heap: making the neutral message, the ticks after it, and the reset.
+/// Number of allocations for every cause of a latch: of the neutral message, the ticks after it, and the reset.
 fn neutral_allocations(controller: &Controller, snapshot: &CoefficientSnapshot) -> u64 {
     let mut allocated = 0;
     let count = snapshot.header.axis_count as usize;
@@ -80,7 +79,7 @@ fn neutral_allocations(controller: &Controller, snapshot: &CoefficientSnapshot) 
     allocated
 }
 
-/// One test, since the allocator counts for the whole process. The thread that runs it is the only one at work.
+/// There is only one test, since the allocator counts for the whole process.
 #[test]
 fn the_controller_allocates_nothing_while_models_control() {
     let before = ALLOCATIONS.load(Ordering::Relaxed);

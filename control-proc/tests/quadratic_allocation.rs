@@ -1,4 +1,4 @@
-//! Solving quadratic programmes allocates nothing: counted by an allocator.
+//! Solving quadratic programmes does not allocate. An allocator counts.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
@@ -10,10 +10,10 @@ use control_proc::predictive::quadratic::{Problem, Solver, Status};
 
 static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
 
-/// The system's allocator, with a count of what is asked of it.
+/// The system's allocator, with a count of its calls.
 struct Counting;
 
-// SAFETY: every call is passed on to the system's allocator as it came; counting touches no memory of the heap.
+// SAFETY: every call is passed on unchanged to the system's allocator; counting touches no memory of the heap.
 #[allow(unsafe_code, reason = "an allocator cannot be written without")]
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
@@ -29,7 +29,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// One test, since the allocator counts for the whole process. The thread that runs it is the only one at work.
+/// There is only one test, since the allocator counts for the whole process.
 #[test]
 fn a_thousand_solves_allocate_nothing() {
     let before = ALLOCATIONS.load(Ordering::Relaxed);
@@ -55,7 +55,7 @@ fn a_thousand_solves_allocate_nothing() {
             (problem.row_lower[i], problem.row_upper[i]) = (-0.2, 0.2);
         }
         if k % 10 == 0 {
-            // Out of what the rates allow.
+            // The rates do not allow this bound.
             problem.lower[0] = 0.5;
         }
         let solution = black_box(solver.solve(black_box(&problem)));

@@ -1,4 +1,4 @@
-//! The predictive controller on processes that are a model themselves.
+//! The predictive controller on simulated processes that equal a model.
 
 use super::*;
 use crate::{protection::limits::Limits, tests::models::linear};
@@ -17,7 +17,7 @@ fn control(horizon: usize, moves: usize, move_weight: f64) -> Control {
     control
 }
 
-/// Drives a process that is the model itself plus a disturbance of its output; returns outputs and commands.
+/// Controls a process that equals the model plus a disturbance of its output. Returns outputs and commands.
 fn run(
     model: &Coefficients,
     mut predictive: Predictive,
@@ -99,7 +99,7 @@ fn a_drift_leaves_no_offset() {
 }
 
 #[test]
-fn hinges_behind_a_dead_band_are_led_to_the_target() {
+fn a_model_of_hinges_with_a_dead_band_reaches_its_reference() {
     let input = InputMap { dead_band: (0.1, 0.2), basis: Basis::hinges(&[0.0, 0.3]).unwrap() };
     let structure = Structure { na: 2, nb: 0, nk: 3, order: 2, input, ..Structure::PAPER };
     let plain = linear(&[-1.8, 0.8], &[0.001], 3);
@@ -107,7 +107,7 @@ fn hinges_behind_a_dead_band_are_led_to_the_target() {
     (model.f[0], model.f[1], model.g[0], model.g[1]) = (0.5, 1.0, 0.8, -0.3);
     let target = |k: usize| if k < 500 { 0.3 } else { -0.1 };
     let (y, u) = run(&model, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD), 1000, target, |_| 0.0);
-    // At rest, the next target not yet in sight.
+    // At rest, before the next reference is in the preview.
     for k in (400..470).chain(900..1000) {
         assert!((y[k] - target(k)).abs() < 1e-9, "y({k}) = {}", y[k]);
     }
@@ -115,14 +115,14 @@ fn hinges_behind_a_dead_band_are_led_to_the_target() {
 }
 
 #[test]
-fn a_model_of_the_highest_order_is_controlled_like_the_one_it_holds() {
+fn coefficients_of_zero_do_not_change_the_control() {
     // Poles of 0 up to order 6, as from na = 5 with an integrator.
     let plain = linear(&[-1.8, 0.8], &[0.001], 5);
     let six = Coefficients { na: 6, ..plain };
     let target = |k: usize| if k < 300 { 0.4 } else { 0.1 };
     let run = |model| run(model, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD), 600, target, |_| 0.0);
     assert_eq!(run(&six), run(&plain));
-    // And an order 6 whose every coefficient counts is led to its target.
+    // A model of order 6 with no coefficient of zero reaches its reference too.
     let mut full = Coefficients { na: 5, ..plain };
     full.a[..5].copy_from_slice(&[-0.9, 0.3, -0.15, 0.06, -0.02]);
     let full = full.integrated();
@@ -142,7 +142,7 @@ fn another_model_changes_the_command_by_no_more_than_two_percent_where_the_axis_
         Coefficients { f: [1.3, 0.0, 0.0, 0.0, 0.0], ..model },
     ];
     let target = |k: usize| (k as f64 - 100.0).clamp(0.0, 200.0) * 0.2 * PERIOD;
-    // On the ramp, and where it has ended.
+    // On the ramp, and after its end.
     for changed in [280, 500] {
         let mut predictive = Predictive::new(&control(20, 20, 25.0), ANYWHERE, PERIOD);
         let (mut history, mut y, mut x) = (History::resting(0.0), [0.0; 3], [0.0; 8]);
@@ -171,7 +171,7 @@ fn another_model_changes_the_command_by_no_more_than_two_percent_where_the_axis_
 }
 
 #[test]
-fn an_integrator_with_dead_time_follows_a_ramp_that_it_sees_coming() {
+fn an_integrator_with_dead_time_follows_a_ramp_of_the_preview_without_lag() {
     // y moves 0.005 m per tick at full command, through a valve of 0.8 and 5 ticks of dead time.
     let model = linear(&[-1.8, 0.8], &[0.001], 5);
     let predictive = Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD);
@@ -180,14 +180,14 @@ fn an_integrator_with_dead_time_follows_a_ramp_that_it_sees_coming() {
     for (k, y) in y.iter().enumerate() {
         assert!((y - target(k)).abs() < 3e-3, "y({k}) = {y} for {}", target(k));
     }
-    // On the ramp, the start forgotten and the end not yet in sight.
+    // On the ramp, after the start has decayed and before the end is in the preview.
     let worst = (220..270).map(|k| (y[k] - target(k)).abs()).fold(0.0, f64::max);
     assert!(worst < 1e-6, "{worst}");
 }
 
 #[test]
 fn the_axis_slows_down_before_its_soft_limits_and_stops_there() {
-    // 0.6 m/s at full command, through a lag of 45 ms and 10 ticks of dead time; the target jumps beyond a limit.
+    // 0.6 m/s at full command, through a lag of 45 ms and 10 ticks of dead time; the reference jumps beyond a limit.
     let model = linear(&[-1.8, 0.8], &[0.6 * 0.01 * 0.2], 10);
     let predictive = Predictive::new(&control(20, 20, 0.1), (-0.4, 0.5), PERIOD);
     let (y, _) = run(&model, predictive, 1500, |k| if k / 300 % 2 == 0 { 0.7 } else { -0.7 }, |_| 0.0);
@@ -208,7 +208,7 @@ fn saturation_does_not_wind_up() {
 }
 
 #[test]
-fn what_has_no_finite_answer_is_none() {
+fn there_is_no_command_without_a_finite_answer() {
     let mut predictive = Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD);
     let (history, limits) = (History::resting(0.0), Limits { magnitude: 1.0, step: 0.1 });
     assert_eq!(predictive.update(&approved(&Coefficients::default()), &limits, &history, &[1.0]), None);
@@ -219,10 +219,10 @@ fn what_has_no_finite_answer_is_none() {
 }
 
 #[test]
-fn a_command_outside_of_what_the_model_may_be_asked_for_goes_there_as_fast_as_it_may() {
+fn a_command_outside_the_range_of_the_model_returns_to_it_at_the_full_rate() {
     let model = linear(&[-1.8, 0.8], &[1.2e-3], 5);
     let limits = Limits { magnitude: 1.0, step: 0.1 };
-    // The box has shrunk around the command: it was at 0.9, and -0.9, and may be within 0.3.
+    // The range has shrunk: the command was 0.9 or -0.9, and has to be within 0.3.
     for last in [0.9, -0.9] {
         let mut predictive = Predictive::new(&control(20, 20, 25.0), ANYWHERE, PERIOD);
         let mut history = History::resting(0.0);
@@ -231,7 +231,7 @@ fn a_command_outside_of_what_the_model_may_be_asked_for_goes_there_as_fast_as_it
         let mut before = last;
         for _ in 0..6 {
             history.push_output(0.0, 0);
-            // The targets ask for more of what is too much.
+            // The references ask for an even larger command.
             let u = predictive.update(&small, &limits, &history, &[last.signum(); 60]).expect("a command");
             assert!((before - u - 0.1 * last.signum()).abs() < 1e-9, "{u} after {before}");
             history.push_command(u);
@@ -242,7 +242,7 @@ fn a_command_outside_of_what_the_model_may_be_asked_for_goes_there_as_fast_as_it
 }
 
 #[test]
-fn without_an_answer_of_the_solver_the_first_move_is_clipped_and_it_counts() {
+fn without_an_answer_of_the_solver_the_first_move_is_clipped_and_counted() {
     let model = linear(&[-1.8, 0.8], &[1.2e-3], 5);
     let limits = Limits { magnitude: 1.0, step: 0.1 };
     let mut predictive = Predictive::new(&control(20, 20, 25.0), ANYWHERE, PERIOD);

@@ -1,4 +1,4 @@
-//! Samples that cannot be trusted.
+//! Samples that are missing or unusable.
 
 use pipeline::message::{ControlMode, EncoderSample, control_flag, sample_fault};
 use proptest::prelude::*;
@@ -17,7 +17,7 @@ fn fault(bits: u32) -> impl Fn(&mut EncoderSample) {
     move |sample| sample.axes[0].faults = bits
 }
 
-/// Whether the axis is neutral with the latch shown, now and after 100 healthy ticks and another `arm`.
+/// Whether the axis stays neutral and latched over 100 healthy ticks after another `arm`.
 fn stays_latched(axis: &mut Loop) -> bool {
     axis.controller.arm();
     axis.run(100, Some(actuator())).iter().all(|command| {
@@ -84,7 +84,7 @@ fn a_sample_without_the_axis_is_unusable() {
 }
 
 #[test]
-fn an_encoder_that_stands_still_while_driven_latches() {
+fn a_stuck_encoder_of_a_driven_axis_latches() {
     let mut axis = moving();
     let frozen = axis.plant.position;
     let ticks = (0..300).take_while(|&k| {
@@ -110,8 +110,8 @@ fn an_axis_that_rests_may_stand_still() {
 }
 
 #[test]
-fn the_valves_own_dead_band_is_not_a_fault_of_the_encoder_also_where_none_is_compensated() {
-    // Commands within the valve's dead band and a margin: the axis stands, so the encoder does.
+fn commands_in_the_dead_band_of_the_valve_do_not_latch_without_compensation() {
+    // With commands within the dead band of the valve and a margin the axis stands, and so does the encoder.
     let mut machine = super::machine_with(super::SINES, "kind = \"hold\"\n");
     let axis = &mut machine.axes[0];
     (axis.control.dead_band.extend, axis.control.dead_band.retract) = (0.0, 0.0);
@@ -196,9 +196,9 @@ fn settling_starts_again_with_every_unhealthy_sample() {
 }
 
 proptest! {
-    /// Any samples, in any order: disarmed is exactly neutral, armed stays finite and inside both limits.
+    /// For any samples in any order, a disarmed axis is exactly neutral, and an armed axis is finite and inside both limits.
     #[test]
-    fn whatever_comes_in_the_command_stays_allowed(
+    fn the_command_stays_allowed_for_all_samples(
         steps in prop::collection::vec((0u64..5, any::<f64>(), 0u32..32, 0u32..10), 200),
         armed: bool,
     ) {

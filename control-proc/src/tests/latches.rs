@@ -1,11 +1,11 @@
-//! What latches an axis beside its feedback, and the emergency stop.
+//! Faults that latch an axis, other than lost feedback; and the emergency stop.
 
 use pipeline::message::{AxisMode, ControlMode, EncoderSample, ValveCommand, control_flag, model_fault};
 
 use super::{Loop, SINES, machine, machine_with, models::actuator, modes::Operated, snapshot};
 use crate::axis::UNSOLVED_LIMIT;
 
-/// An axis that asks for 0.15 m/s all the time, to and fro.
+/// A reference of 0.15 m/s at all times, to and fro.
 const RAMPS: &str = "kind = \"ramps\"\ntimes = [0.0, 4.0, 8.0]\npositions = [0.35, 0.95, 0.35]\n";
 
 fn press(sample: &mut EncoderSample) {
@@ -19,24 +19,24 @@ fn is_latched(command: &ValveCommand, cause: u32) -> bool {
     is_neutral && axis.flags & control_flag::LATCHED == cause && axis.operation == AxisMode::Off as u32
 }
 
-/// Whether it stays so for a second of healthy ticks and another `arm`, until it is disarmed.
+/// Whether the axis stays latched by this cause for a second of healthy ticks after another `arm`, until it is disarmed.
 fn stays_latched(axis: &mut Loop, cause: u32) -> bool {
     axis.controller.arm();
     let stays = axis.run(100, Some(actuator())).iter().all(|command| is_latched(command, cause));
-    // Another fault does not take the place of the first.
+    // Another fault does not replace the first one.
     axis.controller.feedback_lost();
     let keeps = axis.controller.is_latched() && is_latched(&axis.tick(None), cause);
     axis.controller.disarm();
     stays && keeps && !axis.controller.is_latched()
 }
 
-/// Ticks until a fault latches the axis, 300 at the most; each is made by `tick`.
+/// Ticks until a fault latches the axis, 300 at most.
 fn until_latched(axis: &mut Loop, mut tick: impl FnMut(&mut Loop) -> ValveCommand) -> usize {
     (0..300).take_while(|_| tick(axis).axes[0].flags & control_flag::LATCHED == 0).count()
 }
 
 #[test]
-fn an_encoder_that_repeats_itself_latches_without_a_mark_of_the_sensor() {
+fn an_encoder_that_repeats_itself_latches_without_a_fault_bit_of_the_sample() {
     let mut axis = Loop::new(&machine_with(SINES, RAMPS), 0.05);
     axis.run(500, Some(actuator()));
     let frozen = (axis.plant.position * 1e4).round() / 1e4;
@@ -50,7 +50,7 @@ fn an_encoder_that_repeats_itself_latches_without_a_mark_of_the_sensor() {
 }
 
 #[test]
-fn an_axis_without_supply_has_stalled_within_half_a_second_and_does_not_lurch_when_it_is_back() {
+fn an_axis_without_supply_stalls_within_half_a_second_and_does_not_move_when_the_supply_is_back() {
     for model in [None, Some(actuator())] {
         let mut axis = Loop::new(&machine_with(SINES, RAMPS), 0.05);
         axis.run(500, model);
@@ -62,7 +62,7 @@ fn an_axis_without_supply_has_stalled_within_half_a_second_and_does_not_lurch_wh
             axis.tick_with(fresh.as_ref(), None, |sample| sample.axes[0].position += flicker)
         });
         assert!((40..=50).contains(&ticks), "{ticks}");
-        // It is back a little later, and moves nothing.
+        // The supply is back a little later; the axis does not move.
         axis.run(30, model);
         axis.plant.position = stood;
         axis.run(300, model);
@@ -72,7 +72,7 @@ fn an_axis_without_supply_has_stalled_within_half_a_second_and_does_not_lurch_wh
 }
 
 #[test]
-fn by_hand_an_axis_may_stand_before_what_does_not_give_way() {
+fn in_manual_an_axis_may_stand_against_an_obstacle() {
     let mut axis = Operated::new();
     axis.enable(AxisMode::Manual);
     for k in 0..200 {
@@ -83,10 +83,10 @@ fn by_hand_an_axis_may_stand_before_what_does_not_give_way() {
 }
 
 #[test]
-fn an_axis_that_is_too_far_from_its_target_for_too_long_is_stopped() {
+fn an_axis_that_is_too_far_from_its_reference_for_too_long_is_stopped() {
     let mut machine = machine_with(SINES, "kind = \"hold\"\n");
     machine.axes[0].control.following_error = 0.03;
-    // Off by so much for so long; at rest the bound is the floor.
+    // The axis is off by `off` m for `long` ticks. At rest the bound is its floor.
     let latched = |off: f64, long: usize| {
         let mut axis = Loop::new(&machine, 0.0);
         axis.run(100, Some(actuator()));
@@ -114,12 +114,12 @@ fn an_axis_that_is_too_far_from_its_target_for_too_long_is_stopped() {
 #[test]
 fn plans_without_an_answer_are_counted_and_five_in_a_row_latch() {
     let mut machine = machine(1);
-    // Nothing finite can be weighed by it.
+    // With this weight the cost of every plan is not finite.
     machine.axes[0].control.move_weight = f64::INFINITY;
-    // A model is gone with the next tick.
+    // A model has expired at the next tick.
     let lifetime = machine.timing.period / 2;
     (machine.timing.model_timeout, machine.timing.model_lifetime) = (lifetime, lifetime);
-    // `plans` in a row, then none for as many ticks.
+    // Unsolved plans for `plans` ticks in a row, then no plan for as many ticks.
     let run = |plans: u64| {
         let mut axis = Loop::new(&machine, 0.05);
         axis.run(200, None);
@@ -138,7 +138,7 @@ fn plans_without_an_answer_are_counted_and_five_in_a_row_latch() {
     let latched = commands.iter().position(|command| command.axes[0].flags & control_flag::LATCHED != 0);
     assert_eq!(latched, Some(UNSOLVED_LIMIT as usize - 1));
     for (k, command) in commands[..4].iter().enumerate() {
-        // The fallback goes on meanwhile.
+        // Meanwhile the fallback controls.
         let axis = command.axes[0];
         assert_eq!((axis.mode, axis.unsolved_plans), (ControlMode::Fallback as u32, k as u64 + 1));
         assert_ne!(axis.flags & control_flag::MODEL_REFUSED, 0);
@@ -151,7 +151,7 @@ fn plans_without_an_answer_are_counted_and_five_in_a_row_latch() {
 }
 
 #[test]
-fn late_commands_latch_at_once_and_the_neutral_message_says_why() {
+fn a_latch_from_outside_acts_at_once_and_the_neutral_message_shows_its_cause() {
     for cause in [control_flag::DEADLINE, control_flag::FEEDBACK] {
         let mut axis = Loop::new(&machine(1), 0.0);
         axis.run(300, Some(actuator()));
@@ -175,7 +175,7 @@ fn an_emergency_stop_is_neutral_in_the_same_tick_in_every_mode_and_cuts_the_pilo
         let pressed = axis.ask_with(mode, 0.3, press);
         assert!(is_latched(&pressed, control_flag::EMERGENCY_STOP) && pressed.cut_off == 1, "{mode:?}");
         assert_eq!(axis.axis.controller.neutral(0).cut_off, 1);
-        // A reset is refused while it is pressed, in every form.
+        // While the stop is pressed, every kind of reset is refused.
         let refused = pressed.axes[0].refused_requests;
         let off = axis.ask_with(AxisMode::Off, 0.0, press);
         assert!(is_latched(&off, control_flag::EMERGENCY_STOP) && off.cut_off == 1, "{mode:?}");
@@ -184,7 +184,7 @@ fn an_emergency_stop_is_neutral_in_the_same_tick_in_every_mode_and_cuts_the_pilo
         axis.axis.controller.disarm();
         axis.axis.controller.arm();
         assert_eq!(axis.axis.controller.neutral(0).cut_off, 1);
-        // Released it stays latched and cut off.
+        // After the stop is released, the axis stays latched and the pilot cut off.
         axis.enable += 1;
         let again = if mode == AxisMode::Off { AxisMode::Manual } else { mode };
         for command in axis.asks(50, again, 0.3, None) {

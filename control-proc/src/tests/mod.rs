@@ -1,4 +1,4 @@
-//! Tests of the whole core: closed loops with a tiny axis, faults, poisoned models, bad references.
+//! Tests of the whole core: closed loops with a small simulated axis, faults, poisoned models, bad references.
 
 mod feedback;
 mod latches;
@@ -82,7 +82,7 @@ fn snapshot(sequence: u64, model: pipeline::hammerstein::Coefficients) -> Coeffi
     snapshot
 }
 
-/// One axis in its loop, with hooks for what it is fed.
+/// One axis in a closed loop, whose inputs a test may change.
 struct Loop {
     controller: Controller,
     plant: Actuator,
@@ -96,7 +96,7 @@ impl Loop {
         Self { controller, plant: Actuator::new(0.6, dead_band), sequence: 0 }
     }
 
-    /// One tick; `change` may spoil the sample.
+    /// One tick; `change` may change the sample.
     fn tick_with(
         &mut self,
         snapshot: Option<&CoefficientSnapshot>,
@@ -116,7 +116,7 @@ impl Loop {
         self.tick_with(snapshot, None, |_| ())
     }
 
-    /// Runs with a model that is always fresh.
+    /// Runs for so many ticks, with a new snapshot of the model at every tick.
     fn run(&mut self, ticks: usize, model: Option<pipeline::hammerstein::Coefficients>) -> Vec<ValveCommand> {
         (0..ticks)
             .map(|_| {

@@ -14,8 +14,7 @@ pub fn linear(a: &[f64], b: &[f64], nk: usize) -> Coefficients {
     model
 }
 
-/// What an identifier finds for [`super::plant::Actuator`] without a dead band: (1 - z^-1)(1 - 0.8 z^-1), nk = 5,
-/// 0.6 m/s at full command, with N of a mild curve.
+/// The model of [`super::plant::Actuator`] without a dead band: (1 - z^-1)(1 - 0.8 z^-1), nk = 5, 0.6 m/s at full command.
 pub fn actuator() -> Coefficients {
     let mut model = Coefficients::zero(Structure { na: 2, nb: 0, nk: 5, order: 3, ..Structure::PAPER });
     model.a[..2].copy_from_slice(&[-1.8, 0.8]);
@@ -24,7 +23,7 @@ pub fn actuator() -> Coefficients {
     model
 }
 
-/// What commissioning finds of an axis of 0.6 m/s at full command, 50 ms of dead time and 45 ms of lag.
+/// The commissioned model of an axis with 0.6 m/s at full command, 50 ms of dead time and 45 ms of lag.
 pub fn commissioned() -> Commissioned {
     Commissioned {
         dead_time: 0.05,

@@ -1,4 +1,4 @@
-//! Off, manual, hold, track, commission.
+//! The modes off, manual, hold, track and commission, and the changes between them.
 
 use pipeline::message::{AxisMode, AxisRequest, ControlMode, EncoderSample, Request, ValveCommand, control_flag};
 use proptest::prelude::*;
@@ -6,18 +6,18 @@ use proptest::prelude::*;
 use super::{Loop, SINES, machine, machine_with, models::actuator, sample, snapshot};
 use crate::Controller;
 
-/// What a request may change of the command from tick to tick.
+/// Largest change of the command from tick to tick by a request.
 const RATE: f64 = 0.1 + 1e-12;
-/// The same where the axis is where it should be: 2 % of the range.
+/// Largest change of the command where the axis is at its reference: 2 % of the range.
 const BUMP: f64 = 0.02;
 
-/// A loop that nobody has armed, and the program that operates it.
+/// A disarmed axis in its loop, and the program that operates it.
 pub struct Operated {
     pub(super) axis: Loop,
     session: u64,
     number: u64,
     pub(super) enable: u32,
-    /// Whether there is a model.
+    /// Whether snapshots with a model come.
     is_modelled: bool,
 }
 
@@ -26,7 +26,7 @@ impl Operated {
         Self::of(&machine(1))
     }
 
-    /// With a model that is right about the plant.
+    /// With snapshots of the exact model of the plant.
     fn modelled() -> Self {
         let mut operated = Self::new();
         operated.axis.plant = super::plant::Actuator::new(0.6, 0.0);
@@ -39,7 +39,7 @@ impl Operated {
         Self { axis, session: 1, number: 0, enable: 0, is_modelled: false }
     }
 
-    /// The program's next message, made from the newest sample.
+    /// The next message of the program, made from the newest sample.
     fn request(&mut self, mode: AxisMode, command: f64, target: Option<f64>) -> Request {
         let mut request = Request { session: self.session, ..Request::default() };
         request.header.axis_count = 1;
@@ -64,7 +64,7 @@ impl Operated {
         self.tick()
     }
 
-    /// The same; `change` may spoil the sample.
+    /// One tick with a request; `change` may change the sample.
     pub(super) fn ask_with(
         &mut self,
         mode: AxisMode,
@@ -85,7 +85,7 @@ impl Operated {
         (0..ticks).map(|_| self.ask(mode, command, target)).collect()
     }
 
-    /// Enables, and goes through settling.
+    /// Arms the axis by a request and lets it settle.
     pub fn enable(&mut self, mode: AxisMode) {
         self.ask(mode, 0.0, None);
         self.enable += 1;
@@ -105,22 +105,22 @@ impl Operated {
 fn nothing_moves_before_an_enable() {
     for mode in [AxisMode::Manual, AxisMode::Hold, AxisMode::Track, AxisMode::Commission] {
         let mut axis = Operated::new();
-        // A program that comes with a number of its own, whatever it is, has not enabled.
+        // The first message of a program does not enable, whatever its number is.
         axis.enable = 7;
-        let by_hand = if mode.is_by_hand() { 0.5 } else { 0.0 };
-        for command in axis.asks(300, mode, by_hand, Some(0.9)) {
+        let command = if mode.is_by_hand() { 0.5 } else { 0.0 };
+        for command in axis.asks(300, mode, command, Some(0.9)) {
             assert_eq!((command.axes[0].command, command.axes[0].operation), (0.0, AxisMode::Off as u32));
             assert_ne!(command.axes[0].flags & control_flag::DISARMED, 0);
         }
         axis.enable(mode);
-        axis.asks(50, mode, by_hand, Some(0.9));
+        axis.asks(50, mode, command, Some(0.9));
         assert!(axis.axis.plant.position != 0.6, "{mode:?} moves once it is enabled");
     }
 }
 
 #[test]
 fn an_edge_counts_only_within_a_session_and_between_messages_in_a_row() {
-    // Another program with another number, its first message or one that it has sent since.
+    // Another program has another number, in its first message or in a later one.
     let mut axis = Operated::new();
     for (session, number) in [(2, 0), (3, 100)] {
         axis.asks(5, AxisMode::Manual, 0.5, None);
@@ -129,12 +129,12 @@ fn an_edge_counts_only_within_a_session_and_between_messages_in_a_row() {
         axis.asks(30, AxisMode::Manual, 0.5, None);
         assert!(axis.is_off());
     }
-    // The same after a pause that is longer than the time-out.
+    // After a pause that is longer than the time-out there is no edge either.
     axis.axis.run(12, None);
     axis.enable += 1;
     axis.asks(30, AxisMode::Manual, 0.5, None);
     assert!(axis.is_off());
-    // An edge in a message that is refused.
+    // The edge of a message that is refused is lost.
     axis.enable += 1;
     axis.ask(AxisMode::Manual, f64::NAN, None);
     axis.asks(30, AxisMode::Manual, 0.5, None);
@@ -145,7 +145,7 @@ fn an_edge_counts_only_within_a_session_and_between_messages_in_a_row() {
 }
 
 #[test]
-fn an_old_message_moves_nothing_however_often_it_comes() {
+fn an_old_message_does_not_move_the_axis_however_often_it_comes() {
     let mut axis = Operated::new();
     axis.ask(AxisMode::Manual, 0.5, None);
     let before = axis.request(AxisMode::Manual, 0.5, None);
@@ -157,7 +157,7 @@ fn an_old_message_moves_nothing_however_often_it_comes() {
         axis.axis.controller.ask(&old);
         assert_eq!(axis.axis.tick(None).axes[0].command, 0.0);
     }
-    // Nor does one that claims to be of a time to come.
+    // A message from the future does not move it either.
     edge.header.sequence += 1000;
     edge.header.number += 10;
     axis.axis.controller.ask(&edge);
@@ -166,7 +166,7 @@ fn an_old_message_moves_nothing_however_often_it_comes() {
 }
 
 #[test]
-fn a_controller_that_starts_again_comes_up_off() {
+fn a_controller_that_is_restarted_is_off() {
     let mut axis = Operated::new();
     axis.enable(AxisMode::Manual);
     axis.asks(50, AxisMode::Manual, 0.3, None);
@@ -180,8 +180,8 @@ fn a_controller_that_starts_again_comes_up_off() {
 }
 
 #[test]
-fn manual_is_the_command_within_its_limits_and_stops_with_its_program() {
-    // The commissioning's command is neutral after three periods, the feedback's time-out; both are off after 0.1 s.
+fn a_direct_mode_commands_within_the_limits_and_stops_with_its_program() {
+    // The command of a commissioning is neutral after `feedback_timeout`, three periods; both modes are off after 0.1 s.
     for (mode, lasts, who) in
         [(AxisMode::Manual, 10, ControlMode::Manual), (AxisMode::Commission, 3, ControlMode::Commission)]
     {
@@ -199,14 +199,14 @@ fn manual_is_the_command_within_its_limits_and_stops_with_its_program() {
         assert_eq!(first(|command| command.axes[0].command == 0.0), lasts - 1, "{mode:?}");
         assert_eq!(first(|command| command.axes[0].operation == AxisMode::Off as u32), 9, "{mode:?}");
         assert_ne!(after[29].axes[0].flags & control_flag::REQUEST_STOPPED, 0);
-        // What comes again moves nothing.
+        // Requests that come again do not move the axis.
         assert!(axis.asks(50, mode, 0.3, None).iter().all(|command| command.axes[0].command == 0.0));
         axis.enable(mode);
     }
 }
 
 #[test]
-fn a_soft_limit_is_not_overrun_by_hand() {
+fn a_soft_limit_is_not_overrun_in_manual() {
     for (command, limit) in [(1.0, 1.284), (-1.0, 0.05)] {
         let mut axis = Operated::new();
         axis.enable(AxisMode::Manual);
@@ -219,14 +219,14 @@ fn a_soft_limit_is_not_overrun_by_hand() {
         assert!((-0.02..=0.002).contains(&beyond), "{} mm", 1e3 * beyond);
         let sent = axis.ask(AxisMode::Manual, command, None).axes[0];
         assert_ne!(sent.flags & control_flag::SOFT_LIMIT, 0);
-        // Away from it is free.
+        // Commands away from the limit are free.
         let sent = axis.asks(5, AxisMode::Manual, -0.4 * command, None)[4].axes[0];
         assert_eq!((sent.command, sent.flags), (-0.4 * command, 0));
     }
 }
 
 #[test]
-fn hold_goes_to_its_target_and_stays() {
+fn hold_goes_to_its_set_point_and_stays() {
     let mut axis = Operated::modelled();
     axis.enable(AxisMode::Hold);
     assert!(axis.asks(100, AxisMode::Hold, 0.0, None).iter().all(|command| command.axes[0].command == 0.0));
@@ -236,14 +236,14 @@ fn hold_goes_to_its_target_and_stays() {
     assert!(fastest <= 0.25 * 0.01 + 1e-12, "{fastest}");
     assert_eq!(references[799], 0.9);
     assert!((axis.axis.plant.position - 0.9).abs() < 1e-3, "{}", axis.axis.plant.position);
-    // It needs no requests to go on.
+    // Hold goes on without requests.
     let after: Vec<_> = (0..300).map(|_| axis.tick().axes[0]).collect();
     assert_eq!((after[299].operation, after[299].mode), (AxisMode::Hold as u32, ControlMode::Model as u32));
     assert!((axis.axis.plant.position - 0.9).abs() < 1e-3);
 }
 
 #[test]
-fn what_makes_no_sense_is_refused_counted_and_shown_and_changes_nothing() {
+fn a_senseless_request_is_refused_counted_and_flagged_and_changes_nothing() {
     let mut axis = Operated::new();
     axis.enable(AxisMode::Hold);
     axis.asks(400, AxisMode::Hold, 0.0, Some(0.7));
@@ -271,14 +271,14 @@ fn what_makes_no_sense_is_refused_counted_and_shown_and_changes_nothing() {
             assert_eq!(command.refused_requests, i as u32 + 1);
             assert_eq!((command.operation, command.reference), (AxisMode::Hold as u32, 0.7), "{i}");
         }
-        // One that is sound is taken again.
+        // A sound request is accepted again.
         let command = axis.ask(AxisMode::Hold, 0.0, Some(0.7)).axes[0];
         assert_eq!((command.flags & control_flag::REQUEST, command.refused_requests), (0, i as u32 + 1));
     }
 }
 
 #[test]
-fn off_is_neutral_at_once_and_wants_an_enable() {
+fn off_is_neutral_at_once_and_lasts_until_an_enable() {
     for mode in [AxisMode::Manual, AxisMode::Hold, AxisMode::Track, AxisMode::Commission] {
         let mut axis = Operated::new();
         axis.enable(mode);
@@ -296,7 +296,7 @@ fn a_fault_latches_in_every_mode_until_off_and_an_enable() {
         axis.enable(mode);
         axis.asks(60, mode, 0.3, Some(0.9));
         axis.axis.controller.feedback_lost();
-        // Neither going on nor an edge alone.
+        // Neither more requests nor an edge alone release the latch.
         axis.asks(30, mode, 0.3, None);
         axis.enable += 1;
         for command in axis.asks(60, mode, 0.3, None) {
@@ -320,7 +320,7 @@ fn armed_axes_track_and_take_requests() {
 }
 
 #[test]
-fn an_axis_asked_for_nothing_does_what_it_did() {
+fn a_request_for_no_change_does_not_change_the_commands() {
     let mut plain = Loop::new(&machine(1), 0.05);
     let mut asked = Operated::new();
     asked.axis.controller.arm();
@@ -329,9 +329,9 @@ fn an_axis_asked_for_nothing_does_what_it_did() {
     }
 }
 
-/// From a motion by hand the axis comes to a stand where its targets do, and is not carried on.
+/// After a motion in manual the axis comes to a stand where its reference does.
 #[test]
-fn a_motion_by_hand_is_braked() {
+fn a_motion_in_manual_is_braked_by_the_next_mode() {
     for (next, command) in [(AxisMode::Hold, 0.4), (AxisMode::Track, -0.4)] {
         let mut axis = Operated::of(&machine_with(SINES, "kind = \"hold\"\n"));
         axis.enable(AxisMode::Manual);
@@ -348,9 +348,9 @@ fn a_motion_by_hand_is_braked() {
 }
 
 proptest! {
-    /// Modes in any order, at any time, with the model and without it.
+    /// Modes in any order, at any time, with a model and without one.
     #[test]
-    fn no_change_of_mode_bumps(
+    fn no_change_of_mode_makes_the_command_jump(
         steps in prop::collection::vec((1u32..6, -1.0f64..1.0, prop::option::of(0.05f64..1.284), 1usize..150), 1..12),
         by_model: bool,
     ) {
@@ -367,14 +367,14 @@ proptest! {
                 let sent = axis.ask(mode, command, target).axes[0];
                 let step = (sent.command - last).abs();
                 prop_assert!(sent.command.is_finite() && sent.command.abs() <= 1.0);
-                // Down to neutral, and where a soft limit is near, a command may go at once.
+                // A command may change to neutral at once, and near a soft limit.
                 let stops = sent.command == 0.0 || sent.flags & control_flag::SOFT_LIMIT != 0;
-                // A commissioning's other direction begins at neutral.
+                // The other direction of a commissioning begins at neutral.
                 let turns = mode == AxisMode::Commission && sent.command.abs() <= RATE;
                 prop_assert!(step <= RATE || stops || turns, "{before:?} to {mode:?}: {step}");
                 let (to, from) = (mode as u32, before);
                 if k == 0 && to != from as u32 && !mode.is_by_hand() && mode != AxisMode::Off && !stops {
-                    // The share of the error that is there anyhow is the controller's, not the change's.
+                    // Where an error was there before, the controller may use its whole rate.
                     let bound = if from.is_by_hand() { BUMP } else { RATE };
                     prop_assert!(step <= bound, "{from:?} to {mode:?}: {step} at an error of {}", sent.error);
                 }
@@ -396,7 +396,7 @@ fn every_axis_has_a_mode_of_its_own() {
     };
     for k in 0..60 {
         controller.ask(&ask(k, u32::from(k > 1)));
-        // The second one moves, by as much as its encoder can tell.
+        // The second axis moves by one count of its encoder.
         let command = controller.update(&sample(k, &[0.6, 0.6 + 1e-4 * k as f64]), None, None);
         assert_eq!((command.axes[0].command, command.axes[0].operation), (0.0, AxisMode::Off as u32));
         assert_eq!(command.axes[1].command != 0.0, k >= 22, "{k}");

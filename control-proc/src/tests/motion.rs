@@ -1,4 +1,4 @@
-//! Starting, following, switching.
+//! Starting, following, and switching between fallback and model.
 
 use pipeline::message::{ControlMode, control_flag, model_fault};
 
@@ -11,7 +11,7 @@ fn largest_step(commands: &[pipeline::message::ValveCommand]) -> f64 {
 }
 
 #[test]
-fn pi_moves_an_axis_with_a_dead_band_to_its_target() {
+fn pi_moves_an_axis_with_a_dead_band_to_its_reference() {
     let machine = machine_with(SINES, "kind = \"ramps\"\ntimes = [0.0, 1.0, 100.0]\npositions = [0.8, 0.8, 0.8]\n");
     let mut axis = Loop::new(&machine, 0.10);
     let commands = axis.run(1500, None);
@@ -22,7 +22,7 @@ fn pi_moves_an_axis_with_a_dead_band_to_its_target() {
 }
 
 #[test]
-fn it_starts_without_motion_and_without_a_jump() {
+fn the_axis_starts_without_motion_and_without_a_jump() {
     for model in [None, Some(actuator())] {
         let mut axis = Loop::new(&machine(1), 0.0);
         let commands = axis.run(1000, model);
@@ -30,7 +30,7 @@ fn it_starts_without_motion_and_without_a_jump() {
             assert_eq!(command.axes[0].command, 0.0);
             assert_ne!(command.axes[0].flags & control_flag::SETTLING, 0);
         }
-        // The first tick that follows has the target where the axis stands.
+        // At the first tick that follows, the reference is where the axis stands.
         assert_eq!((commands[20].axes[0].command, commands[20].axes[0].error), (0.0, 0.0));
         assert!(largest_step(&commands[20..30]) < 0.02, "{}", largest_step(&commands[20..30]));
         assert!(largest_step(&commands) <= 0.1 + 1e-12);
@@ -53,7 +53,7 @@ fn the_model_follows_a_sine_clearly_better_than_the_fallback() {
     assert!(model < 0.2 * fallback, "fallback {fallback} m, model {model} m");
 }
 
-/// A regression: without the noise polynomial one count of the encoder moved the command by the whole rate limit.
+/// Regression: without the noise polynomial one count of the encoder moved the command by the whole rate limit.
 #[test]
 fn the_steps_of_the_encoder_do_not_shake_the_valve() {
     let commands = Loop::new(&machine(1), 0.0).run(3000, Some(actuator()));
@@ -63,7 +63,7 @@ fn the_steps_of_the_encoder_do_not_shake_the_valve() {
 }
 
 #[test]
-fn the_model_is_tried_and_left_without_a_bump() {
+fn the_command_does_not_jump_when_the_model_takes_over_and_when_it_expires() {
     let mut machine = machine(1);
     let lifetime = std::time::Duration::from_millis(20);
     (machine.timing.model_timeout, machine.timing.model_lifetime) = (lifetime, lifetime);
@@ -74,7 +74,7 @@ fn the_model_is_tried_and_left_without_a_bump() {
     assert_eq!(commands[44].axes[0].mode, ControlMode::Fallback as u32);
     assert_eq!(commands[45].axes[0].mode, ControlMode::Model as u32);
     commands.extend(axis.run(10, None));
-    // Made after tick 433, it is used for two ticks more.
+    // The last model was made after tick 433 and is used for two more ticks.
     let (last, first) = (commands[435].axes[0], commands[436].axes[0]);
     assert_eq!((last.mode, last.flags), (ControlMode::Model as u32, control_flag::NO_MODEL));
     let flags = control_flag::NO_MODEL | control_flag::MODEL_STALE | control_flag::HALF_SPEED;
@@ -84,7 +84,7 @@ fn the_model_is_tried_and_left_without_a_bump() {
 }
 
 #[test]
-fn an_old_model_is_used_on_and_flagged_and_after_its_lifetime_the_axis_goes_at_half_speed() {
+fn a_stale_model_stays_in_use_and_after_its_lifetime_the_axis_goes_at_half_speed() {
     // A fast sine, of more than half of the axis' speed.
     let fast = machine_with("frequency = 0.3", "frequency = 0.6");
     let mut axis = Loop::new(&fast, 0.0);
@@ -95,7 +95,7 @@ fn an_old_model_is_used_on_and_flagged_and_after_its_lifetime_the_axis_goes_at_h
     let mut last = axis.controller.neutral(0).axes[0].command;
     let (mut slowed, mut stood) = (0, false);
     for k in 400..4400 {
-        // An identifier that begins anew says that it has no model yet: that ends nothing.
+        // A restarted identifier reports that it has no model yet. The last approved model stays in use.
         let mut restarted = snapshot(k - 1, actuator());
         restarted.axes[0].faults = model_fault::TRAINING;
         let command = axis.tick(Some(if k > 500 { &restarted } else { &old })).axes[0];
@@ -119,16 +119,16 @@ fn an_old_model_is_used_on_and_flagged_and_after_its_lifetime_the_axis_goes_at_h
         }
     }
     assert!(stood && slowed > 50, "{slowed}");
-    // Another model ends it.
+    // Another model ends the half speed.
     let commands = axis.run(50, Some(actuator()));
     let last = commands[49].axes[0];
     assert_eq!((last.mode, last.flags & !control_flag::SOFT_LIMIT), (ControlMode::Model as u32, 0));
 }
 
 #[test]
-fn half_of_the_speed_is_half_of_the_commissioned_one_where_that_is_less() {
+fn half_speed_is_half_of_the_commissioned_speed_where_that_is_less() {
     let mut machine = machine_with("frequency = 0.3", "frequency = 0.6");
-    // Twice as fast at half of the opening as a straight line.
+    // At half of the opening twice as fast as a straight line.
     let mut model = super::models::commissioned();
     (model.openings, model.speeds_extend, model.speeds_retract) = (vec![0.4, 0.8], vec![0.4, 0.5], vec![0.4, 0.5]);
     let fastest = model.speed(1.0).max(-model.speed(-1.0));
@@ -158,7 +158,7 @@ fn the_choice_none_never_uses_a_model() {
 }
 
 #[test]
-fn the_same_inputs_give_the_same_commands() {
+fn equal_inputs_give_equal_commands() {
     let run = || Loop::new(&machine(1), 0.05).run(500, Some(actuator()));
     let (one, two) = (run(), run());
     for (a, b) in one.iter().zip(&two) {
@@ -172,7 +172,7 @@ fn all_axes_of_a_machine_are_commanded() {
     controller.arm();
     let fresh = |k: u64| snapshot(k, actuator());
     for k in 0..60u64 {
-        // They move, by as much as their encoders can tell.
+        // The axes move by one count of their encoders.
         let positions = [0.6, 0.65, 0.7, 0.75].map(|position| position + 1e-4 * (k % 2) as f64);
         let command = controller.update(&super::sample(k, &positions), Some(&fresh(k)), None);
         assert_eq!((command.header.sequence, command.header.axis_count), (k, 4));

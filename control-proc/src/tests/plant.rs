@@ -1,10 +1,10 @@
-//! A tiny axis: dead band, dead time, first-order valve, integrator.
+//! A small axis: dead band, dead time, first-order valve, integrator.
 //!
 //! ```text
 //! q(k) = 0.8 q(k-1) + 0.2 N_d(u(k-5))        y(k) = y(k-1) + 0.6 m/s * 10 ms * q(k)
 //! ```
 //!
-//! N_d takes the dead band off the command.
+//! q spool position, u command, y position in m. N_d subtracts the dead band from the command.
 
 pub struct Actuator {
     pub position: f64,

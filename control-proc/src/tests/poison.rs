@@ -1,10 +1,10 @@
 //! Ten thousand poisoned snapshots among good ones.
 //!
-//! Poisoned is what no axis is like: not finite, denormal, unstable, the wrong way round, a curve that turns back
-//! before it has moved the axis, another structure, and what is torn: the front half of one good model and the rear half of
-//! another, where the whole is one of the above. What is judged is the model that a snapshot holds, not where its bytes
-//! come from: a torn one whose coefficients make a good model is used like any other, and a curve that turns back
-//! later is used up to there.
+//! A poisoned model is one that no axis can have: not finite, denormal, unstable, of the wrong direction, of another
+//! structure, with a curve that turns back before it has moved the axis, or torn. A torn model has the first half of one
+//! good model and the second half of another, and is wrong in one of these ways. The judge looks at the model, not at the
+//! origin of its bytes: a torn model with sound coefficients is used like any other, and a curve that turns back later is
+//! used up to there.
 
 use pipeline::{
     hammerstein::{Coefficients, Structure},
@@ -90,7 +90,7 @@ fn poisoned(way: usize, random: &mut Pcg64) -> Coefficients {
 
 const WAYS: usize = 11;
 
-/// What a run has shown.
+/// Results of a run.
 struct Seen {
     /// Largest error after the way to the target, m.
     largest_error: f64,
@@ -98,7 +98,7 @@ struct Seen {
     commands: Vec<f64>,
 }
 
-/// A loop under good snapshots, with bursts of poisoned ones, or of none in their place.
+/// A loop with good snapshots, and with bursts of poisoned ones or, in their place, of none.
 fn run(poison: bool) -> Seen {
     let mut random = Pcg64::seed_from_u64(7);
     let mut axis = Loop::new(&machine(1), 0.05);
@@ -113,7 +113,7 @@ fn run(poison: bool) -> Seen {
         let command = if burst > 0 {
             let (way, held) = (sent % WAYS, below(&mut random, WAYS));
             let mut bad: CoefficientSnapshot = snapshot(made_after, poisoned(way, &mut random));
-            // The held model would take its place.
+            // Otherwise the classical model would be used instead.
             bad.axes[0].classical = poisoned(held, &mut random);
             (burst, sent) = (burst - 1, sent + 1);
             let command = axis.tick(poison.then_some(&bad)).axes[0];
@@ -135,23 +135,23 @@ fn run(poison: bool) -> Seen {
 }
 
 #[test]
-fn the_other_half_of_a_torn_model_is_a_good_one() {
+fn the_second_model_is_approved_by_itself() {
     let mut axis = Loop::new(&machine(1), 0.0);
     axis.run(40, Some(other()));
     assert_eq!(axis.tick(Some(&snapshot(39, other()))).axes[0].mode, ControlMode::Model as u32);
 }
 
 #[test]
-fn ten_thousand_poisoned_snapshots_do_what_their_absence_does() {
+fn ten_thousand_poisoned_snapshots_change_no_command() {
     let (with, without) = (run(true), run(false));
     let share = with.model_ticks as f64 / with.commands.len() as f64;
     println!("largest error {:.2} mm, {:.0} % by the model", with.largest_error * 1e3, share * 100.0);
     assert_eq!(with.model_ticks, without.model_ticks);
-    assert!(share > 0.9, "the good ones were used on: {share} of the ticks");
+    assert!(share > 0.9, "the last approved model stays in use: {share} of the ticks");
     for (k, (a, b)) in with.commands.iter().zip(&without.commands).enumerate() {
         assert_eq!(a.to_bits(), b.to_bits(), "tick {k}");
     }
-    // The fallback alone, on the same way.
+    // The fallback alone, with this reference.
     let mut fallback = Loop::new(&machine(1), 0.05);
     let errors = fallback.run(3000, None).split_off(300);
     let largest = errors.iter().fold(0.0f64, |largest, command| largest.max(command.axes[0].error.abs()));

@@ -1,4 +1,4 @@
-//! Targets: generated, read from a file, and from another program.
+//! References: generated, read from a file, and received from another program.
 
 use std::fs;
 
@@ -10,7 +10,7 @@ use pipeline::{
 use super::{Loop, SINES, machine, machine_with};
 use crate::{Controller, reference::generator::ReferenceGenerator, trajectory_file::read_references};
 
-/// A message of `preview` equal targets from tick `sequence` on.
+/// A message of `preview` equal references from tick `sequence` on.
 fn constant(sequence: u64, target: f64, preview: u32) -> Reference {
     let mut reference = Reference { preview, ..Reference::default() };
     (reference.header.sequence, reference.header.axis_count) = (sequence, 1);
@@ -18,7 +18,7 @@ fn constant(sequence: u64, target: f64, preview: u32) -> Reference {
     reference
 }
 
-/// A loop on the channel that has settled at 0.6 m and follows it.
+/// A loop that has settled at 0.6 m and follows the channel.
 fn following() -> Loop {
     let mut axis = Loop::new(&machine_with(SINES, "kind = \"channel\"\n"), 0.0);
     for k in 0..50 {
@@ -28,7 +28,7 @@ fn following() -> Loop {
     axis
 }
 
-/// Ticks with `reference`: whether the axis holds 0.6 m with the flag.
+/// Whether the axis holds 0.6 m and shows the flag over ticks with `reference`.
 fn holds(axis: &mut Loop, reference: Option<&Reference>) -> bool {
     let command = axis.tick_with(None, reference, |_| ()).axes[0];
     command.flags & control_flag::REFERENCE != 0
@@ -37,7 +37,7 @@ fn holds(axis: &mut Loop, reference: Option<&Reference>) -> bool {
 }
 
 #[test]
-fn sines_and_ramps_are_what_they_say() {
+fn sines_and_ramps_have_the_configured_positions() {
     let generator = read_references(&machine(1)).unwrap();
     let expected = 0.65 + 0.12 * (std::f64::consts::TAU * 0.3 * 1.7 + 0.4).sin();
     assert!((generator.position(0, 1.7).unwrap() - expected).abs() < 1e-15);
@@ -113,18 +113,18 @@ fn the_channel_is_followed_over_its_preview() {
         let command = axis.tick_with(None, Some(&reference), |_| ()).axes[0];
         assert_eq!((command.reference, command.flags & control_flag::REFERENCE), (expected, 0));
     }
-    // Used up: the target goes on, and comes to a stand.
+    // The preview is used up: the reference goes on, and comes to a stand.
     let command = axis.tick_with(None, Some(&reference), |_| ()).axes[0];
     assert!(command.reference > 0.604 && command.reference <= 0.605, "{}", command.reference);
     assert_ne!(command.flags & control_flag::REFERENCE, 0);
-    // A message for a later tick within its preview starts at its first target.
+    // A message for a later tick within its preview starts at its first reference.
     let command = axis.tick_with(None, Some(&constant(57, 0.605, 4)), |_| ()).axes[0];
     assert_eq!((command.reference, command.flags & control_flag::REFERENCE), (0.605, 0));
 }
 
 #[test]
-fn where_the_stream_stops_the_target_comes_to_a_stand_and_is_taken_up_from_there() {
-    // At 0.2 m/s, previews of one and of many ticks; a quarter of max_speed is more.
+fn when_the_channel_stops_the_reference_comes_to_a_stand_and_goes_on_from_there() {
+    // At 0.2 m/s, less than a quarter of max_speed, with previews of one and of many ticks.
     for (preview, silent) in [(1, true), (20, true), (20, false)] {
         let mut axis = following();
         let target = |k: u64| 0.6 + 0.002 * (k - 50) as f64;
@@ -137,7 +137,7 @@ fn where_the_stream_stops_the_target_comes_to_a_stand_and_is_taken_up_from_there
         for k in 50..100 {
             seen.push(axis.tick_with(None, Some(&ramp(k)), |_| ()).axes[0].reference);
         }
-        // Silence, or nonsense: what is left of the preview is followed first.
+        // No messages, or refused ones: the rest of the preview is followed first.
         let last = if silent { ramp(99) } else { constant(100, f64::NAN, preview) };
         let left = if silent { preview as usize - 1 } else { 0 };
         for k in 0..200 {
@@ -148,15 +148,15 @@ fn where_the_stream_stops_the_target_comes_to_a_stand_and_is_taken_up_from_there
         }
         let rate = |y: &[f64]| y.windows(2).map(|pair| (pair[1] - pair[0]) / 0.01).collect::<Vec<_>>();
         let most = |y: &[f64]| y.iter().fold(0.0f64, |most, value| most.max(value.abs()));
-        // Those of the profile: 1 m/s2 and 10 m/s3.
+        // The bounds of the profile: 1 m/s2 and 10 m/s3.
         let (a, j) = (most(&rate(&rate(&seen))), most(&rate(&rate(&rate(&seen)))));
         assert!(a <= 1.001 && j <= 10.01, "{a} m/s2, {j} m/s3");
         let stand = seen[seen.len() - 1];
         assert!(seen[seen.len() - 100..].iter().all(|target| *target == stand), "it holds");
-        // 0.2 m/s from 0.8 m/s2 is 25 mm, and half of the mean's 0.2 s.
+        // Braking from 0.2 m/s at 0.8 m/s2 takes 25 mm; half of the mean's 0.2 s is added.
         let way = stand - target(99 + left as u64);
         assert!((0.02..0.06).contains(&way), "{way} m");
-        // Elsewhere it is not taken up, there it is.
+        // A reference elsewhere is refused, one at the stand is accepted.
         let next = axis.sequence;
         let command = axis.tick_with(None, Some(&constant(next, stand - 0.05, 5)), |_| ()).axes[0];
         assert_eq!((command.reference, command.flags & control_flag::REFERENCE != 0), (stand, true));
@@ -201,7 +201,7 @@ fn bad_references_are_refused_and_the_axis_holds() {
 }
 
 #[test]
-fn a_first_target_far_away_does_not_move_the_axis() {
+fn a_first_reference_far_away_does_not_move_the_axis() {
     let mut axis = Loop::new(&machine_with(SINES, "kind = \"channel\"\n"), 0.0);
     for k in 0..100 {
         let command = axis.tick_with(None, Some(&constant(k, 0.62, 5)), |_| ()).axes[0];
@@ -209,7 +209,7 @@ fn a_first_target_far_away_does_not_move_the_axis() {
         assert!(k < 20 || command.flags & control_flag::REFERENCE != 0);
         assert_eq!(command.tracking.count, 0);
     }
-    // Brought to within 10 mm, it is taken up.
+    // A reference within 10 mm is taken up.
     for k in 100..110 {
         let command = axis.tick_with(None, Some(&constant(k, 0.609, 5)), |_| ()).axes[0];
         assert_eq!((command.reference, command.flags & control_flag::REFERENCE), (0.609, 0));
@@ -217,7 +217,7 @@ fn a_first_target_far_away_does_not_move_the_axis() {
 }
 
 #[test]
-fn the_reference_reaches_every_axis_only_where_it_has_one() {
+fn an_axis_without_an_entry_in_the_message_has_no_reference() {
     fn axis_with_channel(axis: &mut Axis) {
         axis.reference = pipeline::machine::ReferenceSource::Channel;
     }

@@ -1,4 +1,4 @@
-//! Models that must never be used.
+//! Snapshots with models that must never be used.
 
 use pipeline::{
     hammerstein::Coefficients,
@@ -55,7 +55,7 @@ proptest! {
             let mut poisoned: CoefficientSnapshot = snapshot(k, actuator());
             let (way, place, size) = ways[k as usize % ways.len()];
             spoil(&mut poisoned.axes[0], way, place, size);
-            // The held model would take its place.
+            // Otherwise the classical model would be used instead.
             poisoned.axes[0].classical = Coefficients::default();
             let (a, b) = (with.tick(Some(&poisoned)).axes[0], without.tick(None).axes[0]);
             prop_assert_eq!(a.command.to_bits(), b.command.to_bits());
@@ -66,8 +66,8 @@ proptest! {
 }
 
 #[test]
-fn a_refused_model_is_never_used_counted_once_by_its_reason_and_the_one_before_is_used_on() {
-    // What is wrong, and its place among the reasons.
+fn a_refused_model_is_counted_once_by_its_reason_and_the_last_approved_model_stays_in_use() {
+    // Way of spoiling, place, size, and the expected reason.
     let ways: [(usize, usize, f64, &str); 10] = [
         (0, 0, 0.0, "not-finite"),
         (1, 1, 0.0, "not-finite"),
@@ -89,7 +89,7 @@ fn a_refused_model_is_never_used_counted_once_by_its_reason_and_the_one_before_i
             // A new one every other tick.
             let mut bad = snapshot(100 + k / 2 * 2, actuator());
             spoil(&mut bad.axes[0], way, place, size);
-            // The held one would do, but the one before is better.
+            // The classical model could be used, but the last approved one is preferred.
             bad.axes[0].classical.b[0] *= 0.9;
             let (command, expected) = (spoilt.tick(Some(&bad)).axes[0], whole.tick(Some(&old)).axes[0]);
             assert_eq!(command.command.to_bits(), expected.command.to_bits(), "{reason}, tick {k}");
@@ -102,20 +102,20 @@ fn a_refused_model_is_never_used_counted_once_by_its_reason_and_the_one_before_i
 }
 
 #[test]
-fn after_a_while_the_held_model_takes_the_place_of_an_old_one() {
+fn the_classical_model_replaces_the_last_approved_one_when_that_is_stale() {
     let mut axis = Loop::new(&machine(1), 0.0);
     axis.run(100, Some(actuator()));
     for k in 100..4000 {
         let mut bad = snapshot(k, actuator());
         spoil(&mut bad.axes[0], 0, 0, 0.0);
         let command = axis.tick(Some(&bad)).axes[0];
-        // It is as fresh as the message that holds it.
+        // The classical model is as fresh as its snapshot.
         assert_eq!((command.mode, command.flags), (ControlMode::Model as u32, control_flag::MODEL_REFUSED), "{k}");
     }
 }
 
 #[test]
-fn one_that_predicts_worse_gives_way_to_the_held_model_at_once() {
+fn an_adaptive_model_that_predicts_worse_is_replaced_by_the_classical_one_at_once() {
     let machine = machine(1);
     let (mut worse, mut held) = (Loop::new(&machine, 0.0), Loop::new(&machine, 0.0));
     let slower = Coefficients { b: actuator().b.map(|b| 0.8 * b), ..actuator() };
@@ -133,13 +133,13 @@ fn one_that_predicts_worse_gives_way_to_the_held_model_at_once() {
 }
 
 #[test]
-fn of_a_flood_of_snapshots_one_is_judged_per_tick_and_a_reset_judges_the_newest_again() {
+fn one_snapshot_is_judged_per_tick_and_disarming_judges_the_newest_again() {
     let mut axis = Loop::new(&machine(1), 0.0);
     axis.run(100, Some(actuator()));
     let mut bad = snapshot(99, actuator());
     spoil(&mut bad.axes[0], 0, 0, 0.0);
     for k in 0..10 {
-        // Ten per tick, of which the newest is seen.
+        // Ten snapshots come per tick; the newest one is judged.
         bad.header.sequence = 100 + 10 * k;
         assert_eq!(axis.tick(Some(&bad)).axes[0].rejected_snapshots[0], k + 1);
     }
@@ -152,11 +152,11 @@ fn of_a_flood_of_snapshots_one_is_judged_per_tick_and_a_reset_judges_the_newest_
 }
 
 #[test]
-fn a_model_that_has_lost_the_axis_does_not_come_back_by_being_the_last_good_one() {
+fn a_distrusted_model_does_not_come_back_as_the_last_approved_one() {
     let mut axis = Loop::new(&machine(1), 0.0);
     axis.run(400, Some(actuator()));
     let last = snapshot(399, actuator());
-    // The axis is far off, whatever it is commanded.
+    // The axis is far from its reference whatever it is commanded.
     for k in 0..100 {
         axis.tick_with(Some(&last), None, |sample| {
             if k < 25 {
@@ -172,7 +172,7 @@ fn a_model_that_has_lost_the_axis_does_not_come_back_by_being_the_last_good_one(
 }
 
 #[test]
-fn the_held_model_takes_the_place_of_a_refused_adaptive_one() {
+fn the_classical_model_replaces_a_refused_adaptive_one() {
     let classical = super::machine_with("command_rate = 10.0\n", "command_rate = 10.0\nmodel = \"classical\"\n");
     let (mut refused, mut held) = (Loop::new(&machine(1), 0.0), Loop::new(&classical, 0.0));
     for k in 0..200 {

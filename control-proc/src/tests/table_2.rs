@@ -1,11 +1,12 @@
-//! The paper's model of Table 2 under the whole controller, its plant the difference equation itself.
+//! The model of the paper's Table 2 under the whole controller. The plant is the difference equation itself.
 //!
 //! ```text
 //! y(k) = -a1 y(k-1) - a2 y(k-2) - a3 y(k-3) + b0 x(k-1) + b1 x(k-2) + d        x = f(u)
 //! ```
 //!
-//! d the load, constant from some tick on. Trap: a controller that takes every axis for an integrator shuts the valve
-//! where the target stands still; this plant is none and would sink. So the target always moves a little.
+//! y position, x = f(u) intermediate value, d load, constant from a certain tick on. Trap: the controller shuts the valve
+//! where the reference stands still, which is right for an integrator. This plant is none and would sink, so its reference
+//! always moves a little.
 
 use std::path::Path;
 
@@ -17,17 +18,17 @@ use crate::Controller;
 /// Tick from which the load acts.
 const LOADED: u64 = 1500;
 const TICKS: u64 = 3000;
-/// m per unit of y: the paper has none, and full command is 47 of them.
+/// m per unit of y: the paper has no unit, and a full command makes 47 of them.
 const UNIT: f64 = 0.01;
-/// What the load takes of y at every tick, m: at rest 0.28 m, for the gain of 1/0.0355.
+/// Decrease of y by the load at every tick, m: 0.28 m at rest, for the gain of 1/0.0355.
 const LOAD: f64 = -0.01;
 
-/// Errors of all ticks, and their modes.
+/// Following error (m) and mode of each tick.
 fn errors() -> Vec<(f64, u32)> {
     let mut text = machine_text(1);
     for (from, to) in [
         ("na = 2\nnb = 0\nnk = 5\norder = 3", "na = 3\nnb = 1\nnk = 1\norder = 3"),
-        // It stands still under a constant command, which is no fault of it.
+        // The plant stands still under a constant command, which is no fault here.
         ("dead_band_extend = 0.08\ndead_band_retract = 0.07", "dead_band_extend = 0.9\ndead_band_retract = 0.9"),
         (super::SINES, "kind = \"ramps\"\ntimes = [0.0, 10.0, 20.0]\npositions = [0.15, 0.152, 0.15]\n"),
     ] {
@@ -40,7 +41,7 @@ fn errors() -> Vec<(f64, u32)> {
     let mut model = Coefficients::TABLE_2;
     model.b.iter_mut().for_each(|b| *b *= UNIT);
     let nonlinearity = model.nonlinearity();
-    // It sinks until control begins.
+    // The plant sinks until control begins.
     let (mut y, mut x) = ([0.15; 3], [0.0; 2]);
     let mut errors = Vec::new();
     for k in 0..TICKS {
@@ -64,7 +65,7 @@ fn table_2_is_stable_and_without_offset_under_a_constant_load() {
             assert!(error.abs() < 0.1e-3, "{what}: {error}");
         }
     }
-    // The load does act: more than 10 mm before the controller makes up for it.
+    // The load acts: the error exceeds 10 mm before the controller corrects it.
     let most = errors[LOADED as usize..].iter().fold(0.0f64, |most, (error, _)| most.max(error.abs()));
     assert!(most > 0.01, "{most}");
 }

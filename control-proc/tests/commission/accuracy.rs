@@ -1,4 +1,4 @@
-//! What is found against what is true, on the simulated excavator and variations of it.
+//! The commissioned model against the true parameters, on the simulated excavator and variations of it.
 
 use super::*;
 use control_proc::commission::analyse;
@@ -46,7 +46,7 @@ fn an_s_behind_a_wide_dead_band_is_found() {
         plant.dead_band = DeadBand { extend: 0.38, retract: 0.35 };
         plant.saturation = DeadBand { extend: 0.72, retract: 0.70 };
     }
-    // What flows at the S's flat begin is less than what the hysteresis makes of it: the band found is wider.
+    // The flow at the flat beginning of the S is smaller than the effect of the hysteresis: the dead band is found wider.
     expect_found(&machine, 0.05, 0.045, 0.4);
 }
 
@@ -58,9 +58,9 @@ fn cold_oil_is_found() {
     expect_found(&machine, COLD, 0.015, 0.2);
 }
 
-/// All axes: dead bands within `dead_band`; the dead time within 13 ms, what the lag has less of it, so that their sum is
-/// within 5 ms; and the curve from the part `from` of what was tested on, within 5 % of the plant's steady speeds, which
-/// are a range between the two branches of the hysteresis.
+/// Expects of all axes: dead bands within `dead_band`; the dead time within 13 ms, and its sum with the lag within 5 ms; the
+/// curve within 5 % of the plant's steady speeds, from the part `from` of the tested openings on. The steady speeds are a
+/// range between the two branches of the hysteresis.
 fn expect_found(machine: &Machine, time_constant: f64, dead_band: f64, from: f64) {
     for (axis, settings) in machine.axes.iter().enumerate() {
         let run = Run::of(machine, axis, &ExperimentOptions::default(), 1).expect_finished();
@@ -104,7 +104,7 @@ fn command(found: &Commissioned, part: f64) -> f64 {
     if part > 0.0 { found.dead_band.extend + opening } else { opening - found.dead_band.retract }
 }
 
-/// What the plant does at a command in the end, without hysteresis, about where the axis stood.
+/// Steady speed of the plant at a command, m/s, without hysteresis, near where the axis stood.
 fn steady_speed(machine: &Machine, axis: usize, u: f64) -> f64 {
     const SETTLING: f64 = 0.8;
     const MEASURED: f64 = 0.32;

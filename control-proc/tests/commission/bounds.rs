@@ -1,5 +1,4 @@
-//! Every bound is crossed, one by one, and the command is neutral for good afterwards; and none is crossed by machines of
-//! all kinds.
+//! Each bound ends the experiment, and the command stays neutral afterwards. Machines of many kinds stay within the bounds.
 
 use super::*;
 use control_proc::commission::{Abort, Phase};
@@ -11,7 +10,7 @@ use std::time::Duration;
 
 const PERIOD: Duration = Duration::from_millis(10);
 
-/// Dead band 0.1, dead time 50 ms, lag 50 ms, 1 m/s at full opening; and what can be wrong with it.
+/// An axis with dead band 0.1, dead time 50 ms, lag 50 ms and 1 m/s at full opening, and with possible faults.
 struct Servo {
     position: f64,
     spool: f64,
@@ -42,7 +41,7 @@ fn boom() -> Axis {
     under("nominal").axes[0].clone()
 }
 
-/// Runs to the end with a servo that `change` spoils, tick by tick; what the abort was. The command is neutral after.
+/// Runs an experiment to its abort with a servo that `change` changes at each tick. Expects a neutral command afterwards.
 fn abort(
     options: &ExperimentOptions,
     mut change: impl FnMut(Phase, &mut Servo, &mut AxisSample),
@@ -91,17 +90,17 @@ fn the_servo_itself_is_commissioned() {
 }
 
 #[test]
-fn an_axis_that_runs_away_is_left_neutral() {
+fn an_axis_that_moves_without_a_command_ends_the_experiment() {
     let (reason, _) = abort(&ExperimentOptions::default(), |phase, servo, _| {
         servo.drift = if phase == Phase::Random { 0.3 } else { 0.0 }
     });
     assert!(matches!(reason, Abort::Speed { .. } | Abort::Against { .. } | Abort::Window { .. }), "{reason}");
     let (reason, _) = abort(&ExperimentOptions::default(), |_, servo, _| servo.drift = -0.05);
-    assert!(matches!(reason, Abort::Against { command: 0.0, .. }), "moves without a command: {reason}");
+    assert!(matches!(reason, Abort::Against { command: 0.0, .. }), "an axis that moves without a command: {reason}");
 }
 
 #[test]
-fn a_speed_beyond_the_bound_ends_it() {
+fn a_speed_beyond_the_bound_ends_the_experiment() {
     let (reason, _) = abort(&ExperimentOptions::default(), |phase, servo, _| {
         servo.gain = if phase == Phase::Random { 3.0 } else { 1.0 }
     });
@@ -110,7 +109,7 @@ fn a_speed_beyond_the_bound_ends_it() {
 }
 
 #[test]
-fn a_creep_out_of_the_window_ends_it() {
+fn a_creep_out_of_the_window_ends_the_experiment() {
     let (reason, experiment) = abort(&ExperimentOptions::default(), |phase, servo, _| {
         servo.drift = if phase == Phase::Pulses { 0.02 } else { 0.0 }
     });
@@ -120,7 +119,7 @@ fn a_creep_out_of_the_window_ends_it() {
 }
 
 #[test]
-fn an_axis_outside_its_soft_limits_does_not_begin() {
+fn an_axis_outside_its_soft_limits_does_not_begin_the_experiment() {
     let (reason, experiment) = abort(&ExperimentOptions::default(), |_, servo, sample| {
         servo.position = 0.03;
         sample.position = 0.03;
@@ -130,12 +129,12 @@ fn an_axis_outside_its_soft_limits_does_not_begin() {
 }
 
 #[test]
-fn a_pump_that_is_off_is_asked_for() {
+fn without_motion_the_abort_asks_for_the_pump() {
     let (reason, experiment) = abort(&ExperimentOptions::default(), |_, servo, _| servo.gain = 0.0);
     assert_eq!(reason, Abort::NoMotion { extend: true, level: 0.6 });
     assert!(reason.to_string().contains("is the pump on?"), "{reason}");
     assert!(experiment.record().commands.iter().all(|command| command.abs() <= 0.6));
-    // And one that fails later.
+    // A pump that fails later.
     let (reason, _) = abort(&ExperimentOptions::default(), |phase, servo, _| {
         servo.gain = if phase == Phase::Strokes { 0.0 } else { 1.0 }
     });
@@ -143,13 +142,13 @@ fn a_pump_that_is_off_is_asked_for() {
 }
 
 #[test]
-fn a_reversed_sign_is_told() {
+fn a_reversed_sign_ends_the_experiment() {
     let (reason, _) = abort(&ExperimentOptions::default(), |_, servo, _| servo.gain = -1.0);
     assert!(matches!(reason, Abort::Against { .. }), "{reason}");
 }
 
 #[test]
-fn an_encoder_that_stands_still_ends_it() {
+fn a_stuck_encoder_ends_the_experiment() {
     let mut held = None;
     let (reason, _) = abort(&ExperimentOptions::default(), |phase, _, sample| {
         if phase == Phase::Random {
@@ -160,7 +159,7 @@ fn an_encoder_that_stands_still_ends_it() {
 }
 
 #[test]
-fn feedback_that_is_lost_ends_it_after_three_samples() {
+fn lost_feedback_ends_the_experiment_after_three_samples() {
     for faults in [sample_fault::STALE, sample_fault::SPEED, sample_fault::ENCODER] {
         let mut ticks = 0;
         let (reason, experiment) = abort(&ExperimentOptions::default(), |phase, _, sample| {
@@ -186,7 +185,7 @@ fn feedback_that_is_lost_ends_it_after_three_samples() {
 }
 
 #[test]
-fn a_sample_or_two_that_are_missing_are_bridged() {
+fn one_or_two_missing_samples_are_bridged() {
     let mut servo = Servo::new();
     let mut experiment = Experiment::new(&boom(), PERIOD, &ExperimentOptions::default());
     let mut tick = 0;
@@ -202,7 +201,7 @@ fn a_sample_or_two_that_are_missing_are_bridged() {
 }
 
 #[test]
-fn a_window_that_is_too_small_and_a_time_that_is_too_short_are_told() {
+fn a_window_that_is_too_small_and_a_time_that_is_too_short_are_refused() {
     let (reason, _) = abort(&ExperimentOptions { travel: Some(0.01), ..ExperimentOptions::default() }, |_, _, _| ());
     assert!(matches!(reason, Abort::TooSmall { .. }), "{reason}");
     let (reason, _) =
@@ -211,7 +210,7 @@ fn a_window_that_is_too_small_and_a_time_that_is_too_short_are_told() {
 }
 
 #[test]
-fn it_can_be_stopped_at_any_time() {
+fn the_experiment_can_be_stopped_at_any_time() {
     let mut servo = Servo::new();
     let mut experiment = Experiment::new(&boom(), PERIOD, &ExperimentOptions::default());
     while experiment.phase() != Phase::Random {
@@ -262,7 +261,7 @@ fn machines_of_all_kinds_stay_in_the_window() {
         }
         assert!(run.beyond <= margin, "{seed}: {} m beyond {low} to {high}, margin {margin}", run.beyond);
     }
-    // What ends early ends safely: a boom that swings, or the window's edge close by.
+    // A few experiments end early and safely: a boom that swings, or an end of the window that is near.
     assert!(ended <= 8, "{ended}");
     println!("worst {:.1} mm beyond the window; {ended} of 200 ended early", 1e3 * worst);
 }

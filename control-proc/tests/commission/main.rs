@@ -1,4 +1,4 @@
-//! Commissioning of simulated axes: what is found, what ends the experiment, and the command as a user runs it.
+//! Commissioning of simulated axes: the accuracy of the model, and the bounds of the experiment.
 
 mod accuracy;
 mod bounds;
@@ -26,7 +26,7 @@ impl Run {
         let mut acquisition = Acquisition::new(machine);
         let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
         let (mut tick, mut beyond) = (0, f64::NEG_INFINITY);
-        // A second more, to see what comes after the end.
+        // The loop goes on for a second after the end.
         let mut rest = 100;
         while rest > 0 {
             let sample = acquisition.update(tick, Some(&plant.read()));

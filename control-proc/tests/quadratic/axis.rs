@@ -1,10 +1,10 @@
-//! Quadratic programmes as a constrained predictive controller has them: one axis in closed loop.
+//! Quadratic programmes of a constrained predictive controller: one axis in closed loop.
 //!
 //! ```text
 //! J = sum (w - y)^2 + weight * sum dx^2        y = free + G dx        dx = D x - e_1 x(k-1)
 //! ```
 //!
-//! The variables are x(k) .. x(k+N-1); bounded are x, then as rows dx, then the predicted y where there are rows left.
+//! The variables are x(k) .. x(k+N-1). Bounds limit x; rows limit dx, and then the predicted y where rows are left.
 
 use control_proc::{
     model::response::{free_response, step_response},
@@ -21,12 +21,12 @@ pub fn uniform(random: &mut Pcg64, low: f64, high: f64) -> f64 {
     low + (high - low) * (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// A model, its state, and what it is to follow.
+/// A model, its state and its reference.
 pub struct Axis {
     pub random: Pcg64,
     nominal: Coefficients,
     model: Coefficients,
-    /// Of y, the unit of everything here: m, or what Table 2 has.
+    /// Range of y in the unit of the model: m, or the unit of Table 2.
     reach: f64,
     bounds: (f64, f64),
     rate: f64,
@@ -74,11 +74,11 @@ impl Axis {
         Self::new(seed, model, 0.5, (-1.0, 1.0), between(0.02, 0.3), weight * mean_square)
     }
 
-    /// Another model near the nominal one, as an identifier brings every sample.
+    /// Changes the model to one near the nominal model, as an identifier does at every sample.
     pub fn vary(&mut self) {
         let Self { random, nominal, model, .. } = self;
         *model = *nominal;
-        // An integrator stays one: it is A' in A = (1 - z^-1) A' that varies.
+        // An integrator stays an integrator: in A = (1 - z^-1) A' only A' varies.
         let change = uniform(random, -0.002, 0.002);
         model.a[0] += change;
         model.a[1] -= change;
@@ -102,7 +102,7 @@ impl Axis {
         let (mut free, mut step) = ([0.0; N], [0.0; N]);
         free_response(&self.model, &self.outputs, &self.inputs, &[], &mut free);
         step_response(&self.model, &mut step);
-        // Of x itself, not of its change.
+        // The response to x itself, not to its change.
         let impulse = |p: usize, m: usize| match p.checked_sub(m) {
             None => 0.0,
             Some(0) => step[0],
@@ -110,7 +110,7 @@ impl Axis {
         };
         let last = self.inputs[0];
         let (mut hessian, mut gradient) = ([[0.0; N]; N], [0.0; N]);
-        // `free` is with x held; `rest` with x = 0 from now on.
+        // `free` holds for a constant x; `rest` for x = 0 from now on.
         let rest: [f64; N] = std::array::from_fn(|p| free[p] - step[p] * last);
         let [offset, slope, amplitude, frequency] = self.reference;
         for m in 0..N {

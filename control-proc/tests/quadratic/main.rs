@@ -1,6 +1,6 @@
-//! The solver of quadratic programmes, held against Clarabel's and against the conditions of a minimum.
+//! The solver of quadratic programmes, compared with Clarabel and checked by the conditions of a minimum.
 //!
-//! Costs are compared, not x: of an ill-conditioned H both costs agree to the last digits while the x do not.
+//! Costs are compared instead of x: with an ill-conditioned H both costs agree to the last digits while the x do not.
 
 mod axis;
 mod peer;
@@ -13,7 +13,7 @@ use peer::{Form, settings};
 use rand_pcg::{Pcg64, rand_core::SeedableRng};
 use random::{degenerate, dense, dot, infeasible};
 
-/// What is left of the conditions of a minimum, each by the size of what should cancel in it.
+/// Residual of the conditions of a minimum, each relative to the size of the terms that should cancel.
 fn residual<const N: usize, const M: usize>(problem: &Problem<N, M>, solution: &Solution<N, M>) -> f64 {
     let Solution { x, bound_multipliers, row_multipliers, .. } = solution;
     let (mut stationarity, mut size) = (0.0f64, f64::MIN_POSITIVE);
@@ -47,13 +47,13 @@ fn residual<const N: usize, const M: usize>(problem: &Problem<N, M>, solution: &
     worst
 }
 
-/// How large the elements of x are or may be; 1 is the unit of all problems here.
+/// Size of the elements of x and of their bounds, at least 1, the unit of all problems here.
 fn reach<const N: usize, const M: usize>(problem: &Problem<N, M>, x: &[f64; N]) -> f64 {
     let numbers = x.iter().chain(&problem.lower).chain(&problem.upper).filter(|x| x.is_finite());
     numbers.fold(1.0, |largest, x| largest.max(x.abs()))
 }
 
-/// The cost, and the size of what it is the sum of for an x of this reach.
+/// The cost, and the size of its terms.
 fn cost<const N: usize, const M: usize>(problem: &Problem<N, M>, x: &[f64; N]) -> (f64, f64) {
     let (mut cost, mut size) = (dot(&problem.gradient, x), 0.0);
     for i in 0..N {
@@ -67,13 +67,13 @@ fn cost<const N: usize, const M: usize>(problem: &Problem<N, M>, x: &[f64; N]) -
     (cost, size)
 }
 
-/// What many problems have shown.
+/// Results of many problems.
 #[derive(Debug, Default)]
 struct Seen {
     problems: usize,
     solved: usize,
     infeasible: usize,
-    /// Clarabel has not solved it to its tolerance, nor refused it.
+    /// Problems that Clarabel has neither solved to its tolerance nor refused.
     unsure: usize,
     residual: f64,
     cost: f64,
@@ -87,11 +87,11 @@ impl Seen {
         solver: &mut Solver<N, M>,
         problem: &Problem<N, M>,
     ) -> Solution<N, M> {
-        // From the working set of the problem before, which among random ones is of no use at all; then from nothing.
+        // First from the working set of the last problem, which does not help among random problems; then from an empty one.
         let resumed = solver.resume(problem);
         let solution = solver.solve(problem);
         self.expect_same(problem, &resumed, &solution);
-        // Its tolerances are absolute where the numbers are small: it gets a gradient of 1.
+        // Clarabel's tolerances are absolute for small numbers, so it gets a gradient of 1.
         let largest = problem.gradient.iter().fold(0.0f64, |largest, g| largest.max(g.abs()));
         let mut unit = problem.clone();
         unit.hessian.iter_mut().flatten().chain(&mut unit.gradient).for_each(|value| *value /= largest);
@@ -131,7 +131,7 @@ impl Seen {
         solution
     }
 
-    /// Both are minima: each keeps the conditions, and the costs are one.
+    /// Expects two minima: both fulfil the conditions, and their costs are equal.
     fn expect_same<const N: usize, const M: usize>(
         &self,
         problem: &Problem<N, M>,
@@ -216,7 +216,7 @@ fn degenerate_constraints_agree_with_clarabel() {
 }
 
 #[test]
-fn what_is_infeasible_is_called_so_by_both() {
+fn infeasible_problems_are_recognised_by_both() {
     let all = [
         random::<1, 3>(1000, infeasible, "infeasible"),
         random::<5, 5>(3000, infeasible, "infeasible"),

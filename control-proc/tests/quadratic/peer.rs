@@ -1,4 +1,4 @@
-//! The same programme for Clarabel: `A x + s = b`, s in the cones, one inequality for every limit that is finite.
+//! A programme in the form of Clarabel: `A x + s = b` with s in the cones, and one inequality for every finite limit.
 
 use clarabel::{
     algebra::CscMatrix,
@@ -84,7 +84,7 @@ impl Sparse {
     }
 }
 
-/// Settings with every tolerance at `tolerance`, and without what would forbid new data.
+/// Settings with all tolerances at `tolerance`, and without the presolve that would forbid new data.
 pub fn settings(tolerance: f64) -> DefaultSettings<f64> {
     DefaultSettings {
         verbose: false,

@@ -1,4 +1,4 @@
-//! Quadratic programmes of no machine: any condition, degenerate, infeasible.
+//! Random quadratic programmes: of any condition, degenerate, infeasible.
 
 use control_proc::predictive::quadratic::Problem;
 use rand_pcg::Pcg64;
@@ -35,7 +35,8 @@ pub fn hessian<const N: usize>(random: &mut Pcg64, condition: f64) -> [[f64; N];
     h
 }
 
-/// Dense, of a condition from 1 to 1e10, with dense rows and a minimum up to a million times out of bounds.
+/// Dense problems of a condition from 1 to 1e10, with dense rows and a minimum that is up to a million times outside the
+/// bounds.
 pub fn dense<const N: usize, const M: usize>(random: &mut Pcg64) -> Problem<N, M> {
     let condition = 10f64.powf(uniform(random, 0.0, 10.0));
     let far = 10f64.powf(uniform(random, -1.0, 6.0));
@@ -43,7 +44,7 @@ pub fn dense<const N: usize, const M: usize>(random: &mut Pcg64) -> Problem<N, M
     let inside: [f64; N] = vector(random);
     for (i, inside) in inside.iter().enumerate() {
         let (below, above) = (uniform(random, -1.0, 1.0), uniform(random, -1.0, 1.0));
-        // A third of the sides without a limit.
+        // A third of the sides has no limit.
         problem.lower[i] = if below < -0.33 { f64::NEG_INFINITY } else { inside - below.max(0.0) };
         problem.upper[i] = if above < -0.33 { f64::INFINITY } else { inside + above.max(0.0) };
     }
@@ -56,8 +57,8 @@ pub fn dense<const N: usize, const M: usize>(random: &mut Pcg64) -> Problem<N, M
     problem
 }
 
-/// Rows that repeat, add up, say nothing or are equalities, and bounds that leave no room: all met at one point at
-/// least, at which many of them are met with equality.
+/// Rows that repeat, are sums of others, are empty or are equalities, and bounds that are equal. At least one point meets
+/// all of them, many of them with equality.
 pub fn degenerate<const N: usize, const M: usize>(random: &mut Pcg64) -> Problem<N, M> {
     let mut problem = dense::<N, M>(random);
     let whole = |random: &mut Pcg64| uniform(random, -3.0, 4.0).floor();
@@ -84,7 +85,7 @@ pub fn degenerate<const N: usize, const M: usize>(random: &mut Pcg64) -> Problem
     problem
 }
 
-/// The last row asks for more than the others leave, by a tenth or more of it. Needs three rows.
+/// Problems whose last row contradicts the first two by at least a tenth of their limits. Needs three rows.
 pub fn infeasible<const N: usize, const M: usize>(random: &mut Pcg64) -> Problem<N, M> {
     let mut problem = dense::<N, M>(random);
     let (one, two) = (uniform(random, 0.1, 2.0), uniform(random, 0.1, 2.0));

@@ -1,4 +1,4 @@
-//! Answers by hand, degenerate constraints by name, and whatever can be typed.
+//! Problems with known answers, degenerate constraints, and arbitrary numbers.
 
 use std::array::from_fn;
 
@@ -30,7 +30,7 @@ fn corner() -> Problem<2, 1> {
 }
 
 #[test]
-fn without_limits_it_is_the_linear_system() {
+fn without_limits_the_minimum_solves_the_linear_system() {
     let solution = solve(&Problem::<2, 0>::new([[4.0, 1.0], [1.0, 3.0]], [-1.0, -2.0]));
     close(&solution.x, &[1.0 / 11.0, 7.0 / 11.0]);
     assert_eq!((solution.status, solution.iterations, solution.active), (Status::Solved, 0, 0));
@@ -61,7 +61,7 @@ fn a_lower_limit_has_a_positive_multiplier() {
 }
 
 #[test]
-fn the_paper_s_example() {
+fn the_example_of_goldfarb_and_idnani_is_solved() {
     // Goldfarb and Idnani, section 5: minimise 6 x1 + 2 (x1^2 - x1 x2 + x2^2) with x1, x2 >= 0 and x1 + x2 >= 2.
     let mut problem = Problem::<2, 1>::new([[4.0, -2.0], [-2.0, 4.0]], [6.0, 0.0]);
     problem.lower = [0.0; 2];
@@ -88,7 +88,7 @@ fn a_rate_limit_delays_a_step() {
 }
 
 #[test]
-fn a_row_that_is_there_twice_counts_once() {
+fn a_repeated_row_is_active_once() {
     let mut problem = Problem::<2, 3>::new(identity(), [-3.0, -2.0]);
     problem.rows = [[1.0, 1.0], [1.0, 1.0], [-2.0, -2.0]];
     (problem.row_upper, problem.row_lower[2]) = ([2.0, 2.0, FREE], -4.0);
@@ -110,20 +110,20 @@ fn equalities_that_follow_from_each_other_are_met() {
 }
 
 #[test]
-fn bounds_without_room_leave_a_point() {
+fn equal_bounds_leave_one_point() {
     let mut problem = Problem::<3, 1>::new(identity(), [5.0, -5.0, 1.0]);
     (problem.lower, problem.upper) = ([1.0, 2.0, -3.0], [1.0, 2.0, -3.0]);
     problem.rows[0] = [1.0; 3];
     (problem.row_lower[0], problem.row_upper[0]) = (0.0, 0.0);
     let solution = solve(&problem);
     assert_eq!((solution.status, solution.x), (Status::Solved, [1.0, 2.0, -3.0]));
-    // The row follows from the bounds, so that the multipliers are not unique; their pull is.
+    // The row follows from the bounds, so the multipliers are not unique; their sum for each variable is.
     close(&solution.bound_multipliers.map(|v| v + solution.row_multipliers[0]), &[6.0, -3.0, -2.0]);
 }
 
 #[test]
-fn more_active_limits_than_variables_are_no_trouble() {
-    // A pyramid's top: five rows through (0, 0, 1), three of which can be in the working set.
+fn more_active_limits_than_variables_are_solved() {
+    // The top of a pyramid: five rows go through (0, 0, 1), three of them can be in the working set.
     let mut problem = Problem::<3, 5>::new(identity(), [0.0, 0.0, -3.0]);
     problem.rows = [[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]];
     problem.row_upper = [1.0; 5];
@@ -133,7 +133,7 @@ fn more_active_limits_than_variables_are_no_trouble() {
 }
 
 #[test]
-fn what_cannot_be_met_is_infeasible() {
+fn limits_that_cannot_be_met_are_infeasible() {
     let mut crossed = Problem::<2, 1>::new(identity(), [0.0; 2]);
     (crossed.lower[0], crossed.upper[0]) = (1.0, 0.0);
     assert_eq!(solve(&crossed).status, Status::Infeasible);
@@ -161,7 +161,7 @@ fn the_limit_of_iterations_leaves_a_lower_bound_of_the_cost() {
 }
 
 #[test]
-fn what_is_not_convex_or_not_finite_is_refused() {
+fn problems_that_are_not_convex_or_not_finite_are_refused() {
     for hessian in [[[1.0, 2.0], [2.0, 1.0]], [[0.0; 2]; 2], [[1.0, 1.0], [1.0, 1.0]], [[-1.0, 0.0], [0.0, 1.0]]] {
         assert_eq!(solve(&Problem { hessian, ..corner() }).status, Status::NotConvex);
     }
@@ -182,7 +182,7 @@ fn what_is_not_convex_or_not_finite_is_refused() {
 }
 
 #[test]
-fn neither_units_nor_the_problem_before_matter() {
+fn neither_units_nor_the_last_problem_change_the_answer() {
     let mut solver = Solver::new();
     let first = solver.solve(&corner());
     solver.solve(&Problem::new([[f64::NAN; 2]; 2], [1.0; 2]));
@@ -200,21 +200,21 @@ fn neither_units_nor_the_problem_before_matter() {
 }
 
 #[test]
-fn a_solve_that_resumes_begins_with_the_working_set_of_the_last_one() {
+fn a_resumed_solve_begins_with_the_working_set_of_the_last_one() {
     let mut solver = Solver::new();
     let first = solver.solve(&corner());
     assert_eq!((first.iterations, first.active), (2, 2));
     let again = solver.resume(&corner());
     assert_eq!((again.status, again.iterations, again.active), (Status::Solved, 0, 2));
     close(&again.x, &first.x);
-    // Without the limits nothing is held; then there is nothing to begin with, nor after what has no minimum.
+    // A problem without limits leaves an empty working set, and so does a problem without a minimum.
     assert_eq!(solver.resume(&Problem::new(identity(), [-3.0, -2.0])).active, 0);
     assert_eq!(solver.resume(&corner()), first);
     solver.resume(&Problem::new([[f64::NAN; 2]; 2], [1.0; 2]));
     assert_eq!(solver.resume(&corner()), first);
 }
 
-/// Whatever a double can be, the usual among it.
+/// Any double, with usual values most often.
 fn anything() -> impl Strategy<Value = f64> {
     prop_oneof![
         4 => -10.0..10.0,
@@ -229,12 +229,12 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     #[test]
-    fn nothing_panics_and_what_is_solved_is_in_its_bounds(
+    fn no_problem_panics_and_every_solution_is_in_its_bounds(
         values in prop::collection::vec(anything(), 60),
         diagonal in 0.0..20.0,
         wild in prop::collection::vec(0usize..60, 0..4),
     ) {
-        // A few wild values among tame ones reach further than wild ones alone.
+        // A few extreme values among usual ones reach more branches than extreme values alone.
         let tame = |k: usize| {
             let value = values[k];
             if wild.contains(&k) || (value.abs() <= 10.0 && value != 0.0) { value } else { 1.0 }

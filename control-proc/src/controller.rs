@@ -4,12 +4,12 @@
 //! u(k) = controller(y(k), model learned from samples before k, y_r(k), y_r(k+1), ..)
 //! ```
 //!
-//! y positions in m, u valve commands in [-1, 1], y_r references in m, k tick. u(k) is made from sample k and stays on the
-//! valve until sample k+1. Trap: a sample that is not newer than the last one holds no new information. A source that
-//! repeats itself is as blind as one that is silent, so the last command is repeated twice at most.
+//! y positions in m, u valve commands in [-1, 1], y_r references in m, k tick. u(k) is made from sample k and stays on
+//! the valve until sample k+1. Trap: a sample that is not newer than the last one holds no new information. A source
+//! that repeats itself is as blind as one that is silent, so the last command is repeated twice at most.
 //!
-//! The emergency stop comes before everything else. All axes are neutral and latched with the sample that reports it. The
-//! message asks to cut off the pilot pressure until the stop is released and every axis has been reset.
+//! The emergency stop comes before everything else. All axes are neutral and latched with the sample that reports it.
+//! The message asks to cut off the pilot pressure until the stop is released and every axis has been reset.
 
 use pipeline::{
     MAX_AXES,
@@ -57,8 +57,8 @@ impl Controller {
         self.axes.iter_mut().for_each(AxisController::arm);
     }
 
-    /// Makes all axes neutral from now on and releases their latches. After the next [`Self::arm`] they may follow a source
-    /// whose sequence numbers have started again.
+    /// Makes all axes neutral from now on and releases their latches. After the next [`Self::arm`] they may follow a
+    /// source whose sequence numbers have started again.
     pub fn disarm(&mut self) {
         self.axes.iter_mut().for_each(AxisController::disarm);
         (self.last_sequence, self.repeated) = (None, 0);

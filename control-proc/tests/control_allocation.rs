@@ -1,4 +1,5 @@
-//! The controller does not allocate while models control its axes, nor when a fault makes it neutral. An allocator counts.
+//! The controller does not allocate while models control its axes, nor when a fault makes it neutral. An allocator
+//! counts.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},

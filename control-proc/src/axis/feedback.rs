@@ -1,8 +1,8 @@
 //! Feedback of an axis: its usable positions, missing samples, and whether it moves.
 //!
 //! A tick without a usable position is blind. While the axis follows, the position that the model expects is put in the
-//! place of a blind tick (bridged). When a position comes again, only the blind ticks that are not bridged are filled by
-//! a straight line ([`History::push_output`]).
+//! place of a blind tick (bridged). When a position comes again, only the blind ticks that are not bridged are filled
+//! by a straight line ([`History::push_output`]).
 
 use pipeline::{
     machine::{Axis, Timing, samples_of},

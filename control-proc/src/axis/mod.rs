@@ -19,8 +19,8 @@
 //! | `closed_loop`, `decision` | decision | who commands at this tick, and why |
 //! | `command` | assembly | the [`AxisCommand`] message |
 //!
-//! Only an axis that follows is commanded anything but neutral. Up to two samples in a row without a usable position are
-//! bridged: the last command stays. A fault latches the axis at neutral until somebody disarms and arms it again:
+//! Only an axis that follows is commanded anything but neutral. Up to two samples in a row without a usable position
+//! are bridged: the last command stays. A fault latches the axis at neutral until somebody disarms and arms it again:
 //!
 //! | flag | after |
 //! |---|---|
@@ -34,9 +34,9 @@
 //! The first cause stays, and an emergency stop is added to it. Trap: a latch that releases itself moves the machine
 //! while somebody looks for the reason why it stopped.
 //!
-//! A refused snapshot is not used. The last approved model is used until it has expired ([`crate::model::age`]); then the
-//! fallback controls, at half of the axis' speed. When a controller takes over from a direct mode, the reference begins at
-//! the position and speed of the axis, and the fallback at the last command.
+//! A refused snapshot is not used. The last approved model is used until it has expired ([`crate::model::age`]); then
+//! the fallback controls, at half of the axis' speed. When a controller takes over from a direct mode, the reference
+//! begins at the position and speed of the axis, and the fallback at the last command.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
@@ -178,8 +178,8 @@ impl AxisController {
         self.arm_in(AxisMode::Track, None);
     }
 
-    /// Makes the axis neutral from the next command on, releases the latch and forgets the past. Without effect while the
-    /// emergency stop is pressed.
+    /// Makes the axis neutral from the next command on, releases the latch and forgets the past. Without effect while
+    /// the emergency stop is pressed.
     pub fn disarm(&mut self) {
         if self.state.disarm() {
             self.stand(0);
@@ -188,8 +188,8 @@ impl AxisController {
         }
     }
 
-    /// Latches the axis at neutral for this cause, a [`control_flag`] bit. The first cause stays, and an emergency stop is
-    /// added to it.
+    /// Latches the axis at neutral for this cause, a [`control_flag`] bit. The first cause stays, and an emergency stop
+    /// is added to it.
     pub fn latch(&mut self, cause: u32) {
         self.state.latch(cause);
         self.stand(0);

@@ -1,13 +1,13 @@
 //! Requests to one axis: accepted, or refused with a count.
 //!
-//! A request lasts for [`STREAM_TIMEOUT`]. Its age is the difference between the sample that its program had seen and the
-//! newest sample. An axis in a direct mode is off after that time. The command of a commissioning is neutral earlier,
-//! after `feedback_timeout`: its program knows what was sent, and goes on.
+//! A request lasts for [`STREAM_TIMEOUT`]. Its age is the difference between the sample that its program had seen and
+//! the newest sample. An axis in a direct mode is off after that time. The command of a commissioning is neutral
+//! earlier, after `feedback_timeout`: its program knows what was sent, and goes on.
 //!
-//! Arming by request is an edge: the number `enable` differs from that of the message before, which is of the same session
-//! and at most [`STREAM_TIMEOUT`] older. The first message of a program only gives the number from which the edge is
-//! counted. So a message that was left in a channel never moves an axis. A controller that has been restarted is off.
-//! After a fault an axis has to be switched off and enabled again.
+//! Arming by request is an edge: the number `enable` differs from that of the message before, which is of the same
+//! session and at most [`STREAM_TIMEOUT`] older. The first message of a program only gives the number from which the
+//! edge is counted. So a message that was left in a channel never moves an axis. A controller that has been restarted
+//! is off. After a fault an axis has to be switched off and enabled again.
 //!
 //! These messages are refused as a whole:
 //! - a mode that does not exist,
@@ -16,8 +16,8 @@
 //! - a message without this axis,
 //! - a message for another time, or one that goes back in time.
 //!
-//! After a refusal the axis does what it did before; a mode that needs requests has not had one. Off is refused while the
-//! emergency stop is pressed, since it would reset the latch.
+//! After a refusal the axis does what it did before; a mode that needs requests has not had one. Off is refused while
+//! the emergency stop is pressed, since it would reset the latch.
 //!
 //! Trap: if the last message simply counted, a machine would go on after its operator's program has died.
 
@@ -93,7 +93,8 @@ impl Requests {
         }
     }
 
-    /// Takes in the newest message at tick `sequence`. None for a message that was seen before, and for one that is refused.
+    /// Takes in the newest message at tick `sequence`. None for a message that was seen before, and for one that is
+    /// refused.
     pub fn update(&mut self, request: &Request, sequence: u64) -> Option<Accepted> {
         let Request { header, session, .. } = request;
         let this = Seen { session: *session, number: header.number, sequence: header.sequence };
@@ -140,7 +141,8 @@ impl Requests {
         self.is_refused
     }
 
-    /// Whether there is an edge, counted from a message of tick `before`. The edge of a message that is refused is lost.
+    /// Whether there is an edge, counted from a message of tick `before`. The edge of a message that is refused is
+    /// lost.
     fn take_enable(&mut self, request: &Request, before: Option<u64>) -> bool {
         let now = request.axes.get(self.axis).map(|axis| axis.enable);
         let last = std::mem::replace(&mut self.enable, now);

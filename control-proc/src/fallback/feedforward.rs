@@ -7,17 +7,17 @@
 //! ```
 //!
 //! y_r reference in m, t now, T period in s, t_d dead time and tau time constant in s, c static curve of
-//! [`Commissioned`], v_r coming speed in m/s, v_s [`STILL`], u_r command. A command that is sent now acts in the middle of
-//! its period and moves the axis after dead time and lag; hence the lead L. Source: the usual loop of mobile hydraulics, with
-//! references that are known ahead.
+//! [`Commissioned`], v_r coming speed in m/s, v_s [`STILL`], u_r command. A command that is sent now acts in the middle
+//! of its period and moves the axis after dead time and lag; hence the lead L. Source: the usual loop of mobile
+//! hydraulics, with references that are known ahead.
 //!
 //! Traps: without the lead, feed-forward is late by the dead time, and the feedback corrects an error that is none. The
 //! references of a channel end with the preview of its message: beyond it the axis is assumed to stand.
 
 use pipeline::machine::Commissioned;
 
-/// Speed below which a motion is left to the feedback more and more, m/s: at v_r = 0 the command would jump over the whole
-/// dead band.
+/// Speed below which a motion is left to the feedback more and more, m/s: at v_r = 0 the command would jump over the
+/// whole dead band.
 pub const STILL: f64 = 1e-3;
 
 /// The feed-forward of one axis.

@@ -11,20 +11,22 @@
 //! v_r  = C^-1(u_r)                          0 without feed-forward
 //! ```
 //!
-//! e following error in m, v opening beyond the dead band, kp in 1/m, ki in 1/(m s), T period in s, d calibrated dead band,
-//! w [`BLEND_WIDTH`], u_r the command of [`feedforward`]. The fallback needs no identified model: it controls while the
-//! identifier is trained, and takes over whenever the model may not be used. Source: the usual loop of mobile hydraulics.
+//! e following error in m, v opening beyond the dead band, kp in 1/m, ki in 1/(m s), T period in s, d calibrated dead
+//! band, w [`BLEND_WIDTH`], u_r the command of [`feedforward`]. The fallback needs no identified model: it controls
+//! while the identifier is trained, and takes over whenever the model may not be used. Source: the usual loop of mobile
+//! hydraulics.
 //!
 //! Feedback and feed-forward are added as openings, so the dead band is jumped once, by their sum. Without an error the
 //! command is exactly u_r, and the gains have the same meaning with and without feed-forward.
 //!
-//! After another controller, v goes on from the value that this controller had and comes to the fallback's own value within
-//! some tenths of a second. Trap: the usual bumpless transfer puts the difference into the integral. The integral would then
-//! keep for seconds what the other controller did at one moment, even if that was its largest error.
+//! After another controller, v goes on from the value that this controller had and comes to the fallback's own value
+//! within some tenths of a second. Trap: the usual bumpless transfer puts the difference into the integral. The
+//! integral would then keep for seconds what the other controller did at one moment, even if that was its largest
+//! error.
 //!
-//! Traps: a jump over the whole dead band at v = 0 chatters with every count of noise, so the jump is blended in over
-//! |v| < w. The calibrated dead band must not exceed the valve's: too much compensation acts as a relay, and a relay cycles.
-//! The integral stops while the limits cut the command off and the error would only push further.
+//! Traps: a jump over the whole dead band at v = 0 chatters with every count of noise, so the jump is blended in where
+//! v is smaller than w. The calibrated dead band must not exceed the valve's: too much compensation acts as a relay, and
+//! a relay cycles. The integral stops while the limits cut the command off and the error would only push further.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
@@ -37,8 +39,8 @@ use feedforward::Feedforward;
 
 use crate::protection::limits::Limits;
 
-/// Magnitude of v (command) below which the dead band is compensated only in part. With a kp of 4 1/m this is an error of
-/// 2.5 mm: some tens of encoder counts, and so well above the noise.
+/// Magnitude of v (command) below which the dead band is compensated only in part. With a kp of 4 1/m this is an error
+/// of 2.5 mm: some tens of encoder counts, and so well above the noise.
 pub const BLEND_WIDTH: f64 = 0.01;
 
 /// Time in which the difference to the last controller falls to a third, s.
@@ -63,7 +65,8 @@ pub struct Fallback {
 }
 
 impl Fallback {
-    /// Gains and dead band from the machine file; feed-forward by `commissioned` if the file asks for it; `period` in s.
+    /// Gains and dead band from the machine file; feed-forward by `commissioned` if the file asks for it; `period` in
+    /// s.
     pub fn new(control: &Control, commissioned: Option<&Commissioned>, period: f64) -> Self {
         let model = commissioned.filter(|_| control.feedforward);
         Self {
@@ -94,8 +97,9 @@ impl Fallback {
         (self.integral, self.offset) = (0.0, 0.0);
     }
 
-    /// Takes over from another controller that sent `last`, at a following error of `error` m. The next command for this
-    /// error and these references (m, from this tick on) is `last` again; its difference to the fallback's own fades.
+    /// Takes over from another controller that sent `last`, at a following error of `error` m. The next command for
+    /// this error and these references (m, from this tick on) is `last` again; its difference to the fallback's own
+    /// fades.
     pub fn resume(&mut self, last: f64, error: f64, references: &[f64]) {
         self.offset = self.uncompensated(last) - self.kp * error - self.coming(references) - self.integral;
     }

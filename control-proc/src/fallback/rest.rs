@@ -8,7 +8,8 @@
 //! e following error m, e_rest and e_wake m. While the axis rests, the valve is shut and the oil holds the load.
 //!
 //! Traps: behind a dead band and dry friction a controller with integral action never arrives: it pushes, breaks loose,
-//! overshoots and pushes back, without end. And one bound in the place of two would chatter with the noise of the encoder.
+//! overshoots and pushes back, without end. And one bound in the place of two would chatter with the noise of the
+//! encoder.
 
 /// Least e_rest in counts of the encoder: less cannot be told from noise.
 const REST_COUNTS: f64 = 2.0;
@@ -49,8 +50,8 @@ impl Rest {
         (self.still, self.rests) = (0, false);
     }
 
-    /// Whether the axis rests at this tick, with a following error of `error` m and these references (m), the present one
-    /// first.
+    /// Whether the axis rests at this tick, with a following error of `error` m and these references (m), the present
+    /// one first.
     pub fn update(&mut self, error: f64, references: &[f64]) -> bool {
         let stands = references.iter().all(|reference| *reference == self.reference);
         self.still = if stands { self.still.saturating_add(1) } else { 0 };

@@ -5,14 +5,14 @@
 //! the adaptive model is better     from  J_a/W_a < 0.9^2 J_c/W_c   until   J_a/W_a > J_c/W_c
 //! ```
 //!
-//! e h-step error m, of the adaptive (a) and the classical model (c), T period s. A snapshot holds count, mean and m2 of
-//! all errors so far; their increase from one snapshot to the next gives the new squares.
+//! e h-step error m, of the adaptive (a) and the classical model (c), T period s. A snapshot holds count, mean and m2
+//! of all errors so far; their increase from one snapshot to the next gives the new squares.
 //!
-//! The classical model was identified offline, from data that was made for it. It is used until the adaptive model has shown
-//! that it predicts better.
+//! The classical model was identified offline, from data that was made for it. It is used until the adaptive model has
+//! shown that it predicts better.
 //!
-//! Traps: errors since the start say little about a model that has learned something wrong ten seconds ago. And with one
-//! bound in the place of two, the model would change to and fro, each time with a step in the command.
+//! Traps: errors since the start say little about a model that has learned something wrong ten seconds ago. And with
+//! one bound in the place of two, the model would change to and fro, each time with a step in the command.
 
 use pipeline::statistics::ErrorStatistics;
 

@@ -5,18 +5,18 @@
 //! usable model, predictive command --trust, probation--> command of the model that may go out
 //! ```
 //!
-//! | check | question | module |
-//! |---|---|---|
-//! | judge | may the model be used at all? | [`judge`](super::judge) |
-//! | comparison | has the adaptive model shown that it predicts better than the classical one? | [`comparison`](super::comparison) |
-//! | age | is the last approved model still young enough? | [`age`](super::age) |
-//! | trust | was there a following error under the model? | [`trust`](super::trust) |
-//! | probation | has the model been usable for [`PROBATION`] without a break? | here |
+//! | check | question |
+//! |---|---|
+//! | [`judge`](super::judge) | may the model be used at all? |
+//! | [`comparison`](super::comparison) | has the adaptive model predicted better than the classical one? |
+//! | [`age`](super::age) | is the last approved model still young enough? |
+//! | [`trust`](super::trust) | was there a following error under the model? |
+//! | probation, here | has the model been usable for [`PROBATION`] without a break? |
 //!
-//! Each snapshot is judged once; its flags stay until the next one. The classical model is used until the adaptive model
-//! has predicted better, and in the place of an adaptive model that is refused. While the last approved model is fresh,
-//! a refusal changes nothing, except for [`Refusal::Worse`]: a model that predicts worse has become so gradually, hence
-//! the one before it is no better.
+//! Each snapshot is judged once; its flags stay until the next one. The classical model is used until the adaptive
+//! model has predicted better, and in the place of an adaptive model that is refused. While the last approved model is
+//! fresh, a refusal changes nothing, except for [`Refusal::Worse`]: a model that predicts worse has become so
+//! gradually, hence the one before it is no better.
 
 use std::time::Duration;
 
@@ -102,7 +102,8 @@ impl Gate {
         }
     }
 
-    /// Forgets the models: the axis is disarmed, and the ticks may be counted anew. The newest snapshot is judged again.
+    /// Forgets the models: the axis is disarmed, and the ticks may be counted anew. The newest snapshot is judged
+    /// again.
     pub fn reset(&mut self) {
         self.seen = None;
         self.last.reset();
@@ -119,8 +120,8 @@ impl Gate {
         self.usable_ticks = 0;
     }
 
-    /// Takes in the newest snapshot and the tick it was made after, at tick `sequence`. Returns the [`control_flag`] bits
-    /// that say what is wrong with it.
+    /// Takes in the newest snapshot and the tick it was made after, at tick `sequence`. Returns the [`control_flag`]
+    /// bits that say what is wrong with it.
     pub fn take(&mut self, sequence: u64, snapshot: Option<(u64, &AxisSnapshot)>) -> u32 {
         if self.choice == ModelChoice::None {
             return 0;

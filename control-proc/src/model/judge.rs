@@ -9,10 +9,10 @@
 //! sigma_adaptive <= 1.5 sigma_classical          h-step errors, in m
 //! ```
 //!
-//! s(p) step response of the linear part, m per unit of x, s' its last difference, T period in s; c the commissioned curve,
-//! m/s, if there is one. A model of hinges that agrees with c may be asked for all commands, also for those it was not
-//! trained on: between and beyond its knots it is straight, and a machine that has become slow needs larger commands than
-//! were tested when it was healthy.
+//! s(p) step response of the linear part, m per unit of x, s' its last difference, T period in s; c the commissioned
+//! curve, m/s, if there is one. A model of hinges that agrees with c may be asked for all commands, also for those it
+//! was not trained on: between and beyond its knots it is straight, and a machine that has become slow needs larger
+//! commands than were tested when it was healthy.
 //!
 //! An online estimator is fed by whatever happens. So what it publishes is judged anew at every tick before it may move
 //! anything. Trap: the sign of b alone says nothing, because b and N share a free factor; only their product has a
@@ -36,8 +36,8 @@ pub const LEAST_TRAVEL: f64 = 0.01;
 pub const WORST_RATIO: f64 = 1.5;
 /// Errors needed before two models are compared.
 pub const LEAST_COUNT: u64 = 100;
-/// Largest ratio of a model's speed to the commissioned one, and of the commissioned one to it: oil, load and pump change
-/// the speed, a wrong model changes it more.
+/// Largest ratio of a model's speed to the commissioned one, and of the commissioned one to it: oil, load and pump
+/// change the speed, a wrong model changes it more.
 pub const SPEED_RATIO: f64 = 5.0;
 
 /// Why a model is refused. The numbers are the places in [`pipeline::message::REFUSALS`].
@@ -139,8 +139,8 @@ impl Judge {
         Ok(Approved { model, range })
     }
 
-    /// Whether it is the configured structure, or has one order more of A or of B: the identifier may choose which orders
-    /// predict best. The drift does not matter, since nothing here uses it.
+    /// Whether it is the configured structure, or has one order more of A or of B: the identifier may choose which
+    /// orders predict best. The drift does not matter, since nothing here uses it.
     fn expects(&self, structure: &Structure) -> bool {
         let (na, nb) = (self.structure.na, self.structure.nb);
         let expected = Structure { na: structure.na, nb: structure.nb, drift: structure.drift, ..self.structure };
@@ -160,7 +160,8 @@ impl Judge {
         if gain > 0.0 && travel >= self.least_travel && travel.is_finite() { Ok(()) } else { Err(Refusal::Unreachable) }
     }
 
-    /// Compares the model's speeds with the commissioned ones. Returns the range of commands that the model may be asked for.
+    /// Compares the model's speeds with the commissioned ones. Returns the range of commands that the model may be
+    /// asked for.
     fn judge_speed(&self, model: &Coefficients, step: &[f64], learned: (f64, f64)) -> Result<(f64, f64), Refusal> {
         let Some(commissioned) = &self.commissioned else { return Ok(learned) };
         let gain = Ramp::new(step).slope / self.period;

@@ -8,11 +8,12 @@
 //! ```
 //!
 //! y output in m, x = N(u) intermediate value. Source: Clarke, Mohtadi and Tuffs, Generalized predictive control,
-//! Automatica 23 (1987). In differences a constant offset of the output cancels, and so does the drift of the model. Hence
-//! a load, or a model without an integrator, leaves no steady error. Trap: differencing amplifies measurement noise.
+//! Automatica 23 (1987). In differences a constant offset of the output cancels, and so does the drift of the model.
+//! Hence a load, or a model without an integrator, leaves no steady error. Trap: differencing amplifies measurement
+//! noise.
 //!
-//! The health check of the identifier needs only the last value of a step response. It sums positions, not differences, so
-//! its result differs from [`step_response`] in the last bits.
+//! The health check of the identifier needs only the last value of a step response. It sums positions, not differences,
+//! so its result differs from [`step_response`] in the last bits.
 
 use pipeline::hammerstein::{Coefficients, MAX_A, MAX_DELAY};
 

@@ -5,9 +5,9 @@
 //! e_0(k) = |e(k)| while another controller controls,    e_0(k-1) exp(-n T / 1 s) while the model does
 //! ```
 //!
-//! e following error m; e_b 30 mm or half of `following_error`, whichever is less, so that the model goes before the axis
-//! is stopped; v_r speed of the reference m/s; e_0 error m that the model has taken over and is given time to correct;
-//! n ticks since the last look; T period s. The rule and its constants are those of
+//! e following error m; e_b 30 mm or half of `following_error`, whichever is less, so that the model goes before the
+//! axis is stopped; v_r speed of the reference m/s; e_0 error m that the model has taken over and is given time to
+//! correct; n ticks since the last look; T period s. The rule and its constants are those of
 //! [`crate::protection::following_error`]. While the command is at its limit nothing counts: no model could do more.
 //!
 //! Trap: a model can predict well and be approved, and its loop can still swing. Only the axis shows it.
@@ -47,8 +47,8 @@ impl Trust {
         (self.distrusted, self.taken_over) = (0, 0.0);
     }
 
-    /// Whether the model may control at this tick. `by_model`: it made the last command. `at_limit`: the last command was
-    /// at its limit.
+    /// Whether the model may control at this tick. `by_model`: it made the last command. `at_limit`: the last command
+    /// was at its limit.
     pub fn update(&mut self, deviation: &Deviation, by_model: bool, at_limit: bool) -> bool {
         self.taken_over = match by_model {
             true => self.taken_over * (-(deviation.elapsed as f64) * self.period / CORRECTION_TIME).exp(),

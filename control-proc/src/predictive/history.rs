@@ -4,13 +4,13 @@
 //! at tick k, before the command is made:   outputs  y(k), y(k-1), ..      commands  u(k-1), u(k-2), ..
 //! ```
 //!
-//! y position in m, u valve command as it was sent. Both lists are ordered from the newest to the oldest. Commands are kept
-//! instead of x = N(u), since N changes with every snapshot. What was sent after all limits is what moved the axis, so
-//! saturation cannot wind up the model.
+//! y position in m, u valve command as it was sent. Both lists are ordered from the newest to the oldest. Commands are
+//! kept instead of x = N(u), since N changes with every snapshot. What was sent after all limits is what moved the
+//! axis, so saturation cannot wind up the model.
 //!
-//! Trap: a tick without a position leaves a gap. A held position that is followed by the leap to the next good one looks
-//! like a sudden speed to a controller that works on differences. So a gap is filled by a straight line once the position
-//! after it is known.
+//! Trap: a tick without a position leaves a gap. A held position that is followed by the leap to the next good one
+//! looks like a sudden speed to a controller that works on differences. So a gap is filled by a straight line once the
+//! position after it is known.
 
 use pipeline::hammerstein::{MAX_A, MAX_DELAY, MAX_LINEAR};
 

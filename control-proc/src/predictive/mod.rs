@@ -22,8 +22,8 @@
 //! clipped.
 //!
 //! Traps:
-//! - The model of the paper's Table 2 has a zero at -1.157, outside the unit circle. A controller that inverts B at once
-//!   (horizon 1 without a weight) is unstable; horizon and weight prevent that here.
+//! - The model of the paper's Table 2 has a zero at -1.157, outside the unit circle. A controller that inverts B at
+//!   once (horizon 1 without a weight) is unstable; horizon and weight prevent that here.
 //! - N can be inverted only where it is monotone, so x is kept to what the commands can reach there.
 //! - x(k-1) is N of the command that was *sent*. What the limits cut off was not done.
 //!
@@ -90,8 +90,9 @@ impl Predictive {
         self.unsolved_in_a_row
     }
 
-    /// y(k), m, of a tick without a position: what the model expected, so that this tick adds nothing to the noise. A line
-    /// drawn over the gap afterwards would hide how the axis accelerates, which a model in differences takes for a push.
+    /// y(k), m, of a tick without a position: what the model expected, so that this tick adds nothing to the noise. A
+    /// line drawn over the gap afterwards would hide how the axis accelerates, which a model in differences takes for a
+    /// push.
     ///
     /// `history` is as it was made for tick k-1, with the command of that tick.
     pub fn bridge(&mut self, approved: &Approved<'_>, history: &History) -> Option<f64> {

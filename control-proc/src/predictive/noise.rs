@@ -9,8 +9,9 @@
 //! delay and d lag of the model in samples.
 //!
 //! T decides how fast the controller believes what its model did not foresee, and with that how wrong the model may be.
-//! With one root at half of the dead time, the loop of a model with 150 ms of dead time oscillates at 1.4 times its gain, or
-//! with 50 ms more of dead time. With two roots at the whole dead time it does so at 1.7 times its gain, or with 130 ms more.
+//! With one root at half of the dead time, the loop of a model with 150 ms of dead time oscillates at 1.4 times its
+//! gain, or with 50 ms more of dead time. With two roots at the whole dead time it does so at 1.7 times its gain, or
+//! with 130 ms more.
 //!
 //! The newest e are computed anew with the model of every tick: what this model should have foreseen. If the e of an
 //! earlier model were kept, the next model would compensate them once more.

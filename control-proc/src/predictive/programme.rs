@@ -9,10 +9,11 @@
 //! -sqrt(2 a (y_f - y_low)) <= V x(k+m) <= sqrt(2 a (y_high - y_f))          no faster than the axis can stop
 //! ```
 //!
-//! y position in m, w reference in m, x intermediate value, X its levels relative to the last one, u valve command, r its
-//! largest change per tick, h impulse response, m per unit of x; V speed per unit of x, m/s; d lag in ticks; y_f =
-//! free(k+nk) where the axis will be when x(k) acts, y_low and y_high the soft limits, m; a [`END_DECELERATION`]; T_s period
-//! in s; nk delay, H horizon, M moves, in samples; lambda = move_weight * mean of s(p)^2 with the step response s.
+//! y position in m, w reference in m, x intermediate value, X its levels relative to the last one, u valve command, r
+//! its largest change per tick, h impulse response, m per unit of x; V speed per unit of x, m/s; d lag in ticks; y_f =
+//! free(k+nk) where the axis will be when x(k) acts, y_low and y_high the soft limits, m; a [`END_DECELERATION`]; T_s
+//! period in s; nk delay, H horizon, M moves, in samples; lambda = move_weight * mean of s(p)^2 with the step response
+//! s.
 //!
 //! Only moves beyond those that the references ask for are weighed. Hence the axis follows its reference without a lag
 //! even with a large weight, and relies on the model more than on the feedback.
@@ -65,8 +66,8 @@ impl Programme {
         Self { horizon, moves, move_weight: control.move_weight, soft_limits, problem }
     }
 
-    /// The programme's first level X(0), found by `solver`. The second value says whether the solver found the best plan;
-    /// without it X(0) is clipped.
+    /// The programme's first level X(0), found by `solver`. The second value says whether the solver found the best
+    /// plan; without it X(0) is clipped.
     pub fn first_level(&self, solver: &mut Solver<MAX_MOVES, MAX_MOVES>) -> (Option<f64>, bool) {
         // Most limits of a plan are those of the plan before.
         let solution = solver.resume(&self.problem);
@@ -82,8 +83,8 @@ impl Programme {
         }
     }
 
-    /// dx_w(k), dx_w(k+1), ..: the moves that the references ask of a model with this ramp. All are 0 for a model that does
-    /// not integrate, or where the references ask for no finite speed.
+    /// dx_w(k), dx_w(k+1), ..: the moves that the references ask of a model with this ramp. All are 0 for a model that
+    /// does not integrate, or where the references ask for no finite speed.
     pub fn expected(&self, ramp: Ramp, references: &[f64], nk: usize) -> [f64; MAX_MOVES] {
         let mut moves = [0.0; MAX_MOVES];
         let lag = ramp.lag.round();

@@ -2,10 +2,10 @@
 //!
 //! In real time the stage watches two times:
 //!
-//! - No sample for more than `feedback_timeout`: the valves are made neutral by a message that only has to be copied, and
-//!   the axes are latched. A sample that is older than that when it is read is not acted on.
-//! - A command that goes out more than a period after its sample was acquired is late. It is made with the newest data. As
-//!   many late commands in a row as periods fit into `feedback_timeout`, at least two, latch the axes.
+//! - No sample for more than `feedback_timeout`: the valves are made neutral by a message that only has to be copied,
+//!   and the axes are latched. A sample that is older than that when it is read is not acted on.
+//! - A command that goes out more than a period after its sample was acquired is late. It is made with the newest data.
+//!   As many late commands in a row as periods fit into `feedback_timeout`, at least two, latch the axes.
 //!
 //! In lock-step the command of tick k is made with the snapshot of tick k-1, and the stage waits for that.
 
@@ -142,8 +142,8 @@ impl Process {
         Ok(self.commands.send(&neutral)?)
     }
 
-    /// Takes in the snapshot for a sample. In lock-step it waits for the snapshot of the tick before. False when the loop
-    /// is to stop.
+    /// Takes in the snapshot for a sample. In lock-step it waits for the snapshot of the tick before. False when the
+    /// loop is to stop.
     fn take_snapshot(&mut self, turn: &mut Turn, sample: &Header) -> Result<bool, StageError> {
         let snapshots = &mut self.inputs.snapshots;
         let Some(before) = sample.sequence.checked_sub(1).filter(|_| self.clock == Clock::LockStep) else {

@@ -7,15 +7,16 @@
 //! |u| <= c^-1(v_s), or d_0 + (u_max - d_0) v_s / v_max  all commands except those of a commissioning
 //! ```
 //!
-//! d in m, v speed towards the limit m/s, a 0.5 m/s2, t_r three times dead time and lag, but at least 0.3 s, c static curve
-//! of a commissioned axis, d_0 calibrated dead band, u_max `command_limit`, v_max `max_speed`. Close to the limit v_s is
-//! d / t_r: the axis approaches as slowly as the valve can still follow. Away from a limit every command is allowed.
+//! d in m, v speed towards the limit m/s, a 0.5 m/s2, t_r three times dead time and lag, but at least 0.3 s, c static
+//! curve of a commissioned axis, d_0 calibrated dead band, u_max `command_limit`, v_max `max_speed`. Close to the limit
+//! v_s is d / t_r: the axis approaches as slowly as the valve can still follow. Away from a limit every command is
+//! allowed.
 //!
-//! A commissioning program has a window of its own and has to know what it commands. So its commands are cut only where they
-//! could not stop the axis any more.
+//! A commissioning program has a window of its own and has to know what it commands. So its commands are cut only where
+//! they could not stop the axis any more.
 //!
-//! Trap: what is under way in valve and pilot lines comes out whatever is commanded now. A rule without t_r lets the axis
-//! overrun its limit.
+//! Trap: what is under way in valve and pilot lines comes out whatever is commanded now. A rule without t_r lets the
+//! axis overrun its limit.
 
 use pipeline::machine::{Axis, Commissioned, Control};
 
@@ -55,8 +56,8 @@ impl EndStops {
         }
     }
 
-    /// The allowed part of the command `wanted` at this position (m) and speed (m/s). `gently`: the command also becomes
-    /// smaller towards the limit, not only neutral.
+    /// The allowed part of the command `wanted` at this position (m) and speed (m/s). `gently`: the command also
+    /// becomes smaller towards the limit, not only neutral.
     pub fn apply(&self, wanted: f64, position: f64, speed: f64, gently: bool) -> f64 {
         if wanted == 0.0 {
             return 0.0;

@@ -7,14 +7,14 @@
 //! e following error m, reference minus position; e_b floor m; v_r speed of the reference m/s; e_0 allowance m. Source:
 //! following-error limits of numerical controls, with a floor and a part that grows with the speed.
 //!
-//! Two users apply this rule. [`super::Protection`] stops the axis; its floor is `following_error` of the machine file and
-//! its allowance is 0. [`crate::model::trust`] takes the model away earlier; its floor is lower, and its allowance is the
-//! error that the model has taken over.
+//! Two users apply this rule. [`super::Protection`] stops the axis; its floor is `following_error` of the machine file
+//! and its allowance is 0. [`crate::model::trust`] takes the model away earlier; its floor is lower, and its allowance
+//! is the error that the model has taken over.
 //!
 //! Ticks whose samples are missing count as beyond if the tick after them is: `elapsed` ticks are added at once.
 //!
-//! Trap: a floor below the error that an axis needs at its worst, cold and without a commissioned model, stops a healthy
-//! machine. Therefore the machine file sets it.
+//! Trap: a floor below the error that an axis needs at its worst, cold and without a commissioned model, stops a
+//! healthy machine. Therefore the machine file sets it.
 
 /// Addition to the bound for each m/s of the reference's speed, s: a lag of this length is no fault.
 const SPEED_ALLOWANCE: f64 = 0.2;

@@ -46,8 +46,8 @@ impl Limits {
     }
 }
 
-/// The magnitude of a command that makes at most half of the axis' speed: half of the way from the dead band to the limit,
-/// or less where the commissioned curve bends.
+/// The magnitude of a command that makes at most half of the axis' speed: half of the way from the dead band to the
+/// limit, or less where the commissioned curve bends.
 pub fn half_speed(axis: &Axis) -> f64 {
     let Control { command_limit, dead_band, .. } = axis.control;
     let found = axis.commissioned.as_ref().map_or(dead_band, |model| model.dead_band);

@@ -5,19 +5,19 @@
 //! stalled   u beyond d + 0.1 one way for 0.4 s + t_d, in which y has not moved that way by 0.4 s * v_max / 200
 //! ```
 //!
-//! u command, d calibrated or commissioned dead band, whichever is wider, y position m, t_d dead time s, v_max `max_speed`
-//! m/s. Stuck is an encoder that does not report any change; this is seen from the positions alone. Stalled is an axis
-//! without supply, or one that stands against an obstacle. Its encoder may be healthy and show noise.
+//! u command, d calibrated or commissioned dead band, whichever is wider, y position m, t_d dead time s, v_max
+//! `max_speed` m/s. Stuck is an encoder that does not report any change; this is seen from the positions alone. Stalled
+//! is an axis without supply, or one that stands against an obstacle. Its encoder may be healthy and show noise.
 //!
-//! Traps: a valve whose dead band has grown stands still above the calibrated dead band, until the integral of the fallback
-//! has passed it; hence the margins. Motion against the command does not count as motion.
+//! Traps: a valve whose dead band has grown stands still above the calibrated dead band, until the integral of the
+//! fallback has passed it; hence the margins. Motion against the command does not count as motion.
 
 use std::time::Duration;
 
 use pipeline::machine::{Axis, Timing, samples_of};
 
-/// Command beyond the dead band from which on a position that stands still is a fault. The calibration is a little low on
-/// purpose, and just above the dead band the axis may creep below the resolution of the encoder.
+/// Command beyond the dead band from which on a position that stands still is a fault. The calibration is a little low
+/// on purpose, and just above the dead band the axis may creep below the resolution of the encoder.
 pub const STUCK_MARGIN: f64 = 0.05;
 /// Command beyond the dead band from which on an axis that hardly moves is a fault. A dead band that has grown by half,
 /// friction and hysteresis are within this margin.
@@ -55,8 +55,8 @@ pub struct Motion {
     command: f64,
     /// Ticks for which the command has been beyond the dead band and the margin for stuck, one way.
     driven: u64,
-    /// Ticks for which the command has been beyond the dead band and the margin for stalled, one way, since the axis has
-    /// last moved by `least`.
+    /// Ticks for which the command has been beyond the dead band and the margin for stalled, one way, since the axis
+    /// has last moved by `least`.
     stalled: u64,
     /// Where the axis was then, m.
     from: f64,
@@ -90,8 +90,8 @@ impl Motion {
         }
     }
 
-    /// Whether the axis stands, `elapsed` ticks after the last call. `command` has been on the valve since then; `position`
-    /// (m) is where the axis is now, if that is known.
+    /// Whether the axis stands, `elapsed` ticks after the last call. `command` has been on the valve since then;
+    /// `position` (m) is where the axis is now, if that is known.
     pub fn update(&mut self, elapsed: u64, command: f64, position: Option<f64>) -> Option<Standing> {
         if command * self.command <= 0.0 {
             (self.driven, self.stalled) = (0, 0);
@@ -123,8 +123,8 @@ mod tests {
     use super::*;
     use crate::tests::machine;
 
-    /// Tick and kind of the fault of the test machine: dead bands 0.08 and 0.07, 1 m/s, 5 ticks of dead time, stuck after
-    /// 300 ms.
+    /// Tick and kind of the fault of the test machine: dead bands 0.08 and 0.07, 1 m/s, 5 ticks of dead time, stuck
+    /// after 300 ms.
     fn stands(command: impl Fn(u64) -> f64, position: impl Fn(u64) -> f64) -> Option<(u64, Standing)> {
         let machine = machine(1);
         let mut motion = Motion::new(&machine.axes[0], &machine.timing);

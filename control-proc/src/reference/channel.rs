@@ -5,20 +5,21 @@
 //! |y_r(k) - y_r(k-1)| <= 1.5 v_max T + 1 mm        also from each preview entry to the next
 //! ```
 //!
-//! k tick of the sample, k_ref tick of the message's first reference, v_max `max_speed` in m/s, T period in s. A message
-//! is refused if it is missing, used up, not finite, outside the soft limits, or older than one before, or if its references
-//! jump. Then the axis holds its present reference, or comes to a stand from it ([`super::References`]).
+//! k tick of the sample, k_ref tick of the message's first reference, v_max `max_speed` in m/s, T period in s. A
+//! message is refused if it is missing, used up, not finite, outside the soft limits, or older than one before, or if
+//! its references jump. Then the axis holds its present reference, or comes to a stand from it ([`super::References`]).
 //!
-//! Trap: after a refusal, and at the start, the program may be anywhere. Its references are taken up again only where they
-//! go on from the reference that is held or from where the axis stands, so that nothing moves when they are taken up.
+//! Trap: after a refusal, and at the start, the program may be anywhere. Its references are taken up again only where
+//! they go on from the reference that is held or from where the axis stands, so that nothing moves when they are taken
+//! up.
 
 use pipeline::{
     machine::Axis,
     message::{MAX_PREVIEW, Reference},
 };
 
-/// Largest distance of a channel's first reference from the position, m. A person first brings the reference to where the
-/// axis stands; 10 mm can be seen on a machine.
+/// Largest distance of a channel's first reference from the position, m. A person first brings the reference to where
+/// the axis stands; 10 mm can be seen on a machine.
 pub const ENGAGE_DISTANCE: f64 = 0.010;
 /// Allowance over the fastest speed: a program need not send at exactly the rate of the samples.
 const SPEED_ALLOWANCE: f64 = 1.5;
@@ -71,8 +72,8 @@ impl ChannelFollower {
         self.was_engaged
     }
 
-    /// Fills `positions` with the references (m) from tick `sequence` on. False when the message is refused and the last
-    /// reference is held.
+    /// Fills `positions` with the references (m) from tick `sequence` on. False when the message is refused and the
+    /// last reference is held.
     ///
     /// `elapsed` is the number of ticks since the last call, `position` (m) where the axis stands.
     pub fn update(

@@ -8,9 +8,9 @@
 //! | [`channel`] | references from another program, accepted or refused |
 //! | [`profile`] | motions to a set point, bounded in speed, acceleration and jerk |
 //!
-//! While the axis tracks, its references come from its generator or from the channel. While it holds, they come from the
-//! profile; tracking begins once the profile has come to a stand. The profile also brings the references to a stand when
-//! the channel stops or sends what is refused, until an accepted message goes on from there.
+//! While the axis tracks, its references come from its generator or from the channel. While it holds, they come from
+//! the profile; tracking begins once the profile has come to a stand. The profile also brings the references to a stand
+//! when the channel stops or sends what is refused, until an accepted message goes on from there.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 

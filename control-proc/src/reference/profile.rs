@@ -1,4 +1,5 @@
-//! The motion of a reference to a set point, bounded in speed, acceleration and jerk. The set point may change at any tick.
+//! The motion of a reference to a set point, bounded in speed, acceleration and jerk. The set point may change at any
+//! tick.
 //!
 //! ```text
 //! w(d)   = min(v_max, -b T/2 + sqrt((b T/2)^2 + 2 b |d|), |d| / T) sgn d        b = 0.8 a_max
@@ -6,18 +7,18 @@
 //! y_r(k) = (x(k) + x(k-1) + .. + x(k-N+1)) / N            N T = 0.2 s
 //! ```
 //!
-//! g set point m, x a motion of bounded speed and acceleration m, v its speed m/s, w the speed from which it still stops at
-//! the set point, y_r reference m, T period s. The mean over N points of a motion is as bounded as the motion, so
-//! `|v_r| <= v_max` and `|a_r| <= a_max`. From tick to tick a_r changes by the difference of two accelerations over N, so
-//! the jerk is at most `2 a_max / (N T)`; it is reached only where the acceleration reverses at once. At the end all N points
-//! are g, and y_r is exactly g.
+//! g set point m, x a motion of bounded speed and acceleration m, v its speed m/s, w the speed from which it still
+//! stops at the set point, y_r reference m, T period s. The mean over N points of a motion is as bounded as the motion,
+//! so `|v_r| <= v_max` and `|a_r| <= a_max`. From tick to tick a_r changes by the difference of two accelerations over
+//! N, so the jerk is at most `2 a_max / (N T)`; it is reached only where the acceleration reverses at once. At the end
+//! all N points are g, and y_r is exactly g.
 //!
-//! v_max is a quarter of `max_speed`, a_max is v_max over 0.25 s. A motion that is faster than v_max at its beginning is
-//! braked to v_max. Source: acceleration-limited planning behind a moving average, as in numerical controls. Other than a
-//! curve of seven segments, this motion has no plan that a new set point could contradict.
+//! v_max is a quarter of `max_speed`, a_max is v_max over 0.25 s. A motion that is faster than v_max at its beginning
+//! is braked to v_max. Source: acceleration-limited planning behind a moving average, as in numerical controls. Other
+//! than a curve of seven segments, this motion has no plan that a new set point could contradict.
 //!
-//! Traps: braking exactly along w asks for 1.125 times its deceleration in the last ticks, hence b is below a_max. The mean
-//! lags by half its length, so a motion that begins with a speed begins that much ahead.
+//! Traps: braking exactly along w asks for 1.125 times its deceleration in the last ticks, hence b is below a_max. The
+//! mean lags by half its length, so a motion that begins with a speed begins that much ahead.
 
 use pipeline::machine::Axis;
 
@@ -58,7 +59,8 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// For set points inside the axis' soft limits, and so many ticks ahead; `period` in s. Nothing is allocated after this.
+    /// For set points inside the axis' soft limits, and so many ticks ahead; `period` in s. Nothing is allocated after
+    /// this.
     pub fn new(axis: &Axis, period: f64, ahead: usize) -> Self {
         let mean = ((SMOOTHING / period).round() as usize).max(1);
         let speed = SPEED * axis.max_speed;
@@ -253,7 +255,8 @@ mod tests {
                 y.extend((0..ticks).map(|_| next(&mut profile)));
             }
             let (v, a, j) = largest(&y);
-            prop_assert!(v <= MOST_SPEED * 1.000_001 && a <= MOST_ACCELERATION * 1.000_01 && j <= MOST_JERK * 1.000_1, "{v} {a} {j}");
+            let holds = v <= MOST_SPEED * 1.000_001 && a <= MOST_ACCELERATION * 1.000_01 && j <= MOST_JERK * 1.000_1;
+            prop_assert!(holds, "{v} {a} {j}");
             prop_assert!(y.iter().all(|y| (0.05..=1.284).contains(y)), "outside the soft limits");
             y.extend((0..1000).map(|_| next(&mut profile)));
             prop_assert_eq!(y[y.len() - 1], profile.set_point());

@@ -196,7 +196,8 @@ fn settling_starts_again_with_every_unhealthy_sample() {
 }
 
 proptest! {
-    /// For any samples in any order, a disarmed axis is exactly neutral, and an armed axis is finite and inside both limits.
+    /// For any samples in any order, a disarmed axis is exactly neutral, and an armed axis is finite and inside both
+    /// limits.
     #[test]
     fn the_command_stays_allowed_for_all_samples(
         steps in prop::collection::vec((0u64..5, any::<f64>(), 0u32..32, 0u32..10), 200),
@@ -216,7 +217,8 @@ proptest! {
             prop_assert!(command.command.is_finite() && command.command.abs() <= 1.0);
             // Towards neutral before a soft limit, and to it, a command may go at once.
             let u = command.command;
-            let slows_down = command.flags & control_flag::SOFT_LIMIT != 0 && u * last >= 0.0 && u.abs() < f64::abs(last);
+            let is_limited = command.flags & control_flag::SOFT_LIMIT != 0;
+            let slows_down = is_limited && u * last >= 0.0 && u.abs() < f64::abs(last);
             prop_assert!((u - last).abs() <= 0.1 + 1e-12 || u == 0.0 || slows_down, "{last} to {u}");
             prop_assert!(armed || command.command == 0.0);
             last = command.command;

@@ -19,7 +19,8 @@ fn is_latched(command: &ValveCommand, cause: u32) -> bool {
     is_neutral && axis.flags & control_flag::LATCHED == cause && axis.operation == AxisMode::Off as u32
 }
 
-/// Whether the axis stays latched by this cause for a second of healthy ticks after another `arm`, until it is disarmed.
+/// Whether the axis stays latched by this cause for a second of healthy ticks after another `arm`, until it is
+/// disarmed.
 fn stays_latched(axis: &mut Loop, cause: u32) -> bool {
     axis.controller.arm();
     let stays = axis.run(100, Some(actuator())).iter().all(|command| is_latched(command, cause));

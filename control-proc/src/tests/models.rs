@@ -14,7 +14,8 @@ pub fn linear(a: &[f64], b: &[f64], nk: usize) -> Coefficients {
     model
 }
 
-/// The model of [`super::plant::Actuator`] without a dead band: (1 - z^-1)(1 - 0.8 z^-1), nk = 5, 0.6 m/s at full command.
+/// The model of [`super::plant::Actuator`] without a dead band: (1 - z^-1)(1 - 0.8 z^-1), nk = 5, 0.6 m/s at full
+/// command.
 pub fn actuator() -> Coefficients {
     let mut model = Coefficients::zero(Structure { na: 2, nb: 0, nk: 5, order: 3, ..Structure::PAPER });
     model.a[..2].copy_from_slice(&[-1.8, 0.8]);

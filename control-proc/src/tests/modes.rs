@@ -181,7 +181,8 @@ fn a_controller_that_is_restarted_is_off() {
 
 #[test]
 fn a_direct_mode_commands_within_the_limits_and_stops_with_its_program() {
-    // The command of a commissioning is neutral after `feedback_timeout`, three periods; both modes are off after 0.1 s.
+    // The command of a commissioning is neutral after `feedback_timeout`, three periods; both modes are off after 0.1
+    // s.
     for (mode, lasts, who) in
         [(AxisMode::Manual, 10, ControlMode::Manual), (AxisMode::Commission, 3, ControlMode::Commission)]
     {

@@ -1,10 +1,10 @@
 //! Ten thousand poisoned snapshots among good ones.
 //!
 //! A poisoned model is one that no axis can have: not finite, denormal, unstable, of the wrong direction, of another
-//! structure, with a curve that turns back before it has moved the axis, or torn. A torn model has the first half of one
-//! good model and the second half of another, and is wrong in one of these ways. The judge looks at the model, not at the
-//! origin of its bytes: a torn model with sound coefficients is used like any other, and a curve that turns back later is
-//! used up to there.
+//! structure, with a curve that turns back before it has moved the axis, or torn. A torn model has the first half of
+//! one good model and the second half of another, and is wrong in one of these ways. The judge looks at the model, not
+//! at the origin of its bytes: a torn model with sound coefficients is used like any other, and a curve that turns back
+//! later is used up to there.
 
 use pipeline::{
     hammerstein::{Coefficients, Structure},

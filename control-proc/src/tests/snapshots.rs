@@ -47,7 +47,10 @@ proptest! {
 
     #[test]
     fn poisoned_snapshots_are_never_used(
-        ways in prop::collection::vec((select(vec![0, 1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12, 13, 14, 15, 16]), 0usize..60, 0.0f64..10.0), 1..4),
+        ways in prop::collection::vec(
+            (select(vec![0, 1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12, 13, 14, 15, 16]), 0usize..60, 0.0f64..10.0),
+            1..4,
+        ),
     ) {
         let machine = machine(1);
         let (mut with, mut without) = (Loop::new(&machine, 0.05), Loop::new(&machine, 0.05));

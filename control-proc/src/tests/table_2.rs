@@ -4,9 +4,9 @@
 //! y(k) = -a1 y(k-1) - a2 y(k-2) - a3 y(k-3) + b0 x(k-1) + b1 x(k-2) + d        x = f(u)
 //! ```
 //!
-//! y position, x = f(u) intermediate value, d load, constant from a certain tick on. Trap: the controller shuts the valve
-//! where the reference stands still, which is right for an integrator. This plant is none and would sink, so its reference
-//! always moves a little.
+//! y position, x = f(u) intermediate value, d load, constant from a certain tick on. Trap: the controller shuts the
+//! valve where the reference stands still, which is right for an integrator. This plant is none and would sink, so its
+//! reference always moves a little.
 
 use std::path::Path;
 

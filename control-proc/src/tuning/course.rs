@@ -8,13 +8,13 @@
 //! ```
 //!
 //! p course in m of an axis with soft limits 1.234 m apart, s size, `low` and `high` soft limits in m, v the speed in
-//! m/s that the axis reaches in its slower direction. The smooth moves are 10 r^3 - 15 r^4 + 6 r^5 and reach 0.1875 m/s.
-//! Half of v is left for errors and for a machine that has become slower, in training too: on a course that a cold machine
-//! cannot follow, the comparison would measure the pump. Axes with odd numbers go the other way, so that they do not all
-//! extend at once and the pump does not decide the comparison.
+//! m/s that the axis reaches in its slower direction. The smooth moves are 10 r^3 - 15 r^4 + 6 r^5 and reach 0.1875
+//! m/s. Half of v is left for errors and for a machine that has become slower, in training too: on a course that a cold
+//! machine cannot follow, the comparison would measure the pump. Axes with odd numbers go the other way, so that they
+//! do not all extend at once and the pump does not decide the comparison.
 //!
-//! Trap: a course without rests and slow motions hides the effect of dead bands; a course of sines alone hides that of the
-//! feed-forward.
+//! Trap: a course without rests and slow motions hides the effect of dead bands; a course of sines alone hides that of
+//! the feed-forward.
 
 use std::f64::consts::TAU;
 

@@ -1,4 +1,5 @@
-//! Gains of the fallback, by simulation of the commissioned model. Never called in the loop: it allocates and takes seconds.
+//! Gains of the fallback, by simulation of the commissioned model. Never called in the loop: it allocates and takes
+//! seconds.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -11,21 +12,21 @@
 //! ```
 //!
 //! u command that the fallback makes of the encoder's counts, x spool, v speed in m/s, y position in m, c static curve,
-//! tau and t_d of [`Commissioned`], y_r the [`mod@course`] in m; g gain, m dead time and l lag of a plant as multiples of
-//! those of the commissioned one: with cold oil the lag of a valve doubles. w and zeta ([`SPRING_FREQUENCY`],
-//! [`SPRING_DAMPING`]) are the load on its spring of oil. A static curve behind a lag does not contain this spring, which
-//! limits the gains where the dead time is short.
+//! tau and t_d of [`Commissioned`], y_r the [`mod@course`] in m; g gain, m dead time and l lag of a plant as multiples
+//! of those of the commissioned one: with cold oil the lag of a valve doubles. w and zeta ([`SPRING_FREQUENCY`],
+//! [`SPRING_DAMPING`]) are the load on its spring of oil. A static curve behind a lag does not contain this spring,
+//! which limits the gains where the dead time is short.
 //!
 //! The gains with the least J are chosen among those with which none of the three plants moves by more than
-//! [`RESTING_MOTION`] while the reference stands for long. A grid of factors of two is searched first, then finer and finer
-//! steps around the best point.
+//! [`RESTING_MOTION`] while the reference stands for long. A grid of factors of two is searched first, then finer and
+//! finer steps around the best point.
 //!
-//! The comparison is fair: a baseline gets the gains that a patient engineer with this model would find, on this course. The
-//! gains are robust: a fast plant with a long dead time asks for low gains, a slow one for high gains, and at rest all three
-//! are quiet. Tuning does not know the scenarios.
+//! The comparison is fair: a baseline gets the gains that a patient engineer with this model would find, on this
+//! course. The gains are robust: a fast plant with a long dead time asks for low gains, a slow one for high gains, and
+//! at rest all three are quiet. Tuning does not know the scenarios.
 //!
-//! Traps: if only the nominal plant is used, the gains become so high that a little more dead time makes the loop cycle.
-//! Without the spring they become so high that every heavy axis oscillates.
+//! Traps: if only the nominal plant is used, the gains become so high that a little more dead time makes the loop
+//! cycle. Without the spring they become so high that every heavy axis oscillates.
 
 pub mod course;
 
@@ -94,7 +95,8 @@ impl Baseline {
     pub fn tuned(self, index: usize, axis: &Axis, period: f64) -> Option<Control> {
         let bench = Bench::new(index, axis, period)?;
         let control = self.untuned(&axis.control, bench.model);
-        // For a linear loop with the gain of the steepest piece the grid begins far below the gain that the delay allows.
+        // For a linear loop with the gain of the steepest piece the grid begins far below the gain that the delay
+        // allows.
         let start = FIRST_GAIN / (bench.steepest() * (bench.model.dead_time + bench.model.time_constant + period));
         let mut best = (bench.rated(&control), control);
         let mut consider = |kp: f64, ki: f64| {

@@ -46,7 +46,8 @@ fn an_s_behind_a_wide_dead_band_is_found() {
         plant.dead_band = DeadBand { extend: 0.38, retract: 0.35 };
         plant.saturation = DeadBand { extend: 0.72, retract: 0.70 };
     }
-    // The flow at the flat beginning of the S is smaller than the effect of the hysteresis: the dead band is found wider.
+    // The flow at the flat beginning of the S is smaller than the effect of the hysteresis: the dead band is found
+    // wider.
     expect_found(&machine, 0.05, 0.045, 0.4);
 }
 
@@ -58,9 +59,9 @@ fn cold_oil_is_found() {
     expect_found(&machine, COLD, 0.015, 0.2);
 }
 
-/// Expects of all axes: dead bands within `dead_band`; the dead time within 13 ms, and its sum with the lag within 5 ms; the
-/// curve within 5 % of the plant's steady speeds, from the part `from` of the tested openings on. The steady speeds are a
-/// range between the two branches of the hysteresis.
+/// Expects of all axes: dead bands within `dead_band`; the dead time within 13 ms, and its sum with the lag within 5
+/// ms; the curve within 5 % of the plant's steady speeds, from the part `from` of the tested openings on. The steady
+/// speeds are a range between the two branches of the hysteresis.
 fn expect_found(machine: &Machine, time_constant: f64, dead_band: f64, from: f64) {
     for (axis, settings) in machine.axes.iter().enumerate() {
         let run = Run::of(machine, axis, &ExperimentOptions::default(), 1).expect_finished();
@@ -72,8 +73,8 @@ fn expect_found(machine: &Machine, time_constant: f64, dead_band: f64, from: f64
         let delay = found.dead_time - plant.dead_time;
         let sum = delay + found.time_constant - time_constant;
         println!(
-            "{}: dead bands {extend:+.4} {retract:+.4}, dead time {:+.1} ms, with the lag {:+.1} ms, fit {:.1} %, {:.1} mm \
-             inside the window",
+            "{}: dead bands {extend:+.4} {retract:+.4}, dead time {:+.1} ms, with the lag {:+.1} ms, fit {:.1} %, \
+             {:.1} mm inside the window",
             settings.name,
             1e3 * delay,
             1e3 * sum,

@@ -1,4 +1,5 @@
-//! Each bound ends the experiment, and the command stays neutral afterwards. Machines of many kinds stay within the bounds.
+//! Each bound ends the experiment, and the command stays neutral afterwards. Machines of many kinds stay within the
+//! bounds.
 
 use super::*;
 use control_proc::commission::{Abort, Phase};
@@ -41,7 +42,8 @@ fn boom() -> Axis {
     under("nominal").axes[0].clone()
 }
 
-/// Runs an experiment to its abort with a servo that `change` changes at each tick. Expects a neutral command afterwards.
+/// Runs an experiment to its abort with a servo that `change` changes at each tick. Expects a neutral command
+/// afterwards.
 fn abort(
     options: &ExperimentOptions,
     mut change: impl FnMut(Phase, &mut Servo, &mut AxisSample),

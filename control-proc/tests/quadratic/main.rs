@@ -87,7 +87,8 @@ impl Seen {
         solver: &mut Solver<N, M>,
         problem: &Problem<N, M>,
     ) -> Solution<N, M> {
-        // First from the working set of the last problem, which does not help among random problems; then from an empty one.
+        // First from the working set of the last problem, which does not help among random problems; then from an empty
+        // one.
         let resumed = solver.resume(problem);
         let solution = solver.solve(problem);
         self.expect_same(problem, &resumed, &solution);

@@ -35,8 +35,8 @@ pub fn hessian<const N: usize>(random: &mut Pcg64, condition: f64) -> [[f64; N];
     h
 }
 
-/// Dense problems of a condition from 1 to 1e10, with dense rows and a minimum that is up to a million times outside the
-/// bounds.
+/// Dense problems of a condition from 1 to 1e10, with dense rows and a minimum that is up to a million times outside
+/// the bounds.
 pub fn dense<const N: usize, const M: usize>(random: &mut Pcg64) -> Problem<N, M> {
     let condition = 10f64.powf(uniform(random, 0.0, 10.0));
     let far = 10f64.powf(uniform(random, -1.0, 6.0));
@@ -57,8 +57,8 @@ pub fn dense<const N: usize, const M: usize>(random: &mut Pcg64) -> Problem<N, M
     problem
 }
 
-/// Rows that repeat, are sums of others, are empty or are equalities, and bounds that are equal. At least one point meets
-/// all of them, many of them with equality.
+/// Rows that repeat, are sums of others, are empty or are equalities, and bounds that are equal. At least one point
+/// meets all of them, many of them with equality.
 pub fn degenerate<const N: usize, const M: usize>(random: &mut Pcg64) -> Problem<N, M> {
     let mut problem = dense::<N, M>(random);
     let whole = |random: &mut Pcg64| uniform(random, -3.0, 4.0).floor();

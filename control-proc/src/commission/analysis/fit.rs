@@ -12,8 +12,8 @@ const PARTS: usize = 4;
 const FITTED_AHEAD: f64 = 0.2;
 /// Spacing of the rows that are fitted, s.
 const ROW_SPACING: f64 = 0.03;
-/// Weight of bends, relative to the data: the curve is as straight as they allow. Without this weight a curve that begins
-/// flat would do without a dead band.
+/// Weight of bends, relative to the data: the curve is as straight as they allow. Without this weight a curve that
+/// begins flat would do without a dead band.
 const STRAIGHTNESS: f64 = 1e-4;
 /// Unknowns: the changes of slope of both directions.
 const COUNT: usize = 2 * KNOTS;

@@ -13,17 +13,17 @@
 //! min over (t_d, tau, d_e, d_r) of the least squares over w
 //! ```
 //!
-//! u command and x spool position in [-1, 1], y position m, t_d dead time s, tau time constant s, d_e and d_r dead bands,
-//! q_j openings at which the curve bends, w_j changes of its slope m/s, m T = 0.2 s. For a given (t_d, tau, d_e, d_r) the
-//! model is linear in w. A dead time delays X exactly, so one response serves all of them. The search begins on a grid of
-//! (t_d, tau) with d = 0, goes on with a grid of d, and then with [`simplex`] on all four.
+//! u command and x spool position in [-1, 1], y position m, t_d dead time s, tau time constant s, d_e and d_r dead
+//! bands, q_j openings at which the curve bends, w_j changes of its slope m/s, m T = 0.2 s. For a given (t_d, tau, d_e,
+//! d_r) the model is linear in w. A dead time delays X exactly, so one response serves all of them. The search begins
+//! on a grid of (t_d, tau) with d = 0, goes on with a grid of d, and then with [`simplex`] on all four.
 //!
-//! The model is fitted on the first two thirds of the record and judged on the rest: half a second ahead, with the command
-//! known.
+//! The model is fitted on the first two thirds of the record and judged on the rest: half a second ahead, with the
+//! command known.
 //!
-//! Traps: t_d and tau trade off against each other where the plant is not a lag of first order, such as a mass on oil; only
-//! their sum is certain. A hysteresis of width h is half in the dead bands, d + h/2. Where a curve begins flat, the dead
-//! band that is found ends where motion begins to count, not where the first drop flows.
+//! Traps: t_d and tau trade off against each other where the plant is not a lag of first order, such as a mass on oil;
+//! only their sum is certain. A hysteresis of width h is half in the dead bands, d + h/2. Where a curve begins flat,
+//! the dead band that is found ends where motion begins to count, not where the first drop flows.
 
 mod fit;
 mod shape;
@@ -157,8 +157,8 @@ impl Search<'_> {
         best
     }
 
-    /// The model at the best point, or at one with wider dead bands. A curve that begins flat can do without a dead band
-    /// and explain as much; the point with the dead band is preferred.
+    /// The model at the best point, or at one with wider dead bands. A curve that begins flat can do without a dead
+    /// band and explain as much; the point with the dead band is preferred.
     fn beyond_flat_begin(&self, best: Point) -> Result<Commissioned, AnalysisError> {
         let mut model = self.model_at(&best.at)?;
         for _ in 0..FLAT_STEPS {

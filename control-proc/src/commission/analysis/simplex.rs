@@ -1,8 +1,8 @@
 //! Nelder and Mead (1965): the lowest point of a function of N numbers, without derivatives.
 //!
-//! The worst corner of a simplex is reflected at the middle of the others: twice as far where the reflected corner is the
-//! best, half as far where it is bad. Where that is no better, all corners move half-way to the best one. Trap: the search
-//! stays in the valley that it starts in.
+//! The worst corner of a simplex is reflected at the middle of the others: twice as far where the reflected corner is
+//! the best, half as far where it is bad. Where that is no better, all corners move half-way to the best one. Trap: the
+//! search stays in the valley that it starts in.
 
 /// The lowest point found after `steps` from `start` with first steps of `size`, and the function there.
 pub fn minimum<const N: usize>(

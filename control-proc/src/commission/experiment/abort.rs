@@ -4,7 +4,10 @@ use std::fmt;
 
 use pipeline::message::sample_fault;
 
-use super::watch::{OWED_DISTANCE, UNUSABLE_LIMIT};
+/// Way that the axis should have gone while its encoder stood still that ends the experiment, m.
+pub const OWED_DISTANCE: f64 = 0.02;
+/// Samples in a row without a usable position that end the experiment.
+pub const UNUSABLE_LIMIT: u64 = crate::axis::UNUSABLE_LIMIT;
 
 /// Why the experiment was ended. The valve has been neutral since.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -107,8 +110,8 @@ impl fmt::Display for Abort {
             }
             Self::TooShort { duration, needed } => write!(
                 f,
-                "duration: found {duration:.1} s, of which less than {needed:.1} s are left after the strokes; allowed: \
-                 a longer one"
+                "duration: found {duration:.1} s, of which less than {needed:.1} s are left after the strokes; \
+                 allowed: a longer one"
             ),
         }
     }

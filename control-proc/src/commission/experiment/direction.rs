@@ -5,10 +5,11 @@
 //! beyond the last stroke:  v(u) = g v_n ((u - l_0)/(l_n - l_0))^2
 //! ```
 //!
-//! u commands, T period s, R the longest time from neutral to rest seen so far, ticks; l_j levels of the strokes so far,
-//! v_j the fastest speeds in them m/s, l_0 a level that was seen to move the axis, g >= 1 raised by whatever moves faster;
-//! rest(k) way that is under way, m. What is under way in the pilot lines comes out whatever is commanded now, so all of
-//! it counts. Trap: if l_0 is below the dead band, the quadratic rule expects too little speed; l_0 is above it.
+//! u commands, T period s, R the longest time from neutral to rest seen so far, ticks; l_j levels of the strokes so
+//! far, v_j the fastest speeds in them m/s, l_0 a level that was seen to move the axis, g >= 1 raised by whatever moves
+//! faster; rest(k) way that is under way, m. What is under way in the pilot lines comes out whatever is commanded now,
+//! so all of it counts. Trap: if l_0 is below the dead band, the quadratic rule expects too little speed; l_0 is above
+//! it.
 
 /// Strokes that are kept, of either direction.
 pub const MOST_STROKES: usize = 12;

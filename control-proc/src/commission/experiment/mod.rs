@@ -18,9 +18,9 @@
 //! end      neutral until the axis stands
 //! ```
 //!
-//! l level of the last stroke and v its fastest speed m/s, v_max speed bound m/s, l_0 the level that first moved the axis,
-//! y position m, low and high ends of the window m, rest(k) way that is under way m ([`direction`]). A speed curve that is
-//! less than quadratic above l_0 does not exceed the bound.
+//! l level of the last stroke and v its fastest speed m/s, v_max speed bound m/s, l_0 the level that first moved the
+//! axis, y position m, low and high ends of the window m, rest(k) way that is under way m ([`direction`]). A speed
+//! curve that is less than quadratic above l_0 does not exceed the bound.
 //!
 //! Trap: an encoder that is stuck from the beginning looks like a valve that does not open. So the pulses are short, go
 //! both ways, and end at [`PULSE_LIMIT`].

@@ -12,21 +12,17 @@
 
 use pipeline::message::{AxisSample, sample_fault};
 
-use super::abort::Abort;
+use super::abort::{Abort, OWED_DISTANCE, UNUSABLE_LIMIT};
 
 /// Factor of the speed bound from which on the experiment ends.
 pub const SPEED_FACTOR: f64 = 1.5;
 /// Time over which speeds are taken, s.
 pub const SPEED_TIME: f64 = 0.05;
-/// Way against the command, within four times [`SPEED_TIME`], that ends the experiment, m: a load on oil swings back when
-/// its valve shuts.
+/// Way against the command, within four times [`SPEED_TIME`], that ends the experiment, m: a load on oil swings back
+/// when its valve shuts.
 pub const AGAINST_DISTANCE: f64 = 5e-3;
 /// Addition to that way for each m/s of the speed bound, s.
 pub const AGAINST_TIME: f64 = 0.02;
-/// Way that the axis should have gone while its encoder stood still, m.
-pub const OWED_DISTANCE: f64 = 0.02;
-/// Samples in a row without a usable position that end the experiment.
-pub const UNUSABLE_LIMIT: u64 = crate::axis::UNUSABLE_LIMIT;
 
 /// A position that has not changed.
 #[derive(Debug, Clone, Copy)]
@@ -143,8 +139,8 @@ impl Watch {
         if against { Err(Abort::Against { command: low + high, moved, allowed }) } else { Ok(()) }
     }
 
-    /// Checks that the position changes when the commands ask for motion. `speed` is the speed (m/s) that a command asks
-    /// for; commands act `reaction` ticks later.
+    /// Checks that the position changes when the commands ask for motion. `speed` is the speed (m/s) that a command
+    /// asks for; commands act `reaction` ticks later.
     pub fn check_change(&mut self, reaction: usize, speed: impl Fn(f64) -> f64) -> Result<(), Abort> {
         let position = self.position();
         let still = &mut self.still;

@@ -59,8 +59,8 @@ impl Window {
         }
     }
 
-    /// Chooses the speed to aim at, such that a stroke of `time` s fits in. Refuses a window in which such a stroke could
-    /// not be seen; `clear` is the way from which on motion is clear, m.
+    /// Chooses the speed to aim at, such that a stroke of `time` s fits in. Refuses a window in which such a stroke
+    /// could not be seen; `clear` is the way from which on motion is clear, m.
     pub fn choose_aim(&mut self, time: f64, clear: f64) -> Result<(), Abort> {
         let travel = self.range.1 - self.range.0;
         let needed = CLEAR_MOTIONS * clear * time;

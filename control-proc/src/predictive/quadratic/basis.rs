@@ -8,18 +8,20 @@
 //! ```
 //!
 //! H = L L^T the Hessian, A (N x q) the normals of the working set, n a normal that is to join it. Source: Goldfarb and
-//! Idnani, Math. Programming 27 (1983), section 4. J begins as L^-T. A normal joins by a reflection of J2, which z already
-//! contains, and leaves by Givens rotations. Of R only the inverse U is kept. The column that a normal adds to U is r, which
-//! is known by then; and the elements of a product with U, unlike those of a substitution, do not wait for each other.
+//! Idnani, Math. Programming 27 (1983), section 4. J begins as L^-T. A normal joins by a reflection of J2, which z
+//! already contains, and leaves by Givens rotations. Of R only the inverse U is kept. The column that a normal adds to
+//! U is r, which is known by then; and the elements of a product with U, unlike those of a substitution, do not wait
+//! for each other.
 //!
-//! Trap: all these operations keep the lengths of the rows of J. Those lengths, and not the machine's epsilon alone, tell
-//! which part of J^T n is rounding.
+//! Trap: all these operations keep the lengths of the rows of J. Those lengths, and not the machine's epsilon alone,
+//! tell which part of J^T n is rounding.
 
 use std::ops::Range;
 
 use super::Status;
 
-/// Part of the diagonal element, for each variable, below which a pivot of the factorisation is rounding: one epsilon each.
+/// Part of the diagonal element, for each variable, below which a pivot of the factorisation is rounding: one epsilon
+/// each.
 const PIVOT: f64 = f64::EPSILON;
 /// Number of elements that are worked on together; loops begin at a multiple of it.
 const BLOCK: usize = 4;
@@ -42,8 +44,8 @@ impl<const N: usize> Basis<N> {
     /// Begins with no working set, J = L^-T. Of H only its upper triangle is read.
     pub(super) fn factor(&mut self, hessian: &[[f64; N]; N]) -> Result<(), Status> {
         self.len = 0;
-        // U is not needed yet. Meanwhile its columns hold those of L, each multiplied by the root of its pivot; elements
-        // above the diagonal have no meaning.
+        // U is not needed yet. Meanwhile its columns hold those of L, each multiplied by the root of its pivot;
+        // elements above the diagonal have no meaning.
         let (l, j) = (&mut self.u, &mut self.j);
         let (mut inverses, mut roots) = ([0.0; N], [0.0; N]);
         for i in 0..N {
@@ -135,8 +137,8 @@ impl<const N: usize> Basis<N> {
         }
     }
 
-    /// Lets the normal with J^T n = d join the working set. `z` is its direction, `r` what the multipliers lose, and `length`
-    /// the length of the elements of d from q on, which is not 0.
+    /// Lets the normal with J^T n = d join the working set. `z` is its direction, `r` what the multipliers lose, and
+    /// `length` the length of the elements of d from q on, which is not 0.
     #[inline]
     pub(super) fn append(&mut self, d: &[f64; N], z: &[f64; N], r: &[f64; N], length: f64) {
         let q = self.len;
@@ -155,7 +157,8 @@ impl<const N: usize> Basis<N> {
 
     /// Removes the normal in place `k` from the working set.
     pub(super) fn remove(&mut self, k: usize) {
-        // Rotations move all of row k of U into its last element. Without this row and this column the rest is an inverse again.
+        // Rotations move all of row k of U into its last element. Without this row and this column the rest is an
+        // inverse again.
         let mut carried = self.u[k][k];
         self.u[k][k] = 0.0;
         for i in k + 1..self.len {

@@ -6,12 +6,12 @@
 //! ```
 //!
 //! A bound is c = e_i. The scale decides what is rounding, and which normals are dependent. So neither the units of a
-//! variable nor those of a row matter there, and the scale is known before the first step. Which violation is the largest is
-//! decided by the violation itself. On axes with limits of magnitude and rate this takes a fifth fewer iterations than by
-//! scale, and as many fewer than the first violation.
+//! variable nor those of a row matter there, and the scale is known before the first step. Which violation is the
+//! largest is decided by the violation itself. On axes with limits of magnitude and rate this takes a fifth fewer
+//! iterations than by scale, and as many fewer than the first violation.
 //!
-//! Trap: most elements of a dense array of rows are zero. Only the elements from the first to the last one that is not zero
-//! are read again, and of a row with two neighbouring elements only a copy of those.
+//! Trap: most elements of a dense array of rows are zero. Only the elements from the first to the last one that is not
+//! zero are read again, and of a row with two neighbouring elements only a copy of those.
 
 use std::array::from_fn;
 
@@ -19,8 +19,8 @@ use super::{Problem, Status, basis::dot};
 
 /// Part of a limit within which the limit counts as met.
 const FEASIBLE: f64 = 1e-11;
-/// Part of the size of x, by the scale of the constraint, within which a limit counts as met: the rounding at a limit of
-/// zero.
+/// Part of the size of x, by the scale of the constraint, within which a limit counts as met: the rounding at a limit
+/// of zero.
 pub(super) const ROUNDING: f64 = 1e-14;
 
 #[derive(Debug, Clone, Copy, PartialEq)]

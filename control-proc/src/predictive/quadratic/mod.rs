@@ -11,26 +11,29 @@
 //! ```
 //!
 //! x N variables, H (N x N) the Hessian, positive definite, g (N) the gradient at 0, l and u (N) bounds, C (M x N) rows
-//! with the limits lo and hi (M); limits may be infinite, and equal. v (N) and w (M) are the multipliers: the increase of the
-//! minimum for one unit of the limit. Units are the caller's. Source: Goldfarb and Idnani, A numerically stable dual method
-//! for solving strictly convex quadratic programs, Math. Programming 27 (1983).
+//! with the limits lo and hi (M); limits may be infinite, and equal. v (N) and w (M) are the multipliers: the increase
+//! of the minimum for one unit of the limit. Units are the caller's. Source: Goldfarb and Idnani, A numerically stable
+//! dual method for solving strictly convex quadratic programs, Math. Programming 27 (1983).
 //!
-//! The method begins at the unconstrained minimum and adds the constraint that is violated most, again and again. Each step
-//! goes as far as the multipliers of the other constraints keep their sign, and removes those whose sign would change. After
-//! every constraint that is added, x is the exact minimum under the working set, and its cost is a lower bound of the cost
-//! sought. So the method ends after finitely many steps, without a starting point and without a tolerance of convergence.
+//! The method begins at the unconstrained minimum and adds the constraint that is violated most, again and again. Each
+//! step goes as far as the multipliers of the other constraints keep their sign, and removes those whose sign would
+//! change. After every constraint that is added, x is the exact minimum under the working set, and its cost is a lower
+//! bound of the cost sought. So the method ends after finitely many steps, without a starting point and without a
+//! tolerance of convergence.
 //!
-//! Before the method ends, or relies on a small violation, the conditions of the minimum under the working set are solved
-//! once more for their residual (iterative refinement). So neither x nor the multipliers carry the rounding of all steps.
+//! Before the method ends, or relies on a small violation, the conditions of the minimum under the working set are
+//! solved once more for their residual (iterative refinement). So neither x nor the multipliers carry the rounding of
+//! all steps.
 //!
 //! Traps:
 //! - Until the end x violates a constraint. [`Status::IterationLimit`] leaves the optimum of a problem with fewer
-//!   constraints: its multipliers have their signs, but its x does **not** keep the limits, and clipping x into the bounds
-//!   keeps no row. The caller needs a command that is safe without a solution.
+//!   constraints: its multipliers have their signs, but its x does **not** keep the limits, and clipping x into the
+//!   bounds keeps no row. The caller needs a command that is safe without a solution.
 //! - If H is ill-conditioned, the cost is far more exact than x.
 //! - Squares of the data must neither overflow nor vanish. Beyond 1e-140 .. 1e140 nothing panics, but the status may be
 //!   wrong.
-//! - Which constraint is violated most depends on the units of the rows. The answer does not, the number of iterations does.
+//! - Which constraint is violated most depends on the units of the rows. The answer does not, the number of iterations
+//!   does.
 
 mod basis;
 mod constraints;
@@ -61,7 +64,8 @@ pub struct Problem<const N: usize, const M: usize> {
     pub lower: [f64; N],
     /// u, inf where there is none.
     pub upper: [f64; N],
-    /// C. A row with two neighbouring elements, such as a difference, costs little; any other row costs a scalar product.
+    /// C. A row with two neighbouring elements, such as a difference, costs little; any other row costs a scalar
+    /// product.
     pub rows: [[f64; N]; M],
     /// lo, -inf where there is none.
     pub row_lower: [f64; M],
@@ -104,7 +108,8 @@ pub enum Status {
 pub struct Solution<const N: usize, const M: usize> {
     /// How the solve ended.
     pub status: Status,
-    /// x. If `Solved`, x is never outside its bounds, and within 1e-11 of the limits of the rows, relative to those limits.
+    /// x. If `Solved`, x is never outside its bounds, and within 1e-11 of the limits of the rows, relative to those
+    /// limits.
     pub x: [f64; N],
     /// v.
     pub bound_multipliers: [f64; N],
@@ -174,9 +179,10 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         self.resume(problem)
     }
 
-    /// The minimum, or why there is none, beginning with the working set at the end of the last solve. This is far faster
-    /// where that set is nearly the right one, as from sample to sample. The members at the beginning do not count as
-    /// iterations. The answer is as exact as that of [`Self::solve`], but depends in its last bits on the problems before.
+    /// The minimum, or why there is none, beginning with the working set at the end of the last solve. This is far
+    /// faster where that set is nearly the right one, as from sample to sample. The members at the beginning do not
+    /// count as iterations. The answer is as exact as that of [`Self::solve`], but depends in its last bits on the
+    /// problems before.
     pub fn resume(&mut self, problem: &Problem<N, M>) -> Solution<N, M> {
         self.iterations = 0;
         let status = self.run(problem).err().unwrap_or(Status::Solved);
@@ -306,8 +312,8 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         }
     }
 
-    /// Takes up the kept members with their present limits and steps to the minimum under them. Removes the members whose
-    /// multipliers get the wrong sign.
+    /// Takes up the kept members with their present limits and steps to the minimum under them. Removes the members
+    /// whose multipliers get the wrong sign.
     fn take_up(&mut self, problem: &Problem<N, M>) {
         let sides = self.members.sides;
         for side in &sides[..self.kept] {
@@ -366,8 +372,8 @@ impl<const N: usize, const M: usize> Solver<N, M> {
         worst
     }
 
-    /// The member whose multiplier vanishes first, and the step at which it does; none if none vanishes before the step `full`.
-    /// The multipliers lose r per unit of step.
+    /// The member whose multiplier vanishes first, and the step at which it does; none if none vanishes before the step
+    /// `full`. The multipliers lose r per unit of step.
     #[inline]
     fn first_to_vanish(&self, r: &[f64; N], scale: f64, full: f64) -> Option<(usize, f64)> {
         let Members { multipliers, scales, .. } = &self.members;

@@ -1,4 +1,6 @@
-//! `hydraxis check`: everything that can be known to be wrong before anything starts.
+//! `hydraxis check`: everything that can be found wrong before a process starts.
+//!
+//! Runs once, before the loop.
 
 use control_proc::Controller;
 use pipeline::machine::{Machine, Source};
@@ -11,7 +13,7 @@ use crate::{
     report::output::show,
 };
 
-/// Checks a machine file and says what it describes.
+/// Checks a machine file and shows in one line what it describes.
 pub fn run(arguments: &MachineFile) -> Result<(), Failure> {
     let machine = load(arguments)?;
     deep(&machine)?;
@@ -20,17 +22,20 @@ pub fn run(arguments: &MachineFile) -> Result<(), Failure> {
         Source::Sim => "simulated".to_owned(),
         Source::Replay(file) => format!("replayed from {}", file.display()),
     };
-    show(&format!(
+    Ok(show(&format!(
         "{}: {} axes ({}), every {}, {source}: no problem found.\n",
         machine.name,
         names.len(),
         names.join(", "),
         humantime::format_duration(machine.timing.period)
-    ))
+    ))?)
 }
 
-/// What the machine file points at and what its values amount to, axis by axis: trajectories, recordings, plants.
-/// Returns the rows of the recording that the machine replays, if it does.
+/// Checks, axis by axis, the files that the machine file names and the values that follow from it: trajectories,
+/// recordings, plants. Returns the rows of the recording if the machine replays one.
+///
+/// # Errors
+/// All problems, one on each line.
 pub fn deep(machine: &Machine) -> Result<Option<u64>, Failure> {
     let (mut problems, mut rows) = (Vec::new(), None);
     for axis in &machine.axes {
@@ -44,7 +49,7 @@ pub fn deep(machine: &Machine) -> Result<Option<u64>, Failure> {
             },
         }
     }
-    // A file that all axes share is as wrong for each.
+    // A file that all axes share has the same problem for each of them.
     problems.dedup();
-    if problems.is_empty() { Ok(rows) } else { Err(Failure::Usage(problems.join("\n"))) }
+    if problems.is_empty() { Ok(rows) } else { Err(Failure::usage(problems.join("\n"))) }
 }

@@ -1,4 +1,4 @@
-//! What to identify, from what was typed and what the record is.
+//! The settings of an identification, from the command line and the record.
 
 use std::time::Duration;
 
@@ -14,12 +14,12 @@ use super::{
 };
 use crate::{arguments::values::Samples, failure::Failure};
 
-/// How far ahead the h-step error looks unless it is said; at least one sample.
+/// Prediction horizon of the h-step error without `--horizon`; at least one sample.
 const HORIZON: Duration = Duration::from_millis(500);
 
-/// What of the structure was typed.
+/// The parts of the structure that the user typed.
 #[derive(Debug, Clone, Copy)]
-pub struct Typed {
+pub struct TypedStructure {
     na: Option<usize>,
     nb: Option<usize>,
     nk: Option<usize>,
@@ -30,14 +30,17 @@ pub struct Typed {
     nonlinearity: Option<(usize, Basis)>,
 }
 
-impl Typed {
-    /// From the command line.
+impl TypedStructure {
+    /// The parts from the command line.
+    ///
+    /// # Errors
+    /// `--order` is not the number of `--knots`.
     pub fn new(arguments: &IdentifyArguments) -> Result<Self, Failure> {
         let nonlinearity = match (arguments.knots, arguments.order) {
             (None, order) => order.map(|order| (order, Basis::Powers)),
             (Some(knots), order) if order.is_none_or(|order| order == knots.count) => Some((knots.count, knots.basis)),
             (Some(knots), order) => {
-                return Err(Failure::Usage(format!(
+                return Err(Failure::usage(format!(
                     "--order: found {} with {} --knots; allowed: {1}, the number of knots, or no --order",
                     order.unwrap_or_default(),
                     knots.count
@@ -55,7 +58,7 @@ impl Typed {
         })
     }
 
-    /// `structure` with what was typed in the place of its own.
+    /// `structure`, with its parts replaced by those that the user typed.
     pub fn over(&self, structure: Structure) -> Structure {
         let (order, basis) = self.nonlinearity.unwrap_or((structure.order, structure.input.basis));
         Structure {
@@ -70,8 +73,15 @@ impl Typed {
     }
 }
 
-/// All settings, with the paper's structure where nothing was typed.
-pub fn settings(arguments: &IdentifyArguments, typed: &Typed, record: &Record) -> Result<Identification, Failure> {
+/// All settings. Parts of the structure that the user did not type are those of the paper.
+///
+/// # Errors
+/// The record is too short for the settings, or the settings contradict each other.
+pub fn settings(
+    arguments: &IdentifyArguments,
+    typed: &TypedStructure,
+    record: &Record,
+) -> Result<Identification, Failure> {
     let rows = record.outputs.len();
     let structure = typed.over(Structure::PAPER);
     let output = if arguments.velocity { IdentifiedOutput::Velocity } else { IdentifiedOutput::Position };
@@ -87,7 +97,7 @@ pub fn settings(arguments: &IdentifyArguments, typed: &Typed, record: &Record) -
     let coefficients = structure.full_len();
     let shortest = shortest_training(structure, output);
     if training < shortest {
-        return Err(Failure::Usage(format!(
+        return Err(Failure::usage(format!(
             "{}: --train: found {training} of the {rows} rows; allowed: at least {shortest}, to determine {coefficients} \
              coefficients (fewer with lower --na, --nb, --order)",
             arguments.data.display()
@@ -121,7 +131,7 @@ pub fn settings(arguments: &IdentifyArguments, typed: &Typed, record: &Record) -
     check_estimator(&settings)?;
     let fewest = HeldOut::fewest_rows(&settings);
     if arguments.select && training < fewest {
-        return Err(Failure::Usage(format!(
+        return Err(Failure::usage(format!(
             "{}: --select: found {training} rows for training; allowed: at least {fewest}, to fit {coefficients} \
              coefficients on the first {:.0} % of them and to judge {horizon} samples ahead on the rest",
             arguments.data.display(),
@@ -131,8 +141,8 @@ pub fn settings(arguments: &IdentifyArguments, typed: &Typed, record: &Record) -
     Ok(settings)
 }
 
-/// A window shorter than the coefficients of its structure determines none of them.
+/// Refuses an estimator whose window is shorter than the coefficients of the structure: it would determine none of them.
 pub fn check_estimator(settings: &Identification) -> Result<(), Failure> {
-    let refusal = |(found, allowed)| Failure::Usage(format!("--estimator: found {found}; allowed: {allowed}"));
+    let refusal = |(found, allowed)| Failure::usage(format!("--estimator: found {found}; allowed: {allowed}"));
     settings.check_estimator("NAME", false).map_err(refusal)
 }

@@ -1,8 +1,8 @@
 //! How a command can fail, and the exit code for each failure.
 //!
 //! The folders below the commands have one error type for each operation. This file is the only place that maps these
-//! errors to exit codes: 2 for a command line or a file that is wrong, the code that clap uses as well; 1 for everything
-//! else. A failure is shown with all of its sources, from the operation down to the system call.
+//! errors to exit codes: 2 for a command line or a file that is wrong, the code that clap uses as well; 1 for
+//! everything else. A failure is shown with all of its sources, from the operation down to the system call.
 
 use std::{error::Error, fmt, process::ExitCode};
 
@@ -101,7 +101,8 @@ impl Failures {
         self.0.extend(failures.into_iter().map(Into::into));
     }
 
-    /// `checked` if nothing was collected; else one failure with all messages. It is a failure of usage if any of them is.
+    /// `checked` if nothing was collected; else one failure with all messages. It is a failure of usage if any of them
+    /// is.
     pub fn verdict<T>(self, checked: Option<T>) -> Result<T, Failure> {
         if let Some(checked) = checked.filter(|_| self.0.is_empty()) {
             return Ok(checked);

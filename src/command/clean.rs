@@ -24,8 +24,8 @@ Examples:
   alive     a member runs: never touched
   dead      no member runs: its files in /dev/shm and its folder hydraxis.NAME in the folder for temporary files are
             removed
-  unknown   shared memory without a folder hydraxis.NAME. The folder may be where another TMPDIR points, or the memory may
-            be another program's. Removed only with --prefix, and only while no process has it mapped
+  unknown   shared memory without a folder hydraxis.NAME. The folder may be in another TMPDIR, or the memory may belong to
+            another program. Removed only with --prefix, and only while no process has it mapped
 
 A group that ends by itself leaves nothing, and `hydraxis run --prefix NAME` removes what a dead group of that name has
 left before it starts. Exit codes: 0 done, 1 the group of --prefix is alive or something could not be removed.")]
@@ -117,8 +117,8 @@ fn text(cleaned: &[CleanedGroup], arguments: &CleanArguments) -> String {
     if arguments.prefix.is_none() {
         for group in of(GroupState::Unknown) {
             text += &format!(
-                "group \"{0}\": found no folder hydraxis.{0} in {1}, so hydraxis does not know its owner; once you do: hydraxis \
-                 clean --prefix {0}\n",
+                "group \"{0}\": found no folder hydraxis.{0} in {1}, so hydraxis does not know its owner; \
+                 once you do: hydraxis clean --prefix {0}\n",
                 group.prefix,
                 std::env::temp_dir().display()
             );

@@ -1,8 +1,8 @@
 //! How a stage learns that the supervisor that started it has ended.
 //!
-//! Two signs tell the stage, and each of them is enough: the kernel's death signal; and the end of standard input, which
-//! is a pipe whose other end only the supervisor holds. Both ask the stage to end as Ctrl-C does, with neutral valves. A
-//! stage that has not ended after [`PATIENCE`] is ended here.
+//! Two signs tell the stage, and each of them is enough: the kernel's death signal; and the end of standard input,
+//! which is a pipe whose other end only the supervisor holds. Both ask the stage to end as Ctrl-C does, with neutral
+//! valves. A stage that has not ended after [`PATIENCE`] is ended here.
 //!
 //! Trap: the kernel does not send the death signal to a program with file capabilities, and it sends the signal already
 //! when the *thread* that started the stage ends. The pipe has neither defect.

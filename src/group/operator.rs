@@ -1,8 +1,8 @@
 //! A program that operates the axes of a running group. It reads the samples of the group and answers each of them with
 //! a request.
 //!
-//! A request names the newest sample that the operator has read. The controller computes from it how old the request is.
-//! So samples drive the operator, and it stops when they do.
+//! A request names the newest sample that the operator has read. The controller computes from it how old the request
+//! is. So samples drive the operator, and it stops when they do.
 //!
 //! Runs in the operator's process, beside the loop. The controller never waits for it.
 
@@ -59,8 +59,8 @@ pub enum OperatorError {
     Channel(#[from] ChannelError),
     /// The machine file is not that of the group.
     #[error(
-        "machine: found {found} axes where group \"{prefix}\" has {present}; allowed: the machine file that it was started \
-         with"
+        "machine: found {found} axes where group \"{prefix}\" has {present}; allowed: the machine file that it was \
+         started with"
     )]
     OtherAxes {
         /// The group.
@@ -71,7 +71,10 @@ pub enum OperatorError {
         present: u32,
     },
     /// The group sends no samples.
-    #[error("group \"{prefix}\": no sample within {}: it has ended, or its sensor has", humantime::format_duration(*.patience))]
+    #[error(
+        "group \"{prefix}\": no sample within {}: it has ended, or its sensor has",
+        humantime::format_duration(*.patience)
+    )]
     NoSample {
         /// The group.
         prefix: Prefix,
@@ -262,8 +265,8 @@ impl Operator {
         off.map(|_| ())
     }
 
-    /// Changes axes to a mode, arms those that are disarmed, and waits until all are in it; false when the program is to
-    /// end before.
+    /// Changes axes to a mode, arms those that are disarmed, and waits until all are in it; false when the program is
+    /// to end before.
     ///
     /// # Errors
     /// They are not in the mode in time, or a fault latches one of them on the way.

@@ -1,5 +1,6 @@
 //! Checks before the first process of a run starts, so that the user sees everything that is wrong at once: the name of
-//! the group, the folders that it needs, the programs that replace stages, and the rights that the machine file demands.
+//! the group, the folders that it needs, the programs that replace stages, and the rights that the machine file
+//! demands.
 //!
 //! Runs once, before the loop.
 
@@ -38,8 +39,8 @@ pub enum PreflightError {
     LogFolder(FolderError),
     /// The program that replaces a stage cannot be executed.
     #[error(
-        "stage.{stage}.command: found \"{program}\", which cannot be executed; allowed: a program by its path, or by its \
-         name in one of the folders of PATH"
+        "stage.{stage}.command: found \"{program}\", which cannot be executed; allowed: a program by its path, or by \
+         its name in one of the folders of PATH"
     )]
     Program {
         /// The stage.

@@ -1,9 +1,9 @@
 //! `hydraxis bench control`: every controller drives one course, under every scenario, on the simulated machine.
 //!
-//! The machine drives [`control_proc::tuning::course`]: in the first 8 s the identifiers learn, and the fallback controls for
-//! every controller that needs a model. In the next 37 s the error of the true position counts, at every tick and for
-//! every controller. A latched axis stands still, and its error counts as well. The baselines are tuned on the
-//! commissioned model; no controller knows the scenario.
+//! The machine drives [`control_proc::tuning::course`]: in the first 8 s the identifiers learn, and the fallback
+//! controls for every controller that needs a model. In the next 37 s the error of the true position counts, at every
+//! tick and for every controller. A latched axis stands still, and its error counts as well. The baselines are tuned on
+//! the commissioned model; no controller knows the scenario.
 //!
 //! All runs are simulated in this process. Nothing here runs beside a loop in real time.
 

@@ -15,7 +15,8 @@ pub fn map<T: Sync, R: Send>(
     work: impl Fn(&T) -> Result<R, Failure> + Sync,
 ) -> Result<Vec<R>, Failure> {
     let progress = progress(items.len() as u64, unit);
-    // Every thread takes the next item that no thread has taken. The counter orders nothing else: join gives the results.
+    // Every thread takes the next item that no thread has taken. The counter orders nothing else: join gives the
+    // results.
     let next = AtomicUsize::new(0);
     let worker = || {
         let mut done = Vec::new();

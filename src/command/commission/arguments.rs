@@ -42,7 +42,8 @@ pub struct CommissionArguments {
     /// Overwrite the model file if it exists
     #[arg(long)]
     pub force: bool,
-    /// Width of the window around the present position of an axis, m [default: 0.4 of the travel between the soft limits]
+    /// Width of the window around the present position of an axis, m [default: 0.4 of the travel between the soft
+    /// limits]
     #[arg(long, value_name = "M", value_parser = positive)]
     pub travel: Option<f64>,
     /// Bound of the speed, m/s [default: a quarter of max_speed of the axis]

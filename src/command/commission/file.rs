@@ -18,7 +18,10 @@ pub enum ModelFileError {
     #[error("--out: found {}, which is there already; allowed: a new file, or --force", .0.display())]
     Exists(PathBuf),
     /// The folder of the file does not exist.
-    #[error("--out: found {}; allowed: a file in a folder that exists, and {} does not", .path.display(), .folder.display())]
+    #[error(
+        "--out: found {}; allowed: a file in a folder that exists, and {} does not",
+        .path.display(), .folder.display()
+    )]
     NoFolder {
         /// The file.
         path: PathBuf,
@@ -40,7 +43,8 @@ pub enum ModelFileError {
 pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commissioned, Option<Control>)>) -> String {
     let mut text = format!(
         "# Found by `hydraxis commission` on \"{}\": static curve behind a dead time and a lag of first order.\n\
-         # Speeds in m/s at openings of the valve beyond its dead band; times in s. The gains are those with which this\n\
+         # Speeds in m/s at openings of the valve beyond its dead band; times in s. The gains are \
+         those with which this\n\
          # axis, a third faster and a third slower ones follow best and come to rest.\n",
         machine.escape_default()
     );

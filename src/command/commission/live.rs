@@ -1,8 +1,8 @@
 //! The experiment with the axes of a running group, one after the other, over the channels: it reads samples and sends
 //! requests.
 //!
-//! Trap: a command that the experiment computes from sample k is on the valve from sample k+1 on, or later, or reduced by
-//! a limit. So the analysis uses the commands that the controller reports for each tick, and not the requested ones.
+//! Trap: a command that the experiment computes from sample k is on the valve from sample k+1 on, or later, or reduced
+//! by a limit. So the analysis uses the commands that the controller reports for each tick, and not the requested ones.
 //!
 //! Runs beside the loop, in the process of the command.
 

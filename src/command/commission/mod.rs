@@ -58,8 +58,8 @@ pub fn run(arguments: &CommissionArguments) -> Result<(), Failure> {
     file.write(&file::text(&machine.name, all))?;
     for (name, model) in found.iter().filter(|(_, model)| is_poor(model)) {
         eprintln!(
-            "axis.{name}: found a fit of {}; allowed: {POOR_FIT} % and more. Do not control with this model, and look at \
-             the motion of the axis",
+            "axis.{name}: found a fit of {}; allowed: {POOR_FIT} % and more. Do not control with this model, and look \
+             at the motion of the axis",
             percent(model.fit_percent)
         );
     }
@@ -81,8 +81,8 @@ fn expect_possible(arguments: &CommissionArguments, machine: &Machine) -> Result
     }
     if let Some(prefix) = arguments.prefix.as_ref().filter(|_| !arguments.enable) {
         return Err(Failure::usage(format!(
-            "--prefix: found \"{prefix}\", a running group, without --enable; allowed: with --enable, which disarms all \
-             axes and then moves one after the other"
+            "--prefix: found \"{prefix}\", a running group, without --enable; allowed: with --enable, which disarms \
+             all axes and then moves one after the other"
         )));
     }
     check::deep(machine)?;

@@ -1,4 +1,5 @@
-//! The experiment with a simulated machine, one axis after the other, in one process and as fast as the computer allows.
+//! The experiment with a simulated machine, one axis after the other, in one process and as fast as the computer
+//! allows.
 
 use control_proc::commission::{Experiment, ExperimentOptions, Outcome, Phase, analyse};
 use pipeline::{
@@ -10,8 +11,8 @@ use sensor_proc::source::Acquisition;
 
 use crate::failure::Failure;
 
-/// Commissions the axes with these indices. Each experiment starts with the machine in its first state. `seed` is that of
-/// the noise of the encoders; `show` gets axis, phase and progress at every tick.
+/// Commissions the axes with these indices. Each experiment starts with the machine in its first state. `seed` is that
+/// of the noise of the encoders; `show` gets axis, phase and progress at every tick.
 ///
 /// # Errors
 /// The machine cannot be simulated, a bound was met, or a record has no model. The error names the axis.

@@ -9,8 +9,8 @@ use super::{
 /// models differ only in the average.
 pub fn preemption(system: &System) -> Finding {
     const CHECK: &str = "preemption";
-    const ADVICE: &str = "install a PREEMPT_RT kernel and reboot: Debian `apt-get install linux-image-rt-amd64`, Ubuntu \
-                          `pro enable realtime-kernel`, or build Linux 6.12 or newer with CONFIG_PREEMPT_RT=y";
+    const ADVICE: &str = "install a PREEMPT_RT kernel and reboot: Debian `apt-get install linux-image-rt-amd64`, \
+                          Ubuntu `pro enable realtime-kernel`, or build Linux 6.12 or newer with CONFIG_PREEMPT_RT=y";
     let version = system.text("/proc/version").unwrap_or_default();
     if system.text("/sys/kernel/realtime").as_deref() == Some("1") || version.contains("PREEMPT_RT") {
         return good(CHECK, "PREEMPT_RT");
@@ -49,7 +49,8 @@ fn bracketed(text: &str) -> Option<&str> {
     text.split_once(['[', '(']).and_then(|(_, rest)| rest.split_once([']', ')'])).map(|(choice, _)| choice)
 }
 
-/// The clock that `clock_gettime` reads. A counter of the processor takes about 20 ns, a chip on the board 1 us and more.
+/// The clock that `clock_gettime` reads. A counter of the processor takes about 20 ns, a chip on the board 1 us and
+/// more.
 pub fn clock_source(system: &System) -> Finding {
     const CHECK: &str = "clock source";
     const FILE: &str = "/sys/devices/system/clocksource/clocksource0/current_clocksource";
@@ -61,8 +62,8 @@ pub fn clock_source(system: &System) -> Finding {
         Some(clock) => bad(
             CHECK,
             clock,
-            "type `dmesg | grep -i -e tsc -e clocksource` to see why the counter of the processor is not used; where the \
-             firmware is known to keep it steady, boot with the kernel parameter tsc=reliable",
+            "type `dmesg | grep -i -e tsc -e clocksource` to see why the counter of the processor is not used; where \
+             the firmware is known to keep it steady, boot with the kernel parameter tsc=reliable",
         ),
     }
 }

@@ -6,8 +6,8 @@
 //!
 //! in ns; measured twice, first on the computer as it is, then with a busy thread per core beside.
 //!
-//! Trap: a deadline that is missed by more than an interval makes the next ones late as well. All of them count, because a
-//! control loop would be late at all of them too.
+//! Trap: a deadline that is missed by more than an interval makes the next ones late as well. All of them count,
+//! because a control loop would be late at all of them too.
 
 use std::{
     sync::{

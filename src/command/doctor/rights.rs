@@ -66,8 +66,8 @@ pub fn scheduling(system: &System, tried: &Result<(), String>) -> Finding {
             CHECK,
             format!("refused in spite of CAP_SYS_NICE: {error}"),
             "the reason may be RT group scheduling (CONFIG_RT_GROUP_SCHED): boot with the kernel parameter \
-             rt_group_sched=0 where the kernel knows it, or give this control group a share in its cpu.rt_runtime_us; in a \
-             container: --cap-add=sys_nice --ulimit rtprio=99",
+             rt_group_sched=0 where the kernel knows it, or give this control group a share in its cpu.rt_runtime_us; \
+             in a container: --cap-add=sys_nice --ulimit rtprio=99",
         ),
         Err(error) => bad(CHECK, format!("refused: {error}"), "see the priority limit above"),
     }
@@ -93,8 +93,9 @@ pub fn throttling(system: &System, needs: &Needs) -> Finding {
     bad(
         CHECK,
         found,
-        "wait = \"event\" in the machine file; or put kernel.sched_rt_runtime_us=-1 in /etc/sysctl.d/hydraxis.conf, type \
-         `sysctl --system`, and from Linux 6.12 on echo 0 > /sys/kernel/debug/sched/fair_server/cpuN/runtime for the core",
+        "wait = \"event\" in the machine file; or put kernel.sched_rt_runtime_us=-1 in /etc/sysctl.d/hydraxis.conf, \
+         type `sysctl --system`, and from Linux 6.12 on echo 0 > /sys/kernel/debug/sched/fair_server/cpuN/runtime for \
+         the core",
     )
 }
 
@@ -196,7 +197,7 @@ pub fn logout(system: &System) -> Finding {
     bad(
         CHECK,
         "logind removes a user's shared memory at the last logout, under a running group",
-        "put RemoveIPC=no in /etc/systemd/logind.conf and type `systemctl restart systemd-logind`, or run as a system user \
-         (a number below 1000)",
+        "put RemoveIPC=no in /etc/systemd/logind.conf and type `systemctl restart systemd-logind`, or run as a system \
+         user (a number below 1000)",
     )
 }

@@ -22,9 +22,9 @@ Examples:
   hydraxis identify boom.csv --select --na 2 --compare        search the structure with na = 2, compare estimators
 
 Identifies a Hammerstein model offline on the first rows. Then it compares, on the other rows, the held classical model
-with the adaptive model that is updated at each row. A row has y(k), and the u(k) that was applied from t(k) on. The most
-important figure is the h-step error: the error of a prediction --horizon ahead with the coefficients held, which is how a
-predictive controller uses the model.")]
+with the adaptive model that is updated at each row. A row has y(k), and the u(k) that was applied from t(k) on. The
+most important figure is the h-step error: the error of a prediction --horizon ahead with the coefficients held, which is
+how a predictive controller uses the model.")]
 pub struct IdentifyArguments {
     /// Recording: CSV with a header and one row per sample
     pub data: PathBuf,
@@ -58,7 +58,8 @@ pub struct IdentifyArguments {
     /// Estimate a constant of the difference equation as well (gravity, leakage)
     #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
     pub drift: Option<bool>,
-    /// Dead band of the valve, as magnitudes of the command: one for both directions, or below and above zero [default: 0]
+    /// Dead band of the valve, as magnitudes of the command: one for both directions, or below and above zero [default:
+    /// 0]
     #[arg(long, value_name = "LOW[,HIGH]")]
     pub dead_band: Option<DeadBand>,
     /// Hinges instead of powers: the magnitudes of the input, beyond the dead band, at which they begin
@@ -67,8 +68,8 @@ pub struct IdentifyArguments {
     /// Identify the velocity, which is the backward difference of the output divided by the period
     #[arg(long)]
     pub velocity: bool,
-    /// First search the structure on the training part: fit on its first 70 %, judge on the rest. Options of the structure
-    /// are kept, `--integrator=false` as well
+    /// First search the structure on the training part: fit on its first 70 %, judge on the rest. Options of the
+    /// structure are kept, `--integrator=false` as well
     #[arg(long)]
     pub select: bool,
     /// Run every estimator on the record with these settings, and compare them in a table

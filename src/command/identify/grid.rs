@@ -20,9 +20,9 @@ pub struct Grid {
     commands: Vec<f64>,
 }
 
-/// The stages in their order. The delay comes first, because with a wrong delay no other part can be judged. It is tried
-/// with the integrator, because without an integrator the delay of a position is hard to see; and again with B, because
-/// coefficients of B can replace a delay.
+/// The stages in their order. The delay comes first, because with a wrong delay no other part can be judged. It is
+/// tried with the integrator, because without an integrator the delay of a position is hard to see; and again with B,
+/// because coefficients of B can replace a delay.
 pub const STAGES: [fn(&Grid, &Structure) -> Vec<Structure>; 6] =
     [Grid::delays, Grid::poles, Grid::zeros, Grid::drifts, Grid::dead_bands, Grid::nonlinearities];
 
@@ -101,8 +101,8 @@ impl Grid {
         powers.chain(hinges).map(structure).collect()
     }
 
-    /// `count` hinges: one at zero, the others at the quantiles that divide the magnitudes beyond the dead band into parts
-    /// with equally many commands. None where too few magnitudes differ.
+    /// `count` hinges: one at zero, the others at the quantiles that divide the magnitudes beyond the dead band into
+    /// parts with equally many commands. None where too few magnitudes differ.
     fn hinges(&self, dead_band: (f64, f64), count: usize) -> Option<Basis> {
         let input = InputMap { dead_band, basis: Basis::Powers };
         let mut openings: Vec<f64> = self.commands.iter().map(|u| input.opening(*u).abs()).collect();

@@ -57,8 +57,8 @@ pub struct HeldOut<'a> {
 pub struct Candidate {
     /// Orders and options.
     pub structure: Structure,
-    /// Number of parameters that the data determine: coefficients of the separated model, without f_1 = 1, and edges of the
-    /// dead band.
+    /// Number of parameters that the data determine: coefficients of the separated model, without f_1 = 1, and edges of
+    /// the dead band.
     pub parameters: usize,
     /// Root mean square of the h-step error over the held-out rows.
     pub h_step_rmse: f64,

@@ -222,7 +222,8 @@ impl IdentifyReport {
     fn estimation(&self) -> String {
         let adaptive = &self.adaptive;
         let mut text = format!(
-            "h steps by holding y: sigma {}. Estimator {} (forgetting factor mean {}, least {}); {:.0} ns per update.\n",
+            "h steps by holding y: sigma {}. \
+             Estimator {} (forgetting factor mean {}, least {}); {:.0} ns per update.\n",
             number(self.persistence.h_step.sigma),
             self.estimator,
             number(adaptive.forgetting_factor.mean),

@@ -84,7 +84,8 @@ pub fn select(
 
 struct Search<'a> {
     validation: HeldOut<'a>,
-    /// All structures so far, with their place in `tried`; none for a structure that has too many parameters for the rows.
+    /// All structures so far, with their place in `tried`; none for a structure that has too many parameters for the
+    /// rows.
     seen: Vec<(Structure, Option<usize>)>,
     tried: Vec<Candidate>,
 }

@@ -91,26 +91,7 @@ pub fn settings(
         Some(horizon) => horizon.at(period),
         None => Samples::Duration(HORIZON).at(period).max(1),
     };
-    if horizon == 0 {
-        return Err(Failure::usage("--horizon: found 0 samples; allowed: at least one sample"));
-    }
-    let coefficients = structure.full_len();
-    let shortest = shortest_training(structure, output);
-    if training < shortest {
-        return Err(Failure::usage(format!(
-            "{}: --train: found {training} of the {rows} rows; allowed: at least {shortest}, to determine {coefficients} \
-             coefficients (fewer with lower --na, --nb, --order)",
-            arguments.data.display()
-        )));
-    }
-    if rows.saturating_sub(training) <= horizon {
-        return Err(Failure::usage(RecordError::TooFewRows {
-            file: arguments.data.clone(),
-            rows,
-            needed: training.saturating_add(horizon).saturating_add(1),
-            why: format!("to test {horizon} samples ahead after {training} for training"),
-        }));
-    }
+    expect_enough_rows(arguments, structure, output, (rows, training, horizon))?;
     let mut fuzzy = match &arguments.fuzzy {
         Some(file) => Fuzzy::load(file).map_err(Failure::usage)?,
         None => Fuzzy::PAPER,
@@ -129,8 +110,49 @@ pub fn settings(
         fuzzy,
     };
     check_estimator(&settings)?;
+    if arguments.select {
+        expect_enough_to_select(arguments, &settings)?;
+    }
+    Ok(settings)
+}
+
+/// Refuses a record that is too short to determine the coefficients, or to test the prediction. `counts` are the rows of
+/// the record, those for training, and the samples of the horizon.
+fn expect_enough_rows(
+    arguments: &IdentifyArguments,
+    structure: Structure,
+    output: IdentifiedOutput,
+    counts: (usize, usize, usize),
+) -> Result<(), Failure> {
+    let (rows, training, horizon) = counts;
+    if horizon == 0 {
+        return Err(Failure::usage("--horizon: found 0 samples; allowed: at least one sample"));
+    }
+    let coefficients = structure.full_len();
+    let shortest = shortest_training(structure, output);
+    if training < shortest {
+        return Err(Failure::usage(format!(
+            "{}: --train: found {training} of the {rows} rows; allowed: at least {shortest}, to determine \
+             {coefficients} coefficients (fewer with lower --na, --nb, --order)",
+            arguments.data.display()
+        )));
+    }
+    if rows.saturating_sub(training) <= horizon {
+        return Err(Failure::usage(RecordError::TooFewRows {
+            file: arguments.data.clone(),
+            rows,
+            needed: training.saturating_add(horizon).saturating_add(1),
+            why: format!("to test {horizon} samples ahead after {training} for training"),
+        }));
+    }
+    Ok(())
+}
+
+/// Refuses a training part that is too short to fit and to judge structures.
+fn expect_enough_to_select(arguments: &IdentifyArguments, settings: &Identification) -> Result<(), Failure> {
+    let (training, horizon, coefficients) = (settings.training, settings.horizon, settings.structure.full_len());
     let fewest = HeldOut::fewest_rows(&settings);
-    if arguments.select && training < fewest {
+    if training < fewest {
         return Err(Failure::usage(format!(
             "{}: --select: found {training} rows for training; allowed: at least {fewest}, to fit {coefficients} \
              coefficients on the first {:.0} % of them and to judge {horizon} samples ahead on the rest",
@@ -138,10 +160,11 @@ pub fn settings(
             100.0 * FIT_PART
         )));
     }
-    Ok(settings)
+    Ok(())
 }
 
-/// Refuses an estimator whose window is shorter than the coefficients of the structure: it would determine none of them.
+/// Refuses an estimator whose window is shorter than the coefficients of the structure: it would determine none of
+/// them.
 pub fn check_estimator(settings: &Identification) -> Result<(), Failure> {
     let refusal = |(found, allowed)| Failure::usage(format!("--estimator: found {found}; allowed: {allowed}"));
     settings.check_estimator("NAME", false).map_err(refusal)

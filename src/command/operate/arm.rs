@@ -36,7 +36,8 @@ pub fn arm(arguments: &ArmArguments) -> Result<(), Failure> {
             Ok(true) => Ok(()),
         };
         if armed.is_err() {
-            // Either all axes are armed or none. An axis that has latched meanwhile stays latched, so that its fault is seen.
+            // Either all axes are armed or none. An axis that has latched meanwhile stays latched, so that its fault is
+            // seen.
             let armed_axes: Vec<usize> = off.into_iter().filter(|axis| operator.latched_by(*axis).is_empty()).collect();
             operator.disarm(&armed_axes)?;
         }

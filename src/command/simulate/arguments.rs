@@ -14,8 +14,8 @@ Examples:
   hydraxis simulate --scenario open-loop --axis boom --plot boom.svg  no controller, commands of the scenario
   hydraxis simulate --open-loop u.csv > y.csv                         no controller, your commands: columns t, boom, ..
 
-Computes the loop of `hydraxis run --lockstep` in one process and gives the same figures; every run with the same seed is
-bit for bit equal. Without a controller only the plant is simulated, and the trajectory goes to standard output.")
+Computes the loop of `hydraxis run --lockstep` in one process and gives the same figures. Runs with equal seeds are bit
+for bit equal. Without a controller only the plant is simulated, and the trajectory goes to standard output.")
 )]
 pub struct SimulateArguments {
     /// The machine
@@ -24,8 +24,8 @@ pub struct SimulateArguments {
     /// Length of the simulated time [default: 20s for a simulated machine, the whole record for a replayed one]
     #[arg(long, value_parser = duration)]
     pub duration: Option<Duration>,
-    /// Simulate only the plant, under the commands of a CSV file: column `t` (s), and one column per axis with commands in
-    /// [-1, 1]. Each row is held until the next one
+    /// Simulate only the plant, under the commands of a CSV file: column `t` (s), and one column per axis with commands
+    /// in [-1, 1]. Each row is held until the next one
     #[arg(long, value_name = "U.csv", conflicts_with = "duration")]
     pub open_loop: Option<PathBuf>,
     /// Records of the motion

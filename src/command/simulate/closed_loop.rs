@@ -1,7 +1,7 @@
 //! The loop of a lock-step run in one process: one core is called after the other.
 //!
 //! ```text
-//! plant -> sensor -> identifier (with the command of the tick before) -> controller (with the snapshot of the tick before)
+//! plant -> sensor -> identifier (command of the tick before) -> controller (snapshot of the tick before) -> plant
 //! ```
 
 use control_proc::Controller;

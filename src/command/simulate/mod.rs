@@ -1,6 +1,7 @@
 //! `hydraxis simulate`: the machine in one process, in closed loop or under given commands.
 //!
-//! The loop here calls the cores of the stages one after the other. It has no real time, no channel and no other process.
+//! The loop here calls the cores of the stages one after the other. It has no real time, no channel and no other
+//! process.
 
 mod arguments;
 pub mod closed_loop;

@@ -40,7 +40,8 @@ pub fn run(machine: &Machine, arguments: &SimulateArguments) -> Result<(), Failu
     for row in 0..rows {
         if let Some(last) = row.checked_sub(1) {
             let mut rest = commands.since_begin(row) - commands.since_begin(last);
-            // The plant gives the same states for any division of time; the picture shows the motion between distant rows.
+            // The plant gives the same states for any division of time; the picture shows the motion between distant
+            // rows.
             while rest > machine.timing.period {
                 plant.advance(machine.timing.period);
                 rest -= machine.timing.period;

@@ -3,8 +3,8 @@
 //! The figures come from the heartbeats of the stages and from the axis states that control-proc sends; both are sent
 //! between two ticks. Runs in a process of its own, beside the loop.
 //!
-//! Trap: a reader that attaches to a channel makes the next send of its publisher take longer. So this command attaches to
-//! no channel that a stage sends on within a tick.
+//! Trap: a reader that attaches to a channel makes the next send of its publisher take longer. So this command attaches
+//! to no channel that a stage sends on within a tick.
 
 mod arguments;
 mod report;

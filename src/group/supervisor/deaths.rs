@@ -1,12 +1,13 @@
 //! The ends of processes, in the order in which they ended.
 //!
-//! The kernel has a descriptor for each process, which becomes readable when the process ends, and it queues descriptors
-//! in the order in which they become readable. Processes are not reaped here. Until a process is reaped, no other process
-//! gets its number.
+//! The kernel has a descriptor for each process, which becomes readable when the process ends, and it queues
+//! descriptors in the order in which they become readable. Processes are not reaped here. Until a process is reaped, no
+//! other process gets its number.
 //!
-//! Trap: a loop that asks each process in turn finds them in the order of the loop, and threads that wait for one process
-//! each wake in the order of the scheduler. In both cases a cause and its consequence may change places. A process ends
-//! with its last thread, some milliseconds after a signal. The order of ends that lie closer together is not known.
+//! Trap: a loop that asks each process in turn finds them in the order of the loop, and threads that wait for one
+//! process each wake in the order of the scheduler. In both cases a cause and its consequence may change places. A
+//! process ends with its last thread, some milliseconds after a signal. The order of ends that lie closer together is
+//! not known.
 
 use std::{
     io,
@@ -53,8 +54,8 @@ impl Deaths {
         Ok(Watched(process))
     }
 
-    /// Waits until a watched process ends, at most for `longest` or until a signal. Returns the processes that have ended,
-    /// the first one first. Each call returns them again until they are no longer watched.
+    /// Waits until a watched process ends, at most for `longest` or until a signal. Returns the processes that have
+    /// ended, the first one first. Each call returns them again until they are no longer watched.
     pub fn wait(&self, longest: Duration) -> Vec<Pid> {
         let started = Instant::now();
         let mut events = [const { MaybeUninit::uninit() }; AT_ONCE];

@@ -3,8 +3,8 @@
 //! The standard input of the process is a pipe whose other end only the supervisor holds. The pipe ends when the
 //! supervisor does, and the stage then ends as well. Standard output and standard error go to the log.
 //!
-//! Trap: only the main thread may start a process. A stage asks the kernel for a signal at the end of its parent, and the
-//! kernel takes the *thread* that started the stage for the parent.
+//! Trap: only the main thread may start a process. A stage asks the kernel for a signal at the end of its parent, and
+//! the kernel takes the *thread* that started the stage for the parent.
 
 use std::{
     io,
@@ -92,7 +92,8 @@ impl Life {
         let _ = kill_process_group(self.pid, signal);
     }
 
-    /// Reaps a process that has ended, kills the processes that it has left, and waits until its last lines are in the log.
+    /// Reaps a process that has ended, kills the processes that it has left, and waits until its last lines are in the
+    /// log.
     pub fn end(mut self) -> io::Result<ExitStatus> {
         self.signal(Signal::KILL);
         let status = self.process.wait();

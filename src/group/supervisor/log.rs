@@ -1,10 +1,10 @@
 //! The output of the stages, line by line: to standard error and to a file. The last lines are kept for error messages.
 //!
-//! Two threads for each stage read its pipes; one thread writes all lines. A queue of bounded length connects them. When
-//! the reader of standard error or the disk is slow, lines are left out and counted, and no stage waits.
+//! Two threads for each stage read its pipes; one thread writes all lines. A queue of bounded length connects them.
+//! When the reader of standard error or the disk is slow, lines are left out and counted, and no stage waits.
 //!
-//! Trap: a stage that writes into a full pipe stops and leaves the valves as they are. So the reading threads must never
-//! stop.
+//! Trap: a stage that writes into a full pipe stops and leaves the valves as they are. So the reading threads must
+//! never stop.
 
 use std::{
     collections::VecDeque,

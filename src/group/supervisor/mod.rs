@@ -9,8 +9,8 @@
 //! Every stage gets a process group of its own. So Ctrl-C on the terminal reaches the supervisor alone, which then ends
 //! the stages in order: the controller first, so that the valves are neutral.
 //!
-//! Trap: a controller that is started again begins disarmed, whatever the run was started with. A program that came back
-//! by itself must not move a person.
+//! Trap: a controller that is started again begins disarmed, whatever the run was started with. A program that came
+//! back by itself must not move a person.
 //!
 //! Runs in a process of its own, beside the loop; no stage ever waits for it.
 

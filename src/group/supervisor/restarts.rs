@@ -28,8 +28,8 @@ pub struct RestartHistory {
 }
 
 impl RestartHistory {
-    /// Records a death at `now` after a life of `lived`. Returns the time to wait before the restart, or nothing when there
-    /// have been too many.
+    /// Records a death at `now` after a life of `lived`. Returns the time to wait before the restart, or nothing when
+    /// there have been too many.
     pub fn died(&mut self, now: Instant, lived: Duration) -> Option<Duration> {
         self.restarts.retain(|restart| now.duration_since(*restart) < WINDOW);
         if self.restarts.len() >= MOST_RESTARTS {
@@ -45,8 +45,8 @@ impl RestartHistory {
     }
 }
 
-/// The tick at which a source of samples goes on when its last tick was `last`, sent `since` ago: the tick that would be
-/// due next without the interruption.
+/// The tick at which a source of samples goes on when its last tick was `last`, sent `since` ago: the tick that would
+/// be due next without the interruption.
 pub fn next_tick(last: Option<u64>, since: Duration, period: Duration) -> u64 {
     let passed = u64::try_from(since.as_nanos() / period.as_nanos().max(1)).unwrap_or(u64::MAX);
     last.map_or(0, |last| last.saturating_add(passed).saturating_add(1))

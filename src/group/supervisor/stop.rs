@@ -87,8 +87,8 @@ impl Supervisor<'_> {
         }
     }
 
-    /// Waits until `kind`, or all stages, have ended, at most for `longest`. True when a signal ended the wait, which it may
-    /// where `may_hurry` is set.
+    /// Waits until `kind`, or all stages, have ended, at most for `longest`. True when a signal ended the wait, which
+    /// it may where `may_hurry` is set.
     fn await_end(&mut self, longest: Duration, kind: Option<StageKind>, may_hurry: bool) -> bool {
         let until = Instant::now() + longest;
         loop {

@@ -1,5 +1,5 @@
-//! What the supervisor does about its stages while a run lasts: it reaps processes that have ended, kills stages without
-//! a heartbeat, feeds the watchdog of the service manager, and starts stages again.
+//! What the supervisor does about its stages while a run lasts: it reaps processes that have ended, kills stages
+//! without a heartbeat, feeds the watchdog of the service manager, and starts stages again.
 
 use std::time::{Duration, Instant};
 
@@ -93,7 +93,8 @@ impl Supervisor<'_> {
         Ok(())
     }
 
-    /// The reason for the end of the run: the first death after which no new process has started yet, then the last one.
+    /// The reason for the end of the run: the first death after which no new process has started yet, then the last
+    /// one.
     fn end_of_run(&self, kind: StageKind, cause: &str) -> SupervisorError {
         let before = self.stages.iter().filter(|stage| stage.due.is_some());
         let first = before.min_by_key(|stage| stage.due).and_then(|stage| {
@@ -117,7 +118,8 @@ impl Supervisor<'_> {
             let stage = &self.stages[i];
             let Some(life) = stage.life.as_ref().filter(|_| stage.killed_for.is_none()) else { continue };
             let reason = match monitor.heartbeat_age(stage.kind) {
-                // In lock-step a stage may wait for another without a bound; `run` judges a group in which no stage works.
+                // In lock-step a stage may wait for another without a bound; `run` judges a group in which no stage
+                // works.
                 Some(age) if age > hung && self.launch.options.clock == Clock::RealTime => {
                     format!("killed: no heartbeat for {}", format_duration(hung))
                 }

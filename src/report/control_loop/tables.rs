@@ -113,7 +113,8 @@ impl LoopReport {
         let line = |axis: &Axis| {
             let training = axis.identification.training as f64 * machine.timing.period.as_secs_f64();
             format!(
-                "{0}: no model yet, training takes {1} s (axis.{0}.identification.training); use a longer --duration.\n",
+                "{0}: no model yet, training takes {1} s (axis.{0}.identification.training); \
+                 use a longer --duration.\n",
                 axis.name,
                 number(training)
             )

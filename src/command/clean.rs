@@ -24,8 +24,8 @@ Examples:
   alive     a member runs: never touched
   dead      no member runs: its files in /dev/shm and its folder hydraxis.NAME in the folder for temporary files are
             removed
-  unknown   shared memory without a folder hydraxis.NAME. The folder may be in another TMPDIR, or the memory may belong to
-            another program. Removed only with --prefix, and only while no process has it mapped
+  unknown   shared memory without a folder hydraxis.NAME. The folder may be in another TMPDIR, or the memory may belong
+            to another program. Removed only with --prefix, and only while no process has it mapped
 
 A group that ends by itself leaves nothing, and `hydraxis run --prefix NAME` removes what a dead group of that name has
 left before it starts. Exit codes: 0 done, 1 the group of --prefix is alive or something could not be removed.")]

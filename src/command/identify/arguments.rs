@@ -23,8 +23,8 @@ Examples:
 
 Identifies a Hammerstein model offline on the first rows. Then it compares, on the other rows, the held classical model
 with the adaptive model that is updated at each row. A row has y(k), and the u(k) that was applied from t(k) on. The
-most important figure is the h-step error: the error of a prediction --horizon ahead with the coefficients held, which is
-how a predictive controller uses the model.")]
+most important figure is the h-step error: the error of a prediction --horizon ahead with the coefficients held, which
+is how a predictive controller uses the model.")]
 pub struct IdentifyArguments {
     /// Recording: CSV with a header and one row per sample
     pub data: PathBuf,

@@ -116,8 +116,8 @@ pub fn settings(
     Ok(settings)
 }
 
-/// Refuses a record that is too short to determine the coefficients, or to test the prediction. `counts` are the rows of
-/// the record, those for training, and the samples of the horizon.
+/// Refuses a record that is too short to determine the coefficients, or to test the prediction. `counts` are the rows
+/// of the record, those for training, and the samples of the horizon.
 fn expect_enough_rows(
     arguments: &IdentifyArguments,
     structure: Structure,

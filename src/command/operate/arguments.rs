@@ -134,8 +134,8 @@ Examples:
   hydraxis disarm --prefix demo --axis bucket
 
 The axes move again only after `hydraxis arm` or `hydraxis operate --enable`. A latched axis is neutral already and
-stays latched: `hydraxis reset` shows the fault and releases the axis. This command is no emergency stop, because it needs
-every program from here to the valve.")]
+stays latched: `hydraxis reset` shows the fault and releases the axis. This command is no emergency stop, because it
+needs every program from here to the valve.")]
 pub struct DisarmArguments {
     /// Group and axes
     #[command(flatten)]
@@ -150,8 +150,8 @@ Examples:
   hydraxis reset --prefix demo --axis boom
 
 A fault latches an axis at neutral, so that it does not move again by itself while a person looks for the cause. Look
-for the cause first. After a reset the axis is disarmed: it does not move before `hydraxis arm`. An axis that is not latched
-keeps its mode.")]
+for the cause first. After a reset the axis is disarmed: it does not move before `hydraxis arm`. An axis that is not
+latched keeps its mode.")]
 pub struct ResetArguments {
     /// Group and axes
     #[command(flatten)]

@@ -24,8 +24,9 @@ use clap::{Parser, Subcommand};
 
 use pipeline::stage::StageKind;
 
-use crate::{arguments::MachineFile, failure::Failure};
+use crate::failure::Failure;
 use bench::Bench;
+use check::CheckArguments;
 use clean::CleanArguments;
 use commission::CommissionArguments;
 use doctor::DoctorArguments;
@@ -74,7 +75,7 @@ pub enum Command {
     #[command(subcommand)]
     Bench(Bench),
     /// Check a machine file and show everything that is wrong with it
-    Check(MachineFile),
+    Check(CheckArguments),
     /// Show whether this computer is fit for real time, and what to do about it
     Doctor(DoctorArguments),
     /// Remove files that dead groups have left

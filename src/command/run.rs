@@ -11,7 +11,7 @@ use std::{
 
 use clap::Args;
 use pipeline::{
-    channel::{Group, Prefix, remove_leftovers},
+    channel::{ChannelError, Group, Prefix, remove_leftovers},
     machine::{Machine, Source},
     stage::{Clock, StageKind, StageOptions},
 };
@@ -141,7 +141,7 @@ fn run_group(
     options: &StageOptions,
     warnings: &[String],
 ) -> Result<LoopReport, Failure> {
-    let group = Group::join(&options.prefix, "supervisor")?;
+    let group = Group::join(&options.prefix, "supervisor").map_err(ChannelError::from)?;
     let mut monitor = Monitor::new(&group)?;
     let launch = Launch { machine, arguments: &arguments.machine, options };
     let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref())?;

@@ -15,7 +15,7 @@ use std::{
 };
 
 use pipeline::{
-    channel::{ChannelError, Group, Listener, Prefix, Publisher, Reader},
+    channel::{ChannelError, Group, Listener, Prefix, Publisher, PublisherError, Reader},
     machine::Machine,
     message::{
         AxisCommand, AxisMode, AxisRequest, EncoderSample, Header, Request, ValveCommand, bit_names, control_flag,
@@ -52,7 +52,7 @@ pub enum OperatorError {
         /// The group.
         prefix: Prefix,
         /// What the channel says.
-        source: ChannelError,
+        source: PublisherError,
     },
     /// A channel of the group cannot be used.
     #[error(transparent)]
@@ -126,17 +126,17 @@ impl Operator {
         if !prefix.folder().exists() {
             return Err(OperatorError::NoGroup(prefix.clone()));
         }
-        let group = Group::join(prefix, "operator")?;
+        let group = Group::join(prefix, "operator").map_err(ChannelError::from)?;
         // An operator that was killed would keep the only place on the channel.
         group.bury_the_dead();
-        let requests = group.publisher::<Request>().map_err(|error| open_error(prefix, error))?;
+        let requests = group.publisher::<Request>().map_err(|error| publisher_error(prefix, error))?;
         let period = machine.timing.period;
         let mut operator = Self {
             names: machine.axes.iter().map(|axis| axis.name.clone()).collect(),
             prefix: prefix.clone(),
-            samples: group.reader()?,
-            commands: group.reader()?,
-            listener: group.listener::<EncoderSample>()?,
+            samples: group.reader().map_err(ChannelError::from)?,
+            commands: group.reader().map_err(ChannelError::from)?,
+            listener: group.listener::<EncoderSample>().map_err(ChannelError::from)?,
             requests,
             request: Request { session: monotonic_ns(), ..Request::default() },
             sample_patience: SAMPLE_PATIENCE.max(period * SAMPLE_PERIODS),
@@ -188,11 +188,11 @@ impl Operator {
     }
 
     fn await_sample(&mut self) -> Result<Option<EncoderSample>, OperatorError> {
-        if let Some(sample) = self.samples.read()?.if_new() {
+        if let Some(sample) = self.samples.read().map_err(ChannelError::from)?.if_new() {
             return Ok(Some(*sample));
         }
-        self.listener.wait(SLICE)?;
-        Ok(self.samples.read()?.if_new().copied())
+        self.listener.wait(SLICE).map_err(ChannelError::from)?;
+        Ok(self.samples.read().map_err(ChannelError::from)?.if_new().copied())
     }
 
     /// The next command of the controller, in order, if one has come.
@@ -200,7 +200,7 @@ impl Operator {
     /// # Errors
     /// The channel cannot be read.
     pub fn command(&mut self) -> Result<Option<ValveCommand>, OperatorError> {
-        Ok(self.commands.read()?.if_new().copied())
+        Ok(self.commands.read().map_err(ChannelError::from)?.if_new().copied())
     }
 
     /// The controller's last command of an axis, if there has been one.
@@ -221,7 +221,7 @@ impl Operator {
         self.request.header.sequence = sample.header.sequence;
         self.request.header.acquired_ns = sample.header.acquired_ns;
         self.request.header.sent_ns = monotonic_ns();
-        Ok(self.requests.send(&self.request)?)
+        Ok(self.requests.send(&self.request).map_err(ChannelError::from)?)
     }
 
     /// Answers samples until `is_done` accepts a command of the controller; false when the program is to end before.
@@ -304,10 +304,10 @@ impl Operator {
     }
 }
 
-/// A channel has one place for an operator; a failure to open it usually means that the place is taken.
-fn open_error(prefix: &Prefix, error: ChannelError) -> OperatorError {
+/// The channel of requests has one place for a publisher. A second operator is refused.
+fn publisher_error(prefix: &Prefix, error: PublisherError) -> OperatorError {
     match error {
-        ChannelError::Open { .. } => OperatorError::Taken { prefix: prefix.clone(), source: error },
-        other => OperatorError::Channel(other),
+        PublisherError::TooManyPublishers { .. } => OperatorError::Taken { prefix: prefix.clone(), source: error },
+        other => OperatorError::Channel(other.into()),
     }
 }

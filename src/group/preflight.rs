@@ -10,7 +10,7 @@ use std::{
 };
 
 use pipeline::{
-    channel::{ChannelError, Prefix, remove_leftovers},
+    channel::{Prefix, RemoveError, remove_leftovers},
     machine::Machine,
     stage::{Clock, StageKind, missing},
 };
@@ -30,7 +30,7 @@ const SMALL_FILES: u64 = 1 << 20;
 pub enum PreflightError {
     /// A group of this name runs already, or what it left cannot be removed.
     #[error(transparent)]
-    Leftovers(#[from] ChannelError),
+    Leftovers(#[from] RemoveError),
     /// A folder that every group needs is not usable.
     #[error(transparent)]
     Folder(#[from] FolderError),

@@ -15,7 +15,7 @@ use std::{
 };
 
 use pipeline::{
-    channel::{Group, GroupState, Member, Prefix, Reader, groups},
+    channel::{ChannelError, Group, GroupState, Member, Prefix, Reader, groups},
     message::{MachineState, StageHealth, StageState},
     stage::{StageKind, monotonic_ns},
 };
@@ -109,8 +109,13 @@ impl StatusReader {
                 "no group \"{prefix}\" runs; start one with: hydraxis run --prefix {prefix}"
             )));
         }
-        let group = Group::join(prefix, "status")?;
-        Ok(Self { prefix: prefix.clone(), health: group.reader()?, states: group.reader()?, group })
+        let group = Group::join(prefix, "status").map_err(ChannelError::from)?;
+        Ok(Self {
+            prefix: prefix.clone(),
+            health: group.reader().map_err(ChannelError::from)?,
+            states: group.reader().map_err(ChannelError::from)?,
+            group,
+        })
     }
 
     /// Collects messages for [`LISTEN`].
@@ -118,14 +123,14 @@ impl StatusReader {
         let mut stages: [Option<(StageHealth, StageHealth)>; 4] = [None; 4];
         let until = Instant::now() + LISTEN;
         while Instant::now() < until {
-            while let Some(health) = self.health.read()?.if_new() {
+            while let Some(health) = self.health.read().map_err(ChannelError::from)?.if_new() {
                 let Some(place) = stages.get_mut(health.stage as usize) else { continue };
                 // A heartbeat of the process before a restart says nothing about the new process.
                 let first = place.map(|(first, _)| first).filter(|first| first.pid == health.pid);
                 let before = first.filter(|first| first.since_ns == health.since_ns);
                 *place = Some((before.unwrap_or(*health), *health));
             }
-            self.states.newest()?;
+            self.states.newest().map_err(ChannelError::from)?;
             sleep(POLL);
         }
         let now_ns = monotonic_ns();

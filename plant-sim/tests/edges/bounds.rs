@@ -15,7 +15,7 @@
 use std::time::Duration;
 
 use pipeline::{machine::Machine, message::ValveCommand};
-use plant_sim::{PlantSim, oil::LOWEST_PRESSURE};
+use plant_sim::{PlantSim, hydraulics::oil::LOWEST_PRESSURE};
 
 /// What a run met, of one axis; SI units.
 #[derive(Debug, Clone, Copy, Default)]

@@ -18,7 +18,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Complex, Matrix4, Vector4};
 use pipeline::machine::{Change, DeadBand, Parameter};
-use plant_sim::AxisState;
+use plant_sim::TrueState;
 
 use super::*;
 
@@ -49,7 +49,7 @@ fn damped_machine() -> Machine {
 }
 
 /// V/beta_e of both chambers, m3/Pa.
-fn compliances(machine: &Machine, axis: usize, state: &AxisState) -> (f64, f64) {
+fn compliances(machine: &Machine, axis: usize, state: &TrueState) -> (f64, f64) {
     let plant = machine.axes[axis].plant.as_ref().unwrap();
     let piston = plant.piston_dead_volume + plant.piston_area * state.position;
     let rod = plant.rod_dead_volume + plant.rod_area * (machine.axes[axis].stroke - state.position);
@@ -57,7 +57,7 @@ fn compliances(machine: &Machine, axis: usize, state: &AxisState) -> (f64, f64) 
 }
 
 /// Y/U at `frequency` Hz: the transfer function above behind the valve's lag and the hold of half a step.
-fn transfer(machine: &Machine, axis: usize, state: &AxisState, frequency: f64) -> Complex<f64> {
+fn transfer(machine: &Machine, axis: usize, state: &TrueState, frequency: f64) -> Complex<f64> {
     let (plant, supply) = (machine.axes[axis].plant.as_ref().unwrap(), machine.hydraulics.unwrap().supply);
     let s = Complex::new(0.0, TAU * frequency);
     let k = plant.rated_flow / plant.rated_pressure_drop.sqrt();
@@ -84,16 +84,17 @@ fn transfer(machine: &Machine, axis: usize, state: &AxisState, frequency: f64) -
 }
 
 /// Undamped natural frequency of the piston between both chambers, Hz.
-fn natural_frequency(machine: &Machine, axis: usize, state: &AxisState) -> f64 {
+fn natural_frequency(machine: &Machine, axis: usize, state: &TrueState) -> f64 {
     let plant = machine.axes[axis].plant.as_ref().unwrap();
     let (c1, c2) = compliances(machine, axis, state);
     ((plant.piston_area.powi(2) / c1 + plant.rod_area.powi(2) / c2) / plant.mass).sqrt() / TAU
 }
 
-/// The same with the printed (8), in the middle of the stroke: V_t = 4 V1/(1 + n^3), V1 = L A1/2, since there p2 follows
-/// p1 as in steady flow. At the natural frequency both chambers are springs instead, which is 1 + n in the place of
-/// 1 + n^3: a frequency higher by about sqrt((1 + n)/(1 + n^3)), 15 % for n = 1/2. The dead volume is added to V1.
-fn papers_natural_frequency(machine: &Machine, axis: usize, state: &AxisState) -> f64 {
+/// The same with the printed (8), in the middle of the stroke: V_t = 4 V1/(1 + n^3), V1 = L A1/2, since there p2
+/// follows p1 as in steady flow. At the natural frequency both chambers are springs instead, which is 1 + n in the
+/// place of 1 + n^3: a frequency higher by about sqrt((1 + n)/(1 + n^3)), 15 % for n = 1/2. The dead volume is added to
+/// V1.
+fn papers_natural_frequency(machine: &Machine, axis: usize, state: &TrueState) -> f64 {
     let (plant, stroke) = (machine.axes[axis].plant.as_ref().unwrap(), machine.axes[axis].stroke);
     let n = plant.rod_area / plant.piston_area;
     let volume = plant.piston_dead_volume + 0.5 * stroke * plant.piston_area;
@@ -103,7 +104,7 @@ fn papers_natural_frequency(machine: &Machine, axis: usize, state: &AxisState) -
 
 /// Response of the position to a small sine on top of `opening`, measured when the axis passes `position`, and the
 /// state of the axis that is not excited, there.
-fn measure(axis: usize, position: f64, opening: f64, frequency: f64) -> (Complex<f64>, AxisState) {
+fn measure(axis: usize, position: f64, opening: f64, frequency: f64) -> (Complex<f64>, TrueState) {
     const AMPLITUDE: f64 = 0.01;
     let settle = 50_000u32;
     let period = 1e4 / frequency;

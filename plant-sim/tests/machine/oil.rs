@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use plant_sim::AxisState;
+use plant_sim::TrueState;
 
 use super::*;
 
@@ -24,7 +24,7 @@ struct Book {
 }
 
 /// Volume of a chamber, m3, and what it receives, m3/s: through the valve, less leakage.
-fn chamber(machine: &Machine, axis: usize, state: &AxisState, side: usize) -> (f64, f64) {
+fn chamber(machine: &Machine, axis: usize, state: &TrueState, side: usize) -> (f64, f64) {
     let (plant, stroke) = (machine.axes[axis].plant.as_ref().unwrap(), machine.axes[axis].stroke);
     let internal = plant.internal_leakage * (state.piston_pressure - state.rod_pressure);
     if side == 0 {
@@ -42,7 +42,7 @@ fn the_oil_that_flows_in_is_the_oil_that_is_there() {
     for axis in 0..4 {
         plant_of(&mut machine, axis).external_leakage = 1e-12;
     }
-    let pressure = |state: &AxisState, side: usize| [state.piston_pressure, state.rod_pressure][side];
+    let pressure = |state: &TrueState, side: usize| [state.piston_pressure, state.rod_pressure][side];
     let mut sim = simulate(&machine);
     let begin = sim.axes().to_vec();
     let mut books = <[[Book; 2]; 4]>::default();

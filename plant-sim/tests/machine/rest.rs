@@ -1,6 +1,6 @@
 //! An axis at rest: the oil holds it, and only leakage moves it.
 
-use plant_sim::AxisState;
+use plant_sim::TrueState;
 
 use super::*;
 
@@ -12,7 +12,7 @@ use super::*;
 ///
 /// with the leakage q_1 = C_ip (p1 - p2) + C_ep p1 out of the piston side, q_2 = C_ip (p1 - p2) - C_ep p2 into the rod
 /// side, and the compliances C = V/beta_e.
-fn creep(machine: &Machine, axis: usize, state: &AxisState) -> f64 {
+fn creep(machine: &Machine, axis: usize, state: &TrueState) -> f64 {
     let plant = machine.axes[axis].plant.as_ref().unwrap();
     let (a1, a2) = (plant.piston_area, plant.rod_area);
     let (p1, p2) = (state.piston_pressure, state.rod_pressure);

@@ -1,7 +1,8 @@
 //! The reference's integrator: Dormand and Prince's embedded pair of order 5(4), with error control.
 //!
 //! ```text
-//! x(t+h) = x + h sum b_i k_i        error = h sum (b_i - b^_i) k_i        h <- 0.9 h max_j(|error_j|/tolerance_j)^(-1/5)
+//! x(t+h) = x + h sum b_i k_i                          error = h sum (b_i - b^_i) k_i
+//! h <- 0.9 h max_j(|error_j|/tolerance_j)^(-1/5)
 //! ```
 //!
 //! Source: Dormand and Prince, 1980. A step whose error exceeds a tolerance is made again, shorter; so a kink of the

@@ -15,7 +15,7 @@ mod floors;
 use std::{array::from_fn, fs, hint::black_box, time::Instant};
 
 use flight_solver::{cls::VecN, rls::InverseQrRls};
-use ident_proc::{estimator::Estimator, recursive::RecursiveLeastSquares, triangle::Triangle};
+use ident_proc::{estimator::Estimator, least_squares::Triangle, recursive::RecursiveLeastSquares};
 use nalgebra::{DMatrix, DVector, DVectorView, SMatrix, SVector};
 use pipeline::machine::Fuzzy;
 use serde_json::{Value, json};

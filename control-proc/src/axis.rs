@@ -36,7 +36,7 @@ mod modes;
 use std::time::Duration;
 
 use pipeline::{
-    machine::{Axis, Control, Forgetting, ModelChoice, Timing, samples_of},
+    machine::{Axis, Control, Estimator, ModelChoice, Timing, samples_of},
     message::{
         AxisCommand, AxisMode, AxisSample, AxisSnapshot, ControlMode, Reference, Request, control_flag, sample_fault,
     },
@@ -176,7 +176,7 @@ impl AxisController {
             feedback_ticks: ticks(timing.feedback_timeout),
             choice: control.model,
             // A grey box knows what commissioning has found, which is more than what the training has shown.
-            at_once: control.model == ModelChoice::Classical || axis.identification.forgetting == Forgetting::GreyBox,
+            at_once: control.model == ModelChoice::Classical || axis.identification.estimator == Estimator::GreyBox,
             judge: Judge::new(axis, period),
             recent: Recent::new(period),
             kept: Kept::new(ticks(timing.model_timeout), ticks(timing.model_lifetime)),

@@ -2,22 +2,22 @@
 
 use pipeline::{
     hammerstein::{Coefficients, Structure},
-    machine::{Commissioned, Forgetting, Form, Identification, IdentifiedOutput},
+    machine::{Commissioned, Estimator, Form, Identification, IdentifiedOutput},
     message::{AxisSnapshot, model_fault},
 };
 
 use crate::{
-    bank::Bank,
-    batch::{Batch, Offline},
-    errors::ErrorTracker,
-    grey_box::GreyBox,
-    health::Health,
-    history::History,
-    outlier::{OutlierGate, Verdict},
+    adaptation::Bank,
+    adaptation::GreyBox,
+    adaptation::Single,
+    offline::{Batch, Offline},
+    quality::ErrorTracker,
+    quality::Health,
     regression::write_out,
-    rest::Rest,
-    row::Row,
-    single::Single,
+    sample::RegressorRow,
+    sample::RestDetection,
+    sample::SlidingBuffer,
+    sample::{OutlierGate, Verdict},
 };
 
 /// Identifies one axis. Deterministic, allocates nothing after construction.
@@ -32,10 +32,10 @@ pub struct Identifier {
     /// y(k-1) as it was measured, if it was; of use where its difference is what is identified.
     position: Option<f64>,
     command: f64,
-    outputs: History,
+    outputs: SlidingBuffer,
     /// Features of the commands.
-    commands: History,
-    row: Row,
+    commands: SlidingBuffer,
+    row: RegressorRow,
     gate: OutlierGate,
     /// One-step predictions of the sample by the adaptive and the classical model.
     one_step: [f64; 2],
@@ -43,7 +43,7 @@ pub struct Identifier {
     predictions: [f64; 3],
     /// Samples of the training until the row has measurements only.
     tainted: usize,
-    rest: Rest,
+    rest: RestDetection,
     batch: Batch,
     adaptation: Adaptation,
     /// The classical model, written out for the row.
@@ -77,34 +77,34 @@ impl Identifier {
     /// The same with what commissioning has found of the axis.
     ///
     /// # Panics
-    /// With [`Forgetting::GreyBox`] and nothing found, which the machine file refuses.
+    /// With [`Estimator::GreyBox`] and nothing found, which the machine file refuses.
     pub fn commissioned(settings: &Identification, commissioned: Option<&Commissioned>) -> Self {
         let structure = settings.structure;
         let h = settings.horizon;
-        let (row, adaptation) = match settings.forgetting {
-            Forgetting::Auto => (Bank::row_structure(structure), Adaptation::Bank(Box::new(Bank::new(structure, h)))),
-            Forgetting::GreyBox => {
+        let (row, adaptation) = match settings.estimator {
+            Estimator::Auto => (Bank::row_structure(structure), Adaptation::Bank(Box::new(Bank::new(structure, h)))),
+            Estimator::GreyBox => {
                 let commissioned = commissioned.expect("a grey box is of a commissioned axis");
                 let grey_box = GreyBox::new(structure, commissioned, settings.period);
                 (structure.published(), Adaptation::GreyBox(Box::new(grey_box)))
             }
             _ => (structure.published(), Adaptation::Single(Box::new(Single::new(settings)))),
         };
-        let tracker = ErrorTracker::new(&Row::new(row), h);
+        let tracker = ErrorTracker::new(&RegressorRow::new(row), h);
         Self {
             settings: settings.clone(),
             seen: 0,
             trained: false,
             position: None,
             command: 0.0,
-            outputs: History::new(row.na.max(h).max(2), 1),
-            commands: History::new(row.nk + row.nb, 2 * row.order),
-            row: Row::new(row),
+            outputs: SlidingBuffer::new(row.na.max(h).max(2), 1),
+            commands: SlidingBuffer::new(row.nk + row.nb, 2 * row.order),
+            row: RegressorRow::new(row),
             gate: OutlierGate::default(),
             one_step: [0.0; 2],
             predictions: [0.0; 3],
             tainted: 0,
-            rest: Rest::new(h),
+            rest: RestDetection::new(h),
             batch: Batch::new(structure, settings.split),
             adaptation,
             classical: vec![0.0; row.full_len()],
@@ -476,11 +476,11 @@ mod tests {
 
     #[test]
     fn an_input_that_never_moves_leaves_a_finite_model() {
-        for (forgetting, form) in
-            [(Forgetting::Paper, Form::Linear), (Forgetting::Paper, Form::Full), (Forgetting::Auto, Form::Linear)]
+        for (estimator, form) in
+            [(Estimator::Paper, Form::Linear), (Estimator::Paper, Form::Full), (Estimator::Auto, Form::Linear)]
         {
             let mut settings = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
-            (settings.forgetting, settings.form) = (forgetting, form);
+            (settings.estimator, settings.form) = (estimator, form);
             (settings.training, settings.horizon) = (200, 10);
             let mut identifier = Identifier::new(&settings);
             for k in 0..400 {

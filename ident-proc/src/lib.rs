@@ -15,28 +15,18 @@
 //! knows the errors of the adaptive and of the classical, held model at any time ([`errors`]). [`process`] is the
 //! stage: channels in, channels out.
 
-pub mod bank;
-pub mod batch;
-pub mod errors;
+pub mod adaptation;
 pub mod estimator;
-pub mod forecast;
-pub mod grey_box;
-pub mod health;
-pub mod history;
 mod identifier;
 mod identifiers;
-pub mod outlier;
+pub mod least_squares;
+pub mod offline;
 pub mod process;
-pub mod projection;
-pub mod rank;
-pub mod rank_one;
+pub mod quality;
 pub mod recursive;
 pub mod regression;
-pub mod rest;
-pub mod row;
-pub mod single;
-pub mod split;
-pub mod triangle;
+pub mod sample;
+pub mod separation;
 pub mod validation;
 
 pub use identifier::Identifier;

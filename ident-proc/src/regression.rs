@@ -1,4 +1,4 @@
-//! The model as a linear regression, in one of three forms, all of them read off the same [row](crate::row).
+//! The model as a linear regression, in one of three forms, all of them read off the same [row](crate::sample::row).
 //!
 //! ```text
 //! y(k) = phi(k)' theta                                                                             (13)
@@ -19,7 +19,7 @@
 
 use pipeline::hammerstein::{Coefficients, MAX_ORDER, Nonlinearity, Structure};
 
-use crate::triangle::Triangle;
+use crate::least_squares::Triangle;
 
 /// How the features of a command become the regressors of a lag.
 #[derive(Debug, Clone, Copy)]
@@ -185,7 +185,7 @@ fn fold(features: &[f64], lags: usize, weights: &[f64], x: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{dot, forecast::Forecasts, history::History, row::Row};
+    use crate::{dot, quality::Forecasts, sample::RegressorRow, sample::SlidingBuffer};
     use pipeline::hammerstein::{Basis, InputMap};
 
     const STRUCTURE: Structure = Structure { na: 3, nb: 1, nk: 2, order: 3, ..Structure::PAPER };
@@ -231,10 +231,10 @@ mod tests {
     }
 
     /// The row of sample `k`, of orders one larger than those of `structure`.
-    fn row(structure: Structure, k: usize) -> Row {
+    fn row(structure: Structure, k: usize) -> RegressorRow {
         let published = structure.published();
-        let mut row = Row::new(Structure { na: published.na + 1, nb: published.nb + 1, ..published });
-        let (mut y, mut u) = (History::new(60, 1), History::new(60, 6));
+        let mut row = RegressorRow::new(Structure { na: published.na + 1, nb: published.nb + 1, ..published });
+        let (mut y, mut u) = (SlidingBuffer::new(60, 1), SlidingBuffer::new(60, 6));
         outputs()[..k].iter().for_each(|v| y.push(*v));
         inputs()[..k].iter().for_each(|v| u.push_with(|slot| structure.input.features(*v, slot)));
         row.fill(&y, &u);
@@ -313,7 +313,8 @@ mod tests {
     #[test]
     fn a_projected_problem_is_the_problem_of_the_projected_rows() {
         for structure in structures() {
-            let rows: Vec<(Row, f64)> = (10..60).map(|k| (row(structure, k), (k as f64 * 0.77).sin())).collect();
+            let rows: Vec<(RegressorRow, f64)> =
+                (10..60).map(|k| (row(structure, k), (k as f64 * 0.77).sin())).collect();
             let of = rows[0].0.structure();
             let mut all = Triangle::new(of.full_len());
             rows.iter().for_each(|(row, y)| all.add(row.values(), *y));

@@ -10,7 +10,7 @@
 //! both sums alike, and solved at a few checkpoints.
 
 use dashu_float::{FBig, round::mode::HalfEven};
-use ident_proc::{recursive::RecursiveLeastSquares, triangle::Triangle};
+use ident_proc::{least_squares::Triangle, recursive::RecursiveLeastSquares};
 use nalgebra::DMatrix;
 
 type Exact = FBig<HalfEven>;

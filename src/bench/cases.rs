@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use clap::ValueEnum;
 use control_proc::{
-    commission::Options,
+    commission::ExperimentOptions,
     course::{END, TRAINING, course},
     reference::ReferenceGenerator,
     tuning::{Baseline, reached},
 };
 use pipeline::{
-    machine::{Axis, Control, Forgetting, Machine, ModelChoice, ReferenceSource, Scenario, samples_of},
+    machine::{Axis, Control, Estimator, Machine, ModelChoice, ReferenceSource, Scenario, samples_of},
     message::{ControlMode, control_flag},
     statistics::ErrorStatistics,
 };
@@ -118,7 +118,7 @@ impl Contest {
             for kind in &kinds {
                 let mut axes = axes.clone();
                 if *kind == Kind::MpcAdaptive {
-                    axes.iter_mut().for_each(|axis| axis.identification.forgetting = Forgetting::GreyBox);
+                    axes.iter_mut().for_each(|axis| axis.identification.estimator = Estimator::GreyBox);
                 }
                 entries.push(Entry { kind: *kind, dead_time: *dead_time, axes });
             }
@@ -196,7 +196,8 @@ fn at_dead_time(machine: &Machine, dead_time: Duration) -> Result<Vec<Axis>, Fai
     machine.scenario = Scenario::default();
     let unknown: Vec<usize> =
         (0..machine.axes.len()).filter(|axis| machine.axes[*axis].commissioned.is_none()).collect();
-    let found = commission_simulated(&machine, &unknown, COMMISSIONING_SEED, &Options::default(), |_, _, _| ())?;
+    let found =
+        commission_simulated(&machine, &unknown, COMMISSIONING_SEED, &ExperimentOptions::default(), |_, _, _| ())?;
     for (index, model) in unknown.into_iter().zip(found) {
         machine.axes[index].commissioned = Some(model);
     }

@@ -9,7 +9,11 @@
 //! N rows of the fit, S the sum of squared one-step errors over them, p parameters. Trap: AIC and BIC are shown and
 //! not followed, since the one-step error of a position says next to nothing and more coefficients always lower it.
 
-use ident_proc::{batch::Batch, history::History, row::Row, validation::criteria};
+use ident_proc::{
+    offline::Batch,
+    sample::{RegressorRow, SlidingBuffer},
+    validation::criteria,
+};
 use pipeline::{
     hammerstein::{Coefficients, MAX_A, MAX_DELAY, MAX_LINEAR, Structure},
     machine::{Identification, IdentifiedOutput, Split},
@@ -172,9 +176,9 @@ impl<'a> HeldOut<'a> {
     fn collect(&self, structure: Structure) -> Batch {
         let Structure { nb, nk, order, input, .. } = structure;
         let mut batch = Batch::new(structure, self.split);
-        let mut row = Row::new(structure);
-        let mut outputs = History::new(structure.past_outputs(), 1);
-        let mut commands = History::new(nk + nb, 2 * order);
+        let mut row = RegressorRow::new(structure);
+        let mut outputs = SlidingBuffer::new(structure.past_outputs(), 1);
+        let mut commands = SlidingBuffer::new(nk + nb, 2 * order);
         for k in 1..self.fit {
             outputs.push(self.outputs[k - 1]);
             commands.push_with(|slot| input.features(self.inputs[k - 1], slot));

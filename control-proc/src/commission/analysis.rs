@@ -21,7 +21,7 @@
 use nalgebra::{DMatrix, DVector};
 use pipeline::machine::{Commissioned, DeadBand};
 
-use super::{Record, simplex::minimum};
+use super::{ExperimentRecord, simplex::minimum};
 
 /// Where the curve bends, in parts of the largest opening.
 const BENDS: [f64; KNOTS] = [0.0, 0.1, 0.22, 0.38, 0.58, 0.8];
@@ -75,7 +75,7 @@ pub enum AnalysisError {
 ///
 /// # Errors
 /// The record is too short, or no model with rising curves explains it.
-pub fn analyse(record: &Record) -> Result<Commissioned, AnalysisError> {
+pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError> {
     let seconds = record.positions.len() as f64 * record.period;
     let needed = 10.0 * JUDGED_AHEAD;
     if seconds < needed {
@@ -197,7 +197,7 @@ impl Shape {
 
 /// A part of a record.
 struct Data<'a> {
-    record: &'a Record,
+    record: &'a ExperimentRecord,
     begin: usize,
     end: usize,
 }
@@ -278,7 +278,7 @@ fn samples(seconds: f64, period: f64) -> usize {
 
 /// The integral of `f(X(t))` at every part of a period up to sample `end`.
 fn integrate<const N: usize>(
-    record: &Record,
+    record: &ExperimentRecord,
     end: usize,
     time_constant: f64,
     f: impl Fn(f64) -> [f64; N],

@@ -21,7 +21,7 @@ use pipeline::{
 };
 
 use super::{
-    Options, Outcome, Phase, Record,
+    ExperimentOptions, ExperimentRecord, Outcome, Phase,
     foresight::Direction,
     step::Step,
     watch::{Abort, Watch},
@@ -89,13 +89,13 @@ pub struct Experiment {
     tick: usize,
     total: usize,
     random: u64,
-    record: Record,
+    record: ExperimentRecord,
     outcome: Option<Outcome>,
 }
 
 impl Experiment {
     /// An experiment with an axis that is sampled every `period`. Nothing is allocated after this.
-    pub fn new(axis: &Axis, period: Duration, options: &Options) -> Self {
+    pub fn new(axis: &Axis, period: Duration, options: &ExperimentOptions) -> Self {
         let seconds = period.as_secs_f64();
         let total = samples_of(options.duration, period);
         let (low, high) = axis.soft_limits;
@@ -122,7 +122,7 @@ impl Experiment {
             tick: 0,
             total,
             random: options.seed,
-            record: Record {
+            record: ExperimentRecord {
                 period: seconds,
                 commands: Vec::with_capacity(total + 1),
                 positions: Vec::with_capacity(total + 1),
@@ -179,7 +179,7 @@ impl Experiment {
     }
 
     /// Everything so far.
-    pub fn record(&self) -> &Record {
+    pub fn record(&self) -> &ExperimentRecord {
         &self.record
     }
 

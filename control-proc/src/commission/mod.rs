@@ -23,5 +23,5 @@ pub mod watch;
 
 pub use analysis::{AnalysisError, analyse};
 pub use experiment::Experiment;
-pub use terms::{Options, Outcome, Phase, Record};
+pub use terms::{ExperimentOptions, ExperimentRecord, Outcome, Phase};
 pub use watch::Abort;

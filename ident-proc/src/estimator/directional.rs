@@ -37,8 +37,8 @@
 
 use super::{Adapted, Method};
 use crate::{
+    least_squares::Triangle,
     recursive::{Change, RecursiveLeastSquares},
-    triangle::Triangle,
 };
 
 /// Smallest magnitude of eps: there the row leaves the covariance as it is.

@@ -22,8 +22,8 @@
 
 use super::{Adapted, Method};
 use crate::{
+    least_squares::Triangle,
     recursive::{Change, RecursiveLeastSquares},
-    triangle::Triangle,
 };
 
 /// The estimator `fortescue:N0`.

@@ -23,7 +23,7 @@
 use pipeline::machine::{Fuzzy, Level};
 
 use super::{Adapted, Method};
-use crate::{dot, recursive::RecursiveLeastSquares, triangle::Triangle};
+use crate::{dot, least_squares::Triangle, recursive::RecursiveLeastSquares};
 
 /// Number of terms of each input.
 const TERMS: usize = 7;

@@ -28,8 +28,8 @@ use pipeline::machine::{Fuzzy, Level};
 
 use super::{Adapted, Method, fuzzy::FuzzyForgetting};
 use crate::{
+    least_squares::Triangle,
     recursive::{Change, RecursiveLeastSquares},
-    triangle::Triangle,
 };
 
 /// Error that counts as PB, in standard deviations.

@@ -25,7 +25,7 @@
 //! Estimation, 1977).
 
 use super::{Adapted, Method};
-use crate::{dot, recursive::RecursiveLeastSquares, triangle::Triangle};
+use crate::{dot, least_squares::Triangle, recursive::RecursiveLeastSquares};
 
 /// Largest phi' (R0' R0)^-1 phi of a row, in its units: 1000 average training rows, squared.
 const LARGEST_ROW: f64 = 1e6;

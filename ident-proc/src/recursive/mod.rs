@@ -35,7 +35,7 @@ mod tests;
 
 use std::array::from_fn;
 
-use crate::triangle::Triangle;
+use crate::least_squares::Triangle;
 
 /// All loops of an update run over blocks of this many numbers, which the compiler turns into vector instructions.
 const LANES: usize = 4;

@@ -55,7 +55,7 @@ pub fn fit_percent(residual: f64, samples: u64, output_variance: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{super::noise::Noise, *};
-    use crate::triangle::Triangle;
+    use crate::least_squares::Triangle;
 
     #[test]
     fn they_are_the_printed_formulas() {

@@ -107,7 +107,7 @@ mod tests {
         super::{noise::Noise, whiteness::LEVEL},
         *,
     };
-    use crate::triangle::Triangle;
+    use crate::least_squares::Triangle;
 
     const LAGS: usize = 25;
 

@@ -14,7 +14,7 @@
 //! part of any product.
 //!
 //! b and N share a factor, which one coefficient of N fixes: f_1 = 1, or the largest where f_1 is next to nothing
-//! (see [`crate::split`]). That one has the deviation 0 by definition, and all others hold for that choice.
+//! (see [`crate::separation`]). That one has the deviation 0 by definition, and all others hold for that choice.
 //!
 //! `None` is what the data do not determine: a coefficient that is held, a branch without a command of its sign, N
 //! where b is zero. The others are right on the condition that the held ones are what they are held at.
@@ -32,7 +32,7 @@
 
 use pipeline::hammerstein::{Coefficients, Structure};
 
-use crate::{rank::RankGuard, triangle::Triangle};
+use crate::{least_squares::RankGuard, least_squares::Triangle};
 
 /// Part of its column from which on a coefficient takes part in a dependence.
 const TAKES_PART: f64 = 1e-6;
@@ -74,7 +74,7 @@ pub fn linear(data: &Triangle, held: &[bool], variance: f64) -> Vec<Option<f64>>
 }
 
 /// Of the separated `model`; `data` is the triangle of the full form with its rows and residual, as
-/// [`crate::batch::Batch::data`] gives it, `held` what is held there.
+/// [`crate::offline::Batch::data`] gives it, `held` what is held there.
 ///
 /// The model is to be as the separation gave it: what was made of it later (another order of A) does not belong to the
 /// unknowns of this triangle. `None` for a model of no valid structure, for a triangle that is too small for it, or
@@ -234,7 +234,7 @@ fn involved(data: &Triangle, dependent: &[bool]) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::{super::noise::Noise, *};
-    use crate::{history::History, row::Row, split::Splitter};
+    use crate::{sample::RegressorRow, sample::SlidingBuffer, separation::OfflineSeparation};
     use nalgebra::{DMatrix, DVector};
     use pipeline::machine::Split;
 
@@ -253,10 +253,10 @@ mod tests {
     /// The triangle of a record of `model` with white noise of the standard deviation 0.05 in (12), `offset` in every
     /// row; with `offset` a constant is its last unknown.
     fn record(model: &Coefficients, input: impl Fn(usize) -> f64, seed: u64, offset: Option<f64>) -> Triangle {
-        let mut row = Row::new(STRUCTURE);
+        let mut row = RegressorRow::new(STRUCTURE);
         let n = STRUCTURE.full_len();
         let mut data = Triangle::new(n + usize::from(offset.is_some()));
-        let (mut outputs, mut commands) = (History::new(2, 1), History::new(2, 2 * STRUCTURE.order));
+        let (mut outputs, mut commands) = (SlidingBuffer::new(2, 1), SlidingBuffer::new(2, 2 * STRUCTURE.order));
         (0..2).for_each(|_| outputs.push(0.0));
         let mut phi = vec![1.0; data.len()];
         let mut x = [0.0; 2];
@@ -330,13 +330,13 @@ mod tests {
     fn the_estimates_of_400_records_scatter_as_predicted() {
         let model = model([1.0, 0.6], [0.8, -0.5]);
         let (mut full, mut separated_ones) = (Spread::default(), Spread::default());
-        let mut splitter = Splitter::new(STRUCTURE);
+        let mut separation = OfflineSeparation::new(STRUCTURE);
         let mut noise = 0.0;
         for seed in 0..400 {
             let (theta, held, data) = solved(&record(&model, input(seed + 1000), seed, None));
             let variance = noise_variance(data.residual(), data.count(), theta.len()).unwrap();
             full.add(theta.clone(), &linear(&data, &held, variance));
-            let estimate = splitter.split(&theta, &data, Split::Als);
+            let estimate = separation.split(&theta, &data, Split::Als);
             let found = separated(&data, &held, &estimate).unwrap();
             noise += found.noise / 400.0;
             assert_eq!(found.determined, 7);
@@ -398,7 +398,7 @@ mod tests {
         let model = model([1.0, 0.6], [0.8, -0.5]);
         let values = input(3);
         let (theta, held, data) = solved(&record(&model, |k| values(k).abs(), 3, None));
-        let estimate = Splitter::new(STRUCTURE).split(&theta, &data, Split::Als);
+        let estimate = OfflineSeparation::new(STRUCTURE).split(&theta, &data, Split::Als);
         let found = separated(&data, &held, &estimate).unwrap();
         assert_eq!(found.g, [None, None]);
         assert!(found.a.iter().chain(&found.b).chain(&found.f).all(|d| d.is_some_and(|d| d.is_finite())));
@@ -413,7 +413,7 @@ mod tests {
     fn a_command_that_never_moves_determines_a_alone() {
         let model = model([1.0, 0.6], [0.8, -0.5]);
         let (theta, held, data) = solved(&record(&model, |_| 0.0, 4, None));
-        let estimate = Splitter::new(STRUCTURE).split(&theta, &data, Split::Als);
+        let estimate = OfflineSeparation::new(STRUCTURE).split(&theta, &data, Split::Als);
         let found = separated(&data, &held, &estimate).unwrap();
         assert!(found.a.iter().all(Option::is_some));
         assert_eq!((found.b, found.g, found.determined), (vec![None; 2], vec![None; 2], 2));

@@ -144,7 +144,7 @@ mod tests {
             let mut noise = Noise::new(seed);
             let mut y = vec![0.0, 0.0];
             (2..500).for_each(|k| y.push(1.2 * y[k - 1] - 0.5 * y[k - 2] + noise.normal()));
-            let mut data = crate::triangle::Triangle::new(2);
+            let mut data = crate::least_squares::Triangle::new(2);
             (2..500).for_each(|k| data.add(&[y[k - 1], y[k - 2]], y[k]));
             let mut theta = [0.0; 2];
             data.solve(&mut theta);

@@ -29,7 +29,7 @@
 //!
 //! Traps: a member whose poles would make a prediction grow e-fold over the horizon gets no weight, however
 //! well it did. At rest every model predicts perfectly while its coefficients learn the noise: an axis that rests
-//! teaches nothing and scores nothing ([`crate::rest`]). And an axis that is moved in one direction only would forget the
+//! teaches nothing and scores nothing ([`crate::sample::rest`]). And an axis that is moved in one direction only would forget the
 //! other: what is known of a sign that is long out of use is not forgotten.
 
 mod family;
@@ -38,14 +38,14 @@ mod scores;
 use pipeline::hammerstein::{Coefficients, MAX_LINEAR, Nonlinearity, Structure, poles_within};
 
 use crate::{
-    bank::{family::Family, scores::Scores},
-    forecast::Forecasts,
-    history::History,
-    rank_one::RankOne,
+    adaptation::Learned,
+    adaptation::bank::{family::Family, scores::Scores},
+    least_squares::Triangle,
+    quality::Forecasts,
     regression::Regression,
-    row::Row,
-    single::Learned,
-    triangle::Triangle,
+    sample::RegressorRow,
+    sample::SlidingBuffer,
+    separation::OnlineSeparation,
 };
 
 /// h-step forecasts of each member that are on their way at any time: errors any closer together say the same.
@@ -87,7 +87,7 @@ pub struct Bank {
     slot: usize,
     /// Forecasts of each member on their way.
     launched: usize,
-    separation: RankOne,
+    separation: OnlineSeparation,
     /// Samples since a positive, and since a negative command was in the row.
     unused: [u64; 2],
     idle_after: u64,
@@ -134,14 +134,14 @@ impl Bank {
             slots,
             slot: 0,
             launched: 0,
-            separation: RankOne::new(row),
+            separation: OnlineSeparation::new(row),
             unused: [0; 2],
             idle_after: IDLE * horizon as u64,
         }
     }
 
     /// Takes in y(k) and the row of a sample of the training; once the bank is started, after [`Self::learn`].
-    pub fn collect(&mut self, y: f64, row: &Row) {
+    pub fn collect(&mut self, y: f64, row: &RegressorRow) {
         self.rows.add(row.values(), y);
         if !self.started {
             self.smooth(y, row);
@@ -174,7 +174,7 @@ impl Bank {
     }
 
     /// Takes in y(k) and the row of sample k. An axis at rest teaches nothing; its forecasts go on.
-    pub fn learn(&mut self, y: f64, row: &Row, resting: bool) -> Learned {
+    pub fn learn(&mut self, y: f64, row: &RegressorRow, resting: bool) -> Learned {
         self.forecasts.advance(row.driven());
         self.smooth(y, row);
         if resting {
@@ -201,14 +201,14 @@ impl Bank {
     }
 
     /// Lets the forecasts go on past a sample whose output is not to be used.
-    pub fn pass(&mut self, row: &Row) {
+    pub fn pass(&mut self, row: &RegressorRow) {
         self.forecasts.advance(row.driven());
     }
 
     /// After every sample: makes the model of this sample, and launches forecasts when it is time; `outputs` = y(..k).
     ///
     /// The weights change only then, or when the model is unstable.
-    pub fn settle(&mut self, outputs: &History) {
+    pub fn settle(&mut self, outputs: &SlidingBuffer) {
         let launching = self.until_launch == 0;
         self.write_out(launching);
         if launching {
@@ -254,7 +254,7 @@ impl Bank {
         }
     }
 
-    fn launch(&mut self, outputs: &History) {
+    fn launch(&mut self, outputs: &SlidingBuffer) {
         let na = self.row_structure.na;
         if outputs.len() >= na {
             for (member, theta) in self.members.iter().enumerate() {
@@ -306,14 +306,14 @@ impl Bank {
     }
 
     /// Whether positive, and negative commands have been out of use for long.
-    fn idle_signs(&mut self, row: &Row) -> [bool; 2] {
+    fn idle_signs(&mut self, row: &RegressorRow) -> [bool; 2] {
         for (unused, used) in self.unused.iter_mut().zip(row.signs()) {
             *unused = if used { 0 } else { *unused + 1 };
         }
         self.unused.map(|samples| samples > self.idle_after)
     }
 
-    fn smooth(&mut self, y: f64, row: &Row) {
+    fn smooth(&mut self, y: f64, row: &RegressorRow) {
         let keep = if self.is_smoothed { self.smoothing } else { 0.0 };
         for (smoothed, value) in self.smoothed.iter_mut().zip(row.values().iter().chain([&y])) {
             *smoothed = keep * *smoothed + (1.0 - keep) * value;

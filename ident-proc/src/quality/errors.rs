@@ -11,7 +11,7 @@
 
 use pipeline::message::ModelErrors;
 
-use crate::{dot, forecast::Forecasts, history::History, row::Row};
+use crate::{dot, quality::Forecasts, sample::RegressorRow, sample::SlidingBuffer};
 
 /// Follows one model; its memory is taken at construction.
 #[derive(Debug, Clone)]
@@ -24,13 +24,13 @@ pub struct ErrorTracker {
     launched: usize,
     /// theta(k-1), written out for the row.
     theta: Vec<f64>,
-    free_run: History,
+    free_run: SlidingBuffer,
     errors: ModelErrors,
 }
 
 impl ErrorTracker {
     /// For models written out for `row`, and a horizon of `horizon` samples.
-    pub fn new(row: &Row, horizon: usize) -> Self {
+    pub fn new(row: &RegressorRow, horizon: usize) -> Self {
         let (na, n) = (row.structure().na, row.values().len());
         Self {
             horizon,
@@ -38,7 +38,7 @@ impl ErrorTracker {
             lane: 0,
             launched: 0,
             theta: vec![0.0; n],
-            free_run: History::new(na, 1),
+            free_run: SlidingBuffer::new(na, 1),
             errors: ModelErrors::default(),
         }
     }
@@ -50,7 +50,7 @@ impl ErrorTracker {
 
     /// Goes on by the sample of `row` without looking at its output. Returns whether an h-step prediction of it is
     /// there.
-    pub fn pass(&mut self, row: &Row, outputs: &History) -> bool {
+    pub fn pass(&mut self, row: &RegressorRow, outputs: &SlidingBuffer) -> bool {
         let na = row.structure().na;
         self.ahead.advance(row.driven());
         if self.free_run.len() < na {
@@ -63,13 +63,13 @@ impl ErrorTracker {
     }
 
     /// The one-step prediction of y(k) from the row of sample k.
-    pub fn predict(&self, row: &Row) -> f64 {
+    pub fn predict(&self, row: &RegressorRow) -> f64 {
         dot(&self.theta, row.values())
     }
 
     /// Takes in y(k), given its prediction by [`Self::predict`], the row of sample k and `outputs` = y(..k-1). Returns
     /// whether there was an h-step error.
-    pub fn observe(&mut self, y: f64, predicted: f64, row: &Row, outputs: &History) -> bool {
+    pub fn observe(&mut self, y: f64, predicted: f64, row: &RegressorRow, outputs: &SlidingBuffer) -> bool {
         let ahead = self.pass(row, outputs);
         self.errors.one_step.push(y - predicted);
         self.errors.free_run.push(y - self.free_run.latest(1)[0]);
@@ -81,7 +81,7 @@ impl ErrorTracker {
 
     /// Takes in the coefficients known after sample k, written out for the row, and launches the prediction of
     /// y(k+h); `outputs` = y(..k). Without enough of them nothing is launched.
-    pub fn store(&mut self, theta: &[f64], outputs: &History) {
+    pub fn store(&mut self, theta: &[f64], outputs: &SlidingBuffer) {
         self.theta.copy_from_slice(theta);
         let na = self.ahead.na();
         if outputs.len() >= na {

@@ -16,7 +16,8 @@
 
 use pipeline::hammerstein::{Coefficients, MAX_LINEAR, MAX_ORDER, Structure};
 
-use crate::{dot, split::scale, triangle::Triangle};
+use super::offline::scale;
+use crate::{dot, least_squares::Triangle};
 
 /// Features of a command at most.
 const MAX_WIDTH: usize = 2 * MAX_ORDER;
@@ -25,7 +26,7 @@ const PULL: f64 = 1e-9;
 
 /// The separation of one model; its memory is taken at construction.
 #[derive(Debug, Clone)]
-pub struct RankOne {
+pub struct OnlineSeparation {
     structure: Structure,
     /// W, row after row; the products of a feature side by side.
     metric: Vec<f64>,
@@ -39,7 +40,7 @@ pub struct RankOne {
     residual: f64,
 }
 
-impl RankOne {
+impl OnlineSeparation {
     /// For models of `structure`, without integrator.
     pub fn new(structure: Structure) -> Self {
         let m = 2 * structure.order * (structure.nb + 1);
@@ -237,7 +238,7 @@ mod tests {
     fn it_follows_a_model_to_another() {
         let before = model([0.3, 0.2, 0.0], [1.0, 0.4, -0.3], [0.8, -0.2, 0.1]);
         let after = model([0.25, 0.22, 0.05], [1.0, 0.1, 0.2], [1.2, 0.3, -0.1]);
-        let mut separation = RankOne::new(STRUCTURE);
+        let mut separation = OnlineSeparation::new(STRUCTURE);
         separation.start(&before, &rows(false));
         assert!(distance(&separation.separate(&theta(&before)), &before) < 1e-12);
         let found = (0..200).map(|_| separation.separate(&theta(&after))).last().unwrap();
@@ -249,7 +250,7 @@ mod tests {
     fn what_was_never_commanded_is_what_the_products_say() {
         let before = model([0.3, 0.2, 0.0], [1.0, 0.4, -0.3], [0.8, -0.2, 0.1]);
         let after = model([0.4, 0.1, 0.0], [1.0, 0.1, 0.2], [0.6, 0.1, 0.0]);
-        let mut separation = RankOne::new(STRUCTURE);
+        let mut separation = OnlineSeparation::new(STRUCTURE);
         separation.start(&before, &rows(true));
         let found = (0..200).map(|_| separation.separate(&theta(&after))).last().unwrap();
         assert!(distance(&found, &after) < 1e-6, "{found:?}");
@@ -260,7 +261,7 @@ mod tests {
         let one = model([0.3, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0; 3]);
         let two = model([0.0, 0.0, 0.3], [0.0; 3], [1.0, 0.0, 0.0]);
         let sum: Vec<f64> = theta(&one).iter().zip(theta(&two)).map(|(one, two)| one + two).collect();
-        let mut separation = RankOne::new(STRUCTURE);
+        let mut separation = OnlineSeparation::new(STRUCTURE);
         separation.start(&model([0.2, 0.0, 0.2], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]), &rows(false));
         (0..50).for_each(|_| assert!(separation.separate(&sum).is_finite()));
         assert!(separation.residual() > 0.2, "{}", separation.residual());
@@ -268,7 +269,7 @@ mod tests {
 
     #[test]
     fn nothing_at_all_separates_into_something_finite() {
-        let mut separation = RankOne::new(STRUCTURE);
+        let mut separation = OnlineSeparation::new(STRUCTURE);
         separation.start(&Coefficients::zero(STRUCTURE), &Triangle::new(STRUCTURE.full_len()));
         (0..5).for_each(|_| assert!(separation.separate(&vec![0.0; STRUCTURE.full_len()]).is_finite()));
         assert_eq!(separation.residual(), 0.0);

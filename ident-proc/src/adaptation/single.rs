@@ -6,12 +6,12 @@ use pipeline::{
 };
 
 use crate::{
-    batch::{Batch, Offline},
     estimator::Estimator,
-    projection::Projection,
-    rank_one::RankOne,
+    offline::Projection,
+    offline::{Batch, Offline},
     regression::Regression,
-    row::Row,
+    sample::RegressorRow,
+    separation::OnlineSeparation,
 };
 
 /// Half rounds of separation at the start, where it begins from the offline one.
@@ -39,7 +39,7 @@ pub struct Single {
     linear: Vec<f64>,
     theta: Vec<f64>,
     model: Coefficients,
-    separation: RankOne,
+    separation: OnlineSeparation,
 }
 
 impl Single {
@@ -56,13 +56,13 @@ impl Single {
             structure,
             form: settings.form,
             regression,
-            estimator: Estimator::new(settings.forgetting, n, &settings.fuzzy),
+            estimator: Estimator::new(settings.estimator, n, &settings.fuzzy),
             phi: vec![0.0; n],
             projection: Projection::new(n),
             linear: vec![0.0; n],
             theta: vec![0.0; published.full_len()],
             model: Coefficients::zero(published),
-            separation: RankOne::new(published),
+            separation: OnlineSeparation::new(published),
         }
     }
 
@@ -102,7 +102,7 @@ impl Single {
     }
 
     /// Steps 5 and 6 with y(k) and the row of sample k.
-    pub fn learn(&mut self, y: f64, row: &Row) -> Learned {
+    pub fn learn(&mut self, y: f64, row: &RegressorRow) -> Learned {
         self.regression.regressor(row.values(), &row.structure(), &mut self.phi);
         let adapted = self.estimator.update(&self.phi, self.regression.target(y, row.values()));
         self.expand(&row.structure());

@@ -6,7 +6,10 @@ use pipeline::{
     machine::Split,
 };
 
-use crate::{rank::RankGuard, regression::Regression, row::Row, split::Splitter, triangle::Triangle};
+use crate::{
+    least_squares::RankGuard, least_squares::Triangle, regression::Regression, sample::RegressorRow,
+    separation::OfflineSeparation,
+};
 
 /// Collects rows and solves them; its memory is taken at construction.
 #[derive(Debug, Clone)]
@@ -17,7 +20,7 @@ pub struct Batch {
     collected: Triangle,
     data: Triangle,
     guard: RankGuard,
-    splitter: Splitter,
+    separation: OfflineSeparation,
     phi: Vec<f64>,
     theta: Vec<f64>,
 }
@@ -49,7 +52,7 @@ impl Batch {
             collected: Triangle::new(n),
             data: Triangle::new(n),
             guard: RankGuard::new(n),
-            splitter: Splitter::new(structure),
+            separation: OfflineSeparation::new(structure),
             phi: vec![0.0; n],
             theta: vec![0.0; n],
         }
@@ -61,7 +64,7 @@ impl Batch {
     }
 
     /// Takes in y(k) and the row of sample k.
-    pub fn add(&mut self, y: f64, row: &Row) {
+    pub fn add(&mut self, y: f64, row: &RegressorRow) {
         self.regression.regressor(row.values(), &row.structure(), &mut self.phi);
         self.collected.add(&self.phi, self.regression.target(y, row.values()));
     }
@@ -72,8 +75,8 @@ impl Batch {
         let rank_deficient = held.contains(&true);
         self.collected.hold_into(held, &mut self.data);
         self.data.solve(&mut self.theta);
-        let coefficients = self.splitter.split(&self.theta, &self.data, self.split);
-        let split_residual = self.splitter.residual(&self.theta, &coefficients, &self.data);
+        let coefficients = self.separation.split(&self.theta, &self.data, self.split);
+        let split_residual = self.separation.residual(&self.theta, &coefficients, &self.data);
         let free = held.iter().filter(|held| !**held).count() as u64;
         let freedom = self.collected.count().saturating_sub(free).max(1);
         let residual_sigma = (self.data.residual() / freedom as f64).sqrt();

@@ -10,16 +10,16 @@
 
 use pipeline::hammerstein::Structure;
 
-use crate::history::History;
+use crate::sample::SlidingBuffer;
 
 /// The row of the over-parametrised form of one structure; its memory is taken at construction.
 #[derive(Debug, Clone)]
-pub struct Row {
+pub struct RegressorRow {
     structure: Structure,
     values: Vec<f64>,
 }
 
-impl Row {
+impl RegressorRow {
     /// For the orders of `structure` as they are published: outputs, not their increments.
     pub fn new(structure: Structure) -> Self {
         let structure = structure.published();
@@ -33,7 +33,7 @@ impl Row {
 
     /// Reads the row of sample k off `outputs` = y(..k-1), na or more, and `commands` = features of u(..k-1), nk + nb
     /// or more.
-    pub fn fill(&mut self, outputs: &History, commands: &History) {
+    pub fn fill(&mut self, outputs: &SlidingBuffer, commands: &SlidingBuffer) {
         let Structure { na, nb, nk, order, .. } = self.structure;
         let width = 2 * order;
         let (past, driven) = self.values.split_at_mut(na);

@@ -2,7 +2,7 @@
 
 use pipeline::hammerstein::Structure;
 
-use crate::{rank::RankGuard, regression::Regression, triangle::Triangle};
+use crate::{least_squares::RankGuard, least_squares::Triangle, regression::Regression};
 
 /// Projects, and holds what the rows cannot tell apart; its memory is taken at construction.
 #[derive(Debug, Clone)]

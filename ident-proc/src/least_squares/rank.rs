@@ -5,7 +5,7 @@
 //! depends on what was taken. An input with two levels makes most powers of u such columns; an input of one sign
 //! leaves the other branch empty.
 
-use crate::triangle::{RANK_TOLERANCE, Triangle};
+use crate::least_squares::{RANK_TOLERANCE, Triangle};
 
 /// Finds dependent columns; its memory is taken at construction.
 #[derive(Debug, Clone)]

@@ -29,7 +29,7 @@ use pipeline::{
     machine::Commissioned,
 };
 
-use crate::{dot, regression::write_out, row::Row, single::Learned};
+use crate::{adaptation::Learned, dot, regression::write_out, sample::RegressorRow};
 
 /// W, s.
 const WINDOW: f64 = 0.2;
@@ -170,7 +170,7 @@ impl GreyBox {
     }
 
     /// Takes in y(k) and the row of sample k.
-    pub fn learn(&mut self, y: f64, row: &Row) -> Learned {
+    pub fn learn(&mut self, y: f64, row: &RegressorRow) -> Learned {
         let n = 2 * self.structure.order;
         for (i, feature) in row.driven().iter().step_by(self.structure.nb + 1).take(n).enumerate() {
             for lag in &mut self.lags {
@@ -348,7 +348,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::history::History;
+    use crate::sample::SlidingBuffer;
     use pipeline::machine::DeadBand;
 
     const PERIOD: f64 = 0.01;
@@ -369,9 +369,9 @@ mod tests {
     /// An axis that is as commissioned but for its speeds, its lag and its dead band.
     struct Axis {
         grey_box: GreyBox,
-        row: Row,
-        outputs: History,
-        commands: History,
+        row: RegressorRow,
+        outputs: SlidingBuffer,
+        commands: SlidingBuffer,
         structure: Structure,
         underway: Vec<f64>,
         spool: f64,
@@ -385,9 +385,9 @@ mod tests {
             let Structure { na, nb, nk, order, .. } = structure;
             Self {
                 grey_box: GreyBox::new(structure, &commissioned(), PERIOD),
-                row: Row::new(structure),
-                outputs: History::new(na, 1),
-                commands: History::new(nk + nb, 2 * order),
+                row: RegressorRow::new(structure),
+                outputs: SlidingBuffer::new(na, 1),
+                commands: SlidingBuffer::new(nk + nb, 2 * order),
                 structure,
                 underway: vec![0.0; 5],
                 spool: 0.0,

@@ -17,7 +17,7 @@ const SHARE: f64 = 0.01;
 
 /// Watches one axis.
 #[derive(Debug, Clone, Default)]
-pub struct Rest {
+pub struct RestDetection {
     horizon: u64,
     travel: ErrorStatistics,
     largest_command: f64,
@@ -26,7 +26,7 @@ pub struct Rest {
     since: u64,
 }
 
-impl Rest {
+impl RestDetection {
     /// For a horizon in samples.
     pub fn new(horizon: usize) -> Self {
         Self { horizon: horizon as u64, ..Self::default() }
@@ -58,8 +58,8 @@ impl Rest {
 mod tests {
     use super::*;
 
-    fn trained() -> Rest {
-        let mut rest = Rest::new(20);
+    fn trained() -> RestDetection {
+        let mut rest = RestDetection::new(20);
         (0..100).for_each(|k| rest.collect(Some(0.1), f64::from(k) * 0.01 - 0.5));
         rest
     }
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn what_never_moved_never_rests() {
-        let mut rest = Rest::new(5);
+        let mut rest = RestDetection::new(5);
         assert!((0..100).all(|k| !rest.update(0.1 * f64::from(k % 2), 0.0)));
     }
 }

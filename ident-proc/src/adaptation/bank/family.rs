@@ -2,7 +2,7 @@
 
 use pipeline::hammerstein::Structure;
 
-use crate::{projection::Projection, recursive::RecursiveLeastSquares, regression::Regression, triangle::Triangle};
+use crate::{least_squares::Triangle, offline::Projection, recursive::RecursiveLeastSquares, regression::Regression};
 
 /// What one family learns from.
 #[derive(Debug, Clone)]

@@ -18,7 +18,7 @@ use pipeline::{
     machine::Split,
 };
 
-use crate::triangle::Triangle;
+use crate::least_squares::Triangle;
 
 /// Rounds of alternating least squares after which it is left as it is; it has converged long before on any record
 /// whose products are near to rank one.
@@ -30,7 +30,7 @@ const SMALLEST_F1: f64 = 1e-6;
 
 /// Separates theta of the full form; its memory is taken at construction.
 #[derive(Debug, Clone)]
-pub struct Splitter {
+pub struct OfflineSeparation {
     structure: Structure,
     linear: Triangle,
     nonlinear: Triangle,
@@ -39,7 +39,7 @@ pub struct Splitter {
     theta: Vec<f64>,
 }
 
-impl Splitter {
+impl OfflineSeparation {
     /// For one structure.
     pub fn new(structure: Structure) -> Self {
         let (linear, nonlinear) =
@@ -213,7 +213,7 @@ fn moved(before: &[f64], after: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{history::History, row::Row};
+    use crate::{sample::RegressorRow, sample::SlidingBuffer};
 
     const STRUCTURE: Structure = Structure { na: 2, nb: 1, nk: 1, order: 3, ..Structure::PAPER };
 
@@ -228,9 +228,9 @@ mod tests {
 
     /// Data of a known model with a little noise, and the full theta they give.
     fn record(model: &Coefficients, noise: f64) -> (Triangle, Vec<f64>) {
-        let mut row = Row::new(STRUCTURE);
+        let mut row = RegressorRow::new(STRUCTURE);
         let mut data = Triangle::new(STRUCTURE.full_len());
-        let (mut outputs, mut commands) = (History::new(4, 1), History::new(4, 6));
+        let (mut outputs, mut commands) = (SlidingBuffer::new(4, 1), SlidingBuffer::new(4, 6));
         let mut x = Vec::new();
         for k in 0..3000 {
             let u = (k as f64 * 0.37).sin() * (0.5 + 0.5 * (k as f64 * 0.011).sin());
@@ -260,11 +260,11 @@ mod tests {
     fn both_ways_give_an_exact_model_back() {
         let model = truth([1.0, 0.4, -0.3], [0.8, -0.2, 0.1]);
         let (data, theta) = record(&model, 0.0);
-        let mut splitter = Splitter::new(STRUCTURE);
+        let mut separation = OfflineSeparation::new(STRUCTURE);
         for split in [Split::Paper, Split::Als] {
-            let found = splitter.split(&theta, &data, split);
+            let found = separation.split(&theta, &data, split);
             assert!(close(&found, &model, 1e-8), "{split:?} {found:?}");
-            assert!(splitter.residual(&theta, &found, &data) < 1e-8);
+            assert!(separation.residual(&theta, &found, &data) < 1e-8);
         }
     }
 
@@ -278,11 +278,11 @@ mod tests {
             model
         };
         let (data, theta) = record(&model, 0.02);
-        let mut splitter = Splitter::new(STRUCTURE);
-        let paper = splitter.split(&theta, &data, Split::Paper);
-        let als = splitter.split(&theta, &data, Split::Als);
-        let paper = splitter.residual(&theta, &paper, &data);
-        let als = splitter.residual(&theta, &als, &data);
+        let mut separation = OfflineSeparation::new(STRUCTURE);
+        let paper = separation.split(&theta, &data, Split::Paper);
+        let als = separation.split(&theta, &data, Split::Als);
+        let paper = separation.residual(&theta, &paper, &data);
+        let als = separation.residual(&theta, &als, &data);
         assert!(als < 0.02 && paper > 2.0 * als, "formula {paper} alternation {als}");
     }
 
@@ -290,7 +290,7 @@ mod tests {
     fn the_scale_is_f1_equal_to_one() {
         let model = truth([2.0, 0.8, -0.6], [1.6, -0.4, 0.2]);
         let (data, theta) = record(&model, 0.0);
-        let found = Splitter::new(STRUCTURE).split(&theta, &data, Split::Als);
+        let found = OfflineSeparation::new(STRUCTURE).split(&theta, &data, Split::Als);
         assert_eq!(found.f[0], 1.0);
         assert!((found.b[0] - 0.6).abs() < 1e-8 && (found.f[1] - 0.4).abs() < 1e-8);
     }

@@ -4,7 +4,7 @@
 ///
 /// Every value is written twice, half the buffer apart, so that no read ever wraps around.
 #[derive(Debug, Clone)]
-pub struct History {
+pub struct SlidingBuffer {
     width: usize,
     capacity: usize,
     buffer: Vec<f64>,
@@ -12,7 +12,7 @@ pub struct History {
     len: usize,
 }
 
-impl History {
+impl SlidingBuffer {
     /// Room for `capacity` values of `width` numbers.
     pub fn new(capacity: usize, width: usize) -> Self {
         Self { width, capacity, buffer: vec![0.0; 2 * capacity * width], next: 0, len: 0 }
@@ -62,7 +62,7 @@ mod tests {
 
     #[test]
     fn slices_are_in_the_order_of_time_wherever_the_buffer_wraps() {
-        let mut history = History::new(5, 2);
+        let mut history = SlidingBuffer::new(5, 2);
         for i in 0..23 {
             history.push_with(|slot| slot.copy_from_slice(&[i as f64, -(i as f64)]));
             for count in 0..=history.len() {

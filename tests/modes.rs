@@ -21,7 +21,7 @@ use pipeline::{
 };
 use plant_sim::PlantSim;
 use rustix::process::Signal;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
 /// A running group of which nothing moves yet.
 struct Running {

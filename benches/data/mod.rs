@@ -7,7 +7,7 @@ use pipeline::{
     message::{CoefficientSnapshot, EncoderSample, ValveCommand},
 };
 use plant_sim::PlantSim;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
 /// A bounded sequence without structure that matters here.
 fn noise(i: usize) -> f64 {

@@ -8,7 +8,7 @@ use pipeline::{
     machine::{Axis, Machine},
 };
 use rustix::fs::{MemfdFlags, memfd_create};
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 
 /// The columns of a table, and a record of it.
 pub fn csv(data: &[u8]) {
@@ -30,7 +30,7 @@ pub fn csv(data: &[u8]) {
         Err(error) => assert!(!error.to_string().is_empty()),
     }
     for period in [None, Some(0.01)] {
-        match Record::read(&path, "u", "y", period) {
+        match Recording::read(&path, "u", "y", period) {
             Ok(record) => {
                 assert!(record.inputs.len() == record.outputs.len() && record.outputs.len() >= 2);
                 assert!(record.period > 0.0 && record.period.is_finite());

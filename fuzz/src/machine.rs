@@ -9,7 +9,7 @@ use pipeline::{
     message::CoefficientSnapshot,
 };
 use plant_sim::PlantSim;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
 /// Ticks that an accepted machine is run for.
 const TICKS: u64 = 3;

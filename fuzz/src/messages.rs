@@ -16,7 +16,7 @@ use pipeline::{
     },
 };
 use plant_sim::PlantSim;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
 /// Bytes of one step: what, where (2), how, value (8).
 const STEP: usize = 12;

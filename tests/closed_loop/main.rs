@@ -17,7 +17,7 @@ use pipeline::{
     message::{CoefficientSnapshot, EncoderReading, EncoderSample, Reference, ValveCommand},
 };
 use plant_sim::PlantSim;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
 /// What commissioning finds of the built-in machine, as settings; found once.
 fn commissioned() -> &'static [(String, String)] {

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::Abort;
+use super::experiment::watch::Abort;
 
 /// What the experiment may do.
 #[derive(Debug, Clone, Copy, PartialEq)]

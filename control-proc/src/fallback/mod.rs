@@ -1,0 +1,208 @@
+//! The fallback: PI with dead-band compensation, and velocity feed-forward where the axis is commissioned.
+//!
+//! ```text
+//! e(k) = y_r(k) - y(k)          v(k) = kp e(k) + I(k) + v_r(k)          I(k+1) = I(k) + ki T e(k)
+//! u(k) = C(v) = v + d(v) min(|v| / w, 1)    d(v) = +d_extend for v > 0, -d_retract for v < 0
+//! v_r  = C^-1(u_r)                          0 without feed-forward
+//! ```
+//!
+//! e error in m, v opening beyond the dead band, kp in 1/m, ki in 1/(m s), T period in s, d calibrated dead band, w
+//! [`BLEND_WIDTH`], u_r the command of [`feedforward`]. It needs no identified model: it controls while the
+//! identifier learns, and takes over whenever the model may not be used. Source: the usual loop of mobile hydraulics.
+//!
+//! Feedback and feed-forward meet as openings, so the dead band is jumped once, by their sum: alone, u_r goes out as it
+//! is, and the gains mean the same with feed-forward and without.
+//!
+//! Taking over from another controller, v goes on from where that one was and comes to the fallback's own within some
+//! tenths of a second. Trap: an integral that takes the difference up, the usual way without a bump, keeps for seconds
+//! what the other controller did at one moment, be it in the middle of its worst.
+//!
+//! Traps: a jump over the whole dead band at v = 0 chatters with every count of noise, so it is blended in over
+//! |v| < w. The calibrated dead band must not exceed the valve's: too much of it is a relay, and a relay cycles. The
+//! integral stops while the limits cut the command off and the error would only push further.
+
+pub mod feedforward;
+pub mod rest;
+
+use pipeline::machine::{Commissioned, Control};
+
+use feedforward::Feedforward;
+
+use crate::protection::limits::Limits;
+
+/// Magnitude of v (command) below which the dead band is compensated in part only. With a kp of 4 1/m this is an
+/// error of 2.5 mm, some tens of encoder counts and so well above the noise.
+pub const BLEND_WIDTH: f64 = 0.01;
+
+/// How long it takes to a third of the step that taking over would have been, s.
+pub const HANDOVER: f64 = 0.2;
+
+/// The fallback controller of one axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fallback {
+    kp: f64,
+    /// ki T, 1/m.
+    ki_period: f64,
+    extend: f64,
+    retract: f64,
+    limits: Limits,
+    feedforward: Option<Feedforward>,
+    integral: f64,
+    /// What is left of the step in v that taking over would have been.
+    offset: f64,
+    /// Part of it that is left a tick later.
+    kept: f64,
+}
+
+impl Fallback {
+    /// Gains and dead band from the machine file, feed-forward by `commissioned` if they ask for it; `period` in s.
+    pub fn new(control: &Control, commissioned: Option<&Commissioned>, period: f64) -> Self {
+        let model = commissioned.filter(|_| control.feedforward);
+        Self {
+            kp: control.kp,
+            ki_period: control.ki * period,
+            extend: control.dead_band.extend,
+            retract: control.dead_band.retract,
+            limits: Limits::new(control, period),
+            feedforward: model.map(|model| Feedforward::new(model, period)),
+            integral: 0.0,
+            offset: 0.0,
+            kept: (-period / HANDOVER).exp(),
+        }
+    }
+
+    /// Ticks ahead of the last target that it looks at.
+    pub fn ahead(&self) -> usize {
+        self.feedforward.as_ref().map_or(0, Feedforward::ahead)
+    }
+
+    /// Takes another largest magnitude of a command.
+    pub fn limit(&mut self, magnitude: f64) {
+        self.limits.magnitude = magnitude;
+    }
+
+    /// Forgets the integral: the axis stands.
+    pub fn reset(&mut self) {
+        (self.integral, self.offset) = (0.0, 0.0);
+    }
+
+    /// Takes over from another controller that sent `last`, at an error of `error` m: the next command for the same
+    /// error and targets (m, from this tick on) is `last` again, and what of it is not the fallback's own fades.
+    pub fn resume(&mut self, last: f64, error: f64, targets: &[f64]) {
+        self.offset = self.uncompensated(last) - self.kp * error - self.coming(targets) - self.integral;
+    }
+
+    /// The command for an error of `error` m and targets (m, from this tick on), after the command `last`, within the
+    /// limits.
+    pub fn update(&mut self, error: f64, targets: &[f64], last: f64) -> f64 {
+        let wanted = self.compensated(self.kp * error + self.integral + self.offset + self.coming(targets));
+        self.offset *= self.kept;
+        let command = self.limits.apply(wanted, last);
+        if (wanted - command) * error <= 0.0 {
+            self.integral = self.bounded(self.integral + self.ki_period * error);
+        }
+        command
+    }
+
+    /// v_r.
+    fn coming(&self, targets: &[f64]) -> f64 {
+        self.feedforward.as_ref().map_or(0.0, |feedforward| self.uncompensated(feedforward.command(targets)))
+    }
+
+    /// C(v).
+    fn compensated(&self, v: f64) -> f64 {
+        v + self.dead_band(v) * (v.abs() / BLEND_WIDTH).min(1.0)
+    }
+
+    /// C^-1(u).
+    fn uncompensated(&self, u: f64) -> f64 {
+        let dead_band = self.dead_band(u);
+        if u.abs() < BLEND_WIDTH + dead_band.abs() {
+            u * BLEND_WIDTH / (BLEND_WIDTH + dead_band.abs())
+        } else {
+            u - dead_band
+        }
+    }
+
+    fn dead_band(&self, direction: f64) -> f64 {
+        if direction >= 0.0 { self.extend } else { -self.retract }
+    }
+
+    /// More integral than a full command takes would only have to be unwound.
+    fn bounded(&self, integral: f64) -> f64 {
+        let (low, high) = self.limits.range();
+        integral.max(self.uncompensated(low)).min(self.uncompensated(high))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::models::commissioned;
+    use proptest::prelude::*;
+
+    fn fallback() -> Fallback {
+        Fallback::new(&crate::tests::machine(1).axes[0].control, None, 0.01)
+    }
+
+    #[test]
+    fn the_command_is_proportional_and_integral_beyond_the_dead_band() {
+        let mut fallback = fallback();
+        // kp 4, ki 1, dead band 0.08 and 0.07, no rate limit met: last is near.
+        assert!((fallback.update(0.05, &[], 0.28) - (0.2 + 0.08)).abs() < 1e-12);
+        assert!((fallback.update(0.05, &[], 0.28) - (0.2 + 0.0005 + 0.08)).abs() < 1e-12);
+        fallback.reset();
+        assert!((fallback.update(-0.05, &[], -0.27) - (-0.2 - 0.07)).abs() < 1e-12);
+        fallback.reset();
+        // Inside the blend: v = 0.004 takes 0.4 of the dead band.
+        assert!((fallback.update(0.001, &[], 0.0) - (0.004 + 0.4 * 0.08)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn feed_forward_alone_goes_out_as_it_is() {
+        let with = Control { feedforward: true, command_rate: 1e4, ..crate::tests::machine(1).axes[0].control };
+        let mut fallback = Fallback::new(&with, Some(&commissioned()), 0.01);
+        for speed in [0.3, 0.005, -0.002, -0.2] {
+            let targets: Vec<f64> = (0..=fallback.ahead()).map(|k| speed * 0.01 * k as f64).collect();
+            let command = fallback.update(0.0, &targets, 0.0);
+            assert!((commissioned().speed(command) - speed).abs() < 1e-9, "{speed}: {command}");
+        }
+    }
+
+    #[test]
+    fn the_integral_does_not_wind_up() {
+        let mut fallback = fallback();
+        let mut last = 0.0;
+        for _ in 0..10_000 {
+            last = fallback.update(10.0, &[], last);
+        }
+        assert_eq!(last, 1.0);
+        assert!(fallback.integral.abs() < 1e-12, "{}", fallback.integral);
+    }
+
+    proptest! {
+        #[test]
+        fn taking_over_is_without_a_bump(last in -1.0f64..1.0, error in -0.02f64..0.02) {
+            let with = Control { feedforward: true, ..crate::tests::machine(1).axes[0].control };
+            for mut fallback in [fallback(), Fallback::new(&with, Some(&commissioned()), 0.01)] {
+                let targets: Vec<f64> = (0..=fallback.ahead()).map(|k| 1e-3 * k as f64).collect();
+                fallback.resume(last, error, &targets);
+                let mut command = fallback.update(error, &targets, last);
+                prop_assert!((command - last).abs() < 1e-12);
+                // A second later it is what it would have been without.
+                let mut alone = Fallback { integral: 0.0, offset: 0.0, ..fallback.clone() };
+                for _ in 0..100 {
+                    command = fallback.update(error, &targets, command);
+                    alone.update(error, &targets, command);
+                }
+                prop_assert!((fallback.integral - alone.integral).abs() < 0.02, "{}", fallback.integral);
+            }
+        }
+
+        #[test]
+        fn compensation_is_inverted(u in -1.0f64..1.0) {
+            let fallback = fallback();
+            prop_assert!((fallback.compensated(fallback.uncompensated(u)) - u).abs() < 1e-12);
+        }
+    }
+}

@@ -1,70 +1,84 @@
-//! Whether a position is to be believed.
+//! Plausibility of the positions of one axis. Nothing in this folder allocates.
 //!
 //! ```text
-//! range:  -tolerance <= y <= stroke + tolerance, or the jump there was none that an axis makes
-//! speed:  |y(k) - y_good|                <= n v_max T + margin
-//!         |y(k) - y_good - n v_good T|   <=   v_max T + margin        for n <= 3
-//! base:   after an implausible position, n > 3: |y(k) - y(k-1)| <= v_max T + margin, for 0.5 s
-//! stuck:  the raw value has not changed at all for stuck_after
+//! range:     -tolerance <= y <= stroke + tolerance
+//! speed:     |y(k) - y_good|                <= n v_max T + margin
+//!            |y(k) - y_good - n v_good T|   <=   v_max T + margin        for n <= 3
+//! new base:  |y(k) - y(k-1)|                <=   v_max T + margin        for 0.5 s, after an implausible position, n > 3
+//! stuck:     the raw value has not changed for stuck_after
 //! ```
 //!
-//! y position in m, v_max `max_speed` in m/s, T period in s, y_good the last good position, n ticks since, v_good
-//! median of the last three speeds between good positions, m/s, margin 5 counts.
+//! y position, m; v_max `max_speed`, m/s; T period, s; y_good last good position, m; n number of ticks since y_good;
+//! v_good median of the last three speeds between good positions, m/s; margin 5 counts.
 //!
-//! A single position far out of the stroke is a wrong one, not an axis out of its stroke; the next one there is.
+//! **Range.** A position outside the range that an axis cannot have reached since the last tick is a wrong reading: it
+//! gets the fault `SPEED`. If the next position is there, too, the axis is out of its stroke: that position gets the
+//! fault `RANGE`.
 //!
-//! What an encoder has been seen to do wrongly is never reached by waiting: a position that has jumped by more than an
-//! axis can move in a tick stays implausible, so whoever controls has stopped long before it is taken as a new base,
-//! which it has to be some time or an axis with a new cable could not be put back into service. Where nothing was seen
-//! at all the way that is possible grows with the time. The median leaves out a single wrong speed, that of an error
-//! too small to be seen as one.
+//! **Speed.** After an implausible position the possible way does not grow with time. A position that has jumped by more
+//! than an axis moves in a tick therefore stays implausible until the controller has stopped the axis and latched the
+//! fault. Only then the position becomes the new base. Without a new base, an axis with a new cable could not be put
+//! back into service. Where no position has arrived at all, the possible way grows with time. The median leaves out a
+//! single wrong speed, which comes from an error too small to be detected.
 //!
-//! An unusable position is replaced by the last good one and marked; nothing downstream has to guess. Trap: an axis
-//! at rest does not change its counts either. Stuck is therefore a mark, and a fault only for whoever knows that the
-//! axis is commanded to move: control-proc.
+//! **Result.** An unusable position is replaced by the last good one and marked with its fault.
+//!
+//! Trap: the counts of an axis at rest do not change either. Stuck is therefore only a mark here. control-proc knows
+//! whether the axis is commanded to move, and decides whether the mark is a fault.
+
+use std::{ops::RangeInclusive, time::Duration};
 
 use pipeline::{
     machine::{Axis, samples_of},
     message::{AxisSample, sample_fault},
 };
-use std::time::Duration;
 
-/// Counts by which quantisation and noise can make a still axis seem to move.
+/// Counts by which quantisation and noise can change the position of an axis at rest.
 const SPEED_MARGIN: f64 = 5.0;
-/// Ticks over which a position is foretold by a speed: after as many without one the controller has latched.
+/// Ticks over which the last speed predicts a position. After this number of ticks without a good position the
+/// controller has latched the fault.
 const BRIDGE: u32 = 3;
-/// How long a position that cannot be has to go on as an axis does until it is believed: many times what the controller
-/// takes to latch, and less than a person takes to reset it.
+/// Time for which positions after an implausible one have to follow each other plausibly until they are the new base.
+/// It is many times what the controller needs to latch, and less than a person needs to reset the fault.
 pub const NEW_BASE: Duration = Duration::from_millis(500);
 
 /// Checks the positions of one axis, tick by tick.
 #[derive(Debug, Clone)]
 pub struct Plausibility {
-    range: (f64, f64),
+    /// Positions inside the range, m.
+    range: RangeInclusive<f64>,
+    /// v_max T, m.
     step: f64,
+    /// m.
     margin: f64,
+    /// T, s.
     period: f64,
+    /// Ticks without a change after which the position is stuck.
     stuck_after: u32,
     new_base_ticks: u32,
+    /// y_good; `None` before the first good position.
     good: Option<f64>,
+    /// n.
     ticks_since_good: u32,
     /// Speeds between the last good positions, m per tick.
     speeds: [f64; 3],
-    /// A position since the last good one was not believed.
+    /// Whether a position since the last good one was implausible.
     suspect: bool,
-    /// Ticks in a row that positions have gone on as an axis does.
+    /// Number of ticks for which positions have followed each other plausibly.
     steady: u32,
+    /// Raw position of the last reading, m.
     last: f64,
+    /// Ticks for which the raw position has not changed.
     unchanged: u32,
     sample: AxisSample,
 }
 
 impl Plausibility {
-    /// For one axis at a sample period.
+    /// Checks of `axis` with the sample period `period`.
     pub fn new(axis: &Axis, period: Duration) -> Self {
         let encoder = &axis.encoder;
         Self {
-            range: (-encoder.tolerance, axis.stroke + encoder.tolerance),
+            range: -encoder.tolerance..=axis.stroke + encoder.tolerance,
             step: axis.max_speed * period.as_secs_f64(),
             margin: SPEED_MARGIN * encoder.resolution,
             period: period.as_secs_f64(),
@@ -81,8 +95,8 @@ impl Plausibility {
         }
     }
 
-    /// Judges the position of this tick, m, `elapsed` ticks after the last; `None` when nothing arrived.
-    /// `encoder_error` is the encoder's own word.
+    /// Checks the position of this tick, m, or `None` when no reading arrived. This tick is `elapsed` ticks after the last
+    /// one. `encoder_error` tells whether the encoder itself reports an error.
     pub fn judge(&mut self, elapsed: u64, position: Option<f64>, encoder_error: bool) -> AxisSample {
         let elapsed = u32::try_from(elapsed.max(1)).unwrap_or(u32::MAX);
         self.ticks_since_good = self.ticks_since_good.saturating_add(elapsed);
@@ -97,8 +111,8 @@ impl Plausibility {
                 self.steady = if goes_on { self.steady.saturating_add(elapsed) } else { 0 };
                 self.unchanged = if position == self.last { self.unchanged.saturating_add(elapsed) } else { 0 };
                 self.last = position;
-                // Written so that NaN is out of range.
-                let is_out = !(self.range.0..=self.range.1).contains(&position);
+                // NaN is outside every range.
+                let is_out = !self.range.contains(&position);
                 let is_near = self.is_near(position);
                 if is_out && (is_near || goes_on || !position.is_finite()) {
                     faults |= sample_fault::RANGE;
@@ -121,12 +135,12 @@ impl Plausibility {
         self.sample
     }
 
-    /// The farthest that an axis moves in so many ticks, noise included, m.
+    /// Largest way of an axis in `ticks` ticks, including noise, m.
     fn within(&self, ticks: f64) -> f64 {
         self.step * ticks + self.margin
     }
 
-    /// Whether the axis can be at this position after the last good one.
+    /// Whether the axis can have reached this position since the last good one, or whether it is the new base.
     fn is_near(&self, position: f64) -> bool {
         let Some(good) = self.good else { return true };
         let ticks = f64::from(self.ticks_since_good);
@@ -142,11 +156,11 @@ impl Plausibility {
         }
     }
 
-    /// Takes a position (m) as good.
+    /// Takes `position`, m, as good.
     fn take(&mut self, position: f64) {
         let way = position - self.good.unwrap_or(position);
         let per_tick = way / f64::from(self.ticks_since_good);
-        // A new base says nothing of a speed.
+        // The jump to a new base is no speed.
         self.speeds = if self.suspect && self.ticks_since_good > BRIDGE {
             [0.0; 3]
         } else {

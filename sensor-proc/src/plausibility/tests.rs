@@ -9,7 +9,7 @@ fn boom() -> Plausibility {
 }
 
 #[test]
-fn a_moving_axis_is_healthy_and_its_velocity_is_known() {
+fn a_moving_axis_has_no_fault_and_the_right_velocity() {
     let mut check = boom();
     for k in 0..100 {
         let sample = check.judge(1, Some(0.5 + 0.004 * f64::from(k)), false);
@@ -20,7 +20,7 @@ fn a_moving_axis_is_healthy_and_its_velocity_is_known() {
 }
 
 #[test]
-fn each_fault_holds_the_last_good_position() {
+fn each_fault_keeps_the_last_good_position() {
     for (position, error, expected) in [
         (Some(1.340), false, sample_fault::SPEED),
         (Some(-0.006), false, sample_fault::SPEED),
@@ -38,7 +38,7 @@ fn each_fault_holds_the_last_good_position() {
 }
 
 #[test]
-fn an_axis_that_leaves_its_stroke_is_out_of_range_at_once_and_one_that_jumps_out_with_the_second() {
+fn an_axis_that_leaves_its_stroke_is_out_of_range_at_once_and_after_a_jump_with_the_second_position() {
     for (last, inside, outside) in [(1.333, 1.3389, 1.3391), (0.001, -0.0049, -0.0051)] {
         let mut check = boom();
         check.judge(1, Some(last), false);
@@ -49,23 +49,24 @@ fn an_axis_that_leaves_its_stroke_is_out_of_range_at_once_and_one_that_jumps_out
     check.judge(1, Some(0.6), false);
     assert_eq!(check.judge(1, Some(2.0), false).faults, sample_fault::SPEED);
     assert_eq!(check.judge(1, Some(2.0), false).faults, sample_fault::RANGE);
-    // The first of all there is has nothing to jump from.
+    // There is no position before the first one, so the first one is no jump.
     assert_eq!(boom().judge(1, Some(2.0), false).faults, sample_fault::RANGE);
 }
 
 #[test]
-fn what_is_just_allowed_passes() {
+fn positions_at_the_limits_pass() {
     let mut check = boom();
     assert_eq!(check.judge(1, Some(1.3389), false).faults, 0);
     assert_eq!(check.judge(1, Some(1.3289), false).faults, 0, "10 mm in 10 ms are 1 m/s");
     assert_eq!(check.judge(1, Some(1.3180), false).faults, sample_fault::SPEED);
-    // Two ticks after the last good one it is possible, but nothing has moved before.
+    // Two ticks after the last good position 20.9 mm are possible, but the axis was almost at rest before.
     assert_eq!(check.judge(1, Some(1.3180), false).faults, sample_fault::SPEED);
     assert_eq!(check.judge(1, Some(1.3184), false).faults, 0, "10.5 mm from there");
 }
 
-/// An axis that moves at `speed` m/s, and what is said of it, `error` m of tick being added to the true position.
-fn said(speed: f64, ticks: u32, error: impl Fn(u32) -> f64) -> Vec<(f64, AxisSample)> {
+/// True positions and samples of an axis that moves at `speed` m/s. `error` of the tick, m, is added to the position
+/// that is checked.
+fn checked(speed: f64, ticks: u32, error: impl Fn(u32) -> f64) -> Vec<(f64, AxisSample)> {
     let mut check = boom();
     let counted = |y: f64| (y * 1e4).round() * 1e-4;
     (0..ticks)
@@ -77,14 +78,14 @@ fn said(speed: f64, ticks: u32, error: impl Fn(u32) -> f64) -> Vec<(f64, AxisSam
 }
 
 #[test]
-fn one_wrong_position_is_dropped_if_it_is_far_off_and_the_next_is_believed_either_way() {
+fn one_position_far_off_is_implausible_and_the_next_is_always_good() {
     for speed in [0.0, 0.25, -0.25] {
         for bit in 0..14 {
             for sign in [-1.0, 1.0] {
                 let error = sign * 1e-4 * f64::from(1 << bit);
-                let said = said(speed, 40, |k| if k == 20 { error } else { 0.0 });
-                for (k, (y, sample)) in said.iter().enumerate() {
-                    // One tick's worth at 1 m/s and five counts.
+                let checked = checked(speed, 40, |k| if k == 20 { error } else { 0.0 });
+                for (k, (y, sample)) in checked.iter().enumerate() {
+                    // The way in one tick at 1 m/s and five counts.
                     let is_dropped = k == 20 && error.abs() > 0.0105;
                     assert!(!is_dropped || sample.faults != 0, "{speed} {error} {k}");
                     assert!(k == 20 || sample.faults & sample_fault::UNUSABLE == 0, "{speed} {error} {k}");
@@ -96,10 +97,10 @@ fn one_wrong_position_is_dropped_if_it_is_far_off_and_the_next_is_believed_eithe
 }
 
 #[test]
-fn a_step_of_twenty_millimetres_is_not_followed_while_anybody_acts_on_it() {
+fn a_step_of_twenty_millimetres_is_implausible_until_the_controller_has_latched() {
     for speed in [0.0, 0.2, -0.2] {
         for step in [0.02, -0.02] {
-            // The axis comes to a stand within some ticks, as one does whose controller has latched.
+            // The axis comes to rest within some ticks, as it does when its controller has latched.
             let mut check = boom();
             let (mut y, mut v) = (0.6f64, speed);
             for k in 0..40 {
@@ -111,7 +112,7 @@ fn a_step_of_twenty_millimetres_is_not_followed_while_anybody_acts_on_it() {
                 let sample = check.judge(1, Some((seen * 1e4).round() * 1e-4), false);
                 assert_eq!(sample.faults & sample_fault::SPEED != 0, k >= 20, "{speed} {step} {k}");
             }
-            // Half a second of standing there makes it a new base, without a speed.
+            // After half a second at rest the position is the new base, with zero speed.
             let ticks = (0..100).take_while(|_| check.judge(1, Some(y + step), false).faults & 7 != 0).count();
             assert!((25..=35).contains(&ticks), "{ticks}");
             let sample = check.judge(1, Some(y + step), false);
@@ -121,14 +122,14 @@ fn a_step_of_twenty_millimetres_is_not_followed_while_anybody_acts_on_it() {
 }
 
 #[test]
-fn an_encoder_that_jumps_about_never_makes_a_new_base() {
+fn an_encoder_that_keeps_jumping_gets_no_new_base() {
     let mut check = boom();
     check.judge(1, Some(0.6), false);
     for k in 0..1000 {
         let position = 0.8 + 0.02 * f64::from(k % 2);
         assert_eq!(check.judge(1, Some(position), false).faults, sample_fault::SPEED);
     }
-    // Nor does one that says itself that it is wrong, nor one that is silent in between.
+    // An encoder that reports an error now and then gets no new base, nor does one with missing readings.
     for k in 0..1000 {
         assert_ne!(check.judge(1, Some(0.8), k % 40 == 0).faults & sample_fault::UNUSABLE, 0);
     }
@@ -139,7 +140,7 @@ fn an_encoder_that_jumps_about_never_makes_a_new_base() {
 }
 
 #[test]
-fn where_nothing_was_seen_the_possible_way_grows_with_the_time() {
+fn without_readings_the_possible_way_grows_with_time() {
     let mut check = boom();
     check.judge(1, Some(0.6), false);
     for _ in 0..3 {
@@ -147,13 +148,13 @@ fn where_nothing_was_seen_the_possible_way_grows_with_the_time() {
     }
     assert_eq!(check.clone().judge(1, Some(0.641), false).faults, sample_fault::SPEED);
     assert_eq!(check.judge(1, Some(0.64), false).faults, 0);
-    // The same where the ticks themselves are missing.
+    // The possible way grows with missed ticks, too.
     assert_eq!(check.judge(5, Some(0.69), false).faults, 0);
     assert_eq!(check.judge(u64::MAX, Some(0.2), false).faults, 0);
 }
 
 #[test]
-fn a_value_that_never_changes_is_marked_after_its_time() {
+fn a_position_that_does_not_change_is_marked_as_stuck() {
     let mut check = boom();
     for k in 0..40 {
         let sample = check.judge(1, Some(0.5), false);

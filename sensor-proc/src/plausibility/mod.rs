@@ -4,7 +4,7 @@
 //! range:     -tolerance <= y <= stroke + tolerance
 //! speed:     |y(k) - y_good|                <= n v_max T + margin
 //!            |y(k) - y_good - n v_good T|   <=   v_max T + margin        for n <= 3
-//! new base:  |y(k) - y(k-1)|                <=   v_max T + margin        for 0.5 s, after an implausible position, n > 3
+//! new base:  |y(k) - y(k-1)|                <=   v_max T + margin        for 0.5 s, after an implausible y, n > 3
 //! stuck:     the raw value has not changed for stuck_after
 //! ```
 //!
@@ -15,11 +15,11 @@
 //! gets the fault `SPEED`. If the next position is there, too, the axis is out of its stroke: that position gets the
 //! fault `RANGE`.
 //!
-//! **Speed.** After an implausible position the possible way does not grow with time. A position that has jumped by more
-//! than an axis moves in a tick therefore stays implausible until the controller has stopped the axis and latched the
-//! fault. Only then the position becomes the new base. Without a new base, an axis with a new cable could not be put
-//! back into service. Where no position has arrived at all, the possible way grows with time. The median leaves out a
-//! single wrong speed, which comes from an error too small to be detected.
+//! **Speed.** After an implausible position the distance that counts as plausible does not grow with time. A position
+//! that has jumped by more than an axis moves in a tick therefore stays implausible until the controller has stopped
+//! the axis and latched the fault. Only then the position becomes the new base. Without a new base, an axis with a new
+//! cable could not be put back into service. Where no position has arrived at all, the plausible distance grows with
+//! time. The median leaves out a single wrong speed, which comes from an error too small to be detected.
 //!
 //! **Result.** An unusable position is replaced by the last good one and marked with its fault.
 //!
@@ -95,8 +95,8 @@ impl Plausibility {
         }
     }
 
-    /// Checks the position of this tick, m, or `None` when no reading arrived. This tick is `elapsed` ticks after the last
-    /// one. `encoder_error` tells whether the encoder itself reports an error.
+    /// Checks the position of this tick, m, or `None` when no reading arrived. This tick is `elapsed` ticks after the
+    /// last one. `encoder_error` tells whether the encoder itself reports an error.
     pub fn judge(&mut self, elapsed: u64, position: Option<f64>, encoder_error: bool) -> AxisSample {
         let elapsed = u32::try_from(elapsed.max(1)).unwrap_or(u32::MAX);
         self.ticks_since_good = self.ticks_since_good.saturating_add(elapsed);
@@ -135,7 +135,7 @@ impl Plausibility {
         self.sample
     }
 
-    /// Largest way of an axis in `ticks` ticks, including noise, m.
+    /// Largest distance that an axis moves in `ticks` ticks, including noise, m.
     fn within(&self, ticks: f64) -> f64 {
         self.step * ticks + self.margin
     }

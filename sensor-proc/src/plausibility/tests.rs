@@ -85,7 +85,7 @@ fn one_position_far_off_is_implausible_and_the_next_is_always_good() {
                 let error = sign * 1e-4 * f64::from(1 << bit);
                 let checked = checked(speed, 40, |k| if k == 20 { error } else { 0.0 });
                 for (k, (y, sample)) in checked.iter().enumerate() {
-                    // The way in one tick at 1 m/s and five counts.
+                    // The distance in one tick at 1 m/s and five counts.
                     let is_dropped = k == 20 && error.abs() > 0.0105;
                     assert!(!is_dropped || sample.faults != 0, "{speed} {error} {k}");
                     assert!(k == 20 || sample.faults & sample_fault::UNUSABLE == 0, "{speed} {error} {k}");
@@ -140,7 +140,7 @@ fn an_encoder_that_keeps_jumping_gets_no_new_base() {
 }
 
 #[test]
-fn without_readings_the_possible_way_grows_with_time() {
+fn without_readings_the_plausible_distance_grows_with_time() {
     let mut check = boom();
     check.judge(1, Some(0.6), false);
     for _ in 0..3 {
@@ -148,7 +148,7 @@ fn without_readings_the_possible_way_grows_with_time() {
     }
     assert_eq!(check.clone().judge(1, Some(0.641), false).faults, sample_fault::SPEED);
     assert_eq!(check.judge(1, Some(0.64), false).faults, 0);
-    // The possible way grows with missed ticks, too.
+    // The plausible distance grows with missed ticks, too.
     assert_eq!(check.judge(5, Some(0.69), false).faults, 0);
     assert_eq!(check.judge(u64::MAX, Some(0.2), false).faults, 0);
 }

@@ -49,7 +49,7 @@ impl Output {
         Ok(())
     }
 
-    /// Sends the last sample again to a reader that has just joined.
+    /// Hands the newest sample to readers that have joined since it was sent.
     pub fn greet(&self) {
         self.samples.greet();
     }

@@ -15,7 +15,7 @@
 //! |---|---|---|
 //! | viscous friction | nu | shear of an oil film |
 //! | leakage | 1/nu | laminar flow in a gap |
-//! | time constant of the valve | nu^(1/2) | assumed: flow in the pilot line between laminar (nu^1) and turbulent (nu^0) |
+//! | valve time constant | nu^(1/2) | assumed: flow in the pilot line between laminar, nu^1, and turbulent, nu^0 |
 //!
 //! Trap: a parameter that jumps between the stages of one Runge-Kutta step costs the method its order. Conditions are
 //! therefore updated at multiples of [`UPDATE_PERIOD_NS`] only, whatever the step is, and constant in between.

@@ -36,7 +36,7 @@ impl Recorded {
         first_tick: u64,
         group: &Group,
     ) -> Result<Self, StageError> {
-        let recordings = Recording::read_all(machine, file).map_err(|error| StageError::Setup(error.to_string()))?;
+        let recordings = Recording::read_all(machine, file).map_err(StageError::setup)?;
         Ok(Self {
             core: Replay::new(machine, recordings),
             output: Output::new(group, clock)?,

@@ -16,7 +16,7 @@ use pipeline::{
     hammerstein::Structure,
     machine::{Identification, IdentifiedOutput},
 };
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 use serde::Serialize;
 
 use super::{
@@ -61,7 +61,7 @@ pub struct Chosen {
 pub fn select(
     settings: &Identification,
     typed: &TypedStructure,
-    record: &Record,
+    record: &Recording,
     progress: &ProgressBar,
 ) -> Option<Selection> {
     let validation = HeldOut::new(settings, record);

@@ -6,7 +6,7 @@ use pipeline::{
     hammerstein::{Basis, InputMap, Structure},
     machine::{Fuzzy, Identification, IdentifiedOutput, shortest_training},
 };
-use sensor_proc::record::{Record, RecordError};
+use sensor_proc::{Recording, recording::RecordingError};
 
 use super::{
     arguments::IdentifyArguments,
@@ -80,7 +80,7 @@ impl TypedStructure {
 pub fn settings(
     arguments: &IdentifyArguments,
     typed: &TypedStructure,
-    record: &Record,
+    record: &Recording,
 ) -> Result<Identification, Failure> {
     let rows = record.outputs.len();
     let structure = typed.over(Structure::PAPER);
@@ -138,11 +138,11 @@ fn expect_enough_rows(
         )));
     }
     if rows.saturating_sub(training) <= horizon {
-        return Err(Failure::usage(RecordError::TooFewRows {
+        return Err(Failure::usage(RecordingError::TooFewRows {
             file: arguments.data.clone(),
             rows,
             needed: training.saturating_add(horizon).saturating_add(1),
-            why: format!("to test {horizon} samples ahead after {training} for training"),
+            purpose: format!("to test {horizon} samples ahead after {training} for training"),
         }));
     }
     Ok(())

@@ -13,7 +13,7 @@ use pipeline::{
     stage::{StageKind, monotonic_ns},
 };
 use plant_sim::PlantSim;
-use sensor_proc::source::{Acquisition, Replay, is_implausible};
+use sensor_proc::{Acquisition, Recording, Replay, is_implausible};
 
 use crate::{failure::Failure, report::control_loop::LastMessages};
 
@@ -78,7 +78,10 @@ impl Ends {
                 let plant = PlantSim::new(machine, seed).map_err(Failure::usage)?;
                 Ok(Self::Live(Box::new(plant), Acquisition::new(machine)))
             }
-            Source::Replay(file) => Ok(Self::Recorded(Replay::new(machine, file).map_err(Failure::usage)?)),
+            Source::Replay(file) => {
+                let recordings = Recording::read_all(machine, file).map_err(Failure::usage)?;
+                Ok(Self::Recorded(Replay::new(machine, recordings)))
+            }
         }
     }
 

@@ -19,6 +19,7 @@ use crate::{
     script::{from_channel, is_latched},
 };
 
+/// Row 11: after `control-proc` is killed in motion, the drive stops the axis by its own time-out.
 #[test]
 fn row_11_the_drive_goes_neutral_by_itself_when_the_controller_is_killed() {
     let mut moving = Moving::start("row-11", &["--set", "stage.control-proc.restart=on-failure"]);
@@ -30,6 +31,7 @@ fn row_11_the_drive_goes_neutral_by_itself_when_the_controller_is_killed() {
     judge("row 11", "kill to standstill", Duration::from_nanos(still.saturating_sub(killed)), bound);
 }
 
+/// Row 12: a controller that was started again is disarmed and commands neutral.
 #[test]
 fn row_12_a_controller_that_comes_back_is_off_and_its_first_commands_are_neutral() {
     let mut moving = Moving::start("row-12", &[]);
@@ -108,6 +110,7 @@ impl Slow {
     }
 }
 
+/// Row 13: three late commands in a row latch, two do not.
 #[test]
 fn row_13_three_late_commands_in_a_row_latch_and_two_do_not() {
     let _alone = alone();

@@ -94,6 +94,7 @@ fn all_latched(command: &ValveCommand) -> bool {
     command.axes[..AXES].iter().all(|axis| is_latched(axis, control_flag::FEEDBACK))
 }
 
+/// Row 1: after `sensor-proc` is killed in motion, the valves are neutral and the fault is latched.
 #[test]
 fn row_01_a_killed_acquisition_makes_the_valves_neutral_and_latches() {
     let mut moving = Moving::start("row-01", &[]);
@@ -112,6 +113,7 @@ fn row_01_a_killed_acquisition_makes_the_valves_neutral_and_latches() {
 /// The time-out of these two rows is ten times the usual one, so that the machine's own delays are small beside it.
 const LONGER: [&str; 2] = ["--set", "timing.feedback_timeout=300ms"];
 
+/// Row 2: a stop of `sensor-proc` that is shorter than the feedback time-out is no fault.
 #[test]
 fn row_02_a_short_stop_of_the_acquisition_is_bridged() {
     let mut moving = Moving::start("row-02", &LONGER);
@@ -134,6 +136,7 @@ fn row_02_a_short_stop_of_the_acquisition_is_bridged() {
     }
 }
 
+/// Row 3: a stop of `sensor-proc` that is longer than the feedback time-out latches.
 #[test]
 fn row_03_a_long_stop_of_the_acquisition_is_a_loss_and_late_samples_are_not_acted_on() {
     let mut moving = Moving::start("row-03", &LONGER);
@@ -147,6 +150,7 @@ fn row_03_a_long_stop_of_the_acquisition_is_a_loss_and_late_samples_are_not_acte
     moving.expect_latched(control_flag::FEEDBACK, Duration::from_millis(500));
 }
 
+/// Row 3: a sample that is older than the feedback time-out latches, and newer ones do not release.
 #[test]
 fn row_03_a_sample_from_before_a_stop_moves_nothing() {
     let _alone = alone();
@@ -187,6 +191,7 @@ fn row_03_a_sample_from_before_a_stop_moves_nothing() {
     }
 }
 
+/// Row 4: positions that repeat while the valve is driven are found stuck.
 #[test]
 fn row_04_a_sample_that_is_sent_again_and_again_is_found_stuck() {
     let ticks = 400;
@@ -224,6 +229,7 @@ fn row_04_a_sample_that_is_sent_again_and_again_is_found_stuck() {
     group.expect_end();
 }
 
+/// Row 5: a flipped bit of an encoder is left out, or changes the command little.
 #[test]
 fn row_05_a_flipped_bit_is_dropped_or_small() {
     let flips = |tick: u64| tick.checked_sub(300).filter(|since| since % 20 == 0 && since / 20 < 32);
@@ -284,6 +290,7 @@ fn ticks_to_latch(test: &str, cause: u32, fault: impl Fn(u64, &mut EncoderReadin
     latched
 }
 
+/// Row 6: three implausible positions in a row latch.
 #[test]
 fn row_06_three_implausible_samples_in_a_row_latch() {
     let jumps = |since: u64, reading: &mut EncoderReading| {
@@ -294,12 +301,14 @@ fn row_06_three_implausible_samples_in_a_row_latch() {
     assert!(ticks_to_latch("row-06", control_flag::FEEDBACK, jumps) <= 4);
 }
 
+/// Row 7: a step of the position that stays latches, and the axis does not follow the step.
 #[test]
 fn row_07_a_step_that_stays_is_never_followed() {
     let slips = |_: u64, reading: &mut EncoderReading| reading.encoders[0].counts += 200;
     assert!(ticks_to_latch("row-07", control_flag::FEEDBACK, slips) <= 4);
 }
 
+/// Row 8: a position outside of the stroke latches in the same tick.
 #[test]
 fn row_08_a_position_outside_the_stroke_latches_at_once() {
     // It creeps there at 0.5 m/s, which any axis can, and is beyond by more than the tolerance of 5 mm with the last.

@@ -47,6 +47,7 @@ fn plain(model: &mut Coefficients) {
     (model.b[0], model.f[0], model.g[0]) = (0.6 * 0.01 * 0.2, 1.0, 1.0);
 }
 
+/// Row 16: a model with a number that is not finite, or with denormal ones, is never used.
 #[test]
 fn row_16_what_is_not_finite_is_used_not_once() {
     let mut identified = Identified::start("row-16", &[]);
@@ -75,6 +76,7 @@ fn row_16_what_is_not_finite_is_used_not_once() {
     });
 }
 
+/// Row 17: a model with a pole outside of the unit circle is never used.
 #[test]
 fn row_17_a_pole_outside_the_circle_is_used_not_once() {
     let mut identified = Identified::start("row-17", &[]);
@@ -88,7 +90,8 @@ fn row_17_a_pole_outside_the_circle_is_used_not_once() {
     }
 }
 
-/// It is not refused: what is identified of a healthy axis has a pole at -0.6 too, of the noise of its encoder.
+/// Row 17: an oscillating pole within the unit circle is accepted, and the commands stay within their limits. It is not
+/// refused, since the model of a healthy axis has a pole at -0.6 too, which comes from the noise of its encoder.
 #[test]
 fn row_17_an_oscillating_pole_within_the_circle_moves_nothing_beyond_its_limits() {
     let mut identified = Identified::start("row-17-swing", &[]);
@@ -119,6 +122,7 @@ fn row_17_an_oscillating_pole_within_the_circle_moves_nothing_beyond_its_limits(
     }
 }
 
+/// Row 18: a model of the wrong direction, without gain, or of an implausible speed is never used.
 #[test]
 fn row_18_a_model_of_the_wrong_direction_or_without_gain_is_used_not_once() {
     // What commissioning would have found of the boom; the other axes are not commissioned.
@@ -151,6 +155,7 @@ fn row_18_a_model_of_the_wrong_direction_or_without_gain_is_used_not_once() {
     }
 }
 
+/// Row 19: a valve curve that turns back is refused, or used up to the point where it turns.
 #[test]
 fn row_19_a_curve_that_turns_back_is_used_not_once_or_up_to_there() {
     let mut identified = Identified::start("row-19", &[]);
@@ -183,6 +188,7 @@ fn row_19_a_curve_that_turns_back_is_used_not_once_or_up_to_there() {
     assert!(identified.command.axes[..AXES].iter().any(is_by_model), "it was used");
 }
 
+/// Row 20: an adaptive model that predicts worse than the classical one is replaced by it.
 #[test]
 fn row_20_a_model_that_predicts_worse_gives_way_to_the_held_one() {
     let mut identified = Identified::start("row-20", &[]);
@@ -216,6 +222,7 @@ fn row_20_a_model_that_predicts_worse_gives_way_to_the_held_one() {
 /// What is no error, m: two counts of an encoder.
 const AT_TARGET: f64 = 2e-4;
 
+/// Row 21: a change of the model changes the command by its rate limit at most.
 #[test]
 fn row_21_another_model_moves_the_command_by_no_more_than_its_rate() {
     let mut identified = Identified::start("row-21", &[]);
@@ -262,6 +269,7 @@ fn row_21_another_model_moves_the_command_by_no_more_than_its_rate() {
     assert!(largest[1] <= 0.04, "{}", largest[1]);
 }
 
+/// Row 22: a torn snapshot, or one of another structure or other axes, is never used.
 #[test]
 fn row_22_what_is_torn_or_of_other_axes_is_used_not_once() {
     let mut identified = Identified::start("row-22", &[]);

@@ -17,6 +17,7 @@ fn borrowed(arguments: &[String]) -> Vec<&str> {
     arguments.iter().map(String::as_str).collect()
 }
 
+/// Row 29: an axis without supply latches, and does not move when the supply is back.
 #[test]
 fn row_29_an_axis_that_has_no_supply_is_stopped_and_does_not_lurch_when_it_is_back() {
     let mut scripted = Scripted::start("row-29", 900, &["--arm"]);
@@ -43,6 +44,7 @@ fn row_29_an_axis_that_has_no_supply_is_stopped_and_does_not_lurch_when_it_is_ba
     scripted.end();
 }
 
+/// Row 30: an axis whose following error stays above the limit latches.
 #[test]
 fn row_30_an_axis_that_does_not_follow_is_stopped() {
     let mut arguments = from_channel();
@@ -78,6 +80,7 @@ fn row_30_an_axis_that_does_not_follow_is_stopped() {
     scripted.end();
 }
 
+/// Row 31: a set point outside of the soft limits is refused; a fast motion to one within them does not overrun.
 #[test]
 fn row_31_a_target_outside_the_soft_limits_is_refused_and_the_way_to_one_at_them_ends_there() {
     let mut scripted = Scripted::start("row-31", 1500, &[]);
@@ -107,6 +110,7 @@ fn row_31_a_target_outside_the_soft_limits_is_refused_and_the_way_to_one_at_them
     scripted.end();
 }
 
+/// Row 32: a reference that is not finite, jumps, or is outside of the limits is refused, and the axis holds.
 #[test]
 fn row_32_nonsense_among_the_references_is_refused_and_the_axis_holds() {
     let arguments = [from_channel(), vec!["--arm".to_owned()]].concat();
@@ -129,6 +133,7 @@ fn row_32_nonsense_among_the_references_is_refused_and_the_axis_holds() {
     }
 }
 
+/// Row 33: when references stop, the axis brakes softly to standstill.
 #[test]
 fn row_33_references_that_stop_end_in_a_soft_stop() {
     let arguments = [from_channel(), vec!["--arm".to_owned()]].concat();
@@ -153,6 +158,7 @@ fn row_33_references_that_stop_end_in_a_soft_stop() {
     assert!(speeds[360..].iter().all(|speed| speed.abs() < 1e-6), "it stands");
 }
 
+/// Row 34: the emergency stop makes the axes neutral in the same tick, in every mode.
 #[test]
 fn row_34_the_emergency_stop_is_obeyed_in_the_same_tick_in_every_mode() {
     for mode in [AxisMode::Track, AxisMode::Hold, AxisMode::Manual, AxisMode::Commission] {
@@ -187,6 +193,7 @@ fn row_34_the_emergency_stop_is_obeyed_in_the_same_tick_in_every_mode() {
     }
 }
 
+/// Row 35: a change between manual and automatic mode changes the command by its rate limit at most.
 #[test]
 fn row_35_from_hand_to_controller_and_back_the_command_does_not_jump() {
     let mut scripted = Scripted::start("row-35", 1200, &[]);
@@ -211,6 +218,7 @@ fn row_35_from_hand_to_controller_and_back_the_command_does_not_jump() {
     scripted.end();
 }
 
+/// Row 29: on the simulated machine, a pump that fails latches, and nothing moves when its pressure is back.
 #[test]
 fn row_29_in_the_simulated_machine_a_pump_that_fails_latches_and_moves_nothing_when_it_is_back() {
     let folder = tempfile::tempdir().unwrap();

@@ -90,6 +90,7 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
+/// Row 37: a clock whose date jumps by an hour changes no figure of a run in lock-step.
 #[test]
 fn row_37_the_date_may_be_set_and_nothing_happens() {
     let folder = tempfile::tempdir().unwrap();
@@ -130,6 +131,7 @@ fn latched(command: &ValveCommand) -> Vec<&'static str> {
     bit_names(flags & control_flag::LATCHED, &control_flag::NAMES).collect()
 }
 
+/// Row 37: a clock whose date jumps by an hour latches nothing and stops no stage in real time.
 #[test]
 fn row_37_nor_does_it_in_real_time() {
     let _alone = alone();
@@ -160,6 +162,7 @@ fn row_37_nor_does_it_in_real_time() {
     }
 }
 
+/// Row 38: with busy programs on all cores, every command is within its limits, or neutral for a cause.
 #[test]
 fn row_38_hogs_on_both_cores_make_no_command_that_nobody_bounds() {
     let _alone = alone();
@@ -242,6 +245,7 @@ fn judge_bounds(machine: &Machine, last: Option<&ValveCommand>, command: &ValveC
     }
 }
 
+/// Row 39: the next run of a killed group removes its files.
 #[test]
 fn row_39_a_group_that_was_killed_with_its_supervisor_is_no_obstacle() {
     let _alone = alone();
@@ -265,6 +269,7 @@ fn row_39_a_group_that_was_killed_with_its_supervisor_is_no_obstacle() {
     assert_eq!(running.group.files(), NOTHING);
 }
 
+/// Row 39: a command that finds no group says so, and what to type.
 #[test]
 fn row_39_who_finds_nobody_says_so_and_what_to_type() {
     let group = TestGroup::new("row-39-none");
@@ -281,6 +286,7 @@ fn row_39_who_finds_nobody_says_so_and_what_to_type() {
     assert_eq!(group.files(), NOTHING);
 }
 
+/// Row 39: a stage alone waits for the others, and `status` and `arm` tell what is missing.
 #[test]
 fn row_39_a_stage_alone_waits_for_the_others_and_those_who_ask_are_told() {
     let mut group = TestGroup::new("row-39-alone");
@@ -303,6 +309,7 @@ fn row_39_a_stage_alone_waits_for_the_others_and_those_who_ask_are_told() {
     assert!(stderr(&output).contains("no sample within") && stderr(&output).contains("sensor"), "{}", stderr(&output));
 }
 
+/// Row 39: a foreign file at the path of the group's folder is named and left alone.
 #[test]
 fn row_39_a_foreign_file_in_the_folders_place_is_named_and_stays() {
     let group = TestGroup::new("row-39-file");
@@ -394,6 +401,7 @@ fn hold(scenario: &str, machine: &Machine, file: &Path) -> Vec<String> {
     wrong
 }
 
+/// Row 40: in every scenario the axes follow within their limit and come to rest without a limit cycle.
 #[test]
 fn row_40_whatever_oil_load_and_valves_do_the_machine_follows_and_comes_to_rest() {
     let folder = tempfile::tempdir().unwrap();

@@ -6,7 +6,7 @@ use std::{
 };
 
 use crate::harness::{
-    Cores, TestGroup, alone, channel::await_message, hydraxis, running::Running, shared, signal, succeed, wait_for,
+    Cores, TestGroup, channel::await_message, hydraxis, running::Running, shared, signal, succeed, wait_for,
 };
 use control_proc::commission::{Experiment, ExperimentOptions, ExperimentRecord, Outcome, analyse};
 use pipeline::{
@@ -218,7 +218,7 @@ fn in_one_process(machine: &Machine, axis: usize, options: &ExperimentOptions) -
 #[test]
 fn an_axis_is_commissioned_over_the_channels_as_in_one_process() {
     const AXIS: usize = 3;
-    let _alone = alone();
+    let _cores = shared();
     let machine = Machine::load(None, &[("scenario".to_owned(), "nominal".to_owned())]).unwrap();
     let options = ExperimentOptions::default();
     let mut group = TestGroup::new("experiment");

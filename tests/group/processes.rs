@@ -2,7 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use crate::harness::{TestGroup, files, hydraxis, is_running, running::Running, signal, succeed, wait_for};
+use crate::harness::{
+    TestGroup, alone, files, hydraxis, is_running, running::Running, shared, signal, succeed, wait_for,
+};
 use pipeline::{
     channel::Publisher,
     message::{CoefficientSnapshot, EncoderReading, EncoderSample, Header, StageHealth},
@@ -12,6 +14,7 @@ use rustix::process::Signal;
 
 #[test]
 fn ctrl_c_stops_all_four_within_a_second_and_leaves_nothing() {
+    let _cores = shared();
     let mut running = Running::start("ctrl-c");
     assert!(running.pids.iter().all(|pid| is_running(*pid)));
     assert!(!running.group.files().is_empty());
@@ -27,6 +30,7 @@ fn ctrl_c_stops_all_four_within_a_second_and_leaves_nothing() {
 
 #[test]
 fn a_killed_stage_that_is_not_to_be_started_again_ends_the_run_and_is_named() {
+    let _cores = shared();
     let mut running = Running::start_with("killed", &["--duration", "60s", "--set", "stage.ident-proc.restart=never"]);
     signal(running.pid(StageKind::IdentProc), Signal::KILL);
     let text = running.expect_end(1).stderr;
@@ -47,6 +51,7 @@ fn a_stopped_stage_in_lock_step_ends_the_run_after_a_bound() {
 
 #[test]
 fn stages_do_not_outlive_a_killed_supervisor_and_the_next_run_cleans_up() {
+    let _cores = shared();
     let mut running = Running::start("orphans");
     let started = Instant::now();
     signal(running.supervisor.id(), Signal::KILL);
@@ -113,6 +118,7 @@ fn send_times(publisher: &Publisher<EncoderSample>, sequence: &mut u64) -> (u64,
 
 #[test]
 fn a_stopped_or_killed_reader_does_not_slow_a_writer() {
+    let _cores = alone();
     let mut group = TestGroup::new("reader");
     let channels = group.join();
     let publisher = channels.publisher::<EncoderSample>().unwrap();
@@ -137,6 +143,7 @@ fn a_stopped_or_killed_reader_does_not_slow_a_writer() {
 
 #[test]
 fn a_second_group_of_the_same_name_is_refused() {
+    let _cores = shared();
     let running = Running::start("twice");
     let second =
         hydraxis().args(["run", "--duration", "1s", "--prefix", &running.group.prefix.to_string()]).output().unwrap();

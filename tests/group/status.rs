@@ -1,6 +1,6 @@
 //! `hydraxis status`: what it shows of a running group, and that it only looks.
 
-use crate::harness::{TestGroup, hydraxis, running::Running, signal, wait_for};
+use crate::harness::{TestGroup, hydraxis, running::Running, shared, signal, wait_for};
 use pipeline::{channel::Reader, message::EncoderSample, stage::StageKind};
 use rustix::process::Signal;
 use serde_json::Value;
@@ -20,6 +20,7 @@ fn status(running: &Running, arguments: &[&str]) -> (Value, Option<i32>) {
 
 #[test]
 fn a_running_group_is_shown_with_its_stages_channels_and_axes() {
+    let _cores = shared();
     let running = start("status");
     let (status, code) = status(&running, &[]);
     assert_eq!(code, Some(0));
@@ -55,6 +56,7 @@ fn a_running_group_is_shown_with_its_stages_channels_and_axes() {
 
 #[test]
 fn a_reset_counts_from_zero_again_without_a_gap() {
+    let _cores = shared();
     let running = start("status-reset");
     let channels = running.group.join();
     let mut samples: Reader<EncoderSample> = channels.reader().unwrap();
@@ -81,6 +83,7 @@ fn a_reset_counts_from_zero_again_without_a_gap() {
 
 #[test]
 fn a_stage_that_is_silent_is_named() {
+    let _cores = shared();
     let running = start("status-silent");
     let (status, _) = status(&running, &[]);
     let pid = status["stages"]["ident-proc"]["pid"].as_u64().unwrap() as u32;

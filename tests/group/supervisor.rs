@@ -1,7 +1,7 @@
 //! What `hydraxis run` does when stages die, hang, do not end, or cannot be started.
 
 use std::{
-    io::{BufRead, BufReader, Read},
+    io::{BufRead, BufReader},
     os::unix::net::UnixDatagram,
     path::PathBuf,
     process::{ChildStdin, Stdio},
@@ -9,7 +9,11 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::harness::{PATIENCE, TestGroup, alone, hydraxis, is_running, running::Running, signal, wait_for};
+use crate::harness::{
+    PATIENCE, TestGroup, alone, hydraxis, is_running,
+    running::{Running, text},
+    shared, signal, wait_for,
+};
 use pipeline::{
     channel::Reader,
     message::{ControlMode, EncoderSample, StageHealth, ValveCommand, control_flag},
@@ -20,12 +24,6 @@ use serde_json::json;
 
 const NOTHING: Vec<PathBuf> = Vec::new();
 
-fn text(mut pipe: impl Read) -> String {
-    let mut text = String::new();
-    pipe.read_to_string(&mut text).unwrap();
-    text
-}
-
 /// A shell script in the place of ident-proc.
 fn script(script: &str) -> String {
     let words = serde_json::to_string(&["/bin/sh", "-c", script, "sh"]).unwrap();
@@ -34,7 +32,7 @@ fn script(script: &str) -> String {
 
 #[test]
 fn a_killed_identifier_comes_back_and_the_run_ends_well() {
-    let _alone = alone();
+    let _cores = shared();
     let mut running = Running::start_with("ident", &["--duration", "3s", "--json", "-"]);
     let channels = running.group.join();
     let mut health = channels.reader().unwrap();
@@ -59,7 +57,7 @@ fn await_motion(commands: &mut Reader<ValveCommand>) {
 
 #[test]
 fn a_controller_that_was_killed_in_motion_comes_back_disarmed() {
-    let _alone = alone();
+    let _cores = shared();
     let mut running = Running::start_with("control", &["--duration", "60s", "--set", "timing.feedback_timeout=5s"]);
     let channels = running.group.join();
     let mut commands: Reader<ValveCommand> = channels.reader().unwrap();
@@ -85,7 +83,7 @@ fn a_controller_that_was_killed_in_motion_comes_back_disarmed() {
 
 #[test]
 fn a_killed_acquisition_latches_the_controller_and_comes_back_with_higher_numbers() {
-    let _alone = alone();
+    let _cores = alone();
     let mut running = Running::start("sensor");
     let channels = running.group.join();
     let mut samples: Reader<EncoderSample> = channels.reader().unwrap();
@@ -120,7 +118,7 @@ fn a_killed_acquisition_latches_the_controller_and_comes_back_with_higher_number
 
 #[test]
 fn too_many_deaths_end_the_run_with_the_first_cause() {
-    let _alone = alone();
+    let _cores = shared();
     let mut running = Running::start("limit");
     let channels = running.group.join();
     let mut health = channels.reader().unwrap();
@@ -138,7 +136,7 @@ fn too_many_deaths_end_the_run_with_the_first_cause() {
 
 #[test]
 fn a_killed_machine_ends_the_run_and_the_first_of_two_deaths_is_the_cause() {
-    let _alone = alone();
+    let _cores = shared();
     let mut running = Running::start("plant");
     let ident = running.pid(StageKind::IdentProc);
     signal(ident, Signal::KILL);
@@ -153,7 +151,7 @@ fn a_killed_machine_ends_the_run_and_the_first_of_two_deaths_is_the_cause() {
 
 #[test]
 fn a_stage_that_hangs_is_killed_and_starts_again() {
-    let _alone = alone();
+    let _cores = shared();
     let mut running = Running::start("hung");
     let channels = running.group.join();
     let mut health = channels.reader().unwrap();
@@ -208,14 +206,14 @@ fn a_stage_that_does_not_end_with_its_input_is_ended() {
     });
     drop(stage.stdin.take());
     let status = wait_for("its end", || stage.try_wait().unwrap());
-    let said = text(stage.stderr.take().unwrap());
+    let said = text(stage.stderr.take());
     assert_eq!(status.code(), Some(1), "{said}");
     assert!(said.contains("whoever started it is gone, and it did not end within 500ms"), "{said}");
 }
 
 #[test]
 fn a_supervisor_that_is_asked_to_end_ends_well() {
-    let _alone = alone();
+    let _cores = shared();
     for asked in [Signal::TERM, Signal::HUP] {
         let mut running = Running::start("asked");
         signal(running.supervisor.id(), asked);
@@ -230,7 +228,7 @@ fn a_supervisor_that_is_asked_to_end_ends_well() {
 
 #[test]
 fn a_program_that_ignores_the_signal_is_killed_with_its_child() {
-    let _alone = alone();
+    let _cores = shared();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("pid");
     let stubborn = script(&format!("trap '' TERM; sleep 1000 & echo $! > {}; wait; sleep 1000", file.display()));
@@ -264,7 +262,7 @@ fn a_program_that_ignores_the_signal_is_killed_with_its_child() {
 
 #[test]
 fn a_stage_that_cannot_be_set_up_ends_the_run_with_its_message() {
-    let _alone = alone();
+    let _cores = shared();
     let group = TestGroup::new("setup");
     let broken = script("echo there is no bus >&2; exit 3");
     let output = hydraxis().args(["run", "--prefix", &group.prefix.to_string(), "--set", &broken]).output().unwrap();
@@ -277,7 +275,7 @@ fn a_stage_that_cannot_be_set_up_ends_the_run_with_its_message() {
 
 #[test]
 fn a_stage_that_ends_well_before_its_time_starts_again() {
-    let _alone = alone();
+    let _cores = shared();
     let group = TestGroup::new("early");
     let early = script("sleep 1.5");
     let arguments = ["run", "--prefix", &group.prefix.to_string(), "--duration", "2s", "--set", &early];
@@ -289,7 +287,7 @@ fn a_stage_that_ends_well_before_its_time_starts_again() {
 
 #[test]
 fn lines_of_the_stages_are_whole_and_go_to_a_file_too() {
-    let _alone = alone();
+    let _cores = shared();
     let (group, folder) = (TestGroup::new("lines"), tempfile::tempdir().unwrap());
     let talk =
         "trap 'exit 0' TERM; while :; do printf 'one '; printf 'uno ' >&2; sleep 0.01; echo two; echo due >&2; done";
@@ -319,7 +317,7 @@ fn lines_of_the_stages_are_whole_and_go_to_a_file_too() {
 
 #[test]
 fn a_flood_of_lines_that_nobody_reads_holds_nobody_up() {
-    let _alone = alone();
+    let _cores = alone();
     let flood = script("exec yes a line that nobody reads");
     let mut running = Running::spawn(
         "flood",
@@ -384,7 +382,7 @@ fn listen(socket: &UnixDatagram, until: &str) -> Vec<(String, Instant)> {
 
 #[test]
 fn a_service_manager_hears_of_start_life_and_end() {
-    let _alone = alone();
+    let _cores = shared();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("notify");
     let socket = UnixDatagram::bind(&path).unwrap();

@@ -9,13 +9,18 @@ use std::sync::OnceLock;
 use control_proc::Controller;
 use ident_proc::Identifiers;
 use pipeline::{
-    machine::{Machine, ModelChoice, ReferenceSource, model_settings},
+    machine::{Machine, ModelChoice, ReferenceSource, Scenario, model_settings},
     message::{CoefficientSnapshot, EncoderReading, EncoderSample, Reference, ValveCommand},
 };
 use plant_sim::PlantSim;
 use sensor_proc::source::Acquisition;
 
 use crate::harness::cli;
+
+/// The scenarios of the closed loop.
+fn scenarios() -> Vec<Scenario> {
+    Scenario::built_in().into_iter().filter(|scenario| scenario.commands.is_empty()).collect()
+}
 
 /// What commissioning finds of the built-in machine, as settings; found once.
 fn commissioned() -> &'static [(String, String)] {

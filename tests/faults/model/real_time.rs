@@ -43,6 +43,7 @@ impl Each {
     }
 }
 
+/// Row 23: after `ident-proc` is killed, the axes go on with the last model, later at half speed.
 #[test]
 fn row_23_a_killed_identifier_stops_nobody() {
     let _alone = alone();
@@ -103,6 +104,7 @@ fn row_23_a_killed_identifier_stops_nobody() {
     running.interrupt();
 }
 
+/// Row 24: a flood of snapshots does not delay the controller.
 #[test]
 fn row_24_a_flood_of_snapshots_delays_nobody() {
     let _alone = alone();

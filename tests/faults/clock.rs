@@ -1,8 +1,8 @@
 //! Time bounds of the table of faults, and what is asserted in their place on a busy machine.
 //!
-//! The bounds hold on a machine with a real-time kernel and idle cores. With `HYDRAXIS_STRICT_TIMING=1` they are asserted
-//! as they are. Otherwise the assertion is scaled, for machines without such a kernel and with other work to do. Both
-//! figures and the measured time are printed.
+//! The bounds hold on a machine with a real-time kernel and idle cores. With `HYDRAXIS_STRICT_TIMING=1` they are
+//! asserted as they are. Otherwise the assertion is scaled, for machines without such a kernel and with other work to
+//! do. Both figures and the measured time are printed.
 
 use std::time::Duration;
 

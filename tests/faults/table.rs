@@ -1,7 +1,7 @@
 //! The table of faults in the documentation and the tests name each other.
 //!
-//! A row of the table begins with its number. Its last column names tests as `file::function`, or says that the fault is
-//! not covered. A fault test is a function `row_N_..`, and its documentation begins with `Row N:`.
+//! A row of the table begins with its number. Its last column names tests as `file::function`, or says that the fault
+//! is not covered. A fault test is a function `row_N_..`, and its documentation begins with `Row N:`.
 
 use std::{collections::BTreeMap, fs, path::Path};
 

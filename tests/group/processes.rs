@@ -1,4 +1,4 @@
-//! The process group: signals, deaths, late and dead readers.
+//! Processes of a group: signals, killed processes, late and killed readers.
 
 use std::time::{Duration, Instant};
 
@@ -93,7 +93,7 @@ fn a_late_reader_gets_the_current_snapshot() {
             snapshots.reach(sequence).unwrap().then_some(())
         });
     }
-    // Nothing more is sent: what the late reader gets is what is current.
+    // Nothing more is sent, so that the late reader gets the current snapshot.
     let mut late = channels.reader::<CoefficientSnapshot>().unwrap();
     let first = wait_for("the current snapshot", || late.read().unwrap().if_new().copied());
     assert_eq!(Some(&first), snapshots.last());
@@ -122,7 +122,7 @@ fn a_stopped_or_killed_reader_does_not_slow_a_writer() {
     let mut group = TestGroup::new("reader");
     let channels = group.join();
     let publisher = channels.publisher::<EncoderSample>().unwrap();
-    // A real stage as the reader: control-proc in lock-step, which reads one sample and waits for its snapshot.
+    // The reader is a stage: control-proc in lock-step, which reads one sample and waits for a snapshot.
     let mut health = channels.reader::<StageHealth>().unwrap();
     group.start(StageKind::ControlProc, &["--lockstep"]);
     let reader = wait_for("the reader", || health.read().unwrap().if_new().map(|health| health.pid));
@@ -135,7 +135,7 @@ fn a_stopped_or_killed_reader_does_not_slow_a_writer() {
     wait_for("the reader to die", || (!is_running(reader)).then_some(()));
     let killed = send_times(&publisher, &mut sequence);
     eprintln!("send, ns, p50 and p99: living {living:?}, stopped {stopped:?}, killed {killed:?}");
-    // A writer that waited would take milliseconds; these are ratios of medians in one run.
+    // A writer that waited would take milliseconds. Medians of one run are compared.
     for (name, times) in [("stopped", stopped), ("killed", killed)] {
         assert!(times.0 < 5 * living.0.max(200), "{name}: {times:?} against {living:?}");
     }

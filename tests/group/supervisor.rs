@@ -1,4 +1,4 @@
-//! What `hydraxis run` does when stages die, hang, do not end, or cannot be started.
+//! The supervisor, `hydraxis run`: stages that are killed, hang, do not end, or cannot be started.
 
 use std::{
     io::{BufRead, BufReader},
@@ -24,7 +24,7 @@ use serde_json::json;
 
 const NOTHING: Vec<PathBuf> = Vec::new();
 
-/// A shell script in the place of ident-proc.
+/// A setting by which a shell script is run in the place of ident-proc.
 fn script(script: &str) -> String {
     let words = serde_json::to_string(&["/bin/sh", "-c", script, "sh"]).unwrap();
     format!("stage.ident-proc.command={words}")
@@ -106,7 +106,7 @@ fn a_killed_acquisition_latches_the_controller_and_comes_back_with_higher_number
     });
     let dead = killed.elapsed().as_millis() as u64 / 10;
     assert!((10..=dead + 1).contains(&gap), "{gap} ticks left out in {dead} periods");
-    // What it missed it does not make good by moving on its own.
+    // The new samples do not release the axes.
     wait_for("commands from the new samples", || {
         let command = commands.read().unwrap().if_new()?;
         assert!(command.header.sequence < last || latched(command));
@@ -178,7 +178,7 @@ fn a_stage_ends_when_its_input_does() {
         .unwrap();
     wait_for("the stage", || health.read().unwrap().if_new().map(|_| ()));
     let mut stdin: Option<ChildStdin> = stage.stdin.take();
-    // What is written into it means nothing.
+    // Text on standard input is ignored.
     std::io::Write::write_all(stdin.as_mut().unwrap(), b"text\n").unwrap();
     assert!(stage.try_wait().unwrap().is_none());
     drop(stdin);
@@ -191,7 +191,7 @@ fn a_stage_that_does_not_end_with_its_input_is_ended() {
     let (group, folder) = (TestGroup::new("eof-stuck"), tempfile::tempdir().unwrap());
     let fifo = folder.path().join("path.csv");
     rustix::fs::mknodat(rustix::fs::CWD, &fifo, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
-    // It reads its reference from a pipe that nobody writes into, and so never comes to look at its stop flag.
+    // The stage reads its reference from a pipe without a writer, and so it never comes to read its stop flag.
     let mut stage = hydraxis()
         .args(["control-proc", "--prefix", &group.prefix.to_string(), "--parent", &std::process::id().to_string()])
         .args(["--set", "axis.boom.reference.kind=trajectory"])
@@ -299,7 +299,7 @@ fn lines_of_the_stages_are_whole_and_go_to_a_file_too() {
         .unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{said}");
-    // What a shell says of its killed child is its own.
+    // After that the shell itself may write a message about its killed child.
     let before = said.lines().take_while(|line| *line != "ident-proc: asked to end");
     let talked: Vec<&str> = before.filter_map(|line| line.strip_prefix("ident-proc | ")).collect();
     assert!(talked.len() > 5 && talked.contains(&"one two") && talked.contains(&"uno due"), "{said}");
@@ -325,7 +325,7 @@ fn a_flood_of_lines_that_nobody_reads_holds_nobody_up() {
         &[StageKind::PlantSim, StageKind::ControlProc, StageKind::SensorProc],
         |_| (),
     );
-    // Standard error is full within milliseconds, and is not read before the stages have ended.
+    // The pipe of standard error is full within milliseconds. It is read only after the stages have ended.
     wait_for("the stages' end", || running.none_runs().then_some(()));
     let said = running.expect_end(0);
     assert!(said.stderr.contains("ident-proc | a line that nobody reads\n"));
@@ -366,7 +366,7 @@ fn everything_that_is_wrong_is_said_at_once_and_nothing_is_started() {
     assert_eq!((code, said.matches("core 1000").count()), (Some(0), 1), "warned of once: {said}");
 }
 
-/// What comes over a service manager's socket until it has come.
+/// Messages to the service manager, with their times, up to the first one that begins with `until`.
 fn listen(socket: &UnixDatagram, until: &str) -> Vec<(String, Instant)> {
     let (mut heard, mut bytes) = (Vec::new(), [0; 4096]);
     loop {

@@ -1,4 +1,4 @@
-//! Rows 23 and 24, by the clock.
+//! Rows 23 and 24, in real time.
 
 use std::time::{Duration, Instant};
 
@@ -23,7 +23,7 @@ use crate::{
     },
 };
 
-/// Settings with which a busy machine latches nothing by itself.
+/// Settings with which a busy computer latches nothing by itself.
 fn patient(model: &[&str]) -> Vec<String> {
     let mut settings = trained_soon();
     settings.push("timing.feedback_timeout=5s".to_owned());
@@ -31,12 +31,12 @@ fn patient(model: &[&str]) -> Vec<String> {
     settings
 }
 
-/// The axes of which something has been seen, be it at different times.
+/// Axes for which a condition was seen, at the same time or not.
 #[derive(Default)]
 struct Each([bool; AXES]);
 
 impl Each {
-    /// Looks at one more command; whether it has been seen of all.
+    /// Takes one more command. Returns whether the condition was seen of all axes.
     fn take(&mut self, command: &ValveCommand, is_it: impl Fn(&AxisCommand) -> bool) -> bool {
         self.0.iter_mut().zip(&command.axes).for_each(|(seen, axis)| *seen |= is_it(axis));
         self.0 == [true; AXES]
@@ -56,7 +56,7 @@ fn row_23_a_killed_identifier_stops_nobody() {
         is_by_model(axis) && axis.flags & (control_flag::MODEL_STALE | control_flag::HALF_SPEED) == 0
     };
     let all = |command: &ValveCommand, is: &dyn Fn(&AxisCommand) -> bool| command.axes[..AXES].iter().all(is);
-    // Gaps before the fault are the machine's own.
+    // Gaps before the fault come from the computer.
     let (mut last, mut gaps) = (None, [0u64; 2]);
     let mut count = |header: &Header, place: usize| {
         let gap = last.replace(header.sequence).map_or(0, |last: u64| header.sequence.saturating_sub(last + 1));
@@ -86,10 +86,10 @@ fn row_23_a_killed_identifier_stops_nobody() {
         if all(command, &|axis| axis.flags & control_flag::HALF_SPEED != 0) {
             slow.get_or_insert(at);
             slow_ticks += 1;
-            // Half of the way from the smallest dead band to the limit, once the command has come down to it.
+            // Half of the range from the smallest dead band to the limit, after 20 ticks for the way to it.
             assert!(slow_ticks < 20 || all(command, &|axis| axis.command.abs() < 0.55));
         }
-        // Only of the next life: the last model of the one before is stale by then.
+        // Only models of the new ident-proc: those of the killed one are stale by then.
         (slow.is_some() && fine.take(command, is_fine)).then_some(())
     });
     let (stale, slow) = (stale.unwrap(), slow.unwrap());
@@ -118,7 +118,7 @@ fn row_24_a_flood_of_snapshots_delays_nobody() {
     group.start_all_but(StageKind::IdentProc, &[&["--arm"], &set(&settings)[..]].concat());
     let mut core = Identifiers::new(&machine);
     let mut snapshot = CoefficientSnapshot::default();
-    // One snapshot for every sample, and between them as many again as `flood` asks for.
+    // Sends one snapshot for every sample, and with `flood` one more at every call.
     let mut identify = |flood: bool| {
         while let Some(sample) = samples.read().unwrap().if_new() {
             commands.reach(sample.header.sequence.saturating_sub(1)).unwrap();
@@ -149,7 +149,7 @@ fn row_24_a_flood_of_snapshots_delays_nobody() {
         signal(pid, Signal::USR1);
         let (mut sent, mut ticks, mut last) = (0, 0, seen.last().map(|command| command.header.sequence));
         let figure = wait_for("a second", || {
-            // The wait itself is of a fraction of a millisecond; a millisecond is between two of these.
+            // One call per millisecond.
             let until = monotonic_ns() + 1_000_000;
             sent += identify(flood);
             while let Some(command) = seen.read().unwrap().if_new() {
@@ -181,10 +181,10 @@ fn row_24_a_flood_of_snapshots_delays_nobody() {
     }
     let ((calm, ..), (flooded, channel, sent)) = (figures[0], figures[1]);
     assert!(sent > 3 * flooded.samples, "a flood: {sent} for {}", flooded.samples);
-    // What is on the way is neither read nor lost yet.
+    // Snapshots on the way are neither read nor lost yet.
     let accounted = channel.received + channel.lost;
     assert!(accounted + 500 >= sent && channel.received > flooded.samples, "{accounted} of {sent}");
-    // The middle says more than the tail, of which a busy machine makes what it likes.
+    // The median says more than the tail, which depends on the load of the computer.
     assert!(flooded.work.p50 <= 10 * calm.work.p50, "{} ns for {} ns", flooded.work.p50, calm.work.p50);
     judge("row 24", "work, p99", Duration::from_nanos(flooded.work.p99), Duration::from_nanos(calm.work.p99));
     judge("row 24", "wait, p99", Duration::from_nanos(flooded.wait.p99), Duration::from_nanos(calm.wait.p99));

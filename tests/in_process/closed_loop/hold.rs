@@ -1,9 +1,9 @@
 //! A minute of standstill after a motion, in every scenario of the closed loop.
 //!
 //! The axes move until all changes of a scenario are over, so that the models have something to learn from. Then the
-//! reference moves once more and stands. An axis is steady if its command is neutral most of the time, changes its
-//! direction no more than once in ten seconds, and if its position stays near the set point. A limit cycle would show in
-//! all three.
+//! reference moves once more and stands. An axis is steady if its command is neutral most of the time and changes its
+//! direction no more than once in ten seconds, and if its position stays near the set point. A limit cycle would show
+//! in all three.
 
 use std::sync::OnceLock;
 
@@ -169,7 +169,8 @@ fn the_model_stays_within_a_millimetre_for_a_minute_in_every_scenario() {
 const MENDED: &str = "the list of known defects has changed: shorten it where an axis is steady now; once it is empty, \
                       turn the test round, so that it asserts a steady axis in every scenario";
 
-/// Axes that are not steady under the model, with the share of the time for which their command is neutral, and the travel.
+/// Axes that are not steady under the model, with the share of the time for which their command is neutral, and their
+/// travel.
 const MODEL_DEFECTS: [&str; 6] = [
     "dead-band-drift bucket", // 87 %, 0.35 mm
     "valve-wear arm",         // 77 %, 1.48 mm, 52 reversals
@@ -179,8 +180,8 @@ const MODEL_DEFECTS: [&str; 6] = [
     "everything bucket",      // 75 %, 0.57 mm
 ];
 
-/// Axes that are not steady under the fallback, with the share of the time for which their command is neutral, and the
-/// travel.
+/// Axes that are not steady under the fallback, with the share of the time for which their command is neutral, and
+/// their travel.
 const FALLBACK_DEFECTS: [&str; 9] = [
     "payload boom",              // 97 %, 1.27 mm
     "dead-band-drift arm",       // 87 %, 0.26 mm

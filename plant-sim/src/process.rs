@@ -45,7 +45,7 @@ impl Process {
     fn new(machine: &Machine, options: &StageOptions, group: &Group) -> Result<Self, StageError> {
         let lock_step = options.clock == Clock::LockStep;
         Ok(Self {
-            plant: PlantSim::new(machine, options.seed).map_err(|error| StageError::Setup(error.to_string()))?,
+            plant: PlantSim::new(machine, options.seed).map_err(StageError::setup)?,
             period: machine.timing.period,
             readings: group.publisher()?,
             commands: group.reader()?,

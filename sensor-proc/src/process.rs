@@ -188,7 +188,7 @@ struct Recorded {
 impl Recorded {
     fn new(machine: &Machine, file: &Path, clock: Clock, first_tick: u64, group: &Group) -> Result<Self, StageError> {
         Ok(Self {
-            core: Replay::new(machine, file).map_err(|error| StageError::Setup(error.to_string()))?,
+            core: Replay::new(machine, file).map_err(StageError::setup)?,
             output: Output::new(group, clock)?,
             commands: group.publisher()?,
             snapshots: if clock == Clock::LockStep { Some(group.reader()?) } else { None },

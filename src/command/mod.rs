@@ -16,7 +16,7 @@ use clap::{Parser, Subcommand};
 
 use pipeline::stage::StageKind;
 
-use crate::{arguments::MachineFile, failure::Failure};
+use crate::failure::Failure;
 use bench::Bench;
 use clean::CleanArguments;
 use commission::CommissionArguments;
@@ -65,7 +65,7 @@ pub enum Command {
     #[command(subcommand)]
     Bench(Bench),
     /// Check a machine file and say everything that is wrong with it
-    Check(MachineFile),
+    Check(check::Check),
     /// Say whether this computer is fit for real time, what is not, and what to do about it
     Doctor(DoctorArguments),
     /// Remove what dead groups have left in shared memory and beside it

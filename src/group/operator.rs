@@ -12,7 +12,7 @@ use std::{
 };
 
 use pipeline::{
-    channel::{ChannelError, Group, Listener, Prefix, Publisher, Reader},
+    channel::{Group, Listener, Prefix, Publisher, PublisherError, Reader},
     machine::Machine,
     message::{
         AxisCommand, AxisMode, AxisRequest, EncoderSample, Header, Request, ValveCommand, bit_names, control_flag,
@@ -62,8 +62,8 @@ impl Operator {
         // An operator that was killed would hold its place for good.
         group.bury_the_dead();
         let requests = group.publisher::<Request>().map_err(|error| match error {
-            ChannelError::Open { .. } => {
-                Failure::Run(format!("{error}: another program operates group \"{prefix}\"; end that one first"))
+            PublisherError::TooManyPublishers { .. } => {
+                Failure::Run(format!("another program operates group \"{prefix}\"; end that one first ({error})"))
             }
             other => Failure::run(other),
         })?;

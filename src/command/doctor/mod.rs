@@ -57,10 +57,10 @@ pub fn run(arguments: &DoctorArguments) -> Result<(), Failure> {
     let priority = needs.priority.unwrap_or(1);
     let tried = Tried {
         // On a thread of its own, which takes the priority with it.
-        fifo: std::thread::spawn(move || schedule(priority))
+        fifo: std::thread::spawn(move || schedule(priority).map_err(|error| error.to_string()))
             .join()
             .unwrap_or_else(|_| Err("the thread died".to_owned())),
-        lock: lock_memory(),
+        lock: lock_memory().map_err(|error| error.to_string()),
     };
     let mut findings = examine(&system, &needs, &tried);
     findings.push(rights::leftovers(&groups()));

@@ -1,5 +1,10 @@
 //! `hydraxis check`: everything that can be known to be wrong before anything starts.
 
+mod explain;
+
+use std::path::PathBuf;
+
+use clap::Args;
 use control_proc::Controller;
 use pipeline::machine::{Machine, Source};
 use plant_sim::PlantSim;
@@ -11,10 +16,32 @@ use crate::{
     report::output::show,
 };
 
+/// `check`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  hydraxis check my.toml                           what is wrong with the file, or that nothing is
+  hydraxis check my.toml --model model.toml --explain         every value, where it comes from and what is allowed
+  hydraxis check --explain --json - | jq '.[] | select(.key == \"axis.boom.identification.nk\")'")]
+pub struct Check {
+    /// The machine
+    #[command(flatten)]
+    pub machine: MachineFile,
+    /// Show the effective value of every key, where it comes from, and what is allowed
+    #[arg(long)]
+    pub explain: bool,
+    /// Write the effective values as JSON, to a file or to standard output with -
+    #[arg(long, value_name = "FILE", requires = "explain")]
+    pub json: Option<PathBuf>,
+}
+
 /// Checks a machine file and says what it describes.
-pub fn run(arguments: &MachineFile) -> Result<(), Failure> {
-    let machine = load(arguments)?;
+pub fn run(arguments: &Check) -> Result<(), Failure> {
+    let machine = load(&arguments.machine)?;
     deep(&machine)?;
+    if arguments.explain {
+        return explain::run(arguments);
+    }
     let names: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
     let source = match &machine.source {
         Source::Sim => "simulated".to_owned(),

@@ -20,7 +20,7 @@ use pipeline::{
 };
 use plant_sim::PlantSim;
 use rustix::process::Signal;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
 /// A running group whose axes are off, and a program that operates it.
 struct Operated {

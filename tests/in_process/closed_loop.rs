@@ -13,7 +13,7 @@ use pipeline::{
     message::{CoefficientSnapshot, EncoderReading, EncoderSample, Reference, ValveCommand},
 };
 use plant_sim::PlantSim;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
 use crate::harness::cli;
 

@@ -8,7 +8,7 @@ use clap::Args;
 use control_proc::Controller;
 use pipeline::machine::{Machine, Source};
 use plant_sim::PlantSim;
-use sensor_proc::source::Replay;
+use sensor_proc::{Recording, Replay};
 
 use crate::{
     arguments::{MachineFile, load},
@@ -65,8 +65,8 @@ pub fn deep(machine: &Machine) -> Result<Option<u64>, Failure> {
         problems.extend(Controller::new(&alone).err().map(|error| error.to_string()));
         match &machine.source {
             Source::Sim => problems.extend(PlantSim::new(&alone, 0).err().map(|error| error.to_string())),
-            Source::Replay(file) => match Replay::new(&alone, file) {
-                Ok(replay) => rows = Some(replay.len()),
+            Source::Replay(file) => match Recording::read_all(&alone, file) {
+                Ok(recordings) => rows = Some(Replay::new(&alone, recordings).len()),
                 Err(error) => problems.push(format!("source.file: {error}")),
             },
         }

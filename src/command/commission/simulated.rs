@@ -6,7 +6,7 @@ use pipeline::{
     message::ValveCommand,
 };
 use plant_sim::PlantSim;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
 use crate::failure::Failure;
 

@@ -4,7 +4,7 @@ use pipeline::{
     machine::{Estimator, Form, Identification},
     message::{AxisSnapshot, bit_names, model_fault},
 };
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 use serde::Serialize;
 
 use super::{residuals::Residuals, run::identify};
@@ -68,7 +68,7 @@ struct Row {
 }
 
 /// Runs them all.
-pub fn compare(settings: &Identification, record: &Record) -> Comparison {
+pub fn compare(settings: &Identification, record: &Recording) -> Comparison {
     let runs = runs(settings);
     let progress = progress(runs.len() as u64, "estimators");
     let mut rows: Vec<Row> = Vec::new();

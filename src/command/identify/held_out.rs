@@ -19,7 +19,7 @@ use pipeline::{
     machine::{Identification, IdentifiedOutput, Split},
     statistics::ErrorStatistics,
 };
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 use serde::Serialize;
 
 /// Part of the training rows that structures are fitted on.
@@ -75,7 +75,7 @@ pub struct Candidate {
 
 impl<'a> HeldOut<'a> {
     /// Divides the training part of a record.
-    pub fn new(settings: &Identification, record: &'a Record) -> Self {
+    pub fn new(settings: &Identification, record: &'a Recording) -> Self {
         let inputs = &record.inputs[..settings.training];
         let positions = &record.outputs[..settings.training];
         let outputs = match settings.output {

@@ -12,7 +12,7 @@ mod settings;
 mod structure;
 
 use pipeline::machine::Identification;
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 
 use crate::{
     failure::Failure,
@@ -29,7 +29,8 @@ use settings::{Typed, check_estimator, settings};
 pub fn run(arguments: &IdentifyArguments) -> Result<(), Failure> {
     let typed = Typed::new(arguments)?;
     let period = arguments.period.map(|period| period.as_secs_f64());
-    let record = Record::read(&arguments.data, &arguments.input, &arguments.output, period).map_err(Failure::usage)?;
+    let record =
+        Recording::read(&arguments.data, &arguments.input, &arguments.output, period).map_err(Failure::usage)?;
     let mut settings = settings(arguments, &typed, &record)?;
     let output = Output::open(arguments.json.as_deref())?;
     let selection = if arguments.select { Some(search(&settings, &typed, &record)?) } else { None };
@@ -48,7 +49,7 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), Failure> {
     output.write(|| report.tables(&arguments.data), &report)
 }
 
-fn search(settings: &Identification, typed: &Typed, record: &Record) -> Result<Selection, Failure> {
+fn search(settings: &Identification, typed: &Typed, record: &Recording) -> Result<Selection, Failure> {
     let progress = progress(0, "structures");
     let selection = select(settings, typed, record, &progress);
     progress.finish_and_clear();

@@ -9,7 +9,7 @@ use pipeline::{
     message::{bit_names, model_fault},
     statistics::ErrorStatistics,
 };
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 use serde::Serialize;
 
 use super::{
@@ -102,7 +102,7 @@ impl Report {
     /// After the last sample.
     pub fn new(
         settings: &Identification,
-        record: &Record,
+        record: &Recording,
         identifier: &Identifier,
         residuals: &Residuals,
         ns_per_update: f64,

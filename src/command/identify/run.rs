@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use ident_proc::Identifier;
 use pipeline::machine::Identification;
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 
 use super::residuals::Residuals;
 
@@ -15,7 +15,7 @@ const SAMPLES_PER_CALL: usize = 65_536;
 /// models. `seen` is told now and then how many samples have passed; `residuals` gets those of the samples after training.
 pub fn identify(
     settings: &Identification,
-    record: &Record,
+    record: &Recording,
     seen: impl Fn(u64),
     residuals: &mut Residuals,
 ) -> (Identifier, f64) {

@@ -16,7 +16,7 @@ use pipeline::{
     hammerstein::Structure,
     machine::{Identification, IdentifiedOutput},
 };
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 use serde::Serialize;
 
 use super::{
@@ -58,7 +58,12 @@ pub struct Chosen {
 }
 
 /// Searches from the structure of the settings on; nothing when it cannot be fitted.
-pub fn select(settings: &Identification, typed: &Typed, record: &Record, progress: &ProgressBar) -> Option<Selection> {
+pub fn select(
+    settings: &Identification,
+    typed: &Typed,
+    record: &Recording,
+    progress: &ProgressBar,
+) -> Option<Selection> {
     let validation = HeldOut::new(settings, record);
     let grid = Grid::new(validation.commands(), validation.longest_delay());
     let mut search = Search { validation, seen: Vec::new(), tried: Vec::new() };

@@ -6,7 +6,7 @@ use pipeline::{
     hammerstein::{Basis, InputMap, Structure},
     machine::{Fuzzy, Identification, IdentifiedOutput, shortest_training},
 };
-use sensor_proc::record::{Record, RecordError};
+use sensor_proc::{Recording, recording::RecordingError};
 
 use super::{
     arguments::IdentifyArguments,
@@ -71,7 +71,7 @@ impl Typed {
 }
 
 /// All settings, with the paper's structure where nothing was typed.
-pub fn settings(arguments: &IdentifyArguments, typed: &Typed, record: &Record) -> Result<Identification, Failure> {
+pub fn settings(arguments: &IdentifyArguments, typed: &Typed, record: &Recording) -> Result<Identification, Failure> {
     let rows = record.outputs.len();
     let structure = typed.over(Structure::PAPER);
     let output = if arguments.velocity { IdentifiedOutput::Velocity } else { IdentifiedOutput::Position };
@@ -94,11 +94,11 @@ pub fn settings(arguments: &IdentifyArguments, typed: &Typed, record: &Record) -
         )));
     }
     if rows.saturating_sub(training) <= horizon {
-        return Err(Failure::usage(RecordError::TooFewRows {
+        return Err(Failure::usage(RecordingError::TooFewRows {
             file: arguments.data.clone(),
             rows,
             needed: training.saturating_add(horizon).saturating_add(1),
-            why: format!("to test {horizon} samples ahead after {training} for training"),
+            purpose: format!("to test {horizon} samples ahead after {training} for training"),
         }));
     }
     let mut fuzzy = match &arguments.fuzzy {

@@ -9,7 +9,7 @@ use pipeline::{
     stage::{StageKind, monotonic_ns},
 };
 use plant_sim::PlantSim;
-use sensor_proc::source::{Acquisition, Replay, is_implausible};
+use sensor_proc::{Acquisition, Recording, Replay, is_implausible};
 
 use crate::{failure::Failure, report::control_loop::LastMessages};
 
@@ -34,7 +34,9 @@ pub fn run(
         Source::Sim => {
             Ends::Live(Box::new(PlantSim::new(machine, seed).map_err(Failure::usage)?), Acquisition::new(machine))
         }
-        Source::Replay(file) => Ends::Recorded(Replay::new(machine, file).map_err(Failure::usage)?),
+        Source::Replay(file) => {
+            Ends::Recorded(Replay::new(machine, Recording::read_all(machine, file).map_err(Failure::usage)?))
+        }
     };
     let mut identifiers = Identifiers::new(machine);
     let mut controller = Controller::new(machine).map_err(Failure::usage)?;

@@ -1,7 +1,7 @@
 //! A picture of the motion: commands and positions over time, one colour per axis.
 
 use pipeline::message::ValveCommand;
-use plant_sim::AxisState;
+use plant_sim::TrueState;
 use plotters::{
     chart::ChartBuilder,
     coord::Shift,
@@ -70,7 +70,7 @@ impl Plot {
     }
 
     /// Takes the states at `t` s, and the command that is held from then on.
-    pub fn row(&mut self, t: f64, states: &[AxisState], command: &ValveCommand) {
+    pub fn row(&mut self, t: f64, states: &[TrueState], command: &ValveCommand) {
         for axis in &mut self.axes {
             let control = &command.axes[axis.index];
             axis.command.push(t, control.command);

@@ -1,4 +1,4 @@
-//! Which axes the step can integrate.
+//! The fastest rate of an axis, which decides whether the step can integrate that axis. Used at construction only.
 //!
 //! ```text
 //! h r <= 2.7        r = max(r_damping + r_bristles, r_leakage + max(r_port, r_orifice / 4)) + r_spring
@@ -11,35 +11,41 @@
 //! V          = max(V0 - A F/k_s, V0/10)        F = A' p_s + |F_L|
 //! ```
 //!
-//! h step s, r rates 1/s, at the worst that the scenario does; K with the slope of the load; V1 and V2 the least
-//! volumes, with the piston as deep in a stop as the pump on the other side, A', and the load hold it. What is stored
-//! as energy turns round with r_spring, what is lost is lost with the others, and they add up. 2.7 is a little less
-//! than where the Runge-Kutta method becomes unstable on the real axis (2.79) and on the imaginary one (2.83).
+//! h step, s; r rates, 1/s, under the worst conditions of the scenario; K stiffness including the slope of the load; V1
+//! and V2 least volumes of the chambers, with the piston as deep in a stop as the load and the pump on the other side,
+//! with the area A', push it. r_spring is the rate at which stored energy oscillates, the others are rates at which
+//! energy is lost; the two kinds are added. The Runge-Kutta method becomes unstable at 2.79 on the real axis and at
+//! 2.83 on the imaginary axis; the limit 2.7 lies a little below both.
 //!
-//! The orifice counts a quarter: its law flattens, so beyond the limit a balanced chamber chatters by about
-//! (h r_orifice)^2 p_tr/4 and no more, at the worst admitted by some 6 bar, and only with its edge fully open at
-//! the end of the stroke.
+//! A quarter of r_orifice counts, because the flow law of an orifice flattens: beyond the limit the pressure of a
+//! balanced chamber chatters by about (h r_orifice)^2 p_tr/4 and no more. For axes that are admitted this is at most
+//! about 6 bar, and only with the edge fully open at the end of the stroke.
 //!
-//! The trap: an unstable step does not always show as infinity; bounded forces chatter, and dry friction that
-//! chatters is too small on average.
+//! Trap: an unstable step does not always end in infinity. Bounded forces chatter, and dry friction that chatters is
+//! too small on average.
 
 use pipeline::machine::{Axis, Change, Hydraulics, Plant};
 
 use crate::{
+    actuator::{
+        cylinder::{Cylinder, LEAST_VOLUME},
+        friction::FASTEST_BRISTLES,
+    },
     conditions::Conditions,
-    cylinder::{Cylinder, LEAST_VOLUME},
-    friction::FASTEST_BRISTLES,
-    oil::{ADIABATIC_INDEX, ATMOSPHERE},
-    orifice::TRANSITION_PRESSURE,
+    hydraulics::{
+        oil::{ADIABATIC_INDEX, ATMOSPHERE},
+        orifice::TRANSITION_PRESSURE,
+    },
 };
 
-/// Largest product of step and rate that is integrated.
+/// Largest product of step and rate that is accepted.
 pub const STABILITY_LIMIT: f64 = 2.7;
 
-/// Part of the orifice's rate that counts, because its chatter is bounded.
+/// Part of the orifice's rate that counts; the chatter of an orifice is bounded.
 const ORIFICE_WEIGHT: f64 = 0.25;
 
-/// Fastest rate of the axis with number `index`, 1/s, at its least volumes and the worst of the scenario's `changes`.
+/// Fastest rate of the axis with the number `index`, 1/s, at its least volumes and under the worst conditions that
+/// `changes` of the scenario reach.
 pub fn fastest_rate(axis: &Axis, plant: &Plant, hydraulics: &Hydraulics, changes: &[Change], index: usize) -> f64 {
     let worst = worst(changes, hydraulics, index);
     let c = Cylinder::new(plant, axis.stroke, hydraulics, &worst);
@@ -68,19 +74,19 @@ pub fn fastest_rate(axis: &Axis, plant: &Plant, hydraulics: &Hydraulics, changes
     mechanical.max(hydraulic) + (springs * c.inverse_mass).sqrt()
 }
 
-/// Largest load either way, N, of all that the scenario does.
+/// Largest absolute load under all conditions of the scenario, N.
 fn largest_load(axis: &Axis, plant: &Plant, hydraulics: &Hydraulics, changes: &[Change], index: usize) -> f64 {
     let all = std::iter::once(Conditions::NOMINAL).chain(reached(changes, hydraulics, index));
     all.map(|now| Cylinder::new(plant, axis.stroke, hydraulics, &now).load.largest()).fold(0.0, f64::max)
 }
 
-/// Conditions at the ends of every change: a ramp is worst at one of its ends.
+/// Conditions at begin and end of every change: a ramp is worst at one of its ends.
 fn reached(changes: &[Change], hydraulics: &Hydraulics, index: usize) -> impl Iterator<Item = Conditions> {
     let times = changes.iter().flat_map(|change| [change.start, change.end]);
     times.map(move |time| Conditions::at(changes, &hydraulics.oil, index, time))
 }
 
-/// For each condition the value of the scenario that makes the axis fastest, all at once.
+/// Conditions that take for each parameter the value of the scenario that makes the axis fastest.
 fn worst(changes: &[Change], hydraulics: &Hydraulics, index: usize) -> Conditions {
     let worst = reached(changes, hydraulics, index).fold(Conditions::NOMINAL, |worst, now| Conditions {
         flow_gain: worst.flow_gain.max(now.flow_gain),
@@ -94,6 +100,7 @@ fn worst(changes: &[Change], hydraulics: &Hydraulics, index: usize) -> Condition
         viscosity: worst.viscosity.max(now.viscosity),
         ..worst
     });
-    // Thick oil makes friction worse, thin oil leakage; the cylinder divides by the first.
+    // Viscous oil has the largest friction, thin oil the largest leakage. The cylinder divides leakage by viscosity, so
+    // the largest viscosity is multiplied back.
     Conditions { leakage: worst.leakage * worst.viscosity, ..worst }
 }

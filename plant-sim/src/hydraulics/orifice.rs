@@ -4,25 +4,25 @@
 //! q = k X f(dp)        f(dp) = dp / (dp^2 + p_tr^2)^(1/4)        k = q_rated / sqrt(dp_rated)
 //! ```
 //!
-//! q m3/s, X opening in [0, 1], dp Pa across the edge, p_tr Pa; far above p_tr this is the edge of equation (3),
-//! k X sqrt(dp), with k in the place of C_d omega sqrt(2/rho); below it the flow is laminar, in proportion to dp. It
-//! is odd in dp: the flow turns with the pressure.
+//! q flow, m3/s; X opening in [0, 1]; dp pressure drop across the edge, Pa; p_tr transition pressure, Pa. Far above
+//! p_tr this is equation (3), k X sqrt(dp), with k in place of C_d omega sqrt(2/rho). Far below p_tr the flow is
+//! laminar and proportional to dp. The law is odd in dp: the flow changes its direction with the pressure drop.
 //!
-//! The trap: the square root's slope at dp = 0 is infinite, and with it the stiffness of a small chamber. p_tr makes
-//! the slope finite, k X / sqrt(p_tr); a smaller p_tr needs a smaller step ([`crate::stiffness`]).
+//! Trap: the slope of the square root is infinite at dp = 0, and so is the stiffness of a small chamber behind it. p_tr
+//! makes the slope finite, k X / sqrt(p_tr). A smaller p_tr needs a smaller step ([`crate::plant::stiffness`]).
 
 use crate::lanes::Lanes;
 
-/// p_tr, Pa: 0.2 bar, below any pressure drop that matters, and the least that the step of 100 us bears on a cylinder
-/// with half a litre of dead volume.
+/// p_tr, Pa: 0.2 bar. It lies below any pressure drop that matters, and is the least value with which the step of 100
+/// us integrates a cylinder with half a litre of dead volume.
 pub const TRANSITION_PRESSURE: f64 = 2e4;
 
-/// k = q_rated / sqrt(dp_rated), m3/(s Pa^(1/2)), of an edge that passes `rated_flow` m3/s at `rated_pressure_drop` Pa.
+/// k = q_rated / sqrt(dp_rated), m3/(s Pa^(1/2)), of an edge with `rated_flow` m3/s at `rated_pressure_drop` Pa.
 pub fn conductance(rated_flow: f64, rated_pressure_drop: f64) -> f64 {
     rated_flow / rated_pressure_drop.sqrt()
 }
 
-/// f: the square root of `pressure_drop` with its sign, smooth at zero, Pa^(1/2).
+/// f: square root of `pressure_drop` with its sign, smooth at zero, Pa^(1/2).
 #[inline]
 pub fn smooth_root(pressure_drop: Lanes) -> Lanes {
     let transition = Lanes::splat(TRANSITION_PRESSURE * TRANSITION_PRESSURE);
@@ -45,7 +45,7 @@ mod tests {
     }
 
     #[test]
-    fn the_law_is_odd_with_a_finite_slope_at_zero() {
+    fn the_flow_law_is_odd_with_a_finite_slope_at_zero() {
         assert_eq!(root(0.0), 0.0);
         for dp in [1.0, 1e3, 2e4, 1e6, 3e7] {
             assert_eq!(root(-dp), -root(dp));

@@ -1,51 +1,58 @@
-//! The oil: bulk modulus with entrained air, and viscosity.
+//! The oil: bulk modulus of oil with entrained air, and viscosity.
 //!
 //! ```text
 //! beta_e = (1 + r) / (1/beta + r/(kappa p))        r = alpha (p_a/p)^(1/kappa)
 //! log10 log10(nu + 0.7) = a - b log10 T
 //! ```
 //!
-//! beta_e Pa, of the mixture at the absolute pressure p Pa; beta Pa, of the oil alone; r volume of the air by that of
-//! the oil, alpha at atmospheric pressure p_a; kappa = 1.4, adiabatic. nu mm2/s at T K: Walther's law (ASTM D341)
-//! through two points of a data sheet.
+//! beta_e bulk modulus of the mixture at the absolute pressure p, Pa; beta bulk modulus of the oil without air, Pa; r
+//! volume of the air divided by the volume of the oil, which is alpha at the atmospheric pressure p_a; kappa = 1.4 for
+//! adiabatic compression; nu viscosity at the absolute temperature T K, mm2/s.
 //!
-//! Source of the first: the compressibilities of oil and bubbles add up by their volumes; no air dissolves. 1 % of air
-//! takes six sevenths of the modulus at 5 bar and one tenth at 50 bar.
+//! Sources: beta_e follows from adding the compressibilities of oil and bubbles, weighted by their volumes; no air
+//! dissolves. 1 % of air takes six sevenths of the modulus at 5 bar and one tenth at 50 bar. The viscosity is Walther's
+//! law (ASTM D341) through two points of a data sheet.
 //!
-//! The traps: pressures elsewhere count from the atmosphere, as a gauge does; here they are absolute. And a chamber that
-//! is pulled apart cavitates: the pressure nears zero, where the mixture has no stiffness left, and the air takes the
-//! room, which has to be filled before anything moves back. That is remembered in a pressure that is almost zero, down
-//! to 100 Pa, where the air has 139 alpha times the oil's volume; a larger cavity is forgotten.
+//! Traps: all other modules count pressures from the atmosphere, as a gauge does, but p in these equations is absolute.
+//! A chamber that is pulled apart cavitates: its pressure approaches zero, the mixture has almost no stiffness left,
+//! and the air fills the space. That space has to be filled with oil before the piston can be pushed back. The pressure
+//! represents the cavity down to 100 Pa, where the volume of the air is 139 alpha times that of the oil; the model does
+//! not represent a larger cavity.
 
-use crate::lanes::Lanes;
+use crate::lanes::{LANES, Lanes, lanes};
 
 /// p_a, Pa.
 pub const ATMOSPHERE: f64 = 101_325.0;
 
-/// kappa of air; the code takes roots of order seven for 1/kappa = 5/7.
+/// kappa of air. The code uses 1/kappa = 5/7 and takes roots of order seven.
 pub const ADIABATIC_INDEX: f64 = 1.4;
 
-/// Least pressure above the atmosphere, Pa: some 100 Pa are left.
+/// Least pressure above the atmosphere, Pa: about 100 Pa of absolute pressure are left.
 pub const LOWEST_PRESSURE: f64 = -0.999 * ATMOSPHERE;
 
-/// Newton steps from the seed, which is within 6 %, to the last bits of a seventh root.
+/// Newton steps from the seed, which is within 6 % of the seventh root, to the root's last bits.
 const NEWTON_STEPS: usize = 5;
 
 /// 0 degrees Celsius, K.
 const FREEZING: f64 = 273.15;
 
-/// The compressible mixture.
+/// Compressible mixture of oil and air.
 #[derive(Debug, Clone, Copy)]
-pub struct Oil<T> {
+pub struct OilMixture<T> {
     /// 1/beta, 1/Pa.
     pub compressibility: T,
     /// alpha.
     pub air: T,
 }
 
-impl Oil<Lanes> {
-    /// dp/dt, Pa/s, of a chamber of `volume` m3 at `pressure` Pa above the atmosphere, whose oil and walls together
-    /// come closer by `inflow` m3/s: beta_e inflow/volume.
+impl OilMixture<Lanes> {
+    /// Puts four axes side by side.
+    pub fn pack(axes: &[OilMixture<f64>; LANES]) -> Self {
+        Self { compressibility: lanes(axes, |oil| oil.compressibility), air: lanes(axes, |oil| oil.air) }
+    }
+
+    /// dp/dt = beta_e `inflow`/`volume`, Pa/s, of a chamber of `volume` m3 at `pressure` Pa above the atmosphere.
+    /// `inflow` is the flow of oil into the chamber less the growth of its volume, m3/s.
     #[inline]
     pub fn pressure_rate(&self, pressure: Lanes, inflow: Lanes, volume: Lanes) -> Lanes {
         let ratio = pressure.fast_max(Lanes::splat(LOWEST_PRESSURE)) * Lanes::splat(1.0 / ATMOSPHERE) + Lanes::ONE;
@@ -59,11 +66,12 @@ impl Oil<Lanes> {
     }
 }
 
-/// x^(-1/7) for x > 0, by Newton's method on w^-7 = x, which needs no division.
+/// x^(-1/7) for x > 0 by Newton's method on w^-7 = x, which needs no division.
 #[inline]
 fn inverse_seventh_root(x: Lanes) -> Lanes {
-    // The bits of a positive number are about its logarithm, 2^52 (log2 x + 1023): a seventh of them, from those of
-    // 1 upwards, is the seed. 1/7 = 1/8 + 1/64 + 1/512 + ..
+    // The bits of a positive number, read as an integer, are about 2^52 (log2 x + 1023). The seed therefore is the
+    // number whose bits lie below those of 1 by a seventh of what the bits of x lie above them. 1/7 = 1/8 + 1/64 +
+    // 1/512 + ..
     let seed = x.to_array().map(|x| {
         const ONE: u64 = 1.0f64.to_bits();
         let bits = x.to_bits();
@@ -93,12 +101,12 @@ mod tests {
     use super::*;
 
     fn modulus(bulk_modulus: f64, air: f64, absolute: f64) -> f64 {
-        let oil = Oil { compressibility: Lanes::splat(1.0 / bulk_modulus), air: Lanes::splat(air) };
+        let oil = OilMixture { compressibility: Lanes::splat(1.0 / bulk_modulus), air: Lanes::splat(air) };
         oil.pressure_rate(Lanes::splat(absolute - ATMOSPHERE), Lanes::ONE, Lanes::ONE).to_array()[0]
     }
 
     #[test]
-    fn the_modulus_is_the_formula_from_vacuum_to_relief() {
+    fn the_modulus_follows_the_formula_from_vacuum_to_relief_pressure() {
         for air in [1e-3, 0.01, 0.05, 0.3] {
             for absolute in [2e2, 2e3, 1e4, 5e4, ATMOSPHERE, 5e5, 2e6, 5e6, 2e7, 4e7, 1e8] {
                 let r = air * (ATMOSPHERE / absolute).powf(1.0 / 1.4);
@@ -120,17 +128,17 @@ mod tests {
     }
 
     #[test]
-    fn below_the_lowest_pressure_the_modulus_stays_that_of_the_lowest() {
+    fn the_modulus_is_constant_below_the_lowest_pressure() {
         assert_eq!(modulus(1.4e9, 0.01, -1e9), modulus(1.4e9, 0.01, 0.0));
         assert!(modulus(1.4e9, 0.01, 0.0) > 0.0);
     }
 
     #[test]
-    fn walther_goes_through_the_data_sheet_and_beyond() {
+    fn walthers_law_meets_the_data_sheet_and_extrapolates() {
         let hm_46 = (46.0, 6.8);
         assert!((viscosity(hm_46, 40.0) - 46.0).abs() < 1e-9);
         assert!((viscosity(hm_46, 100.0) - 6.8).abs() < 1e-9);
-        // ISO 3448's companion figure for a viscosity index near 100: 0 degrees, about 500 to 620 mm2/s.
+        // The figure that accompanies ISO 3448 shows 500 to 620 mm2/s at 0 degrees for a viscosity index near 100.
         let cold = viscosity(hm_46, 0.0);
         assert!((500.0..620.0).contains(&cold), "{cold}");
         assert!(viscosity(hm_46, -40.0).is_finite() && viscosity(hm_46, 120.0) > 1.0);

@@ -1,4 +1,4 @@
-//! The cylinder: control edges, two chambers, leakage, and the force balance.
+//! The cylinder: control edges, two chambers, leakage and force balance give the rates of change of one axis.
 //!
 //! ```text
 //! extend,  X >= 0:  q1 = s k X max(0, f(p_s - p1))    q2 =  k X f(p2 - p_0)          (3)
@@ -8,54 +8,64 @@
 //! m dv/dt = A1 p1 - A2 p2 - F(v, z) - F_L(y) + F_stop(y, v)                          (9)
 //! ```
 //!
-//! q1 into the piston side, q2 out of the rod side, m3/s; f the edge's law ([`crate::orifice`]), s the part of its
-//! demand that the pump can serve ([`crate::supply`]), beta_e that of oil with air at the chamber's pressure
-//! ([`crate::oil`]), q_o relief and make-up ([`crate::port`]), F friction with the deflection z
-//! ([`crate::friction`]), F_L load ([`crate::load`]), F_stop ([`crate::end_stop`]); V1 = V01 + A1 y and
-//! V2 = V02 + A2 (L - y), m3. Pressures count from the atmosphere.
+//! | symbol | unit | meaning |
+//! |---|---|---|
+//! | q1, q2 | m3/s | flow into the piston side, flow out of the rod side |
+//! | f | Pa^(1/2) | flow law of a control edge, [`crate::hydraulics::orifice`] |
+//! | s | 1 | part of its demand that every axis gets, [`crate::hydraulics::supply`] |
+//! | beta_e | Pa | bulk modulus of oil with air at the pressure of the chamber, [`crate::hydraulics::oil`] |
+//! | q_o | m3/s | relief and make-up valve, [`crate::hydraulics::port`] |
+//! | F, z | N, m | friction and deflection of its bristles, [`super::friction`] |
+//! | F_L | N | load, [`super::load`] |
+//! | F_stop | N | end stops, [`super::end_stop`] |
+//! | V1, V2 | m3 | volumes V01 + A1 y and V02 + A2 (L - y) |
 //!
-//! max(0, ..) is the check valve before each section: a load that is stronger than the pump does not sink when the
-//! valve opens. The traps: with V02 at full stroke, an end stop that gives way eats into the dead volume, which has
-//! a floor, [`LEAST_VOLUME`].
+//! Pressures are above the atmosphere. The function max(0, ..) stands for the check valve before the edge that feeds:
+//! a load that is stronger than the pump does not sink when the valve opens.
+//!
+//! Trap: V02 is the volume left at full stroke. An end stop that yields therefore takes from the dead volume; the
+//! volume of a chamber has the lower bound [`LEAST_VOLUME`].
 
 use pipeline::machine::{Hydraulics, Plant};
 
+use super::{end_stop::EndStops, friction::Friction, load::Load};
 use crate::{
     conditions::Conditions,
-    end_stop::EndStops,
-    friction::Friction,
+    hydraulics::{
+        oil::OilMixture,
+        orifice::{conductance, smooth_root},
+        port::PortValves,
+    },
     lanes::{LANES, Lanes, lanes, positive},
-    load::Load,
-    oil::Oil,
-    orifice::{conductance, smooth_root},
-    port::PortValves,
 };
 
-/// Least volume of a chamber, as a part of its dead volume; reached only by a soft end stop pushed far in.
+/// Least volume of a chamber as a part of its dead volume. Only a piston that is pushed deep into a soft end stop
+/// reaches it.
 pub const LEAST_VOLUME: f64 = 0.1;
 
-/// Parameters of the cylinder and the control edges of one axis at one time, or of four; SI units.
+/// Parameters of the cylinder and of the control edges at one time, of one axis (`T = f64`) or of four (`T = Lanes`);
+/// SI units.
 #[derive(Debug, Clone, Copy)]
 pub struct Cylinder<T> {
     /// A1, m2.
     pub piston_area: T,
     /// A2, m2.
     pub rod_area: T,
-    /// V01, m3 at y = 0.
+    /// V01, volume at y = 0, m3.
     pub piston_dead_volume: T,
-    /// V02, m3 at y = L.
+    /// V02, volume at y = L, m3.
     pub rod_dead_volume: T,
-    /// Compressible oil.
-    pub oil: Oil<T>,
+    /// Compressible oil with air.
+    pub oil: OilMixture<T>,
     /// C_ip, m3/(s Pa).
     pub internal_leakage: T,
     /// C_ep, m3/(s Pa).
     pub external_leakage: T,
-    /// Relief and make-up.
+    /// Relief and make-up valves.
     pub ports: PortValves<T>,
     /// k of every control edge, m3/(s Pa^(1/2)).
     pub conductance: T,
-    /// p_s as long as the flow suffices, Pa.
+    /// p_s, Pa: the supply pressure while the flow suffices.
     pub supply_pressure: T,
     /// p_0, Pa.
     pub return_pressure: T,
@@ -69,18 +79,27 @@ pub struct Cylinder<T> {
     pub end_stops: EndStops<T>,
 }
 
-/// y m, v m/s, p1 Pa, p2 Pa, z m.
+/// State of an axis: y m, v m/s, p1 Pa, p2 Pa, z m.
 pub type State<T> = [T; 5];
 
-/// What the control edges do at one time, before the pump's share.
+/// Flows through the control edges of four axes at one time, before the pump's share is applied.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Edges {
-    /// Whether the valve extends.
+    /// Mask of the axes whose valves extend the rod.
     extends: Lanes,
-    /// Flow asked of the pump, m3/s, at least 0.
+    /// Flow demanded from the pump, m3/s, never negative.
     pub demand: Lanes,
     /// Flow to the tank, m3/s.
     drain: Lanes,
+}
+
+impl Edges {
+    /// Flow that the four axes together demand from the pump, m3/s.
+    #[inline]
+    pub fn total_demand(&self) -> f64 {
+        let demand: [f64; LANES] = Lanes::to_array(self.demand);
+        (demand[0] + demand[1]) + (demand[2] + demand[3])
+    }
 }
 
 impl Cylinder<f64> {
@@ -94,7 +113,7 @@ impl Cylinder<f64> {
             rod_area: plant.rod_area,
             piston_dead_volume: plant.piston_dead_volume,
             rod_dead_volume: plant.rod_dead_volume,
-            oil: Oil {
+            oil: OilMixture {
                 compressibility: 1.0 / (hydraulics.oil.bulk_modulus * conditions.bulk_modulus),
                 air: hydraulics.oil.air * conditions.air,
             },
@@ -111,11 +130,11 @@ impl Cylinder<f64> {
         }
     }
 
-    /// Pressures (p1, p2) that hold the load at rest at `position` with the valve shut, Pa.
+    /// Pressures (p1, p2), Pa, that hold the load at rest at `position` with the valve shut.
     ///
-    /// Between two moves the rod side keeps something between return and supply pressure; it starts in the middle.
-    /// Where a load pulls so hard that the piston side would need less than the return pressure, that side starts at
-    /// the return pressure and the rod side holds the load.
+    /// Between two moves the pressure of the rod side lies between return and supply pressure; it starts in the middle.
+    /// A load may pull so hard that the piston side would need less than the return pressure. Then the piston side
+    /// starts at the return pressure, and the rod side holds the load.
     pub fn pressures_at_rest(&self, position: f64) -> (f64, f64) {
         let load = self.load.at(position);
         let rod = 0.5 * (self.supply_pressure + self.return_pressure);
@@ -129,14 +148,14 @@ impl Cylinder<f64> {
 }
 
 impl Cylinder<Lanes> {
-    /// Four axes side by side.
+    /// Puts four axes side by side.
     pub fn pack(axes: &[Cylinder<f64>; LANES]) -> Self {
         Self {
             piston_area: lanes(axes, |c| c.piston_area),
             rod_area: lanes(axes, |c| c.rod_area),
             piston_dead_volume: lanes(axes, |c| c.piston_dead_volume),
             rod_dead_volume: lanes(axes, |c| c.rod_dead_volume),
-            oil: Oil { compressibility: lanes(axes, |c| c.oil.compressibility), air: lanes(axes, |c| c.oil.air) },
+            oil: OilMixture::pack(&axes.map(|c| c.oil)),
             internal_leakage: lanes(axes, |c| c.internal_leakage),
             external_leakage: lanes(axes, |c| c.external_leakage),
             ports: PortValves::pack(&axes.map(|c| c.ports)),
@@ -150,7 +169,7 @@ impl Cylinder<Lanes> {
         }
     }
 
-    /// Flows through the control edges at `opening` in [-1, 1], equation (3) for both directions.
+    /// Flows through the control edges at the opening X = `opening` in [-1, 1], equation (3) for both directions.
     #[inline]
     pub fn edges(&self, [_, _, p1, p2, _]: &State<Lanes>, opening: Lanes) -> Edges {
         let extends = opening.simd_ge(Lanes::ZERO);
@@ -162,14 +181,14 @@ impl Cylinder<Lanes> {
         }
     }
 
-    /// Flow into the piston side and out of the rod side when the pump serves `share` of the demand, m3/s.
+    /// q1 into the piston side and q2 out of the rod side, m3/s, when every axis gets the part `share` of its demand.
     #[inline]
     pub fn flows(&self, edges: &Edges, share: Lanes) -> (Lanes, Lanes) {
         let feed = share * edges.demand;
         (edges.extends.select(feed, -edges.drain), edges.extends.select(edges.drain, -feed))
     }
 
-    /// Volumes of piston and rod side at `position`, m3.
+    /// V1 and V2, volumes of piston side and rod side at `position`, m3.
     #[inline]
     pub fn volumes(&self, position: Lanes) -> (Lanes, Lanes) {
         let piston = self.piston_dead_volume + self.piston_area * position;
@@ -178,7 +197,7 @@ impl Cylinder<Lanes> {
         (piston.fast_max(least * self.piston_dead_volume), rod.fast_max(least * self.rod_dead_volume))
     }
 
-    /// Rates of y, v, p1, p2 and z.
+    /// Rates of change of y, v, p1, p2 and z: equations (6) and (9).
     #[inline]
     pub fn rates(&self, &[position, velocity, p1, p2, z]: &State<Lanes>, edges: &Edges, share: Lanes) -> State<Lanes> {
         let (q1, q2) = self.flows(edges, share);

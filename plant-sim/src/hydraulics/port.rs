@@ -1,26 +1,29 @@
-//! The valves at the ports of a chamber: relief and make-up.
+//! The relief valve and the make-up valve at the port of a chamber.
 //!
 //! ```text
 //! q_out = g_r max(0, p - p_r) - g_m max(0, -p)
 //! ```
 //!
-//! q_out m3/s out of the chamber; p Pa above the atmosphere, p_r Pa where the relief valve opens; g_r and g_m
-//! m3/(s Pa), such that the rated flow of the axis passes 5 % above p_r, and at half a bar of vacuum.
+//! q_out flow out of the chamber, m3/s; p pressure above the atmosphere, Pa; p_r pressure at which the relief valve
+//! opens, Pa; g_r and g_m slopes of the valves, m3/(s Pa). With g_r the rated flow of the axis passes at 1.05 p_r, with
+//! g_m at half a bar of vacuum.
 //!
-//! The relief valve bounds what a load can do to the oil, the make-up valve draws oil from the tank before a chamber
-//! that is pulled cavitates. The trap: both are stiff; a steeper one needs a smaller step ([`crate::stiffness`]).
+//! The relief valve limits the pressure that a load can cause. The make-up valve draws oil from the tank before a
+//! chamber that is pulled apart cavitates.
+//!
+//! Trap: both valves are stiff. Steeper slopes need a smaller step ([`crate::plant::stiffness`]).
 
 use pipeline::machine::Plant;
 
 use crate::lanes::{LANES, Lanes, lanes, positive};
 
-/// Part of its pressure by which a relief valve is overridden at the rated flow.
+/// Part of the opening pressure by which the pressure exceeds it when the relief valve passes the rated flow.
 const RELIEF_OVERRIDE: f64 = 0.05;
 
 /// Vacuum at which the make-up valve passes the rated flow, Pa.
 const MAKE_UP_VACUUM: f64 = 5e4;
 
-/// Relief and make-up valve of either chamber of one axis, or of four.
+/// Relief and make-up valve of either chamber, of one axis (`T = f64`) or of four (`T = Lanes`).
 #[derive(Debug, Clone, Copy)]
 pub struct PortValves<T> {
     /// p_r, Pa.
@@ -32,7 +35,7 @@ pub struct PortValves<T> {
 }
 
 impl PortValves<f64> {
-    /// The valves of `plant`.
+    /// Valves of `plant`.
     pub fn new(plant: &Plant) -> Self {
         Self {
             relief_pressure: plant.relief_pressure,
@@ -43,7 +46,7 @@ impl PortValves<f64> {
 }
 
 impl PortValves<Lanes> {
-    /// Four axes side by side.
+    /// Puts four axes side by side.
     pub fn pack(axes: &[PortValves<f64>; LANES]) -> Self {
         Self {
             relief_pressure: lanes(axes, |valves| valves.relief_pressure),
@@ -52,7 +55,7 @@ impl PortValves<Lanes> {
         }
     }
 
-    /// Flow out of a chamber at `pressure` Pa above the atmosphere, m3/s; less than zero where oil is drawn in.
+    /// Flow out of a chamber at `pressure` Pa above the atmosphere, m3/s; negative where oil is drawn in.
     #[inline]
     pub fn outflow(&self, pressure: Lanes) -> Lanes {
         self.relief_gain * positive(pressure - self.relief_pressure) - self.make_up_gain * positive(-pressure)
@@ -64,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_valves_open_at_relief_pressure_and_at_vacuum_only() {
+    fn the_valves_open_only_above_relief_pressure_and_below_the_atmosphere() {
         let machine = pipeline::machine::Machine::load(None, &[]).unwrap();
         let plant = machine.axes[0].plant.clone().unwrap();
         let valves = PortValves::pack(&[PortValves::new(&plant); LANES]);

@@ -1,44 +1,46 @@
-//! What the machine does to the piston: gravity, other forces, elasticity.
+//! The load: forces of the machine on the piston by gravity, elasticity and contact.
 //!
 //! ```text
-//! F(y) = c_0 + c_1 x + c_2 x^2 + F_ext + K (x - L/2)        x = min(max(y, 0), L)
+//! F_L(y) = c_0 + c_1 x + c_2 x^2 + F_ext + K (x - L/2)        x = min(max(y, 0), L)
 //! ```
 //!
-//! F N against extension, y position m, L stroke m, K N/m as in equation (9); F_ext N what a scenario adds. Inside an
-//! end stop the force is that at the stop: a parabola that falls faster than the stop's spring rises would pull the
-//! piston through it. The parabola goes through the load's force at both ends and in the middle of the stroke, where an engineer can measure
-//! it: A1 p1 - A2 p2 of the axis at rest.
+//! F_L force against extension, N; y position, m; L stroke, m; K stiffness in equation (9), N/m; F_ext force that a
+//! scenario adds, N. The parabola goes through the force at both ends and in the middle of the stroke. An engineer can
+//! measure these forces: they are A1 p1 - A2 p2 of the axis at rest. Inside an end stop the force is that at the stop,
+//! because a parabola that falls faster than the stop's spring rises would pull the piston through the stop.
 //!
-//! A cylinder that turns a joint, pinned at the distances a and b from it, has the length l = l_0 + y, the angle gamma
-//! between a and b with cos(gamma) = (a^2 + b^2 - l^2)/(2 a b), and the lever arm a b sin(gamma)/l. A weight W whose
-//! centre is at the distance R from the joint, at the angle gamma + phi to the horizontal, needs
+//! Why a parabola: a cylinder that turns a joint is pinned at the distances a and b from the joint. It has the length
+//! l = l_0 + y, the angle gamma between a and b with cos(gamma) = (a^2 + b^2 - l^2)/(2 a b), and the lever arm
+//! a b sin(gamma)/l. A weight W whose centre is at the distance R from the joint, at the angle gamma + phi to the
+//! horizontal, needs the force
 //!
 //! ```text
 //! F_L = W R cos(gamma + phi) l/(a b sin(gamma))
 //! ```
 //!
-//! For linkages of an excavator's boom the parabola stays within 3.5 % of that (a test). The trap: the mass, too,
-//! as the cylinder feels it, changes with the lever arm; here it does not.
+//! For linkages of an excavator's boom the parabola stays within 3.5 % of this force; a test shows it.
+//!
+//! Trap: the mass that acts on the cylinder changes with the lever arm, too. This model keeps the mass constant.
 
 use pipeline::machine::Plant;
 
 use crate::lanes::{LANES, Lanes, lanes, positive};
 
-/// Load of one axis, or of four: coefficients of F(y), in N, N/m, N/m2.
+/// Load of one axis (`T = f64`) or of four (`T = Lanes`): the coefficients of F_L(y) as one parabola.
 #[derive(Debug, Clone, Copy)]
 pub struct Load<T> {
-    /// Force at position 0.
+    /// Force at position 0, N.
     pub force: T,
-    /// Its slope there.
+    /// Slope of the force at position 0, N/m.
     pub slope: T,
-    /// Half its curvature.
+    /// Half the second derivative of the force, N/m2.
     pub curvature: T,
     /// L, m.
     pub stroke: T,
 }
 
 impl Load<f64> {
-    /// Load of `plant` with `stroke` m, gravity times `gravity`, and `external` N more.
+    /// Load of `plant` with `stroke` m. `gravity` is a factor of the force by gravity, `external` is F_ext in N.
     pub fn new(plant: &Plant, stroke: f64, gravity: f64, external: f64) -> Self {
         let force = plant.load_force;
         let (first, middle, last) = (gravity * force.retracted, gravity * force.middle, gravity * force.extended);
@@ -57,12 +59,12 @@ impl Load<f64> {
         self.force + within * (self.slope + within * self.curvature)
     }
 
-    /// Largest change of the force with the position, N/m.
+    /// Largest absolute slope of the force, N/m.
     pub fn steepest(&self) -> f64 {
         self.slope.abs().max((self.slope + 2.0 * self.curvature * self.stroke).abs())
     }
 
-    /// Largest force either way, N: at an end of the stroke, or where it turns.
+    /// Largest absolute force, N: at an end of the stroke or at the vertex of the parabola.
     pub fn largest(&self) -> f64 {
         let turn = -0.5 * self.slope / self.curvature;
         let turn = if turn.is_finite() { turn } else { 0.0 };
@@ -71,7 +73,7 @@ impl Load<f64> {
 }
 
 impl Load<Lanes> {
-    /// Four axes side by side.
+    /// Puts four axes side by side.
     pub fn pack(axes: &[Load<f64>; LANES]) -> Self {
         Self {
             force: lanes(axes, |load| load.force),
@@ -101,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn the_force_is_the_given_one_at_both_ends_and_in_the_middle() {
+    fn the_parabola_meets_the_given_forces_at_both_ends_and_in_the_middle() {
         let (mut plant, stroke) = boom();
         plant.load_force = LoadForce { retracted: 1e5, middle: 1.3e5, extended: -2e4 };
         plant.load_stiffness = 3e4;
@@ -118,9 +120,9 @@ mod tests {
     }
 
     #[test]
-    fn a_parabola_is_what_gravity_makes_of_a_booms_linkage() {
-        // Machines of about 20 t: pins at a and b, the cylinder l_0 long when retracted; the boom swings by 95 to 127
-        // degrees, as far below the horizontal as above.
+    fn a_parabola_approximates_gravity_on_a_booms_linkage() {
+        // Machines of about 20 t: pins at a and b, cylinder of length l_0 when retracted. The boom swings by 95 to 127
+        // degrees, as far below the horizontal as above it.
         let (mut plant, stroke) = boom();
         for (a, b, l_0) in [(0.85, 2.4, 1.75), (0.75, 2.4, 1.75), (0.9, 2.5, 1.8), (0.8, 2.3, 1.7)] {
             let gamma = |y: f64| -> f64 { ((a * a + b * b - (l_0 + y) * (l_0 + y)) / (2.0f64 * a * b)).acos() };

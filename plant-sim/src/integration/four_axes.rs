@@ -1,70 +1,80 @@
-//! Up to four axes through time: valves and cylinders side by side.
+//! Up to four axes over time: their valves and cylinders side by side, one axis in each lane.
+//!
+//! One step is begun with the commands, takes the rates of change at four stages, and ends. Between two stages the
+//! caller computes the pump's share from the demand of all axes.
+//!
+//! Only [`FourAxes::new`] allocates.
 
 use pipeline::machine::{Axis, Hydraulics, Plant};
 
 use crate::{
+    actuator::cylinder::{Cylinder, Edges, State},
     conditions::Conditions,
-    cylinder::{Cylinder, Edges, State},
+    hydraulics::oil::LOWEST_PRESSURE,
     lanes::{LANES, Lanes, lanes},
-    oil::LOWEST_PRESSURE,
     valve::{DelayLine, Valve},
 };
 
-/// What an axis is made of, as the machine file has it.
+/// Parameters of one axis from the machine file.
 #[derive(Debug, Clone)]
 struct AxisModel {
-    /// Its parameters.
     plant: Plant,
     /// L, m.
     stroke: f64,
-    /// Its place in the machine.
+    /// Number of the axis in the machine.
     index: usize,
 }
 
-/// What an observer of one axis sees.
+/// True state of one axis, without the encoder's noise and resolution.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AxisState {
-    /// y, m, 0 with the rod in.
+pub struct TrueState {
+    /// y, m; 0 with the rod fully retracted.
     pub position: f64,
-    /// v, m/s, positive extends.
+    /// v, m/s; positive while the rod extends.
     pub velocity: f64,
     /// p1, Pa above the atmosphere.
     pub piston_pressure: f64,
     /// p2, Pa above the atmosphere.
     pub rod_pressure: f64,
-    /// x_v in [-1, 1], positive extends.
+    /// x_v in [-1, 1]; positive extends the rod.
     pub spool_position: f64,
-    /// q1 through the valve into the piston side, m3/s.
+    /// q1, flow through the valve into the piston side, m3/s.
     pub piston_flow: f64,
-    /// q2 out of the rod side through the valve, m3/s.
+    /// q2, flow out of the rod side through the valve, m3/s.
     pub rod_flow: f64,
 }
 
-/// Up to four axes: their parameters at this time, their state, and the step in work.
+/// Up to four axes: their parameters at this time, their state, and the step that is being made.
 #[derive(Debug, Clone)]
-pub struct Group {
-    /// A lane that no axis has repeats the first one, at rest and without flow.
+pub struct FourAxes {
+    /// A lane without an axis repeats the first axis. Its command stays zero, so it stays at rest without flow.
     models: [AxisModel; LANES],
+    /// Number of axes, 1 to 4.
     axes: usize,
     conditions: [Conditions; LANES],
     valve: Valve<Lanes>,
     cylinder: Cylinder<Lanes>,
     delays: [DelayLine; LANES],
-    /// What the spools are asked for.
+    /// w: positions that the spools approach.
     target: Lanes,
+    /// x_v.
     spool: Lanes,
-    /// Openings at begin, middle and end of the step.
+    /// X at the begin, in the middle and at the end of the step.
     openings: [Lanes; 3],
     state: State<Lanes>,
-    /// State at which the rates are taken, and the weighted sum of the rates so far.
+    /// State of the present stage of the step, at which the rates are taken.
     stage: State<Lanes>,
+    /// Weighted sum of the rates of the stages so far.
     sum: State<Lanes>,
+    /// Flows through the control edges at the present stage.
     edges: Edges,
 }
 
-impl Group {
-    /// The axes at rest: at their initial positions, valves shut, loads held. There are 1 to 4, numbered from `first`;
-    /// `of` gives the conditions of an axis of the machine; dead times are rounded to whole steps of `step` s.
+impl FourAxes {
+    /// The axes at rest: at their initial positions, valves shut, loads held by the oil.
+    ///
+    /// `axes` are 1 to 4 axes, the first of which has the number `first` in the machine. `of` returns the conditions of
+    /// the axis with a number. Dead times are rounded to whole steps of `step` s.
     pub fn new(
         axes: &[(&Axis, &Plant)],
         first: usize,
@@ -108,12 +118,12 @@ impl Group {
         }
     }
 
-    /// The conditions of the first axis.
+    /// Conditions of the first axis.
     pub fn first_conditions(&self) -> Conditions {
         self.conditions[0]
     }
 
-    /// Takes the parameters to other conditions; `of` gives those of an axis of the machine.
+    /// Changes the parameters to other conditions; `of` returns the conditions of the axis with a number.
     pub fn apply(&mut self, of: impl Fn(usize) -> Conditions, hydraulics: &Hydraulics, step: f64) {
         let conditions = std::array::from_fn(|lane| of(self.models[lane].index));
         if conditions == self.conditions {
@@ -125,8 +135,8 @@ impl Group {
         self.openings[2] = self.valve.opening(self.spool);
     }
 
-    /// Begins a step under `commands`, one per axis in [-1, 1]. With the pilot pressure `cut_off` the springs centre the
-    /// spools, whatever is commanded or under way.
+    /// Begins a step under `commands`, one in [-1, 1] for each axis. While the pilot pressure is `cut_off`, springs
+    /// centre the spools, whatever is commanded now or was commanded within the dead time.
     #[inline]
     pub fn begin(&mut self, commands: &[f64], cut_off: bool) {
         let mut acting = [0.0; LANES];
@@ -141,15 +151,16 @@ impl Group {
         self.sum = [Lanes::ZERO; 5];
     }
 
-    /// What the axes ask of the pump at this stage, m3/s; `part` of the step is 0 at its begin, 1 in the middle, 2 at
-    /// its end.
+    /// Flow that the axes demand from the pump at this stage, m3/s; `part` is 0 at the begin of the step, 1 in the
+    /// middle, 2 at the end.
     #[inline]
     pub fn demand(&mut self, part: usize) -> f64 {
         self.edges = self.cylinder.edges(&self.stage, self.openings[part]);
-        crate::supply::demand(&self.edges)
+        self.edges.total_demand()
     }
 
-    /// Takes the rates of this stage into the sum with `weight`, and moves on by `ahead` s from the step's begin.
+    /// Adds the rates of this stage to the sum with `weight`, and moves to the next stage, `ahead` s after the begin of
+    /// the step. Every axis gets the part `share` of its demand.
     #[inline]
     pub fn take_rates(&mut self, share: f64, weight: f64, ahead: f64) {
         let rates = self.cylinder.rates(&self.stage, &self.edges, Lanes::splat(share));
@@ -166,26 +177,27 @@ impl Group {
         for (value, sum) in self.state.iter_mut().zip(self.sum) {
             *value += Lanes::splat(step) * sum;
         }
-        // Only a step that is too long for its chamber gets there.
+        // This bound acts only where the step is too long for a chamber.
         let lowest = Lanes::splat(LOWEST_PRESSURE);
         self.state[2] = self.state[2].fast_max(lowest);
         self.state[3] = self.state[3].fast_max(lowest);
     }
 
-    /// What the axes ask of the pump now, m3/s.
+    /// Flow that the axes demand from the pump at the end of the last step, m3/s.
     pub fn demand_now(&self) -> f64 {
-        crate::supply::demand(&self.cylinder.edges(&self.state, self.openings[2]))
+        self.cylinder.edges(&self.state, self.openings[2]).total_demand()
     }
 
-    /// What an observer sees, axis by axis, with the pump's `share`; and the pressures in the chambers that are fed.
-    pub fn observe(&self, share: f64) -> impl Iterator<Item = (AxisState, Option<f64>)> {
+    /// The true state of each axis when every axis gets the part `share` of its demand, and the pressure in the chamber
+    /// that the pump feeds, Pa; `None` where the axis demands no flow.
+    pub fn observe(&self, share: f64) -> impl Iterator<Item = (TrueState, Option<f64>)> {
         let edges = self.cylinder.edges(&self.state, self.openings[2]);
         let (q1, q2) = self.cylinder.flows(&edges, Lanes::splat(share));
         let [y, v, p1, p2, _] = self.state.map(Lanes::to_array);
         let (q1, q2, spool) = (q1.to_array(), q2.to_array(), self.spool.to_array());
         let demand = edges.demand.to_array();
         (0..self.axes).map(move |lane| {
-            let state = AxisState {
+            let state = TrueState {
                 position: y[lane],
                 velocity: v[lane],
                 piston_pressure: p1[lane],

@@ -1,17 +1,19 @@
-//! The end stops: springs with dampers that only push.
+//! The end stops: springs with dampers that push the piston and never pull it.
 //!
 //! ```text
 //! F_stop = max(0, -k_s y - c_s v) for y < 0,  -max(0, k_s (y - L) + c_s v) for y > L
 //! ```
 //!
-//! F_stop N on the piston, positive extends; y position m, v speed m/s, L stroke m, k_s N/m, c_s N s/m. The trap: a
-//! damper that is allowed to pull would hold the piston back on its way out.
+//! F_stop force on the piston, N, positive in the direction of extension; y position, m; v speed, m/s; L stroke, m; k_s
+//! stiffness, N/m; c_s damping, N s/m.
+//!
+//! Trap: a damper that could pull would hold the piston back when it leaves the stop.
 
 use pipeline::machine::Plant;
 
 use crate::lanes::{LANES, Lanes, lanes, positive};
 
-/// End stops of one axis, or of four.
+/// End stops of one axis (`T = f64`) or of four (`T = Lanes`).
 #[derive(Debug, Clone, Copy)]
 pub struct EndStops<T> {
     /// L, m.
@@ -23,14 +25,14 @@ pub struct EndStops<T> {
 }
 
 impl EndStops<f64> {
-    /// The stops of `plant` with `stroke` m between them.
+    /// Stops of `plant` with `stroke` m between them.
     pub fn new(plant: &Plant, stroke: f64) -> Self {
         Self { stroke, stiffness: plant.end_stop_stiffness, damping: plant.end_stop_damping }
     }
 }
 
 impl EndStops<Lanes> {
-    /// Four axes side by side.
+    /// Puts four axes side by side.
     pub fn pack(axes: &[EndStops<f64>; LANES]) -> Self {
         Self {
             stroke: lanes(axes, |stops| stops.stroke),
@@ -61,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn the_stops_push_inwards_and_never_pull() {
+    fn the_stops_push_towards_the_stroke_and_never_pull() {
         for (position, velocity, expected) in [
             (0.65, 1.0, 0.0),
             (0.0, -1.0, 0.0),
@@ -78,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mass_that_meets_a_stop_leaves_it_with_less_energy() {
+    fn a_mass_leaves_a_stop_slower_than_it_arrived() {
         let mass = 4e3;
         for speed in [0.01, 0.1, 0.5, 1.5] {
             let (mut y, mut v, step) = (1e-3, -speed, 1e-7);

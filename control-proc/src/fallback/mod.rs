@@ -24,9 +24,9 @@
 //! integral would then keep for seconds what the other controller did at one moment, even if that was its largest
 //! error.
 //!
-//! Traps: a jump over the whole dead band at v = 0 chatters with every count of noise, so the jump is blended in where
-//! v is smaller than w. The calibrated dead band must not exceed the valve's: too much compensation acts as a relay, and
-//! a relay cycles. The integral stops while the limits cut the command off and the error would only push further.
+//! Traps: a jump over the whole dead band at v = 0 chatters with every count of noise, so it is blended in where v is
+//! smaller than w. The calibrated dead band must not exceed the valve's: too much compensation acts as a relay, and a
+//! relay cycles. The integral stops while the limits cut the command off and the error would only push further.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 

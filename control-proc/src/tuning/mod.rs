@@ -32,7 +32,7 @@ pub mod course;
 
 use std::{collections::VecDeque, f64::consts::TAU};
 
-use pipeline::machine::{Axis, Commissioned, Control, DeadBand, ModelChoice};
+use pipeline::machine::{Axis, COMPENSATED, Commissioned, Control, DeadBand, ModelChoice};
 
 use course::{END, TRAINING, course};
 
@@ -57,9 +57,6 @@ const LONG_REST: f64 = 20.0;
 const WATCHED: f64 = 10.0;
 /// Longest step of the simulation, s: a small part of the spring's period.
 const LONGEST_STEP: f64 = 2.5e-3;
-/// Part of the commissioned dead band that is compensated. With the rest left, the compensation of a dead band that is
-/// wrong or shrinks does not become a relay.
-pub const COMPENSATED: f64 = 0.9;
 /// First kp of the grid as part of 1 / (gain * delay).
 const FIRST_GAIN: f64 = 0.5;
 /// Powers of two by which the grid multiplies the first kp.

@@ -15,7 +15,7 @@ use rustix::process::Signal;
 use crate::{
     clock::judge,
     feedback::Moving,
-    harness::{TestGroup, alone, channel::AXES, signal, wait_for},
+    harness::{TestGroup, channel::AXES, shared, signal, wait_for},
     script::{from_channel, is_latched},
 };
 
@@ -113,7 +113,7 @@ impl Slow {
 /// Row 13: three late commands in a row latch, two do not.
 #[test]
 fn row_13_three_late_commands_in_a_row_latch_and_two_do_not() {
-    let _alone = alone();
+    let _cores = shared();
     let mut slow = Slow::start("row-13");
     let is_latched_now = |command: Option<ValveCommand>| {
         command.is_some_and(|command| command.axes[..AXES].iter().all(|axis| is_latched(axis, control_flag::DEADLINE)))

@@ -19,7 +19,7 @@ use serde_json::Value;
 
 use crate::{
     clock::judge,
-    harness::{TestGroup, alone, channel::AXES, hydraxis, running::Running, signal, wait_for},
+    harness::{TestGroup, alone, channel::AXES, hydraxis, running::Running, shared, signal, wait_for},
     model::set,
 };
 
@@ -134,7 +134,7 @@ fn latched(command: &ValveCommand) -> Vec<&'static str> {
 /// Row 37: a clock whose date jumps by an hour latches nothing and stops no stage in real time.
 #[test]
 fn row_37_nor_does_it_in_real_time() {
-    let _alone = alone();
+    let _cores = shared();
     let folder = tempfile::tempdir().unwrap();
     let library = jumping_clock(folder.path());
     // With this time-out a busy computer latches nothing by itself.
@@ -165,7 +165,7 @@ fn row_37_nor_does_it_in_real_time() {
 /// Row 38: with busy programs on all cores, every command is within its limits, or neutral for a cause.
 #[test]
 fn row_38_hogs_on_both_cores_make_no_command_that_nobody_bounds() {
-    let _alone = alone();
+    let _cores = alone();
     let machine = Machine::load(None, &[]).unwrap();
     let arguments = ["--duration", "60s", "--set", "scenario=nominal", "--json", "-"];
     let mut running = Running::start_with("row-38", &arguments);
@@ -248,7 +248,7 @@ fn judge_bounds(machine: &Machine, last: Option<&ValveCommand>, command: &ValveC
 /// Row 39: the next run of a killed group removes its files.
 #[test]
 fn row_39_a_group_that_was_killed_with_its_supervisor_is_no_obstacle() {
-    let _alone = alone();
+    let _cores = shared();
     let mut running = Running::start("row-39");
     for pid in running.pids.into_iter().chain([running.supervisor.id()]) {
         signal(pid, Signal::KILL);

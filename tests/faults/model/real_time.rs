@@ -20,7 +20,7 @@ use crate::{
         TestGroup, alone,
         channel::{AXES, send},
         running::Running,
-        signal, wait_for,
+        shared, signal, wait_for,
     },
 };
 
@@ -47,7 +47,7 @@ impl Each {
 /// Row 23: after `ident-proc` is killed, the axes go on with the last model, later at half speed.
 #[test]
 fn row_23_a_killed_identifier_stops_nobody() {
-    let _alone = alone();
+    let _cores = shared();
     let (timeout, lifetime) = (Duration::from_millis(500), Duration::from_millis(1500));
     let settings = patient(&["timing.model_timeout=500ms", "timing.model_lifetime=1500ms"]);
     let mut running = Running::start_with("row-23", &[&["--duration", "60s"], &set(&settings)[..]].concat());
@@ -221,7 +221,7 @@ impl Flood {
 /// Row 24: a flood of snapshots does not delay the controller.
 #[test]
 fn row_24_a_flood_of_snapshots_delays_nobody() {
-    let _alone = alone();
+    let _cores = alone();
     let mut flood = Flood::start();
     let controller = flood.await_models();
     let calm = flood.measure(controller, false).health;

@@ -1,10 +1,10 @@
-//! One life of a stage: a process in a group of its own, from its start until it is reaped.
+//! One life of a stage: a process in a process group of its own, from its start until it is reaped.
 //!
-//! Its standard input is a pipe that only this process holds the other end of: it ends when this process does, which a
-//! stage takes as a request to end. Its output and its errors go to the log.
+//! The standard input of the process is a pipe whose other end only the supervisor holds. The pipe ends when the
+//! supervisor does, and the stage then ends as well. Standard output and standard error go to the log.
 //!
-//! Trap: lives begin on the main thread only. A stage asks the kernel for a signal at the death of its parent, and the
-//! kernel takes the thread for the parent.
+//! Trap: only the main thread may start a process. A stage asks the kernel for a signal at the end of its parent, and
+//! the kernel takes the *thread* that started the stage for the parent.
 
 use std::{
     io,
@@ -22,14 +22,14 @@ use super::{
     log::Log,
 };
 
-/// Stack of a thread that only copies lines.
+/// Stack of a thread that only copies lines, bytes.
 const STACK: usize = 128 * 1024;
-/// How long the last lines of a dead process are waited for.
+/// Longest time to wait for the last lines of a process that has ended.
 const LAST_LINES: Duration = Duration::from_millis(200);
-/// What a service manager says to the supervisor alone.
+/// Environment variables by which a service manager speaks to the supervisor alone.
 const NOT_INHERITED: [&str; 3] = ["NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"];
 
-/// A process that runs, or has ended and is not reaped yet.
+/// A process that runs, or that has ended and is not reaped yet.
 pub struct Life {
     process: Child,
     pid: Pid,
@@ -40,7 +40,7 @@ pub struct Life {
 }
 
 impl Life {
-    /// Starts the process, whose end is told by `deaths`.
+    /// Starts the process. `deaths` reports its end.
     pub fn begin(kind: StageKind, mut command: Command, log: &Log, deaths: &Deaths) -> io::Result<Self> {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).process_group(0);
         for name in NOT_INHERITED {
@@ -76,23 +76,24 @@ impl Life {
         Ok(())
     }
 
-    /// Its process, which is also its group.
+    /// The number of the process, which is also that of its process group.
     pub fn pid(&self) -> Pid {
         self.pid
     }
 
-    /// For how long it has lived.
+    /// Time since the start.
     pub fn age(&self) -> Duration {
         self.started.elapsed()
     }
 
-    /// Signals the process and all that it has started.
+    /// Sends a signal to the process and to all processes that it has started.
     pub fn signal(&self, signal: Signal) {
-        // It may have ended since it was last looked at: then there is nobody to ask.
+        // The process may have ended already; then there is nothing to do.
         let _ = kill_process_group(self.pid, signal);
     }
 
-    /// Reaps a process whose death was told, with what it has left running, once its last lines are in the log.
+    /// Reaps a process that has ended, kills the processes that it has left, and waits until its last lines are in the
+    /// log.
     pub fn end(mut self) -> io::Result<ExitStatus> {
         self.signal(Signal::KILL);
         let status = self.process.wait();
@@ -104,7 +105,7 @@ impl Life {
     }
 }
 
-/// What ended a process, in words.
+/// Why a process ended, in words.
 pub fn cause(status: ExitStatus) -> String {
     match (status.signal(), status.code()) {
         (Some(number), _) => match signal_hook::low_level::signal_name(number) {

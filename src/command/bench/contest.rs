@@ -1,4 +1,4 @@
-//! What is compared: controllers, dead times, scenarios and seeds, and one run of them.
+//! The comparison: its controllers, dead times, scenarios and seeds, and one run of it.
 
 use std::time::Duration;
 
@@ -24,29 +24,29 @@ use super::{
 };
 use crate::failure::Failure;
 
-/// Of the encoders' noise while commissioning; those of the runs count from 1.
+/// Seed of the noise of the encoders during commissioning. The seeds of the runs count from 1.
 const COMMISSIONING_SEED: u64 = 0;
 
-/// A controller that takes part.
+/// A controller of the comparison.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Kind {
+pub enum ControllerKind {
     /// PI
     Pi,
     /// PI with dead-band compensation
     PiDeadband,
-    /// the same with velocity feed-forward, ahead by dead time and lag
+    /// PI with dead-band compensation and velocity feed-forward, ahead by dead time and lag
     PiFeedforward,
-    /// the predictive controller on the model that is identified offline and held
+    /// predictive controller on the classical model, which is identified offline and held
     MpcHeld,
-    /// the predictive controller on the model that is updated online
+    /// predictive controller on the adaptive model, which is updated online
     MpcAdaptive,
 }
 
-impl Kind {
-    /// All, in the order of the report.
+impl ControllerKind {
+    /// All controllers, in the order of the report.
     pub const ALL: [Self; 5] = [Self::Pi, Self::PiDeadband, Self::PiFeedforward, Self::MpcHeld, Self::MpcAdaptive];
 
-    /// As it is typed.
+    /// The name as a user types it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pi => "pi",
@@ -57,7 +57,7 @@ impl Kind {
         }
     }
 
-    /// The baseline that it is, or that controls while there is no model, and the model that it uses.
+    /// The baseline that it is, or that controls while there is no model; and the model that it uses.
     fn parts(self) -> (Baseline, ModelChoice) {
         match self {
             Self::Pi => (Baseline::Pi, ModelChoice::None),
@@ -69,7 +69,7 @@ impl Kind {
     }
 }
 
-/// All that is compared, with everything tuned.
+/// All controllers with their tuned gains, and all scenarios.
 pub struct Contest {
     /// The machine under each scenario.
     pub scenarios: Vec<Machine>,
@@ -80,40 +80,43 @@ pub struct Contest {
 /// A controller at a dead time.
 pub struct Entry {
     /// Which controller.
-    pub kind: Kind,
-    /// Of all valves.
+    pub kind: ControllerKind,
+    /// Dead time of all valves.
     pub dead_time: Duration,
-    /// The axes with their course and this controller's settings.
+    /// The axes with their course and the settings of this controller.
     pub axes: Vec<Axis>,
 }
 
-/// One run: indices into the contest, and the seed of the noise.
+/// One run: a controller, a scenario and a seed.
 pub struct Case {
-    /// Of [`Contest::entries`].
+    /// Index into [`Contest::entries`].
     pub entry: usize,
-    /// Of [`Contest::scenarios`].
+    /// Index into [`Contest::scenarios`].
     pub scenario: usize,
-    /// Of the encoders' noise.
+    /// Seed of the noise of the encoders.
     pub seed: u64,
 }
 
-/// What came out for one axis.
+/// The result of one run for one axis.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Outcome {
-    /// Target minus true position, m.
+pub struct AxisResult {
+    /// Reference minus true position, m.
     pub error: ErrorStatistics,
     /// Ticks that a model controlled.
     pub by_model: u64,
-    /// A fault had latched the axis at the end.
+    /// Whether a fault had latched the axis at the end.
     pub is_latched: bool,
 }
 
 impl Contest {
-    /// Tunes the baselines for every dead time; `scenarios` is the same machine under each.
+    /// Tunes the baselines for every dead time. `scenarios` holds one machine under each scenario.
+    ///
+    /// # Errors
+    /// The machine cannot be simulated, or an axis cannot be commissioned.
     pub fn new(
         scenarios: Vec<Machine>,
         dead_times: &[Duration],
-        kinds: Vec<Kind>,
+        kinds: Vec<ControllerKind>,
         threads: usize,
     ) -> Result<Self, Failure> {
         let machine = &scenarios[0];
@@ -123,7 +126,7 @@ impl Contest {
             let axes = at_dead_time(machine, *dead_time)?;
             for kind in &kinds {
                 let mut axes = axes.clone();
-                if *kind == Kind::MpcAdaptive {
+                if *kind == ControllerKind::MpcAdaptive {
                     axes.iter_mut().for_each(|axis| axis.identification.estimator = Estimator::GreyBox);
                 }
                 entries.push(Entry { kind: *kind, dead_time: *dead_time, axes });
@@ -154,18 +157,21 @@ impl Contest {
         cases
     }
 
-    /// Drives the course; one outcome per axis.
-    pub fn run(&self, case: &Case) -> Result<Vec<Outcome>, Failure> {
+    /// Drives the course. Returns one result per axis.
+    ///
+    /// # Errors
+    /// The machine cannot be simulated or controlled.
+    pub fn run(&self, case: &Case) -> Result<Vec<AxisResult>, Failure> {
         let axes = self.entries[case.entry].axes.clone();
         let machine = Machine { axes, ..self.scenarios[case.scenario].clone() };
         let period = machine.timing.period.as_secs_f64();
         let generator = read_references(&machine).map_err(Failure::usage)?;
-        let mut outcomes = vec![Outcome::default(); machine.axes.len()];
-        // Ticks at which the axes began to follow.
+        let mut results = vec![AxisResult::default(); machine.axes.len()];
+        // Ticks at which the controller began to command the axes.
         let mut begins = vec![None; machine.axes.len()];
         closed_loop::run(&machine, case.seed, (END / period).round() as u64, |tick| {
             let Some(plant) = tick.plant else { return Ok(()) };
-            for (index, (outcome, begin)) in outcomes.iter_mut().zip(&mut begins).enumerate() {
+            for (index, (result, begin)) in results.iter_mut().zip(&mut begins).enumerate() {
                 let command = &tick.command.axes[index];
                 if command.mode != ControlMode::Neutral as u32 {
                     begin.get_or_insert(tick.number);
@@ -175,30 +181,30 @@ impl Contest {
                 }
                 let t = (tick.number - begin.unwrap_or(tick.number)) as f64 * period;
                 let position = plant.axes()[index].position;
-                outcome.error.push(generator.position(index, t).unwrap_or(position) - position);
-                outcome.by_model += u64::from(command.mode == ControlMode::Model as u32);
-                outcome.is_latched = command.flags & control_flag::LATCHED != 0;
+                result.error.push(generator.position(index, t).unwrap_or(position) - position);
+                result.by_model += u64::from(command.mode == ControlMode::Model as u32);
+                result.is_latched = command.flags & control_flag::LATCHED != 0;
             }
             Ok(())
         })?;
-        Ok(outcomes)
+        Ok(results)
     }
 }
 
-/// The axes with a dead time, what is known of them then, and their course.
+/// The axes with a dead time, the commissioned models for it, and their course.
 fn at_dead_time(machine: &Machine, dead_time: Duration) -> Result<Vec<Axis>, Failure> {
     let mut machine = machine.clone();
     for axis in &mut machine.axes {
         let Some(plant) = &mut axis.plant else { continue };
         let more = dead_time.as_secs_f64() - plant.dead_time;
         plant.dead_time = dead_time.as_secs_f64();
-        // What a model file says was found at the machine file's dead time.
+        // A model file was found at the dead time of the machine file.
         if let Some(commissioned) = &mut axis.commissioned {
             commissioned.dead_time = (commissioned.dead_time + more).max(0.0);
         }
     }
     let period = machine.timing.period;
-    // As on the day it was put into service: nothing changes.
+    // The machine is commissioned in its nominal state.
     machine.scenario = Scenario::default();
     let unknown: Vec<usize> =
         (0..machine.axes.len()).filter(|axis| machine.axes[*axis].commissioned.is_none()).collect();
@@ -219,7 +225,7 @@ fn at_dead_time(machine: &Machine, dead_time: Duration) -> Result<Vec<Axis>, Fai
 
 fn not_commissioned(axis: &Axis) -> Failure {
     let name = &axis.name;
-    Failure::Usage(format!(
+    Failure::usage(format!(
         "axis.{name}: found no commissioned model; allowed: a simulated axis, or --model MODEL.toml"
     ))
 }

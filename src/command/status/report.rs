@@ -1,4 +1,4 @@
-//! What was heard of a group as figures: the same for tables and for JSON.
+//! The report of `hydraxis status`: the figures of a running group, for tables and for JSON.
 
 use std::collections::BTreeMap;
 
@@ -12,33 +12,34 @@ use pipeline::{
 };
 use serde::Serialize;
 
-use super::{Heard, SILENT_NS};
+use super::{Collected, SILENT_NS};
 use crate::report::table::{nanoseconds, number, table};
 
-/// A group, as JSON has it.
+/// The figures of a group, as JSON has them.
 #[derive(Debug, Serialize)]
-pub struct Figures {
+pub struct StatusReport {
     group: String,
     stages: BTreeMap<&'static str, StageFigures>,
     axes: BTreeMap<String, AxisFigures>,
-    /// Who else is in the group, and the stages that have said nothing.
-    others: Vec<Other>,
-    /// The stages in the order of the data.
+    /// The processes of the group that have sent no heartbeat.
+    others: Vec<OtherProcess>,
+    /// Names of the stages in the order in which the data goes through them.
     #[serde(skip)]
     order: Vec<&'static str>,
+    /// Names of the axes in the order of the machine.
     #[serde(skip)]
     names: Vec<String>,
 }
 
 #[derive(Debug, Serialize)]
-struct Other {
+struct OtherProcess {
     name: String,
     pid: u32,
     is_alive: bool,
 }
 
-impl Other {
-    /// Whether it joined as one of the stages.
+impl OtherProcess {
+    /// Whether the process joined the group as a stage.
     fn is_stage(&self) -> bool {
         StageKind::ALL.iter().any(|kind| kind.name() == self.name)
     }
@@ -49,7 +50,7 @@ struct StageFigures {
     pid: u32,
     state: &'static str,
     heartbeat_age_ns: u64,
-    /// Since when is counted, ns ago.
+    /// Time over which the stage has counted, ns.
     counted_ns: u64,
     tick: u64,
     rate_hz: f64,
@@ -98,24 +99,24 @@ struct AxisFigures {
     refused_requests: u32,
 }
 
-impl Figures {
-    pub(super) fn new(heard: &Heard) -> Self {
+impl StatusReport {
+    pub(super) fn new(collected: &Collected) -> Self {
         let stages = StageKind::ALL.into_iter().filter_map(|kind| {
-            let (first, last) = heard.stages[kind as usize].as_ref()?;
-            Some((kind.name(), StageFigures::new(first, last, heard.now_ns)))
+            let (first, last) = collected.stages[kind as usize].as_ref()?;
+            Some((kind.name(), StageFigures::new(first, last, collected.now_ns)))
         });
         let stages: Vec<_> = stages.collect();
-        let axes = heard.state.iter().flat_map(|state| &state.axes[..(state.header.axis_count as usize).min(8)]);
+        let axes = collected.state.iter().flat_map(|state| &state.axes[..(state.header.axis_count as usize).min(8)]);
         let axes: Vec<_> = axes.map(|axis| (axis.name().to_owned(), AxisFigures::new(axis))).collect();
-        let is_heard = |pid: u32| heard.stages.iter().flatten().any(|(_, last)| last.pid == pid);
-        let others = heard.members.iter().filter(|member| !is_heard(member.pid)).map(|member| Other {
+        let is_heard = |pid: u32| collected.stages.iter().flatten().any(|(_, last)| last.pid == pid);
+        let others = collected.members.iter().filter(|member| !is_heard(member.pid)).map(|member| OtherProcess {
             name: member.name.clone(),
             pid: member.pid,
             is_alive: member.is_alive,
         });
         Self {
             others: others.collect(),
-            group: heard.prefix.to_string(),
+            group: collected.prefix.to_string(),
             order: stages.iter().map(|(name, _)| *name).collect(),
             names: axes.iter().map(|(name, _)| name.clone()).collect(),
             stages: stages.into_iter().collect(),
@@ -123,7 +124,7 @@ impl Figures {
         }
     }
 
-    /// The stages that should have said something and have not.
+    /// Names of the stages whose heartbeats are missing.
     pub fn silent(&self) -> Vec<&str> {
         let is_silent = |name: &&str| {
             let stage = &self.stages[*name];
@@ -133,29 +134,25 @@ impl Figures {
         self.order.iter().copied().filter(is_silent).chain(unheard).collect()
     }
 
-    /// The same as tables.
+    /// All figures as tables: stages, channels, latencies, other processes, axes.
     pub fn tables(&self) -> String {
-        let stages = || self.order.iter().map(|name| (*name, &self.stages[name]));
-        let mut text = format!("Group \"{}\"\n", self.group);
-        let rows = stages().map(|(name, stage)| {
-            let last = stage
-                .last_missed_tick
-                .map_or_else(|| "-".to_owned(), |tick| format!("{tick}, {}", stage.last_missed_cause));
-            vec![
-                name.to_owned(),
-                stage.pid.to_string(),
-                stage.state.to_owned(),
-                nanoseconds(stage.heartbeat_age_ns),
-                stage.tick.to_string(),
-                number(stage.rate_hz),
-                stage.lost.to_string(),
-                stage.missed_by_late_input.to_string(),
-                stage.missed_by_late_release.to_string(),
-                stage.missed_by_long_work.to_string(),
-                last,
-                nanoseconds(stage.counted_ns),
-            ]
-        });
+        let parts = [
+            format!("Group \"{}\"\n", self.group),
+            self.stage_table(),
+            self.channel_table(),
+            self.latency_table(),
+            self.others(),
+            self.axis_table(),
+        ];
+        parts.concat()
+    }
+
+    fn stages(&self) -> impl Iterator<Item = (&'static str, &StageFigures)> {
+        self.order.iter().map(|name| (*name, &self.stages[name]))
+    }
+
+    fn stage_table(&self) -> String {
+        let rows = self.stages().map(|(name, stage)| stage_row(name, stage));
         let header = [
             "stage",
             "pid",
@@ -170,9 +167,11 @@ impl Figures {
             "last late tick",
             "counted",
         ];
-        text += &format!("{}\n\n", table(&header, rows.collect()));
+        format!("{}\n\n", table(&header, rows.collect()))
+    }
 
-        let rows = stages().flat_map(|(name, stage)| {
+    fn channel_table(&self) -> String {
+        let rows = self.stages().flat_map(|(name, stage)| {
             stage.channels.iter().map(move |(channel, figures)| {
                 vec![
                     format!("{name} <- {channel}"),
@@ -185,9 +184,11 @@ impl Figures {
             })
         });
         let header = ["channel", "read", "lost", "writer restarts", "age", "longest gap"];
-        text += &format!("{}\n\n", table(&header, rows.collect()));
+        format!("{}\n\n", table(&header, rows.collect()))
+    }
 
-        let rows = stages().flat_map(|(name, stage)| {
+    fn latency_table(&self) -> String {
+        let rows = self.stages().flat_map(|(name, stage)| {
             let kinds = [
                 ("wait", &stage.wait_ns),
                 ("work", &stage.work_ns),
@@ -202,26 +203,49 @@ impl Figures {
             })
         });
         let header = ["latency", "count", "p50", "p99", "p99.9", "p99.99", "max", "beyond"];
-        text += &format!("{}\n", table(&header, rows.collect()));
+        format!("{}\n", table(&header, rows.collect()))
+    }
 
-        for other in &self.others {
+    /// A line for each process without heartbeats.
+    fn others(&self) -> String {
+        let line = |other: &OtherProcess| {
             let state = match (other.is_alive, other.is_stage()) {
                 (false, _) => "killed",
                 (true, true) => "nothing heard",
                 (true, false) => "alive",
             };
-            text += &format!("\nalso there: {}, process {}, {state}", other.name, other.pid);
-        }
-        if !self.others.is_empty() {
-            text += "\n";
-        }
-        if !self.names.is_empty() {
-            let rows = self.names.iter().map(|name| axis_row(name, &self.axes[name]));
-            let header = ["axis", "mode", "command", "by", "position", "error", "model age", "sigma", "flags"];
-            text += &format!("\n{}\n", table(&header, rows.collect()));
-        }
-        text
+            format!("\nalso there: {}, process {}, {state}", other.name, other.pid)
+        };
+        let lines: String = self.others.iter().map(line).collect();
+        if lines.is_empty() { lines } else { lines + "\n" }
     }
+
+    fn axis_table(&self) -> String {
+        if self.names.is_empty() {
+            return String::new();
+        }
+        let rows = self.names.iter().map(|name| axis_row(name, &self.axes[name]));
+        let header = ["axis", "mode", "command", "by", "position", "error", "model age", "sigma", "flags"];
+        format!("\n{}\n", table(&header, rows.collect()))
+    }
+}
+
+fn stage_row(name: &str, stage: &StageFigures) -> Vec<String> {
+    let last = stage.last_missed_tick.map(|tick| format!("{tick}, {}", stage.last_missed_cause));
+    vec![
+        name.to_owned(),
+        stage.pid.to_string(),
+        stage.state.to_owned(),
+        nanoseconds(stage.heartbeat_age_ns),
+        stage.tick.to_string(),
+        number(stage.rate_hz),
+        stage.lost.to_string(),
+        stage.missed_by_late_input.to_string(),
+        stage.missed_by_late_release.to_string(),
+        stage.missed_by_long_work.to_string(),
+        last.unwrap_or_else(|| "-".to_owned()),
+        nanoseconds(stage.counted_ns),
+    ]
 }
 
 fn axis_row(name: &str, axis: &AxisFigures) -> Vec<String> {

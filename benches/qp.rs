@@ -18,7 +18,7 @@ mod peer;
 use std::{fs, hint::black_box, time::Instant};
 
 use clarabel::solver::IPSolver;
-use control_proc::quadratic::{Problem, Solver, Status};
+use control_proc::predictive::quadratic::{Problem, Solver, Status};
 use serde_json::{Value, json};
 
 use arguments::Arguments;

@@ -8,7 +8,7 @@ use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use ident_proc::{Identifier, least_squares::Triangle, recursive::RecursiveLeastSquares};
-use pipeline::machine::{Forgetting, Form};
+use pipeline::machine::{Estimator, Form};
 
 fn recursive(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("recursive least squares, one update");
@@ -37,13 +37,13 @@ fn identifier(criterion: &mut Criterion) {
     let (machine, record) = data::record(RECORD);
     let mut group = criterion.benchmark_group("ident-proc, one axis, one sample, all errors and snapshot included");
     let cases = [
-        ("paper, n = 5 (linear form)", Forgetting::Paper, Form::Linear),
-        ("paper, n = 15 (full form)", Forgetting::Paper, Form::Full),
-        ("auto", Forgetting::Auto, Form::Linear),
+        ("paper, n = 5 (linear form)", Estimator::Paper, Form::Linear),
+        ("paper, n = 15 (full form)", Estimator::Paper, Form::Full),
+        ("auto", Estimator::Auto, Form::Linear),
     ];
-    for (name, forgetting, form) in cases {
+    for (name, estimator, form) in cases {
         let mut settings = machine.axes[0].identification.clone();
-        (settings.forgetting, settings.form) = (forgetting, form);
+        (settings.estimator, settings.form) = (estimator, form);
         let training = settings.training;
         let mut identifier = Identifier::new(&settings);
         let mut k = 0;

@@ -12,7 +12,7 @@ use std::{
 };
 
 use pipeline::{
-    channel::{ChannelError, Ear, Group, Prefix, Publisher, Reader},
+    channel::{ChannelError, Group, Listener, Prefix, Publisher, Reader},
     machine::Machine,
     message::{
         AxisCommand, AxisMode, AxisRequest, EncoderSample, Header, Request, ValveCommand, bit_names, control_flag,
@@ -22,7 +22,7 @@ use pipeline::{
 
 use crate::failure::Failure;
 
-/// Longest sleep before the stop flag is looked at, and samples of a group without a bell.
+/// Longest sleep before the stop flag is looked at, and samples of a group without a notifier.
 const SLICE: Duration = Duration::from_millis(5);
 /// How long a sample may take, and periods where those are longer.
 const PATIENCE: (Duration, u32) = (Duration::from_secs(2), 3);
@@ -39,7 +39,7 @@ pub struct Operator {
     samples: Reader<EncoderSample>,
     commands: Reader<ValveCommand>,
     requests: Publisher<Request>,
-    ear: Ear,
+    listener: Listener,
     request: Request,
     patience: Duration,
     answer_patience: Duration,
@@ -72,7 +72,7 @@ impl Operator {
             prefix: prefix.clone(),
             samples: group.reader().map_err(Failure::run)?,
             commands: group.reader().map_err(Failure::run)?,
-            ear: group.ear::<EncoderSample>().map_err(Failure::run)?,
+            listener: group.listener::<EncoderSample>().map_err(Failure::run)?,
             requests,
             request: Request { session: monotonic_ns(), ..Request::default() },
             patience: PATIENCE.0.max(machine.timing.period * PATIENCE.1),
@@ -126,7 +126,7 @@ impl Operator {
         if let Some(sample) = self.samples.read().map_err(Failure::run)?.if_new() {
             return Ok(Some(*sample));
         }
-        self.ear.wait(SLICE).map_err(Failure::run)?;
+        self.listener.wait(SLICE).map_err(Failure::run)?;
         Ok(self.samples.read().map_err(Failure::run)?.if_new().copied())
     }
 

@@ -9,7 +9,7 @@ use std::{
 use pipeline::{
     channel::{Group, Prefix, remove_leftovers},
     machine::{Machine, Source},
-    stage::{Clock, Options, StageKind},
+    stage::{Clock, StageKind, StageOptions},
 };
 
 use crate::{
@@ -37,7 +37,7 @@ pub fn run(arguments: &cli::Run) -> Result<(), Failure> {
     let (machine, ticks, warnings) = checked(arguments, clock, &prefix)?;
     let output = Output::open(arguments.json.as_deref())?;
     let is_simulated = machine.source == Source::Sim;
-    let options = Options {
+    let options = StageOptions {
         prefix,
         clock,
         ticks: Some(ticks),
@@ -89,7 +89,12 @@ fn stages(machine: &Machine, clock: Clock) -> (Vec<StageKind>, StageKind) {
 }
 
 /// Everything from the first process to the last message.
-fn group(machine: &Machine, arguments: &cli::Run, options: &Options, warnings: &[String]) -> Result<Report, Failure> {
+fn group(
+    machine: &Machine,
+    arguments: &cli::Run,
+    options: &StageOptions,
+    warnings: &[String],
+) -> Result<Report, Failure> {
     let group = Group::join(&options.prefix, "supervisor").map_err(Failure::run)?;
     let mut monitor = Monitor::new(&group).map_err(Failure::run)?;
     let launch = Launch { machine, arguments: &arguments.machine, options };

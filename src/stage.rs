@@ -8,7 +8,7 @@ use std::{
 use pipeline::{
     channel::remove_leftovers,
     machine::Machine,
-    stage::{Clock, Options, StageKind, missing},
+    stage::{Clock, StageKind, StageOptions, missing},
 };
 
 use crate::{cli, failure::Failure, lifeline};
@@ -18,7 +18,7 @@ pub fn run(kind: StageKind, arguments: &cli::Stage) -> Result<(), Failure> {
     let named = |error: &dyn std::fmt::Display| format!("{}: {error}", kind.name());
     let machine = load(&arguments.machine)?;
     let clock = if arguments.lockstep { Clock::LockStep } else { Clock::RealTime };
-    let options = Options {
+    let options = StageOptions {
         prefix: arguments.prefix.clone(),
         clock,
         ticks: arguments.ticks,
@@ -90,7 +90,7 @@ pub fn command(
     kind: StageKind,
     machine: &Machine,
     arguments: &cli::MachineFile,
-    options: &Options,
+    options: &StageOptions,
 ) -> Result<Command, Failure> {
     let mut command = match &machine.stage(kind).command {
         Some(words) => {

@@ -18,7 +18,7 @@ use pipeline::{
     hammerstein::{Basis, InputMap, Structure},
     machine::{Form, IdentifiedOutput, Machine},
     message::{AxisMode, AxisRequest, CoefficientSnapshot, EncoderSample, Request, ValveCommand},
-    stage::{Clock, Options, StageError, StageKind},
+    stage::{Clock, StageError, StageKind, StageOptions},
 };
 
 static COUNTING: AtomicBool = AtomicBool::new(false);
@@ -57,7 +57,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-type Run = fn(&Machine, Options) -> Result<(), StageError>;
+type Run = fn(&Machine, StageOptions) -> Result<(), StageError>;
 
 const STAGES: [(StageKind, Run); 4] = [
     (StageKind::PlantSim, plant_sim::process::run),
@@ -150,22 +150,23 @@ fn allocations_with(name: &str, machine: &Machine, clock: Clock, from: u64, to: 
     counted
 }
 
-fn options(prefix: &Prefix, clock: Clock, stop: &Arc<AtomicBool>) -> Options {
+fn options(prefix: &Prefix, clock: Clock, stop: &Arc<AtomicBool>) -> StageOptions {
     let (prefix, stop, reset) = (prefix.clone(), Arc::clone(stop), Arc::default());
-    Options { prefix, clock, ticks: None, seed: 1, arm: true, first_tick: 0, warn: true, stop, reset }
+    StageOptions { prefix, clock, ticks: None, seed: 1, arm: true, first_tick: 0, warn: true, stop, reset }
 }
 
-/// What two thousand bells allocate that a sleeper is too late for.
+/// What two thousand notifications allocate when the listener waits only after them.
 fn unheard_bells() -> u64 {
-    let group = TestGroup::new("bells");
+    let group = TestGroup::new("events");
     let channels = group.join();
-    let (ear, bell) = (channels.ear::<EncoderSample>().unwrap(), channels.bell::<EncoderSample>().unwrap());
-    bell.ring().unwrap();
+    let (listener, notifier) =
+        (channels.listener::<EncoderSample>().unwrap(), channels.notifier::<EncoderSample>().unwrap());
+    notifier.notify().unwrap();
     let before = ALLOCATIONS.load(Ordering::Relaxed);
     COUNTING.store(true, Ordering::Relaxed);
     IS_STAGE.with(|stage| stage.set(true));
-    (0..2000).for_each(|_| bell.ring().unwrap());
-    ear.wait(Duration::from_millis(1)).unwrap();
+    (0..2000).for_each(|_| notifier.notify().unwrap());
+    listener.wait(Duration::from_millis(1)).unwrap();
     IS_STAGE.with(|stage| stage.set(false));
     COUNTING.store(false, Ordering::Relaxed);
     ALLOCATIONS.load(Ordering::Relaxed) - before
@@ -182,7 +183,7 @@ fn the_stage_loops_allocate_nothing_after_start() {
     COUNTING.store(false, Ordering::Relaxed);
     assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), 2);
 
-    // A bell that rings and rings for somebody who does not get to hear it.
+    // Notifications that pile up while the listener does not wait.
     assert_eq!(unheard_bells(), 0);
 
     // Lock-step, through the end of training (tick 800), the change to the model, and heartbeats.
@@ -203,10 +204,10 @@ fn the_stage_loops_allocate_nothing_after_start() {
     // What forgets in another way than the default.
     let kinds = ["fuzzy:0.9", "fortescue:100", "directional:0.99", "window:300"];
     for (axis, kind) in machine.axes.iter_mut().zip(kinds) {
-        axis.identification.forgetting = kind.parse().unwrap();
+        axis.identification.estimator = kind.parse().unwrap();
     }
     assert_eq!(allocations("forgetting", &machine, Clock::LockStep, 100, 2000), 0);
-    // Real time: timers, bells, and the end of training after 200 ticks of 2 ms.
+    // Real time: timers, notifications, and the end of training after 200 ticks of 2 ms.
     let mut machine = Machine::load(None, &[("timing.period".to_owned(), "2ms".to_owned())]).unwrap();
     machine.axes.iter_mut().for_each(|axis| axis.identification.training = 400);
     machine.timing.feedback_timeout = Duration::from_secs(1);

@@ -133,7 +133,7 @@ impl Drop for Played {
 fn play_sensor(prefix: &Prefix, faults: &[AtomicU32; 4], stop: &AtomicBool) {
     let channels = Group::join(prefix, "sensor").unwrap();
     let samples = channels.publisher::<EncoderSample>().unwrap();
-    let bell = channels.bell::<EncoderSample>().unwrap();
+    let notifier = channels.notifier::<EncoderSample>().unwrap();
     let mut sequence = 0;
     while !stop.load(Ordering::Relaxed) {
         let now = monotonic_ns();
@@ -143,7 +143,7 @@ fn play_sensor(prefix: &Prefix, faults: &[AtomicU32; 4], stop: &AtomicBool) {
             (axis.position, axis.faults) = (0.65, fault.load(Ordering::Relaxed));
         }
         samples.send(&sample).unwrap();
-        bell.ring().unwrap();
+        notifier.notify().unwrap();
         sequence += 1;
         sleep(PERIOD);
     }

@@ -8,7 +8,7 @@ use std::{
     sync::MutexGuard,
 };
 
-use control_proc::commission::{Experiment, Options, Outcome, Record, analyse};
+use control_proc::commission::{Experiment, ExperimentOptions, ExperimentRecord, Outcome, analyse};
 use harness::{TestGroup, alone, channel::await_message, hydraxis, signal, succeed, wait_for};
 use pipeline::{
     channel::Reader,
@@ -211,7 +211,7 @@ fn expect_close(live: &Commissioned, single: &Commissioned) {
 }
 
 /// The experiment in one process, every command on the valve at once.
-fn in_one_process(machine: &Machine, axis: usize, options: &Options) -> Commissioned {
+fn in_one_process(machine: &Machine, axis: usize, options: &ExperimentOptions) -> Commissioned {
     let mut plant = PlantSim::new(machine, 1).unwrap();
     let mut acquisition = Acquisition::new(machine);
     let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
@@ -235,7 +235,7 @@ fn an_axis_is_commissioned_over_the_channels_as_in_one_process() {
     const AXIS: usize = 3;
     let _alone = alone();
     let machine = Machine::load(None, &[("scenario".to_owned(), "nominal".to_owned())]).unwrap();
-    let options = Options::default();
+    let options = ExperimentOptions::default();
     let mut group = TestGroup::new("experiment");
     let channels = group.join();
     let (snapshots, requests) = (channels.publisher::<CoefficientSnapshot>().unwrap(), channels.publisher().unwrap());
@@ -245,7 +245,7 @@ fn an_axis_is_commissioned_over_the_channels_as_in_one_process() {
     group.start_all_but(StageKind::IdentProc, &arguments);
 
     let mut experiment = Experiment::new(&machine.axes[AXIS], machine.timing.period, &options);
-    let mut record = Record { period: 0.01, commands: Vec::new(), positions: Vec::new() };
+    let mut record = ExperimentRecord { period: 0.01, commands: Vec::new(), positions: Vec::new() };
     for tick in 0..ticks {
         let sample: EncoderSample = wait_for("a sample", || {
             snapshots.greet();

@@ -8,7 +8,7 @@ use std::{hint::black_box, time::Instant};
 use ident_proc::Identifier;
 use pipeline::{
     hammerstein::Structure,
-    machine::{Forgetting, Form},
+    machine::{Estimator, Form},
 };
 use serde_json::{Value, json};
 
@@ -33,18 +33,18 @@ struct Contestant {
 /// Times `samples` samples after the training; prints the table and returns it.
 pub fn compare(samples: usize) -> Vec<Value> {
     let (machine, record) = data::record(TRAINING + samples);
-    let contestant = |(name, forgetting, form)| {
+    let contestant = |(name, estimator, form)| {
         let mut settings = machine.axes[0].identification.clone();
         (settings.structure, settings.training, settings.horizon) = (Structure::PAPER, TRAINING, HORIZON);
-        (settings.forgetting, settings.form) = (forgetting, form);
+        (settings.estimator, settings.form) = (estimator, form);
         let mut identifier = Identifier::new(&settings);
         record[..TRAINING].iter().for_each(|&(y, applied)| identifier.update(Some(y), applied));
         Contestant { name, identifier, times: Vec::with_capacity(samples) }
     };
     let mut contestants = [
-        (AUTO, Forgetting::Auto, Form::Linear),
-        ("paper, linear", Forgetting::Paper, Form::Linear),
-        ("paper, full", Forgetting::Paper, Form::Full),
+        (AUTO, Estimator::Auto, Form::Linear),
+        ("paper, linear", Estimator::Paper, Form::Linear),
+        ("paper, full", Estimator::Paper, Form::Full),
     ]
     .map(contestant);
     let mut clock = Vec::with_capacity(samples);

@@ -22,7 +22,8 @@ use pipeline::{
 
 use crate::{
     axis::{AxisController, AxisInput, UNUSABLE_LIMIT},
-    reference::{ReferenceError, ReferenceGenerator},
+    target::generator::ReferenceGenerator,
+    trajectory_file::{ReferenceError, read_references},
 };
 
 /// The controller of a machine. Disarmed until [`Controller::arm`].
@@ -44,7 +45,7 @@ impl Controller {
     pub fn new(machine: &Machine) -> Result<Self, ReferenceError> {
         let axes = machine.axes.iter().take(MAX_AXES).enumerate();
         Ok(Self {
-            generator: ReferenceGenerator::new(machine)?,
+            generator: read_references(machine)?,
             axes: axes.map(|(i, axis)| AxisController::new(i, axis, &machine.timing)).collect(),
             request: None,
             last_sequence: None,

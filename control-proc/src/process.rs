@@ -14,7 +14,7 @@ use pipeline::{
         control_flag,
     },
     stage::{
-        Channels, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
+        Channels, Clock, Next, Stage, StageError, StageKind, StageOptions, Turn, Waiter, monotonic_ns, run as run_stage,
     },
 };
 
@@ -27,7 +27,7 @@ const LEAST_LATE: usize = 2;
 ///
 /// # Errors
 /// A trajectory cannot be used, or a channel cannot.
-pub fn run(machine: &Machine, options: Options) -> Result<(), StageError> {
+pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let setup = options.clone();
     run_stage(StageKind::ControlProc, machine, options, |group| Process::new(machine, &setup, group))
 }
@@ -80,7 +80,7 @@ impl Deadlines {
 }
 
 impl Process {
-    fn new(machine: &Machine, options: &Options, group: &Group) -> Result<Self, StageError> {
+    fn new(machine: &Machine, options: &StageOptions, group: &Group) -> Result<Self, StageError> {
         let mut core = Controller::new(machine).map_err(|error| StageError::Setup(error.to_string()))?;
         if options.arm {
             core.arm();

@@ -6,7 +6,7 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 
-use control_proc::quadratic::{Problem, Solver, Status};
+use control_proc::predictive::quadratic::{Problem, Solver, Status};
 
 static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
 

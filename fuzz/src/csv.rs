@@ -2,7 +2,7 @@
 
 use std::{fs::File, io::Write, os::fd::AsRawFd, path::PathBuf, sync::OnceLock};
 
-use control_proc::trajectory::Trajectory;
+use control_proc::trajectory_file::read_trajectory;
 use pipeline::{
     columns::Table,
     machine::{Axis, Machine},
@@ -47,7 +47,7 @@ pub fn trajectory(data: &[u8]) {
     let axis = AXIS.get_or_init(|| Machine::load(None, &[]).expect("the built-in machine").axes[0].clone());
     let (low, high) = axis.soft_limits;
     let (_file, path) = file(data);
-    match Trajectory::read(&path, "x", axis) {
+    match read_trajectory(&path, "x", axis) {
         Ok(trajectory) => {
             let end = trajectory.end();
             for t in [f64::MIN, -1.0, 0.0, 1e-9, 0.5, 1.0, end / 2.0, end, end + 1.0, f64::MAX] {

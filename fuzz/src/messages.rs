@@ -9,7 +9,7 @@ use std::{cell::RefCell, thread_local};
 use control_proc::Controller;
 use ident_proc::Identifiers;
 use pipeline::{
-    machine::{Forgetting, Machine, ModelChoice},
+    machine::{Estimator, Machine, ModelChoice},
     message::{
         AxisMode, AxisRequest, CoefficientSnapshot, Header, MAX_PREVIEW, Message, Reference, Request, ValveCommand,
         control_flag,
@@ -101,7 +101,7 @@ impl Loop {
         boom.identification.training = 800;
         // Each half of what a model can be.
         bucket.identification.training = 800;
-        bucket.identification.forgetting = Forgetting::Constant(0.995);
+        bucket.identification.estimator = Estimator::Constant(0.995);
         bucket.control.model = ModelChoice::Classical;
         let machine = Machine { axes: vec![boom, bucket], ..all };
         let mut work = Self {

@@ -2,7 +2,7 @@
 
 use pipeline::{
     hammerstein::{Coefficients, Structure},
-    machine::{Commissioned, Forgetting, Form, Identification, IdentifiedOutput},
+    machine::{Commissioned, Estimator, Form, Identification, IdentifiedOutput},
     message::{AxisSnapshot, model_fault},
 };
 
@@ -77,13 +77,13 @@ impl Identifier {
     /// The same with what commissioning has found of the axis.
     ///
     /// # Panics
-    /// With [`Forgetting::GreyBox`] and nothing found, which the machine file refuses.
+    /// With [`Estimator::GreyBox`] and nothing found, which the machine file refuses.
     pub fn commissioned(settings: &Identification, commissioned: Option<&Commissioned>) -> Self {
         let structure = settings.structure;
         let h = settings.horizon;
-        let (row, adaptation) = match settings.forgetting {
-            Forgetting::Auto => (Bank::row_structure(structure), Adaptation::Bank(Box::new(Bank::new(structure, h)))),
-            Forgetting::GreyBox => {
+        let (row, adaptation) = match settings.estimator {
+            Estimator::Auto => (Bank::row_structure(structure), Adaptation::Bank(Box::new(Bank::new(structure, h)))),
+            Estimator::GreyBox => {
                 let commissioned = commissioned.expect("a grey box is of a commissioned axis");
                 let grey_box = GreyBox::new(structure, commissioned, settings.period);
                 (structure.published(), Adaptation::GreyBox(Box::new(grey_box)))
@@ -476,11 +476,11 @@ mod tests {
 
     #[test]
     fn an_input_that_never_moves_leaves_a_finite_model() {
-        for (forgetting, form) in
-            [(Forgetting::Paper, Form::Linear), (Forgetting::Paper, Form::Full), (Forgetting::Auto, Form::Linear)]
+        for (estimator, form) in
+            [(Estimator::Paper, Form::Linear), (Estimator::Paper, Form::Full), (Estimator::Auto, Form::Linear)]
         {
             let mut settings = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
-            (settings.forgetting, settings.form) = (forgetting, form);
+            (settings.estimator, settings.form) = (estimator, form);
             (settings.training, settings.horizon) = (200, 10);
             let mut identifier = Identifier::new(&settings);
             for k in 0..400 {

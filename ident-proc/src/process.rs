@@ -4,7 +4,7 @@ use pipeline::{
     channel::{Group, Publisher, Reader},
     machine::Machine,
     message::{CoefficientSnapshot, EncoderSample, ValveCommand},
-    stage::{Channels, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, run as run_stage},
+    stage::{Channels, Clock, Next, Stage, StageError, StageKind, StageOptions, Turn, Waiter, run as run_stage},
 };
 
 use crate::Identifiers;
@@ -13,7 +13,7 @@ use crate::Identifiers;
 ///
 /// # Errors
 /// A channel cannot be used.
-pub fn run(machine: &Machine, options: Options) -> Result<(), StageError> {
+pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let clock = options.clock;
     run_stage(StageKind::IdentProc, machine, options, |group| Process::new(machine, clock, group))
 }

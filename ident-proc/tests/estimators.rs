@@ -8,7 +8,7 @@ use ident_proc::{
     recursive::RecursiveLeastSquares,
 };
 use nalgebra::{DMatrix, DVector};
-use pipeline::machine::{Forgetting, Fuzzy};
+use pipeline::machine::{self, Fuzzy};
 
 /// An estimator by its setting, and within how many samples it has followed a step of all coefficients.
 const CASES: [(&str, usize); 7] = [
@@ -250,7 +250,7 @@ fn a_window_holds_the_last_rows_and_no_others() {
         };
         let mut data = Triangle::new(n);
         (0..TRAINING).for_each(|k| data.add(&wide(k), y(&wide(k), k)));
-        let mut estimator = Estimator::new(Forgetting::Window(rows), n, &Fuzzy::PAPER);
+        let mut estimator = Estimator::new(machine::Estimator::Window(rows), n, &Fuzzy::PAPER);
         estimator.start(&data, &vec![false; n], 0.03);
         let mut center = vec![0.0; n];
         data.solve(&mut center);

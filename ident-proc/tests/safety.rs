@@ -3,7 +3,7 @@
 use ident_proc::Identifier;
 use pipeline::{
     hammerstein::{Coefficients, Structure},
-    machine::{Forgetting, Form, Identification, Machine},
+    machine::{Estimator, Form, Identification, Machine},
     message::{AxisSnapshot, model_fault},
 };
 
@@ -18,10 +18,10 @@ fn noise(i: usize) -> f64 {
     2.0 * (x - x.floor()) - 1.0
 }
 
-fn settings(forgetting: Forgetting) -> Identification {
+fn settings(estimator: Estimator) -> Identification {
     let built_in = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
     let structure = Structure::PAPER;
-    Identification { structure, training: TRAINING, horizon: HORIZON, forgetting, form: Form::Linear, ..built_in }
+    Identification { structure, training: TRAINING, horizon: HORIZON, estimator, form: Form::Linear, ..built_in }
 }
 
 /// A position that integrates the answer of a valve, read by an encoder.
@@ -65,9 +65,9 @@ struct Run {
 
 impl Run {
     /// Trained, and adapted for a while.
-    fn new(forgetting: Forgetting) -> Self {
+    fn new(estimator: Estimator) -> Self {
         let mut run =
-            Self { identifier: Identifier::new(&settings(forgetting)), plant: Plant::new(), output: 0.5, k: 0 };
+            Self { identifier: Identifier::new(&settings(estimator)), plant: Plant::new(), output: 0.5, k: 0 };
         run.excite(TRAINING + 1000);
         run
     }
@@ -100,12 +100,12 @@ impl Run {
 
 /// The h-step errors over the first 1000 samples of full excitation after `disturb`, and over the 20 000 after those, in
 /// parts of what they are without it.
-fn harm(forgetting: Forgetting, disturb: impl Fn(&mut Run)) -> [f64; 2] {
-    let (mut with, mut without) = (Run::new(forgetting), Run::new(forgetting));
+fn harm(estimator: Estimator, disturb: impl Fn(&mut Run)) -> [f64; 2] {
+    let (mut with, mut without) = (Run::new(estimator), Run::new(estimator));
     disturb(&mut with);
     [1000, 20_000].map(|samples| {
         let (with, without) = (with.h_step(samples), without.h_step(samples));
-        println!("{forgetting}: h-step error {with:.3e} after it, {without:.3e} without");
+        println!("{estimator}: h-step error {with:.3e} after it, {without:.3e} without");
         with / without
     })
 }
@@ -119,7 +119,7 @@ fn ten_million_samples_at_rest_do_no_harm() {
         assert_ne!(run.snapshot().faults & model_fault::RESTING, 0);
         assert!(run.snapshot().since_update > 9_000_000);
     };
-    let [first, later] = harm(Forgetting::Auto, rest);
+    let [first, later] = harm(Estimator::Auto, rest);
     assert!(first < 1.25 && later < 1.01, "{first} {later}");
 }
 
@@ -140,7 +140,7 @@ fn a_million_samples_in_one_direction_do_no_harm() {
         run.output = 0.5;
         run.identifier.update(None, None);
     };
-    let [first, later] = harm(Forgetting::Auto, one_direction);
+    let [first, later] = harm(Estimator::Auto, one_direction);
     // Of the other direction it knows what it knew a million samples ago, for a model that has changed since.
     assert!(first < 2.5 && later < 1.02, "{first} {later}");
 }
@@ -148,7 +148,7 @@ fn a_million_samples_in_one_direction_do_no_harm() {
 #[test]
 fn one_wild_sample_changes_nothing_to_speak_of() {
     let run = |wild: Option<f64>| {
-        let mut run = Run::new(Forgetting::Auto);
+        let mut run = Run::new(Estimator::Auto);
         let sigma = run.snapshot().adaptive_errors.one_step.sigma();
         let before = run.snapshot();
         if let Some(size) = wild {
@@ -176,7 +176,7 @@ fn one_wild_sample_changes_nothing_to_speak_of() {
 #[test]
 fn a_wild_sample_in_the_training_does_not_spoil_the_classical_model() {
     let run = |wild: bool| {
-        let mut identifier = Identifier::new(&settings(Forgetting::Auto));
+        let mut identifier = Identifier::new(&settings(Estimator::Auto));
         let (mut plant, mut output) = (Plant::new(), 0.5);
         for k in 0..TRAINING + 1000 {
             let command = exciting(k, output);
@@ -194,7 +194,7 @@ fn a_wild_sample_in_the_training_does_not_spoil_the_classical_model() {
 
 #[test]
 fn an_encoder_that_is_set_anew_is_believed_after_a_few_samples() {
-    let mut run = Run::new(Forgetting::Auto);
+    let mut run = Run::new(Estimator::Auto);
     let before = run.snapshot();
     for _ in 0..200 {
         let command = exciting(run.k, run.output);
@@ -210,7 +210,7 @@ fn an_encoder_that_is_set_anew_is_believed_after_a_few_samples() {
 
 #[test]
 fn the_gain_of_each_direction_is_told() {
-    let mut run = Run::new(Forgetting::Auto);
+    let mut run = Run::new(Estimator::Auto);
     run.plant.gains = [0.001, 0.003];
     run.excite(3000);
     let [extend, retract] = run.snapshot().gain_ratio;

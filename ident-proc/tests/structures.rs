@@ -6,7 +6,7 @@ use std::iter::zip;
 use ident_proc::Identifier;
 use pipeline::{
     hammerstein::{Basis, Coefficients, InputMap, MAX_A, Structure},
-    machine::{Forgetting, Form, Identification, IdentifiedOutput, Machine, Split},
+    machine::{Estimator, Form, Identification, IdentifiedOutput, Machine, Split},
     message::{AxisSnapshot, model_fault},
 };
 
@@ -68,7 +68,7 @@ fn settings(structure: Structure) -> Identification {
         period: PERIOD,
         training: TRAINING,
         horizon: 20,
-        forgetting: Forgetting::Constant(0.995),
+        estimator: Estimator::Constant(0.995),
         ..built_in
     }
 }
@@ -120,7 +120,7 @@ fn auto_predicts_a_plant_of_each_structure_without_error() {
         let outputs =
             outputs(&plant(if structure.order < 3 || structure.na > 2 { PLAIN } else { structure }), &commands);
         let found =
-            identify(&Identification { forgetting: Forgetting::Auto, ..settings(structure) }, &outputs, &commands);
+            identify(&Identification { estimator: Estimator::Auto, ..settings(structure) }, &outputs, &commands);
         let (published, adaptive) = (structure.published(), found.adaptive.structure().unwrap());
         assert!((published.na..=published.na + 1).contains(&adaptive.na), "{structure:?}: {adaptive:?}");
         assert!((published.nb..=published.nb + 1).contains(&adaptive.nb), "{structure:?}: {adaptive:?}");

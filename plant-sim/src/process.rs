@@ -11,7 +11,7 @@ use pipeline::{
     machine::Machine,
     message::{CoefficientSnapshot, EncoderReading, ValveCommand},
     stage::{
-        Channels, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
+        Channels, Clock, Next, Stage, StageError, StageKind, StageOptions, Turn, Waiter, monotonic_ns, run as run_stage,
     },
 };
 
@@ -24,7 +24,7 @@ const READING_PERIOD: Duration = Duration::from_millis(1);
 ///
 /// # Errors
 /// The machine has an axis without a plant, or a channel cannot be used.
-pub fn run(machine: &Machine, options: Options) -> Result<(), StageError> {
+pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let setup = options.clone();
     run_stage(StageKind::PlantSim, machine, options, |group| Process::new(machine, &setup, group))
 }
@@ -42,7 +42,7 @@ struct Process {
 }
 
 impl Process {
-    fn new(machine: &Machine, options: &Options, group: &Group) -> Result<Self, StageError> {
+    fn new(machine: &Machine, options: &StageOptions, group: &Group) -> Result<Self, StageError> {
         let lock_step = options.clock == Clock::LockStep;
         Ok(Self {
             plant: PlantSim::new(machine, options.seed).map_err(|error| StageError::Setup(error.to_string()))?,

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use pipeline::{
-    channel::{Bell, Group, Publisher, Reader},
+    channel::{Group, Notifier, Publisher, Reader},
     machine::{Machine, Source},
     message::{CoefficientSnapshot, EncoderReading, EncoderSample, MissCause, ValveCommand},
     stage::{
-        Channels, Clock, Next, Options, Stage, StageError, StageKind, Turn, Waiter, monotonic_ns, run as run_stage,
+        Channels, Clock, Next, Stage, StageError, StageKind, StageOptions, Turn, Waiter, monotonic_ns, run as run_stage,
     },
 };
 
@@ -20,7 +20,7 @@ const FIRST_READING_POLL_NS: u64 = 1_000_000;
 ///
 /// # Errors
 /// The recording cannot be used, or a channel cannot.
-pub fn run(machine: &Machine, options: Options) -> Result<(), StageError> {
+pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let (clock, first_tick) = (options.clock, options.first_tick);
     match &machine.source {
         Source::Sim => run_stage(StageKind::SensorProc, machine, options, |group| Live::new(machine, clock, group)),
@@ -30,17 +30,17 @@ pub fn run(machine: &Machine, options: Options) -> Result<(), StageError> {
     }
 }
 
-/// The way out: samples, and the bell for those who sleep.
+/// The way out: samples, and the notifier that wakes the stages that sleep.
 struct Output {
     samples: Publisher<EncoderSample>,
     /// Real time only.
-    bell: Option<Bell>,
+    notifier: Option<Notifier>,
 }
 
 impl Output {
     fn new(group: &Group, clock: Clock) -> Result<Self, StageError> {
-        let bell = if clock == Clock::RealTime { Some(group.bell::<EncoderSample>()?) } else { None };
-        Ok(Self { samples: group.publisher()?, bell })
+        let notifier = if clock == Clock::RealTime { Some(group.notifier::<EncoderSample>()?) } else { None };
+        Ok(Self { samples: group.publisher()?, notifier })
     }
 
     fn send(
@@ -56,8 +56,8 @@ impl Output {
         let sequence = sample.header.sequence;
         turn.finish(&mut sample.header, sequence, acquired_ns, due_ns);
         self.samples.send(sample)?;
-        if let Some(bell) = &self.bell {
-            bell.ring()?;
+        if let Some(notifier) = &self.notifier {
+            notifier.notify()?;
         }
         Ok(())
     }

@@ -4,13 +4,16 @@ use std::time::Duration;
 
 use clap::ValueEnum;
 use control_proc::{
-    commission::Options,
-    course::{END, TRAINING, course},
-    reference::ReferenceGenerator,
-    tuning::{Baseline, reached},
+    commission::ExperimentOptions,
+    trajectory_file::read_references,
+    tuning::{
+        Baseline,
+        course::{END, TRAINING, course},
+        reached,
+    },
 };
 use pipeline::{
-    machine::{Axis, Control, Forgetting, Machine, ModelChoice, ReferenceSource, Scenario, samples_of},
+    machine::{Axis, Control, Estimator, Machine, ModelChoice, ReferenceSource, Scenario, samples_of},
     message::{ControlMode, control_flag},
     statistics::ErrorStatistics,
 };
@@ -118,7 +121,7 @@ impl Contest {
             for kind in &kinds {
                 let mut axes = axes.clone();
                 if *kind == Kind::MpcAdaptive {
-                    axes.iter_mut().for_each(|axis| axis.identification.forgetting = Forgetting::GreyBox);
+                    axes.iter_mut().for_each(|axis| axis.identification.estimator = Estimator::GreyBox);
                 }
                 entries.push(Entry { kind: *kind, dead_time: *dead_time, axes });
             }
@@ -153,7 +156,7 @@ impl Contest {
         let axes = self.entries[case.entry].axes.clone();
         let machine = Machine { axes, ..self.scenarios[case.scenario].clone() };
         let period = machine.timing.period.as_secs_f64();
-        let generator = ReferenceGenerator::new(&machine).map_err(Failure::usage)?;
+        let generator = read_references(&machine).map_err(Failure::usage)?;
         let mut outcomes = vec![Outcome::default(); machine.axes.len()];
         // Ticks at which the axes began to follow.
         let mut begins = vec![None; machine.axes.len()];
@@ -196,7 +199,8 @@ fn at_dead_time(machine: &Machine, dead_time: Duration) -> Result<Vec<Axis>, Fai
     machine.scenario = Scenario::default();
     let unknown: Vec<usize> =
         (0..machine.axes.len()).filter(|axis| machine.axes[*axis].commissioned.is_none()).collect();
-    let found = commission_simulated(&machine, &unknown, COMMISSIONING_SEED, &Options::default(), |_, _, _| ())?;
+    let found =
+        commission_simulated(&machine, &unknown, COMMISSIONING_SEED, &ExperimentOptions::default(), |_, _, _| ())?;
     for (index, model) in unknown.into_iter().zip(found) {
         machine.axes[index].commissioned = Some(model);
     }

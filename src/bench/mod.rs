@@ -1,6 +1,6 @@
 //! `hydraxis bench control`: the same course with every controller, under every scenario.
 //!
-//! The machine drives [`control_proc::course`]: 8 s in which identifiers learn and the fallback controls for all that
+//! The machine drives [`control_proc::tuning::course`]: 8 s in which identifiers learn and the fallback controls for all that
 //! need a model, then 37 s in which the error of the true position counts, at all ticks and for all controllers alike.
 //! An axis that has been latched stands still and its error goes on counting. What the baselines know is the
 //! commissioned model; no controller knows the scenario.

@@ -5,10 +5,10 @@ use std::{path::PathBuf, time::Duration};
 use clap::{Args, ValueEnum};
 use pipeline::{
     hammerstein::{MAX_DELAY, MAX_LINEAR, MAX_ORDER},
-    machine::{Forgetting, Form, Split},
+    machine::{Estimator, Form, Split},
 };
 
-use super::values::{DeadBand, Knots, Rows, Samples, forgetting, in_range, positive, seconds};
+use super::values::{DeadBand, Knots, Rows, Samples, estimator, forgetting, in_range, positive, seconds};
 
 /// `identify`.
 #[derive(Debug, Args)]
@@ -16,7 +16,7 @@ use super::values::{DeadBand, Knots, Rows, Samples, forgetting, in_range, positi
 #[command(after_help = "\
 Examples:
   hydraxis identify boom.csv --train 0.4                      offline on the first 40 % of the rows, adaptive on the rest
-  hydraxis identify boom.csv --forgetting constant:0.995      a constant forgetting factor instead of the paper's fuzzy one
+  hydraxis identify boom.csv --estimator constant:0.995       a constant forgetting factor, not the paper's fuzzy one
   hydraxis identify boom.csv --input duty --output position --period 10ms --nk 20 --json -
   hydraxis identify boom.csv --na 2 --integrator --drift --dead-band 0.07,0.1 --knots 0,0.2,0.5
   hydraxis identify boom.csv --select --na 2 --compare        search the structure but for na, then compare estimators
@@ -75,11 +75,15 @@ pub struct Identify {
     /// How far ahead the h-step error looks: samples, or a duration such as 0.5s [default: 0.5s, at least one sample]
     #[arg(long)]
     pub horizon: Option<Samples>,
-    /// What is forgotten online: auto (several estimators, weighted by how well they predict), paper (fuzzy factor,
-    /// Table 1), constant:L, fuzzy:LOW (Table 1 on normalised errors, down to LOW), fortescue:N0 (N0 samples while errors
-    /// stay small), directional:L (only what is excited), or window:N (all but the last N samples)
-    #[arg(long, default_value = "auto", value_parser = forgetting)]
-    pub forgetting: Forgetting,
+    /// Algorithm that adapts the coefficients online: auto (several estimators, weighted by how well they predict),
+    /// paper (fuzzy forgetting factor, Table 1), constant:L (forgetting factor L), fuzzy:LOW (Table 1 on normalised
+    /// errors, factor LOW at the least), fortescue:N0 (memory of N0 samples while errors stay small), directional:L
+    /// (forgets along the regressor only), or window:N (the last N samples)
+    #[arg(long, default_value = "auto", value_parser = estimator)]
+    pub estimator: Estimator,
+    /// Old name of `--estimator`, refused with the new one
+    #[arg(long, hide = true, value_parser = forgetting)]
+    pub forgetting: Option<String>,
     /// Which coefficients are updated online; auto has both and more
     #[arg(long, value_enum, default_value = "linear")]
     pub form: FormArgument,

@@ -75,7 +75,7 @@ Examples:
   hydraxis run                                        the built-in excavator in real time, 20 s
   hydraxis run --lockstep --duration 60s --seed 7     as fast as the machine allows, bit for bit repeatable
   hydraxis run --scenario payload                     with a load that grows on the way
-  hydraxis run my.toml --set axis.boom.forgetting=constant:0.995 --json out.json"))]
+  hydraxis run my.toml --set axis.boom.identification.estimator=constant:0.995 --json out.json"))]
 pub struct Run {
     /// The machine
     #[command(flatten)]

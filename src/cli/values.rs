@@ -4,7 +4,7 @@ use std::{str::FromStr, time::Duration};
 
 use pipeline::{
     hammerstein::{Basis, MAX_ORDER},
-    machine::{Forgetting, samples_of},
+    machine::{Estimator, samples_of},
 };
 
 /// A number of rows, or a part of all rows.
@@ -118,8 +118,13 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| "allowed: seconds from 1e-9 to 1.6e7, or a duration with its unit such as 20ms".to_owned())
 }
 
-/// `--forgetting`.
-pub fn forgetting(text: &str) -> Result<Forgetting, String> {
+/// `--forgetting`, the old name of `--estimator`.
+pub fn forgetting(_: &str) -> Result<String, String> {
+    Err("allowed: `--estimator`, its new name".to_owned())
+}
+
+/// `--estimator`.
+pub fn estimator(text: &str) -> Result<Estimator, String> {
     text.parse()
 }
 
@@ -149,9 +154,6 @@ pub fn duration(text: &str) -> Result<Duration, String> {
 pub fn setting(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((key, value)) if !key.trim().is_empty() => Ok((key.trim().to_owned(), value.trim().to_owned())),
-        _ => {
-            Err("allowed: KEY=VALUE with a key of the machine file, such as axis.boom.forgetting=constant:0.995"
-                .to_owned())
-        }
+        _ => Err("allowed: KEY=VALUE with a key of the machine file, such as axis.boom.control.kp=3".to_owned()),
     }
 }

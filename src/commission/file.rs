@@ -23,7 +23,7 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commiss
         if let Some(Control { kp, ki, feedforward, dead_band: DeadBand { extend, retract }, .. }) = control {
             let _ = write!(
                 text,
-                "\n[axis.{name}]\nforgetting = \"grey-box\"    # its speeds and its lag are adapted\n\
+                "\n[axis.{name}.identification]\nestimator = \"grey-box\"    # its speeds and its lag are adapted\n\
                  \n[axis.{name}.control]\nkp = {kp:?}\nki = {ki:?}\nfeedforward = {feedforward}\n\
                  dead_band_extend = {extend:?}\ndead_band_retract = {retract:?}\n"
             );

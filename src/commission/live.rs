@@ -5,7 +5,7 @@
 
 use std::sync::{Arc, atomic::AtomicBool};
 
-use control_proc::commission::{Experiment, Options, Outcome, Phase, Record, analyse};
+use control_proc::commission::{Experiment, ExperimentOptions, ExperimentRecord, Outcome, Phase, analyse};
 use pipeline::{
     channel::Prefix,
     machine::{Commissioned, Machine},
@@ -23,7 +23,7 @@ pub fn commission_live(
     axes: &[usize],
     prefix: &Prefix,
     stop: Arc<AtomicBool>,
-    options: &Options,
+    options: &ExperimentOptions,
     mut show: impl FnMut(usize, Phase, f64),
 ) -> Result<Vec<Commissioned>, Failure> {
     let mut operator = Operator::join(machine, prefix, stop)?;
@@ -40,7 +40,7 @@ fn commission(
     axis: usize,
     all: &[usize],
     operator: &mut Operator,
-    options: &Options,
+    options: &ExperimentOptions,
     mut show: impl FnMut(Phase, f64),
 ) -> Result<Commissioned, Failure> {
     let name = &machine.axes[axis].name;
@@ -119,11 +119,11 @@ impl Applied {
     }
 
     /// As far as both are known.
-    fn into_record(mut self) -> Record {
+    fn into_record(mut self) -> ExperimentRecord {
         let length = self.positions.len().min(self.commands.len());
         self.positions.truncate(length);
         self.commands.truncate(length);
-        Record { period: self.period, commands: self.commands, positions: self.positions }
+        ExperimentRecord { period: self.period, commands: self.commands, positions: self.positions }
     }
 }
 

@@ -7,7 +7,7 @@ mod simulated;
 use std::path::Path;
 
 use control_proc::{
-    commission::{Options, Phase},
+    commission::{ExperimentOptions, Phase},
     tuning::Baseline,
 };
 use pipeline::{
@@ -52,7 +52,7 @@ pub fn run(arguments: &cli::Commission) -> Result<(), Failure> {
     let file = ModelFile::new(&arguments.out, arguments.force)?;
     let output = Output::open(arguments.json.as_deref())?;
     let shows_tables = !arguments.json.as_deref().is_some_and(is_stdout);
-    let options = Options {
+    let options = ExperimentOptions {
         travel: arguments.travel,
         speed: arguments.speed,
         duration: arguments.duration,

@@ -1,6 +1,6 @@
 //! The experiment with a simulated machine, axis by axis, in one process and as fast as it goes.
 
-use control_proc::commission::{Experiment, Options, Outcome, Phase, analyse};
+use control_proc::commission::{Experiment, ExperimentOptions, Outcome, Phase, analyse};
 use pipeline::{
     machine::{Commissioned, Machine},
     message::ValveCommand,
@@ -19,7 +19,7 @@ pub fn commission_simulated(
     machine: &Machine,
     axes: &[usize],
     seed: u64,
-    options: &Options,
+    options: &ExperimentOptions,
     mut show: impl FnMut(usize, Phase, f64),
 ) -> Result<Vec<Commissioned>, Failure> {
     let one = |axis: &usize| commission(machine, *axis, seed, options, |phase, part| show(*axis, phase, part));
@@ -30,7 +30,7 @@ fn commission(
     machine: &Machine,
     axis: usize,
     seed: u64,
-    options: &Options,
+    options: &ExperimentOptions,
     mut show: impl FnMut(Phase, f64),
 ) -> Result<Commissioned, Failure> {
     let name = &machine.axes[axis].name;

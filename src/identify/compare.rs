@@ -1,7 +1,7 @@
 //! `--compare`: every estimator on the same record, one after another, since they are timed.
 
 use pipeline::{
-    machine::{Forgetting, Form, Identification},
+    machine::{Estimator, Form, Identification},
     message::{AxisSnapshot, bit_names, model_fault},
 };
 use sensor_proc::record::Record;
@@ -19,7 +19,7 @@ enum Forms {
     Both,
 }
 
-/// What is compared, as `--forgetting` names it.
+/// What is compared, as `--estimator` names it.
 const ESTIMATORS: &[(&str, Forms)] = &[
     ("paper", Forms::Chosen),
     ("fuzzy:0.95", Forms::Chosen),
@@ -83,13 +83,13 @@ pub fn compare(settings: &Identification, record: &Record) -> Comparison {
         if rows.is_empty() {
             rows.extend(held(run.form, &snapshot));
         }
-        let form = (run.forgetting != Forgetting::Auto).then_some(run.form);
+        let form = (run.estimator != Estimator::Auto).then_some(run.form);
         rows.push(Row::new(name, form, &snapshot, ns_per_update));
         progress.inc(1);
     }
     progress.finish_and_clear();
     let classical = rows[0].h_step_sigma;
-    let constant = |row: &&Row| matches!(row.estimator.parse(), Ok(Forgetting::Constant(_)));
+    let constant = |row: &&Row| matches!(row.estimator.parse(), Ok(Estimator::Constant(_)));
     let sigma = |row: &Row| if row.h_step_sigma.is_nan() { f64::INFINITY } else { row.h_step_sigma };
     let constants = rows.iter().enumerate().filter(|(_, row)| constant(row));
     let best = constants.min_by(|(_, a), (_, b)| sigma(a).total_cmp(&sigma(b))).map(|(place, _)| place);
@@ -111,8 +111,8 @@ fn runs(settings: &Identification) -> Vec<(&'static str, Identification)> {
     let runs = [settings.form, other].map(|form| {
         let estimators = ESTIMATORS.iter().filter(move |(_, forms)| form == settings.form || *forms == Forms::Both);
         estimators.filter_map(move |(name, _)| {
-            let forgetting = name.parse().ok()?;
-            Some((*name, Identification { form, forgetting, ..settings.clone() }))
+            let estimator = name.parse().ok()?;
+            Some((*name, Identification { form, estimator, ..settings.clone() }))
         })
     });
     runs.into_iter().flatten().collect()
@@ -215,8 +215,8 @@ mod tests {
     #[test]
     fn every_estimator_of_the_table_is_one() {
         for (name, _) in ESTIMATORS {
-            let forgetting: Forgetting = name.parse().unwrap();
-            assert_eq!(forgetting.to_string(), *name);
+            let estimator: Estimator = name.parse().unwrap();
+            assert_eq!(estimator.to_string(), *name);
         }
     }
 }

@@ -18,7 +18,7 @@ use report::Report;
 use residuals::Residuals;
 use run::identify;
 use select::{Selection, select};
-use settings::{Typed, check_forgetting, settings};
+use settings::{Typed, check_estimator, settings};
 
 /// Runs the command.
 pub fn run(arguments: &cli::Identify) -> Result<(), Failure> {
@@ -30,7 +30,7 @@ pub fn run(arguments: &cli::Identify) -> Result<(), Failure> {
     let selection = if arguments.select { Some(search(&settings, &typed, &record)?) } else { None };
     if let Some(selection) = &selection {
         settings.structure = selection.chosen.candidate.structure;
-        check_forgetting(&settings)?;
+        check_estimator(&settings)?;
     }
     let progress = progress(record.outputs.len() as u64, "samples");
     let mut residuals = Residuals::default();

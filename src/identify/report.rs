@@ -34,7 +34,7 @@ pub struct Report {
     output: IdentifiedOutput,
     form: Form,
     split: Split,
-    forgetting: String,
+    estimator: String,
     /// Only fuzzy forgetting has universes.
     error_universe: Option<f64>,
     variation_universe: Option<f64>,
@@ -119,7 +119,7 @@ impl Report {
             output: settings.output,
             form: settings.form,
             split: settings.split,
-            forgetting: settings.forgetting.to_string(),
+            estimator: settings.estimator.to_string(),
             error_universe: universes.map(|(error, _)| error),
             variation_universe: universes.map(|(_, variation)| variation),
             faults: bit_names(snapshot.faults & model_fault::LASTING, &model_fault::NAMES).collect(),
@@ -200,9 +200,10 @@ impl Report {
             ["error", "sigma classical", "adaptive", "reduction", "rmse classical", "adaptive", "fit adaptive"];
         text += &format!("{}\n", table(&header, rows));
         text += &format!(
-            "h steps by holding y: sigma {}. Forgetting {} (mean {}, least {}); {:.0} ns per update.\n",
+            "h steps by holding y: sigma {}. \
+             Estimator {} (forgetting factor mean {}, least {}); {:.0} ns per update.\n",
             number(self.persistence.h_step.sigma),
-            self.forgetting,
+            self.estimator,
             number(adaptive.forgetting_factor.mean),
             number(adaptive.forgetting_factor.min),
             adaptive.ns_per_update

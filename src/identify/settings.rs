@@ -112,10 +112,10 @@ pub fn settings(arguments: &cli::Identify, typed: &Typed, record: &Record) -> Re
         horizon,
         form: arguments.form.into(),
         split: arguments.split.into(),
-        forgetting: arguments.forgetting,
+        estimator: arguments.estimator,
         fuzzy,
     };
-    check_forgetting(&settings)?;
+    check_estimator(&settings)?;
     let fewest = HeldOut::fewest_rows(&settings);
     if arguments.select && training < fewest {
         return Err(Failure::Usage(format!(
@@ -129,7 +129,7 @@ pub fn settings(arguments: &cli::Identify, typed: &Typed, record: &Record) -> Re
 }
 
 /// A window shorter than the coefficients of its structure determines none of them.
-pub fn check_forgetting(settings: &Identification) -> Result<(), Failure> {
-    let refusal = |(found, allowed)| Failure::Usage(format!("--forgetting: found {found}; allowed: {allowed}"));
-    settings.check_forgetting("NAME", false).map_err(refusal)
+pub fn check_estimator(settings: &Identification) -> Result<(), Failure> {
+    let refusal = |(found, allowed)| Failure::Usage(format!("--estimator: found {found}; allowed: {allowed}"));
+    settings.check_estimator("NAME", false).map_err(refusal)
 }

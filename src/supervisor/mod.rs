@@ -29,7 +29,7 @@ use std::{
 use pipeline::{
     channel::Group,
     machine::{Machine, Restart},
-    stage::{Clock, Options, StageKind, monotonic_ns},
+    stage::{Clock, StageKind, StageOptions, monotonic_ns},
 };
 use rustix::process::{Pid, Signal};
 
@@ -61,7 +61,7 @@ pub struct Launch<'a> {
     /// Where it comes from.
     pub arguments: &'a cli::MachineFile,
     /// How the stages run.
-    pub options: &'a Options,
+    pub options: &'a StageOptions,
 }
 
 /// One stage of the group, over all its lives.
@@ -148,7 +148,7 @@ impl<'a> Supervisor<'a> {
         Ok(())
     }
 
-    fn begin(&self, kind: StageKind, options: &Options) -> Result<Life, Failure> {
+    fn begin(&self, kind: StageKind, options: &StageOptions) -> Result<Life, Failure> {
         let command = stage::command(kind, self.launch.machine, self.launch.arguments, options)?;
         let program = command.get_program().to_string_lossy().into_owned();
         Life::begin(kind, command, &self.log, &self.deaths)
@@ -331,7 +331,7 @@ impl<'a> Supervisor<'a> {
             let period = self.launch.machine.timing.period;
             let next = policy::next_tick(last.map(|(sequence, _)| sequence), Duration::from_nanos(since), period);
             let last_tick = self.launch.options.ticks.map_or(u64::MAX, |ticks| ticks.saturating_sub(1));
-            let options = Options { arm: false, first_tick: next.min(last_tick), ..self.launch.options.clone() };
+            let options = StageOptions { arm: false, first_tick: next.min(last_tick), ..self.launch.options.clone() };
             self.members[i].life = Some(self.begin(kind, &options)?);
             let prefix = &options.prefix;
             self.say(match kind {

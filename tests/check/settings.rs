@@ -16,13 +16,13 @@ fn settings_that_their_keys_take_are_accepted() {
     let folder = tempfile::tempdir().unwrap();
     for setting in [
         "axis.boom.control.kp=3",
-        "axis.boom.forgetting=constant:0.995",
-        "axis.boom.forgetting=\"paper\"",
-        "axis.boom.forgetting=fuzzy:0.9",
-        "axis.boom.forgetting=fortescue:500",
-        "axis.boom.forgetting=directional:0.99",
-        "axis.boom.forgetting=window:500",
-        "axis.boom.forgetting=auto",
+        "axis.boom.identification.estimator=constant:0.995",
+        "axis.boom.identification.estimator=\"paper\"",
+        "axis.boom.identification.estimator=fuzzy:0.9",
+        "axis.boom.identification.estimator=fortescue:500",
+        "axis.boom.identification.estimator=directional:0.99",
+        "axis.boom.identification.estimator=window:500",
+        "axis.boom.identification.estimator=auto",
         "axis.arm.soft_limits=[0.1, 1.4]",
         "axis.boom.reference.sines[0].amplitude=0.01",
         "realtime.lock_memory=true",
@@ -61,17 +61,23 @@ fn settings_that_their_keys_do_not_take_are_refused() {
         ("timing.period=5", "timing.period: found 5 (from the command line); allowed: a duration with its unit"),
         ("realtime.lock_memory=yes", "realtime.lock_memory: found yes (from the command line); allowed: true or false"),
         (
-            "axis.boom.forgetting=constant:2",
-            "axis.boom.forgetting: found constant:2 (from the command line); allowed: \"auto\", \"paper\", \"constant:L\" with L",
+            "axis.boom.identification.estimator=constant:2",
+            "axis.boom.identification.estimator: found constant:2 (from the command line); allowed: \"auto\", \
+             \"paper\", \"constant:L\" with L",
         ),
         (
-            "axis.boom.forgetting=fuzzy:1.0",
-            "axis.boom.forgetting: found fuzzy:1.0 (from the command line); allowed: \"auto\", ",
+            "axis.boom.forgetting=paper",
+            "axis.boom.forgetting: found a key that has been renamed; allowed: axis.boom.identification.estimator",
         ),
-        ("axis.boom.forgetting=window:1", "\"window:N\" with N from 2 to 100000 samples"),
         (
-            "axis.boom.forgetting=window:3",
-            "axis.boom.forgetting: found \"window:3\" for 5 coefficients; allowed: \"window:N\" with N from 5",
+            "axis.boom.identification.estimator=fuzzy:1.0",
+            "axis.boom.identification.estimator: found fuzzy:1.0 (from the command line); allowed: \"auto\", ",
+        ),
+        ("axis.boom.identification.estimator=window:1", "\"window:N\" with N from 2 to 100000 samples"),
+        (
+            "axis.boom.identification.estimator=window:3",
+            "axis.boom.identification.estimator: found \"window:3\" for 5 coefficients; allowed: \"window:N\" with \
+             N from 5",
         ),
     ] {
         expect_refusal(folder.path(), &check_with(setting), &[expected]);

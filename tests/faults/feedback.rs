@@ -153,7 +153,7 @@ fn row_03_a_sample_from_before_a_stop_moves_nothing() {
     let mut group = TestGroup::new("row-03-late");
     let channels = group.join();
     let samples = channels.publisher::<EncoderSample>().unwrap();
-    let bell = channels.bell::<EncoderSample>().unwrap();
+    let notifier = channels.notifier::<EncoderSample>().unwrap();
     let mut commands = channels.reader::<ValveCommand>().unwrap();
     group.start(StageKind::ControlProc, &["--arm", "--set", "timing.feedback_timeout=300ms"]);
     let mut sample = |sequence: u64, age: u64| {
@@ -165,7 +165,7 @@ fn row_03_a_sample_from_before_a_stop_moves_nothing() {
         let positions = [0.65, 0.75, 0.6, 0.55];
         sample.axes.iter_mut().zip(positions).for_each(|(axis, position)| axis.position = position);
         samples.send(&sample).unwrap();
-        bell.ring().unwrap();
+        notifier.notify().unwrap();
         std::thread::sleep(Duration::from_millis(10));
         commands.newest().unwrap();
         commands.last().copied()

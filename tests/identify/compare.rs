@@ -49,16 +49,16 @@ fn the_best_constant_is_the_one_with_the_least_error_in_either_form() {
 fn the_rows_are_those_of_the_estimators_alone() {
     let folder = changing_plant();
     let compared = figures(folder.path(), &ARGUMENTS);
-    for (forgetting, form) in [("paper", "linear"), ("constant:0.98", "linear"), ("constant:0.99", "full")] {
-        let arguments = ["--horizon", "10", "--forgetting", forgetting, "--form", form];
+    for (estimator, form) in [("paper", "linear"), ("constant:0.98", "linear"), ("constant:0.99", "full")] {
+        let arguments = ["--horizon", "10", "--estimator", estimator, "--form", form];
         let alone = figures(folder.path(), &arguments);
-        let row = row(&compared, forgetting, form);
+        let row = row(&compared, estimator, form);
         for (name, pointer) in [
             ("one_step_sigma", "/adaptive/one_step/sigma"),
             ("h_step_sigma", "/adaptive/h_step/sigma"),
             ("free_run_rmse", "/adaptive/free_run/rmse"),
         ] {
-            assert_eq!(row[name], *alone.pointer(pointer).unwrap(), "{name} of {forgetting}, {form}");
+            assert_eq!(row[name], *alone.pointer(pointer).unwrap(), "{name} of {estimator}, {form}");
         }
     }
     let classical = row(&compared, "classical", "linear");
@@ -69,7 +69,7 @@ fn the_rows_are_those_of_the_estimators_alone() {
 #[test]
 fn the_held_model_is_that_of_the_form_that_was_typed() {
     let figures =
-        figures(changing_plant().path(), &[&ARGUMENTS[..], &["--form", "full", "--forgetting", "paper"]].concat());
+        figures(changing_plant().path(), &[&ARGUMENTS[..], &["--form", "full", "--estimator", "paper"]].concat());
     let classical = row(&figures, "classical", "full");
     assert_eq!(number(classical, "/h_step_sigma"), number(&figures, "/classical/h_step/sigma"));
     assert_eq!(row(&figures, "paper", "full")["h_step_sigma"], figures["adaptive"]["h_step"]["sigma"]);

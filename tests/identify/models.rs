@@ -32,7 +32,7 @@ fn the_json_tells_what_was_identified() {
         assert_eq!(figures[name], expected, "{name}");
     }
     assert!((number(&figures, "/period_s") - PERIOD).abs() <= 1e-12);
-    assert_eq!((&figures["form"], &figures["forgetting"]), (&"linear".into(), &"auto".into()));
+    assert_eq!((&figures["form"], &figures["estimator"]), (&"linear".into(), &"auto".into()));
     assert_eq!(figures["faults"], serde_json::json!([]));
 }
 
@@ -59,45 +59,45 @@ fn reductions_are_finite_or_null_when_there_is_no_error_to_reduce() {
 }
 
 #[test]
-fn constant_forgetting_follows_a_gain_that_changes() {
-    let figures = figures(changing_plant().path(), &["--horizon", "10", "--forgetting", "constant:0.98"]);
-    assert_eq!(figures["forgetting"], "constant:0.98");
+fn a_constant_forgetting_factor_follows_a_gain_that_changes() {
+    let figures = figures(changing_plant().path(), &["--horizon", "10", "--estimator", "constant:0.98"]);
+    assert_eq!(figures["estimator"], "constant:0.98");
     assert!(number(&figures, "/adaptive/h_step/sigma") < 0.5 * number(&figures, "/classical/h_step/sigma"));
     assert!(number(&figures, "/reduction_percent/h_step") > 50.0);
 }
 
 #[test]
-fn the_default_forgetting_follows_a_gain_that_changes() {
+fn the_default_estimator_follows_a_gain_that_changes() {
     let figures = figures(changing_plant().path(), &["--horizon", "10"]);
-    assert_eq!(figures["forgetting"], "auto");
+    assert_eq!(figures["estimator"], "auto");
     assert!(number(&figures, "/adaptive/h_step/sigma") < 0.5 * number(&figures, "/classical/h_step/sigma"));
     assert!(number(&figures, "/reduction_percent/h_step") > 50.0);
 }
 
 #[test]
-fn every_forgetting_follows_a_gain_that_changes() {
+fn every_estimator_follows_a_gain_that_changes() {
     let folder = changing_plant();
-    for forgetting in ["constant:0.98", "paper", "fuzzy:0.9", "fortescue:100", "directional:0.95", "window:200"] {
-        let figures = figures(folder.path(), &["--horizon", "10", "--forgetting", forgetting]);
-        assert_eq!(figures["forgetting"], forgetting);
-        assert_eq!(figures["error_universe"].is_null(), !["paper", "fuzzy:0.9"].contains(&forgetting), "{forgetting}");
+    for estimator in ["constant:0.98", "paper", "fuzzy:0.9", "fortescue:100", "directional:0.95", "window:200"] {
+        let figures = figures(folder.path(), &["--horizon", "10", "--estimator", estimator]);
+        assert_eq!(figures["estimator"], estimator);
+        assert_eq!(figures["error_universe"].is_null(), !["paper", "fuzzy:0.9"].contains(&estimator), "{estimator}");
         // Along nearly equal columns, as those of a position are, directional forgetting is slow.
-        let least = if forgetting.starts_with("directional") { 30.0 } else { 50.0 };
+        let least = if estimator.starts_with("directional") { 30.0 } else { 50.0 };
         let reduction = number(&figures, "/reduction_percent/h_step");
-        assert!(reduction > least, "{forgetting}: {reduction}");
+        assert!(reduction > least, "{estimator}: {reduction}");
     }
 }
 
 #[test]
 fn the_full_form_follows_a_gain_that_changes() {
-    let figures = figures(changing_plant().path(), &["--horizon", "10", "--form", "full", "--forgetting", "paper"]);
+    let figures = figures(changing_plant().path(), &["--horizon", "10", "--form", "full", "--estimator", "paper"]);
     assert_eq!(figures["form"], "full");
     assert!(number(&figures, "/adaptive/h_step/sigma") < 0.5 * number(&figures, "/classical/h_step/sigma"));
 }
 
 #[test]
 fn the_full_form_keeps_the_coefficients_of_a_constant_plant() {
-    let figures = figures(constant_plant().path(), &["--horizon", "10", "--form", "full", "--forgetting", "paper"]);
+    let figures = figures(constant_plant().path(), &["--horizon", "10", "--form", "full", "--estimator", "paper"]);
     expect_coefficients(&figures, "adaptive");
 }
 

@@ -98,7 +98,7 @@ pub fn summed(each: f64) -> impl FnMut(f64) -> f64 {
 /// What is there more than expected has to be zero: auto estimates one lag more.
 pub fn expect_list(figures: &Value, model: &str, name: &str, expected: &[f64]) {
     let found: Vec<f64> = serde_json::from_value(figures[model]["coefficients"][name].clone()).unwrap();
-    let more = if (model, name) == ("adaptive", "b") && figures["forgetting"] == "auto" { 1 } else { 0 };
+    let more = if (model, name) == ("adaptive", "b") && figures["estimator"] == "auto" { 1 } else { 0 };
     assert_eq!(found.len(), expected.len() + more, "{model} {name}: {found:?}");
     assert!(found[expected.len()..].iter().all(|rest| rest.abs() <= 1e-6), "{model} {name}: {found:?}");
     for (found, expected) in found.iter().zip(expected) {

@@ -96,11 +96,11 @@ fn auto_is_as_good_as_the_best_constant_factor_in_hindsight_and_never_much_worse
 fn no_factor_however_short_its_memory_makes_anything_not_finite() {
     for file in ["servo_constant.csv", "servo_warmup.csv", "servo_payload.csv", "emps_train.csv", "emps_test.csv"] {
         let Some(folder) = public(file) else { continue };
-        for forgetting in ["constant:0.75", "paper"] {
-            let figures = public_figures(&folder, &[file, "--train", "0.4", "--forgetting", forgetting]);
+        for estimator in ["constant:0.75", "paper"] {
+            let figures = public_figures(&folder, &[file, "--train", "0.4", "--estimator", estimator]);
             for kind in ["one_step", "h_step", "free_run"] {
                 let sigma = number(&figures, &format!("/adaptive/{kind}/sigma"));
-                assert!(sigma.is_finite(), "{file} {forgetting} {kind}: {sigma}");
+                assert!(sigma.is_finite(), "{file} {estimator} {kind}: {sigma}");
             }
         }
     }

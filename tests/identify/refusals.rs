@@ -137,23 +137,24 @@ fn values_that_a_flag_does_not_take_are_refused_with_what_it_takes() {
         ("--nk", "0", "allowed: a whole number from 1 to 64"),
         ("--order", "6", "allowed: a whole number from 1 to 5"),
         (
-            "--forgetting",
+            "--estimator",
             "constant:2",
             "found \"constant:2\"; allowed: \"auto\", \"paper\", \"constant:L\" with L from 0.5 to 1",
         ),
-        ("--forgetting", "constant:nan", "\"constant:L\" with L from 0.5 to 1"),
-        ("--forgetting", "constant", "\"constant:L\" with L from 0.5 to 1"),
-        ("--forgetting", "paper:1", "allowed: \"auto\", \"paper\""),
-        ("--forgetting", "auto:3", "allowed: \"auto\", \"paper\""),
-        ("--forgetting", "fuzzy:1", "\"fuzzy:LOW\" with LOW from 0.5 to below 1"),
-        ("--forgetting", "fuzzy:0.4", "\"fuzzy:LOW\" with LOW from 0.5 to below 1"),
-        ("--forgetting", "fortescue:1", "\"fortescue:N0\" with N0 of 2 samples or more"),
-        ("--forgetting", "fortescue:2.5", "\"fortescue:N0\" with N0 of 2 samples or more"),
-        ("--forgetting", "directional:inf", "\"directional:L\" with L from 0.5 to 1"),
-        ("--forgetting", "window:100001", "\"window:N\" with N from 2 to 100000 samples"),
-        ("--forgetting", "window:-5", "\"window:N\" with N from 2 to 100000 samples"),
+        ("--forgetting", "paper", "allowed: `--estimator`, its new name"),
+        ("--estimator", "constant:nan", "\"constant:L\" with L from 0.5 to 1"),
+        ("--estimator", "constant", "\"constant:L\" with L from 0.5 to 1"),
+        ("--estimator", "paper:1", "allowed: \"auto\", \"paper\""),
+        ("--estimator", "auto:3", "allowed: \"auto\", \"paper\""),
+        ("--estimator", "fuzzy:1", "\"fuzzy:LOW\" with LOW from 0.5 to below 1"),
+        ("--estimator", "fuzzy:0.4", "\"fuzzy:LOW\" with LOW from 0.5 to below 1"),
+        ("--estimator", "fortescue:1", "\"fortescue:N0\" with N0 of 2 samples or more"),
+        ("--estimator", "fortescue:2.5", "\"fortescue:N0\" with N0 of 2 samples or more"),
+        ("--estimator", "directional:inf", "\"directional:L\" with L from 0.5 to 1"),
+        ("--estimator", "window:100001", "\"window:N\" with N from 2 to 100000 samples"),
+        ("--estimator", "window:-5", "\"window:N\" with N from 2 to 100000 samples"),
         (
-            "--forgetting",
+            "--estimator",
             "window:4",
             "found \"window:4\" for 5 coefficients; allowed: \"window:N\" with N from 5, one sample for each",
         ),
@@ -212,7 +213,7 @@ fn json_that_cannot_be_written_is_refused_before_the_work_with_its_file() {
 
 #[test]
 fn a_window_with_fewer_samples_than_the_full_form_has_coefficients_is_refused() {
-    let arguments = ["identify", "r.csv", "--form", "full", "--forgetting", "window:14"];
-    let expected = ["--forgetting: found \"window:14\" for 15 coefficients; allowed: \"window:N\" with N from 15"];
+    let arguments = ["identify", "r.csv", "--form", "full", "--estimator", "window:14"];
+    let expected = ["--estimator: found \"window:14\" for 15 coefficients; allowed: \"window:N\" with N from 15"];
     expect_refusal(constant_plant().path(), &arguments, &expected);
 }

@@ -2,8 +2,7 @@
 
 use pipeline::message::{AxisMode, ControlMode, control_flag};
 
-use super::{AxisController, AxisInput, State};
-use crate::operation::Asked;
+use super::{AxisController, AxisInput, State, requests::Asked};
 
 /// Ticks over which the speed of an axis is taken.
 const SPEED_TICKS: usize = 4;

@@ -1,27 +1,17 @@
-//! Commissioning: a bounded experiment with one axis, and the model that explains what it did.
+//! Commissioning: a bounded experiment with one axis, and the model that explains what the axis did.
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`experiment`] | what is commanded when: rest, pulses, strokes, random steps |
-//! | [`terms`] | what it takes and gives: options, phases, record, outcome |
-//! | `step` | one step of it, and what the axis does meanwhile |
-//! | [`watch`] | what ends it at once: the bounds, and every reason to abort |
-//! | [`foresight`] | how far the axis still goes, before its model is known |
-//! | [`analysis`] | from the record to [`pipeline::machine::Commissioned`]; not for the loop |
-//! | [`simplex`] | the search that the analysis uses |
+//! | [`terms`] | options, phases, record and outcome of an experiment |
+//! | [`experiment`] | what is commanded when; runs once per sample, without clock, I/O or allocation |
+//! | [`analysis`] | from the record to [`pipeline::machine::Commissioned`]; never called in a loop |
 //!
-//! All but the last two are a core like the controller's: no clock, no I/O, no allocation after construction. One axis at a
-//! time; whoever calls keeps all others neutral.
+//! One axis is commissioned at a time. The caller keeps all other axes neutral.
 
 pub mod analysis;
 pub mod experiment;
-pub mod foresight;
-pub mod simplex;
-mod step;
 pub mod terms;
-pub mod watch;
 
 pub use analysis::{AnalysisError, analyse};
-pub use experiment::Experiment;
-pub use terms::{Options, Outcome, Phase, Record};
-pub use watch::Abort;
+pub use experiment::{Experiment, watch::Abort};
+pub use terms::{ExperimentOptions, ExperimentRecord, Outcome, Phase};

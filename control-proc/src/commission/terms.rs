@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use super::Abort;
+use super::experiment::watch::Abort;
 
 /// What the experiment may do.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
+pub struct ExperimentOptions {
     /// Travel of the window, m, around where the axis stands; 0.4 of the soft limits' without it.
     pub travel: Option<f64>,
     /// Speed bound, m/s; 0.25 of the axis' greatest without it.
@@ -17,7 +17,7 @@ pub struct Options {
     pub seed: u64,
 }
 
-impl Default for Options {
+impl Default for ExperimentOptions {
     fn default() -> Self {
         Self { travel: None, speed: None, duration: Duration::from_secs(60), seed: 1 }
     }
@@ -25,7 +25,7 @@ impl Default for Options {
 
 /// What was commanded and what came of it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Record {
+pub struct ExperimentRecord {
     /// s.
     pub period: f64,
     /// u(k), held from sample k to the next, in [-1, 1].

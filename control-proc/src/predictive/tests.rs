@@ -1,7 +1,7 @@
 //! The predictive controller on processes that are a model themselves.
 
 use super::*;
-use crate::{limits::Limits, tests::models::linear};
+use crate::{protection::limits::Limits, tests::models::linear};
 use pipeline::hammerstein::{Basis, Coefficients, InputMap, Structure};
 
 fn approved(model: &Coefficients) -> Approved<'_> {

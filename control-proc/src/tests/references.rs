@@ -8,7 +8,7 @@ use pipeline::{
 };
 
 use super::{Loop, SINES, machine, machine_with};
-use crate::{Controller, reference::ReferenceGenerator};
+use crate::{Controller, target::generator::ReferenceGenerator, trajectory_file::read_references};
 
 /// A message of `preview` equal targets from tick `sequence` on.
 fn constant(sequence: u64, target: f64, preview: u32) -> Reference {
@@ -38,13 +38,13 @@ fn holds(axis: &mut Loop, reference: Option<&Reference>) -> bool {
 
 #[test]
 fn sines_and_ramps_are_what_they_say() {
-    let generator = ReferenceGenerator::new(&machine(1)).unwrap();
+    let generator = read_references(&machine(1)).unwrap();
     let expected = 0.65 + 0.12 * (std::f64::consts::TAU * 0.3 * 1.7 + 0.4).sin();
     assert!((generator.position(0, 1.7).unwrap() - expected).abs() < 1e-15);
     assert_eq!(generator.position(1, 0.0), None);
 
     let ramps = "kind = \"ramps\"\ntimes = [0.0, 1.0, 3.0]\npositions = [0.4, 0.6, 0.4]\n";
-    let generator = ReferenceGenerator::new(&machine_with(SINES, ramps)).unwrap();
+    let generator = read_references(&machine_with(SINES, ramps)).unwrap();
     for (t, position) in [(0.0, 0.4), (0.5, 0.5), (2.0, 0.5), (3.0, 0.4), (3.5, 0.5), (302.0, 0.5)] {
         assert!((generator.position(0, t).unwrap() - position).abs() < 1e-9, "{t}");
     }
@@ -55,7 +55,7 @@ fn trajectory(text: &str) -> Result<ReferenceGenerator, String> {
     fs::write(folder.path().join("path.csv"), text).unwrap();
     let machine_text = super::machine_text(1).replace(SINES, "kind = \"trajectory\"\nfile = \"path.csv\"\n");
     let machine = Machine::parse(&machine_text, "test.toml", folder.path(), &[]).unwrap();
-    ReferenceGenerator::new(&machine).map_err(|error| error.to_string())
+    read_references(&machine).map_err(|error| error.to_string())
 }
 
 #[test]

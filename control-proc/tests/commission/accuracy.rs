@@ -18,7 +18,7 @@ fn other_random_steps_find_the_same_dead_bands() {
     let machine = under("nominal");
     for seed in 2..8 {
         for settings in 0..machine.axes.len() {
-            let options = Options { seed, ..Options::default() };
+            let options = ExperimentOptions { seed, ..ExperimentOptions::default() };
             let run = Run::of(&machine, settings, &options, seed).expect_finished();
             let found = analyse(run.experiment.record()).unwrap().dead_band;
             let true_band = machine.axes[settings].plant.as_ref().unwrap().dead_band;
@@ -63,7 +63,7 @@ fn cold_oil_is_found() {
 /// are a range between the two branches of the hysteresis.
 fn expect_found(machine: &Machine, time_constant: f64, dead_band: f64, from: f64) {
     for (axis, settings) in machine.axes.iter().enumerate() {
-        let run = Run::of(machine, axis, &Options::default(), 1).expect_finished();
+        let run = Run::of(machine, axis, &ExperimentOptions::default(), 1).expect_finished();
         assert!(run.beyond <= 0.0, "{}: {} m beyond the window", settings.name, run.beyond);
         let found = analyse(run.experiment.record()).unwrap();
         let plant = settings.plant.as_ref().unwrap();

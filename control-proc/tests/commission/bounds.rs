@@ -43,7 +43,10 @@ fn boom() -> Axis {
 }
 
 /// Runs to the end with a servo that `change` spoils, tick by tick; what the abort was. The command is neutral after.
-fn abort(options: &Options, mut change: impl FnMut(Phase, &mut Servo, &mut AxisSample)) -> (Abort, Experiment) {
+fn abort(
+    options: &ExperimentOptions,
+    mut change: impl FnMut(Phase, &mut Servo, &mut AxisSample),
+) -> (Abort, Experiment) {
     let mut servo = Servo::new();
     let mut experiment = Experiment::new(&boom(), PERIOD, options);
     for _ in 0..10_000 {
@@ -70,7 +73,7 @@ fn abort(options: &Options, mut change: impl FnMut(Phase, &mut Servo, &mut AxisS
 #[test]
 fn the_servo_itself_is_commissioned() {
     let mut servo = Servo::new();
-    let mut experiment = Experiment::new(&boom(), PERIOD, &Options::default());
+    let mut experiment = Experiment::new(&boom(), PERIOD, &ExperimentOptions::default());
     while experiment.outcome().is_none() {
         servo.step(experiment.update(Some(&servo.sample())));
     }
@@ -89,25 +92,28 @@ fn the_servo_itself_is_commissioned() {
 
 #[test]
 fn an_axis_that_runs_away_is_left_neutral() {
-    let (reason, _) =
-        abort(&Options::default(), |phase, servo, _| servo.drift = if phase == Phase::Random { 0.3 } else { 0.0 });
+    let (reason, _) = abort(&ExperimentOptions::default(), |phase, servo, _| {
+        servo.drift = if phase == Phase::Random { 0.3 } else { 0.0 }
+    });
     assert!(matches!(reason, Abort::Speed { .. } | Abort::Against { .. } | Abort::Window { .. }), "{reason}");
-    let (reason, _) = abort(&Options::default(), |_, servo, _| servo.drift = -0.05);
+    let (reason, _) = abort(&ExperimentOptions::default(), |_, servo, _| servo.drift = -0.05);
     assert!(matches!(reason, Abort::Against { command: 0.0, .. }), "moves without a command: {reason}");
 }
 
 #[test]
 fn a_speed_beyond_the_bound_ends_it() {
-    let (reason, _) =
-        abort(&Options::default(), |phase, servo, _| servo.gain = if phase == Phase::Random { 3.0 } else { 1.0 });
+    let (reason, _) = abort(&ExperimentOptions::default(), |phase, servo, _| {
+        servo.gain = if phase == Phase::Random { 3.0 } else { 1.0 }
+    });
     let Abort::Speed { found, allowed } = reason else { panic!("{reason}") };
     assert!(found > allowed && (allowed - 1.5 * 0.25).abs() < 1e-12, "{reason}");
 }
 
 #[test]
 fn a_creep_out_of_the_window_ends_it() {
-    let (reason, experiment) =
-        abort(&Options::default(), |phase, servo, _| servo.drift = if phase == Phase::Pulses { 0.02 } else { 0.0 });
+    let (reason, experiment) = abort(&ExperimentOptions::default(), |phase, servo, _| {
+        servo.drift = if phase == Phase::Pulses { 0.02 } else { 0.0 }
+    });
     let Abort::Window { position, .. } = reason else { panic!("{reason}") };
     let ((_, high), margin) = experiment.window();
     assert!(position > high + margin && position < high + margin + 0.01, "{reason}");
@@ -115,7 +121,7 @@ fn a_creep_out_of_the_window_ends_it() {
 
 #[test]
 fn an_axis_outside_its_soft_limits_does_not_begin() {
-    let (reason, experiment) = abort(&Options::default(), |_, servo, sample| {
+    let (reason, experiment) = abort(&ExperimentOptions::default(), |_, servo, sample| {
         servo.position = 0.03;
         sample.position = 0.03;
     });
@@ -125,26 +131,27 @@ fn an_axis_outside_its_soft_limits_does_not_begin() {
 
 #[test]
 fn a_pump_that_is_off_is_asked_for() {
-    let (reason, experiment) = abort(&Options::default(), |_, servo, _| servo.gain = 0.0);
+    let (reason, experiment) = abort(&ExperimentOptions::default(), |_, servo, _| servo.gain = 0.0);
     assert_eq!(reason, Abort::NoMotion { extend: true, level: 0.6 });
     assert!(reason.to_string().contains("is the pump on?"), "{reason}");
     assert!(experiment.record().commands.iter().all(|command| command.abs() <= 0.6));
     // And one that fails later.
-    let (reason, _) =
-        abort(&Options::default(), |phase, servo, _| servo.gain = if phase == Phase::Strokes { 0.0 } else { 1.0 });
+    let (reason, _) = abort(&ExperimentOptions::default(), |phase, servo, _| {
+        servo.gain = if phase == Phase::Strokes { 0.0 } else { 1.0 }
+    });
     assert!(matches!(reason, Abort::NoMotion { .. }), "{reason}");
 }
 
 #[test]
 fn a_reversed_sign_is_told() {
-    let (reason, _) = abort(&Options::default(), |_, servo, _| servo.gain = -1.0);
+    let (reason, _) = abort(&ExperimentOptions::default(), |_, servo, _| servo.gain = -1.0);
     assert!(matches!(reason, Abort::Against { .. }), "{reason}");
 }
 
 #[test]
 fn an_encoder_that_stands_still_ends_it() {
     let mut held = None;
-    let (reason, _) = abort(&Options::default(), |phase, _, sample| {
+    let (reason, _) = abort(&ExperimentOptions::default(), |phase, _, sample| {
         if phase == Phase::Random {
             sample.position = *held.get_or_insert(sample.position);
         }
@@ -156,7 +163,7 @@ fn an_encoder_that_stands_still_ends_it() {
 fn feedback_that_is_lost_ends_it_after_three_samples() {
     for faults in [sample_fault::STALE, sample_fault::SPEED, sample_fault::ENCODER] {
         let mut ticks = 0;
-        let (reason, experiment) = abort(&Options::default(), |phase, _, sample| {
+        let (reason, experiment) = abort(&ExperimentOptions::default(), |phase, _, sample| {
             if phase == Phase::Strokes {
                 ticks += 1;
                 sample.faults = faults;
@@ -166,11 +173,11 @@ fn feedback_that_is_lost_ends_it_after_three_samples() {
         let commands = &experiment.record().commands;
         assert_eq!(commands.last(), Some(&0.0));
     }
-    let (reason, _) = abort(&Options::default(), |phase, _, sample| {
+    let (reason, _) = abort(&ExperimentOptions::default(), |phase, _, sample| {
         sample.faults = if phase == Phase::Pulses { sample_fault::RANGE } else { 0 };
     });
     assert_eq!(reason, Abort::Feedback { faults: sample_fault::RANGE });
-    let (reason, _) = abort(&Options::default(), |phase, _, sample| {
+    let (reason, _) = abort(&ExperimentOptions::default(), |phase, _, sample| {
         if phase == Phase::Pulses {
             sample.position = f64::NAN;
         }
@@ -181,7 +188,7 @@ fn feedback_that_is_lost_ends_it_after_three_samples() {
 #[test]
 fn a_sample_or_two_that_are_missing_are_bridged() {
     let mut servo = Servo::new();
-    let mut experiment = Experiment::new(&boom(), PERIOD, &Options::default());
+    let mut experiment = Experiment::new(&boom(), PERIOD, &ExperimentOptions::default());
     let mut tick = 0;
     while experiment.outcome().is_none() {
         let sample = servo.sample();
@@ -196,16 +203,17 @@ fn a_sample_or_two_that_are_missing_are_bridged() {
 
 #[test]
 fn a_window_that_is_too_small_and_a_time_that_is_too_short_are_told() {
-    let (reason, _) = abort(&Options { travel: Some(0.01), ..Options::default() }, |_, _, _| ());
+    let (reason, _) = abort(&ExperimentOptions { travel: Some(0.01), ..ExperimentOptions::default() }, |_, _, _| ());
     assert!(matches!(reason, Abort::TooSmall { .. }), "{reason}");
-    let (reason, _) = abort(&Options { duration: Duration::from_secs(12), ..Options::default() }, |_, _, _| ());
+    let (reason, _) =
+        abort(&ExperimentOptions { duration: Duration::from_secs(12), ..ExperimentOptions::default() }, |_, _, _| ());
     assert!(matches!(reason, Abort::TooShort { .. }), "{reason}");
 }
 
 #[test]
 fn it_can_be_stopped_at_any_time() {
     let mut servo = Servo::new();
-    let mut experiment = Experiment::new(&boom(), PERIOD, &Options::default());
+    let mut experiment = Experiment::new(&boom(), PERIOD, &ExperimentOptions::default());
     while experiment.phase() != Phase::Random {
         servo.step(experiment.update(Some(&servo.sample())));
     }
@@ -245,7 +253,7 @@ fn machines_of_all_kinds_stay_in_the_window() {
             plant.saturation.retract = plant.dead_band.retract + uniform(0.3, 0.5);
         }
         let start = plant.initial_position;
-        let run = Run::of(&machine, 0, &Options { seed, ..Options::default() }, seed);
+        let run = Run::of(&machine, 0, &ExperimentOptions { seed, ..ExperimentOptions::default() }, seed);
         let ((low, high), margin) = run.experiment.window();
         worst = worst.max(run.beyond);
         if run.experiment.outcome() != Some(Outcome::Finished) {

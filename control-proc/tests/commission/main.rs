@@ -3,7 +3,7 @@
 mod accuracy;
 mod bounds;
 
-use control_proc::commission::{Experiment, Options, Outcome};
+use control_proc::commission::{Experiment, ExperimentOptions, Outcome};
 use pipeline::{machine::Machine, message::ValveCommand};
 use plant_sim::PlantSim;
 use sensor_proc::source::Acquisition;
@@ -21,7 +21,7 @@ struct Run {
 }
 
 impl Run {
-    fn of(machine: &Machine, axis: usize, options: &Options, seed: u64) -> Self {
+    fn of(machine: &Machine, axis: usize, options: &ExperimentOptions, seed: u64) -> Self {
         let mut plant = PlantSim::new(machine, seed).unwrap();
         let mut acquisition = Acquisition::new(machine);
         let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);

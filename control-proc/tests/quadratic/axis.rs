@@ -7,8 +7,8 @@
 //! The variables are x(k) .. x(k+N-1); bounded are x, then as rows dx, then the predicted y where there are rows left.
 
 use control_proc::{
-    quadratic::Problem,
-    response::{free_response, step_response},
+    model::response::{free_response, step_response},
+    predictive::quadratic::Problem,
 };
 use pipeline::hammerstein::{Coefficients, Structure};
 use rand_pcg::{

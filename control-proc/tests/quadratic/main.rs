@@ -8,7 +8,7 @@ mod random;
 
 use axis::Axis;
 use clarabel::solver::{IPSolver, SolverStatus};
-use control_proc::quadratic::{Problem, Solution, Solver, Status};
+use control_proc::predictive::quadratic::{Problem, Solution, Solver, Status};
 use peer::{Form, settings};
 use rand_pcg::{Pcg64, rand_core::SeedableRng};
 use random::{degenerate, dense, dot, infeasible};

@@ -4,7 +4,7 @@ use clarabel::{
     algebra::CscMatrix,
     solver::{DefaultSettings, DefaultSolver, SupportedConeT},
 };
-use control_proc::quadratic::Problem;
+use control_proc::predictive::quadratic::Problem;
 
 pub struct Form {
     pub p: CscMatrix<f64>,

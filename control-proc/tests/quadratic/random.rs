@@ -1,6 +1,6 @@
 //! Quadratic programmes of no machine: any condition, degenerate, infeasible.
 
-use control_proc::quadratic::Problem;
+use control_proc::predictive::quadratic::Problem;
 use rand_pcg::Pcg64;
 
 use super::axis::uniform;

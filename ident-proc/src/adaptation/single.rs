@@ -56,7 +56,7 @@ impl Single {
             structure,
             form: settings.form,
             regression,
-            estimator: Estimator::new(settings.forgetting, n, &settings.fuzzy),
+            estimator: Estimator::new(settings.estimator, n, &settings.fuzzy),
             phi: vec![0.0; n],
             projection: Projection::new(n),
             linear: vec![0.0; n],

@@ -20,7 +20,7 @@ pub mod fuzzy;
 pub mod normalized;
 pub mod window;
 
-use pipeline::machine::{Forgetting, Fuzzy};
+use pipeline::machine::{self, Fuzzy};
 
 use crate::{least_squares::Triangle, recursive::RecursiveLeastSquares};
 use directional::Directional;
@@ -77,18 +77,18 @@ impl Estimator {
     /// For `n` coefficients; takes all memory that it will ever use.
     ///
     /// # Panics
-    /// With [`Forgetting::Auto`], which is several estimators and not one, and [`Forgetting::GreyBox`], which is none of
-    /// these.
-    pub fn new(forgetting: Forgetting, n: usize, fuzzy: &Fuzzy) -> Self {
-        match forgetting {
-            Forgetting::Constant(factor) => Self::Exponential(Exponential::new(n, factor)),
-            Forgetting::Paper => Self::Paper(Paper::new(n, fuzzy)),
-            Forgetting::Fuzzy(low) => Self::Normalized(Normalized::new(n, fuzzy, low)),
-            Forgetting::Fortescue(memory) => Self::Fortescue(Fortescue::new(n, memory)),
-            Forgetting::Directional(factor) => Self::Directional(Directional::new(n, factor)),
-            Forgetting::Window(rows) => Self::Window(Window::new(n, rows)),
-            Forgetting::Auto => panic!("auto is several estimators, not one"),
-            Forgetting::GreyBox => panic!("a grey box is an estimator of its own"),
+    /// With [`machine::Estimator::Auto`], which is several estimators and not one, and with
+    /// [`machine::Estimator::GreyBox`], which is none of these.
+    pub fn new(kind: machine::Estimator, n: usize, fuzzy: &Fuzzy) -> Self {
+        match kind {
+            machine::Estimator::Constant(factor) => Self::Exponential(Exponential::new(n, factor)),
+            machine::Estimator::Paper => Self::Paper(Paper::new(n, fuzzy)),
+            machine::Estimator::Fuzzy(low) => Self::Normalized(Normalized::new(n, fuzzy, low)),
+            machine::Estimator::Fortescue(memory) => Self::Fortescue(Fortescue::new(n, memory)),
+            machine::Estimator::Directional(factor) => Self::Directional(Directional::new(n, factor)),
+            machine::Estimator::Window(rows) => Self::Window(Window::new(n, rows)),
+            machine::Estimator::Auto => panic!("auto is several estimators, not one"),
+            machine::Estimator::GreyBox => panic!("a grey box is an estimator of its own"),
         }
     }
 

@@ -18,7 +18,7 @@ use iceoryx2::{
     service::port_factory::publish_subscribe::PortFactory as PublishSubscribe,
 };
 
-use super::{Bell, ChannelError, Ear, Publisher, Reader, service::Service};
+use super::{ChannelError, Listener, Notifier, Publisher, Reader, service::Service};
 use crate::message::Message;
 
 /// Readers that one channel takes: the stages, the supervisor, and clients that watch.
@@ -179,24 +179,24 @@ impl Group {
         Reader::new(self.open::<M>()?).map_err(|reason| self.cannot_open::<M>(reason))
     }
 
-    /// Opens the event that goes with the channel of `M`, to ring it.
+    /// Opens the event that goes with the channel of `M`, to wake its listeners.
     ///
     /// # Errors
     /// The event cannot be opened.
-    pub fn bell<M: Message>(&self) -> Result<Bell, ChannelError> {
+    pub fn notifier<M: Message>(&self) -> Result<Notifier, ChannelError> {
         let event = self.open_event::<M>()?;
         let notifier = event.notifier_builder().create();
-        Ok(Bell::new(notifier.map_err(|error| self.cannot_open::<M>(format!("{error:?}")))?, M::CHANNEL))
+        Ok(Notifier::new(notifier.map_err(|error| self.cannot_open::<M>(format!("{error:?}")))?, M::CHANNEL))
     }
 
-    /// Opens the event that goes with the channel of `M`, to hear it.
+    /// Opens the event that goes with the channel of `M`, to wait for its notifiers.
     ///
     /// # Errors
     /// The event cannot be opened.
-    pub fn ear<M: Message>(&self) -> Result<Ear, ChannelError> {
+    pub fn listener<M: Message>(&self) -> Result<Listener, ChannelError> {
         let event = self.open_event::<M>()?;
         let listener = event.listener_builder().create();
-        Ok(Ear::new(listener.map_err(|error| self.cannot_open::<M>(format!("{error:?}")))?, M::CHANNEL))
+        Ok(Listener::new(listener.map_err(|error| self.cannot_open::<M>(format!("{error:?}")))?, M::CHANNEL))
     }
 
     fn cannot_open<M: Message>(&self, reason: String) -> ChannelError {

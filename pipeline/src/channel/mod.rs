@@ -18,7 +18,7 @@ mod reader;
 mod recycled;
 mod service;
 
-pub use event::{Bell, Ear};
+pub use event::{Listener, Notifier};
 pub use group::{Group, Member, Prefix};
 pub use leftovers::{FoundGroup, GroupState, groups, remove_leftovers};
 pub use publisher::Publisher;

@@ -184,19 +184,19 @@ fn a_foreign_layout_of_the_same_name_and_size_is_refused() {
 
 #[test]
 fn a_bell_wakes_an_ear_and_is_not_forgotten() {
-    let own = Own::new("bell");
+    let own = Own::new("event");
     let group = own.join();
-    let (bell, ear) = (group.bell::<EncoderSample>().unwrap(), group.ear::<EncoderSample>().unwrap());
+    let (notifier, listener) = (group.notifier::<EncoderSample>().unwrap(), group.listener::<EncoderSample>().unwrap());
     // Rung before the wait: the wait ends at once, long before its bound.
-    bell.ring().unwrap();
+    notifier.notify().unwrap();
     let started = std::time::Instant::now();
-    ear.wait(std::time::Duration::from_secs(30)).unwrap();
+    listener.wait(std::time::Duration::from_secs(30)).unwrap();
     assert!(started.elapsed() < std::time::Duration::from_secs(20));
-    // A listener that never listens holds nobody up, however often the bell rings.
-    (0..100_000).for_each(|_| bell.ring().unwrap());
-    // Not rung: the wait ends by its bound.
-    ear.wait(std::time::Duration::ZERO).unwrap();
-    ear.wait(std::time::Duration::from_millis(1)).unwrap();
+    // A listener that never waits holds up no notifier, however often it notifies.
+    (0..100_000).for_each(|_| notifier.notify().unwrap());
+    // Without a notification the wait ends at its bound.
+    listener.wait(std::time::Duration::ZERO).unwrap();
+    listener.wait(std::time::Duration::from_millis(1)).unwrap();
 }
 
 #[test]

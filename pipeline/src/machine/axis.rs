@@ -5,7 +5,7 @@ use std::{path::Path, time::Duration};
 use crate::hammerstein::MAX_DELAY;
 
 use super::{
-    Commissioned, Forgetting, Fuzzy, Identification, Plant, ReferenceSource, Source, Timing, document::Section,
+    Commissioned, Estimator, Fuzzy, Identification, Plant, ReferenceSource, Source, Timing, document::Section,
 };
 
 /// One axis of the machine.
@@ -121,18 +121,17 @@ impl Axis {
             }
         };
         let encoder = Encoder::read(section.section("encoder"));
-        let forgetting = section.parsed_or("forgetting", Forgetting::Auto, Forgetting::ALLOWED);
-        let mut identification =
-            Identification::read(section.section("identification"), forgetting, timing.period, fuzzy);
+        section.renamed("forgetting", "identification.estimator");
+        let mut identification = Identification::read(section.section("identification"), timing.period, fuzzy);
         let commissioned = Commissioned::read(section.section("commissioned"));
         match &commissioned {
-            Some(model) if forgetting == Forgetting::GreyBox => {
+            Some(model) if identification.estimator == Estimator::GreyBox => {
                 identification.structure = model.structure(identification.structure, timing.period);
             }
             _ => {}
         }
-        if let Err((found, allowed)) = identification.check_forgetting(name, commissioned.is_some()) {
-            section.refuse("forgetting", found, allowed);
+        if let Err((found, allowed)) = identification.check_estimator(name, commissioned.is_some()) {
+            section.refuse("identification.estimator", found, allowed);
         }
         let control = Control::read(section.section("control"), name, commissioned.as_ref(), timing.period);
         let reference = ReferenceSource::read(section.section("reference"), soft_limits, max_speed, folder, name);

@@ -60,7 +60,14 @@ impl<'i> Document<'i> {
 
     /// The top of the document.
     pub fn root(&self) -> Section<'_, 'i> {
-        Section { document: self, table: Some(&self.root), path: String::new(), line: None, asked: BTreeSet::new() }
+        Section {
+            document: self,
+            table: Some(&self.root),
+            path: String::new(),
+            line: None,
+            asked: BTreeSet::new(),
+            renamed: BTreeSet::new(),
+        }
     }
 
     /// Notes a problem that only the reader can see.
@@ -132,6 +139,8 @@ pub(super) struct Section<'d, 'i> {
     path: String,
     line: Option<usize>,
     asked: BTreeSet<String>,
+    /// Keys that have another name now and were refused with it.
+    renamed: BTreeSet<&'static str>,
 }
 
 impl<'d, 'i> Section<'d, 'i> {
@@ -199,7 +208,7 @@ impl<'d, 'i> Section<'d, 'i> {
         let (parsed, shown, line) = match self.take(key)? {
             Value::File(value) => (parse(value.get_ref()), show(value.get_ref()), self.line_of(key)),
             Value::Setting(text) => {
-                // A setting is TOML where it can be, else a plain string: `--set axis.boom.forgetting=paper`.
+                // A setting is TOML where it can be, else a plain string, as in `--set scenario=payload`.
                 let as_toml = DeValue::parse(&text).ok().and_then(|value| parse(value.get_ref()));
                 let parsed = as_toml.or_else(|| parse(&DeValue::String(text.as_str().into())));
                 (parsed, format!("{text} (from the command line)"), None)
@@ -385,7 +394,14 @@ impl<'d, 'i> Section<'d, 'i> {
             self.refuse(key, show(value.get_ref()), "a table");
         }
         let line = value.map(|value| self.document.line(value.span().start)).or(self.line);
-        Section { document: self.document, table, path: self.key(key), line, asked: BTreeSet::new() }
+        Section {
+            document: self.document,
+            table,
+            path: self.key(key),
+            line,
+            asked: BTreeSet::new(),
+            renamed: BTreeSet::new(),
+        }
     }
 
     /// The tables of a list; an absent list reads as empty.
@@ -403,9 +419,21 @@ impl<'d, 'i> Section<'d, 'i> {
             if table.is_none() {
                 self.document.problem(line, path.clone(), show(item.get_ref()), "a table");
             }
-            Section { document: self.document, table, path, line, asked: BTreeSet::new() }
+            Section { document: self.document, table, path, line, asked: BTreeSet::new(), renamed: BTreeSet::new() }
         });
         sections.collect()
+    }
+
+    /// Refuses the old name of a key and says the new one, `to`, which is relative to this table.
+    pub fn renamed(&mut self, key: &'static str, to: &str) {
+        let is_set = self.is_set(key);
+        if self.take(key).is_some() {
+            let line = if is_set { None } else { self.line_of(key) };
+            let allowed = format!("{}, its new name", self.key(to));
+            self.document.problem(line, self.key(key), "a key that has been renamed", allowed);
+        }
+        self.asked.remove(key);
+        self.renamed.insert(key);
     }
 
     /// Whether the command line gives this key.
@@ -417,7 +445,7 @@ impl<'d, 'i> Section<'d, 'i> {
     /// Ends the reading: whatever was not asked for is unknown.
     pub fn finish(self) {
         for key in self.table.into_iter().flat_map(|table| table.keys()) {
-            if !self.asked.contains(key.get_ref().as_ref()) {
+            if !self.asked.contains(key.get_ref().as_ref()) && !self.renamed.contains(key.get_ref().as_ref()) {
                 let known: Vec<&str> = self.asked.iter().map(String::as_str).collect();
                 let line = Some(self.document.line(key.span().start));
                 let allowed = format!("one of {}", known.join(", "));

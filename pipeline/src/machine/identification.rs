@@ -1,4 +1,4 @@
-//! How an axis is identified: `[axis.NAME.identification]` and `forgetting`.
+//! How an axis is identified: `[axis.NAME.identification]`.
 
 use std::{fmt, str::FromStr, time::Duration};
 
@@ -25,8 +25,8 @@ pub struct Identification {
     pub form: Form,
     /// How b, f and g are separated.
     pub split: Split,
-    /// The forgetting factor.
-    pub forgetting: Forgetting,
+    /// Algorithm that adapts the coefficients online.
+    pub estimator: Estimator,
     /// Settings of the fuzzy forgetting factor.
     pub fuzzy: Fuzzy,
 }
@@ -61,29 +61,30 @@ pub enum Split {
     Paper,
 }
 
-/// What the recursive estimator forgets.
+/// Algorithm that adapts the coefficients online.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Forgetting {
-    /// By the paper's fuzzy factor.
+pub enum Estimator {
+    /// Recursive least squares with the paper's fuzzy forgetting factor.
     Paper,
-    /// By a constant factor.
+    /// Recursive least squares with this constant forgetting factor.
     Constant(f64),
-    /// By the paper's rules on errors in units of their own scale, with this as the smallest factor.
+    /// Recursive least squares with the paper's rules on errors divided by their own scale; the value is the smallest
+    /// forgetting factor.
     Fuzzy(f64),
-    /// By the factor of Fortescue, Kershenbaum and Ydstie, with a memory of this many samples while the errors are
-    /// those of the training.
+    /// Recursive least squares with the forgetting factor of Fortescue, Kershenbaum and Ydstie. The value is the
+    /// memory in samples while the errors are as large as those of the training.
     Fortescue(usize),
-    /// By this constant factor, along the regressor only.
+    /// Recursive least squares that forgets along the regressor only, with this forgetting factor.
     Directional(f64),
-    /// All but this many samples.
+    /// Least squares on a sliding window of this many samples.
     Window(usize),
-    /// By several estimators, weighted by how well they predict.
+    /// Bank of estimators, weighted by how well they predict.
     Auto,
-    /// Only the speeds and the lag of the commissioned model are adapted, which also gives the structure.
+    /// Adapts only the speeds and the lag of the commissioned model, which also gives the structure.
     GreyBox,
 }
 
-impl Forgetting {
+impl Estimator {
     /// The texts that `FromStr` takes.
     pub const ALLOWED: &str = "\"auto\", \"paper\", \"constant:L\" with L from 0.5 to 1, \"fuzzy:LOW\" with LOW from 0.5 \
          to below 1, \"fortescue:N0\" with N0 of 2 samples or more, \"directional:L\" with L from 0.5 to 1, \
@@ -108,7 +109,7 @@ impl Forgetting {
     }
 }
 
-impl FromStr for Forgetting {
+impl FromStr for Estimator {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -116,7 +117,7 @@ impl FromStr for Forgetting {
     }
 }
 
-impl fmt::Display for Forgetting {
+impl fmt::Display for Estimator {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Paper => write!(f, "paper"),
@@ -132,7 +133,7 @@ impl fmt::Display for Forgetting {
 }
 
 impl Identification {
-    pub(super) fn read(mut section: Section, forgetting: Forgetting, period: Duration, fuzzy: Fuzzy) -> Self {
+    pub(super) fn read(mut section: Section, period: Duration, fuzzy: Fuzzy) -> Self {
         let paper = Structure::PAPER;
         let (order, basis) = read_basis(&mut section);
         let structure = Structure {
@@ -160,7 +161,7 @@ impl Identification {
             ),
             form: section.choice_or("form", Form::Linear, &[("linear", Form::Linear), ("full", Form::Full)]),
             split: section.choice_or("split", Split::Als, &[("als", Split::Als), ("paper", Split::Paper)]),
-            forgetting,
+            estimator: section.parsed_or("estimator", Estimator::Auto, Estimator::ALLOWED),
             fuzzy,
         };
         section.finish();
@@ -180,21 +181,21 @@ impl Identification {
     ///
     /// # Errors
     /// What was found, and what is allowed.
-    pub fn check_forgetting(&self, name: &str, commissioned: bool) -> Result<(), (String, String)> {
+    pub fn check_estimator(&self, name: &str, commissioned: bool) -> Result<(), (String, String)> {
         let n = self.coefficients();
-        match self.forgetting {
-            Forgetting::GreyBox if !commissioned => {
+        match self.estimator {
+            Estimator::GreyBox if !commissioned => {
                 let found = format!("\"grey-box\" without [axis.{name}.commissioned]");
                 let allowed =
                     "another one, or a commissioned model: `--model MODEL.toml`, as `hydraxis commission` writes it";
                 Err((found, allowed.to_owned()))
             }
-            Forgetting::GreyBox if self.output != IdentifiedOutput::Position || self.structure.past_outputs() < 2 => {
+            Estimator::GreyBox if self.output != IdentifiedOutput::Position || self.structure.past_outputs() < 2 => {
                 let found = format!("\"grey-box\" with output \"{:?}\" and na = {}", self.output, self.structure.na);
                 Err((found.to_lowercase(), "output \"position\" and na of 2 or more".to_owned()))
             }
-            Forgetting::Window(rows) if rows < n => {
-                let found = format!("\"{}\" for {n} coefficients", self.forgetting);
+            Estimator::Window(rows) if rows < n => {
+                let found = format!("\"{}\" for {n} coefficients", self.estimator);
                 Err((found, format!("\"window:N\" with N from {n}, one sample for each, to 100000")))
             }
             _ => Ok(()),

@@ -26,7 +26,7 @@ pub use axis::{Axis, Control, DeadBand, Encoder, ModelChoice};
 pub use commissioned::{Commissioned, MOST_POINTS};
 pub use fuzzy::{Fuzzy, Level};
 pub use hydraulics::{Hydraulics, Oil, Supply};
-pub use identification::{Forgetting, Form, Identification, IdentifiedOutput, Split, shortest_training};
+pub use identification::{Estimator, Form, Identification, IdentifiedOutput, Split, shortest_training};
 pub use plant::{LoadForce, Plant, ValveCurve};
 pub use reference::{ReferenceSource, Sine};
 pub use scenario::{Change, CommandSine, Parameter, Scenario};

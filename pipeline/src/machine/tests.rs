@@ -61,7 +61,11 @@ fn every_kind_of_wrong_value_names_key_found_and_allowed() {
         ("period = \"10ms\"", "period = \"10 cm\"", "timing.period: found \"10 cm\"; allowed: a duration"),
         ("kind = \"sim\"", "kind = \"simm\"", "source.kind: found \"simm\"; allowed: \"sim\" or \"replay\""),
         ("lock_memory = false", "lock_memory = 0", "realtime.lock_memory: found 0; allowed: true or false"),
-        ("forgetting = \"auto\" ", "forgetting = \"constant:1.5\" ", "axis.boom.forgetting: found \"constant:1.5\""),
+        (
+            "estimator = \"auto\" ",
+            "estimator = \"constant:1.5\" ",
+            "axis.boom.identification.estimator: found \"constant:1.5\"",
+        ),
         ("soft_limits = [0.05, 1.284]", "soft_limits = [1.2, 0.1]", "axis.boom.soft_limits: found [1.2, 0.1]"),
         (
             "amplitude = 0.12, frequency = 0.11",
@@ -112,12 +116,12 @@ fn all_problems_are_named_at_once_in_the_order_of_lines() {
 #[test]
 fn a_setting_takes_the_place_of_the_file() {
     let set = |key: &str, value: &str| Machine::load(None, &[(key.to_owned(), value.to_owned())]);
-    let machine = set("axis.boom.forgetting", "constant:0.99").unwrap();
-    assert_eq!(machine.axes[0].identification.forgetting, Forgetting::Constant(0.99));
-    assert_eq!(machine.axes[1].identification.forgetting, Forgetting::Auto);
+    let machine = set("axis.boom.identification.estimator", "constant:0.99").unwrap();
+    assert_eq!(machine.axes[0].identification.estimator, Estimator::Constant(0.99));
+    assert_eq!(machine.axes[1].identification.estimator, Estimator::Auto);
     for text in ["auto", "paper", "constant:1", "fuzzy:0.9", "fortescue:2", "directional:0.5", "window:100000"] {
-        let machine = set("axis.boom.forgetting", text).unwrap();
-        assert_eq!(machine.axes[0].identification.forgetting.to_string(), text);
+        let machine = set("axis.boom.identification.estimator", text).unwrap();
+        assert_eq!(machine.axes[0].identification.estimator.to_string(), text);
     }
     assert_eq!(set("axis.arm.control.kp", "3").unwrap().axes[1].control.kp, 3.0);
     assert_eq!(set("timing.period", "5ms").unwrap().timing.period, Duration::from_millis(5));
@@ -126,6 +130,17 @@ fn a_setting_takes_the_place_of_the_file() {
     assert!(text.contains("axis.arm.control.kp: found nan (from the command line)"), "{text}");
     let text = set("axis.arm.kq", "3").unwrap_err().to_string();
     assert!(text.contains("--set axis.arm.kq: found an unknown key"), "{text}");
+}
+
+#[test]
+fn the_old_key_of_the_estimator_is_refused_with_the_new_one() {
+    let expected = "axis.boom.forgetting: found a key that has been renamed; \
+                    allowed: axis.boom.identification.estimator, its new name";
+    let text = refusal("max_speed = 1.0 ", "forgetting = \"auto\"\nmax_speed = 1.0 ");
+    assert!(text.contains(expected) && text.lines().count() == 1, "{text}");
+    let setting = [("axis.boom.forgetting".to_owned(), "paper".to_owned())];
+    let text = Machine::load(None, &setting).unwrap_err().to_string();
+    assert!(text.contains(expected) && text.lines().count() == 1, "{text}");
 }
 
 #[test]

@@ -63,7 +63,7 @@ pub enum Clock {
 
 /// How a stage is to run; the same for all stages of a group.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct StageOptions {
     /// The group's channels.
     pub prefix: Prefix,
     /// What releases a tick.

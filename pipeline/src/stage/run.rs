@@ -1,6 +1,6 @@
 //! Runs a stage from start to end.
 
-use super::{Channels, Next, Options, StageError, StageKind, Turn, monotonic_ns, rights};
+use super::{Channels, Next, StageError, StageKind, StageOptions, Turn, monotonic_ns, rights};
 use crate::{channel::Group, machine::Machine};
 
 /// A stage: a core between its channels.
@@ -41,7 +41,7 @@ pub trait Stage {
 pub fn run<S: Stage>(
     kind: StageKind,
     machine: &Machine,
-    options: Options,
+    options: StageOptions,
     build: impl FnOnce(&Group) -> Result<S, StageError>,
 ) -> Result<(), StageError> {
     let rights = rights::apply(machine, kind, options.clock)?;

@@ -3,11 +3,11 @@
 use std::{sync::atomic::Ordering, time::Duration};
 
 use super::{
-    Accounting, Clock, Options, StageError, StageKind,
+    Accounting, Clock, StageError, StageKind, StageOptions,
     clock::{monotonic_ns, sleep_until},
 };
 use crate::{
-    channel::{ChannelError, Ear, Group, Publisher},
+    channel::{ChannelError, Group, Listener, Publisher},
     machine::{Machine, Wait},
     message::{Header, Message, MissCause, StageHealth},
 };
@@ -38,8 +38,8 @@ pub enum Waiter {
     Spin,
     /// Polls, giving the core away between two polls: lock-step has more stages than cores.
     Yield,
-    /// Polls for so many ns, then sleeps until the bell of the channel rings; 0 only sleeps.
-    Event(Box<Ear>, u64),
+    /// Polls for so many ns, then sleeps until the channel's notifier wakes it; 0 only sleeps.
+    Event(Box<Listener>, u64),
 }
 
 impl Waiter {
@@ -56,9 +56,9 @@ impl Waiter {
         Ok(match (clock, machine.stage(kind).wait) {
             (Clock::LockStep, _) => Self::Yield,
             (Clock::RealTime, Wait::Spin) => Self::Spin,
-            (Clock::RealTime, Wait::Event) => Self::Event(Box::new(group.ear::<M>()?), 0),
+            (Clock::RealTime, Wait::Event) => Self::Event(Box::new(group.listener::<M>()?), 0),
             (Clock::RealTime, Wait::SpinThenEvent(spin)) => {
-                Self::Event(Box::new(group.ear::<M>()?), spin.as_nanos() as u64)
+                Self::Event(Box::new(group.listener::<M>()?), spin.as_nanos() as u64)
             }
         })
     }
@@ -67,7 +67,7 @@ impl Waiter {
 /// What a stage's loop knows about its run: options, times, counters.
 pub struct Turn {
     /// How the stage runs.
-    pub options: Options,
+    pub options: StageOptions,
     period_ns: u64,
     slice_ns: u64,
     /// How long before its time a timer is polled instead of slept for.
@@ -82,7 +82,7 @@ impl Turn {
         group: &Group,
         machine: &Machine,
         kind: StageKind,
-        options: Options,
+        options: StageOptions,
     ) -> Result<Self, ChannelError> {
         let period_ns = machine.timing.period.as_nanos() as u64;
         let timer_spin_ns = match machine.stage(kind).wait {
@@ -93,7 +93,7 @@ impl Turn {
         Ok(Self {
             options,
             period_ns,
-            // A writer that rings no bell is still heard within half a period.
+            // A message whose publisher sends no notification is found within half a period.
             slice_ns: (period_ns / 2).clamp(1_000_000, SLICE_NS),
             timer_spin_ns,
             accounting: Accounting::new(kind as u32),
@@ -148,8 +148,8 @@ impl Turn {
         if self.poll_for(spin_ns, matches!(waiter, Waiter::Yield), &mut poll)? {
             return Ok(true);
         }
-        let Waiter::Event(ear, _) = waiter else { return Ok(false) };
-        ear.wait(Duration::from_nanos(self.slice_ns))?;
+        let Waiter::Event(listener, _) = waiter else { return Ok(false) };
+        listener.wait(Duration::from_nanos(self.slice_ns))?;
         Ok(poll()?)
     }
 

@@ -25,7 +25,7 @@ const LEAST: f64 = 50.0;
 
 /// The comparison for one axis.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Recent {
+pub struct Comparison {
     forgetting: f64,
     adaptive: Window,
     classical: Window,
@@ -41,7 +41,7 @@ struct Window {
     sum: f64,
 }
 
-impl Recent {
+impl Comparison {
     /// For snapshots every `period` s.
     pub fn new(period: f64) -> Self {
         Self {
@@ -98,7 +98,8 @@ mod tests {
 
     /// Ticks at which the adaptive model counts as better, with errors of this size for both.
     fn better(adaptive: impl Fn(usize) -> f64, classical: impl Fn(usize) -> f64) -> Vec<usize> {
-        let (mut recent, mut a, mut c) = (Recent::new(0.01), ErrorStatistics::default(), ErrorStatistics::default());
+        let (mut recent, mut a, mut c) =
+            (Comparison::new(0.01), ErrorStatistics::default(), ErrorStatistics::default());
         (0..4000)
             .filter(|k| {
                 let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
@@ -129,7 +130,7 @@ mod tests {
 
     #[test]
     fn an_identifier_that_begins_anew_is_judged_anew() {
-        let mut recent = Recent::new(0.01);
+        let mut recent = Comparison::new(0.01);
         let (mut a, mut c) = (ErrorStatistics::default(), ErrorStatistics::default());
         for _ in 0..200 {
             a.push(1e-3);

@@ -9,9 +9,13 @@
 //! ```
 //!
 //! l level of the last stroke and v its fastest speed m/s, v_max speed bound m/s, l_0 the level that first moved the axis,
-//! rest(k) what is under way, m ([`super::foresight`]). No curve that is less than quadratic above l_0 overruns the bound. Trap:
+//! rest(k) what is under way, m ([`direction`]). No curve that is less than quadratic above l_0 overruns the bound. Trap:
 //! an encoder that is stuck from the beginning looks like a valve that does not open. So the pulses are short, go both
 //! ways, and end at [`PULSE_LIMIT`].
+
+pub mod direction;
+mod step;
+pub mod watch;
 
 use std::time::Duration;
 
@@ -20,13 +24,12 @@ use pipeline::{
     message::AxisSample,
 };
 
-use super::{
-    Options, Outcome, Phase, Record,
-    foresight::Direction,
-    step::Step,
-    watch::{Abort, Watch},
-};
-use crate::limits::Limits;
+use direction::Direction;
+use step::Step;
+use watch::{Abort, Watch};
+
+use super::{ExperimentOptions, ExperimentRecord, Outcome, Phase};
+use crate::protection::limits::Limits;
 
 /// Highest level of the pulses.
 pub const PULSE_LIMIT: f64 = 0.6;
@@ -89,13 +92,13 @@ pub struct Experiment {
     tick: usize,
     total: usize,
     random: u64,
-    record: Record,
+    record: ExperimentRecord,
     outcome: Option<Outcome>,
 }
 
 impl Experiment {
     /// An experiment with an axis that is sampled every `period`. Nothing is allocated after this.
-    pub fn new(axis: &Axis, period: Duration, options: &Options) -> Self {
+    pub fn new(axis: &Axis, period: Duration, options: &ExperimentOptions) -> Self {
         let seconds = period.as_secs_f64();
         let total = samples_of(options.duration, period);
         let (low, high) = axis.soft_limits;
@@ -122,7 +125,7 @@ impl Experiment {
             tick: 0,
             total,
             random: options.seed,
-            record: Record {
+            record: ExperimentRecord {
                 period: seconds,
                 commands: Vec::with_capacity(total + 1),
                 positions: Vec::with_capacity(total + 1),
@@ -179,7 +182,7 @@ impl Experiment {
     }
 
     /// Everything so far.
-    pub fn record(&self) -> &Record {
+    pub fn record(&self) -> &ExperimentRecord {
         &self.record
     }
 
@@ -266,7 +269,7 @@ impl Experiment {
 
     /// Notes what the axis does in this step.
     fn observe(&mut self, position: f64) {
-        let quiet = self.watch.speed().abs() * super::watch::SPEED_TIME <= self.quiet;
+        let quiet = self.watch.speed().abs() * watch::SPEED_TIME <= self.quiet;
         let speed = self.watch.speed();
         let step = &mut self.step;
         step.ticks += 1;

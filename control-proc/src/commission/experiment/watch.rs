@@ -7,7 +7,7 @@
 //! ```
 //!
 //! y position m, u command, v_max speed bound m/s, T period s, R ticks from command to motion, M > R, v what commands were
-//! seen to make ([`super::foresight`]). Trap: what is under way still comes out after an abort, so the margin is where
+//! seen to make ([`super::direction`]). Trap: what is under way still comes out after an abort, so the margin is where
 //! the valve shuts, not where the axis stops.
 
 use std::fmt;

@@ -7,7 +7,7 @@
 //!
 //! k tick of the sample, k_ref tick of the message's first target, v_max `max_speed` in m/s, T period in s. A message
 //! that is absent, used up, not finite, outside the soft limits, jumping, or older than one before is refused, and
-//! the axis holds the target that it has, or comes to a stand from it ([`crate::target`]).
+//! the axis holds the target that it has, or comes to a stand from it ([`super::Target`]).
 //!
 //! Trap: after a refusal, and at the start, the program may be anywhere. Its targets are taken up again only where
 //! they go on from the target held or where the axis stands, so that taking them up moves nothing.

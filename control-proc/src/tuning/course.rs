@@ -17,6 +17,8 @@
 
 use std::f64::consts::TAU;
 
+use crate::target::blend::smooth;
+
 /// From where on errors count, s: what is before is for offline identification.
 pub const TRAINING: f64 = 8.0;
 /// Where the course ends, s.
@@ -61,12 +63,6 @@ fn judged(t: f64) -> f64 {
 /// 2 s there, 4 s back, 2 s there, at 1/s.
 fn creep(t: f64) -> f64 {
     if t < 2.0 { t } else { (4.0 - t).max(t - 8.0) }
-}
-
-/// 10 r^3 - 15 r^4 + 6 r^5 between 0 and 1.
-pub(crate) fn smooth(r: f64) -> f64 {
-    let r = r.clamp(0.0, 1.0);
-    r * r * r * (10.0 - r * (15.0 - 6.0 * r))
 }
 
 #[cfg(test)]

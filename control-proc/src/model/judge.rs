@@ -22,7 +22,7 @@ use pipeline::{
     message::{AxisSnapshot, model_fault},
 };
 
-use crate::response::{MAX_HORIZON, Ramp, step_response};
+use super::response::{MAX_HORIZON, Ramp, step_response};
 
 /// Largest pole radius. An identified integrator comes out a little beyond 1; at 1.02 a deviation grows by half in 20
 /// samples, which feedback still holds.

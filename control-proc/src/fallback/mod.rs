@@ -7,7 +7,7 @@
 //! ```
 //!
 //! e error in m, v opening beyond the dead band, kp in 1/m, ki in 1/(m s), T period in s, d calibrated dead band, w
-//! [`BLEND_WIDTH`], u_r the command of [`crate::feedforward`]. It needs no identified model: it controls while the
+//! [`BLEND_WIDTH`], u_r the command of [`feedforward`]. It needs no identified model: it controls while the
 //! identifier learns, and takes over whenever the model may not be used. Source: the usual loop of mobile hydraulics.
 //!
 //! Feedback and feed-forward meet as openings, so the dead band is jumped once, by their sum: alone, u_r goes out as it
@@ -21,9 +21,14 @@
 //! |v| < w. The calibrated dead band must not exceed the valve's: too much of it is a relay, and a relay cycles. The
 //! integral stops while the limits cut the command off and the error would only push further.
 
+pub mod feedforward;
+pub mod rest;
+
 use pipeline::machine::{Commissioned, Control};
 
-use crate::{feedforward::Feedforward, limits::Limits};
+use feedforward::Feedforward;
+
+use crate::protection::limits::Limits;
 
 /// Magnitude of v (command) below which the dead band is compensated in part only. With a kp of 4 1/m this is an
 /// error of 2.5 mm, some tens of encoder counts and so well above the noise.

@@ -1,47 +1,48 @@
-//! From where the axis stands to what its generator asks for, without a jump.
+//! The reference of one axis: of this tick and of the coming ones.
 //!
-//! ```text
-//! y_r(t) = y_0 + s(t / T_b) (g(t) - y_0)           s(r) = 10 r^3 - 15 r^4 + 6 r^5 for 0 <= r <= 1, then 1
-//! T_b    = max(2 s, 15/8 |g(0) - y_0| / (v_max / 4))
-//! ```
+//! | module | what it holds |
+//! |---|---|
+//! | [`generator`] | sines, ramps and trajectories, as the machine file sets them |
+//! | [`trajectory`] | straight lines through points in time |
+//! | [`blend`] | the way from standing still to a generator that starts elsewhere |
+//! | [`channel`] | references from another program, accepted or refused |
+//! | [`profile`] | motions to a set point, bounded in speed, acceleration and jerk |
 //!
-//! y_0 position when the axis began to follow, g generator, v_max `max_speed`. s has no speed and no acceleration at
-//! both ends; its steepest slope is 15/8, hence T_b keeps the way there below a quarter of the axis' speed. y_r lies
-//! between y_0 and g, so it leaves the soft limits nowhere that the axis did not already stand. While the axis holds, y_r
-//! comes from [`crate::profile`] instead, and following begins where that has come to a stand; so do the targets of a
-//! channel that has stopped, or sends what is refused, until it goes on from where they are. Trap: the preview must be
-//! blended too, or prediction sees a step at the end of its window.
+//! While the axis tracks, its reference comes from its generator or from the channel. While it holds, its reference
+//! comes from the profile; tracking begins once the profile has come to a stand. The profile also brings the reference to
+//! a stand when the channel stops or sends what is refused, until an accepted message goes on from there.
+//!
+//! Runs in the loop: nothing here allocates after construction.
+
+pub mod blend;
+pub mod channel;
+pub mod generator;
+pub mod profile;
+pub mod trajectory;
 
 use pipeline::{
     machine::{Axis, ReferenceSource},
     message::Reference,
 };
 
-use crate::{
-    channel::ChannelFollower, course::smooth, profile::Profile, reference::ReferenceGenerator, response::MAX_AHEAD,
-};
+use blend::Blend;
+use channel::ChannelFollower;
+use generator::ReferenceGenerator;
+use profile::Profile;
 
-/// Shortest time from standing still to following, s: a person near the machine sees it begin.
-pub const BLEND_TIME: f64 = 2.0;
-/// Fastest way to a generator that starts elsewhere, as share of `max_speed`.
-pub const BLEND_SPEED: f64 = 0.25;
-/// Steepest slope of s.
-const STEEPEST: f64 = 15.0 / 8.0;
+use crate::model::response::MAX_AHEAD;
 
 /// The targets of one axis: this tick's and the coming ones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Target {
     axis: usize,
     period: f64,
-    blend_speed: f64,
     channel: Option<ChannelFollower>,
     /// The channel has stopped, and its target comes to a stand.
     brakes: bool,
     profile: Profile,
     state: State,
-    start: u64,
-    start_position: f64,
-    blend_time: f64,
+    blend: Blend,
     ahead: usize,
     positions: [f64; MAX_AHEAD],
     /// Of the target, m/s.
@@ -73,14 +74,11 @@ impl Target {
         Self {
             axis: index,
             period,
-            blend_speed: BLEND_SPEED * axis.max_speed,
             channel: from_channel.then(|| ChannelFollower::new(index, axis, period)),
             brakes: false,
             profile: Profile::new(axis, period, ahead),
             state: State::Follows,
-            start: 0,
-            start_position: 0.0,
-            blend_time: BLEND_TIME,
+            blend: Blend::new(axis.max_speed),
             ahead,
             positions: [0.0; MAX_AHEAD],
             speed: 0.0,
@@ -89,10 +87,8 @@ impl Target {
 
     /// Begins to follow at tick `sequence`, from where the axis stands (m).
     pub fn begin(&mut self, sequence: u64, position: f64, generator: &ReferenceGenerator) {
-        (self.start, self.start_position) = (sequence, position);
         (self.state, self.positions[0], self.speed, self.brakes) = (State::Follows, position, 0.0, false);
-        let distance = generator.position(self.axis, 0.0).map_or(0.0, |first| (first - position).abs());
-        self.blend_time = BLEND_TIME.max(STEEPEST * distance / self.blend_speed);
+        self.blend.begin(sequence, position, generator.position(self.axis, 0.0));
         if let Some(channel) = &mut self.channel {
             channel.begin(position);
         }
@@ -178,13 +174,12 @@ impl Target {
             }
             return Following { refused: !accepted, counts: channel.has_engaged() };
         }
-        let tick = sequence.saturating_sub(self.start);
+        let tick = self.blend.ticks(sequence);
         for (i, target) in positions.iter_mut().enumerate() {
             let t = (tick + i as u64) as f64 * self.period;
-            let wanted = generator.position(self.axis, t).unwrap_or(self.start_position);
-            *target = self.start_position + smooth(t / self.blend_time) * (wanted - self.start_position);
+            *target = self.blend.position(t, generator.position(self.axis, t));
         }
-        Following { refused: false, counts: tick as f64 * self.period >= self.blend_time }
+        Following { refused: false, counts: self.blend.is_over(tick as f64 * self.period) }
     }
 
     /// y_r(k), y_r(k+1), .. as of the last update, m.

@@ -14,7 +14,7 @@
 
 use pipeline::hammerstein::Coefficients;
 
-use crate::judge::Approved;
+use super::judge::Approved;
 
 /// How old the last approved model is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -10,7 +10,7 @@
 //! u command and x spool position in [-1, 1], y position m, t_d dead time s, tau time constant s, d_e and d_r dead bands,
 //! q_j openings at which the curve bends, w_j changes of its slope m/s, m T = 0.2 s. For a given (t_d, tau, d_e, d_r) all is
 //! linear; a dead time delays X exactly, so one response serves all of them. The search begins on a grid (t_d, tau) with
-//! d = 0, then d on a grid, then [`super::simplex`] on all four.
+//! d = 0, then d on a grid, then [`simplex`] on all four.
 //!
 //! Fitted on the first two thirds of the record, judged on the rest: half a second ahead, with the command known.
 //!
@@ -18,10 +18,14 @@
 //! is certain is their sum. A hysteresis of width h is half in the dead bands, d + h/2. And where an S begins flat the band
 //! found ends where motion begins to count, not where the first drop flows.
 
+pub mod simplex;
+
 use nalgebra::{DMatrix, DVector};
 use pipeline::machine::{Commissioned, DeadBand};
 
-use super::{Record, simplex::minimum};
+use simplex::minimum;
+
+use super::ExperimentRecord;
 
 /// Where the curve bends, in parts of the largest opening.
 const BENDS: [f64; KNOTS] = [0.0, 0.1, 0.22, 0.38, 0.58, 0.8];
@@ -75,7 +79,7 @@ pub enum AnalysisError {
 ///
 /// # Errors
 /// The record is too short, or no model with rising curves explains it.
-pub fn analyse(record: &Record) -> Result<Commissioned, AnalysisError> {
+pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError> {
     let seconds = record.positions.len() as f64 * record.period;
     let needed = 10.0 * JUDGED_AHEAD;
     if seconds < needed {
@@ -197,7 +201,7 @@ impl Shape {
 
 /// A part of a record.
 struct Data<'a> {
-    record: &'a Record,
+    record: &'a ExperimentRecord,
     begin: usize,
     end: usize,
 }
@@ -278,7 +282,7 @@ fn samples(seconds: f64, period: f64) -> usize {
 
 /// The integral of `f(X(t))` at every part of a period up to sample `end`.
 fn integrate<const N: usize>(
-    record: &Record,
+    record: &ExperimentRecord,
     end: usize,
     time_constant: f64,
     f: impl Fn(f64) -> [f64; N],

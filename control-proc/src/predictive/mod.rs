@@ -17,7 +17,7 @@
 //! lag in ticks; y_f = free(k+nk) where the axis will be when x(k) acts, y_low and y_high the soft limits, m, a
 //! [`END_DECELERATION`]; T_s period in s; nk delay, H `horizon`, M `moves`, in samples. Source: Clarke, Mohtadi and
 //! Tuffs, Generalized predictive control, Automatica 23 (1987), with its constraints as a quadratic programme
-//! ([`crate::quadratic`]); N and the model are eqs. (11) and (12) of the paper.
+//! ([`quadratic`]); N and the model are eqs. (11) and (12) of the paper.
 //!
 //! Only what goes beyond the moves that the targets ask for anyway is weighed: so a large weight makes the axis follow by
 //! what is known of it, and not late.
@@ -38,17 +38,23 @@
 //! so. N can be inverted only where it is monotone, so x is kept to what the commands can reach there. And x(k-1)
 //! is N of the command that was *sent*: what the limits cut off is not remembered as done.
 
+pub mod history;
+pub mod quadratic;
+
 use pipeline::{
     hammerstein::{Coefficients, Nonlinearity},
     machine::Control,
 };
 
+use history::{COMMANDS, History, TRIED};
+use quadratic::{Problem, Solver, Status};
+
 use crate::{
-    history::{COMMANDS, History, TRIED},
-    judge::Approved,
-    limits::Limits,
-    quadratic::{Problem, Solver, Status},
-    response::{MAX_AHEAD, MAX_HORIZON, Ramp, free_response, residual, step_response},
+    model::{
+        judge::Approved,
+        response::{MAX_AHEAD, MAX_HORIZON, Ramp, free_response, residual, step_response},
+    },
+    protection::limits::Limits,
 };
 
 /// a, m/s2: on the last 60 mm before a soft limit an axis of 0.25 m/s becomes slower.

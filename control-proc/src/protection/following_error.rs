@@ -5,7 +5,7 @@
 //! ```
 //!
 //! e error m, v_r speed of the target m/s, e_max `following_error` m. Source: following-error limits of numerical
-//! controls, with a floor and a part that grows with the speed. [`crate::trust`] takes the model away before, where there
+//! controls, with a floor and a part that grows with the speed. [`crate::model::trust`] takes the model away before, where there
 //! is one.
 //!
 //! Trap: a floor below what the axis needs at its worst, cold and uncommissioned, stops a machine that is all right; so

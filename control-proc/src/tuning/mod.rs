@@ -7,7 +7,7 @@
 //! ```
 //!
 //! u command that the fallback makes of the encoder's counts, x spool, v speed in m/s, y position in m, c static curve,
-//! tau and t_d of [`Commissioned`], y_r the [`crate::course`] in m; g gain, m dead time and l lag of a plant over those
+//! tau and t_d of [`Commissioned`], y_r the [`mod@course`] in m; g gain, m dead time and l lag of a plant over those
 //! of the commissioned one: with cold oil a valve's lag doubles. w and zeta, [`SPRING`], are the load on its spring of
 //! oil, which a static curve behind a lag leaves out: at little dead time it is what limits the gains.
 //!
@@ -21,14 +21,15 @@
 //! Traps: tuned for the nominal plant alone, gains come out so high that a little more dead time makes them cycle; and
 //! tuned without the spring, so high that every heavy axis rings.
 
+pub mod course;
+
 use std::{collections::VecDeque, f64::consts::TAU};
 
 use pipeline::machine::{Axis, Commissioned, Control, DeadBand, ModelChoice};
 
-use crate::{
-    course::{END, TRAINING, course},
-    fallback::Fallback,
-};
+use course::{END, TRAINING, course};
+
+use crate::fallback::Fallback;
 
 /// Motion at rest that is taken for a cycle, peak to peak, m.
 pub const REST: f64 = 0.5e-3;
@@ -128,7 +129,7 @@ impl<'a> Bench<'a> {
     fn new(index: usize, axis: &'a Axis, period: f64) -> Option<Self> {
         let model = axis.commissioned.as_ref()?;
         let points = course(index, axis.soft_limits, reached(model, axis.control.command_limit));
-        let round = crate::trajectory::Trajectory::through(points);
+        let round = crate::target::trajectory::Trajectory::through(points);
         let ticks = ((END - TRAINING + LONG_REST) / period) as usize;
         let targets = (0..ticks).map(|tick| round.position(TRAINING + tick as f64 * period)).collect();
         Some(Self { model, resolution: axis.encoder.resolution, period, targets })

@@ -4,7 +4,7 @@
 //! off --enable, with a mode--> manual, hold, track, commission --off, fault, requests stopped--> off
 //!
 //! manual, commission     the request's command, as long as requests come
-//! hold                   goes to the request's target, without one to a stand, and stays ([`crate::profile`])
+//! hold                   goes to the request's target, without one to a stand, and stays ([`crate::target::profile`])
 //! track                  follows its reference, as of its beginning
 //! ```
 //!

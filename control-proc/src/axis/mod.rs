@@ -4,7 +4,7 @@
 //! disarmed --arm--> settling --0.2 s of healthy samples--> following --fault--> latched
 //!     ^----------------------- disarm -----------------------'------------------'
 //!
-//! while following, by its mode (see [`crate::operation`]):
+//! while following, by its mode (see [`requests`]):
 //!   manual, commission: the command that is asked for, within all limits
 //!   hold, track: fallback --model judged good for 0.1 s--> model --too old, absent, distrusted--> fallback
 //! ```
@@ -15,8 +15,8 @@
 //! | flag | after |
 //! |---|---|
 //! | `FEEDBACK` | three samples in a row without a usable position, one outside the stroke, an encoder that stands still while the axis is driven |
-//! | `STALL` | no motion of an axis that is driven ([`crate::motion`]), in hold and track |
-//! | `FOLLOWING` | a following error ([`crate::following`]) |
+//! | `STALL` | no motion of an axis that is driven ([`crate::protection::motion`]), in hold and track |
+//! | `FOLLOWING` | a following error ([`crate::protection::following_error`]) |
 //! | `SOLVER` | [`UNSOLVED_LIMIT`] plans in a row without an answer of the solver |
 //! | `DEADLINE` | late commands ([`crate::process`]) |
 //! | `EMERGENCY_STOP` | the emergency stop, whatever the axis does, off too; not to be reset while it is pressed |
@@ -24,7 +24,7 @@
 //! The first of them stays what it is; an emergency stop comes on top. Trap: a latch that heals by itself moves the
 //! machine while somebody looks at why it stopped.
 //!
-//! A refused snapshot is not used once; the last approved one is, until it is too old ([`crate::kept`]). Then the axis goes
+//! A refused snapshot is not used once; the last approved one is, until it is too old ([`crate::model::age`]). Then the axis goes
 //! on by the fallback, at half of its speed.
 //!
 //! From a command by hand to a controller: the targets begin where the axis is and as fast as it is, the fallback at the
@@ -32,33 +32,36 @@
 
 mod latch;
 mod modes;
+pub mod requests;
 
 use std::time::Duration;
 
 use pipeline::{
-    machine::{Axis, Control, Forgetting, ModelChoice, Timing, samples_of},
+    machine::{Axis, Control, Estimator, ModelChoice, Timing, samples_of},
     message::{
         AxisCommand, AxisMode, AxisSample, AxisSnapshot, ControlMode, Reference, Request, control_flag, sample_fault,
     },
     statistics::ErrorStatistics,
 };
 
+use requests::Requests;
+
 use crate::{
-    end_stops::EndStops,
-    fallback::Fallback,
-    following::FollowingError,
-    history::History,
-    judge::{Approved, Judge, Refusal},
-    kept::{Age, Kept},
-    limits::Limits,
-    motion::{Motion, Standing},
-    operation::Requests,
-    predictive::Predictive,
-    recent::Recent,
-    reference::ReferenceGenerator,
-    rest::Rest,
-    target::Target,
-    trust::Trust,
+    fallback::{Fallback, rest::Rest},
+    model::{
+        age::{Age, Kept},
+        comparison::Comparison,
+        judge::{Approved, Judge, Refusal},
+        trust::Trust,
+    },
+    predictive::{Predictive, history::History},
+    protection::{
+        end_stops::EndStops,
+        following_error::FollowingError,
+        limits::Limits,
+        motion::{Motion, Standing},
+    },
+    target::{Target, generator::ReferenceGenerator},
 };
 
 /// Healthy samples before anything moves: long enough to see an encoder that comes and goes.
@@ -118,7 +121,7 @@ pub struct AxisController {
     /// The adaptive model is used whether it predicts better than the held one or not.
     at_once: bool,
     judge: Judge,
-    recent: Recent,
+    comparison: Comparison,
     kept: Kept,
     predictive: Predictive,
 
@@ -176,9 +179,9 @@ impl AxisController {
             feedback_ticks: ticks(timing.feedback_timeout),
             choice: control.model,
             // A grey box knows what commissioning has found, which is more than what the training has shown.
-            at_once: control.model == ModelChoice::Classical || axis.identification.forgetting == Forgetting::GreyBox,
+            at_once: control.model == ModelChoice::Classical || axis.identification.estimator == Estimator::GreyBox,
             judge: Judge::new(axis, period),
-            recent: Recent::new(period),
+            comparison: Comparison::new(period),
             kept: Kept::new(ticks(timing.model_timeout), ticks(timing.model_lifetime)),
             predictive: Predictive::new(control, axis.soft_limits, period),
             state: State::Disarmed,
@@ -316,10 +319,10 @@ impl AxisController {
         if self.seen.replace(made_after) == Some(made_after) {
             return self.said;
         }
-        self.recent.update(&snapshot.separated_h_step, &snapshot.classical_errors.h_step);
+        self.comparison.update(&snapshot.separated_h_step, &snapshot.classical_errors.h_step);
         let held = || self.judge.judge_held(snapshot).ok();
         let (model, flags) = match self.judge.judge(snapshot) {
-            Ok(model) if self.at_once || self.recent.is_better() => (Some(model), 0),
+            Ok(model) if self.at_once || self.comparison.is_better() => (Some(model), 0),
             // What was identified offline and held is used until the adaptive model has shown that it is better.
             Ok(model) => (held().or(Some(model)), 0),
             Err(None) => (None, control_flag::NO_MODEL),

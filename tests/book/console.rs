@@ -57,13 +57,8 @@ fn examples(page: &Page) -> Vec<Example> {
     let mut examples: Vec<Example> = Vec::new();
     let (mut in_console, mut varies) = (false, false);
     for (line, kind) in page.lines() {
-        let example = |command: &str, hidden| Example {
-            line,
-            command: command.to_owned(),
-            expected: Vec::new(),
-            varies,
-            hidden,
-        };
+        let example =
+            |command: &str, hidden| Example { line, command: command.to_owned(), expected: Vec::new(), varies, hidden };
         match kind {
             Line::Text("<!-- figures vary -->") => varies = true,
             Line::Text(text) => {
@@ -224,7 +219,8 @@ fn check(path: &str) {
     let in_real_time = examples.iter().any(|example| example.varies || example.command.ends_with('&'));
     let _alone = in_real_time.then(harness::alone);
     // As long as the name that it replaces, so that tables look alike; another one in every process and on every page.
-    let number = (std::process::id() as usize * 31 + path.len() * 7 + path.bytes().map(usize::from).sum::<usize>()) % 4096;
+    let number =
+        (std::process::id() as usize * 31 + path.len() * 7 + path.bytes().map(usize::from).sum::<usize>()) % 4096;
     let group = format!("q{number:03x}");
     let printed = run(&examples, &group);
     assert_eq!(printed.len(), examples.len(), "{path}: the shell ended early");

@@ -158,7 +158,7 @@ fn workplace() -> tempfile::TempDir {
 }
 
 /// A simulated servo whose flow gain falls by 40 % while its oil warms up.
-const RECORDING: &str = "tests/data/servo_drift.csv";
+const RECORDING: &str = "tests/data/servo_warmup.csv";
 
 /// Runs all commands of a page; the lines that each of them has printed.
 fn run(examples: &[Example], group: &str) -> Vec<Vec<String>> {
@@ -195,7 +195,8 @@ fn run(examples: &[Example], group: &str) -> Vec<Vec<String>> {
     let _ = kill_process_group(shell_group, Signal::KILL);
     let printed = std::fs::read_to_string(output).unwrap().replace(group, GROUP);
     assert!(ended.is_some(), "not done after {PATIENCE:?}:\n{printed}");
-    let outputs = printed.split(&format!("{MARK}\n")).skip(1);
+    let mark = format!("{MARK}\n");
+    let outputs = printed.split(mark.as_str()).skip(1);
     outputs.take(examples.len()).map(|output| output.lines().map(|line| line.trim_end().to_owned()).collect()).collect()
 }
 

@@ -1,0 +1,167 @@
+//! The figures of `hydraxis bench control`: errors aggregated over axes and seeds.
+
+use std::collections::BTreeMap;
+
+use pipeline::statistics::ErrorStatistics;
+use serde::Serialize;
+
+use super::cases::{Case, Contest, Outcome};
+use crate::report::table::{number, table};
+
+/// All figures; SI units.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    rows: Vec<Row>,
+    gains: Vec<Gains>,
+}
+
+/// One controller under one scenario at one dead time.
+#[derive(Debug, Serialize)]
+struct Row {
+    controller: &'static str,
+    scenario: String,
+    dead_time_s: f64,
+    #[serde(flatten)]
+    errors: Errors,
+    /// Part of the ticks that a model controlled.
+    by_model: f64,
+    /// Axes, over all seeds, that a fault had latched at the end.
+    latched: u64,
+    axes: BTreeMap<String, Errors>,
+}
+
+/// Target minus true position, m.
+#[derive(Debug, Clone, Copy, Serialize)]
+struct Errors {
+    rms: f64,
+    sigma: f64,
+    max: f64,
+    #[serde(skip)]
+    statistics: ErrorStatistics,
+}
+
+/// What tuning has found: of the baseline, or of what controls while there is no model.
+#[derive(Debug, Serialize)]
+struct Gains {
+    controller: &'static str,
+    dead_time_s: f64,
+    axis: String,
+    kp: f64,
+    ki: f64,
+}
+
+impl From<ErrorStatistics> for Errors {
+    fn from(statistics: ErrorStatistics) -> Self {
+        Self { rms: statistics.rmse(), sigma: statistics.sigma(), max: statistics.max, statistics }
+    }
+}
+
+impl Report {
+    /// From the outcomes of all cases; those of the same entry and scenario stand together.
+    pub fn new(contest: &Contest, cases: &[Case], outcomes: &[Vec<Outcome>]) -> Self {
+        let runs: Vec<(&Case, &Vec<Outcome>)> = cases.iter().zip(outcomes).collect();
+        let groups = runs.chunk_by(|a, b| (a.0.entry, a.0.scenario) == (b.0.entry, b.0.scenario));
+        let gains = contest.entries.iter().flat_map(|entry| {
+            entry.axes.iter().map(|axis| Gains {
+                controller: entry.kind.name(),
+                dead_time_s: entry.dead_time.as_secs_f64(),
+                axis: axis.name.clone(),
+                kp: axis.control.kp,
+                ki: axis.control.ki,
+            })
+        });
+        Self { rows: groups.map(|group| Row::new(contest, group)).collect(), gains: gains.collect() }
+    }
+
+    /// One line per controller and dead time, then one per scenario and dead time.
+    pub fn tables(&self) -> String {
+        let mut text = self.by_controller() + &self.by_scenario();
+        let latched: u64 = self.rows.iter().map(|row| row.latched).sum();
+        if latched > 0 {
+            text +=
+                &format!("{latched} times a fault latched an axis; --json tells of which controller and scenario.\n");
+        }
+        text
+    }
+
+    fn by_controller(&self) -> String {
+        let entries = self.rows.chunk_by(|a, b| (a.controller, a.dead_time_s) == (b.controller, b.dead_time_s));
+        let rows = entries.map(|rows| {
+            let rms_of =
+                |name: &str| rows.iter().find(|row| row.scenario == name).map_or(f64::NAN, |row| row.errors.rms);
+            let worst = rows.iter().max_by(|a, b| a.errors.rms.total_cmp(&b.errors.rms)).unwrap_or(&rows[0]);
+            let all = Errors::from(merged(rows.iter().map(|row| &row.errors.statistics)));
+            let mm = |metres: f64| number(1e3 * metres);
+            vec![
+                rows[0].controller.to_owned(),
+                milliseconds(rows[0].dead_time_s),
+                mm(rms_of("nominal")),
+                mm(worst.errors.rms),
+                worst.scenario.clone(),
+                mm(all.rms),
+                mm(all.sigma),
+                mm(all.max),
+            ]
+        });
+        let header = ["controller", "dead time", "nominal", "worst", "scenario", "all", "sigma", "max"];
+        format!(
+            "Tracking error over all axes and seeds, mm (rms; sigma and max over all scenarios):\n{}\n\n",
+            table(&header, rows.collect())
+        )
+    }
+
+    fn by_scenario(&self) -> String {
+        let mut places: Vec<(f64, &str)> = Vec::new();
+        let mut controllers: Vec<&str> = Vec::new();
+        for row in &self.rows {
+            let place = (row.dead_time_s, row.scenario.as_str());
+            if !places.contains(&place) {
+                places.push(place);
+            }
+            if !controllers.contains(&row.controller) {
+                controllers.push(row.controller);
+            }
+        }
+        let rows = places.into_iter().map(|(dead_time, scenario)| {
+            // In the order of the controllers, which is the same at every place.
+            let here = self.rows.iter().filter(|row| (row.dead_time_s, row.scenario.as_str()) == (dead_time, scenario));
+            let cells = [scenario.to_owned(), milliseconds(dead_time)].into_iter();
+            cells.chain(here.map(|row| number(1e3 * row.errors.rms))).collect()
+        });
+        let header = [&["rms by scenario", "dead time"], &controllers[..]].concat();
+        format!("{}\n", table(&header, rows.collect()))
+    }
+}
+
+fn milliseconds(seconds: f64) -> String {
+    format!("{:.0} ms", 1e3 * seconds)
+}
+
+impl Row {
+    /// From the runs of one entry under one scenario.
+    fn new(contest: &Contest, runs: &[(&Case, &Vec<Outcome>)]) -> Self {
+        let (entry, scenario) = (&contest.entries[runs[0].0.entry], &contest.scenarios[runs[0].0.scenario]);
+        let all = || runs.iter().flat_map(|(_, axes)| axes.iter());
+        let statistics = merged(all().map(|outcome| &outcome.error));
+        let axes = entry.axes.iter().enumerate().map(|(index, axis)| {
+            let errors = merged(runs.iter().map(|(_, axes)| &axes[index].error));
+            (axis.name.clone(), Errors::from(errors))
+        });
+        Self {
+            controller: entry.kind.name(),
+            scenario: scenario.scenario.name.clone(),
+            dead_time_s: entry.dead_time.as_secs_f64(),
+            errors: statistics.into(),
+            by_model: all().map(|outcome| outcome.by_model).sum::<u64>() as f64 / statistics.count as f64,
+            latched: all().map(|outcome| u64::from(outcome.is_latched)).sum(),
+            axes: axes.collect(),
+        }
+    }
+}
+
+fn merged<'a>(parts: impl Iterator<Item = &'a ErrorStatistics>) -> ErrorStatistics {
+    parts.fold(ErrorStatistics::default(), |mut all, part| {
+        all.merge(part);
+        all
+    })
+}

@@ -1,0 +1,162 @@
+//! The experiment with the axes of a running group, axis by axis, over its channels: samples in, requests out.
+//!
+//! What the experiment asks for from sample k is on the valve from sample k+1 on, or later, or cut by a limit. So what is
+//! analysed is not what was asked for but what the controller says it has sent for every tick.
+
+use std::sync::{Arc, atomic::AtomicBool};
+
+use control_proc::commission::{Experiment, ExperimentOptions, ExperimentRecord, Outcome, Phase, analyse};
+use pipeline::{
+    channel::Prefix,
+    machine::{Commissioned, Machine},
+    message::{AxisMode, EncoderSample, ValveCommand, sample_fault},
+};
+
+use crate::{failure::Failure, group::operator::Operator};
+
+/// What commissioning finds of the axes with these indices. All axes are off before and after; one at a time is moved.
+///
+/// # Errors
+/// The group cannot be operated, an axis left its mode, a bound was met, or a record has no model; all axes are off.
+pub fn commission_live(
+    machine: &Machine,
+    axes: &[usize],
+    prefix: &Prefix,
+    stop: Arc<AtomicBool>,
+    options: &ExperimentOptions,
+    mut show: impl FnMut(usize, Phase, f64),
+) -> Result<Vec<Commissioned>, Failure> {
+    let mut operator = Operator::join(machine, prefix, stop)?;
+    let all: Vec<usize> = (0..machine.axes.len()).collect();
+    let one = |axis: &usize| commission(machine, *axis, &all, &mut operator, options, |p, part| show(*axis, p, part));
+    let found: Result<Vec<Commissioned>, Failure> = axes.iter().map(one).collect();
+    // Also after what ended it.
+    let off = operator.off(&all);
+    found.and_then(|found| off.map(|()| found))
+}
+
+fn commission(
+    machine: &Machine,
+    axis: usize,
+    all: &[usize],
+    operator: &mut Operator,
+    options: &ExperimentOptions,
+    mut show: impl FnMut(Phase, f64),
+) -> Result<Commissioned, Failure> {
+    let name = &machine.axes[axis].name;
+    let ended = |reason: String| Failure::Run(format!("axis.{name}: ended, valve neutral: {reason}"));
+    operator.off(all)?;
+    operator.axis(axis).command = 0.0;
+    let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
+    let mut record = Applied::new(axis, machine.timing.period.as_secs_f64());
+    if operator.change(&[axis], AxisMode::Commission)? {
+        while experiment.outcome().is_none() {
+            let Some(sample) = operator.sample()? else {
+                experiment.stop();
+                break;
+            };
+            for _ in 0..record.sample(&sample) {
+                experiment.update(None);
+            }
+            operator.axis(axis).command = experiment.update(Some(&sample.axes[axis]));
+            operator.ask(&sample)?;
+            while let Some(command) = operator.command()? {
+                record.command(&command);
+            }
+            if operator.last(axis).is_some_and(|last| last.operation != AxisMode::Commission as u32) {
+                let reason = operator.state(axis);
+                operator.off(all)?;
+                return Err(ended(format!("found {reason}; allowed: commission, all the time")));
+            }
+            show(experiment.phase(), experiment.progress());
+        }
+    } else {
+        experiment.stop();
+    }
+    operator.axis(axis).command = 0.0;
+    operator.off(all)?;
+    if let Some(Outcome::Aborted(abort)) = experiment.outcome() {
+        return Err(ended(abort.to_string()));
+    }
+    analyse(&record.into_record()).map_err(|error| Failure::Run(format!("axis.{name}: {error}")))
+}
+
+/// Positions, and the commands that were sent for them, by tick.
+struct Applied {
+    axis: usize,
+    period: f64,
+    /// Tick of the first sample.
+    first: Option<u64>,
+    positions: Vec<f64>,
+    commands: Vec<f64>,
+}
+
+impl Applied {
+    fn new(axis: usize, period: f64) -> Self {
+        Self { axis, period, first: None, positions: Vec::new(), commands: Vec::new() }
+    }
+
+    /// Takes in a sample; how many were missing before it.
+    fn sample(&mut self, sample: &EncoderSample) -> usize {
+        let first = *self.first.get_or_insert(sample.header.sequence);
+        let tick = sample.header.sequence.saturating_sub(first) as usize;
+        let missing = tick.saturating_sub(self.positions.len());
+        let axis = &sample.axes[self.axis];
+        self.positions.resize(tick, f64::NAN);
+        self.positions.push(if axis.faults & sample_fault::UNUSABLE == 0 { axis.position } else { f64::NAN });
+        missing
+    }
+
+    /// Takes in what was sent for a tick. It stays on the valve until the next.
+    fn command(&mut self, command: &ValveCommand) {
+        let Some(tick) = self.first.and_then(|first| command.header.sequence.checked_sub(first)) else { return };
+        let tick = tick as usize;
+        let before = self.commands.last().copied().unwrap_or_default();
+        if tick >= self.commands.len() {
+            self.commands.resize(tick, before);
+            self.commands.push(command.axes[self.axis].command);
+        }
+    }
+
+    /// As far as both are known.
+    fn into_record(mut self) -> ExperimentRecord {
+        let length = self.positions.len().min(self.commands.len());
+        self.positions.truncate(length);
+        self.commands.truncate(length);
+        ExperimentRecord { period: self.period, commands: self.commands, positions: self.positions }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_without_a_sample_and_without_a_command_are_filled() {
+        let mut applied = Applied::new(1, 0.01);
+        let sample = |sequence: u64, position: f64, faults: u32| {
+            let mut sample = EncoderSample::default();
+            sample.header.sequence = sequence;
+            (sample.axes[1].position, sample.axes[1].faults) = (position, faults);
+            sample
+        };
+        let command = |sequence: u64, value: f64| {
+            let mut command = ValveCommand::default();
+            (command.header.sequence, command.axes[1].command) = (sequence, value);
+            command
+        };
+        applied.command(&command(99, 0.9));
+        assert_eq!(applied.sample(&sample(100, 0.5, 0)), 0);
+        applied.command(&command(100, 0.1));
+        assert_eq!(applied.sample(&sample(103, 0.6, 0)), 2);
+        applied.command(&command(103, 0.2));
+        applied.command(&command(103, 0.0));
+        assert_eq!(applied.sample(&sample(104, 0.7, sample_fault::STALE)), 0);
+        applied.command(&command(104, 0.3));
+        applied.sample(&sample(105, 0.8, 0));
+        let record = applied.into_record();
+        assert_eq!(record.commands, [0.1, 0.1, 0.1, 0.2, 0.3]);
+        assert_eq!((record.positions[0], record.positions[3]), (0.5, 0.6));
+        assert!([1, 2, 4].iter().all(|tick| record.positions[*tick].is_nan()));
+    }
+}

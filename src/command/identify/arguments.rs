@@ -1,0 +1,141 @@
+//! The arguments of `hydraxis identify`.
+
+use std::{path::PathBuf, time::Duration};
+
+use clap::{Args, ValueEnum};
+use pipeline::{
+    hammerstein::{MAX_DELAY, MAX_LINEAR, MAX_ORDER},
+    machine::{Estimator, Form, Split},
+};
+
+use crate::arguments::values::{DeadBand, Knots, Rows, Samples, estimator, forgetting, in_range, positive, seconds};
+
+/// `identify`.
+#[derive(Debug, Args)]
+#[command(allow_negative_numbers = true)]
+#[command(after_help = "\
+Examples:
+  hydraxis identify boom.csv --train 0.4                      offline on the first 40 % of the rows, adaptive on the rest
+  hydraxis identify boom.csv --estimator constant:0.995       a constant forgetting factor, not the paper's fuzzy one
+  hydraxis identify boom.csv --input duty --output position --period 10ms --nk 20 --json -
+  hydraxis identify boom.csv --na 2 --integrator --drift --dead-band 0.07,0.1 --knots 0,0.2,0.5
+  hydraxis identify boom.csv --select --na 2 --compare        search the structure but for na, then compare estimators
+
+A row holds y(k) and the u(k) that was applied from t(k) on. The headline is the h-step error: what the model predicts
+`--horizon` ahead with its coefficients held, as a predictive controller uses it.")]
+pub struct IdentifyArguments {
+    /// The recording: CSV with a header, one row per sample
+    pub data: PathBuf,
+    /// Column of the input
+    #[arg(long, default_value = "u")]
+    pub input: String,
+    /// Column of the output
+    #[arg(long, default_value = "y")]
+    pub output: String,
+    /// Sample period; without it the column `t` (s) gives it
+    #[arg(long, value_parser = seconds)]
+    pub period: Option<Duration>,
+    /// Rows for offline identification, or a fraction of all rows; the rest is the test part
+    #[arg(long, default_value = "0.5")]
+    pub train: Rows,
+    /// Order of A [default: 3]
+    #[arg(long, value_parser = in_range(1, MAX_LINEAR))]
+    pub na: Option<usize>,
+    /// Order of B [default: 1]
+    #[arg(long, value_parser = in_range(0, MAX_LINEAR - 1))]
+    pub nb: Option<usize>,
+    /// Delay from input to output, samples [default: 1]
+    #[arg(long, value_parser = in_range(1, MAX_DELAY))]
+    pub nk: Option<usize>,
+    /// Order of the polynomials of the nonlinearity [default: 3, or the number of knots]
+    #[arg(long, value_parser = in_range(1, MAX_ORDER))]
+    pub order: Option<usize>,
+    /// Build an integrator into A and estimate it on the increments of the output
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
+    pub integrator: Option<bool>,
+    /// Estimate a constant in the difference equation too (gravity, leakage)
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
+    pub drift: Option<bool>,
+    /// Commands that open nothing, as magnitudes: one for both directions, or below and above zero
+    #[arg(long, value_name = "LOW[,HIGH]")]
+    pub dead_band: Option<DeadBand>,
+    /// Hinges in the place of powers, where they begin: magnitudes of the input beyond the dead band
+    #[arg(long, value_name = "K1,K2,..")]
+    pub knots: Option<Knots>,
+    /// Identify the velocity, the backward difference of the output by the period; the model is of the output still
+    #[arg(long)]
+    pub velocity: bool,
+    /// Search the structure on the training part first, fitted on its first 70 % and judged on the rest; what is typed
+    /// of the structure is kept, `--integrator=false` too
+    #[arg(long)]
+    pub select: bool,
+    /// Run every estimator on the record with the same settings, and show them side by side
+    #[arg(long)]
+    pub compare: bool,
+    /// How far ahead the h-step error looks: samples, or a duration such as 0.5s [default: 0.5s, at least one sample]
+    #[arg(long)]
+    pub horizon: Option<Samples>,
+    /// Algorithm that adapts the coefficients online: auto (several estimators, weighted by how well they predict),
+    /// paper (fuzzy forgetting factor, Table 1), constant:L (forgetting factor L), fuzzy:LOW (Table 1 on normalised
+    /// errors, factor LOW at the least), fortescue:N0 (memory of N0 samples while errors stay small), directional:L
+    /// (forgets along the regressor only), or window:N (the last N samples)
+    #[arg(long, default_value = "auto", value_parser = estimator)]
+    pub estimator: Estimator,
+    /// Old name of `--estimator`, refused with the new one
+    #[arg(long, hide = true, value_parser = forgetting)]
+    pub forgetting: Option<String>,
+    /// Which coefficients are updated online; auto has both and more
+    #[arg(long, value_enum, default_value = "linear")]
+    pub form: FormArgument,
+    /// How the products of the over-parametrised form are separated
+    #[arg(long, value_enum, default_value = "als")]
+    pub split: SplitArgument,
+    /// Fuzzy settings, a TOML file with the keys of the `fuzzy` table of a machine file
+    #[arg(long, value_name = "FILE")]
+    pub fuzzy: Option<PathBuf>,
+    /// Prediction error that counts as PB, in the unit of what is identified [default: 40 times the offline residual]
+    #[arg(long, value_name = "E", value_parser = positive)]
+    pub error_universe: Option<f64>,
+    /// Change of the error that counts as PB [default: half the error universe]
+    #[arg(long, value_name = "DE", value_parser = positive)]
+    pub variation_universe: Option<f64>,
+    /// Write the figures as JSON, to a file or to standard output with -
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+/// `--form`.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum FormArgument {
+    /// a and b, with the offline nonlinearity held (the paper's steps 3 and 6)
+    Linear,
+    /// all coefficients of the over-parametrised form
+    Full,
+}
+
+impl From<FormArgument> for Form {
+    fn from(argument: FormArgument) -> Self {
+        match argument {
+            FormArgument::Linear => Self::Linear,
+            FormArgument::Full => Self::Full,
+        }
+    }
+}
+
+/// `--split`.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum SplitArgument {
+    /// alternating least squares on the normal equations
+    Als,
+    /// the paper's formula (17)
+    Paper,
+}
+
+impl From<SplitArgument> for Split {
+    fn from(argument: SplitArgument) -> Self {
+        match argument {
+            SplitArgument::Als => Self::Als,
+            SplitArgument::Paper => Self::Paper,
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! `hydraxis identify`: a recording through the same core that runs in ident-proc.
+
+mod arguments;
+mod compare;
+mod grid;
+mod held_out;
+mod report;
+mod residuals;
+mod run;
+mod select;
+mod settings;
+mod structure;
+
+use pipeline::machine::Identification;
+use sensor_proc::record::Record;
+
+use crate::{
+    failure::Failure,
+    report::{output::Output, table::progress},
+};
+pub use arguments::IdentifyArguments;
+use report::Report;
+use residuals::Residuals;
+use run::identify;
+use select::{Selection, select};
+use settings::{Typed, check_estimator, settings};
+
+/// Runs the command.
+pub fn run(arguments: &IdentifyArguments) -> Result<(), Failure> {
+    let typed = Typed::new(arguments)?;
+    let period = arguments.period.map(|period| period.as_secs_f64());
+    let record = Record::read(&arguments.data, &arguments.input, &arguments.output, period).map_err(Failure::usage)?;
+    let mut settings = settings(arguments, &typed, &record)?;
+    let output = Output::open(arguments.json.as_deref())?;
+    let selection = if arguments.select { Some(search(&settings, &typed, &record)?) } else { None };
+    if let Some(selection) = &selection {
+        settings.structure = selection.chosen.candidate.structure;
+        check_estimator(&settings)?;
+    }
+    let progress = progress(record.outputs.len() as u64, "samples");
+    let mut residuals = Residuals::default();
+    let seen = |samples| progress.set_position(samples);
+    let (identifier, ns_per_update) = identify(&settings, &record, seen, &mut residuals);
+    progress.finish_and_clear();
+    let mut report = Report::new(&settings, &record, &identifier, &residuals, ns_per_update);
+    report.selection = selection;
+    report.comparison = arguments.compare.then(|| compare::compare(&settings, &record));
+    output.write(|| report.tables(&arguments.data), &report)
+}
+
+fn search(settings: &Identification, typed: &Typed, record: &Record) -> Result<Selection, Failure> {
+    let progress = progress(0, "structures");
+    let selection = select(settings, typed, record, &progress);
+    progress.finish_and_clear();
+    selection.ok_or_else(|| Failure::run("--select: no structure could be fitted"))
+}

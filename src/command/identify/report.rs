@@ -1,0 +1,257 @@
+//! The figures of one identification, for people and for programs.
+
+use std::{path::Path, time::Duration};
+
+use ident_proc::Identifier;
+use pipeline::{
+    hammerstein::Structure,
+    machine::{Form, Identification, IdentifiedOutput, Split},
+    message::{bit_names, model_fault},
+    statistics::ErrorStatistics,
+};
+use sensor_proc::record::Record;
+use serde::Serialize;
+
+use super::{
+    compare::Comparison,
+    residuals::{Deviations, Residuals, Validation},
+    select::Selection,
+    structure::description,
+};
+use crate::report::{
+    figures::{CoefficientLists, ErrorFigures, Reduction},
+    table::{number, percent, table},
+};
+
+/// What `--json` writes.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    rows: usize,
+    train: usize,
+    period_s: f64,
+    horizon: usize,
+    structure: Structure,
+    output: IdentifiedOutput,
+    form: Form,
+    split: Split,
+    estimator: String,
+    /// Only fuzzy forgetting has universes.
+    error_universe: Option<f64>,
+    variation_universe: Option<f64>,
+    faults: Vec<&'static str>,
+    skipped: u64,
+    outliers: u64,
+    irregular_steps: usize,
+    persistence: Persistence,
+    classical: Classical,
+    adaptive: Adaptive,
+    reduction_percent: Reduction,
+    validation: Validation,
+    /// What `--select` found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub selection: Option<Selection>,
+    /// What `--compare` found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub comparison: Option<Comparison>,
+}
+
+#[derive(Debug, Serialize)]
+struct Persistence {
+    h_step: ErrorFigures,
+}
+
+#[derive(Debug, Serialize)]
+struct Classical {
+    one_step: ErrorFigures,
+    h_step: ErrorFigures,
+    free_run: ErrorFigures,
+    coefficients: CoefficientLists,
+    split_residual: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Adaptive {
+    one_step: ErrorFigures,
+    h_step: ErrorFigures,
+    free_run: ErrorFigures,
+    free_run_frozen: ErrorFigures,
+    coefficients: CoefficientLists,
+    /// Of the model as it is published, separated into b, f and g.
+    separated_h_step: ErrorFigures,
+    split_residual: f64,
+    forgetting_factor: FactorFigures,
+    /// What auto is made of after the last sample.
+    members: Vec<Member>,
+    ns_per_update: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Member {
+    family: &'static str,
+    forgetting_factor: f64,
+    weight: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct FactorFigures {
+    mean: f64,
+    min: f64,
+}
+
+impl Report {
+    /// After the last sample.
+    pub fn new(
+        settings: &Identification,
+        record: &Record,
+        identifier: &Identifier,
+        residuals: &Residuals,
+        ns_per_update: f64,
+    ) -> Self {
+        let (snapshot, universes) = (identifier.snapshot(), identifier.universes());
+        let figures = |error: &ErrorStatistics| ErrorFigures::new(error, &snapshot.output);
+        let (classical, adaptive) = (&snapshot.classical_errors, &snapshot.adaptive_errors);
+        Self {
+            rows: record.outputs.len(),
+            train: settings.training,
+            period_s: record.period,
+            horizon: settings.horizon,
+            structure: settings.structure,
+            output: settings.output,
+            form: settings.form,
+            split: settings.split,
+            estimator: settings.estimator.to_string(),
+            error_universe: universes.map(|(error, _)| error),
+            variation_universe: universes.map(|(_, variation)| variation),
+            faults: bit_names(snapshot.faults & model_fault::LASTING, &model_fault::NAMES).collect(),
+            skipped: snapshot.skipped,
+            outliers: snapshot.outliers,
+            irregular_steps: record.irregular_steps,
+            persistence: Persistence { h_step: figures(&snapshot.persistence) },
+            classical: Classical {
+                one_step: figures(&classical.one_step),
+                h_step: figures(&classical.h_step),
+                free_run: figures(&classical.free_run),
+                coefficients: CoefficientLists::new(&snapshot.classical),
+                split_residual: identifier.offline().map_or(f64::NAN, |offline| offline.split_residual),
+            },
+            adaptive: Adaptive {
+                one_step: figures(&adaptive.one_step),
+                h_step: figures(&adaptive.h_step),
+                free_run: figures(&adaptive.free_run),
+                // The adaptive model starts from the offline coefficients, so frozen there it is the classical one.
+                free_run_frozen: figures(&classical.free_run),
+                coefficients: CoefficientLists::new(&snapshot.adaptive),
+                forgetting_factor: FactorFigures {
+                    mean: 1.0 - snapshot.forgetting.mean,
+                    min: 1.0 - snapshot.forgetting.max,
+                },
+                separated_h_step: figures(&snapshot.separated_h_step),
+                split_residual: snapshot.split_residual,
+                members: identifier.bank().map_or_else(Vec::new, |bank| bank.members().map(Member::from).collect()),
+                ns_per_update,
+            },
+            reduction_percent: Reduction::new(classical, adaptive),
+            validation: Validation::new(identifier, residuals),
+            selection: None,
+            comparison: None,
+        }
+    }
+
+    /// What people read.
+    pub fn tables(&self, file: &Path) -> String {
+        let mut text = self.selection.as_ref().map(|selection| selection.table(self.output)).unwrap_or_default();
+        text += &format!(
+            "{}: {} rows of {} s, {} for training; {}; {} ahead is {} samples\n",
+            file.display(),
+            self.rows,
+            number(self.period_s),
+            self.train,
+            description(&self.structure, self.output),
+            humantime::format_duration(Duration::from_secs_f64(self.period_s * self.horizon as f64)),
+            self.horizon
+        );
+        if self.irregular_steps > 0 {
+            text += &format!(
+                "warning: {} steps of time differ from the period by more than half of it\n",
+                self.irregular_steps
+            );
+        }
+        if !self.faults.is_empty() {
+            text += &format!("warning: {}\n", self.faults.join(", "));
+        }
+        let row = |name: &str, classical: &ErrorFigures, adaptive: &ErrorFigures, reduction: f64| {
+            vec![
+                name.to_owned(),
+                number(classical.sigma),
+                number(adaptive.sigma),
+                percent(reduction),
+                number(classical.rmse),
+                number(adaptive.rmse),
+                percent(adaptive.fit_percent),
+            ]
+        };
+        let (classical, adaptive, reduction) = (&self.classical, &self.adaptive, &self.reduction_percent);
+        let rows = vec![
+            row("one step", &classical.one_step, &adaptive.one_step, reduction.one_step),
+            row("h steps", &classical.h_step, &adaptive.h_step, reduction.h_step),
+            row("free run", &classical.free_run, &adaptive.free_run, reduction.free_run),
+        ];
+        let header =
+            ["error", "sigma classical", "adaptive", "reduction", "rmse classical", "adaptive", "fit adaptive"];
+        text += &format!("{}\n", table(&header, rows));
+        text += &format!(
+            "h steps by holding y: sigma {}. \
+             Estimator {} (forgetting factor mean {}, least {}); {:.0} ns per update.\n",
+            number(self.persistence.h_step.sigma),
+            self.estimator,
+            number(adaptive.forgetting_factor.mean),
+            number(adaptive.forgetting_factor.min),
+            adaptive.ns_per_update
+        );
+        let mut members: Vec<&Member> = adaptive.members.iter().filter(|member| member.weight >= 0.01).collect();
+        members.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+        if !members.is_empty() {
+            text +=
+                &format!("auto in the end: {}\n", members.iter().map(|m| m.to_string()).collect::<Vec<_>>().join(", "));
+        }
+        let list = |values: &[f64]| values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(" ");
+        for (name, model) in [("classical", &classical.coefficients), ("adaptive", &adaptive.coefficients)] {
+            let drift = if self.structure.drift { format!("   c {}", number(model.drift)) } else { String::new() };
+            text += &format!(
+                "{name:9}  a {}   b {}   f {}   g {}{drift}\n",
+                list(&model.a),
+                list(&model.b),
+                list(&model.f),
+                list(&model.g)
+            );
+        }
+        if let Some(Deviations { a, b, f, g, drift, .. }) = &self.validation.deviations {
+            let list = |values: &[Option<f64>]| {
+                values.iter().map(|v| v.map_or_else(|| "?".to_owned(), number)).collect::<Vec<_>>().join(" ")
+            };
+            let drift = if self.structure.drift { format!("   c {}", list(&[*drift])) } else { String::new() };
+            text += &format!("  +- sigma  a {}   b {}   f {}   g {}{drift}\n", list(a), list(b), list(f), list(g));
+        }
+        text += &self.validation.table();
+        if let Some(comparison) = &self.comparison {
+            text += &comparison.table();
+        }
+        text
+    }
+}
+
+impl From<(&'static str, f64, f64)> for Member {
+    fn from((family, forgetting_factor, weight): (&'static str, f64, f64)) -> Self {
+        Self { family, forgetting_factor, weight }
+    }
+}
+
+impl std::fmt::Display for Member {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.family {
+            "held" => write!(f, "held")?,
+            family => write!(f, "{family} {}", self.forgetting_factor)?,
+        }
+        write!(f, " ({:.0} %)", 100.0 * self.weight)
+    }
+}

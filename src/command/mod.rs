@@ -1,0 +1,106 @@
+//! What a user types.
+
+mod bench;
+mod check;
+mod clean;
+mod commission;
+mod doctor;
+mod identify;
+mod operate;
+mod run;
+mod simulate;
+mod stage;
+mod status;
+
+use clap::{Parser, Subcommand};
+
+use pipeline::stage::StageKind;
+
+use crate::{arguments::MachineFile, failure::Failure};
+use bench::Bench;
+use clean::CleanArguments;
+use commission::CommissionArguments;
+use doctor::DoctorArguments;
+use identify::IdentifyArguments;
+use operate::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
+use run::RunArguments;
+use simulate::SimulateArguments;
+use stage::StageArguments;
+use status::StatusArguments;
+
+/// Identifies and controls the electrohydraulic axes of a machine.
+#[derive(Debug, Parser)]
+#[command(name = "hydraxis", version, max_term_width = 110)]
+#[command(after_help = "\
+Start with `hydraxis run`: it needs no file, simulates the built-in four-axis excavator, and moves nothing real.
+Exit codes: 0 done, 1 the run failed, 2 bad usage or a bad file.")]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a machine: one process per stage, over shared memory
+    Run(RunArguments),
+    /// Run the same loop in one process, without shared memory, or the simulated machine without a controller
+    Simulate(SimulateArguments),
+    /// Find the model of every axis by a bounded experiment, and write it to a file
+    Commission(CommissionArguments),
+    /// Operate the axes of a running group: off, manual, hold, track
+    Operate(OperateArguments),
+    /// Let the axes of a running group move: enable those that are off, and leave them so
+    Arm(ArmArguments),
+    /// Put the axes of a running group off, neutral at once
+    Disarm(DisarmArguments),
+    /// Release the axes of a running group that a fault has latched, and say what it was
+    Reset(ResetArguments),
+    /// Show how a running group is doing: states, rates, losses, latencies, axes
+    Status(StatusArguments),
+    /// Identify a Hammerstein model on a recording, offline and adaptive side by side
+    Identify(Box<IdentifyArguments>),
+    /// Compare controllers on the simulated machine
+    #[command(subcommand)]
+    Bench(Bench),
+    /// Check a machine file and say everything that is wrong with it
+    Check(MachineFile),
+    /// Say whether this computer is fit for real time, what is not, and what to do about it
+    Doctor(DoctorArguments),
+    /// Remove what dead groups have left in shared memory and beside it
+    Clean(CleanArguments),
+    /// Run the simulated machine alone, in the foreground
+    PlantSim(StageArguments),
+    /// Run the encoder acquisition alone, in the foreground
+    SensorProc(StageArguments),
+    /// Run the identification alone, in the foreground
+    IdentProc(StageArguments),
+    /// Run the controller alone, in the foreground
+    ControlProc(StageArguments),
+}
+
+impl Command {
+    /// Does what was typed.
+    pub fn run(&self) -> Result<(), Failure> {
+        match self {
+            Self::Run(arguments) => run::run(arguments),
+            Self::Simulate(arguments) => simulate::run(arguments),
+            Self::Commission(arguments) => commission::run(arguments),
+            Self::Operate(arguments) => operate::run(arguments),
+            Self::Arm(arguments) => operate::arm(arguments),
+            Self::Disarm(arguments) => operate::disarm(arguments),
+            Self::Reset(arguments) => operate::reset(arguments),
+            Self::Status(arguments) => status::run(arguments),
+            Self::Identify(arguments) => identify::run(arguments),
+            Self::Bench(Bench::Control(arguments)) => bench::run(arguments),
+            Self::Check(arguments) => check::run(arguments),
+            Self::Doctor(arguments) => doctor::run(arguments),
+            Self::Clean(arguments) => clean::run(arguments),
+            Self::PlantSim(arguments) => stage::run(StageKind::PlantSim, arguments),
+            Self::SensorProc(arguments) => stage::run(StageKind::SensorProc, arguments),
+            Self::IdentProc(arguments) => stage::run(StageKind::IdentProc, arguments),
+            Self::ControlProc(arguments) => stage::run(StageKind::ControlProc, arguments),
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! `hydraxis operate`: a person's hand on the axes of a running group.
+
+mod arguments;
+mod arm;
+
+use std::time::{Duration, Instant};
+
+use pipeline::{
+    channel::remove_leftovers,
+    machine::Machine,
+    message::{AxisMode, ControlMode, EncoderSample},
+};
+
+pub use arm::{arm, disarm, reset};
+
+use crate::{
+    arguments::{self as shared, load},
+    failure::Failure,
+    group::{operator::Operator, signals::stop_flag},
+    report::output::show,
+};
+use arguments::GroupAxes;
+pub use arguments::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
+
+/// Time between two lines.
+const LINE_PERIOD: Duration = Duration::from_secs(1);
+
+/// Runs the command.
+pub fn run(arguments: &OperateArguments) -> Result<(), Failure> {
+    let machine = load(&arguments.group.machine)?;
+    let axes = shared::axes(&machine, &arguments.group.axes)?;
+    check(&machine, &axes, arguments)?;
+    at_levers(&machine, &arguments.group, |operator| operate(&machine, &axes, arguments, operator))
+}
+
+/// Does something as the operator of a group.
+fn at_levers(
+    machine: &Machine,
+    group: &GroupAxes,
+    work: impl FnOnce(&mut Operator) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let stop = stop_flag()?;
+    let result = Operator::join(machine, &group.prefix, stop).and_then(|mut operator| work(&mut operator));
+    // The last to leave a group that has ended leaves nothing behind.
+    let _ = remove_leftovers(&group.prefix);
+    result
+}
+
+/// What was typed makes sense for these axes.
+fn check(machine: &Machine, axes: &[usize], arguments: &OperateArguments) -> Result<(), Failure> {
+    let mode = AxisMode::from(arguments.mode);
+    let refuse = |text: String| Err(Failure::Usage(text));
+    match (mode, arguments.command) {
+        (AxisMode::Manual, None) => return refuse("--command: found none; allowed: a valve command in [-1, 1]".into()),
+        (AxisMode::Manual, Some(command)) if !(-1.0..=1.0).contains(&command) => {
+            return refuse(format!("--command: found {command}; allowed: a valve command in [-1, 1]"));
+        }
+        (AxisMode::Manual, _) | (_, None) => {}
+        (_, Some(_)) => {
+            return refuse(format!("--command: found one with --mode {}; allowed: with manual", mode.name()));
+        }
+    }
+    if arguments.target.is_some() && mode != AxisMode::Hold {
+        return refuse(format!("--target: found one with --mode {}; allowed: with hold", mode.name()));
+    }
+    if arguments.leave && !matches!(mode, AxisMode::Hold | AxisMode::Track) {
+        return refuse(format!("--leave: found with --mode {}; allowed: with hold and track", mode.name()));
+    }
+    for axis in axes.iter().map(|axis| &machine.axes[*axis]) {
+        let (low, high) = axis.soft_limits;
+        if let Some(target) = arguments.target.filter(|target| !(low..=high).contains(target)) {
+            return refuse(format!(
+                "--target: found {target}; allowed: axis.{} within its soft limits, {low} to {high} m",
+                axis.name
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn operate(
+    machine: &Machine,
+    axes: &[usize],
+    arguments: &OperateArguments,
+    operator: &mut Operator,
+) -> Result<(), Failure> {
+    let mode = AxisMode::from(arguments.mode);
+    if operator.stopping() {
+        return Ok(());
+    }
+    if mode == AxisMode::Off {
+        operator.off(axes)?;
+        return show(&line(machine, axes, operator, None));
+    }
+    let is_off = |axis: &usize| operator.last(*axis).is_some_and(|last| last.operation == AxisMode::Off as u32);
+    let off: Vec<usize> = axes.iter().copied().filter(is_off).collect();
+    if let Some(axis) = off.first().filter(|_| !arguments.enable) {
+        return Err(Failure::Usage(format!("{}; allowed: with --enable, and then it may move", operator.state(*axis))));
+    }
+    if !off.is_empty() {
+        operator.off(&off)?;
+    }
+    let result = stream(machine, axes, mode, arguments, operator);
+    match &result {
+        Ok(()) if arguments.leave && !operator.stopping() => {}
+        // Whatever it was, neutral and off in the end.
+        _ => operator.off(axes).and_then(|()| show(&line(machine, axes, operator, None)))?,
+    }
+    result
+}
+
+/// From the change of the mode to the end.
+fn stream(
+    machine: &Machine,
+    axes: &[usize],
+    mode: AxisMode,
+    arguments: &OperateArguments,
+    operator: &mut Operator,
+) -> Result<(), Failure> {
+    for axis in axes {
+        let request = operator.axis(*axis);
+        request.command = arguments.command.unwrap_or_default();
+        request.target = arguments.target.unwrap_or_default();
+        request.has_target = u32::from(arguments.target.is_some());
+    }
+    if !operator.change(axes, mode)? || arguments.leave {
+        return if arguments.leave { show(&line(machine, axes, operator, None)) } else { Ok(()) };
+    }
+    let begin = Instant::now();
+    let mut next_line = begin;
+    while arguments.duration.is_none_or(|duration| begin.elapsed() < duration) {
+        let Some(sample) = operator.sample()? else { break };
+        operator.ask(&sample)?;
+        while operator.command()?.is_some() {}
+        let has_left = |axis: &&usize| operator.last(**axis).is_some_and(|last| last.operation != mode as u32);
+        if let Some(axis) = axes.iter().find(has_left) {
+            return Err(Failure::Run(format!("{}; allowed: {}", operator.state(*axis), mode.name())));
+        }
+        if Instant::now() >= next_line {
+            next_line += LINE_PERIOD;
+            show(&line(machine, axes, operator, Some(&sample)))?;
+        }
+    }
+    Ok(())
+}
+
+/// The axes as they are.
+fn line(machine: &Machine, axes: &[usize], operator: &Operator, sample: Option<&EncoderSample>) -> String {
+    let one = |axis: &usize| {
+        let mut text = operator.state(*axis);
+        if let (Some(last), Some(sample)) = (operator.last(*axis), sample) {
+            text += &format!(", {:.4} m, command {:+.4}", sample.axes[*axis].position, last.command);
+            if last.operation == AxisMode::Hold as u32 || last.operation == AxisMode::Track as u32 {
+                text += &format!(" by {}, target {:.4} m", ControlMode::name(last.mode), last.reference);
+            }
+        }
+        text
+    };
+    let seconds = sample.map(|sample| sample.header.sequence as f64 * machine.timing.period.as_secs_f64());
+    let time = seconds.map_or_else(String::new, |seconds| format!("{seconds:8.2} s  "));
+    format!("{time}{}\n", axes.iter().map(one).collect::<Vec<_>>().join("; "))
+}

@@ -1,0 +1,215 @@
+//! `hydraxis run`: one process per stage, started, watched and reported.
+
+use std::{
+    io::IsTerminal,
+    path::PathBuf,
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use clap::Args;
+use pipeline::{
+    channel::{Group, Prefix, remove_leftovers},
+    machine::{Machine, Source},
+    stage::{Clock, StageKind, StageOptions},
+};
+
+use super::{check, simulate::ticks};
+use crate::{
+    arguments::{MachineFile, load, values::duration, with_scenarios},
+    failure::Failure,
+    group::{
+        monitor::Monitor,
+        preflight::Findings,
+        supervisor::{Launch, Supervisor},
+    },
+    report::{control_loop::Report, output::Output},
+};
+
+/// How long the others may take to end after the last tick.
+const END_PATIENCE: Duration = Duration::from_secs(2);
+/// How long nothing may happen before the run is given up, unless the machine's period is of that order itself.
+const STALL_PATIENCE: Duration = Duration::from_secs(10);
+/// Periods without a tick that are a stall.
+const STALL_PERIODS: u32 = 3;
+
+/// `run`.
+#[derive(Debug, Args)]
+#[command(after_help = with_scenarios("\
+Examples:
+  hydraxis run                                        the built-in excavator in real time, 20 s
+  hydraxis run --lockstep --duration 60s --seed 7     as fast as the machine allows, bit for bit repeatable
+  hydraxis run --scenario payload                     with a load that grows on the way
+  hydraxis run my.toml --set axis.boom.identification.estimator=constant:0.995 --json out.json"))]
+pub struct RunArguments {
+    /// The machine
+    #[command(flatten)]
+    pub machine: MachineFile,
+    /// How long; without it 20 s when the machine is simulated, the whole record when it is replayed
+    #[arg(long, value_parser = duration)]
+    pub duration: Option<Duration>,
+    /// Lock-step instead of real time: the next tick begins when the last is answered
+    #[arg(long)]
+    pub lockstep: bool,
+    /// Seed of the simulated noise
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Name of the group's channels; without it one that no other run has
+    #[arg(long)]
+    pub prefix: Option<Prefix>,
+    /// Let no axis move until `hydraxis operate` or `hydraxis commission` enables it
+    #[arg(long)]
+    pub off: bool,
+    /// Write the figures as JSON, to a file or to standard output with -
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Write what supervisor and stages say, with times, to a new file in this folder as well
+    #[arg(long, value_name = "DIR")]
+    pub log_folder: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
+    let clock = if arguments.lockstep { Clock::LockStep } else { Clock::RealTime };
+    let prefix = arguments.prefix.clone().unwrap_or_else(Prefix::of_this_process);
+    let (machine, ticks, warnings) = checked(arguments, clock, &prefix)?;
+    let output = Output::open(arguments.json.as_deref())?;
+    let is_simulated = machine.source == Source::Sim;
+    let options = StageOptions {
+        prefix,
+        clock,
+        ticks: Some(ticks),
+        seed: arguments.seed,
+        // Only a simulated machine moves without being asked to.
+        arm: is_simulated && !arguments.off,
+        first_tick: 0,
+        warn: true,
+        stop: Arc::default(),
+        reset: Arc::default(),
+    };
+    let result = group(&machine, arguments, &options, &warnings);
+    // A client that is still attached keeps the files; the next run of this name removes them.
+    let _ = remove_leftovers(&options.prefix);
+    let report = result?;
+    output.write(|| report.tables(&machine), &report)
+}
+
+/// The machine, the ticks of the run, and what to warn of; or all that is wrong, before anything is started.
+fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<(Machine, u64, Vec<String>), Failure> {
+    let mut findings = Findings::default();
+    findings.places(prefix, arguments.log_folder.as_deref());
+    let machine = findings.take(load(&arguments.machine));
+    let (mut count, mut warnings) = (None, Vec::new());
+    if let Some(machine) = &machine {
+        let name = &machine.scenario.name;
+        if !machine.scenario.commands.is_empty() {
+            findings.add(Failure::Usage(format!(
+                "scenario \"{name}\" is an open loop, without a controller; type: hydraxis simulate --scenario {name}"
+            )));
+        }
+        let rows = findings.take(check::deep(machine));
+        count = rows.and_then(|rows| findings.take(ticks(machine, rows, arguments.duration)));
+        let (followers, head) = stages(machine, clock);
+        findings.programs(machine, followers.into_iter().chain([head]));
+        warnings = findings.rights(machine, clock);
+    }
+    findings.verdict(machine.zip(count)).map(|(machine, ticks)| (machine, ticks, warnings))
+}
+
+/// The stages of a run: those that wait for input, and the one that all wait for, which is started last.
+fn stages(machine: &Machine, clock: Clock) -> (Vec<StageKind>, StageKind) {
+    use StageKind::{ControlProc, IdentProc, PlantSim, SensorProc};
+    match (&machine.source, clock) {
+        (Source::Replay(_), _) => (vec![IdentProc], SensorProc),
+        (Source::Sim, Clock::LockStep) => (vec![SensorProc, IdentProc, ControlProc], PlantSim),
+        (Source::Sim, Clock::RealTime) => (vec![PlantSim, IdentProc, ControlProc], SensorProc),
+    }
+}
+
+/// Everything from the first process to the last message.
+fn group(
+    machine: &Machine,
+    arguments: &RunArguments,
+    options: &StageOptions,
+    warnings: &[String],
+) -> Result<Report, Failure> {
+    let group = Group::join(&options.prefix, "supervisor").map_err(Failure::run)?;
+    let mut monitor = Monitor::new(&group).map_err(Failure::run)?;
+    let launch = Launch { machine, arguments: &arguments.machine, options };
+    let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref())?;
+    let scenario = &machine.scenario.name;
+    let scenario = if machine.source == Source::Sim { format!(", scenario \"{scenario}\"") } else { String::new() };
+    supervisor.say(format!("{}{scenario}: group \"{}\", Ctrl-C ends it", machine.name, options.prefix));
+    for warning in warnings {
+        supervisor.say(format!("warning: {warning}"));
+    }
+    let (followers, head) = stages(machine, options.clock);
+    for kind in &followers {
+        supervisor.start(*kind)?;
+    }
+    for kind in &followers {
+        while !supervisor.is_ready(*kind, &monitor) && !supervisor.is_interrupted() {
+            supervisor.step(&mut monitor)?;
+        }
+    }
+    let started = Instant::now();
+    if !supervisor.is_interrupted() {
+        supervisor.start(head)?;
+        watch(machine, head, &mut monitor, &mut supervisor)?;
+    }
+    let wall_s = started.elapsed().as_secs_f64();
+    // Asked to end, a stage that fails to is a failure of the run as well.
+    supervisor.stop().map_or(Ok(()), Err)?;
+    monitor.poll().map_err(Failure::run)?;
+    Ok(Report::new(machine, &monitor.into_last(supervisor.restart_causes()), options.clock, wall_s))
+}
+
+/// Reads along until the last tick, a signal, or a failure.
+fn watch(
+    machine: &Machine,
+    head: StageKind,
+    monitor: &mut Monitor,
+    supervisor: &mut Supervisor,
+) -> Result<(), Failure> {
+    let show = std::io::stderr().is_terminal();
+    let patience = stall_patience(machine.timing.period);
+    let mut end = None;
+    while !supervisor.all_done() && !supervisor.is_interrupted() {
+        supervisor.step(monitor)?;
+        supervisor.announce(monitor);
+        if let Some(line) = monitor.line(machine) {
+            supervisor.report(&line, show);
+        }
+        // The last tick is out when its source has ended; the others follow by themselves.
+        if supervisor.is_done(head) {
+            let end = *end.get_or_insert_with(|| Instant::now() + END_PATIENCE);
+            if Instant::now() > end {
+                break;
+            }
+        }
+        // While a stage is being started again the others wait for it.
+        if monitor.stalled_for() > patience && supervisor.all_up(monitor) {
+            return Err(Failure::Run(format!(
+                "no stage has worked for {patience:?}; the last ticks are: {}",
+                monitor.ticks()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// How long no stage may work a tick.
+fn stall_patience(period: Duration) -> Duration {
+    STALL_PATIENCE.max(period * STALL_PERIODS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slow_machine_is_not_a_stalled_one() {
+        assert_eq!(stall_patience(Duration::from_millis(10)), Duration::from_secs(10));
+        assert!(stall_patience(Duration::from_secs(10)) > 2 * Duration::from_secs(10));
+    }
+}

@@ -1,0 +1,164 @@
+//! What is kept of a simulated motion: a trajectory as CSV, row by row as it is made, and a picture.
+
+use std::{
+    io::{self, Write},
+    path::{Path, PathBuf},
+};
+
+use pipeline::{machine::Machine, message::ValveCommand};
+use plant_sim::PlantSim;
+
+use super::{arguments::Recording, commands::Commands, plot::Plot};
+use crate::{
+    failure::Failure,
+    report::output::{create, unwritable},
+};
+
+/// Columns of every axis: its command, then the plant's true state, SI units.
+const STATE: [&str; 8] =
+    ["command", "position", "velocity", "piston_pressure", "rod_pressure", "spool_position", "piston_flow", "rod_flow"];
+/// Columns of every axis that is controlled: its target, how far the measured position is from it, and who controls,
+/// a `ControlMode` as number.
+const CONTROL: [&str; 3] = ["reference", "error", "mode"];
+
+/// Trajectory and picture, as far as they are asked for.
+pub struct Recorder {
+    is_controlled: bool,
+    /// Indices of the axes in the trajectory.
+    axes: Vec<usize>,
+    trajectory: Option<Trajectory>,
+    plot: Option<(PathBuf, Box<dyn Write>, Plot)>,
+    row: Vec<f64>,
+}
+
+struct Trajectory {
+    path: PathBuf,
+    writer: csv::Writer<Box<dyn Write>>,
+}
+
+impl Recorder {
+    /// For a closed loop of `duration` s; nothing where nothing is asked for.
+    pub fn for_closed_loop(machine: &Machine, asked: &Recording, duration: f64) -> Result<Option<Self>, Failure> {
+        if asked.trajectory.is_none() && asked.plot.is_none() {
+            return Ok(None);
+        }
+        Self::open(machine, asked, asked.trajectory.as_deref(), true, |_| true, duration).map(Some)
+    }
+
+    /// For an open loop; without a wish the trajectory goes to standard output.
+    pub fn for_open_loop(machine: &Machine, asked: &Recording, commands: &Commands) -> Result<Self, Failure> {
+        let default = asked.plot.is_none().then_some(Path::new("-"));
+        let trajectory = asked.trajectory.as_deref().or(default);
+        Self::open(machine, asked, trajectory, false, |axis| commands.has(axis), commands.duration())
+    }
+
+    /// Of the axes that nobody asked for by name, those that are `commanded` are drawn.
+    fn open(
+        machine: &Machine,
+        asked: &Recording,
+        trajectory: Option<&Path>,
+        is_controlled: bool,
+        commanded: impl Fn(usize) -> bool,
+        duration: f64,
+    ) -> Result<Self, Failure> {
+        let names: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
+        if let Some(unknown) = asked.axes.iter().find(|axis| !names.contains(&axis.as_str())) {
+            let allowed = names.join(", ");
+            return Err(Failure::Usage(format!("--axis: found \"{unknown}\"; allowed: one of {allowed}")));
+        }
+        let is_asked = |index: &usize| asked.axes.is_empty() || asked.axes.iter().any(|name| name == names[*index]);
+        let axes: Vec<usize> = (0..names.len()).filter(is_asked).collect();
+        let drawn = axes.iter().copied().filter(|index| !asked.axes.is_empty() || commanded(*index));
+        let drawn = drawn.map(|index| (index, names[index].to_owned())).collect();
+        let mut recorder = Self { is_controlled, axes, trajectory: None, plot: None, row: Vec::new() };
+        if let Some(path) = asked.plot.as_deref() {
+            let title = format!("{}, scenario {}", machine.name, machine.scenario.name);
+            let plot = Plot::new(title, drawn, is_controlled, duration);
+            recorder.plot = Some((path.to_owned(), create("--plot", path)?, plot));
+        }
+        if let Some(path) = trajectory {
+            let writer = csv::WriterBuilder::new().has_headers(false).from_writer(create("--trajectory", path)?);
+            recorder.trajectory = Some(Trajectory { path: path.to_owned(), writer });
+            let header = recorder.header(&names);
+            recorder.write(|writer| writer.write_record(&header))?;
+        }
+        Ok(recorder)
+    }
+
+    fn header(&self, names: &[&str]) -> Vec<String> {
+        let control: &[&str] = if self.is_controlled { &CONTROL } else { &[] };
+        let mut header = vec!["t".to_owned(), "supply_pressure".to_owned()];
+        for axis in &self.axes {
+            header.extend(STATE.iter().chain(control).map(|column| format!("{}.{column}", names[*axis])));
+        }
+        header
+    }
+
+    /// Keeps the state of `plant` at `t` s, and the command that is held from then on.
+    pub fn row(&mut self, t: f64, plant: &PlantSim, command: &ValveCommand) -> Result<(), Failure> {
+        self.draw(t, plant, command);
+        let mut row = std::mem::take(&mut self.row);
+        row.clear();
+        row.extend([t, plant.supply_pressure()]);
+        for axis in &self.axes {
+            let (state, control) = (&plant.axes()[*axis], &command.axes[*axis]);
+            row.extend([
+                control.command,
+                state.position,
+                state.velocity,
+                state.piston_pressure,
+                state.rod_pressure,
+                state.spool_position,
+                state.piston_flow,
+                state.rod_flow,
+            ]);
+            if self.is_controlled {
+                row.extend([control.reference, control.error, f64::from(control.mode)]);
+            }
+        }
+        let written = self.write(|writer| writer.serialize(&row));
+        self.row = row;
+        written
+    }
+
+    /// The same for the picture alone.
+    pub fn draw(&mut self, t: f64, plant: &PlantSim, command: &ValveCommand) {
+        if let Some((_, _, plot)) = &mut self.plot {
+            plot.row(t, plant.axes(), command);
+        }
+    }
+
+    /// Whether anybody still takes what is recorded.
+    pub fn is_wanted(&self) -> bool {
+        self.trajectory.is_some() || self.plot.is_some()
+    }
+
+    /// Writes what is left.
+    pub fn finish(mut self) -> Result<(), Failure> {
+        self.write(|writer| Ok(writer.flush()?))?;
+        let Some((path, mut file, plot)) = self.plot else { return Ok(()) };
+        let text = plot.svg()?;
+        match file.write_all(text.as_bytes()).and_then(|()| file.flush()) {
+            Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(unwritable("--plot", &path, &error)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Writes to the trajectory, if there is one. A reader that has gone, such as `head`, has seen what it wanted.
+    fn write(
+        &mut self,
+        write: impl FnOnce(&mut csv::Writer<Box<dyn Write>>) -> Result<(), csv::Error>,
+    ) -> Result<(), Failure> {
+        let Some(Trajectory { path, writer }) = &mut self.trajectory else { return Ok(()) };
+        let Err(error) = write(writer) else { return Ok(()) };
+        let error = match error.into_kind() {
+            csv::ErrorKind::Io(error) => error,
+            other => io::Error::other(format!("{other:?}")),
+        };
+        if error.kind() != io::ErrorKind::BrokenPipe {
+            return Err(unwritable("--trajectory", path, &error));
+        }
+        self.trajectory = None;
+        Ok(())
+    }
+}

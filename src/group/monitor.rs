@@ -1,0 +1,160 @@
+//! What a running group says: its last messages, and a line per second for a person.
+
+use std::time::{Duration, Instant};
+
+use pipeline::{
+    channel::{ChannelError, Group, Reader},
+    machine::Machine,
+    message::{
+        AxisMode, CoefficientSnapshot, ControlMode, EncoderSample, StageHealth, StageState, ValveCommand, bit_names,
+        control_flag, model_fault,
+    },
+    stage::StageKind,
+};
+
+use crate::report::control_loop::LastMessages;
+
+/// Time between two lines.
+const LINE_PERIOD: Duration = Duration::from_secs(1);
+
+/// Reads along with a group, without being waited for.
+pub struct Monitor {
+    health: Reader<StageHealth>,
+    samples: Reader<EncoderSample>,
+    commands: Reader<ValveCommand>,
+    snapshots: Reader<CoefficientSnapshot>,
+    last: LastMessages,
+    /// When each stage was last heard of, while it lives.
+    heard: [Option<Instant>; 4],
+    next_line: Instant,
+    progress: u64,
+    progressed: Instant,
+}
+
+impl Monitor {
+    /// Attaches to the group's channels.
+    ///
+    /// # Errors
+    /// A channel cannot be opened.
+    pub fn new(group: &Group) -> Result<Self, ChannelError> {
+        let now = Instant::now();
+        Ok(Self {
+            health: group.reader()?,
+            samples: group.reader()?,
+            commands: group.reader()?,
+            snapshots: group.reader()?,
+            last: LastMessages::default(),
+            heard: [None; 4],
+            next_line: now + LINE_PERIOD,
+            progress: 0,
+            progressed: now,
+        })
+    }
+
+    /// Reads what has come.
+    ///
+    /// # Errors
+    /// A channel cannot be read.
+    pub fn poll(&mut self) -> Result<(), ChannelError> {
+        while let Some(health) = self.health.read()?.if_new() {
+            let Some(slot) = self.last.health.get_mut(health.stage as usize) else { continue };
+            self.heard[health.stage as usize] = Some(Instant::now());
+            let before = slot.replace(*health);
+            // Another process counts from 0 again.
+            self.last.former.extend(before.filter(|before| before.pid != health.pid));
+        }
+        self.samples.newest()?;
+        if let Some(command) = self.commands.newest()?.if_new() {
+            self.last.command = Some(*command);
+        }
+        if let Some(snapshot) = self.snapshots.newest()?.if_new() {
+            self.last.snapshot = Some(*snapshot);
+        }
+        let all = self.last.health.iter().flatten().chain(&self.last.former);
+        let progress = all.map(|health| health.samples).sum();
+        if progress != self.progress {
+            (self.progress, self.progressed) = (progress, Instant::now());
+        }
+        Ok(())
+    }
+
+    /// Whether a stage has said that its channels are open.
+    pub fn is_ready(&self, kind: StageKind) -> bool {
+        self.heard[kind as usize].is_some()
+            && self.last.health[kind as usize].is_some_and(|health| health.state != StageState::Stopped as u32)
+    }
+
+    /// How long ago a stage was heard of; none before its first word.
+    pub fn heartbeat_age(&self, kind: StageKind) -> Option<Duration> {
+        self.heard[kind as usize].map(|heard| heard.elapsed())
+    }
+
+    /// A stage has died: what its next life says is its first word again.
+    pub fn forget(&mut self, kind: StageKind) {
+        self.heard[kind as usize] = None;
+    }
+
+    /// Number of the newest sample, and when it was acquired, ns of `CLOCK_MONOTONIC`.
+    pub fn last_sample(&self) -> Option<(u64, u64)> {
+        self.samples.last().map(|sample| (sample.header.sequence, sample.header.acquired_ns))
+    }
+
+    /// For how long no stage has worked a tick.
+    pub fn stalled_for(&self) -> Duration {
+        self.progressed.elapsed()
+    }
+
+    /// The stages and their last ticks, for whoever asks why nothing moves.
+    pub fn ticks(&self) -> String {
+        let ticks = StageKind::ALL.iter().filter_map(|kind| {
+            self.last.health[*kind as usize].map(|health| format!("{} {}", kind.name(), health.header.sequence))
+        });
+        ticks.collect::<Vec<_>>().join(", ")
+    }
+
+    /// What was read last, with what ended the stages that were started again.
+    pub fn into_last(self, restart_causes: [Vec<String>; 4]) -> LastMessages {
+        LastMessages { restart_causes, ..self.last }
+    }
+
+    /// The line of this second, once it is due.
+    pub fn line(&mut self, machine: &Machine) -> Option<String> {
+        if Instant::now() < self.next_line {
+            return None;
+        }
+        self.next_line += LINE_PERIOD;
+        let sensor = self.last.health[StageKind::SensorProc as usize]?;
+        let seconds = sensor.header.sequence as f64 * machine.timing.period.as_secs_f64();
+        let mut line = format!("{seconds:6.1} s");
+        for (i, axis) in machine.axes.iter().enumerate() {
+            line += &format!(" | {}", axis.name);
+            if let Some(command) = self.last.command.map(|command| command.axes[i])
+                && command.mode != ControlMode::Replay as u32
+            {
+                line += &format!(" {:+.1} mm {}", 1e3 * command.error, ControlMode::name(command.mode));
+                if command.operation == AxisMode::Hold as u32 {
+                    line += " hold";
+                }
+                let fault = control_flag::LATCHED
+                    | control_flag::REFERENCE
+                    | control_flag::REQUEST
+                    | control_flag::REQUEST_STOPPED
+                    | control_flag::SOFT_LIMIT
+                    | control_flag::HALF_SPEED;
+                for flag in bit_names(command.flags & fault, &control_flag::NAMES) {
+                    line += &format!(" {}!", flag.to_uppercase());
+                }
+            }
+            if let Some(snapshot) = self.last.snapshot.map(|snapshot| snapshot.axes[i]) {
+                if snapshot.faults & model_fault::TRAINING != 0 {
+                    line += " training";
+                } else {
+                    line += &format!(" L{:.3}", snapshot.forgetting_factor);
+                }
+            }
+        }
+        let (lost, late) = (self.last.health.iter().flatten())
+            .fold((0, 0), |(lost, late), health| (lost + health.lost(), late + health.missed.total()));
+        Some(line + &format!(" | lost {lost} late {late}"))
+    }
+}

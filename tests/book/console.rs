@@ -28,7 +28,7 @@ use rustix::process::{Pid, Signal, kill_process_group};
 
 use super::{
     harness,
-    pages::{Line, Page, root},
+    pages::{Line, Page, is_overwriting, root},
 };
 
 /// Longest time that all commands of one page may take.
@@ -228,7 +228,7 @@ fn check(path: &str) {
     let prefix: Prefix = group.parse().unwrap();
     let left = remove_leftovers(&prefix).unwrap();
     assert!(left.is_empty(), "{path}: left behind {left:?}");
-    if std::env::var("HYDRAXIS_BOOK").is_ok_and(|value| value == "overwrite") {
+    if is_overwriting() {
         std::fs::write(root().join(path), overwritten(&page, &examples, &printed)).unwrap();
         return;
     }

@@ -2,6 +2,7 @@
 //! they name exist.
 
 mod console;
+mod generated;
 #[path = "../harness/mod.rs"]
 mod harness;
 mod links;

@@ -7,6 +7,11 @@ pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
+/// Whether pages are to be written instead of compared.
+pub fn is_overwriting() -> bool {
+    std::env::var("HYDRAXIS_BOOK").is_ok_and(|value| value == "overwrite")
+}
+
 /// One line of a page.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Line<'a> {

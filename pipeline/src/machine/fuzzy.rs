@@ -3,28 +3,28 @@
 use std::path::Path;
 
 use super::{
-    MachineError,
     document::{Document, Section},
+    error::MachineError,
 };
 
-/// What the fuzzy forgetting factor is made of; the paper leaves the widths open.
+/// Universes, memberships and rules of the fuzzy forgetting factor. The paper does not give the widths.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fuzzy {
-    /// Error that counts as 3 (PB), in the unit of the output; without one [`Self::UNIVERSE_IN_RESIDUALS`] times the
-    /// standard deviation that offline identification leaves. The paper's basic universe is [-4, 4].
+    /// Error that counts as 3 (PB), in the unit of the output. The default is [`Self::UNIVERSE_IN_RESIDUALS`] times the
+    /// standard deviation of the residuals of offline identification. The paper's basic universe is [-4, 4].
     pub error_universe: Option<f64>,
-    /// Change of the error that counts as 3 (PB); without one half the error universe, as in the paper, whose basic
-    /// universe is [-2, 2].
+    /// Change of the error that counts as 3 (PB). The default is half of the error universe, as in the paper, whose
+    /// basic universe is [-2, 2].
     pub variation_universe: Option<f64>,
     /// Half-width of the curves near zero (NS, ZO, PS), in steps between neighbouring terms.
     pub curve_width: f64,
-    /// Half-width of the triangles outside (NB, NM, PM, PB), in the same steps.
+    /// Half-width of the triangles outside (NB, NM, PM, PB), in steps between neighbouring terms.
     pub triangle_width: f64,
     /// Table 1: one row per term of the change of error, one column per term of the error, NB to PB each.
     pub rules: [[Level; 7]; 7],
 }
 
-/// A term of the output.
+/// A linguistic term of the output: one forgetting factor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
     /// 0.75
@@ -42,7 +42,7 @@ pub enum Level {
 }
 
 impl Level {
-    /// All terms, smallest first.
+    /// All terms, the one with the smallest factor first.
     pub const ALL: [Self; 6] = [Self::VS, Self::MS, Self::S, Self::B, Self::MB, Self::VB];
 
     /// The forgetting factor that the term stands for.
@@ -56,8 +56,9 @@ impl Level {
 }
 
 impl Fuzzy {
-    /// The error universe in standard deviations of the offline residual. The paper's 4 (mm) is 40 counts of an
-    /// encoder with 0.1 mm; an error of ordinary noise then stays well inside ZO, whatever the unit of the output.
+    /// Default of the error universe, in standard deviations of the offline residual. The paper's 4 (mm) is 40 counts
+    /// of an encoder with 0.1 mm. With this value an error of ordinary noise stays well inside ZO, whatever the unit of
+    /// the output is.
     pub const UNIVERSE_IN_RESIDUALS: f64 = 40.0;
 
     /// Table 1 as printed.
@@ -80,13 +81,13 @@ impl Fuzzy {
         }
     };
 
-    /// Reads a file with the keys of `[fuzzy]` at its top.
+    /// Reads a file that has the keys of `[fuzzy]` at its top level.
     ///
     /// # Errors
     /// All problems of the file at once, or that it cannot be read.
     pub fn load(file: &Path) -> Result<Self, MachineError> {
         let text = super::read_file(file, "a TOML file with the keys of [fuzzy]")?;
-        let document = Document::parse(&text, &[]);
+        let document = Document::parse(&text, Vec::new());
         let fuzzy = Self::read(document.root());
         document.into_result(&file.display().to_string(), fuzzy)
     }
@@ -94,7 +95,11 @@ impl Fuzzy {
     pub(super) fn read(mut section: Section) -> Self {
         let paper = Self::PAPER;
         let allowed = "7 rows (change of error NB to PB) of 7 terms (error NB to PB) out of VS, MS, S, B, MB, VB";
-        let rules = section.optional_text_table("rules", allowed).map(|rows| {
+        let rules = section
+            .key("rules", "Rule table: one row per term of the change of error, one column per term of the error")
+            .rule("Table 1 of the paper")
+            .optional_text_table(allowed);
+        let rules = rules.map(|rows| {
             let rules = parse_rules(&rows);
             if rules.is_none() {
                 section.refuse("rules", "another shape or term", allowed);
@@ -102,11 +107,21 @@ impl Fuzzy {
             rules.unwrap_or(paper.rules)
         });
         let fuzzy = Self {
-            error_universe: section.optional_number("error_universe", 1e-12..=1e12, "units of the output"),
-            variation_universe: section.optional_number("variation_universe", 1e-12..=1e12, "units of the output"),
-            // Narrower than 0.5 leaves gaps in which no rule fires; 3 covers half the universe.
-            curve_width: section.number_or("curve_width", paper.curve_width, 0.6..=3.0, "steps"),
-            triangle_width: section.number_or("triangle_width", paper.triangle_width, 0.6..=3.0, "steps"),
+            error_universe: section
+                .key("error_universe", "Error that counts as PB (3)")
+                .rule("40 times the residual of offline identification")
+                .optional_number(1e-12..=1e12, "units of the output"),
+            variation_universe: section
+                .key("variation_universe", "Change of the error that counts as PB (3)")
+                .rule("half of error_universe")
+                .optional_number(1e-12..=1e12, "units of the output"),
+            // A width below 0.5 leaves gaps in which no rule fires; a width of 3 covers half of the universe.
+            curve_width: section
+                .key("curve_width", "Half-width of the curved memberships near zero (NS, ZO, PS)")
+                .number_or(paper.curve_width, 0.6..=3.0, "steps"),
+            triangle_width: section
+                .key("triangle_width", "Half-width of the triangular memberships outside (NB, NM, PM, PB)")
+                .number_or(paper.triangle_width, 0.6..=3.0, "steps"),
             rules: rules.unwrap_or(paper.rules),
         };
         section.finish();

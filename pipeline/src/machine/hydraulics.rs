@@ -1,11 +1,11 @@
-//! What all simulated axes share: `[supply]`, the pump, and `[oil]`.
+//! Pump and oil, which all simulated axes share: `[supply]` and `[oil]`.
 
 use super::document::Section;
 
 /// The simulated machine's pump and oil.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hydraulics {
-    /// One pump for all axes.
+    /// The pump.
     pub supply: Supply,
     /// The oil.
     pub oil: Oil,
@@ -14,18 +14,18 @@ pub struct Hydraulics {
 /// One pump for all axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Supply {
-    /// p_s as long as the flow suffices, Pa.
+    /// p_s while the flow suffices, Pa.
     pub pressure: f64,
-    /// p_0, Pa.
+    /// p_0, pressure of the return line, Pa.
     pub return_pressure: f64,
-    /// Largest flow, m3/s.
+    /// Largest flow of the pump, m3/s.
     pub flow: f64,
 }
 
 /// The oil.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Oil {
-    /// beta without air, Pa.
+    /// beta, bulk modulus of the oil without air, Pa.
     pub bulk_modulus: f64,
     /// Part of the volume at atmospheric pressure that is undissolved air.
     pub air: f64,
@@ -36,7 +36,7 @@ pub struct Oil {
 }
 
 impl Hydraulics {
-    /// Reads both tables; nothing where no axis is simulated and neither is given.
+    /// Reads both tables; `None` when no axis is simulated and neither table is given.
     pub(super) fn read(supply: Section, oil: Section, is_simulated: bool) -> Option<Self> {
         let wanted = is_simulated || supply.is_given() || oil.is_given();
         wanted.then(|| Self { supply: Supply::read(supply), oil: Oil::read(oil) })
@@ -45,11 +45,17 @@ impl Hydraulics {
 
 impl Supply {
     fn read(mut section: Section) -> Self {
-        let pressure = section.number("pressure", 1e5..=1e8, "Pa");
+        let pressure = section.key("pressure", "Supply pressure while the flow suffices").number(1e5..=1e8, "Pa");
         let supply = Self {
             pressure,
-            return_pressure: section.number_or("return_pressure", 0.0, 0.0..=1e7, "Pa"),
-            flow: section.number("flow", 1e-6..=10.0, "m3/s"),
+            return_pressure: section.key("return_pressure", "Pressure of the return line").number_or(
+                0.0,
+                0.0..=1e7,
+                "Pa",
+            ),
+            flow: section
+                .key("flow", "Largest flow of the pump; short of flow, all axes get the same part of their demand")
+                .number(1e-6..=10.0, "m3/s"),
         };
         if supply.return_pressure >= pressure {
             section.refuse("return_pressure", supply.return_pressure.to_string(), format!("less than {pressure} Pa"));
@@ -62,7 +68,11 @@ impl Supply {
 impl Oil {
     fn read(mut section: Section) -> Self {
         let allowed = "[at 40, at 100 degrees Celsius], falling, from 1 to 10000 mm2/s";
-        let viscosity = match section.optional_numbers("viscosity", 1.0..=1e4, allowed).as_deref() {
+        let viscosity = section
+            .key("viscosity", "Kinematic viscosity of the oil at 40 and at 100 degrees Celsius")
+            .rule("[46.0, 6.8], an HM 46 oil")
+            .optional_numbers(1.0..=1e4, "mm2/s", allowed);
+        let viscosity = match viscosity.as_deref() {
             None => HM_46,
             Some([at_40, at_100]) if at_40 > at_100 => (*at_40, *at_100),
             Some(other) => {
@@ -71,9 +81,15 @@ impl Oil {
             }
         };
         let oil = Self {
-            bulk_modulus: section.number("bulk_modulus", 1e8..=5e9, "Pa"),
-            air: section.number_or("air", 0.01, 2e-3..=0.3, ""),
-            temperature: section.number_or("temperature", 50.0, -40.0..=120.0, "degrees Celsius"),
+            bulk_modulus: section.key("bulk_modulus", "Bulk modulus of the oil without air").number(1e8..=5e9, "Pa"),
+            air: section.key("air", "Part of the volume at atmospheric pressure that is undissolved air").number_or(
+                0.01,
+                2e-3..=0.3,
+                "",
+            ),
+            temperature: section
+                .key("temperature", "Oil temperature at which friction, leakage and time constants of the file hold")
+                .number_or(50.0, -40.0..=120.0, "degrees Celsius"),
             viscosity,
         };
         section.finish();
@@ -82,5 +98,5 @@ impl Oil {
 }
 
 /// Viscosity of an HM 46 at 40 and at 100 degrees Celsius, mm2/s: the first is what the grade means (ISO 3448), the
-/// second that of an ordinary mineral oil of this grade.
+/// second is that of an ordinary mineral oil of this grade.
 const HM_46: (f64, f64) = (46.0, 6.8);

@@ -1,58 +1,61 @@
-//! What changes while the simulated machine works: `scenario = "NAME"`, and own ones as `[scenarios.NAME]`.
+//! Scenarios: what changes while the simulated machine works.
 //!
-//! The built-in ones stand in `scenarios.toml`, in the form that a machine file uses for its own.
+//! `scenario = "NAME"` chooses one; `[scenarios.NAME]` defines one in the machine file. The built-in scenarios stand in
+//! `scenarios.toml`, in the form that a machine file uses.
+
+use std::ops::RangeInclusive;
 
 use super::{
-    MachineError,
     document::{Document, Section},
+    error::MachineError,
 };
 
 /// The built-in scenarios.
 const BUILT_IN: &str = include_str!("scenarios.toml");
 
-/// Nothing changes: what runs when nobody says.
+/// Default: the scenario in which nothing changes.
 const NOMINAL: &str = "nominal";
 
-/// A course of changes, and for an open-loop experiment the commands.
+/// Changes of the simulated machine over time, and the commands of an open-loop experiment.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Scenario {
-    /// What `--scenario` takes.
+    /// Name of the scenario, as `--scenario` takes it.
     pub name: String,
-    /// One line for a list.
+    /// What happens, in one line.
     pub summary: String,
     /// What changes, and when.
     pub changes: Vec<Change>,
-    /// Commands of an open-loop experiment, sines that are added; empty for the closed loop.
+    /// Commands of an open-loop experiment, the sum of these sines; empty for the closed loop.
     pub commands: Vec<CommandSine>,
 }
 
 /// One sine of an open-loop command: amplitude sin(2 pi frequency t + phase).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CommandSine {
-    /// In parts of the full command.
+    /// Amplitude, in parts of the full command.
     pub amplitude: f64,
-    /// Hz
+    /// Frequency, Hz.
     pub frequency: f64,
-    /// rad
+    /// Phase at the start, rad.
     pub phase: f64,
 }
 
 /// A parameter that moves linearly to a new value between two times, and stays there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Change {
-    /// Index of the axis, all without one.
+    /// Index of the axis; `None` changes all axes.
     pub axis: Option<usize>,
     /// What changes.
     pub parameter: Parameter,
-    /// When it begins to, s.
+    /// Time at which the change begins, s.
     pub start: f64,
-    /// When it has, s; equal to `start` for a step.
+    /// Time at which the change ends, s; equal to `start` for a step.
     pub end: f64,
-    /// A factor, or a value; see [`Parameter`].
+    /// The factor or the value at the end; [`Parameter`] says which.
     pub to: f64,
 }
 
-/// What a [`Change`] can change. Most by a factor, and factors of the same parameter multiply.
+/// What a [`Change`] can change. Most parameters change by a factor; factors of one parameter multiply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Parameter {
     /// `rated_flow`, by a factor.
@@ -73,7 +76,7 @@ pub enum Parameter {
     Leakage,
     /// A force against extension, to a value: a part of supply pressure times piston area.
     ExternalForce,
-    /// The pump's pressure, by a factor; of the whole machine, as all that follow.
+    /// The pump's pressure, by a factor. All axes share this parameter and the ones below.
     SupplyPressure,
     /// The pump's largest flow, by a factor.
     PumpFlow,
@@ -103,15 +106,59 @@ impl Parameter {
         ("temperature", Self::Temperature),
     ];
 
-    /// Every parameter.
+    /// All parameters.
     pub fn all() -> impl Iterator<Item = Self> {
         Self::NAMES.into_iter().map(|(_, parameter)| parameter)
     }
 
-    /// Whether all axes share it.
+    /// Name of the parameter in a machine file.
+    pub fn name(self) -> &'static str {
+        let (name, _) = Self::NAMES[self as usize];
+        name
+    }
+
+    /// What the parameter is, in a few words.
+    pub const fn meaning(self) -> &'static str {
+        match self {
+            Self::FlowGain => "rated flow of the valve",
+            Self::Friction => "viscous, Coulomb and static friction and the stiffness of the bristles together",
+            Self::Mass => "moved mass",
+            Self::LoadForce => "force of the load",
+            Self::ValveTimeConstant => "time constant of the valve",
+            Self::DeadBand => "dead bands of the valve in both directions",
+            Self::Hysteresis => "hysteresis of the valve",
+            Self::Leakage => "internal and external leakage",
+            Self::ExternalForce => "force against extension, added to the load",
+            Self::SupplyPressure => "supply pressure",
+            Self::PumpFlow => "largest flow of the pump",
+            Self::BulkModulus => "bulk modulus of the oil without air",
+            Self::Air => "undissolved air in the oil",
+            Self::Temperature => "temperature of the oil",
+        }
+    }
+
+    /// What a change of the parameter goes to.
+    pub const fn target(self) -> Target {
+        match self {
+            Self::Temperature => Target::Value(-40.0..=120.0, "degrees Celsius"),
+            Self::ExternalForce => Target::Value(-2.0..=2.0, "times supply pressure times piston area"),
+            _ => Target::Factor(0.05..=20.0),
+        }
+    }
+
+    /// Whether all axes share the parameter, so that a change names no axis.
     pub fn is_shared(self) -> bool {
         matches!(self, Self::SupplyPressure | Self::PumpFlow | Self::BulkModulus | Self::Air | Self::Temperature)
     }
+}
+
+/// What a change of a parameter goes to.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Target {
+    /// A factor in this range: key `factor`.
+    Factor(RangeInclusive<f64>),
+    /// A value in this range, with its unit: key `value`.
+    Value(RangeInclusive<f64>, &'static str),
 }
 
 impl Scenario {
@@ -131,7 +178,13 @@ impl Scenario {
         let choices: Vec<(&str, usize)> =
             scenarios.iter().enumerate().map(|(index, scenario)| (scenario.name.as_str(), index)).collect();
         let nominal = choices.iter().position(|(name, _)| *name == NOMINAL).unwrap_or_default();
-        let chosen = root.choice_or("scenario", nominal, &choices);
+        let chosen = root
+            .key(
+                "scenario",
+                "What changes while the simulated machine works: a built-in scenario, or one of [scenarios]",
+            )
+            .allows("a built-in scenario, or the NAME of a table [scenarios.NAME]")
+            .choice_or(nominal, &choices);
         scenarios.swap_remove(chosen)
     }
 
@@ -139,13 +192,13 @@ impl Scenario {
     pub fn built_in() -> Vec<Self> {
         match Self::parse(BUILT_IN) {
             Ok(scenarios) => scenarios,
-            // The text is part of the program; a test reads it.
+            // The text is part of the program, and a test reads it.
             Err(error) => unreachable!("{error}"),
         }
     }
 
     fn parse(text: &str) -> Result<Vec<Self>, MachineError> {
-        let document = Document::parse(text, &[]);
+        let document = Document::parse(text, Vec::new());
         let mut root = document.root();
         let names = root.names();
         let scenarios = names.iter().map(|name| Self::read_one(name, root.section(name), &[])).collect();
@@ -156,7 +209,7 @@ impl Scenario {
     fn read_one(name: &str, mut section: Section, axes: &[String]) -> Self {
         let scenario = Self {
             name: name.to_owned(),
-            summary: section.text_or("summary", ""),
+            summary: section.key("summary", "What happens in the scenario, in one line").text_or(""),
             changes: section.list("changes").into_iter().filter_map(|item| Change::read(item, axes)).collect(),
             commands: section.list("commands").into_iter().map(CommandSine::read).collect(),
         };
@@ -172,9 +225,17 @@ impl Scenario {
 impl CommandSine {
     fn read(mut section: Section) -> Self {
         let sine = Self {
-            amplitude: section.number("amplitude", 0.0..=1.0, ""),
-            frequency: section.number("frequency", 0.0..=1000.0, "Hz"),
-            phase: section.number_or("phase", 0.0, -10.0..=10.0, "rad"),
+            amplitude: section
+                .key("amplitude", "Amplitude of one sine of an open-loop command, in parts of the full command")
+                .number(0.0..=1.0, ""),
+            frequency: section
+                .key("frequency", "Frequency of one sine of an open-loop command")
+                .number(0.0..=1000.0, "Hz"),
+            phase: section.key("phase", "Phase at the start of one sine of an open-loop command").number_or(
+                0.0,
+                -10.0..=10.0,
+                "rad",
+            ),
         };
         section.finish();
         sine
@@ -183,8 +244,10 @@ impl CommandSine {
 
 impl Change {
     fn read(mut section: Section, axes: &[String]) -> Option<Self> {
-        let parameter = section.choice("parameter", &Parameter::NAMES);
-        let axis = section.optional_text("axis").and_then(|name| {
+        let parameter = section.key("parameter", "What changes").choice(&Parameter::NAMES);
+        let axis =
+            section.key("axis", "Axis whose parameter changes; without it the parameter of all axes").optional_text();
+        let axis = axis.and_then(|name| {
             let index = axes.iter().position(|axis| *axis == name);
             if index.is_none() {
                 section.refuse("axis", format!("\"{name}\""), format!("one of the axes {}", axes.join(", ")));
@@ -193,17 +256,25 @@ impl Change {
             }
             index
         });
-        let (start, end) = (section.number("start", 0.0..=1e6, "s"), section.number("end", 0.0..=1e6, "s"));
+        let start = section.key("start", "Time at which the change begins").number(0.0..=1e6, "s");
+        let end = section
+            .key("end", "Time at which the change ends; equal to start for a step")
+            .allows("a number from start to 1000000")
+            .number(0.0..=1e6, "s");
         if end < start {
             section.refuse("end", end.to_string(), format!("a time not before start, {start} s"));
         }
         let to = match parameter {
-            None => 1.0, // nobody can say which key belongs to an unknown parameter
-            Some(Parameter::Temperature) => section.number("value", -40.0..=120.0, "degrees Celsius"),
-            Some(Parameter::ExternalForce) => {
-                section.number("value", -2.0..=2.0, "times supply pressure times piston area")
-            }
-            Some(_) => section.number("factor", 0.05..=20.0, ""),
+            None => 1.0, // it is not known which key belongs to an unknown parameter
+            Some(parameter) => match parameter.target() {
+                Target::Factor(range) => {
+                    section.key("factor", "Factor of the parameter when the change has ended").number(range, "")
+                }
+                Target::Value(range, unit) => section
+                    .key("value", "Value of the parameter when the change has ended")
+                    .allows("-40 to 120 degrees Celsius, or -2 to 2 times supply pressure times piston area")
+                    .number(range, unit),
+            },
         };
         let parameter = parameter?;
         section.finish();

@@ -1,4 +1,6 @@
 use super::*;
+use std::time::Duration;
+
 use crate::hammerstein::{Basis, InputMap, Structure};
 
 fn built_in_with(from: &str, to: &str) -> Result<Machine, MachineError> {
@@ -221,4 +223,47 @@ fn all_stages_but_the_simulated_machine_start_again_unless_told_otherwise() {
     let expected =
         "stage.ident-proc.restart: found always (from the command line); allowed: \"on-failure\" or \"never\"";
     assert!(refused.contains(expected), "{refused}");
+}
+
+/// A machine file whose boom is commissioned; `changes` are made to the text of the built-in machine.
+fn commissioned(changes: &[(&str, &str)]) -> Machine {
+    let table = "[axis.boom.commissioned]\ndead_time = 0.04\ntime_constant = 0.05\ndead_band_extend = 0.1\n\
+                 dead_band_retract = 0.08\nopenings = [0.1, 0.5]\nspeeds_extend = [0.05, 0.3]\n\
+                 speeds_retract = [0.05, 0.3]\nfit_percent = 97.0\n";
+    let mut text = BUILT_IN.replacen("[axis.boom.control]\n", &format!("{table}[axis.boom.control]\n"), 1);
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from}");
+        text = text.replacen(from, to, 1);
+    }
+    Machine::parse(&text, "m.toml", Path::new("."), &[]).unwrap()
+}
+
+#[test]
+fn the_commissioned_model_is_the_default_of_control_and_identification() {
+    let absent = ("dead_band_extend = 0.08    # calibrated, a little less than the valve's\n", "");
+    let boom = |changes: &[(&str, &str)]| commissioned(changes).axes[0].clone();
+    let axis = boom(&[absent, ("nk = 3 ", "")]);
+    assert_eq!((axis.control.dead_band.extend, axis.control.dead_band.retract), (0.9 * 0.1, 0.07));
+    // Four periods of dead time, and the one in which the command is sent.
+    assert_eq!(axis.identification.structure.nk, 5);
+    assert_eq!(axis.identification.structure.input.dead_band, (0.08 - 0.01, 0.1 - 0.01));
+    // A key that is given wins.
+    let axis = boom(&[("nk = 3 ", "nk = 4\ndead_band = 0.02 #")]);
+    assert_eq!((axis.control.dead_band.extend, axis.control.dead_band.retract), (0.08, 0.07));
+    assert_eq!(axis.identification.structure.nk, 4);
+    assert_eq!(axis.identification.structure.input.dead_band, (0.02, 0.02));
+    // Without either there is no dead band for the fallback.
+    let text = refusal(absent.0, "");
+    assert!(
+        text.contains("axis.boom.control.dead_band_extend: found nothing; allowed: a number from 0 to 0.9"),
+        "{text}"
+    );
+}
+
+#[test]
+fn the_grey_box_has_the_structure_of_the_commissioned_model() {
+    let axis = commissioned(&[("estimator = \"auto\"", "estimator = \"grey-box\"")]).axes[0].clone();
+    let Structure { nk, order, input, .. } = axis.identification.structure;
+    assert_eq!((nk, order, input.dead_band), (5, 3, (0.08 - 0.01, 0.1 - 0.01)));
+    assert_eq!(input.basis, Basis::hinges(&[0.0, 0.05, 0.35 * 0.5]).unwrap());
 }

@@ -1,4 +1,4 @@
-//! What a person or a program asks of the axes: any program to control-proc.
+//! Requests of a person or a program for modes of the axes.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -9,37 +9,37 @@ shared_struct! {
     /// One axis of a [`Request`].
     #[type_name("hydraxis.AxisRequest/1")]
     pub struct AxisRequest {
-        /// What the axis is to do, an [`AxisMode`] as number.
+        /// Mode that is asked for, an [`AxisMode`] as number.
         pub mode: u32,
-        /// Lets an axis that is off leave it, by being another number than in the message before of the same session.
-        /// So neither the first message of a program nor an old one ever enables.
+        /// Arms an axis that is off when this number differs from the one in the message before of the same session.
+        /// So neither the first message of a program nor a repeated one arms an axis.
         pub enable: u32,
-        /// Valve command in [-1, 1], positive extends: of the modes manual and commission.
+        /// Valve command in [-1, 1], positive extends; only for the modes manual and commission.
         pub command: f64,
-        /// Where to hold, m: of the mode hold.
+        /// Set point, m; only for the mode hold.
         pub target: f64,
-        /// 1 when there is a target; without it the axis holds where it comes to a stand.
+        /// 1 when there is a set point; with 0 the axis holds the position at which it comes to a stand.
         pub has_target: u32,
         /// Zero.
         pub reserved: u32,
     }
 }
 
-/// What an axis is operated in.
+/// Mode of an axis: what a person or a program asked it to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum AxisMode {
-    /// In a request: what it was in before.
+    /// Only in a request: the axis keeps its mode.
     Unchanged = 0,
-    /// Neutral, until it is enabled.
+    /// Neutral, until the axis is armed.
     Off = 1,
-    /// Commanded by a person, message by message.
+    /// A person gives the valve command, request by request.
     Manual = 2,
-    /// Goes to a target and stays there.
+    /// The axis goes to a set point and stays there.
     Hold = 3,
-    /// Follows its reference.
+    /// The axis follows its reference.
     Track = 4,
-    /// Commanded by a commissioning program, message by message.
+    /// A commissioning program gives the valve command, request by request.
     Commission = 5,
 }
 
@@ -47,31 +47,32 @@ impl AxisMode {
     /// All modes, by their numbers.
     pub const ALL: [Self; 6] = [Self::Unchanged, Self::Off, Self::Manual, Self::Hold, Self::Track, Self::Commission];
 
-    /// The mode of this number, if it is one.
+    /// The mode with this number, or `None` for a number that is no mode.
     pub fn from_number(number: u32) -> Option<Self> {
         Self::ALL.get(number as usize).copied()
     }
 
-    /// Its name.
+    /// The name of the mode.
     pub const fn name(self) -> &'static str {
         ["unchanged", "off", "manual", "hold", "track", "commission"][self as usize]
     }
 
-    /// Whether the command comes message by message, so that the axis stops when they do.
+    /// Whether the requests carry the valve command, so that the axis stops when the requests stop.
     pub const fn is_by_hand(self) -> bool {
         matches!(self, Self::Manual | Self::Commission)
     }
 }
 
 shared_struct! {
-    /// What the axes are to do, from any program to control-proc. A program that commands sends one for every sample.
+    /// Asks for the modes of the axes, from any program to control-proc. A program that gives valve commands sends one
+    /// request for every sample.
     #[type_name("hydraxis.Request/1")]
     pub struct Request {
-        /// `sequence` is the newest sample that the program has seen: it shows how old the request is.
+        /// `sequence` is the newest sample that the program has read; it shows how old the request is.
         pub header: Header,
-        /// A number that no program before this one had, such as the time of its start, ns.
+        /// Number that differs from those of all programs before, such as the time of the program's start, ns.
         pub session: u64,
-        /// One entry per axis; one of zeros asks for nothing.
+        /// One entry per axis; an entry of zeros asks for nothing.
         pub axes: [AxisRequest; MAX_AXES],
     }
 }

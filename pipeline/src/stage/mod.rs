@@ -27,30 +27,9 @@ pub use rights::{Missing, lock_memory, missing, pin, schedule};
 pub use run::{Stage, run};
 pub use turn::{Next, Turn, Waiter};
 
+pub use crate::machine::StageKind;
+
 use crate::channel::{ChannelError, Prefix};
-
-/// The four stages.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum StageKind {
-    /// The simulated machine.
-    PlantSim = 0,
-    /// Encoder acquisition.
-    SensorProc = 1,
-    /// Identification.
-    IdentProc = 2,
-    /// Control.
-    ControlProc = 3,
-}
-
-impl StageKind {
-    /// All of them, in the order of the data.
-    pub const ALL: [Self; 4] = [Self::PlantSim, Self::SensorProc, Self::IdentProc, Self::ControlProc];
-
-    /// Its name, which is also its subcommand.
-    pub const fn name(self) -> &'static str {
-        ["plant-sim", "sensor-proc", "ident-proc", "control-proc"][self as usize]
-    }
-}
 
 /// What releases a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

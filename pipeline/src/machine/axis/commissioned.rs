@@ -1,0 +1,213 @@
+//! The commissioned model of an axis, as `hydraxis commission` writes it: `[axis.NAME.commissioned]`.
+//!
+//! ```text
+//! tau dx/dt + x = u(t - t_d)          v = c(x)
+//! c(x) = 0 for -d_r <= x <= d_e, straight lines through the points beyond, the last line going on
+//! ```
+//!
+//! u command and x spool position in [-1, 1], v speed m/s, t_d dead time s, tau time constant s, d_e and d_r dead
+//! bands; points (x - d_e, v) while extending, (-x - d_r, -v) while retracting. The model is a static curve behind a
+//! lag and a dead time. It is small, and all of it can be measured on a real machine in a minute.
+
+use std::time::Duration;
+
+use super::dead_band::DeadBand;
+use crate::{
+    hammerstein::{Basis, InputMap, MAX_DELAY, Structure},
+    machine::document::Section,
+};
+
+/// The commissioned model of an axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Commissioned {
+    /// t_d, s.
+    pub dead_time: f64,
+    /// tau, s.
+    pub time_constant: f64,
+    /// d_e and d_r.
+    pub dead_band: DeadBand,
+    /// Commands beyond the dead band, rising, of the points of either direction.
+    pub openings: Vec<f64>,
+    /// Speeds at the openings while extending, m/s, rising.
+    pub speeds_extend: Vec<f64>,
+    /// Speeds at the openings while retracting, m/s, rising, as magnitudes.
+    pub speeds_retract: Vec<f64>,
+    /// Part of the motion half a second ahead that the model explains, percent: 100 is all of it.
+    pub fit_percent: f64,
+}
+
+/// How much narrower than the commissioned dead band the one for identification is.
+const NARROWER: f64 = 0.01;
+/// Knots of the hinges for identification, in parts of the largest tested opening.
+const KNOTS: [f64; 3] = [0.0, 0.1, 0.35];
+
+/// Part of the commissioned dead band that the fallback compensates. Full compensation of a dead band that is measured
+/// too wide, or that has shrunk, would make the loop switch like a relay.
+pub const COMPENSATED: f64 = 0.9;
+
+/// Largest number of points of a curve.
+pub const MOST_POINTS: usize = 16;
+
+impl Commissioned {
+    pub(super) fn read(mut section: Section) -> Option<Self> {
+        if !section.is_given() {
+            section.finish();
+            return None;
+        }
+        let openings = section
+            .key("openings", "Commands beyond the dead band at which the static curve was measured, in both directions")
+            .allows("1 to 16 rising numbers greater than 0")
+            .numbers(0.0..=1.0, "", 1);
+        if openings.first().is_none_or(|first| *first <= 0.0)
+            || !openings.is_sorted_by(|a, b| a < b)
+            || openings.len() > MOST_POINTS
+        {
+            let allowed = format!("1 to {MOST_POINTS} rising numbers greater than 0");
+            section.refuse("openings", format!("{openings:?}"), allowed);
+        }
+        let speeds_extend =
+            read_speeds(&mut section, "speeds_extend", "Speeds at the openings while extending", &openings);
+        let speeds_retract = read_speeds(
+            &mut section,
+            "speeds_retract",
+            "Speeds at the openings while retracting, as magnitudes",
+            &openings,
+        );
+        let commissioned = Self {
+            dead_time: section.key("dead_time", "Time from command to motion").number(0.0..=5.0, "s"),
+            time_constant: section
+                .key("time_constant", "Time constant of the first-order lag between command and speed")
+                .number(0.0..=10.0, "s"),
+            dead_band: DeadBand {
+                extend: section.key("dead_band_extend", "Dead band of the valve while extending").number(0.0..=0.9, ""),
+                retract: section
+                    .key("dead_band_retract", "Dead band of the valve while retracting, as a magnitude")
+                    .number(0.0..=0.9, ""),
+            },
+            openings,
+            speeds_extend,
+            speeds_retract,
+            fit_percent: section
+                .key("fit_percent", "Part of the motion half a second ahead that the model explains; 100 is all of it")
+                .number(-1e9..=100.0, ""),
+        };
+        section.finish();
+        Some(commissioned)
+    }
+
+    /// nk: the dead time in whole periods, and the period in which the command is sent.
+    pub fn delay(&self, period: Duration) -> usize {
+        // The small part keeps a dead time of whole periods from counting one period more by rounding.
+        let nk = (self.dead_time / period.as_secs_f64() - 1e-6).ceil() as usize + 1;
+        nk.min(MAX_DELAY)
+    }
+
+    /// Dead band for identification, retracting and extending: the commissioned one less 0.01.
+    ///
+    /// A dead band that is a little too narrow costs one more bend of the curve; one that is too wide hides commands
+    /// that move the axis.
+    pub fn identified_dead_band(&self) -> (f64, f64) {
+        let narrower = |dead_band: f64| (dead_band - NARROWER).max(0.0);
+        (narrower(self.dead_band.retract), narrower(self.dead_band.extend))
+    }
+
+    /// Dead band that the fallback compensates: [`COMPENSATED`] times the commissioned one.
+    pub fn compensated_dead_band(&self) -> DeadBand {
+        DeadBand { extend: COMPENSATED * self.dead_band.extend, retract: COMPENSATED * self.dead_band.retract }
+    }
+
+    /// The structure to identify every `period`: nk, the dead band, and hinges where the curve bends are those of this
+    /// model, all else is that of `structure`.
+    pub fn structure(&self, structure: Structure, period: Duration) -> Structure {
+        let last = self.openings.last().copied().unwrap_or(1.0);
+        let knots = KNOTS.map(|part| part * last);
+        let basis = Basis::hinges(&knots).unwrap_or(Basis::Powers);
+        let input = InputMap { dead_band: self.identified_dead_band(), basis };
+        Structure { nk: self.delay(period), order: knots.len(), input, ..structure }
+    }
+
+    /// c(x), m/s.
+    pub fn speed(&self, x: f64) -> f64 {
+        if x > self.dead_band.extend {
+            interpolate(&self.openings, &self.speeds_extend, x - self.dead_band.extend)
+        } else if x < -self.dead_band.retract {
+            -interpolate(&self.openings, &self.speeds_retract, -x - self.dead_band.retract)
+        } else {
+            0.0
+        }
+    }
+
+    /// Lowest and highest command at which the curve was measured.
+    pub fn tested(&self) -> (f64, f64) {
+        let last = self.openings.last().copied().unwrap_or_default();
+        (-self.dead_band.retract - last, self.dead_band.extend + last)
+    }
+
+    /// The command whose steady speed is `speed` m/s; 0 for a speed of 0.
+    pub fn command(&self, speed: f64) -> f64 {
+        if speed > 0.0 {
+            self.dead_band.extend + interpolate(&self.speeds_extend, &self.openings, speed)
+        } else if speed < 0.0 {
+            -self.dead_band.retract - interpolate(&self.speeds_retract, &self.openings, -speed)
+        } else {
+            0.0
+        }
+    }
+}
+
+/// The speeds of one direction, which must rise and be as many as the openings.
+fn read_speeds(section: &mut Section, key: &str, meaning: &'static str, openings: &[f64]) -> Vec<f64> {
+    let speeds = section
+        .key(key, meaning)
+        .allows("as many rising numbers greater than 0 as there are openings")
+        .numbers(0.0..=1000.0, "m/s", 1);
+    if speeds.len() != openings.len()
+        || !speeds.is_sorted_by(|a, b| a < b)
+        || speeds.first().is_none_or(|first| *first <= 0.0)
+    {
+        let allowed = format!("{} rising numbers greater than 0, one for each opening", openings.len());
+        section.refuse(key, format!("{speeds:?}"), allowed);
+    }
+    speeds
+}
+
+/// Value at `at` > 0 of the line from (0, 0) through the points (x, y); its last piece goes on beyond them.
+fn interpolate(x: &[f64], y: &[f64], at: f64) -> f64 {
+    let piece = x.partition_point(|x| *x < at).min(x.len() - 1);
+    let (x_0, y_0) = piece.checked_sub(1).map_or((0.0, 0.0), |before| (x[before], y[before]));
+    y_0 + (y[piece] - y_0) * (at - x_0) / (x[piece] - x_0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn model() -> Commissioned {
+        Commissioned {
+            dead_time: 0.15,
+            time_constant: 0.05,
+            dead_band: DeadBand { extend: 0.1, retract: 0.08 },
+            openings: vec![0.1, 0.3],
+            speeds_extend: vec![0.05, 0.25],
+            speeds_retract: vec![0.04, 0.3],
+            fit_percent: 97.0,
+        }
+    }
+
+    #[test]
+    fn the_curve_is_zero_in_the_dead_band_and_straight_between_its_points() {
+        for (x, v) in [(0.0, 0.0), (0.1, 0.0), (-0.08, 0.0), (0.15, 0.025), (0.2, 0.05), (0.3, 0.15), (-0.38, -0.3)] {
+            assert!((model().speed(x) - v).abs() < 1e-12, "{x}: {}", model().speed(x));
+        }
+        // Beyond the last point the last line goes on.
+        assert!((model().speed(0.6) - 0.45).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_command_is_the_curves_inverse() {
+        assert_eq!(model().command(0.0), 0.0);
+        for v in [-0.5, -0.3, -0.01, 1e-6, 0.02, 0.05, 0.2, 0.4] {
+            assert!((model().speed(model().command(v)) - v).abs() < 1e-12, "{v}");
+        }
+    }
+}

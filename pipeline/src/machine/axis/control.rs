@@ -1,0 +1,127 @@
+//! How an axis is controlled: `[axis.NAME.control]`.
+
+use std::time::Duration;
+
+use super::{commissioned::Commissioned, dead_band::DeadBand};
+use crate::{hammerstein::MAX_DELAY, machine::document::Section};
+
+/// How one axis is controlled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Control {
+    /// Proportional gain of the fallback, command per metre.
+    pub kp: f64,
+    /// Integral gain of the fallback, command per metre and second.
+    pub ki: f64,
+    /// Whether the fallback adds velocity feed-forward by the commissioned model.
+    pub feedforward: bool,
+    /// Dead band of the valve that the fallback compensates.
+    pub dead_band: DeadBand,
+    /// Largest magnitude of a command.
+    pub command_limit: f64,
+    /// Fastest change of a command, 1/s.
+    pub command_rate: f64,
+    /// Largest following error for a reference that stands, m; a larger error for too long is a fault.
+    pub following_error: f64,
+    /// Which model the predictive controller uses.
+    pub model: ModelChoice,
+    /// Prediction horizon after the dead time, samples.
+    pub horizon: usize,
+    /// Number of moves that the predictive controller plans.
+    pub moves: usize,
+    /// Weight of the moves, relative to the mean square of the model's step response over the horizon.
+    pub move_weight: f64,
+}
+
+/// Which model the predictive controller uses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ModelChoice {
+    /// The adaptive model, updated online.
+    Adaptive,
+    /// The classical model, identified offline and held.
+    Classical,
+    /// No model: the fallback always controls.
+    None,
+}
+
+impl Control {
+    pub(super) fn read(
+        mut section: Section,
+        name: &str,
+        commissioned: Option<&Commissioned>,
+        period: Duration,
+    ) -> Self {
+        let dead_band = read_dead_band(&mut section, commissioned);
+        let models =
+            [("adaptive", ModelChoice::Adaptive), ("classical", ModelChoice::Classical), ("none", ModelChoice::None)];
+        let control = Self {
+            kp: section.key("kp", "Proportional gain of the fallback").number(0.0..=1e4, "1/m"),
+            ki: section.key("ki", "Integral gain of the fallback").number(0.0..=1e5, "1/(m s)"),
+            feedforward: read_feedforward(&mut section, name, commissioned, period),
+            dead_band,
+            command_limit: section.key("command_limit", "Largest magnitude of a command").number(1e-3..=1.0, ""),
+            command_rate: section.key("command_rate", "Fastest change of a command").number(1e-3..=1e4, "1/s"),
+            following_error: section
+                .key(
+                    "following_error",
+                    "Largest following error for a reference that stands; 0.2 s of the reference's speed are added, and \
+                     a larger error for 200 ms is a fault",
+                )
+                .number_or(0.03, 1e-4..=100.0, "m"),
+            model: section
+                .key("model", "Model of the predictive controller; with none the fallback always controls")
+                .choice_or(ModelChoice::Adaptive, &models),
+            horizon: section
+                .key("horizon", "Prediction horizon of the predictive controller after the dead time, in samples")
+                .integer_or(20, 1..=31),
+            moves: section.key("moves", "Number of moves that the predictive controller plans").integer_or(20, 1..=20),
+            move_weight: section
+                .key(
+                    "move_weight",
+                    "Weight of the moves, relative to the mean square of the model's step response over the horizon",
+                )
+                .number_or(25.0, 1e-6..=1e3, ""),
+        };
+        section.finish();
+        control
+    }
+}
+
+/// The dead band that the fallback compensates; its default is a part of the commissioned one.
+fn read_dead_band(section: &mut Section, commissioned: Option<&Commissioned>) -> DeadBand {
+    let default = commissioned.map(Commissioned::compensated_dead_band);
+    DeadBand {
+        extend: section
+            .key("dead_band_extend", "Dead band that the fallback compensates while extending")
+            .rule("0.9 times commissioned.dead_band_extend; required without it")
+            .number_or_derived(default.map(|band| band.extend), 0.0..=0.9, ""),
+        retract: section
+            .key("dead_band_retract", "Dead band that the fallback compensates while retracting, as a magnitude")
+            .rule("0.9 times commissioned.dead_band_retract; required without it")
+            .number_or_derived(default.map(|band| band.retract), 0.0..=0.9, ""),
+    }
+}
+
+/// `feedforward`, which needs a commissioned model whose dead time and lag are within the preview of the references.
+fn read_feedforward(section: &mut Section, name: &str, commissioned: Option<&Commissioned>, period: Duration) -> bool {
+    let feedforward = section
+        .key("feedforward", "Whether the fallback adds velocity feed-forward by the commissioned model")
+        .flag_or(false);
+    if !feedforward {
+        return false;
+    }
+    let longest = MAX_DELAY as f64 * period.as_secs_f64();
+    match commissioned {
+        None => section.refuse(
+            "feedforward",
+            format!("true without [axis.{name}.commissioned]"),
+            "false, or a commissioned model: `--model MODEL.toml`, as `hydraxis commission` writes it",
+        ),
+        Some(model) if model.dead_time + model.time_constant > longest => section.refuse(
+            "feedforward",
+            format!("true with dead_time + time_constant of {} s", model.dead_time + model.time_constant),
+            format!("false, or up to {MAX_DELAY} periods, {longest} s"),
+        ),
+        Some(_) => {}
+    }
+    feedforward
+}

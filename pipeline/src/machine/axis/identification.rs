@@ -1,0 +1,240 @@
+//! How an axis is identified: `[axis.NAME.identification]`.
+
+use std::time::Duration;
+
+use super::{commissioned::Commissioned, estimator::Estimator};
+use crate::{
+    hammerstein::{Basis, InputMap, MAX_DELAY, MAX_LINEAR, MAX_ORDER, Structure},
+    machine::{
+        document::{Section, Shown, samples_of},
+        fuzzy::Fuzzy,
+    },
+};
+
+/// Widest dead band that the machine file takes, here and for the fallback.
+const WIDEST_DEAD_BAND: f64 = 0.9;
+
+/// How one output is identified.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Identification {
+    /// Orders and options of the model of the output.
+    pub structure: Structure,
+    /// What is identified.
+    pub output: IdentifiedOutput,
+    /// Sample period, s.
+    pub period: f64,
+    /// Samples from the start on for offline identification.
+    pub training: usize,
+    /// How many samples ahead the h-step error looks.
+    pub horizon: usize,
+    /// Which coefficients are updated online.
+    pub form: Form,
+    /// How the products f_i b_j are separated.
+    pub split: Split,
+    /// Algorithm that adapts the coefficients online.
+    pub estimator: Estimator,
+    /// Settings of the fuzzy forgetting factor.
+    pub fuzzy: Fuzzy,
+}
+
+/// What is identified. The position is what is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum IdentifiedOutput {
+    /// The position itself, m.
+    Position,
+    /// The backward difference of the position, divided by the period, m/s. The published model is still one of the
+    /// position.
+    Velocity,
+}
+
+/// Which coefficients the recursive estimator updates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Form {
+    /// a and b, with f and g held from offline identification: the paper's steps 3 and 6.
+    Linear,
+    /// a and all products C_ij of the over-parametrised form (14): can follow a valve curve that changes.
+    Full,
+}
+
+/// How the products C_ij = f_i b_j are separated into b, f and g.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Split {
+    /// Alternating least squares on the stored normal equations.
+    Als,
+    /// The paper's formula (17).
+    Paper,
+}
+
+impl Identification {
+    pub(super) fn read(
+        mut section: Section,
+        axis: &str,
+        commissioned: Option<&Commissioned>,
+        period: Duration,
+        fuzzy: Fuzzy,
+    ) -> Self {
+        let structure = read_structure(&mut section, commissioned, period);
+        let outputs = [("position", IdentifiedOutput::Position), ("velocity", IdentifiedOutput::Velocity)];
+        let output = section
+            .key("output", "What is identified; the controller's model is one of the position with either choice")
+            .choice_or(IdentifiedOutput::Position, &outputs);
+        let shortest = shortest_training(structure, output);
+        let mut identification = Self {
+            structure,
+            output,
+            period: period.as_secs_f64(),
+            training: section
+                .key("training", "Samples from the start on for offline identification")
+                .rule("1000 samples, or one for each coefficient where those are more")
+                .allows("one sample for each coefficient or more, as a whole number or a duration such as \"8s\"")
+                .samples_or(shortest.max(1000), shortest..=100_000_000, period),
+            horizon: section
+                .key("horizon", "How many samples ahead the h-step error looks")
+                .rule("0.5s, one sample at least")
+                .allows("1 to 10000 samples, as a whole number or a duration such as \"0.5s\"")
+                .samples_or(samples_of(Duration::from_millis(500), period).max(1), 1..=10_000, period),
+            form: section
+                .key("form", "Which coefficients are updated online: a and b (linear), or all products f_i b_j (full)")
+                .choice_or(Form::Linear, &[("linear", Form::Linear), ("full", Form::Full)]),
+            split: section
+                .key(
+                    "split",
+                    "How the products f_i b_j are separated: by alternating least squares, or by formula (17)",
+                )
+                .choice_or(Split::Als, &[("als", Split::Als), ("paper", Split::Paper)]),
+            estimator: section
+                .key("estimator", "Algorithm that adapts the coefficients online")
+                .parsed_or(Estimator::Auto, Estimator::ALLOWED),
+            fuzzy,
+        };
+        if let Some(model) = commissioned.filter(|_| identification.estimator == Estimator::GreyBox) {
+            identification.structure = model.structure(structure, period);
+            show_structure(&section, identification.structure);
+        }
+        if let Err((found, allowed)) = identification.check_estimator(axis, commissioned.is_some()) {
+            section.refuse("estimator", found, allowed);
+        }
+        section.finish();
+        identification
+    }
+
+    /// Number of coefficients that are updated online.
+    pub const fn coefficients(&self) -> usize {
+        match self.form {
+            Form::Linear => self.structure.linear_len(),
+            Form::Full => self.structure.full_len(),
+        }
+    }
+
+    /// Refuses an estimator that cannot work for the axis `name`: a window with fewer samples than coefficients, which
+    /// cannot determine them, and a grey box without a commissioned model, or with an output or order that the grey box
+    /// does not have.
+    ///
+    /// # Errors
+    /// What was found, and what is allowed.
+    pub fn check_estimator(&self, name: &str, commissioned: bool) -> Result<(), (String, String)> {
+        let n = self.coefficients();
+        match self.estimator {
+            Estimator::GreyBox if !commissioned => {
+                let found = format!("\"grey-box\" without [axis.{name}.commissioned]");
+                let allowed =
+                    "another one, or a commissioned model: `--model MODEL.toml`, as `hydraxis commission` writes it";
+                Err((found, allowed.to_owned()))
+            }
+            Estimator::GreyBox if self.output != IdentifiedOutput::Position || self.structure.past_outputs() < 2 => {
+                let found = format!("\"grey-box\" with output \"{:?}\" and na = {}", self.output, self.structure.na);
+                Err((found.to_lowercase(), "output \"position\" and na of 2 or more".to_owned()))
+            }
+            Estimator::Window(rows) if rows < n => {
+                let found = format!("\"{}\" for {n} coefficients", self.estimator);
+                Err((found, format!("\"window:N\" with N from {n}, one sample for each, to 100000")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Structure of the published coefficients: a model of the position, with every integrator multiplied into A.
+    pub const fn published(&self) -> Structure {
+        published(self.structure, self.output)
+    }
+}
+
+const fn published(structure: Structure, output: IdentifiedOutput) -> Structure {
+    let published = structure.published();
+    match output {
+        IdentifiedOutput::Position => published,
+        IdentifiedOutput::Velocity => Structure { na: published.na + 1, ..published },
+    }
+}
+
+/// Smallest number of samples for offline identification: fewer rows than coefficients cannot determine them.
+pub const fn shortest_training(structure: Structure, output: IdentifiedOutput) -> usize {
+    structure.full_len() + published(structure, output).memory()
+}
+
+/// The structure; delay and dead band of the commissioned model are its defaults.
+fn read_structure(section: &mut Section, commissioned: Option<&Commissioned>, period: Duration) -> Structure {
+    let paper = Structure::PAPER;
+    let (order, basis) = read_basis(section);
+    Structure {
+        na: section.key("na", "Order of A: number of past outputs").integer_or(paper.na, 1..=MAX_LINEAR),
+        nb: section.key("nb", "Order of B: number of past commands less one").integer_or(paper.nb, 0..=MAX_LINEAR - 1),
+        nk: section
+            .key("nk", "Samples from command to motion")
+            .rule("commissioned.dead_time in periods, rounded up, plus 1; 1 without it")
+            .integer_or(commissioned.map_or(paper.nk, |model| model.delay(period)), 1..=MAX_DELAY),
+        order,
+        integrator: section
+            .key("integrator", "Whether A(z) = (1 - z^-1) A'(z), estimated on the increments of the position")
+            .flag_or(false),
+        drift: section
+            .key("drift", "Whether the difference equation has a constant, for gravity and leakage")
+            .flag_or(false),
+        input: InputMap {
+            dead_band: section
+                .key("dead_band", "Dead band that is taken off the command first: retracting and extending")
+                .rule("commissioned.dead_band_retract and _extend, less 0.01; [0.0, 0.0] without them")
+                .pair_or(commissioned.map_or((0.0, 0.0), Commissioned::identified_dead_band), 0.0..=WIDEST_DEAD_BAND),
+            basis,
+        },
+    }
+}
+
+/// Notes the structure that the grey box takes from the commissioned model, whatever its keys say.
+fn show_structure(section: &Section, structure: Structure) {
+    let rule = |from: &str| format!("{from}, by estimator \"grey-box\"");
+    section.derive("nk", structure.nk.shown(), &rule("commissioned.dead_time in periods, rounded up, plus 1"));
+    let dead_band = rule("commissioned.dead_band_retract and _extend, less 0.01");
+    section.derive("dead_band", structure.input.dead_band.shown(), &dead_band);
+    if let Basis::Hinges(knots) = structure.input.basis {
+        let rule = rule("parts of the largest of commissioned.openings");
+        section.derive("knots", knots[..structure.order].shown(), &rule);
+        section.derive("order", structure.order.shown(), &rule);
+    }
+}
+
+/// Order and basis of N, from `order` and `knots`.
+fn read_basis(section: &mut Section) -> (usize, Basis) {
+    let order = section
+        .key("order", "Order of the polynomials of the nonlinearity N")
+        .rule("3, or the number of knots")
+        .optional_integer(1..=MAX_ORDER);
+    let default = order.unwrap_or(Structure::PAPER.order);
+    let allowed = format!("a list of 1 to {MAX_ORDER} rising numbers from 0 to 1");
+    let knots = section
+        .key("knots", "Hinges in the place of powers: magnitudes of the command beyond the dead band where they begin")
+        .optional_numbers(0.0..=1.0, "", &allowed);
+    let Some(knots) = knots else { return (default, Basis::Powers) };
+    let Some(basis) = Basis::hinges(&knots) else {
+        section.refuse("knots", format!("{knots:?}"), allowed);
+        return (default, Basis::Powers);
+    };
+    if let Some(order) = order.filter(|order| *order != knots.len()) {
+        let allowed = format!("{}, the number of knots, or no order", knots.len());
+        section.refuse("order", format!("{order} with {} knots", knots.len()), allowed);
+    }
+    (knots.len(), basis)
+}

@@ -1,0 +1,150 @@
+//! One axis: `[axis.NAME]`.
+//!
+//! | file | table | what it says |
+//! |---|---|---|
+//! | `encoder` | `[axis.NAME.encoder]` | the position encoder |
+//! | `commissioned` | `[axis.NAME.commissioned]` | the model that `hydraxis commission` has found |
+//! | `identification`, `estimator` | `[axis.NAME.identification]` | how the axis is identified |
+//! | `control` | `[axis.NAME.control]` | how the axis is controlled |
+//! | `reference` | `[axis.NAME.reference]` | where the reference comes from |
+//! | `plant` | `[axis.NAME.plant]` | the simulated axis |
+//!
+//! Dead band and dead time of the commissioned model are the defaults of identification and control.
+
+mod commissioned;
+mod control;
+mod dead_band;
+mod encoder;
+mod estimator;
+mod identification;
+mod plant;
+mod reference;
+
+use std::path::Path;
+
+pub use commissioned::{COMPENSATED, Commissioned, MOST_POINTS};
+pub use control::{Control, ModelChoice};
+pub use dead_band::DeadBand;
+pub use encoder::Encoder;
+pub use estimator::Estimator;
+pub use identification::{Form, Identification, IdentifiedOutput, Split, shortest_training};
+pub use plant::{LoadForce, Plant, ValveCurve};
+use reference::Limits;
+pub use reference::{ReferenceSource, Sine};
+
+use super::{document::Section, fuzzy::Fuzzy, source::Source, timing::Timing};
+
+/// What the tables of the axes need from the rest of the machine file.
+pub(super) struct Shared<'a> {
+    pub timing: &'a Timing,
+    pub source: &'a Source,
+    pub fuzzy: Fuzzy,
+    /// Folder that paths in the machine file are relative to.
+    pub folder: &'a Path,
+}
+
+/// One axis of the machine.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// Name of the axis: that of its table.
+    pub name: String,
+    /// Travel of the piston, m; positions run from 0 to it.
+    pub stroke: f64,
+    /// Fastest speed of the axis, m/s; a faster position signal is implausible.
+    pub max_speed: f64,
+    /// Lowest and highest position that a reference may ask for, m.
+    pub soft_limits: (f64, f64),
+    /// The position encoder.
+    pub encoder: Encoder,
+    /// How the axis is identified.
+    pub identification: Identification,
+    /// How the axis is controlled.
+    pub control: Control,
+    /// The commissioned model, if there is one.
+    pub commissioned: Option<Commissioned>,
+    /// Where the reference comes from.
+    pub reference: ReferenceSource,
+    /// The simulated axis; only source `sim` needs it.
+    pub plant: Option<Plant>,
+    /// Columns of a record with command and position; only source `replay` needs them.
+    pub columns: (String, String),
+}
+
+impl Axis {
+    pub(super) fn read(name: &str, mut section: Section, shared: &Shared) -> Self {
+        if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_') {
+            section.refuse("", format!("axis name \"{name}\""), "letters, digits, - and _");
+        }
+        let stroke =
+            section.key("stroke", "Travel of the piston; positions run from 0 to it").number(1e-3..=100.0, "m");
+        let max_speed = section
+            .key("max_speed", "Fastest speed of the axis; a faster position signal is implausible")
+            .number(1e-3..=1000.0, "m/s");
+        let soft_limits = read_soft_limits(&mut section, stroke);
+        let encoder = Encoder::read(section.section("encoder"));
+        section.renamed("forgetting", "identification.estimator");
+        let commissioned = Commissioned::read(section.section("commissioned"));
+        let model = commissioned.as_ref();
+        let identification =
+            Identification::read(section.section("identification"), name, model, shared.timing.period, shared.fuzzy);
+        let control = Control::read(section.section("control"), name, model, shared.timing.period);
+        let limits = Limits { soft_limits, max_speed };
+        let reference = ReferenceSource::read(section.section("reference"), limits, shared.folder, name);
+        let plant = section.section("plant");
+        let plant = if plant.is_given() {
+            Some(Plant::read(plant, stroke))
+        } else {
+            if *shared.source == Source::Sim {
+                plant.refuse("", "nothing", "a table with the simulated axis: source is \"sim\"");
+            }
+            None
+        };
+        let columns = read_columns(&mut section);
+        section.finish();
+        Self {
+            name: name.to_owned(),
+            stroke,
+            max_speed,
+            soft_limits,
+            encoder,
+            identification,
+            control,
+            commissioned,
+            reference,
+            plant,
+            columns,
+        }
+    }
+}
+
+fn read_soft_limits(section: &mut Section, stroke: f64) -> (f64, f64) {
+    let limits = section
+        .key("soft_limits", "Lowest and highest position that a reference may ask for")
+        .allows("[low, high] with 0 <= low < high <= stroke")
+        .numbers(-100.0..=100.0, "m", 2);
+    match limits[..] {
+        [low, high] if 0.0 <= low && low < high && high <= stroke => (low, high),
+        [] => (0.0, stroke),
+        _ => {
+            let allowed = format!("[low, high] with 0 <= low < high <= stroke ({stroke})");
+            section.refuse("soft_limits", format!("{limits:?}"), allowed);
+            (0.0, stroke)
+        }
+    }
+}
+
+fn read_columns(section: &mut Section) -> (String, String) {
+    let allowed = "[\"input column\", \"output column\"]";
+    let columns = section
+        .key("columns", "Columns of the record with command and position of this axis, with source.kind = \"replay\"")
+        .rule("[\"u\", \"y\"]")
+        .optional_texts(allowed);
+    match columns.as_deref() {
+        None => ("u".to_owned(), "y".to_owned()),
+        Some([input, output]) => (input.clone(), output.clone()),
+        Some(other) => {
+            section.refuse("columns", format!("{} names", other.len()), allowed);
+            (String::new(), String::new())
+        }
+    }
+}

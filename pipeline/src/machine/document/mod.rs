@@ -1,0 +1,174 @@
+//! Reads a TOML document key by key and collects every problem, instead of stopping at the first.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `section` | one table: its keys, the tables inside it, what is unknown |
+//! | `key` | one key: meaning, allowed values, default, and the reading of its value |
+//! | `value` | TOML values as numbers, durations and choices, and back to text |
+//! | `record` | the effective value of a key, and where the value comes from |
+//!
+//! Each key is asked for once, with its meaning, what is allowed and its default. A key that was never asked for is
+//! unknown. Settings, from a model file or the command line (`--set a.b=c`), take the place of values in the document.
+
+mod key;
+mod record;
+mod section;
+mod value;
+
+use std::cell::RefCell;
+
+use toml::de::DeTable;
+
+pub use record::{DefaultValue, EffectiveValue, Origin};
+pub(super) use section::Section;
+pub(super) use value::Shown;
+pub use value::samples_of;
+
+use super::error::{MachineError, Problem};
+use value::show;
+
+/// A value that takes the place of one in the document.
+#[derive(Debug, Clone)]
+pub(super) struct Setting {
+    /// Full dotted name of the key.
+    pub path: String,
+    /// The value as text.
+    pub text: String,
+    /// Where the value comes from.
+    pub origin: Origin,
+    used: bool,
+}
+
+impl Setting {
+    /// A setting that no key has used yet.
+    pub fn new(path: String, text: String, origin: Origin) -> Self {
+        Self { path, text, origin, used: false }
+    }
+
+    /// The settings of a command line.
+    pub fn typed(settings: &[(String, String)]) -> Vec<Self> {
+        let typed = |(path, text): &(String, String)| Self::new(path.clone(), text.clone(), Origin::CommandLine);
+        settings.iter().map(typed).collect()
+    }
+}
+
+/// A parsed document with its settings, and what has been found while it was read.
+pub(super) struct Document<'i> {
+    root: DeTable<'i>,
+    text: &'i str,
+    settings: RefCell<Vec<Setting>>,
+    /// Where the text is no TOML.
+    grammar: Vec<Problem>,
+    problems: RefCell<Vec<Problem>>,
+    /// What was read, with words for what is allowed where that depends on other keys.
+    values: RefCell<Vec<(EffectiveValue, Option<String>)>>,
+}
+
+impl<'i> Document<'i> {
+    /// Parses `text`; grammar errors are collected like all others.
+    pub fn parse(text: &'i str, settings: Vec<Setting>) -> Self {
+        let (root, errors) = DeTable::parse_recoverable(text);
+        let mut document = Self {
+            root: root.into_inner(),
+            text,
+            settings: RefCell::new(settings),
+            grammar: Vec::new(),
+            problems: RefCell::default(),
+            values: RefCell::default(),
+        };
+        for error in errors {
+            let (line, at) = match error.span() {
+                Some(span) => {
+                    let line = document.line(span.start);
+                    let shown = text.lines().nth(line - 1).unwrap_or_default().trim();
+                    (Some(line), format!(" in \"{shown}\""))
+                }
+                None => (None, String::new()),
+            };
+            let found = format!("{}{at}", error.message());
+            document.grammar.push(Problem { line, key: String::new(), found, allowed: "valid TOML".to_owned() });
+        }
+        document
+    }
+
+    /// The top of the document.
+    pub fn root(&self) -> Section<'_, 'i> {
+        Section::new(self, Some(&self.root), String::new(), None)
+    }
+
+    /// Notes the effective value of a key, and what the table of all keys says is allowed where that differs.
+    pub fn record(&self, value: EffectiveValue, allows: Option<String>) {
+        self.values.borrow_mut().push((value, allows));
+    }
+
+    /// Notes that the effective value of a key follows from other keys, whatever was read for it.
+    pub fn derive(&self, key: &str, value: String, rule: &str) {
+        if let Some((known, _)) = self.values.borrow_mut().iter_mut().find(|(known, _)| known.key == key) {
+            (known.value, known.origin) = (Some(value), Origin::Derived { rule: rule.to_owned() });
+        }
+    }
+
+    /// The effective values of all keys that were asked for, in the order of asking.
+    pub fn values(&self) -> Vec<(EffectiveValue, Option<String>)> {
+        self.values.borrow().clone()
+    }
+
+    /// Notes a problem.
+    pub fn problem(
+        &self,
+        line: Option<usize>,
+        key: impl Into<String>,
+        found: impl Into<String>,
+        allowed: impl Into<String>,
+    ) {
+        self.problems.borrow_mut().push(Problem {
+            line,
+            key: key.into(),
+            found: found.into(),
+            allowed: allowed.into(),
+        });
+    }
+
+    /// `value`, or all problems in the order of lines. A setting whose key is unknown is a problem too.
+    pub fn into_result<T>(self, file: &str, value: T) -> Result<T, MachineError> {
+        // A broken line makes other keys look wrong that are not, so broken lines are shown alone.
+        if !self.grammar.is_empty() {
+            return Err(MachineError { file: file.to_owned(), problems: self.grammar });
+        }
+        for setting in self.settings.borrow().iter().filter(|setting| !setting.used) {
+            self.problem(
+                None,
+                format!("--set {}", setting.path),
+                "an unknown key",
+                "a key of the machine file, not a table",
+            );
+        }
+        let mut problems = self.problems.into_inner();
+        problems.sort_by_key(|problem| problem.line.unwrap_or(usize::MAX));
+        if problems.is_empty() { Ok(value) } else { Err(MachineError { file: file.to_owned(), problems }) }
+    }
+
+    /// Every value of the document with its full key and its line, as settings for another document.
+    pub fn into_settings(self, file: &str) -> Result<Vec<Setting>, MachineError> {
+        let mut settings = Vec::new();
+        self.collect("", &self.root, &mut settings);
+        self.into_result(file, settings)
+    }
+
+    fn collect(&self, prefix: &str, table: &DeTable, settings: &mut Vec<Setting>) {
+        for (key, value) in table {
+            let path = format!("{prefix}{}", key.get_ref());
+            match value.get_ref().as_table() {
+                Some(table) => self.collect(&format!("{path}."), table, settings),
+                None => {
+                    let origin = Origin::ModelFile { line: self.line(value.span().start) };
+                    settings.push(Setting::new(path, show(value.get_ref()), origin));
+                }
+            }
+        }
+    }
+
+    fn line(&self, offset: usize) -> usize {
+        1 + self.text[..offset.min(self.text.len())].matches('\n').count()
+    }
+}

@@ -1,0 +1,155 @@
+//! One table of a document, read key by key.
+
+use std::collections::BTreeSet;
+
+use toml::{
+    Spanned,
+    de::{DeTable, DeValue},
+};
+
+use super::{Document, record::Origin, value::show};
+
+/// One value, with the place that it comes from.
+pub(super) enum Value<'d, 'i> {
+    /// From the document itself.
+    File(&'d Spanned<DeValue<'i>>),
+    /// From a setting, with the place that the setting comes from.
+    Setting(String, Origin),
+}
+
+/// One table of the document, being read.
+pub(in crate::machine) struct Section<'d, 'i> {
+    pub(super) document: &'d Document<'i>,
+    table: Option<&'d DeTable<'i>>,
+    path: String,
+    line: Option<usize>,
+    asked: BTreeSet<String>,
+    /// Old names of keys, which are refused with the new name.
+    renamed: BTreeSet<&'static str>,
+}
+
+impl<'d, 'i> Section<'d, 'i> {
+    pub(super) fn new(
+        document: &'d Document<'i>,
+        table: Option<&'d DeTable<'i>>,
+        path: String,
+        line: Option<usize>,
+    ) -> Self {
+        Self { document, table, path, line, asked: BTreeSet::new(), renamed: BTreeSet::new() }
+    }
+
+    /// Full dotted name of a key in this table.
+    pub fn path_of(&self, key: &str) -> String {
+        match (self.path.as_str(), key) {
+            ("", key) => key.to_owned(),
+            (path, "") => path.to_owned(),
+            (path, key) => format!("{path}.{key}"),
+        }
+    }
+
+    /// Whether the file or the command line gives anything for this table.
+    pub fn is_given(&self) -> bool {
+        let prefix = format!("{}.", self.path);
+        self.table.is_some() || self.document.settings.borrow().iter().any(|s| s.path.starts_with(&prefix))
+    }
+
+    /// Names of the keys in the file, in its order.
+    pub fn names(&self) -> Vec<String> {
+        self.table.into_iter().flat_map(|table| table.keys()).map(|key| key.get_ref().to_string()).collect()
+    }
+
+    /// Line of a key of this table; without such a key, line of the table.
+    pub fn line_of(&self, key: &str) -> Option<usize> {
+        let found = self.table.and_then(|table| table.get(key)).map(|value| self.document.line(value.span().start));
+        found.or(self.line)
+    }
+
+    /// Notes a problem with a key of this table.
+    pub fn refuse(&self, key: &str, found: impl Into<String>, allowed: impl Into<String>) {
+        self.document.problem(self.line_of(key), self.path_of(key), found, allowed);
+    }
+
+    /// Takes the value of a key, if there is one, and notes that the key was asked for.
+    pub(super) fn take(&mut self, key: &str) -> Option<Value<'d, 'i>> {
+        self.asked.insert(key.to_owned());
+        let path = self.path_of(key);
+        let mut settings = self.document.settings.borrow_mut();
+        // The last of several settings counts, as on any command line.
+        let mut chosen = None;
+        for setting in settings.iter_mut().filter(|setting| setting.path == path) {
+            setting.used = true;
+            chosen = Some((setting.text.clone(), setting.origin.clone()));
+        }
+        match chosen {
+            Some((text, origin)) => Some(Value::Setting(text, origin)),
+            None => self.table.and_then(|table| table.get(key)).map(Value::File),
+        }
+    }
+
+    /// A table inside this one; an absent one reads as empty.
+    pub fn section(&mut self, key: &str) -> Section<'d, 'i> {
+        self.asked.insert(key.to_owned());
+        let value = self.table.and_then(|table| table.get(key));
+        let table = value.and_then(|value| value.get_ref().as_table());
+        if let (Some(value), None) = (value, table) {
+            self.refuse(key, show(value.get_ref()), "a table");
+        }
+        let line = value.map(|value| self.document.line(value.span().start)).or(self.line);
+        Section::new(self.document, table, self.path_of(key), line)
+    }
+
+    /// The tables of a list; an absent list reads as empty.
+    pub fn list(&mut self, key: &str) -> Vec<Section<'d, 'i>> {
+        self.asked.insert(key.to_owned());
+        let Some(value) = self.table.and_then(|table| table.get(key)) else { return Vec::new() };
+        let Some(items) = value.get_ref().as_array() else {
+            self.refuse(key, show(value.get_ref()), "a list of tables");
+            return Vec::new();
+        };
+        let sections = items.iter().enumerate().map(|(i, item)| {
+            let path = format!("{}[{i}]", self.path_of(key));
+            let line = Some(self.document.line(item.span().start));
+            let table = item.get_ref().as_table();
+            if table.is_none() {
+                self.document.problem(line, path.clone(), show(item.get_ref()), "a table");
+            }
+            Section::new(self.document, table, path, line)
+        });
+        sections.collect()
+    }
+
+    /// Notes that the effective value of a key follows from other keys, whatever was read for it.
+    pub fn derive(&self, key: &str, value: String, rule: &str) {
+        self.document.derive(&self.path_of(key), value, rule);
+    }
+
+    /// Refuses the old name of a key and says the new one, `to`, which is relative to this table.
+    pub fn renamed(&mut self, key: &'static str, to: &str) {
+        let is_set = self.is_set(key);
+        if self.take(key).is_some() {
+            let line = if is_set { None } else { self.line_of(key) };
+            let allowed = format!("{}, its new name", self.path_of(to));
+            self.document.problem(line, self.path_of(key), "a key that has been renamed", allowed);
+        }
+        self.asked.remove(key);
+        self.renamed.insert(key);
+    }
+
+    /// Whether the command line gives this key.
+    pub fn is_set(&self, key: &str) -> bool {
+        let path = self.path_of(key);
+        self.document.settings.borrow().iter().any(|setting| setting.path == path)
+    }
+
+    /// Ends the reading: a key that was not asked for is unknown.
+    pub fn finish(self) {
+        for key in self.table.into_iter().flat_map(|table| table.keys()) {
+            if !self.asked.contains(key.get_ref().as_ref()) && !self.renamed.contains(key.get_ref().as_ref()) {
+                let known: Vec<&str> = self.asked.iter().map(String::as_str).collect();
+                let line = Some(self.document.line(key.span().start));
+                let allowed = format!("one of {}", known.join(", "));
+                self.document.problem(line, self.path_of(key.get_ref()), "an unknown key", allowed);
+            }
+        }
+    }
+}

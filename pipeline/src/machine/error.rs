@@ -1,0 +1,52 @@
+//! What is wrong with a machine file.
+
+use std::fmt;
+
+/// Number of problems that are shown; a file that is no machine file has one in every line.
+const MAX_SHOWN: usize = 30;
+
+/// One problem of a machine file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problem {
+    /// Line of the file, where the problem has one.
+    pub line: Option<usize>,
+    /// Full dotted key, empty for the file as a whole.
+    pub key: String,
+    /// What was found.
+    pub found: String,
+    /// What is allowed.
+    pub allowed: String,
+}
+
+/// All problems of a machine file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MachineError {
+    /// Name of the file, as the user typed it.
+    pub file: String,
+    /// At least one problem.
+    pub problems: Vec<Problem>,
+}
+
+impl fmt::Display for MachineError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, problem) in self.problems.iter().take(MAX_SHOWN).enumerate() {
+            if i > 0 {
+                writeln!(f)?;
+            }
+            write!(f, "{}:", self.file)?;
+            if let Some(line) = problem.line {
+                write!(f, "{line}:")?;
+            }
+            if !problem.key.is_empty() {
+                write!(f, " {}:", problem.key)?;
+            }
+            write!(f, " found {}; allowed: {}", problem.found, problem.allowed)?;
+        }
+        match self.problems.len().checked_sub(MAX_SHOWN) {
+            None | Some(0) => Ok(()),
+            Some(more) => write!(f, "\n{}: and {more} more", self.file),
+        }
+    }
+}
+
+impl std::error::Error for MachineError {}

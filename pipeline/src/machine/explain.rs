@@ -1,0 +1,174 @@
+//! Effective values with their origin, and the table of all keys.
+//!
+//! Both come from the reader itself: whatever it asks a document for is noted with its value, origin, default and
+//! meaning. So no list of keys has to be kept up to date.
+
+use std::path::Path;
+
+use super::{
+    Machine, MachineFile,
+    document::{DefaultValue, Document, EffectiveValue, Setting},
+    error::MachineError,
+    read_model,
+};
+
+/// One key that a machine file can have.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Key {
+    /// Full dotted name with patterns: `axis.NAME.control.kp`, `axis.NAME.reference.sines[].amplitude`.
+    pub path: String,
+    /// What the key takes.
+    pub allowed: String,
+    /// Unit of the value; empty for a number without unit and for anything that is no number.
+    pub unit: String,
+    /// What an absent key means.
+    pub default: DefaultValue,
+    /// What the key means, in one sentence.
+    pub meaning: &'static str,
+}
+
+/// A file in which every table is given, so that the reader asks for all keys. Its values are of no interest.
+const SPECIMEN: &str = r#"
+    [scenarios.NAME]
+    changes = [{ parameter = "mass" }, { parameter = "temperature" }]
+    commands = [{}]
+    [supply]
+    [oil]
+    [axis.NAME.commissioned]
+    [axis.NAME.reference]
+    sines = [{}]
+    [axis.NAME.plant]
+"#;
+
+/// Settings under which the reader asks for keys that it does not ask for otherwise.
+const VARIANTS: [(&str, &str); 4] = [
+    ("axis.NAME.reference.kind", "sines"),
+    ("axis.NAME.reference.kind", "ramps"),
+    ("axis.NAME.reference.kind", "trajectory"),
+    ("source.kind", "replay"),
+];
+
+/// All keys that a machine file can have, in the order in which they are read.
+///
+/// ```
+/// let keys = pipeline::machine::keys();
+/// let horizon = keys.iter().find(|key| key.path == "axis.NAME.control.horizon").unwrap();
+/// assert_eq!((horizon.default.to_string().as_str(), horizon.allowed.as_str()), ("20", "a whole number from 1 to 31"));
+/// ```
+pub fn keys() -> Vec<Key> {
+    let mut keys: Vec<Key> = Vec::new();
+    for (path, text) in VARIANTS {
+        let document = Document::parse(SPECIMEN, Setting::typed(&[(path.to_owned(), text.to_owned())]));
+        // The specimen is no valid machine; only what the reader asks for is of interest.
+        let _ = Machine::read(document.root(), Path::new("."));
+        let mut place = 0;
+        for (value, allows) in document.values() {
+            let EffectiveValue { key, unit, allowed, default, meaning, .. } = value;
+            let path = pattern(&key);
+            match keys.iter().position(|known| known.path == path) {
+                Some(known) => place = known + 1,
+                None => {
+                    let allowed = allows.unwrap_or(allowed);
+                    keys.insert(place, Key { path, allowed, unit, default, meaning });
+                    place += 1;
+                }
+            }
+        }
+    }
+    keys
+}
+
+/// The name of a key with its stage and its places in lists left open.
+fn pattern(key: &str) -> String {
+    let parts: Vec<&str> = key.split('.').collect();
+    let open = |(place, part): (usize, &&str)| match (place, part.split_once('[')) {
+        (1, _) if parts[0] == "stage" => "STAGE".to_owned(),
+        (1, _) if ["axis", "scenarios"].contains(&parts[0]) => "NAME".to_owned(),
+        (_, Some((list, _))) => format!("{list}[]"),
+        (_, None) => (*part).to_owned(),
+    };
+    parts.iter().enumerate().map(open).collect::<Vec<_>>().join(".")
+}
+
+impl Machine {
+    /// Reads a machine as [`Machine::load`] does, with a model file whose values rank between the machine file and
+    /// `settings`, and says for every key which value it has and where the value comes from.
+    ///
+    /// # Errors
+    /// All problems of the machine file at once, or that one of the files cannot be read.
+    ///
+    /// ```
+    /// use pipeline::machine::{Machine, Origin};
+    ///
+    /// let setting = ("axis.boom.control.kp".to_owned(), "3".to_owned());
+    /// let (_, values) = Machine::explain(None, None, &[setting])?;
+    /// let of = |key: &str| values.iter().find(|value| value.key == key).unwrap();
+    /// assert_eq!(of("axis.boom.control.kp").value.as_deref(), Some("3.0"));
+    /// assert_eq!(of("axis.boom.control.kp").origin, Origin::CommandLine);
+    /// assert_eq!(of("axis.boom.control.horizon").origin, Origin::Default);
+    /// assert_eq!(of("timing.feedback_timeout").origin.to_string(), "3 periods");
+    /// # Ok::<(), pipeline::machine::MachineError>(())
+    /// ```
+    pub fn explain(
+        file: Option<&Path>,
+        model: Option<&Path>,
+        settings: &[(String, String)],
+    ) -> Result<(Self, Vec<EffectiveValue>), MachineError> {
+        let MachineFile { text, name, folder } = MachineFile::open(file)?;
+        let mut all = model.map_or(Ok(Vec::new()), read_model)?;
+        all.extend(Setting::typed(settings));
+        let document = Document::parse(&text, all);
+        let machine = Self::read(document.root(), &folder);
+        let values = document.values().into_iter().map(|(value, _)| value).collect();
+        document.into_result(&name, (machine, values))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::machine::Origin;
+
+    #[test]
+    fn every_key_has_a_meaning_and_says_what_is_allowed() {
+        let keys = keys();
+        assert!(keys.len() > 100, "{}", keys.len());
+        let paths: BTreeSet<&str> = keys.iter().map(|key| key.path.as_str()).collect();
+        assert_eq!(paths.len(), keys.len(), "every key is listed once");
+        for key in &keys {
+            assert!(key.meaning.len() > 5 && !key.meaning.ends_with('.'), "{}: {}", key.path, key.meaning);
+            assert!(!key.allowed.is_empty(), "{}", key.path);
+        }
+    }
+
+    #[test]
+    fn every_key_of_the_built_in_machine_is_in_the_table() {
+        let keys = keys();
+        let (_, values) = Machine::explain(None, None, &[]).unwrap();
+        for value in values {
+            let path = pattern(&value.key);
+            let key = keys.iter().find(|key| key.path == path);
+            assert_eq!(key.map(|key| key.meaning), Some(value.meaning), "{path}");
+        }
+    }
+
+    #[test]
+    fn a_value_comes_from_the_last_place_that_gives_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let model = folder.path().join("model.toml");
+        std::fs::write(&model, "[axis.boom.control]\nkp = 4.0\nki = 2.0\n").unwrap();
+        let set = [("axis.boom.control.ki".to_owned(), "1".to_owned())];
+        let (machine, values) = Machine::explain(None, Some(&model), &set).unwrap();
+        let of = |key: &str| values.iter().find(|value| value.key == key).unwrap();
+        assert_eq!((machine.axes[0].control.kp, machine.axes[0].control.ki), (4.0, 1.0));
+        assert_eq!(of("axis.boom.control.kp").origin, Origin::ModelFile { line: 2 });
+        assert_eq!(of("axis.boom.control.ki").origin, Origin::CommandLine);
+        let text = super::super::BUILT_IN;
+        let line = 1 + text[..text.find("stroke = 1.334").unwrap()].matches('\n').count();
+        assert_eq!(of("axis.boom.stroke").origin, Origin::MachineFile { line });
+        assert_eq!(of("axis.boom.encoder.tolerance").origin, Origin::Default);
+        assert_eq!(of("axis.boom.reference.sines[0].amplitude").value.as_deref(), Some("0.12"));
+    }
+}

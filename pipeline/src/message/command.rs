@@ -1,0 +1,139 @@
+//! Valve commands, with the reason for each.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::{Header, Message};
+use crate::{MAX_AXES, layout::shared_struct, statistics::ErrorStatistics};
+
+shared_struct! {
+    /// One axis of a [`ValveCommand`].
+    #[type_name("hydraxis.AxisCommand/2")]
+    pub struct AxisCommand {
+        /// Valve command in [-1, 1], positive extends; made from sample `sequence` and held until the next.
+        pub command: f64,
+        /// Reference of this tick, m.
+        pub reference: f64,
+        /// Following error, reference - position, m.
+        pub error: f64,
+        /// Which controller made the command, a [`ControlMode`] as number.
+        pub mode: u32,
+        /// Why the axis stands still or the model is not used, [`control_flag`] bits; 0 is healthy.
+        pub flags: u32,
+        /// Mode that the axis is operated in, an [`AxisMode`](super::AxisMode) as number; 0 in a replay.
+        pub operation: u32,
+        /// Number of [`Request`](super::Request) messages that were refused so far.
+        pub refused_requests: u32,
+        /// Number of [`Request`](super::Request) messages that were accepted so far.
+        pub taken_requests: u64,
+        /// Numbers of snapshots that were refused so far, by [`REFUSALS`].
+        pub rejected_snapshots: [u64; REFUSALS.len()],
+        /// Number of plans of the predictive controller that its solver did not solve so far.
+        pub unsolved_plans: u64,
+        /// Following error since the axis began to follow its reference, m.
+        pub tracking: ErrorStatistics,
+        /// Following error over the ticks whose command the predictive controller made, m.
+        pub model_tracking: ErrorStatistics,
+    }
+}
+
+/// Why a snapshot was refused, in the order of [`AxisCommand::rejected_snapshots`].
+pub const REFUSALS: [&str; 7] = ["not-finite", "structure", "unstable", "direction", "unreachable", "speed", "worse"];
+
+/// Which controller made a command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum ControlMode {
+    /// Neutral: the axis is not armed, is settling, or has a latched fault.
+    Neutral = 0,
+    /// The fallback, a PI controller with dead-band compensation.
+    Fallback = 1,
+    /// The predictive controller.
+    Model = 2,
+    /// A recording plays; no controller runs.
+    Replay = 3,
+    /// A person, by [`Request`](super::Request), within the limits.
+    Manual = 4,
+    /// A commissioning program, by [`Request`](super::Request), within the limits.
+    Commission = 5,
+}
+
+impl ControlMode {
+    /// The mode's name, or `unknown` for a number that is no mode.
+    pub fn name(mode: u32) -> &'static str {
+        ["neutral", "fallback", "model", "replay", "manual", "commission"].get(mode as usize).unwrap_or(&"unknown")
+    }
+}
+
+/// Bits of [`AxisCommand::flags`]; 0 is healthy.
+pub mod control_flag {
+    /// The axis is not armed.
+    pub const DISARMED: u32 = 1;
+    /// The axis is settling: it waits for healthy samples before it moves.
+    pub const SETTLING: u32 = 2;
+    /// The feedback was stale, implausible or stuck; latched.
+    pub const FEEDBACK: u32 = 4;
+    /// The reference stopped, jumped, left the soft limits or is not finite; the axis holds.
+    pub const REFERENCE: u32 = 8;
+    /// The identifier has no model yet.
+    pub const NO_MODEL: u32 = 16;
+    /// The last approved snapshot is old; it is used until its lifetime is over.
+    pub const MODEL_STALE: u32 = 32;
+    /// The newest snapshot was refused.
+    pub const MODEL_REFUSED: u32 = 64;
+    /// The newest request was refused; the axis goes on in its mode.
+    pub const REQUEST: u32 = 128;
+    /// Requests stopped while the axis needed them; the axis has been off since.
+    pub const REQUEST_STOPPED: u32 = 256;
+    /// A soft limit is near: the command that was asked for would not stop the axis before it.
+    pub const SOFT_LIMIT: u32 = 512;
+    /// Commands came too late several times in a row; latched.
+    pub const DEADLINE: u32 = 1024;
+    /// The predictive controller found no plan several times in a row; latched.
+    pub const SOLVER: u32 = 2048;
+    /// The axis was driven and hardly moved; latched.
+    pub const STALL: u32 = 4096;
+    /// The following error was too large for too long; latched.
+    pub const FOLLOWING: u32 = 8192;
+    /// The emergency stop is or was pressed; latched, with the pilot pressure cut off.
+    pub const EMERGENCY_STOP: u32 = 16384;
+    /// No model has been usable for so long that the axis is limited to half of its speed.
+    pub const HALF_SPEED: u32 = 32768;
+
+    /// The bits of faults that keep the axis neutral until it is disarmed and armed again.
+    pub const LATCHED: u32 = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | EMERGENCY_STOP;
+    /// Names of the bits, lowest first.
+    pub const NAMES: [&str; 16] = [
+        "disarmed",
+        "settling",
+        "feedback",
+        "reference",
+        "no-model",
+        "model-stale",
+        "model-refused",
+        "request",
+        "request-stopped",
+        "soft-limit",
+        "deadline",
+        "solver",
+        "stall",
+        "following",
+        "emergency-stop",
+        "half-speed",
+    ];
+}
+
+shared_struct! {
+    /// The valve commands of one tick: control-proc (or a recording) to plant-sim and ident-proc.
+    #[type_name("hydraxis.ValveCommand/3")]
+    pub struct ValveCommand {
+        /// `sequence` names the sample that the command was made from.
+        pub header: Header,
+        /// One entry per axis.
+        pub axes: [AxisCommand; MAX_AXES],
+        /// 1 asks for the pilot pressure of all valves to be cut off, whatever the commands are; else 0.
+        pub cut_off: u32,
+        /// Zero.
+        pub reserved: u32,
+    }
+}
+message!(ValveCommand, "valve-command", publishers 1, buffer 256);

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use pipeline::machine::Scenario;
+use pipeline::machine::{Key, Scenario, keys};
 
 use super::pages::{Page, is_overwriting, root};
 
@@ -34,4 +34,32 @@ fn the_book_lists_every_scenario() {
         table += &format!("| `{}` | {} |\n", scenario.name, scenario.summary);
     }
     check("docs/src/scenarios.md", "scenarios", &table);
+}
+
+/// The table of a key, and its name within the table.
+fn place(key: &Key) -> (&str, &str) {
+    let tables = key.path.split("[]").next().unwrap_or_default();
+    tables.rfind('.').map_or(("", key.path.as_str()), |dot| (&key.path[..dot], &key.path[dot + 1..]))
+}
+
+/// A text as the cell of a table.
+fn cell(text: &str) -> String {
+    text.replace('|', "\\|")
+}
+
+#[test]
+fn the_book_lists_every_key_of_the_machine_file() {
+    let mut tables = String::new();
+    let mut last = None;
+    for key in keys() {
+        let (table, name) = place(&key);
+        if last.as_deref() != Some(table) {
+            let heading = if table.is_empty() { "Outside of all tables".to_owned() } else { format!("[{table}]") };
+            tables += &format!("\n### {heading}\n\n| key | allowed | without it | meaning |\n|---|---|---|---|\n");
+            last = Some(table.to_owned());
+        }
+        let (allowed, default) = (cell(&key.allowed), cell(&key.default.to_string()));
+        tables += &format!("| `{name}` | {allowed} | {default} | {} |\n", cell(key.meaning));
+    }
+    check("docs/src/machine.md", "keys", tables.trim_start());
 }

@@ -168,7 +168,8 @@ def main():
     parser.add_argument("--prefix", required=True, help="name of the group")
     parser.add_argument("--lockstep", action="store_true")
     parser.add_argument("--ticks", type=int, help="end after so many ticks")
-    arguments, _ = parser.parse_known_args()  # the seed has no use here: these encoders have no noise
+    parser.add_argument("--seed", help="has no use here: these encoders have no noise")
+    arguments, _ = parser.parse_known_args()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # leave the group in order, as at Ctrl-C
     iox2.set_log_level(iox2.LogLevel.Fatal)  # errors come as exceptions
     try:

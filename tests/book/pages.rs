@@ -96,3 +96,8 @@ pub fn all() -> Vec<Page> {
     paths.extend(files_below(Path::new("docs/src"), "md"));
     paths.iter().map(|path: &PathBuf| Page::read(path)).collect()
 }
+
+/// Whether a page belongs to README or book, whose paths begin at the project's folder.
+pub fn is_own(page: &Page) -> bool {
+    page.path == Path::new("README.md") || page.path.starts_with("docs")
+}

@@ -15,17 +15,12 @@ use std::{
     time::{Duration, Instant},
 };
 
-use harness::{PATIENCE, alone, files, hydraxis, running::Running, signal, wait_for};
+use harness::{PATIENCE, TestGroup, alone, files, hydraxis, processes, running::Running, variable, wait_for};
 use pipeline::{
     channel::Reader,
     message::StageHealth,
     stage::{StageKind, monotonic_ns},
 };
-use rustix::process::Signal;
-
-fn variable(name: &str, default: f64) -> f64 {
-    std::env::var(name).map_or(default, |text| text.parse().unwrap_or_else(|error| panic!("{name}={text}: {error}")))
-}
 
 /// The number behind a word in `/proc/PID/status`, kB.
 fn status(pid: u32, word: &str) -> u64 {
@@ -59,7 +54,7 @@ fn descriptors(pid: u32) -> usize {
 }
 
 /// The supervisor and its stages, by name.
-fn processes(running: &Running) -> Vec<(&'static str, u32)> {
+fn members(running: &Running) -> Vec<(&'static str, u32)> {
     let stages = StageKind::ALL.into_iter().map(|kind| (kind.name(), running.pid(kind)));
     [("supervisor", running.supervisor.id())].into_iter().chain(stages).collect()
 }
@@ -78,7 +73,7 @@ fn all_files() -> Vec<std::path::PathBuf> {
 fn groups_that_come_and_go_leave_nothing_and_take_no_more_each_time() {
     let _alone = alone();
     let cycles = variable("HYDRAXIS_ENDURANCE_CYCLES", 5.0) as usize;
-    let group = harness::TestGroup::new("cycles");
+    let group = TestGroup::new("cycles");
     let prefix = group.prefix.to_string();
     let folder = tempfile::tempdir().unwrap();
     let said = folder.path().join("said");
@@ -106,7 +101,7 @@ fn groups_that_come_and_go_leave_nothing_and_take_no_more_each_time() {
         peaks.push(peak);
         assert_eq!(all_files(), Vec::<std::path::PathBuf>::new(), "cycle {cycle}");
         assert_eq!(files(&group.prefix), Vec::<std::path::PathBuf>::new(), "cycle {cycle}");
-        assert_eq!(named(&prefix), Vec::<String>::new(), "cycle {cycle}");
+        assert_eq!(processes(&group.prefix), Vec::<String>::new(), "cycle {cycle}");
         let now = descriptors(std::process::id());
         assert_eq!(*before.get_or_insert(now), now, "descriptors of this process, cycle {cycle}");
     }
@@ -138,13 +133,6 @@ fn take_peak(pid: u32, peaks: &mut [u64; 5]) {
     }
 }
 
-/// Command lines of processes that name this group.
-fn named(prefix: &str) -> Vec<String> {
-    let processes = std::fs::read_dir("/proc").unwrap().flatten();
-    let lines = processes.filter_map(|process| std::fs::read_to_string(process.path().join("cmdline")).ok());
-    lines.filter(|line| line.split('\0').any(|word| word == prefix)).collect()
-}
-
 /// Reads heartbeats along until a number of ticks is through.
 fn await_tick(health: &mut Reader<StageHealth>, tick: u64, patience: Duration) {
     let until = Instant::now() + patience;
@@ -166,8 +154,8 @@ fn expect_constant(test: &str, arguments: &[&str], warm_up: u64, ticks: u64) {
     // In lock-step a tick takes a millisecond at the most, on a busy machine ten.
     let patience = PATIENCE + Duration::from_millis(20 * ticks);
     await_tick(&mut health, warm_up, patience);
-    let look = || processes(&running).into_iter().map(|(name, pid)| (name, Holds::of(pid))).collect::<Vec<_>>();
-    let touched = || processes(&running).into_iter().map(|(_, pid)| status(pid, "VmRSS")).collect::<Vec<_>>();
+    let look = || members(&running).into_iter().map(|(name, pid)| (name, Holds::of(pid))).collect::<Vec<_>>();
+    let touched = || members(&running).into_iter().map(|(_, pid)| status(pid, "VmRSS")).collect::<Vec<_>>();
     let shared = || running.group.files().iter().map(|file| std::fs::metadata(file).unwrap().len()).sum::<u64>() / 1024;
     let (before, shared_before, touched_before) = (look(), shared(), touched());
     let started = monotonic_ns();
@@ -193,8 +181,7 @@ fn expect_constant(test: &str, arguments: &[&str], warm_up: u64, ticks: u64) {
 /// Ends a group in order: it leaves nothing.
 fn end(mut running: Running, channels: pipeline::channel::Group, health: Reader<StageHealth>) {
     drop((health, channels));
-    signal(running.supervisor.id(), Signal::INT);
-    running.expect_end(0);
+    running.interrupt();
     assert_eq!(running.group.files(), Vec::<std::path::PathBuf>::new());
 }
 

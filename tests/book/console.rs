@@ -218,7 +218,7 @@ fn check(path: &str) {
     let examples = examples(&page);
     assert!(!examples.is_empty(), "{path} has no console example");
     let in_real_time = examples.iter().any(|example| example.varies || example.command.ends_with('&'));
-    let _alone = in_real_time.then(harness::alone);
+    let _cores = in_real_time.then(harness::shared);
     // As long as the name that it replaces, so that tables look alike; another one in every process and on every page.
     let number =
         (std::process::id() as usize * 31 + path.len() * 7 + path.bytes().map(usize::from).sum::<usize>()) % 4096;

@@ -8,15 +8,12 @@ use rand_pcg::{
     rand_core::{Rng, SeedableRng},
 };
 
+use crate::harness::variable;
+
 pub struct Dice {
     random: Pcg64,
     started: Instant,
     test: &'static str,
-}
-
-/// A number from the environment.
-pub fn variable(name: &str, default: u64) -> u64 {
-    std::env::var(name).map_or(default, |text| text.parse().unwrap_or_else(|error| panic!("{name}={text}: {error}")))
 }
 
 impl Dice {

@@ -11,7 +11,11 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use crate::{
     dice::Dice,
-    harness::{PATIENCE, files, hydraxis, is_running, running::Running, running::Said, signal, succeed},
+    harness::{
+        PATIENCE, files, hydraxis, is_running, processes,
+        running::{Running, Said},
+        signal, succeed,
+    },
     watch::Watch,
 };
 
@@ -174,8 +178,7 @@ impl Chaos {
     pub fn interrupt(mut self, tally: &mut Tally) -> Said {
         self.release();
         self.look_away(tally);
-        signal(self.running.supervisor.id(), Signal::INT);
-        let said = self.running.expect_end(0);
+        let said = self.running.interrupt();
         self.expect_nothing();
         *tally.ends.entry("asked to end".to_owned()).or_default() += 1;
         said
@@ -257,12 +260,4 @@ impl Drop for Chaos {
 /// Another command on the group.
 pub fn client(arguments: &[&str]) -> Child {
     hydraxis().args(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
-}
-
-/// Command lines of the processes that name this group.
-pub fn processes(prefix: &Prefix) -> Vec<String> {
-    let is_of = |line: &String| line.split('\0').any(|word| word == prefix.to_string());
-    let processes = std::fs::read_dir("/proc").unwrap().flatten();
-    let lines = processes.filter_map(|process| std::fs::read_to_string(process.path().join("cmdline")).ok());
-    lines.filter(is_of).map(|line| line.replace('\0', " ")).collect()
 }

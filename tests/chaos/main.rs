@@ -14,5 +14,5 @@ mod watch;
 
 /// Kills in each of the two clocks.
 fn kills() -> u64 {
-    dice::variable("HYDRAXIS_CHAOS_KILLS", 16).div_ceil(2)
+    harness::variable::<u64>("HYDRAXIS_CHAOS_KILLS", 16).div_ceil(2)
 }

@@ -1,6 +1,6 @@
 //! Rows 1 to 8: what can happen to the feedback.
 
-use std::{sync::MutexGuard, time::Duration};
+use std::time::Duration;
 
 use pipeline::{
     channel::Reader,
@@ -12,7 +12,7 @@ use rustix::process::Signal;
 use crate::{
     clock::judge,
     harness::{
-        TestGroup, alone,
+        Cores, TestGroup, alone,
         channel::{AXES, await_message, receive, send},
         running::Running,
         signal, wait_for,
@@ -28,7 +28,7 @@ const STILL: f64 = 5e-3;
 /// A real-time group in motion, and a place at its channels.
 pub struct Moving {
     pub running: Running,
-    _alone: MutexGuard<'static, ()>,
+    _alone: Cores,
     pub commands: Reader<ValveCommand>,
     pub readings: Reader<EncoderReading>,
     pub samples: Reader<EncoderSample>,

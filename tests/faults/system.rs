@@ -152,8 +152,7 @@ fn row_37_nor_does_it_in_real_time() {
         (moved && ticks > 200).then_some(())
     });
     drop((commands, channels));
-    signal(running.supervisor.id(), Signal::INT);
-    let said = running.expect_end(0);
+    let said = running.interrupt();
     assert!(!said.stderr.contains("killed") && !said.stderr.contains("starts again"), "{}", said.stderr);
     let report: Value = serde_json::from_str(&said.stdout).unwrap();
     for (name, stage) in report["stages"].as_object().unwrap() {
@@ -203,8 +202,7 @@ fn row_38_hogs_on_both_cores_make_no_command_that_nobody_bounds() {
     causes.dedup();
     while health.read().unwrap().if_new().is_some() {}
     drop((commands, health, channels));
-    signal(running.supervisor.id(), Signal::INT);
-    let said = running.expect_end(0);
+    let said = running.interrupt();
     let report: Value = serde_json::from_str(&said.stdout).unwrap();
     let mut told = format!("row 38: {ticks} commands, {gaps} ticks without one, latched by {causes:?}; missed:");
     for kind in StageKind::ALL {

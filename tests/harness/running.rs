@@ -11,21 +11,23 @@ use pipeline::{
     message::{StageHealth, StageState},
     stage::StageKind,
 };
+use rustix::process::Signal;
 
-use super::{TestGroup, hydraxis, is_running, wait_for};
+use super::{TestGroup, hydraxis, is_running, signal, wait_for};
 
-/// What the supervisor has said until its end.
+/// What the supervisor has printed until its end.
 pub struct Said {
     pub stdout: String,
     pub stderr: String,
 }
 
-fn text(pipe: Option<impl Read>) -> String {
-    let mut text = Vec::new();
+/// All that comes through a pipe; nothing where there is no pipe.
+pub fn text(pipe: Option<impl Read>) -> String {
+    let mut text = String::new();
     if let Some(mut pipe) = pipe {
-        pipe.read_to_end(&mut text).unwrap();
+        pipe.read_to_string(&mut text).unwrap();
     }
-    String::from_utf8(text).unwrap()
+    text
 }
 
 /// A whole group under a supervisor, with the pids of its stages.
@@ -41,7 +43,7 @@ impl Running {
         Self::start_with(test, &["--duration", "60s"])
     }
 
-    /// The same with other arguments.
+    /// Starts `hydraxis run` with these arguments and waits until all four stages work.
     pub fn start_with(test: &str, arguments: &[&str]) -> Self {
         let mut running = Self::spawn(test, arguments, &StageKind::ALL, |_| ());
         let channels = running.group.join();
@@ -57,7 +59,7 @@ impl Running {
         running
     }
 
-    /// Starts it and waits for these stages to say that they are ready only.
+    /// Starts `hydraxis run` and waits for the first heartbeat of the stages in `kinds`. `set` may change the command.
     pub fn spawn(test: &str, arguments: &[&str], kinds: &[StageKind], set: impl FnOnce(&mut Command)) -> Self {
         let group = TestGroup::new(test);
         let mut command = hydraxis();
@@ -65,7 +67,7 @@ impl Running {
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         set(&mut command);
         let supervisor = command.spawn().unwrap();
-        // A member before the supervisor would look like a group that runs already.
+        // Trap: if the test joined before the supervisor, the supervisor would take the group for a running one.
         wait_for("the group", || group.prefix.folder().join("members").exists().then_some(()));
         let channels = group.join();
         let mut health: Reader<StageHealth> = channels.reader().unwrap();
@@ -83,7 +85,7 @@ impl Running {
     /// Waits until another process works in a stage's place.
     pub fn await_next(&mut self, kind: StageKind, health: &mut Reader<StageHealth>) {
         let before = self.pid(kind);
-        self.pids[kind as usize] = wait_for("the next life of a stage", || {
+        self.pids[kind as usize] = wait_for("the stage that was started again", || {
             let health = health.read().unwrap().if_new()?;
             let is_it =
                 health.stage == kind as u32 && health.pid != before && health.state != StageState::Stopped as u32;
@@ -91,7 +93,13 @@ impl Running {
         });
     }
 
-    /// Waits for the supervisor's end with this exit code; what it has said.
+    /// Asks the supervisor to end, as Ctrl-C does, and expects exit code 0.
+    pub fn interrupt(&mut self) -> Said {
+        signal(self.supervisor.id(), Signal::INT);
+        self.expect_end(0)
+    }
+
+    /// Waits for the supervisor's end and expects this exit code.
     pub fn expect_end(&mut self, code: i32) -> Said {
         let (stdout, stderr) = (self.supervisor.stdout.take(), self.supervisor.stderr.take());
         let (stdout, stderr) = (thread::spawn(move || text(stdout)), thread::spawn(move || text(stderr)));
@@ -105,6 +113,7 @@ impl Running {
         self.pids[kind as usize]
     }
 
+    /// Whether none of the stages runs.
     pub fn none_runs(&self) -> bool {
         self.pids.iter().all(|pid| *pid == 0 || !is_running(*pid))
     }

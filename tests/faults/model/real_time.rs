@@ -100,8 +100,7 @@ fn row_23_a_killed_identifier_stops_nobody() {
     assert!(lost <= scaled(Duration::from_millis(10) * gaps[0] as u32), "{gaps:?}");
     running.await_next(StageKind::IdentProc, &mut health);
     drop((commands, health, channels));
-    signal(running.supervisor.id(), Signal::INT);
-    running.expect_end(0);
+    running.interrupt();
 }
 
 #[test]

@@ -1,0 +1,63 @@
+//! `hydraxis commission` as a user runs it.
+
+use std::fs;
+
+use crate::harness::cli::{expect_refusal, run, success};
+
+/// One axis, and no longer than it takes.
+const QUICK: [&str; 7] = ["commission", "--axis", "bucket", "--scenario", "nominal", "--duration", "40s"];
+
+#[test]
+fn a_model_is_found_written_and_read_by_the_other_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(folder.path(), &QUICK);
+    let (shown, said) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert_eq!(said, "next: hydraxis run --model model.toml\n");
+    assert!(shown.contains("bucket") && shown.ends_with("written: model.toml\n"), "{shown}");
+    let text = fs::read_to_string(folder.path().join("model.toml")).unwrap();
+    assert!(text.starts_with("# Found by `hydraxis commission` on \"four-axis excavator\""), "{text}");
+    assert!(text.contains("\n[axis.bucket.commissioned]\n") && !text.contains("[axis.boom"), "{text}");
+    success(folder.path(), &["check", "--model", "model.toml"]);
+    success(folder.path(), &["simulate", "--duration", "1s", "--model", "model.toml"]);
+
+    // The same again, bit for bit, but only where it is asked for.
+    expect_refusal(folder.path(), &QUICK, &["--out: found model.toml, which is there already", "--force"]);
+    let again = run(folder.path(), &[&QUICK[..], &["--force", "--json", "-"]].concat());
+    assert_eq!(again.status.code(), Some(0));
+    assert_eq!(fs::read_to_string(folder.path().join("model.toml")).unwrap(), text);
+    let figures: serde_json::Value = serde_json::from_slice(&again.stdout).unwrap();
+    let bucket = &figures[0];
+    assert_eq!(bucket["axis"], "bucket");
+    assert!((bucket["dead_band_extend"].as_f64().unwrap() - 0.1).abs() < 0.015, "{bucket}");
+    assert!(bucket["fit_percent"].as_f64().unwrap() > 90.0, "{bucket}");
+}
+
+#[test]
+fn what_ends_the_experiment_is_said_and_nothing_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    for (arguments, expected) in [
+        (&["--set", "supply.pressure=1e6"][..], "axis.boom: ended, valve neutral: does not extend up to"),
+        (&["--travel", "0.01"][..], "axis.boom: ended, valve neutral: window: found 0.0100 m of travel"),
+        (&["--duration", "10s"][..], "axis.boom: ended, valve neutral: duration: found 10.0 s"),
+    ] {
+        let output = run(folder.path(), &[&["commission"], arguments].concat());
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.starts_with(expected), "{said}");
+        assert!(output.stdout.is_empty() && !folder.path().join("model.toml").exists());
+    }
+}
+
+#[test]
+fn what_cannot_be_done_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for (arguments, expected) in [
+        (&["--axis", "blade"][..], "--axis: found \"blade\"; allowed: one of boom, arm, telescope, bucket"),
+        (&["--out", "nowhere/model.toml"][..], "allowed: a file in a folder that is there, and nowhere is not"),
+        (&["--speed", "0"][..], "allowed: a number greater than 0"),
+        (&["--set", "source.kind=replay", "--set", "source.file=x.csv"][..], "source.kind: found \"replay\""),
+    ] {
+        expect_refusal(folder.path(), &[&["commission"], arguments].concat(), &[expected]);
+    }
+}

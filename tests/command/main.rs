@@ -1,0 +1,11 @@
+//! The commands of `hydraxis` that run to their end, as a user types them.
+
+mod bench;
+mod check;
+mod commission;
+mod doctor;
+#[path = "../harness/mod.rs"]
+mod harness;
+mod identify;
+mod service;
+mod simulate;

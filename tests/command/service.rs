@@ -1,0 +1,71 @@
+//! The unit of systemd in `examples`: known keys in their places, and commands that do what it says.
+
+use std::{
+    path::Path,
+    process::{Command, Output},
+};
+
+use crate::harness::{TestGroup, hydraxis};
+
+const UNIT: &str = include_str!("../../examples/hydraxis.service");
+const PROGRAM: &str = "/usr/local/bin/hydraxis";
+
+/// What systemd says of a unit, with the program under test in its place: nothing, when all is well. Its exit code is 0
+/// even for a key that it does not know.
+fn verify(unit: &str) -> (Option<i32>, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("hydraxis.service");
+    std::fs::write(&file, unit.replace(PROGRAM, env!("CARGO_BIN_EXE_hydraxis"))).unwrap();
+    let output = Command::new("systemd-analyze").args(["verify", "--man=no"]).arg(&file).output();
+    let Output { status, stdout, stderr } = output.expect(
+        "this test asks systemd-analyze, which is not installed; type: apt-get install systemd (Debian, Ubuntu; it need \
+         not run), or dnf install systemd",
+    );
+    (status.code(), String::from_utf8_lossy(&[stdout, stderr].concat()).into_owned())
+}
+
+#[test]
+fn systemd_has_nothing_to_say_about_the_unit() {
+    assert_eq!(verify(UNIT), (Some(0), String::new()));
+}
+
+#[test]
+fn systemd_would_name_what_is_wrong() {
+    let moved = UNIT.replace("StartLimitBurst=3\n", "").replace("[Service]\n", "[Service]\nStartLimitIntervalSec=3\n");
+    for (from, to, expected) in [
+        ("LimitRTPRIO=", "LimitRTPRIOX=", "'LimitRTPRIOX'"),
+        ("KillMode=mixed", "KillMode=mixt", "mixt"),
+        ("ExecStart=/usr/local/bin/hydraxis", "ExecStart=/nowhere/hydraxis", "not executable"),
+        (UNIT, moved.as_str(), "StartLimitIntervalSec"),
+    ] {
+        let unit = UNIT.replacen(from, to, 1);
+        assert_ne!(unit, UNIT, "{from}");
+        let (_, said) = verify(&unit);
+        assert!(said.contains(expected), "{to}: {said:?}");
+    }
+}
+
+#[test]
+fn what_the_unit_types_is_what_the_program_takes() {
+    let group = TestGroup::new("service");
+    let folder = tempfile::tempdir().unwrap();
+    let machine = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/excavator.toml");
+    let commands = UNIT.lines().filter_map(|line| line.strip_prefix("ExecStart")?.split_once('='));
+    let mut count = 0;
+    for (_, command) in commands {
+        let words = command.strip_prefix(PROGRAM).unwrap().split_whitespace().map(|word| match word {
+            "/etc/hydraxis/machine.toml" => machine.to_str().unwrap().to_owned(),
+            "hydraxis" => group.prefix.to_string(),
+            "10years" => "1s".to_owned(),
+            other => other.to_owned(),
+        });
+        let output = hydraxis().args(words).env("TMPDIR", folder.path()).output().unwrap();
+        assert!(output.status.success(), "{command}\n{}", String::from_utf8_lossy(&output.stderr));
+        count += 1;
+    }
+    assert_eq!(count, 3);
+    // The duration that was shortened here is one that it takes.
+    let years = ["--duration", "10years", "--prefix", "x", "--scenario", "open-loop"];
+    let said = String::from_utf8(hydraxis().arg("run").args(years).output().unwrap().stderr).unwrap();
+    assert!(said.contains("is an open loop"), "{said}");
+}

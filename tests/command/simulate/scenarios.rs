@@ -1,0 +1,57 @@
+//! Scenarios by name, and those of a machine file.
+
+use pipeline::machine::{BUILT_IN, Scenario};
+
+use super::{
+    cli::{run, success},
+    folder_with,
+    harness::report,
+};
+
+#[test]
+fn a_scenario_changes_the_result() {
+    let run = |scenario| report(&["simulate", "--duration", "3s", "--scenario", scenario])["axes"].clone();
+    assert_ne!(run("nominal"), run("cold-start"));
+    assert_eq!(run("cold-start"), report(&["simulate", "--duration", "3s"])["axes"], "which the built-in machine has");
+}
+
+#[test]
+fn a_scenario_by_name_is_the_setting_of_its_key_and_counts_before_it() {
+    let named = report(&["simulate", "--duration", "2s", "--scenario", "nominal"]);
+    assert_eq!(named, report(&["simulate", "--duration", "2s", "--set", "scenario=nominal"]));
+    let arguments = ["simulate", "--duration", "2s", "--scenario", "nominal", "--set", "scenario=everything"];
+    assert_eq!(named, report(&arguments));
+}
+
+#[test]
+fn a_scenario_of_ones_own_is_the_same_in_one_process_and_in_four() {
+    let own = "\n[scenarios.weak-arm]\nsummary = \"the arm loses half its flow\"\n\
+               changes = [{ axis = \"arm\", parameter = \"flow_gain\", start = 1, end = 2, factor = 0.5 }]\n";
+    let folder = folder_with("m.toml", &format!("{BUILT_IN}{own}"));
+    let file = folder.path().join("m.toml");
+    let arguments = [file.to_str().unwrap(), "--duration", "4s", "--scenario", "weak-arm"];
+    let simulated = report(&[&["simulate"], &arguments[..]].concat());
+    assert_eq!(simulated, report(&[&["run", "--lockstep"], &arguments[..]].concat()));
+    let nominal = report(&["simulate", "--duration", "4s", "--scenario", "nominal"]);
+    assert_ne!(simulated["axes"]["arm"], nominal["axes"]["arm"]);
+}
+
+#[test]
+fn the_help_lists_every_scenario() {
+    for command in ["run", "simulate"] {
+        let help = success(tempfile::tempdir().unwrap().path(), &[command, "--help"]);
+        for scenario in Scenario::built_in() {
+            let line = help.lines().find(|line| line.trim_start().starts_with(&format!("{} ", scenario.name)));
+            let line = line.unwrap_or_else(|| panic!("{} in\n{help}", scenario.name));
+            assert!(line.ends_with(&scenario.summary), "{line}");
+        }
+    }
+}
+
+#[test]
+fn a_run_names_its_scenario() {
+    let arguments = ["run", "--lockstep", "--duration", "100ms", "--scenario", "digging"];
+    let output = run(tempfile::tempdir().unwrap().path(), &arguments);
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert!(errors.starts_with("four-axis excavator, scenario \"digging\": group \""), "{errors}");
+}

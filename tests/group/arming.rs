@@ -1,0 +1,233 @@
+//! `hydraxis arm`, `disarm` and `reset` on a real controller whose sensor the test plays.
+
+use std::{
+    process::Output,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicU32, Ordering},
+    },
+    thread::{JoinHandle, sleep},
+    time::Duration,
+};
+
+use crate::harness::{Cores, TestGroup, channel::await_message, hydraxis, shared};
+use pipeline::{
+    channel::{Group, Prefix, Reader},
+    message::{AxisMode, EncoderSample, Header, ValveCommand, control_flag, sample_fault},
+    stage::{StageKind, monotonic_ns},
+};
+
+/// Time between two samples. Settling wants ten of them without a gap: far enough apart for a busy test machine.
+const PERIOD: Duration = Duration::from_millis(20);
+/// The machine of that period, with a time-out that such a test machine meets.
+/// Axes that are to track stand as well: one that is driven and does not move latches.
+const MACHINE: [&str; 12] = [
+    "--set",
+    "timing.period=20ms",
+    "--set",
+    "timing.feedback_timeout=5s",
+    "--set",
+    "axis.boom.reference.kind=hold",
+    "--set",
+    "axis.arm.reference.kind=hold",
+    "--set",
+    "axis.telescope.reference.kind=hold",
+    "--set",
+    "axis.bucket.reference.kind=hold",
+];
+
+/// A control-proc that gets samples of axes that stand in the middle, with the faults that the test wants.
+struct Played {
+    faults: Arc<[AtomicU32; 4]>,
+    stop: Arc<AtomicBool>,
+    sensor: Option<JoinHandle<()>>,
+    commands: Reader<ValveCommand>,
+    _channels: Group,
+    // After the channels: the last to leave removes what is left.
+    group: TestGroup,
+    _cores: Cores,
+}
+
+impl Played {
+    fn start(test: &str) -> Self {
+        let cores = shared();
+        let mut group = TestGroup::new(test);
+        let channels = group.join();
+        let commands = channels.reader().unwrap();
+        let (faults, stop) = (Arc::<[AtomicU32; 4]>::default(), Arc::<AtomicBool>::default());
+        let sensor = std::thread::spawn({
+            let (prefix, faults, stop) = (group.prefix.clone(), Arc::clone(&faults), Arc::clone(&stop));
+            move || play_sensor(&prefix, &faults, &stop)
+        });
+        group.start(StageKind::ControlProc, &MACHINE);
+        let mut played =
+            Self { faults, stop, sensor: Some(sensor), commands, _channels: channels, group, _cores: cores };
+        played.wait_until("its first command", |_| true);
+        played
+    }
+
+    fn run(&self, command: &str, arguments: &[&str]) -> Output {
+        let mut hydraxis = hydraxis();
+        hydraxis.args([command, "--prefix", &self.group.prefix.to_string()]).args(MACHINE).args(arguments);
+        hydraxis.output().unwrap()
+    }
+
+    /// Runs the command, which is to succeed; what it prints.
+    fn succeed(&self, command: &str, arguments: &[&str]) -> String {
+        let output = self.run(command, arguments);
+        assert!(output.status.success(), "{command} {arguments:?}\n{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    /// Runs the command, which is to fail with exit code 1; what it says.
+    fn fail(&self, command: &str, arguments: &[&str]) -> String {
+        let output = self.run(command, arguments);
+        assert_eq!(output.status.code(), Some(1), "{command} {arguments:?}");
+        assert!(output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stdout));
+        String::from_utf8(output.stderr).unwrap()
+    }
+
+    /// Waits for a command that is as it should be.
+    fn wait_until(&mut self, what: &str, is_it: impl Fn(&ValveCommand) -> bool) -> ValveCommand {
+        await_message(&mut self.commands, what, is_it)
+    }
+
+    /// The commands that have come since the last look, and one more.
+    fn seen(&mut self) -> Vec<ValveCommand> {
+        let mut seen = Vec::new();
+        while let Some(command) = self.commands.read().unwrap().if_new() {
+            seen.push(*command);
+        }
+        seen.push(self.wait_until("a command", |_| true));
+        seen
+    }
+
+    /// The modes of the axes, now.
+    fn modes(&mut self) -> [AxisMode; 4] {
+        let last = *self.seen().last().unwrap();
+        [0, 1, 2, 3].map(|axis: usize| AxisMode::from_number(last.axes[axis].operation).unwrap())
+    }
+
+    fn set_fault(&self, axis: usize, fault: u32) {
+        self.faults[axis].store(fault, Ordering::Relaxed);
+    }
+
+    fn latch(&mut self, axis: usize) {
+        self.set_fault(axis, sample_fault::RANGE);
+        self.wait_until("the latch", |command| command.axes[axis].flags & control_flag::FEEDBACK != 0);
+        self.set_fault(axis, 0);
+    }
+}
+
+impl Drop for Played {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(sensor) = self.sensor.take() {
+            let _ = sensor.join();
+        }
+    }
+}
+
+fn play_sensor(prefix: &Prefix, faults: &[AtomicU32; 4], stop: &AtomicBool) {
+    let channels = Group::join(prefix, "sensor").unwrap();
+    let samples = channels.publisher::<EncoderSample>().unwrap();
+    let notifier = channels.notifier::<EncoderSample>().unwrap();
+    let mut sequence = 0;
+    while !stop.load(Ordering::Relaxed) {
+        let now = monotonic_ns();
+        let header = Header { sequence, acquired_ns: now, sent_ns: now, axis_count: 4, ..Header::default() };
+        let mut sample = EncoderSample { header, ..EncoderSample::default() };
+        for (axis, fault) in sample.axes.iter_mut().zip(faults) {
+            (axis.position, axis.faults) = (0.65, fault.load(Ordering::Relaxed));
+        }
+        samples.send(&sample).unwrap();
+        notifier.notify().unwrap();
+        sequence += 1;
+        sleep(PERIOD);
+    }
+}
+
+use AxisMode::{Hold, Off, Track};
+
+#[test]
+fn arm_enables_what_is_off_and_leaves_it_so_and_disarm_ends_it() {
+    let mut played = Played::start("arm");
+    assert_eq!(played.modes(), [Off; 4]);
+    assert_eq!(played.succeed("arm", &["--axis", "boom", "--axis", "arm"]), "axis.boom: track\naxis.arm: track\n");
+    // Longer than a command by hand would last.
+    sleep(Duration::from_millis(300));
+    assert_eq!(played.modes(), [Track, Track, Off, Off]);
+    // Again is no fault, and does not touch what is in the mode.
+    assert_eq!(played.succeed("arm", &["--axis", "boom"]), "axis.boom: track\n");
+    assert!(played.seen().iter().all(|command| command.axes[0].operation == Track as u32));
+
+    let said = played.fail("arm", &["--mode", "hold"]);
+    assert!(said.contains("axis.boom: track") && said.contains("; allowed: off, or hold already"), "{said}");
+    let typed = format!("hydraxis operate --prefix {} --axis boom --mode hold --leave", played.group.prefix);
+    assert!(said.contains(&typed), "{said}");
+    assert_eq!(played.modes(), [Track, Track, Off, Off], "all or none");
+
+    assert_eq!(played.succeed("arm", &["--mode", "hold", "--axis", "bucket"]), "axis.bucket: hold\n");
+    assert_eq!(played.modes(), [Track, Track, Off, Hold]);
+    assert_eq!(played.succeed("disarm", &["--axis", "boom"]), "axis.boom: off (disarmed)\n");
+    assert_eq!(played.modes(), [Off, Track, Off, Hold]);
+    played.succeed("disarm", &[]);
+    let off = *played.seen().last().unwrap();
+    assert!(off.axes[..4].iter().all(|axis| axis.command == 0.0 && axis.operation == Off as u32));
+}
+
+#[test]
+fn reset_names_and_releases_what_is_latched_and_touches_nothing_else() {
+    let mut played = Played::start("reset");
+    let prefix = played.group.prefix.to_string();
+    played.succeed("arm", &["--axis", "boom", "--axis", "arm"]);
+    played.latch(0);
+
+    let said = played.fail("arm", &[]);
+    assert!(said.contains("axis.boom: off (feedback)"), "{said}");
+    assert!(said.contains(&format!("type: hydraxis reset --prefix {prefix} --axis boom\n")), "{said}");
+    let said = played.succeed("disarm", &["--axis", "boom"]);
+    assert_eq!(said, format!("axis.boom: off (feedback)\nnext: hydraxis reset --prefix {prefix} --axis boom\n"));
+    assert_eq!(played.modes(), [Off, Track, Off, Off]);
+
+    let said = played.succeed("reset", &[]);
+    assert!(said.starts_with("axis.boom: off (disarmed): was latched by feedback\naxis.arm: track"), "{said}");
+    assert!(said.contains("axis.telescope: off (disarmed): not latched\n"), "{said}");
+    assert!(said.ends_with(&format!("next: hydraxis arm --prefix {prefix} --axis boom\n")), "{said}");
+    let seen = played.seen();
+    assert!(seen.iter().all(|command| command.axes[1].operation == Track as u32), "the arm goes on");
+    let boom = seen.last().unwrap().axes[0];
+    assert_eq!((boom.operation, boom.flags & control_flag::LATCHED), (Off as u32, 0), "released, not armed");
+
+    let said = played.succeed("reset", &["--axis", "boom"]);
+    assert_eq!(said, "axis.boom: off (disarmed): not latched\n");
+    assert_eq!(played.succeed("arm", &["--axis", "boom"]), "axis.boom: track\n");
+}
+
+#[test]
+fn a_fault_on_the_way_ends_the_arming_of_all_and_stays_latched() {
+    let mut played = Played::start("arm-fault");
+    played.set_fault(2, sample_fault::RANGE);
+    let said = played.fail("arm", &[]);
+    assert!(said.contains("axis.telescope: off (feedback): not track, a fault has latched it"), "{said}");
+    assert!(said.contains("look at why, then type: hydraxis reset --prefix"), "{said}");
+    assert_eq!(played.modes(), [Off; 4]);
+    let last = *played.seen().last().unwrap();
+    assert_ne!(last.axes[2].flags & control_flag::FEEDBACK, 0);
+}
+
+#[test]
+fn without_a_group_or_with_another_axis_nothing_is_asked() {
+    for command in ["arm", "disarm", "reset"] {
+        for (arguments, code, expected) in [
+            (&["--prefix", "nobody"][..], 1, "no group \"nobody\" runs; start one with: hydraxis run --prefix nobody"),
+            (&["--prefix", "x", "--axis", "blade"][..], 2, "--axis: found \"blade\"; allowed: one of boom"),
+            (&["--axis", "boom"][..], 2, "--prefix <PREFIX>"),
+        ] {
+            let output = hydraxis().arg(command).args(arguments).output().unwrap();
+            let said = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(code), "{command} {arguments:?}\n{said}");
+            assert!(said.contains(expected), "{command} {arguments:?}\n{said}");
+        }
+    }
+}

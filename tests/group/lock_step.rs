@@ -1,0 +1,81 @@
+//! Lock-step: the same bits every time, in four processes and in one.
+
+use crate::harness::{TestGroup, hydraxis, machine_file, replay::expect_same_bits, report};
+
+#[test]
+fn four_processes_repeat_bit_for_bit_and_equal_one_process() {
+    let arguments = ["--duration", "15s", "--seed", "7"];
+    let first = report(&[&["run", "--lockstep"], &arguments[..]].concat());
+    let second = report(&[&["run", "--lockstep"], &arguments[..]].concat());
+    let simulated = report(&[&["simulate"], &arguments[..]].concat());
+    assert_eq!(first, second);
+    assert_eq!(first, simulated);
+    assert_eq!(first["ticks"], 1500);
+    for stage in ["plant-sim", "sensor-proc", "ident-proc", "control-proc"] {
+        assert_eq!(first["stages"][stage]["samples"], 1500, "{stage}");
+        assert_eq!(first["stages"][stage]["lost"], 0, "{stage}");
+    }
+    // Something happened at all: trained, controlled by the model, tracked within a hand's breadth.
+    for axis in ["boom", "arm", "telescope", "bucket"] {
+        let axis = &first["axes"][axis];
+        assert_eq!(axis["identification"]["updates"], 700);
+        assert!(axis["tracking_by_model"]["count"].as_u64().unwrap() > 500, "{axis}");
+        assert!(axis["tracking"]["rmse"].as_f64().unwrap() < 0.1, "{axis}");
+    }
+
+    let other = report(&["simulate", "--duration", "15s", "--seed", "8"]);
+    assert_ne!(first["axes"], other["axes"], "another seed is another run");
+}
+
+#[test]
+fn two_groups_side_by_side_do_not_see_each_other() {
+    let alone = report(&["simulate", "--duration", "6s", "--seed", "3"]);
+    let other_alone = report(&["simulate", "--duration", "6s", "--seed", "4"]);
+    let run = |name: &str, seed: &'static str| {
+        let group = TestGroup::new(name);
+        std::thread::spawn(move || {
+            let prefix = group.prefix.to_string();
+            report(&["run", "--lockstep", "--duration", "6s", "--seed", seed, "--prefix", &prefix])
+        })
+    };
+    let (one, two) = (run("one", "3"), run("two", "4"));
+    assert_eq!(one.join().unwrap(), alone);
+    assert_eq!(two.join().unwrap(), other_alone);
+}
+
+#[test]
+fn another_program_takes_the_place_of_a_stage() {
+    let folder = tempfile::tempdir().unwrap();
+    // A shell script that leaves a mark and then becomes the stage, with the arguments it was given.
+    let mark = folder.path().join("mark");
+    let script = format!("echo \"$@\" > {}; exec {} plant-sim \"$@\"", mark.display(), env!("CARGO_BIN_EXE_hydraxis"));
+    let stage = format!("[stage.plant-sim]\ncommand = [\"/bin/sh\", \"-c\", '''{script}''', \"sh\"]\n\n[source]");
+    let file = machine_file(folder.path(), "[source]", &stage);
+    let file = file.to_str().unwrap();
+    let swapped = report(&["run", file, "--lockstep", "--duration", "3s", "--seed", "5"]);
+    assert_eq!(swapped, report(&["simulate", "--duration", "3s", "--seed", "5"]));
+    let given = std::fs::read_to_string(&mark).unwrap();
+    for expected in [file, "--prefix", "--lockstep", "--ticks 300", "--seed 5"] {
+        assert!(given.contains(expected), "{given}");
+    }
+
+    let refused = hydraxis().args(["simulate", file]).output().unwrap();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("stage.plant-sim.command"));
+}
+
+#[test]
+fn a_record_through_the_processes_is_the_record_in_one_process() {
+    let folder = tempfile::tempdir().unwrap();
+    let record = folder.path().join("record.csv");
+    let (mut y, mut speed, mut text) = (0.5, 0.0, "t,u,y\n".to_owned());
+    for k in 0..3000 {
+        let t = f64::from(k) * 0.002;
+        let u = 0.6 * (3.0 * t).sin() + 0.3 * (17.0 * t).cos();
+        text += &format!("{t:.3},{u:.6},{y:.6}\n");
+        speed += 0.1 * (u * if u > 0.0 { 0.4 } else { 0.3 } - speed);
+        y += 0.002 * speed;
+    }
+    std::fs::write(&record, text).unwrap();
+    expect_same_bits(&record, "2ms", 1200);
+}

@@ -1,0 +1,12 @@
+//! Groups of real processes: how they start, are operated, are looked at, fail and end.
+
+mod arming;
+mod clean;
+#[path = "../harness/mod.rs"]
+mod harness;
+mod lock_step;
+mod operation;
+mod processes;
+mod scripted_stage;
+mod status;
+mod supervisor;

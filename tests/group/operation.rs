@@ -1,0 +1,331 @@
+//! Real groups that are operated: by a person's tool, and by a commissioning over the channels.
+
+use std::{
+    io::Read,
+    process::{Command, Output, Stdio},
+};
+
+use crate::harness::{
+    Cores, TestGroup, alone, channel::await_message, hydraxis, running::Running, shared, signal, succeed, wait_for,
+};
+use control_proc::commission::{Experiment, ExperimentOptions, ExperimentRecord, Outcome, analyse};
+use pipeline::{
+    channel::{Group, Reader},
+    machine::{Commissioned, Machine},
+    message::{
+        AxisMode, AxisRequest, CoefficientSnapshot, EncoderSample, Header, Request, ValveCommand, control_flag,
+        model_fault,
+    },
+    stage::{StageKind, monotonic_ns},
+};
+use plant_sim::PlantSim;
+use rustix::process::Signal;
+use sensor_proc::source::Acquisition;
+
+/// A running group whose axes are off, and a program that operates it.
+struct Operated {
+    running: Running,
+    commands: Reader<ValveCommand>,
+    // After the readers, and before the cores: others may start their group only when this one is gone.
+    channels: Group,
+    _cores: Cores,
+}
+
+impl Operated {
+    /// Starts a group in real time, with a feedback time-out that a busy machine meets.
+    fn start(test: &str) -> Self {
+        Self::start_with(test, &[])
+    }
+
+    /// Starts a group in real time with more arguments.
+    fn start_with(test: &str, arguments: &[&str]) -> Self {
+        let cores = shared();
+        let common = ["--off", "--duration", "10min", "--scenario", "nominal", "--set", "timing.feedback_timeout=5s"];
+        let running = Running::spawn(test, &[&common, arguments].concat(), &StageKind::ALL, |_| ());
+        let channels = running.group.join();
+        let commands = channels.reader().unwrap();
+        let mut operated = Self { running, commands, channels, _cores: cores };
+        operated.wait_until("its first command", |_| true);
+        operated
+    }
+
+    fn prefix(&self) -> String {
+        self.running.group.prefix.to_string()
+    }
+
+    /// Waits for a command for which this holds.
+    fn wait_until(&mut self, what: &str, is_it: impl Fn(&ValveCommand) -> bool) -> ValveCommand {
+        await_message(&mut self.commands, what, is_it)
+    }
+
+    /// `hydraxis operate` on this group.
+    fn operate(&self, arguments: &[&str]) -> Command {
+        let mut command = hydraxis();
+        command.args(["operate", "--prefix", &self.prefix()]).args(arguments);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
+    fn operated(&self, arguments: &[&str]) -> Output {
+        self.operate(arguments).output().unwrap()
+    }
+
+    /// Ends the group. Returns its report.
+    fn end(self) -> String {
+        let Self { mut running, commands, channels, _cores } = self;
+        drop((commands, channels));
+        running.interrupt().stdout
+    }
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn is_off(command: &ValveCommand) -> bool {
+    command.axes[..4].iter().all(|axis| axis.command == 0.0 && axis.operation == AxisMode::Off as u32)
+}
+
+#[test]
+fn a_person_moves_one_axis_and_ctrl_c_makes_it_neutral() {
+    let mut running = Operated::start("by-hand");
+    let refused = running.operated(&["--axis", "boom", "--mode", "manual", "--command", "0.3"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let said = text(&refused.stderr);
+    assert!(said.contains("axis.boom: off (disarmed") && said.contains("allowed: with --enable"), "{said}");
+    assert!(running.wait_until("a command", |_| true).axes[0].command == 0.0);
+
+    let arguments = ["--axis", "boom", "--mode", "manual", "--command", "0.3", "--enable"];
+    let mut tool = running.operate(&arguments).spawn().unwrap();
+    let moving = running.wait_until("the boom to be commanded", |command| command.axes[0].command == 0.3);
+    assert_eq!(moving.axes[0].operation, AxisMode::Manual as u32);
+    assert!(moving.axes[1..4].iter().all(|axis| axis.command == 0.0), "the others are off");
+    // One program at a time.
+    let other = running.operated(&["--mode", "off"]);
+    assert_eq!(other.status.code(), Some(1));
+    assert!(text(&other.stderr).contains("another program operates group"), "{}", text(&other.stderr));
+
+    signal(tool.id(), Signal::INT);
+    running.wait_until("neutral", is_off);
+    let status = wait_for("the tool to end", || tool.try_wait().unwrap());
+    assert!(status.success(), "{status}");
+    let report = running.end();
+    assert!(report.contains("boom: off after "), "{report}");
+}
+
+#[test]
+fn an_axis_is_neutral_when_the_hand_on_it_is_killed() {
+    let mut running = Operated::start("killed-hand");
+    let arguments = ["--axis", "arm", "--mode", "manual", "--command", "-0.3", "--enable"];
+    let mut tool = running.operate(&arguments).spawn().unwrap();
+    running.wait_until("the arm to be commanded", |command| command.axes[1].command == -0.3);
+    tool.kill().unwrap();
+    tool.wait().unwrap();
+    let stopped = running.wait_until("neutral", is_off);
+    assert_ne!(stopped.axes[1].flags & control_flag::REQUEST_STOPPED, 0);
+    // The next program finds it off, and may enable it again.
+    let again = running.operated(&["--axis", "arm", "--mode", "hold", "--enable", "--leave"]);
+    assert!(again.status.success(), "{}", text(&again.stderr));
+    assert!(text(&again.stdout).contains("axis.arm: hold"), "{}", text(&again.stdout));
+    running.end();
+}
+
+#[test]
+fn an_axis_is_brought_to_a_target_and_left_there() {
+    let mut running = Operated::start("hold");
+    let hold = ["--axis", "bucket", "--mode", "hold", "--target", "0.6", "--enable", "--leave"];
+    let output = running.operated(&hold);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let there = |command: &ValveCommand| command.axes[3].reference == 0.6 && command.axes[3].error.abs() < 0.002;
+    running.wait_until("the bucket to arrive", there);
+    // From mode to mode without another enable.
+    let output = running.operated(&["--axis", "bucket", "--mode", "track", "--leave"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    running.wait_until("the bucket to track", |command| command.axes[3].operation == AxisMode::Track as u32);
+    let output = running.operated(&["--mode", "off"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    running.wait_until("neutral", is_off);
+    running.end();
+}
+
+#[test]
+fn what_cannot_be_asked_for_is_refused() {
+    for (arguments, code, expected) in [
+        (&["--prefix", "nobody", "--mode", "off"][..], 1, "no group \"nobody\" runs; start one with: hydraxis run"),
+        (&["--prefix", "x", "--mode", "manual"][..], 2, "--command: found none; allowed: a valve command in [-1, 1]"),
+        (&["--prefix", "x", "--mode", "manual", "--command", "NaN"][..], 2, "--command: found NaN"),
+        (&["--prefix", "x", "--mode", "manual", "--command", "1.1"][..], 2, "--command: found 1.1"),
+        (&["--prefix", "x", "--mode", "hold", "--command", "0.1"][..], 2, "found one with --mode hold; allowed: with"),
+        (&["--prefix", "x", "--mode", "hold", "--target", "9"][..], 2, "within its soft limits, 0.05 to 1.284 m"),
+        (&["--prefix", "x", "--mode", "hold", "--target", "NaN"][..], 2, "--target: found NaN"),
+        (&["--prefix", "x", "--mode", "track", "--target", "0.6"][..], 2, "--target: found one with --mode track"),
+        (&["--prefix", "x", "--mode", "off", "--leave"][..], 2, "--leave: found with --mode off"),
+        (&["--prefix", "x", "--mode", "fly"][..], 2, "possible values: off, manual, hold, track"),
+        (
+            &["--prefix", "x", "--mode", "off", "--axis", "blade"][..],
+            2,
+            "--axis: found \"blade\"; allowed: one of boom",
+        ),
+    ] {
+        let output = hydraxis().arg("operate").args(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}");
+        assert!(text(&output.stderr).contains(expected), "{arguments:?}\n{}", text(&output.stderr));
+    }
+    let output = hydraxis().args(["commission", "--prefix", "x"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("--prefix: found \"x\", a running group, without --enable"));
+}
+
+/// What is found in the place of what is found in one process, within these bounds.
+fn expect_close(live: &Commissioned, single: &Commissioned) {
+    println!("over the channels {live:?}\nin one process    {single:?}");
+    // A tick of delay more makes another record, but of the same plant, by the commands that were on its valve.
+    let reaction = |model: &Commissioned| model.dead_time + model.time_constant;
+    assert!((reaction(live) - reaction(single)).abs() < 0.002, "{} s", reaction(live) - reaction(single));
+    assert!((live.dead_band.extend - single.dead_band.extend).abs() < 0.003);
+    assert!((live.dead_band.retract - single.dead_band.retract).abs() < 0.003);
+    let tested = live.openings.last().unwrap().min(*single.openings.last().unwrap());
+    for (sign, closed) in [(1.0, single.dead_band.extend), (-1.0, single.dead_band.retract)] {
+        for part in [0.4, 0.7, 1.0] {
+            let command = sign * (closed + part * tested);
+            let ratio = live.speed(command) / single.speed(command);
+            assert!((ratio - 1.0).abs() < 0.03, "{command}: {ratio}");
+        }
+    }
+    assert!(live.fit_percent > 90.0, "{}", live.fit_percent);
+}
+
+/// The experiment in one process, every command on the valve at once.
+fn in_one_process(machine: &Machine, axis: usize, options: &ExperimentOptions) -> Commissioned {
+    let mut plant = PlantSim::new(machine, 1).unwrap();
+    let mut acquisition = Acquisition::new(machine);
+    let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
+    let mut command = ValveCommand::default();
+    for tick in 0.. {
+        let sample = acquisition.update(tick, Some(&plant.read()));
+        command.axes[axis].command = experiment.update(Some(&sample.axes[axis]));
+        if experiment.outcome().is_some() {
+            break;
+        }
+        plant.command(&command);
+        plant.advance(machine.timing.period);
+    }
+    analyse(experiment.record()).unwrap()
+}
+
+/// In lock-step, so that nothing depends on time: the experiment answers every sample before the next one, since this
+/// test is the identifier that all wait for.
+#[test]
+fn an_axis_is_commissioned_over_the_channels_as_in_one_process() {
+    const AXIS: usize = 3;
+    let _alone = alone();
+    let machine = Machine::load(None, &[("scenario".to_owned(), "nominal".to_owned())]).unwrap();
+    let options = ExperimentOptions::default();
+    let mut group = TestGroup::new("experiment");
+    let channels = group.join();
+    let (snapshots, requests) = (channels.publisher::<CoefficientSnapshot>().unwrap(), channels.publisher().unwrap());
+    let (mut samples, mut commands) = (channels.reader::<EncoderSample>().unwrap(), channels.reader().unwrap());
+    let ticks = 6500;
+    let arguments = ["--lockstep", "--scenario", "nominal", "--ticks", &ticks.to_string()];
+    group.start_all_but(StageKind::IdentProc, &arguments);
+
+    let mut experiment = Experiment::new(&machine.axes[AXIS], machine.timing.period, &options);
+    let mut record = ExperimentRecord { period: 0.01, commands: Vec::new(), positions: Vec::new() };
+    for tick in 0..ticks {
+        let sample: EncoderSample = wait_for("a sample", || {
+            snapshots.greet();
+            samples.reach(tick).unwrap().then(|| *samples.last().unwrap())
+        });
+        let sent: ValveCommand = wait_for("a command", || {
+            snapshots.greet();
+            Reader::<ValveCommand>::reach(&mut commands, tick).unwrap().then(|| *commands.last().unwrap())
+        });
+        let now = monotonic_ns();
+        let header = Header { sequence: tick, acquired_ns: now, sent_ns: now, axis_count: 4, ..Header::default() };
+        let mut request = Request { header, session: 1, ..Request::default() };
+        request.axes[AXIS] =
+            AxisRequest { mode: AxisMode::Commission as u32, enable: u32::from(tick > 3), ..AxisRequest::default() };
+        assert!(sent.axes[..AXIS].iter().all(|axis| axis.command == 0.0), "one axis at a time");
+        let axis = sent.axes[AXIS];
+        if axis.operation == AxisMode::Commission as u32 && axis.flags & control_flag::SETTLING == 0 {
+            if experiment.outcome().is_none() {
+                record.positions.push(sample.axes[AXIS].position);
+                record.commands.push(axis.command);
+            }
+            request.axes[AXIS].command = experiment.update(Some(&sample.axes[AXIS]));
+        } else {
+            assert_eq!(axis.command, 0.0, "nothing moves before it is enabled");
+            assert!(tick < 30, "tick {tick}: {axis:?}");
+        }
+        requests.send(&request).unwrap();
+        let mut snapshot = CoefficientSnapshot { header, ..CoefficientSnapshot::default() };
+        snapshot.axes.iter_mut().for_each(|axis| axis.faults = model_fault::TRAINING);
+        snapshots.send(&snapshot).unwrap();
+    }
+    group.expect_end();
+    assert_eq!(experiment.outcome(), Some(Outcome::Finished));
+    assert_eq!(record.commands.len(), 6000);
+    expect_close(&analyse(&record).unwrap(), &in_one_process(&machine, AXIS, &options));
+}
+
+/// The same by the command itself, in real time.
+#[test]
+fn a_running_machine_is_commissioned() {
+    // Three samples in a row that are missing end the experiment, by right: so they are far enough apart for a busy
+    // machine that has no real-time kernel.
+    const PERIOD: [&str; 2] = ["--set", "timing.period=20ms"];
+    let running = Operated::start_with("commission", &PERIOD);
+    let folder = tempfile::tempdir().unwrap();
+    let model = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let found = |output: &Output| -> f64 {
+        let figures: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let bucket = &figures[0];
+        assert!(bucket["fit_percent"].as_f64().unwrap() > 90.0, "{bucket}");
+        assert!((bucket["dead_band_extend"].as_f64().unwrap() - 0.1).abs() < 0.015, "{bucket}");
+        assert!((bucket["dead_band_retract"].as_f64().unwrap() - 0.1).abs() < 0.015, "{bucket}");
+        println!("{bucket}");
+        bucket["dead_time_s"].as_f64().unwrap() + bucket["time_constant_s"].as_f64().unwrap()
+    };
+    let quick = ["commission", "--scenario", "nominal", "--axis", "bucket", "--duration", "40s"];
+    let quick = [&quick[..], &PERIOD, &["--json", "-", "--out"]].concat();
+    let prefix = running.prefix();
+    let live = model("live.toml");
+    let live = [&quick[..], &[&live, "--prefix", &prefix, "--enable"]].concat();
+    // A machine that is starved for three samples has ended it by right, and said so: then once more.
+    let live = (0..3).find_map(|_| {
+        let output = hydraxis().args(&live).output().unwrap();
+        let said = text(&output.stderr);
+        assert!(output.status.success() || said.contains("off (feedback)"), "{said}");
+        output.status.success().then_some(output)
+    });
+    let live = live.expect("one of three in which no three samples are missing");
+    let single = succeed(&[&quick[..], &[&model("single.toml")]].concat());
+    // In real time command and plant meet within a reading's period, 1 ms, and the samples' jitter comes on top.
+    let more = found(&live) - found(&single);
+    assert!(more.abs() < 0.005, "{more} s");
+    succeed(&["check", "--model", &model("live.toml")]);
+    running.end();
+}
+
+#[test]
+fn a_commissioning_that_is_stopped_leaves_all_neutral_and_writes_nothing() {
+    let mut running = Operated::start("stopped");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("model.toml");
+    let mut commissioning = hydraxis()
+        .args(["commission", "--scenario", "nominal", "--prefix", &running.prefix(), "--enable"])
+        .args(["--axis", "boom", "--out", file.to_str().unwrap()])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    running.wait_until("a pulse", |command| command.axes[0].command > 0.05);
+    signal(commissioning.id(), Signal::INT);
+    running.wait_until("neutral", is_off);
+    let status = wait_for("the commissioning to end", || commissioning.try_wait().unwrap());
+    let mut said = String::new();
+    commissioning.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert_eq!(status.code(), Some(1), "{said}");
+    assert!(said.contains("axis.boom: ended, valve neutral: stopped"), "{said}");
+    assert!(!file.exists());
+    running.end();
+}

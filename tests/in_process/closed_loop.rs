@@ -1,0 +1,97 @@
+//! The controller on the simulated machine, all cores in one process, looked at from the plant's side.
+
+mod end_stops;
+mod faults;
+mod hold;
+
+use std::sync::OnceLock;
+
+use control_proc::Controller;
+use ident_proc::Identifiers;
+use pipeline::{
+    machine::{Machine, ModelChoice, ReferenceSource, model_settings},
+    message::{CoefficientSnapshot, EncoderReading, EncoderSample, Reference, ValveCommand},
+};
+use plant_sim::PlantSim;
+use sensor_proc::source::Acquisition;
+
+use crate::harness::cli;
+
+/// What commissioning finds of the built-in machine, as settings; found once.
+fn commissioned() -> &'static [(String, String)] {
+    static FOUND: OnceLock<Vec<(String, String)>> = OnceLock::new();
+    FOUND.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let output = cli::run(folder.path(), &["commission", "--scenario", "nominal", "--duration", "120s"]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        model_settings(&folder.path().join("model.toml")).unwrap()
+    })
+}
+
+/// The built-in machine under a scenario, commissioned and with feed-forward; its axes controlled by this choice of model
+/// on references of the test's own.
+fn machine(scenario: &str, model: ModelChoice, reference: impl Fn((f64, f64)) -> ReferenceSource) -> Machine {
+    let scenario = ("scenario".to_owned(), scenario.to_owned());
+    let mut machine = Machine::load(None, &[commissioned(), &[scenario]].concat()).unwrap();
+    for axis in &mut machine.axes {
+        (axis.control.model, axis.control.feedforward) = (model, true);
+        axis.reference = reference(axis.soft_limits);
+    }
+    machine
+}
+
+/// The loop: plant, acquisition, identification, control.
+#[derive(Clone)]
+struct ClosedLoop {
+    machine: Machine,
+    plant: PlantSim,
+    acquisition: Acquisition,
+    identifiers: Identifiers,
+    controller: Controller,
+    /// Of the last tick.
+    sample: EncoderSample,
+    command: Option<ValveCommand>,
+    snapshot: Option<CoefficientSnapshot>,
+    tick: u64,
+}
+
+impl ClosedLoop {
+    fn new(machine: Machine, seed: u64) -> Self {
+        let mut controller = Controller::new(&machine).unwrap();
+        controller.arm();
+        Self {
+            plant: PlantSim::new(&machine, seed).unwrap(),
+            acquisition: Acquisition::new(&machine),
+            identifiers: Identifiers::new(&machine),
+            controller,
+            machine,
+            sample: EncoderSample::default(),
+            command: None,
+            snapshot: None,
+            tick: 0,
+        }
+    }
+
+    /// One tick, in the order of the pipeline: a command is made from the model of the tick before.
+    fn tick(&mut self, reference: Option<&Reference>) -> ValveCommand {
+        self.tick_with(reference, |_| ())
+    }
+
+    /// The same; `change` may spoil the reading.
+    fn tick_with(&mut self, reference: Option<&Reference>, change: impl FnOnce(&mut EncoderReading)) -> ValveCommand {
+        if let Some(command) = &self.command {
+            self.plant.command(command);
+            self.plant.advance(self.machine.timing.period);
+        }
+        let mut reading = self.plant.read();
+        change(&mut reading);
+        let sample = self.acquisition.update(self.tick, Some(&reading));
+        self.sample = sample;
+        let before = self.snapshot;
+        self.identifiers.update(&sample, self.command.as_ref(), self.snapshot.get_or_insert_default());
+        let command = self.controller.update(&sample, before.as_ref(), reference);
+        self.command = Some(command);
+        self.tick += 1;
+        command
+    }
+}

@@ -15,7 +15,7 @@ mod floors;
 use std::{array::from_fn, fs, hint::black_box, time::Instant};
 
 use flight_solver::{cls::VecN, rls::InverseQrRls};
-use ident_proc::{estimator::Estimator, least_squares::Triangle, recursive::RecursiveLeastSquares};
+use ident_proc::{estimator::RecursiveEstimator, least_squares::Triangle, recursive::RecursiveLeastSquares};
 use nalgebra::{DMatrix, DVector, DVectorView, SMatrix, SVector};
 use pipeline::machine::Fuzzy;
 use serde_json::{Value, json};
@@ -116,9 +116,9 @@ fn contestants<const N: usize>(rows: &[Row<N>]) -> Vec<Contestant<N>> {
 /// The estimator of that setting. Another memory sees another mean of the noise, hence the tolerance.
 fn estimator<const N: usize>(setting: &'static str, data: &Triangle) -> Contestant<N> {
     let sigma = (data.residual() / (START - N) as f64).sqrt();
-    let mut estimator = Estimator::new(setting.parse().expect("a setting"), N, &Fuzzy::PAPER);
+    let mut estimator = RecursiveEstimator::new(setting.parse().expect("a setting"), N, &Fuzzy::PAPER);
     estimator.start(data, &[false; N], sigma);
-    let update = |s: &mut Estimator, row: &Row<N>| s.update(row.phi.as_slice(), row.y);
+    let update = |s: &mut RecursiveEstimator, row: &Row<N>| s.update(row.phi.as_slice(), row.y);
     Contestant { tolerance: 0.02, ..Contestant::new(setting, estimator, update, |s| s.theta().to_vec()) }
 }
 

@@ -1,4 +1,4 @@
-//! The stage: samples and commands in, coefficient snapshots out.
+//! The stage `ident-proc`: reads samples and commands from their channels and publishes coefficient snapshots.
 
 use pipeline::{
     channel::{Group, Publisher, Reader},
@@ -12,7 +12,7 @@ use crate::Identifiers;
 /// Runs the stage until its last tick or a signal.
 ///
 /// # Errors
-/// A channel cannot be used.
+/// When a channel cannot be opened or used.
 pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let clock = options.clock;
     run_stage(StageKind::IdentProc, machine, options, |group| Process::new(machine, clock, group))
@@ -50,7 +50,7 @@ impl Stage for Process {
         let tick = sample.header.sequence;
         turn.pick_up(sample.header.sent_ns);
         if let Some(before) = tick.checked_sub(1) {
-            // In lock-step the command of the last tick is on its way or here; in real time it is here or was not made.
+            // In real time the command of the last tick has arrived, or there is none. In lock-step it may still come.
             let commands = &mut self.commands;
             match turn.options.clock {
                 Clock::RealTime => {

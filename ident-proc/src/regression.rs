@@ -1,4 +1,4 @@
-//! The model as a linear regression, in one of three forms, all of them read off the same [row](crate::sample::row).
+//! The model as a linear regression, in one of three forms. All of them are read from one [row](crate::sample::row).
 //!
 //! ```text
 //! y(k) = phi(k)' theta                                                                             (13)
@@ -7,15 +7,18 @@
 //! directional:  phi = (-y(k-1) .. -y(k-na),  x+(k-nk) .. x+(k-nk-nb),  x-(k-nk) .. x-(k-nk-nb))
 //! ```
 //!
-//! x+ is x where u >= 0 and else zero, x- the reverse. theta of the full form is (a, C_10 .. C_1nb, C_20 .., C_r0 ..
-//! C_rnb) and then the same for g; of the linear form (a, b); of the directional form (a, b of extending, b of
-//! retracting). A drift is one more coefficient, the last.
+//! y output in its unit, u command, N nonlinearity. x+ is x where u >= 0 and else zero, x- is x where u < 0 and else
+//! zero. theta of the full form is (a, C_10 .. C_1nb, C_20 .., C_r0 .. C_rnb) with C_ij = f_i b_j, then the products
+//! with g; that of the linear form is (a, b); that of the directional form is (a, b of extending, b of retracting). A
+//! drift is one more coefficient, the last.
 //!
-//! With the integrator the outputs of phi and the target are increments, dy(k) = y(k) - y(k-1); the features are
-//! what they are. Trap: that takes na + 1 outputs of the past.
+//! With the integrator the outputs in phi and the target are increments, dy(k) = y(k) - y(k-1); the features are not.
+//! Trap: increments need na + 1 outputs of the past.
 //!
-//! Whatever the form, theta can be written out as one of the full form with outputs, [`Regression::expand`]: there
-//! models of different forms can be compared, added and run ahead by the same code.
+//! theta of every form can be written out as coefficients of the full form with outputs, [`Regression::expand`]. Models
+//! of different forms are compared, added and predicted in that common layout.
+//!
+//! All of this runs in the loop. Nothing here allocates.
 
 use pipeline::hammerstein::{Coefficients, MAX_ORDER, Nonlinearity, Structure};
 
@@ -49,7 +52,7 @@ impl Regression {
         Self { structure, form: Form::Linear, held: [nonlinearity.f, nonlinearity.g] }
     }
 
-    /// The directional form: the linear one with a B for each sign of the command.
+    /// The directional form: as the linear form, with a B for each sign of the command.
     pub fn directional(structure: Structure, nonlinearity: &Nonlinearity) -> Self {
         Self { structure, form: Form::Directional, held: [nonlinearity.f, nonlinearity.g] }
     }
@@ -64,17 +67,17 @@ impl Regression {
         self.structure.na + per_lag * (self.structure.nb + 1) + self.structure.drift as usize
     }
 
-    /// Never: na is at least 1.
+    /// Always false: na is at least 1.
     pub fn is_empty(&self) -> bool {
         false
     }
 
-    /// What phi(k)' theta is to give, from y(k) and the row of sample k.
+    /// The target of phi(k)' theta, from y(k) and the row of sample k.
     pub fn target(&self, y: f64, row: &[f64]) -> f64 {
         if self.structure.integrator { y + row[0] } else { y }
     }
 
-    /// Writes phi(k), read off the row of sample k of the structure `of`, which has at least these orders.
+    /// Writes phi(k) from the row of sample k of the structure `of`, which has at least the orders of this form.
     pub fn regressor(&self, row: &[f64], of: &Structure, phi: &mut [f64]) {
         let Structure { na, nb, order, integrator, drift, .. } = self.structure;
         let (outputs, driven) = phi.split_at_mut(na);
@@ -126,7 +129,7 @@ impl Regression {
         projected.add_mapped(rows, |row, target, phi| {
             self.regressor(row, of, phi);
             if self.structure.drift {
-                // A row of the triangle has anything where a row of the data has 1.
+                // The 1 of the drift is any number in a row of the triangle.
                 phi[self.len() - 1] = row[row.len() - 1];
             }
             self.target(target, row)
@@ -140,7 +143,7 @@ impl Regression {
         let (a, driven) = theta.split_at(na);
         expanded[..na].copy_from_slice(a);
         if integrator {
-            // A(z) (1 - z^-1): every coefficient minus the one before it.
+            // A(z) (1 - z^-1): subtract from every coefficient the one before it.
             for i in (1..=na).rev() {
                 expanded[i] -= expanded[i - 1];
             }
@@ -175,7 +178,7 @@ pub fn write_out(model: &Coefficients, of: &Structure, expanded: &mut [f64]) {
     }
 }
 
-/// Adds to `x` at each lag the features of that lag, weighed.
+/// Adds to `x` at each lag the weighted sum of the features of that lag.
 fn fold(features: &[f64], lags: usize, weights: &[f64], x: &mut [f64]) {
     for (features, weight) in features.chunks_exact(lags).zip(weights) {
         x.iter_mut().zip(features).for_each(|(x, feature)| *x += weight * feature);
@@ -226,7 +229,7 @@ mod tests {
     }
 
     fn outputs() -> Vec<f64> {
-        // Two sines alone would satisfy a difference equation of their own.
+        // Two sines alone would satisfy a difference equation without a command.
         (0..60).map(|k| (k as f64 * 0.31).cos() + 0.3 * (k as f64 * k as f64).sin()).collect()
     }
 
@@ -241,7 +244,7 @@ mod tests {
         row
     }
 
-    /// Every form that can say what the separated model says, with the theta that says it.
+    /// Every form that can represent the separated model, with the theta that does.
     fn forms(structure: Structure) -> Vec<(Regression, Vec<f64>)> {
         let model = model(structure);
         let drift = &[model.drift][..structure.drift as usize];
@@ -258,10 +261,10 @@ mod tests {
     }
 
     #[test]
-    fn every_form_says_what_the_model_says() {
+    fn every_form_predicts_what_the_model_predicts() {
         for structure in structures() {
             let model = model(structure);
-            // What is published of it: with the integrator multiplied in.
+            // The published model has the integrator multiplied in.
             let published = if structure.integrator { model.integrated() } else { model };
             let row = row(structure, 60);
             let x: Vec<f64> = (0..2).map(|j| model.nonlinearity().evaluate(inputs()[60 - 2 - j])).collect();

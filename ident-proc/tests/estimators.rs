@@ -1,16 +1,16 @@
-//! What every estimator has to do, whatever it forgets; and what only one of them claims.
+//! Properties that every estimator must have, and those of single estimators.
 //!
-//! A new estimator is one line of [`CASES`].
+//! A new estimator needs one line in [`CASES`].
 
 use ident_proc::{
-    estimator::{Estimator, fuzzy::FuzzyForgetting},
+    estimator::{RecursiveEstimator, fuzzy::FuzzyForgetting},
     least_squares::Triangle,
     recursive::RecursiveLeastSquares,
 };
 use nalgebra::{DMatrix, DVector};
 use pipeline::machine::{self, Fuzzy};
 
-/// An estimator by its setting, and within how many samples it has followed a step of all coefficients.
+/// The setting of each estimator, and the samples within which it follows a step of all coefficients.
 const CASES: [(&str, usize); 7] = [
     ("constant:0.98", 300),
     ("constant:0.75", 60),
@@ -19,23 +19,23 @@ const CASES: [(&str, usize); 7] = [
     ("fortescue:200", 150),
     // 5 / (1 - 0.95) samples of memory.
     ("directional:0.95", 400),
-    // Not before the last old row has left.
+    // The last old row must have left.
     ("window:100", 100),
 ];
 
 const N: usize = 5;
 const TRUTH: [f64; N] = [0.5, 0.4, 0.3, -0.2, 0.1];
-/// The targets' noise is uniform between plus and minus this.
+/// The noise of the targets is uniform between plus and minus this.
 const NOISE: f64 = 0.05;
 const TRAINING: usize = 200;
 
-/// A fixed sequence between -1 and 1 without structure that matters here.
+/// A fixed pseudo-random sequence between -1 and 1.
 fn noise(i: usize) -> f64 {
     let x = (i as f64 * 12.9898).sin() * 43758.5453;
     2.0 * (x - x.floor()) - 1.0
 }
 
-/// A row that excites everything.
+/// A row that excites all coefficients.
 fn row(k: usize) -> [f64; N] {
     std::array::from_fn(|j| noise(k * N + j))
 }
@@ -54,10 +54,10 @@ fn training() -> Triangle {
     data
 }
 
-fn started(setting: &str) -> Estimator {
+fn started(setting: &str) -> RecursiveEstimator {
     let data = training();
     let sigma = (data.residual() / (TRAINING - N) as f64).sqrt();
-    let mut estimator = Estimator::new(setting.parse().unwrap(), N, &Fuzzy::PAPER);
+    let mut estimator = RecursiveEstimator::new(setting.parse().unwrap(), N, &Fuzzy::PAPER);
     estimator.start(&data, &[false; N], sigma);
     estimator
 }
@@ -70,7 +70,8 @@ fn worst(theta: &[f64], truth: &[f64]) -> f64 {
     theta.iter().zip(truth).map(|(one, two)| (one - two).abs()).fold(0.0, f64::max)
 }
 
-/// Row k of a life of phases of 1000 samples each: excitation, rest, one side only, next to nothing, outliers, nothing.
+/// Row k of a sequence of phases of 1000 samples each: full excitation, rest, one side only, very small rows, outliers,
+/// rows of zero.
 fn life(rows: &[[f64; N]], k: usize) -> [f64; N] {
     let row = rows[k % rows.len()];
     match k / 1000 % 6 {
@@ -86,17 +87,17 @@ fn life(rows: &[[f64; N]], k: usize) -> [f64; N] {
 
 fn ten_million_updates(setting: &str, rows: &[[f64; N]]) {
     let mut estimator = started(setting);
-    // One average training row says this much.
-    let weakest = TRAINING as f64 * estimator.factors().covariance_trace();
+    // The trace of the covariance that one average training row gives.
+    let weakest = TRAINING as f64 * estimator.recursion().covariance_trace();
     let errors: Vec<f64> = (0..rows.len()).map(|k| NOISE * noise(k * 7919 + 13)).collect();
     for k in 0..10_000_000 {
         let row = life(rows, k);
         let adapted = estimator.update(&row, dot(&row, &TRUTH) + errors[k % errors.len()]);
         assert!(adapted.factor > 0.0 && adapted.factor <= 1.0, "{setting} {k}: {adapted:?}");
-        // Not a divisor of the phases, so that all of them are looked at.
+        // No multiple of the phases, so that all of them are checked.
         if k % 99_991 == 0 || k == 9_999_999 {
-            let p = covariance(estimator.factors(), N);
-            assert!(estimator.factors().is_finite(), "{setting} {k}");
+            let p = covariance(estimator.recursion(), N);
+            assert!(estimator.recursion().is_finite(), "{setting} {k}");
             assert!(p == p.transpose() && p.clone().cholesky().is_some(), "{setting} {k}: {p}");
             assert!(p.trace() < 4.0 * weakest, "{setting} {k}: {} of {weakest}", p.trace());
         }
@@ -136,11 +137,11 @@ fn a_step_of_all_coefficients_is_followed() {
 }
 
 #[test]
-fn a_rest_costs_nothing() {
+fn a_rest_does_not_make_the_coefficients_worse() {
     let rest = [0.3, 0.3, 0.3, 0.0, 0.0];
     for (setting, _) in CASES {
         let (mut rested, mut busy) = (started(setting), started(setting));
-        let both = |rested: &mut Estimator, busy: &mut Estimator, k: usize| {
+        let both = |rested: &mut RecursiveEstimator, busy: &mut RecursiveEstimator, k: usize| {
             rested.update(&row(k), target(&row(k), &TRUTH, k));
             busy.update(&row(k), target(&row(k), &TRUTH, k));
             (worst(rested.theta(), &TRUTH), worst(busy.theta(), &TRUTH))
@@ -159,13 +160,13 @@ fn a_rest_costs_nothing() {
         let last = (worst(rested.theta(), &TRUTH), worst(busy.theta(), &TRUTH));
         println!("{setting}: largest {largest:?}, last {last:?}");
         assert!(last.0 < 1.2 * last.1 + 1e-3, "{setting}: {last:?}");
-        // On the way, where the first rows of all are believed at once, no coefficient is thrown away.
+        // The first rows after the rest change the coefficients much, but throw none of them away.
         assert!(largest.0 < 1.5 * largest.1 + 0.15, "{setting}: {largest:?}");
     }
 }
 
 #[test]
-fn what_is_not_finite_teaches_nothing() {
+fn values_that_are_not_finite_change_nothing() {
     for (setting, _) in CASES {
         let mut estimator = started(setting);
         let mut clean = started(setting);
@@ -181,7 +182,7 @@ fn what_is_not_finite_teaches_nothing() {
             }
         }
         assert_eq!(estimator.theta(), clean.theta(), "{setting}");
-        assert_eq!(estimator.factors().covariance_trace(), clean.factors().covariance_trace(), "{setting}");
+        assert_eq!(estimator.recursion().covariance_trace(), clean.recursion().covariance_trace(), "{setting}");
     }
 }
 
@@ -191,7 +192,7 @@ fn held_coefficients_stay() {
     let mut data = Triangle::new(N);
     training().hold_into(&held, &mut data);
     for (setting, _) in CASES {
-        let mut estimator = Estimator::new(setting.parse().unwrap(), N, &Fuzzy::PAPER);
+        let mut estimator = RecursiveEstimator::new(setting.parse().unwrap(), N, &Fuzzy::PAPER);
         estimator.start(&data, &held, 0.03);
         let mut theta = estimator.theta().to_vec();
         (theta[2], theta[4]) = (0.7, -0.3);
@@ -225,7 +226,7 @@ fn the_papers_and_the_constant_factor_are_the_plain_recursion_to_the_last_bit() 
         assert_eq!(constant.update(&row(k), y).factor, 0.97);
     }
     assert_eq!((plain.theta(), plain_constant.theta()), (paper.theta(), constant.theta()));
-    assert_eq!(plain.covariance_trace(), paper.factors().covariance_trace());
+    assert_eq!(plain.covariance_trace(), paper.recursion().covariance_trace());
 }
 
 /// The coefficients and the covariance of the rows in `rows` with the prior around `center`.
@@ -250,7 +251,7 @@ fn a_window_holds_the_last_rows_and_no_others() {
         };
         let mut data = Triangle::new(n);
         (0..TRAINING).for_each(|k| data.add(&wide(k), y(&wide(k), k)));
-        let mut estimator = Estimator::new(machine::Estimator::Window(rows), n, &Fuzzy::PAPER);
+        let mut estimator = RecursiveEstimator::new(machine::Estimator::Window(rows), n, &Fuzzy::PAPER);
         estimator.start(&data, &vec![false; n], 0.03);
         let mut center = vec![0.0; n];
         data.solve(&mut center);
@@ -280,49 +281,49 @@ fn a_window_holds_the_last_rows_and_no_others() {
             let (theta, p) = solved(&prior, &center, &seen[k + 1 - rows..]);
             let distance = worst(estimator.theta(), &theta);
             assert!(distance < 1e-8, "n {n}, {rows} rows, sample {k}: {distance}");
-            let relative = (covariance(estimator.factors(), n) - &p).norm() / p.norm();
+            let relative = (covariance(estimator.recursion(), n) - &p).norm() / p.norm();
             assert!(relative < 1e-8, "n {n}, {rows} rows, sample {k}: {relative}");
         }
     }
 }
 
 #[test]
-fn a_window_takes_rows_of_any_size_and_is_itself_again_when_they_have_left() {
+fn a_window_takes_rows_of_any_size_and_recovers_when_they_have_left() {
     let mut estimator = started("window:100");
     for (at, size) in [1e3, 1e5, 1e12, 1e100, 1e150, 1e300].into_iter().enumerate() {
         let huge = row(at).map(|value| size * value);
         estimator.update(&huge, 1.0);
-        assert!(estimator.factors().is_finite(), "{size}");
+        assert!(estimator.recursion().is_finite(), "{size}");
         for k in 0..200 {
             estimator.update(&row(k), target(&row(k), &TRUTH, k));
-            assert!(covariance(estimator.factors(), N).cholesky().is_some(), "{size} {k}");
+            assert!(covariance(estimator.recursion(), N).cholesky().is_some(), "{size} {k}");
         }
         assert!(worst(estimator.theta(), &TRUTH) < 0.05, "{size}: {:?}", estimator.theta());
     }
 }
 
 #[test]
-fn a_window_starts_as_sure_as_its_training() {
+fn a_window_starts_with_the_covariance_of_its_training() {
     for (rows, weight) in [(100, 100.0), (1000, 200.0)] {
         let estimator = started(&format!("window:{rows}"));
         let mut plain = RecursiveLeastSquares::new(N);
         plain.start(&training(), &[false; N]);
-        let ratio = plain.covariance_trace() / estimator.factors().covariance_trace();
-        // Its rows, and one for the prior.
+        let ratio = plain.covariance_trace() / estimator.recursion().covariance_trace();
+        // The rows of the window, and one for the prior.
         assert!((ratio - (weight + 1.0) / 200.0).abs() < 1e-9, "{rows}: {ratio}");
     }
 }
 
 #[test]
-fn directional_forgetting_leaves_what_is_not_excited() {
+fn directional_forgetting_keeps_directions_without_excitation() {
     let mut estimator = started("directional:0.95");
-    let before = covariance(estimator.factors(), N).try_inverse().unwrap();
+    let before = covariance(estimator.recursion(), N).try_inverse().unwrap();
     let theta = estimator.theta().to_vec();
     for k in 0..100_000 {
         let phi = [noise(2 * k), noise(2 * k + 1), 0.0, 0.0, 0.0];
         estimator.update(&phi, target(&phi, &TRUTH, k));
     }
-    let after = covariance(estimator.factors(), N).try_inverse().unwrap();
+    let after = covariance(estimator.recursion(), N).try_inverse().unwrap();
     for i in 0..N {
         for j in 2..N {
             assert!((after[(i, j)] - before[(i, j)]).abs() < 1e-6 * before.norm(), "{i} {j}: {before} {after}");
@@ -331,23 +332,23 @@ fn directional_forgetting_leaves_what_is_not_excited() {
     assert!((after[(0, 0)] / before[(0, 0)] - 1.0).abs() > 0.05, "{before} {after}");
     assert!(worst(estimator.theta(), &theta) < 0.1);
 
-    // Nothing excited: nothing at all changes.
-    let before = (estimator.theta().to_vec(), covariance(estimator.factors(), N));
+    // Rows without excitation change nothing.
+    let before = (estimator.theta().to_vec(), covariance(estimator.recursion(), N));
     for _ in 0..1000 {
         assert_eq!(estimator.update(&[0.0; N], 0.3).factor, 1.0);
     }
-    assert_eq!((estimator.theta().to_vec(), covariance(estimator.factors(), N)), before);
+    assert_eq!((estimator.theta().to_vec(), covariance(estimator.recursion(), N)), before);
 }
 
 #[test]
-fn directional_forgetting_knows_as_much_whatever_the_size_of_the_rows() {
+fn directional_forgetting_gives_one_covariance_for_rows_of_any_size() {
     let settled = |size: f64| {
         let mut estimator = started("directional:0.95");
         (0..(2000.0 / (size * size)) as usize).for_each(|k| {
             let phi = row(k).map(|value| size * value);
             estimator.update(&phi, target(&phi, &TRUTH, k));
         });
-        estimator.factors().covariance_trace()
+        estimator.recursion().covariance_trace()
     };
     let average = settled(1.0);
     for size in [0.3, 0.1, 0.03] {

@@ -1,4 +1,4 @@
-//! The recursive estimator against arithmetic with more than a hundred digits, over ten thousand updates.
+//! The recursive estimator compared with arithmetic of more than a hundred digits, over ten thousand updates.
 //!
 //! The reference is what (18)-(20) compute without rounding, the weighted normal equations
 //!
@@ -6,8 +6,8 @@
 //! theta(k) = P(k) z(k),   P(k)^-1 = sum of lambda^(k-i) phi(i) phi(i)',   z(k) = sum of lambda^(k-i) phi(i) y(i)
 //! ```
 //!
-//! with weight 1 for the rows of the offline part. They are summed up with weights lambda^-i instead, which scales
-//! both sums alike, and solved at a few checkpoints.
+//! with weight 1 for the rows of the offline part. The sums are formed with weights lambda^-i instead, which scales
+//! both of them equally, and solved at a few checkpoints.
 
 use dashu_float::{FBig, round::mode::HalfEven};
 use ident_proc::{least_squares::Triangle, recursive::RecursiveLeastSquares};
@@ -29,7 +29,7 @@ fn rounded(value: &Exact) -> f64 {
     value.to_f64().value()
 }
 
-/// A bounded sequence without structure that matters here.
+/// A fixed pseudo-random sequence between -1 and 1.
 fn noise(i: usize) -> f64 {
     let x = (i as f64 * 12.9898).sin() * 43758.5453;
     2.0 * (x - x.floor()) - 1.0
@@ -114,8 +114,8 @@ impl Normal {
 struct Errors {
     /// Of theta as a vector: its largest error by its largest coefficient.
     theta: f64,
-    /// Of any single coefficient. Those of the commands are a ten-thousandth of those of the positions; the rounding
-    /// of y itself, times the condition, is that much larger beside them.
+    /// Of any single coefficient. Those of the commands are a ten-thousandth of those of the positions, so the rounding
+    /// of y, times the condition, is larger relative to them.
     coefficient: f64,
     /// Of any entry of P's diagonal.
     covariance: f64,
@@ -152,7 +152,7 @@ fn largest_errors(n: usize, lambda: f64) -> Errors {
     errors
 }
 
-/// How much worse than orthogonal columns the regressors are.
+/// The condition number of the regressors; 1 for orthogonal columns.
 fn condition(n: usize) -> f64 {
     let record = record(n);
     let values = DMatrix::from_fn(1000, n, |k, j| record[k].0[j]).singular_values();

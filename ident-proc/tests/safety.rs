@@ -1,4 +1,4 @@
-//! What must not harm the estimate: rest, one direction only, a wild sample, a gap, a sensor that is set anew.
+//! Events that must not harm the estimate: rest, one direction only, an outlier, a gap, an encoder with a new zero.
 
 use ident_proc::Identifier;
 use pipeline::{
@@ -9,10 +9,10 @@ use pipeline::{
 
 const TRAINING: usize = 2000;
 const HORIZON: usize = 25;
-/// Counts of the encoder, m.
+/// One count of the encoder, m.
 const COUNT: f64 = 1e-4;
 
-/// A bounded sequence without structure that matters here.
+/// A fixed pseudo-random sequence between -1 and 1.
 fn noise(i: usize) -> f64 {
     let x = (i as f64 * 12.9898).sin() * 43758.5453;
     2.0 * (x - x.floor()) - 1.0
@@ -24,7 +24,7 @@ fn settings(estimator: Estimator) -> Identification {
     Identification { structure, training: TRAINING, horizon: HORIZON, estimator, form: Form::Linear, ..built_in }
 }
 
-/// A position that integrates the answer of a valve, read by an encoder.
+/// A position that integrates the flow of a valve, measured by an encoder.
 struct Plant {
     gains: [f64; 2],
     position: f64,
@@ -38,7 +38,7 @@ impl Plant {
         Self { gains: [0.002, 0.003], position: 0.5, speed: 0.0, before: 0.0, samples: 0 }
     }
 
-    /// One sample: the command reaches the position two samples later. Returns what the encoder says.
+    /// One sample. The command reaches the position two samples later. Returns the measured position.
     fn step(&mut self, command: f64) -> f64 {
         let x = self.before + 0.3 * self.before.abs() * self.before;
         self.before = command;
@@ -59,7 +59,7 @@ struct Run {
     identifier: Identifier,
     plant: Plant,
     output: f64,
-    /// Samples of full excitation: with or without something between, they are excited alike.
+    /// Samples of full excitation so far. Whatever happens between them, their excitation is the same.
     k: usize,
 }
 
@@ -98,8 +98,8 @@ impl Run {
     }
 }
 
-/// The h-step errors over the first 1000 samples of full excitation after `disturb`, and over the 20 000 after those, in
-/// parts of what they are without it.
+/// The h-step errors over the first 1000 samples of full excitation after `disturb`, and over the 20 000 after those,
+/// in parts of the errors without `disturb`.
 fn harm(estimator: Estimator, disturb: impl Fn(&mut Run)) -> [f64; 2] {
     let (mut with, mut without) = (Run::new(estimator), Run::new(estimator));
     disturb(&mut with);
@@ -125,7 +125,7 @@ fn ten_million_samples_at_rest_do_no_harm() {
 
 #[test]
 fn a_million_samples_in_one_direction_do_no_harm() {
-    // The valve only ever extends; now and then the axis has been brought back while nobody looked.
+    // All commands extend the axis. From time to time it is moved back during a gap.
     let one_direction = |run: &mut Run| {
         for k in 0..1_000_000 {
             let command = 0.4 + 0.3 * (k as f64 * 0.013).sin() + 0.15 * (k as f64 * 0.11).sin() + 0.1 * noise(k / 7);
@@ -141,17 +141,17 @@ fn a_million_samples_in_one_direction_do_no_harm() {
         run.identifier.update(None, None);
     };
     let [first, later] = harm(Estimator::Auto, one_direction);
-    // Of the other direction it knows what it knew a million samples ago, for a model that has changed since.
+    // What is known of the other direction is a million samples old, and belongs to a model that has changed since.
     assert!(first < 2.5 && later < 1.02, "{first} {later}");
 }
 
 #[test]
-fn one_wild_sample_changes_nothing_to_speak_of() {
-    let run = |wild: Option<f64>| {
+fn one_outlier_changes_the_errors_by_less_than_one_percent() {
+    let run = |outlier: Option<f64>| {
         let mut run = Run::new(Estimator::Auto);
         let sigma = run.snapshot().adaptive_errors.one_step.sigma();
         let before = run.snapshot();
-        if let Some(size) = wild {
+        if let Some(size) = outlier {
             let command = exciting(run.k, run.output);
             let sound = run.plant.step(command);
             run.identifier.update(Some(sound + size * sigma), Some(command));
@@ -174,14 +174,14 @@ fn one_wild_sample_changes_nothing_to_speak_of() {
 }
 
 #[test]
-fn a_wild_sample_in_the_training_does_not_spoil_the_classical_model() {
-    let run = |wild: bool| {
+fn an_outlier_in_the_training_does_not_spoil_the_classical_model() {
+    let run = |outlier: bool| {
         let mut identifier = Identifier::new(&settings(Estimator::Auto));
         let (mut plant, mut output) = (Plant::new(), 0.5);
         for k in 0..TRAINING + 1000 {
             let command = exciting(k, output);
             output = plant.step(command);
-            let measured = if wild && k == 700 { output + 0.3 } else { output };
+            let measured = if outlier && k == 700 { output + 0.3 } else { output };
             identifier.update(Some(measured), Some(command));
         }
         identifier.snapshot()
@@ -193,7 +193,7 @@ fn a_wild_sample_in_the_training_does_not_spoil_the_classical_model() {
 }
 
 #[test]
-fn an_encoder_that_is_set_anew_is_believed_after_a_few_samples() {
+fn an_encoder_with_a_new_zero_is_believed_after_a_few_samples() {
     let mut run = Run::new(Estimator::Auto);
     let before = run.snapshot();
     for _ in 0..200 {
@@ -209,7 +209,7 @@ fn an_encoder_that_is_set_anew_is_believed_after_a_few_samples() {
 }
 
 #[test]
-fn the_gain_of_each_direction_is_told() {
+fn the_gain_ratio_of_each_direction_is_found() {
     let mut run = Run::new(Estimator::Auto);
     run.plant.gains = [0.001, 0.003];
     run.excite(3000);

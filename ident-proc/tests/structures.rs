@@ -1,5 +1,5 @@
-//! Every option of the structure on a plant that is exactly of it: found offline, kept online, and of use where the
-//! plain structure is wrong.
+//! Every option of the structure, on a plant that has exactly this structure: the model is found offline and kept
+//! online. Each option is also tested on a plant where the plain structure is wrong.
 
 use std::iter::zip;
 
@@ -14,7 +14,7 @@ const PLAIN: Structure = Structure { na: 2, nb: 1, nk: 2, order: 3, ..Structure:
 const TRAINING: usize = 1000;
 const PERIOD: f64 = 0.01;
 
-/// A bounded sequence without structure that matters here.
+/// A fixed pseudo-random sequence between -1 and 1.
 fn noise(i: usize) -> f64 {
     let x = (i as f64 * 12.9898).sin() * 43758.5453;
     2.0 * (x - x.floor()) - 1.0
@@ -38,7 +38,7 @@ fn structures() -> [Structure; 6] {
     ]
 }
 
-/// A plant of the structure as it is to be published.
+/// A plant of the structure, as its model is published.
 fn plant(structure: Structure) -> Coefficients {
     let mut model = Coefficients::zero(structure);
     model.a[..2].copy_from_slice(&[-1.2, 0.4]);
@@ -137,7 +137,7 @@ fn both_forms_follow_a_gain_and_a_drift_that_change() {
     let before = plant(structure);
     let after = Coefficients { b: before.b.map(|b| 1.5 * b), drift: 0.01, ..before };
     let (one, two) = (outputs(&before, &commands), outputs(&after, &commands));
-    // From one plant to the other at the end of training: the increments are those of the second.
+    // The plant changes in the middle: after the seam the increments are those of the second plant.
     let seam = 2 * TRAINING;
     let shift = one[seam] - two[seam];
     let record: Vec<f64> = (0..commands.len()).map(|k| if k < seam { one[k] } else { two[k] + shift }).collect();
@@ -196,7 +196,7 @@ fn a_velocity_is_identified_and_a_position_published() {
             assert_eq!(found.adaptive.structure(), Some(settings.published()), "{structure:?}");
             for model in [&found.classical, &found.adaptive] {
                 assert!(distance(model, &of_position) < 1e-6, "{structure:?} {form:?}: {model:?}");
-                // It says of positions what the plant does.
+                // Its predictions of positions are those of the plant.
                 let newest: Vec<f64> = positions[..2000].iter().rev().take(MAX_A).copied().collect();
                 let mut predicted = [0.0; 20];
                 model.predict(&newest, &commands[2000 - 3..], &mut predicted);
@@ -225,10 +225,10 @@ fn a_velocity_needs_two_positions_in_a_row() {
     };
     for (k, position) in positions.iter().enumerate() {
         let (position, applied, expected) = match k {
-            // A position that is missing spoils its own velocity and the next, and two more are needed as a past.
+            // Without a position two velocities are missing, and the row needs two more as its past.
             500 => (None, true, 1),
             501..=503 => (Some(*position), true, 1),
-            // A gap of unknown length: two positions for a velocity, nk + nb commands and two velocities as a past.
+            // After a gap the row needs nk + nb commands, and two velocities made of three positions.
             700 => (Some(*position + 9.0), false, 1),
             701..=702 => (Some(*position + 9.0), true, 1),
             0 => (Some(*position), false, 1),
@@ -241,7 +241,7 @@ fn a_velocity_needs_two_positions_in_a_row() {
 }
 
 #[test]
-fn what_an_idle_input_cannot_tell_apart_leaves_a_finite_model() {
+fn an_input_that_never_moves_leaves_a_finite_model_of_each_structure() {
     let outputs: Vec<f64> = (0..2 * TRAINING).map(|k| 0.5 + 0.02 * (k as f64 * 0.1).sin()).collect();
     for structure in structures() {
         for form in [Form::Linear, Form::Full] {

@@ -1,8 +1,11 @@
 //! Exponential forgetting with a constant factor, eqs. (18)-(20).
 //!
-//! A row of k samples ago counts lambda^k: the memory is 1 / (1 - lambda) samples long. Traps: what is not excited is
-//! forgotten all the same, up to the bound of the [covariance](crate::recursive); and no one factor suits both a
-//! machine that warms up and one that stays as it is.
+//! ```text
+//! weight of a row of k samples ago: lambda^k            memory: 1 / (1 - lambda) samples
+//! ```
+//!
+//! lambda forgetting factor. Traps: a coefficient without excitation is forgotten too, up to the bound of the
+//! [covariance](crate::recursive). No one factor suits both a machine that warms up and one that stays as it is.
 
 use super::{Adapted, Method};
 use crate::{
@@ -13,36 +16,36 @@ use crate::{
 /// The estimator `constant:L`.
 #[derive(Debug, Clone)]
 pub struct Exponential {
-    factors: RecursiveLeastSquares,
+    recursion: RecursiveLeastSquares,
     factor: f64,
 }
 
 impl Exponential {
     /// For `n` coefficients with the forgetting factor `factor` in (0, 1].
     pub fn new(n: usize, factor: f64) -> Self {
-        Self { factors: RecursiveLeastSquares::new(n), factor }
+        Self { recursion: RecursiveLeastSquares::new(n), factor }
     }
 }
 
 impl Method for Exponential {
     fn start(&mut self, data: &Triangle, held: &[bool], _residual_sigma: f64) {
-        self.factors.start(data, held);
+        self.recursion.start(data, held);
     }
 
     fn set_theta(&mut self, theta: &[f64]) {
-        self.factors.set_theta(theta);
+        self.recursion.set_theta(theta);
     }
 
     fn update(&mut self, phi: &[f64], target: f64) -> Adapted {
         let mut factor = 1.0;
-        let update = self.factors.update_by(phi, target, |_, _| {
+        let update = self.recursion.update_by(phi, target, |_, _| {
             factor = self.factor;
             Change::forget(factor)
         });
         Adapted { innovation: update.innovation, factor, bounded: update.bounded }
     }
 
-    fn factors(&self) -> &RecursiveLeastSquares {
-        &self.factors
+    fn recursion(&self) -> &RecursiveLeastSquares {
+        &self.recursion
     }
 }

@@ -6,18 +6,18 @@
 //! P <- (I - K phi') P / lambda             Sigma0 = sigma0^2 N0
 //! ```
 //!
-//! e is the innovation, sigma0 the standard deviation of the error that offline identification left, N0 the length of
-//! the memory, in samples, while the errors stay as large as that: E e^2 = sigma0^2 gives 1 - lambda = 1 / N0. Errors
-//! twice as large make it a quarter as long. An error that the uncertainty of the coefficients explains (phi' K near
-//! 1) forgets little: the new row is believed anyway.
+//! e innovation in the unit of the target; sigma0 standard deviation of the residuals of offline identification; N0
+//! memory in samples while the errors stay as large as those residuals, because E e^2 = sigma0^2 gives 1 - lambda =
+//! 1 / N0. Errors twice as large make the memory a quarter as long. An error that the uncertainty of the coefficients
+//! explains (phi' K near 1) forgets little; such a row changes the coefficients much in any case.
 //!
 //! lambda_min is 1 - 1 / (2 n): a memory of at least two rows for each of the n coefficients. Without it one outlier
 //! makes lambda negative.
 //!
-//! Traps: sigma0 is all that the method knows of the noise; a model that fits the training far better than what
-//! comes after forgets for ever. And the factor falls for a wrong structure as it does for a changed plant.
+//! Traps: sigma0 is all that the method knows of the noise. A model that fits the training much better than later
+//! samples forgets at every sample. The factor also falls where the structure of the model is wrong.
 //!
-//! Fortescue, Kershenbaum, Ydstie: Implementation of self-tuning regulators with variable forgetting factors,
+//! Source: Fortescue, Kershenbaum, Ydstie: Implementation of self-tuning regulators with variable forgetting factors,
 //! Automatica 17, 1981.
 
 use super::{Adapted, Method};
@@ -29,7 +29,7 @@ use crate::{
 /// The estimator `fortescue:N0`.
 #[derive(Debug, Clone)]
 pub struct Fortescue {
-    factors: RecursiveLeastSquares,
+    recursion: RecursiveLeastSquares,
     /// N0.
     memory: f64,
     /// Sigma0, (unit of the target)^2.
@@ -41,7 +41,7 @@ impl Fortescue {
     /// For `n` coefficients with a memory of `memory` samples.
     pub fn new(n: usize, memory: usize) -> Self {
         Self {
-            factors: RecursiveLeastSquares::new(n),
+            recursion: RecursiveLeastSquares::new(n),
             memory: memory as f64,
             information: f64::MIN_POSITIVE,
             least: 1.0 - 0.5 / n.max(1) as f64,
@@ -56,27 +56,27 @@ impl Fortescue {
 
 impl Method for Fortescue {
     fn start(&mut self, data: &Triangle, held: &[bool], residual_sigma: f64) {
-        self.factors.start(data, held);
-        // A residual of zero (data made without noise): zero errors forget nothing, all others the most.
+        self.recursion.start(data, held);
+        // With a residual of zero (data without noise) a zero error forgets nothing, and every other error the most.
         self.information = (residual_sigma * residual_sigma * self.memory).max(f64::MIN_POSITIVE);
     }
 
     fn set_theta(&mut self, theta: &[f64]) {
-        self.factors.set_theta(theta);
+        self.recursion.set_theta(theta);
     }
 
     fn update(&mut self, phi: &[f64], target: f64) -> Adapted {
         let (information, least) = (self.information, self.least);
         let mut factor = 1.0;
-        let update = self.factors.update_by(phi, target, |e, leverage| {
+        let update = self.recursion.update_by(phi, target, |e, leverage| {
             factor = (1.0 - e * e / ((1.0 + leverage) * information)).clamp(least, 1.0);
             Change { variance: 1.0, growth: factor.recip(), step: 1.0 }
         });
         Adapted { innovation: update.innovation, factor, bounded: update.bounded }
     }
 
-    fn factors(&self) -> &RecursiveLeastSquares {
-        &self.factors
+    fn recursion(&self) -> &RecursiveLeastSquares {
+        &self.recursion
     }
 }
 
@@ -111,13 +111,13 @@ mod tests {
     }
 
     #[test]
-    fn the_memory_is_as_long_as_asked_while_the_errors_are_those_of_the_training() {
+    fn the_memory_is_as_long_as_set_while_the_errors_are_as_large_as_in_the_training() {
         let mut fortescue = started();
         let mut forgotten = 0.0;
         for k in 0..20_000 {
-            // Errors of +-0.1, rows in turn.
+            // Errors of +-0.1, the two rows by turns.
             let error = if k % 3 == 0 { -0.1 } else { 0.1 };
-            let theta = fortescue.factors().theta();
+            let theta = fortescue.recursion().theta();
             let (row, predicted) = if k % 2 == 0 { ([1.0, 0.0], theta[0]) } else { ([0.0, 1.0], theta[1]) };
             forgotten += 1.0 - fortescue.update(&row, predicted + error).factor;
         }
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn data_without_noise_leave_a_factor_that_is_a_number() {
+    fn data_without_noise_give_a_factor_that_is_a_number() {
         let mut fortescue = started();
         let mut data = Triangle::new(2);
         data.add(&[1.0, 0.0], 1.0);

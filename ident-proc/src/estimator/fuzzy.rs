@@ -1,24 +1,27 @@
-//! The fuzzy forgetting factor, step 5 of the paper: Table 1 and eq. (21), and the estimator with it.
+//! The fuzzy forgetting factor, step 5 of the paper: Table 1 and eq. (21), and the estimator that uses it.
 //!
 //! ```text
 //! e = 3 clip(error / error_universe)        de = 3 clip(change / variation_universe)       clip to [-1, 1]
 //! w_ij = min(mu_i(de), mu_j(e))             lambda = sum(w_ij p_ij) / sum(w_ij)                     (21)
 //! ```
 //!
-//! The terms NB .. PB lie at -3 .. 3. Near zero, where calm matters, the memberships are curves; outside, where
-//! speed matters, triangles:
+//! error: one-step prediction error in the unit of the output; change: its difference to that of the sample before.
+//! p_ij entry of Table 1 in row i (change) and column j (error); mu memberships; lambda forgetting factor.
+//!
+//! The terms NB .. PB lie at -3 .. 3. The memberships are curves near zero, for a calm factor, and triangles outside,
+//! for speed:
 //!
 //! ```text
 //! NS, ZO, PS:       mu = (1 + cos(pi d / curve_width)) / 2   for distances d < curve_width, else 0
 //! NB, NM, PM, PB:   mu = 1 - d / triangle_width              for d < triangle_width, else 0
 //! ```
 //!
-//! The paper prints neither widths nor the units of the universes. With both widths 1 neighbouring terms sum to
-//! about 1 and the factor at zero error is exactly that of (ZO, ZO), 1. The error is the one-step prediction
-//! error: with the tracking error, forgetting would follow the controller instead of the plant.
+//! The paper prints neither the widths nor the units of the universes. With both widths 1 the memberships of
+//! neighbouring terms sum to about 1, and the factor at zero error is exactly that of (ZO, ZO), 1. The prediction error
+//! is used and not the tracking error: with the latter, forgetting would follow the controller instead of the plant.
 //!
-//! Trap: Table 1 is not symmetric when both signs change, and a universe that is small against the noise turns the
-//! factor to 0.75, a memory of four samples.
+//! Traps: Table 1 is not symmetric when both signs change. A universe that is small against the noise gives the factor
+//! 0.75, a memory of four samples.
 
 use pipeline::machine::{Fuzzy, Level};
 
@@ -38,10 +41,10 @@ pub struct FuzzyForgetting {
 }
 
 impl FuzzyForgetting {
-    /// From its settings and the standard deviation of the error that offline identification left, in the unit of
-    /// the output; the error before the first is zero.
+    /// From its settings and the standard deviation of the residuals of offline identification, in the unit of the
+    /// output. The error before the first sample counts as zero.
     pub fn new(settings: Fuzzy, residual: f64) -> Self {
-        // A residual of zero (data made without noise) would make every error PB.
+        // With a residual of zero (data without noise) every error would be PB.
         let by_residual = (Fuzzy::UNIVERSE_IN_RESIDUALS * residual).max(f64::MIN_POSITIVE);
         let error_universe = settings.error_universe.unwrap_or(by_residual);
         let variation_universe = settings.variation_universe.unwrap_or(0.5 * error_universe);
@@ -72,7 +75,7 @@ impl FuzzyForgetting {
                 total += weight;
             }
         }
-        // The centre of gravity lies among the terms; rounding must not move it out, least of all above 1.
+        // The centre of gravity lies between the terms. Rounding must not move it outside, above all not above 1.
         (weighted / total).clamp(Level::VS.factor(), Level::VB.factor())
     }
 
@@ -92,42 +95,42 @@ impl FuzzyForgetting {
     }
 }
 
-/// The estimator `paper`: (18)-(20) with this factor.
+/// The estimator `paper`: (18)-(20) with the fuzzy forgetting factor.
 #[derive(Debug, Clone)]
 pub struct Paper {
-    factors: RecursiveLeastSquares,
+    recursion: RecursiveLeastSquares,
     fuzzy: FuzzyForgetting,
 }
 
 impl Paper {
     /// For `n` coefficients.
     pub fn new(n: usize, settings: &Fuzzy) -> Self {
-        Self { factors: RecursiveLeastSquares::new(n), fuzzy: FuzzyForgetting::new(*settings, 0.0) }
+        Self { recursion: RecursiveLeastSquares::new(n), fuzzy: FuzzyForgetting::new(*settings, 0.0) }
     }
 }
 
 impl Method for Paper {
     fn start(&mut self, data: &Triangle, held: &[bool], residual_sigma: f64) {
-        self.factors.start(data, held);
+        self.recursion.start(data, held);
         self.fuzzy = FuzzyForgetting::new(self.fuzzy.settings, residual_sigma);
     }
 
     fn set_theta(&mut self, theta: &[f64]) {
-        self.factors.set_theta(theta);
+        self.recursion.set_theta(theta);
     }
 
     fn update(&mut self, phi: &[f64], target: f64) -> Adapted {
-        let innovation = target - dot(phi, self.factors.theta());
+        let innovation = target - dot(phi, self.recursion.theta());
         if !innovation.is_finite() {
             return Adapted { innovation, factor: 1.0, bounded: false };
         }
         let factor = self.fuzzy.factor(innovation);
-        let update = self.factors.update(phi, target, factor);
+        let update = self.recursion.update(phi, target, factor);
         Adapted { innovation: update.innovation, factor, bounded: update.bounded }
     }
 
-    fn factors(&self) -> &RecursiveLeastSquares {
-        &self.factors
+    fn recursion(&self) -> &RecursiveLeastSquares {
+        &self.recursion
     }
 
     fn universes(&self) -> Option<(f64, f64)> {
@@ -205,7 +208,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_stays_within_the_table(e in -10.0f64..10.0, de in -10.0f64..10.0, curve in 0.6f64..3.0, triangle in 0.6f64..3.0) {
+        fn it_stays_within_the_table(
+            e in -10.0f64..10.0,
+            de in -10.0f64..10.0,
+            curve in 0.6f64..3.0,
+            triangle in 0.6f64..3.0,
+        ) {
             let settings = Fuzzy { curve_width: curve, triangle_width: triangle, ..UNIT };
             let factor = FuzzyForgetting::new(settings, 1.0).evaluate(e, de);
             prop_assert!((0.75..=1.0).contains(&factor), "{factor}");

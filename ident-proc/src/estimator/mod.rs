@@ -1,17 +1,22 @@
-//! The estimators: one recursion on one safe covariance ([`RecursiveLeastSquares`]), and several answers to what it
-//! is to forget.
+//! The recursive estimators. All use one recursion on one factorised covariance ([`RecursiveLeastSquares`]); they
+//! differ in what they forget.
 //!
 //! | setting | what it forgets | file |
 //! |---|---|---|
-//! | `constant:L` | every sample the same part of everything | [`exponential`] |
+//! | `constant:L` | at every sample an equal part of everything | [`exponential`] |
 //! | `paper` | the more, the larger the error and its change (Table 1, eq. (21)) | [`fuzzy`] |
-//! | `fuzzy:LOW` | the same table on errors in units of their own scale, down to LOW | [`normalized`] |
-//! | `fortescue:N0` | as much as a weighted sum of squared errors asks for | [`fortescue`] |
+//! | `fuzzy:LOW` | as `paper`, with errors in units of their own scale, down to LOW | [`normalized`] |
+//! | `fortescue:N0` | as much as keeps a weighted sum of squared errors constant | [`fortescue`] |
 //! | `directional:L` | only along the row that has come | [`directional`] |
-//! | `window:N` | the row that came N samples ago, and nothing else | [`window`] |
+//! | `window:N` | only the row that came N samples ago | [`window`] |
 //!
-//! Common to all: coefficients that are held stay, a row or target that is not finite teaches nothing, the covariance
-//! is symmetric and positive definite by construction and bounded, and an update allocates nothing.
+//! All estimators have these properties: held coefficients never change; a row or target that is not finite changes
+//! nothing; the covariance is symmetric and positive definite by construction, and bounded.
+//!
+//! All of this runs in the loop, but for `start`. Nothing here allocates after construction.
+//!
+//! To add an estimator: a variant of the machine file's `estimator`, a file here that implements `Method`, its lines
+//! in [`RecursiveEstimator`], and a line of the cases in `tests/estimators.rs`.
 
 pub mod directional;
 pub mod exponential;
@@ -20,7 +25,7 @@ pub mod fuzzy;
 pub mod normalized;
 pub mod window;
 
-use pipeline::machine::{self, Fuzzy};
+use pipeline::machine::{Estimator, Fuzzy};
 
 use crate::{least_squares::Triangle, recursive::RecursiveLeastSquares};
 use directional::Directional;
@@ -33,15 +38,15 @@ use window::Window;
 /// What one update did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Adapted {
-    /// Target minus prediction, before the update.
+    /// Target minus its prediction before the update.
     pub innovation: f64,
-    /// The forgetting factor of this update: 1 less the part that was forgotten.
+    /// The forgetting factor of this update: 1 minus the part that was forgotten.
     pub factor: f64,
-    /// Whether the covariance was held at its bound.
+    /// Whether the covariance was cut at its bound.
     pub bounded: bool,
 }
 
-/// What every estimator does.
+/// What every estimator does; [`RecursiveEstimator`] describes each of these.
 trait Method {
     fn start(&mut self, data: &Triangle, held: &[bool], residual_sigma: f64);
 
@@ -49,7 +54,7 @@ trait Method {
 
     fn update(&mut self, phi: &[f64], target: f64) -> Adapted;
 
-    fn factors(&self) -> &RecursiveLeastSquares;
+    fn recursion(&self) -> &RecursiveLeastSquares;
 
     fn universes(&self) -> Option<(f64, f64)> {
         None
@@ -58,7 +63,7 @@ trait Method {
 
 /// One recursive estimator of any kind.
 #[derive(Debug, Clone)]
-pub enum Estimator {
+pub enum RecursiveEstimator {
     /// `constant:L`
     Exponential(Exponential),
     /// `paper`
@@ -73,22 +78,21 @@ pub enum Estimator {
     Window(Window),
 }
 
-impl Estimator {
-    /// For `n` coefficients; takes all memory that it will ever use.
+impl RecursiveEstimator {
+    /// For `n` coefficients. Allocates all memory that it will ever use.
     ///
     /// # Panics
-    /// With [`machine::Estimator::Auto`], which is several estimators and not one, and with
-    /// [`machine::Estimator::GreyBox`], which is none of these.
-    pub fn new(kind: machine::Estimator, n: usize, fuzzy: &Fuzzy) -> Self {
+    /// With [`Estimator::Auto`], which is several estimators, and with [`Estimator::GreyBox`], which is none of these.
+    pub fn new(kind: Estimator, n: usize, fuzzy: &Fuzzy) -> Self {
         match kind {
-            machine::Estimator::Constant(factor) => Self::Exponential(Exponential::new(n, factor)),
-            machine::Estimator::Paper => Self::Paper(Paper::new(n, fuzzy)),
-            machine::Estimator::Fuzzy(low) => Self::Normalized(Normalized::new(n, fuzzy, low)),
-            machine::Estimator::Fortescue(memory) => Self::Fortescue(Fortescue::new(n, memory)),
-            machine::Estimator::Directional(factor) => Self::Directional(Directional::new(n, factor)),
-            machine::Estimator::Window(rows) => Self::Window(Window::new(n, rows)),
-            machine::Estimator::Auto => panic!("auto is several estimators, not one"),
-            machine::Estimator::GreyBox => panic!("a grey box is an estimator of its own"),
+            Estimator::Constant(factor) => Self::Exponential(Exponential::new(n, factor)),
+            Estimator::Paper => Self::Paper(Paper::new(n, fuzzy)),
+            Estimator::Fuzzy(low) => Self::Normalized(Normalized::new(n, fuzzy, low)),
+            Estimator::Fortescue(memory) => Self::Fortescue(Fortescue::new(n, memory)),
+            Estimator::Directional(factor) => Self::Directional(Directional::new(n, factor)),
+            Estimator::Window(rows) => Self::Window(Window::new(n, rows)),
+            Estimator::Auto => panic!("auto is several estimators, not one"),
+            Estimator::GreyBox => panic!("a grey box is an estimator of its own"),
         }
     }
 
@@ -114,34 +118,33 @@ impl Estimator {
         }
     }
 
-    /// Starts from what offline identification found: its data, what is held, and the standard deviation of the error
-    /// that it left, in the unit of the target.
+    /// Starts from the results of offline identification: its data, which coefficients are `held`, and the standard
+    /// deviation of its residuals in the unit of the target.
     pub fn start(&mut self, data: &Triangle, held: &[bool], residual_sigma: f64) {
         self.method_mut().start(data, held, residual_sigma);
     }
 
-    /// Puts other coefficients in the place of the solution of the data, after [`Self::start`] and before the first
-    /// update; the covariance stays.
+    /// Replaces the coefficients, after [`Self::start`] and before the first update. The covariance stays.
     pub fn set_theta(&mut self, theta: &[f64]) {
         self.method_mut().set_theta(theta);
     }
 
-    /// One update: `phi` times the coefficients is to give `target`.
+    /// One update with the regressor `phi`, whose product with the coefficients predicts `target`.
     pub fn update(&mut self, phi: &[f64], target: f64) -> Adapted {
         self.method_mut().update(phi, target)
     }
 
     /// The coefficients.
     pub fn theta(&self) -> &[f64] {
-        self.factors().theta()
+        self.recursion().theta()
     }
 
-    /// Coefficients with covariance and information.
-    pub fn factors(&self) -> &RecursiveLeastSquares {
-        self.method().factors()
+    /// Coefficients and covariance.
+    pub fn recursion(&self) -> &RecursiveLeastSquares {
+        self.method().recursion()
     }
 
-    /// Error and change of error that count as PB, in the unit of the target; only the fuzzy ones have them.
+    /// Error and change of error that count as PB, in the unit of the target; `None` without fuzzy rules.
     pub fn universes(&self) -> Option<(f64, f64)> {
         self.method().universes()
     }

@@ -1,13 +1,13 @@
-//! Finds coefficients that the data cannot tell apart.
+//! Finds coefficients that the data do not determine.
 //!
-//! Gram-Schmidt on the columns of R, each scaled to length 1, always taking next the column that the ones taken so
-//! far explain least, the first of equals. When the largest remainder falls below the tolerance, what is left
-//! depends on what was taken. An input with two levels makes most powers of u such columns; an input of one sign
-//! leaves the other branch empty.
+//! It is Gram-Schmidt on the columns of R, each scaled to length 1. The next column is always the one that the columns
+//! taken so far explain least, the first of equals. When its remainder is below the tolerance, all columns that are
+//! left depend on those taken. With an input of two levels most powers of u are such columns; with an input of one sign
+//! those of the other branch are zero.
 
 use crate::least_squares::{RANK_TOLERANCE, Triangle};
 
-/// Finds dependent columns; its memory is taken at construction.
+/// Finds dependent columns. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct RankGuard {
     n: usize,
@@ -23,7 +23,7 @@ impl RankGuard {
         Self { n, columns: vec![0.0; n * n], direction: vec![0.0; n], dependent: vec![false; n] }
     }
 
-    /// What the last search marked.
+    /// The unknowns that the last search marked.
     pub fn last(&self) -> &[bool] {
         &self.dependent
     }
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_that_say_the_same_are_found_and_held() {
+    fn dependent_columns_are_found_and_held() {
         // Third column = first + second, fourth zero.
         let row = |i: usize| {
             let (a, b) = ((i as f64).sin(), (i as f64 * 0.7).cos());
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_rank_problem_has_none() {
+    fn a_problem_of_full_rank_has_no_dependent_column() {
         let mut data = Triangle::new(3);
         (0..9).for_each(|i| data.add(&[1.0, i as f64, (i * i) as f64], 0.0));
         assert_eq!(RankGuard::new(3).dependent(&data), [false; 3]);

@@ -1,16 +1,16 @@
-//! Least squares on a triangle: all that the rows seen so far say, in n (n + 3) / 2 numbers.
+//! Least squares on a triangle, eq. (15): the information of all rows so far, in n (n + 3) / 2 numbers.
 //!
 //! ```text
 //! minimise |Phi theta - Y|^2     <=>     R theta = z     with  Q [Phi | Y] = [R | z]              (15)
 //!                                                                           [0 | residual]
 //! ```
 //!
-//! R is upper triangular, R'R = Phi'Phi: R and z are the stored normal equations, in a form that keeps the digits
-//! which forming Phi'Phi would lose (a position's y(k-1), y(k-2), y(k-3) are nearly equal columns). Rows are
-//! rotated in one at a time by Givens rotations, so nothing grows with the record.
+//! Phi rows and Y targets, theta n unknowns, Q orthogonal, R upper triangular with R'R = Phi'Phi. R and z store the
+//! normal equations with the digits that forming Phi'Phi would lose: a position's y(k-1), y(k-2) and y(k-3) are nearly
+//! equal columns. Rows are taken in one at a time by Givens rotations, so the memory does not grow with the record.
 
-/// Diagonal entries smaller than this part of their column are taken as zero: far above rounding (1e-16 times the
-/// root of the number of rows), far below what a column of a real record still adds.
+/// Diagonal entries smaller than this part of their column count as zero. It is far above rounding (1e-16 times the
+/// root of the number of rows), and far below what a column of a measured record adds.
 pub(crate) const RANK_TOLERANCE: f64 = 1e-10;
 
 /// R and z of a least-squares problem with n unknowns.
@@ -19,7 +19,7 @@ pub struct Triangle {
     n: usize,
     /// n rows of n + 1 numbers: a row of R, then its z.
     rows: Vec<f64>,
-    /// The row being rotated in.
+    /// The row that is being taken in.
     row: Vec<f64>,
     residual: f64,
     count: u64,
@@ -41,29 +41,29 @@ impl Triangle {
         self.n == 0
     }
 
-    /// Rows taken in.
+    /// Number of rows taken in.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Sum of squares that no choice of the unknowns explains.
+    /// Smallest sum of squared residuals over all values of the unknowns.
     pub fn residual(&self) -> f64 {
         self.residual
     }
 
-    /// R_ij, j >= i; for j = n, z_i.
+    /// R_ij for i <= j < n; z_i for j = n.
     pub fn entry(&self, i: usize, j: usize) -> f64 {
         self.rows[i * (self.n + 1) + j]
     }
 
-    /// Forgets all rows.
+    /// Removes all rows.
     pub fn clear(&mut self) {
         self.rows.fill(0.0);
         self.residual = 0.0;
         self.count = 0;
     }
 
-    /// Takes in one row: `regressor` (n numbers) times the unknowns is to give `target`.
+    /// Takes in one row: `regressor`, n numbers, whose product with the unknowns predicts `target`.
     pub fn add(&mut self, regressor: &[f64], target: f64) {
         self.row[..self.n].copy_from_slice(regressor);
         self.row[self.n] = target;
@@ -88,8 +88,8 @@ impl Triangle {
         self.residual += self.row[self.n] * self.row[self.n];
     }
 
-    /// Takes in all that `other` has taken in: `map` writes a row of its unknowns as one of these, and returns the
-    /// target; both must be linear in row and target.
+    /// Takes in all rows of `other`. `map` gets a row of its unknowns and the target, writes a row of these unknowns,
+    /// and returns their target. Both must be linear in row and target.
     pub fn add_mapped(&mut self, other: &Self, mut map: impl FnMut(&[f64], f64, &mut [f64]) -> f64) {
         for row in other.rows.chunks_exact(other.n + 1) {
             self.row.fill(0.0);
@@ -100,7 +100,7 @@ impl Triangle {
         self.count += other.count;
     }
 
-    /// Solves R theta = z by back substitution; an unknown whose diagonal is zero becomes 0.
+    /// Solves R theta = z by back substitution. An unknown whose diagonal counts as zero becomes 0.
     pub fn solve(&self, theta: &mut [f64]) {
         for i in (0..self.n).rev() {
             let known: f64 = (i + 1..self.n).map(|j| self.entry(i, j) * theta[j]).sum();
@@ -113,7 +113,7 @@ impl Triangle {
         self.entry(i, i).abs() <= RANK_TOLERANCE * column
     }
 
-    /// Makes `restricted` the same problem with the marked unknowns held at zero, each by a row of its own.
+    /// Makes `restricted` this problem with the marked unknowns held at zero, each by a row of its own.
     pub fn hold_into(&self, held: &[bool], restricted: &mut Self) {
         restricted.clear();
         restricted.add_mapped(self, |row, target, out| {
@@ -145,9 +145,12 @@ mod tests {
     }
 
     proptest! {
-        /// What defines least squares: the residual is orthogonal to every column, however well they are conditioned.
+        /// This defines least squares, whatever the condition of the columns.
         #[test]
-        fn the_residual_is_orthogonal_to_every_column(values in prop::collection::vec(-1.0f64..1.0, 40 * 6), y in prop::collection::vec(-1.0f64..1.0, 40)) {
+        fn the_residual_is_orthogonal_to_every_column(
+            values in prop::collection::vec(-1.0f64..1.0, 40 * 6),
+            y in prop::collection::vec(-1.0f64..1.0, 40),
+        ) {
             let (rows, targets) = (DMatrix::from_row_slice(40, 6, &values), DVector::from_vec(y));
             let triangle = triangle_of(&rows, &targets);
             let mut theta = vec![0.0; 6];
@@ -162,7 +165,7 @@ mod tests {
 
     #[test]
     fn nearly_equal_columns_keep_their_digits() {
-        // Condition 1e7: the normal equations would square it to 1e14.
+        // The condition is 1e7; that of the normal equations would be 1e14.
         let rows = DMatrix::from_fn(1000, 2, |i, j| {
             (i as f64 * 0.1).sin() + if j == 1 { 1e-7 * (i as f64 * 0.37).cos() } else { 0.0 }
         });

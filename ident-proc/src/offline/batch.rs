@@ -1,5 +1,5 @@
-//! Offline identification, step 3 of the paper: least squares (15) on the over-parametrised form (14) and its
-//! separation into b, f, g (16)-(17), one row at a time and without keeping the rows.
+//! Offline identification, step 3 of the paper: least squares (15) on the over-parametrised form (14) and the
+//! separation into b, f, g (16)-(17). Rows are taken in one at a time and not kept.
 
 use pipeline::{
     hammerstein::{Coefficients, Structure},
@@ -7,11 +7,13 @@ use pipeline::{
 };
 
 use crate::{
-    least_squares::RankGuard, least_squares::Triangle, regression::Regression, sample::RegressorRow,
+    least_squares::{RankGuard, Triangle},
+    regression::Regression,
+    sample::RegressorRow,
     separation::OfflineSeparation,
 };
 
-/// Collects rows and solves them; its memory is taken at construction.
+/// Collects rows and solves them. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct Batch {
     structure: Structure,
@@ -25,18 +27,18 @@ pub struct Batch {
     theta: Vec<f64>,
 }
 
-/// What offline identification found, apart from theta and the data.
+/// The result of offline identification, without theta and the data.
 #[derive(Debug, Clone, Copy)]
 pub struct Offline {
-    /// a, b, f, g and the drift; an integrator is not multiplied in.
+    /// a, b, f, g and the drift of the identified structure: an integrator is not multiplied in.
     pub coefficients: Coefficients,
-    /// The same with the integrator multiplied in.
+    /// The model as it is published: an integrator is multiplied in.
     pub published: Coefficients,
     /// Standard deviation of the prediction error over the rows, in the unit of the output.
     pub residual_sigma: f64,
-    /// Part of the driven half that the separation does not explain.
+    /// Part of the products' weighted norm that the separation does not explain.
     pub split_residual: f64,
-    /// Whether some coefficients could not be told apart and were held at zero.
+    /// Whether the rows do not determine every coefficient. Those that they do not determine are held at zero.
     pub rank_deficient: bool,
 }
 
@@ -58,7 +60,7 @@ impl Batch {
         }
     }
 
-    /// Rows collected.
+    /// Number of rows collected.
     pub fn rows(&self) -> u64 {
         self.collected.count()
     }
@@ -69,13 +71,13 @@ impl Batch {
         self.collected.add(&self.phi, self.regression.target(y, row.values()));
     }
 
-    /// Solves what was collected; allocates nothing.
+    /// Solves the collected rows. Allocates nothing.
     pub fn solve(&mut self) -> Offline {
         let held = self.guard.dependent(&self.collected);
         let rank_deficient = held.contains(&true);
         self.collected.hold_into(held, &mut self.data);
         self.data.solve(&mut self.theta);
-        let coefficients = self.separation.split(&self.theta, &self.data, self.split);
+        let coefficients = self.separation.separate(&self.theta, &self.data, self.split);
         let split_residual = self.separation.residual(&self.theta, &coefficients, &self.data);
         let free = held.iter().filter(|held| !**held).count() as u64;
         let freedom = self.collected.count().saturating_sub(free).max(1);
@@ -90,7 +92,7 @@ impl Batch {
         &self.collected
     }
 
-    /// Which coefficients could not be told apart and are held at zero, after [`Self::solve`].
+    /// The coefficients that the rows do not determine and that are held at zero, after [`Self::solve`].
     pub fn held(&self) -> &[bool] {
         self.guard.last()
     }

@@ -2,14 +2,17 @@
 //!
 //! | question | where |
 //! |---|---|
-//! | what do the training rows say of the model? | [`batch`] |
+//! | when does the training end? | [`training`] |
+//! | which model do the training rows give? | [`batch`] |
 //! | how does an estimator of another form start from them? | [`projection`] |
 //!
-//! It runs in the stage, at one sample or two, and allocates nothing after construction. That sample takes longer than
-//! the others.
+//! Rows are collected in the loop, one per sample. They are solved at one or two samples of the whole run, which take
+//! longer than the others. Nothing here allocates after construction.
 
 pub mod batch;
 pub mod projection;
+pub mod training;
 
 pub use batch::{Batch, Offline};
 pub use projection::Projection;
+pub use training::{Progress, Training};

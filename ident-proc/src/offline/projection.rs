@@ -1,10 +1,14 @@
-//! The offline problem of one form, from the rows of a larger one, ready to start a recursion from.
+//! The offline problem of one form of the regression, made from the rows of a larger form. A recursive estimator starts
+//! from it.
 
 use pipeline::hammerstein::Structure;
 
-use crate::{least_squares::RankGuard, least_squares::Triangle, regression::Regression};
+use crate::{
+    least_squares::{RankGuard, Triangle},
+    regression::Regression,
+};
 
-/// Projects, and holds what the rows cannot tell apart; its memory is taken at construction.
+/// Projects the rows and holds what they do not determine. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct Projection {
     projected: Triangle,
@@ -18,7 +22,7 @@ impl Projection {
         Self { projected: Triangle::new(n), restricted: Triangle::new(n), guard: RankGuard::new(n) }
     }
 
-    /// The problem of `regression` from that of rows of the structure `of`, and which coefficients are held at zero.
+    /// The problem of `regression` from `rows` of the structure `of`, and which coefficients are held at zero.
     pub fn project(&mut self, regression: &Regression, rows: &Triangle, of: &Structure) -> (&Triangle, &[bool]) {
         regression.project(rows, of, &mut self.projected);
         let held = self.guard.dependent(&self.projected);

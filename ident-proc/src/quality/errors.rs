@@ -1,4 +1,4 @@
-//! The errors of one model over the samples after training.
+//! The prediction errors of one model over the samples after training.
 //!
 //! ```text
 //! one step:  y(k) - phi(k)' theta(k-1)
@@ -6,21 +6,26 @@
 //! free run:  y(k) - phi_free(k)' theta(k-1), phi_free made of the model's own outputs since the end of training
 //! ```
 //!
-//! The h-step error is what a predictive controller consumes, and fast adaptation cannot flatter it. Trap: the
-//! one-step error of a position says next to nothing; y(k-1) is nearly as good.
+//! y output in its unit, phi regressor row (14), theta coefficients, h horizon in samples. A predictive controller uses
+//! h-step predictions, and fast adaptation cannot make their error look small. Trap: the one-step error of a position
+//! says next to nothing, because y(k-1) is nearly as good a prediction.
 
 use pipeline::message::ModelErrors;
 
-use crate::{dot, quality::Forecasts, sample::RegressorRow, sample::SlidingBuffer};
+use super::forecast::Forecasts;
+use crate::{
+    dot,
+    sample::{RegressorRow, SlidingBuffer},
+};
 
-/// Follows one model; its memory is taken at construction.
+/// The errors of one model. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct ErrorTracker {
     horizon: usize,
     ahead: Forecasts,
     /// The lane of the forecast that was launched longest ago.
     lane: usize,
-    /// Forecasts on their way, up to `horizon`.
+    /// Number of forecasts on their way, up to `horizon`.
     launched: usize,
     /// theta(k-1), written out for the row.
     theta: Vec<f64>,
@@ -29,7 +34,7 @@ pub struct ErrorTracker {
 }
 
 impl ErrorTracker {
-    /// For models written out for `row`, and a horizon of `horizon` samples.
+    /// For models that are written out for `row`, and a horizon of `horizon` samples.
     pub fn new(row: &RegressorRow, horizon: usize) -> Self {
         let (na, n) = (row.structure().na, row.values().len());
         Self {
@@ -43,13 +48,13 @@ impl ErrorTracker {
         }
     }
 
-    /// The errors so far.
+    /// Statistics of the errors so far.
     pub fn errors(&self) -> &ModelErrors {
         &self.errors
     }
 
-    /// Goes on by the sample of `row` without looking at its output. Returns whether an h-step prediction of it is
-    /// there.
+    /// Carries all predictions on to the sample of `row`, without its output. `outputs` = y(..k-1). Returns whether an
+    /// h-step prediction of that sample exists.
     pub fn pass(&mut self, row: &RegressorRow, outputs: &SlidingBuffer) -> bool {
         let na = row.structure().na;
         self.ahead.advance(row.driven());
@@ -79,8 +84,8 @@ impl ErrorTracker {
         ahead
     }
 
-    /// Takes in the coefficients known after sample k, written out for the row, and launches the prediction of
-    /// y(k+h); `outputs` = y(..k). Without enough of them nothing is launched.
+    /// Takes in the coefficients known after sample k, written out for the row, and launches the prediction of y(k+h).
+    /// `outputs` = y(..k); with fewer than na of them no prediction is launched.
     pub fn store(&mut self, theta: &[f64], outputs: &SlidingBuffer) {
         self.theta.copy_from_slice(theta);
         let na = self.ahead.na();
@@ -91,7 +96,7 @@ impl ErrorTracker {
         }
     }
 
-    /// After a gap in the samples predictions and the model's own outputs are worth nothing: both start again.
+    /// Discards the predictions on their way and the model's own outputs, after a gap in the samples.
     pub fn interrupt(&mut self) {
         self.free_run.clear();
         self.launched = 0;

@@ -1,23 +1,24 @@
-//! Predictions on their way: each is launched once and goes on by one step per sample, as the commands come in.
+//! Predictions over a horizon. Each is launched once and advances by one step per sample, as the commands come in.
 //!
 //! ```text
 //! y^(k+i) = -a_1 y^(k+i-1) - ... - a_na y^(k+i-na) + C' driven(k+i)         y^(k), y^(k-1) .. as measured
 //! ```
 //!
-//! with the coefficients known at k, y in the unit of the output. A prediction that is compared h samples later needs
-//! the commands between, and those are known only then: so nothing is predicted twice, no coefficients of the past
-//! are kept, and the work of a sample is the same at every sample. All predictions are in lanes side by side, one
-//! array for each coefficient, so that a step of all of them runs in vector instructions.
+//! a_i and C coefficients known at k, driven(k+i) the features of the commands in the row (14) of sample k+i, y in the
+//! unit of the output. A prediction that is compared h samples later needs the commands between, which are known only
+//! then. Advancing all predictions at every sample computes nothing twice, needs no old coefficients, and costs equally
+//! much at every sample. The predictions lie in lanes side by side, one array for each coefficient, so that a step of
+//! all of them runs in vector instructions.
 
-/// Predictions with models of one length; its memory is taken at construction.
+/// Predictions with models of equal length. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct Forecasts {
     lanes: usize,
     /// a_1 of every lane, a_2 of every lane, ..
     a: Vec<f64>,
-    /// The same for what the commands contribute.
+    /// C_1 of every lane, C_2 of every lane, ..
     driven: Vec<f64>,
-    /// The last na outputs of every lane, a ring; those of one time side by side.
+    /// The last na outputs of every lane as a ring. Outputs of one sample lie side by side.
     outputs: Vec<f64>,
     newest: usize,
     next: Vec<f64>,
@@ -54,7 +55,7 @@ impl Forecasts {
         }
     }
 
-    /// Takes all predictions one step on, to the sample whose commands contribute `driven`.
+    /// Advances all predictions by one step, to the sample whose row has the commands' features `driven`.
     pub fn advance(&mut self, driven: &[f64]) {
         let (na, lanes) = (self.na(), self.lanes);
         self.next.fill(0.0);
@@ -65,7 +66,7 @@ impl Forecasts {
             }
         }
         for (coefficients, value) in self.driven.chunks_exact(lanes).zip(driven) {
-            // Half of the features are those of the other sign of the command.
+            // The features of the sign that the command does not have are zero: half of them.
             if *value != 0.0 {
                 self.next.iter_mut().zip(coefficients).for_each(|(next, coefficient)| *next += coefficient * value);
             }
@@ -74,7 +75,7 @@ impl Forecasts {
         self.outputs[self.newest * lanes..(self.newest + 1) * lanes].copy_from_slice(&self.next);
     }
 
-    /// What the prediction in `lane` says of the sample it has come to.
+    /// The prediction in `lane` of the sample that it has advanced to.
     pub fn predicted(&self, lane: usize) -> f64 {
         self.outputs[self.newest * self.lanes + lane]
     }

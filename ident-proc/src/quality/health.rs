@@ -6,31 +6,32 @@
 //! excitation    part of the samples of the last 20 horizons whose regressor has a command of that sign
 //! ```
 //!
-//! s(h) the step response of the linear half after h samples, u_mean the mean command of each sign so far. Trap: b and N share a free factor, so neither has a gain of its own.
+//! A, N denominator and nonlinearity of the model; s(h) step response of the linear part after h samples, h horizon;
+//! u_mean mean command of each sign so far. Trap: b and N share a free factor, so neither has a gain of its own.
 
 use pipeline::{
     hammerstein::{Coefficients, MAX_A},
-    message::{AxisSnapshot, model_fault},
+    message::model_fault,
     statistics::ErrorStatistics,
 };
 
 /// Time constant of the excitation, in horizons.
 const EXCITATION: f64 = 20.0;
-/// Excitation of one sign below which it is as good as forgotten, when the other is above it.
+/// Excitation below which a sign counts as forgotten while the other is above it.
 const ONE_SIDED: f64 = 0.01;
-/// A gain beyond this factor of the classical one, or below its inverse, is no wear or warm-up.
+/// Largest gain ratio that wear or warm-up may cause; its inverse is the least.
 const GAIN: f64 = 4.0;
-/// Steps of a step response that are worth computing.
+/// Largest number of steps that is computed of a step response.
 const LONGEST_STEP: usize = 100;
 
-/// The health of one axis's model.
+/// The health of the models of one axis.
 #[derive(Debug, Clone)]
 pub struct Health {
     horizon: usize,
     keep: f64,
-    /// Samples until poles and gains are looked at again: they cost more than an update.
+    /// Samples until the models are examined again. An examination costs more than an update.
     until: usize,
-    /// Positive, and negative commands.
+    /// Statistics of the positive commands and of the negative ones.
     commands: [ErrorStatistics; 2],
     excitation: [f64; 2],
     pole_radius: f64,
@@ -38,7 +39,7 @@ pub struct Health {
 }
 
 impl Health {
-    /// For a horizon in samples; both signs count as excited until the samples say otherwise.
+    /// For a horizon in samples. Both signs of the command count as excited at first.
     pub fn new(horizon: usize) -> Self {
         Self {
             horizon,
@@ -51,7 +52,7 @@ impl Health {
         }
     }
 
-    /// Takes in the newest command, and whether positive and negative ones contribute to the row of the sample.
+    /// Takes in the newest command, and whether the row of the sample has positive and negative commands.
     pub fn excite(&mut self, command: f64, signs: [bool; 2]) {
         self.commands[usize::from(command < 0.0)].push(command);
         for (excitation, excited) in self.excitation.iter_mut().zip(signs) {
@@ -59,14 +60,14 @@ impl Health {
         }
     }
 
-    /// Whether it is time to look at the models: a horizon after it last was.
+    /// Whether the models are to be examined at this sample: once per horizon. To be called once per sample.
     pub fn is_due(&mut self) -> bool {
         let due = self.until == 0;
         self.until = if due { self.horizon } else { self.until } - 1;
         due
     }
 
-    /// Looks at the models.
+    /// Computes pole radius and gain ratios.
     pub fn examine(&mut self, adaptive: &Coefficients, classical: &Coefficients) {
         self.pole_radius = adaptive.pole_radius();
         let steps = self.horizon.min(LONGEST_STEP);
@@ -74,30 +75,44 @@ impl Health {
         let (adaptive, classical) = (adaptive.nonlinearity(), classical.nonlinearity());
         for (ratio, command) in self.gain_ratio.iter_mut().zip(&self.commands) {
             let travel = response * adaptive.evaluate(command.mean) / classical.evaluate(command.mean);
-            // A sign that was never commanded, or that moves nothing, has no ratio.
+            // Without a command of this sign, or where it moves nothing, the quotient is no number.
             *ratio = if travel.is_finite() { travel } else { 1.0 };
         }
     }
 
-    /// Writes everything into the snapshot, and its fault bits.
-    pub fn report(&self, state: &mut AxisSnapshot) {
-        state.excitation = self.excitation;
-        state.pole_radius = self.pole_radius;
-        state.gain_ratio = self.gain_ratio;
+    /// The largest magnitude of a pole of the adaptive model.
+    pub fn pole_radius(&self) -> f64 {
+        self.pole_radius
+    }
+
+    /// The gain ratios for positive and for negative commands.
+    pub fn gain_ratio(&self) -> [f64; 2] {
+        self.gain_ratio
+    }
+
+    /// The excitation by positive and by negative commands.
+    pub fn excitation(&self) -> [f64; 2] {
+        self.excitation
+    }
+
+    /// The [`model_fault`] bits of what was found.
+    pub fn faults(&self) -> u32 {
+        let mut faults = 0;
         let [positive, negative] = self.excitation;
         if positive.min(negative) < ONE_SIDED && positive.max(negative) >= ONE_SIDED {
-            state.faults |= model_fault::ONE_SIDED;
+            faults |= model_fault::ONE_SIDED;
         }
         if self.pole_radius > 1.0 + 1.0 / self.horizon as f64 || self.pole_radius.is_nan() {
-            state.faults |= model_fault::UNSTABLE;
+            faults |= model_fault::UNSTABLE;
         }
         if !self.gain_ratio.iter().all(|ratio| (1.0 / GAIN..=GAIN).contains(ratio)) {
-            state.faults |= model_fault::GAIN;
+            faults |= model_fault::GAIN;
         }
+        faults
     }
 }
 
-/// The output `steps` samples after x rises to 1 and nk have passed.
+/// The output `steps` samples after x rose to 1, without the delay nk.
 fn step_response(model: &Coefficients, steps: usize) -> f64 {
     let mut past = [0.0; MAX_A];
     for step in 0..steps {

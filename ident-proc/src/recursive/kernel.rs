@@ -1,10 +1,13 @@
-//! The loops of one update, each over blocks of a fixed length, which the compiler turns into vector instructions.
+//! The loops of one update. Each runs over blocks of a fixed length, which the compiler turns into vector instructions.
+//!
+//! Symbols as in [`super`]. Trap: the order of the operations is part of the result; a change of it changes the last
+//! bits of every coefficient.
 
 use std::array::from_fn;
 
 use super::{Block, Change, LANES};
 
-/// phi' theta; copies phi on the way.
+/// phi' theta. Copies phi into blocks.
 #[inline(always)]
 pub(super) fn predict(theta: &[Block], phi: &[f64], copy: &mut [Block]) -> f64 {
     let (whole, rest) = phi.as_chunks::<LANES>();
@@ -44,10 +47,10 @@ pub(super) fn leverage(d: &[Block], f: &[Block]) -> f64 {
     sum(d.iter().zip(f).fold([0.0; LANES], |total, (d, f)| from_fn(|i| total[i] + d[i] * f[i] * f[i])))
 }
 
-/// v = D f, mu_j = -f_j / beta_(j-1), and the new D between its bounds, with beta_j = variance + sum of f_i v_i, i <= j.
+/// v = D f, mu_j = -f_j / beta_(j-1), and the new D between its bounds. beta_j = variance + sum of f_i v_i, i <= j.
 ///
-/// Returns whether D was cut from above, and 1 / beta of the last column. A division takes as long as ten additions:
-/// there is one per column, and two columns are divided at once.
+/// Returns whether D was cut from above, and 1 / beta of the last column. A division takes as long as ten additions, so
+/// there is only one per column, and two columns are divided at once.
 #[inline(always)]
 pub(super) fn divide(
     d: &mut [Block],
@@ -75,7 +78,7 @@ pub(super) fn divide(
     (bounded, per_beta)
 }
 
-/// The new U, u_ij + gain_i mu_j; the gain, zero at first, grows by one entry per column.
+/// The new U, u_ij + gain_i mu_j. The gain is zero at first and grows by one entry per column.
 #[inline(always)]
 pub(super) fn spread(mut tiles: &mut [[Block; LANES]], v: &[Block], mu: &[Block], gain: &mut [Block]) {
     for (t, (&v, &mu)) in v.iter().zip(mu).enumerate() {

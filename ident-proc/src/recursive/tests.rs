@@ -2,7 +2,7 @@ use super::*;
 use nalgebra::{DMatrix, DVector};
 
 fn noise(i: usize) -> f64 {
-    // A fixed sequence without structure that matters here.
+    // A fixed pseudo-random sequence between -1 and 1.
     let x = (i as f64 * 12.9898).sin() * 43758.5453;
     2.0 * (x - x.floor()) - 1.0
 }
@@ -80,7 +80,7 @@ fn a_million_idle_samples_do_not_wind_the_covariance_up() {
     }
     assert!(estimator.is_finite());
     assert!(estimator.covariance_trace() < bound, "{} {bound}", estimator.covariance_trace());
-    // Full excitation again: as good as an estimator that never rested.
+    // With full excitation again it equals an estimator that never rested.
     let mut fresh = started(n, 100);
     for k in 0..500 {
         estimator.update(&phi(k, n), y(k, n), 0.98);
@@ -92,7 +92,7 @@ fn a_million_idle_samples_do_not_wind_the_covariance_up() {
 }
 
 #[test]
-fn a_held_coefficient_stays_and_nonsense_teaches_nothing() {
+fn a_held_coefficient_stays_and_values_that_are_not_finite_change_nothing() {
     let n = 4;
     let held = [false, false, true, false];
     let mut data = Triangle::new(n);
@@ -135,7 +135,7 @@ fn forgetting_selectively_with_nothing_idle_is_the_printed_recursion() {
 }
 
 #[test]
-fn forgetting_selectively_scales_the_excited_rows_and_columns_alone() {
+fn forgetting_selectively_scales_only_the_excited_rows_and_columns() {
     let n = 5;
     let idle = [false, true, false, true, true];
     let before = started(n, 60);
@@ -148,7 +148,7 @@ fn forgetting_selectively_scales_the_excited_rows_and_columns_alone() {
             assert!((after.covariance(i, j) - expected).abs() < 1e-14);
         }
     }
-    // Marked as excited and never excited: each variance stays below its bound.
+    // Coefficients marked as excited and never excited: each variance stays below its bound.
     assert!((0..100_000).any(|_| after.forget_selectively(0.9, &idle)));
     (0..100_000).for_each(|_| {
         after.forget_selectively(0.9, &idle);
@@ -163,7 +163,7 @@ fn forgetting_selectively_scales_the_excited_rows_and_columns_alone() {
 }
 
 #[test]
-fn a_row_taken_out_again_was_never_there() {
+fn taking_a_row_out_undoes_taking_it_in() {
     for n in [4, 5, 16] {
         let mut before = started(n, 80);
         let mut after = before.clone();

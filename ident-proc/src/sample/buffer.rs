@@ -1,8 +1,9 @@
-//! The recent past as contiguous slices.
+//! The last values of a signal as one contiguous slice, oldest first.
 
-/// The last values of a signal of `width` numbers each, always readable as one slice in the order of time.
+/// A sliding window over a signal of `width` numbers per value.
 ///
-/// Every value is written twice, half the buffer apart, so that no read ever wraps around.
+/// Slices are ordered by time, oldest value first. Every value is written twice, half the buffer apart, so that no
+/// slice wraps around.
 #[derive(Debug, Clone)]
 pub struct SlidingBuffer {
     width: usize,
@@ -13,27 +14,27 @@ pub struct SlidingBuffer {
 }
 
 impl SlidingBuffer {
-    /// Room for `capacity` values of `width` numbers.
+    /// An empty buffer with room for `capacity` values of `width` numbers each.
     pub fn new(capacity: usize, width: usize) -> Self {
         Self { width, capacity, buffer: vec![0.0; 2 * capacity * width], next: 0, len: 0 }
     }
 
-    /// Values held.
+    /// Number of values in the buffer.
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Whether no value is held.
+    /// Whether the buffer holds no value.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// Forgets all values.
+    /// Removes all values.
     pub fn clear(&mut self) {
         self.len = 0;
     }
 
-    /// Adds the newest value; `fill` writes its numbers.
+    /// Adds the newest value, whose numbers `fill` writes. A full buffer drops its oldest value.
     pub fn push_with(&mut self, fill: impl FnOnce(&mut [f64])) {
         let (low, high) = self.buffer.split_at_mut(self.capacity * self.width);
         let at = self.next * self.width..(self.next + 1) * self.width;
@@ -48,7 +49,7 @@ impl SlidingBuffer {
         self.push_with(|slot| slot[0] = value);
     }
 
-    /// The newest `count` values, oldest first; at most as many as are held.
+    /// The newest `count` values, oldest first. `count` is at most [`Self::len`].
     pub fn latest(&self, count: usize) -> &[f64] {
         debug_assert!(count <= self.len, "{count} of {} values", self.len);
         let end = (self.next + self.capacity) * self.width;
@@ -62,14 +63,14 @@ mod tests {
 
     #[test]
     fn slices_are_in_the_order_of_time_wherever_the_buffer_wraps() {
-        let mut history = SlidingBuffer::new(5, 2);
+        let mut buffer = SlidingBuffer::new(5, 2);
         for i in 0..23 {
-            history.push_with(|slot| slot.copy_from_slice(&[i as f64, -(i as f64)]));
-            for count in 0..=history.len() {
+            buffer.push_with(|slot| slot.copy_from_slice(&[i as f64, -(i as f64)]));
+            for count in 0..=buffer.len() {
                 let expected: Vec<f64> = (i + 1 - count..=i).flat_map(|v| [v as f64, -(v as f64)]).collect();
-                assert_eq!(history.latest(count), expected, "after {i}");
+                assert_eq!(buffer.latest(count), expected, "after {i}");
             }
         }
-        assert_eq!(history.len(), 5);
+        assert_eq!(buffer.len(), 5);
     }
 }

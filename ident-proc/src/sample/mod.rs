@@ -2,19 +2,21 @@
 //!
 //! | question | where |
 //! |---|---|
-//! | what are the last outputs and commands? | [`buffer`] |
-//! | what does the sample say to a regression? | [`row`] |
-//! | is it an outlier? | [`outlier`] |
+//! | which outputs and commands belong to the sample? | [`past`], stored in a [`buffer`] |
+//! | which regressor row do they give? | [`row`] |
+//! | is the sample an outlier? | [`outlier`] |
 //! | does the axis rest? | [`rest`] |
 //!
-//! Everything here runs in the loop and allocates nothing after construction.
+//! All of this runs in the loop. Nothing here allocates after construction.
 
 pub mod buffer;
 pub mod outlier;
+pub mod past;
 pub mod rest;
 pub mod row;
 
 pub use buffer::SlidingBuffer;
 pub use outlier::{OutlierGate, Verdict};
+pub use past::Past;
 pub use rest::RestDetection;
 pub use row::RegressorRow;

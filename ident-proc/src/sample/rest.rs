@@ -1,28 +1,33 @@
-//! Whether the axis rests: then a sample says nothing that the ones before it have not said.
+//! Detects that an axis rests. A sample at rest adds no information.
 //!
 //! ```text
 //! rests  <=>  |y - y_0| <= 1 % of the travel  and  |u - u_0| <= 1 % of the commands,  for longer than the horizon
 //! ```
 //!
-//! y_0 and u_0 output and command when the watch began; travel, the root mean square of y(k) - y(k-h) over the
-//! training; commands, the largest magnitude of u there. The watch begins anew whenever either leaves its band.
+//! y output in its unit, u command. y_0 and u_0 are output and command when the watch began. The travel is the root
+//! mean square of y(k) - y(k-h) over the training, h horizon in samples; the commands are the largest magnitude of u
+//! there. The watch begins anew whenever y or u leaves its band.
 //!
-//! Trap: at rest the regressor repeats but for the noise of the encoder, so forgetting estimators forget the motion
-//! and learn the noise, and every model predicts well. A slow creep is no rest: it leaves the band in time.
+//! Trap: at rest only the noise of the encoder changes the regressor. Estimators with forgetting then forget the
+//! motion and learn the noise, although every model predicts well. A slow creep is not rest: it leaves the band in
+//! time.
 
 use pipeline::statistics::ErrorStatistics;
 
-/// Part of the travel and of the commands that counts as none.
+/// Part of the travel, and of the commands, that counts as no motion.
 const SHARE: f64 = 0.01;
 
-/// Watches one axis.
+/// The rest detection of one axis.
 #[derive(Debug, Clone, Default)]
 pub struct RestDetection {
     horizon: u64,
     travel: ErrorStatistics,
     largest_command: f64,
+    /// y_0.
     output: f64,
+    /// u_0.
     command: f64,
+    /// Samples since the watch began.
     since: u64,
 }
 
@@ -32,7 +37,7 @@ impl RestDetection {
         Self { horizon: horizon as u64, ..Self::default() }
     }
 
-    /// Takes in the travel over the horizon, if it is known, and the command of a sample of the training.
+    /// Takes in a training sample: its travel over the horizon, if that is known, and the command before it.
     pub fn collect(&mut self, travel: Option<f64>, command: f64) {
         if let Some(travel) = travel {
             self.travel.push(travel);
@@ -42,7 +47,7 @@ impl RestDetection {
 
     /// Takes in a sample: its output and the command before it. Returns whether the axis rests.
     pub fn update(&mut self, output: f64, command: f64) -> bool {
-        // Without travel in the training nothing is known of what a motion is.
+        // Without travel in the training the band has no width: such an axis counts as moving at any change.
         let still = (output - self.output).abs() <= SHARE * self.travel.rmse()
             && (command - self.command).abs() <= SHARE * self.largest_command;
         if still {
@@ -65,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn it_rests_when_neither_moves_for_longer_than_the_horizon() {
+    fn an_axis_rests_when_output_and_command_stand_still_for_longer_than_the_horizon() {
         let mut rest = trained();
         let found: Vec<bool> = (0..40).map(|k| rest.update(0.5 + 1e-4 * f64::from(k % 2), 0.001)).collect();
         assert!(found[..21].iter().all(|rests| !rests) && found[21..].iter().all(|rests| *rests), "{found:?}");
@@ -84,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn what_never_moved_never_rests() {
+    fn without_travel_in_the_training_an_axis_that_moves_never_rests() {
         let mut rest = RestDetection::new(5);
         assert!((0..100).all(|k| !rest.update(0.1 * f64::from(k % 2), 0.0)));
     }

@@ -1,18 +1,19 @@
-//! The row of one sample: everything that any estimator learns from, built once.
+//! The regressor row of one sample. It is built once, and every form of the [regression](crate::regression) is read
+//! from it.
 //!
 //! ```text
 //! (-y(k-1) .. -y(k-na),  phi_1(v(k-nk)) .. phi_1(v(k-nk-nb)),  phi_2(v(k-nk)) ..,  1)               (14)
 //! ```
 //!
-//! phi_1 .. phi_r are the functions of the basis for u >= 0 and then the same for u < 0, u to u^r if they are powers;
-//! the paper writes (14) for one sign only. The 1 is there for a drift. y in the unit of the output; v, what of the
-//! command opens the valve, without unit.
+//! y output in its unit; v the part of the command beyond the dead band, without unit; phi_i features of v. Features 1
+//! to r are the functions of the basis for u >= 0, features r + 1 to 2 r those for u < 0. With the paper's basis they
+//! are u to u^r. The paper prints (14) for one sign of the command only. The last entry, 1, belongs to the drift.
 
 use pipeline::hammerstein::Structure;
 
-use crate::sample::SlidingBuffer;
+use super::buffer::SlidingBuffer;
 
-/// The row of the over-parametrised form of one structure; its memory is taken at construction.
+/// The row (14) of one structure. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct RegressorRow {
     structure: Structure,
@@ -20,19 +21,19 @@ pub struct RegressorRow {
 }
 
 impl RegressorRow {
-    /// For the orders of `structure` as they are published: outputs, not their increments.
+    /// A row for the orders of `structure` as they are published: it holds outputs and not their increments.
     pub fn new(structure: Structure) -> Self {
         let structure = structure.published();
         Self { structure, values: vec![0.0; structure.full_len()] }
     }
 
-    /// The structure, without integrator.
+    /// The structure of the row, without integrator.
     pub fn structure(&self) -> Structure {
         self.structure
     }
 
-    /// Reads the row of sample k off `outputs` = y(..k-1), na or more, and `commands` = features of u(..k-1), nk + nb
-    /// or more.
+    /// Writes the row of sample k. `outputs` = y(..k-1) holds na values or more, `commands` = features of u(..k-1)
+    /// holds nk + nb or more.
     pub fn fill(&mut self, outputs: &SlidingBuffer, commands: &SlidingBuffer) {
         let Structure { na, nb, nk, order, .. } = self.structure;
         let width = 2 * order;
@@ -47,12 +48,12 @@ impl RegressorRow {
         driven[width * (nb + 1)..].fill(1.0);
     }
 
-    /// All of it.
+    /// All entries of the row.
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 
-    /// Whether a positive, and whether a negative command contributes.
+    /// Whether the row contains a positive command, and whether it contains a negative one.
     pub fn signs(&self) -> [bool; 2] {
         let Structure { nb, order, .. } = self.structure;
         let (positive, negative) = self.driven().split_at(order * (nb + 1));
@@ -60,7 +61,7 @@ impl RegressorRow {
         [used(positive), used(&negative[..order * (nb + 1)])]
     }
 
-    /// What the commands, and the 1 of the drift, contribute.
+    /// The entries after the outputs: the features of the commands and the 1 of the drift.
     pub fn driven(&self) -> &[f64] {
         &self.values[self.structure.na..]
     }

@@ -2,8 +2,8 @@
 //!
 //! | question | where |
 //! |---|---|
-//! | what is the model at the end of training? | [`offline`] |
-//! | what is it after each later sample? | [`online`] |
+//! | what is the separated model at the end of training? | [`offline`] |
+//! | what is it after each later sample? | [`online`], in the loop |
 //!
 //! Nothing here allocates after construction.
 

@@ -1,17 +1,18 @@
-//! Separates the products C_ij = f_i b_j of the over-parametrised form into b, f and g, eq. (16).
+//! The separation at the end of training, eqs. (16) and (17).
 //!
 //! ```text
 //! paper:  b_j = C_1j,   f_k = sum_j C_1j C_kj / sum_j C_1j^2,   g_k likewise with the products of u < 0    (17)
 //! als:    minimise |R (theta(a, b, f, g, c) - theta_hat)|  over a, b and c, then over a, f, g and c, and again
 //! ```
 //!
-//! c is the drift, if the structure has one: no product, so nothing is to be separated of it.
+//! C_ij = f_i b_j products (16), theta_hat coefficients of the over-parametrised form, R triangle of the data (15), c
+//! drift if the structure has one. c is no product and needs no separation.
 //!
-//! Both are scaled so that f_1 = 1. R is the triangle of the data, so the second asks what the separation costs in
-//! prediction error and not in coefficients.
+//! Both ways are scaled so that f_1 = 1. With R, alternating least squares minimises the prediction error that the
+//! separation costs, and not the error of the coefficients.
 //!
-//! Trap: (17) takes b from the linear row alone. Where the valve has a dead band that row is small, its quotients
-//! are noise, and the model is ruined although the fit was good.
+//! Trap: (17) takes b from the linear row of the products alone. Where the valve has a dead band that row is small and
+//! its quotients are noise: the model is ruined although the fit was good.
 
 use pipeline::{
     hammerstein::{Coefficients, Structure},
@@ -20,15 +21,16 @@ use pipeline::{
 
 use crate::least_squares::Triangle;
 
-/// Rounds of alternating least squares after which it is left as it is; it has converged long before on any record
-/// whose products are near to rank one.
+/// Largest number of rounds of alternating least squares. On a record whose products are nearly of rank one it
+/// converges long before.
 const MAX_ROUNDS: usize = 100;
-/// It has converged when a round moves no coefficient by more than this part of the largest of its kind.
+/// Change in a round at which the alternation has converged: the sum over a, b, f and g of the largest change, in parts
+/// of the largest coefficient of its kind.
 const CONVERGED: f64 = 1e-10;
-/// f_1 smaller than this part of the largest coefficient of N is not fit to scale by.
+/// Smallest f_1 that the model is scaled by, in parts of the largest coefficient of N.
 const SMALLEST_F1: f64 = 1e-6;
 
-/// Separates theta of the full form; its memory is taken at construction.
+/// Separates theta of the full form. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct OfflineSeparation {
     structure: Structure,
@@ -54,8 +56,8 @@ impl OfflineSeparation {
         }
     }
 
-    /// Separates `theta` as `split` says; `data` is the triangle that theta solves.
-    pub fn split(&mut self, theta: &[f64], data: &Triangle, split: Split) -> Coefficients {
+    /// Separates `theta` in the way that `split` sets. `data` is the triangle that theta solves.
+    pub fn separate(&mut self, theta: &[f64], data: &Triangle, split: Split) -> Coefficients {
         match split {
             Split::Paper => self.by_formula(theta),
             Split::Als => {
@@ -65,7 +67,7 @@ impl OfflineSeparation {
         }
     }
 
-    /// Eq. (17), verbatim. A linear row of zeros leaves nothing to divide by: then N is zero.
+    /// Eq. (17) as printed. With a linear row of zeros N is zero.
     fn by_formula(&self, theta: &[f64]) -> Coefficients {
         let Structure { na, order, .. } = self.structure;
         let mut model = Coefficients::zero(self.structure);
@@ -83,7 +85,7 @@ impl OfflineSeparation {
         model
     }
 
-    /// A start for the alternation: b along the largest row of products, f and g by projection on it.
+    /// A start for the alternation: b is the largest row of products, f and g are projections on it.
     fn by_largest_row(&self, theta: &[f64]) -> Coefficients {
         let Structure { na, order, .. } = self.structure;
         let square = |power: usize| self.products(theta, power).iter().map(|c| c * c).sum::<f64>();
@@ -102,7 +104,7 @@ impl OfflineSeparation {
         model
     }
 
-    /// c, the last of the coefficients of any form; 0 for a structure without drift.
+    /// c, the last coefficient of every form; 0 for a structure without drift.
     fn drift(&self, coefficients: &[f64]) -> f64 {
         coefficients.last().copied().filter(|_| self.structure.drift).unwrap_or(0.0)
     }
@@ -112,13 +114,13 @@ impl OfflineSeparation {
         &theta[self.structure.na + power * lags..self.structure.na + (power + 1) * lags]
     }
 
-    /// Alternating least squares from `model` on, at most `rounds` of them; allocates nothing.
+    /// Alternating least squares from `model` on, at most `rounds` rounds. Allocates nothing.
     pub fn alternate(&mut self, mut model: Coefficients, data: &Triangle, rounds: usize) -> Coefficients {
         let Structure { na, nb, order, .. } = self.structure;
         scale(&mut model, order);
         for _ in 0..rounds {
             let before = model;
-            // a, b with f, g held: the features of each lag fold into one.
+            // a and b, with f and g held: the features of each lag are summed up.
             self.linear.clear();
             self.linear.add_mapped(data, |row, target, out| {
                 fold_features(self.structure, &model, row, out);
@@ -126,7 +128,7 @@ impl OfflineSeparation {
             });
             self.linear.solve(&mut self.linear_solution);
             model.b[..=nb].copy_from_slice(&self.linear_solution[na..=na + nb]);
-            // a, f, g with b held: the lags of each feature fold into one.
+            // a, f and g, with b held: the lags of each feature are summed up.
             self.nonlinear.clear();
             self.nonlinear.add_mapped(data, |row, target, out| {
                 out[..na].copy_from_slice(&row[..na]);
@@ -155,7 +157,7 @@ impl OfflineSeparation {
         model
     }
 
-    /// The part of the driven half's weighted norm that the separated model does not explain:
+    /// The part of the products' weighted norm that the separated model does not explain:
     /// |R (theta_hat - theta(a, b, f, g))| / |R (0, C_hat)|, 0 for an exact separation.
     pub fn residual(&mut self, theta: &[f64], model: &Coefficients, data: &Triangle) -> f64 {
         let Structure { na, nb, order, .. } = self.structure;
@@ -179,8 +181,8 @@ impl OfflineSeparation {
     }
 }
 
-/// A row of the full form as a row of the linear form with the f and g of `model`: the features of each lag fold
-/// into one.
+/// Writes a row of the full form as a row of the linear form with the f and g of `model`: the features of each lag are
+/// summed up.
 fn fold_features(structure: Structure, model: &Coefficients, row: &[f64], out: &mut [f64]) {
     let Structure { na, nb, order, .. } = structure;
     out[..na].copy_from_slice(&row[..na]);
@@ -192,8 +194,7 @@ fn fold_features(structure: Structure, model: &Coefficients, row: &[f64], out: &
     out[na + nb + 1..].copy_from_slice(&row[na + 2 * order * (nb + 1)..]);
 }
 
-/// Moves the common factor of b and N so that f_1 = 1, or, where f_1 is next to nothing, so that the largest
-/// coefficient of N is 1 in magnitude.
+/// Scales b and N so that f_1 = 1. Where f_1 is nearly zero, the largest coefficient of N becomes 1 in magnitude.
 pub(crate) fn scale(model: &mut Coefficients, order: usize) {
     let largest = model.f[..order].iter().chain(&model.g[..order]).fold(0.0f64, |m, c| m.max(c.abs()));
     let by = if model.f[0].abs() > SMALLEST_F1 * largest { model.f[0] } else { largest };
@@ -203,7 +204,7 @@ pub(crate) fn scale(model: &mut Coefficients, order: usize) {
     }
 }
 
-/// Largest change relative to the largest magnitude.
+/// The largest change, relative to the largest magnitude.
 fn moved(before: &[f64], after: &[f64]) -> f64 {
     let change = before.iter().zip(after).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
     let size = after.iter().fold(0.0f64, |m, c| m.max(c.abs()));
@@ -226,7 +227,7 @@ mod tests {
         model
     }
 
-    /// Data of a known model with a little noise, and the full theta they give.
+    /// Data of a known model with a little noise, and theta of the full form that they give.
     fn record(model: &Coefficients, noise: f64) -> (Triangle, Vec<f64>) {
         let mut row = RegressorRow::new(STRUCTURE);
         let mut data = Triangle::new(STRUCTURE.full_len());
@@ -257,20 +258,20 @@ mod tests {
     }
 
     #[test]
-    fn both_ways_give_an_exact_model_back() {
+    fn both_ways_recover_an_exact_model() {
         let model = truth([1.0, 0.4, -0.3], [0.8, -0.2, 0.1]);
         let (data, theta) = record(&model, 0.0);
         let mut separation = OfflineSeparation::new(STRUCTURE);
         for split in [Split::Paper, Split::Als] {
-            let found = separation.split(&theta, &data, split);
+            let found = separation.separate(&theta, &data, split);
             assert!(close(&found, &model, 1e-8), "{split:?} {found:?}");
             assert!(separation.residual(&theta, &found, &data) < 1e-8);
         }
     }
 
     #[test]
-    fn where_the_linear_row_is_small_only_the_alternation_holds() {
-        // A dead band: next to nothing linear, then a steep rise. Scaled so that f_1 = 1.
+    fn where_the_linear_row_is_small_only_the_alternation_is_right() {
+        // A dead band: nearly no linear part, then a steep rise. Scaled so that f_1 = 1.
         let f = [0.02, 0.3, 1.0];
         let model = {
             let mut model = truth(f.map(|c| c / f[0]), [1.0, -15.0, 50.0]);
@@ -279,8 +280,8 @@ mod tests {
         };
         let (data, theta) = record(&model, 0.02);
         let mut separation = OfflineSeparation::new(STRUCTURE);
-        let paper = separation.split(&theta, &data, Split::Paper);
-        let als = separation.split(&theta, &data, Split::Als);
+        let paper = separation.separate(&theta, &data, Split::Paper);
+        let als = separation.separate(&theta, &data, Split::Als);
         let paper = separation.residual(&theta, &paper, &data);
         let als = separation.residual(&theta, &als, &data);
         assert!(als < 0.02 && paper > 2.0 * als, "formula {paper} alternation {als}");
@@ -290,7 +291,7 @@ mod tests {
     fn the_scale_is_f1_equal_to_one() {
         let model = truth([2.0, 0.8, -0.6], [1.6, -0.4, 0.2]);
         let (data, theta) = record(&model, 0.0);
-        let found = OfflineSeparation::new(STRUCTURE).split(&theta, &data, Split::Als);
+        let found = OfflineSeparation::new(STRUCTURE).separate(&theta, &data, Split::Als);
         assert_eq!(found.f[0], 1.0);
         assert!((found.b[0] - 0.6).abs() < 1e-8 && (found.f[1] - 0.4).abs() < 1e-8);
     }

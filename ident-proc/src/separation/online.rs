@@ -1,4 +1,4 @@
-//! Separates the products of the over-parametrised form into b, f and g online, half a round per sample.
+//! The separation after each later sample: half a round of alternating least squares per sample.
 //!
 //! ```text
 //! minimise over b and c   (C - c b')' W (C - c b')          c = (f, g),  C_ij and c_i b_j as vectors, W = Phi_c' Phi_c
@@ -6,37 +6,38 @@
 //! G_c c = sum_j b_j (W C)_.j     G_c = sum_jl b_j b_l W_.j.l          with b held
 //! ```
 //!
-//! W are the normal equations of the training rows for what the commands contribute, so a product counts by what it
-//! contributes there, and directions that the training never told apart cost nothing. a stays as it was estimated.
-//! Alternating least squares, b at one sample and c at the next, each from the last separation, follows coefficients
-//! that change slowly.
+//! C products (16), Phi_c columns of the training rows that the commands contribute, W their normal equations. So a
+//! product counts by its effect on the training's outputs, and directions that the training did not excite count
+//! nothing. a stays as it was estimated. b is solved for at one sample and c at the next, each from the last
+//! separation: that is enough to follow coefficients that change slowly.
 //!
-//! Trap: the squared condition of W would cost an offline fit its digits; here b and c are already close, and a weak
-//! pull holds what W does not determine: b to its last value, c to the products as they are.
+//! Trap: the squared condition of W would cost an offline fit its digits. Here b and c are already close. A weak pull
+//! determines what W does not: b is pulled to its last value, c to the products as they are.
 
 use pipeline::hammerstein::{Coefficients, MAX_LINEAR, MAX_ORDER, Structure};
 
 use super::offline::scale;
 use crate::{dot, least_squares::Triangle};
 
-/// Features of a command at most.
+/// Largest number of features of a command.
 const MAX_WIDTH: usize = 2 * MAX_ORDER;
-/// Weight of the pull to the last values, as a part of what the data weigh.
+/// Weight of the pull, in parts of the weight of the data.
 const PULL: f64 = 1e-9;
 
-/// The separation of one model; its memory is taken at construction.
+/// The separation of one model. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct OnlineSeparation {
     structure: Structure,
-    /// W, row after row; the products of a feature side by side.
+    /// W, row after row. The products of one feature lie side by side.
     metric: Vec<f64>,
     /// W C.
     weighted: Vec<f64>,
-    /// Rows of W summed up, by lag or by feature.
+    /// Sums of the rows of W, by lag or by feature.
     folded: Vec<f64>,
     b: [f64; MAX_LINEAR],
     c: [f64; MAX_WIDTH],
-    turn_of_b: bool,
+    /// Whether the next half round solves for b.
+    solves_b: bool,
     residual: f64,
 }
 
@@ -51,13 +52,13 @@ impl OnlineSeparation {
             folded: vec![0.0; MAX_WIDTH * m],
             b: [0.0; MAX_LINEAR],
             c: [0.0; MAX_WIDTH],
-            turn_of_b: true,
+            solves_b: true,
             residual: 0.0,
         }
     }
 
-    /// Starts from the separation of `model` and the normal equations of `rows`, whose last columns are the products,
-    /// and the drift if there is one.
+    /// Starts from the separated `model` and the normal equations of `rows`, whose last columns are those of the
+    /// products and, if there is one, of the drift.
     pub fn start(&mut self, model: &Coefficients, rows: &Triangle) {
         let Structure { order, drift, .. } = self.structure;
         let m = self.weighted.len();
@@ -76,7 +77,7 @@ impl OnlineSeparation {
         self.c[order..2 * order].copy_from_slice(&model.g[..order]);
     }
 
-    /// Half a round for `theta`, written out for the row: the separated model.
+    /// Half a round for `theta`, written out for the row. Returns the separated model.
     pub fn separate(&mut self, theta: &[f64]) -> Coefficients {
         let Structure { na, nb, order, drift, .. } = self.structure;
         let (lags, width, m) = (nb + 1, 2 * order, self.weighted.len());
@@ -84,8 +85,8 @@ impl OnlineSeparation {
         for (weighted, row) in self.weighted.iter_mut().zip(self.metric.chunks_exact(m)) {
             *weighted = dot(row, products);
         }
-        let explained = if self.turn_of_b { self.solve_b(lags, width) } else { self.solve_c(products, lags, width) };
-        self.turn_of_b = !self.turn_of_b;
+        let explained = if self.solves_b { self.solve_b(lags, width) } else { self.solve_c(products, lags, width) };
+        self.solves_b = !self.solves_b;
         let all = dot(products, &self.weighted);
         self.residual = if all > 0.0 { ((all - explained) / all).max(0.0).sqrt() } else { 0.0 };
 
@@ -102,7 +103,8 @@ impl OnlineSeparation {
         model
     }
 
-    /// b with c held: rows of W folded over the features. Returns what the separation explains of C' W C.
+    /// Solves for b with c held, by sums of W over the features. Returns the part of C' W C that the separation
+    /// explains.
     fn solve_b(&mut self, lags: usize, width: usize) -> f64 {
         let m = self.weighted.len();
         let (mut normal, mut right) = ([[0.0; MAX_WIDTH]; MAX_WIDTH], [0.0; MAX_WIDTH]);
@@ -123,10 +125,10 @@ impl OnlineSeparation {
         solve(&mut normal, right, &mut self.b[..lags])
     }
 
-    /// c with b held: rows of W folded over the lags. Returns what the separation explains of C' W C.
+    /// Solves for c with b held, by sums of W over the lags. Returns the part of C' W C that the separation explains.
     fn solve_c(&mut self, products: &[f64], lags: usize, width: usize) -> f64 {
         let m = self.weighted.len();
-        // Where W says nothing: the factor of the products as they are.
+        // c is pulled to the factor of the products as they are.
         let square = dot(&self.b[..lags], &self.b[..lags]);
         for (c, products) in self.c.iter_mut().zip(products.chunks_exact(lags)) {
             *c = if square > 0.0 { dot(products, &self.b[..lags]) / square } else { 0.0 };
@@ -149,7 +151,7 @@ impl OnlineSeparation {
         solve(&mut normal, right, &mut self.c[..width])
     }
 
-    /// The part of the driven half's weighted norm that the last separation does not explain.
+    /// The part of the products' weighted norm that the last separation does not explain.
     pub fn residual(&self) -> f64 {
         self.residual
     }
@@ -157,10 +159,10 @@ impl OnlineSeparation {
 
 type Normal = [[f64; MAX_WIDTH]; MAX_WIDTH];
 
-/// Solves `normal` x = `right` for `unknowns`, pulled to what they are, by elimination in place. Returns x' right, which
-/// but for the pull is x' normal x.
+/// Solves `normal` x = `right` for `unknowns` by elimination in place, with a pull to their present values. Returns
+/// x' right, which is x' normal x without the pull.
 ///
-/// An unknown that the equations do not determine stays where it is.
+/// An unknown that the equations do not determine keeps its value.
 fn solve(normal: &mut Normal, right: [f64; MAX_WIDTH], unknowns: &mut [f64]) -> f64 {
     let n = unknowns.len();
     let mut target = right;
@@ -178,7 +180,7 @@ fn solve(normal: &mut Normal, right: [f64; MAX_WIDTH], unknowns: &mut [f64]) -> 
             }
             target[i] -= factor * target[j];
         }
-        // Rounding alone can make a pivot vanish that the pull made positive.
+        // Rounding can reduce a pivot to zero that the pull made positive.
         normal[i][i] = normal[i][i].max(f64::MIN_POSITIVE);
     }
     for i in (0..n).rev() {
@@ -247,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_never_commanded_is_what_the_products_say() {
+    fn a_sign_without_commands_in_the_training_follows_the_products() {
         let before = model([0.3, 0.2, 0.0], [1.0, 0.4, -0.3], [0.8, -0.2, 0.1]);
         let after = model([0.4, 0.1, 0.0], [1.0, 0.1, 0.2], [0.6, 0.1, 0.0]);
         let mut separation = OnlineSeparation::new(STRUCTURE);
@@ -268,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_at_all_separates_into_something_finite() {
+    fn products_of_zero_give_a_finite_model() {
         let mut separation = OnlineSeparation::new(STRUCTURE);
         separation.start(&Coefficients::zero(STRUCTURE), &Triangle::new(STRUCTURE.full_len()));
         (0..5).for_each(|_| assert!(separation.separate(&vec![0.0; STRUCTURE.full_len()]).is_finite()));

@@ -6,17 +6,18 @@
 //! Q(a, x) = x^a exp(-x) / Gamma(a) / (x+1-a - 1(1-a)/(x+3-a - 2(2-a)/(x+5-a - ..)))         else
 //! ```
 //!
-//! n degrees of freedom, x the statistic, p the probability that chance alone gives x or more. Trap: one of the two
-//! alone is not enough; far from its side of a + 1 each loses all digits or takes forever. Source: Abramowitz and
-//! Stegun, Handbook of Mathematical Functions, 1964, 6.1.41, 6.5.29 and 6.5.31; the continued fraction is evaluated
-//! by Lentz' method (Press and others, Numerical Recipes).
+//! n degrees of freedom, x statistic, p probability that chance alone gives x or more. Trap: neither of the two
+//! expansions is enough. Far from its own side of a + 1 each loses all digits or does not converge in time.
+//!
+//! Source: Abramowitz and Stegun, Handbook of Mathematical Functions, 1964, 6.1.41, 6.5.29 and 6.5.31; the continued
+//! fraction is evaluated by Lentz' method (Press and others, Numerical Recipes).
 
-/// Terms after which a series is left as it is; about 6 times the root of a are needed near x = a.
+/// Largest number of terms of a series; near x = a about 6 times the root of a are needed.
 const MAX_TERMS: usize = 100_000;
 
 /// The probability that a chi-square variable with `freedom` degrees of freedom is at least `x`.
 ///
-/// NaN for an `x` that is NaN; without a degree of freedom the variable is 0.
+/// NaN for an `x` that is NaN. A variable without a degree of freedom is 0.
 pub fn upper_tail(x: f64, freedom: usize) -> f64 {
     if x.is_nan() {
         return f64::NAN;
@@ -117,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn many_degrees_are_nearly_normal_and_the_ends_are_what_they_must_be() {
+    fn many_degrees_are_nearly_normal_and_the_ends_are_exact() {
         // Wilson and Hilferty: the median is n (1 - 2/(9n))^3.
         let n = 20_000.0f64;
         assert!((upper_tail(n * (1.0 - 2.0 / (9.0 * n)).powi(3), 20_000) - 0.5).abs() < 1e-5);

@@ -9,16 +9,17 @@
 //! ```
 //!
 //! residual: sum of squares of the one-step residuals of the samples that were fitted; N their number; d number of
-//! coefficients that were fitted to them; the variance of the noise is fitted too, hence K. Of models for the same
-//! samples the one with the least value is to be preferred. V and FPE in the unit of the output squared, fit in %.
+//! coefficients that were fitted to them. The variance of the noise is fitted too, hence K. Of models for one set of
+//! samples, the one with the least value is to be preferred. V and FPE are in the unit of the output squared, fit in %.
 //!
-//! Traps: the same samples means the same N as well, so the model with the longest memory decides where counting
-//! begins; ln(V) makes only differences mean something. The one-step fit of a position is near 100 % for any model.
-//! For a separated model d is na + nb + 2 r, one less than it has coefficients, for f_1 = 1 is not fitted.
+//! Traps: all models have to count the same N samples, so the model with the longest memory decides where counting
+//! begins. With ln(V) only differences between models have a meaning. The one-step fit of a position is near 100 % for
+//! any model. For a separated model d is na + nb + 2 r, one less than its number of coefficients, because f_1 = 1 is
+//! not fitted.
 //!
 //! Source: Akaike, IEEE Transactions on Automatic Control 19, 1974 (AIC), and Annals of the Institute of Statistical
 //! Mathematics 21, 1969 (FPE); Hurvich and Tsai, Biometrika 76, 1989 (AICc); Schwarz, Annals of Statistics 6, 1978
-//! (BIC). What they are worth: Ljung, System Identification, 2nd ed. 1999, section 16.4.
+//! (BIC). Discussion: Ljung, System Identification, 2nd ed. 1999, section 16.4.
 
 /// Akaike's information criterion.
 pub fn aic(residual: f64, samples: u64, coefficients: usize) -> f64 {
@@ -26,28 +27,28 @@ pub fn aic(residual: f64, samples: u64, coefficients: usize) -> f64 {
     n * (residual / n).ln() + 2.0 * (coefficients as f64 + 1.0)
 }
 
-/// The same, corrected for few samples; infinite for so few that the correction does not exist.
+/// Akaike's information criterion corrected for few samples; infinite for so few that the correction does not exist.
 pub fn aicc(residual: f64, samples: u64, coefficients: usize) -> f64 {
     let k = coefficients as f64 + 1.0;
     let left = samples as f64 - k - 1.0;
     if left > 0.0 { aic(residual, samples, coefficients) + 2.0 * k * (k + 1.0) / left } else { f64::INFINITY }
 }
 
-/// The Bayesian information criterion of Schwarz: heavier on coefficients than [`aic`] from 8 samples on.
+/// The Bayesian information criterion of Schwarz. From 8 samples on it weighs coefficients more than [`aic`] does.
 pub fn bic(residual: f64, samples: u64, coefficients: usize) -> f64 {
     let n = samples as f64;
     n * (residual / n).ln() + (coefficients as f64 + 1.0) * n.ln()
 }
 
-/// Akaike's final prediction error: the variance to expect on samples that the fit has not seen; infinite when there
-/// are not more samples than coefficients.
+/// Akaike's final prediction error: the variance to expect on samples that were not fitted; infinite when there are not
+/// more samples than coefficients.
 pub fn fpe(residual: f64, samples: u64, coefficients: usize) -> f64 {
     let (n, d) = (samples as f64, coefficients as f64);
     if n > d { residual / n * (n + d) / (n - d) } else { f64::INFINITY }
 }
 
-/// The normalised fit in %, 100 for no error, 0 for one as large as that of the mean; `output_variance` is the mean
-/// square of y without its mean.
+/// The normalised fit in %: 100 for no error, 0 for an error as large as that of the mean. `output_variance` is the
+/// mean square of y without its mean.
 pub fn fit_percent(residual: f64, samples: u64, output_variance: f64) -> f64 {
     100.0 * (1.0 - (residual / samples as f64 / output_variance).sqrt())
 }

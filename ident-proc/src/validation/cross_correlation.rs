@@ -1,4 +1,4 @@
-//! Does a residual hold something that the input explains?
+//! Does the input explain part of the residuals?
 //!
 //! ```text
 //! r_eu(tau) = sum_k e(k) u(k - tau) / sqrt(sum e^2 sum u^2),   tau = -M .. M,  means removed
@@ -6,21 +6,22 @@
 //! bound = 2.58 sqrt(P / (N R_e(0) R_u(0))) = 2.58 sqrt(sum_l r_e(l) r_u(l) / N)                    99 %
 //! ```
 //!
-//! e residual, u the command or any function of it, x = N(u) above all, N samples, M lags, R covariances, r
-//! correlations. The sum for P runs over |l| <= 2 M with the weights 1 - |l|/(2 M + 1): so it cannot become
-//! negative, and a slow u does not make it noise.
+//! e residual, u command or any function of it, above all x = N(u), N samples, M lags, R covariances, r correlations.
+//! The sum for P runs over |l| <= 2 M with the weights 1 - |l|/(2 M + 1). With these it cannot become negative, and a
+//! slow u does not turn it into noise.
 //!
-//! | outside of the bound | says |
+//! | outside of the bound | meaning |
 //! |---|---|
-//! | tau >= nk | the model misses dynamics; a single lag beyond nk + nb: its delay is too small |
-//! | 1 <= tau < nk | its delay is too large |
-//! | tau <= 0 | the command answers the output, the record was taken in closed loop: no defect of the model |
+//! | tau >= nk | the model misses dynamics; with a single lag beyond nk + nb, the delay of the model is too small |
+//! | 1 <= tau < nk | the delay of the model is too large |
+//! | tau <= 0 | the command depends on the output, the record was taken in closed loop: no defect of the model |
 //!
-//! tau = 0 belongs to the feedback: u(k) is given after y(k) is known and y(k) answers u(k-1) at the earliest.
+//! tau = 0 belongs to the feedback: u(k) is given after y(k) is known, and the newest command that y(k) depends
+//! on is u(k-1).
 //!
-//! Traps: at the lags that the model has, residuals of the samples that were fitted are next to orthogonal to the
-//! input whatever the truth is, so judge by the others or by samples that the fit has not seen. Among M lags some
-//! are outside by chance; [`Half::p_value`] counts that in.
+//! Traps: at the lags of the model, residuals of the samples that were fitted are nearly orthogonal to the input
+//! whatever the truth is. Judge by the other lags, or by samples that were not fitted. Among M lags some are outside by
+//! chance; [`Half::p_value`] takes that into account.
 //!
 //! Source: Ljung, System Identification, 2nd ed. 1999, section 16.6.
 
@@ -29,14 +30,14 @@ use super::{
     whiteness::{QUANTILE_99, autocorrelations, centered, lagged_product},
 };
 
-/// What the cross-correlation of a residual with the input says.
+/// The cross-correlation of a residual with the input, and its test.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct CrossCorrelation {
     /// r_eu(-M) .. r_eu(M).
     pub correlations: Vec<f64>,
     /// Bound of 99 % of the lags.
     pub bound_99: f64,
-    /// tau = 1 .. M: what the model misses.
+    /// tau = 1 .. M: dynamics that are missing in the model.
     pub model: Half,
     /// tau = -M .. 0: feedback in the record.
     pub feedback: Half,
@@ -51,21 +52,21 @@ pub struct Half {
     pub worst_lag: isize,
     /// The correlation there.
     pub worst: f64,
-    /// The probability, or more, that chance alone gives as large a correlation at any of these lags.
+    /// Upper bound of the probability that chance alone gives as large a correlation at any of these lags.
     pub p_value: f64,
 }
 
 impl CrossCorrelation {
     /// Of `residuals` with `inputs`, sample by sample, over `lags` lags to both sides.
     ///
-    /// `None` where there is nothing to judge: no lag, not more samples than lags, a value that is not finite, or
-    /// residuals or inputs that are all equal.
+    /// `None` when the test cannot be made: without a lag, with not more samples than lags, with a value that is not
+    /// finite, or with residuals or inputs that are all equal.
     ///
     /// # Panics
     ///
     /// When there are not as many residuals as inputs.
     pub fn new(residuals: &[f64], inputs: &[f64], lags: usize) -> Option<Self> {
-        assert_eq!(residuals.len(), inputs.len(), "residuals and inputs of the same samples");
+        assert_eq!(residuals.len(), inputs.len(), "there must be one residual for each input");
         let n = residuals.len();
         if lags == 0 || n <= lags + 1 {
             return None;
@@ -95,7 +96,7 @@ impl Half {
         let (worst_lag, worst) = (first..)
             .zip(correlations.iter().copied())
             .fold((first, 0.0f64), |worst, next| if next.1.abs() > worst.1.abs() { next } else { worst });
-        // Bonferroni: at most the sum of what each lag alone may do.
+        // Bonferroni: at most the sum of the probabilities of the single lags.
         let p_value = (lags * chi_square::upper_tail((worst / sigma).powi(2), 1)).min(1.0);
         Self { outside, worst_lag, worst, p_value }
     }
@@ -130,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_right_model_leaves_nothing() {
+    fn the_residuals_of_a_right_model_are_not_correlated_with_the_input() {
         for seed in 0..20 {
             let (e, u) = residuals(seed, 0.0, 1, 1);
             let found = CrossCorrelation::new(&e, &u, LAGS).unwrap();
@@ -152,18 +153,18 @@ mod tests {
     }
 
     #[test]
-    fn a_closed_loop_shows_on_the_other_side_only() {
+    fn a_closed_loop_shows_at_lags_up_to_zero_only() {
         let (e, u) = residuals(2, 0.8, 1, 1);
         let found = CrossCorrelation::new(&e, &u, LAGS).unwrap();
         assert!(found.feedback.p_value < 1e-9 && found.feedback.worst_lag <= 0 && found.feedback.worst < 0.0);
         assert!(found.model.p_value > LEVEL, "{found:?}");
-        // And before the command has moved once, at lags below zero too.
+        // It shows at lags below zero too.
         assert!(found.correlations[LAGS - 1].abs() > found.bound_99);
     }
 
-    /// The spread of r_eu over independent records of two slow signals is the bound's.
+    /// The spread of r_eu over independent records of two slow signals agrees with the bound.
     #[test]
-    fn the_bound_counts_in_that_both_are_coloured() {
+    fn the_bound_is_right_for_coloured_residuals_and_inputs() {
         let coloured = |noise: &mut Noise, pole: f64| {
             let mut last = 0.0;
             let mut next = || {
@@ -185,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_judge_is_said() {
+    fn a_test_that_cannot_be_made_gives_none() {
         let noise = Noise::new(4).normals(30);
         assert!(CrossCorrelation::new(&noise, &noise, 28).is_some());
         assert!(CrossCorrelation::new(&noise, &noise, 29).is_none());

@@ -6,27 +6,27 @@
 //!             J = d theta / d p,   p = (a, b, f_2 .. f_r, g, rest),   theta = (a, f_i b_j, g_i b_j, rest)   (14)
 //! ```
 //!
-//! R, z and residual: the triangle of the data; N rows, d coefficients that they determine, s standard deviation of
-//! the noise in the unit of the output. The inverse is never formed from J'R'R J: R J is brought to a triangle of its
-//! own, and what is summed are the squares of a row of its inverse.
+//! R, z and residual: triangle of the data; N rows, d number of coefficients that they determine, s standard deviation
+//! of the noise in the unit of the output. The inverse of J'R'R J is never formed: R J is reduced to a triangle of its
+//! own, and the squares of a row of the inverse of that are summed.
 //!
-//! Whatever unknowns the triangle has after those of the full form (a constant drift, say) is `rest`: linear, and no
-//! part of any product.
+//! Unknowns of the triangle after those of the full form, a constant drift for example, are the `rest`. They are linear
+//! and belong to no product.
 //!
-//! b and N share a factor, which one coefficient of N fixes: f_1 = 1, or the largest where f_1 is next to nothing
-//! (see [`crate::separation`]). That one has the deviation 0 by definition, and all others hold for that choice.
+//! b and N share a factor, which one coefficient of N fixes: f_1 = 1, or the largest where f_1 is nearly zero (see
+//! [`crate::separation`]). This coefficient has the deviation 0 by definition, and all others hold for that choice.
 //!
-//! `None` is what the data do not determine: a coefficient that is held, a branch without a command of its sign, N
-//! where b is zero. The others are right on the condition that the held ones are what they are held at.
+//! `None` stands for a coefficient that the data do not determine: one that is held, one of a branch without a command
+//! of its sign, f and g where b is zero. The deviations of the others assume that the held ones are right.
 //!
 //! Traps:
-//! - The noise must be white (see [`super::whiteness`]), else the truth is off by more: biased, not only scattered.
+//! - The noise must be white (see [`super::whiteness`]). Otherwise the estimates are biased, and not only scattered.
 //! - The separated deviations are those of the alternation; (17) scatters more.
-//! - Where b is not far greater than its own deviation (a wide dead band leaves f_1 b next to nothing), f and g are
-//!   quotients by what may be zero: their estimates have no standard deviation, and what is computed is now right,
-//!   now a thousand times too large. Those of a and b hold.
-//! - A triangle that [`Triangle::add_mapped`] made has forgotten N and the residual; so [`linear`] asks for the
-//!   variance.
+//! - Where b is not far greater than its own deviation, f and g are quotients by a number that may be zero; a wide dead
+//!   band leaves so little of f_1 b. Then f and g have no standard deviation, and the computed one may be right or a
+//!   thousand times too large. Those of a and b hold.
+//! - The residual of a triangle made by [`Triangle::add_mapped`] is that of the mapped problem; so [`linear`] asks for
+//!   the variance.
 //!
 //! Source: Ljung, System Identification, 2nd ed. 1999, chapter 9.
 
@@ -34,7 +34,7 @@ use pipeline::hammerstein::{Coefficients, Structure};
 
 use crate::{least_squares::RankGuard, least_squares::Triangle};
 
-/// Part of its column from which on a coefficient takes part in a dependence.
+/// Part of its column from which on a coefficient belongs to a dependence.
 const TAKES_PART: f64 = 1e-6;
 
 /// Standard deviations of a separated model, each in the unit of its coefficient.
@@ -48,7 +48,7 @@ pub struct SeparatedDeviations {
     pub f: Vec<Option<f64>>,
     /// Of g_1 .. g_r.
     pub g: Vec<Option<f64>>,
-    /// Of what the triangle has after the full form.
+    /// Of the unknowns after those of the full form.
     pub rest: Vec<Option<f64>>,
     /// s, standard deviation of the noise.
     pub noise: f64,
@@ -62,8 +62,8 @@ pub fn noise_variance(residual: f64, rows: u64, coefficients: usize) -> Option<f
     (freedom > 0).then(|| residual / freedom as f64)
 }
 
-/// Of theta of the linear problem `data`, the triangle that theta solves, with the unknowns that are `held` there and
-/// the noise variance s^2.
+/// Deviations of theta of the linear problem `data`, the triangle that theta solves, with the unknowns that are `held`
+/// there and the noise variance s^2.
 pub fn linear(data: &Triangle, held: &[bool], variance: f64) -> Vec<Option<f64>> {
     let lengths = inverse_rows(data, held);
     let deviation = |(length, held): (&f64, &bool)| {
@@ -73,12 +73,12 @@ pub fn linear(data: &Triangle, held: &[bool], variance: f64) -> Vec<Option<f64>>
     lengths.iter().zip(held).map(deviation).collect()
 }
 
-/// Of the separated `model`; `data` is the triangle of the full form with its rows and residual, as
-/// [`crate::offline::Batch::data`] gives it, `held` what is held there.
+/// Deviations of the separated `model`. `data` is the triangle of the full form with its rows and residual, as
+/// [`crate::offline::Batch::data`] gives it, `held` the unknowns that are held there.
 ///
-/// The model is to be as the separation gave it: what was made of it later (another order of A) does not belong to the
-/// unknowns of this triangle. `None` for a model of no valid structure, for a triangle that is too small for it, or
-/// with too few rows.
+/// The model must be the one that the separation gave: a later change, to another order of A for example, is not part
+/// of this triangle. `None` for a model without a valid structure, for a triangle that is too small for it, or with too
+/// few rows.
 pub fn separated(data: &Triangle, held: &[bool], model: &Coefficients) -> Option<SeparatedDeviations> {
     let layout = Layout::new(model, data.len())?;
     let rows = jacobian_rows(data, held, &layout);
@@ -101,7 +101,7 @@ pub fn separated(data: &Triangle, held: &[bool], model: &Coefficients) -> Option
     Some(SeparatedDeviations { a, b, f, g, rest: take(usize::MAX), noise: variance.sqrt(), determined })
 }
 
-/// Where the coefficients of the separated model are among its free parameters.
+/// The positions of the separated model's coefficients among its free parameters.
 struct Layout<'a> {
     model: &'a Coefficients,
     structure: Structure,
@@ -136,7 +136,7 @@ impl<'a> Layout<'a> {
         if index < r { self.model.f[index] } else { self.model.g[index - r] }
     }
 
-    /// Where the fixed coefficient would be among the parameters.
+    /// The position that the fixed coefficient would have among the parameters.
     fn fixed_at(&self) -> usize {
         self.structure.na + self.structure.nb + 1 + self.fixed
     }
@@ -167,7 +167,7 @@ impl<'a> Layout<'a> {
     }
 }
 
-/// R J. The row of a held unknown is no data: it only holds.
+/// R J. The row that holds an unknown is not data and is left out.
 fn jacobian_rows(data: &Triangle, held: &[bool], layout: &Layout) -> Triangle {
     let mut rows = Triangle::new(layout.len());
     let mut is_held = held.iter();
@@ -180,7 +180,7 @@ fn jacobian_rows(data: &Triangle, held: &[bool], layout: &Layout) -> Triangle {
     rows
 }
 
-/// |R theta - z|^2 over the rows that are data, with the rest that is best for the `theta` before it.
+/// |R theta - z|^2 over the rows that are data, with the best rest for the `theta` before it.
 fn misfit(data: &Triangle, held: &[bool], theta: &[f64]) -> f64 {
     let (n, known) = (data.len(), theta.len());
     let mut rest = Triangle::new(n - known);
@@ -192,7 +192,7 @@ fn misfit(data: &Triangle, held: &[bool], theta: &[f64]) -> f64 {
     rest.residual()
 }
 
-/// The length of each row of R^-1, infinite where R has no inverse; held unknowns take no part.
+/// The length of each row of R^-1, infinite where R has no inverse. Held unknowns are left out.
 fn inverse_rows(data: &Triangle, held: &[bool]) -> Vec<f64> {
     let n = data.len();
     let mut squares = vec![0.0; n];
@@ -208,15 +208,15 @@ fn inverse_rows(data: &Triangle, held: &[bool]) -> Vec<f64> {
     squares.into_iter().map(|square| if square.is_nan() { f64::INFINITY } else { square.sqrt() }).collect()
 }
 
-/// The dependent unknowns and all others that they depend on: of two that only their sum determines, neither is
-/// known, whichever was taken first.
+/// The dependent unknowns and all others that they depend on. Where the data determine only the sum of two unknowns,
+/// neither of the two is known.
 fn involved(data: &Triangle, dependent: &[bool]) -> Vec<bool> {
     let n = data.len();
     let length = |j: usize| (0..=j).map(|i| data.entry(i, j).powi(2)).sum::<f64>().sqrt();
     let mut involved = dependent.to_vec();
     let (mut problem, mut row, mut share) = (Triangle::new(n), vec![0.0; n], vec![0.0; n]);
     for j in (0..n).filter(|&j| dependent[j] && length(j) > 0.0) {
-        // Column j by those that were taken.
+        // Express column j by the independent columns.
         problem.clear();
         for i in 0..n {
             row.fill(0.0);
@@ -282,7 +282,7 @@ mod tests {
         move |k| values[k]
     }
 
-    /// theta, what is held, and the triangle with those held.
+    /// theta, the held unknowns, and the triangle with those held.
     fn solved(collected: &Triangle) -> (Vec<f64>, Vec<bool>, Triangle) {
         let mut data = Triangle::new(collected.len());
         let held = RankGuard::new(collected.len()).dependent(collected).to_vec();
@@ -336,7 +336,7 @@ mod tests {
             let (theta, held, data) = solved(&record(&model, input(seed + 1000), seed, None));
             let variance = noise_variance(data.residual(), data.count(), theta.len()).unwrap();
             full.add(theta.clone(), &linear(&data, &held, variance));
-            let estimate = separation.split(&theta, &data, Split::Als);
+            let estimate = separation.separate(&theta, &data, Split::Als);
             let found = separated(&data, &held, &estimate).unwrap();
             noise += found.noise / 400.0;
             assert_eq!(found.determined, 7);
@@ -398,7 +398,7 @@ mod tests {
         let model = model([1.0, 0.6], [0.8, -0.5]);
         let values = input(3);
         let (theta, held, data) = solved(&record(&model, |k| values(k).abs(), 3, None));
-        let estimate = OfflineSeparation::new(STRUCTURE).split(&theta, &data, Split::Als);
+        let estimate = OfflineSeparation::new(STRUCTURE).separate(&theta, &data, Split::Als);
         let found = separated(&data, &held, &estimate).unwrap();
         assert_eq!(found.g, [None, None]);
         assert!(found.a.iter().chain(&found.b).chain(&found.f).all(|d| d.is_some_and(|d| d.is_finite())));
@@ -413,14 +413,14 @@ mod tests {
     fn a_command_that_never_moves_determines_a_alone() {
         let model = model([1.0, 0.6], [0.8, -0.5]);
         let (theta, held, data) = solved(&record(&model, |_| 0.0, 4, None));
-        let estimate = OfflineSeparation::new(STRUCTURE).split(&theta, &data, Split::Als);
+        let estimate = OfflineSeparation::new(STRUCTURE).separate(&theta, &data, Split::Als);
         let found = separated(&data, &held, &estimate).unwrap();
         assert!(found.a.iter().all(Option::is_some));
         assert_eq!((found.b, found.g, found.determined), (vec![None; 2], vec![None; 2], 2));
     }
 
     #[test]
-    fn of_two_that_only_their_sum_determines_neither_is_known() {
+    fn where_the_data_determine_only_the_sum_of_two_neither_is_known() {
         let noise = Noise::new(8).normals(100);
         let mut data = Triangle::new(3);
         noise.windows(2).for_each(|w| data.add(&[w[0], 2.0 * w[0], w[1]], w[0] - w[1]));

@@ -6,12 +6,12 @@
 //! Q = N (N + 2) sum_tau r(tau)^2 / (N - tau)   ~   chi-square with M - p degrees of freedom
 //! ```
 //!
-//! e residual, N samples, M lags, p coefficients of past outputs (na) that were fitted to these very samples, 0 for
-//! samples that the fit has not seen: a fit makes the first lags smaller than chance would.
+//! e residual, N samples, M lags. p is the number of coefficients of past outputs (na) that were fitted to these
+//! samples, and 0 for samples that were not fitted: a fit makes the first lags smaller than chance would.
 //!
-//! Traps: M far above p and far below N, 20 to 40 for a servo; at N = 16 M the test still fails 16 of 1000 white
-//! residuals in the place of 10. Residuals over a gap in the record do not belong together. An output error model need
-//! not have white residuals: the noise may be coloured with all dynamics found; then look at
+//! Traps: choose M far above p and far below N, 20 to 40 for a servo. At N = 16 M the test still fails 16 of 1000 white
+//! residuals instead of 10. Residuals over a gap in the record do not belong together. An output error model need not
+//! have white residuals: the noise may be coloured although all dynamics were found. Then look at
 //! [`super::cross_correlation`].
 //!
 //! Source: Ljung, System Identification, 2nd ed. 1999, section 16.6; Ljung and Box, Biometrika 65, 1978.
@@ -25,7 +25,7 @@ pub const QUANTILE_99: f64 = 2.58;
 /// Probability below which a test counts as failed.
 pub const LEVEL: f64 = 0.01;
 
-/// What the autocorrelation of a residual says.
+/// The autocorrelation of a residual, and its test.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Whiteness {
     /// r(1) .. r(M).
@@ -42,15 +42,15 @@ pub struct Whiteness {
     pub statistic: f64,
     /// The probability of such a Q or a larger one for independent residuals.
     pub p_value: f64,
-    /// Whether they pass for independent: a p-value of at least 1 %.
+    /// Whether the residuals count as independent: a p-value of at least 1 %.
     pub white: bool,
 }
 
 impl Whiteness {
     /// Of `residuals` over `lags` lags; `fitted` is p.
     ///
-    /// `None` where there is nothing to judge: not more samples than lags, not more lags than `fitted`, a residual
-    /// that is not finite, or residuals that are all equal.
+    /// `None` when the test cannot be made: with not more samples than lags, with not more lags than `fitted`, with a
+    /// residual that is not finite, or with residuals that are all equal.
     pub fn new(residuals: &[f64], lags: usize, fitted: usize) -> Option<Self> {
         let n = residuals.len();
         if n <= lags + 1 || lags <= fitted {
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn residuals_of_the_samples_that_were_fitted_have_fewer_degrees_of_freedom() {
-        // AR(2), fitted by least squares: over six lags two degrees less are a large part.
+        // AR(2), fitted by least squares. Two degrees of freedom are a large part of six lags.
         let trials = 500;
         let (mut sum_all, mut sum_fewer) = (0.0, 0.0);
         for seed in 0..trials {
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_judge_is_said() {
+    fn a_test_that_cannot_be_made_gives_none() {
         let noise = Noise::new(1).normals(30);
         assert!(Whiteness::new(&noise, 28, 0).is_some());
         assert!(Whiteness::new(&noise, 29, 0).is_none());

@@ -1,31 +1,33 @@
-//! How good each member of the bank has been lately, and how much it counts.
+//! The recent mean square error of each member of the bank, and the weight that it gives.
 //!
 //! ```text
 //! J(k) = g J(k-1) + (1 - g) e^2(k)          g = exp(-s / tau),  tau = 30 h
 //! w_i = (min J / J_i)^8 / sum_j (min J / J_j)^8
 //! ```
 //!
-//! e h-step error of a member in the unit of the output, h horizon and s stride between two errors, in samples.
-//! The h-step error is what a controller pays for, and it is what the weights are made of. J is divided by the weight of
-//! what it has seen, so that it is an average from the first error on.
+//! e h-step error of a member in the unit of the output; h horizon and s stride between two errors, in samples. The
+//! weights come from h-step errors because a controller uses predictions over the horizon. J is divided by the sum of
+//! the weights of its errors, so that it is an average from the first error on.
 //!
-//! Traps: with a shorter tau a member that was lucky for some seconds leads, with a longer one a member that was right
-//! before the plant changed. The power of 8 leaves half a vote to what is 4 % worse in the root of its mean square, and
-//! none to what is half as bad again: on a constant plant a gentler power pays for members that only add noise.
+//! Traps: with a shorter tau a member leads that was lucky for some seconds; with a longer one a member leads that was
+//! right before the plant changed. The power of 8 leaves half a weight to a member whose root mean square is 4 % larger
+//! than the best, and none to one that is half as large again. On a constant plant a gentler power gives weight to
+//! members that only add noise.
 
 /// tau, in horizons.
 const TIME_CONSTANT: f64 = 30.0;
-/// A square counts at most this many times the mean square of the first member, which is held: one forecast that
-/// diverged must not shut its member out for good.
+/// Largest square that counts, in mean squares of the first member, the classical model. Without this limit one
+/// forecast that diverged would shut its member out for good.
 const LARGEST_RATIO: f64 = 1e6;
-/// Members with less than this part of the best one's weight are not worth the work of adding them up.
+/// Members with less than this part of the best member's weight are left out: they are not worth the additions.
 const LEAST_WEIGHT: f64 = 0.01;
 
-/// The mean squares of all members; its memory is taken at construction.
+/// The mean squares of all members. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct Scores {
+    /// g.
     keep: f64,
-    /// Sum of all weights.
+    /// Sum of the weights of all errors so far.
     seen: f64,
     sums: Vec<f64>,
 }
@@ -37,21 +39,21 @@ impl Scores {
         Self { keep, seen: 0.0, sums: vec![0.0; members] }
     }
 
-    /// Takes in the errors of all members at one sample, the held one's first.
+    /// Takes in the errors of all members at one sample; `error(0)` is that of the classical model.
     pub fn push(&mut self, error: impl Fn(usize) -> f64) {
-        let held = error(0).powi(2);
-        let limit = LARGEST_RATIO * if self.seen > 0.0 { held.max(self.sums[0] / self.seen) } else { held };
+        let classical = error(0).powi(2);
+        let limit = LARGEST_RATIO * if self.seen > 0.0 { classical.max(self.sums[0] / self.seen) } else { classical };
         self.seen = self.keep * self.seen + 1.0 - self.keep;
         for (member, sum) in self.sums.iter_mut().enumerate() {
             let square = error(member).powi(2);
-            // Written so that what is not a number counts as the limit.
+            // This comparison makes a square that is not a number count as the limit.
             let square = if square < limit { square } else { limit };
             *sum = self.keep * *sum + (1.0 - self.keep) * square;
         }
     }
 
-    /// Writes the weights of all members; those not `allowed` get none. Before the first error, and when nobody is
-    /// allowed, the first member has all of it.
+    /// Writes the weights of all members. A member that is not `allowed` gets none. Before the first error, and when
+    /// no member is allowed, the first member gets all of the weight.
     pub fn weigh(&self, allowed: impl Fn(usize) -> bool, weights: &mut [f64]) {
         weights.fill(0.0);
         let members = (0..weights.len()).filter(|member| allowed(*member));
@@ -61,11 +63,11 @@ impl Scores {
             return;
         }
         for member in members {
-            // Errors of exactly zero, as of a plant without noise, are equal.
+            // Members without any error, as on a plant without noise, get equal weights.
             let score = self.sums[member];
             let ratio = if score > best { best / score } else { 1.0 };
             let weight = ratio.powi(8);
-            // The trap of leaving it out later: weights that do not sum to 1 scale a, and the output with it.
+            // Left out before the weights are scaled: they must sum to 1, or the mixture would scale a and the output.
             weights[member] = if weight >= LEAST_WEIGHT { weight } else { 0.0 };
         }
         let total: f64 = weights.iter().sum();
@@ -84,12 +86,12 @@ mod tests {
     }
 
     #[test]
-    fn the_held_model_leads_until_there_is_an_error() {
+    fn the_classical_model_leads_until_there_is_an_error() {
         assert_eq!(weights(&Scores::new(3, 5, 20), |_| true), [1.0, 0.0, 0.0]);
     }
 
     #[test]
-    fn the_best_leads_and_the_rest_counts_by_how_much_worse_it_is() {
+    fn the_best_leads_and_the_others_count_by_how_much_worse_they_are() {
         let mut scores = Scores::new(3, 5, 20);
         (0..1000).for_each(|_| scores.push(|member| [2.0, 1.0, 1.1f64.powf(0.5)][member]));
         let found = weights(&scores, |_| true);
@@ -103,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_diverged_once_is_forgiven_in_time_and_one_that_always_does_is_not() {
+    fn one_divergence_is_forgotten_in_time_and_lasting_divergence_is_not() {
         let mut scores = Scores::new(3, 5, 20);
         (0..100).for_each(|_| scores.push(|member| [1.0, 0.1, 0.1][member]));
         scores.push(|member| [1.0, f64::INFINITY, f64::NAN][member]);

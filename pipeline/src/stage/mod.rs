@@ -23,13 +23,16 @@ use std::sync::{Arc, atomic::AtomicBool};
 pub use accounting::Accounting;
 pub use channels::Channels;
 pub use clock::{monotonic_ns, sleep_until};
-pub use rights::{Missing, lock_memory, missing, pin, schedule};
+pub use rights::{Missing, RightError, lock_memory, missing, pin, schedule};
 pub use run::{Stage, run};
 pub use turn::{Next, Turn, Waiter};
 
 pub use crate::machine::StageKind;
 
-use crate::channel::{ChannelError, Prefix};
+use crate::channel::{
+    ChannelError, JoinError, ListenerError, NotifierError, NotifyError, Prefix, PublisherError, ReaderError,
+    ReceiveError, SendError, WaitError,
+};
 
 /// What releases a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -71,10 +74,30 @@ pub enum StageError {
     /// A channel cannot be used.
     #[error(transparent)]
     Channel(#[from] ChannelError),
-    /// A right that was asked for strictly is not to be had.
-    #[error("{0}")]
-    Rights(String),
+    /// A right that the machine file is strict about cannot be had.
+    #[error("{0} (the machine file is strict)")]
+    Rights(#[source] RightError),
     /// The stage cannot be set up from its machine file.
-    #[error("{0}")]
-    Setup(String),
+    #[error(transparent)]
+    Setup(Box<dyn std::error::Error + Send + Sync>),
 }
+
+impl StageError {
+    /// The stage cannot be set up, because of `error`.
+    pub fn setup(error: impl std::error::Error + Send + Sync + 'static) -> Self {
+        Self::Setup(Box::new(error))
+    }
+}
+
+/// An error of one operation on a channel is a [`StageError::Channel`].
+macro_rules! from_operation {
+    ($($error:ident),*) => { $(
+        impl From<$error> for StageError {
+            fn from(error: $error) -> Self {
+                Self::Channel(error.into())
+            }
+        }
+    )* };
+}
+from_operation!(JoinError, PublisherError, ReaderError, NotifierError, ListenerError);
+from_operation!(SendError, ReceiveError, NotifyError, WaitError);

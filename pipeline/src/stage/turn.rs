@@ -7,7 +7,7 @@ use super::{
     clock::{monotonic_ns, sleep_until},
 };
 use crate::{
-    channel::{ChannelError, Group, Listener, Publisher},
+    channel::{Group, Listener, ListenerError, Publisher, PublisherError, ReceiveError, SendError},
     machine::{Machine, Wait},
     message::{Header, Message, MissCause, StageHealth},
 };
@@ -52,7 +52,7 @@ impl Waiter {
         machine: &Machine,
         kind: StageKind,
         clock: Clock,
-    ) -> Result<Self, ChannelError> {
+    ) -> Result<Self, ListenerError> {
         Ok(match (clock, machine.stage(kind).wait) {
             (Clock::LockStep, _) => Self::Yield,
             (Clock::RealTime, Wait::Spin) => Self::Spin,
@@ -83,7 +83,7 @@ impl Turn {
         machine: &Machine,
         kind: StageKind,
         options: StageOptions,
-    ) -> Result<Self, ChannelError> {
+    ) -> Result<Self, PublisherError> {
         let period_ns = machine.timing.period.as_nanos() as u64;
         let timer_spin_ns = match machine.stage(kind).wait {
             Wait::Event => 0,
@@ -139,7 +139,7 @@ impl Turn {
     pub fn wait_for(
         &mut self,
         waiter: &Waiter,
-        mut poll: impl FnMut() -> Result<bool, ChannelError>,
+        mut poll: impl FnMut() -> Result<bool, ReceiveError>,
     ) -> Result<bool, StageError> {
         let spin_ns = match waiter {
             Waiter::Event(_, spin_ns) => *spin_ns,
@@ -158,7 +158,7 @@ impl Turn {
         &self,
         nanoseconds: u64,
         gives_way: bool,
-        poll: &mut impl FnMut() -> Result<bool, ChannelError>,
+        poll: &mut impl FnMut() -> Result<bool, ReceiveError>,
     ) -> Result<bool, StageError> {
         if nanoseconds == 0 {
             return Ok(poll()?);
@@ -230,7 +230,7 @@ impl Turn {
     }
 
     /// Sends a heartbeat; `channels` takes in those that the stage reads.
-    pub(super) fn beat(&mut self, channels: impl FnOnce(&mut Accounting)) -> Result<(), ChannelError> {
+    pub(super) fn beat(&mut self, channels: impl FnOnce(&mut Accounting)) -> Result<(), SendError> {
         let now = monotonic_ns();
         self.next_beat_ns = now + HEARTBEAT_NS;
         let reset = self.options.reset.swap(false, Ordering::Relaxed);
@@ -240,7 +240,7 @@ impl Turn {
     }
 
     /// Sends the last message of the stage, with all figures up to date.
-    pub(super) fn farewell(&mut self, channels: impl FnOnce(&mut Accounting)) -> Result<(), ChannelError> {
+    pub(super) fn farewell(&mut self, channels: impl FnOnce(&mut Accounting)) -> Result<(), SendError> {
         self.accounting.begin(monotonic_ns(), false);
         channels(&mut self.accounting);
         self.publisher.send(self.accounting.farewell())

@@ -80,22 +80,18 @@ fn examples(page: &Page) -> Vec<Example> {
     examples
 }
 
-/// A word of a line, where numbers are alike and so are the units of times.
-fn kind_of_word<'a>(word: &'a str, before: &str) -> &'a str {
-    let digits = word.trim_start_matches(['+', '-']).trim_end_matches(['%', ',', ':', ';', ')']);
-    match word {
-        "-" => "0",
-        "ns" | "us" | "ms" | "s" if before == "0" => "ms",
-        _ if digits.parse::<f64>().is_ok() => "0",
-        _ => word,
-    }
-}
-
-/// A line without its figures and without the spaces that align them.
+/// A line without its figures, their units of time and percent signs, and the spaces that align them.
 fn without_figures(line: &str) -> String {
+    const NUMBER: &str = "0";
     let mut words: Vec<&str> = Vec::new();
     for word in line.split_whitespace() {
-        words.push(kind_of_word(word, words.last().copied().unwrap_or_default()));
+        let is_after_number = words.last() == Some(&NUMBER);
+        let digits = word.trim_end_matches(['%', ',', ':', ';', ')']);
+        if word == "-" || digits.parse::<f64>().is_ok() {
+            words.push(NUMBER);
+        } else if !(is_after_number && ["%", "ns", "us", "ms", "s"].contains(&word)) {
+            words.push(word);
+        }
     }
     words.join(" ")
 }
@@ -140,7 +136,7 @@ impl Example {
     fn script(&self) -> String {
         let command = self.command.replace("cargo run --release -- ", "hydraxis ");
         match command.strip_suffix('&') {
-            Some(background) => format!("{background} > background.txt 2>&1 &"),
+            Some(background) => format!("{background} > background.txt 2>&1 &\nbackground=\"$background $!\""),
             None => command,
         }
     }
@@ -167,7 +163,7 @@ fn run(examples: &[Example], group: &str) -> Vec<Vec<String>> {
     for example in examples {
         script += &format!("echo '{MARK}'\n{}\n", example.script());
     }
-    script += &format!("echo '{MARK}'\nfor job in $(jobs -p); do kill $job; done\nwait\n");
+    script += &format!("echo '{MARK}'\n[ -z \"$background\" ] || kill $background\nwait\n");
     std::fs::write(folder.path().join("script.sh"), script.replace(GROUP, group)).unwrap();
     let output = folder.path().join("output.txt");
     let programs = Path::new(env!("CARGO_BIN_EXE_hydraxis")).parent().unwrap().display().to_string();

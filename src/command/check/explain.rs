@@ -3,24 +3,24 @@
 use comfy_table::CellAlignment;
 use pipeline::machine::{EffectiveValue, Machine};
 
-use super::Check;
+use super::CheckArguments;
 use crate::{
     failure::Failure,
     report::{output::Output, table::table},
 };
 
-/// Longest text of a cell; a longer one is cut.
+/// Longest text of a cell, characters. A longer one is cut.
 const LONGEST_CELL: usize = 60;
 
 /// Shows the effective values of a machine that has been checked.
-pub fn run(arguments: &Check) -> Result<(), Failure> {
+pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     let output = Output::open(arguments.json.as_deref())?;
     let bare = &arguments.machine.bare;
     let mut settings = bare.settings.clone();
     settings.extend(arguments.machine.scenario.iter().map(|name| ("scenario".to_owned(), name.clone())));
     let explained = Machine::explain(bare.machine.as_deref(), bare.model.as_deref(), &settings);
     let (_, values) = explained.map_err(Failure::usage)?;
-    output.write(|| shown(&values), &values)
+    Ok(output.write(|| shown(&values), &values)?)
 }
 
 /// The values as a table for people.

@@ -143,10 +143,10 @@ fn the_picture_of_the_documentation_is_what_is_drawn() {
         tempfile::tempdir().unwrap().path(),
         &["simulate", "--scenario", "open-loop", "--duration", "60s", "--axis", "boom", "--plot", "-"],
     );
-    let kept = include_str!("../../../docs/open-loop.svg");
+    let kept = include_str!("../../../docs/src/open-loop.svg");
     assert!(
         drawn == kept,
-        "hydraxis simulate --scenario open-loop --duration 60s --axis boom --plot docs/open-loop.svg draws it anew"
+        "hydraxis simulate --scenario open-loop --duration 60s --axis boom --plot docs/src/open-loop.svg draws it anew"
     );
 }
 

@@ -33,7 +33,7 @@ fn row_11_the_drive_goes_neutral_by_itself_when_the_controller_is_killed() {
 
 /// Row 12: a controller that was started again is disarmed and commands neutral.
 #[test]
-fn row_12_a_controller_that_comes_back_is_off_and_its_first_commands_are_neutral() {
+fn row_12_a_restarted_controller_is_disarmed_and_commands_neutral() {
     let mut moving = Moving::start("row-12", &[]);
     let killed = monotonic_ns();
     signal(moving.running.pid(StageKind::ControlProc), Signal::KILL);

@@ -139,7 +139,7 @@ fn row_02_a_short_stop_of_the_acquisition_is_bridged() {
 
 /// Row 3: a stop of `sensor-proc` that is longer than the feedback time-out latches.
 #[test]
-fn row_03_a_long_stop_of_the_acquisition_is_a_loss_and_late_samples_are_not_acted_on() {
+fn row_03_a_long_stop_of_the_acquisition_latches() {
     let mut moving = Moving::start("row-03", &LONGER);
     let pid = moving.running.pid(StageKind::SensorProc);
     let stopped = monotonic_ns();
@@ -332,7 +332,7 @@ fn row_08_a_position_outside_the_stroke_latches_at_once() {
 }
 
 #[test]
-fn what_is_latched_is_let_go_by_a_person_only() {
+fn a_latched_axis_is_released_only_by_a_reset() {
     let mut scripted = Scripted::start("unlatched", 900, &["--arm"]);
     scripted.steps(300);
     (0..5).for_each(|_| {

@@ -151,7 +151,7 @@ fn the_picture_of_the_documentation_is_what_is_drawn() {
 }
 
 #[test]
-fn a_reader_that_has_gone_ends_it_without_an_error() {
+fn a_closed_standard_output_ends_the_run_without_an_error() {
     // Both runs would take far too long if they did not end with their reader.
     for arguments in [&["--scenario", "open-loop", "--duration", "10h"][..], &["--duration", "3s", "--trajectory", "-"]]
     {

@@ -46,7 +46,7 @@ impl Each {
 
 /// Row 23: after `ident-proc` is killed, the axes go on with the last model, later at half speed.
 #[test]
-fn row_23_a_killed_identifier_stops_nobody() {
+fn row_23_a_killed_identifier_stops_no_axis() {
     let _cores = shared();
     let (timeout, lifetime) = (Duration::from_millis(500), Duration::from_millis(1500));
     let settings = patient(&["timing.model_timeout=500ms", "timing.model_lifetime=1500ms"]);
@@ -180,7 +180,8 @@ impl Flood {
         })
     }
 
-    /// Resets the counters of the controller, and measures it over 150 ticks or more. No axis may latch or stop meanwhile.
+    /// Resets the counters of the controller, and measures it over 150 ticks or more. No axis may latch or stop
+    /// meanwhile.
     fn measure(&mut self, controller: u32, flood: bool) -> Figures {
         let since = monotonic_ns();
         signal(controller, Signal::USR1);
@@ -220,7 +221,7 @@ impl Flood {
 
 /// Row 24: a flood of snapshots does not delay the controller.
 #[test]
-fn row_24_a_flood_of_snapshots_delays_nobody() {
+fn row_24_a_flood_of_snapshots_delays_no_command() {
     let _cores = alone();
     let mut flood = Flood::start();
     let controller = flood.await_models();

@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
-"""What one update of recursive least squares costs in Python, on the rows of benches/peers.rs.
+"""Time of one update of recursive least squares in Python, on the rows of benches/peers.rs.
 
 Needs Python 3.9 or newer, numpy and padasip:
 
     pip install numpy==2.4.6 padasip==1.2.2
     python3 benches/peers.py
 
-With the figures of the Rust side, ratios to ours as well:
+With the figures of the Rust benchmark it prints ratios to ours as well:
 
     cargo bench --bench peers -- --json "$PWD/peers.json"
     python3 benches/peers.py --ours peers.json
 
---quick for a short run, --json FILE for programs. One sample is the mean of 16 updates; both take turns.
+--quick for a short run, --json FILE for programs. One sample is the mean of 16 updates. Both contestants take turns.
 """
 
 import argparse
@@ -46,10 +46,10 @@ def rows(n):
 
 
 class Numpy:
-    """Equations (18)-(20) as one writes them with numpy, in place where it can be.
+    """Equations (18)-(20) in numpy, in place where possible.
 
-    What is subtracted from P must be symmetric to the last bit: the difference of P and its transpose is divided by
-    lambda in every update and outgrows P within a few thousand.
+    The matrix that is subtracted from P must be symmetric to the last bit. Every update divides the difference of P and
+    its transpose by lambda, so that a small difference would outgrow P within a few thousand updates.
     """
 
     def __init__(self, n):
@@ -68,7 +68,7 @@ class Numpy:
 
 
 def compare(n, samples):
-    """Times of all contestants, ns per update."""
+    """Times of all contestants, ns per update, by name."""
     phi, y = rows(n)
     contestants = {"numpy": Numpy(n), "padasip FilterRLS": FilterRLS(n, mu=LAMBDA, eps=0.01)}
     times = {name: [] for name in contestants}
@@ -85,7 +85,7 @@ def compare(n, samples):
                 adapt(target, row)
             times[name].append((time.perf_counter_ns() - begin) / BATCH)
     learned = [contestant.w for contestant in contestants.values()]
-    assert numpy.allclose(*learned, atol=1e-6), "they learned different things"
+    assert numpy.allclose(*learned, atol=1e-6), "the coefficients differ"
     return times
 
 
@@ -95,7 +95,7 @@ def percentile(ordered, part):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="few samples: shows that it works, not how fast")
+    parser.add_argument("--quick", action="store_true", help="takes few samples: shows that it works, not how fast")
     parser.add_argument("--ours", metavar="FILE", help="figures that benches/peers.rs wrote with --json")
     parser.add_argument("--json", metavar="FILE", help="writes the figures here as well")
     arguments = parser.parse_args()
@@ -123,7 +123,8 @@ def main():
             })
         print()
     load.append(os.getloadavg()[0])
-    print(f"per update; one sample is the mean of {BATCH}; ratios of p50; load {load[0]:.2f} before, {load[1]:.2f} after")
+    loads = f"load {load[0]:.2f} before, {load[1]:.2f} after"
+    print(f"per update; one sample is the mean of {BATCH}; ratios of p50; {loads}")
     if 15 in ours:
         padasip = next(each for each in figures if each["n"] == 15 and each["name"].startswith("padasip"))
         print(f"at n = 15: padasip takes {padasip['to_ours']:.0f} x as long as ours (aim: at least 80)")

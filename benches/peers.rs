@@ -1,18 +1,19 @@
-//! What one update of recursive least squares costs, ours and others', on the same rows in the same run.
+//! Time of one update of recursive least squares, ours and others', on the same rows in the same run.
 //!
-//! `cargo bench --bench peers`; `--quick` for a short run, `--json FILE` for programs; `benches/peers.py` has the
-//! Python peers. All contestants take turns, so that a busy machine disturbs all alike; one sample is the mean of
-//! 64 updates in a row. The floors are no estimators ([`floors`]). Ratios are to the faster of the two, and to
-//! [`RecursiveLeastSquares`], on which all of our estimators stand. Last comes a whole axis, sample by sample
-//! ([`axis`]).
+//! `cargo bench --bench peers`; `--quick` for a short run, `--json FILE` for programs; `benches/peers.py` measures
+//! peers in Python. All contestants take turns, so that a busy computer disturbs all of them equally; one sample is the
+//! mean of 64 updates in a row. The floors are no estimators ([`floors`]). Ratios are to the faster floor, and to
+//! [`RecursiveLeastSquares`], on which all of our estimators are built. At the end a whole axis is timed, sample by
+//! sample ([`axis`]).
 
 mod arguments;
 mod axis;
+mod contest;
 mod data;
-mod figures;
 mod floors;
+mod report;
 
-use std::{array::from_fn, fs, hint::black_box, time::Instant};
+use std::{array::from_fn, hint::black_box};
 
 use flight_solver::{cls::VecN, rls::InverseQrRls};
 use ident_proc::{estimator::RecursiveEstimator, least_squares::Triangle, recursive::RecursiveLeastSquares};
@@ -21,41 +22,41 @@ use pipeline::machine::Fuzzy;
 use serde_json::{Value, json};
 
 use arguments::Arguments;
-use figures::{Figures, head};
+use contest::head;
 use floors::{Packed, Tiles};
 
 const LAMBDA: f64 = 0.995;
 /// Updates per timed sample.
 const BATCH: usize = 64;
-/// Of the contestants, those at the front that are none.
+/// Number of floors, which are the first contestants.
 const FLOORS: usize = 2;
-/// All estimators that can be set, each of which is one recursion and what it forgets.
+/// Settings of all estimators that consist of one recursion.
 const ESTIMATORS: [&str; 6] =
     ["constant:0.995", "paper", "fuzzy:0.95", "fortescue:500", "directional:0.99", "window:500"];
-/// Samples that ours begin from, as from a training.
+/// Samples from which our estimators start, as after a training.
 const START: usize = 200;
 const OURS: &str = "RecursiveLeastSquares";
 const FLIGHT_SOLVER: &str = "flight-solver QR, f32";
-/// Initial covariance of those that start from nothing; forgotten long before the first timed sample.
+/// Initial covariance of the contestants that start without samples; forgotten long before the first timed sample.
 const VAGUE: f64 = 100.0;
 
-/// One row of the regression, in the types of all contestants.
+/// One row of the regression in the types of all contestants.
 struct Row<const N: usize> {
     phi: SVector<f64, N>,
     y: f64,
-    /// phi, filled up with zeros.
+    /// phi in blocks of four, padded with zeros.
     blocks: Vec<[f64; 4]>,
     phi_f32: VecN<N>,
     y_f32: VecN<1>,
 }
 
-/// What can be timed.
+/// Subject of a contestant.
 trait Learner<const N: usize> {
     fn learn(&mut self, rows: &[Row<N>]);
     fn learned(&self) -> Vec<f64>;
 }
 
-/// A learner made of its state, a function that takes a row in, and one that shows what has been learned.
+/// A learner that consists of its state, a function that learns from a row, and one that returns the coefficients.
 impl<const N: usize, S, R, U: FnMut(&mut S, &Row<N>) -> R, T: Fn(&S) -> Vec<f64>> Learner<N> for (S, U, T) {
     fn learn(&mut self, rows: &[Row<N>]) {
         for row in rows {
@@ -68,42 +69,45 @@ impl<const N: usize, S, R, U: FnMut(&mut S, &Row<N>) -> R, T: Fn(&S) -> Vec<f64>
     }
 }
 
-struct Contestant<const N: usize> {
-    name: &'static str,
+/// A learner, and how far its coefficients may differ from ours at the end.
+struct Subject<const N: usize> {
     learner: Box<dyn Learner<N>>,
-    /// How far from ours it may end up.
     tolerance: f64,
-    times: Vec<f64>,
 }
 
-impl<const N: usize> Contestant<N> {
-    fn new<S: 'static, R: 'static>(
-        name: &'static str,
-        state: S,
-        update: impl FnMut(&mut S, &Row<N>) -> R + 'static,
-        learned: impl Fn(&S) -> Vec<f64> + 'static,
-    ) -> Self {
-        Self { name, learner: Box::new((state, update, learned)), tolerance: 1e-3, times: Vec::new() }
-    }
+type Contestant<const N: usize> = contest::Contestant<Subject<N>>;
+
+/// Tolerance of the contestants that have our memory, 1/(1 - lambda) samples.
+const TOLERANCE: f64 = 1e-3;
+/// Tolerance of estimators with another memory, which averages another part of the noise.
+const ESTIMATOR_TOLERANCE: f64 = 0.02;
+
+fn contestant<const N: usize, S: 'static, R: 'static>(
+    name: &'static str,
+    state: S,
+    update: impl FnMut(&mut S, &Row<N>) -> R + 'static,
+    learned: impl Fn(&S) -> Vec<f64> + 'static,
+) -> Contestant<N> {
+    contest::Contestant::new(name, Subject { learner: Box::new((state, update, learned)), tolerance: TOLERANCE })
 }
 
-/// All contestants; first two floors, then ours.
+/// All contestants: first the two floors, then ours, then the others.
 fn contestants<const N: usize>(rows: &[Row<N>]) -> Vec<Contestant<N>> {
     let mut data = Triangle::new(N);
     rows.iter().take(START).for_each(|row| data.add(row.phi.as_slice(), row.y));
     let mut ours = RecursiveLeastSquares::new(N);
     ours.start(&data, &[false; N]);
     let mut all = vec![
-        Contestant::<N>::new("floor, packed", Packed::new(N), Packed::update, |s| s.p.clone()),
-        Contestant::<N>::new("floor, tiles of 4 x 4", Tiles::new(N), Tiles::update, Tiles::all),
-        Contestant::<N>::new(OURS, ours, |s, row| s.update(row.phi.as_slice(), row.y, LAMBDA), |s| s.theta().to_vec()),
+        contestant::<N, _, _>("floor, packed", Packed::new(N), Packed::update, |s| s.p.clone()),
+        contestant::<N, _, _>("floor, tiles of 4 x 4", Tiles::new(N), Tiles::update, Tiles::all),
+        contestant::<N, _, _>(OURS, ours, |s, row| s.update(row.phi.as_slice(), row.y, LAMBDA), |s| s.theta().to_vec()),
     ];
     all.extend(ESTIMATORS.map(|setting| estimator(setting, &data)));
     let qr = InverseQrRls::<N, 1>::new(VAGUE as f32, LAMBDA as f32);
     all.extend([
-        Contestant::<N>::new("nalgebra DMatrix", Dynamic::new(N), Dynamic::update, |s| s.theta.as_slice().to_vec()),
-        Contestant::<N>::new("nalgebra SMatrix", Static::new(), Static::update, |s| s.theta.as_slice().to_vec()),
-        Contestant::<N>::new(
+        contestant::<N, _, _>("nalgebra DMatrix", Dynamic::new(N), Dynamic::update, |s| s.theta.as_slice().to_vec()),
+        contestant::<N, _, _>("nalgebra SMatrix", Static::new(), Static::update, |s| s.theta.as_slice().to_vec()),
+        contestant::<N, _, _>(
             FLIGHT_SOLVER,
             qr,
             |s, row| s.update(&row.phi_f32, &row.y_f32),
@@ -113,16 +117,18 @@ fn contestants<const N: usize>(rows: &[Row<N>]) -> Vec<Contestant<N>> {
     all
 }
 
-/// The estimator of that setting. Another memory sees another mean of the noise, hence the tolerance.
+/// The estimator with the setting `setting`.
 fn estimator<const N: usize>(setting: &'static str, data: &Triangle) -> Contestant<N> {
     let sigma = (data.residual() / (START - N) as f64).sqrt();
     let mut estimator = RecursiveEstimator::new(setting.parse().expect("a setting"), N, &Fuzzy::PAPER);
     estimator.start(data, &[false; N], sigma);
     let update = |s: &mut RecursiveEstimator, row: &Row<N>| s.update(row.phi.as_slice(), row.y);
-    Contestant { tolerance: 0.02, ..Contestant::new(setting, estimator, update, |s| s.theta().to_vec()) }
+    let mut contestant = contestant(setting, estimator, update, |s| s.theta().to_vec());
+    contestant.subject.tolerance = ESTIMATOR_TOLERANCE;
+    contestant
 }
 
-/// Equations (18)-(20) as one writes them with nalgebra, without allocation; P is kept symmetric by mirroring.
+/// Equations (18)-(20) in nalgebra with sizes known at run time, without allocation. Mirroring keeps P symmetric.
 struct Dynamic {
     theta: DVector<f64>,
     p: DMatrix<f64>,
@@ -145,7 +151,7 @@ impl Dynamic {
     }
 }
 
-/// The same with sizes known to the compiler.
+/// Equations (18)-(20) in nalgebra with sizes known at compile time.
 struct Static<const N: usize> {
     theta: SVector<f64, N>,
     p: SMatrix<f64, N, N>,
@@ -166,45 +172,44 @@ impl<const N: usize> Static<N> {
     }
 }
 
+/// 1024 rows with N coefficients.
+fn rows<const N: usize>() -> Vec<Row<N>> {
+    let rows = data::rows(N).into_iter().map(|(phi, y)| Row {
+        phi: SVector::from_column_slice(&phi),
+        y,
+        blocks: phi.chunks(4).map(|chunk| from_fn(|i| chunk.get(i).copied().unwrap_or(0.0))).collect(),
+        phi_f32: VecN::from_iterator(phi.iter().map(|&p| p as f32)),
+        y_f32: VecN::from_element(y as f32),
+    });
+    rows.collect()
+}
+
 /// Times all contestants with N coefficients; prints their table and returns it.
 fn compare<const N: usize>(samples: usize) -> Vec<Value> {
-    let rows: Vec<Row<N>> = data::rows(N)
-        .into_iter()
-        .map(|(phi, y)| Row {
-            phi: SVector::from_column_slice(&phi),
-            y,
-            blocks: phi.chunks(4).map(|chunk| from_fn(|i| chunk.get(i).copied().unwrap_or(0.0))).collect(),
-            phi_f32: VecN::from_iterator(phi.iter().map(|&p| p as f32)),
-            y_f32: VecN::from_element(y as f32),
-        })
-        .collect();
+    let rows = rows::<N>();
     let mut contestants = contestants(&rows);
     let count = contestants.len();
-    contestants.iter_mut().for_each(|contestant| (0..4).for_each(|_| contestant.learner.learn(&rows)));
+    contestants.iter_mut().for_each(|contestant| (0..4).for_each(|_| contestant.subject.learner.learn(&rows)));
     for round in 0..samples {
         let batch = &rows[round * BATCH % rows.len()..][..BATCH];
         for turn in 0..count {
-            let contestant = &mut contestants[(round + turn) % count];
-            let start = Instant::now();
-            contestant.learner.learn(batch);
-            contestant.times.push(start.elapsed().as_nanos() as f64 / BATCH as f64);
+            contestants[(round + turn) % count].time(BATCH, |subject| subject.learner.learn(batch));
         }
     }
     let (floors, estimators) = contestants.split_at(FLOORS);
-    assert!(floors.iter().all(|floor| floor.learner.learned().iter().all(|p| p.is_finite())));
-    let theta = estimators[0].learner.learned();
-    for contestant in &estimators[1..] {
-        let other = contestant.learner.learned();
+    assert!(floors.iter().all(|floor| floor.subject.learner.learned().iter().all(|p| p.is_finite())));
+    let theta = estimators[0].subject.learner.learned();
+    for contest::Contestant { name, subject, .. } in &estimators[1..] {
+        let other = subject.learner.learned();
         let difference = theta.iter().zip(&other).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        assert!(difference < contestant.tolerance, "{} learned something else: by {difference}", contestant.name);
+        assert!(difference < subject.tolerance, "coefficients of {name} differ by {difference}");
     }
-    table(N, contestants)
+    table(contestants)
 }
 
-fn table<const N: usize>(n: usize, contestants: Vec<Contestant<N>>) -> Vec<Value> {
-    head(&format!("n = {n}"), "    / floor     / ours");
-    let all: Vec<_> =
-        contestants.into_iter().map(|Contestant { name, times, .. }| (name, Figures::new(times))).collect();
+fn table<const N: usize>(contestants: Vec<Contestant<N>>) -> Vec<Value> {
+    head(&format!("n = {N}"), "    / floor     / ours");
+    let all: Vec<_> = contestants.into_iter().map(contest::Contestant::figures).collect();
     let floor = all[..FLOORS].iter().map(|(_, figures)| figures.p50).fold(f64::INFINITY, f64::min);
     let ours = all[FLOORS].1.p50;
     let figures = all.iter().map(|(name, figures)| {
@@ -212,18 +217,13 @@ fn table<const N: usize>(n: usize, contestants: Vec<Contestant<N>>) -> Vec<Value
         figures.print(name);
         println!(" {to_floor:>10.2} {to_ours:>10.2}");
         let mut json = figures.json(name);
-        json["n"] = json!(n);
+        json["n"] = json!(N);
         json["updates_per_sample"] = json!(BATCH);
         json["to_floor"] = json!(to_floor);
         json["to_ours"] = json!(to_ours);
         json
     });
     figures.collect()
-}
-
-fn load() -> String {
-    let text = fs::read_to_string("/proc/loadavg").unwrap_or_default();
-    text.split(' ').next().unwrap_or_default().to_owned()
 }
 
 /// The figure `key` of `name` at `n`.
@@ -235,9 +235,9 @@ fn figure(figures: &[Value], n: usize, name: &str, key: &str) -> f64 {
 fn main() {
     let arguments = Arguments::read();
     let (samples, axis_samples) = if arguments.quick { (50, 500) } else { (10_000, 10_000) };
-    let before = load();
+    let before = report::load();
     let figures = [compare::<5>(samples), compare::<15>(samples), compare::<40>(samples)].concat();
-    let between = load();
+    let between = report::load();
     println!(
         "\nper update; one sample is the mean of {BATCH}; ratios of p50; load {before} before, {between} after\n\
          at n = 15: {:.2} x the packed floor (aim: at most 3.5), {:.2} x the faster one; {:.1} x as fast as \
@@ -247,16 +247,13 @@ fn main() {
         figure(&figures, 15, FLIGHT_SOLVER, "to_ours"),
     );
     let axis = axis::compare(axis_samples);
-    let after = load();
+    let after = report::load();
     let auto = axis.iter().find(|figure| figure["name"] == axis::AUTO).and_then(|figure| figure["p50_ns"].as_f64());
     println!(
-        "\nper sample, each timed by itself; load {between} before, {after} after\n\
+        "\nper sample, each timed alone; load {between} before, {after} after\n\
          auto: {:.2} us p50 (aim: auto under 3 us p50)",
         auto.unwrap_or(f64::NAN) * 1e-3,
     );
-    if let Some(file) = arguments.json {
-        let all = json!({"load": [before, between, after], "figures": figures, "axis": axis});
-        let text = serde_json::to_string_pretty(&all).expect("plain figures");
-        fs::write(&file, text).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
-    }
+    let all = json!({"load": [before, between, after], "figures": figures, "axis": axis});
+    report::write(arguments.json.as_deref(), &all);
 }

@@ -1,6 +1,17 @@
-//! What one update costs: the recursive estimator alone, a whole axis of ident-proc, and the controller.
+//! Time of one update: the recursive estimator alone, a whole axis of ident-proc, and the controller.
 //!
 //! `cargo bench --bench update`; criterion prints the median between its bounds.
+//!
+//! To compare two builds side by side, keep the figures of the first one under a name and compare the second one with
+//! them. Both commands need one folder for the figures:
+//!
+//! ```sh
+//! export CRITERION_HOME=/tmp/update-figures
+//! cargo bench --bench update -- --save-baseline before      # in the folder of the one build
+//! cargo bench --bench update -- --baseline before           # in the folder of the other build
+//! ```
+//!
+//! The names of groups and benchmarks are what criterion compares by. They must therefore not change.
 
 mod data;
 
@@ -30,7 +41,7 @@ fn recursive(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Training, and then once round the references.
+/// Samples of the training and of one round of the references.
 const RECORD: usize = 800 + 10_000;
 
 fn identifier(criterion: &mut Criterion) {
@@ -62,7 +73,7 @@ fn identifier(criterion: &mut Criterion) {
 }
 
 fn controller(criterion: &mut Criterion) {
-    // The last sample of a run long enough to have trained, and the model that the controller had for it.
+    // The last sample of a run that is longer than the training, and the snapshot that the controller had for it.
     let (mut last, mut before) = (Default::default(), Default::default());
     let (_, trained) = data::run(1200, |sample, _, snapshot| {
         before = std::mem::replace(&mut last, (*sample, *snapshot));

@@ -17,7 +17,7 @@ fn main() -> ExitCode {
     match command::Arguments::parse().command.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            // Whoever would read it may be gone.
+            // The reader of standard error may have ended.
             let _ = writeln!(stderr(), "{failure}");
             failure.exit_code()
         }

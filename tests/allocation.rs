@@ -1,4 +1,4 @@
-//! After start the loops of all four stages allocate nothing: counted by an allocator, on their own threads.
+//! The loops of all four stages allocate nothing after the start. An allocator counts on the threads of the stages.
 
 mod harness;
 
@@ -28,7 +28,7 @@ thread_local! {
     static IS_STAGE: Cell<bool> = const { Cell::new(false) };
 }
 
-/// The system's allocator, with a count of what stage threads ask of it.
+/// The system's allocator. It counts the calls that come from threads of stages.
 struct Counting;
 
 fn count() {
@@ -37,7 +37,7 @@ fn count() {
     }
 }
 
-// SAFETY: every call is passed on to the system's allocator as it came; counting touches no memory of the heap.
+// SAFETY: every call is passed on unchanged to the system's allocator, and counting uses no heap memory.
 #[allow(unsafe_code, reason = "an allocator cannot be written without")]
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
@@ -66,12 +66,12 @@ const STAGES: [(StageKind, Run); 4] = [
     (StageKind::ControlProc, control_proc::process::run),
 ];
 
-/// A program that changes the axes' modes all the time, with nonsense among its requests.
+/// A program that changes the modes of the axes all the time. Some of its requests are invalid.
 struct Restless {
     requests: pipeline::channel::Publisher<Request>,
     commands: pipeline::channel::Reader<ValveCommand>,
     request: Request,
-    /// Modes that the first axis was seen in.
+    /// Modes in which the first axis was seen.
     seen: [bool; 6],
 }
 
@@ -107,7 +107,8 @@ fn allocations(name: &str, machine: &Machine, clock: Clock, from: u64, to: u64) 
     allocations_with(name, machine, clock, from, to, false)
 }
 
-/// The same, while a program operates the axes.
+/// Runs all stages on threads, with a program that operates the axes if `is_operated`. Counts what the stages allocate
+/// and free between two ticks, both included.
 fn allocations_with(name: &str, machine: &Machine, clock: Clock, from: u64, to: u64, is_operated: bool) -> u64 {
     let group = TestGroup::new(name);
     let channels = group.join();
@@ -155,7 +156,7 @@ fn options(prefix: &Prefix, clock: Clock, stop: &Arc<AtomicBool>) -> StageOption
     StageOptions { prefix, clock, ticks: None, seed: 1, arm: true, first_tick: 0, warn: true, stop, reset }
 }
 
-/// What two thousand notifications allocate when the listener waits only after them.
+/// Allocations of two thousand notifications for which the listener waits only after the last one.
 fn unheard_bells() -> u64 {
     let group = TestGroup::new("events");
     let channels = group.join();
@@ -172,10 +173,10 @@ fn unheard_bells() -> u64 {
     ALLOCATIONS.load(Ordering::Relaxed) - before
 }
 
-/// One test, since the allocator counts for the whole process.
+/// A single test, since the allocator counts for the whole process.
 #[test]
 fn the_stage_loops_allocate_nothing_after_start() {
-    // The allocator does count: this thread as a stage.
+    // First a check that the allocator counts, with this thread as a stage.
     COUNTING.store(true, Ordering::Relaxed);
     IS_STAGE.with(|stage| stage.set(true));
     drop(std::hint::black_box(vec![1u8; 100]));
@@ -183,16 +184,16 @@ fn the_stage_loops_allocate_nothing_after_start() {
     COUNTING.store(false, Ordering::Relaxed);
     assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), 2);
 
-    // Notifications that pile up while the listener does not wait.
+    // Notifications that nobody waits for.
     assert_eq!(unheard_bells(), 0);
 
-    // Lock-step, through the end of training (tick 800), the change to the model, and heartbeats.
+    // Lock-step: the end of training (tick 800), the change from the fallback to the model, and heartbeats.
     let mut machine = Machine::load(None, &[]).unwrap();
     assert_eq!(allocations("lockstep", &machine, Clock::LockStep, 100, 3000), 0);
-    // The over-parametrised form, which separates b, f and g at every tick.
+    // The full form, which separates b, f and g at every tick.
     machine.axes.iter_mut().for_each(|axis| axis.identification.form = Form::Full);
     assert_eq!(allocations("full", &machine, Clock::LockStep, 100, 2000), 0);
-    // Every option of the structure, and the velocity in the place of the position.
+    // Every option of the structure, and an axis whose velocity is identified.
     for axis in &mut machine.axes {
         let input = InputMap { dead_band: (0.05, 0.07), basis: Basis::hinges(&[0.0, 0.2, 0.5]).unwrap() };
         let structure = axis.identification.structure;
@@ -201,7 +202,7 @@ fn the_stage_loops_allocate_nothing_after_start() {
     machine.axes[1].identification.output = IdentifiedOutput::Velocity;
     machine.axes[2].identification.form = Form::Linear;
     assert_eq!(allocations("options", &machine, Clock::LockStep, 100, 2000), 0);
-    // What forgets in another way than the default.
+    // Estimators other than the default one.
     let kinds = ["fuzzy:0.9", "fortescue:100", "directional:0.99", "window:300"];
     for (axis, kind) in machine.axes.iter_mut().zip(kinds) {
         axis.identification.estimator = kind.parse().unwrap();
@@ -212,6 +213,6 @@ fn the_stage_loops_allocate_nothing_after_start() {
     machine.axes.iter_mut().for_each(|axis| axis.identification.training = 400);
     machine.timing.feedback_timeout = Duration::from_secs(1);
     assert_eq!(allocations("realtime", &machine, Clock::RealTime, 100, 1200), 0);
-    // A program that changes the modes of all axes all the time.
+    // Modes that change all the time.
     assert_eq!(allocations_with("modes", &machine, Clock::RealTime, 100, 2000, true), 0);
 }

@@ -1,11 +1,13 @@
-//! What must not grow: files, descriptors and memory, over many groups and within one, and page faults in the loops.
+//! Files, descriptors and memory do not grow, neither over many groups nor within one, and the loops meet no page
+//! fault.
 //!
-//! Short by default. `HYDRAXIS_ENDURANCE_CYCLES` (100), `HYDRAXIS_ENDURANCE_MODEL_MINUTES` (60, in lock-step) and
-//! `HYDRAXIS_ENDURANCE_MINUTES` (10, in real time) make it long; the release profile is meant for that.
+//! The tests are short by default. `HYDRAXIS_ENDURANCE_CYCLES` (100), `HYDRAXIS_ENDURANCE_MODEL_MINUTES` (60, in
+//! lock-step) and `HYDRAXIS_ENDURANCE_MINUTES` (10, in real time) make them long; use the release profile then.
 //!
-//! Trap: resident memory is not what a process has taken. A page counts from its first touch on, in the program's code and
-//! in the channels too, where a reader that falls behind makes its writer use a slot for the first time. So what must
-//! stay the same to the page is a process' own memory, and of shared memory what the channels have taken at start.
+//! Trap: resident memory is not allocated memory. A page counts from its first use on. This holds for the program's
+//! code, and for the channels: a reader that falls behind makes its writer use a slot for the first time. So two sizes
+//! have to stay constant to the page: the private memory of a process, and the shared memory that the channels took at
+//! start.
 
 mod harness;
 
@@ -22,14 +24,14 @@ use pipeline::{
     stage::{StageKind, monotonic_ns},
 };
 
-/// The number behind a word in `/proc/PID/status`, kB.
+/// The number after a word in `/proc/PID/status`, kB.
 fn status(pid: u32, word: &str) -> u64 {
     let text = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
     let line = text.lines().find_map(|line| line.strip_prefix(word)).unwrap();
     line.trim_start_matches(':').trim_end_matches("kB").trim().parse().unwrap()
 }
 
-/// What a process holds.
+/// Resources of a process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Holds {
     own_kb: u64,
@@ -65,7 +67,7 @@ fn all_files() -> Vec<std::path::PathBuf> {
     let own = format!("t{}-", std::process::id());
     let paths =
         folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap().flatten()).map(|entry| entry.path());
-    // Of this process: others work on the same machine.
+    // Only files of this test process: others may work on the same computer.
     paths.filter(|path| path.to_string_lossy().contains(&own)).collect()
 }
 
@@ -110,7 +112,7 @@ fn groups_that_come_and_go_leave_nothing_and_take_no_more_each_time() {
     for (name, half) in [("first half", first), ("second half", last)] {
         println!("  {name}: {:?}", means(half));
     }
-    // Nothing outlives a group by which the next could take more; what differs is which pages it has come to touch.
+    // No group leaves anything by which the next one could take more. Which pages a process has used differs a little.
     for (before, after) in means(first).iter().zip(means(last)) {
         assert!(after < 1.1 * before, "{before} kB grow to {after} kB");
     }
@@ -120,9 +122,9 @@ fn means(peaks: &[[u64; 5]]) -> [f64; 5] {
     std::array::from_fn(|i| peaks.iter().map(|peak| peak[i] as f64).sum::<f64>() / peaks.len() as f64)
 }
 
-/// Takes in the peak of one process of a group, by the name on its command line.
+/// Updates the peak of a process of the group, which the command line names.
 fn take_peak(pid: u32, peaks: &mut [u64; 5]) {
-    // It may be gone between two looks.
+    // The process may have ended meanwhile.
     let Ok(line) = std::fs::read_to_string(format!("/proc/{pid}/cmdline")) else { return };
     let Ok(text) = std::fs::read_to_string(format!("/proc/{pid}/status")) else { return };
     let names = ["run", "plant-sim", "sensor-proc", "ident-proc", "control-proc"];
@@ -133,7 +135,7 @@ fn take_peak(pid: u32, peaks: &mut [u64; 5]) {
     }
 }
 
-/// Reads heartbeats along until a number of ticks is through.
+/// Reads heartbeats until all stages have worked this tick.
 fn await_tick(health: &mut Reader<StageHealth>, tick: u64, patience: Duration) {
     let until = Instant::now() + patience;
     let mut least = [0; 4];
@@ -146,12 +148,13 @@ fn await_tick(health: &mut Reader<StageHealth>, tick: u64, patience: Duration) {
     }
 }
 
-/// Takes what all processes hold after `warm_up` ticks, and expects the same at ten later ticks until `ticks`.
+/// Notes the resources of all processes after `warm_up` ticks, and expects the same ones at ten later ticks until
+/// `ticks`.
 fn expect_constant(test: &str, arguments: &[&str], warm_up: u64, ticks: u64) {
     let running = Running::start_with(test, &[&["--duration", "100000s"], arguments].concat());
     let channels = running.group.join();
     let mut health: Reader<StageHealth> = channels.reader().unwrap();
-    // In lock-step a tick takes a millisecond at the most, on a busy machine ten.
+    // In lock-step a tick takes a millisecond at most, and ten on a busy computer.
     let patience = PATIENCE + Duration::from_millis(20 * ticks);
     await_tick(&mut health, warm_up, patience);
     let look = || members(&running).into_iter().map(|(name, pid)| (name, Holds::of(pid))).collect::<Vec<_>>();
@@ -178,7 +181,7 @@ fn expect_constant(test: &str, arguments: &[&str], warm_up: u64, ticks: u64) {
     end(running, channels, health);
 }
 
-/// Ends a group in order: it leaves nothing.
+/// Ends a group by SIGINT and expects that no file is left.
 fn end(mut running: Running, channels: pipeline::channel::Group, health: Reader<StageHealth>) {
     drop((health, channels));
     running.interrupt();
@@ -202,7 +205,7 @@ fn memory_is_constant_to_the_page_in_real_time() {
 /// Minor and major page faults of a process' main thread.
 fn page_faults(pid: u32) -> (u64, u64) {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/task/{pid}/stat")).unwrap();
-    // The state is field 3; it follows the name, which may hold spaces and is closed by the last bracket.
+    // The state is field 3. It follows the name, which may contain spaces and ends at the last bracket.
     let fields: Vec<&str> = stat.rsplit(") ").next().unwrap().split(' ').collect();
     (fields[10 - 3].parse().unwrap(), fields[12 - 3].parse().unwrap())
 }

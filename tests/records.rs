@@ -1,6 +1,6 @@
-//! Measured records of public benchmarks. They are not part of the project: `HYDRAXIS_RECORDS` names the folder in which
-//! they lie, as CSV files. Every test here is ignored unless it is asked for (`cargo test --test records -- --ignored`),
-//! and fails where its record is missing.
+//! Measured records of public benchmarks. They are not part of the project: `HYDRAXIS_RECORDS` names the folder in
+//! which they lie, as CSV files. Every test here is ignored unless it is asked for (`cargo test --test records --
+//! --ignored`), and fails where its record is missing.
 
 mod harness;
 

@@ -1,25 +1,25 @@
-//! What a benchmark can be told.
+//! The command line of a benchmark.
 
 use std::path::PathBuf;
 
 use clap::Parser;
 
-/// The command line of a benchmark.
+/// Arguments of a benchmark.
 #[derive(Parser)]
 pub struct Arguments {
-    /// Few samples: shows that everything works, not how fast.
+    /// Takes few samples: shows that everything works, not how fast.
     #[arg(long, visible_alias = "test")]
     pub quick: bool,
-    /// Writes the figures here as well.
+    /// Writes the figures to this file as well.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Sent by cargo.
+    /// Given by cargo.
     #[arg(long, hide = true)]
     bench: bool,
 }
 
 impl Arguments {
-    /// What was typed; ends the program if that cannot be understood.
+    /// The arguments of this process; ends the process if they are wrong.
     pub fn read() -> Self {
         let arguments = Self::parse();
         let _ = arguments.bench;

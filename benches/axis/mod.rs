@@ -1,9 +1,9 @@
-//! What one sample of one axis costs: everything between a measured position and a model with its errors.
+//! Time of one sample of one axis: everything between a measured position and a model with its errors.
 //!
-//! Each sample is timed by itself, since not all do the same work, and the clock's own time is in it. The identifiers
-//! take turns of some samples, so that a busy machine disturbs all alike.
+//! Each sample is timed alone, because not all samples do the same work. The times include the time of reading the
+//! clock. The identifiers take turns of some samples each, so that a busy computer disturbs all of them equally.
 
-use std::{hint::black_box, time::Instant};
+use std::hint::black_box;
 
 use ident_proc::Identifier;
 use pipeline::{
@@ -13,22 +13,16 @@ use pipeline::{
 use serde_json::{Value, json};
 
 use crate::{
+    contest::{Contestant, head},
     data,
-    figures::{Figures, head},
 };
 
 const TRAINING: usize = 2400;
 const HORIZON: usize = 25;
-/// Samples that one identifier takes in before it is the turn of the next.
+/// Samples that one identifier learns from before the next one takes its turn.
 const TURN: usize = 64;
-/// The automatic estimator, which the aim is for.
+/// The automatic estimator, whose time has an aim.
 pub const AUTO: &str = "auto";
-
-struct Contestant {
-    name: &'static str,
-    identifier: Identifier,
-    times: Vec<f64>,
-}
 
 /// Times `samples` samples after the training; prints the table and returns it.
 pub fn compare(samples: usize) -> Vec<Value> {
@@ -39,7 +33,7 @@ pub fn compare(samples: usize) -> Vec<Value> {
         (settings.estimator, settings.form) = (estimator, form);
         let mut identifier = Identifier::new(&settings);
         record[..TRAINING].iter().for_each(|&(y, applied)| identifier.update(Some(y), applied));
-        Contestant { name, identifier, times: Vec::with_capacity(samples) }
+        Contestant::new(name, identifier)
     };
     let mut contestants = [
         (AUTO, Estimator::Auto, Form::Linear),
@@ -47,33 +41,27 @@ pub fn compare(samples: usize) -> Vec<Value> {
         ("paper, full", Estimator::Paper, Form::Full),
     ]
     .map(contestant);
-    let mut clock = Vec::with_capacity(samples);
+    let mut clock = Contestant::new("the clock alone", ());
     for (round, turn) in record[TRAINING..].chunks(TURN).enumerate() {
         for k in 0..contestants.len() {
-            let Contestant { identifier, times, .. } = &mut contestants[(round + k) % 3];
+            let contestant = &mut contestants[(round + k) % 3];
             for &(y, applied) in turn {
-                let start = Instant::now();
-                identifier.update(black_box(Some(y)), black_box(applied));
-                times.push(start.elapsed().as_nanos() as f64);
+                contestant.time(1, |identifier| identifier.update(black_box(Some(y)), black_box(applied)));
             }
         }
-        for _ in turn {
-            let start = Instant::now();
-            clock.push(start.elapsed().as_nanos() as f64);
-        }
+        turn.iter().for_each(|_| clock.time(1, |()| ()));
     }
-    for Contestant { name, identifier, .. } in &contestants {
-        let snapshot = identifier.snapshot();
+    for Contestant { name, subject, .. } in &contestants {
+        let snapshot = subject.snapshot();
         assert_eq!(snapshot.updates, samples as u64, "{name} did not learn from every sample");
-        assert!(snapshot.adaptive.is_finite(), "{name} learned nothing of use");
+        assert!(snapshot.adaptive.is_finite(), "{name} has coefficients that are not finite");
     }
     table(contestants, clock)
 }
 
-fn table(contestants: [Contestant; 3], clock: Vec<f64>) -> Vec<Value> {
+fn table(contestants: [Contestant<Identifier>; 3], clock: Contestant<()>) -> Vec<Value> {
     head("one axis, one sample", "       mean / linear");
-    let all: Vec<_> =
-        contestants.into_iter().map(|Contestant { name, times, .. }| (name, Figures::new(times))).collect();
+    let all = contestants.map(Contestant::figures);
     let linear = all[1].1.p50;
     let figures = all.iter().map(|(name, figures)| {
         let to_linear = figures.p50 / linear;
@@ -84,9 +72,9 @@ fn table(contestants: [Contestant; 3], clock: Vec<f64>) -> Vec<Value> {
         json
     });
     let mut figures: Vec<Value> = figures.collect();
-    let clock = Figures::new(clock);
-    clock.print("the clock alone");
+    let (name, clock) = clock.figures();
+    clock.print(&name);
     println!(" {:>10.1}", clock.mean);
-    figures.push(clock.json("the clock alone"));
+    figures.push(clock.json(&name));
     figures
 }

@@ -1,4 +1,4 @@
-//! What the benchmarks work on: regressors and outputs, which `peers.py` has as well, and a simulated run.
+//! Data of the benchmarks: regressors and outputs, which `peers.py` computes as well, and a simulated run.
 
 use control_proc::Controller;
 use ident_proc::Identifiers;
@@ -7,9 +7,9 @@ use pipeline::{
     message::{CoefficientSnapshot, EncoderSample, ValveCommand},
 };
 use plant_sim::PlantSim;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
-/// A bounded sequence without structure that matters here.
+/// A bounded sequence that looks random.
 fn noise(i: usize) -> f64 {
     let x = (i as f64 * 12.9898).sin() * 43758.5453;
     2.0 * (x - x.floor()) - 1.0
@@ -26,8 +26,8 @@ pub fn rows(n: usize) -> Vec<(Vec<f64>, f64)> {
         .collect()
 }
 
-/// Runs the built-in machine, controlled, for so many samples, and shows what each has brought; the controller is as
-/// after the last.
+/// Runs the built-in machine under control for `samples` samples and shows sample, command and snapshot of each to
+/// `see`. Returns the machine and the controller in its state after the last sample.
 pub fn run(
     samples: u64,
     mut see: impl FnMut(&EncoderSample, &ValveCommand, &CoefficientSnapshot),
@@ -52,8 +52,8 @@ pub fn run(
     (machine, controller)
 }
 
-/// The first axis of such a run: y(k), and u(k-1), which the first sample has not. The references come round every
-/// 10 000 samples.
+/// y(k) and u(k-1) of the first axis of such a run; the first sample has no u(k-1). The references repeat every 10 000
+/// samples.
 pub fn record(samples: usize) -> (Machine, Vec<(f64, Option<f64>)>) {
     let (mut record, mut applied) = (Vec::with_capacity(samples), None);
     let (machine, _) = run(samples as u64, |sample, command, _| {

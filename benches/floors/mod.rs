@@ -1,15 +1,15 @@
-//! The least that any update contains: one pass P -= g g' s over a triangle, in two layouts.
+//! Work that every update contains: one pass P -= g g' s over a triangle, in two layouts.
 
 use std::array::from_fn;
 
 use crate::Row;
 
-/// The sign of the k-th pass: the same rows come again with the other one, so that P stays where it is.
+/// Factor s of the k-th pass. After 1024 passes its sign changes, so that the rows cancel and P stays bounded.
 fn sign(k: usize) -> f64 {
     if (k / 1024).is_multiple_of(2) { 1e-3 } else { -1e-3 }
 }
 
-/// n (n + 1) / 2 numbers, row after row.
+/// n (n + 1)/2 numbers of a triangle, row after row.
 pub struct Packed {
     pub p: Vec<f64>,
     passes: usize,
@@ -34,7 +34,7 @@ impl Packed {
     }
 }
 
-/// More numbers, but no remainders.
+/// A triangle of tiles of 4 x 4: more numbers, but no incomplete SIMD vectors.
 pub struct Tiles {
     p: Vec<[[f64; 4]; 4]>,
     passes: usize,

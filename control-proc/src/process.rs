@@ -81,7 +81,7 @@ impl Deadlines {
 
 impl Process {
     fn new(machine: &Machine, options: &StageOptions, group: &Group) -> Result<Self, StageError> {
-        let mut core = Controller::new(machine).map_err(|error| StageError::Setup(error.to_string()))?;
+        let mut core = Controller::new(machine).map_err(StageError::setup)?;
         if options.arm {
             core.arm();
         }

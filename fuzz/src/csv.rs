@@ -8,9 +8,9 @@ use pipeline::{
     machine::{Axis, Machine},
 };
 use rustix::fs::{MemfdFlags, memfd_create};
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 
-/// The columns of a table, and a record of it.
+/// Reads columns of a table, and a recording.
 pub fn csv(data: &[u8]) {
     let (_file, path) = file(data);
     match Table::read(&path) {
@@ -30,18 +30,18 @@ pub fn csv(data: &[u8]) {
         Err(error) => assert!(!error.to_string().is_empty()),
     }
     for period in [None, Some(0.01)] {
-        match Record::read(&path, "u", "y", period) {
-            Ok(record) => {
-                assert!(record.inputs.len() == record.outputs.len() && record.outputs.len() >= 2);
-                assert!(record.period > 0.0 && record.period.is_finite());
-                assert!(record.irregular_steps < record.outputs.len());
+        match Recording::read(&path, "u", "y", period) {
+            Ok(recording) => {
+                assert!(recording.inputs.len() == recording.outputs.len() && recording.outputs.len() >= 2);
+                assert!(recording.period > 0.0 && recording.period.is_finite());
+                assert!(recording.irregular_steps < recording.outputs.len());
             }
             Err(error) => assert!(!error.to_string().is_empty()),
         }
     }
 }
 
-/// A reference out of a file.
+/// Reads a reference trajectory from a file.
 pub fn trajectory(data: &[u8]) {
     static AXIS: OnceLock<Axis> = OnceLock::new();
     let axis = AXIS.get_or_init(|| Machine::load(None, &[]).expect("the built-in machine").axes[0].clone());
@@ -59,7 +59,7 @@ pub fn trajectory(data: &[u8]) {
     }
 }
 
-/// A file in memory, and the path by which it can be opened as long as it is held.
+/// A file in memory, and the path by which it can be opened while the file is held.
 fn file(data: &[u8]) -> (File, PathBuf) {
     let mut file = File::from(memfd_create("fuzz", MemfdFlags::CLOEXEC).expect("memory for a file"));
     file.write_all(data).expect("memory takes what it gets");

@@ -1,13 +1,13 @@
-//! What is done with arbitrary bytes, one function per target. A panic is a finding, and so is a hang.
+//! The fuzz targets: one function per target, which gets arbitrary bytes. A panic is a finding, and so is a hang.
 //!
-//! | target | the bytes are | what must hold |
+//! | target | meaning of the bytes | what must hold |
 //! |---|---|---|
-//! | [`machine_file`] | a machine file, then settings | refused in words, or a machine that can be built and runs |
-//! | [`csv`] | a recording | refused in words, or as many finite numbers in each column |
-//! | [`trajectory`] | a trajectory's file | refused in words, or positions inside the soft limits at any time |
-//! | [`messages`] | what is done to the messages of a loop that works | every command is one, and neutral where it has to be |
+//! | [`machine_file`] | a machine file, then settings | refused with an error, or a machine that runs |
+//! | [`csv`] | a recording | refused with an error, or columns of finite numbers with equal lengths |
+//! | [`trajectory`] | a trajectory's file | refused with an error, or positions inside the soft limits at any time |
+//! | [`messages`] | changes to the messages of a working loop | valid commands, neutral where they have to be |
 //!
-//! The fuzzer calls these, and so does a test of the project, with the seeds and some mutations of them.
+//! The fuzzer calls these functions. A test of the project calls them with the seeds and some mutations of the seeds.
 
 mod csv;
 mod machine;

@@ -9,16 +9,17 @@ use pipeline::{
     message::CoefficientSnapshot,
 };
 use plant_sim::PlantSim;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
-/// Ticks that an accepted machine is run for.
+/// Number of ticks for which an accepted machine runs.
 const TICKS: u64 = 3;
-/// Longest time that it is simulated for, so that a long period is no hang.
+/// Longest model time of a tick, so that a long period is not mistaken for a hang.
 const LONGEST: Duration = Duration::from_millis(20);
-/// Longest training for which it is built: memory is taken for all of it, and the machine file allows for days.
+/// Longest training with which a machine is built, in samples. The memory for the training is allocated at once, and
+/// the machine file allows days.
 const LONGEST_TRAINING: usize = 10_000;
 
-/// A machine file, after its first NUL `KEY=VALUE` settings with a NUL between them.
+/// Reads a machine file. After the first NUL byte follow settings `KEY=VALUE`, separated by NUL bytes.
 pub fn machine_file(data: &[u8]) {
     let text = String::from_utf8_lossy(data);
     let mut parts = text.split('\0');
@@ -34,11 +35,11 @@ pub fn machine_file(data: &[u8]) {
     }
 }
 
-/// What was accepted can be built, or is refused in words, and runs.
+/// Builds an accepted machine, unless it is refused with an error, and runs it.
 fn run(machine: &Machine) {
     let reads_a_file = |source: &ReferenceSource| matches!(source, ReferenceSource::Trajectory { .. });
     let is_short = machine.axes.iter().all(|axis| axis.identification.training <= LONGEST_TRAINING);
-    // Files are another target's, and could be any of this computer's here.
+    // Other targets test the reading of files. Here the name could be that of any file of the computer.
     if machine.source != Source::Sim || machine.axes.iter().any(|axis| reads_a_file(&axis.reference)) || !is_short {
         return;
     }

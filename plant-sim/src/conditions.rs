@@ -1,4 +1,5 @@
-//! What a scenario has made of an axis at one time.
+//! The conditions of an axis: the factors and values to which a scenario has changed the axis' parameters at one time.
+//! Nothing in this module allocates.
 //!
 //! ```text
 //! c(t) = clamp((t - start)/(end - start), 0, 1)
@@ -6,61 +7,62 @@
 //! value(t)  = value_0 + sum over the changes of (value - value before) c(t)
 //! ```
 //!
-//! t, start and end in s; a change with start = end is a step. A temperature acts through the oil's viscosity nu by
-//! Walther's law ([`crate::oil`]), relative to that at the temperature for which the machine file holds:
+//! t, start and end in s; c part of the change that has happened. A change with start = end is a step. A temperature
+//! acts through the viscosity nu of the oil by Walther's law ([`crate::hydraulics::oil`]). nu is relative to the
+//! viscosity at the temperature of the machine file, `[oil] temperature`:
 //!
-//! | what | goes with | because |
+//! | parameter | proportional to | reason |
 //! |---|---|---|
-//! | viscous friction | nu | shear of a film |
+//! | viscous friction | nu | shear of an oil film |
 //! | leakage | 1/nu | laminar flow in a gap |
-//! | the valve's time constant | nu^(1/2) | the pilot line is part laminar (nu^1), part turbulent (nu^0); an assumption |
+//! | valve time constant | nu^(1/2) | assumed: flow in the pilot line between laminar, nu^1, and turbulent, nu^0 |
 //!
-//! The trap: a parameter that jumps between the stages of one Runge-Kutta step costs the method its order. Conditions
-//! are therefore taken at multiples of [`UPDATE_PERIOD_NS`], whatever the step is, and held between.
+//! Trap: a parameter that jumps between the stages of one Runge-Kutta step costs the method its order. Conditions are
+//! therefore updated at multiples of [`UPDATE_PERIOD_NS`] only, whatever the step is, and constant in between.
 
 use pipeline::machine::{Change, Oil, Parameter};
 
-use crate::oil::viscosity;
+use crate::hydraulics::oil::viscosity;
 
-/// How often conditions are taken anew, ns: 1 ms, a whole number of steps, far shorter than a control period and too
-/// short to see in a ramp. A change that is a step acts up to this much late.
+/// Period at which conditions are updated, ns: 1 ms. It is a whole number of integration steps, far shorter than a
+/// control period, and too short to be seen in a ramp. A change that is a step acts late by at most this period.
 pub const UPDATE_PERIOD_NS: u64 = 1_000_000;
 
-/// What the parameters of an axis are multiplied by, and the values that are set, at one time.
+/// Factors of the parameters of one axis at one time, and the values that a scenario sets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conditions {
-    /// Of the rated flow.
+    /// Factor of the rated flow.
     pub flow_gain: f64,
-    /// Of all friction.
+    /// Factor of all friction.
     pub friction: f64,
-    /// Of the mass.
+    /// Factor of the mass.
     pub mass: f64,
-    /// Of the load force.
+    /// Factor of the load force.
     pub load_force: f64,
-    /// Of the valve's time constant, the oil's part included.
+    /// Factor of the valve's time constant; it includes the influence of the oil's viscosity.
     pub valve_time_constant: f64,
-    /// Of both dead bands.
+    /// Factor of both dead bands.
     pub dead_band: f64,
-    /// Of the hysteresis.
+    /// Factor of the hysteresis.
     pub hysteresis: f64,
-    /// Of internal and external leakage, without the oil's part.
+    /// Factor of internal and external leakage, without the influence of the oil's viscosity.
     pub leakage: f64,
-    /// Force against extension, in parts of supply pressure times piston area.
+    /// Force against extension, divided by supply pressure times piston area.
     pub external_force: f64,
-    /// Of the supply pressure.
+    /// Factor of the supply pressure.
     pub supply_pressure: f64,
-    /// Of the pump's largest flow.
+    /// Factor of the pump's largest flow.
     pub pump_flow: f64,
-    /// Of the bulk modulus.
+    /// Factor of the oil's bulk modulus.
     pub bulk_modulus: f64,
-    /// Of the air in the oil.
+    /// Factor of the air in the oil.
     pub air: f64,
-    /// nu by that at the temperature of the machine file.
+    /// Viscosity of the oil divided by that at the temperature of the machine file.
     pub viscosity: f64,
 }
 
 impl Conditions {
-    /// Nothing changed.
+    /// Conditions under which every parameter has the value of the machine file.
     pub const NOMINAL: Self = Self {
         flow_gain: 1.0,
         friction: 1.0,
@@ -78,7 +80,7 @@ impl Conditions {
         viscosity: 1.0,
     };
 
-    /// Conditions of axis `axis` at `time` s.
+    /// Conditions of the axis with the number `axis` at `time` s.
     pub fn at(changes: &[Change], oil: &Oil, axis: usize, time: f64) -> Self {
         let mut conditions = Self::NOMINAL;
         let (mut temperature, mut last_temperature) = (oil.temperature, oil.temperature);
@@ -102,7 +104,7 @@ impl Conditions {
         conditions
     }
 
-    /// The factor of a parameter that has one.
+    /// The factor of `parameter`, or `None` where a change sets the value of the parameter.
     fn factor(&mut self, parameter: Parameter) -> Option<&mut f64> {
         Some(match parameter {
             Parameter::FlowGain => &mut self.flow_gain,
@@ -122,7 +124,7 @@ impl Conditions {
     }
 }
 
-/// How much of a change has happened.
+/// c, part of a change that has happened.
 fn part(change: &Change, time: f64) -> f64 {
     if time < change.start {
         0.0
@@ -161,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn factors_of_the_same_parameter_multiply_and_values_follow_each_other() {
+    fn factors_of_one_parameter_multiply_and_values_follow_each_other() {
         let leakage = [change(Parameter::Leakage, 1.0, 1.0, 2.0), change(Parameter::Leakage, 2.0, 2.0, 4.0)];
         assert_eq!(Conditions::at(&leakage, &OIL, 0, 3.0).leakage, 8.0);
         let force = [change(Parameter::ExternalForce, 1.0, 2.0, 0.4), change(Parameter::ExternalForce, 3.0, 4.0, -0.2)];
@@ -179,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn cold_oil_is_thick_and_makes_the_valve_slow() {
+    fn cold_oil_is_viscous_and_makes_the_valve_slow() {
         let cold = [change(Parameter::Temperature, 0.0, 0.0, 5.0)];
         let conditions = Conditions::at(&cold, &OIL, 0, 0.0);
         let expected = viscosity(OIL.viscosity, 5.0) / viscosity(OIL.viscosity, 50.0);

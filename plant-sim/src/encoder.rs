@@ -1,19 +1,19 @@
-//! The position encoder.
+//! The position encoder: noise, and rounding to counts.
 //!
 //! ```text
 //! counts = round((y + w)/r)        w ~ N(0, s^2)
 //! ```
 //!
-//! y position m, r resolution m per count, s standard deviation of the noise m.
+//! y position, m; r resolution, m per count; w noise with the standard deviation s, m.
 //!
-//! The trap: axes that draw from one common generator change each other's noise when an axis is added. Each encoder
-//! has its own, seeded by the run's seed and the axis' index.
+//! Trap: if all axes drew from one random generator, adding an axis would change the noise of the others. Each encoder
+//! therefore has its own generator, seeded by the seed of the run and the number of the axis.
 
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::{Pcg64, rand_core::SeedableRng};
 
-/// Distance between the seeds of two axes: 2^64 divided by the golden ratio, odd, so that near run seeds and small
-/// indices never meet.
+/// Distance between the seeds of two axes: 2^64 divided by the golden ratio, rounded to an odd number. With it no two
+/// axes get the same seed from run seeds that are close to each other.
 const SEED_STRIDE: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// One encoder with its noise.
@@ -25,13 +25,14 @@ pub struct NoisyEncoder {
 }
 
 impl NoisyEncoder {
-    /// The encoder of axis `index` with `resolution` m per count and noise of standard deviation `noise` m.
+    /// Encoder of the axis with the number `index`, with `resolution` m per count and noise of the standard deviation
+    /// `noise` m; `seed` is the seed of the run.
     pub fn new(resolution: f64, noise: f64, seed: u64, index: usize) -> Self {
         let own = seed.wrapping_add(SEED_STRIDE.wrapping_mul(index as u64 + 1));
         Self { resolution, noise, generator: Pcg64::seed_from_u64(own) }
     }
 
-    /// Counts at `position` m; draws the noise of one reading.
+    /// Counts at `position` m with newly drawn noise.
     pub fn read(&mut self, position: f64) -> i64 {
         let deviate: f64 = StandardNormal.sample(&mut self.generator);
         ((position + self.noise * deviate) / self.resolution).round() as i64
@@ -51,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn the_noise_has_its_standard_deviation_and_no_mean() {
+    fn the_noise_has_the_given_standard_deviation_and_zero_mean() {
         let mut encoder = NoisyEncoder::new(1e-6, 3e-5, 7, 2);
         let n = 20_000;
         let counts: Vec<f64> = (0..n).map(|_| encoder.read(0.0) as f64 * 1e-6).collect();
@@ -62,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn seed_and_index_make_the_noise() {
+    fn seed_and_index_determine_the_noise() {
         let draw = |seed, index| {
             let mut encoder = NoisyEncoder::new(1e-6, 1e-3, seed, index);
             std::array::from_fn::<i64, 16, _>(|_| encoder.read(0.0))

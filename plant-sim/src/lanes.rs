@@ -1,23 +1,24 @@
-//! Four axes side by side.
+//! Four axes side by side in SIMD lanes. Nothing in this module allocates.
 //!
-//! Axes are alike, so the same operation is done on four of them at once: every quantity of the dynamics is four
-//! numbers, one per axis. A choice between two results takes both and selects; there is no branch per axis.
+//! All axes have the same equations, so one instruction works on four axes at once: every quantity of the dynamics is
+//! four numbers, one per axis. Where an axis has to choose between two results, both are computed and one is selected;
+//! there is no branch per axis.
 //!
-//! The trap: only operations that IEEE 754 rounds exactly (+ - * / and the root) are used between two steps, none of
-//! the platform's mathematical functions; so the lane in which an axis stands does not change its bits.
+//! Trap: a step uses only operations that IEEE 754 rounds exactly (+ - * / and the square root), and none of the
+//! platform's mathematical functions. Therefore the lane of an axis does not change the bits of its motion.
 
 /// One number for each of four axes.
 pub type Lanes = wide::f64x4;
 
-/// Axes side by side.
+/// Number of axes side by side.
 pub const LANES: usize = 4;
 
-/// `field` of each of four axes.
+/// The number that `field` takes from each of four axes.
 pub fn lanes<P>(axes: &[P; LANES], field: impl Fn(&P) -> f64) -> Lanes {
     Lanes::new(std::array::from_fn(|axis| field(&axes[axis])))
 }
 
-/// What is above zero of `x`, else zero.
+/// max(0, `x`) in each lane.
 #[inline]
 pub fn positive(x: Lanes) -> Lanes {
     x.fast_max(Lanes::ZERO)

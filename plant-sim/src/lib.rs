@@ -2,45 +2,33 @@
 //!
 //! # Contents
 //!
+//! Each module uses only modules above it.
+//!
 //! | module | what it holds |
 //! |---|---|
-//! | [`valve`] | dead time, hysteresis, spool, curve |
-//! | [`orifice`] | flow through one control edge |
-//! | [`supply`] | the pump and what each axis gets of it |
-//! | [`oil`] | bulk modulus with air, viscosity |
-//! | [`port`] | relief and make-up valves |
-//! | [`friction`] | LuGre friction |
-//! | [`load`] | gravity and other forces |
-//! | [`end_stop`] | the ends of the stroke |
-//! | [`cylinder`] | edges, chambers, leakage, force balance: the rates of one axis |
-//! | [`conditions`] | what a scenario has made of an axis |
-//! | [`lanes`] | four numbers, one per axis |
-//! | [`group`] | four axes through time |
-//! | [`integrate`] | the Runge-Kutta step |
-//! | [`stiffness`] | which axes that step can integrate |
+//! | [`lanes`] | four numbers side by side, one for each of four axes |
+//! | [`hydraulics`] | oil, flow through a control edge, relief and make-up valves, the pump |
+//! | [`conditions`] | the factors by which a scenario changes the parameters of an axis |
+//! | [`valve`] | dead time, hysteresis, spool and opening of the control edges |
+//! | [`actuator`] | the cylinder with its chambers, friction, load and end stops: the rates of one axis |
+//! | [`integration`] | four axes through time, and the Runge-Kutta step |
 //! | [`encoder`] | noise and counts |
-//! | [`plant`] | the machine: [`PlantSim`] |
-//! | [`process`] | the stage: channels in, channels out |
+//! | [`plant`] | the whole machine: [`PlantSim`] |
+//! | [`process`] | the stage: valve commands in, encoder readings out |
 //!
-//! The core is deterministic: it sees no clock, no file and no channel, and allocates at construction only.
+//! Every module but [`process`] is the core. The core is deterministic: it sees no clock, no file and no channel.
+//! Memory is allocated by the constructors only; [`PlantSim::command`], [`PlantSim::advance`] and [`PlantSim::read`]
+//! allocate nothing.
 
+pub mod actuator;
 pub mod conditions;
-pub mod cylinder;
 pub mod encoder;
-pub mod end_stop;
-pub mod friction;
-pub mod group;
-pub mod integrate;
+pub mod hydraulics;
+pub mod integration;
 pub mod lanes;
-pub mod load;
-pub mod oil;
-pub mod orifice;
 pub mod plant;
-pub mod port;
 pub mod process;
-pub mod stiffness;
-pub mod supply;
 pub mod valve;
 
-pub use group::AxisState;
+pub use integration::TrueState;
 pub use plant::{PlantError, PlantSim};

@@ -1,8 +1,9 @@
 //! The stage: valve commands in, encoder readings out.
 //!
-//! In real time the plant lives by its own timer, as an encoder with a cyclic timer does: every millisecond it takes
-//! the newest command, moves on to the present and sends a reading. In lock-step it is the head of the ring: it
-//! moves on by one period when the command and the snapshot of its last reading have arrived.
+//! In real time the stage has a timer of its own, as an encoder with a cyclic timer has. Every millisecond it takes the
+//! newest command, advances the plant to the present and sends a reading. In lock-step the stage begins each round:
+//! when the command and the snapshot that answer its last reading have arrived, it advances the plant by one period and
+//! sends the next reading.
 
 use std::time::Duration;
 
@@ -17,13 +18,13 @@ use pipeline::{
 
 use crate::PlantSim;
 
-/// Time between two readings in real time: as often as a fast cable encoder sends.
+/// Time between two readings in real time: that of a fast cable encoder.
 const READING_PERIOD: Duration = Duration::from_millis(1);
 
-/// Runs the stage until its last tick or a signal.
+/// Runs the stage until the last tick of `options` or a signal.
 ///
 /// # Errors
-/// The machine has an axis without a plant, or a channel cannot be used.
+/// The machine cannot be simulated ([`PlantError`](crate::PlantError)), or a channel cannot be used.
 pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let setup = options.clone();
     run_stage(StageKind::PlantSim, machine, options, |group| Process::new(machine, &setup, group))
@@ -34,9 +35,9 @@ struct Process {
     period: Duration,
     readings: Publisher<EncoderReading>,
     commands: Reader<ValveCommand>,
-    /// Lock-step only.
+    /// In lock-step only.
     snapshots: Option<Reader<CoefficientSnapshot>>,
-    /// The last reading sent; its number is the tick that is waited for in lock-step.
+    /// The last reading sent. In lock-step its number is the tick whose command and snapshot the stage waits for.
     last: Option<EncoderReading>,
     next_release_ns: u64,
 }
@@ -45,7 +46,7 @@ impl Process {
     fn new(machine: &Machine, options: &StageOptions, group: &Group) -> Result<Self, StageError> {
         let lock_step = options.clock == Clock::LockStep;
         Ok(Self {
-            plant: PlantSim::new(machine, options.seed).map_err(|error| StageError::Setup(error.to_string()))?,
+            plant: PlantSim::new(machine, options.seed).map_err(StageError::setup)?,
             period: machine.timing.period,
             readings: group.publisher()?,
             commands: group.reader()?,
@@ -70,7 +71,7 @@ impl Process {
         }
         let intended = self.next_release_ns;
         let now = turn.release(intended);
-        // The plant is time itself: it never skips, it catches up.
+        // The plant's time must not fall behind, so a late release makes up for all periods that have passed.
         let mut due = 0;
         while self.next_release_ns <= now {
             self.next_release_ns += READING_PERIOD.as_nanos() as u64;

@@ -1,25 +1,29 @@
-//! The valve: from the command to the opening of its control edges.
+//! The valve: dead time, hysteresis, spool and curve turn the command into the opening of the control edges.
 //!
 //! ```text
 //! w(t) = max(min(w(t-), u(t - t_d) + h/2), u(t - t_d) - h/2)           hysteresis
 //! tau_v dx_v/dt + x_v = w                                             (1), K_1 = 1
-//! c = clamp((x_v - d_e)/(e_e - d_e), 0, 1)                            extends
-//! c = clamp((-x_v - d_r)/(e_r - d_r), 0, 1)                           retracts
-//! X = +-c on a linear curve, +-(3 c^2 - 2 c^3) on an S                 opens
+//! c = clamp((x_v - d_e)/(e_e - d_e), 0, 1)                            while the spool extends the rod
+//! c = clamp((-x_v - d_r)/(e_r - d_r), 0, 1)                           while the spool retracts the rod
+//! X = +-c on a linear curve, +-(3 c^2 - 2 c^3) on an S-shaped one
 //! ```
 //!
-//! u command and x_v spool position, both in [-1, 1]; t_d dead time s; h width of the hysteresis, the play between
-//! command and spool; tau_v s; d_e and d_r dead bands, e_e and e_r where the edges are fully open; X opening, in
-//! [-1, 1].
+//! u command, in [-1, 1]; w position that the spool approaches; x_v spool position, in [-1, 1]; X opening of the
+//! control edges, in [-1, 1]; t_d dead time, s; h width of the hysteresis, which is the play between command and spool;
+//! tau_v time constant of the spool, s; d_e and d_r dead bands; e_e and e_r spool positions at which the edges are
+//! fully open.
 //!
-//! The S is that of a pilot-operated spool with notches: nothing up to about 40 % of the command, all from about 70 %
-//! on. It stays within 3.2 % of full opening of logistic curves fitted to a real excavator's boom and arm (a test).
+//! The S-shaped curve is that of a pilot-operated spool with notches: closed up to about 40 % of the command, fully
+//! open from about 70 % on. It stays within 3.2 % of full opening of logistic curves that were fitted to boom and arm
+//! of a real excavator; a test shows it.
 //!
-//! The command is constant over a step, so (1) has a solution in closed form, w + (x_v - w) exp(-t/tau_v); it is used
-//! in place of the numerical one, and no time constant is too short for the step.
+//! The command is constant over a step, so (1) has the closed solution w + (x_v - w) exp(-t/tau_v). The valve uses this
+//! solution in place of a numerical one, and therefore no time constant is too short for the step.
 //!
-//! The trap: dead time and tau_v are not the same thing. The first moves the answer, the second bends it; only the
-//! first asks for samples of delay in an identified model.
+//! Only [`DelayLine::new`] allocates.
+//!
+//! Trap: dead time and time constant are different. The dead time shifts the response, the time constant bends it. Only
+//! the dead time needs samples of delay in an identified model.
 
 use pipeline::machine::{Plant, ValveCurve};
 
@@ -28,13 +32,13 @@ use crate::{
     lanes::{LANES, Lanes, lanes},
 };
 
-/// The widest dead band; a scenario could otherwise close a valve for good.
+/// Widest dead band. A scenario that widens the dead band more could otherwise keep a valve closed for all commands.
 pub const WIDEST_DEAD_BAND: f64 = 0.95;
 
-/// Least part of the command between dead band and saturation, where a scenario has widened the dead band.
+/// Least distance between dead band and saturation after a scenario has widened the dead band.
 pub const LEAST_SPAN: f64 = 0.05;
 
-/// Commands on their way: what is put in comes out a fixed number of steps later.
+/// The dead time: a command that is put in comes out a fixed number of steps later.
 #[derive(Debug, Clone)]
 pub struct DelayLine {
     commands: Box<[f64]>,
@@ -42,12 +46,12 @@ pub struct DelayLine {
 }
 
 impl DelayLine {
-    /// A line of `steps` steps that starts with neutral commands.
+    /// A delay of `steps` steps, filled with neutral commands.
     pub fn new(steps: usize) -> Self {
         Self { commands: vec![0.0; steps].into(), oldest: 0 }
     }
 
-    /// Puts in the command of this step and takes out the one that acts in it.
+    /// Puts in the command of this step and takes out the command that acts in it.
     #[inline]
     pub fn pass(&mut self, command: f64) -> f64 {
         let Some(slot) = self.commands.get_mut(self.oldest) else {
@@ -62,10 +66,10 @@ impl DelayLine {
     }
 }
 
-/// Hysteresis, spool and control edges of one axis, or of four, without the dead time.
+/// Hysteresis, spool and control edges of one axis (`T = f64`) or of four (`T = Lanes`), without the dead time.
 #[derive(Debug, Clone, Copy)]
 pub struct Valve<T> {
-    /// exp(-(step/2)/tau_v): what is left of the distance to the command after half a step.
+    /// exp(-(step/2)/tau_v): part of the distance between x_v and w that is left after half a step.
     half_step_decay: T,
     /// h/2.
     play: T,
@@ -73,12 +77,12 @@ pub struct Valve<T> {
     dead_band: [T; 2],
     /// 1/(e_e - d_e) and 1/(e_r - d_r).
     inverse_span: [T; 2],
-    /// 1 for an S, 0 for a line.
+    /// 1 for an S-shaped curve, 0 for a linear one.
     shape: T,
 }
 
 impl Valve<f64> {
-    /// The valve of `plant` under `conditions`, advanced in steps of `step` s.
+    /// Valve of `plant` under `conditions`, advanced in steps of `step` s.
     pub fn new(plant: &Plant, conditions: &Conditions, step: f64) -> Self {
         let time_constant = plant.valve_time_constant * conditions.valve_time_constant;
         let dead_band = [plant.dead_band.extend, plant.dead_band.retract]
@@ -95,7 +99,7 @@ impl Valve<f64> {
 }
 
 impl Valve<Lanes> {
-    /// Four axes side by side.
+    /// Puts four axes side by side.
     pub fn pack(axes: &[Valve<f64>; LANES]) -> Self {
         Self {
             half_step_decay: lanes(axes, |valve| valve.half_step_decay),
@@ -106,13 +110,13 @@ impl Valve<Lanes> {
         }
     }
 
-    /// What the spool is asked for when the command is `command` and it was `target` before: w.
+    /// w under the command `command`, when w was `target` in the step before.
     #[inline]
     pub fn target(&self, target: Lanes, command: Lanes) -> Lanes {
         target.fast_min(command + self.play).fast_max(command - self.play)
     }
 
-    /// Spool position half a step and a whole step after `spool` under a constant target, equation (1).
+    /// x_v half a step and a whole step after it was `spool`, under a constant w = `target`: equation (1).
     #[inline]
     pub fn spool_after(&self, spool: Lanes, target: Lanes) -> (Lanes, Lanes) {
         let distance = spool - target;
@@ -120,7 +124,7 @@ impl Valve<Lanes> {
         (target + middle, target + middle * self.half_step_decay)
     }
 
-    /// Opening X of the edges in [-1, 1], positive extends.
+    /// X, opening of the edges in [-1, 1]; positive extends the rod.
     #[inline]
     pub fn opening(&self, spool: Lanes) -> Lanes {
         self.open(spool, 0) - self.open(-spool, 1)
@@ -176,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_edges_stay_shut_inside_the_dead_band_and_open_fully_at_one() {
+    fn the_edges_are_shut_inside_the_dead_band_and_fully_open_at_one() {
         let plant = plant();
         for spool in [-0.08, -0.05, 0.0, 0.05, 0.1] {
             assert_eq!(opening(&plant, spool), 0.0);
@@ -189,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dead_band_beyond_the_widest_is_held_at_it() {
+    fn a_dead_band_is_limited_to_the_widest_one() {
         let wide = Conditions { dead_band: 18.0, ..Conditions::NOMINAL };
         let valve = Valve::pack(&[Valve::new(&plant(), &wide, STEP); LANES]);
         let openings = [1.0, -1.0, 0.94].map(|spool| valve.opening(Lanes::splat(spool)).to_array()[0]);
@@ -197,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn the_command_is_answered_after_the_width_of_the_hysteresis_only() {
+    fn the_spool_turns_only_after_the_command_has_passed_the_width_of_the_hysteresis() {
         let plant = Plant { hysteresis: 0.04, ..plant() };
         let valve = valve(&plant);
         let mut target = Lanes::ZERO;
@@ -209,10 +213,11 @@ mod tests {
     }
 
     #[test]
-    fn the_s_is_that_of_a_real_pilot_valve() {
-        // v = 1/(1 + exp(-c x + a)): 10, 50 and 90 % of the full speed at these commands; boom and arm, both ways.
+    fn the_s_shaped_curve_approximates_a_real_pilot_valve() {
+        // v = 1/(1 + exp(-c x + a)) is 10, 50 and 90 % of the full speed at these commands; boom and arm, both
+        // directions.
         for (ten, fifty, ninety) in [(0.44, 0.54, 0.64), (0.43, 0.57, 0.71), (0.47, 0.56, 0.65), (0.51, 0.61, 0.71)] {
-            // Where 3 c^2 - 2 c^3 is 10 and 90 %: c = 0.196 and 0.804.
+            // 3 c^2 - 2 c^3 is 10 and 90 % at c = 0.196 and c = 0.804.
             let span: f64 = (ninety - ten) / 0.608;
             let (low, high) = (fifty - 0.5 * span, fifty + 0.5 * span);
             let plant = Plant {

@@ -1,13 +1,22 @@
-//! Encoder acquisition: where samples come from, and whether they are to be believed.
+//! Encoder acquisition: raw encoder readings, or the rows of a recording, become checked samples.
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`plausibility`] | the core: range, speed and stuck checks of one axis |
-//! | [`source`] | the core of each source: encoder readings, a recording |
-//! | [`record`] | recordings as CSV files |
-//! | [`process`] | the stage: readings in, samples out |
+//! | [`plausibility`] | the checks of one axis: range, speed, stuck |
+//! | [`acquisition`] | encoder readings become samples |
+//! | [`replay`] | the rows of a recording become samples and commands |
+//! | [`recording`] | reads recordings from CSV files; before the first tick only |
+//! | [`process`] | the stage: readings or a recording in, samples out |
+//!
+//! [`plausibility`], [`acquisition`] and [`replay`] are the core: they see no clock, no channel and no file, and
+//! allocate in their constructors only.
 
+pub mod acquisition;
 pub mod plausibility;
 pub mod process;
-pub mod record;
-pub mod source;
+pub mod recording;
+pub mod replay;
+
+pub use acquisition::{Acquisition, is_implausible};
+pub use recording::Recording;
+pub use replay::Replay;

@@ -1,42 +1,41 @@
-//! The machine as a user types it: its file, and what is changed of it.
+//! The machine as a user types it: its file, and the values that replace those of the file.
 
 use std::path::PathBuf;
 
 use clap::Args;
 use pipeline::machine::{Machine, MachineError, Scenario, model_settings};
+use thiserror::Error;
 
 use super::values::setting;
-use crate::failure::Failure;
 
-/// A machine and what is changed of it, but for the scenario.
+/// A machine file and the values that replace those of the file, without a choice of the scenario.
 #[derive(Debug, Args)]
 pub struct BareMachine {
-    /// Machine file; without one the built-in four-axis excavator
+    /// Machine file [default: the built-in four-axis excavator]
     #[arg(value_name = "MACHINE.toml")]
     pub machine: Option<PathBuf>,
-    /// Use another value for a key of the machine file; may be given several times
+    /// Replace the value of a key of the machine file; may be given several times
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
     pub settings: Vec<(String, String)>,
-    /// Model file of `hydraxis commission`: what it says takes the place of the machine file's
+    /// Model file of `hydraxis commission`; its values replace those of the machine file
     #[arg(long, value_name = "MODEL.toml")]
     pub model: Option<PathBuf>,
 }
 
-/// A machine and what is changed of it.
+/// A machine file and the values that replace those of the file.
 #[derive(Debug, Args)]
 pub struct MachineFile {
-    /// All but the scenario
+    /// Everything but the scenario
     #[command(flatten)]
     pub bare: BareMachine,
-    /// What changes while the simulated machine works: a built-in scenario (`hydraxis simulate --help` lists them), or
-    /// one of the machine file
+    /// Scenario: what changes while the simulated machine works. A built-in one (`hydraxis simulate --help` lists them)
+    /// or one of the machine file
     #[arg(long, value_name = "NAME")]
     pub scenario: Option<String>,
 }
 
 impl BareMachine {
-    /// Everything that takes the place of what the file says; the last counts, so a model, then `--set`, then
-    /// `scenario`.
+    /// The values that replace those of the file. Later ones win: first the model file, then `--set`, then `scenario`.
     ///
     /// # Errors
     /// The model file cannot be read, or is not TOML.
@@ -49,7 +48,7 @@ impl BareMachine {
 }
 
 impl MachineFile {
-    /// The same with the scenario.
+    /// The values that replace those of the file, with the scenario.
     ///
     /// # Errors
     /// As [`BareMachine::settings`].
@@ -58,7 +57,7 @@ impl MachineFile {
     }
 }
 
-/// `examples`, and the built-in scenarios.
+/// The examples of a subcommand, followed by the built-in scenarios with a line each.
 pub fn with_scenarios(examples: &str) -> String {
     let scenarios = Scenario::built_in();
     let width = scenarios.iter().map(|scenario| scenario.name.len()).max().unwrap_or_default();
@@ -66,26 +65,40 @@ pub fn with_scenarios(examples: &str) -> String {
     format!("{examples}\n\nScenarios:{}", lines.collect::<String>())
 }
 
-/// Reads a machine file with what was typed in its place.
-pub fn load(arguments: &MachineFile) -> Result<Machine, Failure> {
+/// Reads a machine file and replaces values as the user asked.
+///
+/// # Errors
+/// Everything that is wrong with the file, the model file or the values.
+pub fn load(arguments: &MachineFile) -> Result<Machine, MachineError> {
     load_bare(&arguments.bare, arguments.scenario.as_deref())
 }
 
-/// Reads a machine file with what was typed in its place, under `scenario`.
-pub fn load_bare(arguments: &BareMachine, scenario: Option<&str>) -> Result<Machine, Failure> {
-    let settings = arguments.settings(scenario).map_err(Failure::usage)?;
-    Machine::load(arguments.machine.as_deref(), &settings).map_err(Failure::usage)
+/// Reads a machine file, replaces values as the user asked, and chooses `scenario`.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_bare(arguments: &BareMachine, scenario: Option<&str>) -> Result<Machine, MachineError> {
+    let settings = arguments.settings(scenario)?;
+    Machine::load(arguments.machine.as_deref(), &settings)
 }
 
-/// The axes that were named, or all.
-pub fn axes(machine: &Machine, names: &[String]) -> Result<Vec<usize>, Failure> {
-    if names.is_empty() {
-        return Ok((0..machine.axes.len()).collect());
+/// A name that no axis of the machine has.
+#[derive(Debug, Error)]
+#[error("--axis: found \"{found}\"; allowed: one of {}", .allowed.join(", "))]
+pub struct UnknownAxis {
+    found: String,
+    allowed: Vec<String>,
+}
+
+/// Indices of the axes with these names, in the order of the machine; all axes when `names` is empty.
+///
+/// # Errors
+/// A name is not that of an axis.
+pub fn axes(machine: &Machine, names: &[String]) -> Result<Vec<usize>, UnknownAxis> {
+    let known = || machine.axes.iter().map(|axis| &axis.name);
+    if let Some(name) = names.iter().find(|name| !known().any(|known| known == *name)) {
+        return Err(UnknownAxis { found: name.clone(), allowed: known().cloned().collect() });
     }
-    let known: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
-    if let Some(name) = names.iter().find(|name| !known.contains(&name.as_str())) {
-        return Err(Failure::Usage(format!("--axis: found \"{name}\"; allowed: one of {}", known.join(", "))));
-    }
-    let wanted = |name: &&str| names.iter().any(|other| other == *name);
-    Ok((0..known.len()).filter(|index| wanted(&known[*index])).collect())
+    let is_wanted = |name: &String| names.is_empty() || names.contains(name);
+    Ok(known().enumerate().filter(|(_, name)| is_wanted(name)).map(|(index, _)| index).collect())
 }

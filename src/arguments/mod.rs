@@ -1,8 +1,8 @@
-//! What several subcommands take on the command line: the machine, and values as a user types them.
+//! Arguments that several subcommands share: the machine, and values as a user types them.
 //!
-//! Nothing here knows a subcommand.
+//! Subcommands use this folder; nothing here uses a subcommand. Nothing here runs beside the loop.
 
 mod machine;
 pub mod values;
 
-pub use machine::{BareMachine, MachineFile, axes, load, load_bare, with_scenarios};
+pub use machine::{BareMachine, MachineFile, UnknownAxis, axes, load, load_bare, with_scenarios};

@@ -7,12 +7,12 @@ use pipeline::{
     machine::{Estimator, samples_of},
 };
 
-/// A number of rows, or a part of all rows.
+/// `--train`: a number of rows, or a part of all rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rows {
-    /// So many.
+    /// This number.
     Count(usize),
-    /// This part, between 0 and 1.
+    /// This part of all rows, between 0 and 1.
     Fraction(f64),
 }
 
@@ -31,7 +31,7 @@ impl FromStr for Rows {
 }
 
 impl Rows {
-    /// How many rows of `all`.
+    /// The number of rows when there are `all`.
     pub fn of(self, all: usize) -> usize {
         match self {
             Self::Count(count) => count,
@@ -40,12 +40,12 @@ impl Rows {
     }
 }
 
-/// A number of samples, given as such or as a duration.
+/// `--horizon`: a number of samples, typed as a number or as a duration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Samples {
-    /// So many.
+    /// This number.
     Count(usize),
-    /// So long.
+    /// The samples in this time.
     Duration(Duration),
 }
 
@@ -62,7 +62,7 @@ impl FromStr for Samples {
 }
 
 impl Samples {
-    /// How many samples of `period`.
+    /// The number of samples with this period.
     pub fn at(self, period: Duration) -> usize {
         match self {
             Self::Count(count) => count,
@@ -71,7 +71,7 @@ impl Samples {
     }
 }
 
-/// `--dead-band`: the largest commands that open nothing, below zero and above, as magnitudes.
+/// `--dead-band`: the dead band of the valve below and above zero, as magnitudes of the command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeadBand(pub f64, pub f64);
 
@@ -91,9 +91,9 @@ impl FromStr for DeadBand {
 /// `--knots`: hinges and their number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Knots {
-    /// Hinges at the knots.
+    /// Hinges that begin at the knots.
     pub basis: Basis,
-    /// How many.
+    /// Number of knots.
     pub count: usize,
 }
 
@@ -112,7 +112,7 @@ impl FromStr for Knots {
 pub fn seconds(text: &str) -> Result<Duration, String> {
     let plain = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
     let duration = plain.or_else(|| humantime::parse_duration(text).ok());
-    // Longer than half a year nothing is sampled; a duration's resolution is a nanosecond.
+    // At most half a year; at least the resolution of a duration, a nanosecond.
     duration
         .filter(|duration| (1..=16_000_000_000_000_000).contains(&duration.as_nanos()))
         .ok_or_else(|| "allowed: seconds from 1e-9 to 1.6e7, or a duration with its unit such as 20ms".to_owned())

@@ -1,4 +1,12 @@
-//! What a user types.
+//! The subcommands: one file or folder for each, with its clap arguments.
+//!
+//! | command | runs |
+//! |---|---|
+//! | `plant-sim`, `sensor-proc`, `ident-proc`, `control-proc` ([`stage`]) | one stage of the loop, in this process |
+//! | [`run`], [`operate`], [`status`] | beside the loop, in a process of its own |
+//! | [`commission`] | beside the loop, or on a simulated machine in this process |
+//! | [`simulate`], [`bench`], [`identify`] | without a loop in real time, in this process |
+//! | [`check`], [`doctor`], [`clean`] | before or after a run |
 
 mod bench;
 mod check;
@@ -16,8 +24,9 @@ use clap::{Parser, Subcommand};
 
 use pipeline::stage::StageKind;
 
-use crate::{arguments::MachineFile, failure::Failure};
+use crate::failure::Failure;
 use bench::Bench;
+use check::CheckArguments;
 use clean::CleanArguments;
 use commission::CommissionArguments;
 use doctor::DoctorArguments;
@@ -33,6 +42,7 @@ use status::StatusArguments;
 #[command(name = "hydraxis", version, max_term_width = 110)]
 #[command(after_help = "\
 Start with `hydraxis run`: it needs no file, simulates the built-in four-axis excavator, and moves nothing real.
+Each subcommand has examples: `hydraxis run --help`.
 Exit codes: 0 done, 1 the run failed, 2 bad usage or a bad file.")]
 pub struct Arguments {
     /// What to do.
@@ -43,32 +53,32 @@ pub struct Arguments {
 /// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Run a machine: one process per stage, over shared memory
+    /// Run a machine: one process for each stage, connected by shared memory
     Run(RunArguments),
-    /// Run the same loop in one process, without shared memory, or the simulated machine without a controller
+    /// Simulate the loop in one process without shared memory, or the machine without a controller
     Simulate(SimulateArguments),
-    /// Find the model of every axis by a bounded experiment, and write it to a file
+    /// Find the model of each axis by a bounded experiment, and write it to a file
     Commission(CommissionArguments),
     /// Operate the axes of a running group: off, manual, hold, track
     Operate(OperateArguments),
-    /// Let the axes of a running group move: enable those that are off, and leave them so
+    /// Arm axes of a running group: they may move, and follow their references
     Arm(ArmArguments),
-    /// Put the axes of a running group off, neutral at once
+    /// Disarm axes of a running group: neutral at once
     Disarm(DisarmArguments),
-    /// Release the axes of a running group that a fault has latched, and say what it was
+    /// Release axes of a running group that a fault has latched, and show the fault
     Reset(ResetArguments),
-    /// Show how a running group is doing: states, rates, losses, latencies, axes
+    /// Show the state of a running group: stages, channels, latencies, axes
     Status(StatusArguments),
-    /// Identify a Hammerstein model on a recording, offline and adaptive side by side
+    /// Identify a Hammerstein model on a recording: classical and adaptive side by side
     Identify(Box<IdentifyArguments>),
     /// Compare controllers on the simulated machine
     #[command(subcommand)]
     Bench(Bench),
-    /// Check a machine file and say everything that is wrong with it
-    Check(MachineFile),
-    /// Say whether this computer is fit for real time, what is not, and what to do about it
+    /// Check a machine file and show everything that is wrong with it
+    Check(CheckArguments),
+    /// Show whether this computer is fit for real time, and what to do about it
     Doctor(DoctorArguments),
-    /// Remove what dead groups have left in shared memory and beside it
+    /// Remove files that dead groups have left
     Clean(CleanArguments),
     /// Run the simulated machine alone, in the foreground
     PlantSim(StageArguments),
@@ -81,7 +91,10 @@ pub enum Command {
 }
 
 impl Command {
-    /// Does what was typed.
+    /// Runs the subcommand.
+    ///
+    /// # Errors
+    /// The subcommand fails; the failure has the exit code.
     pub fn run(&self) -> Result<(), Failure> {
         match self {
             Self::Run(arguments) => run::run(arguments),

@@ -1,4 +1,6 @@
-//! `hydraxis run`: one process per stage, started, watched and reported.
+//! `hydraxis run`: starts one process for each stage, watches them, and reports.
+//!
+//! This process runs beside the loop. It reads channels that no stage waits for.
 
 use std::{
     io::IsTerminal,
@@ -9,7 +11,7 @@ use std::{
 
 use clap::Args;
 use pipeline::{
-    channel::{Group, Prefix, remove_leftovers},
+    channel::{ChannelError, Group, Prefix, remove_leftovers},
     machine::{Machine, Source},
     stage::{Clock, StageKind, StageOptions},
 };
@@ -17,20 +19,20 @@ use pipeline::{
 use super::{check, simulate::ticks};
 use crate::{
     arguments::{MachineFile, load, values::duration, with_scenarios},
-    failure::Failure,
+    failure::{Failure, Failures},
     group::{
         monitor::Monitor,
-        preflight::Findings,
+        preflight::{folders, programs, rights},
         supervisor::{Launch, Supervisor},
     },
-    report::{control_loop::Report, output::Output},
+    report::{control_loop::LoopReport, output::Output},
 };
 
-/// How long the others may take to end after the last tick.
+/// Time in which the other stages must end after the last tick.
 const END_PATIENCE: Duration = Duration::from_secs(2);
-/// How long nothing may happen before the run is given up, unless the machine's period is of that order itself.
+/// Time without a tick after which the run is given up. Where it is longer, [`STALL_PERIODS`] counts.
 const STALL_PATIENCE: Duration = Duration::from_secs(10);
-/// Periods without a tick that are a stall.
+/// Periods without a tick after which the run is given up.
 const STALL_PERIODS: u32 = 3;
 
 /// `run`.
@@ -38,32 +40,36 @@ const STALL_PERIODS: u32 = 3;
 #[command(after_help = with_scenarios("\
 Examples:
   hydraxis run                                        the built-in excavator in real time, 20 s
-  hydraxis run --lockstep --duration 60s --seed 7     as fast as the machine allows, bit for bit repeatable
-  hydraxis run --scenario payload                     with a load that grows on the way
-  hydraxis run my.toml --set axis.boom.identification.estimator=constant:0.995 --json out.json"))]
+  hydraxis run --lockstep --duration 60s --seed 7     as fast as the computer allows, bit for bit repeatable
+  hydraxis run --scenario payload                     with a load that grows during the run
+  hydraxis run my.toml --set axis.boom.identification.estimator=constant:0.995 --json out.json
+
+Starts plant-sim, sensor-proc, ident-proc and control-proc as processes of their own, shows a line per second on a
+terminal, and ends with tables of tracking errors, identification errors, losses and latencies. Ctrl-C ends the run in
+order, with neutral valves. A real machine does not move before `hydraxis arm`."))]
 pub struct RunArguments {
     /// The machine
     #[command(flatten)]
     pub machine: MachineFile,
-    /// How long; without it 20 s when the machine is simulated, the whole record when it is replayed
+    /// Length of the run [default: 20s for a simulated machine, the whole record for a replayed one]
     #[arg(long, value_parser = duration)]
     pub duration: Option<Duration>,
-    /// Lock-step instead of real time: the next tick begins when the last is answered
+    /// Lock-step instead of real time: the next tick begins when all stages have answered the last one
     #[arg(long)]
     pub lockstep: bool,
     /// Seed of the simulated noise
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Name of the group's channels; without it one that no other run has
+    /// Name of the group and of its channels [default: a name that no other run has]
     #[arg(long)]
     pub prefix: Option<Prefix>,
-    /// Let no axis move until `hydraxis operate` or `hydraxis commission` enables it
+    /// Start with all axes disarmed, until `hydraxis arm`, `operate` or `commission` arms them
     #[arg(long)]
     pub off: bool,
-    /// Write the figures as JSON, to a file or to standard output with -
+    /// Write the figures as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Write what supervisor and stages say, with times, to a new file in this folder as well
+    /// Also write the output of supervisor and stages, with times, to a new file in this folder
     #[arg(long, value_name = "DIR")]
     pub log_folder: Option<PathBuf>,
 }
@@ -80,40 +86,42 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         clock,
         ticks: Some(ticks),
         seed: arguments.seed,
-        // Only a simulated machine moves without being asked to.
+        // Only a simulated machine moves without being armed by a person.
         arm: is_simulated && !arguments.off,
         first_tick: 0,
         warn: true,
         stop: Arc::default(),
         reset: Arc::default(),
     };
-    let result = group(&machine, arguments, &options, &warnings);
+    let result = run_group(&machine, arguments, &options, &warnings);
     // A client that is still attached keeps the files; the next run of this name removes them.
     let _ = remove_leftovers(&options.prefix);
     let report = result?;
-    output.write(|| report.tables(&machine), &report)
+    Ok(output.write(|| report.tables(&machine), &report)?)
 }
 
-/// The machine, the ticks of the run, and what to warn of; or all that is wrong, before anything is started.
+/// The machine, the number of ticks, and warnings; or everything that is wrong, before the first process starts.
 fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<(Machine, u64, Vec<String>), Failure> {
-    let mut findings = Findings::default();
-    findings.places(prefix, arguments.log_folder.as_deref());
-    let machine = findings.take(load(&arguments.machine));
+    let mut failures = Failures::default();
+    failures.extend(folders(prefix, arguments.log_folder.as_deref()));
+    let machine = failures.take(load(&arguments.machine));
     let (mut count, mut warnings) = (None, Vec::new());
     if let Some(machine) = &machine {
         let name = &machine.scenario.name;
         if !machine.scenario.commands.is_empty() {
-            findings.add(Failure::Usage(format!(
+            failures.extend([Failure::usage(format!(
                 "scenario \"{name}\" is an open loop, without a controller; type: hydraxis simulate --scenario {name}"
-            )));
+            ))]);
         }
-        let rows = findings.take(check::deep(machine));
-        count = rows.and_then(|rows| findings.take(ticks(machine, rows, arguments.duration)));
+        let rows = failures.take(check::deep(machine));
+        count = rows.and_then(|rows| failures.take(ticks(machine, rows, arguments.duration)));
         let (followers, head) = stages(machine, clock);
-        findings.programs(machine, followers.into_iter().chain([head]));
-        warnings = findings.rights(machine, clock);
+        failures.extend(programs(machine, followers.into_iter().chain([head])));
+        let (missing, others) = rights(machine, clock);
+        failures.extend(missing);
+        warnings = others;
     }
-    findings.verdict(machine.zip(count)).map(|(machine, ticks)| (machine, ticks, warnings))
+    failures.verdict(machine.zip(count)).map(|(machine, ticks)| (machine, ticks, warnings))
 }
 
 /// The stages of a run: those that wait for input, and the one that all wait for, which is started last.
@@ -126,15 +134,15 @@ fn stages(machine: &Machine, clock: Clock) -> (Vec<StageKind>, StageKind) {
     }
 }
 
-/// Everything from the first process to the last message.
-fn group(
+/// Runs the group from its first process to its last message.
+fn run_group(
     machine: &Machine,
     arguments: &RunArguments,
     options: &StageOptions,
     warnings: &[String],
-) -> Result<Report, Failure> {
-    let group = Group::join(&options.prefix, "supervisor").map_err(Failure::run)?;
-    let mut monitor = Monitor::new(&group).map_err(Failure::run)?;
+) -> Result<LoopReport, Failure> {
+    let group = Group::join(&options.prefix, "supervisor").map_err(ChannelError::from)?;
+    let mut monitor = Monitor::new(&group)?;
     let launch = Launch { machine, arguments: &arguments.machine, options };
     let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref())?;
     let scenario = &machine.scenario.name;
@@ -158,13 +166,13 @@ fn group(
         watch(machine, head, &mut monitor, &mut supervisor)?;
     }
     let wall_s = started.elapsed().as_secs_f64();
-    // Asked to end, a stage that fails to is a failure of the run as well.
+    // A stage that does not end as it was asked to is a failure of the run as well.
     supervisor.stop().map_or(Ok(()), Err)?;
-    monitor.poll().map_err(Failure::run)?;
-    Ok(Report::new(machine, &monitor.into_last(supervisor.restart_causes()), options.clock, wall_s))
+    monitor.poll()?;
+    Ok(LoopReport::new(machine, &monitor.into_last(supervisor.restart_causes()), options.clock, wall_s))
 }
 
-/// Reads along until the last tick, a signal, or a failure.
+/// Supervises until the last tick, a signal, or a failure.
 fn watch(
     machine: &Machine,
     head: StageKind,
@@ -180,17 +188,18 @@ fn watch(
         if let Some(line) = monitor.line(machine) {
             supervisor.report(&line, show);
         }
-        // The last tick is out when its source has ended; the others follow by themselves.
+        // The last tick is out when its source has ended. The other stages then end by themselves.
         if supervisor.is_done(head) {
             let end = *end.get_or_insert_with(|| Instant::now() + END_PATIENCE);
             if Instant::now() > end {
                 break;
             }
         }
-        // While a stage is being started again the others wait for it.
+        // While a stage starts again, the others wait for it; that is no stall.
         if monitor.stalled_for() > patience && supervisor.all_up(monitor) {
-            return Err(Failure::Run(format!(
-                "no stage has worked for {patience:?}; the last ticks are: {}",
+            return Err(Failure::run(format!(
+                "no stage has worked for {}; the last ticks are: {}",
+                humantime::format_duration(patience),
                 monitor.ticks()
             )));
         }
@@ -198,7 +207,7 @@ fn watch(
     Ok(())
 }
 
-/// How long no stage may work a tick.
+/// Longest time without a tick.
 fn stall_patience(period: Duration) -> Duration {
     STALL_PATIENCE.max(period * STALL_PERIODS)
 }

@@ -1,4 +1,6 @@
-//! `hydraxis STAGE`: one stage in the foreground.
+//! `hydraxis plant-sim`, `sensor-proc`, `ident-proc` and `control-proc`: one stage in the foreground.
+//!
+//! This is the only command whose process runs the loop. It sets up signals and the lifeline, and then calls the stage.
 
 use clap::Args;
 use pipeline::{
@@ -18,19 +20,26 @@ use crate::{
 /// One stage by name.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-The stages of one group are started with the same machine file, prefix and clock, in any order. They end after
---ticks, or at Ctrl-C. Without --arm control-proc keeps every valve neutral.")]
+Example, a terminal for each line:
+  hydraxis plant-sim --prefix demo
+  hydraxis ident-proc --prefix demo
+  hydraxis control-proc --prefix demo --arm
+  hydraxis sensor-proc --prefix demo
+
+`hydraxis run` starts all stages; this command is for one stage alone. Start all stages of a group with the same machine
+file, prefix and clock, in any order. They end after --ticks, or at Ctrl-C. Without --arm control-proc keeps every valve
+neutral.")]
 pub struct StageArguments {
     /// The machine
     #[command(flatten)]
     pub machine: MachineFile,
-    /// Name of the group's channels
+    /// Name of the group and of its channels
     #[arg(long)]
     pub prefix: Prefix,
-    /// Lock-step instead of real time
+    /// Lock-step instead of real time: the next tick begins when all stages have answered the last one
     #[arg(long)]
     pub lockstep: bool,
-    /// End after so many ticks
+    /// End after this number of ticks [default: no end]
     #[arg(long)]
     pub ticks: Option<u64>,
     /// Seed of the simulated noise
@@ -39,17 +48,16 @@ pub struct StageArguments {
     /// Let control-proc move the machine
     #[arg(long)]
     pub arm: bool,
-    /// Number of the first tick: where a source that was started again goes on
+    /// Number of the first tick, at which a source that was started again goes on
     #[arg(long, hide = true, default_value_t = 0)]
     pub first_tick: u64,
-    /// End when this process does, or standard input
+    /// End when the process with this number ends, or when standard input does
     #[arg(long, hide = true)]
     pub parent: Option<i32>,
 }
 
 /// Runs one stage until its last tick or a signal.
 pub fn run(kind: StageKind, arguments: &StageArguments) -> Result<(), Failure> {
-    let named = |error: &dyn std::fmt::Display| format!("{}: {error}", kind.name());
     let machine = load(&arguments.machine)?;
     let clock = if arguments.lockstep { Clock::LockStep } else { Clock::RealTime };
     let options = StageOptions {
@@ -59,13 +67,13 @@ pub fn run(kind: StageKind, arguments: &StageArguments) -> Result<(), Failure> {
         seed: arguments.seed,
         arm: arguments.arm,
         first_tick: arguments.first_tick,
-        // A supervisor has said what it could foretell.
+        // The supervisor has shown the warnings that were known before the start.
         warn: arguments.parent.is_none() || missing(&machine, clock).is_empty(),
         stop: stop_flag()?,
         reset: reset_flag()?,
     };
     if let Some(parent) = arguments.parent {
-        lifeline::hold(parent, kind.name()).map_err(|error| Failure::Run(named(&error)))?;
+        lifeline::hold(parent, kind.name()).map_err(|error| Failure::from(error).about(kind.name()))?;
     }
     let result = match kind {
         StageKind::PlantSim => plant_sim::process::run(&machine, options),
@@ -73,7 +81,7 @@ pub fn run(kind: StageKind, arguments: &StageArguments) -> Result<(), Failure> {
         StageKind::IdentProc => ident_proc::process::run(&machine, options),
         StageKind::ControlProc => control_proc::process::run(&machine, options),
     };
-    // The last member of a group that was started by hand leaves nothing behind.
+    // The last member of a group that was started by hand removes its files.
     let _ = remove_leftovers(&arguments.prefix);
-    result.map_err(|error| Failure::Run(named(&error)))
+    result.map_err(|error| Failure::run(error).about(kind.name()))
 }

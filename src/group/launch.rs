@@ -1,21 +1,36 @@
-//! How a stage is started as a process of its own.
+//! The command line that starts a stage as a process of its own.
 
-use std::process::Command;
+use std::{io, process::Command};
 
 use pipeline::{
-    machine::Machine,
+    machine::{Machine, MachineError},
     stage::{Clock, StageKind, StageOptions},
 };
+use thiserror::Error;
 
-use crate::{arguments::MachineFile, failure::Failure};
+use crate::arguments::MachineFile;
 
-/// The command that starts a stage of `machine` as a process of its own.
+/// Why no command line can be made for a stage.
+#[derive(Debug, Error)]
+pub enum LaunchError {
+    /// The path of this program is not known.
+    #[error("the path of the program hydraxis cannot be found")]
+    OwnPath(#[source] io::Error),
+    /// The model file cannot be read any more.
+    #[error(transparent)]
+    Machine(#[from] MachineError),
+}
+
+/// The command that starts a stage of `machine`: this program, or the one that the machine file names.
+///
+/// # Errors
+/// The path of this program is not known, or the model file cannot be read.
 pub fn command(
     kind: StageKind,
     machine: &Machine,
     arguments: &MachineFile,
     options: &StageOptions,
-) -> Result<Command, Failure> {
+) -> Result<Command, LaunchError> {
     let mut command = match &machine.stage(kind).command {
         Some(words) => {
             let mut command = Command::new(&words[0]);
@@ -23,16 +38,16 @@ pub fn command(
             command
         }
         None => {
-            let executable = std::env::current_exe().map_err(Failure::run)?;
-            let mut command = Command::new(executable);
+            let mut command = Command::new(std::env::current_exe().map_err(LaunchError::OwnPath)?);
             command.arg(kind.name());
-            // Another program would not know the option; it has its signals and the end of its input.
+            // Only this program knows the option. Another one learns the end of the supervisor from SIGTERM, and from
+            // the end of its standard input.
             command.arg("--parent").arg(std::process::id().to_string());
             command
         }
     };
     command.args(&arguments.bare.machine);
-    for (key, value) in arguments.settings().map_err(Failure::usage)? {
+    for (key, value) in arguments.settings()? {
         command.arg("--set").arg(format!("{key}={value}"));
     }
     command.arg("--prefix").arg(options.prefix.to_string()).arg("--seed").arg(options.seed.to_string());

@@ -1,45 +1,64 @@
-//! How a stage that a supervisor has started learns that the supervisor is gone.
+//! How a stage learns that the supervisor that started it has ended.
 //!
-//! By two ways, either of which is enough: the kernel's death signal, and standard input, a pipe of which only the
-//! supervisor holds the other end, so that it ends when the supervisor does, however that came about. Both ask the stage
-//! to end as Ctrl-C does, with neutral valves; one that has not after [`PATIENCE`] is ended.
+//! Two signs tell the stage, and each of them is enough: the kernel's death signal; and the end of standard input,
+//! which is a pipe whose other end only the supervisor holds. Both ask the stage to end as Ctrl-C does, with neutral
+//! valves. A stage that has not ended after [`PATIENCE`] is ended here.
 //!
-//! Trap: the kernel takes the death signal away from a program with file capabilities, and sends it already when the
-//! *thread* that started the stage ends. The pipe knows neither.
+//! Trap: the kernel does not send the death signal to a program with file capabilities, and it sends the signal already
+//! when the *thread* that started the stage ends. The pipe has neither defect.
 
 use std::{
-    io::{ErrorKind, Read, Write, stderr, stdin},
+    io::{self, ErrorKind, Read, Write, stderr, stdin},
     thread::{Builder, sleep},
     time::Duration,
 };
 
-use rustix::process::{Signal, getpid, getppid, kill_process, set_parent_process_death_signal};
+use rustix::{
+    io::Errno,
+    process::{Signal, getpid, getppid, kill_process, set_parent_process_death_signal},
+};
+use thiserror::Error;
 
-/// How long the stage may take to end by itself.
+/// Time in which the stage should end by itself.
 const PATIENCE: Duration = Duration::from_millis(500);
-/// Stack of the thread that watches, which may be locked into memory.
+/// Stack of the watching thread, bytes. It is small because it may be locked into memory.
 const STACK: usize = 64 * 1024;
 
-/// Arranges that this process ends when `parent` does. The stop flag must be listening to SIGTERM already.
+/// Why a stage cannot be tied to its supervisor.
+#[derive(Debug, Error)]
+pub enum LifelineError {
+    /// The kernel refuses the death signal.
+    #[error("the death signal of the parent cannot be set")]
+    DeathSignal(#[source] Errno),
+    /// The supervisor ended before the stage could watch it.
+    #[error("the process that started this stage has ended")]
+    ParentGone,
+    /// The watching thread cannot be started.
+    #[error("the thread that watches standard input cannot be started")]
+    Thread(#[source] io::Error),
+}
+
+/// Arranges that this process ends when `parent` does. The stop flag must already be set by SIGTERM.
 ///
 /// # Errors
-/// The parent is gone, or the thread cannot be started.
-pub fn hold(parent: i32, name: &'static str) -> Result<(), String> {
-    set_parent_process_death_signal(Some(Signal::TERM)).map_err(|error| format!("death signal: {error}"))?;
-    // The parent may have died before the call above.
+/// The parent has ended, or the thread cannot be started.
+pub fn hold(parent: i32, name: &'static str) -> Result<(), LifelineError> {
+    set_parent_process_death_signal(Some(Signal::TERM)).map_err(LifelineError::DeathSignal)?;
+    // The parent may have ended before the call above.
     if getppid().map(|pid| pid.as_raw_pid()) != Some(parent) {
-        return Err("whoever started this stage is gone".to_owned());
+        return Err(LifelineError::ParentGone);
     }
     let watch = Builder::new().name("lifeline".to_owned()).stack_size(STACK).spawn(move || {
         await_end_of_input();
-        // A signal, not the flag alone: it also ends a sleep until the next tick.
+        // A signal, because the flag alone does not end a sleep until the next tick.
         let _ = kill_process(getpid(), Signal::TERM);
         sleep(PATIENCE);
-        // Whoever read standard error may be gone too.
-        let _ = writeln!(stderr(), "{name}: whoever started it is gone, and it did not end within {PATIENCE:?}");
+        let patience = humantime::format_duration(PATIENCE);
+        // The reader of standard error may have ended as well.
+        let _ = writeln!(stderr(), "{name}: its supervisor has ended, and the stage did not end within {patience}");
         std::process::exit(1);
     });
-    watch.map(|_| ()).map_err(|error| format!("lifeline: {error}"))
+    watch.map(|_| ()).map_err(LifelineError::Thread)
 }
 
 fn await_end_of_input() {

@@ -1,4 +1,6 @@
-//! What a running group says: its last messages, and a line per second for a person.
+//! The last messages of a running group, and a line per second for a person.
+//!
+//! Runs in the supervisor, beside the loop. No stage waits for the monitor.
 
 use std::time::{Duration, Instant};
 
@@ -17,15 +19,15 @@ use crate::report::control_loop::LastMessages;
 /// Time between two lines.
 const LINE_PERIOD: Duration = Duration::from_secs(1);
 
-/// Reads along with a group, without being waited for.
+/// Reads the messages of a group.
 pub struct Monitor {
     health: Reader<StageHealth>,
     samples: Reader<EncoderSample>,
     commands: Reader<ValveCommand>,
     snapshots: Reader<CoefficientSnapshot>,
     last: LastMessages,
-    /// When each stage was last heard of, while it lives.
-    heard: [Option<Instant>; 4],
+    /// When the last heartbeat of each stage came; none before the first one of its process.
+    heartbeats: [Option<Instant>; 4],
     next_line: Instant,
     progress: u64,
     progressed: Instant,
@@ -44,23 +46,23 @@ impl Monitor {
             commands: group.reader()?,
             snapshots: group.reader()?,
             last: LastMessages::default(),
-            heard: [None; 4],
+            heartbeats: [None; 4],
             next_line: now + LINE_PERIOD,
             progress: 0,
             progressed: now,
         })
     }
 
-    /// Reads what has come.
+    /// Reads all messages that have come.
     ///
     /// # Errors
     /// A channel cannot be read.
     pub fn poll(&mut self) -> Result<(), ChannelError> {
         while let Some(health) = self.health.read()?.if_new() {
             let Some(slot) = self.last.health.get_mut(health.stage as usize) else { continue };
-            self.heard[health.stage as usize] = Some(Instant::now());
+            self.heartbeats[health.stage as usize] = Some(Instant::now());
             let before = slot.replace(*health);
-            // Another process counts from 0 again.
+            // A new process counts from 0 again, so the last counts of the former one are kept.
             self.last.former.extend(before.filter(|before| before.pid != health.pid));
         }
         self.samples.newest()?;
@@ -78,20 +80,20 @@ impl Monitor {
         Ok(())
     }
 
-    /// Whether a stage has said that its channels are open.
+    /// Whether the heartbeat of a stage says that its channels are open.
     pub fn is_ready(&self, kind: StageKind) -> bool {
-        self.heard[kind as usize].is_some()
+        self.heartbeats[kind as usize].is_some()
             && self.last.health[kind as usize].is_some_and(|health| health.state != StageState::Stopped as u32)
     }
 
-    /// How long ago a stage was heard of; none before its first word.
+    /// Age of the last heartbeat of a stage; none before its first one.
     pub fn heartbeat_age(&self, kind: StageKind) -> Option<Duration> {
-        self.heard[kind as usize].map(|heard| heard.elapsed())
+        self.heartbeats[kind as usize].map(|heartbeat| heartbeat.elapsed())
     }
 
-    /// A stage has died: what its next life says is its first word again.
+    /// Forgets the heartbeats of a stage whose process has ended.
     pub fn forget(&mut self, kind: StageKind) {
-        self.heard[kind as usize] = None;
+        self.heartbeats[kind as usize] = None;
     }
 
     /// Number of the newest sample, and when it was acquired, ns of `CLOCK_MONOTONIC`.
@@ -99,12 +101,12 @@ impl Monitor {
         self.samples.last().map(|sample| (sample.header.sequence, sample.header.acquired_ns))
     }
 
-    /// For how long no stage has worked a tick.
+    /// Time since a stage last worked a tick.
     pub fn stalled_for(&self) -> Duration {
         self.progressed.elapsed()
     }
 
-    /// The stages and their last ticks, for whoever asks why nothing moves.
+    /// The stages with their last ticks, for an error message about a group that stands still.
     pub fn ticks(&self) -> String {
         let ticks = StageKind::ALL.iter().filter_map(|kind| {
             self.last.health[*kind as usize].map(|health| format!("{} {}", kind.name(), health.header.sequence))
@@ -112,12 +114,12 @@ impl Monitor {
         ticks.collect::<Vec<_>>().join(", ")
     }
 
-    /// What was read last, with what ended the stages that were started again.
+    /// The last messages, with the reasons for which stages were started again.
     pub fn into_last(self, restart_causes: [Vec<String>; 4]) -> LastMessages {
         LastMessages { restart_causes, ..self.last }
     }
 
-    /// The line of this second, once it is due.
+    /// The line of this second; none until the next one is due.
     pub fn line(&mut self, machine: &Machine) -> Option<String> {
         if Instant::now() < self.next_line {
             return None;

@@ -1,7 +1,10 @@
-//! Who operates the axes of a running group: reads its samples, and answers every one with a request.
+//! A program that operates the axes of a running group. It reads the samples of the group and answers each of them with
+//! a request.
 //!
-//! A request names the newest sample that the operator has seen; the controller tells by it how old the request is. So
-//! whoever operates is driven by the samples, and stops with them.
+//! A request names the newest sample that the operator has read. The controller computes from it how old the request
+//! is. So samples drive the operator, and it stops when they do.
+//!
+//! Runs in the operator's process, beside the loop. The controller never waits for it.
 
 use std::{
     sync::{
@@ -12,27 +15,93 @@ use std::{
 };
 
 use pipeline::{
-    channel::{ChannelError, Group, Listener, Prefix, Publisher, Reader},
+    channel::{ChannelError, Group, Listener, Prefix, Publisher, PublisherError, Reader},
     machine::Machine,
     message::{
         AxisCommand, AxisMode, AxisRequest, EncoderSample, Header, Request, ValveCommand, bit_names, control_flag,
     },
     stage::monotonic_ns,
 };
+use thiserror::Error;
 
-use crate::failure::Failure;
-
-/// Longest sleep before the stop flag is looked at, and samples of a group without a notifier.
+/// Longest sleep before the operator looks at the stop flag, and at the samples of a group without a notifier.
 const SLICE: Duration = Duration::from_millis(5);
-/// How long a sample may take, and periods where those are longer.
-const PATIENCE: (Duration, u32) = (Duration::from_secs(2), 3);
-/// How long the controller may take to do what it is asked, settling included; and periods.
-const ANSWER_PATIENCE: (Duration, u32) = (Duration::from_secs(5), 50);
+/// Time in which a sample must come.
+const SAMPLE_PATIENCE: Duration = Duration::from_secs(2);
+/// Periods in which a sample must come; they count where they are longer than [`SAMPLE_PATIENCE`].
+const SAMPLE_PERIODS: u32 = 3;
+/// Time in which the controller must do what it is asked, settling included.
+const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
+/// Periods in which the controller must do it; they count where they are longer than [`ANSWER_PATIENCE`].
+const ANSWER_PERIODS: u32 = 50;
 
-/// What is nothing to whoever operates.
+/// Flags about models. They do not matter to an operator and are not shown.
 const ABOUT_MODELS: u32 = control_flag::NO_MODEL | control_flag::MODEL_STALE | control_flag::MODEL_REFUSED;
 
-/// One program's place at the levers of a group.
+/// Why a group cannot be operated.
+#[derive(Debug, Error)]
+pub enum OperatorError {
+    /// No group of this name runs.
+    #[error("no group \"{0}\" runs; start one with: hydraxis run --prefix {0}")]
+    NoGroup(Prefix),
+    /// The group has an operator already.
+    #[error(
+        "another program operates group \"{prefix}\"; end that one first (`hydraxis status --prefix {prefix}` names it)"
+    )]
+    Taken {
+        /// The group.
+        prefix: Prefix,
+        /// What the channel says.
+        source: PublisherError,
+    },
+    /// A channel of the group cannot be used.
+    #[error(transparent)]
+    Channel(#[from] ChannelError),
+    /// The machine file is not that of the group.
+    #[error(
+        "machine: found {found} axes where group \"{prefix}\" has {present}; allowed: the machine file that it was \
+         started with"
+    )]
+    OtherAxes {
+        /// The group.
+        prefix: Prefix,
+        /// Axes of the machine file.
+        found: usize,
+        /// Axes of the group.
+        present: u32,
+    },
+    /// The group sends no samples.
+    #[error(
+        "group \"{prefix}\": no sample within {}: it has ended, or its sensor has",
+        humantime::format_duration(*.patience)
+    )]
+    NoSample {
+        /// The group.
+        prefix: Prefix,
+        /// Time in which one should have come.
+        patience: Duration,
+    },
+    /// The controller did not do what it was asked.
+    #[error("{wanted}: not within {}; {}", humantime::format_duration(*.patience), .states.join("; "))]
+    NoAnswer {
+        /// What it was asked for.
+        wanted: String,
+        /// Time in which it should have been done.
+        patience: Duration,
+        /// The states of all axes.
+        states: Vec<String>,
+    },
+    /// A fault latched an axis on its way to a mode.
+    #[error("{state}: not {wanted}, a fault has latched it")]
+    Latched {
+        /// The state of the axis.
+        state: String,
+        /// The mode that was asked for.
+        wanted: &'static str,
+    },
+}
+
+/// The operator of a group; a group has at most one.
 pub struct Operator {
     names: Vec<String>,
     prefix: Prefix,
@@ -41,57 +110,43 @@ pub struct Operator {
     requests: Publisher<Request>,
     listener: Listener,
     request: Request,
-    patience: Duration,
+    sample_patience: Duration,
     answer_patience: Duration,
     stop: Arc<AtomicBool>,
     _group: Group,
 }
 
 impl Operator {
-    /// Joins a group that runs `machine`, and makes itself heard, asking for nothing yet; `stop` ends all waiting.
+    /// Joins a group that runs `machine`, and waits until the controller takes its requests, which ask for nothing yet.
+    /// `stop` ends all waiting.
     ///
     /// # Errors
     /// No such group runs, it has other axes or no controller, or another program operates it.
-    pub fn join(machine: &Machine, prefix: &Prefix, stop: Arc<AtomicBool>) -> Result<Self, Failure> {
+    pub fn join(machine: &Machine, prefix: &Prefix, stop: Arc<AtomicBool>) -> Result<Self, OperatorError> {
         if !prefix.folder().exists() {
-            return Err(Failure::Run(format!(
-                "no group \"{prefix}\" runs; start one with: hydraxis run --prefix {prefix}"
-            )));
+            return Err(OperatorError::NoGroup(prefix.clone()));
         }
-        let group = Group::join(prefix, "operator").map_err(Failure::run)?;
-        // An operator that was killed would hold its place for good.
+        let group = Group::join(prefix, "operator").map_err(ChannelError::from)?;
+        // An operator that was killed would keep the only place on the channel.
         group.bury_the_dead();
-        let requests = group.publisher::<Request>().map_err(|error| match error {
-            ChannelError::Open { .. } => {
-                Failure::Run(format!("{error}: another program operates group \"{prefix}\"; end that one first"))
-            }
-            other => Failure::run(other),
-        })?;
+        let requests = group.publisher::<Request>().map_err(|error| publisher_error(prefix, error))?;
+        let period = machine.timing.period;
         let mut operator = Self {
             names: machine.axes.iter().map(|axis| axis.name.clone()).collect(),
             prefix: prefix.clone(),
-            samples: group.reader().map_err(Failure::run)?,
-            commands: group.reader().map_err(Failure::run)?,
-            listener: group.listener::<EncoderSample>().map_err(Failure::run)?,
+            samples: group.reader().map_err(ChannelError::from)?,
+            commands: group.reader().map_err(ChannelError::from)?,
+            listener: group.listener::<EncoderSample>().map_err(ChannelError::from)?,
             requests,
             request: Request { session: monotonic_ns(), ..Request::default() },
-            patience: PATIENCE.0.max(machine.timing.period * PATIENCE.1),
-            answer_patience: ANSWER_PATIENCE.0.max(machine.timing.period * ANSWER_PATIENCE.1),
+            sample_patience: SAMPLE_PATIENCE.max(period * SAMPLE_PERIODS),
+            answer_patience: ANSWER_PATIENCE.max(period * ANSWER_PERIODS),
             stop,
             _group: group,
         };
         operator.request.header = Header { axis_count: machine.axes.len() as u32, ..Header::default() };
-        if let Some(sample) = operator.sample()?
-            && sample.header.axis_count != operator.request.header.axis_count
-        {
-            return Err(Failure::Usage(format!(
-                "machine: found {} axes where group \"{prefix}\" has {}; allowed: the machine file that it was started \
-                 with",
-                machine.axes.len(),
-                sample.header.axis_count
-            )));
-        }
-        // The edge of an enable is counted from a message that the controller has taken.
+        operator.expect_same_axes(machine.axes.len())?;
+        // The controller counts the edges of `enable` from the first message that it has taken.
         let mut taken = None;
         operator.ask_until("an answer of the controller", |command| {
             let now = command.axes[0].taken_requests;
@@ -100,74 +155,81 @@ impl Operator {
         Ok(operator)
     }
 
-    /// Whether somebody wants it to end.
+    fn expect_same_axes(&mut self, found: usize) -> Result<(), OperatorError> {
+        match self.sample()? {
+            Some(sample) if sample.header.axis_count != self.request.header.axis_count => {
+                let (prefix, present) = (self.prefix.clone(), sample.header.axis_count);
+                Err(OperatorError::OtherAxes { prefix, found, present })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether the user wants this program to end.
     pub fn stopping(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// The next sample, in their order; none when it is to end.
+    /// The next sample, in order; none when the program is to end.
     ///
     /// # Errors
     /// No sample comes.
-    pub fn sample(&mut self) -> Result<Option<EncoderSample>, Failure> {
-        let until = Instant::now() + self.patience;
+    pub fn sample(&mut self) -> Result<Option<EncoderSample>, OperatorError> {
+        let until = Instant::now() + self.sample_patience;
         while !self.stopping() {
             if let Some(sample) = self.await_sample()? {
                 return Ok(Some(sample));
             }
             if Instant::now() > until {
-                return Err(self.silent());
+                return Err(OperatorError::NoSample { prefix: self.prefix.clone(), patience: self.sample_patience });
             }
         }
         Ok(None)
     }
 
-    fn await_sample(&mut self) -> Result<Option<EncoderSample>, Failure> {
-        if let Some(sample) = self.samples.read().map_err(Failure::run)?.if_new() {
+    fn await_sample(&mut self) -> Result<Option<EncoderSample>, OperatorError> {
+        if let Some(sample) = self.samples.read().map_err(ChannelError::from)?.if_new() {
             return Ok(Some(*sample));
         }
-        self.listener.wait(SLICE).map_err(Failure::run)?;
-        Ok(self.samples.read().map_err(Failure::run)?.if_new().copied())
+        self.listener.wait(SLICE).map_err(ChannelError::from)?;
+        Ok(self.samples.read().map_err(ChannelError::from)?.if_new().copied())
     }
 
-    fn silent(&self) -> Failure {
-        Failure::Run(format!(
-            "group \"{}\": no sample within {:?}: it has ended, or its sensor has",
-            self.prefix, self.patience
-        ))
-    }
-
-    /// The next command of the controller, in their order, if it has come.
+    /// The next command of the controller, in order, if one has come.
     ///
     /// # Errors
     /// The channel cannot be read.
-    pub fn command(&mut self) -> Result<Option<ValveCommand>, Failure> {
-        Ok(self.commands.read().map_err(Failure::run)?.if_new().copied())
+    pub fn command(&mut self) -> Result<Option<ValveCommand>, OperatorError> {
+        Ok(self.commands.read().map_err(ChannelError::from)?.if_new().copied())
     }
 
-    /// What the controller last did with an axis, if it has done anything.
+    /// The controller's last command of an axis, if there has been one.
     pub fn last(&self, axis: usize) -> Option<AxisCommand> {
         self.commands.last().map(|command| command.axes[axis])
     }
 
-    /// What is asked of an axis with the next message.
+    /// The request for an axis that goes out with the next message.
     pub fn axis(&mut self, axis: usize) -> &mut AxisRequest {
         &mut self.request.axes[axis]
     }
 
-    /// Asks, as an answer to this sample.
+    /// Sends the requests of all axes as an answer to this sample.
     ///
     /// # Errors
     /// The message cannot be sent.
-    pub fn ask(&mut self, sample: &EncoderSample) -> Result<(), Failure> {
+    pub fn ask(&mut self, sample: &EncoderSample) -> Result<(), OperatorError> {
         self.request.header.sequence = sample.header.sequence;
         self.request.header.acquired_ns = sample.header.acquired_ns;
         self.request.header.sent_ns = monotonic_ns();
-        self.requests.send(&self.request).map_err(Failure::run)
+        Ok(self.requests.send(&self.request).map_err(ChannelError::from)?)
     }
 
-    /// Answers samples until the controller's commands are as they should be; false when it is to end first.
-    fn ask_until(&mut self, what: &str, mut is_done: impl FnMut(&ValveCommand) -> bool) -> Result<bool, Failure> {
+    /// Answers samples until `is_done` accepts a command of the controller; false when the program is to end before.
+    fn ask_until(
+        &mut self,
+        wanted: &str,
+        mut is_done: impl FnMut(&ValveCommand) -> bool,
+    ) -> Result<bool, OperatorError> {
         let until = Instant::now() + self.answer_patience;
         loop {
             let Some(sample) = self.sample()? else { return Ok(false) };
@@ -178,22 +240,22 @@ impl Operator {
                 }
             }
             if Instant::now() > until {
-                let states: Vec<String> = (0..self.names.len()).map(|axis| self.state(axis)).collect();
-                return Err(Failure::Run(format!(
-                    "{what}: not within {:?}; {}",
-                    self.answer_patience,
-                    states.join("; ")
-                )));
+                let states = (0..self.names.len()).map(|axis| self.state(axis)).collect();
+                return Err(OperatorError::NoAnswer {
+                    wanted: wanted.to_owned(),
+                    patience: self.answer_patience,
+                    states,
+                });
             }
         }
     }
 
-    /// Puts axes off, a latched one too, and waits until they are.
+    /// Disarms axes, latched ones as well, and waits until the controller says that they are disarmed.
     ///
     /// # Errors
-    /// They are not within a bound.
-    pub fn off(&mut self, axes: &[usize]) -> Result<(), Failure> {
-        // Also when it is to end: that is when it matters most.
+    /// The controller does not say so in time.
+    pub fn disarm(&mut self, axes: &[usize]) -> Result<(), OperatorError> {
+        // The stop flag does not count here: when the program is to end, the axes must be disarmed all the more.
         let stop = std::mem::take(&mut self.stop);
         axes.iter().for_each(|axis| self.axis(*axis).mode = AxisMode::Off as u32);
         let off = self.ask_until("off", |command| {
@@ -203,12 +265,12 @@ impl Operator {
         off.map(|_| ())
     }
 
-    /// Changes axes to a mode, with an enable for those that are off, and waits until they are in it; false when it is
-    /// to end first.
+    /// Changes axes to a mode, arms those that are disarmed, and waits until all are in it; false when the program is
+    /// to end before.
     ///
     /// # Errors
-    /// They are not within a bound, or a fault latches one of them on the way.
-    pub fn change(&mut self, axes: &[usize], mode: AxisMode) -> Result<bool, Failure> {
+    /// They are not in the mode in time, or a fault latches one of them on the way.
+    pub fn change(&mut self, axes: &[usize], mode: AxisMode) -> Result<bool, OperatorError> {
         for axis in axes {
             self.axis(*axis).mode = mode as u32;
             self.axis(*axis).enable += 1;
@@ -220,20 +282,18 @@ impl Operator {
             latched.is_some() || axes.iter().all(|axis| is_in(&command.axes[*axis]))
         })?;
         match latched {
-            Some(axis) => {
-                Err(Failure::Run(format!("{}: not {}, a fault has latched it", self.state(axis), mode.name())))
-            }
+            Some(axis) => Err(OperatorError::Latched { state: self.state(axis), wanted: mode.name() }),
             None => Ok(is_changed),
         }
     }
 
-    /// Names of the faults that have latched an axis; empty when none has.
+    /// Names of the faults that have latched an axis; empty when it is not latched.
     pub fn latched_by(&self, axis: usize) -> String {
         let flags = self.last(axis).map_or(0, |last| last.flags & control_flag::LATCHED);
         bit_names(flags, &control_flag::NAMES).collect::<Vec<_>>().join(", ")
     }
 
-    /// The state of an axis in words.
+    /// The state of an axis in words: its mode and its flags.
     pub fn state(&self, axis: usize) -> String {
         let name = &self.names[axis];
         let Some(last) = self.last(axis) else { return format!("axis.{name}: no command yet") };
@@ -241,5 +301,13 @@ impl Operator {
         let flags = if flags.is_empty() { String::new() } else { format!(" ({})", flags.join(", ")) };
         let mode = AxisMode::from_number(last.operation).map_or("unknown", AxisMode::name);
         format!("axis.{name}: {mode}{flags}")
+    }
+}
+
+/// The channel of requests has one place for a publisher. A second operator is refused.
+fn publisher_error(prefix: &Prefix, error: PublisherError) -> OperatorError {
+    match error {
+        PublisherError::TooManyPublishers { .. } => OperatorError::Taken { prefix: prefix.clone(), source: error },
+        other => OperatorError::Channel(other.into()),
     }
 }

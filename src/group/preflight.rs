@@ -1,107 +1,144 @@
-//! Everything that can be known to be wrong before the first process starts, all of it at once.
+//! Checks before the first process of a run starts, so that the user sees everything that is wrong at once: the name of
+//! the group, the folders that it needs, the programs that replace stages, and the rights that the machine file
+//! demands.
 //!
-//! The machine file and what it points at, the programs in the place of stages, the name of the group, the places that
-//! it needs, and the rights that the machine file is strict about.
+//! Runs once, before the loop.
 
-use std::{env::split_paths, path::Path};
+use std::{
+    env::split_paths,
+    path::{Path, PathBuf},
+};
 
 use pipeline::{
-    channel::{Prefix, remove_leftovers},
+    channel::{Prefix, RemoveError, remove_leftovers},
     machine::Machine,
     stage::{Clock, StageKind, missing},
 };
-use rustix::fs::{Access, access, statvfs};
-
-use crate::failure::Failure;
+use rustix::{
+    fs::{Access, access, statvfs},
+    io::Errno,
+};
+use thiserror::Error;
 
 /// Shared memory that a group may need, bytes.
 const SHARED_MEMORY: u64 = 32 << 20;
-/// Room for its small files, bytes.
+/// Space that the small files of a group need, bytes.
 const SMALL_FILES: u64 = 1 << 20;
 
-/// What was found wrong so far.
-#[derive(Default)]
-pub struct Findings(Vec<Failure>);
-
-impl Findings {
-    /// What `result` gives, or nothing and one finding more.
-    pub fn take<T>(&mut self, result: Result<T, Failure>) -> Option<T> {
-        result.map_err(|failure| self.0.push(failure)).ok()
-    }
-
-    /// One finding more.
-    pub fn add(&mut self, failure: Failure) {
-        self.0.push(failure);
-    }
-
-    /// What was checked, if nothing was found; else all findings in one failure, of usage if any is, else of the run.
-    pub fn verdict<T>(self, checked: Option<T>) -> Result<T, Failure> {
-        if let Some(checked) = checked.filter(|_| self.0.is_empty()) {
-            return Ok(checked);
-        }
-        let text: Vec<String> = self.0.iter().map(ToString::to_string).collect();
-        let is_usage = self.0.iter().any(|failure| matches!(failure, Failure::Usage(_)));
-        let failure = if is_usage { Failure::Usage } else { Failure::Run };
-        Err(failure(text.join("\n")))
-    }
-
-    /// The group and the places that its files go to; removes what a dead group of this name has left.
-    pub fn places(&mut self, prefix: &Prefix, log_folder: Option<&Path>) {
-        self.take(remove_leftovers(prefix).map_err(Failure::run));
-        self.take(place(Path::new("/dev/shm"), SHARED_MEMORY, "the channels").map_err(Failure::Run));
-        let folder = prefix.folder();
-        let temporary = folder.parent().unwrap_or(Path::new("/"));
-        self.take(place(temporary, SMALL_FILES, "the group's files").map_err(Failure::Run));
-        if let Some(folder) = log_folder {
-            // What does not exist is created in the first folder above it that does.
-            let existing = folder.ancestors().map(current).find(|folder| folder.exists()).unwrap_or(folder);
-            let found = place(existing, SMALL_FILES, "the log");
-            self.take(found.map_err(|error| Failure::Usage(format!("--log-folder: {error}"))));
-        }
-    }
-
-    /// The programs that stand in the place of these stages.
-    pub fn programs(&mut self, machine: &Machine, kinds: impl IntoIterator<Item = StageKind>) {
-        for kind in kinds {
-            let program = machine.stage(kind).command.as_ref().and_then(|words| words.first());
-            if let Some(program) = program.filter(|program| !is_executable(program)) {
-                let (name, allowed) =
-                    (kind.name(), "a program by its path, or by its name in one of the folders of PATH");
-                self.0.push(Failure::Usage(format!(
-                    "stage.{name}.command: found \"{program}\", which cannot be executed; allowed: {allowed}"
-                )));
-            }
-        }
-    }
-
-    /// The rights that the machine file asks for; those that it is not strict about are returned, to be said.
-    pub fn rights(&mut self, machine: &Machine, clock: Clock) -> Vec<String> {
-        let (strict, others): (Vec<_>, Vec<_>) = missing(machine, clock).into_iter().partition(|right| right.strict);
-        let strict = strict.into_iter().map(|right| format!("{} (the machine file is strict)", right.text));
-        self.0.extend(strict.map(Failure::Run));
-        others.into_iter().map(|right| right.text).collect()
-    }
+/// Why a run cannot start.
+#[derive(Debug, Error)]
+pub enum PreflightError {
+    /// A group of this name runs already, or what it left cannot be removed.
+    #[error(transparent)]
+    Leftovers(#[from] RemoveError),
+    /// A folder that every group needs is not usable.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// The folder of the log is not usable.
+    #[error("--log-folder: {0}")]
+    LogFolder(FolderError),
+    /// The program that replaces a stage cannot be executed.
+    #[error(
+        "stage.{stage}.command: found \"{program}\", which cannot be executed; allowed: a program by its path, or by \
+         its name in one of the folders of PATH"
+    )]
+    Program {
+        /// The stage.
+        stage: &'static str,
+        /// Its program.
+        program: String,
+    },
+    /// The machine file demands a right that this process does not have.
+    #[error("{0} (the machine file is strict)")]
+    Right(String),
 }
 
-/// The folder itself, where an empty path means the one that this process works in.
+/// Why files cannot be created in a folder.
+#[derive(Debug, Error)]
+pub enum FolderError {
+    /// There is no folder of this name.
+    #[error("{}: found no folder; allowed: a folder for {purpose}", .folder.display())]
+    Absent {
+        /// The folder.
+        folder: PathBuf,
+        /// What it is needed for.
+        purpose: &'static str,
+    },
+    /// This user may not create files in it.
+    #[error("{}: found a folder that cannot be written ({source}); allowed: a folder for {purpose}", .folder.display())]
+    NotWritable {
+        /// The folder.
+        folder: PathBuf,
+        /// What it is needed for.
+        purpose: &'static str,
+        /// What the system says.
+        source: Errno,
+    },
+    /// It has too little space.
+    #[error("{}: found {free} bytes free; allowed: at least {needed} bytes for {purpose}", .folder.display())]
+    Full {
+        /// The folder.
+        folder: PathBuf,
+        /// What it is needed for.
+        purpose: &'static str,
+        /// Free space, bytes.
+        free: u64,
+        /// Space that is needed, bytes.
+        needed: u64,
+    },
+}
+
+/// Checks the name of the group and the folders of its files. Removes what a dead group of this name has left.
+pub fn folders(prefix: &Prefix, log_folder: Option<&Path>) -> Vec<PreflightError> {
+    let mut errors = Vec::new();
+    errors.extend(remove_leftovers(prefix).err().map(PreflightError::from));
+    errors.extend(folder(Path::new("/dev/shm"), SHARED_MEMORY, "the channels").err().map(PreflightError::from));
+    let own = prefix.folder();
+    let temporary = own.parent().unwrap_or(Path::new("/"));
+    errors.extend(folder(temporary, SMALL_FILES, "the group's files").err().map(PreflightError::from));
+    if let Some(wanted) = log_folder {
+        // A folder that does not exist is created in the first folder above it that does.
+        let existing = wanted.ancestors().map(current).find(|folder| folder.exists()).unwrap_or(wanted);
+        errors.extend(folder(existing, SMALL_FILES, "the log").err().map(PreflightError::LogFolder));
+    }
+    errors
+}
+
+/// Checks the programs that replace these stages.
+pub fn programs(machine: &Machine, kinds: impl IntoIterator<Item = StageKind>) -> Vec<PreflightError> {
+    let broken = kinds.into_iter().filter_map(|kind| {
+        let program = machine.stage(kind).command.as_ref().and_then(|words| words.first());
+        let program = program.filter(|program| !is_executable(program))?;
+        Some(PreflightError::Program { stage: kind.name(), program: program.clone() })
+    });
+    broken.collect()
+}
+
+/// Checks the rights that the machine file asks for: those that it demands, as errors, and the others, as warnings.
+pub fn rights(machine: &Machine, clock: Clock) -> (Vec<PreflightError>, Vec<String>) {
+    let (strict, others): (Vec<_>, Vec<_>) = missing(machine, clock).into_iter().partition(|right| right.strict);
+    let errors = strict.into_iter().map(|right| PreflightError::Right(right.text));
+    (errors.collect(), others.into_iter().map(|right| right.text).collect())
+}
+
+/// The folder itself; `.` for an empty path, which means the working folder of this process.
 fn current(folder: &Path) -> &Path {
     if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
 }
 
-/// Whether files for `what` can be created in a folder.
-fn place(folder: &Path, room: u64, what: &str) -> Result<(), String> {
-    let refuse = |found: String| Err(format!("{}: found {found}; allowed: a folder for {what}", folder.display()));
+/// Whether files of `needed` bytes can be created in a folder.
+fn folder(folder: &Path, needed: u64, purpose: &'static str) -> Result<(), FolderError> {
+    let path = folder.to_owned();
     if !folder.is_dir() {
-        return refuse("no folder".to_owned());
+        return Err(FolderError::Absent { folder: path, purpose });
     }
-    if let Err(error) = access(folder, Access::WRITE_OK | Access::EXEC_OK) {
-        return refuse(format!("one that cannot be written ({error})"));
+    if let Err(source) = access(folder, Access::WRITE_OK | Access::EXEC_OK) {
+        return Err(FolderError::NotWritable { folder: path, purpose, source });
     }
-    match statvfs(folder) {
-        Ok(found) if found.f_bavail.saturating_mul(found.f_frsize) < room => {
-            refuse(format!("{} bytes free, {room} are needed", found.f_bavail.saturating_mul(found.f_frsize)))
-        }
-        // Where nobody can say how much room there is, it will turn out.
+    let free = statvfs(folder).map(|found| found.f_bavail.saturating_mul(found.f_frsize));
+    match free {
+        Ok(free) if free < needed => Err(FolderError::Full { folder: path, purpose, free, needed }),
+        // Where the system does not say how much space there is, the first write will tell.
         _ => Ok(()),
     }
 }

@@ -1,22 +1,43 @@
-//! Signals to a process as flags: the end, and counting from zero again.
+//! Signals to this process as flags: one asks for the end, one for counting from zero.
 
-use std::sync::{Arc, atomic::AtomicBool};
+use std::{
+    io,
+    sync::{Arc, atomic::AtomicBool},
+};
 
-use crate::failure::Failure;
+use signal_hook::{
+    consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1},
+    flag::register,
+};
+use thiserror::Error;
 
-/// A flag that SIGINT, SIGTERM and SIGHUP set; the last comes when a terminal is closed, and to a stopped process that
-/// has lost its parent.
-pub fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
+/// Signals that ask a process to end. SIGHUP comes when a terminal is closed, and to a stopped process whose parent has
+/// ended.
+pub const END: [i32; 3] = [SIGINT, SIGTERM, SIGHUP];
+
+/// A signal cannot be handled.
+#[derive(Debug, Error)]
+#[error("signals cannot be handled")]
+pub struct SignalError(#[from] io::Error);
+
+/// A flag that the signals of [`END`] set.
+///
+/// # Errors
+/// The system refuses a handler.
+pub fn stop_flag() -> Result<Arc<AtomicBool>, SignalError> {
     let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(Failure::run)?;
+    for signal in END {
+        register(signal, Arc::clone(&stop))?;
     }
     Ok(stop)
 }
 
-/// A flag that SIGUSR1 sets: count from zero again.
-pub fn reset_flag() -> Result<Arc<AtomicBool>, Failure> {
+/// A flag that SIGUSR1 sets. It asks a stage to count and to measure from zero.
+///
+/// # Errors
+/// The system refuses a handler.
+pub fn reset_flag() -> Result<Arc<AtomicBool>, SignalError> {
     let reset = Arc::new(AtomicBool::new(false));
-    signal_hook::flag::register(signal_hook::consts::SIGUSR1, Arc::clone(&reset)).map_err(Failure::run)?;
+    register(SIGUSR1, Arc::clone(&reset))?;
     Ok(reset)
 }

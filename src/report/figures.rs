@@ -1,4 +1,4 @@
-//! Figures that every report shows: errors, their reduction, coefficients.
+//! Figures that several reports have: errors, their reduction, coefficients.
 
 use pipeline::{hammerstein::Coefficients, message::ModelErrors, statistics::ErrorStatistics};
 use serde::Serialize;
@@ -12,31 +12,31 @@ pub struct ErrorFigures {
     pub rmse: f64,
     /// Largest magnitude.
     pub max: f64,
-    /// 100 (1 - |e| / |y - mean y|).
+    /// 100 (1 - |e| / |y - mean y|), percent.
     pub fit_percent: f64,
 }
 
 impl ErrorFigures {
-    /// From running statistics of the error and of the output.
+    /// Figures from the running statistics of the error and of the output.
     pub fn new(error: &ErrorStatistics, output: &ErrorStatistics) -> Self {
         let rmse = error.rmse();
         Self { sigma: error.sigma(), rmse, max: error.max, fit_percent: 100.0 * (1.0 - rmse / output.sigma()) }
     }
 }
 
-/// By how much the adaptive model is better: 100 (1 - sigma_adaptive / sigma_classical).
+/// Reduction of errors by the adaptive model: 100 (1 - sigma_adaptive / sigma_classical), percent.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Reduction {
-    /// Of the one-step error.
+    /// Reduction of the one-step error.
     pub one_step: f64,
-    /// Of the h-step error.
+    /// Reduction of the h-step error.
     pub h_step: f64,
-    /// Of the free run.
+    /// Reduction of the error of the free run.
     pub free_run: f64,
 }
 
 impl Reduction {
-    /// From the errors of both models over the same samples.
+    /// The reduction from the errors of both models over the same samples.
     pub fn new(classical: &ModelErrors, adaptive: &ModelErrors) -> Self {
         let percent =
             |of: fn(&ModelErrors) -> &ErrorStatistics| 100.0 * (1.0 - of(adaptive).sigma() / of(classical).sigma());
@@ -48,7 +48,7 @@ impl Reduction {
     }
 }
 
-/// A model's coefficients as lists, the used entries of each array.
+/// The coefficients of a model as lists: the used entries of each array.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CoefficientLists {
     /// a_1 .. a_na.
@@ -59,12 +59,12 @@ pub struct CoefficientLists {
     pub f: Vec<f64>,
     /// g_1 .. g_r.
     pub g: Vec<f64>,
-    /// c, 0 for a model without drift.
+    /// c; 0 for a model without drift.
     pub drift: f64,
 }
 
 impl CoefficientLists {
-    /// Of one model.
+    /// The lists of one model.
     pub fn new(model: &Coefficients) -> Self {
         let order = model.nonlinearity().order;
         Self {

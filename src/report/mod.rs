@@ -1,4 +1,6 @@
-//! Figures at the end of a command: tables for people, JSON for programs, and where both go.
+//! Figures at the end of a command: tables for people, JSON for programs, and the outputs that both go to.
+//!
+//! Nothing here runs beside the loop or in a stage. A command fills a report after its work is done.
 
 pub mod control_loop;
 pub mod figures;

@@ -1,4 +1,5 @@
-//! Where the figures of a command go: tables to standard output, JSON to a file or in place of the tables.
+//! Where the figures of a command go: tables to standard output; JSON to a file, or to standard output instead of the
+//! tables.
 
 use std::{
     fs::File,
@@ -7,65 +8,103 @@ use std::{
 };
 
 use serde::Serialize;
+use thiserror::Error;
 
-use crate::failure::Failure;
+/// Why an output cannot be opened or written.
+#[derive(Debug, Error)]
+pub enum OutputError {
+    /// The file that an option names cannot be created.
+    #[error("{option}: {} cannot be written", .path.display())]
+    Create {
+        /// The option.
+        option: &'static str,
+        /// Its file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The file was created and cannot be written.
+    #[error("{option}: {} cannot be written", .path.display())]
+    Write {
+        /// The option.
+        option: &'static str,
+        /// Its file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// Standard output cannot be written.
+    #[error("standard output cannot be written")]
+    StandardOutput(#[source] io::Error),
+    /// The figures have no form in JSON.
+    #[error("--json: the figures cannot be written as JSON")]
+    Json(#[source] serde_json::Error),
+}
 
-/// The outputs that were asked for, opened before the work begins.
+/// The outputs that the user asked for. They are opened before the work begins.
 pub struct Output {
     tables: bool,
     json: Option<(PathBuf, Box<dyn Write>)>,
 }
 
 impl Output {
-    /// Opens `json`; `-` is standard output, which then shows nothing else.
-    pub fn open(json: Option<&Path>) -> Result<Self, Failure> {
+    /// Opens the file of `--json`. `-` is standard output, which then shows no tables.
+    ///
+    /// # Errors
+    /// The file cannot be created.
+    pub fn open(json: Option<&Path>) -> Result<Self, OutputError> {
         let Some(path) = json else { return Ok(Self { tables: true, json: None }) };
         Ok(Self { tables: !is_stdout(path), json: Some((path.to_owned(), create("--json", path)?)) })
     }
 
-    /// The same without tables, where standard output is for something else.
+    /// This output without tables, for a command that writes something else to standard output.
     pub fn without_tables(self) -> Self {
         Self { tables: false, ..self }
     }
 
-    /// Writes what was asked for.
-    pub fn write(self, tables: impl FnOnce() -> String, figures: &impl Serialize) -> Result<(), Failure> {
+    /// Writes tables and JSON as far as the user asked for them.
+    ///
+    /// # Errors
+    /// One of them cannot be written.
+    pub fn write(self, tables: impl FnOnce() -> String, figures: &impl Serialize) -> Result<(), OutputError> {
         if self.tables {
             show(&tables())?;
         }
         let Some((path, mut file)) = self.json else { return Ok(()) };
-        let mut text = serde_json::to_string_pretty(figures).map_err(Failure::run)?;
+        let mut text = serde_json::to_string_pretty(figures).map_err(OutputError::Json)?;
         text.push('\n');
-        file.write_all(text.as_bytes()).and_then(|()| file.flush()).map_err(|error| unwritable("--json", &path, &error))
+        let written = file.write_all(text.as_bytes()).and_then(|()| file.flush());
+        written.map_err(|source| OutputError::Write { option: "--json", path, source })
     }
 }
 
-/// Whether an option's file is standard output.
+/// Whether the file of an option is standard output.
 pub fn is_stdout(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// Opens what `option` names for writing, a file or standard output.
-pub fn create(option: &str, path: &Path) -> Result<Box<dyn Write>, Failure> {
+/// Opens the file of `option`, or standard output, for writing.
+///
+/// # Errors
+/// The file cannot be created.
+pub fn create(option: &'static str, path: &Path) -> Result<Box<dyn Write>, OutputError> {
     if is_stdout(path) {
         return Ok(Box::new(io::stdout()));
     }
     match File::create(path) {
         Ok(file) => Ok(Box::new(file)),
-        Err(error) => Err(Failure::Usage(format!("{option}: {} cannot be written: {error}", path.display()))),
+        Err(source) => Err(OutputError::Create { option, path: path.to_owned(), source }),
     }
 }
 
-/// The failure to write what was opened.
-pub fn unwritable(option: &str, path: &Path, error: &io::Error) -> Failure {
-    Failure::Run(format!("{option}: {} cannot be written: {error}", path.display()))
-}
-
-/// Writes to standard output. A reader that has gone, such as `head`, has seen what it wanted.
-pub fn show(text: &str) -> Result<(), Failure> {
+/// Writes text to standard output. A reader that has closed its end, such as `head`, is no error.
+///
+/// # Errors
+/// Standard output cannot be written for another reason.
+pub fn show(text: &str) -> Result<(), OutputError> {
     let mut stdout = io::stdout();
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::run(error)),
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(OutputError::StandardOutput(error)),
         _ => Ok(()),
     }
 }

@@ -1,11 +1,11 @@
-//! Tables and progress for people.
+//! Tables, numbers in tables, and progress bars.
 
 use std::io::IsTerminal;
 
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// A table with its first column to the left and numbers to the right.
+/// A table whose first column is aligned to the left and all others, with numbers, to the right.
 pub fn table(header: &[&str], rows: Vec<Vec<String>>) -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING).set_content_arrangement(ContentArrangement::Disabled);
@@ -19,7 +19,7 @@ pub fn table(header: &[&str], rows: Vec<Vec<String>>) -> Table {
     table
 }
 
-/// Five significant digits, or `-` for what is not a number.
+/// A number with five significant digits; `-` for NaN, `diverged` for an infinite one.
 pub fn number(value: f64) -> String {
     if !value.is_finite() {
         return if value.is_nan() { "-".to_owned() } else { "diverged".to_owned() };
@@ -32,12 +32,12 @@ pub fn number(value: f64) -> String {
     }
 }
 
-/// A percentage with two decimals, or `-`.
+/// A percentage with two decimals; `-` where it is not finite.
 pub fn percent(value: f64) -> String {
     if value.is_finite() { format!("{value:.2} %") } else { "-".to_owned() }
 }
 
-/// A latency in the unit that reads best.
+/// A time given in ns, in the unit that reads best.
 pub fn nanoseconds(value: u64) -> String {
     match value {
         0..10_000 => format!("{value} ns"),
@@ -47,7 +47,7 @@ pub fn nanoseconds(value: u64) -> String {
     }
 }
 
-/// A bar on a terminal, nothing elsewhere.
+/// A progress bar on a terminal; nothing where standard error is none.
 pub fn progress(length: u64, unit: &str) -> ProgressBar {
     let terminal = std::io::stderr().is_terminal();
     let target = if terminal { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };

@@ -1,4 +1,4 @@
-//! The faults' order, kind and time: random, from a seed that is printed, as is every fault.
+//! Random order, kind and time of the faults. The seed and every fault are printed.
 
 use std::time::{Duration, Instant};
 
@@ -23,12 +23,12 @@ impl Dice {
         Self { random: Pcg64::seed_from_u64(seed), started: Instant::now(), test }
     }
 
-    /// 0, 1, .. below `end`.
+    /// A random number from 0 to `end` - 1.
     pub fn below(&mut self, end: u64) -> u64 {
         self.random.next_u64() % end
     }
 
-    /// Once in so many times.
+    /// True once in so many times.
     pub fn once_in(&mut self, times: u64) -> bool {
         self.below(times) == 0
     }
@@ -37,13 +37,13 @@ impl Dice {
         StageKind::ALL[self.below(4) as usize]
     }
 
-    /// Between two durations, each order of magnitude alike.
+    /// A random time between two durations. Each order of magnitude is equally likely.
     pub fn duration(&mut self, shortest: Duration, longest: Duration) -> Duration {
         let part = self.below(1001) as f64 / 1000.0;
         shortest.mul_f64((longest.as_secs_f64() / shortest.as_secs_f64()).powf(part))
     }
 
-    /// Prints what is done now.
+    /// Prints the next fault with its time.
     pub fn note(&self, what: &str) {
         println!("{} {:8.3} s: {what}", self.test, self.started.elapsed().as_secs_f64());
     }

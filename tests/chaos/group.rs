@@ -1,4 +1,4 @@
-//! One group after another: their starts, faults and ends, each within a bound and without leavings.
+//! Groups that are started, disturbed and ended, one after another. Each ends within a bound and leaves no files.
 
 use std::{
     collections::BTreeMap,
@@ -19,11 +19,11 @@ use crate::{
     watch::Watch,
 };
 
-/// Bounds of a time that a stage is stopped for, or that a client gets.
+/// Shortest and longest time for which a stage is stopped, or a client runs.
 pub const SHORTEST: Duration = Duration::from_millis(5);
 pub const LONGEST: Duration = Duration::from_secs(3);
 
-/// What has happened over all groups.
+/// Counts over all groups of a test.
 #[derive(Default)]
 pub struct Tally {
     pub kills: u64,
@@ -33,9 +33,9 @@ pub struct Tally {
     pub restarts: u64,
     pub published: u64,
     pub lost: u64,
-    /// How groups ended, and how often.
+    /// Number of groups by the way in which they ended.
     pub ends: BTreeMap<String, u64>,
-    /// Reaction times by what was done, ms.
+    /// Reaction times by the kind of disturbance, ms.
     pub reactions: BTreeMap<String, Vec<f64>>,
 }
 
@@ -64,13 +64,13 @@ impl Tally {
     }
 }
 
-/// A group that runs, and whoever looks at it.
+/// A running group, and the reader of all its channels.
 pub struct Chaos {
     running: Running,
     pub watch: Option<Watch>,
-    /// Stages that were stopped and not let go.
+    /// Stages that are stopped by SIGSTOP.
     pub stopped: Vec<u32>,
-    /// Stages that something was done to.
+    /// Stages that were disturbed.
     pub disturbed: [bool; 4],
 }
 
@@ -90,7 +90,7 @@ impl Chaos {
         self.watch.as_mut().unwrap()
     }
 
-    /// Reads along for a time.
+    /// Reads all channels for a time.
     pub fn look_for(&mut self, time: Duration) {
         let until = Instant::now() + time;
         while Instant::now() < until {
@@ -98,7 +98,7 @@ impl Chaos {
         }
     }
 
-    /// Reads along until something is there; none when the group has ended before.
+    /// Reads all channels until `look` returns something. Returns none if the group ends before.
     pub fn look_until<T>(&mut self, what: &str, mut look: impl FnMut(&mut Self) -> Option<T>) -> Option<T> {
         let until = Instant::now() + PATIENCE;
         loop {
@@ -123,7 +123,7 @@ impl Chaos {
         self.running.supervisor.try_wait().unwrap().is_some()
     }
 
-    /// Runs another command to its end, reading along; its exit code.
+    /// Reads all channels until another command has ended. Returns its exit code.
     pub fn finish(&mut self, mut client: Child) -> Option<i32> {
         let until = Instant::now() + PATIENCE;
         loop {
@@ -135,7 +135,7 @@ impl Chaos {
         }
     }
 
-    /// A client reads along, and may be killed while it does.
+    /// Runs `hydraxis status`, and kills it every other time.
     pub fn visit(&mut self, dice: &mut Dice, tally: &mut Tally) {
         let is_killed = dice.once_in(2);
         dice.note(if is_killed { "status, killed" } else { "status" });
@@ -148,7 +148,7 @@ impl Chaos {
         self.finish(status);
     }
 
-    /// Sends a signal to a stage, if it lives; false when it does not.
+    /// Sends a signal to a stage. Returns false if the stage does not run.
     pub fn signal(&mut self, kind: StageKind, signal: Signal) -> bool {
         let pid = self.watch().pids[kind as usize];
         if signal != Signal::USR1 {
@@ -157,14 +157,14 @@ impl Chaos {
         is_running(pid) && kill_process(Pid::from_raw(pid as i32).unwrap(), signal).is_ok()
     }
 
-    /// Lets go of all stages that are stopped.
+    /// Lets all stopped stages continue.
     pub fn release(&mut self) {
         for pid in self.stopped.drain(..) {
             let _ = kill_process(Pid::from_raw(pid as i32).unwrap(), Signal::CONT);
         }
     }
 
-    /// Stops looking, with the sums checked.
+    /// Leaves the channels, after a check of the message counts.
     fn look_away(&mut self, tally: &mut Tally) {
         if let Some(mut watch) = self.watch.take() {
             let (published, lost) = watch.check_numbers();
@@ -174,7 +174,7 @@ impl Chaos {
         }
     }
 
-    /// Ends the group in order: nothing is left at once.
+    /// Ends the group by SIGINT. Nothing is left as soon as the supervisor has ended.
     pub fn interrupt(mut self, tally: &mut Tally) -> Said {
         self.release();
         self.look_away(tally);
@@ -184,10 +184,10 @@ impl Chaos {
         said
     }
 
-    /// Waits for the end that the group comes to by itself.
+    /// Waits for a group that ends with its last tick.
     pub fn await_end(mut self, tally: &mut Tally) -> Said {
         self.look_away(tally);
-        // Whoever was attached at its end has kept its files.
+        // If this test was still attached when the group ended, the files of the group are still there.
         let was_late = self.has_ended();
         let said = self.running.expect_end(0);
         if was_late {
@@ -198,7 +198,7 @@ impl Chaos {
         said
     }
 
-    /// Kills the supervisor: no stage outlives it, and the next command of this name cleans up.
+    /// Kills the supervisor. All stages end with it, and the next command with this prefix removes the files.
     pub fn orphan(mut self, dice: &mut Dice, tally: &mut Tally) {
         self.release();
         dice.note("SIGKILL supervisor");
@@ -206,7 +206,7 @@ impl Chaos {
         let started = Instant::now();
         signal(self.running.supervisor.id(), Signal::KILL);
         self.running.supervisor.wait().unwrap();
-        // Also those whose first word has not come yet.
+        // All processes of the group, also stages that have not sent a heartbeat yet.
         while processes(self.prefix()) != Vec::<String>::new() {
             assert!(started.elapsed() < PATIENCE, "{:?}", processes(self.prefix()));
             self.look();
@@ -214,7 +214,7 @@ impl Chaos {
         let took = started.elapsed();
         let reaction = tally.reactions.entry("stages gone after their supervisor".to_owned()).or_default();
         reaction.push(took.as_secs_f64() * 1e3);
-        assert!(took < Duration::from_secs(1), "the stages have outlived their supervisor by {took:?}");
+        assert!(took < Duration::from_secs(1), "the stages ended {took:?} after their supervisor");
         self.look_away(tally);
         let prefix = self.prefix().to_string();
         if dice.once_in(2) {
@@ -226,9 +226,9 @@ impl Chaos {
         *tally.ends.entry("supervisor killed".to_owned()).or_default() += 1;
     }
 
-    /// Waits for the end of a group that something has ended; what it gives as the cause.
+    /// Waits for the end of a group that fails. Returns the cause that the supervisor prints.
     pub fn await_failure(mut self, tally: &mut Tally) -> String {
-        // Whoever reads along keeps the group's files.
+        // A reader would keep the files of the group.
         let pids = self.watch().pids;
         self.look_away(tally);
         self.running.pids = pids;
@@ -244,7 +244,7 @@ impl Chaos {
         verdict
     }
 
-    /// Neither a process nor a file.
+    /// Expects that neither a process nor a file of the group is left.
     fn expect_nothing(&self) {
         assert_eq!(processes(self.prefix()), Vec::<String>::new());
         assert_eq!(files(self.prefix()), Vec::<std::path::PathBuf>::new());
@@ -257,7 +257,7 @@ impl Drop for Chaos {
     }
 }
 
-/// Another command on the group.
+/// Starts another command, whose output is of no interest.
 pub fn client(arguments: &[&str]) -> Child {
     hydraxis().args(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
 }

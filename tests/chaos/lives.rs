@@ -1,11 +1,13 @@
-//! What the numbers of a channel say of its writer's lives, and what one life of the controller may do.
+//! Rules that hold over restarts of a stage: for the message numbers of a channel, and for the controller.
+//!
+//! A *life* is the time from one start of a stage to its end. Message numbers begin with 0 in every life.
 
 use pipeline::message::{AxisCommand, control_flag};
 
 /// Message numbers of one channel.
 #[derive(Default)]
 pub struct Numbers {
-    /// First and last number of every life that was seen, the present one last.
+    /// First and last number that were seen of every life, the present life last.
     lives: Vec<(u64, u64)>,
 }
 
@@ -17,7 +19,7 @@ impl Numbers {
         }
     }
 
-    /// Messages from the first to the last seen of every life.
+    /// Number of messages from the first to the last one that was seen, summed over all lives.
     pub fn published(&self) -> u64 {
         self.lives.iter().map(|(first, last)| last - first + 1).sum()
     }
@@ -27,16 +29,16 @@ impl Numbers {
     }
 }
 
-/// A controller over its lives: who has let it move.
+/// A controller over its lives, and whether its axes may move.
 #[derive(Default)]
 pub struct Controller {
     last_number: Option<u64>,
-    /// Whether it was started again: the first life is armed by `hydraxis run`.
+    /// Whether the controller was started again. In its first life `hydraxis run` arms it.
     started_again: bool,
-    /// Whether somebody has enabled an axis in this life.
+    /// Whether a program has armed an axis in this life.
     enabled: bool,
     latched: [bool; 4],
-    /// Whether a program is at the levers now.
+    /// Whether a program that arms, disarms or resets runs now.
     pub at_levers: bool,
 }
 
@@ -48,9 +50,12 @@ impl Controller {
         self.enabled |= self.at_levers;
         for (i, axis) in axes.iter().enumerate() {
             let is_off = axis.flags & (control_flag::DISARMED | control_flag::FEEDBACK) != 0;
-            assert!(is_off || self.enabled || !self.started_again, "nobody has enabled axis {i}: {axis:?}");
+            assert!(is_off || self.enabled || !self.started_again, "axis {i} moves and was not armed: {axis:?}");
             let is_latched = axis.flags & control_flag::LATCHED != 0;
-            assert!(is_latched || self.at_levers || !self.latched[i], "nobody has released axis {i}: {axis:?}");
+            assert!(
+                is_latched || self.at_levers || !self.latched[i],
+                "axis {i} is no longer latched and was not reset: {axis:?}"
+            );
             self.latched[i] = is_latched;
         }
     }

@@ -1,4 +1,4 @@
-//! In lock-step a kill ends the run with its cause, and a stop only delays it.
+//! In lock-step a killed stage ends the run, and a stopped stage only delays it.
 
 use std::time::Duration;
 
@@ -12,9 +12,9 @@ use crate::{
     kills,
 };
 
-/// Of a run that is delayed: long enough to be met by the first stop, in either profile.
+/// Duration of a run that is delayed. In both build profiles the run lasts until the first stop.
 const DURATION: &str = if cfg!(debug_assertions) { "4s" } else { "40s" };
-/// Groups that are delayed only, among those that are killed: one in so many.
+/// One group is delayed for so many groups that are killed.
 const DELAYED: u64 = 8;
 
 #[test]
@@ -32,7 +32,7 @@ fn in_lock_step_a_kill_ends_the_run_and_a_stop_only_delays_it() {
     tally.print(dice.elapsed());
 }
 
-/// Stops stages of a run and lets them go on: its figures are those of a run that nobody has disturbed.
+/// Stops stages of a run and lets them continue. The figures of the run are those of an undisturbed run.
 fn delayed(dice: &mut Dice, tally: &mut Tally, undisturbed: &serde_json::Value) {
     let arguments = ["--lockstep", "--duration", DURATION, "--seed", "3", "--json", "-"];
     let mut chaos = Chaos::start("chaos-delay", &arguments, tally);
@@ -52,7 +52,7 @@ fn killed(dice: &mut Dice, tally: &mut Tally) {
     chaos.look_for(dice.duration(Duration::from_millis(1), Duration::from_millis(300)));
     if dice.once_in(4) {
         stop(&mut chaos, dice, tally);
-        // One that stands still may be killed too, and one that is gone is waited for by it.
+        // A stopped stage may be killed next; the other stages wait for it or for a killed one.
         if dice.once_in(2) {
             chaos.release();
         }

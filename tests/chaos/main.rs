@@ -1,7 +1,8 @@
-//! Whole groups under random faults: kills, stops, clients that come and go, and no core to work on.
+//! Whole groups under random faults: killed and stopped stages, clients that come and go, busy cores.
 //!
-//! `HYDRAXIS_CHAOS_KILLS` is how many processes are killed in all, half of them in real time and half in lock-step;
-//! `HYDRAXIS_CHAOS_SEED` repeats the order of a failure's faults. In real time what they meet differs each time.
+//! `HYDRAXIS_CHAOS_KILLS` is the number of processes that are killed, half of them in real time and half in lock-step.
+//! `HYDRAXIS_CHAOS_SEED` repeats a sequence of faults. In real time the state that a fault meets differs from run to
+//! run.
 
 mod dice;
 mod group;
@@ -12,7 +13,7 @@ mod lock_step;
 mod real_time;
 mod watch;
 
-/// Kills in each of the two clocks.
+/// Number of kills with each of the two clocks.
 fn kills() -> u64 {
     harness::variable::<u64>("HYDRAXIS_CHAOS_KILLS", 16).div_ceil(2)
 }

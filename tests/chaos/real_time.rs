@@ -1,4 +1,5 @@
-//! In real time what has died starts again, disarmed, until it is given up; and the machine stands still meanwhile.
+//! In real time a killed stage is started again until its limit of restarts. The axes stand still meanwhile, and a new
+//! controller is disarmed.
 
 use std::{
     thread,
@@ -15,10 +16,10 @@ use crate::{
     kills,
 };
 
-/// How long the machine is looked at after it has lost its controller or its eyes.
+/// Time for which the machine is observed after the controller or the acquisition has failed.
 const AFTERMATH: Duration = Duration::from_millis(500);
-/// How long it may go on: the drive's time-out (50 ms), its dead time and five time constants of its valve (0.1 s), and
-/// ten times that for a machine that is busy with something else.
+/// Longest time until standstill. It is ten times the drive's time-out (50 ms) with the dead time and five time
+/// constants of the valve (0.1 s), for a computer that is busy with other work.
 const STANDS_WITHIN_MS: f64 = 2000.0;
 
 #[test]
@@ -60,7 +61,7 @@ fn group(dice: &mut Dice, tally: &mut Tally, kills: u64) {
     chaos.interrupt(tally);
 }
 
-/// Starts motion where there is none; a stage that is just dying may be in the way.
+/// Starts motion where there is none. It may fail where a stage is just ending.
 fn arm(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
     let all_live = |chaos: &mut Chaos| chaos.watch().pids.iter().all(|pid| is_running(*pid)).then_some(());
     if chaos.look_until("all four stages", all_live).is_none() || !chaos.watch().needs_arming() {
@@ -100,7 +101,7 @@ fn kill(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
     if was_moving {
         measure(chaos, dice, tally, kind, "killed", at_ns);
     }
-    // Now and then the next fault meets a group that is not whole.
+    // Once in four times the next fault comes before the stage has been started again.
     if kind == StageKind::PlantSim || !dice.once_in(4) {
         chaos.look_until("the next life", |chaos| (chaos.watch().pids[kind as usize] != before).then_some(()));
     }
@@ -123,13 +124,13 @@ fn stop(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
     chaos.release();
 }
 
-/// How long the machine went on after its controller or its eyes were gone.
+/// Measures the time to standstill after the controller or the acquisition has failed.
 fn measure(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally, kind: StageKind, how: &str, at_ns: u64) {
     if !matches!(kind, StageKind::ControlProc | StageKind::SensorProc) {
         return;
     }
     let (name, watch) = (kind.name(), chaos.watch());
-    // A controller that is gone says nothing more; one that is blind says neutral.
+    // A killed controller sends nothing more. A controller without samples sends neutral commands.
     let last_ns = if kind == StageKind::ControlProc { watch.last_moving_ns } else { watch.neutral_ns };
     assert!(kind == StageKind::ControlProc || last_ns > watch.last_moving_ns, "{name} {how}: not neutral");
     let what = if kind == StageKind::ControlProc { "last command" } else { "neutral command" };
@@ -140,7 +141,7 @@ fn measure(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally, kind: StageKin
     assert!(command < STANDS_WITHIN_MS && motion < STANDS_WITHIN_MS, "{name} {how}: {command} ms, {motion} ms");
 }
 
-/// A program moves an axis by hand, and is killed while it does.
+/// Kills a program while it moves an axis in manual mode.
 fn operate(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
     dice.note("operate by hand, killed");
     tally.clients += 1;
@@ -161,7 +162,7 @@ fn operate(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
     }
 }
 
-/// Nobody has a core of its own for a second.
+/// Keeps two cores busy for a second.
 fn hogs(chaos: &mut Chaos, dice: &mut Dice) {
     dice.note("two hogs");
     let until = Instant::now() + Duration::from_secs(1);

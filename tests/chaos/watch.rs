@@ -1,4 +1,4 @@
-//! Reads all channels of a group and holds every message against what must never be.
+//! Reads all channels of a group and checks every message against rules that hold at any time.
 //!
 //! ```text
 //! published = sum over the lives of a writer of (last number - first number + 1) = received + lost
@@ -18,15 +18,15 @@ use pipeline::{
 
 use crate::lives::{Controller, Numbers};
 
-/// Over which a speed is taken.
+/// Time over which a speed is measured, ns.
 const WINDOW_NS: u64 = 50_000_000;
-/// Counts within it that are no motion.
+/// Largest change in that time that is no motion, counts.
 const STILL: i64 = 5;
-/// How far back positions are kept.
+/// Time for which positions are kept, ns.
 const KEPT_NS: u64 = 8_000_000_000;
 pub const AXES: usize = 4;
 
-/// What moves nothing.
+/// Flags of an axis that is not moved.
 pub const NEUTRAL: u32 = control_flag::DISARMED | control_flag::SETTLING | control_flag::FEEDBACK;
 
 pub struct Watch {
@@ -42,19 +42,19 @@ pub struct Watch {
     track: VecDeque<(u64, [i64; AXES])>,
     pub pids: [u32; 4],
     pub controller: Controller,
-    /// First tick of the present life of sensor-proc and control-proc, and when it was sent.
+    /// First tick of the present life of sensor-proc and control-proc, and the time at which it was sent.
     first: [Option<(u64, u64)>; 4],
     last_sample: Option<u64>,
-    /// When the last command that moves something was sent.
+    /// When the last command was sent that moves an axis.
     pub last_moving_ns: u64,
-    /// When the first command after it was sent, which moves nothing.
+    /// When the first neutral command after it was sent.
     pub neutral_ns: u64,
-    /// What the last command says.
+    /// Axes of the last command.
     pub last: [AxisCommand; AXES],
     _group: Group,
 }
 
-/// A reader, and what its numbers say by themselves.
+/// A reader, and an independent count by the numbers of its messages.
 struct Counted<M: Message> {
     reader: Reader<M>,
     numbers: Numbers,
@@ -105,7 +105,7 @@ impl Watch {
         }
     }
 
-    /// Reads what has come.
+    /// Reads all messages that have come.
     pub fn poll(&mut self) {
         while let Some(reading) = self.readings.next() {
             let counts = std::array::from_fn(|i| reading.encoders[i].counts);
@@ -162,14 +162,15 @@ impl Watch {
             self.pids[stage] = health.pid;
         }
         let Some((first, sent_ns)) = self.first[stage] else { return };
-        // Of the same life, and not counted from zero since.
+        // Only if the heartbeat is of this life and its counters have not been reset since.
         if health.samples > 0 && (health.since_ns..=health.header.sent_ns).contains(&sent_ns) {
             let (passed, missed) = (health.header.sequence + 1 - first, health.missed.total());
             assert!(health.samples + missed >= passed, "{passed} ticks passed since {first}: {health:?}");
         }
     }
 
-    /// That what was lost is what the numbers say; messages on all channels, and those that this reader has lost.
+    /// Checks that received and lost messages add up to the numbers. Returns the messages on all channels, and those
+    /// that this reader has lost.
     pub fn check_numbers(&mut self) -> (u64, u64) {
         self.poll();
         let all = [
@@ -188,7 +189,7 @@ impl Watch {
         self.commands.reader.restarts() + self.samples.reader.restarts() + self.snapshots.reader.restarts()
     }
 
-    /// When something moved last since a time, by the encoders; none when nothing did.
+    /// Time of the last motion since a time, by the encoders; none if nothing has moved.
     pub fn last_motion(&self, since_ns: u64) -> Option<u64> {
         let mut before = self.track.iter().peekable();
         let mut last = None;
@@ -206,13 +207,13 @@ impl Watch {
         last
     }
 
-    /// Whether something has moved within the last tenth of a second, commanded to.
+    /// Whether an axis was commanded and has moved within the last 0.1 s.
     pub fn is_moving(&self) -> bool {
         let since = monotonic_ns().saturating_sub(100_000_000);
         self.last_moving_ns >= since && self.last_motion(since).is_some()
     }
 
-    /// Whether no axis is commanded by hand or by a controller.
+    /// Whether an axis is disarmed, off or not settled.
     pub fn needs_arming(&self) -> bool {
         self.last.iter().any(|axis| axis.flags & NEUTRAL != 0 || axis.operation == AxisMode::Off as u32)
     }

@@ -1,4 +1,4 @@
-//! `hydraxis bench control` as a user runs it: figures, choices, refusals.
+//! `hydraxis bench control`: figures, options and refusals.
 
 use std::{fs, path::Path};
 
@@ -54,7 +54,7 @@ fn the_figures_are_there_in_metres_and_the_same_every_time() {
 #[test]
 fn a_model_file_takes_the_place_of_what_is_known_of_the_plant() {
     let folder = tempfile::tempdir().unwrap();
-    // Half as fast as the boom is: tuned for it, gains come out higher.
+    // A boom that is half as fast as the simulated one: tuning for it gives higher gains.
     let model = "[axis.boom.commissioned]\ndead_time = 0.02\ntime_constant = 0.05\ndead_band_extend = 0.105\n\
                  dead_band_retract = 0.085\nopenings = [0.1, 0.9]\nspeeds_extend = [0.02, 0.2]\n\
                  speeds_retract = [0.02, 0.2]\nfit_percent = 97.5\n";

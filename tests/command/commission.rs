@@ -1,10 +1,10 @@
-//! `hydraxis commission` as a user runs it.
+//! `hydraxis commission` on the simulated machine.
 
 use std::fs;
 
 use crate::harness::cli::{expect_refusal, run, success};
 
-/// One axis, and no longer than it takes.
+/// The experiment with one axis, no longer than necessary.
 const QUICK: [&str; 7] = ["commission", "--axis", "bucket", "--scenario", "nominal", "--duration", "40s"];
 
 #[test]
@@ -21,7 +21,7 @@ fn a_model_is_found_written_and_read_by_the_other_commands() {
     success(folder.path(), &["check", "--model", "model.toml"]);
     success(folder.path(), &["simulate", "--duration", "1s", "--model", "model.toml"]);
 
-    // The same again, bit for bit, but only where it is asked for.
+    // A second run gives the same file, bit for bit, but overwrites it only with --force.
     expect_refusal(folder.path(), &QUICK, &["--out: found model.toml, which is there already", "--force"]);
     let again = run(folder.path(), &[&QUICK[..], &["--force", "--json", "-"]].concat());
     assert_eq!(again.status.code(), Some(0));

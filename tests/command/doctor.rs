@@ -1,4 +1,4 @@
-//! `hydraxis doctor` on whatever machine the tests run on.
+//! `hydraxis doctor` on the computer that runs the tests.
 
 use crate::harness::hydraxis;
 

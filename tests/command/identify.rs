@@ -1,5 +1,5 @@
-//! `hydraxis identify` as a user runs it: the figures of records whose plant the test knows, the choice of columns,
-//! period, training and horizon, the search of a structure, the estimators side by side, the two outputs, every refusal, and the public records where they are present.
+//! `hydraxis identify`: records of a known plant and of a simulated servo axis, options for columns, period, training
+//! and horizon, the search for a structure, the comparison of estimators, the two outputs, and refusals.
 
 mod arguments;
 mod compare;

@@ -1,4 +1,4 @@
-//! The unit of systemd in `examples`: known keys in their places, and commands that do what it says.
+//! The unit for systemd in `examples`: systemd accepts its keys, and the program accepts its commands.
 
 use std::{
     path::Path,
@@ -10,16 +10,16 @@ use crate::harness::{TestGroup, hydraxis};
 const UNIT: &str = include_str!("../../examples/hydraxis.service");
 const PROGRAM: &str = "/usr/local/bin/hydraxis";
 
-/// What systemd says of a unit, with the program under test in its place: nothing, when all is well. Its exit code is 0
-/// even for a key that it does not know.
+/// Exit code and messages of `systemd-analyze verify` for a unit, with the program under test in the place of the
+/// installed one. A good unit has no message. The exit code is 0 even for an unknown key.
 fn verify(unit: &str) -> (Option<i32>, String) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("hydraxis.service");
     std::fs::write(&file, unit.replace(PROGRAM, env!("CARGO_BIN_EXE_hydraxis"))).unwrap();
     let output = Command::new("systemd-analyze").args(["verify", "--man=no"]).arg(&file).output();
     let Output { status, stdout, stderr } = output.expect(
-        "this test asks systemd-analyze, which is not installed; type: apt-get install systemd (Debian, Ubuntu; it need \
-         not run), or dnf install systemd",
+        "systemd-analyze is not installed; type: apt-get install systemd (Debian, Ubuntu), or dnf install systemd; \
+         systemd need not run",
     );
     (status.code(), String::from_utf8_lossy(&[stdout, stderr].concat()).into_owned())
 }
@@ -64,7 +64,7 @@ fn what_the_unit_types_is_what_the_program_takes() {
         count += 1;
     }
     assert_eq!(count, 3);
-    // The duration that was shortened here is one that it takes.
+    // The program accepts the long duration of the unit, which was shortened above.
     let years = ["--duration", "10years", "--prefix", "x", "--scenario", "open-loop"];
     let said = String::from_utf8(hydraxis().arg("run").args(years).output().unwrap().stderr).unwrap();
     assert!(said.contains("is an open loop"), "{said}");

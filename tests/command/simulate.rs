@@ -1,5 +1,4 @@
-//! `hydraxis simulate` as a user runs it: scenarios, the plant under given commands, trajectories, pictures, and every
-//! refusal.
+//! `hydraxis simulate`: scenarios, the plant under given commands, trajectories, pictures and refusals.
 
 mod open_loop;
 mod recording;
@@ -12,14 +11,14 @@ use tempfile::TempDir;
 
 use crate::harness::{self, cli};
 
-/// The trajectory of a run that sends it to standard output.
+/// The trajectory that a run writes to standard output.
 fn trajectory(folder: &Path, arguments: &[&str]) -> Trajectory {
     let output = cli::run(folder, &[&["simulate"], arguments].concat());
     assert!(output.status.success(), "{arguments:?}\n{}", String::from_utf8_lossy(&output.stderr));
     Trajectory::read(&String::from_utf8(output.stdout).unwrap())
 }
 
-/// Columns by name.
+/// A table with named columns.
 #[derive(Debug, PartialEq)]
 struct Trajectory {
     names: Vec<String>,

@@ -1,20 +1,26 @@
-//! Bounds by the clock, on a machine that may have no real-time kernel and other work to do.
+//! Time bounds of the table of faults, and what is asserted in their place on a busy machine.
+//!
+//! The bounds hold on a machine with a real-time kernel and idle cores. With `HYDRAXIS_STRICT_TIMING=1` they are
+//! asserted as they are. Otherwise the assertion is scaled, for machines without such a kernel and with other work to
+//! do. Both figures and the measured time are printed.
 
 use std::time::Duration;
 
-/// A stage may be woken so many times as late as its bound allows.
+use crate::harness::is_strict;
+
+/// Factor on a bound, for stages that are woken late.
 const FACTOR: u32 = 4;
-/// And, however short the bound, by so much: what a busy machine was seen to take for one wake-up.
+/// Allowance on top of every bound, however short: a busy machine was seen to take this long for one wake-up.
 const ALLOWANCE: Duration = Duration::from_millis(150);
 
-/// What is asserted in the place of a bound that holds with a real-time kernel.
+/// What is asserted in the place of a bound: the bound itself in strict mode, more otherwise.
 pub fn scaled(bound: Duration) -> Duration {
-    bound * FACTOR + ALLOWANCE
+    if is_strict() { bound } else { bound * FACTOR + ALLOWANCE }
 }
 
-/// Prints and judges a reaction time.
+/// Prints a measured time with its bound, and asserts that it is short enough.
 pub fn judge(row: &str, what: &str, measured: Duration, bound: Duration) {
     let allowed = scaled(bound);
-    eprintln!("{row}: {what} {measured:.1?}; bound {bound:.1?}, {allowed:.1?} without a real-time kernel");
-    assert!(measured <= allowed, "{row}: {what} {measured:?} for {allowed:?}");
+    eprintln!("{row}: {what} {measured:.1?}; bound {bound:.1?}, asserted {allowed:.1?}");
+    assert!(measured <= allowed, "{row}: {what} took {measured:?}, allowed {allowed:?}");
 }

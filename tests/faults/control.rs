@@ -1,7 +1,7 @@
-//! Rows 11 to 15: what can happen to the controller.
+//! Rows 11 to 15: faults of the controller.
 //!
-//! Rows 14 and 15, a solver that finds no plan and limits that leave none, cannot be brought about from outside: they
-//! are tests of control-proc itself.
+//! Rows 14 and 15 are a solver without a plan, and a command outside of the plan's limits. They cannot be injected from
+//! outside, so their tests are in `control-proc`.
 
 use std::time::Duration;
 
@@ -19,17 +19,19 @@ use crate::{
     script::{from_channel, is_latched},
 };
 
+/// Row 11: after `control-proc` is killed in motion, the drive stops the axis by its own time-out.
 #[test]
 fn row_11_the_drive_goes_neutral_by_itself_when_the_controller_is_killed() {
     let mut moving = Moving::start("row-11", &["--set", "stage.control-proc.restart=on-failure"]);
     let killed = monotonic_ns();
     signal(moving.running.pid(StageKind::ControlProc), Signal::KILL);
     let still = moving.last_motion(0);
-    // The drive's time-out, five times the valve's time constant, and its dead time.
+    // The drive's time-out, five time constants of the valve, and its dead time.
     let bound = Duration::from_millis(50 + 250 + 20);
     judge("row 11", "kill to standstill", Duration::from_nanos(still.saturating_sub(killed)), bound);
 }
 
+/// Row 12: a controller that was started again is disarmed and commands neutral.
 #[test]
 fn row_12_a_controller_that_comes_back_is_off_and_its_first_commands_are_neutral() {
     let mut moving = Moving::start("row-12", &[]);
@@ -41,7 +43,7 @@ fn row_12_a_controller_that_comes_back_is_off_and_its_first_commands_are_neutral
         if command.header.sent_ns < killed {
             return false;
         }
-        // The old one may have sent a last one between the look at the clock and its death.
+        // The killed controller may have sent a last command after the clock was read.
         let is_new = command.header.number < 1000 && command.axes[0].flags & control_flag::DISARMED != 0;
         seen += u64::from(is_new);
         assert!(seen == 0 || is_new);
@@ -52,7 +54,7 @@ fn row_12_a_controller_that_comes_back_is_off_and_its_first_commands_are_neutral
     });
 }
 
-/// A controller in real time with a period of 100 ms, and the test in the place of the acquisition.
+/// A controller in real time with a period of 100 ms. The test plays the acquisition.
 struct Slow {
     group: TestGroup,
     samples: Publisher<EncoderSample>,
@@ -67,12 +69,12 @@ impl Slow {
         let (samples, commands) = (channels.publisher().unwrap(), channels.reader().unwrap());
         let settings = ["timing.period=100ms", "timing.feedback_timeout=300ms"];
         let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", *setting]).collect();
-        // Without references the axes hold: positions that stand still are then no fault of their own.
+        // Without references the axes hold, so that constant positions are no fault.
         let held = from_channel();
         let held: Vec<&str> = held.iter().map(String::as_str).collect();
         group.start(StageKind::ControlProc, &[&["--arm"], &settings[..], &held].concat());
         let mut slow = Self { group, samples, commands, sequence: 0 };
-        // Answers begin when the controller is there, and it settles for two ticks.
+        // The first commands come when the controller has started, and it settles for two ticks.
         let mut answered = 0;
         wait_for("a controller that follows", || {
             let follows = |command: ValveCommand| {
@@ -85,7 +87,7 @@ impl Slow {
         slow
     }
 
-    /// Sends a sample that is so old, ms; the answer, if there is one within a few ms.
+    /// Sends a sample of this age, ms. Returns the command for it, if one comes within 60 ms.
     fn sample(&mut self, age: u64) -> Option<ValveCommand> {
         let now = monotonic_ns();
         let mut sample = EncoderSample::default();
@@ -98,7 +100,7 @@ impl Slow {
         self.samples.send(&sample).unwrap();
         let until = monotonic_ns() + 60_000_000;
         while monotonic_ns() < until {
-            // Answers to samples before it are of no interest.
+            // Commands for earlier samples are skipped.
             if self.commands.reach(self.sequence).unwrap() {
                 return self.commands.last().copied();
             }
@@ -108,6 +110,7 @@ impl Slow {
     }
 }
 
+/// Row 13: three late commands in a row latch, two do not.
 #[test]
 fn row_13_three_late_commands_in_a_row_latch_and_two_do_not() {
     let _alone = alone();
@@ -115,7 +118,7 @@ fn row_13_three_late_commands_in_a_row_latch_and_two_do_not() {
     let is_latched_now = |command: Option<ValveCommand>| {
         command.is_some_and(|command| command.axes[..AXES].iter().all(|axis| is_latched(axis, control_flag::DEADLINE)))
     };
-    // A period and a half, thus late; half a period, thus in time.
+    // 150 ms are a period and a half: late. 50 ms are half a period: in time.
     for age in [150, 150, 50, 150, 150, 50] {
         assert!(!is_latched_now(slow.sample(age)), "{age} ms");
     }

@@ -1,4 +1,4 @@
-//! Rows 1 to 8: what can happen to the feedback.
+//! Rows 1 to 8: faults of the feedback.
 
 use std::time::Duration;
 
@@ -20,12 +20,13 @@ use crate::{
     script::{RESOLUTION, Scripted, is_latched, moving},
 };
 
-/// The drive's own time-out, the valve's lag five times over and its dead time: what a neutral command takes to show.
+/// Time from a neutral command to standstill: the drive's time-out, five time constants of the valve, and its dead
+/// time.
 const DRIVE: Duration = Duration::from_millis(50 + 5 * 50 + 20);
-/// Standing still, m/s.
+/// Largest speed that counts as standstill, m/s.
 const STILL: f64 = 5e-3;
 
-/// A real-time group in motion, and a place at its channels.
+/// A real-time group in motion, and readers of its channels.
 pub struct Moving {
     pub running: Running,
     _alone: Cores,
@@ -51,12 +52,12 @@ impl Moving {
         moving
     }
 
-    /// Waits for a command, however many come before it.
+    /// Waits for a command for which this holds.
     pub fn await_command(&mut self, what: &str, is_it: impl FnMut(&ValveCommand) -> bool) -> ValveCommand {
         await_message(&mut self.commands, what, is_it)
     }
 
-    /// The last time, ns, at which an axis moved by the readings of 50 ms, until it has stood for 300 ms.
+    /// Waits until an axis has stood for 300 ms. Returns the time of its last motion, ns, by the readings of 50 ms.
     pub fn last_motion(&mut self, axis: usize) -> u64 {
         let mut past: Vec<(u64, f64)> = Vec::new();
         let mut moved = 0;
@@ -76,7 +77,7 @@ impl Moving {
         })
     }
 
-    /// Every command that comes for this long is neutral and latched by `cause`.
+    /// Expects that every command in this time is neutral and latched by `cause`.
     pub fn expect_latched(&mut self, cause: u32, time: Duration) {
         let until = monotonic_ns() + time.as_nanos() as u64;
         while monotonic_ns() < until {
@@ -94,6 +95,7 @@ fn all_latched(command: &ValveCommand) -> bool {
     command.axes[..AXES].iter().all(|axis| is_latched(axis, control_flag::FEEDBACK))
 }
 
+/// Row 1: after `sensor-proc` is killed in motion, the valves are neutral and the fault is latched.
 #[test]
 fn row_01_a_killed_acquisition_makes_the_valves_neutral_and_latches() {
     let mut moving = Moving::start("row-01", &[]);
@@ -104,21 +106,22 @@ fn row_01_a_killed_acquisition_makes_the_valves_neutral_and_latches() {
     judge("row 1", "kill to neutral command", after(neutral.header.sent_ns), Duration::from_millis(40));
     let still = moving.last_motion(0);
     judge("row 1", "kill to standstill", after(still), Duration::from_millis(40) + DRIVE);
-    // Also when the acquisition is back.
+    // It stays latched when the acquisition is back.
     moving.running.await_next(StageKind::SensorProc, &mut moving.health);
     moving.expect_latched(control_flag::FEEDBACK, Duration::from_millis(500));
 }
 
-/// The time-out of these two rows is ten times the usual one, so that the machine's own delays are small beside it.
+/// The time-out of rows 2 and 3. It is ten times the usual one, so that delays of the computer are small beside it.
 const LONGER: [&str; 2] = ["--set", "timing.feedback_timeout=300ms"];
 
+/// Row 2: a stop of `sensor-proc` that is shorter than the feedback time-out is no fault.
 #[test]
 fn row_02_a_short_stop_of_the_acquisition_is_bridged() {
     let mut moving = Moving::start("row-02", &LONGER);
     let pid = moving.running.pid(StageKind::SensorProc);
     for _ in 0..3 {
         signal(pid, Signal::STOP);
-        // 150 of 300 ms; the row has 25 of 30.
+        // 150 ms of a time-out of 300 ms. With the usual time-out of 30 ms it would be 15 ms.
         std::thread::sleep(Duration::from_millis(150));
         signal(pid, Signal::CONT);
         let begin = monotonic_ns();
@@ -126,7 +129,7 @@ fn row_02_a_short_stop_of_the_acquisition_is_bridged() {
         moving.await_command("half a second without a fault", |command| {
             let boom = &command.axes[0];
             assert_eq!(boom.flags & control_flag::LATCHED, 0, "{:#b}", boom.flags);
-            // The rate limit over the ticks that passed.
+            // Rate limit of the command over the ticks that have passed.
             assert!(last.is_nan() || (boom.command - last).abs() <= 2.0);
             last = boom.command;
             command.header.sent_ns > begin + 500_000_000
@@ -134,6 +137,7 @@ fn row_02_a_short_stop_of_the_acquisition_is_bridged() {
     }
 }
 
+/// Row 3: a stop of `sensor-proc` that is longer than the feedback time-out latches.
 #[test]
 fn row_03_a_long_stop_of_the_acquisition_is_a_loss_and_late_samples_are_not_acted_on() {
     let mut moving = Moving::start("row-03", &LONGER);
@@ -147,6 +151,7 @@ fn row_03_a_long_stop_of_the_acquisition_is_a_loss_and_late_samples_are_not_acte
     moving.expect_latched(control_flag::FEEDBACK, Duration::from_millis(500));
 }
 
+/// Row 3: a sample that is older than the feedback time-out latches, and newer ones do not release.
 #[test]
 fn row_03_a_sample_from_before_a_stop_moves_nothing() {
     let _alone = alone();
@@ -175,7 +180,7 @@ fn row_03_a_sample_from_before_a_stop_moves_nothing() {
         sequence += 1;
         sample(sequence, 0).filter(|command| command.axes[0].flags & control_flag::SETTLING == 0)
     });
-    // One that was written a second ago, as after SIGCONT.
+    // A sample that is a second old, as after SIGCONT.
     let command = wait_for("the latch", || {
         sequence += 1;
         sample(sequence, 1_000_000_000).filter(all_latched)
@@ -187,6 +192,7 @@ fn row_03_a_sample_from_before_a_stop_moves_nothing() {
     }
 }
 
+/// Row 4: positions that repeat while the valve is driven are found stuck.
 #[test]
 fn row_04_a_sample_that_is_sent_again_and_again_is_found_stuck() {
     let ticks = 400;
@@ -203,7 +209,7 @@ fn row_04_a_sample_that_is_sent_again_and_again_is_found_stuck() {
         for (axis, encoder) in sample.axes.iter_mut().zip(&reading.encoders) {
             axis.position = encoder.counts as f64 * RESOLUTION;
         }
-        // From tick 250 on the same positions under new numbers, and no word of it.
+        // From tick 250 on the positions repeat under new sequences, and no fault is set.
         if tick >= 250 {
             sample.axes = *held.get_or_insert(sample.axes);
         }
@@ -218,12 +224,14 @@ fn row_04_a_sample_that_is_sent_again_and_again_is_found_stuck() {
         }
     }
     let latched = latched.expect("the boom latches") - 250;
-    // 300 ms and the dead time of 3 samples from when it is driven; that it is not at once is the reference's doing.
+    // At most 300 ms and the dead time of 3 samples, counted from when the valve is driven. When that is, depends on
+    // the reference.
     eprintln!("row 4: latched {latched} ticks after the first repetition");
     assert!(driven <= 33 + 1, "driven blindly for {driven} ticks");
     group.expect_end();
 }
 
+/// Row 5: a flipped bit of an encoder is left out, or changes the command little.
 #[test]
 fn row_05_a_flipped_bit_is_dropped_or_small() {
     let flips = |tick: u64| tick.checked_sub(300).filter(|since| since % 20 == 0 && since / 20 < 32);
@@ -246,18 +254,18 @@ fn row_05_a_flipped_bit_is_dropped_or_small() {
         commands
     };
     let (clean, faulty) = (run("row-05-clean", false), run("row-05", true));
-    // 10 mm and the margin in 10 ms are 105 counts: from bit 7 on.
+    // An axis moves by 10 mm and the margin in 10 ms at most, which is 105 counts: bit 7 and higher ones are left out.
     for bit in 0..32 {
         let tick = 300 + 20 * bit;
         let worst = (tick..tick + 5).map(|k| (clean[k] - faulty[k]).abs()).fold(0.0, f64::max);
         if bit >= 7 {
-            // 1 % of the range, which is 2 wide.
+            // 1 % of the range from -1 to 1.
             assert!(worst <= 0.02, "bit {bit}: {worst}");
         }
     }
 }
 
-/// Ticks from the first faulty reading to the neutral, latched command; the command never follows what is read.
+/// Ticks from the first faulty reading to the neutral, latched command. No command follows the faulty readings.
 fn ticks_to_latch(test: &str, cause: u32, fault: impl Fn(u64, &mut EncoderReading)) -> u64 {
     let ticks = 600;
     let mut scripted = Scripted::start(test, ticks, &["--arm"]);
@@ -284,6 +292,7 @@ fn ticks_to_latch(test: &str, cause: u32, fault: impl Fn(u64, &mut EncoderReadin
     latched
 }
 
+/// Row 6: three implausible positions in a row latch.
 #[test]
 fn row_06_three_implausible_samples_in_a_row_latch() {
     let jumps = |since: u64, reading: &mut EncoderReading| {
@@ -294,15 +303,17 @@ fn row_06_three_implausible_samples_in_a_row_latch() {
     assert!(ticks_to_latch("row-06", control_flag::FEEDBACK, jumps) <= 4);
 }
 
+/// Row 7: a step of the position that stays latches, and the axis does not follow the step.
 #[test]
 fn row_07_a_step_that_stays_is_never_followed() {
     let slips = |_: u64, reading: &mut EncoderReading| reading.encoders[0].counts += 200;
     assert!(ticks_to_latch("row-07", control_flag::FEEDBACK, slips) <= 4);
 }
 
+/// Row 8: a position outside of the stroke latches in the same tick.
 #[test]
 fn row_08_a_position_outside_the_stroke_latches_at_once() {
-    // It creeps there at 0.5 m/s, which any axis can, and is beyond by more than the tolerance of 5 mm with the last.
+    // The position rises by 0.5 m/s, which is plausible, until it is more than the tolerance of 5 mm beyond the stroke.
     let mut beyond = None;
     let mut scripted = Scripted::start("row-08", 600, &["--arm"]);
     scripted.steps(300);
@@ -328,7 +339,7 @@ fn what_is_latched_is_let_go_by_a_person_only() {
         scripted.step(|reading| reading.encoders[0].counts += 3000);
     });
     assert!(is_latched(&scripted.steps(200).axes[0], control_flag::FEEDBACK));
-    // Enabled while latched: nothing. Off, and then enabled: it follows again.
+    // Arming a latched axis changes nothing. After mode off, arming lets it follow again.
     scripted.ask(AxisMode::Track, 0.0, None);
     assert!(is_latched(&scripted.steps(50).axes[0], control_flag::FEEDBACK));
     scripted.ask(AxisMode::Off, 0.0, None);

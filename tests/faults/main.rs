@@ -1,14 +1,15 @@
-//! The faults that a group has to survive, one test for each, injected into real processes.
+//! Faults that a group has to survive, one test or more for each row of the table in `docs/src/faults.md`. They are
+//! injected into real processes.
 //!
-//! Where time passes in ticks (lock-step, the other stages being the test's to play) the bounds are exact. Where it
-//! passes by the clock, they are those of a machine with a real-time kernel, and what is asserted is
-//! [`clock::scaled`] from them; both figures and what was measured are printed.
+//! In lock-step time passes in ticks, the test plays one of the stages, and the bounds are exact. In real time the
+//! bounds are those of a machine with a real-time kernel; [`clock::scaled`] tells what is asserted in their place.
 
 #[path = "../harness/mod.rs"]
 mod harness;
 
 mod clock;
 mod script;
+mod table;
 
 mod control;
 mod feedback;

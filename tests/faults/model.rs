@@ -1,7 +1,8 @@
-//! Rows 16 to 24: what an identifier may do wrong, up to dying.
+//! Rows 16 to 24: faults of the identifier.
 //!
-//! In lock-step the identifier is the test's ([`identified`]): the real core, fed by the real samples and commands, whose
-//! snapshots are spoilt on the way. Trap: the held model takes the place of a refused adaptive one, so both are spoilt.
+//! In lock-step the test plays the identifier ([`identified`]): its core gets the samples and commands of the group,
+//! and its snapshots are spoilt before they are sent. Trap: the classical model replaces a refused adaptive one, so
+//! both are spoilt.
 
 mod identified;
 mod real_time;
@@ -15,38 +16,39 @@ use pipeline::{
 use crate::harness::channel::AXES;
 use identified::{Identified, SPOILT, is_by_model, number};
 
-/// The built-in machine in warm oil, trained within seconds.
+/// Settings of the built-in machine in warm oil, with a short training.
 pub fn trained_soon() -> Vec<String> {
     let training = ["boom", "arm", "telescope", "bucket"].map(|axis| format!("axis.{axis}.identification.training=3s"));
     training.into_iter().chain(["scenario=nominal".to_owned()]).collect()
 }
 
-/// The same as arguments.
+/// Settings as arguments of a command.
 pub fn set(settings: &[String]) -> Vec<&str> {
     settings.iter().flat_map(|setting| ["--set", setting]).collect()
 }
 
-/// The machine of these settings.
+/// The built-in machine with these settings.
 fn machine(settings: &[String]) -> Machine {
     let pairs = settings.iter().map(|setting| setting.split_once('=').unwrap());
     let pairs: Vec<(String, String)> = pairs.map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
     Machine::load(None, &pairs).unwrap()
 }
 
-/// Every number of a model, those that its orders leave unused too.
+/// Every number of a model, also those that its orders leave unused.
 fn numbers(model: &mut Coefficients) -> Vec<&mut f64> {
     let Coefficients { a, b, f, g, drift, dead_band, knots, .. } = model;
     let all = a.iter_mut().chain(b).chain(f).chain(g).chain([drift]).chain(dead_band).chain(knots);
     all.collect()
 }
 
-/// A good model of an axis that is not the one here: 0.6 m/s at full command behind a lag.
+/// An approved model of another axis: 0.6 m/s at full command, behind a lag.
 fn plain(model: &mut Coefficients) {
     numbers(model).into_iter().for_each(|number| *number = 0.0);
     model.a[..2].copy_from_slice(&[-1.8, 0.8]);
     (model.b[0], model.f[0], model.g[0]) = (0.6 * 0.01 * 0.2, 1.0, 1.0);
 }
 
+/// Row 16: a model with a number that is not finite, or with denormal ones, is never used.
 #[test]
 fn row_16_what_is_not_finite_is_used_not_once() {
     let mut identified = Identified::start("row-16", &[]);
@@ -75,6 +77,7 @@ fn row_16_what_is_not_finite_is_used_not_once() {
     });
 }
 
+/// Row 17: a model with a pole outside of the unit circle is never used.
 #[test]
 fn row_17_a_pole_outside_the_circle_is_used_not_once() {
     let mut identified = Identified::start("row-17", &[]);
@@ -88,7 +91,8 @@ fn row_17_a_pole_outside_the_circle_is_used_not_once() {
     }
 }
 
-/// It is not refused: what is identified of a healthy axis has a pole at -0.6 too, of the noise of its encoder.
+/// Row 17: an oscillating pole within the unit circle is accepted, and the commands stay within their limits. It is not
+/// refused, since the model of a healthy axis has a pole at -0.6 too, which comes from the noise of its encoder.
 #[test]
 fn row_17_an_oscillating_pole_within_the_circle_moves_nothing_beyond_its_limits() {
     let mut identified = Identified::start("row-17-swing", &[]);
@@ -100,7 +104,7 @@ fn row_17_an_oscillating_pole_within_the_circle_moves_nothing_beyond_its_limits(
                 for axis in &mut snapshot.axes[..AXES] {
                     for model in [&mut axis.adaptive, &mut axis.classical] {
                         plain(model);
-                        // (1 - z^-1) (1 - pole z^-1), as fast in the end.
+                        // (1 - z^-1) (1 - pole z^-1), with the same final speed.
                         model.a[..2].copy_from_slice(&[-1.0 - pole, pole]);
                         model.b[0] = 0.6 * 0.01 * (1.0 - pole);
                     }
@@ -119,9 +123,10 @@ fn row_17_an_oscillating_pole_within_the_circle_moves_nothing_beyond_its_limits(
     }
 }
 
+/// Row 18: a model of the wrong direction, without gain, or of an implausible speed is never used.
 #[test]
 fn row_18_a_model_of_the_wrong_direction_or_without_gain_is_used_not_once() {
-    // What commissioning would have found of the boom; the other axes are not commissioned.
+    // Commissioned values of the boom. The other axes are not commissioned.
     let commissioned = [
         "dead_time=0.02",
         "time_constant=0.06",
@@ -151,6 +156,7 @@ fn row_18_a_model_of_the_wrong_direction_or_without_gain_is_used_not_once() {
     }
 }
 
+/// Row 19: a valve curve that turns back is refused, or used up to the point where it turns.
 #[test]
 fn row_19_a_curve_that_turns_back_is_used_not_once_or_up_to_there() {
     let mut identified = Identified::start("row-19", &[]);
@@ -175,7 +181,7 @@ fn row_19_a_curve_that_turns_back_is_used_not_once_or_up_to_there() {
     };
     for k in 0..60 {
         let command = identified.step(|snapshot| snapshot.axes[..AXES].iter_mut().for_each(turns));
-        // Ten ticks for the way there at the rate of commands.
+        // At its rate limit the command takes ten ticks to get there.
         for axis in command.axes[..AXES].iter().filter(|axis| k > 10 && is_by_model(axis)) {
             assert!(axis.command.abs() <= 0.3 + 1e-9, "tick {k}: {}", axis.command);
         }
@@ -183,6 +189,7 @@ fn row_19_a_curve_that_turns_back_is_used_not_once_or_up_to_there() {
     assert!(identified.command.axes[..AXES].iter().any(is_by_model), "it was used");
 }
 
+/// Row 20: an adaptive model that predicts worse than the classical one is replaced by it.
 #[test]
 fn row_20_a_model_that_predicts_worse_gives_way_to_the_held_one() {
     let mut identified = Identified::start("row-20", &[]);
@@ -192,7 +199,7 @@ fn row_20_a_model_that_predicts_worse_gives_way_to_the_held_one() {
     for k in 0..=20 {
         let command = identified.step(|snapshot| {
             for axis in &mut snapshot.axes[..AXES] {
-                // Twice as large, by its own account.
+                // Its reported errors are twice as large.
                 axis.classical_errors.h_step.count = axis.classical_errors.h_step.count.max(200);
                 axis.separated_h_step = axis.classical_errors.h_step;
                 axis.separated_h_step.m2 = 4.0 * axis.separated_h_step.m2.max(1e-12);
@@ -213,9 +220,10 @@ fn row_20_a_model_that_predicts_worse_gives_way_to_the_held_one() {
     identified.accepted("worse");
 }
 
-/// What is no error, m: two counts of an encoder.
+/// Largest error that counts as none, m: two counts of an encoder.
 const AT_TARGET: f64 = 2e-4;
 
+/// Row 21: a change of the model changes the command by its rate limit at most.
 #[test]
 fn row_21_another_model_moves_the_command_by_no_more_than_its_rate() {
     let mut identified = Identified::start("row-21", &[]);
@@ -243,7 +251,7 @@ fn row_21_another_model_moves_the_command_by_no_more_than_its_rate() {
                 let usual = without.update(&identified.sample, Some(&usual), None);
                 for (i, axis) in command.axes[..AXES].iter().enumerate() {
                     let moved = (axis.command - before.axes[i].command).abs();
-                    // At rest the valve is shut at once, from as little as holding takes.
+                    // At rest the valve is closed at once, without regard to the rate limit.
                     let is_shut = holds && axis.command == 0.0;
                     assert!(moved <= rate || is_shut, "holds {holds}, round {round}, axis {i}: {moved}");
                     let apart = (axis.command - usual.axes[i].command).abs();
@@ -262,10 +270,11 @@ fn row_21_another_model_moves_the_command_by_no_more_than_its_rate() {
     assert!(largest[1] <= 0.04, "{}", largest[1]);
 }
 
+/// Row 22: a torn snapshot, or one of another structure or other axes, is never used.
 #[test]
 fn row_22_what_is_torn_or_of_other_axes_is_used_not_once() {
     let mut identified = Identified::start("row-22", &[]);
-    // The front half of one model and the rear half of another, of which b and both curves are negative.
+    // The first half of one model and the second half of another one, whose b and curves are negative.
     identified.refused("torn between b and the curves", |_, model| {
         model.f.iter_mut().chain(&mut model.g).for_each(|c| *c = -*c);
         &["direction"]
@@ -284,7 +293,7 @@ fn row_22_what_is_torn_or_of_other_axes_is_used_not_once() {
         *[&mut model.na, &mut model.nb, &mut model.nk, &mut model.order][axis] = u32::MAX;
         &["structure"]
     });
-    // Of fewer axes than there are: of the others nothing is said, and their last good model is used on.
+    // A snapshot of fewer axes than the machine has: the other axes go on with their last approved model.
     for count in [0, 2] {
         let mut without = identified.twin.clone();
         let last_good = identified.sent;

@@ -1,4 +1,4 @@
-//! Rows 29 to 35: what can happen to the motion, and to what is asked for.
+//! Rows 29 to 35: faults of the motion, and of references and requests.
 
 use pipeline::{
     message::{AxisMode, ControlMode, control_flag},
@@ -17,6 +17,7 @@ fn borrowed(arguments: &[String]) -> Vec<&str> {
     arguments.iter().map(String::as_str).collect()
 }
 
+/// Row 29: an axis without supply latches, and does not move when the supply is back.
 #[test]
 fn row_29_an_axis_that_has_no_supply_is_stopped_and_does_not_lurch_when_it_is_back() {
     let mut scripted = Scripted::start("row-29", 900, &["--arm"]);
@@ -24,7 +25,7 @@ fn row_29_an_axis_that_has_no_supply_is_stopped_and_does_not_lurch_when_it_is_ba
     scripted.speed = 0.0;
     let (mut driven, mut latched) = (0, false);
     for _ in 0..300 {
-        // A count of noise: it is not stuck, it stalls.
+        // The position changes by a count, so that it is not found stuck.
         let tick = scripted.tick as i64;
         let command = scripted.step(|reading| reading.encoders[0].counts += tick % 2);
         let boom = &command.axes[0];
@@ -43,6 +44,7 @@ fn row_29_an_axis_that_has_no_supply_is_stopped_and_does_not_lurch_when_it_is_ba
     scripted.end();
 }
 
+/// Row 30: an axis whose following error stays above the limit latches.
 #[test]
 fn row_30_an_axis_that_does_not_follow_is_stopped() {
     let mut arguments = from_channel();
@@ -51,7 +53,7 @@ fn row_30_an_axis_that_does_not_follow_is_stopped() {
         arguments.extend(["--set".to_owned(), format!("axis.{axis}.control.following_error=0.03")]);
     }
     let mut scripted = Scripted::start("row-30", 700, &borrowed(&arguments));
-    // Moves, but far too slowly for what is asked of it: neither stuck nor stalled.
+    // The axis moves far more slowly than its reference, but it is neither stuck nor stalled.
     scripted.speed = 0.06;
     let start = scripted.positions;
     let (mut beyond, mut latched) = (0, None);
@@ -62,7 +64,7 @@ fn row_30_an_axis_that_does_not_follow_is_stopped() {
         scripted.refer(&targets);
         let error = (target(tick) - scripted.positions[0]).abs();
         let command = scripted.step(|_| ());
-        // 30 mm and 0.2 s of 0.1 m/s.
+        // The limit is 30 mm plus 0.2 s of the speed of 0.1 m/s.
         let speed = if tick > 100 { 0.1 } else { 0.0 };
         beyond = if error > 0.03 + 0.2 * speed { beyond + 1 } else { 0 };
         if is_latched(&command.axes[0], control_flag::LATCHED) {
@@ -78,10 +80,11 @@ fn row_30_an_axis_that_does_not_follow_is_stopped() {
     scripted.end();
 }
 
+/// Row 31: a set point outside of the soft limits is refused; a fast motion to one within them does not overrun.
 #[test]
 fn row_31_a_target_outside_the_soft_limits_is_refused_and_the_way_to_one_at_them_ends_there() {
     let mut scripted = Scripted::start("row-31", 1500, &[]);
-    // As fast as the targets move.
+    // As fast as the reference moves.
     scripted.speed = 1.2;
     scripted.steps(10);
     scripted.ask(AxisMode::Off, 0.0, None);
@@ -89,12 +92,12 @@ fn row_31_a_target_outside_the_soft_limits_is_refused_and_the_way_to_one_at_them
     scripted.ask(AxisMode::Hold, 0.0, None);
     let holding = scripted.steps(100).axes[0];
     assert_eq!(holding.operation, AxisMode::Hold as u32, "{:#b}", holding.flags);
-    // Beyond the boom's 1.284 m.
+    // Beyond the soft limit of the boom, 1.284 m.
     scripted.ask(AxisMode::Hold, 0.0, Some(1.3));
     let refused = scripted.steps(50).axes[0];
     assert!(refused.refused_requests >= 50 && refused.reference == holding.reference);
     assert_ne!(refused.flags & control_flag::REQUEST, 0);
-    // Within those of all four.
+    // Within the soft limits of all axes.
     scripted.ask(AxisMode::Hold, 0.0, Some(1.07));
     let mut furthest: f64 = 0.0;
     for _ in 0..(1500 - scripted.tick) {
@@ -107,6 +110,7 @@ fn row_31_a_target_outside_the_soft_limits_is_refused_and_the_way_to_one_at_them
     scripted.end();
 }
 
+/// Row 32: a reference that is not finite, jumps, or is outside of the limits is refused, and the axis holds.
 #[test]
 fn row_32_nonsense_among_the_references_is_refused_and_the_axis_holds() {
     let arguments = [from_channel(), vec!["--arm".to_owned()]].concat();
@@ -129,6 +133,7 @@ fn row_32_nonsense_among_the_references_is_refused_and_the_axis_holds() {
     }
 }
 
+/// Row 33: when references stop, the axis brakes softly to standstill.
 #[test]
 fn row_33_references_that_stop_end_in_a_soft_stop() {
     let arguments = [from_channel(), vec!["--arm".to_owned()]].concat();
@@ -149,10 +154,11 @@ fn row_33_references_that_stop_end_in_a_soft_stop() {
     let steepest = speeds[250..].windows(2).map(|pair| (pair[1] - pair[0]).abs() * RATE).fold(0.0, f64::max);
     eprintln!("row 33: the target slows down by {steepest:.2} m/s2 at the most");
     assert!(steepest < 2.0, "{steepest} m/s2: a stop from one tick to the next has 10");
-    // 100 ms beyond the preview, and the braking.
+    // The axis brakes 100 ms after the end of the preview.
     assert!(speeds[360..].iter().all(|speed| speed.abs() < 1e-6), "it stands");
 }
 
+/// Row 34: the emergency stop makes the axes neutral in the same tick, in every mode.
 #[test]
 fn row_34_the_emergency_stop_is_obeyed_in_the_same_tick_in_every_mode() {
     for mode in [AxisMode::Track, AxisMode::Hold, AxisMode::Manual, AxisMode::Commission] {
@@ -167,7 +173,7 @@ fn row_34_the_emergency_stop_is_obeyed_in_the_same_tick_in_every_mode() {
         let pressed = scripted.step(|reading| reading.emergency_stop = 1);
         assert_eq!(pressed.cut_off, 1, "{mode:?}");
         assert!(pressed.axes[..AXES].iter().all(|axis| is_latched(axis, control_flag::EMERGENCY_STOP)), "{mode:?}");
-        // Off while it is pressed is refused, and so is anything else.
+        // While the stop is pressed, mode off is refused, and so is every other mode.
         for request in [AxisMode::Off, mode] {
             scripted.ask(request, 0.3, None);
             for _ in 0..30 {
@@ -175,7 +181,7 @@ fn row_34_the_emergency_stop_is_obeyed_in_the_same_tick_in_every_mode() {
                 assert!(held.axes[..AXES].iter().all(|axis| is_latched(axis, control_flag::EMERGENCY_STOP)));
             }
         }
-        // Released: still latched, and off is a reset.
+        // After its release the axes stay latched until mode off resets them.
         let released = scripted.steps(50);
         assert_eq!(released.cut_off, 1);
         assert!(released.axes[..AXES].iter().all(|axis| is_latched(axis, control_flag::EMERGENCY_STOP)));
@@ -187,13 +193,14 @@ fn row_34_the_emergency_stop_is_obeyed_in_the_same_tick_in_every_mode() {
     }
 }
 
+/// Row 35: a change between manual and automatic mode changes the command by its rate limit at most.
 #[test]
 fn row_35_from_hand_to_controller_and_back_the_command_does_not_jump() {
     let mut scripted = Scripted::start("row-35", 1200, &[]);
     scripted.steps(10);
     scripted.ask(AxisMode::Off, 0.0, None);
     scripted.steps(10);
-    // 10 per second, the built-in limit, in one tick.
+    // The built-in rate limit of 10 per second, over one tick.
     let limit = 10.0 / RATE + 1e-9;
     let (mut last, mut modes) = (0.0f64, [false; 6]);
     let turns = [AxisMode::Manual, AxisMode::Hold, AxisMode::Manual, AxisMode::Track];
@@ -211,6 +218,7 @@ fn row_35_from_hand_to_controller_and_back_the_command_does_not_jump() {
     scripted.end();
 }
 
+/// Row 29: on the simulated machine, a pump that fails latches, and nothing moves when its pressure is back.
 #[test]
 fn row_29_in_the_simulated_machine_a_pump_that_fails_latches_and_moves_nothing_when_it_is_back() {
     let folder = tempfile::tempdir().unwrap();

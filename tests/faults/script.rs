@@ -1,4 +1,4 @@
-//! A group in lock-step whose plant is the test's: it says what the encoders read, and sees what comes of it.
+//! A group in lock-step whose plant is played by the test: it sends the readings and receives the commands.
 
 use pipeline::{
     channel::{Group, Publisher, Reader},
@@ -13,33 +13,33 @@ use crate::harness::{
     channel::{AXES, receive, send},
 };
 
-/// m per count.
+/// Resolution of the encoders, m per count.
 pub const RESOLUTION: f64 = 1e-4;
 /// Ticks per second.
 pub const RATE: f64 = 100.0;
 
-/// The stages but for plant-sim, and in its place an integrator with a dead band for each axis.
+/// All stages but plant-sim, and in its place an integrator with a dead band for each axis.
 pub struct Scripted {
     readings: Publisher<EncoderReading>,
     commands: Reader<ValveCommand>,
     snapshots: Reader<CoefficientSnapshot>,
     references: Publisher<Reference>,
     requests: Publisher<Request>,
-    /// Where the pistons are, m.
+    /// Positions of the pistons, m.
     pub positions: [f64; AXES],
     /// Speed at full command, m/s.
     pub speed: f64,
-    /// What is asked of the axes with every tick, if anything is.
+    /// Request that is sent at every tick, if there is one.
     pub request: Option<Request>,
     /// The next tick.
     pub tick: u64,
-    // Last: whoever is still a member when the group is dropped keeps its files.
+    // Dropped after all readers and publishers: a member that is left would keep the files of the group.
     _channels: Group,
     group: TestGroup,
 }
 
 impl Scripted {
-    /// Armed or off as `arguments` say, to end after `ticks`.
+    /// Starts the stages with these arguments. They end after `ticks`.
     pub fn start(test: &str, ticks: u64, arguments: &[&str]) -> Self {
         let mut group = TestGroup::new(test);
         let channels = group.join();
@@ -63,7 +63,7 @@ impl Scripted {
         }
     }
 
-    /// Works one tick; `fault` changes what the encoders say.
+    /// Works one tick. `fault` changes the reading.
     pub fn step(&mut self, fault: impl FnOnce(&mut EncoderReading)) -> ValveCommand {
         let mut reading = EncoderReading::default();
         for (encoder, position) in reading.encoders.iter_mut().zip(self.positions) {
@@ -84,19 +84,19 @@ impl Scripted {
         command
     }
 
-    /// The same for several ticks without a fault; the last command.
+    /// Works several ticks without a fault. Returns the last command.
     pub fn steps(&mut self, ticks: u64) -> ValveCommand {
         (0..ticks).map(|_| self.step(|_| ())).last().unwrap()
     }
 
-    /// Sends targets for the coming tick and those after it, the same for all axes.
+    /// Sends references for the coming tick and those after it, equal for all axes.
     pub fn refer(&self, targets: &[f64]) {
         let mut reference = Reference { preview: targets.len() as u32, ..Reference::default() };
         reference.positions[..AXES].iter_mut().for_each(|axis| axis[..targets.len()].copy_from_slice(targets));
         send(&self.references, reference, self.tick);
     }
 
-    /// Asks one mode of all axes from now on, with an edge that enables.
+    /// Requests one mode for all axes from now on, and arms them.
     pub fn ask(&mut self, mode: AxisMode, command: f64, target: Option<f64>) {
         let request = self.request.get_or_insert(Request { session: 1, ..Request::default() });
         for axis in &mut request.axes[..AXES] {
@@ -107,23 +107,23 @@ impl Scripted {
         }
     }
 
-    /// Ends the stages, which must have had all their ticks.
+    /// Waits for the end of the stages, after the last tick.
     pub fn end(mut self) {
         self.group.expect_end();
     }
 }
 
-/// What of a command moves the scripted axis.
+/// The part of a command that moves the scripted axis: beyond its dead band of 0.1, scaled to 1.
 pub fn moving(command: f64) -> f64 {
     command.signum() * (command.abs() - 0.1).max(0.0) / 0.9
 }
 
-/// Whether an axis is neutral and latched by this cause, whatever else is said of it.
+/// Whether an axis is neutral and latched by this cause; it may have other flags too.
 pub fn is_latched(axis: &AxisCommand, cause: u32) -> bool {
     axis.command == 0.0 && axis.flags & control_flag::LATCHED & cause != 0
 }
 
-/// Settings that let every axis take its targets from the channel.
+/// Settings by which every axis takes its reference from the channel.
 pub fn from_channel() -> Vec<String> {
     let settings = ["boom", "arm", "telescope", "bucket"].map(|axis| format!("axis.{axis}.reference.kind=channel"));
     settings.into_iter().flat_map(|setting| ["--set".to_owned(), setting]).collect()

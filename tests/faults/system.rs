@@ -1,4 +1,4 @@
-//! Rows 37 to 40: the date, hogs, the dead and the foreign, and what oil, load and valves do.
+//! Rows 37 to 40: the date, busy cores, files of killed groups, foreign files, and changes of oil, load and valves.
 
 use std::{
     path::{Path, PathBuf},
@@ -25,8 +25,8 @@ use crate::{
 
 const NOTHING: Vec<PathBuf> = Vec::new();
 
-/// A clock for the date that is set with every look: right, an hour ahead, an hour behind, and again. What is asked of
-/// other clocks is theirs. At the end it adds its looks to a file.
+/// A library whose clock for the date changes with every call: right, an hour ahead, an hour behind, and so on. Other
+/// clocks are not changed. At the end it appends the number of calls to a file.
 const JUMPING_CLOCK: &str = r#"
 #define _GNU_SOURCE
 #include <stdio.h>
@@ -72,7 +72,7 @@ __attribute__((destructor)) static void tell(void) {
 }
 "#;
 
-/// The library of that clock, in a folder of the test.
+/// Compiles the library of that clock in a folder of the test.
 fn jumping_clock(folder: &Path) -> PathBuf {
     let (source, library) = (folder.join("clock.c"), folder.join("clock.so"));
     std::fs::write(&source, JUMPING_CLOCK).unwrap();
@@ -90,6 +90,7 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
+/// Row 37: a clock whose date jumps by an hour changes no figure of a run in lock-step.
 #[test]
 fn row_37_the_date_may_be_set_and_nothing_happens() {
     let folder = tempfile::tempdir().unwrap();
@@ -117,7 +118,7 @@ fn row_37_the_date_may_be_set_and_nothing_happens() {
         (run(false), jumped.join().unwrap())
     });
     assert!(steady["axes"]["boom"]["tracking_by_model"]["count"].as_u64().unwrap() > 500);
-    // All figures of all axes; the rest is times.
+    // All figures of all axes. The rest of the report is times.
     assert_eq!(jumped["axes"], steady["axes"]);
     let looks = std::fs::read_to_string(&log).unwrap();
     assert!(looks.lines().count() >= 5, "the supervisor and its stages had it: {looks:?}");
@@ -130,12 +131,13 @@ fn latched(command: &ValveCommand) -> Vec<&'static str> {
     bit_names(flags & control_flag::LATCHED, &control_flag::NAMES).collect()
 }
 
+/// Row 37: a clock whose date jumps by an hour latches nothing and stops no stage in real time.
 #[test]
 fn row_37_nor_does_it_in_real_time() {
     let _alone = alone();
     let folder = tempfile::tempdir().unwrap();
     let library = jumping_clock(folder.path());
-    // A busy machine latches nothing by itself.
+    // With this time-out a busy computer latches nothing by itself.
     let arguments = ["--duration", "60s", "--set", "timing.feedback_timeout=5s", "--json", "-"];
     let mut running = Running::spawn("row-37", &arguments, &StageKind::ALL, |command| {
         command.env("LD_PRELOAD", &library);
@@ -160,6 +162,7 @@ fn row_37_nor_does_it_in_real_time() {
     }
 }
 
+/// Row 38: with busy programs on all cores, every command is within its limits, or neutral for a cause.
 #[test]
 fn row_38_hogs_on_both_cores_make_no_command_that_nobody_bounds() {
     let _alone = alone();
@@ -181,7 +184,7 @@ fn row_38_hogs_on_both_cores_make_no_command_that_nobody_bounds() {
             });
         }
         let end = Instant::now() + Duration::from_secs(4);
-        // Whatever fails, the hogs have to end for the test to.
+        // The busy threads have to end before a failure can end the test.
         let seen = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             while Instant::now() < end {
                 while let Some(command) = commands.read().unwrap().if_new() {
@@ -212,7 +215,7 @@ fn row_38_hogs_on_both_cores_make_no_command_that_nobody_bounds() {
         let by_cause: u64 = causes.into_iter().map(Option::unwrap).sum();
         assert_eq!(missed, by_cause, "{}: every miss has a cause", kind.name());
         told += &format!(" {} {missed}", kind.name());
-        // A tick that nobody made a command for was missed, by its controller or before.
+        // A tick without a command was missed by the controller, or by a stage before it.
         if kind == StageKind::ControlProc {
             assert!(missed >= gaps, "{missed} misses, {gaps} gaps");
         }
@@ -221,7 +224,7 @@ fn row_38_hogs_on_both_cores_make_no_command_that_nobody_bounds() {
     assert!(ticks > 20);
 }
 
-/// An axis follows within its limits or is neutral for a cause, and is never anything else.
+/// Expects that every axis follows within its limits, or is neutral for a cause.
 fn judge_bounds(machine: &Machine, last: Option<&ValveCommand>, command: &ValveCommand, passed: u64) {
     for (i, (axis, setup)) in command.axes.iter().zip(&machine.axes).enumerate() {
         let place = format!("tick {}, axis {i}: {} {:#x}", command.header.sequence, axis.command, axis.flags);
@@ -235,13 +238,14 @@ fn judge_bounds(machine: &Machine, last: Option<&ValveCommand>, command: &ValveC
         assert!(axis.command.abs() <= control.command_limit, "{place}");
         if let Some(last) = last.filter(|last| last.axes[i].mode != ControlMode::Neutral as u32) {
             let step = control.command_rate * machine.timing.period.as_secs_f64() * (1 + passed) as f64;
-            // At rest and at an end stop the valve is shut at once.
+            // At rest and at an end stop the valve is closed at once.
             let is_shut = axis.command.abs() < last.axes[i].command.abs();
             assert!(is_shut || (axis.command - last.axes[i].command).abs() <= step + 1e-9, "{place}");
         }
     }
 }
 
+/// Row 39: the next run of a killed group removes its files.
 #[test]
 fn row_39_a_group_that_was_killed_with_its_supervisor_is_no_obstacle() {
     let _alone = alone();
@@ -265,6 +269,7 @@ fn row_39_a_group_that_was_killed_with_its_supervisor_is_no_obstacle() {
     assert_eq!(running.group.files(), NOTHING);
 }
 
+/// Row 39: a command that finds no group says so, and what to type.
 #[test]
 fn row_39_who_finds_nobody_says_so_and_what_to_type() {
     let group = TestGroup::new("row-39-none");
@@ -281,6 +286,7 @@ fn row_39_who_finds_nobody_says_so_and_what_to_type() {
     assert_eq!(group.files(), NOTHING);
 }
 
+/// Row 39: a stage alone waits for the others, and `status` and `arm` tell what is missing.
 #[test]
 fn row_39_a_stage_alone_waits_for_the_others_and_those_who_ask_are_told() {
     let mut group = TestGroup::new("row-39-alone");
@@ -303,6 +309,7 @@ fn row_39_a_stage_alone_waits_for_the_others_and_those_who_ask_are_told() {
     assert!(stderr(&output).contains("no sample within") && stderr(&output).contains("sensor"), "{}", stderr(&output));
 }
 
+/// Row 39: a foreign file at the path of the group's folder is named and left alone.
 #[test]
 fn row_39_a_foreign_file_in_the_folders_place_is_named_and_stays() {
     let group = TestGroup::new("row-39-file");
@@ -322,12 +329,13 @@ fn row_39_a_foreign_file_in_the_folders_place_is_named_and_stays() {
     assert_eq!(group.files(), NOTHING);
 }
 
-/// When the target begins to stand, and from when on it is watched, s: the last change of a scenario ends at 16 s.
+/// When the reference begins to stand, and from when on the axes are observed, s. The last change of a scenario ends at
+/// 16 s.
 const STANDS: f64 = 17.0;
 const WATCHED: f64 = 26.0;
 const END: f64 = 32.0;
 
-/// To and fro about the middle, then standing a little away from it, for all axes.
+/// Writes a trajectory for all axes: to and fro about the middle, then at rest a little away from it.
 fn trajectory(folder: &Path, machine: &Machine) -> PathBuf {
     let names: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
     let mut text = format!("t,{}\n", names.join(","));
@@ -344,7 +352,7 @@ fn trajectory(folder: &Path, machine: &Machine) -> PathBuf {
     file
 }
 
-/// What is wrong with a scenario that is run through the processes.
+/// Runs a scenario through the processes. Returns what is wrong with it.
 fn hold(scenario: &str, machine: &Machine, file: &Path) -> Vec<String> {
     let mut settings: Vec<String> = Vec::new();
     for axis in &machine.axes {
@@ -386,7 +394,7 @@ fn hold(scenario: &str, machine: &Machine, file: &Path) -> Vec<String> {
             1e3 * largest[i]
         );
         eprintln!("row 40: {told}");
-        // A limit cycle of 2 mm would go from end to end of that, and more.
+        // A limit cycle of 2 mm or more would show as such a range of the error.
         if largest[i] > setup.control.following_error || high - low > 2.0 {
             wrong.push(told);
         }
@@ -394,6 +402,7 @@ fn hold(scenario: &str, machine: &Machine, file: &Path) -> Vec<String> {
     wrong
 }
 
+/// Row 40: in every scenario the axes follow within their limit and come to rest without a limit cycle.
 #[test]
 fn row_40_whatever_oil_load_and_valves_do_the_machine_follows_and_comes_to_rest() {
     let folder = tempfile::tempdir().unwrap();
@@ -402,7 +411,7 @@ fn row_40_whatever_oil_load_and_valves_do_the_machine_follows_and_comes_to_rest(
     let scenarios: Vec<Scenario> =
         Scenario::built_in().into_iter().filter(|scenario| scenario.commands.is_empty()).collect();
     assert!(scenarios.iter().flat_map(|scenario| &scenario.changes).all(|change| change.end < STANDS));
-    // Side by side: a group in lock-step mostly waits.
+    // All scenarios side by side, since the processes of a group in lock-step mostly wait.
     let wrong: Vec<String> = thread::scope(|scope| {
         let runs: Vec<_> =
             (scenarios.iter()).map(|scenario| scope.spawn(|| hold(&scenario.name, &machine, &file))).collect();

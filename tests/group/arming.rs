@@ -1,4 +1,4 @@
-//! `hydraxis arm`, `disarm` and `reset` on a real controller whose sensor the test plays.
+//! `hydraxis arm`, `disarm` and `reset` on a controller whose acquisition is played by the test.
 
 use std::{
     process::Output,
@@ -17,10 +17,10 @@ use pipeline::{
     stage::{StageKind, monotonic_ns},
 };
 
-/// Time between two samples. Settling wants ten of them without a gap: far enough apart for a busy test machine.
+/// Time between two samples. Settling needs ten samples without a gap, which a busy computer meets with this period.
 const PERIOD: Duration = Duration::from_millis(20);
-/// The machine of that period, with a time-out that such a test machine meets.
-/// Axes that are to track stand as well: one that is driven and does not move latches.
+/// Settings for that period, with a time-out that a busy computer meets. All references hold, since an axis that is
+/// driven and does not move would latch.
 const MACHINE: [&str; 12] = [
     "--set",
     "timing.period=20ms",
@@ -36,14 +36,14 @@ const MACHINE: [&str; 12] = [
     "axis.bucket.reference.kind=hold",
 ];
 
-/// A control-proc that gets samples of axes that stand in the middle, with the faults that the test wants.
+/// A control-proc that gets samples of axes at rest in the middle, with faults that the test sets.
 struct Played {
     faults: Arc<[AtomicU32; 4]>,
     stop: Arc<AtomicBool>,
     sensor: Option<JoinHandle<()>>,
     commands: Reader<ValveCommand>,
     _channels: Group,
-    // After the channels: the last to leave removes what is left.
+    // Dropped after the channels, since the last member removes the files.
     group: TestGroup,
     _cores: Cores,
 }
@@ -72,14 +72,14 @@ impl Played {
         hydraxis.output().unwrap()
     }
 
-    /// Runs the command, which is to succeed; what it prints.
+    /// Runs a command that has to succeed. Returns its standard output.
     fn succeed(&self, command: &str, arguments: &[&str]) -> String {
         let output = self.run(command, arguments);
         assert!(output.status.success(), "{command} {arguments:?}\n{}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap()
     }
 
-    /// Runs the command, which is to fail with exit code 1; what it says.
+    /// Runs a command that has to fail with exit code 1. Returns its standard error.
     fn fail(&self, command: &str, arguments: &[&str]) -> String {
         let output = self.run(command, arguments);
         assert_eq!(output.status.code(), Some(1), "{command} {arguments:?}");
@@ -87,12 +87,12 @@ impl Played {
         String::from_utf8(output.stderr).unwrap()
     }
 
-    /// Waits for a command that is as it should be.
+    /// Waits for a command for which this holds.
     fn wait_until(&mut self, what: &str, is_it: impl Fn(&ValveCommand) -> bool) -> ValveCommand {
         await_message(&mut self.commands, what, is_it)
     }
 
-    /// The commands that have come since the last look, and one more.
+    /// All commands that have come since the last call, and one more.
     fn seen(&mut self) -> Vec<ValveCommand> {
         let mut seen = Vec::new();
         while let Some(command) = self.commands.read().unwrap().if_new() {
@@ -102,7 +102,7 @@ impl Played {
         seen
     }
 
-    /// The modes of the axes, now.
+    /// Present modes of the axes.
     fn modes(&mut self) -> [AxisMode; 4] {
         let last = *self.seen().last().unwrap();
         [0, 1, 2, 3].map(|axis: usize| AxisMode::from_number(last.axes[axis].operation).unwrap())
@@ -154,10 +154,10 @@ fn arm_enables_what_is_off_and_leaves_it_so_and_disarm_ends_it() {
     let mut played = Played::start("arm");
     assert_eq!(played.modes(), [Off; 4]);
     assert_eq!(played.succeed("arm", &["--axis", "boom", "--axis", "arm"]), "axis.boom: track\naxis.arm: track\n");
-    // Longer than a command by hand would last.
+    // Longer than the time-out of requests in the direct modes.
     sleep(Duration::from_millis(300));
     assert_eq!(played.modes(), [Track, Track, Off, Off]);
-    // Again is no fault, and does not touch what is in the mode.
+    // Arming an armed axis is no fault and changes nothing.
     assert_eq!(played.succeed("arm", &["--axis", "boom"]), "axis.boom: track\n");
     assert!(played.seen().iter().all(|command| command.axes[0].operation == Track as u32));
 

@@ -1,4 +1,4 @@
-//! `hydraxis clean`: what killed groups leave goes, and nothing else.
+//! `hydraxis clean` removes the files of killed groups, and nothing else.
 
 use std::{
     path::{Path, PathBuf},
@@ -8,9 +8,9 @@ use std::{
 use crate::harness::{TestGroup, files, hydraxis, wait_for};
 use pipeline::channel::Prefix;
 
-/// A stage under a prefix of its own, with its folder in one of the test's.
+/// A stage under a prefix of its own, whose group's folder is in a folder of the test.
 struct Member {
-    // Removes the shared memory of a test that fails.
+    // Removes the shared memory where a test fails.
     group: TestGroup,
     process: Child,
 }
@@ -25,7 +25,7 @@ impl Member {
             .spawn()
             .unwrap();
         let member = Self { group, process };
-        // One per channel that it writes.
+        // One for each channel that the stage writes.
         let data = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "data");
         wait_for("its channels", || (member.files().iter().filter(|path| data(path)).count() == 2).then_some(()));
         member
@@ -35,7 +35,7 @@ impl Member {
         &self.group.prefix
     }
 
-    /// Its files in shared memory.
+    /// Files of the stage in shared memory.
     fn files(&self) -> Vec<PathBuf> {
         files(self.prefix())
     }
@@ -53,7 +53,7 @@ impl Drop for Member {
     }
 }
 
-/// A foreign file in shared memory, which goes with the test.
+/// A foreign file in shared memory. It is removed at the end of the test.
 struct Foreign(PathBuf);
 
 impl Foreign {
@@ -79,7 +79,7 @@ fn printed(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// The line of a group in the table.
+/// Words in the line of a group in the printed table.
 fn line(text: &str, prefix: &Prefix) -> Vec<String> {
     let mut lines = text.lines().map(|line| line.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
     lines.find(|words| words.first() == Some(&prefix.to_string())).unwrap_or_else(|| panic!("{prefix}: {text}"))
@@ -104,7 +104,7 @@ fn the_dead_go_and_the_living_and_the_foreign_stay() {
     assert!(own_folder.join("members").exists());
 
     let text = printed(&clean(folder.path(), &["--dry-run"]));
-    // The folder with them.
+    // The folder counts as one more file.
     assert_eq!(line(&text, dead.prefix())[1..], ["dead", &(memory.len() + 1).to_string(), "0"], "{text}");
     assert_eq!(line(&text, alive.prefix())[1], "alive", "{text}");
     assert!(text.contains("nothing was removed; without --dry-run"), "{text}");
@@ -160,7 +160,7 @@ fn memory_whose_folder_is_elsewhere_goes_only_by_name_and_when_nobody_has_it_map
     let mut member = Member::start("elsewhere", elsewhere.path());
     let name = member.prefix().to_string();
     let memory = member.files();
-    // A service with a TMPDIR of its own, which must not lose its memory to a person who has another.
+    // A group with another TMPDIR, such as a service: a person with a different TMPDIR must not remove its memory.
     assert_eq!(line(&printed(&clean(here.path(), &[])), member.prefix())[1], "alive");
     assert_eq!(clean(here.path(), &["--prefix", &name]).status.code(), Some(1));
     let run = hydraxis().args(["run", "--duration", "1s", "--prefix", &name]).env("TMPDIR", here.path()).output();

@@ -1,4 +1,4 @@
-//! Lock-step: the same bits every time, in four processes and in one.
+//! Lock-step gives the same bits every time, in four processes and in one.
 
 use crate::harness::{TestGroup, hydraxis, machine_file, replay::expect_same_bits, report};
 
@@ -15,7 +15,7 @@ fn four_processes_repeat_bit_for_bit_and_equal_one_process() {
         assert_eq!(first["stages"][stage]["samples"], 1500, "{stage}");
         assert_eq!(first["stages"][stage]["lost"], 0, "{stage}");
     }
-    // Something happened at all: trained, controlled by the model, tracked within a hand's breadth.
+    // The run was a real one: models were trained and controlled the axes, which tracked within 0.1 m.
     for axis in ["boom", "arm", "telescope", "bucket"] {
         let axis = &first["axes"][axis];
         assert_eq!(axis["identification"]["updates"], 700);
@@ -46,7 +46,7 @@ fn two_groups_side_by_side_do_not_see_each_other() {
 #[test]
 fn another_program_takes_the_place_of_a_stage() {
     let folder = tempfile::tempdir().unwrap();
-    // A shell script that leaves a mark and then becomes the stage, with the arguments it was given.
+    // A shell script that writes its arguments to a file and then replaces itself by the stage.
     let mark = folder.path().join("mark");
     let script = format!("echo \"$@\" > {}; exec {} plant-sim \"$@\"", mark.display(), env!("CARGO_BIN_EXE_hydraxis"));
     let stage = format!("[stage.plant-sim]\ncommand = [\"/bin/sh\", \"-c\", '''{script}''', \"sh\"]\n\n[source]");

@@ -1,4 +1,4 @@
-//! Real groups that are operated: by a person's tool, and by a commissioning over the channels.
+//! Groups that are operated: by `hydraxis operate`, and by a commissioning over the channels.
 
 use std::{
     io::Read,
@@ -6,7 +6,7 @@ use std::{
 };
 
 use crate::harness::{
-    Cores, TestGroup, alone, channel::await_message, hydraxis, running::Running, shared, signal, succeed, wait_for,
+    Cores, TestGroup, channel::await_message, hydraxis, running::Running, shared, signal, succeed, wait_for,
 };
 use control_proc::commission::{Experiment, ExperimentOptions, ExperimentRecord, Outcome, analyse};
 use pipeline::{
@@ -20,7 +20,7 @@ use pipeline::{
 };
 use plant_sim::PlantSim;
 use rustix::process::Signal;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
 /// A running group whose axes are off, and a program that operates it.
 struct Operated {
@@ -100,7 +100,7 @@ fn a_person_moves_one_axis_and_ctrl_c_makes_it_neutral() {
     let moving = running.wait_until("the boom to be commanded", |command| command.axes[0].command == 0.3);
     assert_eq!(moving.axes[0].operation, AxisMode::Manual as u32);
     assert!(moving.axes[1..4].iter().all(|axis| axis.command == 0.0), "the others are off");
-    // One program at a time.
+    // Only one program may operate a group at a time.
     let other = running.operated(&["--mode", "off"]);
     assert_eq!(other.status.code(), Some(1));
     assert!(text(&other.stderr).contains("another program operates group"), "{}", text(&other.stderr));
@@ -123,7 +123,7 @@ fn an_axis_is_neutral_when_the_hand_on_it_is_killed() {
     tool.wait().unwrap();
     let stopped = running.wait_until("neutral", is_off);
     assert_ne!(stopped.axes[1].flags & control_flag::REQUEST_STOPPED, 0);
-    // The next program finds it off, and may enable it again.
+    // The next program finds the axis off, and may arm it again.
     let again = running.operated(&["--axis", "arm", "--mode", "hold", "--enable", "--leave"]);
     assert!(again.status.success(), "{}", text(&again.stderr));
     assert!(text(&again.stdout).contains("axis.arm: hold"), "{}", text(&again.stdout));
@@ -138,7 +138,7 @@ fn an_axis_is_brought_to_a_target_and_left_there() {
     assert!(output.status.success(), "{}", text(&output.stderr));
     let there = |command: &ValveCommand| command.axes[3].reference == 0.6 && command.axes[3].error.abs() < 0.002;
     running.wait_until("the bucket to arrive", there);
-    // From mode to mode without another enable.
+    // An armed axis changes its mode without being armed again.
     let output = running.operated(&["--axis", "bucket", "--mode", "track", "--leave"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     running.wait_until("the bucket to track", |command| command.axes[3].operation == AxisMode::Track as u32);
@@ -176,10 +176,11 @@ fn what_cannot_be_asked_for_is_refused() {
     assert!(text(&output.stderr).contains("--prefix: found \"x\", a running group, without --enable"));
 }
 
-/// What is found in the place of what is found in one process, within these bounds.
+/// Expects that a commissioning over the channels finds what one in a single process finds, within bounds.
 fn expect_close(live: &Commissioned, single: &Commissioned) {
     println!("over the channels {live:?}\nin one process    {single:?}");
-    // A tick of delay more makes another record, but of the same plant, by the commands that were on its valve.
+    // The channels add a tick of delay, so the records differ. Both are of the same plant, with the commands at its
+    // valve.
     let reaction = |model: &Commissioned| model.dead_time + model.time_constant;
     assert!((reaction(live) - reaction(single)).abs() < 0.002, "{} s", reaction(live) - reaction(single));
     assert!((live.dead_band.extend - single.dead_band.extend).abs() < 0.003);
@@ -195,7 +196,7 @@ fn expect_close(live: &Commissioned, single: &Commissioned) {
     assert!(live.fit_percent > 90.0, "{}", live.fit_percent);
 }
 
-/// The experiment in one process, every command on the valve at once.
+/// The experiment in one process, where every command is at the valve without delay.
 fn in_one_process(machine: &Machine, axis: usize, options: &ExperimentOptions) -> Commissioned {
     let mut plant = PlantSim::new(machine, 1).unwrap();
     let mut acquisition = Acquisition::new(machine);
@@ -213,12 +214,12 @@ fn in_one_process(machine: &Machine, axis: usize, options: &ExperimentOptions) -
     analyse(experiment.record()).unwrap()
 }
 
-/// In lock-step, so that nothing depends on time: the experiment answers every sample before the next one, since this
-/// test is the identifier that all wait for.
+/// In lock-step, so that nothing depends on time. The test plays the identifier, for which all stages wait: so the
+/// experiment answers every sample before the next one.
 #[test]
 fn an_axis_is_commissioned_over_the_channels_as_in_one_process() {
     const AXIS: usize = 3;
-    let _alone = alone();
+    let _cores = shared();
     let machine = Machine::load(None, &[("scenario".to_owned(), "nominal".to_owned())]).unwrap();
     let options = ExperimentOptions::default();
     let mut group = TestGroup::new("experiment");
@@ -268,11 +269,11 @@ fn an_axis_is_commissioned_over_the_channels_as_in_one_process() {
     expect_close(&analyse(&record).unwrap(), &in_one_process(&machine, AXIS, &options));
 }
 
-/// The same by the command itself, in real time.
+/// A commissioning by the command itself, on a group in real time.
 #[test]
 fn a_running_machine_is_commissioned() {
-    // Three samples in a row that are missing end the experiment, by right: so they are far enough apart for a busy
-    // machine that has no real-time kernel.
+    // Three missing samples in a row end the experiment. With this period a busy computer without a real-time kernel
+    // rarely misses three.
     const PERIOD: [&str; 2] = ["--set", "timing.period=20ms"];
     let running = Operated::start_with("commission", &PERIOD);
     let folder = tempfile::tempdir().unwrap();
@@ -291,7 +292,7 @@ fn a_running_machine_is_commissioned() {
     let prefix = running.prefix();
     let live = model("live.toml");
     let live = [&quick[..], &[&live, "--prefix", &prefix, "--enable"]].concat();
-    // A machine that is starved for three samples has ended it by right, and said so: then once more.
+    // Where the computer was too busy for three samples, the experiment has ended for that reason, and is repeated.
     let live = (0..3).find_map(|_| {
         let output = hydraxis().args(&live).output().unwrap();
         let said = text(&output.stderr);
@@ -300,7 +301,7 @@ fn a_running_machine_is_commissioned() {
     });
     let live = live.expect("one of three in which no three samples are missing");
     let single = succeed(&[&quick[..], &[&model("single.toml")]].concat());
-    // In real time command and plant meet within a reading's period, 1 ms, and the samples' jitter comes on top.
+    // In real time a command waits for the next reading, up to 1 ms, and the jitter of the samples adds to that.
     let more = found(&live) - found(&single);
     assert!(more.abs() < 0.005, "{more} s");
     succeed(&["check", "--model", &model("live.toml")]);

@@ -1,8 +1,10 @@
-//! The process group: signals, deaths, late and dead readers.
+//! Processes of a group: signals, killed processes, late and killed readers.
 
 use std::time::{Duration, Instant};
 
-use crate::harness::{TestGroup, files, hydraxis, is_running, running::Running, signal, succeed, wait_for};
+use crate::harness::{
+    TestGroup, alone, files, hydraxis, is_running, running::Running, shared, signal, succeed, wait_for,
+};
 use pipeline::{
     channel::Publisher,
     message::{CoefficientSnapshot, EncoderReading, EncoderSample, Header, StageHealth},
@@ -12,6 +14,7 @@ use rustix::process::Signal;
 
 #[test]
 fn ctrl_c_stops_all_four_within_a_second_and_leaves_nothing() {
+    let _cores = shared();
     let mut running = Running::start("ctrl-c");
     assert!(running.pids.iter().all(|pid| is_running(*pid)));
     assert!(!running.group.files().is_empty());
@@ -27,6 +30,7 @@ fn ctrl_c_stops_all_four_within_a_second_and_leaves_nothing() {
 
 #[test]
 fn a_killed_stage_that_is_not_to_be_started_again_ends_the_run_and_is_named() {
+    let _cores = shared();
     let mut running = Running::start_with("killed", &["--duration", "60s", "--set", "stage.ident-proc.restart=never"]);
     signal(running.pid(StageKind::IdentProc), Signal::KILL);
     let text = running.expect_end(1).stderr;
@@ -47,6 +51,7 @@ fn a_stopped_stage_in_lock_step_ends_the_run_after_a_bound() {
 
 #[test]
 fn stages_do_not_outlive_a_killed_supervisor_and_the_next_run_cleans_up() {
+    let _cores = shared();
     let mut running = Running::start("orphans");
     let started = Instant::now();
     signal(running.supervisor.id(), Signal::KILL);
@@ -88,7 +93,7 @@ fn a_late_reader_gets_the_current_snapshot() {
             snapshots.reach(sequence).unwrap().then_some(())
         });
     }
-    // Nothing more is sent: what the late reader gets is what is current.
+    // Nothing more is sent, so that the late reader gets the current snapshot.
     let mut late = channels.reader::<CoefficientSnapshot>().unwrap();
     let first = wait_for("the current snapshot", || late.read().unwrap().if_new().copied());
     assert_eq!(Some(&first), snapshots.last());
@@ -113,10 +118,11 @@ fn send_times(publisher: &Publisher<EncoderSample>, sequence: &mut u64) -> (u64,
 
 #[test]
 fn a_stopped_or_killed_reader_does_not_slow_a_writer() {
+    let _cores = alone();
     let mut group = TestGroup::new("reader");
     let channels = group.join();
     let publisher = channels.publisher::<EncoderSample>().unwrap();
-    // A real stage as the reader: control-proc in lock-step, which reads one sample and waits for its snapshot.
+    // The reader is a stage: control-proc in lock-step, which reads one sample and waits for a snapshot.
     let mut health = channels.reader::<StageHealth>().unwrap();
     group.start(StageKind::ControlProc, &["--lockstep"]);
     let reader = wait_for("the reader", || health.read().unwrap().if_new().map(|health| health.pid));
@@ -129,7 +135,7 @@ fn a_stopped_or_killed_reader_does_not_slow_a_writer() {
     wait_for("the reader to die", || (!is_running(reader)).then_some(()));
     let killed = send_times(&publisher, &mut sequence);
     eprintln!("send, ns, p50 and p99: living {living:?}, stopped {stopped:?}, killed {killed:?}");
-    // A writer that waited would take milliseconds; these are ratios of medians in one run.
+    // A writer that waited would take milliseconds. Medians of one run are compared.
     for (name, times) in [("stopped", stopped), ("killed", killed)] {
         assert!(times.0 < 5 * living.0.max(200), "{name}: {times:?} against {living:?}");
     }
@@ -137,6 +143,7 @@ fn a_stopped_or_killed_reader_does_not_slow_a_writer() {
 
 #[test]
 fn a_second_group_of_the_same_name_is_refused() {
+    let _cores = shared();
     let running = Running::start("twice");
     let second =
         hydraxis().args(["run", "--duration", "1s", "--prefix", &running.group.prefix.to_string()]).output().unwrap();

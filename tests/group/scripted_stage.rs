@@ -1,4 +1,4 @@
-//! Each stage in turn is played by the test, the other three are real processes in lock-step.
+//! The test plays each stage in turn. The other three are processes in lock-step.
 
 use crate::harness::{
     TestGroup,
@@ -41,7 +41,7 @@ fn a_scripted_plant_is_brought_to_its_reference() {
     let readings = channels.publisher::<EncoderReading>().unwrap();
     let (mut commands, mut snapshots) = (channels.reader().unwrap(), channels.reader::<CoefficientSnapshot>().unwrap());
     group.start_all_but(StageKind::PlantSim, &["--lockstep", "--ticks", "1500", "--arm"]);
-    // An integrator with a dead band, 0.3 m/s at full command, far simpler than plant-sim.
+    // An integrator with a dead band and 0.3 m/s at full command.
     let mut positions = [0.65, 0.75, 0.6, 0.55];
     let mut worst_error: f64 = 0.0;
     for tick in 0..1500 {
@@ -81,7 +81,7 @@ fn references_from_another_program_are_followed_and_nonsense_among_them_is_not()
     }
     group.start_all_but(StageKind::PlantSim, &arguments);
     let mut position = 0.6;
-    // Holds for a second, then rises by 0.1 m/s: the tick's own target, and nine more.
+    // The reference holds for a second, then rises by 0.1 m/s. A message holds ten ticks of it.
     let target = |tick: u64| 0.6 + 0.001 * tick.saturating_sub(100) as f64;
     for tick in 0..400 {
         let mut reference = Reference { preview: 10, ..Reference::default() };
@@ -106,7 +106,7 @@ fn references_from_another_program_are_followed_and_nonsense_among_them_is_not()
             300..310 => {
                 assert_ne!(axis.flags & control_flag::REFERENCE, 0, "{tick}");
                 let way = axis.reference - target(299);
-                assert!((0.0..0.02).contains(&way), "the axis' target comes to a stand: {way} m");
+                assert!((0.0..0.02).contains(&way), "the reference comes to a stand: {way} m");
             }
             _ => assert!(axis.command.is_finite() && axis.reference.is_finite()),
         }
@@ -142,7 +142,7 @@ fn a_scripted_sensor_that_goes_blind_makes_the_valves_neutral_for_good() {
         } else if neutral_after.is_some() {
             panic!("tick {tick}: the axis was commanded {} after its fault", arm.command);
         }
-        // The other axes are not blind and go on.
+        // The other axes have good samples and go on.
         assert_eq!(command.axes[0].flags & control_flag::FEEDBACK, 0);
     }
     assert!(moved, "the axis followed its reference before");

@@ -1,16 +1,16 @@
-//! `hydraxis status`: what it shows of a running group, and that it only looks.
+//! `hydraxis status`: what it shows of a running group, and that it does not disturb the group.
 
-use crate::harness::{TestGroup, hydraxis, running::Running, signal, wait_for};
+use crate::harness::{TestGroup, hydraxis, running::Running, shared, signal, wait_for};
 use pipeline::{channel::Reader, message::EncoderSample, stage::StageKind};
 use rustix::process::Signal;
 use serde_json::Value;
 
-/// A group that outlives any of these tests.
+/// Starts a group that runs longer than any of these tests.
 fn start(test: &str) -> Running {
     Running::start_with(test, &["--duration", "600s"])
 }
 
-/// What status says of it as JSON, and its exit code.
+/// The JSON report of `status`, and its exit code.
 fn status(running: &Running, arguments: &[&str]) -> (Value, Option<i32>) {
     let prefix = running.group.prefix.to_string();
     let output = hydraxis().args(["status", "--json", "-", "--prefix", &prefix]).args(arguments).output().unwrap();
@@ -20,6 +20,7 @@ fn status(running: &Running, arguments: &[&str]) -> (Value, Option<i32>) {
 
 #[test]
 fn a_running_group_is_shown_with_its_stages_channels_and_axes() {
+    let _cores = shared();
     let running = start("status");
     let (status, code) = status(&running, &[]);
     assert_eq!(code, Some(0));
@@ -29,7 +30,7 @@ fn a_running_group_is_shown_with_its_stages_channels_and_axes() {
         assert_eq!(stage["state"], "running", "{stage}");
         let rate = stage["rate_hz"].as_f64().unwrap();
         let expected = if kind == StageKind::PlantSim { 1000.0 } else { 100.0 };
-        // Ticks between two heartbeats, some of which may be late on a busy machine.
+        // The rate is that between two heartbeats, which may be late on a busy computer.
         assert!(rate > 0.3 * expected && rate < 3.0 * expected, "{}: {rate}", kind.name());
         assert!(stage["heartbeat_age_ns"].as_u64().is_some() && stage["lost"].as_u64().is_some());
     }
@@ -55,6 +56,7 @@ fn a_running_group_is_shown_with_its_stages_channels_and_axes() {
 
 #[test]
 fn a_reset_counts_from_zero_again_without_a_gap() {
+    let _cores = shared();
     let running = start("status-reset");
     let channels = running.group.join();
     let mut samples: Reader<EncoderSample> = channels.reader().unwrap();
@@ -69,7 +71,7 @@ fn a_reset_counts_from_zero_again_without_a_gap() {
         stage["samples"].as_u64().filter(|samples| *samples < before).map(|samples| (samples, stage["tick"].clone()))
     });
     assert!(after.1.as_u64().unwrap() > before, "the ticks go on: {after:?}");
-    // A signal is no reason for an early or a missing tick.
+    // A signal causes neither an early nor a missing tick.
     let mut last: Option<u64> = None;
     while let Some(sample) = samples.read().unwrap().if_new() {
         let header = sample.header;
@@ -81,6 +83,7 @@ fn a_reset_counts_from_zero_again_without_a_gap() {
 
 #[test]
 fn a_stage_that_is_silent_is_named() {
+    let _cores = shared();
     let running = start("status-silent");
     let (status, _) = status(&running, &[]);
     let pid = status["stages"]["ident-proc"]["pid"].as_u64().unwrap() as u32;

@@ -1,7 +1,7 @@
-//! What `hydraxis run` does when stages die, hang, do not end, or cannot be started.
+//! The supervisor, `hydraxis run`: stages that are killed, hang, do not end, or cannot be started.
 
 use std::{
-    io::{BufRead, BufReader, Read},
+    io::{BufRead, BufReader},
     os::unix::net::UnixDatagram,
     path::PathBuf,
     process::{ChildStdin, Stdio},
@@ -9,7 +9,11 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::harness::{PATIENCE, TestGroup, alone, hydraxis, is_running, running::Running, signal, wait_for};
+use crate::harness::{
+    PATIENCE, TestGroup, alone, hydraxis, is_running,
+    running::{Running, text},
+    shared, signal, wait_for,
+};
 use pipeline::{
     channel::Reader,
     message::{ControlMode, EncoderSample, StageHealth, ValveCommand, control_flag},
@@ -20,13 +24,7 @@ use serde_json::json;
 
 const NOTHING: Vec<PathBuf> = Vec::new();
 
-fn text(mut pipe: impl Read) -> String {
-    let mut text = String::new();
-    pipe.read_to_string(&mut text).unwrap();
-    text
-}
-
-/// A shell script in the place of ident-proc.
+/// A setting by which a shell script is run in the place of ident-proc.
 fn script(script: &str) -> String {
     let words = serde_json::to_string(&["/bin/sh", "-c", script, "sh"]).unwrap();
     format!("stage.ident-proc.command={words}")
@@ -34,7 +32,7 @@ fn script(script: &str) -> String {
 
 #[test]
 fn a_killed_identifier_comes_back_and_the_run_ends_well() {
-    let _alone = alone();
+    let _cores = shared();
     let mut running = Running::start_with("ident", &["--duration", "3s", "--json", "-"]);
     let channels = running.group.join();
     let mut health = channels.reader().unwrap();
@@ -59,7 +57,7 @@ fn await_motion(commands: &mut Reader<ValveCommand>) {
 
 #[test]
 fn a_controller_that_was_killed_in_motion_comes_back_disarmed() {
-    let _alone = alone();
+    let _cores = shared();
     let mut running = Running::start_with("control", &["--duration", "60s", "--set", "timing.feedback_timeout=5s"]);
     let channels = running.group.join();
     let mut commands: Reader<ValveCommand> = channels.reader().unwrap();
@@ -85,7 +83,7 @@ fn a_controller_that_was_killed_in_motion_comes_back_disarmed() {
 
 #[test]
 fn a_killed_acquisition_latches_the_controller_and_comes_back_with_higher_numbers() {
-    let _alone = alone();
+    let _cores = alone();
     let mut running = Running::start("sensor");
     let channels = running.group.join();
     let mut samples: Reader<EncoderSample> = channels.reader().unwrap();
@@ -108,7 +106,7 @@ fn a_killed_acquisition_latches_the_controller_and_comes_back_with_higher_number
     });
     let dead = killed.elapsed().as_millis() as u64 / 10;
     assert!((10..=dead + 1).contains(&gap), "{gap} ticks left out in {dead} periods");
-    // What it missed it does not make good by moving on its own.
+    // The new samples do not release the axes.
     wait_for("commands from the new samples", || {
         let command = commands.read().unwrap().if_new()?;
         assert!(command.header.sequence < last || latched(command));
@@ -120,7 +118,7 @@ fn a_killed_acquisition_latches_the_controller_and_comes_back_with_higher_number
 
 #[test]
 fn too_many_deaths_end_the_run_with_the_first_cause() {
-    let _alone = alone();
+    let _cores = shared();
     let mut running = Running::start("limit");
     let channels = running.group.join();
     let mut health = channels.reader().unwrap();
@@ -138,7 +136,7 @@ fn too_many_deaths_end_the_run_with_the_first_cause() {
 
 #[test]
 fn a_killed_machine_ends_the_run_and_the_first_of_two_deaths_is_the_cause() {
-    let _alone = alone();
+    let _cores = shared();
     let mut running = Running::start("plant");
     let ident = running.pid(StageKind::IdentProc);
     signal(ident, Signal::KILL);
@@ -153,7 +151,7 @@ fn a_killed_machine_ends_the_run_and_the_first_of_two_deaths_is_the_cause() {
 
 #[test]
 fn a_stage_that_hangs_is_killed_and_starts_again() {
-    let _alone = alone();
+    let _cores = shared();
     let mut running = Running::start("hung");
     let channels = running.group.join();
     let mut health = channels.reader().unwrap();
@@ -180,7 +178,7 @@ fn a_stage_ends_when_its_input_does() {
         .unwrap();
     wait_for("the stage", || health.read().unwrap().if_new().map(|_| ()));
     let mut stdin: Option<ChildStdin> = stage.stdin.take();
-    // What is written into it means nothing.
+    // Text on standard input is ignored.
     std::io::Write::write_all(stdin.as_mut().unwrap(), b"text\n").unwrap();
     assert!(stage.try_wait().unwrap().is_none());
     drop(stdin);
@@ -193,7 +191,7 @@ fn a_stage_that_does_not_end_with_its_input_is_ended() {
     let (group, folder) = (TestGroup::new("eof-stuck"), tempfile::tempdir().unwrap());
     let fifo = folder.path().join("path.csv");
     rustix::fs::mknodat(rustix::fs::CWD, &fifo, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
-    // It reads its reference from a pipe that nobody writes into, and so never comes to look at its stop flag.
+    // The stage reads its reference from a pipe without a writer, and so it never comes to read its stop flag.
     let mut stage = hydraxis()
         .args(["control-proc", "--prefix", &group.prefix.to_string(), "--parent", &std::process::id().to_string()])
         .args(["--set", "axis.boom.reference.kind=trajectory"])
@@ -208,14 +206,14 @@ fn a_stage_that_does_not_end_with_its_input_is_ended() {
     });
     drop(stage.stdin.take());
     let status = wait_for("its end", || stage.try_wait().unwrap());
-    let said = text(stage.stderr.take().unwrap());
+    let said = text(stage.stderr.take());
     assert_eq!(status.code(), Some(1), "{said}");
-    assert!(said.contains("whoever started it is gone, and it did not end within 500ms"), "{said}");
+    assert!(said.contains("its supervisor has ended, and the stage did not end within 500ms"), "{said}");
 }
 
 #[test]
 fn a_supervisor_that_is_asked_to_end_ends_well() {
-    let _alone = alone();
+    let _cores = shared();
     for asked in [Signal::TERM, Signal::HUP] {
         let mut running = Running::start("asked");
         signal(running.supervisor.id(), asked);
@@ -230,7 +228,7 @@ fn a_supervisor_that_is_asked_to_end_ends_well() {
 
 #[test]
 fn a_program_that_ignores_the_signal_is_killed_with_its_child() {
-    let _alone = alone();
+    let _cores = shared();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("pid");
     let stubborn = script(&format!("trap '' TERM; sleep 1000 & echo $! > {}; wait; sleep 1000", file.display()));
@@ -264,7 +262,7 @@ fn a_program_that_ignores_the_signal_is_killed_with_its_child() {
 
 #[test]
 fn a_stage_that_cannot_be_set_up_ends_the_run_with_its_message() {
-    let _alone = alone();
+    let _cores = shared();
     let group = TestGroup::new("setup");
     let broken = script("echo there is no bus >&2; exit 3");
     let output = hydraxis().args(["run", "--prefix", &group.prefix.to_string(), "--set", &broken]).output().unwrap();
@@ -277,7 +275,7 @@ fn a_stage_that_cannot_be_set_up_ends_the_run_with_its_message() {
 
 #[test]
 fn a_stage_that_ends_well_before_its_time_starts_again() {
-    let _alone = alone();
+    let _cores = shared();
     let group = TestGroup::new("early");
     let early = script("sleep 1.5");
     let arguments = ["run", "--prefix", &group.prefix.to_string(), "--duration", "2s", "--set", &early];
@@ -289,7 +287,7 @@ fn a_stage_that_ends_well_before_its_time_starts_again() {
 
 #[test]
 fn lines_of_the_stages_are_whole_and_go_to_a_file_too() {
-    let _alone = alone();
+    let _cores = shared();
     let (group, folder) = (TestGroup::new("lines"), tempfile::tempdir().unwrap());
     let talk =
         "trap 'exit 0' TERM; while :; do printf 'one '; printf 'uno ' >&2; sleep 0.01; echo two; echo due >&2; done";
@@ -301,7 +299,7 @@ fn lines_of_the_stages_are_whole_and_go_to_a_file_too() {
         .unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{said}");
-    // What a shell says of its killed child is its own.
+    // After that the shell itself may write a message about its killed child.
     let before = said.lines().take_while(|line| *line != "ident-proc: asked to end");
     let talked: Vec<&str> = before.filter_map(|line| line.strip_prefix("ident-proc | ")).collect();
     assert!(talked.len() > 5 && talked.contains(&"one two") && talked.contains(&"uno due"), "{said}");
@@ -319,7 +317,7 @@ fn lines_of_the_stages_are_whole_and_go_to_a_file_too() {
 
 #[test]
 fn a_flood_of_lines_that_nobody_reads_holds_nobody_up() {
-    let _alone = alone();
+    let _cores = alone();
     let flood = script("exec yes a line that nobody reads");
     let mut running = Running::spawn(
         "flood",
@@ -327,7 +325,7 @@ fn a_flood_of_lines_that_nobody_reads_holds_nobody_up() {
         &[StageKind::PlantSim, StageKind::ControlProc, StageKind::SensorProc],
         |_| (),
     );
-    // Standard error is full within milliseconds, and is not read before the stages have ended.
+    // The pipe of standard error is full within milliseconds. It is read only after the stages have ended.
     wait_for("the stages' end", || running.none_runs().then_some(()));
     let said = running.expect_end(0);
     assert!(said.stderr.contains("ident-proc | a line that nobody reads\n"));
@@ -368,7 +366,7 @@ fn everything_that_is_wrong_is_said_at_once_and_nothing_is_started() {
     assert_eq!((code, said.matches("core 1000").count()), (Some(0), 1), "warned of once: {said}");
 }
 
-/// What comes over a service manager's socket until it has come.
+/// Messages to the service manager, with their times, up to the first one that begins with `until`.
 fn listen(socket: &UnixDatagram, until: &str) -> Vec<(String, Instant)> {
     let (mut heard, mut bytes) = (Vec::new(), [0; 4096]);
     loop {
@@ -384,7 +382,7 @@ fn listen(socket: &UnixDatagram, until: &str) -> Vec<(String, Instant)> {
 
 #[test]
 fn a_service_manager_hears_of_start_life_and_end() {
-    let _alone = alone();
+    let _cores = shared();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("notify");
     let socket = UnixDatagram::bind(&path).unwrap();

@@ -1,4 +1,4 @@
-//! A test's place on the channels of a group.
+//! Messages to and from a group in which the test is a member.
 
 use pipeline::{
     channel::{Publisher, Reader},
@@ -11,7 +11,7 @@ use super::wait_for;
 /// Axes of the built-in machine.
 pub const AXES: usize = 4;
 
-/// Sends the message of a tick.
+/// Sends a message of this tick.
 pub fn send<M: Message>(publisher: &Publisher<M>, mut message: M, sequence: u64) {
     let now = monotonic_ns();
     *message.header_mut() =
@@ -19,7 +19,7 @@ pub fn send<M: Message>(publisher: &Publisher<M>, mut message: M, sequence: u64)
     publisher.send(&message).unwrap();
 }
 
-/// The message of a tick, once it has come; meanwhile late readers are handed what was sent last.
+/// Waits for the message of a tick. `greet` is called meanwhile, so that readers that came late get the last message.
 pub fn receive<M: Message>(reader: &mut Reader<M>, sequence: u64, greet: impl Fn()) -> M {
     wait_for(M::CHANNEL, || {
         if reader.reach(sequence).unwrap() {
@@ -30,7 +30,7 @@ pub fn receive<M: Message>(reader: &mut Reader<M>, sequence: u64, greet: impl Fn
     })
 }
 
-/// Waits for a message that is as it should be, however many come before it.
+/// Waits for a message for which this holds; others are skipped.
 pub fn await_message<M: Message>(reader: &mut Reader<M>, what: &str, mut is_it: impl FnMut(&M) -> bool) -> M {
     wait_for(what, || {
         while let Some(message) = reader.read().unwrap().if_new() {

@@ -41,8 +41,8 @@ fn machine_file(folder: &Path, record: &Path, period: &str, training: usize) -> 
     file
 }
 
-/// Expects the same coefficients and errors, bit for bit, from a record that is streamed through the processes, replayed
-/// in one process, and given to `identify`.
+/// Expects equal coefficients and errors, bit for bit, from a record that is streamed through the processes,
+/// replayed in one process, and given to `identify`.
 pub fn expect_same_bits(record: &Path, period: &str, training: usize) {
     let folder = tempfile::tempdir().unwrap();
     let file = machine_file(folder.path(), record, period, training);

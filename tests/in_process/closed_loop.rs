@@ -1,4 +1,4 @@
-//! The controller on the simulated machine, all cores in one process, looked at from the plant's side.
+//! The closed loop on the simulated machine, with all cores in one process, observed at the plant.
 
 mod end_stops;
 mod faults;
@@ -9,15 +9,20 @@ use std::sync::OnceLock;
 use control_proc::Controller;
 use ident_proc::Identifiers;
 use pipeline::{
-    machine::{Machine, ModelChoice, ReferenceSource, model_settings},
+    machine::{Machine, ModelChoice, ReferenceSource, Scenario, model_settings},
     message::{CoefficientSnapshot, EncoderReading, EncoderSample, Reference, ValveCommand},
 };
 use plant_sim::PlantSim;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
 use crate::harness::cli;
 
-/// What commissioning finds of the built-in machine, as settings; found once.
+/// The scenarios of the closed loop.
+fn scenarios() -> Vec<Scenario> {
+    Scenario::built_in().into_iter().filter(|scenario| scenario.commands.is_empty()).collect()
+}
+
+/// Settings that commissioning finds for the built-in machine. It is run once for all tests.
 fn commissioned() -> &'static [(String, String)] {
     static FOUND: OnceLock<Vec<(String, String)>> = OnceLock::new();
     FOUND.get_or_init(|| {
@@ -28,8 +33,8 @@ fn commissioned() -> &'static [(String, String)] {
     })
 }
 
-/// The built-in machine under a scenario, commissioned and with feed-forward; its axes controlled by this choice of model
-/// on references of the test's own.
+/// The built-in machine in a scenario, commissioned, with feed-forward, this choice of model, and references of the
+/// test.
 fn machine(scenario: &str, model: ModelChoice, reference: impl Fn((f64, f64)) -> ReferenceSource) -> Machine {
     let scenario = ("scenario".to_owned(), scenario.to_owned());
     let mut machine = Machine::load(None, &[commissioned(), &[scenario]].concat()).unwrap();
@@ -40,7 +45,7 @@ fn machine(scenario: &str, model: ModelChoice, reference: impl Fn((f64, f64)) ->
     machine
 }
 
-/// The loop: plant, acquisition, identification, control.
+/// The closed loop: plant, acquisition, identification, control.
 #[derive(Clone)]
 struct ClosedLoop {
     machine: Machine,
@@ -48,7 +53,7 @@ struct ClosedLoop {
     acquisition: Acquisition,
     identifiers: Identifiers,
     controller: Controller,
-    /// Of the last tick.
+    /// Sample of the last tick.
     sample: EncoderSample,
     command: Option<ValveCommand>,
     snapshot: Option<CoefficientSnapshot>,
@@ -72,12 +77,12 @@ impl ClosedLoop {
         }
     }
 
-    /// One tick, in the order of the pipeline: a command is made from the model of the tick before.
+    /// Works one tick in the order of the pipeline. A command is made with the model of the tick before.
     fn tick(&mut self, reference: Option<&Reference>) -> ValveCommand {
         self.tick_with(reference, |_| ())
     }
 
-    /// The same; `change` may spoil the reading.
+    /// Works one tick with a reading that `change` may spoil.
     fn tick_with(&mut self, reference: Option<&Reference>, change: impl FnOnce(&mut EncoderReading)) -> ValveCommand {
         if let Some(command) = &self.command {
             self.plant.command(command);

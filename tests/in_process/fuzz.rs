@@ -1,4 +1,4 @@
-//! The fuzz targets on their seeds and on some mutations of them: a guard for every day, the search is in `fuzz/`.
+//! The fuzz targets on their seeds and on some mutations of them. The search with a fuzzer is in `fuzz/`.
 
 #[path = "../../fuzz/src/lib.rs"]
 mod targets;
@@ -10,7 +10,7 @@ use rand_pcg::{
     rand_core::{Rng, SeedableRng},
 };
 
-/// Mutations of all seeds of a target.
+/// Number of mutations for each target.
 const MUTATIONS: usize = 300;
 
 /// The seeds of a target, and `more` files.
@@ -24,7 +24,7 @@ fn seeds(target: &str, more: &[&str]) -> Vec<Vec<u8>> {
     files.iter().map(|file| fs::read(file).unwrap()).collect()
 }
 
-/// The same with a few bytes changed, taken out, put in, or doubled; the same ones every time.
+/// Seeds with a few bytes changed, removed, inserted or doubled. The mutations are the same in every run.
 fn mutations(seeds: &[Vec<u8>]) -> impl Iterator<Item = Vec<u8>> {
     let mut random = Pcg64Mcg::seed_from_u64(1);
     (0..MUTATIONS).map(move |i| {

@@ -25,7 +25,7 @@ pub mod course;
 
 use std::{collections::VecDeque, f64::consts::TAU};
 
-use pipeline::machine::{Axis, Commissioned, Control, DeadBand, ModelChoice};
+use pipeline::machine::{Axis, COMPENSATED, Commissioned, Control, DeadBand, ModelChoice};
 
 use course::{END, TRAINING, course};
 
@@ -44,9 +44,6 @@ const LONG_REST: f64 = 20.0;
 const WATCHED: f64 = 10.0;
 /// Longest step of the simulation, s: a small part of the spring's period.
 const LONGEST_STEP: f64 = 2.5e-3;
-/// Part of the commissioned dead band that is compensated: what is left keeps a wrong or shrinking one from being a
-/// relay.
-pub const COMPENSATED: f64 = 0.9;
 
 /// What a machine has in the place of a predictive controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -6,7 +6,7 @@ mod bounds;
 use control_proc::commission::{Experiment, ExperimentOptions, Outcome};
 use pipeline::{machine::Machine, message::ValveCommand};
 use plant_sim::PlantSim;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
 /// The built-in machine under one of its scenarios.
 fn under(scenario: &str) -> Machine {

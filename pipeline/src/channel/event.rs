@@ -1,4 +1,4 @@
-//! Events: how a stage that shares its core is woken instead of polling.
+//! Events: they wake a stage that sleeps instead of polling, because other stages share its core.
 
 use std::time::Duration;
 
@@ -7,7 +7,10 @@ use iceoryx2::port::{
     notifier::Notifier as NotifierPort,
 };
 
-use super::{ChannelError, service::Service};
+use super::{
+    error::{NotifyError, WaitError},
+    service::Service,
+};
 
 /// Wakes all listeners of a channel.
 pub struct Notifier {
@@ -23,10 +26,9 @@ impl Notifier {
     /// Wakes all listeners; does not wait for them.
     ///
     /// # Errors
-    /// The library refuses the event: not possible within the limits of the channel.
-    pub fn notify(&self) -> Result<(), ChannelError> {
-        let refuse = |reason| ChannelError::Send { channel: self.channel, reason };
-        self.port.notify().map(|_| ()).map_err(|error| refuse(format!("{error:?}")))
+    /// iceoryx2 refuses the event; this does not happen within the limits of the channel.
+    pub fn notify(&self) -> Result<(), NotifyError> {
+        self.port.notify().map(|_| ()).map_err(|source| NotifyError { channel: self.channel, source })
     }
 }
 
@@ -44,11 +46,11 @@ impl Listener {
     /// Sleeps until a notifier of the channel has notified since the last wait, at most for `longest`.
     ///
     /// # Errors
-    /// The library cannot wait. A signal is no error; it ends the wait.
-    pub fn wait(&self, longest: Duration) -> Result<(), ChannelError> {
+    /// iceoryx2 cannot wait. A signal is no error; it ends the wait.
+    pub fn wait(&self, longest: Duration) -> Result<(), WaitError> {
         match self.port.timed_wait(|_| {}, longest) {
             Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
-            Err(error) => Err(ChannelError::Receive { channel: self.channel, reason: format!("{error:?}") }),
+            Err(source) => Err(WaitError { channel: self.channel, source }),
         }
     }
 }

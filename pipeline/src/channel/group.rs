@@ -1,128 +1,114 @@
 //! A group: all channels of one run, apart from those of any other.
 
 use std::{
-    fmt,
-    fs::{File, OpenOptions},
-    os::unix::fs::MetadataExt,
-    path::{Path, PathBuf},
-    str::FromStr,
+    fs::File,
     time::{Duration, Instant},
 };
 
 use iceoryx2::{
     node::NodeView,
     prelude::*,
-    service::builder::publish_subscribe::{
-        PublishSubscribeCreateError, PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
-    },
-    service::port_factory::publish_subscribe::PortFactory as PublishSubscribe,
+    service::port_factory::{event::PortFactory as Event, publish_subscribe::PortFactory as PublishSubscribe},
 };
 
-use super::{ChannelError, Listener, Notifier, Publisher, Reader, service::Service};
+use super::{
+    Listener, Notifier, Publisher, Reader,
+    error::{ChannelName, JoinError, ListenerError, NotifierError, OpenError, OpenReason, PublisherError, ReaderError},
+    members,
+    prefix::Prefix,
+    service::Service,
+};
 use crate::message::Message;
 
-/// Readers that one channel takes: the stages, the supervisor, and clients that watch.
-const MAX_SUBSCRIBERS: usize = 16;
-/// Processes that one channel takes.
+/// Largest number of readers of one channel: the stages, the supervisor, and clients that watch.
+pub(super) const MAX_SUBSCRIBERS: usize = 16;
+/// Largest number of processes that use one channel.
 const MAX_NODES: usize = 32;
-/// How long opening is tried while another process creates or removes the same channel.
+/// How long opening is tried again while another process creates or removes the same channel.
 const OPEN_PATIENCE: Duration = Duration::from_secs(2);
 /// How long freeing the places of killed members is tried.
 const BURIAL_PATIENCE: Duration = Duration::from_millis(500);
-/// What the name of a group's folder starts with.
-pub(super) const FOLDER: &str = "hydraxis.";
-/// File in the group's folder that every member keeps locked.
-pub(super) const MEMBERS: &str = "members";
-/// Attribute that holds the layout's fingerprint.
+/// Attribute of a channel that holds the fingerprint of its message's layout.
 const LAYOUT_ATTRIBUTE: &str = "hydraxis.layout";
 
-/// The name of a group; it becomes part of file names.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Prefix(String);
-
-impl FromStr for Prefix {
-    type Err = ChannelError;
-
-    fn from_str(text: &str) -> Result<Self, ChannelError> {
-        let valid =
-            (1..=32).contains(&text.len()) && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
-        if valid { Ok(Self(text.to_owned())) } else { Err(ChannelError::Prefix { found: text.to_owned() }) }
-    }
-}
-
-impl fmt::Display for Prefix {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl Prefix {
-    /// A prefix that no other running process has.
-    pub fn of_this_process() -> Self {
-        Self(format!("hydraxis-{}", std::process::id()))
-    }
-
-    /// Folder of the group's static files.
-    pub fn folder(&self) -> PathBuf {
-        std::env::temp_dir().join(format!("{FOLDER}{}", self.0))
-    }
-
-    /// What the names of the group's shared memory start with. The dot keeps prefix `a` apart from prefix `ab`.
-    pub(super) fn file_prefix(&self) -> String {
-        format!("{}.", self.0)
-    }
-}
-
-/// Somebody in a group.
+/// One member of a group.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Member {
-    /// As it joined: a stage's name, `supervisor`, or a client's.
+    /// Name under which the member joined: a stage's name, `supervisor`, or the name of a client.
     pub name: String,
-    /// Its process.
+    /// Process id of the member.
     pub pid: u32,
-    /// False for one that was killed and has not been buried.
+    /// False for a member that was killed and whose places have not been freed.
     pub is_alive: bool,
 }
 
-/// One process' membership in a group.
+/// The membership of one process in a group.
+///
+/// ```
+/// use pipeline::{
+///     channel::{Group, Prefix, Read, remove_leftovers},
+///     message::EncoderSample,
+/// };
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let prefix = Prefix::of_this_process();
+/// let group = Group::join(&prefix, "example")?;
+/// let publisher = group.publisher::<EncoderSample>()?;
+/// let mut reader = group.reader::<EncoderSample>()?;
+///
+/// let mut sample = EncoderSample::default();
+/// sample.header.sequence = 7;
+/// sample.axes[0].position = 0.25;
+/// publisher.send(&sample)?;
+///
+/// let Read::New(received) = reader.read()? else { panic!("the message has been sent") };
+/// assert_eq!((received.header.sequence, received.axes[0].position), (7, 0.25));
+/// assert!(matches!(reader.read()?, Read::Old(_)));
+/// assert_eq!(reader.lost(), 0);
+/// # drop((publisher, reader, group));
+/// # remove_leftovers(&prefix)?;
+/// # Ok(())
+/// # }
+/// ```
 pub struct Group {
     prefix: Prefix,
     node: Node<Service>,
-    /// Locked, shared, for as long as the membership lasts: the kernel lets go of it also when the process is killed.
+    /// Locked, shared, for as long as the membership lasts. The kernel releases the lock also when the process is
+    /// killed.
     _membership: File,
 }
 
 impl Group {
-    /// Joins the group, under a name that tells who this is.
+    /// Joins the group under a name that tells the other members who this is.
     ///
     /// # Errors
     /// The group's files cannot be created.
-    pub fn join(prefix: &Prefix, name: &str) -> Result<Self, ChannelError> {
-        // The library's own messages would go to the terminal from within the loop; errors are returned to us.
+    pub fn join(prefix: &Prefix, name: &str) -> Result<Self, JoinError> {
+        // iceoryx2 would print its own messages to the terminal from within the loop; its errors are returned here.
         set_log_level(LogLevel::Fatal);
-        let refuse = |reason: String| ChannelError::Join { prefix: prefix.to_string(), reason };
         let folder = prefix.folder();
-        let membership = join_members(&folder).map_err(|error| match folder.metadata() {
-            Ok(found) if !found.is_dir() => refuse(format!(
-                "found {}, which is no folder; allowed: a group's folder, or nothing: remove it, or take another --prefix",
-                folder.display()
-            )),
-            _ => refuse(format!("{}: {error}", folder.display())),
+        let membership = members::join(&folder).map_err(|source| match folder.metadata() {
+            Ok(found) if !found.is_dir() => {
+                JoinError::NotAFolder { prefix: prefix.clone(), folder: folder.clone(), source }
+            }
+            _ => JoinError::Folder { prefix: prefix.clone(), folder: folder.clone(), source },
         })?;
+        let refuse = |found: &str, source| JoinError::Name { prefix: prefix.clone(), found: found.to_owned(), source };
+        let file_prefix = prefix.file_prefix();
         let mut config = Config::default();
-        config.global.prefix = FileName::new(prefix.file_prefix().as_bytes()).map_err(|e| refuse(format!("{e:?}")))?;
-        let root = iceoryx2::prelude::Path::new(folder.as_os_str().as_encoded_bytes());
-        config.global.set_root_path(&root.map_err(|e| refuse(format!("{e:?}")))?);
+        config.global.prefix = FileName::new(file_prefix.as_bytes()).map_err(|error| refuse(&file_prefix, error))?;
+        let root = Path::new(folder.as_os_str().as_encoded_bytes());
+        config.global.set_root_path(&root.map_err(|error| refuse(&folder.display().to_string(), error))?);
         // Cleaning up after a dead process takes milliseconds: the supervisor's work, never a stage's.
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
         let node = NodeBuilder::new()
-            .name(&NodeName::new(name).map_err(|e| refuse(format!("{e:?}")))?)
+            .name(&NodeName::new(name).map_err(|error| refuse(name, error))?)
             .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create()
-            .map_err(|error| refuse(format!("{error:?}")))?;
+            .map_err(|source| JoinError::node(prefix.clone(), source))?;
         Ok(Self { prefix: prefix.clone(), node, _membership: membership })
     }
 
@@ -131,17 +117,17 @@ impl Group {
         &self.prefix
     }
 
-    /// Frees the places on the channels that killed members still hold. Takes milliseconds: not for a stage's loop.
+    /// Frees the places on the channels that killed members still hold. This takes milliseconds: not for a stage's
+    /// loop.
     pub fn bury_the_dead(&self) {
-        // Another process may be at it as well; whoever opens a channel then sees what came of it.
+        // Another process may be doing this as well; whoever opens a channel then sees the result.
         self.node.blocking_cleanup_dead_nodes(BURIAL_PATIENCE);
     }
 
-    /// Who is in the group, by the names that they joined under, the killed among them. Looks at files: not for a
-    /// stage's loop.
+    /// The members of the group, killed ones included. This reads files: not for a stage's loop.
     pub fn members(&self) -> Vec<Member> {
         let mut members = Vec::new();
-        // A member that is just leaving ends the list early; it is a look, and the next one sees more.
+        // A member that is leaving ends the list early; the next call sees the rest.
         let _ = Node::<Service>::list(self.node.config(), |state| {
             let (is_alive, details) = match &state {
                 NodeState::Alive(view) => (true, view.details().as_ref()),
@@ -160,58 +146,48 @@ impl Group {
     /// Opens the channel of `M` for writing.
     ///
     /// # Errors
-    /// The channel has another layout, or has its writers already.
-    pub fn publisher<M: Message>(&self) -> Result<Publisher<M>, ChannelError> {
-        let port = self
-            .open::<M>()?
-            .publisher_builder()
-            .max_loaned_samples(1)
-            .create()
-            .map_err(|error| self.cannot_open::<M>(format!("{error:?}")))?;
-        Ok(Publisher::new(port))
+    /// The channel cannot be opened, or has as many publishers as it takes: for most channels one.
+    pub fn publisher<M: Message>(&self) -> Result<Publisher<M>, PublisherError> {
+        let port = self.open::<M>()?.publisher_builder().max_loaned_samples(1).create();
+        let refuse = |error| PublisherError::new(self.channel::<M>(), M::MAX_PUBLISHERS, error);
+        Ok(Publisher::new(port.map_err(refuse)?))
     }
 
     /// Opens the channel of `M` for reading.
     ///
     /// # Errors
-    /// The channel has another layout, or has its readers already.
-    pub fn reader<M: Message>(&self) -> Result<Reader<M>, ChannelError> {
-        Reader::new(self.open::<M>()?).map_err(|reason| self.cannot_open::<M>(reason))
+    /// The channel cannot be opened, or has as many readers as it takes.
+    pub fn reader<M: Message>(&self) -> Result<Reader<M>, ReaderError> {
+        let refuse = |error| ReaderError::new(self.channel::<M>(), MAX_SUBSCRIBERS, error);
+        Reader::new(self.open::<M>()?).map_err(refuse)
     }
 
     /// Opens the event that goes with the channel of `M`, to wake its listeners.
     ///
     /// # Errors
-    /// The event cannot be opened.
-    pub fn notifier<M: Message>(&self) -> Result<Notifier, ChannelError> {
-        let event = self.open_event::<M>()?;
-        let notifier = event.notifier_builder().create();
-        Ok(Notifier::new(notifier.map_err(|error| self.cannot_open::<M>(format!("{error:?}")))?, M::CHANNEL))
+    /// The event cannot be opened, or has as many notifiers as it takes.
+    pub fn notifier<M: Message>(&self) -> Result<Notifier, NotifierError> {
+        let port = self.open_event::<M>()?.notifier_builder().create();
+        let refuse = |error| NotifierError::new(self.channel::<M>(), M::MAX_PUBLISHERS, error);
+        Ok(Notifier::new(port.map_err(refuse)?, M::CHANNEL))
     }
 
     /// Opens the event that goes with the channel of `M`, to wait for its notifiers.
     ///
     /// # Errors
-    /// The event cannot be opened.
-    pub fn listener<M: Message>(&self) -> Result<Listener, ChannelError> {
-        let event = self.open_event::<M>()?;
-        let listener = event.listener_builder().create();
-        Ok(Listener::new(listener.map_err(|error| self.cannot_open::<M>(format!("{error:?}")))?, M::CHANNEL))
+    /// The event cannot be opened, or has as many listeners as it takes.
+    pub fn listener<M: Message>(&self) -> Result<Listener, ListenerError> {
+        let port = self.open_event::<M>()?.listener_builder().create();
+        let refuse = |error| ListenerError::new(self.channel::<M>(), MAX_SUBSCRIBERS, error);
+        Ok(Listener::new(port.map_err(refuse)?, M::CHANNEL))
     }
 
-    fn cannot_open<M: Message>(&self, reason: String) -> ChannelError {
-        ChannelError::Open { prefix: self.prefix.to_string(), channel: M::CHANNEL, reason }
+    fn channel<M: Message>(&self) -> ChannelName {
+        ChannelName { prefix: self.prefix.clone(), channel: M::CHANNEL }
     }
 
-    fn open<M: Message>(&self) -> Result<PublishSubscribe<Service, M, ()>, ChannelError> {
-        let service = format!("hydraxis/{}", M::CHANNEL);
-        let internal = |reason: String| self.cannot_open::<M>(reason);
-        let name = ServiceName::new(&service).map_err(|error| internal(format!("{error:?}")))?;
-        let key = LAYOUT_ATTRIBUTE.try_into().map_err(|error| internal(format!("{error:?}")))?;
-        let value = format!("{:016x}", M::LAYOUT);
-        let value = value.as_str().try_into().map_err(|error| internal(format!("{error:?}")))?;
-        let layout = AttributeVerifier::new().require(&key, &value).map_err(|error| internal(format!("{error:?}")))?;
-
+    fn open<M: Message>(&self) -> Result<PublishSubscribe<Service, M, ()>, OpenError> {
+        let (name, layout) = (service_name::<M>(), layout::<M>());
         let until = Instant::now() + OPEN_PATIENCE;
         loop {
             let opened = self
@@ -226,28 +202,19 @@ impl Group {
                 .history_size(1)
                 .enable_safe_overflow(true)
                 .open_or_create_with_attributes(&layout);
-            match opened {
+            let source = match opened {
                 Ok(service) => return Ok(service),
-                Err(error) if is_foreign(&error) => {
-                    return Err(ChannelError::ForeignLayout {
-                        prefix: self.prefix.to_string(),
-                        channel: M::CHANNEL,
-                        reason: format!("{error:?}"),
-                    });
-                }
-                Err(error) if is_passing(&error) && Instant::now() < until => {
-                    std::thread::sleep(Duration::from_millis(1));
-                }
-                Err(error) => return Err(internal(format!("{error:?}"))),
+                Err(source) => source,
+            };
+            match OpenReason::of_messages(&source) {
+                OpenReason::Busy if Instant::now() < until => std::thread::sleep(Duration::from_millis(1)),
+                reason => return Err(OpenError { channel: self.channel::<M>(), reason, source: source.into() }),
             }
         }
     }
 
-    fn open_event<M: Message>(
-        &self,
-    ) -> Result<iceoryx2::service::port_factory::event::PortFactory<Service>, ChannelError> {
-        let service = format!("hydraxis/{}", M::CHANNEL);
-        let name = ServiceName::new(&service).map_err(|error| self.cannot_open::<M>(format!("{error:?}")))?;
+    fn open_event<M: Message>(&self) -> Result<Event<Service>, OpenError> {
+        let name = service_name::<M>();
         let until = Instant::now() + OPEN_PATIENCE;
         loop {
             let opened = self
@@ -261,55 +228,24 @@ impl Group {
             match opened {
                 Ok(service) => return Ok(service),
                 Err(_) if Instant::now() < until => std::thread::sleep(Duration::from_millis(1)),
-                Err(error) => return Err(self.cannot_open::<M>(format!("{error:?}"))),
+                Err(source) => {
+                    let reason = OpenReason::of_event(&source);
+                    return Err(OpenError { channel: self.channel::<M>(), reason, source: source.into() });
+                }
             }
         }
     }
 }
 
-/// Opens and locks the file that tells that a group has members, in a folder that stays.
-fn join_members(folder: &Path) -> std::io::Result<File> {
-    loop {
-        std::fs::create_dir_all(folder)?;
-        let path = folder.join(MEMBERS);
-        let file = match OpenOptions::new().create(true).truncate(false).write(true).open(&path) {
-            // The last member is just leaving, and takes the folder with it.
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => continue,
-            opened => opened?,
-        };
-        file.lock_shared()?;
-        // Between opening and locking it may have been removed: then the lock is on a file that nobody else sees.
-        if is_still(&file, &path) {
-            return Ok(file);
-        }
-    }
+/// Name of the service of the channel of `M`.
+fn service_name<M: Message>() -> ServiceName {
+    ServiceName::new(&format!("hydraxis/{}", M::CHANNEL)).expect("the names of channels are constants and short")
 }
 
-/// Whether an open file is the one that now has this name.
-pub(super) fn is_still(file: &File, path: &Path) -> bool {
-    std::fs::metadata(path).is_ok_and(|seen| file.metadata().is_ok_and(|own| own.ino() == seen.ino()))
-}
-
-fn is_foreign(error: &PublishSubscribeOpenOrCreateError) -> bool {
-    use PublishSubscribeOpenError as Open;
-    matches!(
-        error,
-        PublishSubscribeOpenOrCreateError::PublishSubscribeOpenError(
-            Open::IncompatibleTypes | Open::IncompatibleAttributes | Open::VersionMismatch
-        )
-    )
-}
-
-/// Whether another process is in the middle of creating or removing the channel.
-fn is_passing(error: &PublishSubscribeOpenOrCreateError) -> bool {
-    use PublishSubscribeCreateError as Create;
-    use PublishSubscribeOpenError as Open;
-    matches!(
-        error,
-        PublishSubscribeOpenOrCreateError::PublishSubscribeOpenError(
-            Open::ServiceInCorruptedState | Open::IsMarkedForDestruction | Open::HangsInCreation | Open::DoesNotExist
-        ) | PublishSubscribeOpenOrCreateError::PublishSubscribeCreateError(
-            Create::AlreadyExists | Create::IsBeingCreatedByAnotherInstance | Create::HangsInCreation
-        ) | PublishSubscribeOpenOrCreateError::SystemInFlux
-    )
+/// The fingerprint of the layout of `M`, as an attribute that a channel must have.
+fn layout<M: Message>() -> AttributeVerifier {
+    let fits = "the attribute is a constant and a number";
+    let key = LAYOUT_ATTRIBUTE.try_into().expect(fits);
+    let value = format!("{:016x}", M::LAYOUT).as_str().try_into().expect(fits);
+    AttributeVerifier::new().require(&key, &value).expect(fits)
 }

@@ -1,16 +1,16 @@
-//! What groups leave behind: which groups there are, which of them live, and what may be removed of the dead.
+//! Files that groups leave behind: which groups there are, which of them live, and which files of dead ones to remove.
 //!
-//! A process that was killed cannot remove its shared memory, and the library leaves a small file per prefix.
+//! A process that was killed cannot remove its shared memory, and iceoryx2 leaves a small file per prefix.
 //!
 //! | where | name | is ours because |
 //! |---|---|---|
 //! | folder for temporary files | `hydraxis.PREFIX/` | it holds the file `members`, which every member keeps locked |
-//! | `/dev/shm` | `PREFIX.`, 40 hexadecimal digits, `_`, and more | the library names its files so, and the folder has told the prefix |
+//! | `/dev/shm` | `PREFIX.`, 40 hexadecimal digits, `_`, more | iceoryx2 names files so; the folder tells the prefix |
 //!
-//! A group lives as long as somebody holds the lock. Trap: the folder is where `TMPDIR` points, and that may be another
-//! place for a service than for a person. A group whose memory is there without its folder is not known to be dead,
-//! and another program that is built on the same library may have named its files alike: it is removed by its name only,
-//! and only while no process has its memory mapped.
+//! A group lives as long as a process holds the lock. Trap: the folder is where `TMPDIR` points, which may be another
+//! place for a service than for a person. A group whose memory is there without its folder is not known to be dead, and
+//! another program that uses iceoryx2 may have given its files such names. So this group is removed only when it is
+//! named, and only while no process has its memory mapped.
 
 use std::{
     collections::BTreeMap,
@@ -21,31 +21,34 @@ use std::{
 };
 
 use super::{
-    ChannelError, Prefix,
-    group::{FOLDER, MEMBERS, is_still},
+    error::RemoveError,
+    members::{MEMBERS, is_still},
+    prefix::{FOLDER, Prefix},
 };
 
-/// Where shared memory has its names.
+/// Folder in which shared memory has its names.
 const SHARED_MEMORY: &str = "/dev/shm";
-/// How often, and after which pause again, a lock is tried before its group is alive: somebody may hold it for the moment
-/// that it takes to look whether it can be had, as [`groups`] does.
-const TRIES: (usize, Duration) = (10, Duration::from_millis(1));
-/// Hexadecimal digits that the library puts behind the prefix.
+/// How often a lock is tried before its group counts as alive. Another process may hold the lock for a moment, only to
+/// find out whether it can be had, as [`groups`] does.
+const TRIES: usize = 10;
+/// Pause between two tries.
+const PAUSE: Duration = Duration::from_millis(1);
+/// Number of hexadecimal digits that iceoryx2 puts behind the prefix.
 const HASH_DIGITS: usize = 40;
 
-/// What is known of a group.
+/// Whether a group lives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GroupState {
-    /// Somebody is a member, or has its memory mapped.
+    /// A process is a member, or has the group's memory mapped.
     Alive,
-    /// Nobody is a member.
+    /// No process is a member.
     Dead,
-    /// There is memory without a folder, and nobody has it mapped: dead, or another program's.
+    /// There is memory without a folder, and no process has it mapped: the group is dead, or another program's.
     Unknown,
 }
 
 impl GroupState {
-    /// Its name.
+    /// Name of the state.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Alive => "alive",
@@ -55,14 +58,14 @@ impl GroupState {
     }
 }
 
-/// A group that has left its marks on this machine.
+/// A group that has files on this machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FoundGroup {
-    /// Its name.
+    /// Name of the group.
     pub prefix: Prefix,
-    /// Whether it lives.
+    /// Whether the group lives.
     pub state: GroupState,
-    /// Its files in shared memory, and its folder, sorted.
+    /// Files of the group in shared memory, and its folder, sorted.
     pub files: Vec<PathBuf>,
 }
 
@@ -99,12 +102,13 @@ pub fn groups() -> Vec<FoundGroup> {
 ///
 /// # Errors
 /// The group is alive: its files are in use.
-pub fn remove_leftovers(prefix: &Prefix) -> Result<Vec<PathBuf>, ChannelError> {
-    let alive = || Err(ChannelError::Alive { prefix: prefix.to_string() });
+pub fn remove_leftovers(prefix: &Prefix) -> Result<Vec<PathBuf>, RemoveError> {
+    let alive = || Err(RemoveError::Alive { prefix: prefix.clone() });
     let is_of = |path: &PathBuf| prefix_of(path).is_some_and(|other| other == *prefix);
     let mut found: Vec<PathBuf> = entries(Path::new(SHARED_MEMORY)).filter(is_of).collect();
     found.sort();
-    // Held until all is removed: whoever joins meanwhile waits, and then sees that its lock is on a file that is gone.
+    // The lock is held until all files are removed. A process that joins meanwhile waits, and then finds that its lock
+    // is on a file that is gone.
     let members = match lock(prefix) {
         Lock::Held => return alive(),
         Lock::Missing if is_mapped(&found) => return alive(),
@@ -113,7 +117,7 @@ pub fn remove_leftovers(prefix: &Prefix) -> Result<Vec<PathBuf>, ChannelError> {
     };
     found.retain(|path| std::fs::remove_file(path).is_ok());
     let folder = prefix.folder();
-    // A folder of that name without the lock is somebody else's.
+    // A folder of that name without the lock belongs to another program.
     if members.is_some() && std::fs::remove_dir_all(&folder).is_ok() {
         found.push(folder);
     }
@@ -122,30 +126,30 @@ pub fn remove_leftovers(prefix: &Prefix) -> Result<Vec<PathBuf>, ChannelError> {
 
 /// The lock that every member holds.
 enum Lock {
-    /// By somebody else.
+    /// Another process holds the lock.
     Held,
-    /// By us, until it is dropped.
+    /// This process holds the lock until the file is dropped.
     Taken(File),
-    /// There is no folder, or no such file in it.
+    /// There is no folder, or no file to lock in it.
     Missing,
 }
 
 fn lock(prefix: &Prefix) -> Lock {
     let path = prefix.folder().join(MEMBERS);
-    for again in 0..TRIES.0 {
+    for again in 0..TRIES {
         if again > 0 {
-            std::thread::sleep(TRIES.1);
+            std::thread::sleep(PAUSE);
         }
         let members = match File::open(&path) {
             Ok(members) => members,
-            // A file in the folder's place is no group's either.
+            // A file with the name of the folder is no group either.
             Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
                 return Lock::Missing;
             }
-            // Somebody else's: whatever it is, it is not ours to remove.
+            // A file of another user must not be removed.
             Err(_) => return Lock::Held,
         };
-        // Another may have removed it since, and a new group have made its own.
+        // Another process may have removed the file since, and a new group may have made one.
         if members.try_lock().is_ok() && is_still(&members, &path) {
             return Lock::Taken(members);
         }
@@ -157,7 +161,7 @@ fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
     std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path())
 }
 
-/// The prefix of a file in shared memory, if its name is one that the library gives.
+/// The prefix of a file in shared memory, if iceoryx2 gives such names.
 fn prefix_of(path: &Path) -> Option<Prefix> {
     let (prefix, rest) = path.file_name()?.to_str()?.split_once('.')?;
     let (hash, rest) = rest.split_at_checked(HASH_DIGITS)?;
@@ -165,11 +169,11 @@ fn prefix_of(path: &Path) -> Option<Prefix> {
     (is_hash && rest.starts_with('_')).then(|| prefix.parse().ok()).flatten()
 }
 
-/// Whether a process that we may look into has one of these files mapped; our own files' users we always may.
+/// Whether a process has one of these files mapped. The processes of the same user can always be looked at.
 fn is_mapped(files: &[PathBuf]) -> bool {
     let maps = entries(Path::new("/proc")).filter_map(|process| std::fs::read_to_string(process.join("maps")).ok());
     let is_ours = |line: &str| {
-        // What is mapped stands at the end of the line, and is absolute.
+        // The mapped file stands at the end of the line, with its absolute path.
         line.find('/').is_some_and(|begin| files.iter().any(|file| file.as_os_str() == &line[begin..]))
     };
     !files.is_empty() && maps.into_iter().any(|maps| maps.lines().any(is_ours))
@@ -182,7 +186,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_names_that_the_library_gives_have_a_prefix() {
+    fn only_names_that_iceoryx2_gives_have_a_prefix() {
         let hash = "0354a209029e7d094a819e2d4030ea331e6caaf0";
         let prefix = |name: &str| prefix_of(&Path::new("/dev/shm").join(name)).map(|prefix| prefix.to_string());
         for rest in ["_158456874115226466134152721365.data", "_1_2.connection", "_node.0_10_0.global_mgmt"] {
@@ -206,6 +210,7 @@ mod tests {
             assert_eq!(prefix(&name), None, "{name}");
         }
     }
+
     #[test]
     fn a_dead_group_is_removed_while_others_look_whether_it_lives() {
         let prefix: Prefix = format!("t{}-looked-at", std::process::id()).parse().unwrap();

@@ -4,10 +4,10 @@ use std::cell::Cell;
 
 use iceoryx2::port::{publisher::Publisher as Port, update_connections::UpdateConnections};
 
-use super::{ChannelError, service::Service};
+use super::{error::SendError, service::Service};
 use crate::message::Message;
 
-/// Writes messages of one kind and numbers them; never waits for a reader, allocates nothing.
+/// Writes messages of one kind and numbers them. It never waits for a reader and allocates nothing.
 pub struct Publisher<M: Message> {
     port: Port<Service, M, ()>,
     next: Cell<u64>,
@@ -18,24 +18,24 @@ impl<M: Message> Publisher<M> {
         Self { port, next: Cell::new(0) }
     }
 
-    /// Sends a message, with its number, to all readers; one whose buffer is full loses its oldest.
+    /// Sends a message, with its number, to all readers. A reader whose buffer is full loses its oldest message.
     ///
     /// # Errors
-    /// The library cannot hand out shared memory: not possible within the limits of the channel.
-    pub fn send(&self, message: &M) -> Result<(), ChannelError> {
-        let refuse = |reason: String| ChannelError::Send { channel: M::CHANNEL, reason };
-        let sample = self.port.loan_uninit().map_err(|error| refuse(format!("{error:?}")))?;
+    /// iceoryx2 cannot lend shared memory; this does not happen within the limits of the channel.
+    pub fn send(&self, message: &M) -> Result<(), SendError> {
+        let channel = M::CHANNEL;
+        let sample = self.port.loan_uninit().map_err(|source| SendError::Loan { channel, source })?;
         let mut sample = sample.write_payload(*message);
         let number = self.next.get();
         sample.payload_mut().header_mut().number = number;
         self.next.set(number + 1);
-        sample.send().map_err(|error| refuse(format!("{error:?}")))?;
+        sample.send().map_err(|source| SendError::Deliver { channel, source })?;
         Ok(())
     }
 
-    /// Hands the newest message to readers that have come since it was sent.
+    /// Delivers the newest message to readers that have attached since it was sent.
     pub fn greet(&self) {
-        // A reader that is just leaving makes this fail; there is nothing to be done about it.
+        // This fails while a reader is leaving, which needs no reaction.
         let _ = self.port.update_connections();
     }
 }

@@ -1,18 +1,21 @@
 //! The reading end of a channel.
 
-use iceoryx2::{port::subscriber::Subscriber, service::port_factory::publish_subscribe::PortFactory};
+use iceoryx2::{
+    port::subscriber::{Subscriber, SubscriberCreateError},
+    service::port_factory::publish_subscribe::PortFactory,
+};
 
-use super::{ChannelError, service::Service};
+use super::{error::ReceiveError, service::Service};
 use crate::message::{CHANNELS, ChannelHealth, Message};
 
-/// What a read found. Nobody can mistake an old message for a new one.
+/// Result of a read. It tells a new message from an old one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Read<'a, M> {
     /// A message that has not been read before.
     New(&'a M),
-    /// Nothing new: the last message again.
+    /// No new message; the last one again.
     Old(&'a M),
-    /// There never was a message.
+    /// No message has come yet.
     None,
 }
 
@@ -26,32 +29,32 @@ impl<'a, M> Read<'a, M> {
     }
 }
 
-/// Reads messages of one kind and counts the ones it missed; never waits, allocates nothing.
+/// Reads messages of one kind and counts lost ones. It never waits and allocates nothing.
 pub struct Reader<M: Message> {
     channel: PortFactory<Service, M, ()>,
     port: Subscriber<Service, M, ()>,
     last: M,
     any: bool,
-    /// It has attached anew: what was sent last may come again.
+    /// The reader has attached anew, so the last message may come again.
     may_repeat: bool,
     health: ChannelHealth,
 }
 
 impl<M: Message> Reader<M> {
     /// # Errors
-    /// The channel has its readers already.
-    pub(super) fn new(factory: PortFactory<Service, M, ()>) -> Result<Self, String> {
+    /// The channel has as many readers as it takes.
+    pub(super) fn new(factory: PortFactory<Service, M, ()>) -> Result<Self, SubscriberCreateError> {
         let port = attach(&factory)?;
         let channel = CHANNELS.iter().position(|name| *name == M::CHANNEL).unwrap_or(CHANNELS.len()) as u32;
         let health = ChannelHealth { channel, ..ChannelHealth::default() };
         Ok(Self { channel: factory, port, last: M::default(), any: false, may_repeat: false, health })
     }
 
-    /// Takes another place on the channel, which makes all its writers connect anew; what was sent last comes again if it
-    /// was not read. For a reader that hears nothing where it should: the library gives a connection up that could not be
-    /// made at the first try, and nobody is told.
+    /// Attaches to the channel anew, so that all its publishers connect anew. The last message comes again if it was
+    /// not read. This is for a reader that receives nothing although it should: iceoryx2 gives up a connection that it
+    /// could not make at the first try, and reports this to nobody.
     pub fn reattach(&mut self) {
-        // Without another place it keeps the one it has.
+        // Without a second place on the channel the reader keeps the one it has.
         if let Ok(port) = attach(&self.channel) {
             self.port = port;
             self.may_repeat = true;
@@ -61,11 +64,10 @@ impl<M: Message> Reader<M> {
     /// The next message in the order they were sent.
     ///
     /// # Errors
-    /// The library cannot connect to a writer.
-    pub fn read(&mut self) -> Result<Read<'_, M>, ChannelError> {
-        let refuse = |reason| ChannelError::Receive { channel: M::CHANNEL, reason };
+    /// iceoryx2 cannot connect to a publisher.
+    pub fn read(&mut self) -> Result<Read<'_, M>, ReceiveError> {
         loop {
-            let received = self.port.receive().map_err(|error| refuse(format!("{error:?}")))?;
+            let received = self.port.receive().map_err(|source| ReceiveError { channel: M::CHANNEL, source })?;
             let Some(sample) = received else {
                 return Ok(if self.any { Read::Old(&self.last) } else { Read::None });
             };
@@ -89,11 +91,11 @@ impl<M: Message> Reader<M> {
         }
     }
 
-    /// The newest message; the ones before it count as read.
+    /// The newest message; the messages before it count as read.
     ///
     /// # Errors
-    /// The library cannot connect to a writer.
-    pub fn newest(&mut self) -> Result<Read<'_, M>, ChannelError> {
+    /// iceoryx2 cannot connect to a publisher.
+    pub fn newest(&mut self) -> Result<Read<'_, M>, ReceiveError> {
         let mut new = false;
         while self.read()?.if_new().is_some() {
             new = true;
@@ -105,12 +107,12 @@ impl<M: Message> Reader<M> {
         })
     }
 
-    /// Reads on, in order, until the message of tick `sequence` or a later one is the last that was read; false while
-    /// it has not come.
+    /// Reads on, in order, until the last message read is that of tick `sequence` or of a later one; false while it has
+    /// not come.
     ///
     /// # Errors
-    /// The library cannot connect to a writer.
-    pub fn reach(&mut self, sequence: u64) -> Result<bool, ChannelError> {
+    /// iceoryx2 cannot connect to a publisher.
+    pub fn reach(&mut self, sequence: u64) -> Result<bool, ReceiveError> {
         loop {
             if self.last().is_some_and(|message| message.header().sequence >= sequence) {
                 return Ok(true);
@@ -126,28 +128,30 @@ impl<M: Message> Reader<M> {
         self.any.then_some(&self.last)
     }
 
-    /// Messages that were sent and never read, by the gaps in their numbers.
+    /// Number of lost messages: sent and never read, by the gaps in their numbers.
     pub fn lost(&self) -> u64 {
         self.health.lost
     }
 
-    /// Messages whose number did not rise: the writer started again.
+    /// Number of messages whose number did not rise: the publisher started again.
     pub fn restarts(&self) -> u64 {
         self.health.restarts
     }
 
-    /// How the channel is doing at a time, ns of `CLOCK_MONOTONIC`.
+    /// State of the channel at a time, ns of `CLOCK_MONOTONIC`.
     pub fn health(&self, now_ns: u64) -> ChannelHealth {
         let age_ns = if self.any { now_ns.saturating_sub(self.last.header().acquired_ns) } else { 0 };
         ChannelHealth { any: u32::from(self.any), age_ns, ..self.health }
     }
 
-    /// Counts from zero again.
+    /// Sets all counts to zero.
     pub fn reset_health(&mut self) {
         self.health = ChannelHealth { channel: self.health.channel, ..ChannelHealth::default() };
     }
 }
 
-fn attach<M: Message>(factory: &PortFactory<Service, M, ()>) -> Result<Subscriber<Service, M, ()>, String> {
-    factory.subscriber_builder().buffer_size(M::BUFFER).create().map_err(|error| format!("{error:?}"))
+fn attach<M: Message>(
+    factory: &PortFactory<Service, M, ()>,
+) -> Result<Subscriber<Service, M, ()>, SubscriberCreateError> {
+    factory.subscriber_builder().buffer_size(M::BUFFER).create()
 }

@@ -1,6 +1,6 @@
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::*;
+use super::{group::MAX_SUBSCRIBERS, *};
 use crate::message::{EncoderSample, Header, Message, Reference, ValveCommand};
 
 /// A prefix of its own for each test, with nothing left behind.
@@ -27,7 +27,7 @@ fn sample(sequence: u64) -> EncoderSample {
     EncoderSample { header: Header { sequence, ..Header::default() }, ..EncoderSample::default() }
 }
 
-/// The same as it arrives, as message `number` of its channel.
+/// The sample of [`sample`] as it arrives: message `number` of its channel.
 fn numbered(sequence: u64, number: u64) -> EncoderSample {
     let mut sample = sample(sequence);
     sample.header.number = number;
@@ -136,8 +136,15 @@ fn a_second_writer_is_refused() {
     let own = Own::new("second");
     let group = own.join();
     let _first = group.publisher::<EncoderSample>().unwrap();
-    let error = group.publisher::<EncoderSample>().map(|_| ()).unwrap_err().to_string();
-    assert!(error.contains("encoder-sample") && error.contains("ExceedsMaxSupportedPublishers"), "{error}");
+    let error = group.publisher::<EncoderSample>().map(|_| ()).unwrap_err();
+    assert!(matches!(error, PublisherError::TooManyPublishers { most: 1, .. }), "{error:?}");
+    let source = std::error::Error::source(&error).unwrap().to_string();
+    assert!(source.contains("ExceedsMaxSupportedPublishers"), "{source}");
+    let text = error.to_string();
+    assert!(
+        text.starts_with(&format!("channel \"encoder-sample\" of group \"{}\": found 1 publisher", own.0)),
+        "{text}"
+    );
 }
 
 mod foreign {
@@ -171,6 +178,37 @@ mod foreign {
     }
 }
 
+mod limits {
+    use super::*;
+
+    crate::layout::shared_struct! {
+        /// A reference with the layout of the real one; only the limits of its channel differ.
+        #[type_name("hydraxis.Reference/1")]
+        pub struct Reference {
+            /// As in the real one.
+            pub header: Header,
+            /// As in the real one.
+            pub positions: [[f64; crate::message::MAX_PREVIEW]; crate::MAX_AXES],
+            /// As in the real one.
+            pub preview: u32,
+            /// As in the real one.
+            pub reserved: u32,
+        }
+    }
+
+    impl Message for Reference {
+        const CHANNEL: &'static str = "reference";
+        const MAX_PUBLISHERS: usize = 7;
+        const BUFFER: usize = 4;
+        fn header(&self) -> &Header {
+            &self.header
+        }
+        fn header_mut(&mut self) -> &mut Header {
+            &mut self.header
+        }
+    }
+}
+
 #[test]
 fn a_foreign_layout_of_the_same_name_and_size_is_refused() {
     assert_eq!(size_of::<Reference>(), size_of::<foreign::Reference>());
@@ -178,16 +216,19 @@ fn a_foreign_layout_of_the_same_name_and_size_is_refused() {
     let group = own.join();
     let _ours = group.reader::<Reference>().unwrap();
     let error = group.publisher::<foreign::Reference>().map(|_| ()).unwrap_err();
-    assert!(matches!(error, ChannelError::ForeignLayout { channel: "reference", .. }), "{error}");
+    let PublisherError::Open(open) = &error else { panic!("{error:?}") };
+    assert_eq!((open.channel.channel, open.reason), ("reference", OpenReason::ForeignLayout));
     assert!(error.to_string().contains("another layout"), "{error}");
+    let source = std::error::Error::source(open).unwrap().to_string();
+    assert!(source.contains("IncompatibleAttributes"), "{source}");
 }
 
 #[test]
-fn a_bell_wakes_an_ear_and_is_not_forgotten() {
+fn a_notification_wakes_a_listener_that_waits_later() {
     let own = Own::new("event");
     let group = own.join();
     let (notifier, listener) = (group.notifier::<EncoderSample>().unwrap(), group.listener::<EncoderSample>().unwrap());
-    // Rung before the wait: the wait ends at once, long before its bound.
+    // A notification before the wait ends the wait at once, long before its bound.
     notifier.notify().unwrap();
     let started = std::time::Instant::now();
     listener.wait(std::time::Duration::from_secs(30)).unwrap();
@@ -211,7 +252,7 @@ fn prefixes_that_cannot_name_files_are_refused() {
 fn the_files_of_a_living_group_are_not_touched() {
     let own = Own::new("alive");
     let group = own.join();
-    assert!(matches!(remove_leftovers(&own.0), Err(ChannelError::Alive { .. })));
+    assert!(matches!(remove_leftovers(&own.0), Err(RemoveError::Alive { .. })));
     let (publisher, mut reader) = (group.publisher().unwrap(), group.reader::<EncoderSample>().unwrap());
     publisher.send(&sample(1)).unwrap();
     assert!(reader.read().unwrap().if_new().is_some());
@@ -222,7 +263,9 @@ fn a_file_in_the_place_of_the_folder_is_no_running_group_and_stays() {
     let own = Own::new("file");
     std::fs::write(own.0.folder(), "foreign").unwrap();
     assert_eq!(remove_leftovers(&own.0).unwrap(), Vec::<std::path::PathBuf>::new());
-    let error = Group::join(&own.0, "test").map(|_| ()).unwrap_err().to_string();
+    let error = Group::join(&own.0, "test").map(|_| ()).unwrap_err();
+    assert!(matches!(error, JoinError::NotAFolder { .. }), "{error:?}");
+    let error = error.to_string();
     let left = std::fs::read_to_string(own.0.folder()).unwrap();
     std::fs::remove_file(own.0.folder()).unwrap();
     assert_eq!(left, "foreign");
@@ -245,4 +288,40 @@ fn nothing_is_left_behind() {
     let left = std::fs::read_dir("/dev/shm").unwrap().flatten();
     let left: Vec<_> = left.filter(|entry| entry.file_name().to_string_lossy().starts_with(&start)).collect();
     assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn too_many_readers_and_listeners_are_told_from_other_failures() {
+    let own = Own::new("many");
+    let group = own.join();
+    let readers: Vec<_> = (0..MAX_SUBSCRIBERS).map(|_| group.reader::<EncoderSample>().unwrap()).collect();
+    let error = group.reader::<EncoderSample>().map(|_| ()).unwrap_err();
+    assert!(matches!(error, ReaderError::TooManyReaders { most: MAX_SUBSCRIBERS, .. }), "{error:?}");
+    drop(readers);
+    assert!(group.reader::<EncoderSample>().is_ok());
+
+    let _listeners: Vec<_> = (0..MAX_SUBSCRIBERS).map(|_| group.listener::<EncoderSample>().unwrap()).collect();
+    let error = group.listener::<EncoderSample>().map(|_| ()).unwrap_err();
+    assert!(matches!(error, ListenerError::TooManyListeners { most: MAX_SUBSCRIBERS, .. }), "{error:?}");
+    let _notifier = group.notifier::<EncoderSample>().unwrap();
+    let error = group.notifier::<EncoderSample>().map(|_| ()).unwrap_err();
+    assert!(matches!(error, NotifierError::TooManyNotifiers { most: 1, .. }), "{error:?}");
+}
+
+#[test]
+fn a_channel_with_other_limits_is_refused_as_of_another_version() {
+    let own = Own::new("limits");
+    let group = own.join();
+    let _ours = group.publisher::<Reference>().unwrap();
+    let error = group.reader::<limits::Reference>().map(|_| ()).unwrap_err();
+    let ReaderError::Open(open) = &error else { panic!("{error:?}") };
+    assert_eq!(open.reason, OpenReason::OtherLimits, "{error:?}");
+    assert!(error.to_string().contains("other limits"), "{error}");
+}
+
+#[test]
+fn a_name_that_is_too_long_for_a_member_is_refused() {
+    let own = Own::new("name");
+    let error = Group::join(&own.0, &"x".repeat(1000)).map(|_| ()).unwrap_err();
+    assert!(matches!(error, JoinError::Name { .. }), "{error:?}");
 }

@@ -106,7 +106,7 @@ impl Machine {
     /// assert_eq!(of("axis.boom.control.kp").value.as_deref(), Some("3.0"));
     /// assert_eq!(of("axis.boom.control.kp").origin, Origin::CommandLine);
     /// assert_eq!(of("axis.boom.control.horizon").origin, Origin::Default);
-    /// assert_eq!(of("timing.feedback_timeout").origin.to_string(), "3 periods");
+    /// assert_eq!(of("timing.feedback_timeout").origin.to_string(), "derived: 3 periods");
     /// # Ok::<(), pipeline::machine::MachineError>(())
     /// ```
     pub fn explain(

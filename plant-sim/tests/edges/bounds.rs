@@ -1,4 +1,4 @@
-//! What physics allows a machine, and a run that is held to it.
+//! Bounds that physics sets for any machine, and a run that is compared with them.
 //!
 //! ```text
 //! p <= max((|F_L| + A p_s)/min(A1, A2), p_r + A v/g_r)        g_r = q_rated/(0.05 p_r)
@@ -6,36 +6,45 @@
 //! m v^2/2 <= W + 2 F (L + 2 s) + p V
 //! ```
 //!
-//! p largest pressure, v largest speed and s deepest place in a stop of a run; A the larger area. A chamber above what
-//! pump and load make of it at rest gets oil from nowhere, is pressed by the piston alone and gives to the relief
-//! valve: the first. At the deepest place all that the mass had and the force did is in the spring: the second. W what
-//! the pump gave, p V more than the oil held: the third. Where an integrator is unstable, the first is the one that
-//! breaks: pressures chatter without a speed that would explain them.
+//! p largest pressure, Pa; v largest speed, m/s; s largest depth in a stop, m; A the larger area, m2; W work of the
+//! pump, J; all of one run.
+//!
+//! - First bound: a chamber with a higher pressure than pump and load cause at rest gets no oil from the pump. Only the
+//!   piston compresses it, and the relief valve lets oil out.
+//! - Second bound: at the largest depth the spring of the stop holds the energy of the mass and the work of the force.
+//! - Third bound: the mass gets its energy from the pump, from the load and from the oil, which held less than p V.
+//!
+//! Where an integrator is unstable, the first bound is the one that is broken: pressures chatter without a speed that
+//! would explain them.
 
 use std::time::Duration;
 
 use pipeline::{machine::Machine, message::ValveCommand};
-use plant_sim::{PlantSim, oil::LOWEST_PRESSURE};
+use plant_sim::{PlantSim, hydraulics::oil::LOWEST_PRESSURE};
 
-/// What a run met, of one axis; SI units.
+/// Extreme values of one axis in a run, or their bounds; SI units.
 #[derive(Debug, Clone, Copy, Default)]
-struct Met {
+struct Extremes {
     pressure: f64,
     least_pressure: f64,
     speed: f64,
+    /// Depth in a stop.
     sink: f64,
 }
 
-/// Of a run, s.
+/// Duration of a run, s.
 const DURATION: u64 = 20;
 
-/// By which an orifice at the limit of its step may chatter, Pa; see `plant_sim::stiffness`.
+/// Pressure by which an orifice may chatter at the limit of the step, Pa; see `plant_sim::plant::stiffness`.
 const CHATTER: f64 = 6e5;
 
-/// Largest factor of the load and of the mass under the scenario `everything`.
-const HEAVIEST: (f64, f64) = (1.6, 2.0);
+/// Largest factor of the load under the scenario `everything`.
+const LARGEST_LOAD: f64 = 1.6;
 
-/// Full reversals, for each of four axes in its own time.
+/// Largest factor of the mass under the scenario `everything`.
+const LARGEST_MASS: f64 = 2.0;
+
+/// Full reversals with a different period for each of four axes.
 fn commands(time: f64) -> ValveCommand {
     let mut message = ValveCommand::default();
     for (axis, period) in message.axes.iter_mut().zip([7.0, 3.0, 1.1, 0.4]) {
@@ -44,10 +53,10 @@ fn commands(time: f64) -> ValveCommand {
     message
 }
 
-/// Runs `machine` and holds each of its axes to the bounds.
-pub fn hold(machine: &Machine, what: &str) {
+/// Runs `machine` and compares each of its axes with the bounds.
+pub fn check(machine: &Machine, what: &str) {
     let mut sim = PlantSim::new(machine, 1).unwrap_or_else(|error| panic!("{what}: {error}"));
-    let mut met = vec![Met::default(); machine.axes.len()];
+    let mut met = vec![Extremes::default(); machine.axes.len()];
     for tick in 0..100 * DURATION {
         sim.command(&commands(tick as f64 * 0.01));
         for _ in 0..100 {
@@ -73,8 +82,8 @@ pub fn hold(machine: &Machine, what: &str) {
     }
 }
 
-/// The bounds; where one of them follows from another quantity, from what was `met` of that.
-fn limits(machine: &Machine, axis: usize, met: &Met) -> Met {
+/// The bounds of an axis. Where a bound depends on another quantity, the value that was `met` in the run is used.
+fn limits(machine: &Machine, axis: usize, met: &Extremes) -> Extremes {
     let (hydraulics, stroke) = (machine.hydraulics.unwrap(), machine.axes[axis].stroke);
     let plant = machine.axes[axis].plant.as_ref().unwrap();
     let supply = hydraulics.supply;
@@ -82,16 +91,16 @@ fn limits(machine: &Machine, axis: usize, met: &Met) -> Met {
     let forces = plant.load_force;
     let largest = forces.retracted.abs().max(forces.middle.abs()).max(forces.extended.abs());
     // A parabola through three forces is nowhere more than twice the largest.
-    let load = HEAVIEST.0 * 2.0 * largest + 0.5 * plant.load_stiffness * stroke;
+    let load = LARGEST_LOAD * 2.0 * largest + 0.5 * plant.load_stiffness * stroke;
     let at_rest = (load + area * supply.pressure) / least_area;
     let relief_gain = plant.rated_flow / (0.05 * plant.relief_pressure);
     let pressure = at_rest.max(plant.relief_pressure + area * met.speed / relief_gain);
     let force = area * met.pressure + load;
-    let (soft, mass) = (force / plant.end_stop_stiffness, HEAVIEST.1 * plant.mass);
+    let (soft, mass) = (force / plant.end_stop_stiffness, LARGEST_MASS * plant.mass);
     let sink = soft + (soft * soft + mass * met.speed.powi(2) / plant.end_stop_stiffness).sqrt();
     let volume = plant.piston_dead_volume + plant.rod_dead_volume + area * stroke;
     let edge = plant.rated_flow / plant.rated_pressure_drop.sqrt() * supply.pressure.sqrt();
     let pumped = supply.pressure * supply.flow.min(edge) * DURATION as f64;
     let work = pumped + 2.0 * force * (stroke + 2.0 * sink) + pressure * volume;
-    Met { pressure, least_pressure: LOWEST_PRESSURE, speed: (2.0 * work / plant.mass).sqrt(), sink }
+    Extremes { pressure, least_pressure: LOWEST_PRESSURE, speed: (2.0 * work / plant.mass).sqrt(), sink }
 }

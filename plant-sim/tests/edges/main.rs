@@ -1,4 +1,4 @@
-//! Machines at the edge of what the machine file allows: what `PlantSim::new` accepts stays within physical bounds.
+//! Machines at the limits of the machine file: every machine that `PlantSim::new` accepts stays within physical bounds.
 
 mod bounds;
 mod extremes;

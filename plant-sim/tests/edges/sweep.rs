@@ -1,4 +1,4 @@
-//! Machines drawn at random from all that the machine file allows.
+//! Machines drawn at random from the whole range that the machine file allows.
 
 use plant_sim::{PlantError, PlantSim};
 use rand_pcg::{
@@ -84,11 +84,11 @@ impl Draw {
     }
 }
 
-/// Machines of four accepted axes each.
+/// Number of machines, each with four accepted axes.
 const MACHINES: usize = 30;
 
 #[test]
-fn whatever_is_accepted_stays_within_physical_bounds() {
+fn accepted_machines_stay_within_physical_bounds() {
     let mut draw = Draw(Pcg64::seed_from_u64(1));
     let (mut accepted, mut refused) = (0, 0);
     for index in 0..MACHINES {
@@ -103,7 +103,7 @@ fn whatever_is_accepted_stays_within_physical_bounds() {
             }
         }
         accepted += axes.len();
-        bounds::hold(&text::machine(&axes, &hydraulics), &format!("machine {index}"));
+        bounds::check(&text::machine(&axes, &hydraulics), &format!("machine {index}"));
     }
     println!("{accepted} axes accepted, {refused} refused as too stiff");
     assert!(accepted >= 100);

@@ -1,15 +1,15 @@
-//! Machine files: the built-in machine's text with other numbers in it.
+//! Machine files: the text of the built-in machine with other values.
 
 use std::path::Path;
 
 use pipeline::machine::{BUILT_IN, Machine};
 use toml::{Table, Value};
 
-/// Keys of `[axis.NAME.plant]` with their values; `stroke` is the axis'.
+/// Keys of `[axis.NAME.plant]` with their values, and `stroke`, which is a key of `[axis.NAME]`.
 pub type Edits = Vec<(&'static str, Value)>;
 
-/// A machine under the scenario `everything` whose axes are the built-in bucket with `axes` edits, and whose tables
-/// `[supply]` and `[oil]` have other values for `hydraulics`, such as `supply.flow`.
+/// A machine under the scenario `everything`. Each of its axes is the built-in bucket with one of the edits in `axes`.
+/// `hydraulics` gives other values of the tables `[supply]` and `[oil]`, such as `supply.flow`.
 pub fn machine(axes: &[Edits], hydraulics: &[(&str, f64)]) -> Machine {
     let mut file: Table = BUILT_IN.parse().unwrap();
     file.insert("scenario".to_owned(), "everything".into());

@@ -10,21 +10,21 @@ fn millis(time: u64) -> Duration {
 }
 
 #[test]
-fn the_drive_goes_neutral_without_commands_and_a_command_revives_it() {
+fn the_drive_goes_neutral_without_commands_and_works_again_after_a_command() {
     let mut machine = excavator();
     plant_of(&mut machine, 0).dead_time = 0.0;
-    let (mut silent, mut told) = (simulate(&machine), simulate(&machine));
-    for sim in [&mut silent, &mut told] {
+    let (mut silent, mut neutral) = (simulate(&machine), simulate(&machine));
+    for sim in [&mut silent, &mut neutral] {
         sim.command(&all(0.5));
     }
     silent.advance(millis(50));
-    told.advance(millis(50));
-    assert_eq!(silent.axes(), told.axes());
+    neutral.advance(millis(50));
+    assert_eq!(silent.axes(), neutral.axes());
 
-    told.command(&all(0.0));
+    neutral.command(&all(0.0));
     silent.advance(millis(40));
-    told.advance(millis(40));
-    assert_eq!(silent.axes(), told.axes(), "silence beyond the time-out is the neutral command");
+    neutral.advance(millis(40));
+    assert_eq!(silent.axes(), neutral.axes(), "no command for longer than the time-out acts as a neutral command");
 
     let spool = silent.axes()[0].spool_position;
     silent.command(&all(0.5));
@@ -33,7 +33,7 @@ fn the_drive_goes_neutral_without_commands_and_a_command_revives_it() {
 }
 
 #[test]
-fn with_the_pilot_cut_off_the_spools_go_to_neutral_at_once_whatever_the_command() {
+fn cutting_the_pilot_pressure_off_moves_the_spools_to_neutral_at_once() {
     let machine = excavator();
     let moving = || {
         let mut sim = simulate(&machine);
@@ -44,22 +44,22 @@ fn with_the_pilot_cut_off_the_spools_go_to_neutral_at_once_whatever_the_command(
     cut.command(&ValveCommand { cut_off: 1, ..all(0.5) });
     neutral.command(&all(0.0));
     let open = cut.axes()[0].spool_position;
-    // Less than the shortest dead time: a neutral command has not arrived.
+    // 5 ms are less than the shortest dead time: the neutral command does not act yet.
     cut.advance(millis(5));
     neutral.advance(millis(5));
     for (cut, neutral) in cut.axes().iter().zip(neutral.axes()) {
         assert!(neutral.spool_position > 0.99 * open, "{neutral:?}");
         assert!(cut.spool_position < 0.95 * open, "{cut:?}");
     }
-    // For as long as it is asked for, also where the drive times out, and no hysteresis keeps the spools open.
+    // The pilot pressure stays cut off while the drive times out, and no hysteresis keeps the spools open.
     cut.advance(millis(2000));
     assert!(cut.axes().iter().all(|axis| axis.spool_position.abs() < 1e-6 && axis.velocity.abs() < 5e-3));
     hold(&mut cut, 0.5, 0.5);
-    assert!(cut.axes().iter().all(|axis| axis.velocity > 0.05), "released it is commanded again");
+    assert!(cut.axes().iter().all(|axis| axis.velocity > 0.05), "the command acts again");
 }
 
 #[test]
-fn the_time_out_does_not_depend_on_how_time_is_cut() {
+fn the_time_out_does_not_depend_on_how_time_is_divided() {
     let machine = excavator();
     let (mut whole, mut cut) = (simulate(&machine), simulate(&machine));
     for sim in [&mut whole, &mut cut] {
@@ -84,7 +84,7 @@ fn parts_of_a_step_add_up() {
 }
 
 #[test]
-fn commands_out_of_range_are_held_and_those_not_finite_are_neutral() {
+fn commands_out_of_range_are_clamped_and_commands_that_are_not_finite_are_neutral() {
     let machine = excavator();
     for (given, meant) in
         [(f64::NAN, 0.0), (f64::INFINITY, 0.0), (f64::NEG_INFINITY, 0.0), (1e300, 1.0), (-1e300, -1.0)]
@@ -98,7 +98,7 @@ fn commands_out_of_range_are_held_and_those_not_finite_are_neutral() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bits_and_another_other_noise() {
+fn equal_seeds_give_equal_bits_and_different_seeds_different_noise() {
     let machine = Machine::load(None, &[]).unwrap();
     let run = |seed| {
         let mut sim = PlantSim::new(&machine, seed).unwrap();
@@ -112,7 +112,7 @@ fn the_same_seed_gives_the_same_bits_and_another_other_noise() {
     };
     let (first, again, other) = (run(1), run(1), run(2));
     assert_eq!(first, again);
-    assert_eq!(first.1, other.1, "the seed makes the noise, not the motion");
+    assert_eq!(first.1, other.1, "the seed changes the noise, not the motion");
     assert_ne!(first.0, other.0);
 }
 
@@ -166,12 +166,12 @@ fn an_axis_too_stiff_for_the_step_is_refused_and_named() {
 }
 
 #[test]
-fn axes_just_below_the_limit_come_to_rest_in_their_stops() {
+fn axes_just_below_the_stiffness_limit_come_to_rest_in_their_stops() {
     type Edit = fn(&mut Plant);
     let changes: [Edit; 3] = [
         |plant| plant.end_stop_damping = 6e7,
         |plant| (plant.mass, plant.end_stop_damping) = (170.0, 1e6),
-        |plant| plant.rated_flow = 6e-3, // the orifice chatters, by a bounded pressure
+        |plant| plant.rated_flow = 6e-3, // the pressure at the orifice chatters within a bound
     ];
     for (case, change) in changes.into_iter().enumerate() {
         let mut machine = excavator();

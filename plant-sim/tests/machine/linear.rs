@@ -1,5 +1,5 @@
-//! Small motions about a working point, against the linear transfer function: (10), derived anew from (3), (6) and (9)
-//! with a pressure for each chamber.
+//! Small motions about a working point compared with a linear transfer function: equation (10), derived from (3), (6)
+//! and (9) with a pressure for each chamber.
 //!
 //! ```text
 //! D1 p1 - C_ip p2 = K_q1 x - A1 v          D_i = V_i/beta_i s + K_ci + C_ip + C_ep
@@ -11,21 +11,22 @@
 //!  X    s ((m s + B_p) D + A1^2 D2 + A2^2 D1 - 2 A1 A2 C_ip)
 //! ```
 //!
-//! K_qi = dq_i/dX and K_ci = |dq_i/dp_i| of the control edges at the working point. With one chamber, D2 a constant,
-//! and K_q for A1 K_q1 this is the printed (10), whose valve term thus lacks the factor A1.
+//! K_qi = dq_i/dX and K_ci = |dq_i/dp_i| of the control edges at the working point. With one chamber, D2 constant, and
+//! K_q in place of A1 K_q1 this is the printed (10). The printed valve term therefore lacks the factor A1.
 
 use std::f64::consts::TAU;
 
 use nalgebra::{Complex, Matrix4, Vector4};
 use pipeline::machine::{Change, DeadBand, Parameter};
-use plant_sim::AxisState;
+use plant_sim::TrueState;
 
 use super::*;
 
 /// p_tr, Pa.
 const TRANSITION: f64 = 2e4;
 
-/// An axis that is linear but for its edges: no dry friction, no dead band, the same load everywhere.
+/// The built-in machine with axes that are linear except for their control edges: no dry friction, no dead band,
+/// constant load.
 fn smooth_machine() -> Machine {
     let mut machine = excavator();
     machine.hydraulics.as_mut().unwrap().supply.flow = 1.0;
@@ -40,8 +41,8 @@ fn smooth_machine() -> Machine {
     machine
 }
 
-/// The same, damped so that a response at the natural frequency forgets faster than the moving piston changes the
-/// volumes: a working point that stays.
+/// [`smooth_machine`] with so much viscous friction that a response at the natural frequency decays faster than the
+/// moving piston changes the volumes. The working point is then almost constant.
 fn damped_machine() -> Machine {
     let mut machine = smooth_machine();
     (0..4).for_each(|axis| plant_of(&mut machine, axis).viscous_friction *= 10.0);
@@ -49,15 +50,15 @@ fn damped_machine() -> Machine {
 }
 
 /// V/beta_e of both chambers, m3/Pa.
-fn compliances(machine: &Machine, axis: usize, state: &AxisState) -> (f64, f64) {
+fn compliances(machine: &Machine, axis: usize, state: &TrueState) -> (f64, f64) {
     let plant = machine.axes[axis].plant.as_ref().unwrap();
     let piston = plant.piston_dead_volume + plant.piston_area * state.position;
     let rod = plant.rod_dead_volume + plant.rod_area * (machine.axes[axis].stroke - state.position);
     (piston * compressibility(machine, state.piston_pressure), rod * compressibility(machine, state.rod_pressure))
 }
 
-/// Y/U at `frequency` Hz: the transfer function above behind the valve's lag and the hold of half a step.
-fn transfer(machine: &Machine, axis: usize, state: &AxisState, frequency: f64) -> Complex<f64> {
+/// Y/U at `frequency` Hz: the transfer function above in series with the valve's lag and a hold of half a step.
+fn transfer(machine: &Machine, axis: usize, state: &TrueState, frequency: f64) -> Complex<f64> {
     let (plant, supply) = (machine.axes[axis].plant.as_ref().unwrap(), machine.hydraulics.unwrap().supply);
     let s = Complex::new(0.0, TAU * frequency);
     let k = plant.rated_flow / plant.rated_pressure_drop.sqrt();
@@ -84,16 +85,18 @@ fn transfer(machine: &Machine, axis: usize, state: &AxisState, frequency: f64) -
 }
 
 /// Undamped natural frequency of the piston between both chambers, Hz.
-fn natural_frequency(machine: &Machine, axis: usize, state: &AxisState) -> f64 {
+fn natural_frequency(machine: &Machine, axis: usize, state: &TrueState) -> f64 {
     let plant = machine.axes[axis].plant.as_ref().unwrap();
     let (c1, c2) = compliances(machine, axis, state);
     ((plant.piston_area.powi(2) / c1 + plant.rod_area.powi(2) / c2) / plant.mass).sqrt() / TAU
 }
 
-/// The same with the printed (8), in the middle of the stroke: V_t = 4 V1/(1 + n^3), V1 = L A1/2, since there p2 follows
-/// p1 as in steady flow. At the natural frequency both chambers are springs instead, which is 1 + n in the place of
-/// 1 + n^3: a frequency higher by about sqrt((1 + n)/(1 + n^3)), 15 % for n = 1/2. The dead volume is added to V1.
-fn papers_natural_frequency(machine: &Machine, axis: usize, state: &AxisState) -> f64 {
+/// Natural frequency by the printed (8) in the middle of the stroke, Hz: V_t = 4 V1/(1 + n^3) and V1 = L A1/2, to which
+/// the dead volume is added.
+///
+/// (8) assumes that p2 follows p1 as in steady flow. At the natural frequency both chambers are springs instead, so
+/// that 1 + n takes the place of 1 + n^3. The frequency is higher by about sqrt((1 + n)/(1 + n^3)), 15 % for n = 1/2.
+fn papers_natural_frequency(machine: &Machine, axis: usize, state: &TrueState) -> f64 {
     let (plant, stroke) = (machine.axes[axis].plant.as_ref().unwrap(), machine.axes[axis].stroke);
     let n = plant.rod_area / plant.piston_area;
     let volume = plant.piston_dead_volume + 0.5 * stroke * plant.piston_area;
@@ -101,15 +104,15 @@ fn papers_natural_frequency(machine: &Machine, axis: usize, state: &AxisState) -
     (plant.piston_area.powi(2) * (1.0 + n.powi(3)) / (compliance * plant.mass)).sqrt() / TAU
 }
 
-/// Response of the position to a small sine on top of `opening`, measured when the axis passes `position`, and the
-/// state of the axis that is not excited, there.
-fn measure(axis: usize, position: f64, opening: f64, frequency: f64) -> (Complex<f64>, AxisState) {
+/// Response of the position to a small sine added to `opening`, measured while the axis passes `position`, and the
+/// state of an axis without the sine at that position.
+fn measure(axis: usize, position: f64, opening: f64, frequency: f64) -> (Complex<f64>, TrueState) {
     const AMPLITUDE: f64 = 0.01;
     let settle = 50_000u32;
     let period = 1e4 / frequency;
     let window = (period * (1e4 / period).ceil()).round() as u32;
     let mut machine = damped_machine();
-    // Where it has to start so that the middle of the window is at the position.
+    // The axis starts where it has to, so that it is at `position` in the middle of the window.
     let mut probe = simulate(&machine);
     hold(&mut probe, opening, 1.0);
     let speed = probe.axes()[axis].velocity;
@@ -140,7 +143,7 @@ fn measure(axis: usize, position: f64, opening: f64, frequency: f64) -> (Complex
 
 #[test]
 fn small_motions_follow_the_transfer_function_up_to_the_natural_frequency() {
-    // Boom up in the middle, boom down near its lower end, bucket out near its upper end.
+    // Boom extending in the middle, boom retracting near its lower end, bucket extending near its upper end.
     for (axis, position, opening) in [(0, 0.667, 0.03), (0, 0.3, -0.03), (3, 0.9, 0.02)] {
         let natural = natural_frequency(&damped_machine(), axis, &measure(axis, position, opening, 5.0).1);
         let mut worst = (0.0f64, 0.0f64);
@@ -172,7 +175,7 @@ fn a_pushed_axis_rings_at_its_natural_frequency() {
         ];
         let mut sim = simulate(&machine);
         let rest = sim.axes().to_vec();
-        // Times at which the velocity turns upwards.
+        // Times at which the velocity becomes positive, in steps.
         let mut crossings = vec![Vec::new(); 4];
         let mut before = [0.0; 4];
         for i in 0..20_000 {

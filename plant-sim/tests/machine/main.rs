@@ -1,4 +1,4 @@
-//! The simulated machine from outside: the built-in excavator and variations of it.
+//! The simulated machine as a whole: the built-in excavator and variations of it.
 
 mod drive;
 mod linear;
@@ -18,7 +18,7 @@ use plant_sim::PlantSim;
 
 const TICK: Duration = Duration::from_millis(10);
 
-/// The simulator's own step.
+/// The step of the simulator.
 const STEP: Duration = Duration::from_micros(100);
 
 /// The built-in machine under one of its scenarios.
@@ -26,7 +26,7 @@ fn under(scenario: &str) -> Machine {
     Machine::load(None, &[("scenario".to_owned(), scenario.to_owned())]).unwrap()
 }
 
-/// The built-in machine; nothing changes.
+/// The built-in machine with constant parameters.
 fn excavator() -> Machine {
     under("nominal")
 }
@@ -48,14 +48,14 @@ fn compressibility(machine: &Machine, pressure: f64) -> f64 {
     (1.0 / oil.bulk_modulus + air / (1.4 * absolute)) / (1.0 + air)
 }
 
-/// The same command for every axis.
+/// A message with `command` for every axis.
 fn all(command: f64) -> ValveCommand {
     let mut message = ValveCommand::default();
     message.axes.iter_mut().for_each(|axis| axis.command = command);
     message
 }
 
-/// Runs for `seconds` under one command, given anew at every tick.
+/// Runs for `seconds` under one command, which is sent at every tick.
 fn hold(sim: &mut PlantSim, command: f64, seconds: f64) {
     for _ in 0..(seconds / TICK.as_secs_f64()).round() as usize {
         sim.command(&all(command));

@@ -1,4 +1,4 @@
-//! How the axes move, against closed formulas.
+//! Motion of the axes compared with closed formulas.
 
 use super::*;
 
@@ -34,11 +34,11 @@ fn steady_speed(machine: &Machine, axis: usize, command: f64) -> f64 {
 }
 
 #[test]
-fn the_steady_speed_is_the_formulas_in_both_directions() {
+fn the_steady_speed_follows_the_formula_in_both_directions() {
     let mut ratios = [[0.0; 2]; 4];
     for command in [0.3, 0.6, 1.0, -0.3, -0.6, -1.0] {
         let mut machine = excavator();
-        // Enough for all at once, and the same load everywhere: a closed formula knows one force.
+        // The formula assumes enough flow for all axes and a load that does not depend on the position.
         machine.hydraulics.as_mut().unwrap().supply.flow = 1.0;
         for axis in 0..machine.axes.len() {
             let stroke = machine.axes[axis].stroke;
@@ -63,7 +63,10 @@ fn the_steady_speed_is_the_formulas_in_both_directions() {
     }
     for (axis, [extend, retract]) in ratios.into_iter().enumerate() {
         println!("axis {axis}: retracts {:.3} times as fast as it extends", retract / extend);
-        assert!((retract / extend - 1.0).abs() > 0.02, "a cylinder with one rod is not symmetric");
+        assert!(
+            (retract / extend - 1.0).abs() > 0.02,
+            "a cylinder with one rod has different speeds in both directions"
+        );
     }
 }
 
@@ -97,7 +100,7 @@ fn the_spool_moves_exactly_one_dead_time_after_the_command() {
 }
 
 #[test]
-fn full_command_both_ways_stays_between_the_end_stops() {
+fn full_commands_in_both_directions_stay_between_the_end_stops() {
     let machine = excavator();
     let mut sim = simulate(&machine);
     for (command, rest) in [(1.0, 1.0), (-1.0, 0.0), (1.0, 1.0)] {

@@ -1,8 +1,8 @@
-//! The place of an axis among the others changes none of its bits.
+//! The place of an axis among the others does not change the bits of its motion.
 
 use super::*;
 
-/// Positions and speeds of `machine`'s axes after 3 s, as their bits, by the axes' names; the pump suffices for all.
+/// Bits of the states of `machine`'s axes after 3 s, by the names of the axes. The flow of the pump suffices for all.
 fn bits(mut machine: Machine) -> Vec<(String, [u64; 4])> {
     machine.hydraulics.as_mut().unwrap().supply.flow = 1.0;
     let mut sim = simulate(&machine);
@@ -17,7 +17,7 @@ fn bits(mut machine: Machine) -> Vec<(String, [u64; 4])> {
 }
 
 #[test]
-fn an_axis_has_the_same_bits_in_any_lane_group_and_company() {
+fn an_axis_has_equal_bits_in_any_lane_and_with_any_other_axes() {
     let machine = under("everything");
     let expected = bits(machine.clone());
     let with = |order: &[usize]| {

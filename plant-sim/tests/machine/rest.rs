@@ -1,6 +1,6 @@
-//! An axis at rest: the oil holds it, and only leakage moves it.
+//! Axes at rest: the oil holds the load, and only leakage moves the piston.
 
-use plant_sim::AxisState;
+use plant_sim::TrueState;
 
 use super::*;
 
@@ -12,7 +12,7 @@ use super::*;
 ///
 /// with the leakage q_1 = C_ip (p1 - p2) + C_ep p1 out of the piston side, q_2 = C_ip (p1 - p2) - C_ep p2 into the rod
 /// side, and the compliances C = V/beta_e.
-fn creep(machine: &Machine, axis: usize, state: &AxisState) -> f64 {
+fn creep(machine: &Machine, axis: usize, state: &TrueState) -> f64 {
     let plant = machine.axes[axis].plant.as_ref().unwrap();
     let (a1, a2) = (plant.piston_area, plant.rod_area);
     let (p1, p2) = (state.piston_pressure, state.rod_pressure);
@@ -24,7 +24,7 @@ fn creep(machine: &Machine, axis: usize, state: &AxisState) -> f64 {
     -(a1 * q1 / c1 + a2 * q2 / c2) / (a1 * a1 / c1 + a2 * a2 / c2)
 }
 
-/// The machine with loads both ways, some leakage, and a load that is the same everywhere.
+/// The built-in machine with constant loads in both directions, and with this leakage.
 fn loaded(internal: f64, external: f64) -> Machine {
     let mut machine = excavator();
     for (axis, load) in [200e3, -60e3, 30e3, -20e3].into_iter().enumerate() {
@@ -40,7 +40,7 @@ fn a_loaded_axis_drifts_by_the_formula_of_its_leakage() {
     for (internal, external) in [(2e-12, 0.0), (5e-13, 1e-12)] {
         let machine = loaded(internal, external);
         let mut sim = simulate(&machine);
-        // Until the bristles slide and friction is as constant as the load.
+        // After 3 s the bristles slide and friction is constant, as the load is.
         sim.advance(Duration::from_secs(3));
         let (begin, mut expected) = (sim.axes().to_vec(), [0.0; 4]);
         for _ in 0..400 {
@@ -54,7 +54,7 @@ fn a_loaded_axis_drifts_by_the_formula_of_its_leakage() {
             let drift = sim.axes()[axis].position - begin[axis].position;
             println!("axis {axis}: {:+.4} mm in 4 s, formula {:+.4} mm", 1e3 * drift, 1e3 * expected[axis]);
             assert!((drift / expected[axis] - 1.0).abs() < 0.05, "axis {axis}: {drift} for {}", expected[axis]);
-            assert!(drift.abs() > 2e-4, "a drift worth measuring");
+            assert!(drift.abs() > 2e-4, "the drift is large enough to be measured");
         }
     }
 }
@@ -65,7 +65,7 @@ fn without_leakage_a_loaded_axis_stays_where_it_was_stopped() {
     let mut sim = simulate(&machine);
     hold(&mut sim, 0.5, 1.0);
     hold(&mut sim, -0.3, 0.5);
-    // Until load and oil have swung out: bristles that are shaken let a load slip, as real seals do.
+    // After 30 s load and oil no longer oscillate. Bristles that are shaken let a load slip, as real seals do.
     sim.advance(Duration::from_secs(30));
     let stopped = sim.axes().to_vec();
     sim.advance(Duration::from_secs(60));

@@ -1,4 +1,4 @@
-//! What scenarios do to the motion.
+//! Effects of scenarios on the motion.
 
 use pipeline::machine::{Change, Parameter};
 
@@ -10,7 +10,7 @@ fn a_change_of_the_flow_gain_changes_the_speed_by_its_factor() {
     machine.scenario.changes =
         vec![Change { axis: Some(0), parameter: Parameter::FlowGain, start: 1.2, end: 1.5, to: 0.5 }];
     let plant = plant_of(&mut machine, 0);
-    // Else less speed means a little less friction, and another place another load.
+    // Otherwise a lower speed would have a little less friction, and another position another load.
     plant.viscous_friction = 0.0;
     plant.bristle_damping = 0.0;
     plant.load_force = LoadForce::constant(120e3);
@@ -29,7 +29,7 @@ fn a_change_of_the_flow_gain_changes_the_speed_by_its_factor() {
 }
 
 #[test]
-fn every_parameter_of_a_scenario_reaches_the_motion() {
+fn every_parameter_of_a_scenario_changes_the_motion() {
     let mut steady = excavator();
     for axis in 0..4 {
         plant_of(&mut steady, axis).external_leakage = 1e-12;

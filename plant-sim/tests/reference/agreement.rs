@@ -1,4 +1,4 @@
-//! How far apart simulator and reference are.
+//! Distance between the positions of simulator and reference.
 
 use std::{thread, time::Duration};
 
@@ -10,19 +10,19 @@ use plant_sim::PlantSim;
 
 use super::{commands::commands, machine::Reference};
 
-/// Between two commands, and two looks at the positions, ns.
+/// Time between two commands and between two comparisons, ns.
 const TICK: u64 = 10_000_000;
 
-/// 20 s.
+/// Number of ticks of a run: 20 s.
 const TICKS: u64 = 2000;
 
-/// Largest distance of a position from the reference's, m.
+/// Largest distance between a position and that of the reference, m.
 const BOUND: f64 = 5e-5;
 
-/// Largest change of a position by half the step, m.
+/// Largest change of a position when the step is halved, m.
 const HALVING_BOUND: f64 = 1e-4;
 
-/// Largest change of a position by a hundredth of the reference's tolerance, m.
+/// Largest change of a position when the tolerance of the reference is divided by a hundred, m.
 const TOLERANCE_BOUND: f64 = 1e-6;
 
 /// Half the simulator's step, ns.
@@ -31,7 +31,7 @@ const HALF_STEP: u64 = 50_000;
 /// Dead volumes of either side of four small cylinders, cm3.
 const SMALL_VOLUMES: [u32; 4] = [400, 200, 100, 80];
 
-/// What two runs of the same machine under the same commands have in common.
+/// A simulation that is run tick by tick: the simulator or the reference.
 trait Run {
     fn tick(&mut self, commands: &[f64]) -> Vec<f64>;
 }
@@ -65,7 +65,7 @@ fn apart(one: &[Vec<f64>], other: &[Vec<f64>]) -> Vec<f64> {
     let mut worst = vec![0.0; one[0].len()];
     for (one, other) in one.iter().zip(other) {
         for (worst, (one, other)) in worst.iter_mut().zip(one.iter().zip(other)) {
-            // Not a number is infinitely far.
+            // A position that is not a number counts as infinitely far.
             let distance = if (one - other).is_finite() { (one - other).abs() } else { f64::INFINITY };
             *worst = f64::max(*worst, distance);
         }
@@ -77,17 +77,17 @@ fn apart(one: &[Vec<f64>], other: &[Vec<f64>]) -> Vec<f64> {
 struct Figures {
     run: String,
     axis: String,
-    /// Simulator from reference.
+    /// Distance between simulator and reference.
     error: f64,
-    /// Simulator from itself at half the step.
+    /// Distance between the simulator and itself at half the step.
     halving: f64,
-    /// Reference from itself at a hundredth of its tolerance.
+    /// Distance between the reference and itself at a hundredth of its tolerance.
     tolerance: f64,
-    /// How far it moved.
+    /// Largest less smallest position.
     travel: f64,
 }
 
-/// Runs `machine` by simulator and reference.
+/// Runs `machine` in simulator and reference.
 fn figures(machine: &Machine, name: &str) -> Vec<Figures> {
     let simulated = run(machine, PlantSim::new(machine, 1).unwrap());
     let reference = run(machine, Reference::new(machine, 1.0));
@@ -108,15 +108,15 @@ fn figures(machine: &Machine, name: &str) -> Vec<Figures> {
     (0..machine.axes.len()).map(of).collect()
 }
 
-/// Prints the figures as a table and holds them to their bounds.
-fn hold(figures: &[Figures]) {
+/// Prints the figures as a table and compares them with their bounds.
+fn check(figures: &[Figures]) {
     println!("{:18} {:10} {:>9} {:>9} {:>9} {:>9}", "um", "axis", "error", "half step", "tolerance", "travel mm");
     for Figures { run, axis, error, halving, tolerance, travel } in figures {
         let [error, halving, tolerance] = [error, halving, tolerance].map(|distance| 1e6 * distance);
         println!("{run:18} {axis:10} {error:9.3} {halving:9.3} {tolerance:9.5} {:9.1}", 1e3 * travel);
     }
     for Figures { run, axis, error, halving, tolerance, .. } in figures {
-        assert!(*tolerance < TOLERANCE_BOUND, "{run}, {axis}: the reference is no reference, {tolerance} m");
+        assert!(*tolerance < TOLERANCE_BOUND, "{run}, {axis}: the reference itself is not accurate, {tolerance} m");
         assert!(*error < BOUND, "{run}, {axis}: {error} m from the reference");
         assert!(*halving < HALVING_BOUND, "{run}, {axis}: half the step changes {halving} m");
     }
@@ -127,15 +127,15 @@ fn under(scenario: &str) -> Machine {
 }
 
 #[test]
-fn the_machine_is_within_the_bounds_under_every_scenario() {
+fn the_built_in_machine_is_within_the_bounds_under_every_scenario() {
     let figures: Vec<Figures> = thread::scope(|scope| {
         let scenarios = Scenario::built_in().into_iter();
         let runs = scenarios.map(|scenario| scope.spawn(move || figures(&under(&scenario.name), &scenario.name)));
         let runs: Vec<_> = runs.collect();
         runs.into_iter().flat_map(|run| run.join().unwrap()).collect()
     });
-    hold(&figures);
-    // Else the commands would not say much.
+    check(&figures);
+    // The commands must move every axis into both stops.
     for Figures { run, axis, travel, .. } in figures.iter().filter(|figures| figures.run == "nominal") {
         let stroke = under(run).axes.iter().find(|other| other.name == *axis).unwrap().stroke;
         assert!(*travel > stroke, "{axis} moved by {travel} m and did not meet both stops");
@@ -149,38 +149,38 @@ fn pilot_valves_with_half_a_second_of_dead_time_are_within_the_bounds() {
         plant.valve_curve = ValveCurve::S;
         (plant.dead_band.extend, plant.saturation.extend) = (0.38, 0.72);
         (plant.dead_band.retract, plant.saturation.retract) = (0.35, 0.7);
-        // One that is no whole number of milliseconds, too.
+        // One dead time is no whole number of milliseconds.
         plant.dead_time = [0.5, 0.5, 0.0123, 0.0][axis];
     }
-    hold(&figures(&machine, "S, 0.5 s"));
+    check(&figures(&machine, "S, 0.5 s"));
 }
 
 #[test]
 fn small_dead_volumes_at_the_stops_are_within_the_bounds() {
     let mut machine = under("nominal");
     for (index, plant) in plants(&mut machine).enumerate() {
-        // A bucket's cylinder: about the least volumes that the step of the simulator is allowed.
+        // A bucket's cylinder with about the least volumes that the simulator's step can integrate.
         let volume = 1e-6 * f64::from(SMALL_VOLUMES[index]);
         (plant.piston_area, plant.rod_area) = (5e-3, 2.6e-3);
         (plant.piston_dead_volume, plant.rod_dead_volume) = (volume, volume);
         (plant.mass, plant.rated_flow) = (1e3, 8e-4);
         plant.load_force = LoadForce { retracted: 14e3, middle: 10e3, extended: -4e3 };
     }
-    hold(&figures(&machine, "small volumes"));
+    check(&figures(&machine, "small volumes"));
 }
 
 #[test]
 fn open_relief_and_make_up_valves_are_within_the_bounds() {
     let mut machine = under("digging");
     for plant in plants(&mut machine) {
-        // Below what pump and load make of a chamber.
+        // Below the pressure that pump and load cause in a chamber.
         plant.relief_pressure = 14e6;
     }
-    // Pulls harder than the rod side is held: the piston side draws oil from the tank.
+    // The load pulls harder than the rod side can hold, so the piston side draws oil from the tank.
     for change in machine.scenario.changes.iter_mut().filter(|change| change.to < 0.3) {
         change.to = -0.3;
     }
-    hold(&figures(&machine, "relief, make-up"));
+    check(&figures(&machine, "relief, make-up"));
 }
 
 fn plants(machine: &mut Machine) -> impl Iterator<Item = &mut Plant> {

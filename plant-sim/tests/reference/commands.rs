@@ -1,20 +1,20 @@
-//! Commands that an operator or a controller would give.
+//! Commands like those of an operator or of a controller.
 
 use std::f64::consts::TAU;
 
 use pipeline::machine::Scenario;
 
-/// Commands of `axes` axes at `time` s: those of the scenario where it has its own.
+/// Commands of `axes` axes at `time` s: those of the scenario if it has commands.
 pub fn commands(scenario: &Scenario, axes: usize, time: f64) -> Vec<f64> {
     let sines = scenario.commands.iter();
     let own: f64 = sines.map(|sine| sine.amplitude * (TAU * sine.frequency * time + sine.phase).sin()).sum();
     (0..axes).map(|axis| if scenario.commands.is_empty() { operator(axis, time) } else { own }).collect()
 }
 
-/// Reversals, a hold, creep around the dead band, and full strokes into both stops.
+/// Reversals, neutral, slow motion around the dead band, and full strokes into both stops.
 ///
-/// Every axis begins at another place of the course, so that each meets each scenario's changes in its own way, and
-/// the pump at times feeds one axis and at times falls short for four.
+/// Every axis begins at a different part of this sequence. Each axis therefore meets the changes of a scenario during
+/// different commands, and the pump at times feeds one axis and at times has too little flow for four.
 fn operator(axis: usize, time: f64) -> f64 {
     let phase = axis as f64;
     let wave = |amplitude: f64, frequency: f64| amplitude * (TAU * frequency * time + phase).sin();

@@ -1,4 +1,4 @@
-//! What a scenario makes of one parameter, from the equations in `plant_sim::conditions` and `plant_sim::oil`.
+//! Changes of a parameter by a scenario, by the equations in `plant_sim::conditions` and `plant_sim::hydraulics::oil`.
 //!
 //! ```text
 //! factor(t) = product of 1 + (factor - 1) c(t)        value(t) = value_0 + sum of (value - value before) c(t)
@@ -7,7 +7,7 @@
 
 use pipeline::machine::{Change, Oil, Parameter};
 
-/// A scenario as one axis sees it at one time.
+/// The changes of a scenario for one axis at one time.
 pub struct Conditions<'a> {
     pub changes: &'a [Change],
     pub axis: usize,
@@ -45,7 +45,7 @@ impl Conditions<'_> {
         value
     }
 
-    /// nu by that at the temperature of the machine file.
+    /// nu divided by that at the temperature of the machine file.
     pub fn viscosity(&self, oil: &Oil) -> f64 {
         walther(oil.viscosity, self.value(Parameter::Temperature, oil.temperature))
             / walther(oil.viscosity, oil.temperature)

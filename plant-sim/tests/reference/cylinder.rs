@@ -1,11 +1,11 @@
-//! One cylinder at one time, from the equations in `plant_sim::{cylinder, orifice, oil, friction, load, port,
-//! end_stop}`, written again in plain numbers.
+//! One cylinder at one time by the equations in `plant_sim::actuator` and `plant_sim::hydraulics`, written again in
+//! plain numbers.
 
 use pipeline::machine::{Hydraulics, Parameter, Plant};
 
 use super::conditions::Conditions;
 
-/// Parameters of one axis, all conditions worked in; SI units.
+/// Parameters of one axis under its conditions; SI units.
 pub struct Cylinder {
     plant: Plant,
     stroke: f64,
@@ -16,10 +16,13 @@ pub struct Cylinder {
     /// k
     conductance: f64,
     mass: f64,
-    /// Factors of gravity, leakage, dry friction, and of viscous friction as well.
+    /// Factor of the load force.
     gravity: f64,
+    /// Factor of the leakage.
     leakage: f64,
+    /// Factor of all friction.
     dry: f64,
+    /// Further factor of the viscous friction.
     viscous: f64,
     external_force: f64,
 }
@@ -50,7 +53,7 @@ impl Cylinder {
         }
     }
 
-    /// q_i, m3/s: what the axis asks of the pump at the opening `x`.
+    /// q_i, flow that the axis demands from the pump at the opening `x`, m3/s.
     pub fn demand(&self, x: f64, p1: f64, p2: f64) -> f64 {
         let fed = if x >= 0.0 { p1 } else { p2 };
         self.conductance * x.abs() * root(self.supply_pressure - fed).max(0.0)
@@ -82,7 +85,7 @@ impl Cylinder {
         (1.0 + r) / (1.0 / self.bulk_modulus + r / (kappa * absolute))
     }
 
-    /// Relief and make-up, m3/s out of the chamber.
+    /// Flow out of the chamber through relief and make-up valve, m3/s.
     fn port(&self, p: f64) -> f64 {
         let relief = self.plant.relief_pressure;
         let flow = self.plant.rated_flow;
@@ -92,7 +95,7 @@ impl Cylinder {
     /// F and dz/dt
     fn friction(&self, v: f64, z: f64) -> (f64, f64) {
         let plant = &self.plant;
-        // Without any dry friction the bristles do not turn to slip; the floor is the simulator's.
+        // The least value, that of the simulator, prevents a division by zero without dry friction.
         let (coulomb, most) =
             ((self.dry * plant.coulomb_friction).max(1e-6), (self.dry * plant.static_friction).max(1e-6));
         let g = coulomb + (most - coulomb) / (1.0 + (v / plant.stribeck_speed).powi(2));
@@ -103,7 +106,7 @@ impl Cylinder {
         (stiffness * z + damping * dz + self.dry * self.viscous * plant.viscous_friction * v, dz)
     }
 
-    /// F_L: Lagrange's parabola through the three forces; inside a stop as at the stop.
+    /// F_L: Lagrange's parabola through the three forces; inside a stop the force is that at the stop.
     fn load(&self, y: f64) -> f64 {
         let y = y.clamp(0.0, self.stroke);
         let (force, part) = (self.plant.load_force, y / self.stroke);
@@ -123,8 +126,8 @@ impl Cylinder {
         }
     }
 
-    /// y, v, p1, p2 and z of the axis at rest at `y`: the rod side in the middle between return and supply pressure;
-    /// where that would leave the piston side less than the return pressure, the piston side at that.
+    /// y, v, p1, p2 and z of the axis at rest at `y`. The rod side has the mean of return and supply pressure. Where
+    /// the piston side would then have less than the return pressure, it has the return pressure.
     pub fn at_rest(&self, y: f64) -> [f64; 5] {
         let (a1, a2, load) = (self.plant.piston_area, self.plant.rod_area, self.load(y));
         let rod = 0.5 * (self.supply_pressure + self.return_pressure);

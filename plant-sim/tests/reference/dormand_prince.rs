@@ -1,12 +1,14 @@
 //! The reference's integrator: Dormand and Prince's embedded pair of order 5(4), with error control.
 //!
 //! ```text
-//! x(t+h) = x + h sum b_i k_i        error = h sum (b_i - b^_i) k_i        h <- 0.9 h max_j(|error_j|/tolerance_j)^(-1/5)
+//! x(t+h) = x + h sum b_i k_i                          error = h sum (b_i - b^_i) k_i
+//! h <- 0.9 h max_j(|error_j|/tolerance_j)^(-1/5)
 //! ```
 //!
-//! Source: Dormand and Prince, 1980. A step whose error exceeds a tolerance is made again, shorter; so a kink of the
-//! right-hand side, or a jump at an end stop, is crossed in steps so short that it does not count. A stiff right-hand
-//! side only makes the steps short: the method is explicit, and beyond its stability the error grows and is refused.
+//! Source: Dormand and Prince, 1980. A step whose error exceeds a tolerance is repeated with a shorter length. A kink
+//! of the right-hand side or a jump at an end stop is therefore crossed in steps so short that its effect is
+//! negligible. The method is explicit: beyond its limit of stability the error grows and the step is repeated, so that
+//! a stiff right-hand side makes the steps short.
 
 const NODES: [f64; 7] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0];
 
@@ -20,21 +22,21 @@ const STAGES: [&[f64]; 7] = [
     &[35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
 ];
 
-/// Fifth order less fourth.
+/// Weights of the fifth order less those of the fourth.
 const ERROR: [f64; 7] =
     [71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0];
 
-/// Shorter is not distinguished from no time; a step this short is taken whatever its error.
+/// Shortest step, s. A step this short is taken whatever its error is.
 const SHORTEST: f64 = 1e-15;
 
-/// The integrator and the room it needs.
+/// The integrator and its memory.
 pub struct DormandPrince {
-    /// Error that is allowed in one step, of each component.
+    /// Error of each component that is allowed in one step.
     tolerance: Vec<f64>,
     step: f64,
     rates: Vec<Vec<f64>>,
     stage: Vec<f64>,
-    /// Steps that were taken and steps that were refused.
+    /// Number of steps that were taken, and number of steps that were repeated.
     pub steps: (u64, u64),
 }
 
@@ -49,7 +51,7 @@ impl DormandPrince {
         let mut time = 0.0;
         rates(0.0, state, &mut self.rates[0]);
         while time < end {
-            // The last step meets the end exactly, and does not count for the length of the next.
+            // The last step meets the end exactly and does not shorten the next one.
             let left = end - time;
             let is_last = self.step >= left;
             let step = if is_last { left } else { self.step };
@@ -68,7 +70,7 @@ impl DormandPrince {
         }
     }
 
-    /// Tries one step; returns its error in units of the tolerance, the new state stays in `stage`.
+    /// Tries one step and returns its error in units of the tolerance; the new state is in `stage`.
     fn attempt(&mut self, time: f64, step: f64, state: &[f64], rates: &mut impl FnMut(f64, &[f64], &mut [f64])) -> f64 {
         for (stage, weights) in STAGES.iter().enumerate().skip(1) {
             for (i, value) in self.stage.iter_mut().enumerate() {
@@ -81,7 +83,7 @@ impl DormandPrince {
             let sum: f64 = ERROR.iter().zip(&self.rates).map(|(weight, rate)| weight * rate[i]).sum();
             (step * sum / tolerance).abs()
         });
-        // Not a number is no small error.
+        // An error that is not a number counts as a large one.
         error.fold(0.0, |worst, error| if error <= worst { worst } else { error })
     }
 }
@@ -90,7 +92,7 @@ impl DormandPrince {
 mod tests {
     use super::*;
 
-    /// Error after one turn of an oscillator with steps of `step` s, nothing refused.
+    /// Error after 6 s of an oscillator with steps of `step` s, none of which is repeated.
     fn error_of(step: f64) -> f64 {
         let (mut state, mut time) = (vec![1.0, 0.0], 0.0);
         while time < 6.0 - 0.5 * step {
@@ -128,11 +130,11 @@ mod tests {
     }
 
     #[test]
-    fn a_kink_and_a_jump_are_found() {
+    fn the_integrator_crosses_a_kink_and_a_jump_accurately() {
         // x' = 1 until 0.3, then -1: 0.3 - 0.7 at 1; and its integral.
         let (mut state, mut pair) = ([0.0, 0.0], DormandPrince::new(vec![1e-10; 2], 1e-2));
         pair.advance(1.0, &mut state, |t, x, rates| (rates[0], rates[1]) = (if t < 0.3 { 1.0 } else { -1.0 }, x[0]));
-        // The error's weights of the stages behind a jump sum up to as little as 1/90 of what the jump does.
+        // The error weights of the stages behind a jump may sum up to as little as 1/90 of the jump's effect.
         assert!((state[0] + 0.4).abs() < 1e-8 && (state[1] - (0.045 + 0.7 * -0.05)).abs() < 1e-8, "{state:?}");
     }
 }

@@ -1,16 +1,16 @@
 //! The reference: all axes of a machine as one system of differential equations.
 //!
-//! The right-hand side is smooth between two instants: where conditions are taken anew, each 1 ms, and where a command
-//! has come through its valve's dead time. The integrator starts anew at each.
+//! The right-hand side is smooth except when conditions are updated, every 1 ms, and when a command has passed the dead
+//! time of its valve. The integrator starts anew at each of these times.
 
 use pipeline::machine::{Hydraulics, Machine, Parameter, Scenario};
 
 use super::{conditions::Conditions, cylinder::Cylinder, dormand_prince::DormandPrince, valve::Valve};
 
-/// Errors allowed in one step: y m, v m/s, p1 and p2 Pa, z m.
+/// Errors of y m, v m/s, p1 Pa, p2 Pa and z m that are allowed in one step.
 const TOLERANCE: [f64; 5] = [1e-10, 1e-7, 10.0, 10.0, 1e-10];
 
-/// Conditions are taken anew at multiples of it, ns.
+/// Period at which conditions are updated, ns.
 const UPDATE_PERIOD: u64 = 1_000_000;
 
 pub struct Reference {
@@ -22,7 +22,7 @@ pub struct Reference {
     /// y, v, p1, p2, z of one axis after the other.
     state: Vec<f64>,
     integrator: DormandPrince,
-    /// Q
+    /// Q, m3/s.
     flow: f64,
     time_ns: u64,
 }
@@ -56,7 +56,7 @@ impl Reference {
         }
     }
 
-    /// Takes conditions and commands to those of this time.
+    /// Updates conditions and commands to this time.
     fn update(&mut self) {
         let time = self.time_ns as f64 * 1e-9;
         let at = |axis| Conditions { changes: &self.scenario.changes, axis, time };
@@ -99,7 +99,7 @@ impl Reference {
                     rates[axis].copy_from_slice(&own);
                 }
             });
-            // A cavity larger than what the air fills at 100 Pa is forgotten.
+            // The model does not represent a cavity larger than the air at 100 Pa.
             for pressures in self.state.chunks_mut(5).map(|axis| &mut axis[2..4]) {
                 pressures.iter_mut().for_each(|pressure| *pressure = pressure.max(-0.999 * 101_325.0));
             }

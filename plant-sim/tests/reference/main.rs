@@ -1,7 +1,8 @@
-//! The simulator held to an independent reference: the same equations in plain numbers, integrated with error control.
+//! The simulator compared with an independent reference: its equations written again in plain numbers, integrated with
+//! error control.
 //!
-//! The reference shares nothing with the simulator but the machine file. What it cannot find is an error in the
-//! equations themselves; those are held to closed formulas elsewhere.
+//! The reference shares nothing with the simulator but the machine file. It cannot find errors in the equations
+//! themselves; the tests in `tests/machine` compare the equations with closed formulas.
 
 mod agreement;
 mod commands;

@@ -1,4 +1,4 @@
-//! The valve, from the equations in `plant_sim::valve`: dead time, play, first-order spool, curve.
+//! The valve by the equations in `plant_sim::valve`: dead time, hysteresis, first-order spool, curve.
 
 use std::collections::VecDeque;
 
@@ -6,14 +6,14 @@ use pipeline::machine::{Parameter, Plant, ValveCurve};
 
 use super::conditions::Conditions;
 
-/// One valve through time. Between two updates its target and time constant are constant.
+/// One valve over time. Between two updates its target and its time constant are constant.
 pub struct Valve {
     plant: Plant,
     dead_time_ns: u64,
-    /// When each command was given, ns, and what it was; the first acts or is the next to.
+    /// Time at which each command begins to act, ns, and the command.
     given: VecDeque<(u64, f64)>,
     acting: f64,
-    /// w
+    /// w.
     target: f64,
     /// x_v at the last update.
     spool: f64,
@@ -41,12 +41,12 @@ impl Valve {
         self.given.push_back((now_ns + self.dead_time_ns, command));
     }
 
-    /// When the next command begins to act, ns.
+    /// Time at which the next command begins to act, ns.
     pub fn next_change(&self) -> Option<u64> {
         self.given.front().map(|(time, _)| *time)
     }
 
-    /// Takes command and conditions to those of `now_ns`.
+    /// Updates command and conditions to `now_ns`.
     pub fn update(&mut self, now_ns: u64, conditions: &Conditions, viscosity: f64) {
         while let Some(&(_, command)) = self.given.front().filter(|(time, _)| *time <= now_ns) {
             self.acting = command;
@@ -69,7 +69,7 @@ impl Valve {
         self.target + (self.spool - self.target) * (-after / self.time_constant).exp()
     }
 
-    /// Moves on to `after` s after the update, where the next one has to be.
+    /// Advances to `after` s after the update, which is the time of the next update.
     pub fn advance(&mut self, after: f64) {
         self.spool = self.spool(after);
     }

@@ -1,12 +1,14 @@
-//! `hydraxis bench control`: the same course with every controller, under every scenario.
+//! `hydraxis bench control`: every controller drives one course, under every scenario, on the simulated machine.
 //!
-//! The machine drives [`control_proc::tuning::course`]: 8 s in which identifiers learn and the fallback controls for all that
-//! need a model, then 37 s in which the error of the true position counts, at all ticks and for all controllers alike.
-//! An axis that has been latched stands still and its error goes on counting. What the baselines know is the
-//! commissioned model; no controller knows the scenario.
+//! The machine drives [`control_proc::tuning::course`]: in the first 8 s the identifiers learn, and the fallback
+//! controls for every controller that needs a model. In the next 37 s the error of the true position counts, at every
+//! tick and for every controller. A latched axis stands still, and its error counts as well. The baselines are tuned on
+//! the commissioned model; no controller knows the scenario.
+//!
+//! All runs are simulated in this process. Nothing here runs beside a loop in real time.
 
 mod arguments;
-mod cases;
+mod contest;
 mod parallel;
 mod report;
 
@@ -20,8 +22,8 @@ use pipeline::{
 use super::check;
 use crate::{arguments::load_bare, failure::Failure, report::output::Output};
 pub use arguments::{Bench, BenchControlArguments};
-use cases::{Case, Contest, Kind};
-use report::Report;
+use contest::{Case, Contest, ControllerKind};
+use report::BenchReport;
 
 /// Longest dead time of a simulated valve.
 const LONGEST: Duration = Duration::from_millis(500);
@@ -29,7 +31,8 @@ const LONGEST: Duration = Duration::from_millis(500);
 /// Runs the command.
 pub fn run(arguments: &BenchControlArguments) -> Result<(), Failure> {
     let scenarios = scenarios(arguments)?;
-    let kinds = if arguments.controllers.is_empty() { Kind::ALL.to_vec() } else { arguments.controllers.clone() };
+    let kinds =
+        if arguments.controllers.is_empty() { ControllerKind::ALL.to_vec() } else { arguments.controllers.clone() };
     for dead_time in &arguments.dead_time {
         expect_possible(*dead_time, &scenarios[0])?;
     }
@@ -37,9 +40,9 @@ pub fn run(arguments: &BenchControlArguments) -> Result<(), Failure> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let contest = Contest::new(scenarios, &arguments.dead_time, kinds, threads)?;
     let cases = contest.cases(arguments.seeds);
-    let outcomes = parallel::map(threads, "runs", &cases, |case: &Case| contest.run(case))?;
-    let report = Report::new(&contest, &cases, &outcomes);
-    output.write(|| report.tables(), &report)
+    let results = parallel::map(threads, "runs", &cases, |case: &Case| contest.run(case))?;
+    let report = BenchReport::new(&contest, &cases, &results);
+    Ok(output.write(|| report.tables(), &report)?)
 }
 
 /// The machine under each of the scenarios.
@@ -53,11 +56,11 @@ fn scenarios(arguments: &BenchControlArguments) -> Result<Vec<Machine>, Failure>
     for name in names {
         let machine = load_bare(&arguments.machine, Some(&name))?;
         if machine.source != Source::Sim {
-            return Err(Failure::Usage("source.kind: found \"replay\"; allowed: \"sim\", to be controlled".to_owned()));
+            return Err(Failure::usage("source.kind: found \"replay\"; allowed: \"sim\", to be controlled"));
         }
         if !machine.scenario.commands.is_empty() {
             let found = format!("--scenario: found \"{name}\", which commands the valves itself");
-            return Err(Failure::Usage(format!("{found}; allowed: scenarios without commands")));
+            return Err(Failure::usage(format!("{found}; allowed: scenarios without commands")));
         }
         check::deep(&machine)?;
         machines.push(machine);
@@ -65,12 +68,13 @@ fn scenarios(arguments: &BenchControlArguments) -> Result<Vec<Machine>, Failure>
     Ok(machines)
 }
 
+/// Refuses a dead time for which the model has no delay, or that no simulated valve has.
 fn expect_possible(dead_time: Duration, machine: &Machine) -> Result<(), Failure> {
-    // One sample more than the dead time is the delay of the model.
+    // The delay of the model is one sample more than the dead time.
     let longest = LONGEST.min(machine.timing.period * (MAX_DELAY as u32 - 1));
     if dead_time <= longest {
         return Ok(());
     }
     let [found, longest] = [dead_time, longest].map(humantime::format_duration);
-    Err(Failure::Usage(format!("--dead-time: found {found}; allowed: up to {longest}")))
+    Err(Failure::usage(format!("--dead-time: found {found}; allowed: up to {longest}")))
 }

@@ -1,31 +1,32 @@
-//! The same work on many things, on several threads; results in the order of the things, whichever thread did them.
+//! One function applied to many items on several threads. The results have the order of the items.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::{failure::Failure, report::table::progress};
 
-/// `work` on every one of `things`, counted as `unit` on the progress bar.
+/// Applies `work` to each of `items`. The progress bar counts them as `unit`.
 ///
 /// # Errors
-/// The first failure in the order of the things; things after a failure may be left out.
+/// The first failure in the order of the items. Items after a failure may be left out.
 pub fn map<T: Sync, R: Send>(
     threads: usize,
     unit: &str,
-    things: &[T],
+    items: &[T],
     work: impl Fn(&T) -> Result<R, Failure> + Sync,
 ) -> Result<Vec<R>, Failure> {
-    let progress = progress(things.len() as u64, unit);
-    // Every thread takes the next one that nobody has taken. The counter orders nothing else: results come by join.
+    let progress = progress(items.len() as u64, unit);
+    // Every thread takes the next item that no thread has taken. The counter orders nothing else: join gives the
+    // results.
     let next = AtomicUsize::new(0);
     let worker = || {
         let mut done = Vec::new();
-        while let Some((index, thing)) = {
+        while let Some((index, item)) = {
             let index = next.fetch_add(1, Ordering::Relaxed);
-            things.get(index).map(|thing| (index, thing))
+            items.get(index).map(|item| (index, item))
         } {
-            let result = work(thing);
+            let result = work(item);
             if result.is_err() {
-                next.store(things.len(), Ordering::Relaxed);
+                next.store(items.len(), Ordering::Relaxed);
             }
             done.push((index, result));
             progress.inc(1);
@@ -50,18 +51,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn results_come_in_the_order_of_the_things_on_any_number_of_threads() {
-        let things: Vec<usize> = (0..100).collect();
+    fn results_have_the_order_of_the_items_on_any_number_of_threads() {
+        let items: Vec<usize> = (0..100).collect();
         for threads in [0, 1, 2, 7] {
-            let squares = map(threads, "", &things, |thing| Ok(thing * thing)).unwrap();
+            let squares = map(threads, "", &items, |item| Ok(item * item)).unwrap();
             assert!(squares.iter().enumerate().all(|(i, square)| i * i == *square) && squares.len() == 100);
         }
     }
 
     #[test]
     fn a_failure_ends_it() {
-        let things: Vec<usize> = (0..100).collect();
-        let fail = |thing: &usize| if *thing == 3 { Err(Failure::Run("three".to_owned())) } else { Ok(()) };
-        assert_eq!(map(2, "", &things, fail).unwrap_err().to_string(), "three");
+        let items: Vec<usize> = (0..100).collect();
+        let fail = |item: &usize| if *item == 3 { Err(Failure::run("three")) } else { Ok(()) };
+        assert_eq!(map(2, "", &items, fail).unwrap_err().to_string(), "three");
     }
 }

@@ -1,38 +1,38 @@
-//! The figures of `hydraxis bench control`: errors aggregated over axes and seeds.
+//! The report of `hydraxis bench control`: tracking errors aggregated over axes and seeds.
 
 use std::collections::BTreeMap;
 
 use pipeline::statistics::ErrorStatistics;
 use serde::Serialize;
 
-use super::cases::{Case, Contest, Outcome};
+use super::contest::{AxisResult, Case, Contest};
 use crate::report::table::{number, table};
 
 /// All figures; SI units.
 #[derive(Debug, Serialize)]
-pub struct Report {
-    rows: Vec<Row>,
+pub struct BenchReport {
+    rows: Vec<BenchRow>,
     gains: Vec<Gains>,
 }
 
 /// One controller under one scenario at one dead time.
 #[derive(Debug, Serialize)]
-struct Row {
+struct BenchRow {
     controller: &'static str,
     scenario: String,
     dead_time_s: f64,
     #[serde(flatten)]
-    errors: Errors,
-    /// Part of the ticks that a model controlled.
+    errors: TrackingErrors,
+    /// Part of the ticks at which a model controlled, from 0 to 1.
     by_model: f64,
-    /// Axes, over all seeds, that a fault had latched at the end.
+    /// Number of axes, over all seeds, that a fault had latched at the end.
     latched: u64,
-    axes: BTreeMap<String, Errors>,
+    axes: BTreeMap<String, TrackingErrors>,
 }
 
-/// Target minus true position, m.
+/// Statistics of reference minus true position, m.
 #[derive(Debug, Clone, Copy, Serialize)]
-struct Errors {
+struct TrackingErrors {
     rms: f64,
     sigma: f64,
     max: f64,
@@ -40,7 +40,7 @@ struct Errors {
     statistics: ErrorStatistics,
 }
 
-/// What tuning has found: of the baseline, or of what controls while there is no model.
+/// Tuned gains of a baseline, or of the controller that controls while there is no model.
 #[derive(Debug, Serialize)]
 struct Gains {
     controller: &'static str,
@@ -50,16 +50,16 @@ struct Gains {
     ki: f64,
 }
 
-impl From<ErrorStatistics> for Errors {
+impl From<ErrorStatistics> for TrackingErrors {
     fn from(statistics: ErrorStatistics) -> Self {
         Self { rms: statistics.rmse(), sigma: statistics.sigma(), max: statistics.max, statistics }
     }
 }
 
-impl Report {
-    /// From the outcomes of all cases; those of the same entry and scenario stand together.
-    pub fn new(contest: &Contest, cases: &[Case], outcomes: &[Vec<Outcome>]) -> Self {
-        let runs: Vec<(&Case, &Vec<Outcome>)> = cases.iter().zip(outcomes).collect();
+impl BenchReport {
+    /// The report from the results of all cases. Cases of one entry and scenario stand together.
+    pub fn new(contest: &Contest, cases: &[Case], results: &[Vec<AxisResult>]) -> Self {
+        let runs: Vec<(&Case, &Vec<AxisResult>)> = cases.iter().zip(results).collect();
         let groups = runs.chunk_by(|a, b| (a.0.entry, a.0.scenario) == (b.0.entry, b.0.scenario));
         let gains = contest.entries.iter().flat_map(|entry| {
             entry.axes.iter().map(|axis| Gains {
@@ -70,16 +70,16 @@ impl Report {
                 ki: axis.control.ki,
             })
         });
-        Self { rows: groups.map(|group| Row::new(contest, group)).collect(), gains: gains.collect() }
+        Self { rows: groups.map(|group| BenchRow::new(contest, group)).collect(), gains: gains.collect() }
     }
 
-    /// One line per controller and dead time, then one per scenario and dead time.
+    /// Two tables: one line per controller and dead time, and one line per scenario and dead time.
     pub fn tables(&self) -> String {
         let mut text = self.by_controller() + &self.by_scenario();
         let latched: u64 = self.rows.iter().map(|row| row.latched).sum();
         if latched > 0 {
             text +=
-                &format!("{latched} times a fault latched an axis; --json tells of which controller and scenario.\n");
+                &format!("{latched} times a fault latched an axis; --json says under which controller and scenario.\n");
         }
         text
     }
@@ -90,7 +90,7 @@ impl Report {
             let rms_of =
                 |name: &str| rows.iter().find(|row| row.scenario == name).map_or(f64::NAN, |row| row.errors.rms);
             let worst = rows.iter().max_by(|a, b| a.errors.rms.total_cmp(&b.errors.rms)).unwrap_or(&rows[0]);
-            let all = Errors::from(merged(rows.iter().map(|row| &row.errors.statistics)));
+            let all = TrackingErrors::from(merged(rows.iter().map(|row| &row.errors.statistics)));
             let mm = |metres: f64| number(1e3 * metres);
             vec![
                 rows[0].controller.to_owned(),
@@ -123,7 +123,7 @@ impl Report {
             }
         }
         let rows = places.into_iter().map(|(dead_time, scenario)| {
-            // In the order of the controllers, which is the same at every place.
+            // At every place the rows have the order of the controllers.
             let here = self.rows.iter().filter(|row| (row.dead_time_s, row.scenario.as_str()) == (dead_time, scenario));
             let cells = [scenario.to_owned(), milliseconds(dead_time)].into_iter();
             cells.chain(here.map(|row| number(1e3 * row.errors.rms))).collect()
@@ -137,23 +137,23 @@ fn milliseconds(seconds: f64) -> String {
     format!("{:.0} ms", 1e3 * seconds)
 }
 
-impl Row {
-    /// From the runs of one entry under one scenario.
-    fn new(contest: &Contest, runs: &[(&Case, &Vec<Outcome>)]) -> Self {
+impl BenchRow {
+    /// The row from the runs of one entry under one scenario.
+    fn new(contest: &Contest, runs: &[(&Case, &Vec<AxisResult>)]) -> Self {
         let (entry, scenario) = (&contest.entries[runs[0].0.entry], &contest.scenarios[runs[0].0.scenario]);
         let all = || runs.iter().flat_map(|(_, axes)| axes.iter());
-        let statistics = merged(all().map(|outcome| &outcome.error));
+        let statistics = merged(all().map(|result| &result.error));
         let axes = entry.axes.iter().enumerate().map(|(index, axis)| {
             let errors = merged(runs.iter().map(|(_, axes)| &axes[index].error));
-            (axis.name.clone(), Errors::from(errors))
+            (axis.name.clone(), TrackingErrors::from(errors))
         });
         Self {
             controller: entry.kind.name(),
             scenario: scenario.scenario.name.clone(),
             dead_time_s: entry.dead_time.as_secs_f64(),
             errors: statistics.into(),
-            by_model: all().map(|outcome| outcome.by_model).sum::<u64>() as f64 / statistics.count as f64,
-            latched: all().map(|outcome| u64::from(outcome.is_latched)).sum(),
+            by_model: all().map(|result| result.by_model).sum::<u64>() as f64 / statistics.count as f64,
+            latched: all().map(|result| u64::from(result.is_latched)).sum(),
             axes: axes.collect(),
         }
     }

@@ -18,39 +18,44 @@ Examples:
   hydraxis commission                                  all axes of the built-in excavator, one after another
   hydraxis commission my.toml --axis boom --out boom.toml --travel 0.3 --speed 0.15
   hydraxis commission my.toml --prefix demo --enable   the machine of the group that `hydraxis run --prefix demo` runs
-  hydraxis run my.toml --model model.toml              what to type next")]
+  hydraxis run my.toml --model model.toml              the next command: control with the models that were found
+
+Moves one axis after the other by small random steps within a window of travel and a bound of speed. From the motion it
+finds dead time, time constant, dead bands and a static curve of speed over command, and tunes the gains of the fallback
+controller by simulation. All axes are disarmed before and after.")]
 pub struct CommissionArguments {
     /// The machine
     #[command(flatten)]
     pub machine: MachineFile,
-    /// Commission the machine of this running group, over its channels; without it a simulated one, in one process
+    /// Commission the machine of this running group, over its channels [default: a simulated machine, in one process]
     #[arg(long)]
     pub prefix: Option<Prefix>,
-    /// Let the running group's axes move, one after another; all others are off meanwhile
+    /// Arm the axes of the running group, one after the other; all others are disarmed meanwhile
     #[arg(long, requires = "prefix")]
     pub enable: bool,
-    /// Only this axis; may be given several times
+    /// Only this axis; may be given several times [default: all axes]
     #[arg(long = "axis", value_name = "NAME")]
     pub axes: Vec<String>,
     /// Model file to write
     #[arg(long, value_name = "MODEL.toml", default_value = "model.toml")]
     pub out: PathBuf,
-    /// Overwrite the model file if it is there
+    /// Overwrite the model file if it exists
     #[arg(long)]
     pub force: bool,
-    /// Travel of the window around where an axis stands, m; without it 0.4 of what is between the soft limits
+    /// Width of the window around the present position of an axis, m [default: 0.4 of the travel between the soft
+    /// limits]
     #[arg(long, value_name = "M", value_parser = positive)]
     pub travel: Option<f64>,
-    /// Speed bound, m/s; without it a quarter of the axis' max_speed
+    /// Bound of the speed, m/s [default: a quarter of max_speed of the axis]
     #[arg(long, value_name = "M/S", value_parser = positive)]
     pub speed: Option<f64>,
-    /// How long the experiment with each axis takes
+    /// Length of the experiment with each axis
     #[arg(long, value_parser = duration, default_value = "60s")]
     pub duration: Duration,
     /// Seed of the random steps and of the simulated noise
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Write the figures as JSON, to a file or to standard output with -
+    /// Write the figures as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
 }

@@ -1,4 +1,4 @@
-//! The model file: one table `[axis.NAME.commissioned]` per axis.
+//! The model file: one table `[axis.NAME.commissioned]` for each axis, and the settings that follow from it.
 
 use std::{
     fmt::Write as _,
@@ -9,13 +9,42 @@ use std::{
 
 use pipeline::machine::{Commissioned, Control, DeadBand};
 
-use crate::failure::Failure;
+use thiserror::Error;
 
-/// The text of the file; numbers read back exactly. `found` has the settings that fit to a model where there are some.
+/// Why a model file cannot be written.
+#[derive(Debug, Error)]
+pub enum ModelFileError {
+    /// The file exists.
+    #[error("--out: found {}, which is there already; allowed: a new file, or --force", .0.display())]
+    Exists(PathBuf),
+    /// The folder of the file does not exist.
+    #[error(
+        "--out: found {}; allowed: a file in a folder that exists, and {} does not",
+        .path.display(), .folder.display()
+    )]
+    NoFolder {
+        /// The file.
+        path: PathBuf,
+        /// Its folder.
+        folder: PathBuf,
+    },
+    /// The system refuses.
+    #[error("--out: {} cannot be written", .path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+}
+
+/// The text of the file. Numbers are written so that they read back exactly. `found` has the name, the model, and the
+/// tuned settings of each axis; a poor model has no settings.
 pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commissioned, Option<Control>)>) -> String {
     let mut text = format!(
         "# Found by `hydraxis commission` on \"{}\": static curve behind a dead time and a lag of first order.\n\
-         # Speeds in m/s at openings of the valve beyond its dead band; times in s. The gains are those with which this\n\
+         # Speeds in m/s at openings of the valve beyond its dead band; times in s. The gains are \
+         those with which this\n\
          # axis, a third faster and a third slower ones follow best and come to rest.\n",
         machine.escape_default()
     );
@@ -30,7 +59,7 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commiss
         }
         let Commissioned { dead_time, time_constant, dead_band, openings, speeds_extend, speeds_retract, fit_percent } =
             model;
-        // Writing to a text cannot fail.
+        // Writing to a string cannot fail.
         let _ = write!(
             text,
             "\n[axis.{name}.commissioned]\ndead_time = {dead_time:?}\ntime_constant = {time_constant:?}\n\
@@ -43,43 +72,41 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commiss
     text
 }
 
-/// A file that is to be written, checked before the work begins.
+/// A model file that will be written. It is checked before the experiment begins.
 pub struct ModelFile {
     path: PathBuf,
     force: bool,
 }
 
 impl ModelFile {
-    /// Refuses one that is there, without `force`.
-    pub fn new(path: &Path, force: bool) -> Result<Self, Failure> {
+    /// Checks that the file can be written.
+    ///
+    /// # Errors
+    /// The file exists and `force` is not set, or its folder does not exist.
+    pub fn new(path: &Path, force: bool) -> Result<Self, ModelFileError> {
         if !force && path.symlink_metadata().is_ok() {
-            return Err(exists(path));
+            return Err(ModelFileError::Exists(path.to_owned()));
         }
         match path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
-            Some(folder) => Err(Failure::Usage(format!(
-                "--out: found {}; allowed: a file in a folder that is there, and {} is not",
-                path.display(),
-                folder.display()
-            ))),
+            Some(folder) => Err(ModelFileError::NoFolder { path: path.to_owned(), folder: folder.to_owned() }),
             None => Ok(Self { path: path.to_owned(), force }),
         }
     }
 
-    /// Writes it whole.
-    pub fn write(&self, text: &str) -> Result<(), Failure> {
+    /// Writes the text.
+    ///
+    /// # Errors
+    /// The file cannot be written, or it exists by now and `force` is not set.
+    pub fn write(&self, text: &str) -> Result<(), ModelFileError> {
         let path = &self.path;
         let written = if self.force {
             fs::write(path, text)
         } else {
             File::create_new(path).and_then(|mut file| file.write_all(text.as_bytes()))
         };
-        written.map_err(|error| match error.kind() {
-            io::ErrorKind::AlreadyExists => exists(path),
-            _ => Failure::Run(format!("--out: {} cannot be written: {error}", path.display())),
+        written.map_err(|source| match source.kind() {
+            io::ErrorKind::AlreadyExists => ModelFileError::Exists(path.clone()),
+            _ => ModelFileError::Write { path: path.clone(), source },
         })
     }
-}
-
-fn exists(path: &Path) -> Failure {
-    Failure::Usage(format!("--out: found {}, which is there already; allowed: a new file, or --force", path.display()))
 }

@@ -1,7 +1,10 @@
-//! The experiment with the axes of a running group, axis by axis, over its channels: samples in, requests out.
+//! The experiment with the axes of a running group, one after the other, over the channels: it reads samples and sends
+//! requests.
 //!
-//! What the experiment asks for from sample k is on the valve from sample k+1 on, or later, or cut by a limit. So what is
-//! analysed is not what was asked for but what the controller says it has sent for every tick.
+//! Trap: a command that the experiment computes from sample k is on the valve from sample k+1 on, or later, or reduced
+//! by a limit. So the analysis uses the commands that the controller reports for each tick, and not the requested ones.
+//!
+//! Runs beside the loop, in the process of the command.
 
 use std::sync::{Arc, atomic::AtomicBool};
 
@@ -14,10 +17,11 @@ use pipeline::{
 
 use crate::{failure::Failure, group::operator::Operator};
 
-/// What commissioning finds of the axes with these indices. All axes are off before and after; one at a time is moved.
+/// Commissions the axes with these indices, one at a time. All axes are disarmed before and after.
 ///
 /// # Errors
-/// The group cannot be operated, an axis left its mode, a bound was met, or a record has no model; all axes are off.
+/// The group cannot be operated, an axis left its mode, a bound was met, or a record has no model. All axes are
+/// disarmed.
 pub fn commission_live(
     machine: &Machine,
     axes: &[usize],
@@ -30,9 +34,11 @@ pub fn commission_live(
     let all: Vec<usize> = (0..machine.axes.len()).collect();
     let one = |axis: &usize| commission(machine, *axis, &all, &mut operator, options, |p, part| show(*axis, p, part));
     let found: Result<Vec<Commissioned>, Failure> = axes.iter().map(one).collect();
-    // Also after what ended it.
-    let off = operator.off(&all);
-    found.and_then(|found| off.map(|()| found))
+    // The axes are disarmed after a failure as well.
+    let disarmed = operator.disarm(&all);
+    let found = found?;
+    disarmed?;
+    Ok(found)
 }
 
 fn commission(
@@ -44,8 +50,8 @@ fn commission(
     mut show: impl FnMut(Phase, f64),
 ) -> Result<Commissioned, Failure> {
     let name = &machine.axes[axis].name;
-    let ended = |reason: String| Failure::Run(format!("axis.{name}: ended, valve neutral: {reason}"));
-    operator.off(all)?;
+    let ended = |reason: String| Failure::run(format!("axis.{name}: ended, valve neutral: {reason}"));
+    operator.disarm(all)?;
     operator.axis(axis).command = 0.0;
     let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
     let mut record = Applied::new(axis, machine.timing.period.as_secs_f64());
@@ -65,7 +71,7 @@ fn commission(
             }
             if operator.last(axis).is_some_and(|last| last.operation != AxisMode::Commission as u32) {
                 let reason = operator.state(axis);
-                operator.off(all)?;
+                operator.disarm(all)?;
                 return Err(ended(format!("found {reason}; allowed: commission, all the time")));
             }
             show(experiment.phase(), experiment.progress());
@@ -74,14 +80,14 @@ fn commission(
         experiment.stop();
     }
     operator.axis(axis).command = 0.0;
-    operator.off(all)?;
+    operator.disarm(all)?;
     if let Some(Outcome::Aborted(abort)) = experiment.outcome() {
         return Err(ended(abort.to_string()));
     }
-    analyse(&record.into_record()).map_err(|error| Failure::Run(format!("axis.{name}: {error}")))
+    analyse(&record.into_record()).map_err(|error| Failure::run(error).about(format!("axis.{name}")))
 }
 
-/// Positions, and the commands that were sent for them, by tick.
+/// Positions and the commands that were sent for them, by tick.
 struct Applied {
     axis: usize,
     period: f64,
@@ -96,7 +102,7 @@ impl Applied {
         Self { axis, period, first: None, positions: Vec::new(), commands: Vec::new() }
     }
 
-    /// Takes in a sample; how many were missing before it.
+    /// Adds a sample. Returns the number of samples that are missing before it.
     fn sample(&mut self, sample: &EncoderSample) -> usize {
         let first = *self.first.get_or_insert(sample.header.sequence);
         let tick = sample.header.sequence.saturating_sub(first) as usize;
@@ -107,7 +113,7 @@ impl Applied {
         missing
     }
 
-    /// Takes in what was sent for a tick. It stays on the valve until the next.
+    /// Adds the command that was sent for a tick. It stays on the valve until the next one.
     fn command(&mut self, command: &ValveCommand) {
         let Some(tick) = self.first.and_then(|first| command.header.sequence.checked_sub(first)) else { return };
         let tick = tick as usize;
@@ -118,7 +124,7 @@ impl Applied {
         }
     }
 
-    /// As far as both are known.
+    /// The ticks for which position and command are known.
     fn into_record(mut self) -> ExperimentRecord {
         let length = self.positions.len().min(self.commands.len());
         self.positions.truncate(length);

@@ -1,4 +1,6 @@
-//! `hydraxis commission`: a bounded experiment with every axis, and a model file of what it found.
+//! `hydraxis commission`: a bounded experiment with every axis, and a model file with the results.
+//!
+//! Runs before the machine works, or beside the loop of a running group. The analysis never runs in a stage.
 
 mod arguments;
 mod file;
@@ -29,87 +31,106 @@ use crate::{
     },
 };
 pub use arguments::CommissionArguments;
-use file::ModelFile;
+use file::{ModelFile, ModelFileError};
 use live::commission_live;
 pub use simulated::commission_simulated;
 
-/// Fit below which a model is not to be trusted, percent.
+/// Fit below which a model must not control, percent.
 const POOR_FIT: f64 = 80.0;
 /// Parts of the tested openings at which the table shows the curve.
 const SHOWN: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
 
+/// Steps of the progress bar for each axis.
+const STEPS_PER_AXIS: u64 = 1000;
+
 /// Runs the command.
 pub fn run(arguments: &CommissionArguments) -> Result<(), Failure> {
     let machine = load(&arguments.machine)?;
-    if arguments.prefix.is_none() && machine.source != Source::Sim {
-        return Err(Failure::Usage(
-            "source.kind: found \"replay\"; allowed: \"sim\": a record cannot be experimented with".to_owned(),
-        ));
-    }
     let axes = axes(&machine, &arguments.axes)?;
-    if let Some(prefix) = arguments.prefix.as_ref().filter(|_| !arguments.enable) {
-        return Err(Failure::Usage(format!(
-            "--prefix: found \"{prefix}\", a running group, without --enable; allowed: with it: the axes are put off, and \
-             one after another is moved"
-        )));
-    }
-    check::deep(&machine)?;
+    expect_possible(arguments, &machine)?;
     let file = ModelFile::new(&arguments.out, arguments.force)?;
     let output = Output::open(arguments.json.as_deref())?;
-    let shows_tables = !arguments.json.as_deref().is_some_and(is_stdout);
+    let models = experiment(arguments, &machine, &axes)?;
+    let found: Vec<(String, Commissioned)> =
+        axes.iter().map(|axis| machine.axes[*axis].name.clone()).zip(models).collect();
+    let settings: Vec<_> = axes.iter().zip(&found).map(|(axis, (_, model))| tuned(&machine, *axis, model)).collect();
+    let all = found.iter().zip(settings).map(|((name, model), control)| (name.as_str(), model, control));
+    file.write(&file::text(&machine.name, all))?;
+    for (name, model) in found.iter().filter(|(_, model)| is_poor(model)) {
+        eprintln!(
+            "axis.{name}: found a fit of {}; allowed: {POOR_FIT} % and more. Do not control with this model, and look \
+             at the motion of the axis",
+            percent(model.fit_percent)
+        );
+    }
+    let report: Vec<AxisCommissioning> =
+        found.iter().map(|(axis, model)| AxisCommissioning::new(axis, model)).collect();
+    output.write(|| tables(&found, &arguments.out), &report)?;
+    if !arguments.json.as_deref().is_some_and(is_stdout) {
+        eprintln!("{}", next(arguments));
+    }
+    Ok(())
+}
+
+/// Refuses a record, a running group without `--enable`, and a machine file with problems.
+fn expect_possible(arguments: &CommissionArguments, machine: &Machine) -> Result<(), Failure> {
+    if arguments.prefix.is_none() && machine.source != Source::Sim {
+        return Err(Failure::usage(
+            "source.kind: found \"replay\"; allowed: \"sim\": a record cannot be experimented with",
+        ));
+    }
+    if let Some(prefix) = arguments.prefix.as_ref().filter(|_| !arguments.enable) {
+        return Err(Failure::usage(format!(
+            "--prefix: found \"{prefix}\", a running group, without --enable; allowed: with --enable, which disarms \
+             all axes and then moves one after the other"
+        )));
+    }
+    check::deep(machine)?;
+    Ok(())
+}
+
+/// Does the experiments, with a progress bar. Returns the models in the order of `axes`.
+fn experiment(
+    arguments: &CommissionArguments,
+    machine: &Machine,
+    axes: &[usize],
+) -> Result<Vec<Commissioned>, Failure> {
     let options = ExperimentOptions {
         travel: arguments.travel,
         speed: arguments.speed,
         duration: arguments.duration,
         seed: arguments.seed,
     };
-    let bar = progress(1000 * axes.len() as u64, "");
+    let bar = progress(STEPS_PER_AXIS * axes.len() as u64, "");
     let show = |axis: usize, phase: Phase, part: f64| {
         let done = axes.iter().take_while(|other| **other != axis).count();
-        let position = 1000 * done as u64 + (1000.0 * part) as u64;
+        let position = STEPS_PER_AXIS * done as u64 + (STEPS_PER_AXIS as f64 * part) as u64;
         if position != bar.position() {
             bar.set_position(position);
             bar.set_message(format!("{}: {}", machine.axes[axis].name, phase.name()));
         }
     };
     let models = match &arguments.prefix {
-        None => commission_simulated(&machine, &axes, arguments.seed, &options, show),
+        None => commission_simulated(machine, axes, arguments.seed, &options, show),
         Some(prefix) => {
-            let found = commission_live(&machine, &axes, prefix, stop_flag()?, &options, show);
-            // The last to leave a group that has ended leaves nothing behind.
+            let found = commission_live(machine, axes, prefix, stop_flag()?, &options, show);
+            // The last process that leaves a group that has ended removes its files.
             let _ = remove_leftovers(prefix);
             found
         }
     };
     bar.finish_and_clear();
-    let found: Vec<(String, Commissioned)> =
-        axes.iter().map(|axis| machine.axes[*axis].name.clone()).zip(models?).collect();
-    let settings: Vec<_> = axes.iter().zip(&found).map(|(axis, (_, model))| tuned(&machine, *axis, model)).collect();
-    let all = found.iter().zip(settings).map(|((name, model), control)| (name.as_str(), model, control));
-    file.write(&file::text(&machine.name, all))?;
-    for (name, model) in found.iter().filter(|(_, model)| is_poor(model)) {
-        eprintln!(
-            "axis.{name}: found a fit of {}; allowed: {POOR_FIT} % and more: do not control by this model, and look at \
-             what the axis does",
-            percent(model.fit_percent)
-        );
-    }
-    let figures: Vec<Found> = found.iter().map(|(axis, model)| Found::new(axis, model)).collect();
-    output.write(|| tables(&found, &arguments.out), &figures)?;
-    if shows_tables {
-        eprintln!("{}", next(arguments));
-    }
-    Ok(())
+    models
 }
 
-/// The settings of an axis with this model; none with a poor one.
+/// The tuned settings of an axis with this model; none for a poor model.
 fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Control> {
     if is_poor(model) {
         return None;
     }
     let period = machine.timing.period.as_secs_f64();
     let axis = Axis { commissioned: Some(model.clone()), ..machine.axes[index].clone() };
-    // Feed-forward looks ahead no further than the longest preview.
+    // Feed-forward must not look further ahead than the longest preview.
     let is_near = model.dead_time + model.time_constant <= MAX_DELAY as f64 * period;
     let baseline = if is_near { Baseline::Feedforward } else { Baseline::DeadBand };
     baseline.tuned(index, &axis, period)
@@ -119,13 +140,13 @@ fn is_poor(model: &Commissioned) -> bool {
     model.fit_percent.is_nan() || model.fit_percent < POOR_FIT
 }
 
-/// What to type next.
+/// The command to type next.
 fn next(arguments: &CommissionArguments) -> String {
     let machine = arguments.machine.bare.machine.iter().map(|machine| format!(" {}", machine.display()));
     format!("next: hydraxis run{} --model {}", machine.collect::<String>(), arguments.out.display())
 }
 
-/// What was found, for people.
+/// The models as tables.
 fn tables(found: &[(String, Commissioned)], out: &Path) -> String {
     let row = |(name, model): &(String, Commissioned)| {
         let milli = |seconds: f64| format!("{:.0} ms", 1e3 * seconds);
@@ -156,9 +177,9 @@ fn tables(found: &[(String, Commissioned)], out: &Path) -> String {
     format!("{figures}\n\n{curves}\n\nwritten: {}\n", out.display())
 }
 
-/// What was found of one axis, for programs.
+/// The model of one axis, as JSON has it.
 #[derive(Serialize)]
-struct Found<'a> {
+struct AxisCommissioning<'a> {
     axis: &'a str,
     dead_time_s: f64,
     time_constant_s: f64,
@@ -170,7 +191,7 @@ struct Found<'a> {
     fit_percent: f64,
 }
 
-impl<'a> Found<'a> {
+impl<'a> AxisCommissioning<'a> {
     fn new(axis: &'a str, model: &'a Commissioned) -> Self {
         Self {
             axis,
@@ -182,6 +203,15 @@ impl<'a> Found<'a> {
             speeds_extend: &model.speeds_extend,
             speeds_retract: &model.speeds_retract,
             fit_percent: model.fit_percent,
+        }
+    }
+}
+
+impl From<ModelFileError> for Failure {
+    fn from(error: ModelFileError) -> Self {
+        match error {
+            ModelFileError::Write { .. } => Self::run(error),
+            _ => Self::usage(error),
         }
     }
 }

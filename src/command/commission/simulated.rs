@@ -1,4 +1,5 @@
-//! The experiment with a simulated machine, axis by axis, in one process and as fast as it goes.
+//! The experiment with a simulated machine, one axis after the other, in one process and as fast as the computer
+//! allows.
 
 use control_proc::commission::{Experiment, ExperimentOptions, Outcome, Phase, analyse};
 use pipeline::{
@@ -6,15 +7,15 @@ use pipeline::{
     message::ValveCommand,
 };
 use plant_sim::PlantSim;
-use sensor_proc::source::Acquisition;
+use sensor_proc::Acquisition;
 
 use crate::failure::Failure;
 
-/// What commissioning finds of the axes with these indices, each from the machine's begin. `seed` makes the encoders'
-/// noise; `show` gets axis, phase and progress at every tick.
+/// Commissions the axes with these indices. Each experiment starts with the machine in its first state. `seed` is that
+/// of the noise of the encoders; `show` gets axis, phase and progress at every tick.
 ///
 /// # Errors
-/// The machine cannot be simulated, a bound was met, or a record has no model; with the name of the axis.
+/// The machine cannot be simulated, a bound was met, or a record has no model. The error names the axis.
 pub fn commission_simulated(
     machine: &Machine,
     axes: &[usize],
@@ -49,7 +50,7 @@ fn commission(
         show(experiment.phase(), experiment.progress());
     }
     if let Some(Outcome::Aborted(abort)) = experiment.outcome() {
-        return Err(Failure::Run(format!("axis.{name}: ended, valve neutral: {abort}")));
+        return Err(Failure::run(format!("axis.{name}: ended, valve neutral: {abort}")));
     }
-    analyse(experiment.record()).map_err(|error| Failure::Run(format!("axis.{name}: {error}")))
+    analyse(experiment.record()).map_err(|error| Failure::run(error).about(format!("axis.{name}")))
 }

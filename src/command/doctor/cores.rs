@@ -1,16 +1,16 @@
-//! Cores: whether those that the stages ask for are theirs alone, and awake.
+//! Cores: whether the cores that the stages ask for are reserved for them, and leave idle states fast enough.
 
 use super::{
     finding::{Finding, Needs, bad, good, unknown},
     system::{System, list_of_cores},
 };
 
-/// Where a core leaves an idle state later than this, s e-6, it shows in every wake-up: about what a wake-up itself takes.
+/// Longest time to leave an idle state, us: about the time of a wake-up itself. A longer one shows in every wake-up.
 const LONGEST_EXIT_US: i64 = 50;
-/// How to name the kernel's parameters for good.
+/// Where kernel parameters are set permanently.
 const PARAMETERS: &str = "in GRUB_CMDLINE_LINUX_DEFAULT of /etc/default/grub, then `update-grub` and reboot";
 
-/// Cores that the kernel keeps ordinary threads off, against those that the stages ask for.
+/// Compares the cores that the kernel keeps free of ordinary threads with those that the stages ask for.
 pub fn isolated(system: &System, needs: &Needs) -> Finding {
     const CHECK: &str = "isolated cores";
     let Some(isolated) = system.cores("/sys/devices/system/cpu/isolated") else {
@@ -34,7 +34,7 @@ pub fn isolated(system: &System, needs: &Needs) -> Finding {
     bad(CHECK, format!("{shown}; the stages ask for {asked}"), format!("put {parameters} {PARAMETERS}"))
 }
 
-/// Cores whose tick stops while one thread runs, against those that the stages ask for.
+/// Compares the cores whose timer tick stops while one thread runs with those that the stages ask for.
 pub fn tickless(system: &System, needs: &Needs) -> Finding {
     const CHECK: &str = "tickless cores";
     if needs.cores.is_empty() {
@@ -52,7 +52,7 @@ pub fn tickless(system: &System, needs: &Needs) -> Finding {
     bad(CHECK, format!("{shown}; the stages ask for {asked}"), format!("put nohz_full={asked} {PARAMETERS}"))
 }
 
-/// Where interrupts go that nobody has given a core.
+/// Which cores handle interrupts that are assigned to no core.
 pub fn interrupts(system: &System, needs: &Needs) -> Finding {
     const CHECK: &str = "interrupts";
     const FILE: &str = "/proc/irq/default_smp_affinity";
@@ -73,7 +73,7 @@ pub fn interrupts(system: &System, needs: &Needs) -> Finding {
     let others = list_of_cores(&others);
     bad(
         CHECK,
-        format!("{found}, those of the stages with them"),
+        format!("{found}, which includes cores of the stages"),
         format!(
             "put irqaffinity={others} {PARAMETERS}; with irqbalance, IRQBALANCE_BANNED_CPULIST={} in \
                  /etc/default/irqbalance",
@@ -92,7 +92,7 @@ fn cores_of_mask(text: &str) -> Option<Vec<usize>> {
     Some(cores)
 }
 
-/// The cores that the stages use: those they ask for, or any.
+/// The cores that the stages use: those that they ask for, or all.
 fn used(system: &System, needs: &Needs) -> Vec<usize> {
     if needs.cores.is_empty() {
         system.cores("/sys/devices/system/cpu/online").unwrap_or_default()
@@ -101,7 +101,7 @@ fn used(system: &System, needs: &Needs) -> Vec<usize> {
     }
 }
 
-/// What sets the frequency of the cores that are used: one that follows the load is slow when a stage wakes up.
+/// The frequency governor of the used cores. A governor that follows the load is slow when a stage wakes up.
 pub fn governor(system: &System, needs: &Needs) -> Finding {
     const CHECK: &str = "frequency governor";
     let of = |core: usize| system.text(&format!("/sys/devices/system/cpu/cpu{core}/cpufreq/scaling_governor"));
@@ -123,7 +123,7 @@ pub fn governor(system: &System, needs: &Needs) -> Finding {
     }
 }
 
-/// How long the deepest idle state of the cores that are used takes to leave, and whether it can be forbidden.
+/// The time to leave the deepest idle state of the used cores, and whether this user can forbid deep states.
 pub fn idle_states(system: &System, needs: &Needs) -> Finding {
     const CHECK: &str = "idle states";
     const LATENCY: &str = "/dev/cpu_dma_latency";

@@ -1,4 +1,4 @@
-//! One line of the doctor's: a verdict, what was found, and what to do about it.
+//! One line of the report: a verdict, what was found, and what to do about it.
 
 use std::{collections::BTreeSet, time::Duration};
 
@@ -8,20 +8,20 @@ use pipeline::{
 };
 use serde::Serialize;
 
-/// Whether something is fit for real time.
+/// Whether a property of the computer is fit for real time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
-    /// It is.
+    /// It is fit.
     Good,
-    /// It is not.
+    /// It is not fit.
     Bad,
-    /// It cannot be told, or depends on what is not known.
+    /// It cannot be read, or depends on something that is not known.
     Unknown,
 }
 
 impl Verdict {
-    /// Its name.
+    /// The name in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Good => "good",
@@ -31,12 +31,12 @@ impl Verdict {
     }
 }
 
-/// One line.
+/// One line of the report.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
-    /// What was looked at.
+    /// The property.
     pub check: &'static str,
-    /// Whether it is fit.
+    /// Whether the property is fit.
     pub verdict: Verdict,
     /// What was found.
     pub found: String,
@@ -44,17 +44,17 @@ pub struct Finding {
     pub advice: String,
 }
 
-/// All is well.
+/// The property is fit.
 pub fn good(check: &'static str, found: impl Into<String>) -> Finding {
     Finding { check, verdict: Verdict::Good, found: found.into(), advice: String::new() }
 }
 
-/// It is not, and this would help.
+/// The property is not fit; `advice` says what to do.
 pub fn bad(check: &'static str, found: impl Into<String>, advice: impl Into<String>) -> Finding {
     Finding { check, verdict: Verdict::Bad, found: found.into(), advice: advice.into() }
 }
 
-/// It cannot be told; this would help, if anything.
+/// It is not known whether the property is fit; `advice` may be empty.
 pub fn unknown(check: &'static str, found: impl Into<String>, advice: impl Into<String>) -> Finding {
     Finding { check, verdict: Verdict::Unknown, found: found.into(), advice: advice.into() }
 }
@@ -64,7 +64,7 @@ pub fn unknown(check: &'static str, found: impl Into<String>, advice: impl Into<
 pub struct Needs {
     /// Sample and control period.
     pub period: Duration,
-    /// Cores that stages are to stay on, sorted.
+    /// Cores that stages ask for, sorted.
     pub cores: Vec<usize>,
     /// Highest SCHED_FIFO priority of a stage.
     pub priority: Option<u8>,
@@ -75,7 +75,7 @@ pub struct Needs {
 }
 
 impl Needs {
-    /// Of this machine.
+    /// The needs of a machine.
     pub fn of(machine: &Machine) -> Self {
         let stages = StageKind::ALL.map(|kind| machine.stage(kind));
         let cores: BTreeSet<usize> = stages.iter().filter_map(|stage| stage.core).collect();

@@ -5,12 +5,12 @@ use super::{
     system::System,
 };
 
-/// How the kernel lets itself be interrupted. Only PREEMPT_RT bounds how long a thread waits for the kernel; the other
-/// models are better or worse in the mean.
+/// The preemption model of the kernel. Only PREEMPT_RT bounds the time that a thread waits for the kernel. The other
+/// models differ only in the average.
 pub fn preemption(system: &System) -> Finding {
     const CHECK: &str = "preemption";
-    const ADVICE: &str = "install a PREEMPT_RT kernel and reboot: Debian `apt-get install linux-image-rt-amd64`, Ubuntu \
-                          `pro enable realtime-kernel`, or build Linux 6.12 or newer with CONFIG_PREEMPT_RT=y";
+    const ADVICE: &str = "install a PREEMPT_RT kernel and reboot: Debian `apt-get install linux-image-rt-amd64`, \
+                          Ubuntu `pro enable realtime-kernel`, or build Linux 6.12 or newer with CONFIG_PREEMPT_RT=y";
     let version = system.text("/proc/version").unwrap_or_default();
     if system.text("/sys/kernel/realtime").as_deref() == Some("1") || version.contains("PREEMPT_RT") {
         return good(CHECK, "PREEMPT_RT");
@@ -24,7 +24,7 @@ pub fn preemption(system: &System) -> Finding {
     if !version.contains("PREEMPT_DYNAMIC") {
         return bad(CHECK, "PREEMPT, without RT", ADVICE);
     }
-    // The file puts the model in force in brackets; before a person chooses one at boot, that is the kernel's own.
+    // The file has the present model in brackets. Without a choice at boot that is the default of the kernel.
     let in_force = system.text("/sys/kernel/debug/sched/preempt").and_then(|text| Some(bracketed(&text)?.to_owned()));
     let command_line = system.text("/proc/cmdline").unwrap_or_default();
     let asked = command_line.split_whitespace().filter_map(|word| word.strip_prefix("preempt=")).next_back();
@@ -44,12 +44,13 @@ pub fn preemption(system: &System) -> Finding {
     }
 }
 
-/// What stands in brackets: the choice in force.
+/// The text in brackets, which is the present choice.
 fn bracketed(text: &str) -> Option<&str> {
     text.split_once(['[', '(']).and_then(|(_, rest)| rest.split_once([']', ')'])).map(|(choice, _)| choice)
 }
 
-/// What `clock_gettime` reads: a counter of the processor takes some 20 ns, a chip on the board a microsecond and more.
+/// The clock that `clock_gettime` reads. A counter of the processor takes about 20 ns, a chip on the board 1 us and
+/// more.
 pub fn clock_source(system: &System) -> Finding {
     const CHECK: &str = "clock source";
     const FILE: &str = "/sys/devices/system/clocksource/clocksource0/current_clocksource";
@@ -61,13 +62,13 @@ pub fn clock_source(system: &System) -> Finding {
         Some(clock) => bad(
             CHECK,
             clock,
-            "type `dmesg | grep -i -e tsc -e clocksource` for why the processor's counter is not used; where the firmware is \
-             known to keep it steady, boot with the kernel parameter tsc=reliable",
+            "type `dmesg | grep -i -e tsc -e clocksource` to see why the counter of the processor is not used; where \
+             the firmware is known to keep it steady, boot with the kernel parameter tsc=reliable",
         ),
     }
 }
 
-/// Under a hypervisor another scheduler stands below the kernel's.
+/// Whether this is a virtual machine. Its host schedules the virtual cores, below the scheduler of this kernel.
 pub fn hypervisor(system: &System) -> Finding {
     const CHECK: &str = "hypervisor";
     let text = system.text("/proc/cpuinfo").unwrap_or_default();
@@ -83,7 +84,7 @@ pub fn hypervisor(system: &System) -> Finding {
     }
 }
 
-/// Huge pages are put together while a thread waits for its memory.
+/// Transparent huge pages. The kernel assembles one while a thread waits for its memory.
 pub fn huge_pages(system: &System) -> Finding {
     const CHECK: &str = "huge pages";
     const FILE: &str = "/sys/kernel/mm/transparent_hugepage/enabled";
@@ -92,7 +93,7 @@ pub fn huge_pages(system: &System) -> Finding {
         None => unknown(CHECK, format!("{FILE} cannot be read"), ""),
         Some("always") => bad(
             CHECK,
-            "transparent ones for everybody (always)",
+            "transparent huge pages for every process (always)",
             format!("echo madvise > {FILE}, for good by the kernel parameter transparent_hugepage=madvise"),
         ),
         Some(choice) => good(CHECK, choice),

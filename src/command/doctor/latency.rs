@@ -1,11 +1,13 @@
-//! How late this machine wakes a thread that sleeps until a time, as a stage does.
+//! How late this computer wakes a thread that sleeps until a point in time, as a stage does.
 //!
 //! ```text
 //! latency(k) = time at which the thread runs again - (begin + k * interval)
 //! ```
 //!
-//! in ns, once on the machine as it is, and once with a busy thread per core beside it. Trap: a deadline that is missed by
-//! more than an interval makes the next ones late too; they all count, since a loop that were late would be so as well.
+//! in ns; measured twice, first on the computer as it is, then with a busy thread per core beside.
+//!
+//! Trap: a deadline that is missed by more than an interval makes the next ones late as well. All of them count,
+//! because a control loop would be late at all of them too.
 
 use std::{
     sync::{
@@ -26,32 +28,32 @@ use serde::Serialize;
 
 use super::finding::{Finding, Needs, bad, good};
 
-/// Longest time between two wake-ups: short enough for a thousand of them in a second.
+/// Longest time between two wake-ups, so that a second has at least a thousand of them.
 const LONGEST_INTERVAL: Duration = Duration::from_millis(1);
-/// Priority where the machine file asks for none: in the middle, as usual.
+/// Priority where the machine file asks for none: the middle of the range.
 const PRIORITY: u8 = 50;
-/// Part of the period that a wake-up may take, for all but one in a thousand: a tick wakes four stages one after another,
-/// and their work and the valve's drive want the rest.
+/// The 99.9th percentile of the latency must be at most the period divided by this number: a tick wakes four stages one
+/// after the other, and their work and the drive of the valve need time as well.
 const LARGEST_PART: u32 = 4;
-/// Numbers that a busy thread goes through: more than a core's caches hold, so that memory is busy too.
+/// Numbers that a busy thread changes: more than the caches of a core hold, so that memory is busy too.
 const LOAD_NUMBERS: usize = 1 << 20;
 
 /// One of the two measurements.
 #[derive(Debug, Clone, Serialize)]
-pub struct Latency {
-    /// Busy threads beside it.
+pub struct WakeUpLatency {
+    /// Number of busy threads beside the measured one.
     pub load: usize,
-    /// Whether the thread had SCHED_FIFO.
+    /// Whether the measured thread had SCHED_FIFO.
     pub fifo: bool,
-    /// Core that it stayed on.
+    /// Core of the measured thread; none when it was free to move.
     pub core: Option<usize>,
     /// The latencies.
     #[serde(flatten)]
     pub percentiles: Percentiles,
 }
 
-/// Measures with so many busy threads beside.
-pub fn measure(needs: &Needs, seconds: usize, load: usize, bar: &ProgressBar) -> Latency {
+/// Measures for `seconds` with `load` busy threads beside.
+pub fn measure(needs: &Needs, seconds: usize, load: usize, bar: &ProgressBar) -> WakeUpLatency {
     let interval = needs.period.min(LONGEST_INTERVAL);
     let count = (seconds as f64 / interval.as_secs_f64()) as u64;
     let (done, stop) = (Arc::<AtomicU64>::default(), Arc::<AtomicBool>::default());
@@ -74,13 +76,13 @@ pub fn measure(needs: &Needs, seconds: usize, load: usize, bar: &ProgressBar) ->
     stop.store(true, Ordering::Relaxed);
     busy.into_iter().for_each(|thread| drop(thread.join()));
     let (fifo, core, percentiles) = sleeper.join().expect("the thread only sleeps and counts");
-    Latency { load, fifo, core, percentiles }
+    WakeUpLatency { load, fifo, core, percentiles }
 }
 
-/// Sleeps until one time after another.
+/// Sleeps until one deadline after another. Returns whether it had SCHED_FIFO, its core, and its latencies.
 fn wake_up(needs: &Needs, interval: Duration, count: u64, done: &AtomicU64) -> (bool, Option<usize>, Percentiles) {
     let mut recorder = LatencyRecorder::new();
-    // As a stage does; where it is not to be had, what comes of it is measured.
+    // A stage asks for the same. Without these rights the latencies without them are measured.
     let _ = set_current_timer_slack(std::num::NonZeroU64::new(1));
     let core = needs.cores.first().copied().filter(|core| pin(*core).is_ok());
     let fifo = schedule(needs.priority.unwrap_or(PRIORITY)).is_ok();
@@ -94,7 +96,7 @@ fn wake_up(needs: &Needs, interval: Duration, count: u64, done: &AtomicU64) -> (
     (fifo, core, recorder.percentiles())
 }
 
-/// Works on more memory than the caches hold.
+/// Works on more memory than the caches hold, until `stop`.
 fn keep_busy(stop: &AtomicBool) {
     let mut numbers = vec![1_u64; LOAD_NUMBERS];
     while !stop.load(Ordering::Relaxed) {
@@ -105,8 +107,8 @@ fn keep_busy(stop: &AtomicBool) {
     }
 }
 
-/// Whether that is soon enough for the period.
-pub fn judge(latency: &Latency, needs: &Needs) -> Finding {
+/// Judges a measurement by the period of the machine.
+pub fn judge(latency: &WakeUpLatency, needs: &Needs) -> Finding {
     let check = if latency.load == 0 { "wake-up" } else { "wake-up under load" };
     let limit = needs.period / LARGEST_PART;
     let p99_9 = Duration::from_nanos(latency.percentiles.p99_9);
@@ -115,7 +117,11 @@ pub fn judge(latency: &Latency, needs: &Needs) -> Finding {
     if p99_9 <= limit {
         return good(check, found);
     }
-    bad(check, found, "mend what is bad above and look again; or a longer period, timing.period in the machine file")
+    bad(
+        check,
+        found,
+        "mend the bad lines above and measure again; or take a longer period, timing.period in the machine file",
+    )
 }
 
 #[cfg(test)]

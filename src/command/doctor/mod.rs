@@ -1,7 +1,9 @@
-//! `hydraxis doctor`: whether this machine is fit for real time, what is not, and what to do about it.
+//! `hydraxis doctor`: whether this computer is fit for real time, what is not fit, and what to do about it.
 //!
-//! Trap: a machine that is fast in the mean is not one that is in time. So what the kernel promises is judged as well as
-//! what a short measurement has seen; a measurement of seconds never sees what comes once an hour.
+//! Trap: a computer that is fast on average may still be late now and then, and a measurement of seconds does not see a
+//! delay that comes once an hour. So the doctor judges the settings of the kernel as well as a measurement.
+//!
+//! Runs in a process of its own, before a machine works.
 
 mod arguments;
 mod cores;
@@ -30,20 +32,20 @@ use crate::{
 };
 pub use arguments::DoctorArguments;
 use finding::{Finding, Needs, Verdict};
-use latency::{Latency, judge, measure};
+use latency::{WakeUpLatency, judge, measure};
 use system::System;
 
-/// What this process could get by trying.
+/// Rights that this process asked the kernel for, to see whether it gets them.
 struct Tried {
     fifo: Result<(), String>,
     lock: Result<(), String>,
 }
 
-/// The whole examination, as JSON has it.
+/// The report, as JSON has it.
 #[derive(Debug, Serialize)]
-struct Report {
+struct DoctorReport {
     findings: Vec<Finding>,
-    latency: Vec<Latency>,
+    latency: Vec<WakeUpLatency>,
     good: usize,
     bad: usize,
     unknown: usize,
@@ -56,11 +58,11 @@ pub fn run(arguments: &DoctorArguments) -> Result<(), Failure> {
     let system = System::here();
     let priority = needs.priority.unwrap_or(1);
     let tried = Tried {
-        // On a thread of its own, which takes the priority with it.
-        fifo: std::thread::spawn(move || schedule(priority))
+        // On a thread of its own, so that this thread keeps its priority.
+        fifo: std::thread::spawn(move || schedule(priority).map_err(|error| error.to_string()))
             .join()
             .unwrap_or_else(|_| Err("the thread died".to_owned())),
-        lock: lock_memory(),
+        lock: lock_memory().map_err(|error| error.to_string()),
     };
     let mut findings = examine(&system, &needs, &tried);
     findings.push(rights::leftovers(&groups()));
@@ -70,19 +72,19 @@ pub fn run(arguments: &DoctorArguments) -> Result<(), Failure> {
     let latency = [0, busy].map(|load| measure(&needs, arguments.seconds, load, &bar));
     bar.finish_and_clear();
     if tried.lock.is_ok() {
-        // The end of the process does the same.
+        // A failure does no harm: the end of the process unlocks the memory.
         let _ = munlockall();
     }
     findings.extend(latency.iter().map(|latency| judge(latency, &needs)));
 
     let count = |verdict: Verdict| findings.iter().filter(|finding| finding.verdict == verdict).count();
     let (good, bad, unknown) = (count(Verdict::Good), count(Verdict::Bad), count(Verdict::Unknown));
-    let report = Report { findings, latency: latency.into(), good, bad, unknown };
+    let report = DoctorReport { findings, latency: latency.into(), good, bad, unknown };
     output.write(|| text(&report), &report)?;
-    if bad == 0 { Ok(()) } else { Err(Failure::Run("not fit for real time: see what is bad".to_owned())) }
+    if bad == 0 { Ok(()) } else { Err(Failure::run("not fit for real time: see the lines that are bad")) }
 }
 
-/// All lines but those of leftovers and wake-ups.
+/// All findings but those about leftovers and wake-ups.
 fn examine(system: &System, needs: &Needs, tried: &Tried) -> Vec<Finding> {
     vec![
         kernel::preemption(system),
@@ -105,13 +107,13 @@ fn examine(system: &System, needs: &Needs, tried: &Tried) -> Vec<Finding> {
     ]
 }
 
-fn text(report: &Report) -> String {
+fn text(report: &DoctorReport) -> String {
     let width = report.findings.iter().map(|finding| finding.check.len()).max().unwrap_or_default();
     let line = |finding: &Finding| {
         let advice = if finding.advice.is_empty() { String::new() } else { format!(" -> {}", finding.advice) };
         format!("{:8}{:width$}  {}{advice}\n", finding.verdict.name(), finding.check, finding.found)
     };
-    let row = |latency: &Latency| {
+    let row = |latency: &WakeUpLatency| {
         let percentiles = &latency.percentiles;
         let scheduler = if latency.fifo { "FIFO" } else { "ordinary" };
         let mut row =

@@ -1,4 +1,4 @@
-//! Rights and memory: what this process may do, and what becomes of the memory that the stages share.
+//! Rights and memory: what this process may do, and whether the memory of the stages is safe.
 
 use pipeline::channel::{FoundGroup, GroupState};
 use rustix::fs::statvfs;
@@ -12,14 +12,14 @@ use super::{
 const CAP_SYS_NICE: u32 = 23;
 /// Number of the capability to lock memory.
 const CAP_IPC_LOCK: u32 = 14;
-/// Shared memory that must be free, bytes: a group's files are 10 MB, of which it touches a part.
+/// Shared memory that must be free, bytes. The files of a group have 10 MB, of which it uses a part.
 const SHARED_MEMORY_NEEDED: u64 = 16 << 20;
-/// Users below this number are the system's: logind leaves theirs alone.
+/// Users below this number belong to the system; logind does not remove their shared memory.
 const FIRST_ORDINARY_USER: u32 = 1000;
 /// Where limits are set.
 const LIMITS: &str = "in /etc/security/limits.d/hydraxis.conf and log in anew";
 
-/// How high a SCHED_FIFO priority this process may ask for.
+/// The highest SCHED_FIFO priority that this process may ask for.
 pub fn priority_limit(system: &System, needs: &Needs) -> Finding {
     const CHECK: &str = "priority limit";
     let wanted = u64::from(needs.priority.unwrap_or(1));
@@ -39,7 +39,7 @@ pub fn priority_limit(system: &System, needs: &Needs) -> Finding {
     }
 }
 
-/// How much memory this process may lock.
+/// The memory that this process may lock.
 pub fn memory_limit(system: &System) -> Finding {
     const CHECK: &str = "memory limit";
     match system.limit("Max locked memory") {
@@ -57,7 +57,7 @@ pub fn memory_limit(system: &System) -> Finding {
     }
 }
 
-/// Whether SCHED_FIFO is really to be had.
+/// Whether the kernel really gives SCHED_FIFO.
 pub fn scheduling(system: &System, tried: &Result<(), String>) -> Finding {
     const CHECK: &str = "SCHED_FIFO";
     match tried {
@@ -65,8 +65,9 @@ pub fn scheduling(system: &System, tried: &Result<(), String>) -> Finding {
         Err(error) if system.is_capable(CAP_SYS_NICE) => bad(
             CHECK,
             format!("refused in spite of CAP_SYS_NICE: {error}"),
-            "this smells of RT group scheduling (CONFIG_RT_GROUP_SCHED): boot with the kernel parameter rt_group_sched=0 where the kernel knows it, or \
-             give this control group a share in its cpu.rt_runtime_us; in a container: --cap-add=sys_nice --ulimit rtprio=99",
+            "the reason may be RT group scheduling (CONFIG_RT_GROUP_SCHED): boot with the kernel parameter \
+             rt_group_sched=0 where the kernel knows it, or give this control group a share in its cpu.rt_runtime_us; \
+             in a container: --cap-add=sys_nice --ulimit rtprio=99",
         ),
         Err(error) => bad(CHECK, format!("refused: {error}"), "see the priority limit above"),
     }
@@ -92,8 +93,9 @@ pub fn throttling(system: &System, needs: &Needs) -> Finding {
     bad(
         CHECK,
         found,
-        "wait = \"event\" in the machine file; or put kernel.sched_rt_runtime_us=-1 in /etc/sysctl.d/hydraxis.conf, type \
-         `sysctl --system`, and from Linux 6.12 on echo 0 > /sys/kernel/debug/sched/fair_server/cpuN/runtime for the core",
+        "wait = \"event\" in the machine file; or put kernel.sched_rt_runtime_us=-1 in /etc/sysctl.d/hydraxis.conf, \
+         type `sysctl --system`, and from Linux 6.12 on echo 0 > /sys/kernel/debug/sched/fair_server/cpuN/runtime for \
+         the core",
     )
 }
 
@@ -106,7 +108,7 @@ pub fn locking(tried: &Result<(), String>) -> Finding {
     }
 }
 
-/// Whether memory can go to a disk, from where it takes milliseconds to come back.
+/// Whether memory can be swapped to a disk, from where it comes back only after milliseconds.
 pub fn swap(system: &System, needs: &Needs, locking: &Result<(), String>) -> Finding {
     const CHECK: &str = "swap";
     let Some(text) = system.text("/proc/swaps") else { return unknown(CHECK, "/proc/swaps cannot be read", "") };
@@ -125,7 +127,7 @@ pub fn swap(system: &System, needs: &Needs, locking: &Result<(), String>) -> Fin
     )
 }
 
-/// Whether shared memory is there, large enough, and ours to write.
+/// Whether shared memory exists, is large enough, and can be written by this user.
 pub fn shared_memory(system: &System) -> Finding {
     const CHECK: &str = "shared memory";
     let Some(mounts) = system.text("/proc/mounts") else { return unknown(CHECK, "/proc/mounts cannot be read", "") };
@@ -143,7 +145,7 @@ pub fn shared_memory(system: &System) -> Finding {
     shared_memory_of(space.f_blocks * space.f_frsize, space.f_bavail * space.f_frsize)
 }
 
-/// The same for its size and what is free of it, bytes.
+/// Judges shared memory by its size and its free part, bytes.
 pub fn shared_memory_of(size: u64, free: u64) -> Finding {
     const CHECK: &str = "shared memory";
     let found = format!("/dev/shm has {} of {} MB free", free >> 20, size >> 20);
@@ -153,11 +155,11 @@ pub fn shared_memory_of(size: u64, free: u64) -> Finding {
     bad(
         CHECK,
         found,
-        "look with `ls -l /dev/shm` whose it is, `hydraxis clean`; or mount -o remount,size=256M /dev/shm",
+        "see with `ls -l /dev/shm` who uses it, type `hydraxis clean`; or mount -o remount,size=256M /dev/shm",
     )
 }
 
-/// Whether dead groups hold memory.
+/// Whether dead groups occupy memory.
 pub fn leftovers(groups: &[FoundGroup]) -> Finding {
     const CHECK: &str = "leftovers";
     let count = |state: GroupState| groups.iter().filter(|group| group.state == state).count();
@@ -170,7 +172,7 @@ pub fn leftovers(groups: &[FoundGroup]) -> Finding {
     }
 }
 
-/// Whether a group loses its memory when its user logs out.
+/// Whether a running group loses its shared memory when its user logs out.
 pub fn logout(system: &System) -> Finding {
     const CHECK: &str = "logout";
     let user = system.status("Uid").and_then(|ids| ids.split_whitespace().next()?.parse::<u32>().ok());
@@ -186,7 +188,7 @@ pub fn logout(system: &System) -> Finding {
         let advice = "where logind runs, see RemoveIPC in `man logind.conf`";
         return unknown(CHECK, "/etc/systemd/logind.conf cannot be read", advice);
     }
-    // The last word counts; without one logind removes.
+    // The last setting counts. Without a setting logind removes the memory.
     let lines = texts.iter().flat_map(|text| text.lines());
     let last = lines.filter_map(|line| line.trim().strip_prefix("RemoveIPC=")).next_back();
     if last.is_some_and(|value| ["no", "false", "0", "off"].contains(&value.trim())) {
@@ -195,7 +197,7 @@ pub fn logout(system: &System) -> Finding {
     bad(
         CHECK,
         "logind removes a user's shared memory at the last logout, under a running group",
-        "put RemoveIPC=no in /etc/systemd/logind.conf and type `systemctl restart systemd-logind`, or run as a user of the \
-         system (a number below 1000)",
+        "put RemoveIPC=no in /etc/systemd/logind.conf and type `systemctl restart systemd-logind`, or run as a system \
+         user (a number below 1000)",
     )
 }

@@ -1,35 +1,35 @@
-//! The files by which a Linux system says what it is, under a root that a test can put elsewhere.
+//! The files in which a Linux system describes itself. A test can put them under another root.
 
 use std::path::PathBuf;
 
-/// A system: `/`, or a test's folder.
+/// A system: `/`, or the folder of a test.
 pub struct System {
     root: PathBuf,
 }
 
 impl System {
-    /// This machine.
+    /// This computer.
     pub fn here() -> Self {
         Self { root: PathBuf::from("/") }
     }
 
-    /// What a folder presents.
+    /// The system whose files are in a folder.
     #[cfg(test)]
     pub fn under(root: &std::path::Path) -> Self {
         Self { root: root.to_owned() }
     }
 
-    /// Where an absolute path is.
+    /// The place of an absolute path.
     pub fn path(&self, path: &str) -> PathBuf {
         self.root.join(path.trim_start_matches('/'))
     }
 
-    /// A file's text without white space around it, if it can be read.
+    /// The text of a file without white space around it, if it can be read.
     pub fn text(&self, path: &str) -> Option<String> {
         std::fs::read_to_string(self.path(path)).ok().map(|text| text.trim().to_owned())
     }
 
-    /// The number that a file holds.
+    /// The number in a file.
     pub fn number(&self, path: &str) -> Option<i64> {
         self.text(path)?.parse().ok()
     }
@@ -39,7 +39,7 @@ impl System {
         cores_of_list(&self.text(path)?)
     }
 
-    /// Names in a folder, sorted; none where there is no folder.
+    /// The names in a folder, sorted; empty where there is no folder.
     pub fn names(&self, folder: &str) -> Vec<String> {
         let entries = std::fs::read_dir(self.path(folder)).into_iter().flatten().flatten();
         let mut names: Vec<String> = entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
@@ -70,7 +70,7 @@ impl System {
 
 fn cores_of_list(text: &str) -> Option<Vec<usize>> {
     let mut cores = Vec::new();
-    // So some kernels write that there are none.
+    // Some kernels write this for an empty list.
     if text == "(null)" {
         return Some(cores);
     }
@@ -82,10 +82,10 @@ fn cores_of_list(text: &str) -> Option<Vec<usize>> {
     Some(cores)
 }
 
-/// More than any list of cores is long.
+/// Longest range of cores that is read.
 const MOST_CORES: usize = 1024;
 
-/// Cores as the kernel's lists have them.
+/// Cores in the form of the lists of the kernel, such as `2-3,5`.
 pub fn list_of_cores(cores: &[usize]) -> String {
     let mut parts: Vec<(usize, usize)> = Vec::new();
     for core in cores {

@@ -1,4 +1,4 @@
-//! Every line on systems that are fit, unfit, and say nothing.
+//! Every finding on systems that are fit, that are not, and whose files cannot be read.
 
 use std::{collections::BTreeMap, path::Path, time::Duration};
 
@@ -21,7 +21,7 @@ Max realtime priority     RTPRIO               0
 ";
 const CPU: &str = "/sys/devices/system/cpu";
 
-/// A system of these files.
+/// A system made of files in a folder.
 struct Fake {
     folder: tempfile::TempDir,
 }
@@ -31,7 +31,7 @@ impl Fake {
         Self { folder: tempfile::tempdir().unwrap() }
     }
 
-    /// One on which nothing is bad: four cores, of which two are the stages'.
+    /// A system on which nothing is bad: four cores, two of them for the stages.
     fn fit() -> Self {
         let fake = Self::empty();
         let limits = LIMITS.replace("LOCK  ", "unlimited").replace("RTPRIO", "95    ");
@@ -91,7 +91,7 @@ impl Fake {
         findings.into_iter().map(|finding| (finding.check, finding)).collect()
     }
 
-    /// The line of one check for the usual needs and rights.
+    /// The finding of one check with the usual needs and rights.
     fn finding(&self, check: &str) -> Finding {
         self.findings(&needs(), &allowed()).remove(check).unwrap()
     }
@@ -123,7 +123,7 @@ fn expect(finding: &Finding, verdict: Verdict, found: &str, advice: &str) {
 }
 
 #[test]
-fn nothing_is_bad_on_a_fit_system_and_nothing_is_to_be_done() {
+fn a_fit_system_gets_only_good_findings_without_advice() {
     let findings = Fake::fit().findings(&needs(), &allowed());
     assert_eq!(findings.len(), 17);
     for finding in findings.values() {
@@ -132,13 +132,13 @@ fn nothing_is_bad_on_a_fit_system_and_nothing_is_to_be_done() {
 }
 
 #[test]
-fn what_cannot_be_read_is_unknown_and_never_a_panic() {
+fn files_that_cannot_be_read_give_unknown_and_no_panic() {
     let findings = Fake::empty().findings(&needs(), &allowed());
     for (check, finding) in &findings {
         let tried = ["SCHED_FIFO", "locked memory"].contains(check);
         assert_eq!(finding.verdict, if tried { Good } else { Unknown }, "{finding:?}");
     }
-    // Files that hold something else.
+    // Files with another content.
     let fake = Fake::fit();
     for entry in [
         "/sys/devices/system/cpu/isolated",
@@ -159,7 +159,7 @@ fn what_cannot_be_read_is_unknown_and_never_a_panic() {
 }
 
 #[test]
-fn a_kernel_that_is_not_for_real_time_is_bad_whichever_way() {
+fn every_kernel_without_preempt_rt_is_bad() {
     let fake = Fake::fit();
     fake.remove("/sys/kernel/realtime");
     expect(&fake.finding("preemption"), Good, "PREEMPT_RT", "");
@@ -178,7 +178,7 @@ fn a_kernel_that_is_not_for_real_time_is_bad_whichever_way() {
 }
 
 #[test]
-fn what_stands_below_the_kernel_is_named() {
+fn clock_hypervisor_and_huge_pages_are_judged() {
     let fake = Fake::fit();
     fake.write("/sys/devices/system/clocksource/clocksource0/current_clocksource", "hpet\n");
     expect(&fake.finding("clock source"), Bad, "hpet", "dmesg");
@@ -191,7 +191,7 @@ fn what_stands_below_the_kernel_is_named() {
 }
 
 #[test]
-fn cores_are_held_against_those_that_the_stages_ask_for() {
+fn cores_are_compared_with_those_that_the_stages_ask_for() {
     let fake = Fake::fit();
     fake.write("/sys/devices/system/cpu/isolated", "3\n");
     expect(&fake.finding("isolated cores"), Bad, "3; the stages ask for 2-3", "isolcpus=managed_irq,domain,2-3");
@@ -202,7 +202,7 @@ fn cores_are_held_against_those_that_the_stages_ask_for() {
     fake.write("/sys/devices/system/cpu/nohz_full", "\n");
     expect(&fake.finding("tickless cores"), Bad, "none; the stages ask for 2-3", "nohz_full=2-3");
     fake.write("/proc/irq/default_smp_affinity", "f\n");
-    expect(&fake.finding("interrupts"), Bad, "cores 0-3, those of the stages", "irqaffinity=0-1");
+    expect(&fake.finding("interrupts"), Bad, "cores 0-3, which includes cores of the stages", "irqaffinity=0-1");
     fake.write("/proc/irq/default_smp_affinity", "c\n");
     expect(&fake.finding("interrupts"), Bad, "cores 2-3", "leave a core to everything else");
 
@@ -213,13 +213,13 @@ fn cores_are_held_against_those_that_the_stages_ask_for() {
 }
 
 #[test]
-fn only_the_cores_that_are_used_must_be_awake_and_fast() {
+fn only_used_cores_must_be_fast_and_leave_idle_states_quickly() {
     let fake = Fake::fit();
     fake.write(&format!("{CPU}/cpu0/cpufreq/scaling_governor"), "powersave\n");
     fake.idle_state(0, 2, "C10", 900);
     assert_eq!(fake.finding("frequency governor").verdict, Good);
     assert_eq!(fake.finding("idle states").verdict, Good);
-    // Without cores of their own the stages run on any.
+    // Stages that ask for no core run on any core.
     let findings = fake.findings(&needs_nothing(), &allowed());
     expect(&findings["frequency governor"], Bad, "powersave on cores 0", "cpupower --cpu 0 frequency-set");
     expect(&findings["idle states"], Bad, "C10 of core 0, takes 900 us", "--disable-by-latency 50");
@@ -237,7 +237,7 @@ fn only_the_cores_that_are_used_must_be_awake_and_fast() {
 }
 
 #[test]
-fn rights_are_judged_by_limits_by_capabilities_and_by_trying() {
+fn rights_are_judged_by_limits_capabilities_and_an_attempt() {
     let fake = Fake::fit();
     fake.write("/proc/self/limits", &LIMITS.replace("LOCK", "8388608").replace("RTPRIO", "79"));
     let findings = fake.findings(&needs(), &refused());
@@ -245,7 +245,7 @@ fn rights_are_judged_by_limits_by_capabilities_and_by_trying() {
     expect(&findings["memory limit"], Bad, "8192 kB may be locked", "@realtime - memlock unlimited");
     expect(&findings["SCHED_FIFO"], Bad, "refused: EPERM", "see the priority limit");
     expect(&findings["locked memory"], Bad, "refused: ENOMEM", "see the memory limit");
-    // As root there is another reason.
+    // A process with the capability is refused for another reason.
     fake.write("/proc/self/status", "Uid:\t0\t0\nCapEff:\t000001ffffffffff\n");
     let findings = fake.findings(&needs(), &refused());
     expect(&findings["priority limit"], Good, "CAP_SYS_NICE", "");
@@ -265,7 +265,7 @@ fn a_stage_that_spins_under_fifo_is_stopped_by_the_throttle() {
 }
 
 #[test]
-fn memory_that_may_go_away_is_named() {
+fn swap_logout_and_shared_memory_are_judged() {
     let fake = Fake::fit();
     fake.write("/proc/swaps", "Filename Type Size Used Priority\n/dev/sda2 partition 100 5 -2\n");
     expect(&fake.finding("swap"), Good, "on /dev/sda2; the stages lock their memory", "");
@@ -288,7 +288,7 @@ fn memory_that_may_go_away_is_named() {
 }
 
 #[test]
-fn groups_that_are_dead_are_to_be_cleaned_up() {
+fn dead_groups_are_bad() {
     let group = |prefix: &str, state| FoundGroup {
         prefix: prefix.parse().unwrap(),
         state,

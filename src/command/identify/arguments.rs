@@ -15,27 +15,29 @@ use crate::arguments::values::{DeadBand, Knots, Rows, Samples, estimator, forget
 #[command(allow_negative_numbers = true)]
 #[command(after_help = "\
 Examples:
-  hydraxis identify boom.csv --train 0.4                      offline on the first 40 % of the rows, adaptive on the rest
+  hydraxis identify boom.csv --train 0.4                      offline on 40 % of the rows, adaptive on the rest
   hydraxis identify boom.csv --estimator constant:0.995       a constant forgetting factor, not the paper's fuzzy one
   hydraxis identify boom.csv --input duty --output position --period 10ms --nk 20 --json -
   hydraxis identify boom.csv --na 2 --integrator --drift --dead-band 0.07,0.1 --knots 0,0.2,0.5
-  hydraxis identify boom.csv --select --na 2 --compare        search the structure but for na, then compare estimators
+  hydraxis identify boom.csv --select --na 2 --compare        search the structure with na = 2, compare estimators
 
-A row holds y(k) and the u(k) that was applied from t(k) on. The headline is the h-step error: what the model predicts
-`--horizon` ahead with its coefficients held, as a predictive controller uses it.")]
+Identifies a Hammerstein model offline on the first rows. Then it compares, on the other rows, the held classical model
+with the adaptive model that is updated at each row. A row has y(k), and the u(k) that was applied from t(k) on. The
+most important figure is the h-step error: the error of a prediction --horizon ahead with the coefficients held, which
+is how a predictive controller uses the model.")]
 pub struct IdentifyArguments {
-    /// The recording: CSV with a header, one row per sample
+    /// Recording: CSV with a header and one row per sample
     pub data: PathBuf,
-    /// Column of the input
+    /// Column of the input u, the valve command
     #[arg(long, default_value = "u")]
     pub input: String,
-    /// Column of the output
+    /// Column of the output y, the position
     #[arg(long, default_value = "y")]
     pub output: String,
-    /// Sample period; without it the column `t` (s) gives it
+    /// Sample period, in seconds or with a unit such as 10ms [default: from the column `t`, s]
     #[arg(long, value_parser = seconds)]
     pub period: Option<Duration>,
-    /// Rows for offline identification, or a fraction of all rows; the rest is the test part
+    /// Rows for offline identification, as a number or as a fraction of all rows; the other rows are the test part
     #[arg(long, default_value = "0.5")]
     pub train: Rows,
     /// Order of A [default: 3]
@@ -50,29 +52,30 @@ pub struct IdentifyArguments {
     /// Order of the polynomials of the nonlinearity [default: 3, or the number of knots]
     #[arg(long, value_parser = in_range(1, MAX_ORDER))]
     pub order: Option<usize>,
-    /// Build an integrator into A and estimate it on the increments of the output
+    /// Put an integrator into A, and estimate the other coefficients on the increments of the output
     #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
     pub integrator: Option<bool>,
-    /// Estimate a constant in the difference equation too (gravity, leakage)
+    /// Estimate a constant of the difference equation as well (gravity, leakage)
     #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
     pub drift: Option<bool>,
-    /// Commands that open nothing, as magnitudes: one for both directions, or below and above zero
+    /// Dead band of the valve, as magnitudes of the command: one for both directions, or below and above zero [default:
+    /// 0]
     #[arg(long, value_name = "LOW[,HIGH]")]
     pub dead_band: Option<DeadBand>,
-    /// Hinges in the place of powers, where they begin: magnitudes of the input beyond the dead band
+    /// Hinges instead of powers: the magnitudes of the input, beyond the dead band, at which they begin
     #[arg(long, value_name = "K1,K2,..")]
     pub knots: Option<Knots>,
-    /// Identify the velocity, the backward difference of the output by the period; the model is of the output still
+    /// Identify the velocity, which is the backward difference of the output divided by the period
     #[arg(long)]
     pub velocity: bool,
-    /// Search the structure on the training part first, fitted on its first 70 % and judged on the rest; what is typed
-    /// of the structure is kept, `--integrator=false` too
+    /// First search the structure on the training part: fit on its first 70 %, judge on the rest. Options of the
+    /// structure are kept, `--integrator=false` as well
     #[arg(long)]
     pub select: bool,
-    /// Run every estimator on the record with the same settings, and show them side by side
+    /// Run every estimator on the record with these settings, and compare them in a table
     #[arg(long)]
     pub compare: bool,
-    /// How far ahead the h-step error looks: samples, or a duration such as 0.5s [default: 0.5s, at least one sample]
+    /// Prediction horizon of the h-step error: samples, or a duration such as 0.5s [default: 0.5s, at least one sample]
     #[arg(long)]
     pub horizon: Option<Samples>,
     /// Algorithm that adapts the coefficients online: auto (several estimators, weighted by how well they predict),
@@ -84,22 +87,22 @@ pub struct IdentifyArguments {
     /// Old name of `--estimator`, refused with the new one
     #[arg(long, hide = true, value_parser = forgetting)]
     pub forgetting: Option<String>,
-    /// Which coefficients are updated online; auto has both and more
+    /// Coefficients that are updated online; auto runs estimators of both forms
     #[arg(long, value_enum, default_value = "linear")]
     pub form: FormArgument,
     /// How the products of the over-parametrised form are separated
     #[arg(long, value_enum, default_value = "als")]
     pub split: SplitArgument,
-    /// Fuzzy settings, a TOML file with the keys of the `fuzzy` table of a machine file
+    /// Settings of the fuzzy forgetting factor: a TOML file with the keys of the table `fuzzy` of a machine file
     #[arg(long, value_name = "FILE")]
     pub fuzzy: Option<PathBuf>,
-    /// Prediction error that counts as PB, in the unit of what is identified [default: 40 times the offline residual]
+    /// Prediction error of the fuzzy value PB, in the unit of the output [default: 40 times the offline residual]
     #[arg(long, value_name = "E", value_parser = positive)]
     pub error_universe: Option<f64>,
-    /// Change of the error that counts as PB [default: half the error universe]
+    /// Change of the error of the fuzzy value PB [default: half of --error-universe]
     #[arg(long, value_name = "DE", value_parser = positive)]
     pub variation_universe: Option<f64>,
-    /// Write the figures as JSON, to a file or to standard output with -
+    /// Write the figures as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
 }

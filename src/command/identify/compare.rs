@@ -1,25 +1,25 @@
-//! `--compare`: every estimator on the same record, one after another, since they are timed.
+//! `--compare`: every estimator on one record. They run one after the other, because their updates are timed.
 
 use pipeline::{
     machine::{Estimator, Form, Identification},
     message::{AxisSnapshot, bit_names, model_fault},
 };
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 use serde::Serialize;
 
 use super::{residuals::Residuals, run::identify};
 use crate::report::table::{number, progress, table};
 
-/// In which forms an estimator runs.
+/// The forms in which an estimator runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Forms {
-    /// In that of `--form`.
+    /// The form of `--form`.
     Chosen,
-    /// In both.
+    /// Both forms.
     Both,
 }
 
-/// What is compared, as `--estimator` names it.
+/// The compared estimators, as `--estimator` names them.
 const ESTIMATORS: &[(&str, Forms)] = &[
     ("paper", Forms::Chosen),
     ("fuzzy:0.95", Forms::Chosen),
@@ -37,41 +37,41 @@ const ESTIMATORS: &[(&str, Forms)] = &[
     ("auto", Forms::Chosen),
 ];
 
-/// Each estimator runs so often, and its least time counts: a run of a few milliseconds is easily interrupted.
+/// Runs of each estimator. The shortest time counts, because a run of a few milliseconds is easily interrupted.
 const TIMED_RUNS: usize = 3;
 
-/// Ratios from here on are shown with an exponent.
+/// Ratios from this one on are shown with an exponent.
 const LARGEST_RATIO: f64 = 1e4;
 
-/// All estimators, the held model and holding y first.
+/// All estimators; before them the classical model, and persistence, which predicts the last output.
 #[derive(Debug, Serialize)]
 #[serde(transparent)]
-pub struct Comparison(Vec<Row>);
+pub struct Comparison(Vec<ComparisonRow>);
 
 /// One estimator over the rows after training; sigma and rmse in the unit of what is identified.
 #[derive(Debug, Serialize)]
-struct Row {
+struct ComparisonRow {
     estimator: String,
-    /// Nothing for holding y, which has no model, and for auto, which has models of every form.
+    /// None for persistence, which has no model, and for auto, which has models of both forms.
     form: Option<Form>,
     one_step_sigma: Option<f64>,
     h_step_sigma: f64,
-    /// h-step sigma by that of the held model.
+    /// h-step sigma divided by that of the classical model.
     to_classical: f64,
-    /// h-step sigma by that of the best constant forgetting factor, known in hindsight only.
+    /// h-step sigma divided by that of the best constant forgetting factor, which is known in hindsight only.
     to_best_constant: f64,
     free_run_rmse: Option<f64>,
-    /// Least of some runs, with the errors of both models; nothing for what is not updated.
+    /// Shortest time of some runs, with the errors of both models; none for a model that is not updated.
     ns_per_update: Option<f64>,
     faults: Vec<&'static str>,
     best_constant: bool,
 }
 
-/// Runs them all.
-pub fn compare(settings: &Identification, record: &Record) -> Comparison {
+/// Runs all estimators.
+pub fn compare(settings: &Identification, record: &Recording) -> Comparison {
     let runs = runs(settings);
     let progress = progress(runs.len() as u64, "estimators");
-    let mut rows: Vec<Row> = Vec::new();
+    let mut rows: Vec<ComparisonRow> = Vec::new();
     let mut residuals = Residuals::default();
     for (name, run) in &runs {
         let (identifier, mut ns_per_update) = identify(run, record, |_| {}, &mut residuals);
@@ -79,18 +79,18 @@ pub fn compare(settings: &Identification, record: &Record) -> Comparison {
             ns_per_update = identify(run, record, |_| {}, &mut residuals).1.min(ns_per_update);
         }
         let snapshot = identifier.snapshot();
-        // The held model is that of the chosen form, and the same in all its runs.
+        // The classical model is that of the chosen form. All runs of this form give the same one.
         if rows.is_empty() {
-            rows.extend(held(run.form, &snapshot));
+            rows.extend(fixed(run.form, &snapshot));
         }
         let form = (run.estimator != Estimator::Auto).then_some(run.form);
-        rows.push(Row::new(name, form, &snapshot, ns_per_update));
+        rows.push(ComparisonRow::new(name, form, &snapshot, ns_per_update));
         progress.inc(1);
     }
     progress.finish_and_clear();
     let classical = rows[0].h_step_sigma;
-    let constant = |row: &&Row| matches!(row.estimator.parse(), Ok(Estimator::Constant(_)));
-    let sigma = |row: &Row| if row.h_step_sigma.is_nan() { f64::INFINITY } else { row.h_step_sigma };
+    let constant = |row: &&ComparisonRow| matches!(row.estimator.parse(), Ok(Estimator::Constant(_)));
+    let sigma = |row: &ComparisonRow| if row.h_step_sigma.is_nan() { f64::INFINITY } else { row.h_step_sigma };
     let constants = rows.iter().enumerate().filter(|(_, row)| constant(row));
     let best = constants.min_by(|(_, a), (_, b)| sigma(a).total_cmp(&sigma(b))).map(|(place, _)| place);
     let best_sigma = best.map_or(f64::NAN, |best| rows[best].h_step_sigma);
@@ -102,7 +102,7 @@ pub fn compare(settings: &Identification, record: &Record) -> Comparison {
     Comparison(rows)
 }
 
-/// Each estimator's name and settings; those in the chosen form first.
+/// Name and settings of each run; the runs in the chosen form come first.
 fn runs(settings: &Identification) -> Vec<(&'static str, Identification)> {
     let other = match settings.form {
         Form::Linear => Form::Full,
@@ -118,10 +118,10 @@ fn runs(settings: &Identification) -> Vec<(&'static str, Identification)> {
     runs.into_iter().flatten().collect()
 }
 
-/// What learns nothing after training: the classical model, and holding y.
-fn held(form: Form, snapshot: &AxisSnapshot) -> [Row; 2] {
+/// The rows of predictors that do not learn after training: the classical model, and persistence.
+fn fixed(form: Form, snapshot: &AxisSnapshot) -> [ComparisonRow; 2] {
     let errors = &snapshot.classical_errors;
-    let row = |estimator: &str, h_step_sigma| Row {
+    let row = |estimator: &str, h_step_sigma| ComparisonRow {
         estimator: estimator.to_owned(),
         form: None,
         one_step_sigma: None,
@@ -133,7 +133,7 @@ fn held(form: Form, snapshot: &AxisSnapshot) -> [Row; 2] {
         faults: Vec::new(),
         best_constant: false,
     };
-    let classical = Row {
+    let classical = ComparisonRow {
         form: Some(form),
         one_step_sigma: Some(errors.one_step.sigma()),
         free_run_rmse: Some(errors.free_run.rmse()),
@@ -147,7 +147,7 @@ fn faults(bits: u32) -> Vec<&'static str> {
     bit_names(bits & model_fault::LASTING, &model_fault::NAMES).collect()
 }
 
-impl Row {
+impl ComparisonRow {
     fn new(name: &str, form: Option<Form>, snapshot: &AxisSnapshot, ns_per_update: f64) -> Self {
         let errors = &snapshot.adaptive_errors;
         Self {
@@ -174,7 +174,7 @@ impl Row {
 }
 
 impl Comparison {
-    /// What people read.
+    /// The comparison as a table.
     pub fn table(&self) -> String {
         let figure = |value: Option<f64>| value.map_or_else(String::new, number);
         let ratio = |value: f64| if value.abs() < LARGEST_RATIO { format!("{value:.3}") } else { number(value) };
@@ -213,7 +213,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_estimator_of_the_table_is_one() {
+    fn every_name_of_the_table_is_that_of_an_estimator() {
         for (name, _) in ESTIMATORS {
             let estimator: Estimator = name.parse().unwrap();
             assert_eq!(estimator.to_string(), *name);

@@ -1,38 +1,39 @@
-//! The structures that a search tries: each stage changes one or two things of a structure and keeps the rest.
+//! The structures that the search tries. Each stage changes one or two parts of a structure and keeps the rest.
 
 use pipeline::hammerstein::{Basis, InputMap, MAX_LINEAR, MAX_ORDER, Structure};
 
 /// Delays of the coarse search, samples.
 const DELAYS: [usize; 16] = [1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64];
-/// How far around a delay the fine search looks, samples.
+/// Range of the fine search around a delay, samples.
 const NEAR: usize = 3;
-/// Edges of the dead band, parts of the largest command.
+/// Edges of the dead band, as parts of the largest command.
 const DEAD_BANDS: [f64; 10] = [0.0, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3];
-/// Knots of a start with hinges.
+/// Number of knots of a start with hinges.
 const STARTING_KNOTS: usize = 4;
-/// Significant digits of edges and knots, so that they can be typed.
+/// Significant digits of edges and knots, so that a user can type them.
 const DIGITS: usize = 3;
 
-/// What the stages need to know of the record.
+/// What the stages need of the record: the longest delay, the largest command, and the commands.
 pub struct Grid {
     longest_delay: usize,
     largest: f64,
     commands: Vec<f64>,
 }
 
-/// The stages in their order. The delay comes first, since with a wrong one nothing else can be told, and with the
-/// integrator, since without one the delay of a position is hard to tell; and again with B, which can stand in for it.
+/// The stages in their order. The delay comes first, because with a wrong delay no other part can be judged. It is
+/// tried with the integrator, because without an integrator the delay of a position is hard to see; and again with B,
+/// because coefficients of B can replace a delay.
 pub const STAGES: [fn(&Grid, &Structure) -> Vec<Structure>; 6] =
     [Grid::delays, Grid::poles, Grid::zeros, Grid::drifts, Grid::dead_bands, Grid::nonlinearities];
 
 impl Grid {
-    /// For these commands and delays up to `longest_delay`.
+    /// A grid for these commands and for delays up to `longest_delay`.
     pub fn new(commands: &[f64], longest_delay: usize) -> Self {
         let largest = commands.iter().fold(0.0f64, |largest, u| largest.max(u.abs()));
         Self { longest_delay, largest, commands: commands.to_vec() }
     }
 
-    /// Where searches start: the structure itself, and with what takes more than one step to pay.
+    /// The structures that searches start from: `from`, and variants that a search reaches only by more than one step.
     pub fn starts(&self, from: &Structure) -> Vec<Structure> {
         let hinges = self.hinges(from.input.dead_band, STARTING_KNOTS).map(|basis| (STARTING_KNOTS, basis));
         let nonlinearities = [Some((from.order, from.input.basis)), hinges];
@@ -59,23 +60,23 @@ impl Grid {
         (1..=MAX_LINEAR).flat_map(|na| [false, true].map(|integrator| Structure { na, integrator, ..*from })).collect()
     }
 
-    /// Orders of B, each with delays near to that which is there.
+    /// Orders of B, each with delays near the present one.
     fn zeros(&self, from: &Structure) -> Vec<Structure> {
         let near = from.nk.saturating_sub(NEAR).max(1)..=(from.nk + NEAR).min(self.longest_delay.max(from.nk));
         near.flat_map(|nk| (0..MAX_LINEAR).map(move |nb| Structure { nk, nb, ..*from })).collect()
     }
 
-    /// The drift, with and without the integrator, which it changes the meaning of.
+    /// The drift, with and without the integrator, because the integrator changes the meaning of the drift.
     fn drifts(&self, from: &Structure) -> Vec<Structure> {
         let both = [false, true];
         both.into_iter().flat_map(|drift| both.map(|integrator| Structure { drift, integrator, ..*from })).collect()
     }
 
-    /// Dead bands of the same width to both sides, and of another width to one.
+    /// Dead bands with one width for both directions, and with another width for one direction.
     fn dead_bands(&self, from: &Structure) -> Vec<Structure> {
         let (low, high) = from.input.dead_band;
         let edges = DEAD_BANDS.map(|part| rounded(part * self.largest));
-        // Of commands that do not occur nothing can be told.
+        // An edge on a side without commands cannot be judged.
         let occur = |negative: bool| self.commands.iter().any(|u| *u != 0.0 && (*u < 0.0) == negative);
         let (below, above) = (occur(true), occur(false));
         let only = |(low, high)| (if below { low } else { 0.0 }, if above { high } else { 0.0 });
@@ -91,7 +92,7 @@ impl Grid {
         Some(Structure { input: InputMap { dead_band, basis }, ..*from })
     }
 
-    /// Powers and hinges, of every order; one hinge is no other than the first power.
+    /// Powers and hinges of every order. One hinge equals the first power and is left out.
     fn nonlinearities(&self, from: &Structure) -> Vec<Structure> {
         let dead_band = from.input.dead_band;
         let powers = (1..=MAX_ORDER).map(|order| (order, Basis::Powers));
@@ -100,8 +101,8 @@ impl Grid {
         powers.chain(hinges).map(structure).collect()
     }
 
-    /// `count` hinges: at zero and where the magnitudes beyond the dead band divide into parts with as many commands
-    /// each. None where too few magnitudes differ.
+    /// `count` hinges: one at zero, the others at the quantiles that divide the magnitudes beyond the dead band into
+    /// parts with equally many commands. None where too few magnitudes differ.
     fn hinges(&self, dead_band: (f64, f64), count: usize) -> Option<Basis> {
         let input = InputMap { dead_band, basis: Basis::Powers };
         let mut openings: Vec<f64> = self.commands.iter().map(|u| input.opening(*u).abs()).collect();
@@ -131,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn commands_of_two_levels_leave_no_hinges() {
+    fn commands_of_two_levels_give_no_hinges() {
         let grid = Grid::new(&[0.5, -0.5, 0.5, 0.5], 64);
         assert_eq!(grid.hinges((0.0, 0.0), 3), None);
         assert!(grid.nonlinearities(&Structure::PAPER).iter().all(|s| s.order == 2 || s.input.basis == Basis::Powers));

@@ -1,13 +1,15 @@
-//! Judges a structure on the training part alone: fitted on its first rows, judged on the rest.
+//! Judges a structure on the training part of a record: it is fitted on the first rows and judged on the held-out rest.
 //!
 //! ```text
-//! h steps:   y(k) - y(k | k-h), from every (h / 4)-th of the held-out rows on
-//! free run:  y(k) from measured outputs up to where it starts, to the last held-out row; one starts at every quarter
+//! h steps:   y(k) - y(k | k-h), at every (h / 4)-th held-out row
+//! free run:  y(k) from measured outputs before its start only, up to the last held-out row; one starts at each quarter
 //! AIC = N ln(S / N) + 2 (p + 1),    BIC = N ln(S / N) + (p + 1) ln N
 //! ```
 //!
-//! N rows of the fit, S the sum of squared one-step errors over them, p parameters. Trap: AIC and BIC are shown and
-//! not followed, since the one-step error of a position says next to nothing and more coefficients always lower it.
+//! N: rows of the fit; S: sum of squared one-step errors over them; p: parameters.
+//!
+//! Trap: AIC and BIC are shown, but the choice does not use them. The one-step error of a position is almost without
+//! information, and more coefficients always lower it.
 
 use ident_proc::{
     offline::Batch,
@@ -19,29 +21,29 @@ use pipeline::{
     machine::{Identification, IdentifiedOutput, Split},
     statistics::ErrorStatistics,
 };
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 use serde::Serialize;
 
-/// Part of the training rows that structures are fitted on.
+/// Part of the training rows on which structures are fitted.
 pub const FIT_PART: f64 = 0.7;
 /// Starts of an h-step prediction per horizon.
 const STARTS_PER_HORIZON: usize = 4;
-/// Free runs, from equally distant rows on: a single one may meet the record by luck.
+/// Number of free runs. They start at equally distant rows, because a single one may fit the record by chance.
 const FREE_RUNS: usize = 4;
-/// The held-out rows hold at least so many horizons.
+/// Fewest horizons in the held-out rows.
 const FEWEST_HORIZONS: usize = 2;
-/// A structure is tried when there are so many rows of the fit for each of its coefficients.
+/// Fewest rows of the fit for each coefficient of a structure.
 const ROWS_PER_COEFFICIENT: usize = 2;
-/// The longest delay tried is at most this part of the rows of the fit.
+/// The longest delay is at most the rows of the fit divided by this number.
 const DELAY_PART: usize = 8;
-/// Errors below this part of the output's standard deviation are rounding and count as equal.
+/// Errors below this part of the standard deviation of the output are rounding errors and count as equal.
 const NEGLIGIBLE: f64 = 1e-6;
 
-/// The training part, divided.
+/// The training part, divided into rows of the fit and held-out rows.
 #[derive(Debug)]
 pub struct HeldOut<'a> {
     inputs: &'a [f64],
-    /// What is identified: the output or its velocity, whose first value is not known.
+    /// The identified signal: the output, or its velocity, whose first value is not known.
     outputs: Vec<f64>,
     first: usize,
     fit: usize,
@@ -50,32 +52,33 @@ pub struct HeldOut<'a> {
     negligible: f64,
 }
 
-/// A structure and how it did.
+/// A structure with its errors and criteria.
 #[derive(Debug, Clone, Serialize)]
 pub struct Candidate {
     /// Orders and options.
     pub structure: Structure,
-    /// What the data determined: coefficients of the separated model, without f_1 = 1, and edges of a dead band.
+    /// Number of parameters that the data determine: coefficients of the separated model, without f_1 = 1, and edges of
+    /// the dead band.
     pub parameters: usize,
     /// Root mean square of the h-step error over the held-out rows.
     pub h_step_rmse: f64,
     /// Root mean square of the error of the free run over the held-out rows.
     pub free_run_rmse: f64,
-    /// Geometric mean of both, each divided by that of the first structure tried.
+    /// Geometric mean of both errors, each divided by that of the first structure.
     pub score: f64,
     /// Akaike's criterion over the rows of the fit.
     pub aic: f64,
     /// Bayesian criterion over the rows of the fit.
     pub bic: f64,
-    /// The rows of the fit did not determine every coefficient; those they did not were held at zero.
+    /// Whether the rows of the fit do not determine every coefficient. Those that are not determined are zero.
     pub rank_deficient: bool,
-    /// A free run grows by more than a factor e over the held-out rows, or is not finite.
+    /// Whether a free run grows by more than a factor e over the held-out rows, or is not finite.
     pub unstable: bool,
 }
 
 impl<'a> HeldOut<'a> {
     /// Divides the training part of a record.
-    pub fn new(settings: &Identification, record: &'a Record) -> Self {
+    pub fn new(settings: &Identification, record: &'a Recording) -> Self {
         let inputs = &record.inputs[..settings.training];
         let positions = &record.outputs[..settings.training];
         let outputs = match settings.output {
@@ -105,7 +108,7 @@ impl<'a> HeldOut<'a> {
             training - fit >= FEWEST_HORIZONS.saturating_mul(settings.horizon)
                 && fit >= first_row(fit, settings.structure.nk) + ROWS_PER_COEFFICIENT * settings.structure.full_len()
         };
-        // Both conditions hold from some number of rows on.
+        // Above some number of rows both conditions hold always, so bisection finds it.
         let (mut low, mut high) = (0, usize::MAX >> 12);
         while low < high {
             let middle = low.midpoint(high);
@@ -123,22 +126,22 @@ impl<'a> HeldOut<'a> {
         &self.inputs[..self.fit]
     }
 
-    /// Rows of the fit, from the first that every structure can be fitted on.
+    /// Rows of the fit, counted from the first row on which every structure can be fitted.
     pub fn fit_rows(&self) -> usize {
         self.fit - self.first
     }
 
-    /// Rows that are held out.
+    /// Number of held-out rows.
     pub fn held_out_rows(&self) -> usize {
         self.outputs.len() - self.fit
     }
 
-    /// Longest delay that is to be tried.
+    /// Longest delay of the search.
     pub fn longest_delay(&self) -> usize {
         longest_delay(self.fit)
     }
 
-    /// Fits and judges a structure; nothing when the fit has too few rows for it. The score is for the caller to set.
+    /// Fits and judges a structure. None when the fit has too few rows for it. The caller sets the score.
     pub fn judge(&self, structure: Structure) -> Option<Candidate> {
         let (low, high) = structure.input.dead_band;
         let edges = usize::from(low > 0.0) + usize::from(high > 0.0);
@@ -167,7 +170,7 @@ impl<'a> HeldOut<'a> {
         })
     }
 
-    /// What a candidate is ranked by: the geometric mean of its two errors in the unit of the output.
+    /// The error by which candidates are ranked: the geometric mean of the two errors, in the unit of the output.
     pub fn error(&self, candidate: &Candidate) -> f64 {
         let floor = |rmse: f64| rmse.max(self.negligible);
         (floor(candidate.h_step_rmse) * floor(candidate.free_run_rmse)).sqrt()
@@ -190,7 +193,7 @@ impl<'a> HeldOut<'a> {
         batch
     }
 
-    /// y(k) .. predicted from y(..k-1) on.
+    /// Predicts y(k), y(k+1), .. from the measured outputs before row k.
     fn predict(&self, model: &Coefficients, k: usize, predicted: &mut [f64]) {
         let (nb, nk) = (model.b().len() - 1, model.nk as usize);
         let mut past = [0.0; MAX_A];
@@ -243,10 +246,10 @@ fn longest_delay(fit: usize) -> usize {
     (fit / DELAY_PART).clamp(1, MAX_DELAY)
 }
 
-/// The first row with the past that every structure needs, up to the longest delay or the one that was typed: then all
-/// are fitted on the same rows.
+/// The first row with enough past for every structure, up to the longest delay or the typed one. So all structures are
+/// fitted on the same rows.
 fn first_row(fit: usize, typed_delay: usize) -> usize {
     let delay = longest_delay(fit).max(typed_delay);
-    // One output more for the first velocity, which is not known.
+    // One row more, because the first velocity is not known.
     (delay + MAX_LINEAR - 1).max(MAX_A)
 }

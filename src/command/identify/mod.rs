@@ -1,4 +1,6 @@
-//! `hydraxis identify`: a recording through the same core that runs in ident-proc.
+//! `hydraxis identify`: identifies a model on a recording, with the core that also runs in ident-proc.
+//!
+//! Only [`run`] is the work that ident-proc does in its loop. Search, comparison and validation never run in a stage.
 
 mod arguments;
 mod compare;
@@ -12,24 +14,25 @@ mod settings;
 mod structure;
 
 use pipeline::machine::Identification;
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 
 use crate::{
     failure::Failure,
     report::{output::Output, table::progress},
 };
 pub use arguments::IdentifyArguments;
-use report::Report;
+use report::IdentifyReport;
 use residuals::Residuals;
 use run::identify;
 use select::{Selection, select};
-use settings::{Typed, check_estimator, settings};
+use settings::{TypedStructure, check_estimator, settings};
 
 /// Runs the command.
 pub fn run(arguments: &IdentifyArguments) -> Result<(), Failure> {
-    let typed = Typed::new(arguments)?;
+    let typed = TypedStructure::new(arguments)?;
     let period = arguments.period.map(|period| period.as_secs_f64());
-    let record = Record::read(&arguments.data, &arguments.input, &arguments.output, period).map_err(Failure::usage)?;
+    let record =
+        Recording::read(&arguments.data, &arguments.input, &arguments.output, period).map_err(Failure::usage)?;
     let mut settings = settings(arguments, &typed, &record)?;
     let output = Output::open(arguments.json.as_deref())?;
     let selection = if arguments.select { Some(search(&settings, &typed, &record)?) } else { None };
@@ -42,13 +45,13 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), Failure> {
     let seen = |samples| progress.set_position(samples);
     let (identifier, ns_per_update) = identify(&settings, &record, seen, &mut residuals);
     progress.finish_and_clear();
-    let mut report = Report::new(&settings, &record, &identifier, &residuals, ns_per_update);
+    let mut report = IdentifyReport::new(&settings, &record, &identifier, &residuals, ns_per_update);
     report.selection = selection;
     report.comparison = arguments.compare.then(|| compare::compare(&settings, &record));
-    output.write(|| report.tables(&arguments.data), &report)
+    Ok(output.write(|| report.tables(&arguments.data), &report)?)
 }
 
-fn search(settings: &Identification, typed: &Typed, record: &Record) -> Result<Selection, Failure> {
+fn search(settings: &Identification, typed: &TypedStructure, record: &Recording) -> Result<Selection, Failure> {
     let progress = progress(0, "structures");
     let selection = select(settings, typed, record, &progress);
     progress.finish_and_clear();

@@ -1,4 +1,4 @@
-//! The figures of one identification, for people and for programs.
+//! The report of one identification, as JSON for programs and as tables for people.
 
 use std::{path::Path, time::Duration};
 
@@ -9,7 +9,7 @@ use pipeline::{
     message::{bit_names, model_fault},
     statistics::ErrorStatistics,
 };
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 use serde::Serialize;
 
 use super::{
@@ -23,9 +23,9 @@ use crate::report::{
     table::{number, percent, table},
 };
 
-/// What `--json` writes.
+/// The report, as JSON has it.
 #[derive(Debug, Serialize)]
-pub struct Report {
+pub struct IdentifyReport {
     rows: usize,
     train: usize,
     period_s: f64,
@@ -35,7 +35,7 @@ pub struct Report {
     form: Form,
     split: Split,
     estimator: String,
-    /// Only fuzzy forgetting has universes.
+    /// Universes of the fuzzy forgetting factor; none for other estimators.
     error_universe: Option<f64>,
     variation_universe: Option<f64>,
     faults: Vec<&'static str>,
@@ -47,10 +47,10 @@ pub struct Report {
     adaptive: Adaptive,
     reduction_percent: Reduction,
     validation: Validation,
-    /// What `--select` found.
+    /// The result of `--select`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub selection: Option<Selection>,
-    /// What `--compare` found.
+    /// The result of `--compare`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub comparison: Option<Comparison>,
 }
@@ -76,17 +76,17 @@ struct Adaptive {
     free_run: ErrorFigures,
     free_run_frozen: ErrorFigures,
     coefficients: CoefficientLists,
-    /// Of the model as it is published, separated into b, f and g.
+    /// h-step errors of the published model, which is separated into b, f and g.
     separated_h_step: ErrorFigures,
     split_residual: f64,
     forgetting_factor: FactorFigures,
-    /// What auto is made of after the last sample.
-    members: Vec<Member>,
+    /// The estimators of auto and their weights after the last sample.
+    members: Vec<BankMember>,
     ns_per_update: f64,
 }
 
 #[derive(Debug, Serialize)]
-struct Member {
+struct BankMember {
     family: &'static str,
     forgetting_factor: f64,
     weight: f64,
@@ -98,11 +98,11 @@ struct FactorFigures {
     min: f64,
 }
 
-impl Report {
-    /// After the last sample.
+impl IdentifyReport {
+    /// The report after the last sample.
     pub fn new(
         settings: &Identification,
-        record: &Record,
+        record: &Recording,
         identifier: &Identifier,
         residuals: &Residuals,
         ns_per_update: f64,
@@ -138,7 +138,7 @@ impl Report {
                 one_step: figures(&adaptive.one_step),
                 h_step: figures(&adaptive.h_step),
                 free_run: figures(&adaptive.free_run),
-                // The adaptive model starts from the offline coefficients, so frozen there it is the classical one.
+                // The adaptive model starts from the offline coefficients. Frozen there, it is the classical model.
                 free_run_frozen: figures(&classical.free_run),
                 coefficients: CoefficientLists::new(&snapshot.adaptive),
                 forgetting_factor: FactorFigures {
@@ -147,7 +147,7 @@ impl Report {
                 },
                 separated_h_step: figures(&snapshot.separated_h_step),
                 split_residual: snapshot.split_residual,
-                members: identifier.bank().map_or_else(Vec::new, |bank| bank.members().map(Member::from).collect()),
+                members: identifier.bank().map_or_else(Vec::new, |bank| bank.members().map(BankMember::from).collect()),
                 ns_per_update,
             },
             reduction_percent: Reduction::new(classical, adaptive),
@@ -157,10 +157,23 @@ impl Report {
         }
     }
 
-    /// What people read.
+    /// All figures as tables.
     pub fn tables(&self, file: &Path) -> String {
-        let mut text = self.selection.as_ref().map(|selection| selection.table(self.output)).unwrap_or_default();
-        text += &format!(
+        let parts = [
+            self.selection.as_ref().map(|selection| selection.table(self.output)).unwrap_or_default(),
+            self.record(file),
+            self.error_table(),
+            self.estimation(),
+            self.coefficients(),
+            self.validation.table(),
+            self.comparison.as_ref().map(Comparison::table).unwrap_or_default(),
+        ];
+        parts.concat()
+    }
+
+    /// The record and the structure, with warnings.
+    fn record(&self, file: &Path) -> String {
+        let mut text = format!(
             "{}: {} rows of {} s, {} for training; {}; {} ahead is {} samples\n",
             file.display(),
             self.rows,
@@ -179,6 +192,10 @@ impl Report {
         if !self.faults.is_empty() {
             text += &format!("warning: {}\n", self.faults.join(", "));
         }
+        text
+    }
+
+    fn error_table(&self) -> String {
         let row = |name: &str, classical: &ErrorFigures, adaptive: &ErrorFigures, reduction: f64| {
             vec![
                 name.to_owned(),
@@ -198,8 +215,13 @@ impl Report {
         ];
         let header =
             ["error", "sigma classical", "adaptive", "reduction", "rmse classical", "adaptive", "fit adaptive"];
-        text += &format!("{}\n", table(&header, rows));
-        text += &format!(
+        format!("{}\n", table(&header, rows))
+    }
+
+    /// Persistence, the estimator, and the members of auto.
+    fn estimation(&self) -> String {
+        let adaptive = &self.adaptive;
+        let mut text = format!(
             "h steps by holding y: sigma {}. \
              Estimator {} (forgetting factor mean {}, least {}); {:.0} ns per update.\n",
             number(self.persistence.h_step.sigma),
@@ -208,45 +230,44 @@ impl Report {
             number(adaptive.forgetting_factor.min),
             adaptive.ns_per_update
         );
-        let mut members: Vec<&Member> = adaptive.members.iter().filter(|member| member.weight >= 0.01).collect();
+        let mut members: Vec<&BankMember> = adaptive.members.iter().filter(|member| member.weight >= 0.01).collect();
         members.sort_by(|a, b| b.weight.total_cmp(&a.weight));
         if !members.is_empty() {
             text +=
                 &format!("auto in the end: {}\n", members.iter().map(|m| m.to_string()).collect::<Vec<_>>().join(", "));
         }
+        text
+    }
+
+    /// The coefficients of both models, and the standard deviations of those of the classical one.
+    fn coefficients(&self) -> String {
+        let drift = |value: String| if self.structure.drift { format!("   c {value}") } else { String::new() };
         let list = |values: &[f64]| values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(" ");
-        for (name, model) in [("classical", &classical.coefficients), ("adaptive", &adaptive.coefficients)] {
-            let drift = if self.structure.drift { format!("   c {}", number(model.drift)) } else { String::new() };
-            text += &format!(
-                "{name:9}  a {}   b {}   f {}   g {}{drift}\n",
-                list(&model.a),
-                list(&model.b),
-                list(&model.f),
-                list(&model.g)
-            );
-        }
-        if let Some(Deviations { a, b, f, g, drift, .. }) = &self.validation.deviations {
+        let line = |(name, model): (&str, &CoefficientLists)| {
+            let CoefficientLists { a, b, f, g, .. } = model;
+            let (a, b, f, g) = (list(a), list(b), list(f), list(g));
+            format!("{name:9}  a {a}   b {b}   f {f}   g {g}{}\n", drift(number(model.drift)))
+        };
+        let models = [("classical", &self.classical.coefficients), ("adaptive", &self.adaptive.coefficients)];
+        let mut text: String = models.into_iter().map(line).collect();
+        if let Some(Deviations { a, b, f, g, drift: c, .. }) = &self.validation.deviations {
             let list = |values: &[Option<f64>]| {
                 values.iter().map(|v| v.map_or_else(|| "?".to_owned(), number)).collect::<Vec<_>>().join(" ")
             };
-            let drift = if self.structure.drift { format!("   c {}", list(&[*drift])) } else { String::new() };
-            text += &format!("  +- sigma  a {}   b {}   f {}   g {}{drift}\n", list(a), list(b), list(f), list(g));
-        }
-        text += &self.validation.table();
-        if let Some(comparison) = &self.comparison {
-            text += &comparison.table();
+            let (a, b, f, g) = (list(a), list(b), list(f), list(g));
+            text += &format!("  +- sigma  a {a}   b {b}   f {f}   g {g}{}\n", drift(list(&[*c])));
         }
         text
     }
 }
 
-impl From<(&'static str, f64, f64)> for Member {
+impl From<(&'static str, f64, f64)> for BankMember {
     fn from((family, forgetting_factor, weight): (&'static str, f64, f64)) -> Self {
         Self { family, forgetting_factor, weight }
     }
 }
 
-impl std::fmt::Display for Member {
+impl std::fmt::Display for BankMember {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.family {
             "held" => write!(f, "held")?,

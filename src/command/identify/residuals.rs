@@ -1,4 +1,4 @@
-//! What the residuals after training, and the spread of the coefficients, say of the models.
+//! Validation of the models: tests of the residuals after training, and standard deviations of the coefficients.
 
 use ident_proc::{
     Identifier,
@@ -14,12 +14,12 @@ use serde::Serialize;
 
 use crate::report::table::{number, percent, table};
 
-/// Lags of the correlations: for a servo sampled ten times faster than it moves, two of its time constants.
+/// Lags of the correlations: two time constants of a servo that is sampled ten times in each.
 const LAGS: usize = 25;
-/// Samples for each lag at least.
+/// Fewest samples for each lag.
 const SAMPLES_PER_LAG: usize = 4;
 
-/// Residuals of both models over the samples after training that were used, and the inputs of those samples.
+/// Residuals of both models over the used samples after training, and the inputs of these samples.
 #[derive(Debug, Default)]
 pub struct Residuals {
     adaptive: Vec<f64>,
@@ -28,7 +28,7 @@ pub struct Residuals {
 }
 
 impl Residuals {
-    /// Empty, with room for so many samples.
+    /// Removes all samples and reserves memory for `samples`.
     pub fn clear(&mut self, samples: usize) {
         for values in [&mut self.adaptive, &mut self.classical, &mut self.inputs] {
             values.clear();
@@ -36,7 +36,7 @@ impl Residuals {
         }
     }
 
-    /// Takes in one sample.
+    /// Adds one sample.
     pub fn push(&mut self, [adaptive, classical]: [f64; 2], input: f64) {
         self.adaptive.push(adaptive);
         self.classical.push(classical);
@@ -44,19 +44,19 @@ impl Residuals {
     }
 }
 
-/// What `--json` writes of it.
+/// The results, as JSON has them.
 #[derive(Debug, Serialize)]
 pub struct Validation {
     lags: usize,
     classical: Correlations,
     adaptive: Correlations,
-    /// Of the classical model over the training rows.
+    /// Criteria of the classical model over the training rows.
     criteria: Option<Criteria>,
-    /// Standard deviations of its coefficients.
+    /// Standard deviations of the coefficients of the classical model.
     pub deviations: Option<Deviations>,
 }
 
-/// Of one model's residuals; nothing where there is nothing to judge.
+/// Tests of the residuals of one model; none where there are too few samples.
 #[derive(Debug, Serialize)]
 struct Correlations {
     whiteness: Option<Whiteness>,
@@ -71,25 +71,25 @@ struct Criteria {
     fpe: f64,
 }
 
-/// Standard deviations, one per coefficient; nothing for one that the data do not determine, 0 for the one that fixes
-/// the scale.
+/// Standard deviations, one for each coefficient: none for a coefficient that the data do not determine, 0 for the one
+/// that fixes the scale.
 #[derive(Debug, Serialize)]
 pub struct Deviations {
-    /// Of a_1 .. a_na, of the increments where the structure has an integrator.
+    /// Deviations of a_1 .. a_na; of the polynomial for increments where the structure has an integrator.
     pub a: Vec<Option<f64>>,
-    /// Of b_0 .. b_nb.
+    /// Deviations of b_0 .. b_nb.
     pub b: Vec<Option<f64>>,
-    /// Of f_1 .. f_r.
+    /// Deviations of f_1 .. f_r.
     pub f: Vec<Option<f64>>,
-    /// Of g_1 .. g_r.
+    /// Deviations of g_1 .. g_r.
     pub g: Vec<Option<f64>>,
-    /// Of the drift.
+    /// Deviation of the drift.
     pub drift: Option<f64>,
     noise_sigma: f64,
 }
 
 impl Validation {
-    /// After the last sample.
+    /// The validation after the last sample.
     pub fn new(identifier: &Identifier, residuals: &Residuals) -> Self {
         let lags = LAGS.min(residuals.inputs.len() / SAMPLES_PER_LAG);
         let correlations = |values: &[f64]| Correlations {
@@ -110,7 +110,7 @@ impl Validation {
         }
     }
 
-    /// What people read.
+    /// The results as tables.
     pub fn table(&self) -> String {
         let row = |name: &str, of: &Correlations| {
             let white = of.whiteness.as_ref().map_or_else(

@@ -1,21 +1,22 @@
-//! A record through the core of ident-proc, timed.
+//! Runs a record through the core of ident-proc and measures the time of an update.
 
 use std::time::Instant;
 
 use ident_proc::Identifier;
 use pipeline::machine::Identification;
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 
 use super::residuals::Residuals;
 
 /// Samples between two calls of `seen`.
 const SAMPLES_PER_CALL: usize = 65_536;
 
-/// The identifier after the record, and nanoseconds per sample after training: the update and the errors of all
-/// models. `seen` is told now and then how many samples have passed; `residuals` gets those of the samples after training.
+/// Returns the identifier after the record, and the time per sample after training, ns: the update and the errors of
+/// all models. `seen` is called now and then with the number of samples so far; `residuals` gets the samples after
+/// training.
 pub fn identify(
     settings: &Identification,
-    record: &Record,
+    record: &Recording,
     seen: impl Fn(u64),
     residuals: &mut Residuals,
 ) -> (Identifier, f64) {

@@ -1,13 +1,13 @@
 //! `--select`: searches the structure that predicts the held-out rows of the training part best.
 //!
 //! ```text
-//! score = sqrt(h-step rmse / that of the first) sqrt(free run rmse / that of the first)
+//! score = sqrt(h-step rmse / h-step rmse of the first structure) sqrt(free-run rmse / free-run rmse of the first)
 //! ```
 //!
-//! The structures are far too many to try them all, so the search goes stage by stage: each tries other values for one
-//! or two things of the structure chosen so far, and the stages are repeated until nothing new is chosen. At any time
-//! the chosen one has the fewest parameters of all that were tried with a score within 2 % of the best. An unstable
-//! one loses against any other. What was typed stays as it is.
+//! There are too many structures to try all of them. So the search has stages: each tries other values for one or two
+//! parts of the structure chosen so far, and the stages are repeated until no new structure is chosen. The chosen
+//! structure is always the one with the fewest parameters among all whose score is within 2 % of the best. An unstable
+//! structure loses against every stable one. Parts that the user typed are kept.
 
 use std::cmp::Ordering;
 
@@ -16,49 +16,54 @@ use pipeline::{
     hammerstein::Structure,
     machine::{Identification, IdentifiedOutput},
 };
-use sensor_proc::record::Record;
+use sensor_proc::Recording;
 use serde::Serialize;
 
 use super::{
     grid::{Grid, STAGES},
     held_out::{Candidate, HeldOut},
-    settings::Typed,
+    settings::TypedStructure,
     structure::{description, flags},
 };
 use crate::report::table::{number, table};
 
-/// A smaller model is preferred when its score is within this factor of the best.
+/// A model with fewer parameters is preferred when its score is within this factor of the best.
 const AS_GOOD: f64 = 1.02;
-/// Candidates that are shown.
+/// Number of candidates in the table.
 const SHOWN: usize = 12;
 
-/// What the search found.
+/// The result of the search.
 #[derive(Debug, Serialize)]
 pub struct Selection {
     /// Rows that candidates were fitted on.
     pub fit_rows: usize,
-    /// Rows that they were judged on.
+    /// Rows that candidates were judged on.
     pub held_out_rows: usize,
     /// Structures that were tried.
     pub tried: usize,
-    /// The best, best first.
+    /// The best candidates, the best one first.
     pub candidates: Vec<Candidate>,
-    /// The one to identify with.
+    /// The structure to identify with.
     pub chosen: Chosen,
 }
 
 /// The chosen structure.
 #[derive(Debug, Serialize)]
 pub struct Chosen {
-    /// How it did.
+    /// Its errors and criteria.
     #[serde(flatten)]
     pub candidate: Candidate,
-    /// What to type to choose it without a search.
+    /// The options that choose this structure without a search.
     pub flags: String,
 }
 
-/// Searches from the structure of the settings on; nothing when it cannot be fitted.
-pub fn select(settings: &Identification, typed: &Typed, record: &Record, progress: &ProgressBar) -> Option<Selection> {
+/// Searches, starting at the structure of the settings. None when no structure can be fitted.
+pub fn select(
+    settings: &Identification,
+    typed: &TypedStructure,
+    record: &Recording,
+    progress: &ProgressBar,
+) -> Option<Selection> {
     let validation = HeldOut::new(settings, record);
     let grid = Grid::new(validation.commands(), validation.longest_delay());
     let mut search = Search { validation, seen: Vec::new(), tried: Vec::new() };
@@ -79,14 +84,15 @@ pub fn select(settings: &Identification, typed: &Typed, record: &Record, progres
 
 struct Search<'a> {
     validation: HeldOut<'a>,
-    /// All structures that were looked at, with their place in `tried`; nothing where there were too few rows.
+    /// All structures so far, with their place in `tried`; none for a structure that has too many parameters for the
+    /// rows.
     seen: Vec<(Structure, Option<usize>)>,
     tried: Vec<Candidate>,
 }
 
 impl Search<'_> {
-    /// Goes from one structure through the stages until they choose nothing new.
-    fn descend(&mut self, grid: &Grid, start: Structure, typed: &Typed, progress: &ProgressBar) {
+    /// Goes from one structure through the stages until they choose no new structure.
+    fn descend(&mut self, grid: &Grid, start: Structure, typed: &TypedStructure, progress: &ProgressBar) {
         let mut places = Vec::new();
         self.try_into(&mut places, vec![start], progress);
         loop {
@@ -103,7 +109,7 @@ impl Search<'_> {
         }
     }
 
-    /// Judges structures, those that were judged before only once, and adds their places to `places`.
+    /// Judges the structures that were not judged before, and adds the places of all of them to `places`.
     fn try_into(&mut self, places: &mut Vec<usize>, structures: Vec<Structure>, progress: &ProgressBar) {
         progress.inc_length(structures.len() as u64);
         for structure in structures {
@@ -137,7 +143,7 @@ impl Search<'_> {
         places.iter().map(|place| rank(&self.tried[*place])).collect()
     }
 
-    /// Sets the scores of all.
+    /// Sets the scores of all candidates.
     fn score(&mut self) {
         let errors: Vec<f64> = self.tried.iter().map(|candidate| self.validation.error(candidate)).collect();
         for (candidate, error) in self.tried.iter_mut().zip(&errors) {
@@ -145,7 +151,7 @@ impl Search<'_> {
         }
     }
 
-    /// The best, best first; the chosen one and the first that was tried are shown wherever they rank.
+    /// The best candidates, the best one first. The chosen one and the first one are always among them.
     fn shown(&self, chosen: usize) -> Vec<Candidate> {
         let mut places = self.all();
         let ranks = self.ranks(&places);
@@ -156,7 +162,7 @@ impl Search<'_> {
     }
 }
 
-/// What a candidate is chosen by.
+/// The properties by which a candidate is chosen.
 #[derive(Debug, Clone, Copy)]
 struct Rank {
     unstable: bool,
@@ -165,13 +171,13 @@ struct Rank {
 }
 
 impl Rank {
-    /// The better first.
+    /// Order of candidates: the better one first.
     fn compare(&self, other: &Self) -> Ordering {
         self.unstable.cmp(&other.unstable).then_with(|| self.error.total_cmp(&other.error))
     }
 }
 
-/// Place of the one with the fewest parameters of all that are as good as the best.
+/// Place of the candidate with the fewest parameters among all that are as good as the best.
 fn chosen(ranks: &[Rank]) -> Option<usize> {
     let best = ranks.iter().copied().min_by(Rank::compare)?;
     let as_good = |rank: &Rank| rank.unstable == best.unstable && rank.error <= AS_GOOD * best.error;
@@ -181,7 +187,7 @@ fn chosen(ranks: &[Rank]) -> Option<usize> {
 }
 
 impl Selection {
-    /// What people read.
+    /// The candidates as a table.
     pub fn table(&self, output: IdentifiedOutput) -> String {
         let chosen = &self.chosen.candidate;
         let rows = self.candidates.iter().map(|candidate| {
@@ -222,14 +228,14 @@ mod tests {
     }
 
     #[test]
-    fn the_smaller_of_two_that_are_as_good_is_chosen() {
+    fn of_equally_good_candidates_the_smallest_is_chosen() {
         assert_eq!(chosen(&[rank(15, 1.0), rank(9, 1.019), rank(5, 1.03)]), Some(1));
         assert_eq!(chosen(&[rank(9, 1.01), rank(9, 1.0)]), Some(1));
         assert_eq!(chosen(&[rank(9, 0.0), rank(5, 0.0)]), Some(1));
     }
 
     #[test]
-    fn what_is_unstable_loses() {
+    fn an_unstable_candidate_loses() {
         assert_eq!(chosen(&[unstable(3, 0.1), rank(9, 7.0)]), Some(1));
         assert_eq!(chosen(&[unstable(3, f64::INFINITY), unstable(9, 7.0)]), Some(1));
         assert_eq!(chosen(&[unstable(3, f64::INFINITY)]), Some(0));

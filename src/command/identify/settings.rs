@@ -1,4 +1,4 @@
-//! What to identify, from what was typed and what the record is.
+//! The settings of an identification, from the command line and the record.
 
 use std::time::Duration;
 
@@ -6,7 +6,7 @@ use pipeline::{
     hammerstein::{Basis, InputMap, Structure},
     machine::{Fuzzy, Identification, IdentifiedOutput, shortest_training},
 };
-use sensor_proc::record::{Record, RecordError};
+use sensor_proc::{Recording, recording::RecordingError};
 
 use super::{
     arguments::IdentifyArguments,
@@ -14,12 +14,12 @@ use super::{
 };
 use crate::{arguments::values::Samples, failure::Failure};
 
-/// How far ahead the h-step error looks unless it is said; at least one sample.
+/// Prediction horizon of the h-step error without `--horizon`; at least one sample.
 const HORIZON: Duration = Duration::from_millis(500);
 
-/// What of the structure was typed.
+/// The parts of the structure that the user typed.
 #[derive(Debug, Clone, Copy)]
-pub struct Typed {
+pub struct TypedStructure {
     na: Option<usize>,
     nb: Option<usize>,
     nk: Option<usize>,
@@ -30,14 +30,17 @@ pub struct Typed {
     nonlinearity: Option<(usize, Basis)>,
 }
 
-impl Typed {
-    /// From the command line.
+impl TypedStructure {
+    /// The parts from the command line.
+    ///
+    /// # Errors
+    /// `--order` is not the number of `--knots`.
     pub fn new(arguments: &IdentifyArguments) -> Result<Self, Failure> {
         let nonlinearity = match (arguments.knots, arguments.order) {
             (None, order) => order.map(|order| (order, Basis::Powers)),
             (Some(knots), order) if order.is_none_or(|order| order == knots.count) => Some((knots.count, knots.basis)),
             (Some(knots), order) => {
-                return Err(Failure::Usage(format!(
+                return Err(Failure::usage(format!(
                     "--order: found {} with {} --knots; allowed: {1}, the number of knots, or no --order",
                     order.unwrap_or_default(),
                     knots.count
@@ -55,7 +58,7 @@ impl Typed {
         })
     }
 
-    /// `structure` with what was typed in the place of its own.
+    /// `structure`, with its parts replaced by those that the user typed.
     pub fn over(&self, structure: Structure) -> Structure {
         let (order, basis) = self.nonlinearity.unwrap_or((structure.order, structure.input.basis));
         Structure {
@@ -70,8 +73,15 @@ impl Typed {
     }
 }
 
-/// All settings, with the paper's structure where nothing was typed.
-pub fn settings(arguments: &IdentifyArguments, typed: &Typed, record: &Record) -> Result<Identification, Failure> {
+/// All settings. Parts of the structure that the user did not type are those of the paper.
+///
+/// # Errors
+/// The record is too short for the settings, or the settings contradict each other.
+pub fn settings(
+    arguments: &IdentifyArguments,
+    typed: &TypedStructure,
+    record: &Recording,
+) -> Result<Identification, Failure> {
     let rows = record.outputs.len();
     let structure = typed.over(Structure::PAPER);
     let output = if arguments.velocity { IdentifiedOutput::Velocity } else { IdentifiedOutput::Position };
@@ -81,26 +91,7 @@ pub fn settings(arguments: &IdentifyArguments, typed: &Typed, record: &Record) -
         Some(horizon) => horizon.at(period),
         None => Samples::Duration(HORIZON).at(period).max(1),
     };
-    if horizon == 0 {
-        return Err(Failure::usage("--horizon: found 0 samples; allowed: at least one sample"));
-    }
-    let coefficients = structure.full_len();
-    let shortest = shortest_training(structure, output);
-    if training < shortest {
-        return Err(Failure::Usage(format!(
-            "{}: --train: found {training} of the {rows} rows; allowed: at least {shortest}, to determine {coefficients} \
-             coefficients (fewer with lower --na, --nb, --order)",
-            arguments.data.display()
-        )));
-    }
-    if rows.saturating_sub(training) <= horizon {
-        return Err(Failure::usage(RecordError::TooFewRows {
-            file: arguments.data.clone(),
-            rows,
-            needed: training.saturating_add(horizon).saturating_add(1),
-            why: format!("to test {horizon} samples ahead after {training} for training"),
-        }));
-    }
+    expect_enough_rows(arguments, structure, output, (rows, training, horizon))?;
     let mut fuzzy = match &arguments.fuzzy {
         Some(file) => Fuzzy::load(file).map_err(Failure::usage)?,
         None => Fuzzy::PAPER,
@@ -119,20 +110,62 @@ pub fn settings(arguments: &IdentifyArguments, typed: &Typed, record: &Record) -
         fuzzy,
     };
     check_estimator(&settings)?;
+    if arguments.select {
+        expect_enough_to_select(arguments, &settings)?;
+    }
+    Ok(settings)
+}
+
+/// Refuses a record that is too short to determine the coefficients, or to test the prediction. `counts` are the rows
+/// of the record, those for training, and the samples of the horizon.
+fn expect_enough_rows(
+    arguments: &IdentifyArguments,
+    structure: Structure,
+    output: IdentifiedOutput,
+    counts: (usize, usize, usize),
+) -> Result<(), Failure> {
+    let (rows, training, horizon) = counts;
+    if horizon == 0 {
+        return Err(Failure::usage("--horizon: found 0 samples; allowed: at least one sample"));
+    }
+    let coefficients = structure.full_len();
+    let shortest = shortest_training(structure, output);
+    if training < shortest {
+        return Err(Failure::usage(format!(
+            "{}: --train: found {training} of the {rows} rows; allowed: at least {shortest}, to determine \
+             {coefficients} coefficients (fewer with lower --na, --nb, --order)",
+            arguments.data.display()
+        )));
+    }
+    if rows.saturating_sub(training) <= horizon {
+        return Err(Failure::usage(RecordingError::TooFewRows {
+            file: arguments.data.clone(),
+            rows,
+            needed: training.saturating_add(horizon).saturating_add(1),
+            purpose: format!("to test {horizon} samples ahead after {training} for training"),
+        }));
+    }
+    Ok(())
+}
+
+/// Refuses a training part that is too short to fit and to judge structures.
+fn expect_enough_to_select(arguments: &IdentifyArguments, settings: &Identification) -> Result<(), Failure> {
+    let (training, horizon, coefficients) = (settings.training, settings.horizon, settings.structure.full_len());
     let fewest = HeldOut::fewest_rows(&settings);
-    if arguments.select && training < fewest {
-        return Err(Failure::Usage(format!(
+    if training < fewest {
+        return Err(Failure::usage(format!(
             "{}: --select: found {training} rows for training; allowed: at least {fewest}, to fit {coefficients} \
              coefficients on the first {:.0} % of them and to judge {horizon} samples ahead on the rest",
             arguments.data.display(),
             100.0 * FIT_PART
         )));
     }
-    Ok(settings)
+    Ok(())
 }
 
-/// A window shorter than the coefficients of its structure determines none of them.
+/// Refuses an estimator whose window is shorter than the coefficients of the structure: it would determine none of
+/// them.
 pub fn check_estimator(settings: &Identification) -> Result<(), Failure> {
-    let refusal = |(found, allowed)| Failure::Usage(format!("--estimator: found {found}; allowed: {allowed}"));
+    let refusal = |(found, allowed)| Failure::usage(format!("--estimator: found {found}; allowed: {allowed}"));
     settings.check_estimator("NAME", false).map_err(refusal)
 }

@@ -1,11 +1,11 @@
-//! A structure in words, and as the flags that choose it.
+//! A structure in words, and as the options that choose it.
 
 use pipeline::{
     hammerstein::{Basis, InputMap, Structure},
     machine::IdentifiedOutput,
 };
 
-/// Orders, and what is not as in the paper.
+/// The orders of a structure, and its parts that differ from the paper.
 pub fn description(structure: &Structure, output: IdentifiedOutput) -> String {
     let Structure { na, nb, nk, order, .. } = structure;
     let mut text = format!("na {na}, nb {nb}, nk {nk}, order {order}");
@@ -29,7 +29,7 @@ pub fn description(structure: &Structure, output: IdentifiedOutput) -> String {
     text
 }
 
-/// What to type to choose the structure.
+/// The options that choose the structure.
 pub fn flags(structure: &Structure, output: IdentifiedOutput) -> String {
     let Structure { na, nb, nk, order, .. } = structure;
     let mut text = format!("--na {na} --nb {nb} --nk {nk}");

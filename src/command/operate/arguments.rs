@@ -13,10 +13,10 @@ pub struct GroupAxes {
     /// The machine that the group was started with
     #[command(flatten)]
     pub machine: MachineFile,
-    /// Name of the running group's channels
+    /// Name of the running group
     #[arg(long)]
     pub prefix: Prefix,
-    /// Only this axis; may be given several times
+    /// Only this axis; may be given several times [default: all axes]
     #[arg(long = "axis", value_name = "NAME")]
     pub axes: Vec<String>,
 }
@@ -25,42 +25,42 @@ pub struct GroupAxes {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  hydraxis run --prefix demo --off --duration 10min     a machine of which nothing moves yet; then, elsewhere:
+  hydraxis run --prefix demo --off --duration 10min     a machine with all axes disarmed; then, in another terminal:
   hydraxis operate --prefix demo --axis boom --mode manual --command 0.2 --enable
   hydraxis operate --prefix demo --axis boom --mode hold --target 0.8 --enable
-  hydraxis operate --prefix demo --mode hold --leave    all axes stop and stay where they come to a stand
+  hydraxis operate --prefix demo --mode hold --leave    all axes stop, and hold the positions at which they stop
   hydraxis operate --prefix demo --mode off
 
 Modes:
-  off     neutral at once; also ends a fault. The axis moves again only with --enable
-  manual  --command goes to the valve, within limits of magnitude and rate and nearing a soft limit ever more slowly
-  hold    goes to --target, bounded in speed, acceleration and jerk, and stays there
+  off     disarmed: neutral at once. Also resets a latched fault. The axis moves again only with --enable
+  manual  --command goes to the valve, limited in magnitude and rate, and slower the nearer a soft limit is
+  hold    moves to --target, bounded in speed, acceleration and jerk, and stays there
   track   follows its reference: the generator of the machine file, or the reference channel
 
-An axis that is off, after a fault too, leaves it only with --enable. Among the other modes an axis changes without.
-Ctrl-C makes the axes neutral and off. So does, in manual, the death of this program, within 0.1 s; an axis that holds
-or tracks goes on without it. One program operates a group at a time. `hydraxis arm`, `disarm` and `reset` are for the
-usual three, and for scripts.")]
+A disarmed axis leaves `off` only with --enable, after a fault as well. An armed axis changes between the other modes
+without it. Ctrl-C disarms the axes. In manual, the end of this program disarms them as well, within 0.1 s; an axis in
+hold or track goes on without this program. A group has one operator at a time. `hydraxis arm`, `disarm` and `reset` do
+the three usual operations with one command each, for people and for scripts.")]
 pub struct OperateArguments {
-    /// Whose axes
+    /// Group and axes
     #[command(flatten)]
     pub group: GroupAxes,
-    /// What the axes are to do
+    /// Mode that the axes change to
     #[arg(long)]
     pub mode: Mode,
-    /// Valve command in [-1, 1], positive extends; manual only
+    /// Valve command in [-1, 1], positive extends; with --mode manual only
     #[arg(long, value_name = "U", allow_negative_numbers = true)]
     pub command: Option<f64>,
-    /// Where to hold, m; without it where the axis comes to a stand
+    /// Position to hold, m; with --mode hold only [default: where the axis stops]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub target: Option<f64>,
-    /// Let axes move that are off
+    /// Arm the axes that are disarmed
     #[arg(long)]
     pub enable: bool,
-    /// End as soon as the axes are in the mode, and leave them in it; hold and track only
+    /// End as soon as the axes are in the mode, and leave them in it; with --mode hold and track only
     #[arg(long, conflicts_with = "duration")]
     pub leave: bool,
-    /// End, neutral and off, after so long in the mode; without it at Ctrl-C
+    /// Time in the mode, after which the axes are disarmed and the command ends [default: until Ctrl-C]
     #[arg(long, value_parser = duration)]
     pub duration: Option<Duration>,
 }
@@ -68,11 +68,11 @@ pub struct OperateArguments {
 /// `--mode`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Mode {
-    /// Neutral.
+    /// Disarmed, valve neutral.
     Off,
-    /// A command.
+    /// A valve command.
     Manual,
-    /// A target.
+    /// A constant position.
     Hold,
     /// The reference.
     Track,
@@ -93,17 +93,17 @@ impl From<Mode> for AxisMode {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  hydraxis arm --prefix demo                            all axes follow their references, as of `run` without --off
-  hydraxis arm --prefix demo --axis boom --mode hold    the boom stays where it is
+  hydraxis arm --prefix demo                            all axes follow their references, as with `run` without --off
+  hydraxis arm --prefix demo --axis boom --mode hold    the boom holds its position
 
-Enables the axes that are off, waits until they are in the mode, and leaves them in it. An axis that a fault has latched
-is refused until `hydraxis reset` has released it, one in another mode until `hydraxis operate` has changed it; then no
-axis is enabled. When an axis does not get there, or at Ctrl-C, those that this command has enabled are off again.")]
+Arms the axes that are disarmed, waits until they are in the mode, and leaves them in it. The command refuses a latched
+axis, which `hydraxis reset` releases, and an axis in another mode, which `hydraxis operate` changes; in both cases it
+arms no axis. When an axis does not reach the mode, or at Ctrl-C, all axes that this command has armed are disarmed.")]
 pub struct ArmArguments {
-    /// Whose axes
+    /// Group and axes
     #[command(flatten)]
     pub group: GroupAxes,
-    /// What the axes are to do
+    /// Mode that the axes change to
     #[arg(long, default_value = "track")]
     pub mode: ArmMode,
 }
@@ -113,7 +113,7 @@ pub struct ArmArguments {
 pub enum ArmMode {
     /// Follow the reference.
     Track,
-    /// Stay where the axis is.
+    /// Hold the present position.
     Hold,
 }
 
@@ -133,11 +133,11 @@ Examples:
   hydraxis disarm --prefix demo                    all axes neutral, at once
   hydraxis disarm --prefix demo --axis bucket
 
-The axes move again only after `hydraxis arm`, or `operate --enable`. An axis that a fault has latched is neutral already
-and stays latched: `hydraxis reset` says by what, and releases it. This is no emergency stop: it needs the whole way from
-this program to the valve.")]
+The axes move again only after `hydraxis arm` or `hydraxis operate --enable`. A latched axis is neutral already and
+stays latched: `hydraxis reset` shows the fault and releases the axis. This command is no emergency stop, because it
+needs every program from here to the valve.")]
 pub struct DisarmArguments {
-    /// Whose axes
+    /// Group and axes
     #[command(flatten)]
     pub group: GroupAxes,
 }
@@ -146,13 +146,14 @@ pub struct DisarmArguments {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  hydraxis reset --prefix demo                     says what has latched which axis, and releases all of them
+  hydraxis reset --prefix demo                     shows which fault has latched which axis, and releases all axes
   hydraxis reset --prefix demo --axis boom
 
-A fault latches an axis at neutral, so that it does not move again by itself while somebody looks at why it stopped. Look
-first. After a reset the axis is off: nothing moves before `hydraxis arm`. An axis that is not latched is left alone.")]
+A fault latches an axis at neutral, so that it does not move again by itself while a person looks for the cause. Look
+for the cause first. After a reset the axis is disarmed: it does not move before `hydraxis arm`. An axis that is not
+latched keeps its mode.")]
 pub struct ResetArguments {
-    /// Whose axes
+    /// Group and axes
     #[command(flatten)]
     pub group: GroupAxes,
 }

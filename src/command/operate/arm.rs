@@ -1,13 +1,12 @@
-//! `hydraxis arm`, `disarm`, `reset`: the levers of a running group, each pulled once.
+//! `hydraxis arm`, `disarm` and `reset`: one operation on the axes of a running group, then the end.
 //!
-//! | an axis that is | off | latched by a fault | in the mode asked for | in another mode |
+//! | state of an axis before | disarmed | latched by a fault | in the mode that `arm` asks for | in another mode |
 //! |---|---|---|---|---|
-//! | arm | is enabled | is refused | stays | is refused |
-//! | disarm | stays | stays latched | goes off | goes off |
-//! | reset | stays | goes off | stays | stays |
+//! | arm | is armed | is refused | keeps it | is refused |
+//! | disarm | stays disarmed | stays latched | is disarmed | is disarmed |
+//! | reset | stays disarmed | is disarmed | keeps it | keeps it |
 //!
-//! Trap: to ask a latched axis for off releases it. So each command asks only of those axes that it is about, and of all
-//! others nothing.
+//! Trap: a request for off releases a latched axis. So each command sends requests only for the axes that it changes.
 
 use pipeline::{
     machine::Machine,
@@ -16,55 +15,61 @@ use pipeline::{
 
 use super::{
     arguments::{ArmArguments, DisarmArguments, GroupAxes, ResetArguments},
-    at_levers,
+    as_operator,
 };
 use crate::{arguments, failure::Failure, group::operator::Operator, report::output::show};
 
-/// Enables the axes that are off, and leaves them so.
+/// Arms the axes that are disarmed, and leaves them armed.
 pub fn arm(arguments: &ArmArguments) -> Result<(), Failure> {
     let group = &arguments.group;
     let (machine, axes) = load(group)?;
     let mode = AxisMode::from(arguments.mode);
-    at_levers(&machine, group, |operator| {
+    as_operator(&machine, group, |operator| {
         refuse_to_arm(&machine, &axes, mode, group, operator)?;
-        let off: Vec<usize> = axes.iter().copied().filter(|axis| is_off(operator, *axis)).collect();
+        let off: Vec<usize> = axes.iter().copied().filter(|axis| is_disarmed(operator, *axis)).collect();
         let armed = match operator.change(&off, mode) {
-            Ok(false) => Err(Failure::Run("stopped before the axes were armed: they are off".to_owned())),
-            Err(failure) => Err(Failure::Run(format!("{failure}{}", advice(&machine, &off, group, operator)))),
+            Ok(false) => Err(Failure::run("stopped before the axes were armed: they are off")),
+            Err(error) => {
+                let advice = advice(&machine, &off, group, operator);
+                Err(Failure::run(format!("{}{advice}", Failure::from(error))))
+            }
             Ok(true) => Ok(()),
         };
         if armed.is_err() {
-            // All or none; but what has latched meanwhile stays to be seen.
-            let enabled: Vec<usize> = off.into_iter().filter(|axis| operator.latched_by(*axis).is_empty()).collect();
-            operator.off(&enabled)?;
+            // Either all axes are armed or none. An axis that has latched meanwhile stays latched, so that its fault is
+            // seen.
+            let armed_axes: Vec<usize> = off.into_iter().filter(|axis| operator.latched_by(*axis).is_empty()).collect();
+            operator.disarm(&armed_axes)?;
         }
-        armed.and_then(|()| show(&states(&axes, operator)))
+        armed?;
+        Ok(show(&states(&axes, operator))?)
     })
 }
 
-/// Puts the axes off, all but the latched ones.
+/// Disarms all axes but the latched ones.
 pub fn disarm(arguments: &DisarmArguments) -> Result<(), Failure> {
     let group = &arguments.group;
     let (machine, axes) = load(group)?;
-    at_levers(&machine, group, |operator| {
-        // Also when it is to end: whoever wants it to end wants the machine to stand.
+    as_operator(&machine, group, |operator| {
+        // A signal does not stop this: a user who wants the command to end wants the axes to stand.
         let moving: Vec<usize> = axes.iter().copied().filter(|axis| operator.latched_by(*axis).is_empty()).collect();
-        operator.off(&moving)?;
-        show(&format!("{}{}", states(&axes, operator), next(&machine, &latched(&axes, operator), "reset", group)))
+        operator.disarm(&moving)?;
+        let next = next(&machine, &latched(&axes, operator), "reset", group);
+        Ok(show(&format!("{}{next}", states(&axes, operator)))?)
     })
 }
 
-/// Puts off the axes that are latched, and no others.
+/// Disarms the latched axes, which releases them, and no others.
 pub fn reset(arguments: &ResetArguments) -> Result<(), Failure> {
     let group = &arguments.group;
     let (machine, axes) = load(group)?;
-    at_levers(&machine, group, |operator| {
+    as_operator(&machine, group, |operator| {
         if operator.stopping() {
             return Ok(());
         }
         let released = latched(&axes, operator);
         let causes: Vec<String> = axes.iter().map(|axis| operator.latched_by(*axis)).collect();
-        operator.off(&released)?;
+        operator.disarm(&released)?;
         let one = |(axis, cause): (&usize, &String)| {
             let state = operator.state(*axis);
             if cause.is_empty() {
@@ -74,7 +79,7 @@ pub fn reset(arguments: &ResetArguments) -> Result<(), Failure> {
             }
         };
         let text: String = axes.iter().zip(&causes).map(one).collect();
-        show(&format!("{text}{}", next(&machine, &released, "arm", group)))
+        Ok(show(&format!("{text}{}", next(&machine, &released, "arm", group)))?)
     })
 }
 
@@ -84,7 +89,7 @@ fn load(group: &GroupAxes) -> Result<(Machine, Vec<usize>), Failure> {
     Ok((machine, axes))
 }
 
-fn is_off(operator: &Operator, axis: usize) -> bool {
+fn is_disarmed(operator: &Operator, axis: usize) -> bool {
     operator.last(axis).is_some_and(|last| last.flags & control_flag::DISARMED != 0)
 }
 
@@ -92,7 +97,7 @@ fn latched(axes: &[usize], operator: &Operator) -> Vec<usize> {
     axes.iter().copied().filter(|axis| !operator.latched_by(*axis).is_empty()).collect()
 }
 
-/// Every axis is off, or in the mode already.
+/// Refuses to arm when an axis is latched, or armed in another mode.
 fn refuse_to_arm(
     machine: &Machine,
     axes: &[usize],
@@ -102,13 +107,13 @@ fn refuse_to_arm(
 ) -> Result<(), Failure> {
     if !latched(axes, operator).is_empty() {
         let states = states(axes, operator);
-        return Err(Failure::Run(format!("{}{}", states.trim_end(), advice(machine, axes, group, operator))));
+        return Err(Failure::run(format!("{}{}", states.trim_end(), advice(machine, axes, group, operator))));
     }
     let is_other = |axis: &&usize| {
-        operator.last(**axis).is_some_and(|last| last.operation != mode as u32 && !is_off(operator, **axis))
+        operator.last(**axis).is_some_and(|last| last.operation != mode as u32 && !is_disarmed(operator, **axis))
     };
     let Some(axis) = axes.iter().find(is_other) else { return Ok(()) };
-    Err(Failure::Run(format!(
+    Err(Failure::run(format!(
         "{}; allowed: off, or {1} already; an axis changes its mode with: {2} --mode {1} --leave",
         operator.state(*axis),
         mode.name(),
@@ -116,7 +121,7 @@ fn refuse_to_arm(
     )))
 }
 
-/// What to do about the axes that are latched; empty when none is.
+/// A line about what to type next for the latched axes; empty when none is latched.
 fn advice(machine: &Machine, axes: &[usize], group: &GroupAxes, operator: &Operator) -> String {
     let latched = latched(axes, operator);
     if latched.is_empty() {
@@ -125,12 +130,12 @@ fn advice(machine: &Machine, axes: &[usize], group: &GroupAxes, operator: &Opera
     format!("\nlook at why, then type: {}", typed(machine, &latched, "reset", group))
 }
 
-/// The line that says what comes next with these axes, if there are any.
+/// A line with the command to type next for these axes; empty when there are none.
 fn next(machine: &Machine, axes: &[usize], command: &str, group: &GroupAxes) -> String {
     if axes.is_empty() { String::new() } else { format!("next: {}\n", typed(machine, axes, command, group)) }
 }
 
-/// A command as it is to be typed for these axes of the same group.
+/// A command line for these axes of the group.
 fn typed(machine: &Machine, axes: &[usize], command: &str, group: &GroupAxes) -> String {
     let file = group.machine.bare.machine.as_ref().map_or_else(String::new, |file| format!(" {}", file.display()));
     let axes: String = axes.iter().map(|axis| format!(" --axis {}", machine.axes[*axis].name)).collect();

@@ -1,4 +1,6 @@
-//! `hydraxis operate`: a person's hand on the axes of a running group.
+//! `hydraxis operate`: a person operates the axes of a running group; and `arm`, `disarm` and `reset` in [`arm`].
+//!
+//! Runs in a process of its own, beside the loop.
 
 mod arguments;
 mod arm;
@@ -30,26 +32,29 @@ pub fn run(arguments: &OperateArguments) -> Result<(), Failure> {
     let machine = load(&arguments.group.machine)?;
     let axes = shared::axes(&machine, &arguments.group.axes)?;
     check(&machine, &axes, arguments)?;
-    at_levers(&machine, &arguments.group, |operator| operate(&machine, &axes, arguments, operator))
+    as_operator(&machine, &arguments.group, |operator| operate(&machine, &axes, arguments, operator))
 }
 
-/// Does something as the operator of a group.
-fn at_levers(
+/// Does `work` as the operator of a group.
+fn as_operator(
     machine: &Machine,
     group: &GroupAxes,
     work: impl FnOnce(&mut Operator) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let stop = stop_flag()?;
-    let result = Operator::join(machine, &group.prefix, stop).and_then(|mut operator| work(&mut operator));
-    // The last to leave a group that has ended leaves nothing behind.
+    let result = match Operator::join(machine, &group.prefix, stop) {
+        Ok(mut operator) => work(&mut operator),
+        Err(error) => Err(error.into()),
+    };
+    // The last process that leaves a group that has ended removes its files.
     let _ = remove_leftovers(&group.prefix);
     result
 }
 
-/// What was typed makes sense for these axes.
+/// Refuses options that do not go together, or not with these axes.
 fn check(machine: &Machine, axes: &[usize], arguments: &OperateArguments) -> Result<(), Failure> {
     let mode = AxisMode::from(arguments.mode);
-    let refuse = |text: String| Err(Failure::Usage(text));
+    let refuse = |text: String| Err(Failure::usage(text));
     match (mode, arguments.command) {
         (AxisMode::Manual, None) => return refuse("--command: found none; allowed: a valve command in [-1, 1]".into()),
         (AxisMode::Manual, Some(command)) if !(-1.0..=1.0).contains(&command) => {
@@ -89,27 +94,30 @@ fn operate(
         return Ok(());
     }
     if mode == AxisMode::Off {
-        operator.off(axes)?;
-        return show(&line(machine, axes, operator, None));
+        operator.disarm(axes)?;
+        return Ok(show(&line(machine, axes, operator, None))?);
     }
     let is_off = |axis: &usize| operator.last(*axis).is_some_and(|last| last.operation == AxisMode::Off as u32);
     let off: Vec<usize> = axes.iter().copied().filter(is_off).collect();
     if let Some(axis) = off.first().filter(|_| !arguments.enable) {
-        return Err(Failure::Usage(format!("{}; allowed: with --enable, and then it may move", operator.state(*axis))));
+        return Err(Failure::usage(format!("{}; allowed: with --enable, and then it may move", operator.state(*axis))));
     }
     if !off.is_empty() {
-        operator.off(&off)?;
+        operator.disarm(&off)?;
     }
     let result = stream(machine, axes, mode, arguments, operator);
     match &result {
         Ok(()) if arguments.leave && !operator.stopping() => {}
-        // Whatever it was, neutral and off in the end.
-        _ => operator.off(axes).and_then(|()| show(&line(machine, axes, operator, None)))?,
+        // For every other end, with or without a failure, the axes are disarmed.
+        _ => {
+            operator.disarm(axes)?;
+            show(&line(machine, axes, operator, None))?;
+        }
     }
     result
 }
 
-/// From the change of the mode to the end.
+/// Changes the mode and sends requests until the end.
 fn stream(
     machine: &Machine,
     axes: &[usize],
@@ -124,7 +132,10 @@ fn stream(
         request.has_target = u32::from(arguments.target.is_some());
     }
     if !operator.change(axes, mode)? || arguments.leave {
-        return if arguments.leave { show(&line(machine, axes, operator, None)) } else { Ok(()) };
+        if arguments.leave {
+            show(&line(machine, axes, operator, None))?;
+        }
+        return Ok(());
     }
     let begin = Instant::now();
     let mut next_line = begin;
@@ -134,7 +145,7 @@ fn stream(
         while operator.command()?.is_some() {}
         let has_left = |axis: &&usize| operator.last(**axis).is_some_and(|last| last.operation != mode as u32);
         if let Some(axis) = axes.iter().find(has_left) {
-            return Err(Failure::Run(format!("{}; allowed: {}", operator.state(*axis), mode.name())));
+            return Err(Failure::run(format!("{}; allowed: {}", operator.state(*axis), mode.name())));
         }
         if Instant::now() >= next_line {
             next_line += LINE_PERIOD;
@@ -144,7 +155,7 @@ fn stream(
     Ok(())
 }
 
-/// The axes as they are.
+/// A line about the present state of the axes.
 fn line(machine: &Machine, axes: &[usize], operator: &Operator, sample: Option<&EncoderSample>) -> String {
     let one = |axis: &usize| {
         let mut text = operator.state(*axis);

@@ -10,42 +10,45 @@ use crate::arguments::{MachineFile, values::duration, with_scenarios};
 #[derive(Debug, Args)]
 #[command(after_help = with_scenarios("\
 Examples:
-  hydraxis simulate --scenario payload --plot motion.svg              the loop as of `run`, and a picture
-  hydraxis simulate --scenario open-loop --axis boom --plot boom.svg  no controller, the scenario's commands
-  hydraxis simulate --open-loop u.csv > y.csv                         no controller, your commands: columns t, boom, ..")
+  hydraxis simulate --scenario payload --plot motion.svg              the control loop, and a picture of its motion
+  hydraxis simulate --scenario open-loop --axis boom --plot boom.svg  no controller, commands of the scenario
+  hydraxis simulate --open-loop u.csv > y.csv                         no controller, your commands: columns t, boom, ..
+
+Computes the loop of `hydraxis run --lockstep` in one process and gives the same figures. Runs with equal seeds are bit
+for bit equal. Without a controller only the plant is simulated, and the trajectory goes to standard output.")
 )]
 pub struct SimulateArguments {
     /// The machine
     #[command(flatten)]
     pub machine: MachineFile,
-    /// How long, in the machine's time; without it 20 s, or the whole record when it is replayed
+    /// Length of the simulated time [default: 20s for a simulated machine, the whole record for a replayed one]
     #[arg(long, value_parser = duration)]
     pub duration: Option<Duration>,
-    /// Simulate the plant alone, under the commands of a CSV file: column `t` (s) and one per axis, in [-1, 1], each
-    /// held until the next row
+    /// Simulate only the plant, under the commands of a CSV file: column `t` (s), and one column per axis with commands
+    /// in [-1, 1]. Each row is held until the next one
     #[arg(long, value_name = "U.csv", conflicts_with = "duration")]
     pub open_loop: Option<PathBuf>,
-    /// What is kept of the motion
+    /// Records of the motion
     #[command(flatten)]
-    pub recording: Recording,
+    pub recording: RecordingArguments,
     /// Seed of the simulated noise
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Write the figures as JSON, to a file or to standard output with -
+    /// Write the figures as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
 }
 
-/// What `simulate` keeps of the motion.
+/// Records of the motion that `simulate` writes.
 #[derive(Debug, Args)]
-pub struct Recording {
-    /// Write commands and true states as CSV, to a file or to standard output with -
+pub struct RecordingArguments {
+    /// Write commands and true states as CSV to a file, or to standard output with -
     #[arg(long, value_name = "FILE.csv")]
     pub trajectory: Option<PathBuf>,
-    /// Draw commands and positions over time, to a file or to standard output with -
+    /// Draw commands and positions over time into an SVG file, or to standard output with -
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
-    /// Only this axis in trajectory and picture; may be given several times
+    /// Only this axis in trajectory and picture; may be given several times [default: all axes]
     #[arg(long = "axis", value_name = "NAME")]
     pub axes: Vec<String>,
 }

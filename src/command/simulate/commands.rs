@@ -1,7 +1,7 @@
-//! The commands of an open loop: rows of a CSV file, or the sines of the scenario.
+//! The commands of an open loop: the rows of a CSV file, or the sines of the scenario.
 //!
-//! A file has a column `t`, s, and one per axis that is commanded, in [-1, 1]; every row is held until the next. Its
-//! times rise and may start anywhere: the first is the begin of the simulation.
+//! A file has a column `t`, s, and a column with commands in [-1, 1] for each axis that is commanded. Every row is held
+//! until the next one. Times rise; the first one, of any value, is the begin of the simulation.
 
 use std::{f64::consts::TAU, path::Path, time::Duration};
 
@@ -13,25 +13,25 @@ use pipeline::{
 
 /// Name of the column with the time, s.
 const TIME_COLUMN: &str = "t";
-/// Shortest time between rows, s: far below the plant's step, far above what a duration resolves.
+/// Shortest time between rows, s: far below the step of the plant, far above the resolution of a duration.
 const SHORTEST: f64 = 1e-6;
 /// Longest experiment, s: half a year.
 const LONGEST: f64 = 1.6e7;
 
 /// Commands over time, row by row.
 pub enum Commands<'a> {
-    /// Sums of sines for all axes, a row per period.
+    /// A sum of sines for all axes, one row per period.
     Sines { sines: &'a [CommandSine], period: Duration, rows: usize },
-    /// Rows of a file: their times, and the values of each axis that has a column.
+    /// The rows of a file: their times, and the values of each axis that has a column.
     File { times: Vec<f64>, axes: Vec<(usize, Vec<f64>)> },
 }
 
 impl Commands<'_> {
-    /// Reads a file for the axes of `machine`.
+    /// Reads the commands of a file for the axes of `machine`.
     ///
     /// # Errors
-    /// The file cannot be read, has columns that are neither `t` nor an axis, no axis, no row, times that do not rise,
-    /// or values that are not in [-1, 1].
+    /// The file cannot be read; it has a column that is neither `t` nor an axis, no axis, or no row; its times do not
+    /// rise, or its values are not in [-1, 1].
     pub fn read(file: &Path, machine: &Machine) -> Result<Self, TableError> {
         let table = Table::read(file)?;
         let axes: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
@@ -79,7 +79,7 @@ impl Commands<'_> {
         }
     }
 
-    /// Whether an axis is commanded at all.
+    /// Whether an axis has commands.
     pub fn has(&self, axis: usize) -> bool {
         match self {
             Self::Sines { .. } => true,
@@ -95,17 +95,17 @@ impl Commands<'_> {
         }
     }
 
-    /// From the first row to this one.
+    /// Time from the first row to this one.
     pub fn since_begin(&self, row: usize) -> Duration {
         Duration::from_secs_f64(self.time(row) - self.time(0))
     }
 
-    /// From the first row to the last, s.
+    /// Time from the first row to the last, s.
     pub fn duration(&self) -> f64 {
         self.time(self.rows() - 1) - self.time(0)
     }
 
-    /// Puts the values of a row into `command`.
+    /// Writes the values of a row into `command`.
     pub fn fill(&self, row: usize, command: &mut ValveCommand) {
         match self {
             Self::Sines { sines, .. } => {
@@ -121,7 +121,7 @@ impl Commands<'_> {
     }
 }
 
-/// What is wrong with the time of a row that is later than the one before it.
+/// The problem with the time of a row, as what was found and what is allowed; none when it is fine.
 fn time_problem(times: &[f64], row: usize) -> Option<(String, String)> {
     let (t, before) = (times[row], times[row.checked_sub(1)?]);
     if t - before < SHORTEST {
@@ -131,6 +131,7 @@ fn time_problem(times: &[f64], row: usize) -> Option<(String, String)> {
     late.then(|| (t.to_string(), format!("a time up to {LONGEST} s after that of the first row")))
 }
 
+/// The problem with a command, as what was found and what is allowed; none when it is fine.
 fn value_problem(value: f64) -> Option<(String, String)> {
     let wrong = !(-1.0..=1.0).contains(&value);
     wrong.then(|| (value.to_string(), "a command from -1 to 1".to_owned()))

@@ -1,4 +1,7 @@
 //! `hydraxis simulate`: the machine in one process, in closed loop or under given commands.
+//!
+//! The loop here calls the cores of the stages one after the other. It has no real time, no channel and no other
+//! process.
 
 mod arguments;
 pub mod closed_loop;
@@ -19,7 +22,7 @@ use crate::{
     arguments::load,
     failure::Failure,
     report::{
-        control_loop::Report,
+        control_loop::LoopReport,
         output::{Output, is_stdout},
         table::progress,
     },
@@ -27,14 +30,14 @@ use crate::{
 pub use arguments::SimulateArguments;
 use recorder::Recorder;
 
-/// How long a simulated machine runs when nobody says.
+/// Length of a run of a simulated machine without `--duration`.
 pub const DEFAULT_DURATION: Duration = Duration::from_secs(20);
 
 /// Runs the command.
 pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
     let machine = load(&arguments.machine)?;
     if let Some(kind) = StageKind::ALL.into_iter().find(|kind| machine.stage(*kind).command.is_some()) {
-        return Err(Failure::Usage(format!(
+        return Err(Failure::usage(format!(
             "stage.{}.command: another program cannot run inside `simulate`; use `run --lockstep`",
             kind.name()
         )));
@@ -66,15 +69,15 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
         }
     })?;
     progress.finish_and_clear();
-    let report = Report::new(&machine, &last, Clock::LockStep, started.elapsed().as_secs_f64());
+    let report = LoopReport::new(&machine, &last, Clock::LockStep, started.elapsed().as_secs_f64());
     recorder.map_or(Ok(()), Recorder::finish)?;
-    output.write(|| report.tables(&machine), &report)
+    Ok(output.write(|| report.tables(&machine), &report)?)
 }
 
 /// Refuses options that do not go together, or not with this machine.
 fn expect_compatible(arguments: &SimulateArguments, machine: &Machine, is_open: bool) -> Result<(), Failure> {
     let recording = &arguments.recording;
-    let refuse = |text: &str| Err(Failure::Usage(text.to_owned()));
+    let refuse = |text: &str| Err(Failure::usage(text));
     if machine.source != Source::Sim && (is_open || recording.trajectory.is_some() || recording.plot.is_some()) {
         return refuse(
             "source.kind: found \"replay\"; allowed: \"sim\" for an open loop, --trajectory and --plot, which show a \
@@ -93,17 +96,20 @@ fn expect_compatible(arguments: &SimulateArguments, machine: &Machine, is_open: 
     Ok(())
 }
 
-/// How many outputs were sent to standard output.
+/// Number of outputs that go to standard output.
 fn standard_outputs(arguments: &SimulateArguments) -> usize {
     let outputs = [&arguments.json, &arguments.recording.trajectory, &arguments.recording.plot];
     outputs.into_iter().flatten().filter(|path| is_stdout(path)).count()
 }
 
-/// Ticks of a run: as asked, no more than the rows of the recording if one is replayed.
+/// Ticks of a run of `duration`; at most the rows of the recording if one is replayed.
+///
+/// # Errors
+/// The duration is less than one period.
 pub fn ticks(machine: &Machine, rows: Option<u64>, duration: Option<Duration>) -> Result<u64, Failure> {
     let asked = duration.map(|duration| samples_of(duration, machine.timing.period) as u64);
     if asked == Some(0) {
-        return Err(Failure::Usage("--duration: found less than one period of the machine file".to_owned()));
+        return Err(Failure::usage("--duration: found less than one period of the machine file"));
     }
     Ok(match rows {
         Some(rows) => asked.unwrap_or(rows).min(rows),

@@ -1,4 +1,4 @@
-//! The plant alone, under commands that are held from row to row.
+//! The plant without a controller, under commands that are held from row to row.
 
 use std::time::Duration;
 
@@ -11,17 +11,20 @@ use plant_sim::PlantSim;
 use super::{arguments::SimulateArguments, commands::Commands, recorder::Recorder, ticks};
 use crate::{failure::Failure, report::table::progress};
 
-/// Simulates and records.
+/// Simulates the plant and records its motion.
+///
+/// # Errors
+/// The commands or the machine are wrong, or a record cannot be written.
 pub fn run(machine: &Machine, arguments: &SimulateArguments) -> Result<(), Failure> {
     let commands = match &arguments.open_loop {
-        Some(file) => Commands::read(file, machine).map_err(|error| Failure::Usage(format!("--open-loop: {error}")))?,
+        Some(file) => Commands::read(file, machine).map_err(|error| Failure::usage(error).about("--open-loop"))?,
         None => Commands::Sines {
             sines: &machine.scenario.commands,
             period: machine.timing.period,
             rows: ticks(machine, None, arguments.duration)? as usize,
         },
     };
-    // Whoever commands here holds on purpose: the drive is not to take a long row for a dead controller.
+    // A long row is held on purpose. Without this the drive would take it for a controller that has died.
     let patient = Machine { timing: Timing { drive_timeout: Duration::MAX, ..machine.timing }, ..machine.clone() };
     let mut plant = PlantSim::new(&patient, arguments.seed).map_err(Failure::usage)?;
     let mut recorder = Recorder::for_open_loop(machine, &arguments.recording, &commands)?;
@@ -37,7 +40,8 @@ pub fn run(machine: &Machine, arguments: &SimulateArguments) -> Result<(), Failu
     for row in 0..rows {
         if let Some(last) = row.checked_sub(1) {
             let mut rest = commands.since_begin(row) - commands.since_begin(last);
-            // How time is cut makes no difference to the plant; the picture shows what is between far rows.
+            // The plant gives the same states for any division of time; the picture shows the motion between distant
+            // rows.
             while rest > machine.timing.period {
                 plant.advance(machine.timing.period);
                 rest -= machine.timing.period;

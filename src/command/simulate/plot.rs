@@ -1,7 +1,9 @@
 //! A picture of the motion: commands and positions over time, one colour per axis.
 
+use std::error::Error;
+
 use pipeline::message::ValveCommand;
-use plant_sim::AxisState;
+use plant_sim::TrueState;
 use plotters::{
     chart::ChartBuilder,
     coord::Shift,
@@ -10,16 +12,14 @@ use plotters::{
     series::LineSeries,
 };
 
-use crate::failure::Failure;
-
-/// Width and height; coordinates are whole, hence more of them than the picture has pixels on a page.
+/// Width and height. Coordinates are whole numbers; the picture is larger than on a page, so that lines are smooth.
 const SIZE: (u32, u32) = (1600, 1200);
 /// Height of title and legend.
 const HEAD: u32 = 110;
-/// From the left edge to the panels.
+/// Distance from the left edge to the panels.
 const LEFT: u32 = 140;
 const FONT: &str = "sans-serif";
-/// What colour-blind readers can tell apart (Okabe and Ito), for each axis that a machine can have.
+/// Colours that colour-blind readers can tell apart (Okabe and Ito), one for each axis that a machine can have.
 const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -30,47 +30,47 @@ const COLOURS: [RGBColor; 8] = [
     RGBColor(80, 80, 80),
     RGBColor(160, 120, 60),
 ];
-/// Stretches of time, each drawn by its lowest and its highest point.
+/// Stretches that the time is divided into. Each is drawn by its lowest and its highest point.
 const STRETCHES: f64 = 1000.0;
 /// Free space above and below the lines, as a part of their height.
 const MARGIN: f64 = 0.05;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// What is drawn, collected row by row.
+/// The lines of the picture, collected row by row.
 pub struct Plot {
     title: String,
     is_controlled: bool,
-    axes: Vec<AxisLines>,
+    axes: Vec<AxisCurves>,
 }
 
-struct AxisLines {
+struct AxisCurves {
     index: usize,
     name: String,
-    command: Line,
-    position: Line,
-    reference: Line,
+    command: Curve,
+    position: Curve,
+    reference: Curve,
 }
 
-/// A line through points (s, value), thinned so that no extreme is lost.
-struct Line {
+/// A curve through points (s, value), thinned so that no extreme is lost.
+struct Curve {
     points: Vec<(f64, f64)>,
     /// Length of a stretch, s.
     stretch: f64,
-    /// Begin, lowest and highest point of the one that is not over.
+    /// Begin, lowest and highest point of the stretch that is not closed yet.
     open: Option<[(f64, f64); 3]>,
 }
 
 impl Plot {
-    /// For `axes`, index and name, over `duration` s; those that are controlled have a reference.
+    /// An empty picture for `axes`, index and name, over `duration` s. Controlled axes have a reference.
     pub fn new(title: String, axes: Vec<(usize, String)>, is_controlled: bool, duration: f64) -> Self {
-        let line = || Line { points: Vec::new(), stretch: duration / STRETCHES, open: None };
-        let lines = |(index, name)| AxisLines { index, name, command: line(), position: line(), reference: line() };
+        let line = || Curve { points: Vec::new(), stretch: duration / STRETCHES, open: None };
+        let lines = |(index, name)| AxisCurves { index, name, command: line(), position: line(), reference: line() };
         Self { title, is_controlled, axes: axes.into_iter().map(lines).collect() }
     }
 
-    /// Takes the states at `t` s, and the command that is held from then on.
-    pub fn row(&mut self, t: f64, states: &[AxisState], command: &ValveCommand) {
+    /// Adds the states at `t` s, and the command that is held from then on.
+    pub fn row(&mut self, t: f64, states: &[TrueState], command: &ValveCommand) {
         for axis in &mut self.axes {
             let control = &command.axes[axis.index];
             axis.command.push(t, control.command);
@@ -81,19 +81,22 @@ impl Plot {
         }
     }
 
-    /// The picture.
-    pub fn svg(mut self) -> Result<String, Failure> {
+    /// The picture as SVG.
+    ///
+    /// # Errors
+    /// The library cannot draw it.
+    pub fn svg(mut self) -> Result<String, Box<dyn Error + Send + Sync>> {
         for axis in &mut self.axes {
             for line in [&mut axis.command, &mut axis.position, &mut axis.reference] {
                 line.close();
             }
         }
         let mut text = String::new();
-        self.draw(&SVGBackend::with_string(&mut text, SIZE).into_drawing_area()).map_err(Failure::run)?;
+        self.draw(&SVGBackend::with_string(&mut text, SIZE).into_drawing_area())?;
         Ok(text)
     }
 
-    fn draw(&self, area: &Area) -> Result<(), Box<dyn std::error::Error>> {
+    fn draw(&self, area: &Area) -> Result<(), Box<dyn Error + Send + Sync>> {
         area.fill(&WHITE)?;
         let (head, panels) = area.split_vertically(HEAD);
         let (upper, lower) = panels.split_vertically((SIZE.1 - HEAD) / 2);
@@ -111,8 +114,8 @@ impl Plot {
         panel(&lower, "position, mm", &positions, 1.0)
     }
 
-    /// The title, and below it a stroke and a name for every axis.
-    fn draw_head(&self, area: &Area) -> Result<(), Box<dyn std::error::Error>> {
+    /// Draws the title, and below it a stroke and a name for every axis.
+    fn draw_head(&self, area: &Area) -> Result<(), Box<dyn Error + Send + Sync>> {
         area.draw(&Text::new(self.title.clone(), (LEFT as i32, 18), (FONT, 34).into_font()))?;
         let mut entries: Vec<_> =
             self.axes.iter().map(|axis| (axis.name.clone(), COLOURS[axis.index % COLOURS.len()].to_rgba())).collect();
@@ -129,22 +132,22 @@ impl Plot {
     }
 }
 
-/// A reference beside its position.
+/// The colour of a reference, beside its position.
 fn light(colour: RGBColor) -> RGBAColor {
     colour.mix(0.4)
 }
 
-/// One panel: lines over time; a line that is flat gets `least` of space above and below.
+/// Draws one panel: lines over time. A flat line gets the space `least` above and below.
 fn panel(
     area: &Area,
     label: &str,
     lines: &[(Vec<(f64, f64)>, RGBAColor)],
     least: f64,
-) -> Result<(), Box<dyn std::error::Error>> {
+) -> Result<(), Box<dyn Error + Send + Sync>> {
     let points = || lines.iter().flat_map(|(points, _)| points);
     let (begin, end) = range(points().map(|point| point.0), 0.0, 0.0);
     let (low, high) = range(points().map(|point| point.1), MARGIN, least);
-    // Of a single row as well something can be seen.
+    // A single row has no duration; with one second its point is still visible.
     let end = if end > begin { end } else { begin + 1.0 };
     let mut chart = ChartBuilder::on(area)
         .margin_left(20)
@@ -170,21 +173,21 @@ fn panel(
     Ok(())
 }
 
-/// A number beside an axis.
+/// The text of a number beside an axis of the panel.
 fn tick(value: &f64) -> String {
     let text = format!("{value:.3}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
     if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
-/// From the least to the greatest value, and a part `margin` of it, but at least `least`, to both sides.
+/// The range of the values, extended to both sides by the part `margin` of it, but at least by `least`.
 fn range(values: impl Iterator<Item = f64>, margin: f64, least: f64) -> (f64, f64) {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
     let space = (margin * (high - low)).max(least);
     (low - space, high + space)
 }
 
-impl Line {
+impl Curve {
     fn push(&mut self, t: f64, value: f64) {
         let point = (t, value);
         match &mut self.open {
@@ -203,7 +206,7 @@ impl Line {
         }
     }
 
-    /// Ends a stretch.
+    /// Closes the present stretch.
     fn close(&mut self) {
         let Some([_, low, high]) = self.open.take() else { return };
         let (first, second) = if low.0 <= high.0 { (low, high) } else { (high, low) };
@@ -213,7 +216,7 @@ impl Line {
         }
     }
 
-    /// The points as steps: each value holds until the next.
+    /// The points as steps: each value is held until the next one.
     fn held(&self) -> Vec<(f64, f64)> {
         let first = self.points.first().copied();
         let steps = self.points.windows(2).flat_map(|pair| [(pair[1].0, pair[0].1), pair[1]]);
@@ -227,7 +230,7 @@ mod tests {
 
     #[test]
     fn a_long_line_is_thinned_and_keeps_its_extremes() {
-        let mut line = Line { points: Vec::new(), stretch: 100.0 / STRETCHES, open: None };
+        let mut line = Curve { points: Vec::new(), stretch: 100.0 / STRETCHES, open: None };
         for i in 0..100_000 {
             let spike = if i == 34_567 { 5.0 } else { 0.0 };
             line.push(f64::from(i) * 1e-3, f64::from(i).sin() + spike);
@@ -240,7 +243,7 @@ mod tests {
 
     #[test]
     fn a_short_line_is_drawn_whole() {
-        let mut line = Line { points: Vec::new(), stretch: 4.0 / STRETCHES, open: None };
+        let mut line = Curve { points: Vec::new(), stretch: 4.0 / STRETCHES, open: None };
         let points = [(1.0, 0.5), (2.0, -0.5), (2.1, 0.25), (5.0, 0.0)];
         points.iter().for_each(|(t, value)| line.push(*t, *value));
         line.close();

@@ -1,4 +1,4 @@
-//! What is kept of a simulated motion: a trajectory as CSV, row by row as it is made, and a picture.
+//! Records of a simulated motion: a trajectory as CSV, written row by row, and a picture.
 
 use std::{
     io::{self, Write},
@@ -8,54 +8,58 @@ use std::{
 use pipeline::{machine::Machine, message::ValveCommand};
 use plant_sim::PlantSim;
 
-use super::{arguments::Recording, commands::Commands, plot::Plot};
+use super::{arguments::RecordingArguments, commands::Commands, plot::Plot};
 use crate::{
     failure::Failure,
-    report::output::{create, unwritable},
+    report::output::{OutputError, create},
 };
 
-/// Columns of every axis: its command, then the plant's true state, SI units.
+/// Columns of every axis: its command, then the true state of the plant; SI units.
 const STATE: [&str; 8] =
     ["command", "position", "velocity", "piston_pressure", "rod_pressure", "spool_position", "piston_flow", "rod_flow"];
-/// Columns of every axis that is controlled: its target, how far the measured position is from it, and who controls,
-/// a `ControlMode` as number.
+/// Columns of every axis under control: reference, following error, and the `ControlMode` as a number.
 const CONTROL: [&str; 3] = ["reference", "error", "mode"];
 
-/// Trajectory and picture, as far as they are asked for.
+/// Trajectory and picture, as far as the user asked for them.
 pub struct Recorder {
     is_controlled: bool,
     /// Indices of the axes in the trajectory.
     axes: Vec<usize>,
-    trajectory: Option<Trajectory>,
+    trajectory: Option<TrajectoryFile>,
     plot: Option<(PathBuf, Box<dyn Write>, Plot)>,
     row: Vec<f64>,
 }
 
-struct Trajectory {
+/// The CSV file of the trajectory.
+struct TrajectoryFile {
     path: PathBuf,
     writer: csv::Writer<Box<dyn Write>>,
 }
 
 impl Recorder {
-    /// For a closed loop of `duration` s; nothing where nothing is asked for.
-    pub fn for_closed_loop(machine: &Machine, asked: &Recording, duration: f64) -> Result<Option<Self>, Failure> {
+    /// A recorder for a closed loop of `duration` s; none when the user asked for no record.
+    pub fn for_closed_loop(
+        machine: &Machine,
+        asked: &RecordingArguments,
+        duration: f64,
+    ) -> Result<Option<Self>, Failure> {
         if asked.trajectory.is_none() && asked.plot.is_none() {
             return Ok(None);
         }
         Self::open(machine, asked, asked.trajectory.as_deref(), true, |_| true, duration).map(Some)
     }
 
-    /// For an open loop; without a wish the trajectory goes to standard output.
-    pub fn for_open_loop(machine: &Machine, asked: &Recording, commands: &Commands) -> Result<Self, Failure> {
+    /// A recorder for an open loop. Without an option the trajectory goes to standard output.
+    pub fn for_open_loop(machine: &Machine, asked: &RecordingArguments, commands: &Commands) -> Result<Self, Failure> {
         let default = asked.plot.is_none().then_some(Path::new("-"));
         let trajectory = asked.trajectory.as_deref().or(default);
         Self::open(machine, asked, trajectory, false, |axis| commands.has(axis), commands.duration())
     }
 
-    /// Of the axes that nobody asked for by name, those that are `commanded` are drawn.
+    /// Opens the files. Without `--axis` only the axes that are `commanded` are drawn.
     fn open(
         machine: &Machine,
-        asked: &Recording,
+        asked: &RecordingArguments,
         trajectory: Option<&Path>,
         is_controlled: bool,
         commanded: impl Fn(usize) -> bool,
@@ -64,7 +68,7 @@ impl Recorder {
         let names: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
         if let Some(unknown) = asked.axes.iter().find(|axis| !names.contains(&axis.as_str())) {
             let allowed = names.join(", ");
-            return Err(Failure::Usage(format!("--axis: found \"{unknown}\"; allowed: one of {allowed}")));
+            return Err(Failure::usage(format!("--axis: found \"{unknown}\"; allowed: one of {allowed}")));
         }
         let is_asked = |index: &usize| asked.axes.is_empty() || asked.axes.iter().any(|name| name == names[*index]);
         let axes: Vec<usize> = (0..names.len()).filter(is_asked).collect();
@@ -78,7 +82,7 @@ impl Recorder {
         }
         if let Some(path) = trajectory {
             let writer = csv::WriterBuilder::new().has_headers(false).from_writer(create("--trajectory", path)?);
-            recorder.trajectory = Some(Trajectory { path: path.to_owned(), writer });
+            recorder.trajectory = Some(TrajectoryFile { path: path.to_owned(), writer });
             let header = recorder.header(&names);
             recorder.write(|writer| writer.write_record(&header))?;
         }
@@ -94,7 +98,7 @@ impl Recorder {
         header
     }
 
-    /// Keeps the state of `plant` at `t` s, and the command that is held from then on.
+    /// Records the state of `plant` at `t` s, and the command that is held from then on.
     pub fn row(&mut self, t: f64, plant: &PlantSim, command: &ValveCommand) -> Result<(), Failure> {
         self.draw(t, plant, command);
         let mut row = std::mem::take(&mut self.row);
@@ -121,42 +125,42 @@ impl Recorder {
         written
     }
 
-    /// The same for the picture alone.
+    /// Records the state and the command for the picture only.
     pub fn draw(&mut self, t: f64, plant: &PlantSim, command: &ValveCommand) {
         if let Some((_, _, plot)) = &mut self.plot {
             plot.row(t, plant.axes(), command);
         }
     }
 
-    /// Whether anybody still takes what is recorded.
+    /// Whether a reader of the records is left.
     pub fn is_wanted(&self) -> bool {
         self.trajectory.is_some() || self.plot.is_some()
     }
 
-    /// Writes what is left.
+    /// Writes everything that is not written yet.
     pub fn finish(mut self) -> Result<(), Failure> {
         self.write(|writer| Ok(writer.flush()?))?;
         let Some((path, mut file, plot)) = self.plot else { return Ok(()) };
-        let text = plot.svg()?;
+        let text = plot.svg().map_err(|error| Failure::run(error).about("--plot"))?;
         match file.write_all(text.as_bytes()).and_then(|()| file.flush()) {
-            Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(unwritable("--plot", &path, &error)),
+            Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+                Err(OutputError::Write { option: "--plot", path, source: error }.into())
+            }
             _ => Ok(()),
         }
     }
 
-    /// Writes to the trajectory, if there is one. A reader that has gone, such as `head`, has seen what it wanted.
+    /// Writes to the trajectory, if there is one. A reader that has closed its end, such as `head`, is no error.
     fn write(
         &mut self,
         write: impl FnOnce(&mut csv::Writer<Box<dyn Write>>) -> Result<(), csv::Error>,
     ) -> Result<(), Failure> {
-        let Some(Trajectory { path, writer }) = &mut self.trajectory else { return Ok(()) };
+        let Some(TrajectoryFile { path, writer }) = &mut self.trajectory else { return Ok(()) };
         let Err(error) = write(writer) else { return Ok(()) };
-        let error = match error.into_kind() {
-            csv::ErrorKind::Io(error) => error,
-            other => io::Error::other(format!("{other:?}")),
-        };
-        if error.kind() != io::ErrorKind::BrokenPipe {
-            return Err(unwritable("--trajectory", path, &error));
+        let is_closed = matches!(error.kind(), csv::ErrorKind::Io(error) if error.kind() == io::ErrorKind::BrokenPipe);
+        if !is_closed {
+            let (path, source) = (path.clone(), io::Error::from(error));
+            return Err(OutputError::Write { option: "--trajectory", path, source }.into());
         }
         self.trajectory = None;
         Ok(())

@@ -9,24 +9,25 @@ use pipeline::channel::Prefix;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  hydraxis status                          the one group that runs
+  hydraxis status                          the only group that runs
   hydraxis status --prefix demo --watch    again every second, until Ctrl-C
   hydraxis status --json - | jq .axes      for programs
-  hydraxis status --reset                  and let all stages count and measure from zero again
+  hydraxis status --reset                  shows the figures; then all stages count and measure from zero again
 
-Everything is read from shared memory, from two channels that no stage reads: watching costs the loops nothing.
-Exit codes: 0 all stages are well, 1 no such group runs, or one of its stages is silent.")]
+Shows stages, channels, latencies and axes. It listens for half a second to two channels that no stage reads, so the
+loops are not slowed down. Exit codes: 0 all stages are well, 1 no such group runs, or a stage is silent for more than a
+second.")]
 pub struct StatusArguments {
-    /// Name of the group's channels; without it the one group that runs
+    /// Name of the group [default: the only group that runs]
     #[arg(long)]
     pub prefix: Option<Prefix>,
-    /// Again every second, until Ctrl-C or the end of the group
+    /// Show the figures every second, until Ctrl-C or the end of the group
     #[arg(long, conflicts_with = "json")]
     pub watch: bool,
-    /// Then let all stages count losses and misses and measure latencies from zero again
+    /// Afterwards all stages count losses and missed deadlines and measure latencies from zero again
     #[arg(long)]
     pub reset: bool,
-    /// Write the same as JSON, to a file or to standard output with -
+    /// Write the figures as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
 }

@@ -1,11 +1,13 @@
-//! The deaths of processes, in the order in which they died.
+//! The ends of processes, in the order in which they ended.
 //!
-//! The kernel holds a descriptor per process that becomes readable at its end, and queues what becomes readable in that
-//! order. Nothing is reaped here: until it is, no other process can have its number.
+//! The kernel has a descriptor for each process, which becomes readable when the process ends, and it queues
+//! descriptors in the order in which they become readable. Processes are not reaped here. Until a process is reaped, no
+//! other process gets its number.
 //!
-//! Trap: asking each process in turn whether it lives gives them in the order of asking, and threads that wait for one
-//! each wake in the order of the scheduler. Either way the cause and its consequence change places. Even so a
-//! process has died when its last thread has, milliseconds after a signal: nobody can tell closer deaths apart.
+//! Trap: a loop that asks each process in turn finds them in the order of the loop, and threads that wait for one
+//! process each wake in the order of the scheduler. In both cases a cause and its consequence may change places. A
+//! process ends with its last thread, some milliseconds after a signal. The order of ends that lie closer together is
+//! not known.
 
 use std::{
     io,
@@ -21,24 +23,30 @@ use rustix::{
     process::{Pid, PidfdFlags, pidfd_open},
 };
 
-/// Deaths that are taken at once: more than there are stages.
+/// Ends that are read at once: more than there are stages.
 const AT_ONCE: usize = 8;
 
-/// The processes whose deaths are waited for.
+/// The processes whose ends are watched.
 pub struct Deaths {
     queue: OwnedFd,
 }
 
-/// A process that is waited for until this is dropped.
+/// A watched process. Dropping this value ends the watch.
 pub struct Watched(#[expect(dead_code, reason = "the kernel's queue holds it while it is open")] OwnedFd);
 
 impl Deaths {
-    /// Of nobody yet.
+    /// Watches no process yet.
+    ///
+    /// # Errors
+    /// The kernel gives no queue.
     pub fn new() -> io::Result<Self> {
         Ok(Self { queue: epoll::create(epoll::CreateFlags::CLOEXEC)? })
     }
 
-    /// Waits for the death of this child as well.
+    /// Watches this child as well.
+    ///
+    /// # Errors
+    /// The kernel gives no descriptor for it.
     pub fn watch(&self, pid: Pid) -> io::Result<Watched> {
         let process = pidfd_open(pid, PidfdFlags::empty())?;
         let data = epoll::EventData::new_u64(u64::from(pid.as_raw_pid().unsigned_abs()));
@@ -46,8 +54,8 @@ impl Deaths {
         Ok(Watched(process))
     }
 
-    /// Waits for a death, for so long at most or until a signal; those that have died, the first one first. Each comes
-    /// again until it is no longer watched.
+    /// Waits until a watched process ends, at most for `longest` or until a signal. Returns the processes that have
+    /// ended, the first one first. Each call returns them again until they are no longer watched.
     pub fn wait(&self, longest: Duration) -> Vec<Pid> {
         let started = Instant::now();
         let mut events = [const { MaybeUninit::uninit() }; AT_ONCE];
@@ -72,7 +80,7 @@ mod tests {
     use std::process::Command;
 
     #[test]
-    fn deaths_come_in_their_order_whatever_the_order_of_births() {
+    fn processes_are_reported_in_the_order_in_which_they_ended() {
         let deaths = Deaths::new().unwrap();
         let mut children: Vec<_> = (0..4).map(|_| Command::new("sleep").arg("1000").spawn().unwrap()).collect();
         let pids: Vec<Pid> = children.iter().map(Pid::from_child).collect();

@@ -1,11 +1,8 @@
 //! SIGINT, SIGTERM and SIGHUP to the supervisor: the first ends the run in order, another one ends it faster.
 
-use signal_hook::{
-    consts::{SIGHUP, SIGINT, SIGTERM},
-    iterator::Signals,
-};
+use signal_hook::iterator::Signals;
 
-use crate::failure::Failure;
+use crate::group::signals::{END, SignalError};
 
 /// The signals that ask for the end.
 pub struct Interrupts {
@@ -14,23 +11,22 @@ pub struct Interrupts {
 }
 
 impl Interrupts {
-    /// Takes the signals from now on.
+    /// Handles the signals from now on.
     ///
     /// # Errors
-    /// The system refuses.
-    pub fn new() -> Result<Self, Failure> {
-        let signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(Failure::run)?;
-        Ok(Self { signals, any: false })
+    /// The system refuses a handler.
+    pub fn new() -> Result<Self, SignalError> {
+        Ok(Self { signals: Signals::new(END)?, any: false })
     }
 
-    /// Whether one has come since this was last asked.
+    /// Whether a signal has come since the last call of this function.
     pub fn again(&mut self) -> bool {
         let came = self.signals.pending().count() > 0;
         self.any |= came;
         came
     }
 
-    /// Whether one has ever come.
+    /// Whether a signal has ever come.
     pub fn any(&mut self) -> bool {
         self.again();
         self.any

@@ -1,10 +1,10 @@
-//! What the stages say, line by line: to standard error, to a file, and the last lines kept for error messages.
+//! The output of the stages, line by line: to standard error and to a file. The last lines are kept for error messages.
 //!
-//! Two threads per stage take what it says out of its pipes, always; one thread writes it on. Between them is a queue
-//! of bounded length: when whoever reads standard error is slow, or the disk is, lines are left out and counted, and no
-//! stage is ever waited for.
+//! Two threads for each stage read its pipes; one thread writes all lines. A queue of bounded length connects them.
+//! When the reader of standard error or the disk is slow, lines are left out and counted, and no stage waits.
 //!
-//! Trap: a stage that writes into a full pipe stops, valves as they are. So nothing here may stop taking lines.
+//! Trap: a stage that writes into a full pipe stops and leaves the valves as they are. So the reading threads must
+//! never stop.
 
 use std::{
     collections::VecDeque,
@@ -22,29 +22,29 @@ use std::{
 
 use pipeline::{channel::Prefix, stage::StageKind};
 
-use crate::failure::Failure;
+use super::SupervisorError;
 
-/// Lines between the stages and the writer.
+/// Lines that the queue between readers and writer holds.
 const QUEUE: usize = 1024;
-/// Bytes of a line; what is longer becomes several.
+/// Longest line, bytes. A longer one is divided into several.
 const LONGEST_LINE: u64 = 4096;
-/// Lines per stage that are kept.
+/// Lines of each stage that are kept for error messages.
 const KEPT: usize = 8;
-/// How long the writer may take for what is left at the end.
+/// Time in which the writer must write the remaining lines at the end.
 const CLOSING: Duration = Duration::from_millis(500);
 
-/// One line.
-struct Line {
-    /// The stage; none for the supervisor itself.
+/// One line of the log.
+struct LogLine {
+    /// The stage that wrote it; none for the supervisor.
     from: Option<StageKind>,
     at: SystemTime,
     text: String,
 }
 
-/// Where lines go in; clones go in at the same place.
+/// Where lines enter the log. Clones share one queue.
 #[derive(Clone)]
 struct Entrance {
-    queue: SyncSender<Line>,
+    queue: SyncSender<LogLine>,
     left_out: Arc<AtomicU64>,
     kept: Arc<[Mutex<VecDeque<String>>; 4]>,
 }
@@ -55,18 +55,18 @@ pub struct Log {
     writer: JoinHandle<()>,
 }
 
-/// The file of a run under `folder`, named by its group and the time of its start.
+/// The file of a run in `folder`, named by its group and the time of its start.
 pub fn file_name(folder: &Path, prefix: &Prefix, start: SystemTime) -> PathBuf {
     let start = humantime::format_rfc3339_seconds(start).to_string().replace(':', "-");
     folder.join(format!("{prefix}-{start}.log"))
 }
 
 impl Log {
-    /// Begins to write, to standard error and to `file` if there is one.
+    /// Starts the writer, to standard error and to `file` if there is one.
     ///
     /// # Errors
     /// The file cannot be created.
-    pub fn start(file: Option<&Path>) -> Result<Self, Failure> {
+    pub fn start(file: Option<&Path>) -> Result<Self, SupervisorError> {
         let file = file.map(create).transpose()?;
         let (queue, lines) = sync_channel(QUEUE);
         let left_out = Arc::new(AtomicU64::new(0));
@@ -76,14 +76,14 @@ impl Log {
         Ok(Self { entrance: Some(Entrance { queue, left_out, kept }), writer })
     }
 
-    /// The supervisor's own line.
+    /// Logs a line of the supervisor's own.
     pub fn say(&self, text: impl Into<String>) {
         if let Some(entrance) = &self.entrance {
             entrance.take(None, text.into());
         }
     }
 
-    /// What a thread does that takes the lines out of one pipe of a stage until it ends.
+    /// The work of a thread that reads one pipe of a stage until the pipe ends.
     pub fn drain(&self, kind: StageKind, pipe: impl Read + Send + 'static) -> impl FnOnce() + Send + 'static {
         let entrance = self.entrance.clone();
         move || {
@@ -98,7 +98,7 @@ impl Log {
         }
     }
 
-    /// The last lines of a stage, each as it stands in the log, behind a message about it.
+    /// The last lines of a stage, as they stand in the log, to be appended to an error message.
     pub fn last_lines(&self, kind: StageKind) -> String {
         let Some(entrance) = &self.entrance else { return String::new() };
         let kept = entrance.kept[kind as usize].lock().unwrap_or_else(PoisonError::into_inner);
@@ -125,31 +125,29 @@ impl Entrance {
             }
             kept.push_back(text.clone());
         }
-        if self.queue.try_send(Line { from, at: SystemTime::now(), text }).is_err() {
+        if self.queue.try_send(LogLine { from, at: SystemTime::now(), text }).is_err() {
             self.left_out.fetch_add(1, Ordering::Relaxed);
         }
     }
 }
 
-fn create(path: &Path) -> Result<File, Failure> {
+fn create(path: &Path) -> Result<File, SupervisorError> {
     let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
-    folder
-        .and_then(|()| File::create(path))
-        .map_err(|error| Failure::Usage(format!("--log-folder: {} cannot be written: {error}", path.display())))
+    folder.and_then(|()| File::create(path)).map_err(|source| SupervisorError::Log { path: path.to_owned(), source })
 }
 
-/// Writes until all entrances are gone.
-fn write(lines: &Receiver<Line>, mut file: Option<File>, left_out: &AtomicU64) {
+/// Writes lines until all entrances are dropped.
+fn write(lines: &Receiver<LogLine>, mut file: Option<File>, left_out: &AtomicU64) {
     for line in lines {
         let missing = left_out.swap(0, Ordering::Relaxed);
-        let missing = (missing > 0).then(|| Line {
+        let missing = (missing > 0).then(|| LogLine {
             from: None,
             at: line.at,
             text: format!("{missing} lines left out: they came faster than they can be written"),
         });
-        for Line { from, at, text } in missing.into_iter().chain([line]) {
+        for LogLine { from, at, text } in missing.into_iter().chain([line]) {
             let shown = from.map_or_else(|| format!("{text}\n"), |kind| format!("{} | {text}\n", kind.name()));
-            // Nobody may be there to read it any more; the file still is.
+            // The reader of standard error may have ended; the file is written all the same.
             let _ = stderr().write_all(shown.as_bytes());
             let Some(open) = &mut file else { continue };
             let (at, from) = (humantime::format_rfc3339_millis(at), from.map_or("hydraxis", StageKind::name));

@@ -1,46 +1,50 @@
-//! How the stages are ended: asked, the controller first, then killed when they have not ended within a bound.
+//! How the stages are ended: they are asked to end, the controller first, and killed when they do not end in time.
 //!
 //! ```text
 //! SIGTERM control-proc, 150 ms | SIGTERM the others, 600 ms | SIGKILL what is left
 //! ```
 //!
-//! Another signal to the supervisor goes to the last step at once, but for a last chance of the controller's. Every
-//! signal goes to the whole process group of a stage, so that a program in its place takes its children with it.
+//! A second signal to the supervisor skips to the last step; only the controller still gets a short time to send its
+//! neutral command. Every signal goes to the whole process group of a stage, so that the children of a foreign program
+//! end as well.
 
 use std::{
     os::unix::process::ExitStatusExt,
     time::{Duration, Instant},
 };
 
+use humantime::format_duration;
 use pipeline::stage::StageKind;
 use rustix::process::Signal;
 
-use super::{Supervisor, cause, member::Life};
-use crate::failure::Failure;
+use super::{
+    Supervisor, SupervisorError,
+    life::{Life, cause},
+};
 
 /// The order in which stages are asked to end.
 const ORDER: [StageKind; 4] =
     [StageKind::ControlProc, StageKind::IdentProc, StageKind::SensorProc, StageKind::PlantSim];
-/// How long a stage may take to end before it is killed: two of its longest waits, many times over.
+/// Time in which a stage must end before it is killed: many times the two longest waits of a stage.
 const GRACE: Duration = Duration::from_millis(600);
-/// How long the controller has for its neutral command before those end who read it.
+/// Time that the controller has for its neutral command before the stages that read it are ended.
 const NEUTRAL: Duration = Duration::from_millis(150);
-/// What is left of that when somebody is in a hurry.
+/// Time that the controller has after a second signal.
 const LAST_CHANCE: Duration = Duration::from_millis(100);
-/// How long a killed process may take to be gone.
+/// Time in which a killed process must have ended.
 const KILLED: Duration = Duration::from_secs(1);
-/// How often signals are looked for meanwhile.
+/// Time between two looks at the signals.
 const POLL: Duration = Duration::from_millis(5);
 
 impl Supervisor<'_> {
-    /// Ends all stages; the first failure to end well, if any.
-    pub fn stop(&mut self) -> Option<Failure> {
+    /// Ends all stages. Returns the first failure of a stage to end as it was asked to, if any.
+    pub fn stop(&mut self) -> Option<SupervisorError> {
         if !self.is_stopping {
             self.is_stopping = true;
-            self.notifier.stopping();
-            // What has come so far is being obeyed.
+            self.service_manager.stopping();
+            // Signals that have come so far are the reason for this stop; only later ones hurry it.
             self.interrupts.any();
-            self.members.iter_mut().for_each(|member| member.due = None);
+            self.stages.iter_mut().for_each(|stage| stage.due = None);
             self.settle(Duration::ZERO);
             self.end_all();
         }
@@ -58,33 +62,38 @@ impl Supervisor<'_> {
             self.say("asked again: killing what still runs");
             self.await_end(LAST_CHANCE, Some(StageKind::ControlProc), false);
         }
-        for member in self.members.iter_mut() {
-            let Some(life) = &member.life else { continue };
+        for stage in self.stages.iter_mut() {
+            let Some(life) = &stage.life else { continue };
             life.signal(Signal::KILL);
-            let why =
-                if in_hurry { "killed in a hurry".into() } else { format!("did not end within {GRACE:?}: killed") };
-            self.log.say(format!("{}: {why}", member.kind.name()));
-            member.sentence = Some(why);
+            let why = if in_hurry {
+                "killed in a hurry".into()
+            } else {
+                format!("did not end within {}: killed", format_duration(GRACE))
+            };
+            self.log.say(format!("{}: {why}", stage.kind.name()));
+            stage.killed_for = Some(why);
         }
         self.await_end(KILLED, None, false);
-        for member in self.members.iter().filter(|member| member.life.is_some()) {
-            self.log.say(format!("{}: killed, and not gone within {KILLED:?}", member.kind.name()));
+        for stage in self.stages.iter().filter(|stage| stage.life.is_some()) {
+            let limit = format_duration(KILLED);
+            self.log.say(format!("{}: killed, and still there after {limit}", stage.kind.name()));
         }
     }
 
     fn ask(&self, kind: StageKind) {
-        for life in self.members.iter().filter(|member| member.kind == kind).filter_map(|member| member.life.as_ref()) {
+        for life in self.stages.iter().filter(|stage| stage.kind == kind).filter_map(|stage| stage.life.as_ref()) {
             life.signal(Signal::TERM);
             self.say(format!("{}: asked to end", kind.name()));
         }
     }
 
-    /// Waits until `kind`, or all, have ended, for so long at most. True when a signal cut it short, where one may.
+    /// Waits until `kind`, or all stages, have ended, at most for `longest`. True when a signal ended the wait, which
+    /// it may where `may_hurry` is set.
     fn await_end(&mut self, longest: Duration, kind: Option<StageKind>, may_hurry: bool) -> bool {
         let until = Instant::now() + longest;
         loop {
-            let mut running = self.members.iter().filter(|member| member.life.is_some());
-            if !running.any(|member| kind.is_none_or(|kind| member.kind == kind)) || Instant::now() >= until {
+            let mut running = self.stages.iter().filter(|stage| stage.life.is_some());
+            if !running.any(|stage| kind.is_none_or(|kind| stage.kind == kind)) || Instant::now() >= until {
                 return false;
             }
             if may_hurry && self.interrupts.again() {
@@ -94,24 +103,24 @@ impl Supervisor<'_> {
         }
     }
 
-    /// Reaps what has ended, after waiting for the next death.
+    /// Waits for the next end of a process, at most for `wait`, and reaps all that have ended.
     fn settle(&mut self, wait: Duration) {
         for pid in self.deaths.wait(wait) {
-            let mut members = self.members.iter_mut();
-            let Some(member) = members.find(|member| member.life.as_ref().is_some_and(|life| life.pid() == pid)) else {
+            let mut stages = self.stages.iter_mut();
+            let Some(stage) = stages.find(|stage| stage.life.as_ref().is_some_and(|life| life.pid() == pid)) else {
                 continue;
             };
-            let (kind, sentence) = (member.kind, member.sentence.take());
-            let Some(Ok(status)) = member.life.take().map(Life::end) else { continue };
-            // A program that does nothing about the signal has ended as it was asked to.
+            let (kind, killed_for) = (stage.kind, stage.killed_for.take());
+            let Some(Ok(status)) = stage.life.take().map(Life::end) else { continue };
+            // A program that does not handle the signal has ended as it was asked to.
             if status.success() || status.signal() == Some(Signal::TERM.as_raw()) {
                 self.say(format!("{}: ended", kind.name()));
                 continue;
             }
-            let what = format!("{} {}", kind.name(), sentence.unwrap_or_else(|| cause(status)));
+            let what = format!("{} {}", kind.name(), killed_for.unwrap_or_else(|| cause(status)));
             self.say(what.as_str());
-            let lines = self.log.last_lines(kind);
-            self.failure.get_or_insert_with(|| Failure::Run(what + &lines));
+            let last_lines = self.log.last_lines(kind);
+            self.failure.get_or_insert(SupervisorError::Ended { what, last_lines });
         }
     }
 }

@@ -6,7 +6,7 @@ use super::{
     expect_four_axes, folder_with, line_of, replaced,
 };
 
-/// Checks the example with `line` in the boom's table of identification; the refusal is to name `expected`.
+/// Expects a refusal of the example with `line` added to the boom's table of identification.
 fn expect_broken_option(line: &str, expected: &str) {
     let folder = folder_with(&replaced(EXCAVATOR, "training = \"8s\" ", &format!("{line}\ntraining = \"8s\" ")));
     let place = format!("m.toml:{}: axis.boom.identification.{expected}", line_of("training = \"8s\" "));

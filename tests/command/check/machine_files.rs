@@ -1,4 +1,4 @@
-//! What a machine file must have, and must not.
+//! Keys and values of a machine file that are required, allowed or refused.
 
 use std::{fs, path::Path};
 
@@ -94,7 +94,7 @@ fn no_axis_is_refused() {
     expect_refusal(folder.path(), &["check", "m.toml"], &expected);
 }
 
-/// The example with more buckets, up to so many axes in all.
+/// The example with copies of the bucket, so that it has `count` axes.
 fn axes(count: usize) -> String {
     let bucket = &EXCAVATOR[EXCAVATOR.find("[axis.bucket]").unwrap()..];
     let more = (4..count).map(|i| format!("\n{}", bucket.replace("axis.bucket", &format!("axis.extra{i}"))));

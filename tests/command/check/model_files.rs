@@ -1,4 +1,4 @@
-//! `--model`.
+//! `--model`: files that commissioning writes.
 
 use std::fs;
 
@@ -8,7 +8,7 @@ use super::{
     expect_four_axes, folder_with,
 };
 
-/// What commissioning writes, for the boom.
+/// A model file for the boom, as commissioning writes it.
 const MODEL: &str = "[axis.boom.commissioned]\ndead_time = 0.02\ntime_constant = 0.05\ndead_band_extend = 0.1\n\
                      dead_band_retract = 0.08\nopenings = [0.1, 0.3]\nspeeds_extend = [0.05, 0.2]\n\
                      speeds_retract = [0.05, 0.2]\nfit_percent = 97.5\n";

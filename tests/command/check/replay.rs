@@ -10,7 +10,7 @@ use super::{
     folder_with, replaced,
 };
 
-/// The example fed from `r.csv`, which holds `rows` if there are any.
+/// A folder with the example, which replays `r.csv`; the file is written if there are `rows`.
 fn with_replay(rows: Option<&str>) -> TempDir {
     let folder = folder_with(&replaced(EXCAVATOR, "kind = \"sim\" ", "kind = \"replay\"\nfile = \"r.csv\" "));
     if let Some(rows) = rows {

@@ -1,4 +1,4 @@
-//! `--set`.
+//! `--set`: values for keys of the machine file.
 
 use super::{
     EXCAVATOR,
@@ -6,7 +6,7 @@ use super::{
     expect_four_axes, folder_with, replaced,
 };
 
-/// `check` of the built-in machine with one setting.
+/// Arguments that check the built-in machine with one setting.
 fn check_with(setting: &str) -> [&str; 3] {
     ["check", "--set", setting]
 }

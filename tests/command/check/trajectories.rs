@@ -10,7 +10,7 @@ use super::{
     expect_four_axes, folder_with, replaced,
 };
 
-/// The example with the boom led by `path.csv`, which holds `rows` if there are any.
+/// A folder with the example, whose boom has its reference in `path.csv`; the file is written if there are `rows`.
 fn with_trajectory(rows: Option<&str>) -> TempDir {
     let folder = folder_with(&replaced(EXCAVATOR, BOOM_SINES, "kind = \"trajectory\"\nfile = \"path.csv\""));
     if let Some(rows) = rows {

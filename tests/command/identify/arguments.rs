@@ -1,4 +1,4 @@
-//! The choice of columns, period, training and horizon, and the two outputs.
+//! Options for columns, period, training and horizon, and the two outputs.
 
 use std::fs;
 

@@ -1,4 +1,4 @@
-//! The models of a plant that the test knows, and their errors.
+//! Models of a known plant, and their errors.
 
 use super::plant::{
     A, PERIOD, changing_plant, constant_plant, csv, expect_coefficients, figures, folder_with, number, simulate,
@@ -49,7 +49,7 @@ fn a_model_of_the_true_plant_predicts_without_error() {
 
 #[test]
 fn reductions_are_finite_or_null_when_there_is_no_error_to_reduce() {
-    // An output that stays where it is leaves errors of exactly 0, and 0 / 0.
+    // A constant output leaves errors of exactly 0, so that a reduction would be 0 / 0.
     let rows: String = simulate(600, |_| 1.0).iter().map(|[t, u, _]| format!("{t},{u},1\n")).collect();
     let figures = figures(folder_with(&format!("t,u,y\n{rows}")).path(), &["--horizon", "10"]);
     for kind in ["one_step", "h_step", "free_run"] {
@@ -81,7 +81,7 @@ fn every_estimator_follows_a_gain_that_changes() {
         let figures = figures(folder.path(), &["--horizon", "10", "--estimator", estimator]);
         assert_eq!(figures["estimator"], estimator);
         assert_eq!(figures["error_universe"].is_null(), !["paper", "fuzzy:0.9"].contains(&estimator), "{estimator}");
-        // Along nearly equal columns, as those of a position are, directional forgetting is slow.
+        // The columns of a position are nearly equal; along them directional forgetting is slow.
         let least = if estimator.starts_with("directional") { 30.0 } else { 50.0 };
         let reduction = number(&figures, "/reduction_percent/h_step");
         assert!(reduction > least, "{estimator}: {reduction}");
@@ -103,8 +103,8 @@ fn the_full_form_keeps_the_coefficients_of_a_constant_plant() {
 
 #[test]
 fn the_residuals_and_the_spread_of_the_coefficients_are_judged() {
-    // White noise on the difference equation: the residuals of the right model are white, those of one without delay
-    // enough are not.
+    // White noise on the difference equation: the residuals of the right model are white, those of a model with a wrong
+    // delay are not.
     let mut noise = 88_172_645_463_325_252u64;
     let mut random = || {
         noise ^= noise << 13;
@@ -115,7 +115,7 @@ fn the_residuals_and_the_spread_of_the_coefficients_are_judged() {
     let mut rows: Vec<[f64; 3]> = simulate(4000, |_| 1.0);
     let mut past = [0.0; 3];
     for row in &mut rows {
-        // The noise passes through 1 / A like everything else.
+        // The noise is filtered by 1 / A.
         let e = 0.01 * random() - A.iter().zip(past).map(|(a, e)| a * e).sum::<f64>();
         past = [e, past[0], past[1]];
         row[2] += e;

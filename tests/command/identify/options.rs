@@ -1,4 +1,4 @@
-//! What a structure can have beyond the paper.
+//! Options of the structure that the paper does not have.
 
 use crate::{
     harness::cli::{expect_refusal, success},
@@ -13,7 +13,7 @@ fn an_integrator_and_a_drift_are_found() {
     for form in ["linear", "full"] {
         let figures = figures(folder.path(), &["--horizon", "10", "--integrator", "--drift", "--form", form]);
         assert_eq!((&figures["structure"]["integrator"], &figures["structure"]["drift"]), (&true.into(), &true.into()));
-        // The drift of the increments: what A makes of a constant 0.02.
+        // Drift of the increments: A applied to a constant of 0.02.
         let drift = 0.02 * (1.0 + A.iter().sum::<f64>());
         for model in ["classical", "adaptive"] {
             expect_list(&figures, model, "a", &A_INTEGRATED);
@@ -70,7 +70,7 @@ fn an_order_that_is_not_the_number_of_knots_is_refused() {
 
 #[test]
 fn the_options_need_rows_of_their_own() {
-    // 4 + 12 + 1 coefficients, one more with the drift, and a past of na + 2 outputs.
+    // na = 4, 12 of the input and the drift make 17 coefficients; na + 2 outputs of the past come before the first row.
     let arguments = ["identify", "r.csv", "--train", "5", "--na", "4", "--integrator", "--drift", "--velocity"];
     let expected = ["r.csv: --train: found 5 of the 600 rows; allowed: at least 23, to determine 17 coefficients"];
     expect_refusal(constant_plant().path(), &arguments, &expected);

@@ -1,4 +1,4 @@
-//! A plant that the tests know, its records, and what `hydraxis identify` finds in them.
+//! Records of a known plant, and what `hydraxis identify` finds in them.
 
 use std::{fs, path::Path};
 
@@ -14,7 +14,7 @@ pub const G: [f64; 3] = [0.8, -0.3, 0.15];
 /// Sample period of the test's own records, s.
 pub const PERIOD: f64 = 0.01;
 
-/// (t, u, y) of the plant A, B, F, G, driven by three sines; B is multiplied by `gain` of the row.
+/// Rows (t, u, y) of the plant A, B, F, G, driven by three sines. B is multiplied by `gain` of the row.
 pub fn simulate(rows: usize, gain: impl Fn(usize) -> f64) -> Vec<[f64; 3]> {
     let input = |k: usize| {
         let k = k as f64;
@@ -39,30 +39,30 @@ pub fn csv(header: &str, record: &[[f64; 3]]) -> String {
     format!("{header}\n{rows}")
 }
 
-/// A folder with the text as `r.csv`.
+/// A folder with this text as `r.csv`.
 pub fn folder_with(text: &str) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("r.csv"), text).unwrap();
     folder
 }
 
-/// 600 rows of the plant as it is, `r.csv` in a folder.
+/// A folder with `r.csv`: 600 rows of the constant plant.
 pub fn constant_plant() -> TempDir {
     folder_with(&csv("t,u,y", &simulate(600, |_| 1.0)))
 }
 
-/// 2000 rows of a plant that is half as strong again from the middle on, `r.csv` in a folder.
+/// A folder with `r.csv`: 2000 rows of a plant whose gain rises by half in the middle.
 pub fn changing_plant() -> TempDir {
     folder_with(&csv("t,u,y", &simulate(2000, |k| if k < 1000 { 1.0 } else { 1.5 })))
 }
 
-/// The JSON on standard output, which has to hold nothing else.
+/// The JSON report on standard output, which contains nothing else.
 pub fn figures(folder: &Path, arguments: &[&str]) -> Value {
     let text = success(folder, &[&["identify", "r.csv", "--json", "-"], arguments].concat());
     serde_json::from_str(&text).unwrap()
 }
 
-/// The same without the wall time, which differs from run to run.
+/// A report without the wall time, which differs from run to run.
 pub fn timeless(mut figures: Value) -> Value {
     let adaptive = figures["adaptive"].as_object_mut().unwrap();
     adaptive.remove("ns_per_update").unwrap();
@@ -80,13 +80,13 @@ pub fn expect_coefficients(figures: &Value, model: &str) {
     }
 }
 
-/// The record with another output: what `change` makes of it, row by row.
+/// A folder with `r.csv`: the record with its output changed by `change`, row by row.
 pub fn with_output(record: &[[f64; 3]], mut change: impl FnMut(f64) -> f64) -> TempDir {
     let changed: Vec<[f64; 3]> = record.iter().map(|[t, u, y]| [*t, *u, change(*y)]).collect();
     folder_with(&csv("t,u,y", &changed))
 }
 
-/// Sums the values up and adds `each` at every row.
+/// A function that returns the sum of its values so far, with `each` added at every call.
 pub fn summed(each: f64) -> impl FnMut(f64) -> f64 {
     let mut sum = 0.0;
     move |value| {
@@ -95,7 +95,7 @@ pub fn summed(each: f64) -> impl FnMut(f64) -> f64 {
     }
 }
 
-/// What is there more than expected has to be zero: auto estimates one lag more.
+/// Expects these coefficients of a model. `auto` estimates one lag more, which has to be zero.
 pub fn expect_list(figures: &Value, model: &str, name: &str, expected: &[f64]) {
     let found: Vec<f64> = serde_json::from_value(figures[model]["coefficients"][name].clone()).unwrap();
     let more = if (model, name) == ("adaptive", "b") && figures["estimator"] == "auto" { 1 } else { 0 };

@@ -1,4 +1,4 @@
-//! What is refused, and how it is told.
+//! Records and options that are refused, and the messages.
 
 use std::fs;
 
@@ -7,7 +7,7 @@ use crate::{
     identify::plant::{constant_plant, csv, folder_with, simulate},
 };
 
-/// Rows 1 to 3 are good, row 4 on line 5 is given, and rows 5 and 6 are good again.
+/// Expects a refusal of a record whose row 4, on line 5, is `row`. All other rows are good.
 fn expect_row_refusal(row: &str, expected: &str) {
     let folder = folder_with(&format!("t,u,y\n0,0.1,1\n1,0.2,2\n2,0.3,3\n{row}\n4,0.5,5\n5,0.6,6\n"));
     expect_refusal(folder.path(), &["identify", "r.csv"], &[&format!("r.csv:5: row 4, column {expected}")]);

@@ -1,4 +1,4 @@
-//! The search of a structure on the training part.
+//! `--select`: the search for a structure on the training part.
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -8,10 +8,10 @@ use crate::{
     identify::plant::{PERIOD, constant_plant, csv, figures, folder_with, number, simulate, summed, timeless},
 };
 
-/// Samples by which the output of [`delayed_integrator`] comes late; the plant itself has a delay of 1.
+/// Samples by which the output of [`delayed_integrator`] is late. The plant itself has a delay of 1.
 const LATE: usize = 5;
 
-/// 600 rows of the plant's output summed up, some samples late, `r.csv` in a folder.
+/// A folder with `r.csv`: 600 rows of the sum of the plant's output, which comes [`LATE`] samples late.
 fn delayed_integrator() -> TempDir {
     let record = simulate(600 + LATE, |_| 1.0);
     let mut sum = summed(0.0);

@@ -1,4 +1,4 @@
-//! The plant alone: from a file, and the experiment of the scenario `open-loop`.
+//! The plant under given commands: those of a file, and those of the scenario `open-loop`.
 
 use std::{
     io::{BufRead, BufReader, Read},
@@ -11,7 +11,7 @@ use plant_sim::PlantSim;
 
 use super::{cli, folder_with, harness, trajectory};
 
-/// Times, ns after the first row, which is at 3 s, and commands of boom and bucket.
+/// Times after the first row, ns, and commands of boom and bucket. The first row is at 3 s.
 const ROWS: [(u64, f64, f64); 7] = [
     (0, 0.25, 0.0),
     (13_700_000, 0.5, -0.7),
@@ -34,7 +34,7 @@ fn an_open_loop_is_the_plant_called_directly_bit_for_bit() {
     let mut command = ValveCommand::default();
     for (row, (ns, boom, bucket)) in ROWS.into_iter().enumerate() {
         let mut rest = Duration::from_nanos(ns - if row > 0 { ROWS[row - 1].0 } else { 0 });
-        // Told again before its time is out, the drive holds.
+        // The command is repeated before the drive's time-out.
         while rest > Duration::ZERO {
             let part = rest.min(Duration::from_millis(40));
             plant.command(&command);
@@ -129,7 +129,7 @@ fn the_boom_stands_in_its_dead_band_and_sinks_under_a_symmetric_command() {
             assert!(high - low > 0.02, "between two rests it moves: {low} {high}");
         } else if rest.len() > 20 {
             println!("{:.2} s in the dead band: {:.3} mm", 0.01 * rest.len() as f64, 1e3 * (high - low));
-            // Leakage loads the bristles, 0.2 mm, and lets it slip at the most once.
+            // Leakage deflects the bristles of the friction model by 0.2 mm, and the axis slips once at most.
             assert!(high - low < 0.35e-3, "{low} {high}");
             rests += 1;
         }
@@ -143,16 +143,16 @@ fn the_picture_of_the_documentation_is_what_is_drawn() {
         tempfile::tempdir().unwrap().path(),
         &["simulate", "--scenario", "open-loop", "--duration", "60s", "--axis", "boom", "--plot", "-"],
     );
-    let kept = include_str!("../../../docs/open-loop.svg");
+    let kept = include_str!("../../../docs/src/open-loop.svg");
     assert!(
         drawn == kept,
-        "hydraxis simulate --scenario open-loop --duration 60s --axis boom --plot docs/open-loop.svg draws it anew"
+        "hydraxis simulate --scenario open-loop --duration 60s --axis boom --plot docs/src/open-loop.svg draws it anew"
     );
 }
 
 #[test]
 fn a_reader_that_has_gone_ends_it_without_an_error() {
-    // Far longer than a test may take, were it not for the reader.
+    // Both runs would take far too long if they did not end with their reader.
     for arguments in [&["--scenario", "open-loop", "--duration", "10h"][..], &["--duration", "3s", "--trajectory", "-"]]
     {
         let mut command = harness::hydraxis();

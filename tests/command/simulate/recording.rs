@@ -15,7 +15,7 @@ fn a_trajectory_has_a_row_per_tick_and_what_the_controller_knows() {
     for (row, (position, measured)) in
         found.column("boom.position").iter().zip(reference.iter().zip(error).map(|(y, e)| y - e)).enumerate()
     {
-        // Half a count, and noise of 0.03 mm.
+        // Half a count of the encoder, and noise of 0.03 mm.
         assert!((position - measured).abs() < 0.3e-3, "row {row}: {position} {measured}");
     }
     let mode = found.column("boom.mode");
@@ -89,7 +89,7 @@ fn a_long_run_is_drawn_with_few_points() {
     assert!(picture.len() < 100_000, "{} bytes", picture.len());
 }
 
-/// Expects success, whatever is said of axes without a column; nothing on standard output.
+/// Expects success without standard output. Standard error may name axes without a column.
 fn success_with_note(folder: &std::path::Path, arguments: &[&str]) {
     let output = super::cli::run(folder, arguments);
     assert!(output.status.success() && output.stdout.is_empty(), "{output:?}");

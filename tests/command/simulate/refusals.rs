@@ -1,4 +1,4 @@
-//! What is refused, with its place, what was found and what is allowed.
+//! Options and files that are refused: the message says where, what was found and what is allowed.
 
 use std::fs;
 
@@ -9,7 +9,7 @@ use super::{
     folder_with,
 };
 
-/// Simulates the built-in machine with a scenario of its own; the refusal is to name its last line.
+/// Expects a refusal of the built-in machine with a scenario of its own. The message names the last line.
 fn expect_bad_scenario(own: &str, expected: &str) {
     let text = format!("{BUILT_IN}{own}\n");
     let place = format!("m.toml:{}: ", text.matches('\n').count());
@@ -74,7 +74,7 @@ fn run_refuses_an_open_loop_and_says_what_to_type() {
     expect_refusal(folder.path(), &["run", "--scenario", "open-loop"], &expected);
 }
 
-/// Simulates under the commands `text`.
+/// Expects a refusal of these commands for an open loop.
 fn expect_bad_commands(text: &str, expected: &str) {
     let folder = folder_with("u.csv", text);
     expect_refusal(folder.path(), &["simulate", "--open-loop", "u.csv"], &[&format!("--open-loop: {expected}")]);

@@ -1,7 +1,7 @@
-//! The stages but for ident-proc, whose core is the test's.
+//! All stages but ident-proc, whose core runs in the test.
 //!
-//! What the controller commands is held against the same core in this process, bit for bit: at every tick, and where
-//! snapshots are spoilt against one that gets the last good snapshot again and again.
+//! The commands of the controller are compared, bit for bit, with those of a controller core in this process: at every
+//! tick, and, while snapshots are spoilt, with a core that gets the last good snapshot again and again.
 
 use control_proc::Controller;
 use ident_proc::Identifiers;
@@ -21,42 +21,43 @@ use crate::harness::{
     channel::{AXES, receive},
 };
 
-/// Why a model may be refused, the first of what is wrong with it.
+/// Reasons for which a model may be refused; the first one that the judge finds counts.
 pub type Reasons = &'static [&'static str];
 
-/// Ticks of spoilt snapshots, and of good ones after.
+/// Number of ticks with spoilt snapshots, and with good ones after them.
 pub const SPOILT: usize = 6;
 const GOOD: usize = 4;
 
-/// The stages but for ident-proc, whose core is here.
+/// All stages but ident-proc, and the core of ident-proc.
 pub struct Identified {
     samples: Reader<EncoderSample>,
     commands: Reader<ValveCommand>,
     snapshots: Publisher<CoefficientSnapshot>,
     requests: Publisher<Request>,
     core: Identifiers,
-    /// What control-proc runs, fed with the same.
+    /// A controller core that gets the same messages as control-proc.
     pub twin: Controller,
     pub good: CoefficientSnapshot,
     is_trained: bool,
-    /// What the last command was made with.
+    /// The snapshot with which the last command was made.
     judged: CoefficientSnapshot,
-    /// As it was sent last.
+    /// The snapshot that was sent last.
     pub sent: Option<CoefficientSnapshot>,
     pub request: Option<Request>,
     asked: u64,
     pub sample: EncoderSample,
     pub command: ValveCommand,
     tick: u64,
-    // Removes what is left of the group, so after all that is in it.
+    // Dropped last, since it removes what is left of the group.
     _channels: Group,
     _group: TestGroup,
 }
 
 impl Identified {
-    /// Starts, and trains until the model controls every axis and has done so for half a second; then it learns no more.
+    /// Starts the stages and identifies until the model has controlled every axis for half a second. After that the
+    /// model stays as it is.
     pub fn start(test: &str, settings: &[&str]) -> Self {
-        // Trained for 8 s as it is: a model of less is not trusted for as long as these tests take.
+        // With the usual 8 s of training: a model of a shorter one is distrusted before these tests end.
         let all: Vec<String> = ["scenario=nominal"].iter().chain(settings).map(|pair| (*pair).to_owned()).collect();
         let machine = machine(&all);
         let mut group = TestGroup::new(test);
@@ -97,12 +98,12 @@ impl Identified {
             good = if self.command.axes[..AXES].iter().all(is_good) { good + 1 } else { 0 };
             assert!(self.tick < 3000, "no model: {:?}", self.command.axes[..AXES].iter().map(|axis| axis.flags));
         }
-        // What was accepted last is what is good from here on: what an identifier finds next need not be.
+        // The model that was accepted last is the good one from here on. A later one might be refused.
         self.is_trained = true;
         self.good = self.judged;
     }
 
-    /// Works one tick; `spoil` changes the snapshot after it, which the command of the next tick is made with.
+    /// Works one tick. `spoil` changes the snapshot of this tick, with which the command of the next tick is made.
     pub fn step(&mut self, spoil: impl FnOnce(&mut CoefficientSnapshot)) -> ValveCommand {
         let sample: EncoderSample = receive(&mut self.samples, self.tick, || self.snapshots.greet());
         let command: ValveCommand = receive(&mut self.commands, self.tick, || self.snapshots.greet());
@@ -126,7 +127,7 @@ impl Identified {
         self.good.header = header;
         let mut sent = self.good;
         spoil(&mut sent);
-        // Before the snapshot, for which the next command waits: so it is known which of them is the first to know.
+        // Sent before the snapshot, for which the next command waits. So the next command is the first that knows it.
         if let Some(request) = self.request {
             let number = self.asked;
             self.asked += 1;
@@ -144,14 +145,15 @@ impl Identified {
         (0..ticks).map(|_| self.step(|_| ())).last().unwrap()
     }
 
-    /// Spoils both models of every axis for some ticks. The commands must be those of the last good snapshot, every
-    /// spoilt one must be refused for the reason that `spoil` says, and good ones must be taken again after.
+    /// Spoils both models of every axis for some ticks. The commands must be those of the last good snapshot. Every
+    /// spoilt snapshot must be refused for a reason that `spoil` returns. Good snapshots must be accepted again
+    /// afterwards.
     pub fn refused(&mut self, what: &str, spoil: impl Fn(usize, &mut Coefficients) -> Reasons) {
         let mut without = self.twin.clone();
         let last_good = self.sent;
         let before = self.command;
         for k in 0..=SPOILT {
-            // The last one is good again, and the command that shows it is the next.
+            // The last snapshot is good again; the command that uses it is the next one.
             let command = self.step(|snapshot| {
                 let axes = snapshot.axes[..AXES].iter_mut().enumerate().filter(|_| k < SPOILT);
                 for (i, axis) in axes {
@@ -178,7 +180,7 @@ impl Identified {
         self.accepted(what);
     }
 
-    /// Good snapshots are taken, and nothing more is refused but what was sent before.
+    /// Expects that good snapshots are accepted, and that nothing is refused but what was sent before.
     pub fn accepted(&mut self, what: &str) {
         let first = self.step(|_| ());
         let last = self.steps(GOOD);
@@ -190,12 +192,12 @@ impl Identified {
     }
 }
 
-/// Whether the model makes the command.
+/// Whether the axis is commanded by the predictive controller.
 pub fn is_by_model(axis: &AxisCommand) -> bool {
     axis.mode == ControlMode::Model as u32
 }
 
-/// The place of a reason among the counts.
+/// Index of a reason in the counts of refusals.
 pub fn number(reason: &str) -> usize {
     REFUSALS.iter().position(|name| *name == reason).unwrap()
 }

@@ -1,7 +1,8 @@
-//! A thousand random targets, many of them just at a soft limit, given by another program.
+//! Random set points from another program, many of them at a soft limit: no axis overruns its limits.
 //!
-//! The program leads each axis there at a random speed, without a jump of speed or acceleration, its preview between
-//! one tick and all that a message holds; the next target may come on the way, and is gone to from there.
+//! The program sends references that lead each axis to its set point at a random speed, without a jump of speed or
+//! acceleration. The preview is between one tick and a whole message. The next set point may come before the axis has
+//! arrived.
 
 use pipeline::{
     MAX_AXES,
@@ -15,21 +16,21 @@ use rand_pcg::{
 
 use super::{ClosedLoop, machine};
 
-/// How far beyond a soft limit an axis may be, m.
+/// Largest distance beyond a soft limit, m.
 const ALLOWED: f64 = 2e-3;
-/// For all axes together, and for each choice of model.
+/// Number of set points of all axes together, for each choice of model.
 const TARGETS: usize = 500;
 
 fn uniform(random: &mut Pcg64, low: f64, high: f64) -> f64 {
     low + (high - low) * (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// The way of one axis: start + (target - start) s(r), s as in the controller's own blend.
+/// The way of one axis: start + (target - start) s(r), with s(r) = 10 r^3 - 15 r^4 + 6 r^5.
 #[derive(Clone, Copy)]
 struct Way {
     start: f64,
     target: f64,
-    /// Ticks so far, those of the way, and those until the next target.
+    /// Ticks so far; length of the way in ticks; ticks until the next set point.
     ticks: u32,
     length: f64,
     left: u32,
@@ -42,25 +43,25 @@ impl Way {
     }
 }
 
-/// What the axes have done.
+/// Extremes over all axes and ticks.
 #[derive(Debug)]
 struct Seen {
-    /// The farthest beyond a soft limit, m; negative within.
+    /// Largest distance beyond a soft limit, m; negative within the limits.
     beyond: f64,
-    /// The nearest to an end stop, m; negative in it.
+    /// Least distance to an end stop, m.
     gap: f64,
-    /// Share of the ticks that models controlled.
+    /// Share of the ticks in which a model controlled the axis.
     by_model: f64,
 }
 
-/// Goes to all targets.
+/// Leads the axes to all set points.
 fn go(model: ModelChoice, seed: u64) -> Seen {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut machine = machine("nominal", model, |_| ReferenceSource::Channel);
     for axis in &mut machine.axes {
         let (low, high) = axis.soft_limits;
         axis.plant.as_mut().unwrap().initial_position = uniform(&mut random, low, high);
-        // Some ways are faster than the axis, which would be stopped for it.
+        // Some references are faster than the axis. It must not latch for its following error.
         axis.control.following_error = axis.stroke;
     }
     let axes = machine.axes.clone();
@@ -111,7 +112,7 @@ fn go(model: ModelChoice, seed: u64) -> Seen {
     seen
 }
 
-/// Whether no axis was farther beyond a soft limit than allowed, though the limits were gone to.
+/// Expects that the soft limits were reached, and that no axis was further beyond them than allowed.
 fn expect_within(seen: &Seen) {
     assert!(seen.beyond.abs() <= ALLOWED && seen.gap > 0.0, "{seen:?}");
 }

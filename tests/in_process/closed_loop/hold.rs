@@ -1,24 +1,29 @@
-//! A minute of standing still after a move, in every scenario of the closed loop.
+//! A minute of standstill after a motion, in every scenario of the closed loop.
 //!
-//! The axes move until all of a scenario's changes are over, and so that models have something to learn from; then a last
-//! move, and the target stands. Quiet is a command that is neutral most of the time and changes its direction no oftener
-//! than once in ten seconds; a limit cycle would be seen in both, and in the position.
+//! The axes move until all changes of a scenario are over, so that the models have something to learn from. Then the
+//! reference moves once more and stands. An axis is steady if its command is neutral most of the time and changes its
+//! direction no more than once in ten seconds, and if its position stays near the set point. A limit cycle would show
+//! in all three.
+
+use std::sync::OnceLock;
 
 use pipeline::machine::{ModelChoice, ReferenceSource, Scenario};
 
-use super::{ClosedLoop, machine};
+use super::{ClosedLoop, machine, scenarios};
 
-/// When the target begins to stand, s: the last change of a scenario ends at 16 s.
+/// When the reference begins to stand, s. The last change of a scenario ends at 16 s.
 const STANDS: f64 = 22.0;
-/// When the axis has to have settled, s: a fallback comes the last millimetre by its integral alone.
+/// When the axis has to have settled, s. A fallback comes the last millimetre by its integral alone.
 const SETTLED: f64 = 37.0;
-/// How long it is watched then, s.
+/// How long the axis is observed after that, s.
 const WATCHED: f64 = 60.0;
-/// m.
+/// Largest distance to the set point, m.
 const NEAR: f64 = 1e-3;
-/// Largest amplitude, half of the travel from one end to the other, that is no limit cycle, m.
+/// Largest amplitude that is no limit cycle, m: half of the travel from one end to the other.
 const CYCLE: f64 = 0.5e-3;
+/// Least share of the time for which the command is neutral.
 const LEAST_NEUTRAL: f64 = 0.9;
+/// Most changes of the command's direction.
 const MOST_REVERSALS: usize = 6;
 
 /// To and fro about the middle, 0.15 m either way at most, then a little away from it for good.
@@ -30,59 +35,69 @@ fn moves((low, high): (f64, f64)) -> ReferenceSource {
     ReferenceSource::Ramps(points)
 }
 
-/// The scenarios of the closed loop.
-fn scenarios() -> Vec<Scenario> {
-    Scenario::built_in().into_iter().filter(|scenario| scenario.commands.is_empty()).collect()
+/// What an axis did in a scenario.
+struct Run {
+    scenario: String,
+    axis: String,
+    seen: Seen,
 }
 
-/// Holds in these scenarios; what is wrong, a line for each axis.
-fn hold(model: ModelChoice, scenarios: &[Scenario], is_right: fn(&Seen) -> bool) -> Vec<String> {
-    let mut wrong = Vec::new();
-    for scenario in scenarios {
-        assert!(scenario.changes.iter().all(|change| change.end < STANDS), "{}", scenario.name);
-        let machine = machine(&scenario.name, model, moves);
-        let period = machine.timing.period.as_secs_f64();
-        let targets: Vec<f64> = machine
-            .axes
-            .iter()
-            .map(|axis| match moves(axis.soft_limits) {
-                ReferenceSource::Ramps(points) => points[points.len() - 1].1,
-                _ => unreachable!(),
-            })
-            .collect();
-        let names: Vec<String> = machine.axes.iter().map(|axis| axis.name.clone()).collect();
-        let mut closed = ClosedLoop::new(machine, 1);
-        while (closed.tick as f64) < SETTLED / period {
-            closed.tick(None);
-        }
-        let mut seen = vec![Seen::default(); targets.len()];
-        while (closed.tick as f64) < (SETTLED + WATCHED) / period {
-            let command = closed.tick(None);
-            for (i, seen) in seen.iter_mut().enumerate() {
-                seen.take(closed.plant.axes()[i].position - targets[i], command.axes[i].command);
-            }
-        }
-        for (name, seen) in names.iter().zip(&seen) {
-            let told = format!("{} {name}: {}", scenario.name, seen.told());
-            println!("{told}");
-            if !is_right(seen) {
-                wrong.push(told);
-            }
+impl Run {
+    fn told(&self) -> String {
+        format!("{} {}: {}", self.scenario, self.axis, self.seen.told())
+    }
+}
+
+/// What all axes do in all scenarios with this choice of model. Each choice is run once for all tests.
+fn runs(model: ModelChoice) -> &'static [Run] {
+    static BY_MODEL: OnceLock<Vec<Run>> = OnceLock::new();
+    static BY_FALLBACK: OnceLock<Vec<Run>> = OnceLock::new();
+    let runs = if model == ModelChoice::None { &BY_FALLBACK } else { &BY_MODEL };
+    runs.get_or_init(|| scenarios().iter().flat_map(|scenario| hold(scenario, model)).collect())
+}
+
+/// Runs one scenario and observes its axes at standstill.
+fn hold(scenario: &Scenario, model: ModelChoice) -> Vec<Run> {
+    assert!(scenario.changes.iter().all(|change| change.end < STANDS), "{}", scenario.name);
+    let machine = machine(&scenario.name, model, moves);
+    let period = machine.timing.period.as_secs_f64();
+    let set_points: Vec<f64> = machine
+        .axes
+        .iter()
+        .map(|axis| match moves(axis.soft_limits) {
+            ReferenceSource::Ramps(points) => points[points.len() - 1].1,
+            _ => unreachable!(),
+        })
+        .collect();
+    let names: Vec<String> = machine.axes.iter().map(|axis| axis.name.clone()).collect();
+    let mut closed = ClosedLoop::new(machine, 1);
+    while (closed.tick as f64) < SETTLED / period {
+        closed.tick(None);
+    }
+    let mut seen = vec![Seen::default(); set_points.len()];
+    while (closed.tick as f64) < (SETTLED + WATCHED) / period {
+        let command = closed.tick(None);
+        for (i, seen) in seen.iter_mut().enumerate() {
+            seen.take(closed.plant.axes()[i].position - set_points[i], command.axes[i].command);
         }
     }
-    wrong
+    let runs = names.into_iter().zip(seen).map(|(axis, seen)| Run { scenario: scenario.name.clone(), axis, seen });
+    let runs: Vec<Run> = runs.collect();
+    runs.iter().for_each(|run| println!("{model:?} {}", run.told()));
+    runs
 }
 
-/// What one axis has done.
+/// Motion and commands of an axis at standstill.
 #[derive(Clone, Default)]
 struct Seen {
     ticks: usize,
     neutral: usize,
     reversals: usize,
-    /// Sign of the last command that was not neutral.
+    /// Sign of the last command that was not neutral; 0 before.
     direction: f64,
-    /// Position less target, m.
+    /// Least position minus set point, m.
     lowest: f64,
+    /// Greatest position minus set point, m.
     highest: f64,
 }
 
@@ -114,7 +129,7 @@ impl Seen {
 
     fn told(&self) -> String {
         format!(
-            "{:.2} to {:.2} mm from the target, neutral {:.1} % of the time, {} reversals",
+            "{:.2} to {:.2} mm from the set point, neutral {:.1} % of the time, {} reversals",
             self.lowest * 1e3,
             self.highest * 1e3,
             100.0 * self.neutral as f64 / self.ticks as f64,
@@ -123,31 +138,70 @@ impl Seen {
     }
 }
 
+/// Scenarios that change the valve itself.
+const CHANGED_VALVE: [&str; 3] = ["dead-band-drift", "valve-wear", "everything"];
+
+/// The runs for which this does not hold, in words.
+fn wrong(model: ModelChoice, is_right: impl Fn(&Run) -> bool) -> Vec<String> {
+    runs(model).iter().filter(|run| !is_right(run)).map(Run::told).collect()
+}
+
+/// Scenarios and axes that are not steady, with a space between the two.
+fn unsteady(model: ModelChoice) -> Vec<String> {
+    let runs = runs(model).iter().filter(|run| !run.seen.is_steady());
+    runs.map(|run| format!("{} {}", run.scenario, run.axis)).collect()
+}
+
 #[test]
 fn the_model_holds_for_a_minute_unless_the_valve_itself_changes() {
-    let same_valve = |scenario: &Scenario| !["dead-band-drift", "valve-wear", "everything"].contains(&&*scenario.name);
-    let scenarios: Vec<Scenario> = scenarios().into_iter().filter(same_valve).collect();
-    assert_eq!(scenarios.len(), 6);
-    let wrong = hold(ModelChoice::Adaptive, &scenarios, Seen::is_steady);
+    let wrong = wrong(ModelChoice::Adaptive, |run| CHANGED_VALVE.contains(&&*run.scenario) || run.seen.is_steady());
     assert!(wrong.is_empty(), "{wrong:#?}");
+    assert_eq!(scenarios().iter().filter(|scenario| !CHANGED_VALVE.contains(&&*scenario.name)).count(), 6);
 }
 
 #[test]
 fn the_model_stays_within_a_millimetre_for_a_minute_in_every_scenario() {
-    let wrong = hold(ModelChoice::Adaptive, &scenarios(), Seen::is_near);
+    let wrong = wrong(ModelChoice::Adaptive, |run| run.seen.is_near());
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
+/// What to do when the known defects are not what they were.
+const MENDED: &str = "the list of known defects has changed: shorten it where an axis is steady now; once it is empty, \
+                      turn the test round, so that it asserts a steady axis in every scenario";
+
+/// Axes that are not steady under the model, with the share of the time for which their command is neutral, and their
+/// travel.
+const MODEL_DEFECTS: [&str; 6] = [
+    "dead-band-drift bucket", // 87 %, 0.35 mm
+    "valve-wear arm",         // 77 %, 1.48 mm, 52 reversals
+    "valve-wear telescope",   // 42 %, 1.72 mm, 158 reversals
+    "valve-wear bucket",      // 55 %, 1.63 mm, 128 reversals
+    "everything boom",        // 61 %, 0.85 mm
+    "everything bucket",      // 75 %, 0.57 mm
+];
+
+/// Axes that are not steady under the fallback, with the share of the time for which their command is neutral, and
+/// their travel.
+const FALLBACK_DEFECTS: [&str; 9] = [
+    "payload boom",              // 97 %, 1.27 mm
+    "dead-band-drift arm",       // 87 %, 0.26 mm
+    "dead-band-drift telescope", // 80 %, 0.63 mm, 13 reversals
+    "dead-band-drift bucket",    // 89 %, 0.71 mm
+    "valve-wear boom",           // 98 %, 1.26 mm
+    "valve-wear arm",            // 71 %, 2.55 mm, 24 reversals
+    "valve-wear bucket",         // 56 %, 3.27 mm, 30 reversals
+    "everything boom",           // 88 %, 1.56 mm
+    "everything bucket",         // 71 %, 5.26 mm, 3.87 mm away from the set point
+];
+
+/// A known defect: with grown dead bands and worn valves, axes under the model are not steady.
 #[test]
-#[ignore = "fails: with grown dead bands and worn valves it is not quiet, and the worn telescope swings by 0.9 mm"]
-fn the_model_holds_for_a_minute_in_every_scenario() {
-    let wrong = hold(ModelChoice::Adaptive, &scenarios(), Seen::is_steady);
-    assert!(wrong.is_empty(), "{wrong:#?}");
+fn the_model_is_not_steady_yet_where_the_valve_changes() {
+    assert_eq!(unsteady(ModelChoice::Adaptive), MODEL_DEFECTS, "{MENDED}");
 }
 
+/// A known defect: with worn valves, axes under the fallback are not steady.
 #[test]
-#[ignore = "fails: with worn valves the arm and the bucket swing, and the bucket is 3.9 mm off under everything"]
-fn the_fallback_holds_for_a_minute_in_every_scenario() {
-    let wrong = hold(ModelChoice::None, &scenarios(), Seen::is_steady);
-    assert!(wrong.is_empty(), "{wrong:#?}");
+fn the_fallback_is_not_steady_yet_in_every_scenario() {
+    assert_eq!(unsteady(ModelChoice::None), FALLBACK_DEFECTS, "{MENDED}");
 }

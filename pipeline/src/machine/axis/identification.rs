@@ -227,6 +227,10 @@ fn read_basis(section: &mut Section) -> (usize, Basis) {
     let knots = section
         .key("knots", "Hinges in the place of powers: magnitudes of the command beyond the dead band where they begin")
         .optional_numbers(0.0..=1.0, "", &allowed);
+    let effective = knots.as_ref().map_or(default, Vec::len);
+    if order.is_none() {
+        section.derive("order", effective.shown(), "3, or the number of knots");
+    }
     let Some(knots) = knots else { return (default, Basis::Powers) };
     let Some(basis) = Basis::hinges(&knots) else {
         section.refuse("knots", format!("{knots:?}"), allowed);

@@ -53,7 +53,7 @@ impl fmt::Display for Origin {
             Self::ModelFile { line } => write!(f, "model file, line {line}"),
             Self::CommandLine => f.write_str("command line"),
             Self::Default => f.write_str("default"),
-            Self::Derived { rule } => f.write_str(rule),
+            Self::Derived { rule } => write!(f, "derived: {rule}"),
         }
     }
 }

@@ -1,0 +1,228 @@
+//! Up to four axes over time: their valves and cylinders side by side, one axis in each lane.
+//!
+//! One step is begun with the commands, takes the rates of change at four stages, and ends. Between two stages the
+//! caller computes the pump's share from the demand of all axes.
+//!
+//! Only [`FourAxes::new`] allocates.
+
+use pipeline::machine::{Axis, Hydraulics, Plant};
+
+use crate::{
+    actuator::cylinder::{Cylinder, Edges, State},
+    conditions::Conditions,
+    hydraulics::oil::LOWEST_PRESSURE,
+    lanes::{LANES, Lanes, lanes},
+    valve::{DelayLine, Valve},
+};
+
+/// Parameters of one axis from the machine file.
+#[derive(Debug, Clone)]
+struct AxisModel {
+    plant: Plant,
+    /// L, m.
+    stroke: f64,
+    /// Number of the axis in the machine.
+    index: usize,
+}
+
+/// True state of one axis, without the encoder's noise and resolution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrueState {
+    /// y, m; 0 with the rod fully retracted.
+    pub position: f64,
+    /// v, m/s; positive while the rod extends.
+    pub velocity: f64,
+    /// p1, Pa above the atmosphere.
+    pub piston_pressure: f64,
+    /// p2, Pa above the atmosphere.
+    pub rod_pressure: f64,
+    /// x_v in [-1, 1]; positive extends the rod.
+    pub spool_position: f64,
+    /// q1, flow through the valve into the piston side, m3/s.
+    pub piston_flow: f64,
+    /// q2, flow out of the rod side through the valve, m3/s.
+    pub rod_flow: f64,
+}
+
+/// Up to four axes: their parameters at this time, their state, and the step that is being made.
+#[derive(Debug, Clone)]
+pub struct FourAxes {
+    /// A lane without an axis repeats the first axis. Its command stays zero, so it stays at rest without flow.
+    models: [AxisModel; LANES],
+    /// Number of axes, 1 to 4.
+    axes: usize,
+    conditions: [Conditions; LANES],
+    valve: Valve<Lanes>,
+    cylinder: Cylinder<Lanes>,
+    delays: [DelayLine; LANES],
+    /// w: positions that the spools approach.
+    target: Lanes,
+    /// x_v.
+    spool: Lanes,
+    /// X at the begin, in the middle and at the end of the step.
+    openings: [Lanes; 3],
+    state: State<Lanes>,
+    /// State of the present stage of the step, at which the rates are taken.
+    stage: State<Lanes>,
+    /// Weighted sum of the rates of the stages so far.
+    sum: State<Lanes>,
+    /// Flows through the control edges at the present stage.
+    edges: Edges,
+}
+
+impl FourAxes {
+    /// The axes at rest: at their initial positions, valves shut, loads held by the oil.
+    ///
+    /// `axes` are 1 to 4 axes, the first of which has the number `first` in the machine. `of` returns the conditions of
+    /// the axis with a number. Dead times are rounded to whole steps of `step` s.
+    pub fn new(
+        axes: &[(&Axis, &Plant)],
+        first: usize,
+        hydraulics: &Hydraulics,
+        of: impl Fn(usize) -> Conditions,
+        step: f64,
+    ) -> Self {
+        let models: [AxisModel; LANES] = std::array::from_fn(|lane| {
+            let index = if lane < axes.len() { lane } else { 0 };
+            let (axis, plant) = axes[index];
+            AxisModel { plant: plant.clone(), stroke: axis.stroke, index: first + index }
+        });
+        let conditions = std::array::from_fn(|lane| of(models[lane].index));
+        let cylinders = cylinders(&models, hydraulics, &conditions);
+        let at_rest: [[f64; 3]; LANES] = std::array::from_fn(|lane| {
+            let position = models[lane].plant.initial_position;
+            let (piston, rod) = cylinders[lane].pressures_at_rest(position);
+            [position, piston, rod]
+        });
+        let state = [
+            lanes(&at_rest, |rest| rest[0]),
+            Lanes::ZERO,
+            lanes(&at_rest, |rest| rest[1]),
+            lanes(&at_rest, |rest| rest[2]),
+            Lanes::ZERO,
+        ];
+        Self {
+            axes: axes.len(),
+            valve: valve(&models, &conditions, step),
+            cylinder: Cylinder::pack(&cylinders),
+            delays: std::array::from_fn(|lane| DelayLine::new((models[lane].plant.dead_time / step).round() as usize)),
+            models,
+            conditions,
+            target: Lanes::ZERO,
+            spool: Lanes::ZERO,
+            openings: [Lanes::ZERO; 3],
+            state,
+            stage: state,
+            sum: [Lanes::ZERO; 5],
+            edges: Edges::default(),
+        }
+    }
+
+    /// Conditions of the first axis.
+    pub fn first_conditions(&self) -> Conditions {
+        self.conditions[0]
+    }
+
+    /// Changes the parameters to other conditions; `of` returns the conditions of the axis with a number.
+    pub fn apply(&mut self, of: impl Fn(usize) -> Conditions, hydraulics: &Hydraulics, step: f64) {
+        let conditions = std::array::from_fn(|lane| of(self.models[lane].index));
+        if conditions == self.conditions {
+            return;
+        }
+        self.conditions = conditions;
+        self.cylinder = Cylinder::pack(&cylinders(&self.models, hydraulics, &conditions));
+        self.valve = valve(&self.models, &conditions, step);
+        self.openings[2] = self.valve.opening(self.spool);
+    }
+
+    /// Begins a step under `commands`, one in [-1, 1] for each axis. While the pilot pressure is `cut_off`, springs
+    /// centre the spools, whatever is commanded now or was commanded within the dead time.
+    #[inline]
+    pub fn begin(&mut self, commands: &[f64], cut_off: bool) {
+        let mut acting = [0.0; LANES];
+        for ((acting, delay), command) in acting.iter_mut().zip(&mut self.delays).zip(commands) {
+            *acting = delay.pass(*command);
+        }
+        self.target = if cut_off { Lanes::ZERO } else { self.valve.target(self.target, Lanes::new(acting)) };
+        let (middle, end) = self.valve.spool_after(self.spool, self.target);
+        self.openings = [self.openings[2], self.valve.opening(middle), self.valve.opening(end)];
+        self.spool = end;
+        self.stage = self.state;
+        self.sum = [Lanes::ZERO; 5];
+    }
+
+    /// Flow that the axes demand from the pump at this stage, m3/s; `part` is 0 at the begin of the step, 1 in the
+    /// middle, 2 at the end.
+    #[inline]
+    pub fn demand(&mut self, part: usize) -> f64 {
+        self.edges = self.cylinder.edges(&self.stage, self.openings[part]);
+        self.edges.total_demand()
+    }
+
+    /// Adds the rates of this stage to the sum with `weight`, and moves to the next stage, `ahead` s after the begin of
+    /// the step. Every axis gets the part `share` of its demand.
+    #[inline]
+    pub fn take_rates(&mut self, share: f64, weight: f64, ahead: f64) {
+        let rates = self.cylinder.rates(&self.stage, &self.edges, Lanes::splat(share));
+        let (weight, ahead) = (Lanes::splat(weight), Lanes::splat(ahead));
+        for (i, rate) in rates.into_iter().enumerate() {
+            self.sum[i] += weight * rate;
+            self.stage[i] = self.state[i] + ahead * rate;
+        }
+    }
+
+    /// Ends a step of `step` s.
+    #[inline]
+    pub fn end(&mut self, step: f64) {
+        for (value, sum) in self.state.iter_mut().zip(self.sum) {
+            *value += Lanes::splat(step) * sum;
+        }
+        // This bound acts only where the step is too long for a chamber.
+        let lowest = Lanes::splat(LOWEST_PRESSURE);
+        self.state[2] = self.state[2].fast_max(lowest);
+        self.state[3] = self.state[3].fast_max(lowest);
+    }
+
+    /// Flow that the axes demand from the pump at the end of the last step, m3/s.
+    pub fn demand_now(&self) -> f64 {
+        self.cylinder.edges(&self.state, self.openings[2]).total_demand()
+    }
+
+    /// The true state of each axis when every axis gets the part `share` of its demand, and the pressure in the chamber
+    /// that the pump feeds, Pa; `None` where the axis demands no flow.
+    pub fn observe(&self, share: f64) -> impl Iterator<Item = (TrueState, Option<f64>)> {
+        let edges = self.cylinder.edges(&self.state, self.openings[2]);
+        let (q1, q2) = self.cylinder.flows(&edges, Lanes::splat(share));
+        let [y, v, p1, p2, _] = self.state.map(Lanes::to_array);
+        let (q1, q2, spool) = (q1.to_array(), q2.to_array(), self.spool.to_array());
+        let demand = edges.demand.to_array();
+        (0..self.axes).map(move |lane| {
+            let state = TrueState {
+                position: y[lane],
+                velocity: v[lane],
+                piston_pressure: p1[lane],
+                rod_pressure: p2[lane],
+                spool_position: spool[lane],
+                piston_flow: q1[lane],
+                rod_flow: q2[lane],
+            };
+            let fed = if q1[lane] > 0.0 { p1[lane] } else { p2[lane] };
+            (state, (demand[lane] > 0.0).then_some(fed))
+        })
+    }
+}
+
+fn cylinders(
+    models: &[AxisModel; LANES],
+    hydraulics: &Hydraulics,
+    conditions: &[Conditions; LANES],
+) -> [Cylinder<f64>; LANES] {
+    std::array::from_fn(|lane| {
+        let AxisModel { plant, stroke, .. } = &models[lane];
+        Cylinder::new(plant, *stroke, hydraulics, &conditions[lane])
+    })
+}
+
+fn valve(models: &[AxisModel; LANES], conditions: &[Conditions; LANES], step: f64) -> Valve<Lanes> {
+    Valve::pack(&std::array::from_fn(|lane| Valve::new(&models[lane].plant, &conditions[lane], step)))
+}

@@ -1,0 +1,43 @@
+//! Why a machine cannot be simulated.
+
+use crate::conditions::UPDATE_PERIOD_NS;
+use pipeline::MAX_AXES;
+
+/// Why [`PlantSim::new`](super::PlantSim::new) cannot build a machine.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PlantError {
+    /// An axis has no table with the parameters of its plant.
+    #[error("axis.{axis}: found no simulated axis; give it a table [axis.{axis}.plant]")]
+    NoPlant {
+        /// Name of the axis.
+        axis: String,
+    },
+    /// The machine has simulated axes, but no supply and no oil.
+    #[error("supply, oil: found nothing; give the simulated machine its tables [supply] and [oil]")]
+    NoHydraulics,
+    /// The period at which conditions are updated is not a multiple of the step.
+    #[error("step: found {found_ns} ns; allowed: a divisor of {UPDATE_PERIOD_NS} ns")]
+    Step {
+        /// The step, ns.
+        found_ns: u64,
+    },
+    /// An axis is too fast for the step.
+    #[error(
+        "axis.{axis}.plant: found a motion at {rate:.3e} 1/s, too fast for the simulator's step; \
+         allowed: up to {limit:.3e} 1/s; more mass or dead volume, or less damping, stiffness, leakage or rated_flow"
+    )]
+    TooStiff {
+        /// Name of the axis.
+        axis: String,
+        /// Its fastest rate, 1/s.
+        rate: f64,
+        /// The fastest rate that can be integrated, 1/s.
+        limit: f64,
+    },
+    /// The machine has more axes than a message holds.
+    #[error("axis: found {found} axes; allowed: up to {MAX_AXES}")]
+    TooManyAxes {
+        /// Number of axes.
+        found: usize,
+    },
+}

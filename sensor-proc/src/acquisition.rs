@@ -1,0 +1,118 @@
+//! Acquisition: encoder counts are scaled to positions and checked; the result is the sample of a tick.
+
+use pipeline::{
+    machine::Machine,
+    message::{EncoderReading, EncoderSample, sample_fault},
+};
+
+use crate::plausibility::Plausibility;
+
+/// Scaling and checks of all axes.
+#[derive(Debug, Clone)]
+pub struct Acquisition {
+    checks: Vec<Plausibility>,
+    resolutions: Vec<f64>,
+    /// Tick of the last sample.
+    last: Option<u64>,
+    /// Emergency stop in the last reading that counts; 0 while released.
+    emergency_stop: u32,
+}
+
+impl Acquisition {
+    /// Acquisition of all axes of a machine.
+    pub fn new(machine: &Machine) -> Self {
+        Self {
+            checks: machine.axes.iter().map(|axis| Plausibility::new(axis, machine.timing.period)).collect(),
+            resolutions: machine.axes.iter().map(|axis| axis.encoder.resolution).collect(),
+            last: None,
+            emergency_stop: 0,
+        }
+    }
+
+    /// The sample of tick `sequence` from the reading of this tick, or without one.
+    ///
+    /// A reading with a wrong number of axes counts as no reading, but a pressed emergency stop in it counts. Without a
+    /// reading the emergency stop keeps its last value. The times of the header stay zero; the process fills them in.
+    pub fn update(&mut self, sequence: u64, reading: Option<&EncoderReading>) -> EncoderSample {
+        let elapsed = self.last.replace(sequence).map_or(1, |last| sequence.saturating_sub(last));
+        let pressed = reading.map_or(0, |reading| reading.emergency_stop);
+        let reading = reading.filter(|reading| reading.header.axis_count as usize == self.checks.len());
+        if reading.is_some() || pressed != 0 {
+            self.emergency_stop = pressed;
+        }
+        let mut sample = EncoderSample { emergency_stop: self.emergency_stop, ..EncoderSample::default() };
+        sample.header.sequence = sequence;
+        sample.header.axis_count = self.checks.len() as u32;
+        for (i, (check, resolution)) in self.checks.iter_mut().zip(&self.resolutions).enumerate() {
+            let encoder = reading.map(|reading| &reading.encoders[i]);
+            let position = encoder.map(|encoder| encoder.counts as f64 * resolution);
+            sample.axes[i] = check.judge(elapsed, position, encoder.is_some_and(|encoder| encoder.error != 0));
+        }
+        sample
+    }
+}
+
+/// Whether the position of any axis of the sample is unusable. A mark that the position has not changed does not count.
+pub fn is_implausible(sample: &EncoderSample) -> bool {
+    sample.axes.iter().any(|axis| axis.faults & sample_fault::UNUSABLE != 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pipeline::message::EncoderValue;
+
+    #[test]
+    fn counts_become_metres() {
+        let machine = Machine::load(None, &[]).unwrap();
+        let mut acquisition = Acquisition::new(&machine);
+        let mut reading = EncoderReading::default();
+        reading.header.axis_count = 4;
+        reading.encoders[0] = EncoderValue { counts: 6500, ..EncoderValue::default() };
+        reading.encoders[3] = EncoderValue { counts: 5500, error: 7, ..EncoderValue::default() };
+        let sample = acquisition.update(9, Some(&reading));
+        assert_eq!((sample.header.sequence, sample.header.axis_count), (9, 4));
+        assert!((sample.axes[0].position - 0.65).abs() < 1e-12);
+        assert_eq!(sample.axes[3].faults, sample_fault::ENCODER);
+        assert!(is_implausible(&sample));
+
+        let none = acquisition.update(10, None);
+        assert!(none.axes[..4].iter().all(|axis| axis.faults & sample_fault::STALE != 0));
+        reading.header.axis_count = 3;
+        let foreign = acquisition.update(11, Some(&reading));
+        assert!(foreign.axes[..4].iter().all(|axis| axis.faults & sample_fault::STALE != 0));
+    }
+
+    #[test]
+    fn an_emergency_stop_is_passed_on_until_a_reading_shows_it_released() {
+        let machine = Machine::load(None, &[]).unwrap();
+        let mut acquisition = Acquisition::new(&machine);
+        let mut reading = EncoderReading { emergency_stop: 1, ..EncoderReading::default() };
+        assert_eq!(acquisition.update(0, None).emergency_stop, 0);
+        // A pressed stop counts in any reading, a released one only in a reading with the right number of axes.
+        assert_eq!(acquisition.update(1, Some(&reading)).emergency_stop, 1);
+        assert_eq!(acquisition.update(2, None).emergency_stop, 1);
+        reading.emergency_stop = 0;
+        assert_eq!(acquisition.update(3, Some(&reading)).emergency_stop, 1);
+        reading.header.axis_count = 4;
+        assert_eq!(acquisition.update(4, Some(&reading)).emergency_stop, 0);
+    }
+
+    #[test]
+    fn missed_ticks_count_as_time() {
+        let machine = Machine::load(None, &[]).unwrap();
+        let mut acquisition = Acquisition::new(&machine);
+        let mut sample = |tick, counts| {
+            let mut reading = EncoderReading::default();
+            reading.header.axis_count = 4;
+            reading.encoders[..4].fill(EncoderValue { counts, ..EncoderValue::default() });
+            acquisition.update(tick, Some(&reading)).axes[0]
+        };
+        sample(0, 6000);
+        // 10.4 mm are too fast for one tick of 1 m/s but not for two. 20 mm in two ticks would be too fast for an axis
+        // that was at rest before.
+        let later = sample(2, 6104);
+        assert_eq!(later.faults, 0);
+        assert!((later.velocity - 0.52).abs() < 1e-9, "{}", later.velocity);
+    }
+}

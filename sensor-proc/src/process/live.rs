@@ -1,0 +1,94 @@
+//! The stage with the source `sim`: readings come from plant-sim, or from any program that takes its place.
+
+use pipeline::{
+    channel::{Group, Reader},
+    machine::Machine,
+    message::EncoderReading,
+    stage::{Channels, Clock, Next, Stage, StageError, Turn, Waiter, monotonic_ns},
+};
+
+use super::{output::Output, timer::Timer};
+use crate::acquisition::Acquisition;
+
+/// Period at which the stage looks for the first reading, ns.
+const FIRST_READING_POLL_NS: u64 = 1_000_000;
+
+/// The stage with the source `sim`.
+pub struct Live {
+    core: Acquisition,
+    readings: Reader<EncoderReading>,
+    output: Output,
+    period_ns: u64,
+    /// In real time only; set by the first reading.
+    timer: Option<Timer>,
+}
+
+impl Live {
+    /// Joins the channels of `group`.
+    ///
+    /// # Errors
+    /// A channel cannot be used.
+    pub fn new(machine: &Machine, clock: Clock, group: &Group) -> Result<Self, StageError> {
+        Ok(Self {
+            core: Acquisition::new(machine),
+            readings: group.reader()?,
+            output: Output::new(group, clock)?,
+            period_ns: machine.timing.period.as_nanos() as u64,
+            timer: None,
+        })
+    }
+
+    fn real_time(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
+        let Some(timer) = &mut self.timer else {
+            // The first tick is released after the first reading.
+            turn.sleep_until(monotonic_ns() + FIRST_READING_POLL_NS);
+            if self.readings.newest()?.if_new().is_some() {
+                self.timer = Some(Timer::new(self.period_ns, turn.options.first_tick));
+            }
+            return Ok(Next::Waiting);
+        };
+        let Some((tick, due_ns)) = timer.release(turn) else { return Ok(Next::Waiting) };
+        let reading = self.readings.newest()?.if_new();
+        let acquired_ns = reading.map_or(due_ns, |reading| reading.header.acquired_ns);
+        if let Some(reading) = reading {
+            turn.pick_up(reading.header.sent_ns);
+        }
+        let mut sample = self.core.update(tick, reading);
+        self.output.send(turn, &mut sample, acquired_ns, due_ns)?;
+        Ok(if turn.is_last(tick) { Next::Finished } else { Next::Worked })
+    }
+
+    fn lock_step(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
+        let readings = &mut self.readings;
+        if !turn.wait_for(&Waiter::Yield, || Ok(readings.read()?.if_new().is_some()))? {
+            return Ok(Next::Waiting);
+        }
+        let Some(reading) = self.readings.last() else { return Ok(Next::Waiting) };
+        let header = reading.header;
+        turn.pick_up(header.sent_ns);
+        let mut sample = self.core.update(header.sequence, Some(reading));
+        self.output.send(turn, &mut sample, header.acquired_ns, header.acquired_ns)?;
+        Ok(if turn.is_last(header.sequence) { Next::Finished } else { Next::Worked })
+    }
+}
+
+impl Stage for Live {
+    fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
+        match turn.options.clock {
+            Clock::RealTime => self.real_time(turn),
+            Clock::LockStep => self.lock_step(turn),
+        }
+    }
+
+    fn greet(&self) {
+        self.output.greet();
+    }
+
+    fn stop(&mut self) -> Result<(), StageError> {
+        Ok(())
+    }
+
+    fn channels(&mut self, channels: &mut Channels<'_>) {
+        channels.visit(&mut self.readings);
+    }
+}

@@ -1,0 +1,84 @@
+//! `hydraxis check`: everything that can be found wrong before a process starts.
+//!
+//! Runs once, before the loop.
+
+mod explain;
+
+use std::path::PathBuf;
+
+use clap::Args;
+use control_proc::Controller;
+use pipeline::machine::{Machine, Source};
+use plant_sim::PlantSim;
+use sensor_proc::{Recording, Replay};
+
+use crate::{
+    arguments::{MachineFile, load},
+    failure::Failure,
+    report::output::show,
+};
+
+/// `check`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  hydraxis check my.toml                               everything that is wrong with the file
+  hydraxis check my.toml --model model.toml --explain  every value, where it comes from, and what is allowed
+  hydraxis check --explain --json - | jq '.[] | select(.key == \"axis.boom.identification.nk\")'
+
+Reads the machine file and every file that it names, and starts nothing. Exit codes: 0 no problem found, 2 a problem.")]
+pub struct CheckArguments {
+    /// The machine
+    #[command(flatten)]
+    pub machine: MachineFile,
+    /// Show the effective value of every key, where it comes from, and what is allowed
+    #[arg(long)]
+    pub explain: bool,
+    /// Write the effective values as JSON to a file, or to standard output with -
+    #[arg(long, value_name = "FILE", requires = "explain")]
+    pub json: Option<PathBuf>,
+}
+
+/// Checks a machine file and shows in one line what it describes, or all of its values.
+pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
+    let machine = load(&arguments.machine)?;
+    deep(&machine)?;
+    if arguments.explain {
+        return explain::run(arguments);
+    }
+    let names: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
+    let source = match &machine.source {
+        Source::Sim => "simulated".to_owned(),
+        Source::Replay(file) => format!("replayed from {}", file.display()),
+    };
+    Ok(show(&format!(
+        "{}: {} axes ({}), every {}, {source}: no problem found.\n",
+        machine.name,
+        names.len(),
+        names.join(", "),
+        humantime::format_duration(machine.timing.period)
+    ))?)
+}
+
+/// Checks, axis by axis, the files that the machine file names and the values that follow from it: trajectories,
+/// recordings, plants. Returns the rows of the recording if the machine replays one.
+///
+/// # Errors
+/// All problems, one on each line.
+pub fn deep(machine: &Machine) -> Result<Option<u64>, Failure> {
+    let (mut problems, mut rows) = (Vec::new(), None);
+    for axis in &machine.axes {
+        let alone = Machine { axes: vec![axis.clone()], ..machine.clone() };
+        problems.extend(Controller::new(&alone).err().map(|error| error.to_string()));
+        match &machine.source {
+            Source::Sim => problems.extend(PlantSim::new(&alone, 0).err().map(|error| error.to_string())),
+            Source::Replay(file) => match Recording::read_all(&alone, file) {
+                Ok(recordings) => rows = Some(Replay::new(&alone, recordings).len()),
+                Err(error) => problems.push(format!("source.file: {error}")),
+            },
+        }
+    }
+    // A file that all axes share has the same problem for each of them.
+    problems.dedup();
+    if problems.is_empty() { Ok(rows) } else { Err(Failure::usage(problems.join("\n"))) }
+}

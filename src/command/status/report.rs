@@ -1,0 +1,333 @@
+//! The report of `hydraxis status`: the figures of a running group, for tables and for JSON.
+
+use std::collections::BTreeMap;
+
+use pipeline::{
+    latency::Percentiles,
+    message::{
+        AxisMode, AxisState, ControlMode, MissCause, StageHealth, StageState, bit_names, control_flag, model_fault,
+        sample_fault,
+    },
+    stage::StageKind,
+};
+use serde::Serialize;
+
+use super::{Collected, SILENT_NS};
+use crate::report::table::{nanoseconds, number, table};
+
+/// The figures of a group, as JSON has them.
+#[derive(Debug, Serialize)]
+pub struct StatusReport {
+    group: String,
+    stages: BTreeMap<&'static str, StageFigures>,
+    axes: BTreeMap<String, AxisFigures>,
+    /// The processes of the group that have sent no heartbeat.
+    others: Vec<OtherProcess>,
+    /// Names of the stages in the order in which the data goes through them.
+    #[serde(skip)]
+    order: Vec<&'static str>,
+    /// Names of the axes in the order of the machine.
+    #[serde(skip)]
+    names: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct OtherProcess {
+    name: String,
+    pid: u32,
+    is_alive: bool,
+}
+
+impl OtherProcess {
+    /// Whether the process joined the group as a stage.
+    fn is_stage(&self) -> bool {
+        StageKind::ALL.iter().any(|kind| kind.name() == self.name)
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct StageFigures {
+    pid: u32,
+    state: &'static str,
+    heartbeat_age_ns: u64,
+    /// Time over which the stage has counted, ns.
+    counted_ns: u64,
+    tick: u64,
+    rate_hz: f64,
+    samples: u64,
+    implausible: u64,
+    lost: u64,
+    missed_deadlines: u64,
+    missed_by_late_input: u64,
+    missed_by_late_release: u64,
+    missed_by_long_work: u64,
+    last_missed_tick: Option<u64>,
+    last_missed_cause: &'static str,
+    channels: BTreeMap<&'static str, ChannelFigures>,
+    wait_ns: Percentiles,
+    work_ns: Percentiles,
+    end_to_end_ns: Percentiles,
+    release_jitter_ns: Percentiles,
+}
+
+#[derive(Debug, Serialize)]
+struct ChannelFigures {
+    received: u64,
+    lost: u64,
+    writer_restarts: u64,
+    age_ns: Option<u64>,
+    longest_gap_ns: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct AxisFigures {
+    mode: &'static str,
+    command_by: &'static str,
+    command: f64,
+    position: f64,
+    velocity: f64,
+    reference: f64,
+    error: f64,
+    flags: Vec<&'static str>,
+    sample_faults: Vec<&'static str>,
+    model_age_ns: Option<u64>,
+    model_faults: Vec<&'static str>,
+    forgetting_factor: Option<f64>,
+    h_step_sigma: Option<f64>,
+    rejected_snapshots: u64,
+    unsolved_plans: u64,
+    refused_requests: u32,
+}
+
+impl StatusReport {
+    pub(super) fn new(collected: &Collected) -> Self {
+        let stages = StageKind::ALL.into_iter().filter_map(|kind| {
+            let (first, last) = collected.stages[kind as usize].as_ref()?;
+            Some((kind.name(), StageFigures::new(first, last, collected.now_ns)))
+        });
+        let stages: Vec<_> = stages.collect();
+        let axes = collected.state.iter().flat_map(|state| &state.axes[..(state.header.axis_count as usize).min(8)]);
+        let axes: Vec<_> = axes.map(|axis| (axis.name().to_owned(), AxisFigures::new(axis))).collect();
+        let is_heard = |pid: u32| collected.stages.iter().flatten().any(|(_, last)| last.pid == pid);
+        let others = collected.members.iter().filter(|member| !is_heard(member.pid)).map(|member| OtherProcess {
+            name: member.name.clone(),
+            pid: member.pid,
+            is_alive: member.is_alive,
+        });
+        Self {
+            others: others.collect(),
+            group: collected.prefix.to_string(),
+            order: stages.iter().map(|(name, _)| *name).collect(),
+            names: axes.iter().map(|(name, _)| name.clone()).collect(),
+            stages: stages.into_iter().collect(),
+            axes: axes.into_iter().collect(),
+        }
+    }
+
+    /// Names of the stages whose heartbeats are missing.
+    pub fn silent(&self) -> Vec<&str> {
+        let is_silent = |name: &&str| {
+            let stage = &self.stages[*name];
+            stage.heartbeat_age_ns > SILENT_NS && stage.state != StageState::name(StageState::Stopped as u32)
+        };
+        let unheard = self.others.iter().filter(|other| other.is_stage()).map(|other| other.name.as_str());
+        self.order.iter().copied().filter(is_silent).chain(unheard).collect()
+    }
+
+    /// All figures as tables: stages, channels, latencies, other processes, axes.
+    pub fn tables(&self) -> String {
+        let parts = [
+            format!("Group \"{}\"\n", self.group),
+            self.stage_table(),
+            self.channel_table(),
+            self.latency_table(),
+            self.others(),
+            self.axis_table(),
+        ];
+        parts.concat()
+    }
+
+    fn stages(&self) -> impl Iterator<Item = (&'static str, &StageFigures)> {
+        self.order.iter().map(|name| (*name, &self.stages[name]))
+    }
+
+    fn stage_table(&self) -> String {
+        let rows = self.stages().map(|(name, stage)| stage_row(name, stage));
+        let header = [
+            "stage",
+            "pid",
+            "state",
+            "heard",
+            "tick",
+            "1/s",
+            "lost",
+            "late input",
+            "release",
+            "work",
+            "last late tick",
+            "counted",
+        ];
+        format!("{}\n\n", table(&header, rows.collect()))
+    }
+
+    fn channel_table(&self) -> String {
+        let rows = self.stages().flat_map(|(name, stage)| {
+            stage.channels.iter().map(move |(channel, figures)| {
+                vec![
+                    format!("{name} <- {channel}"),
+                    figures.received.to_string(),
+                    figures.lost.to_string(),
+                    figures.writer_restarts.to_string(),
+                    figures.age_ns.map_or_else(|| "-".to_owned(), nanoseconds),
+                    if figures.received > 1 { nanoseconds(figures.longest_gap_ns) } else { "-".to_owned() },
+                ]
+            })
+        });
+        let header = ["channel", "read", "lost", "writer restarts", "age", "longest gap"];
+        format!("{}\n\n", table(&header, rows.collect()))
+    }
+
+    fn latency_table(&self) -> String {
+        let rows = self.stages().flat_map(|(name, stage)| {
+            let kinds = [
+                ("wait", &stage.wait_ns),
+                ("work", &stage.work_ns),
+                ("end to end", &stage.end_to_end_ns),
+                ("release jitter", &stage.release_jitter_ns),
+            ];
+            kinds.into_iter().filter(|(_, p)| p.count > 0).map(move |(kind, p)| {
+                let mut row = vec![format!("{name} {kind}"), p.count.to_string()];
+                row.extend([p.p50, p.p99, p.p99_9, p.p99_99, p.max].map(nanoseconds));
+                row.push(p.beyond.to_string());
+                row
+            })
+        });
+        let header = ["latency", "count", "p50", "p99", "p99.9", "p99.99", "max", "beyond"];
+        format!("{}\n", table(&header, rows.collect()))
+    }
+
+    /// A line for each process without heartbeats.
+    fn others(&self) -> String {
+        let line = |other: &OtherProcess| {
+            let state = match (other.is_alive, other.is_stage()) {
+                (false, _) => "killed",
+                (true, true) => "nothing heard",
+                (true, false) => "alive",
+            };
+            format!("\nalso there: {}, process {}, {state}", other.name, other.pid)
+        };
+        let lines: String = self.others.iter().map(line).collect();
+        if lines.is_empty() { lines } else { lines + "\n" }
+    }
+
+    fn axis_table(&self) -> String {
+        if self.names.is_empty() {
+            return String::new();
+        }
+        let rows = self.names.iter().map(|name| axis_row(name, &self.axes[name]));
+        let header = ["axis", "mode", "command", "by", "position", "error", "model age", "sigma", "flags"];
+        format!("\n{}\n", table(&header, rows.collect()))
+    }
+}
+
+fn stage_row(name: &str, stage: &StageFigures) -> Vec<String> {
+    let last = stage.last_missed_tick.map(|tick| format!("{tick}, {}", stage.last_missed_cause));
+    vec![
+        name.to_owned(),
+        stage.pid.to_string(),
+        stage.state.to_owned(),
+        nanoseconds(stage.heartbeat_age_ns),
+        stage.tick.to_string(),
+        number(stage.rate_hz),
+        stage.lost.to_string(),
+        stage.missed_by_late_input.to_string(),
+        stage.missed_by_late_release.to_string(),
+        stage.missed_by_long_work.to_string(),
+        last.unwrap_or_else(|| "-".to_owned()),
+        nanoseconds(stage.counted_ns),
+    ]
+}
+
+fn axis_row(name: &str, axis: &AxisFigures) -> Vec<String> {
+    let words = axis.flags.iter().chain(&axis.sample_faults).chain(&axis.model_faults);
+    let words: Vec<&str> = words.copied().collect();
+    vec![
+        name.to_owned(),
+        axis.mode.to_owned(),
+        format!("{:+.4}", axis.command),
+        axis.command_by.to_owned(),
+        format!("{:.4} m", axis.position),
+        format!("{:+.2} mm", 1e3 * axis.error),
+        axis.model_age_ns.map_or_else(|| "-".to_owned(), nanoseconds),
+        axis.h_step_sigma.map_or_else(|| "-".to_owned(), |sigma| format!("{} mm", number(1e3 * sigma))),
+        if words.is_empty() { "-".to_owned() } else { words.join(", ") },
+    ]
+}
+
+impl StageFigures {
+    fn new(first: &StageHealth, last: &StageHealth, now_ns: u64) -> Self {
+        let seconds = last.header.sent_ns.saturating_sub(first.header.sent_ns) as f64 / 1e9;
+        let ticks = last.samples.saturating_sub(first.samples) as f64;
+        let missed = &last.missed;
+        Self {
+            pid: last.pid,
+            state: StageState::name(last.state),
+            heartbeat_age_ns: now_ns.saturating_sub(last.header.sent_ns),
+            counted_ns: now_ns.saturating_sub(last.since_ns),
+            tick: last.header.sequence,
+            rate_hz: if seconds > 0.0 { ticks / seconds } else { f64::NAN },
+            samples: last.samples,
+            implausible: last.implausible,
+            lost: last.lost(),
+            missed_deadlines: missed.total(),
+            missed_by_late_input: missed.late_input,
+            missed_by_late_release: missed.late_release,
+            missed_by_long_work: missed.long_work,
+            last_missed_tick: (missed.total() > 0).then_some(missed.last_tick),
+            last_missed_cause: MissCause::name(missed.last_cause),
+            channels: last
+                .channels()
+                .iter()
+                .map(|channel| {
+                    let figures = ChannelFigures {
+                        received: channel.received,
+                        lost: channel.lost,
+                        writer_restarts: channel.restarts,
+                        age_ns: (channel.any != 0).then_some(channel.age_ns),
+                        longest_gap_ns: channel.longest_gap_ns,
+                    };
+                    (channel.name(), figures)
+                })
+                .collect(),
+            wait_ns: last.wait,
+            work_ns: last.work,
+            end_to_end_ns: last.end_to_end,
+            release_jitter_ns: last.release_jitter,
+        }
+    }
+}
+
+impl AxisFigures {
+    fn new(axis: &AxisState) -> Self {
+        let (command, sample) = (&axis.command, &axis.sample);
+        let has_model = axis.has_model != 0;
+        Self {
+            mode: AxisMode::from_number(command.operation).map_or("unknown", AxisMode::name),
+            command_by: ControlMode::name(command.mode),
+            command: command.command,
+            position: sample.position,
+            velocity: sample.velocity,
+            reference: command.reference,
+            error: command.error,
+            flags: bit_names(command.flags, &control_flag::NAMES).collect(),
+            sample_faults: bit_names(sample.faults, &sample_fault::NAMES).collect(),
+            model_age_ns: has_model.then_some(axis.model_age_ns),
+            model_faults: bit_names(axis.model_faults, &model_fault::NAMES).collect(),
+            forgetting_factor: has_model.then_some(axis.forgetting_factor),
+            h_step_sigma: has_model.then_some(axis.h_step_sigma).filter(|sigma| sigma.is_finite()),
+            rejected_snapshots: command.rejected_snapshots.iter().sum(),
+            unsolved_plans: command.unsolved_plans,
+            refused_requests: command.refused_requests,
+        }
+    }
+}

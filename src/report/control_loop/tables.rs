@@ -1,0 +1,142 @@
+//! The report of `run` and `simulate` as tables for people: axes, stages, latencies, and lines about what was unusual.
+
+use pipeline::{
+    machine::{Axis, IdentifiedOutput, Machine},
+    stage::StageKind,
+};
+
+use super::{AxisReport, LoopReport, Operation};
+use crate::report::table::{nanoseconds, number, percent, table};
+
+impl LoopReport {
+    /// All figures as tables.
+    pub fn tables(&self, machine: &Machine) -> String {
+        let parts = [
+            self.axis_table(machine),
+            self.stage_table(),
+            self.latency_table(),
+            self.restarts(),
+            self.operations(machine),
+            self.training_hints(machine),
+        ];
+        let total = format!(
+            "{} ticks, {} s of the machine in {} s: {} lost.\n",
+            self.ticks,
+            number(self.model_s),
+            number(self.wall_s),
+            self.lost()
+        );
+        parts.concat() + &total
+    }
+
+    fn axis_table(&self, machine: &Machine) -> String {
+        let mut text = String::new();
+        let by_velocity = |axis: &&Axis| axis.identification.output == IdentifiedOutput::Velocity;
+        for axis in machine.axes.iter().filter(by_velocity) {
+            text += &format!("{}: identified by its velocity, identification errors below are in mm/s.\n", axis.name);
+        }
+        text += "Tracking error, mm, and identification error, mm (sigma; h steps ahead; 1 - adaptive / classical):\n";
+        let rows = machine.axes.iter().map(|axis| axis_row(&axis.name, &self.axes[&axis.name]));
+        let header = [
+            "axis",
+            "track rmse",
+            "max",
+            "by model",
+            "of ticks",
+            "h-step class.",
+            "adaptive",
+            "reduction",
+            "1-step class.",
+            "adaptive",
+            "reduction",
+        ];
+        text + &format!("{}\n\n", table(&header, rows.collect()))
+    }
+
+    fn stage_table(&self) -> String {
+        let stages = StageKind::ALL.iter().filter_map(|kind| Some((kind.name(), self.stages.get(kind.name())?)));
+        let rows = stages.map(|(name, stage)| {
+            let counts = [stage.samples, stage.lost, stage.missed_deadlines].map(|count| count.to_string());
+            let mut row = vec![name.to_owned()];
+            row.extend(counts);
+            for p in [&stage.wait_ns, &stage.work_ns] {
+                row.extend(
+                    [p.p50, p.p99, p.p99_9, p.max].map(|v| if p.count > 0 { nanoseconds(v) } else { "-".into() }),
+                );
+            }
+            row
+        });
+        let header =
+            ["stage", "samples", "lost", "late", "wait p50", "p99", "p99.9", "max", "work p50", "p99", "p99.9", "max"];
+        format!("{}\n\n", table(&header, rows.collect()))
+    }
+
+    /// Empty for a run that has measured neither latency.
+    fn latency_table(&self) -> String {
+        let latencies = [("end to end", &self.end_to_end_ns), ("release jitter", &self.release_jitter_ns)];
+        let rows = latencies.iter().filter(|(_, p)| p.count > 0).map(|(name, p)| {
+            let mut row = vec![(*name).to_owned(), p.count.to_string()];
+            row.extend([p.p50, p.p99, p.p99_9, p.p99_99, p.max].map(nanoseconds));
+            row.push(p.beyond.to_string());
+            row
+        });
+        let rows: Vec<_> = rows.collect();
+        if rows.is_empty() {
+            return String::new();
+        }
+        let header = ["latency", "count", "p50", "p99", "p99.9", "p99.99", "max", "beyond"];
+        format!("{}\n\n", table(&header, rows))
+    }
+
+    fn restarts(&self) -> String {
+        let restarted = self.stages.iter().filter(|(_, stage)| stage.restarts > 0);
+        let line = |(name, stage): (&&str, &super::StageReport)| {
+            let times = if stage.restarts == 1 { "once".to_owned() } else { format!("{} times", stage.restarts) };
+            format!("{name}: started again {times}: {}.\n", stage.restart_causes.join(", "))
+        };
+        restarted.map(line).collect()
+    }
+
+    fn operations(&self, machine: &Machine) -> String {
+        let operated =
+            machine.axes.iter().filter_map(|axis| Some((&axis.name, self.axes[&axis.name].operation.as_ref()?)));
+        let line = |(name, operation): (&String, &Operation)| {
+            let Operation { mode, requests, refused_requests } = operation;
+            format!("{name}: {mode} after {requests} requests, {refused_requests} more refused.\n")
+        };
+        operated.map(line).collect()
+    }
+
+    /// A line for each axis whose run was too short for a model.
+    fn training_hints(&self, machine: &Machine) -> String {
+        let untrained = machine.axes.iter().filter(|axis| self.axes[&axis.name].identification.updates == 0);
+        let line = |axis: &Axis| {
+            let training = axis.identification.training as f64 * machine.timing.period.as_secs_f64();
+            format!(
+                "{0}: no model yet, training takes {1} s (axis.{0}.identification.training); \
+                 use a longer --duration.\n",
+                axis.name,
+                number(training)
+            )
+        };
+        untrained.map(line).collect()
+    }
+}
+
+fn axis_row(name: &str, axis: &AxisReport) -> Vec<String> {
+    let identification = &axis.identification;
+    let (classical, adaptive) = (&identification.classical, &identification.adaptive);
+    vec![
+        name.to_owned(),
+        number(1e3 * axis.tracking.rmse),
+        number(1e3 * axis.tracking.max),
+        number(1e3 * axis.tracking_by_model.rmse),
+        percent(100.0 * axis.tracking_by_model.count as f64 / axis.tracking.count as f64),
+        number(1e3 * classical.h_step.sigma),
+        number(1e3 * adaptive.h_step.sigma),
+        percent(identification.reduction_percent.h_step),
+        number(1e3 * classical.one_step.sigma),
+        number(1e3 * adaptive.one_step.sigma),
+        percent(identification.reduction_percent.one_step),
+    ]
+}

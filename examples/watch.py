@@ -14,308 +14,23 @@ Without --prefix the one group that is running is taken. Ctrl-C ends watching, a
 Watching takes nothing from the group: each channel has places for clients, its writer waits for no reader, and a
 reader that is slow loses its oldest messages, which are counted here.
 
-The structures below mirror pipeline/src/message.rs field by field, names included: the fingerprint of the layout
-is made of them, and a group of another version is refused by it.
+Messages and channels are in hydraxis.py, beside this file.
 """
 
 import argparse
-import ctypes
 import os
 import re
 import signal
 import sys
 import time
-from collections import deque
-from ctypes import c_double as f64, c_uint32 as u32, c_uint64 as u64
-from pathlib import Path
 
-try:
-    import iceoryx2 as iox2
-except ImportError:
-    sys.exit("the package iceoryx2 is missing: pip install iceoryx2==0.10.0")
+from hydraxis import (MODES, TRAINING, Channel, CoefficientSnapshot, EncoderSample, Group, Trouble, ValveCommand,
+                      iox2, is_running, running_groups)
 
 POLL_S = 0.005  # a coefficient channel holds 16 messages: enough for 3000 ticks per second
 PRINT_S = 0.5
-OPEN_PATIENCE_S = 5.0  # for the channels of a group that is just starting
-FIRST_PATIENCE_S = 10.0  # for its first message
+FIRST_PATIENCE_S = 10.0  # for the first message of a group
 END_PATIENCE_S = 2.0  # without any message after that, the group has ended
-MAX_AXES = 8
-MODES = ["neutral", "fallback", "model", "replay", "manual", "commission"]
-TRAINING = 1  # bit of AxisSnapshot.faults: there are no coefficients yet
-
-
-# ------------------------------------------------------------------------------------------------ messages
-# Positions are metres when the machine is simulated or real; a replayed record keeps its own unit, and what is
-# printed as mm is then a thousandth of it.
-
-
-class Header(ctypes.Structure):
-    _fields_ = [
-        ("sequence", u64),  # index of the tick whose sample caused the message; a gap is a tick nobody worked
-        ("number", u64),  # of this message on its channel; a gap is a lost message
-        ("acquired_ns", u64),  # ns of CLOCK_MONOTONIC
-        ("sent_ns", u64),  # ns of CLOCK_MONOTONIC
-        ("axis_count", u32),  # axes in use; the rest of the arrays is zero
-        ("reserved", u32),
-    ]
-
-
-class ErrorStatistics(ctypes.Structure):
-    _fields_ = [
-        ("count", u64),  # values
-        ("mean", f64),  # in the unit of the values
-        ("m2", f64),  # sum of squared deviations from the mean, unit squared
-        ("max", f64),  # largest magnitude, in the unit of the values
-    ]
-
-
-class AxisSample(ctypes.Structure):
-    _fields_ = [
-        ("position", f64),  # m
-        ("velocity", f64),  # m/s, backward difference
-        ("faults", u32),  # bits; 0 is healthy
-        ("unchanged", u32),  # ticks since the raw value last changed
-    ]
-
-
-class EncoderSample(ctypes.Structure):
-    _fields_ = [
-        ("header", Header),
-        ("axes", AxisSample * MAX_AXES),
-        ("emergency_stop", u32),  # 0 while released
-        ("reserved", u32),
-    ]
-
-    @staticmethod
-    def type_name():
-        return "hydraxis.EncoderSample/2"
-
-
-class AxisCommand(ctypes.Structure):
-    _fields_ = [
-        ("command", f64),  # valve command, -1 to 1, positive extends
-        ("reference", f64),  # m
-        ("error", f64),  # m, reference - position
-        ("mode", u32),  # index in MODES
-        ("flags", u32),  # bits; 0 is healthy
-        ("operation", u32),  # 1 off, 2 manual, 3 hold, 4 track, 5 commission; 0 where nobody controls
-        ("refused_requests", u32),  # requests refused so far
-        ("taken_requests", u64),  # requests taken so far
-        ("rejected_snapshots", u64 * 7),  # refused so far: not finite, structure, unstable, direction, reach, speed, worse
-        ("unsolved_plans", u64),  # plans without the solver so far
-        ("tracking", ErrorStatistics),  # m
-        ("model_tracking", ErrorStatistics),  # m, over the ticks of the model-based controller
-    ]
-
-
-class ValveCommand(ctypes.Structure):
-    _fields_ = [
-        ("header", Header),
-        ("axes", AxisCommand * MAX_AXES),
-        ("cut_off", u32),  # 1 asks for the pilot pressure to be cut off
-        ("reserved", u32),
-    ]
-
-    @staticmethod
-    def type_name():
-        return "hydraxis.ValveCommand/3"
-
-
-class Coefficients(ctypes.Structure):
-    _fields_ = [
-        ("na", u32),  # order of A
-        ("nb", u32),  # order of B
-        ("nk", u32),  # delay, samples
-        ("order", u32),  # coefficients of the nonlinearity for each sign of the command
-        ("basis", u32),  # what they multiply: 0 powers, 1 hinges
-        ("has_drift", u32),  # 1 with a drift
-        ("a", f64 * 7),  # a_1 to a_na, no unit
-        ("b", f64 * 5),  # b_0 to b_nb, m
-        ("f", f64 * 5),  # for commands >= 0, no unit, f_1 = 1
-        ("g", f64 * 5),  # for commands < 0, no unit
-        ("drift", f64),  # m per sample
-        ("dead_band", f64 * 2),  # commands that open nothing, below zero and above, as magnitudes
-        ("knots", f64 * 5),  # where the hinges begin, of the command beyond the dead band
-    ]
-
-
-class ModelErrors(ctypes.Structure):
-    _fields_ = [
-        ("one_step", ErrorStatistics),  # m
-        ("h_step", ErrorStatistics),  # m
-        ("free_run", ErrorStatistics),  # m
-    ]
-
-
-class AxisSnapshot(ctypes.Structure):
-    _fields_ = [
-        ("adaptive", Coefficients),
-        ("classical", Coefficients),  # identified offline, held since
-        # Errors, output and innovation are in m/s instead where the velocity is what is identified.
-        ("adaptive_errors", ModelErrors),  # m
-        ("classical_errors", ModelErrors),  # m
-        ("separated_h_step", ErrorStatistics),  # m, of the adaptive model as it is published
-        ("output", ErrorStatistics),  # m, the output itself
-        ("persistence", ErrorStatistics),  # m, change of the output over the horizon
-        ("forgetting", ErrorStatistics),  # 1 - forgetting factor
-        ("forgetting_factor", f64),  # of the last update
-        ("innovation", f64),  # m, output minus one-step prediction at the last update
-        ("innovation_ratio", f64),  # innovation over its usual size
-        ("pole_radius", f64),  # largest magnitude of a pole of the adaptive model
-        ("gain_ratio", f64 * 2),  # travel after a step, adaptive over classical: positive, negative command
-        ("excitation", f64 * 2),  # part of the recent samples with a positive, a negative command
-        ("covariance_trace", f64),
-        ("split_residual", f64),  # 0 to 1
-        ("command_low", f64),  # lowest valve command learned from
-        ("command_high", f64),  # highest valve command learned from
-        ("updates", u64),  # recursive updates
-        ("skipped", u64),  # samples that could not be used
-        ("outliers", u64),  # samples too far from every prediction to be used
-        ("since_update", u64),  # samples since the last one learned from
-        ("horizon", u32),  # samples
-        ("faults", u32),  # bits; 0 is healthy
-    ]
-
-
-class CoefficientSnapshot(ctypes.Structure):
-    _fields_ = [("header", Header), ("axes", AxisSnapshot * MAX_AXES)]
-
-    @staticmethod
-    def type_name():
-        return "hydraxis.CoefficientSnapshot/3"
-
-
-def fingerprint(kind):
-    """FNV-1a over name, type and offset of every field, as pipeline/src/layout.rs makes it."""
-
-    def fold(data, value=0xCBF29CE484222325):
-        for byte in data:
-            value = (value ^ byte) * 0x100000001B3 % 2**64
-        return value
-
-    def number(n):
-        return n.to_bytes(8, "little")
-
-    if issubclass(kind, ctypes.Array):
-        return fold(b"array" + number(kind._length_), fingerprint(kind._type_))
-    if not issubclass(kind, ctypes.Structure):
-        return fold({f64: b"f64", u32: b"u32", u64: b"u64"}[kind])
-    value = fold(kind.__name__.encode())
-    for name, field in kind._fields_:
-        value = fold(name.encode() + number(fingerprint(field)) + number(getattr(kind, name).offset), value)
-    return value
-
-
-# ------------------------------------------------------------------------------------------------- channels
-
-
-OTHER_VERSION = "use the watch.py that came with this version of Hydraxis"
-
-
-class Trouble(Exception):
-    """Watching is not possible; the text says why and what to do."""
-
-
-class Group:
-    """The channels of one run, apart from those of any other."""
-
-    def __init__(self, prefix):
-        self.prefix = prefix
-        self.folder = folder_of(prefix)
-        self._opened_folder = os.open(self.folder, os.O_RDONLY)
-        config = config_of(prefix)
-        self.node = iox2.NodeBuilder.new().name(iox2.NodeName.new("watch"))
-        self.node = self.node.config(config).signal_handling_mode(iox2.SignalHandlingMode.Disabled)
-        self.node = self.node.create(iox2.ServiceType.Ipc)
-
-    def is_removed(self):
-        """Whether the run has ended and removed its files, or a new run of the same name has replaced them."""
-        try:
-            return not os.path.samestat(os.fstat(self._opened_folder), os.stat(self.folder))
-        except FileNotFoundError:
-            return True
-
-
-class Channel:
-    """Reads one kind of message and counts the ones it missed, by their numbers."""
-
-    def __init__(self, group, name, message, buffer):
-        self.name, self.message = name, message
-        self.recent = deque(maxlen=buffer)  # newest last
-        self.received = self.lost = self.skipped = 0
-        service = self._open(group)
-        # Opening has compared the type's name, size and alignment; the fingerprint tells swapped fields apart.
-        found = service.attributes.key_values(iox2.AttributeKey.new("hydraxis.layout"))
-        if [value.to_string() for value in found] != [f"{fingerprint(message):016x}"]:
-            raise Trouble(f'channel "{name}" carries messages of another layout: {OTHER_VERSION}')
-        buffer = min(buffer, service.static_config.subscriber_max_buffer_size)
-        self.port = service.subscriber_builder().buffer_size(buffer).create()
-
-    def _open(self, group):
-        until = time.monotonic() + OPEN_PATIENCE_S
-        while True:
-            try:
-                name = iox2.ServiceName.new(f"hydraxis/{self.name}")
-                return group.node.service_builder(name).publish_subscribe(self.message).open()
-            except iox2.PublishSubscribeOpenError as error:
-                if "Incompatible" in str(error):
-                    raise Trouble(f'channel "{self.name}" carries other messages ({error}): {OTHER_VERSION}') from None
-                if time.monotonic() > until or group.is_removed():
-                    raise Trouble(f'group "{group.prefix}" has no channel "{self.name}" ({error}): '
-                                  "it has ended, or has no stage that writes it") from None
-                time.sleep(0.05)
-
-    def read(self):
-        """Takes in all that is new; returns whether there was any."""
-        before = self.received
-        while (sample := self.port.receive()) is not None:
-            message = self.message.from_buffer_copy(sample.payload().contents)
-            sample.delete()  # the channel lends one message at a time
-            if self.recent:
-                messages = message.header.number - self.recent[-1].header.number
-                ticks = message.header.sequence - self.recent[-1].header.sequence
-                if messages <= 0:  # the writer started again
-                    self.recent.clear()
-                else:
-                    self.lost += messages - 1
-                    self.skipped += max(ticks - messages, 0)
-            self.received += 1
-            self.recent.append(message)
-        return self.received > before
-
-    def at(self, tick):
-        """The message of a tick, if it is still known."""
-        return next((m for m in reversed(self.recent) if m.header.sequence == tick), None)
-
-
-def config_of(prefix):
-    """The library's settings that a group of this name uses."""
-    config = iox2.config.default()
-    glob = config.global_cfg
-    glob.prefix = iox2.FileName.new(prefix + ".")
-    glob.root_path = iox2.Path.new(str(folder_of(prefix)))
-    # Cleaning up after the dead is the supervisor's work.
-    glob.node.cleanup_dead_nodes_on_creation = False
-    glob.node.cleanup_dead_nodes_on_destruction = False
-    glob.service.cleanup_dead_nodes_on_open = False
-    return config
-
-
-def folder_of(prefix):
-    return Path(os.environ.get("TMPDIR", "/tmp")) / f"hydraxis.{prefix}"
-
-
-def is_running(prefix):
-    """Whether a process of the group is alive; a killed group leaves its folder behind."""
-    if not folder_of(prefix).is_dir():
-        return False
-    nodes = iox2.Node.list(iox2.ServiceType.Ipc, config_of(prefix))
-    return any(isinstance(node, iox2.NodeState.Alive) for node in nodes)
-
-
-def running_groups():
-    names = (folder.name.partition(".")[2] for folder in folder_of("").parent.glob("hydraxis.*"))
-    return sorted(name for name in names if re.fullmatch(r"[\w-]{1,32}", name, re.ASCII) and is_running(name))
 
 
 def choose(prefix):
@@ -334,8 +49,6 @@ def choose(prefix):
                       + "".join(f"\n  {sys.argv[0]} --prefix {name}" for name in found))
     return found[0]
 
-
-# --------------------------------------------------------------------------------------------------- output
 
 HEADING = ("    tick axis  position   command reference     error mode        forget innovation  a | b\n"
            "                   mm                  mm        mm                       mm")
@@ -416,7 +129,7 @@ def main():
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # leave the group in order, as at Ctrl-C
     group, status = None, 0
     try:
-        group = Group(choose(arguments.prefix))
+        group = Group(choose(arguments.prefix), "watch")
         print(f'group "{group.prefix}", Ctrl-C ends watching', file=sys.stderr)
         print(watch(group, arguments.count, arguments.seconds), file=sys.stderr)
     except KeyboardInterrupt:

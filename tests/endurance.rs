@@ -17,7 +17,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use harness::{PATIENCE, TestGroup, alone, files, hydraxis, processes, running::Running, variable, wait_for};
+use harness::{PATIENCE, TestGroup, alone, files, hydraxis, processes, running::Running, shared, variable, wait_for};
 use pipeline::{
     channel::Reader,
     message::StageHealth,
@@ -73,7 +73,7 @@ fn all_files() -> Vec<std::path::PathBuf> {
 
 #[test]
 fn groups_that_come_and_go_leave_nothing_and_take_no_more_each_time() {
-    let _alone = alone();
+    let _cores = alone();
     let cycles = variable("HYDRAXIS_ENDURANCE_CYCLES", 5.0) as usize;
     let group = TestGroup::new("cycles");
     let prefix = group.prefix.to_string();
@@ -190,14 +190,14 @@ fn end(mut running: Running, channels: pipeline::channel::Group, health: Reader<
 
 #[test]
 fn memory_is_constant_to_the_page_in_lock_step() {
-    let _alone = alone();
+    let _cores = shared();
     let minutes = variable("HYDRAXIS_ENDURANCE_MODEL_MINUTES", 1.0);
     expect_constant("constant-lock", &["--lockstep"], 1000, (6000.0 * minutes) as u64);
 }
 
 #[test]
 fn memory_is_constant_to_the_page_in_real_time() {
-    let _alone = alone();
+    let _cores = shared();
     let minutes = variable("HYDRAXIS_ENDURANCE_MINUTES", 1.0 / 6.0);
     expect_constant("constant-real", &[], 500, 500 + (6000.0 * minutes) as u64);
 }
@@ -212,7 +212,7 @@ fn page_faults(pid: u32) -> (u64, u64) {
 
 #[test]
 fn the_loops_of_the_stages_meet_no_page_fault() {
-    let _alone = alone();
+    let _cores = shared();
     let locked = ["--set", "realtime.lock_memory=true"];
     let running = Running::start_with("faults", &[&["--duration", "100000s"], &locked[..]].concat());
     let channels = running.group.join();

@@ -1,4 +1,4 @@
-//! All axes of a machine at once: messages in, message out.
+//! Identification of all axes of a machine: the messages of a tick in, a snapshot out.
 
 use pipeline::{
     machine::{Axis, Machine},
@@ -7,25 +7,27 @@ use pipeline::{
 
 use crate::Identifier;
 
-/// All axes of a machine, tick by tick: the core of the stage.
+/// Identifies all axes of a machine, tick by tick: the core of the stage.
 #[derive(Debug, Clone)]
 pub struct Identifiers {
     axes: Vec<Identifier>,
+    /// The tick of the last sample.
     last: Option<u64>,
 }
 
 impl Identifiers {
-    /// Takes all memory that it will ever use.
+    /// Allocates all memory that it will ever use.
     pub fn new(machine: &Machine) -> Self {
         let axes = machine.axes.iter();
         let identifier = |axis: &Axis| Identifier::commissioned(&axis.identification, axis.commissioned.as_ref());
         Self { axes: axes.map(identifier).collect(), last: None }
     }
 
-    /// Takes in the sample of a tick and the command of the tick before, if it is known, and writes the snapshot.
-    /// The times of the header are for the process to fill in.
+    /// Takes in the sample of a tick and the command of the tick before, if that is known, and writes the snapshot. The
+    /// caller writes the times of the header.
     ///
-    /// A sample or command of another tick than the next is a gap; one of another number of axes is not used.
+    /// A sample or command of any other tick than the next is a gap. A sample or command with another number of axes is
+    /// not used.
     pub fn update(
         &mut self,
         sample: &EncoderSample,

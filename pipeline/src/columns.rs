@@ -1,17 +1,17 @@
-//! Columns of numbers out of a CSV file: recordings and trajectories.
+//! Columns of numbers from a CSV file: records and trajectories.
 //!
-//! A field that is not a finite number is refused with file, line, row and column; no row is ever skipped. Problems
-//! are collected, so that one look at the message is enough to mend the file.
+//! A field that is not a finite number is refused with file, line, row and column; no row is ever skipped. All problems
+//! are collected, so that one message is enough to correct the file. Nothing here runs in a stage's loop.
 
 use std::{
     fmt,
     path::{Path, PathBuf},
 };
 
-/// Problems that are kept; a file of another kind has one in every row.
+/// Number of problems that are kept; a file that is no CSV file has one in every row.
 const MAX_PROBLEMS: usize = 20;
 
-/// A CSV file that has been read, its fields still text.
+/// A CSV file that has been read; its fields are still text.
 #[derive(Debug)]
 pub struct Table {
     file: PathBuf,
@@ -28,7 +28,7 @@ pub struct Columns {
     pub lines: Vec<usize>,
 }
 
-/// One thing wrong with a file.
+/// One problem of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TableProblem {
     /// Line of the file, from 1.
@@ -41,7 +41,7 @@ pub struct TableProblem {
     pub allowed: String,
 }
 
-/// Everything wrong with a file, up to a bound.
+/// All problems of a file, up to a bound.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TableError {
     /// The file.
@@ -75,7 +75,7 @@ impl Table {
     /// Reads the file and its header.
     ///
     /// # Errors
-    /// It cannot be read, or has no header.
+    /// The file cannot be read, or has no header.
     pub fn read(file: &Path) -> Result<Self, TableError> {
         let allowed = "a CSV file with a header, then one row per sample";
         let refuse = |found: String| TableError {
@@ -101,16 +101,17 @@ impl Table {
         self.header.iter().map(String::as_str)
     }
 
-    /// An error about this file; of many problems the first are kept.
+    /// An error about this file; only the first of many problems are kept.
     pub fn error(&self, mut problems: Vec<TableProblem>) -> TableError {
         problems.truncate(MAX_PROBLEMS);
         TableError { file: self.file.clone(), problems }
     }
 
-    /// The numbers of the columns `names`; those of `rising`, if it is one of them, must rise from row to row.
+    /// The numbers of the columns `names`. The numbers of the column `rising`, if it is among them, must rise from row
+    /// to row.
     ///
     /// # Errors
-    /// A column is missing or there twice, or fields are not finite numbers.
+    /// A column is missing or occurs twice, or fields are not finite numbers.
     pub fn numbers(&self, names: &[&str], rising: &str) -> Result<Columns, TableError> {
         let places: Result<Vec<usize>, TableProblem> = names.iter().map(|name| self.place(name)).collect();
         let places = places.map_err(|problem| self.error(vec![problem]))?;
@@ -135,7 +136,7 @@ impl Table {
                     Err((found, allowed)) => {
                         let field = Some((row + 1, (*name).to_owned()));
                         problems.push(TableProblem { line: Some(line), field, found, allowed: allowed.to_owned() });
-                        // Whatever follows is compared with the last good one.
+                        // The values that follow are compared with the last good one.
                         values.push(before.unwrap_or(0.0));
                     }
                 }
@@ -163,7 +164,7 @@ impl Table {
     }
 }
 
-/// Counts lines as the rows go by; the CSV reader's own count leaves out empty lines.
+/// Counts lines while the rows are read; the CSV reader's own count leaves out empty lines.
 struct Lines<'a> {
     text: &'a [u8],
     byte: usize,
@@ -171,7 +172,7 @@ struct Lines<'a> {
 }
 
 impl Lines<'_> {
-    /// The line of the row that begins at or after a byte; the bytes of the calls must rise.
+    /// The line of the row that begins at or after a byte; the bytes must rise from call to call.
     fn at(&mut self, byte: usize) -> usize {
         let rest = self.text.get(byte..).unwrap_or_default();
         let begin = byte + rest.iter().take_while(|c| matches!(c, b'\r' | b'\n')).count();
@@ -183,7 +184,7 @@ impl Lines<'_> {
 }
 
 fn reader(text: &str) -> csv::Reader<&[u8]> {
-    // Rows of another length are read as they are: a field that is missing is an empty one.
+    // A row of another length than the header is accepted: a missing field counts as an empty one.
     csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(text.as_bytes())
 }
 
@@ -227,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named_by_line_row_and_column() {
+    fn a_problem_is_named_by_line_row_and_column() {
         for (text, expected) in [
             ("t,u\n0,1\n1,\n", ":3: row 2, column \"u\": found an empty field; allowed: a finite number"),
             ("t,u\n0,1\n\n1\n", ":4: row 2, column \"u\": found an empty field"),

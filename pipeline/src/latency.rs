@@ -1,4 +1,4 @@
-//! Latency histograms with nothing clipped silently.
+//! Latency histograms; a value beyond the range is counted and not clipped silently.
 
 use hdrhistogram::Histogram;
 use iceoryx2::prelude::ZeroCopySend;
@@ -10,7 +10,7 @@ shared_struct! {
     #[derive(serde::Serialize)]
     #[type_name("hydraxis.Percentiles/1")]
     pub struct Percentiles {
-        /// Number of values, those beyond the range included.
+        /// Number of values, values beyond the range included.
         pub count: u64,
         /// Median.
         pub p50: u64,
@@ -20,9 +20,9 @@ shared_struct! {
         pub p99_9: u64,
         /// 99.99 %.
         pub p99_99: u64,
-        /// The largest value, exact, also when beyond the histogram's range.
+        /// Largest value, exact also when it is beyond the histogram's range.
         pub max: u64,
-        /// Values beyond the histogram's range.
+        /// Number of values beyond the histogram's range.
         pub beyond: u64,
     }
 }
@@ -37,7 +37,7 @@ pub struct LatencyRecorder {
     max: u64,
 }
 
-/// Upper end of the range: far above any latency of a loop that still runs.
+/// Upper end of the range, ns: far above any latency of a loop that still runs.
 const LONGEST_NS: u64 = 100_000_000_000;
 
 impl LatencyRecorder {
@@ -45,12 +45,12 @@ impl LatencyRecorder {
     pub fn new() -> Self {
         let mut histogram =
             Histogram::new_with_bounds(1, LONGEST_NS, 3).expect("the bounds are constants that the histogram accepts");
-        // Written once, so that no latency is the first to touch a page of it.
+        // All pages are written now, so that no record is the first to touch one.
         histogram.reset();
         Self { histogram, beyond: 0, max: 0 }
     }
 
-    /// Takes in one latency, ns.
+    /// Adds one latency, ns.
     pub fn record(&mut self, nanoseconds: u64) {
         self.max = self.max.max(nanoseconds);
         if nanoseconds > LONGEST_NS {
@@ -59,13 +59,13 @@ impl LatencyRecorder {
         self.histogram.saturating_record(nanoseconds);
     }
 
-    /// Forgets everything.
+    /// Removes all values.
     pub fn reset(&mut self) {
         self.histogram.reset();
         (self.beyond, self.max) = (0, 0);
     }
 
-    /// The percentiles so far.
+    /// The percentiles of all values.
     pub fn percentiles(&self) -> Percentiles {
         let at = |quantile| self.histogram.value_at_quantile(quantile).min(self.max);
         Percentiles {

@@ -1,8 +1,8 @@
 //! The fingerprint of a message's memory layout.
 //!
-//! The shared-memory library compares type name, size and alignment only: two fields of the same size that
-//! swapped places would open without complaint. The fingerprint folds every field's name, type and offset into
-//! one number, which travels as an attribute of the channel and is checked on opening.
+//! iceoryx2 compares only type name, size and alignment, so it does not notice two fields of one size that have swapped
+//! places. The fingerprint folds the name, type and offset of every field into one number. The number is an attribute
+//! of the channel and is checked on opening.
 
 /// A type whose memory layout has a fingerprint.
 pub trait Layout {
@@ -49,8 +49,8 @@ impl<T: Layout, const N: usize> Layout for [T; N] {
     const LAYOUT: u64 = with_number(with_name(T::LAYOUT, "array"), N as u64);
 }
 
-/// Declares a struct that lives in shared memory: `repr(C)`, `Copy`, and with its [`Layout`] derived from the
-/// very fields it lists. Needs `ZeroCopySend` in scope, as its derive does.
+/// Declares a struct for shared memory: `repr(C)`, `Copy`, with a [`Layout`] that is derived from the listed fields.
+/// `ZeroCopySend` must be in scope, as for its derive.
 macro_rules! shared_struct {
     ($(#[$meta:meta])* pub struct $name:ident { $($(#[$field_meta:meta])* pub $field:ident: $ty:ty,)* }) => {
         #[repr(C)]
@@ -89,7 +89,7 @@ mod tests {
         use iceoryx2::prelude::ZeroCopySend;
 
         crate::layout::shared_struct! {
-            /// The same pair with its fields swapped: same size, same alignment.
+            /// A pair with the fields in the other order: equal size and alignment.
             pub struct Pair { pub speed: f64, pub position: f64, }
         }
     }

@@ -1,19 +1,19 @@
-//! All that two Hydraxis processes share, and nothing else.
+//! What two Hydraxis processes share, and nothing else.
 //!
-//! | module | what it holds |
-//! |---|---|
-//! | [`message`] | the plain structs that travel through shared memory |
-//! | [`layout`] | the fingerprint by which two programs know that they mean the same bytes |
-//! | [`columns`] | columns of numbers out of a CSV file |
-//! | [`channel`] | publishers and readers of those messages, one group of channels per run |
-//! | [`hammerstein`] | the Hammerstein model: evaluate, predict, invert |
-//! | [`machine`] | the machine file |
-//! | [`stage`] | the loop that every stage runs, in real time and in lock-step |
-//! | [`latency`] | latency histograms |
-//! | [`statistics`] | running error statistics |
+//! | module | what it holds | runs in a loop |
+//! |---|---|---|
+//! | [`message`] | the plain structs that travel through shared memory | yes |
+//! | [`layout`] | the fingerprint of a message's memory layout, which two programs compare | no |
+//! | [`columns`] | columns of numbers from a CSV file | no |
+//! | [`channel`] | publishers and readers of the messages, one group of channels per run | its ends |
+//! | [`hammerstein`] | the Hammerstein model: evaluate, predict, invert | yes |
+//! | [`machine`] | the machine file | no |
+//! | [`stage`] | the loop that every stage runs, in real time and in lock-step | yes |
+//! | [`latency`] | latency histograms | yes |
+//! | [`statistics`] | running error statistics | yes |
 //!
-//! Units are SI throughout; a valve command is dimensionless in [-1, 1], positive extends the cylinder; times
-//! are nanoseconds of `CLOCK_MONOTONIC`.
+//! Units are SI throughout. A valve command has no unit and lies in [-1, 1]; a positive one extends the cylinder. Times
+//! are nanoseconds of `CLOCK_MONOTONIC`. No code that runs in a loop allocates memory, takes a lock or reads a file.
 
 pub mod channel;
 pub mod columns;
@@ -25,5 +25,5 @@ pub mod message;
 pub mod stage;
 pub mod statistics;
 
-/// The most axes that one machine can have; messages carry fixed arrays of this length.
+/// Largest number of axes of one machine; messages carry fixed arrays of this length.
 pub const MAX_AXES: usize = 8;

@@ -13,8 +13,16 @@ shared_struct! {
     /// sigma = sqrt(m2 / n)          rmse = sqrt(m2 / n + mean^2)
     /// ```
     ///
-    /// Trap: one value that is not finite makes mean and sigma not finite for good. That is meant: a model that
-    /// diverged once is not to look well on average.
+    /// Trap: after one value that is not finite, mean and sigma are never finite again. This is intended: a model that
+    /// diverged once must not look good on average.
+    ///
+    /// ```
+    /// use pipeline::statistics::ErrorStatistics;
+    ///
+    /// let mut errors = ErrorStatistics::default();
+    /// [1.0, 3.0].into_iter().for_each(|error| errors.push(error));
+    /// assert_eq!((errors.count, errors.mean, errors.sigma(), errors.max), (2, 2.0, 1.0, 3.0));
+    /// ```
     pub struct ErrorStatistics {
         /// Number of values.
         pub count: u64,
@@ -28,7 +36,7 @@ shared_struct! {
 }
 
 impl ErrorStatistics {
-    /// Takes in one value.
+    /// Adds one value.
     pub fn push(&mut self, value: f64) {
         self.count += 1;
         let before = value - self.mean;
@@ -39,7 +47,7 @@ impl ErrorStatistics {
         }
     }
 
-    /// Takes in all values that `other` has taken in (Chan, Golub and LeVeque, 1979).
+    /// Adds all values of `other` (Chan, Golub and LeVeque, 1979).
     pub fn merge(&mut self, other: &Self) {
         if other.count == 0 {
             return;
@@ -59,7 +67,7 @@ impl ErrorStatistics {
         (self.m2 / self.count as f64).sqrt()
     }
 
-    /// Root of the mean square, NaN without values.
+    /// Root mean square, NaN without values.
     pub fn rmse(&self) -> f64 {
         (self.m2 / self.count as f64 + self.mean * self.mean).sqrt()
     }
@@ -82,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_merge_to_the_whole() {
+    fn merged_parts_equal_the_whole() {
         let values = [3.0, -7.0, 13.0, 16.0, 1.0];
         let of = |values: &[f64]| {
             let mut statistics = ErrorStatistics::default();
@@ -98,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn one_value_that_is_not_finite_shows() {
+    fn one_value_that_is_not_finite_makes_the_statistics_not_finite() {
         let mut statistics = ErrorStatistics::default();
         statistics.push(f64::NAN);
         statistics.push(1.0);

@@ -1,4 +1,4 @@
-//! A connection that could not be made at the first try: the library drops it, and nobody is told.
+//! A connection that iceoryx2 could not make at the first try: iceoryx2 drops it and reports this to nobody.
 
 use pipeline::{
     channel::{Group, Prefix, Publisher, remove_leftovers},
@@ -13,12 +13,12 @@ fn send(publisher: &Publisher<EncoderSample>, sequence: u64) {
 }
 
 #[test]
-fn a_reader_that_was_never_connected_hears_again_once_it_attaches_anew() {
+fn a_reader_that_was_never_connected_receives_after_it_has_attached_anew() {
     let prefix: Prefix = format!("t{}-lost", std::process::id()).parse().unwrap();
     let group = Group::join(&prefix, "test").unwrap();
     let publisher = group.publisher::<EncoderSample>().unwrap();
     let mut reader = group.reader::<EncoderSample>().unwrap();
-    // The first send makes the connection, for which it may open no file.
+    // The first send makes the connection; with this limit it cannot open the file that it needs.
     let limit = getrlimit(Resource::Nofile);
     let lowest = Rlimit { current: Some(3), maximum: limit.maximum };
     setrlimit(Resource::Nofile, lowest).unwrap();
@@ -27,13 +27,13 @@ fn a_reader_that_was_never_connected_hears_again_once_it_attaches_anew() {
 
     send(&publisher, 2);
     publisher.greet();
-    assert!(reader.read().unwrap().if_new().is_none(), "the library gives such a connection up");
+    assert!(reader.read().unwrap().if_new().is_none(), "iceoryx2 gives up such a connection");
     reader.reattach();
     publisher.greet();
-    assert_eq!(reader.read().unwrap().if_new().map(|sample| sample.header.sequence), Some(2), "the last one");
+    assert_eq!(reader.read().unwrap().if_new().map(|sample| sample.header.sequence), Some(2), "the last message comes");
     send(&publisher, 3);
     assert_eq!(reader.read().unwrap().if_new().map(|sample| sample.header.sequence), Some(3));
-    // One that had read it all does not get the last one twice.
+    // A reader that has read the last message does not get it twice.
     reader.reattach();
     publisher.greet();
     assert!(reader.read().unwrap().if_new().is_none());

@@ -8,7 +8,7 @@ use rustix::process::Signal;
 use crate::{
     dice::Dice,
     group::{Chaos, LONGEST, SHORTEST, Tally},
-    harness::{alone, report, strip_times},
+    harness::{report, shared, strip_times},
     kills,
 };
 
@@ -19,7 +19,7 @@ const DELAYED: u64 = 8;
 
 #[test]
 fn in_lock_step_a_kill_ends_the_run_and_a_stop_only_delays_it() {
-    let _alone = alone();
+    let _cores = shared();
     let (kills, mut tally) = (kills(), Tally::default());
     let mut dice = Dice::new("lock-step", kills);
     let undisturbed = report(&["run", "--lockstep", "--duration", DURATION, "--seed", "3"]);

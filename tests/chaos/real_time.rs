@@ -12,7 +12,7 @@ use rustix::process::Signal;
 use crate::{
     dice::Dice,
     group::{Chaos, LONGEST, SHORTEST, Tally, client},
-    harness::{alone, is_running},
+    harness::{is_running, shared},
     kills,
 };
 
@@ -23,8 +23,8 @@ const AFTERMATH: Duration = Duration::from_millis(500);
 const STANDS_WITHIN_MS: f64 = 2000.0;
 
 #[test]
-fn in_real_time_nothing_moves_that_nobody_has_let_and_every_group_ends() {
-    let _alone = alone();
+fn in_real_time_no_disarmed_axis_moves_and_every_group_ends() {
+    let _cores = shared();
     let (kills, mut tally) = (kills(), Tally::default());
     let mut dice = Dice::new("real time", kills);
     while tally.kills < kills {

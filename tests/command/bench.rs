@@ -70,7 +70,7 @@ fn a_model_file_takes_the_place_of_what_is_known_of_the_plant() {
 }
 
 #[test]
-fn what_cannot_be_compared_is_refused() {
+fn invalid_options_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let refuse = |arguments: &[&str], expected: &[&str]| {
         expect_refusal(folder.path(), &[&["bench", "control"], arguments].concat(), expected);

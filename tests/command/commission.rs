@@ -34,7 +34,7 @@ fn a_model_is_found_written_and_read_by_the_other_commands() {
 }
 
 #[test]
-fn what_ends_the_experiment_is_said_and_nothing_is_written() {
+fn an_experiment_that_ends_early_says_why_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     for (arguments, expected) in [
         (&["--set", "supply.pressure=1e6"][..], "axis.boom: ended, valve neutral: does not extend up to"),
@@ -50,7 +50,7 @@ fn what_ends_the_experiment_is_said_and_nothing_is_written() {
 }
 
 #[test]
-fn what_cannot_be_done_is_refused() {
+fn invalid_options_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     for (arguments, expected) in [
         (&["--axis", "blade"][..], "--axis: found \"blade\"; allowed: one of boom, arm, telescope, bucket"),

@@ -3,7 +3,7 @@
 use crate::harness::hydraxis;
 
 #[test]
-fn a_line_for_every_check_a_table_of_wake_ups_and_an_exit_code_by_what_is_bad() {
+fn every_check_and_latency_is_printed_and_a_bad_check_fails() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("doctor.json");
     let settings = ["--set", "stage.control-proc.priority=80", "--set", "timing.period=2ms"];
@@ -43,7 +43,7 @@ fn a_line_for_every_check_a_table_of_wake_ups_and_an_exit_code_by_what_is_bad() 
 }
 
 #[test]
-fn what_cannot_be_examined_is_refused() {
+fn invalid_options_are_refused() {
     for (arguments, expected) in [
         (&["--seconds", "0"][..], "allowed: a whole number from 1 to 86400"),
         (&["--set", "timing.period=0"][..], "timing.period"),

@@ -25,12 +25,12 @@ fn verify(unit: &str) -> (Option<i32>, String) {
 }
 
 #[test]
-fn systemd_has_nothing_to_say_about_the_unit() {
+fn systemd_accepts_the_unit() {
     assert_eq!(verify(UNIT), (Some(0), String::new()));
 }
 
 #[test]
-fn systemd_would_name_what_is_wrong() {
+fn systemd_names_mistakes_in_a_unit() {
     let moved = UNIT.replace("StartLimitBurst=3\n", "").replace("[Service]\n", "[Service]\nStartLimitIntervalSec=3\n");
     for (from, to, expected) in [
         ("LimitRTPRIO=", "LimitRTPRIOX=", "'LimitRTPRIOX'"),
@@ -46,7 +46,7 @@ fn systemd_would_name_what_is_wrong() {
 }
 
 #[test]
-fn what_the_unit_types_is_what_the_program_takes() {
+fn the_program_accepts_the_commands_of_the_unit() {
     let group = TestGroup::new("service");
     let folder = tempfile::tempdir().unwrap();
     let machine = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/excavator.toml");

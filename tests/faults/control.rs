@@ -15,7 +15,7 @@ use rustix::process::Signal;
 use crate::{
     clock::judge,
     feedback::Moving,
-    harness::{TestGroup, alone, channel::AXES, signal, wait_for},
+    harness::{TestGroup, channel::AXES, shared, signal, wait_for},
     script::{from_channel, is_latched},
 };
 
@@ -33,7 +33,7 @@ fn row_11_the_drive_goes_neutral_by_itself_when_the_controller_is_killed() {
 
 /// Row 12: a controller that was started again is disarmed and commands neutral.
 #[test]
-fn row_12_a_controller_that_comes_back_is_off_and_its_first_commands_are_neutral() {
+fn row_12_a_restarted_controller_is_disarmed_and_commands_neutral() {
     let mut moving = Moving::start("row-12", &[]);
     let killed = monotonic_ns();
     signal(moving.running.pid(StageKind::ControlProc), Signal::KILL);
@@ -113,7 +113,7 @@ impl Slow {
 /// Row 13: three late commands in a row latch, two do not.
 #[test]
 fn row_13_three_late_commands_in_a_row_latch_and_two_do_not() {
-    let _alone = alone();
+    let _cores = shared();
     let mut slow = Slow::start("row-13");
     let is_latched_now = |command: Option<ValveCommand>| {
         command.is_some_and(|command| command.axes[..AXES].iter().all(|axis| is_latched(axis, control_flag::DEADLINE)))

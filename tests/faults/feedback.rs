@@ -12,10 +12,10 @@ use rustix::process::Signal;
 use crate::{
     clock::judge,
     harness::{
-        Cores, TestGroup, alone,
+        Cores, TestGroup,
         channel::{AXES, await_message, receive, send},
         running::Running,
-        signal, wait_for,
+        shared, signal, wait_for,
     },
     script::{RESOLUTION, Scripted, is_latched, moving},
 };
@@ -29,7 +29,7 @@ const STILL: f64 = 5e-3;
 /// A real-time group in motion, and readers of its channels.
 pub struct Moving {
     pub running: Running,
-    _alone: Cores,
+    _cores: Cores,
     pub commands: Reader<ValveCommand>,
     pub readings: Reader<EncoderReading>,
     pub samples: Reader<EncoderSample>,
@@ -39,12 +39,12 @@ pub struct Moving {
 impl Moving {
     /// Starts a group and waits until the boom is driven.
     pub fn start(test: &str, arguments: &[&str]) -> Self {
-        let alone = alone();
+        let cores = shared();
         let running = Running::start_with(test, &[&["--duration", "120s"], arguments].concat());
         let channels = running.group.join();
         let (commands, readings) = (channels.reader().unwrap(), channels.reader().unwrap());
         let (samples, health) = (channels.reader().unwrap(), channels.reader().unwrap());
-        let mut moving = Self { running, _alone: alone, commands, readings, samples, health };
+        let mut moving = Self { running, _cores: cores, commands, readings, samples, health };
         wait_for("motion", || {
             let sample = moving.samples.newest().unwrap().if_new()?;
             (sample.axes[0].velocity.abs() > 0.08).then_some(())
@@ -139,7 +139,7 @@ fn row_02_a_short_stop_of_the_acquisition_is_bridged() {
 
 /// Row 3: a stop of `sensor-proc` that is longer than the feedback time-out latches.
 #[test]
-fn row_03_a_long_stop_of_the_acquisition_is_a_loss_and_late_samples_are_not_acted_on() {
+fn row_03_a_long_stop_of_the_acquisition_latches() {
     let mut moving = Moving::start("row-03", &LONGER);
     let pid = moving.running.pid(StageKind::SensorProc);
     let stopped = monotonic_ns();
@@ -154,7 +154,7 @@ fn row_03_a_long_stop_of_the_acquisition_is_a_loss_and_late_samples_are_not_acte
 /// Row 3: a sample that is older than the feedback time-out latches, and newer ones do not release.
 #[test]
 fn row_03_a_sample_from_before_a_stop_moves_nothing() {
-    let _alone = alone();
+    let _cores = shared();
     let mut group = TestGroup::new("row-03-late");
     let channels = group.join();
     let samples = channels.publisher::<EncoderSample>().unwrap();
@@ -332,7 +332,7 @@ fn row_08_a_position_outside_the_stroke_latches_at_once() {
 }
 
 #[test]
-fn what_is_latched_is_let_go_by_a_person_only() {
+fn a_latched_axis_is_released_only_by_a_reset() {
     let mut scripted = Scripted::start("unlatched", 900, &["--arm"]);
     scripted.steps(300);
     (0..5).for_each(|_| {

@@ -50,7 +50,7 @@ fn plain(model: &mut Coefficients) {
 
 /// Row 16: a model with a number that is not finite, or with denormal ones, is never used.
 #[test]
-fn row_16_what_is_not_finite_is_used_not_once() {
+fn row_16_a_model_that_is_not_finite_is_never_used() {
     let mut identified = Identified::start("row-16", &[]);
     let count = numbers(&mut Coefficients::default()).len();
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
@@ -79,7 +79,7 @@ fn row_16_what_is_not_finite_is_used_not_once() {
 
 /// Row 17: a model with a pole outside of the unit circle is never used.
 #[test]
-fn row_17_a_pole_outside_the_circle_is_used_not_once() {
+fn row_17_an_unstable_model_is_never_used() {
     let mut identified = Identified::start("row-17", &[]);
     for pole in [1.03, 1.1, 2.0, -1.03, -1.5] {
         identified.refused(&format!("pole {pole}"), |_, model| {
@@ -94,7 +94,7 @@ fn row_17_a_pole_outside_the_circle_is_used_not_once() {
 /// Row 17: an oscillating pole within the unit circle is accepted, and the commands stay within their limits. It is not
 /// refused, since the model of a healthy axis has a pole at -0.6 too, which comes from the noise of its encoder.
 #[test]
-fn row_17_an_oscillating_pole_within_the_circle_moves_nothing_beyond_its_limits() {
+fn row_17_an_oscillating_model_keeps_the_commands_within_their_limits() {
     let mut identified = Identified::start("row-17-swing", &[]);
     for pole in [-0.6, -0.99] {
         let mut before = identified.command;
@@ -125,7 +125,7 @@ fn row_17_an_oscillating_pole_within_the_circle_moves_nothing_beyond_its_limits(
 
 /// Row 18: a model of the wrong direction, without gain, or of an implausible speed is never used.
 #[test]
-fn row_18_a_model_of_the_wrong_direction_or_without_gain_is_used_not_once() {
+fn row_18_a_model_of_the_wrong_direction_or_without_gain_is_never_used() {
     // Commissioned values of the boom. The other axes are not commissioned.
     let commissioned = [
         "dead_time=0.02",
@@ -158,7 +158,7 @@ fn row_18_a_model_of_the_wrong_direction_or_without_gain_is_used_not_once() {
 
 /// Row 19: a valve curve that turns back is refused, or used up to the point where it turns.
 #[test]
-fn row_19_a_curve_that_turns_back_is_used_not_once_or_up_to_there() {
+fn row_19_a_curve_that_turns_back_is_refused_or_used_up_to_that_point() {
     let mut identified = Identified::start("row-19", &[]);
     for (f, g) in [(-20.0, 0.0), (0.0, 20.0), (-20.0, 20.0)] {
         identified.refused(&format!("N = u {f:+} u^2 above and {g:+} u^2 below"), |_, model| {
@@ -191,7 +191,7 @@ fn row_19_a_curve_that_turns_back_is_used_not_once_or_up_to_there() {
 
 /// Row 20: an adaptive model that predicts worse than the classical one is replaced by it.
 #[test]
-fn row_20_a_model_that_predicts_worse_gives_way_to_the_held_one() {
+fn row_20_a_model_that_predicts_worse_is_replaced_by_the_classical_one() {
     let mut identified = Identified::start("row-20", &[]);
     let mut held = identified.twin.clone();
     let mut instead = identified.sent;
@@ -225,7 +225,7 @@ const AT_TARGET: f64 = 2e-4;
 
 /// Row 21: a change of the model changes the command by its rate limit at most.
 #[test]
-fn row_21_another_model_moves_the_command_by_no_more_than_its_rate() {
+fn row_21_a_change_of_model_keeps_the_rate_limit() {
     let mut identified = Identified::start("row-21", &[]);
     let rate = 0.1 + 1e-9;
     let change = |axis: &mut AxisSnapshot, factor: f64| {
@@ -272,7 +272,7 @@ fn row_21_another_model_moves_the_command_by_no_more_than_its_rate() {
 
 /// Row 22: a torn snapshot, or one of another structure or other axes, is never used.
 #[test]
-fn row_22_what_is_torn_or_of_other_axes_is_used_not_once() {
+fn row_22_a_torn_snapshot_or_one_of_other_axes_is_never_used() {
     let mut identified = Identified::start("row-22", &[]);
     // The first half of one model and the second half of another one, whose b and curves are negative.
     identified.refused("torn between b and the curves", |_, model| {

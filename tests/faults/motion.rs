@@ -19,7 +19,7 @@ fn borrowed(arguments: &[String]) -> Vec<&str> {
 
 /// Row 29: an axis without supply latches, and does not move when the supply is back.
 #[test]
-fn row_29_an_axis_that_has_no_supply_is_stopped_and_does_not_lurch_when_it_is_back() {
+fn row_29_without_supply_an_axis_latches_and_does_not_move_when_it_is_back() {
     let mut scripted = Scripted::start("row-29", 900, &["--arm"]);
     scripted.steps(300);
     scripted.speed = 0.0;
@@ -82,7 +82,7 @@ fn row_30_an_axis_that_does_not_follow_is_stopped() {
 
 /// Row 31: a set point outside of the soft limits is refused; a fast motion to one within them does not overrun.
 #[test]
-fn row_31_a_target_outside_the_soft_limits_is_refused_and_the_way_to_one_at_them_ends_there() {
+fn row_31_a_set_point_outside_the_soft_limits_is_refused_and_one_within_is_not_overrun() {
     let mut scripted = Scripted::start("row-31", 1500, &[]);
     // As fast as the reference moves.
     scripted.speed = 1.2;
@@ -112,7 +112,7 @@ fn row_31_a_target_outside_the_soft_limits_is_refused_and_the_way_to_one_at_them
 
 /// Row 32: a reference that is not finite, jumps, or is outside of the limits is refused, and the axis holds.
 #[test]
-fn row_32_nonsense_among_the_references_is_refused_and_the_axis_holds() {
+fn row_32_an_invalid_reference_is_refused_and_the_axis_holds() {
     let arguments = [from_channel(), vec!["--arm".to_owned()]].concat();
     for (name, nonsense) in [("nan", f64::NAN), ("inf", f64::INFINITY), ("jump", 1.15), ("outside", 1.3)] {
         let mut scripted = Scripted::start(&format!("row-32-{name}"), 300, &borrowed(&arguments));
@@ -195,7 +195,7 @@ fn row_34_the_emergency_stop_is_obeyed_in_the_same_tick_in_every_mode() {
 
 /// Row 35: a change between manual and automatic mode changes the command by its rate limit at most.
 #[test]
-fn row_35_from_hand_to_controller_and_back_the_command_does_not_jump() {
+fn row_35_between_manual_and_automatic_mode_the_command_does_not_jump() {
     let mut scripted = Scripted::start("row-35", 1200, &[]);
     scripted.steps(10);
     scripted.ask(AxisMode::Off, 0.0, None);
@@ -220,7 +220,7 @@ fn row_35_from_hand_to_controller_and_back_the_command_does_not_jump() {
 
 /// Row 29: on the simulated machine, a pump that fails latches, and nothing moves when its pressure is back.
 #[test]
-fn row_29_in_the_simulated_machine_a_pump_that_fails_latches_and_moves_nothing_when_it_is_back() {
+fn row_29_a_failing_pump_latches_and_nothing_moves_when_it_is_back() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("pump.toml");
     let scenario = "\n[scenarios.pump-fails]\nsummary = \"no pressure for a while\"\nchanges = [\n  \

@@ -19,7 +19,7 @@ use serde_json::Value;
 
 use crate::{
     clock::judge,
-    harness::{TestGroup, alone, channel::AXES, hydraxis, running::Running, signal, wait_for},
+    harness::{TestGroup, alone, channel::AXES, hydraxis, running::Running, shared, signal, wait_for},
     model::set,
 };
 
@@ -92,7 +92,7 @@ fn stderr(output: &Output) -> String {
 
 /// Row 37: a clock whose date jumps by an hour changes no figure of a run in lock-step.
 #[test]
-fn row_37_the_date_may_be_set_and_nothing_happens() {
+fn row_37_a_jumping_date_changes_no_figure_in_lock_step() {
     let folder = tempfile::tempdir().unwrap();
     let (library, log) = (jumping_clock(folder.path()), folder.path().join("looks"));
     let dated = |first: &str| {
@@ -133,8 +133,8 @@ fn latched(command: &ValveCommand) -> Vec<&'static str> {
 
 /// Row 37: a clock whose date jumps by an hour latches nothing and stops no stage in real time.
 #[test]
-fn row_37_nor_does_it_in_real_time() {
-    let _alone = alone();
+fn row_37_a_jumping_date_changes_nothing_in_real_time() {
+    let _cores = shared();
     let folder = tempfile::tempdir().unwrap();
     let library = jumping_clock(folder.path());
     // With this time-out a busy computer latches nothing by itself.
@@ -164,8 +164,8 @@ fn row_37_nor_does_it_in_real_time() {
 
 /// Row 38: with busy programs on all cores, every command is within its limits, or neutral for a cause.
 #[test]
-fn row_38_hogs_on_both_cores_make_no_command_that_nobody_bounds() {
-    let _alone = alone();
+fn row_38_with_busy_cores_every_command_is_within_its_limits() {
+    let _cores = alone();
     let machine = Machine::load(None, &[]).unwrap();
     let arguments = ["--duration", "60s", "--set", "scenario=nominal", "--json", "-"];
     let mut running = Running::start_with("row-38", &arguments);
@@ -247,8 +247,8 @@ fn judge_bounds(machine: &Machine, last: Option<&ValveCommand>, command: &ValveC
 
 /// Row 39: the next run of a killed group removes its files.
 #[test]
-fn row_39_a_group_that_was_killed_with_its_supervisor_is_no_obstacle() {
-    let _alone = alone();
+fn row_39_the_next_run_removes_the_files_of_a_killed_group() {
+    let _cores = shared();
     let mut running = Running::start("row-39");
     for pid in running.pids.into_iter().chain([running.supervisor.id()]) {
         signal(pid, Signal::KILL);
@@ -271,7 +271,7 @@ fn row_39_a_group_that_was_killed_with_its_supervisor_is_no_obstacle() {
 
 /// Row 39: a command that finds no group says so, and what to type.
 #[test]
-fn row_39_who_finds_nobody_says_so_and_what_to_type() {
+fn row_39_without_a_group_a_command_says_what_to_type() {
     let group = TestGroup::new("row-39-none");
     let prefix = group.prefix.to_string();
     let expected = format!("no group \"{prefix}\" runs; start one with: hydraxis run --prefix {prefix}");
@@ -288,7 +288,7 @@ fn row_39_who_finds_nobody_says_so_and_what_to_type() {
 
 /// Row 39: a stage alone waits for the others, and `status` and `arm` tell what is missing.
 #[test]
-fn row_39_a_stage_alone_waits_for_the_others_and_those_who_ask_are_told() {
+fn row_39_a_stage_alone_waits_and_commands_say_what_is_missing() {
     let mut group = TestGroup::new("row-39-alone");
     let prefix = group.prefix.to_string();
     group.start(StageKind::ControlProc, &["--arm"]);
@@ -311,7 +311,7 @@ fn row_39_a_stage_alone_waits_for_the_others_and_those_who_ask_are_told() {
 
 /// Row 39: a foreign file at the path of the group's folder is named and left alone.
 #[test]
-fn row_39_a_foreign_file_in_the_folders_place_is_named_and_stays() {
+fn row_39_a_foreign_file_at_the_folders_path_is_named_and_left_alone() {
     let group = TestGroup::new("row-39-file");
     let (prefix, file) = (group.prefix.to_string(), group.prefix.folder());
     std::fs::write(&file, "foreign").unwrap();
@@ -404,7 +404,7 @@ fn hold(scenario: &str, machine: &Machine, file: &Path) -> Vec<String> {
 
 /// Row 40: in every scenario the axes follow within their limit and come to rest without a limit cycle.
 #[test]
-fn row_40_whatever_oil_load_and_valves_do_the_machine_follows_and_comes_to_rest() {
+fn row_40_in_every_scenario_the_axes_follow_and_come_to_rest() {
     let folder = tempfile::tempdir().unwrap();
     let machine = Machine::load(None, &[]).unwrap();
     let file = trajectory(folder.path(), &machine);

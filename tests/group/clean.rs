@@ -86,7 +86,7 @@ fn line(text: &str, prefix: &Prefix) -> Vec<String> {
 }
 
 #[test]
-fn the_dead_go_and_the_living_and_the_foreign_stay() {
+fn clean_removes_dead_groups_and_leaves_running_ones_and_foreign_files() {
     let folder = tempfile::tempdir().unwrap();
     let mut dead = Member::start("dead", folder.path());
     let alive = Member::start("alive", folder.path());

@@ -114,7 +114,7 @@ fn a_person_moves_one_axis_and_ctrl_c_makes_it_neutral() {
 }
 
 #[test]
-fn an_axis_is_neutral_when_the_hand_on_it_is_killed() {
+fn an_axis_is_neutral_when_its_operating_program_is_killed() {
     let mut running = Operated::start("killed-hand");
     let arguments = ["--axis", "arm", "--mode", "manual", "--command", "-0.3", "--enable"];
     let mut tool = running.operate(&arguments).spawn().unwrap();
@@ -149,7 +149,7 @@ fn an_axis_is_brought_to_a_target_and_left_there() {
 }
 
 #[test]
-fn what_cannot_be_asked_for_is_refused() {
+fn invalid_requests_are_refused() {
     for (arguments, code, expected) in [
         (&["--prefix", "nobody", "--mode", "off"][..], 1, "no group \"nobody\" runs; start one with: hydraxis run"),
         (&["--prefix", "x", "--mode", "manual"][..], 2, "--command: found none; allowed: a valve command in [-1, 1]"),

@@ -14,7 +14,7 @@ use pipeline::{
 };
 
 #[test]
-fn a_scripted_plant_is_never_moved_by_a_controller_that_nobody_armed() {
+fn a_disarmed_controller_never_moves_a_scripted_plant() {
     let mut group = TestGroup::new("plant-off");
     let channels = group.join();
     let readings = channels.publisher::<EncoderReading>().unwrap();
@@ -69,7 +69,7 @@ fn a_scripted_plant_is_brought_to_its_reference() {
 }
 
 #[test]
-fn references_from_another_program_are_followed_and_nonsense_among_them_is_not() {
+fn references_from_another_program_are_followed_unless_they_are_invalid() {
     let mut group = TestGroup::new("reference");
     let channels = group.join();
     let (readings, references) = (channels.publisher::<EncoderReading>().unwrap(), channels.publisher().unwrap());
@@ -116,7 +116,7 @@ fn references_from_another_program_are_followed_and_nonsense_among_them_is_not()
 }
 
 #[test]
-fn a_scripted_sensor_that_goes_blind_makes_the_valves_neutral_for_good() {
+fn a_scripted_sensor_without_usable_samples_latches_the_axis() {
     let mut group = TestGroup::new("sensor");
     let channels = group.join();
     let samples = channels.publisher::<EncoderSample>().unwrap();
@@ -151,7 +151,7 @@ fn a_scripted_sensor_that_goes_blind_makes_the_valves_neutral_for_good() {
 }
 
 #[test]
-fn a_scripted_identifier_cannot_make_the_controller_use_nonsense() {
+fn a_controller_never_uses_invalid_models_of_a_scripted_identifier() {
     let mut group = TestGroup::new("ident");
     let channels = group.join();
     let snapshots = channels.publisher::<CoefficientSnapshot>().unwrap();

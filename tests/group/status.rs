@@ -98,7 +98,7 @@ fn a_stage_that_is_silent_is_named() {
 }
 
 #[test]
-fn no_group_is_said_and_none_is_made() {
+fn without_a_group_status_says_so_and_makes_none() {
     let group = TestGroup::new("status-none");
     let prefix = group.prefix.to_string();
     for option in [&[][..], &["--watch"]] {

@@ -316,7 +316,7 @@ fn lines_of_the_stages_are_whole_and_go_to_a_file_too() {
 }
 
 #[test]
-fn a_flood_of_lines_that_nobody_reads_holds_nobody_up() {
+fn a_flood_of_unread_lines_delays_no_stage() {
     let _cores = alone();
     let flood = script("exec yes a line that nobody reads");
     let mut running = Running::spawn(
@@ -333,7 +333,7 @@ fn a_flood_of_lines_that_nobody_reads_holds_nobody_up() {
 }
 
 #[test]
-fn everything_that_is_wrong_is_said_at_once_and_nothing_is_started() {
+fn all_problems_are_reported_at_once_and_nothing_is_started() {
     let group = TestGroup::new("preflight");
     let run = |arguments: &[&str]| {
         let output = hydraxis().args(["run", "--prefix", &group.prefix.to_string()]).args(arguments).output().unwrap();
@@ -381,7 +381,7 @@ fn listen(socket: &UnixDatagram, until: &str) -> Vec<(String, Instant)> {
 }
 
 #[test]
-fn a_service_manager_hears_of_start_life_and_end() {
+fn a_service_manager_is_notified_of_start_watchdog_and_end() {
     let _cores = shared();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("notify");

@@ -1,4 +1,5 @@
-//! What the identifier keeps for its snapshot. No decision of the loop is read back from here.
+//! What the identifier keeps for its snapshot: models, figures and fault bits. Estimators, outlier gate and training
+//! keep their own state. Only the examination of the models reads from here.
 
 use pipeline::{
     hammerstein::{Coefficients, Structure},

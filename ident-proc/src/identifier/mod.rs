@@ -20,6 +20,24 @@ use crate::{
 ///
 /// The first `training` samples are for offline identification. From then on the adaptive model is updated at every
 /// sample, and the classical model stays as it is. The errors of both are counted from the first sample after training.
+///
+/// ```
+/// use ident_proc::Identifier;
+/// use pipeline::machine::Machine;
+///
+/// let machine = Machine::load(None, &[]).expect("the built-in machine");
+/// let settings = &machine.axes[0].identification;
+/// let mut identifier = Identifier::new(settings);
+/// let (mut y, mut u) = (0.5, 0.0);
+/// for k in 0..settings.training + 100 {
+///     y += 0.001 * u;
+///     identifier.update(Some(y), Some(u));
+///     u = (0.1 * k as f64).sin() * (0.013 * k as f64).cos();
+/// }
+/// let snapshot = identifier.snapshot();
+/// assert_eq!(snapshot.updates, 100);
+/// assert!(snapshot.adaptive.is_finite());
+/// ```
 #[derive(Debug, Clone)]
 pub struct Identifier {
     settings: Identification,

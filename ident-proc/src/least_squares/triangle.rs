@@ -14,6 +14,19 @@
 pub(crate) const RANK_TOLERANCE: f64 = 1e-10;
 
 /// R and z of a least-squares problem with n unknowns.
+///
+/// ```
+/// use ident_proc::least_squares::Triangle;
+///
+/// // y = 1 + 2 x
+/// let mut rows = Triangle::new(2);
+/// for (x, y) in [(0.0, 1.0), (1.0, 3.0), (2.0, 5.0)] {
+///     rows.add(&[1.0, x], y);
+/// }
+/// let mut theta = [0.0; 2];
+/// rows.solve(&mut theta);
+/// assert!((theta[0] - 1.0).abs() < 1e-12 && (theta[1] - 2.0).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone)]
 pub struct Triangle {
     n: usize,

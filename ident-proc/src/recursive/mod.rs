@@ -49,6 +49,22 @@ const LANES: usize = 4;
 type Block = [f64; LANES];
 
 /// Coefficients and covariance of one recursive estimator.
+///
+/// ```
+/// use ident_proc::{least_squares::Triangle, recursive::RecursiveLeastSquares};
+///
+/// // Offline: y = 2 x. Later the plant changes to y = 3 x.
+/// let mut rows = Triangle::new(1);
+/// (1..=10).for_each(|x| rows.add(&[f64::from(x)], 2.0 * f64::from(x)));
+/// let mut recursion = RecursiveLeastSquares::new(1);
+/// recursion.start(&rows, &[false]);
+/// assert!((recursion.theta()[0] - 2.0).abs() < 1e-12);
+/// for _ in 0..500 {
+///     let update = recursion.update(&[1.0], 3.0, 0.95);
+///     assert!(update.innovation.is_finite());
+/// }
+/// assert!((recursion.theta()[0] - 3.0).abs() < 1e-3);
+/// ```
 #[derive(Debug, Clone)]
 pub struct RecursiveLeastSquares {
     n: usize,

@@ -2,16 +2,16 @@
 //!
 //! | operation | error |
 //! |---|---|
-//! | parse a prefix | [`PrefixError`] |
 //! | join a group | [`JoinError`] |
 //! | open a channel or its event | [`OpenError`], inside the four below |
-//! | open a publisher, reader, notifier, listener | [`PublisherError`], [`ReaderError`], [`NotifierError`], [`ListenerError`] |
+//! | open a publisher, a reader | [`PublisherError`], [`ReaderError`] |
+//! | open a notifier, a listener | [`NotifierError`], [`ListenerError`] |
 //! | send, receive | [`SendError`], [`ReceiveError`] |
 //! | notify, wait | [`NotifyError`], [`WaitError`] |
 //! | remove the files of a group | [`RemoveError`] |
 //!
-//! The error of iceoryx2 is the `source()` of each. [`ChannelError`] holds any of them, for code that does several of these
-//! operations.
+//! The error of iceoryx2 is the `source()` of each of them. [`ChannelError`] holds any of them, for code that does
+//! several of these operations.
 
 use std::{fmt, io, path::PathBuf};
 
@@ -49,14 +49,6 @@ impl fmt::Display for ChannelName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "channel \"{}\" of group \"{}\"", self.channel, self.prefix)
     }
-}
-
-/// A text that is no prefix.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("prefix: found \"{found}\"; allowed: 1 to 32 letters, digits, - and _")]
-pub struct PrefixError {
-    /// The text.
-    pub found: String,
 }
 
 /// Why a group could not be joined.
@@ -172,8 +164,8 @@ impl fmt::Display for OpenReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::ForeignLayout => {
-                "another program has opened it with a message of another layout; all programs of a group must be of one \
-                 version of Hydraxis"
+                "another program has opened it with a message of another layout; all programs of a group must be of \
+                 one version of Hydraxis"
             }
             Self::OtherLimits => {
                 "another program has opened it with other limits; all programs of a group must be of one version of \

@@ -73,7 +73,8 @@ pub struct Member {
 pub struct Group {
     prefix: Prefix,
     node: Node<Service>,
-    /// Locked, shared, for as long as the membership lasts. The kernel releases the lock also when the process is killed.
+    /// Locked, shared, for as long as the membership lasts. The kernel releases the lock also when the process is
+    /// killed.
     _membership: File,
 }
 
@@ -116,7 +117,8 @@ impl Group {
         &self.prefix
     }
 
-    /// Frees the places on the channels that killed members still hold. This takes milliseconds: not for a stage's loop.
+    /// Frees the places on the channels that killed members still hold. This takes milliseconds: not for a stage's
+    /// loop.
     pub fn bury_the_dead(&self) {
         // Another process may be doing this as well; whoever opens a channel then sees the result.
         self.node.blocking_cleanup_dead_nodes(BURIAL_PATIENCE);

@@ -5,7 +5,7 @@
 //! | where | name | is ours because |
 //! |---|---|---|
 //! | folder for temporary files | `hydraxis.PREFIX/` | it holds the file `members`, which every member keeps locked |
-//! | `/dev/shm` | `PREFIX.`, 40 hexadecimal digits, `_`, more | iceoryx2 names its files so; the folder tells the prefix |
+//! | `/dev/shm` | `PREFIX.`, 40 hexadecimal digits, `_`, more | iceoryx2 names files so; the folder tells the prefix |
 //!
 //! A group lives as long as a process holds the lock. Trap: the folder is where `TMPDIR` points, which may be another
 //! place for a service than for a person. A group whose memory is there without its folder is not known to be dead, and
@@ -107,8 +107,8 @@ pub fn remove_leftovers(prefix: &Prefix) -> Result<Vec<PathBuf>, RemoveError> {
     let is_of = |path: &PathBuf| prefix_of(path).is_some_and(|other| other == *prefix);
     let mut found: Vec<PathBuf> = entries(Path::new(SHARED_MEMORY)).filter(is_of).collect();
     found.sort();
-    // The lock is held until all files are removed. A process that joins meanwhile waits, and then finds that its lock is
-    // on a file that is gone.
+    // The lock is held until all files are removed. A process that joins meanwhile waits, and then finds that its lock
+    // is on a file that is gone.
     let members = match lock(prefix) {
         Lock::Held => return alive(),
         Lock::Missing if is_mapped(&found) => return alive(),

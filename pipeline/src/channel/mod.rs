@@ -31,12 +31,12 @@ mod service;
 
 pub use error::{
     ChannelError, ChannelName, JoinError, LibraryOpenError, ListenerError, NotifierError, NotifyError, OpenError,
-    OpenReason, PrefixError, PublisherError, ReaderError, ReceiveError, RemoveError, SendError, WaitError,
+    OpenReason, PublisherError, ReaderError, ReceiveError, RemoveError, SendError, WaitError,
 };
 pub use event::{Listener, Notifier};
 pub use group::{Group, Member};
 pub use leftovers::{FoundGroup, GroupState, groups, remove_leftovers};
-pub use prefix::Prefix;
+pub use prefix::{Prefix, PrefixError};
 pub use publisher::Publisher;
 pub use reader::{Read, Reader};
 

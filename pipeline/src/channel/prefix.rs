@@ -2,7 +2,7 @@
 
 use std::{fmt, path::PathBuf, str::FromStr};
 
-use super::error::PrefixError;
+use thiserror::Error;
 
 /// First part of the name of a group's folder.
 pub(super) const FOLDER: &str = "hydraxis.";
@@ -19,6 +19,14 @@ pub(super) const FOLDER: &str = "hydraxis.";
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Prefix(String);
+
+/// A text that is no prefix.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("prefix: found \"{found}\"; allowed: 1 to 32 letters, digits, - and _")]
+pub struct PrefixError {
+    /// The text.
+    pub found: String,
+}
 
 impl FromStr for Prefix {
     type Err = PrefixError;

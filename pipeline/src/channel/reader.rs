@@ -50,9 +50,9 @@ impl<M: Message> Reader<M> {
         Ok(Self { channel: factory, port, last: M::default(), any: false, may_repeat: false, health })
     }
 
-    /// Attaches to the channel anew, so that all its publishers connect anew. The last message comes again if it was not
-    /// read. This is for a reader that receives nothing although it should: iceoryx2 gives up a connection that it could
-    /// not make at the first try, and reports this to nobody.
+    /// Attaches to the channel anew, so that all its publishers connect anew. The last message comes again if it was
+    /// not read. This is for a reader that receives nothing although it should: iceoryx2 gives up a connection that it
+    /// could not make at the first try, and reports this to nobody.
     pub fn reattach(&mut self) {
         // Without a second place on the channel the reader keeps the one it has.
         if let Ok(port) = attach(&self.channel) {

@@ -1,7 +1,7 @@
-//! A reference-counted value whose memory comes back: what `Rc` is, without asking the allocator each time.
+//! A reference-counted value, as `Rc` is, whose memory is used again instead of going back to the allocator.
 //!
-//! The last owner leaves the block to its thread, and the next value of the same size takes it. A loop that makes and
-//! drops the same few values therefore allocates in its first round only.
+//! When the last owner is dropped, the thread keeps the block, and the next value of this size takes it. So a loop that
+//! makes and drops a few values allocates only in its first round.
 
 use std::{
     alloc::{Layout, alloc, dealloc, handle_alloc_error},
@@ -15,10 +15,10 @@ use std::{
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
 use iceoryx2_cal::arc_sync_policy::{ArcSyncPolicy, ArcSyncPolicyCreationError, LockGuard};
 
-/// Blocks that a thread keeps; a stage sends on one or two channels, one message at a time.
+/// Number of blocks that a thread keeps; a stage sends on one or two channels, one message at a time.
 const SPARE_BLOCKS: usize = 8;
 
-/// A shared value of one thread.
+/// A value that several owners in one thread share.
 pub struct Recycled<T> {
     block: NonNull<Block<T>>,
     _owns: PhantomData<Block<T>>,
@@ -42,7 +42,7 @@ impl Spare {
         slot.take().map(|(_, memory)| memory)
     }
 
-    /// Keeps a block, or says that there is no room for it.
+    /// Keeps a block; false when there is no room for it.
     fn keep(&mut self, layout: Layout, memory: NonNull<u8>) -> bool {
         let slot = self.0.iter_mut().find(|slot| slot.is_none());
         slot.is_some_and(|slot| slot.replace((layout, memory)).is_none())
@@ -64,7 +64,7 @@ impl<T> Recycled<T> {
     const LAYOUT: Layout = Layout::new::<Block<T>>();
 
     fn with(value: T) -> Self {
-        // A thread that is ending has no spare blocks any more.
+        // A thread that is ending has no spare blocks.
         let spare = SPARE.try_with(|spare| spare.borrow_mut().take(Self::LAYOUT)).ok().flatten();
         let memory = spare.unwrap_or_else(|| {
             // SAFETY: a block holds a counter, so its layout is not of size zero.
@@ -149,7 +149,7 @@ impl<T: Send + fmt::Debug + Abandonable> ArcSyncPolicy<T> for Recycled<T> {
     }
 }
 
-/// Access to the value; there is nothing to lock in one thread.
+/// Access to the value; one thread needs no lock.
 pub struct Guard<'parent, T>(&'parent T);
 
 impl<T> Deref for Guard<'_, T> {
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn more_blocks_than_are_kept_and_threads_that_end_are_no_trouble() {
+    fn more_blocks_than_are_kept_and_threads_that_end_work() {
         std::thread::spawn(|| {
             let many: Vec<_> = (0..3 * SPARE_BLOCKS).map(|i| Recycled::with([i; 5])).collect();
             assert!(many.iter().enumerate().all(|(i, value)| value.block().value == [i; 5]));

@@ -1,8 +1,8 @@
-//! The flavour of iceoryx2 that the channels are made of: its `ipc` service, part for part, but for one.
+//! The service type of the channels: the `ipc` service of iceoryx2 with one part replaced.
 //!
-//! Lending a message makes the library reference-count a small block on the heap, at every send. [`Recycled`] takes
-//! that block from the last send instead, so that sending allocates nothing. Memory layout and protocol are those of
-//! `ipc`: clients in other languages, which use that, see no difference.
+//! At every send, iceoryx2 allocates a small reference-counted block on the heap for the lent message. [`Recycled`]
+//! uses the block of the last send again, so that sending allocates nothing. Memory layout and protocol are those of
+//! `ipc`, so clients in other languages, which use `ipc`, see no difference.
 
 use std::fmt::Debug;
 

@@ -1,4 +1,4 @@
-//! What a command goes through before the coefficients of N: a calibrated dead band, then the functions of a basis.
+//! From a command to the features of N: a calibrated dead band is subtracted, then the functions of a basis are taken.
 //!
 //! ```text
 //! v = u - high  for u > high,    u + low  for u < -low,    else 0
@@ -6,30 +6,30 @@
 //! hinges:   phi_i(v) = sign(v) max(0, |v| - knot_i)
 //! ```
 //!
-//! u valve command, v what of it opens the valve, both without unit; low and high magnitudes, `dead_band`. A weighted
-//! sum of hinges is a straight line from knot to knot, so it bends only where it is told to and goes on straight
-//! beyond the data (linear splines; Hastie, Tibshirani and Friedman, The Elements of Statistical Learning, chapter 5).
+//! u valve command, v the part of it that opens the valve, both without unit; low and high magnitudes, `dead_band`. A
+//! weighted sum of hinges is a straight line from knot to knot. It bends only at the knots and goes on straight beyond
+//! the data (linear splines; Hastie, Tibshirani and Friedman, The Elements of Statistical Learning, chapter 5).
 //!
-//! Trap: a dead band that is calibrated wider than the valve's makes commands that do move the axis look like none;
-//! a little too narrow costs nothing but one more bend.
+//! Trap: a dead band that is calibrated wider than the valve's hides commands that move the axis. A dead band that is a
+//! little too narrow only costs one more bend.
 
 use super::MAX_ORDER;
 
 /// The dead band and the basis in front of the coefficients of N.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InputMap {
-    /// Commands that open nothing: largest magnitude below zero, largest above, both at least 0.
+    /// Dead band: largest magnitudes below and above zero that do not open the valve, both at least 0.
     pub dead_band: (f64, f64),
-    /// What the coefficients of N multiply.
+    /// Functions that the coefficients of N multiply.
     pub basis: Basis,
 }
 
 /// The functions that the coefficients of N multiply, r of them for each sign of the command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Basis {
-    /// v, v^2 .. v^r: the paper's.
+    /// v, v^2 .. v^r, as in the paper.
     Powers,
-    /// Hinges at these knots: the first r count and rise from at least 0, the rest are zero.
+    /// Hinges at these knots: the first r knots count and rise from at least 0, the others are zero.
     Hinges([f64; MAX_ORDER]),
 }
 
@@ -48,10 +48,10 @@ impl Basis {
 }
 
 impl InputMap {
-    /// No dead band, and powers: the paper's.
+    /// No dead band, and powers, as in the paper.
     pub const PAPER: Self = Self { dead_band: (0.0, 0.0), basis: Basis::Powers };
 
-    /// v, what of the command `u` opens the valve.
+    /// v, the part of the command `u` that opens the valve.
     pub fn opening(&self, u: f64) -> f64 {
         let (low, high) = self.dead_band;
         if u > high {
@@ -59,12 +59,12 @@ impl InputMap {
         } else if u < -low {
             u + low
         } else {
-            // Zero, and what is not a number stays it.
+            // Zero; NaN stays NaN.
             0.0 * u
         }
     }
 
-    /// Writes the 2 r functions of the command `u`: those of the positive branch, then those of the negative one.
+    /// Writes the 2 r features of the command `u`: those of the positive branch, then those of the negative one.
     pub fn features(&self, u: f64, features: &mut [f64]) {
         features.fill(0.0);
         let v = self.opening(u);

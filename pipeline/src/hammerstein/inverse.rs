@@ -1,21 +1,21 @@
 //! The inverse of N on its monotone interval.
 //!
-//! A polynomial fitted to a valve is not monotone everywhere: it turns back beyond the data, and inside a dead
-//! band it can dip before it rises. The inverse is therefore taken of the branch's running maximum
+//! A polynomial that is fitted to a valve is not monotone everywhere: it turns back beyond the data, and inside a dead
+//! band it can fall before it rises. So the inverse is that of the branch's running maximum
 //!
 //! ```text
 //! M(v) = max over 0 <= w <= v of s N(w)
 //! ```
 //!
-//! where s = +1 or -1 is the direction in which both branches reach further. M is monotone: N^-1(x) is the smallest
-//! command that reaches x. It jumps over a dip and over the calibrated dead band, and beyond the largest value of the
-//! branch it stays at the command that reaches that value. A branch of hinges is solved on the straight line that
-//! holds x, a polynomial by halving between its turning points.
+//! where s = +1 or -1 is the direction in which both branches reach further. M is monotone, and N^-1(x) is the smallest
+//! command that reaches x. The inverse jumps over a dip and over the calibrated dead band. Beyond the largest value of
+//! the branch it stays at the command that reaches this value. A branch of hinges is solved on the straight line that
+//! contains x, a polynomial by bisection between its turning points.
 
 use super::{Basis, MAX_ORDER, Nonlinearity};
 
-/// One branch as a function of a command's magnitude, >= 0: of v = magnitude - dead band where that is positive,
-/// c_1 phi_1(v) + .. + c_r phi_r(v), else 0.
+/// One branch as a function of a command's magnitude, >= 0: with v = magnitude - dead band it is
+/// c_1 phi_1(v) + .. + c_r phi_r(v) for v > 0, else 0.
 #[derive(Clone, Copy)]
 struct Branch {
     coefficients: [f64; MAX_ORDER],
@@ -24,7 +24,7 @@ struct Branch {
     dead_band: f64,
 }
 
-/// Real roots in the order of their size; a polynomial of order 5 has at most 5.
+/// Real roots, sorted by size; a polynomial of order 5 has at most 5 of them.
 #[derive(Clone, Copy, Default)]
 struct Roots {
     values: [f64; MAX_ORDER],
@@ -66,8 +66,9 @@ impl Nonlinearity {
 
     /// +1 when x rises with u over `range`, -1 when it falls, 0 when it does neither.
     ///
-    /// The direction in which the weaker of the two branches reaches further, or the stronger where the weaker
-    /// reaches nothing either way: a branch that turns back far from zero must not decide.
+    /// This is the direction in which the weaker of the two branches reaches further. Where the weaker branch reaches
+    /// nothing in either direction, the stronger one decides. So a branch that turns back far from zero does not
+    /// decide.
     pub fn orientation(&self, range: (f64, f64)) -> f64 {
         let reach = |s| {
             let (up, down) = (self.positive(s).highest(range.1), self.negative(s).highest(-range.0));
@@ -92,7 +93,7 @@ impl Nonlinearity {
     /// -s N(-u) for u >= 0.
     fn negative(&self, s: f64) -> Branch {
         let mut coefficients = self.g.map(|c| s * c);
-        // A hinge is odd, as odd powers are.
+        // Hinges are odd functions, as odd powers are.
         if self.input.basis == Basis::Powers {
             coefficients.iter_mut().skip(1).step_by(2).for_each(|even_power| *even_power = -*even_power);
         }
@@ -156,7 +157,7 @@ impl Branch {
     /// The smallest magnitude in [0, limit] with a value of at least `target` >= 0, or that of the highest value.
     fn reach(&self, target: f64, limit: f64) -> f64 {
         let v = self.solve(target, self.opening(limit));
-        // However small v is, the dead band itself gives nothing.
+        // For the smallest v the command must still be beyond the dead band.
         if v > 0.0 { (self.dead_band + v).max(self.dead_band.next_up()).min(limit) } else { 0.0 }
     }
 
@@ -211,7 +212,8 @@ fn roots(c: &[f64], end: f64) -> Roots {
     found
 }
 
-/// The same for c[0] + c[1] v + c[2] v^2, by the formula that does not cancel; c[2] may be zero.
+/// Roots in (0, end) of c[0] + c[1] v + c[2] v^2 where the sign changes, by the formula without cancellation; c[2] may
+/// be zero.
 fn quadratic_roots([c, b, a]: [f64; 3], end: f64) -> Roots {
     let mut found = Roots::default();
     let discriminant = b * b - 4.0 * a * c;
@@ -220,7 +222,7 @@ fn quadratic_roots([c, b, a]: [f64; 3], end: f64) -> Roots {
         let q = -0.5 * (b + discriminant.sqrt().copysign(b));
         let (one, two) = (q / a, c / q);
         for root in [one.min(two), one.max(two)] {
-            // Division by zero gives infinity or NaN, which is not inside either.
+            // Division by zero gives infinity or NaN, which is not inside the interval either.
             if root > 0.0 && root < end {
                 found.push(root);
             }
@@ -229,7 +231,7 @@ fn quadratic_roots([c, b, a]: [f64; 3], end: f64) -> Roots {
     found
 }
 
-/// The zero of a function that is negative at `low` and not negative at `high`, to the last bit that halving finds.
+/// The zero of a function that is negative at `low` and not negative at `high`, to the last bit that bisection finds.
 fn bisect(mut low: f64, mut high: f64, function: impl Fn(f64) -> f64) -> f64 {
     loop {
         let middle = 0.5 * (low + high);

@@ -5,14 +5,14 @@
 //! ```
 //!
 //! v and phi_i by [`InputMap`]; with its default phi_i is the i-th power of u, the polynomial without constant term
-//! of the paper. Trap: outside the commands that f and g were learned from a polynomial says anything.
+//! of the paper. Trap: outside the commands that f and g were identified from, a polynomial is not to be trusted.
 
 use super::{Basis, InputMap, MAX_ORDER};
 
 /// N(u), piecewise through zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Nonlinearity {
-    /// Coefficients r of either branch.
+    /// Number r of coefficients of each branch.
     pub order: usize,
     /// f_1 .. f_r, for u >= 0.
     pub f: [f64; MAX_ORDER],

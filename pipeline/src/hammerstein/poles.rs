@@ -6,7 +6,7 @@ use super::{Coefficients, MAX_A};
 /// radius.
 ///
 /// Schur-Cohn step-down recursion on A(z) with its roots divided by the radius: the last coefficient of each
-/// reduced polynomial must be smaller than 1 in magnitude. Not finite coefficients are never inside.
+/// reduced polynomial must be smaller than 1 in magnitude. With a coefficient that is not finite the result is false.
 pub fn poles_within(a: &[f64], radius: f64) -> bool {
     let mut reduced = [0.0; MAX_A];
     let mut scale = 1.0;
@@ -38,7 +38,7 @@ impl Coefficients {
         if !self.a().iter().all(|a| a.is_finite()) {
             return f64::INFINITY;
         }
-        // Cauchy's bound holds every root.
+        // No root is larger than Cauchy's bound.
         let mut high = 1.0 + self.a().iter().fold(0.0f64, |largest, a| largest.max(a.abs()));
         let mut low = 0.0;
         while high - low > 1e-9 * high {
@@ -77,9 +77,16 @@ mod tests {
     proptest! {
         /// A built from known roots: one real, two complex pairs.
         #[test]
-        fn radius_of_known_roots(real in -1.5f64..1.5, r1 in 0.05f64..1.5, r2 in 0.05f64..1.5, t1 in 0.1f64..3.0, t2 in 0.1f64..3.0) {
+        fn radius_of_known_roots(
+            real in -1.5f64..1.5,
+            r1 in 0.05f64..1.5,
+            r2 in 0.05f64..1.5,
+            t1 in 0.1f64..3.0,
+            t2 in 0.1f64..3.0,
+        ) {
+            let pair = |r: f64, t: f64| vec![1.0, -2.0 * r * t.cos(), r * r];
             let mut a = vec![1.0];
-            for factor in [vec![1.0, -real], vec![1.0, -2.0 * r1 * t1.cos(), r1 * r1], vec![1.0, -2.0 * r2 * t2.cos(), r2 * r2]] {
+            for factor in [vec![1.0, -real], pair(r1, t1), pair(r2, t2)] {
                 let mut product = vec![0.0; a.len() + factor.len() - 1];
                 for (i, x) in a.iter().enumerate() {
                     for (j, y) in factor.iter().enumerate() {
@@ -95,7 +102,8 @@ mod tests {
             // An integrator adds a pole at 1.
             let (integrated, largest) = (model.integrated(), largest.max(1.0));
             prop_assert_eq!(integrated.a().len(), 6);
-            prop_assert!((integrated.pole_radius() / largest - 1.0).abs() < 1e-3, "{} {largest}", integrated.pole_radius());
+            let radius = integrated.pole_radius();
+            prop_assert!((radius / largest - 1.0).abs() < 1e-3, "{radius} {largest}");
         }
     }
 }

@@ -4,24 +4,32 @@
 //! (1 - z^-1)^i A'(z) y(k) = B(z) x(k-nk) + c        A' of order na, B of order nb, i = 1 with `integrator`
 //! ```
 //!
-//! With the integrator the equation is one between increments dy(k) = y(k) - y(k-1), and that is how its
-//! coefficients are estimated: an axis whose position only grows or falls then has no pole that could be estimated a
-//! little off 1. Trap: the increments of a coarse encoder are mostly its steps.
+//! With the integrator the equation is one between increments dy(k) = y(k) - y(k-1), and the coefficients are estimated
+//! on the increments. The pole of the integrator is then exactly 1; without this option it would be estimated a little
+//! off 1. Trap: the increments of a coarse encoder are mostly its steps.
 
 use serde::{Serialize, Serializer, ser::SerializeStruct};
 
 use super::{Basis, InputMap};
 
 /// The orders and options of a model.
+///
+/// ```
+/// use pipeline::hammerstein::{Coefficients, Structure};
+///
+/// let structure = Structure { nk: 3, drift: true, ..Structure::PAPER };
+/// assert_eq!((structure.linear_len(), structure.full_len()), (3 + 2 + 1, 3 + 2 * 3 * 2 + 1));
+/// assert_eq!(Coefficients::zero(structure).structure(), Some(structure));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Structure {
-    /// Order of A without the integrator, 1 to 5; that of [`Structure::published`] up to 7.
+    /// Order of A without the integrator, 1 to 5; up to 7 in [`Structure::published`].
     pub na: usize,
     /// Order of B, 0 to 4: B has `nb` + 1 coefficients.
     pub nb: usize,
     /// Delay from command to output, samples, 1 to 64: 1 means that y(k) answers u(k-1).
     pub nk: usize,
-    /// Coefficients r of N for each sign of u, 1 to 5: the order of the polynomials, or the number of knots.
+    /// Number r of coefficients of N for each sign of u, 1 to 5: order of the polynomials, or number of knots.
     pub order: usize,
     /// Whether A(z) = (1 - z^-1) A'(z), with A' of order `na`.
     pub integrator: bool,
@@ -47,18 +55,18 @@ impl Structure {
         self.na + 2 * self.order * (self.nb + 1) + self.drift as usize
     }
 
-    /// Outputs of the past that a prediction needs: na, and one more with the integrator.
+    /// Number of past outputs that a prediction needs: na, and one more with the integrator.
     pub const fn past_outputs(&self) -> usize {
         self.na + self.integrator as usize
     }
 
-    /// Samples of the past that a prediction needs.
+    /// Number of past samples that a prediction needs.
     pub const fn memory(&self) -> usize {
         let (outputs, commands) = (self.past_outputs(), self.nk + self.nb);
         if outputs > commands { outputs } else { commands }
     }
 
-    /// The structure of the coefficients that are published: the integrator is multiplied into A.
+    /// Structure of the published coefficients: the integrator is multiplied into A.
     pub const fn published(&self) -> Self {
         Self { na: self.past_outputs(), integrator: false, ..*self }
     }

@@ -1,8 +1,8 @@
 //! The machine file: what the machine is, how it is identified and controlled, and on what it runs.
 //!
 //! A machine file is TOML with SI units; durations are texts with their unit (`"10ms"`). A key that decides how the
-//! machine moves has no default. An unknown key, a wrong type, NaN, or a value out of range is refused. All problems are
-//! reported at once, each with file, line, key, what was found and what is allowed.
+//! machine moves has no default. An unknown key, a wrong type, NaN, or a value out of range is refused. All problems
+//! are reported at once, each with file, line, key, what was found and what is allowed.
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -86,7 +86,8 @@ fn read_file(path: &Path, allowed: &str) -> Result<String, MachineError> {
     })
 }
 
-/// The values of a model file, such as `commission` writes, as settings that take the place of values in a machine file.
+/// The values of a model file, such as `commission` writes, as settings that take the place of values in a machine
+/// file.
 ///
 /// # Errors
 /// The file cannot be read, or is not TOML.
@@ -123,8 +124,8 @@ impl MachineFile {
 }
 
 impl Machine {
-    /// Reads the file, or the built-in machine without one. `settings` are pairs of key and value that take the place of
-    /// values in the file.
+    /// Reads the file, or the built-in machine without one. `settings` are pairs of key and value that take the place
+    /// of values in the file.
     ///
     /// # Errors
     /// All problems of the file at once, or that the file cannot be read.

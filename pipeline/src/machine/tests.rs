@@ -29,7 +29,7 @@ fn reactions_have_defaults() {
     let machine = built_in_with("following_error = 0.15", "").unwrap();
     assert_eq!(machine.axes[0].control.following_error, 0.03);
     assert_eq!(machine.timing.model_lifetime, Duration::from_secs(30));
-    // A model may be in time for longer than it lives by default.
+    // A model time-out that is longer than the default lifetime makes the lifetime longer.
     let machine = built_in_with("period = \"10ms\"", "period = \"10ms\"\nmodel_timeout = \"60s\"").unwrap();
     assert_eq!(machine.timing.model_lifetime, Duration::from_secs(60));
 }
@@ -87,7 +87,7 @@ fn every_kind_of_wrong_value_names_key_found_and_allowed() {
 fn two_axes_of_one_name_are_refused() {
     let text = refusal("[axis.arm]", "[axis.boom]");
     assert!(text.contains("m.toml:") && text.contains("duplicate key in \"[axis.boom]\""), "{text}");
-    assert!(text.lines().all(|line| line.contains("duplicate key")), "only what is broken is named: {text}");
+    assert!(text.lines().all(|line| line.contains("duplicate key")), "only the broken line is named: {text}");
 }
 
 #[test]
@@ -108,7 +108,7 @@ fn all_problems_are_named_at_once_in_the_order_of_lines() {
     let text = BUILT_IN.replacen("stroke = 1.334", "stroke = -1", 1).replacen("mass = 12e3", "mass = \"heavy\"", 1);
     let error = Machine::parse(&(text + "\nunknown = 3\n"), "m.toml", Path::new("."), &[]).unwrap_err();
     let keys: Vec<&str> = error.problems.iter().map(|problem| problem.key.as_str()).collect();
-    // What is wrong, and nothing that only follows from it.
+    // Problems that only follow from another problem are not named.
     assert_eq!(keys, ["axis.boom.stroke", "axis.arm.plant.mass", "axis.bucket.plant.unknown"]);
     assert!(
         error.problems.windows(2).all(|pair| pair[0].line.unwrap_or(usize::MAX) <= pair[1].line.unwrap_or(usize::MAX))
@@ -160,14 +160,14 @@ fn whole_numbers_may_be_written_in_any_base() {
 
 #[test]
 fn the_options_of_the_structure_are_read() {
-    let options = "training = \"8s\"\nintegrator = true\ndrift = true\ndead_band = [0.05, 0.1]\nknots = [0.0, 0.2, 0.5, 0.6]\n\
-                   output = \"velocity\" #";
+    let options = "training = \"8s\"\nintegrator = true\ndrift = true\ndead_band = [0.05, 0.1]\n\
+                   knots = [0.0, 0.2, 0.5, 0.6]\noutput = \"velocity\" #";
     let identification = built_in_with("training = \"8s\"", options).unwrap().axes[0].identification.clone();
     let input = InputMap { dead_band: (0.05, 0.1), basis: Basis::hinges(&[0.0, 0.2, 0.5, 0.6]).unwrap() };
     let structure = Structure { nk: 3, order: 4, integrator: true, drift: true, input, ..Structure::PAPER };
     assert_eq!((identification.structure, identification.output), (structure, IdentifiedOutput::Velocity));
     assert_eq!(identification.period, 0.01);
-    // An integrator for the structure and one for the way from velocity to position.
+    // One integrator is that of the structure, the other one leads from velocity to position.
     assert_eq!(identification.published(), Structure { na: 5, integrator: false, ..structure });
 
     let plain = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
@@ -213,7 +213,7 @@ fn feed_forward_needs_a_commissioned_model_that_answers_within_the_preview() {
 }
 
 #[test]
-fn all_stages_but_the_simulated_machine_start_again_unless_told_otherwise() {
+fn all_stages_but_the_simulated_machine_start_again_by_default() {
     let setting = |value: &str| [("stage.ident-proc.restart".to_owned(), value.to_owned())];
     let restarts = |machine: &Machine| machine.stages.clone().map(|stage| stage.restart);
     let (never, again) = (Restart::Never, Restart::OnFailure);

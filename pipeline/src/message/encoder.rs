@@ -38,7 +38,8 @@ shared_struct! {
     /// One axis of an [`EncoderSample`].
     #[type_name("hydraxis.AxisSample/1")]
     pub struct AxisSample {
-        /// Piston position, m (or the recorded output, in its unit). While `faults` is set: the last plausible position.
+        /// Piston position, m (or the recorded output, in its unit). While `faults` is set: the last plausible
+        /// position.
         pub position: f64,
         /// Backward difference of the position, m/s.
         pub velocity: f64,

@@ -2,7 +2,8 @@
 //!
 //! | file | messages | from | to |
 //! |---|---|---|---|
-//! | `encoder` | [`EncoderReading`], [`EncoderSample`] | plant-sim or a bus; sensor-proc | sensor-proc; ident-proc, control-proc |
+//! | `encoder` | [`EncoderReading`] | plant-sim or a bus | sensor-proc |
+//! | `encoder` | [`EncoderSample`] | sensor-proc | ident-proc, control-proc |
 //! | `command` | [`ValveCommand`] | control-proc or a replay | plant-sim, ident-proc |
 //! | `snapshot` | [`CoefficientSnapshot`] | ident-proc | control-proc |
 //! | `reference` | [`Reference`] | any program | control-proc |

@@ -1,4 +1,4 @@
-//! What a stage counts and measures about itself.
+//! Counters and latencies of a stage.
 //!
 //! ```text
 //! wait   = picked up - sent              work = output sent - picked up
@@ -7,9 +7,9 @@
 //!          sent - due (late input), picked up - max(sent, due) (late release), output sent - picked up (long work)
 //! ```
 //!
-//! All in ns; T period, due when the sample of the tick was due. A tick that was never worked is a miss like any other.
-//! Trap: measured from the moment a timer really fired, a loop that is always late looks punctual; so jitter and
-//! deadline are taken from the intended time.
+//! All times in ns; T is the period, due is the time at which the sample of the tick was due. A tick that was never
+//! worked counts as missed too. Trap: measured from the time at which a timer really fired, a loop that is always late
+//! looks punctual. So jitter and deadline are measured from the intended time.
 
 use super::clock::monotonic_ns;
 use crate::{
@@ -18,7 +18,7 @@ use crate::{
     message::{ChannelHealth, Message, MissCause, StageHealth, StageState},
 };
 
-/// Histograms of a stage; one of them is summed up per heartbeat, since that reads all of it.
+/// Number of histograms of a stage. One of them is evaluated per heartbeat, since this reads all of its memory.
 const HISTOGRAMS: u32 = 4;
 
 /// Counters and histograms of one stage.
@@ -28,15 +28,16 @@ pub struct Accounting {
     work: LatencyRecorder,
     end_to_end: LatencyRecorder,
     release_jitter: LatencyRecorder,
-    /// Of the tick in work: when its input was sent, and picked up.
+    /// When the input of the present tick was sent.
     sent_ns: u64,
+    /// When the input of the present tick was picked up.
     picked_up_ns: u64,
     beats: u32,
     resetting: bool,
 }
 
 impl Accounting {
-    /// From zero on.
+    /// All counters at zero.
     pub(super) fn new(stage: u32) -> Self {
         let health = StageHealth {
             stage,
@@ -82,7 +83,7 @@ impl Accounting {
         self.health.state = StageState::Running as u32;
     }
 
-    /// The same output was due at `due_ns` and has missed its deadline if that is more than a period ago.
+    /// Counts tick `sequence` as missed if its output, sent at `now`, is later than one period after `due_ns`.
     pub(super) fn judge(&mut self, sequence: u64, due_ns: u64, period_ns: u64, now: u64) {
         if now <= due_ns.saturating_add(period_ns) {
             return;
@@ -100,7 +101,7 @@ impl Accounting {
         self.health.missed.count(1, sequence, cause);
     }
 
-    /// The valve command was sent: the whole way from acquisition to here took so long.
+    /// The valve command was sent, so long after the acquisition of its sample.
     pub(super) fn arrive(&mut self, nanoseconds: u64) {
         self.end_to_end.record(nanoseconds);
     }
@@ -115,7 +116,7 @@ impl Accounting {
         self.health.implausible += 1;
     }
 
-    /// Begins a heartbeat at `now`; the channels are to follow. With `reset` everything counts from zero again.
+    /// Begins a heartbeat at `now`; the channels follow. With `reset` all figures count from zero again.
     pub(super) fn begin(&mut self, now: u64, reset: bool) {
         self.health.header.sent_ns = now;
         self.health.channel_count = 0;
@@ -129,7 +130,7 @@ impl Accounting {
         }
     }
 
-    /// Takes in a channel that the stage reads.
+    /// Adds a channel that the stage reads.
     pub(super) fn channel<M: Message>(&mut self, reader: &mut Reader<M>) {
         if self.resetting {
             reader.reset_health();
@@ -141,7 +142,7 @@ impl Accounting {
         }
     }
 
-    /// What is to be sent with this heartbeat.
+    /// The message of this heartbeat.
     pub(super) fn health(&mut self) -> &StageHealth {
         match self.beats % HISTOGRAMS {
             0 => self.health.work = self.work.percentiles(),
@@ -153,7 +154,7 @@ impl Accounting {
         &self.health
     }
 
-    /// The last word of the stage, all figures up to date.
+    /// The last message of the stage, with all figures up to date.
     pub(super) fn farewell(&mut self) -> &StageHealth {
         (0..HISTOGRAMS).for_each(|_| {
             self.health();
@@ -167,7 +168,7 @@ impl Accounting {
 mod tests {
     use super::*;
 
-    /// A tick with these times after it was due, ns: sent, picked up, output; the period is 10 ms.
+    /// Misses and cause of a tick with these times after it was due, ns: sent, picked up, output; the period is 10 ms.
     fn cause(sent: u64, picked_up: u64, output: u64) -> (u64, &'static str) {
         let due = 1_000_000_000;
         let mut accounting = Accounting::new(3);
@@ -181,7 +182,7 @@ mod tests {
 
     #[test]
     fn a_missed_deadline_has_the_cause_that_took_longest() {
-        assert_eq!(cause(1_000, 2_000, 10_000_000), (0, "none"), "just in time");
+        assert_eq!(cause(1_000, 2_000, 10_000_000), (0, "none"), "exactly at the deadline");
         assert_eq!(cause(9_000_000, 9_100_000, 10_000_001), (1, "late input"));
         assert_eq!(cause(100_000, 9_000_000, 10_500_000), (1, "late release"));
         assert_eq!(cause(100_000, 200_000, 10_500_000), (1, "long work"));
@@ -197,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reset_begins_anew_and_forgets_no_state() {
+    fn a_reset_sets_the_counts_to_zero_and_keeps_the_state() {
         let mut accounting = Accounting::new(2);
         accounting.pick_up(monotonic_ns());
         accounting.finish(9, 5, monotonic_ns());

@@ -1,18 +1,18 @@
-//! What is done to every channel that a stage reads.
+//! Operations on every channel that a stage reads.
 
 use super::Accounting;
 use crate::{channel::Reader, message::Message};
 
 /// Visits the channels of a stage, one after the other.
 pub enum Channels<'a> {
-    /// Takes in how they are doing.
+    /// Adds the state of each channel to the heartbeat.
     Account(&'a mut Accounting),
-    /// Attaches to them anew.
+    /// Attaches to each channel anew.
     Reattach,
 }
 
 impl Channels<'_> {
-    /// The next one.
+    /// Visits the next channel.
     pub fn visit<M: Message>(&mut self, reader: &mut Reader<M>) {
         match self {
             Self::Account(accounting) => accounting.channel(reader),

@@ -1,15 +1,21 @@
 //! The loop that every stage runs, in real time and in lock-step.
 //!
-//! | clock | who releases a tick |
+//! | clock | what releases a tick |
 //! |---|---|
 //! | real time | sensor-proc (and plant-sim) by absolute timers; the others follow the data |
 //! | lock-step | plant-sim (or a replay) when command and snapshot of the tick before have arrived |
 //!
-//! After start a stage's loop allocates nothing, locks nothing, writes no log and no file, and never waits for a
-//! reader; it waits for its input only.
+//! After its start a stage's loop allocates nothing, locks nothing, writes no log and no file, and never waits for a
+//! reader; it waits only for its input.
 //!
-//! Every tick has a deadline, one period after its sample was due. A miss is counted with its cause, and so is a tick
-//! that was not worked at all: an overrun is never hidden by skipping ([`Accounting`]).
+//! Every tick has a deadline, one period after its sample was due. An overrun is counted with its cause, and so is a
+//! tick that was not worked at all: skipping never hides an overrun ([`Accounting`]).
+//!
+//! | file | what it holds | runs in the loop |
+//! |---|---|---|
+//! | `run`, `turn`, `channels` | the loop, one turn of it, the channels that a stage reads | yes |
+//! | `accounting`, `clock` | counters and latencies; the clock | yes |
+//! | `rights` | core, priority, locked memory | no: before the loop |
 
 mod accounting;
 mod channels;
@@ -37,33 +43,33 @@ use crate::channel::{
 /// What releases a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Clock {
-    /// Time.
+    /// The clock of the computer.
     RealTime,
-    /// The answer to the tick before, as fast as the machine allows; bit for bit repeatable.
+    /// The answer to the tick before, as fast as the computer allows; bit for bit repeatable.
     LockStep,
 }
 
-/// How a stage is to run; the same for all stages of a group.
+/// How a stage runs; all stages of a group have equal options.
 #[derive(Debug, Clone)]
 pub struct StageOptions {
-    /// The group's channels.
+    /// Name of the group.
     pub prefix: Prefix,
     /// What releases a tick.
     pub clock: Clock,
-    /// End after so many ticks; without it at a signal.
+    /// The stage ends after so many ticks; without it, at a signal.
     pub ticks: Option<u64>,
     /// Seed of the simulated noise.
     pub seed: u64,
     /// Whether control-proc may move the machine from the start on.
     pub arm: bool,
-    /// Number of the first tick of a source that releases ticks by time: one that was started again goes on where the
-    /// numbers are by now, since its readers take a number that does not rise for a repetition.
+    /// Number of the first tick of a source that releases ticks by time. A source that was started again continues the
+    /// numbers, since its readers take a number that does not rise for a repetition.
     pub first_tick: u64,
-    /// Whether the stage says which rights it could not have: not where whoever started it has said so.
+    /// Whether the stage warns of rights that it could not have; false when the supervisor has warned already.
     pub warn: bool,
-    /// Set by a signal: end soon, with the valve neutral.
+    /// Set by a signal: the stage ends soon, with the valve neutral.
     pub stop: Arc<AtomicBool>,
-    /// Set by a signal, cleared by the stage: count and measure from zero again.
+    /// Set by a signal, cleared by the stage: all figures are counted from zero again.
     pub reset: Arc<AtomicBool>,
 }
 

@@ -3,27 +3,27 @@
 use super::{Channels, Next, StageError, StageKind, StageOptions, Turn, monotonic_ns, rights};
 use crate::{channel::Group, machine::Machine};
 
-/// A stage: a core between its channels.
+/// A stage: it connects a core with its channels.
 pub trait Stage {
-    /// Waits for input for a slice of time and, when it came, works one tick and sends its output.
+    /// Waits for input for a slice of time. When input comes, works one tick and sends its output.
     ///
     /// # Errors
-    /// The stage cannot go on.
+    /// The stage cannot continue.
     fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError>;
 
-    /// Hands the newest output to readers that have come since; called when there is nothing else to do.
+    /// Delivers the newest output to readers that have attached since; called while the stage has no input.
     fn greet(&self);
 
-    /// The last act: whatever moves the machine becomes neutral.
+    /// The last action of the stage: every command becomes neutral.
     ///
     /// # Errors
     /// The last message cannot be sent.
     fn stop(&mut self) -> Result<(), StageError>;
 
-    /// Hands every channel that it reads to [`Channels::visit`].
+    /// Calls [`Channels::visit`] with every channel that the stage reads.
     fn channels(&mut self, channels: &mut Channels<'_>);
 
-    /// Says more at a heartbeat than the loop knows; called between two ticks.
+    /// Sends further messages at a heartbeat; called between two ticks.
     ///
     /// # Errors
     /// The message cannot be sent.
@@ -32,12 +32,12 @@ pub trait Stage {
     }
 }
 
-/// Sets up rights and channels, then turns until the last tick, the stop flag, or an error.
+/// Sets up rights and channels, then runs the loop until the last tick, the stop flag, or an error.
 ///
-/// `build` opens the channels and takes all memory. What rights are missing is printed before the loop begins.
+/// `build` opens the channels and takes all memory. Missing rights are printed before the loop begins.
 ///
 /// # Errors
-/// The stage cannot be set up or cannot go on.
+/// The stage cannot be set up or cannot continue.
 pub fn run<S: Stage>(
     kind: StageKind,
     machine: &Machine,
@@ -52,19 +52,19 @@ pub fn run<S: Stage>(
     let mut turn = Turn::new(&group, machine, kind, options)?;
     let mut stage = build(&group)?;
     let ended = turns(&mut stage, &mut turn);
-    // Neutral first, whatever happened.
+    // Every command becomes neutral first, whatever has happened.
     let stopped = stage.stop();
     let reported = turn.farewell(|accounting| stage.channels(&mut Channels::Account(accounting)));
     drop(rights);
     ended.and(stopped).and(reported.map_err(StageError::from))
 }
 
-/// Time without any input after which a stage attaches to its channels anew, and again after as long: far more than any
-/// sample is late, and soon enough for whoever waits for a group to begin.
+/// Time without input after which a stage attaches to its channels anew, and after which it does so again, ns. It is
+/// far longer than any delay of a sample, and short enough for a person who waits for a group to begin.
 const SILENCE_NS: u64 = 1_000_000_000;
 
 fn turns(stage: &mut impl Stage, turn: &mut Turn) -> Result<(), StageError> {
-    let mut heard_ns = monotonic_ns();
+    let mut input_ns = monotonic_ns();
     loop {
         if turn.is_beat_due() {
             turn.beat(|accounting| stage.channels(&mut Channels::Account(accounting)))?;
@@ -74,12 +74,12 @@ fn turns(stage: &mut impl Stage, turn: &mut Turn) -> Result<(), StageError> {
             return Ok(());
         }
         match stage.turn(turn)? {
-            Next::Worked => heard_ns = monotonic_ns(),
+            Next::Worked => input_ns = monotonic_ns(),
             Next::Waiting => {
                 stage.greet();
-                if monotonic_ns().saturating_sub(heard_ns) > SILENCE_NS {
+                if monotonic_ns().saturating_sub(input_ns) > SILENCE_NS {
                     stage.channels(&mut Channels::Reattach);
-                    heard_ns = monotonic_ns();
+                    input_ns = monotonic_ns();
                 }
             }
             Next::Finished => return Ok(()),

@@ -1,4 +1,4 @@
-//! One turn of a stage's loop: waiting for input, and saying how it went.
+//! One turn of a stage's loop: waiting for input, and accounting for the tick.
 
 use std::{sync::atomic::Ordering, time::Duration};
 
@@ -12,16 +12,16 @@ use crate::{
     message::{Header, Message, MissCause, StageHealth},
 };
 
-/// Longest wait before the loop looks at its stop flag and its time-outs again.
+/// Longest wait before the loop checks its stop flag and its time-outs again, ns.
 const SLICE_NS: u64 = 10_000_000;
-/// Longest sleep of a timer before the stop flag is looked at.
+/// Longest sleep of a timer before the stop flag is checked, ns.
 const SLEEP_NS: u64 = 100_000_000;
-/// Polls between two looks at the clock.
+/// Number of polls between two readings of the clock.
 const POLLS_PER_LOOK: u32 = 64;
-/// Time between two heartbeats.
+/// Time between two heartbeats, ns.
 const HEARTBEAT_NS: u64 = 100_000_000;
 
-/// What a turn came to.
+/// Result of a turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Next {
     /// A tick was worked.
@@ -36,14 +36,14 @@ pub enum Next {
 pub enum Waiter {
     /// Polls without a pause.
     Spin,
-    /// Polls, giving the core away between two polls: lock-step has more stages than cores.
+    /// Polls and yields the core between two polls, since lock-step has more stages than cores.
     Yield,
-    /// Polls for so many ns, then sleeps until the channel's notifier wakes it; 0 only sleeps.
+    /// Polls for so many ns, then sleeps until the channel's notifier wakes it; with 0 it only sleeps.
     Event(Box<Listener>, u64),
 }
 
 impl Waiter {
-    /// The way that clock and machine file ask for, on the channel of `M`.
+    /// The way to wait on the channel of `M` that clock and machine file ask for.
     ///
     /// # Errors
     /// The channel's event cannot be opened.
@@ -64,13 +64,13 @@ impl Waiter {
     }
 }
 
-/// What a stage's loop knows about its run: options, times, counters.
+/// State of a stage's loop: options, times, counters.
 pub struct Turn {
     /// How the stage runs.
     pub options: StageOptions,
     period_ns: u64,
     slice_ns: u64,
-    /// How long before its time a timer is polled instead of slept for.
+    /// How long before its time a timer is polled instead of slept for, ns.
     timer_spin_ns: u64,
     accounting: Accounting,
     publisher: Publisher<StageHealth>,
@@ -102,7 +102,7 @@ impl Turn {
         })
     }
 
-    /// Whether the loop is to end.
+    /// Whether the loop must end.
     pub fn stopping(&self) -> bool {
         self.options.stop.load(Ordering::Relaxed)
     }
@@ -112,8 +112,8 @@ impl Turn {
         self.options.ticks.is_some_and(|ticks| sequence + 1 >= ticks)
     }
 
-    /// Waits for an absolute time, ns, the way that the machine file asks for; false when the loop is to end first. A
-    /// signal that asks for something else wakes nobody early.
+    /// Waits for an absolute time, ns, in the way that the machine file asks for; false when the loop must end before.
+    /// A signal with another purpose does not end the wait.
     pub fn sleep_until(&self, deadline_ns: u64) -> bool {
         let asleep_until = deadline_ns.saturating_sub(self.timer_spin_ns);
         loop {
@@ -132,10 +132,10 @@ impl Turn {
         }
     }
 
-    /// Waits until `poll` finds input, for a slice of time at most; false when none came.
+    /// Waits until `poll` finds input, for a slice of time at most; false when no input came.
     ///
     /// # Errors
-    /// What `poll` returns, or the event cannot be waited for.
+    /// `poll` fails, or the event cannot be waited for.
     pub fn wait_for(
         &mut self,
         waiter: &Waiter,
@@ -153,11 +153,11 @@ impl Turn {
         Ok(poll()?)
     }
 
-    /// Polls for a time, at least once.
+    /// Polls for a time, and at least once.
     fn poll_for(
         &self,
         nanoseconds: u64,
-        gives_way: bool,
+        yields: bool,
         poll: &mut impl FnMut() -> Result<bool, ReceiveError>,
     ) -> Result<bool, StageError> {
         if nanoseconds == 0 {
@@ -169,7 +169,7 @@ impl Turn {
                 if poll()? {
                     return Ok(true);
                 }
-                if gives_way {
+                if yields {
                     rustix::thread::sched_yield();
                 } else {
                     std::hint::spin_loop();
@@ -190,14 +190,14 @@ impl Turn {
         self.accounting.pick_up(sent_ns);
     }
 
-    /// A tick begins by a timer that was set to `intended_ns`; returns the time.
+    /// A tick begins by a timer that was set to `intended_ns`; returns the present time.
     pub fn release(&mut self, intended_ns: u64) -> u64 {
         self.accounting.release(intended_ns)
     }
 
-    /// The output of tick `sequence` is about to be sent: fills in its header and takes the times.
+    /// Fills in the header of the output of tick `sequence` and measures the times; called just before sending.
     ///
-    /// `due_ns` is when the sample of this tick was due; an output more than a period after it is late.
+    /// `due_ns` is the time at which the sample of this tick was due. An output later than one period after it is late.
     pub fn finish(&mut self, header: &mut Header, sequence: u64, acquired_ns: u64, due_ns: u64) {
         let now = monotonic_ns();
         header.sequence = sequence;
@@ -209,12 +209,12 @@ impl Turn {
         }
     }
 
-    /// The valve command was sent: the whole way from acquisition to here is over.
+    /// The valve command was sent: measures the time from acquisition to sending.
     pub fn arrive(&mut self, header: &Header) {
         self.accounting.arrive(header.sent_ns.saturating_sub(header.acquired_ns));
     }
 
-    /// Counts ticks that were due and not worked at all, the last of them `last_tick`.
+    /// Counts ticks that were due and not worked at all; `last_tick` is the last of them.
     pub fn skip(&mut self, ticks: u64, last_tick: u64, cause: MissCause) {
         self.accounting.skip(ticks, last_tick, cause);
     }
@@ -229,7 +229,7 @@ impl Turn {
         monotonic_ns() >= self.next_beat_ns
     }
 
-    /// Sends a heartbeat; `channels` takes in those that the stage reads.
+    /// Sends a heartbeat; `channels` adds the channels that the stage reads.
     pub(super) fn beat(&mut self, channels: impl FnOnce(&mut Accounting)) -> Result<(), SendError> {
         let now = monotonic_ns();
         self.next_beat_ns = now + HEARTBEAT_NS;

@@ -73,7 +73,7 @@ fn a_horizon_is_a_number_of_samples_or_the_same_time() {
 }
 
 #[test]
-fn a_reader_that_has_gone_is_no_panic() {
+fn a_closed_standard_output_is_no_panic() {
     let folder = constant_plant();
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);

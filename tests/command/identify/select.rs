@@ -55,7 +55,7 @@ fn the_flags_that_are_shown_choose_what_was_chosen() {
 }
 
 #[test]
-fn what_was_typed_is_not_searched() {
+fn options_that_are_given_are_not_searched() {
     let folder = delayed_integrator();
     for (typed, pointer, expected) in [
         (&["--na", "2", "--drift"][..], "/structure/na", json!(2)),

@@ -143,15 +143,15 @@ fn the_picture_of_the_documentation_is_what_is_drawn() {
         tempfile::tempdir().unwrap().path(),
         &["simulate", "--scenario", "open-loop", "--duration", "60s", "--axis", "boom", "--plot", "-"],
     );
-    let kept = include_str!("../../../docs/open-loop.svg");
+    let kept = include_str!("../../../docs/src/open-loop.svg");
     assert!(
         drawn == kept,
-        "hydraxis simulate --scenario open-loop --duration 60s --axis boom --plot docs/open-loop.svg draws it anew"
+        "hydraxis simulate --scenario open-loop --duration 60s --axis boom --plot docs/src/open-loop.svg draws it anew"
     );
 }
 
 #[test]
-fn a_reader_that_has_gone_ends_it_without_an_error() {
+fn a_closed_standard_output_ends_the_run_without_an_error() {
     // Both runs would take far too long if they did not end with their reader.
     for arguments in [&["--scenario", "open-loop", "--duration", "10h"][..], &["--duration", "3s", "--trajectory", "-"]]
     {

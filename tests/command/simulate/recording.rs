@@ -23,7 +23,7 @@ fn a_trajectory_has_a_row_per_tick_and_what_the_controller_knows() {
 }
 
 #[test]
-fn what_is_kept_changes_no_figure() {
+fn recording_a_trajectory_changes_no_figure() {
     let folder = tempfile::tempdir().unwrap();
     let (csv, svg) = (folder.path().join("y.csv"), folder.path().join("y.svg"));
     let (csv, svg) = (csv.to_str().unwrap(), svg.to_str().unwrap());

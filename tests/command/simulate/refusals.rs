@@ -41,7 +41,7 @@ fn the_name_of_a_built_in_scenario_is_refused() {
 }
 
 #[test]
-fn changes_that_nothing_takes_are_refused() {
+fn invalid_changes_are_refused() {
     for (change, expected) in [
         (
             "axis = \"crane\", parameter = \"mass\", factor = 2",

@@ -49,17 +49,6 @@ fn the_help_lists_every_scenario() {
 }
 
 #[test]
-fn the_readme_lists_every_scenario() {
-    let readme = include_str!("../../../README.md");
-    let table = readme.split("\n## Scenarios\n").nth(1).and_then(|rest| rest.split("\n## ").next()).unwrap();
-    let rows = table.lines().skip_while(|line| !line.starts_with("| scenario")).skip(2);
-    let named: Vec<&str> =
-        rows.take_while(|line| line.starts_with("| ")).map(|line| line.split('`').nth(1).unwrap()).collect();
-    let built_in = Scenario::built_in();
-    assert_eq!(named, built_in.iter().map(|scenario| scenario.name.as_str()).collect::<Vec<_>>());
-}
-
-#[test]
 fn a_run_names_its_scenario() {
     let arguments = ["run", "--lockstep", "--duration", "100ms", "--scenario", "digging"];
     let output = run(tempfile::tempdir().unwrap().path(), &arguments);

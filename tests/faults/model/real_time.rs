@@ -20,7 +20,7 @@ use crate::{
         TestGroup, alone,
         channel::{AXES, send},
         running::Running,
-        signal, wait_for,
+        shared, signal, wait_for,
     },
 };
 
@@ -46,8 +46,8 @@ impl Each {
 
 /// Row 23: after `ident-proc` is killed, the axes go on with the last model, later at half speed.
 #[test]
-fn row_23_a_killed_identifier_stops_nobody() {
-    let _alone = alone();
+fn row_23_a_killed_identifier_stops_no_axis() {
+    let _cores = shared();
     let (timeout, lifetime) = (Duration::from_millis(500), Duration::from_millis(1500));
     let settings = patient(&["timing.model_timeout=500ms", "timing.model_lifetime=1500ms"]);
     let mut running = Running::start_with("row-23", &[&["--duration", "60s"], &set(&settings)[..]].concat());
@@ -180,7 +180,8 @@ impl Flood {
         })
     }
 
-    /// Resets the counters of the controller, and measures it over 150 ticks or more. No axis may latch or stop meanwhile.
+    /// Resets the counters of the controller, and measures it over 150 ticks or more. No axis may latch or stop
+    /// meanwhile.
     fn measure(&mut self, controller: u32, flood: bool) -> Figures {
         let since = monotonic_ns();
         signal(controller, Signal::USR1);
@@ -220,8 +221,8 @@ impl Flood {
 
 /// Row 24: a flood of snapshots does not delay the controller.
 #[test]
-fn row_24_a_flood_of_snapshots_delays_nobody() {
-    let _alone = alone();
+fn row_24_a_flood_of_snapshots_delays_no_command() {
+    let _cores = alone();
     let mut flood = Flood::start();
     let controller = flood.await_models();
     let calm = flood.measure(controller, false).health;

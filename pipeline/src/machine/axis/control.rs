@@ -63,8 +63,8 @@ impl Control {
             following_error: section
                 .key(
                     "following_error",
-                    "Largest following error for a reference that stands; 0.2 s of the reference's speed are added, and \
-                     a larger error for 200 ms is a fault",
+                    "Largest following error for a reference that stands; 0.2 s of the reference's speed are added, \
+                     and a larger error for 200 ms is a fault",
                 )
                 .number_or(0.03, 1e-4..=100.0, "m"),
             model: section

@@ -27,8 +27,8 @@ pub enum Estimator {
 
 impl Estimator {
     /// The texts that `FromStr` takes.
-    pub const ALLOWED: &str = "\"auto\", \"paper\", \"constant:L\" with L from 0.5 to 1, \"fuzzy:LOW\" with LOW from 0.5 \
-         to below 1, \"fortescue:N0\" with N0 of 2 samples or more, \"directional:L\" with L from 0.5 to 1, \
+    pub const ALLOWED: &str = "\"auto\", \"paper\", \"constant:L\" with L from 0.5 to 1, \"fuzzy:LOW\" with LOW from \
+         0.5 to below 1, \"fortescue:N0\" with N0 of 2 samples or more, \"directional:L\" with L from 0.5 to 1, \
          \"window:N\" with N from 2 to 100000 samples, or \"grey-box\"";
 
     fn parse(text: &str) -> Option<Self> {

@@ -107,6 +107,10 @@ impl Plant {
         let leakage =
             |section: &mut Section, key, meaning| section.key(key, meaning).number_or(0.0, 0.0..=1e-9, "m3/(s Pa)");
         let number = |section: &mut Section, key, meaning, range, unit| section.key(key, meaning).number(range, unit);
+        let end_stop = section.key("end_stop_stiffness", "Stiffness of the end stops");
+        let end_stop_stiffness = end_stop.number_or(2e8, 1e5..=1e9, "N/m");
+        let end_stop = section.key("end_stop_damping", "Damping of the end stops");
+        let end_stop_damping = end_stop.number_or(4e6, 0.0..=1e7, "N s/m");
         let plant = Self {
             initial_position: section
                 .key("initial_position", "Position at the start")
@@ -144,16 +148,8 @@ impl Plant {
             hysteresis: valve.hysteresis,
             valve_time_constant: valve.time_constant,
             dead_time: valve.dead_time,
-            end_stop_stiffness: section.key("end_stop_stiffness", "Stiffness of the end stops").number_or(
-                2e8,
-                1e5..=1e9,
-                "N/m",
-            ),
-            end_stop_damping: section.key("end_stop_damping", "Damping of the end stops").number_or(
-                4e6,
-                0.0..=1e7,
-                "N s/m",
-            ),
+            end_stop_stiffness,
+            end_stop_damping,
             encoder_noise: section.key("encoder_noise", "Standard deviation of the encoder's noise").number_or(
                 0.0,
                 0.0..=0.1,
@@ -196,8 +192,8 @@ impl Friction {
         if bristle_damping * (breakaway - coulomb) > viscous * coulomb {
             let most = viscous * coulomb / (breakaway - coulomb);
             let allowed = format!(
-                "up to {most} N s/m, viscous_friction coulomb_friction/(static_friction - coulomb_friction): more would \
-                 make friction a source of energy"
+                "up to {most} N s/m, viscous_friction coulomb_friction/(static_friction - coulomb_friction): more \
+                 would make friction a source of energy"
             );
             section.refuse("bristle_damping", bristle_damping.to_string(), allowed);
         }

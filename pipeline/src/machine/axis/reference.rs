@@ -85,8 +85,8 @@ impl ReferenceSource {
                     .text_or(axis),
             },
         };
-        // A kind from the command line leaves the keys of the file's kind behind, which are not unknown. After an unknown
-        // kind it is not known which keys belong to it.
+        // A kind from the command line leaves the keys of the file's kind behind, which are not unknown. After an
+        // unknown kind it is not known which keys belong to it.
         if chosen.is_some() && !section.is_set("kind") {
             section.finish();
         }

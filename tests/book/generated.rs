@@ -1,0 +1,65 @@
+//! Tables of the book that come from the code: what stands between `<!-- begin: NAME -->` and `<!-- end: NAME -->`.
+//!
+//! `HYDRAXIS_BOOK=overwrite` writes them anew.
+
+use std::path::Path;
+
+use pipeline::machine::{Key, Scenario, keys};
+
+use super::pages::{Page, is_overwriting, root};
+
+/// The page's text with another content of a generated part.
+fn with_part(text: &str, name: &str, content: &str) -> String {
+    let (begin, end) = (format!("<!-- begin: {name} -->\n"), format!("<!-- end: {name} -->"));
+    let (before, rest) = text.split_once(&begin).unwrap_or_else(|| panic!("no {begin}"));
+    let (_, after) = rest.split_once(&end).unwrap_or_else(|| panic!("no {end}"));
+    format!("{before}{begin}\n{}\n\n{end}{after}", content.trim_end())
+}
+
+/// Compares a generated part of a page, or writes it.
+fn check(path: &str, name: &str, content: &str) {
+    let page = Page::read(Path::new(path));
+    let generated = with_part(&page.text, name, content);
+    if is_overwriting() {
+        std::fs::write(root().join(path), generated).unwrap();
+    } else {
+        assert_eq!(page.text, generated, "HYDRAXIS_BOOK=overwrite cargo test --test book writes {path} anew");
+    }
+}
+
+#[test]
+fn the_book_lists_every_scenario() {
+    let mut table = "| scenario | what changes |\n|---|---|\n".to_owned();
+    for scenario in Scenario::built_in() {
+        table += &format!("| `{}` | {} |\n", scenario.name, scenario.summary);
+    }
+    check("docs/src/scenarios.md", "scenarios", &table);
+}
+
+/// The table of a key, and its name within the table.
+fn place(key: &Key) -> (&str, &str) {
+    let tables = key.path.split("[]").next().unwrap_or_default();
+    tables.rfind('.').map_or(("", key.path.as_str()), |dot| (&key.path[..dot], &key.path[dot + 1..]))
+}
+
+/// A text as the cell of a table.
+fn cell(text: &str) -> String {
+    text.replace('|', "\\|")
+}
+
+#[test]
+fn the_book_lists_every_key_of_the_machine_file() {
+    let mut tables = String::new();
+    let mut last = None;
+    for key in keys() {
+        let (table, name) = place(&key);
+        if last.as_deref() != Some(table) {
+            let heading = if table.is_empty() { "Outside of all tables".to_owned() } else { format!("[{table}]") };
+            tables += &format!("\n### {heading}\n\n| key | allowed | without it | meaning |\n|---|---|---|---|\n");
+            last = Some(table.to_owned());
+        }
+        let (allowed, default) = (cell(&key.allowed), cell(&key.default.to_string()));
+        tables += &format!("| `{name}` | {allowed} | {default} | {} |\n", cell(key.meaning));
+    }
+    check("docs/src/machine.md", "keys", tables.trim_start());
+}

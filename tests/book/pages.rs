@@ -64,8 +64,8 @@ impl Page {
 
     /// The anchors of the headings, as GitHub and mdBook make them.
     pub fn anchors(&self) -> Vec<String> {
-        let headings = self.prose().filter_map(|(_, line)| line.starts_with('#').then(|| line.trim_start_matches('#')));
-        headings.map(anchor).collect()
+        let headings = self.prose().filter(|(_, line)| line.starts_with('#'));
+        headings.map(|(_, line)| anchor(line.trim_start_matches('#'))).collect()
     }
 }
 

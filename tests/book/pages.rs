@@ -64,7 +64,8 @@ impl Page {
 
     /// The anchors of the headings, as GitHub and mdBook make them.
     pub fn anchors(&self) -> Vec<String> {
-        let headings = self.prose().filter_map(|(_, line)| line.starts_with('#').then(|| line.trim_start_matches('#')));
+        let headings = self.prose().map(|(_, line)| line).filter(|line| line.starts_with('#'));
+        let headings = headings.map(|line| line.trim_start_matches('#'));
         headings.map(anchor).collect()
     }
 }

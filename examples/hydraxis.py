@@ -107,7 +107,8 @@ class AxisCommand(ctypes.Structure):
         ("operation", u32),  # 1 off, 2 manual, 3 hold, 4 track, 5 commission; 0 where nobody controls
         ("refused_requests", u32),  # requests refused so far
         ("taken_requests", u64),  # requests taken so far
-        ("rejected_snapshots", u64 * 7),  # refused so far: not finite, structure, unstable, direction, reach, speed, worse
+        # refused so far: not finite, structure, unstable, direction, reach, speed, worse
+        ("rejected_snapshots", u64 * 7),
         ("unsolved_plans", u64),  # plans without the solver so far
         ("tracking", ErrorStatistics),  # m
         ("model_tracking", ErrorStatistics),  # m, over the ticks of the model-based controller

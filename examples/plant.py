@@ -147,7 +147,8 @@ def lock_step(plant, readings, commands, snapshots, ticks, period_s):
     tick = 0
     while True:
         readings.send(plant.read(tick))
-        while not all(channel.recent and channel.recent[-1].header.sequence >= tick for channel in (commands, snapshots)):
+        answers = (commands, snapshots)
+        while not all(answer.recent and answer.recent[-1].header.sequence >= tick for answer in answers):
             if is_orphan():
                 return
             readings.greet()

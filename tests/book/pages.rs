@@ -64,8 +64,9 @@ impl Page {
 
     /// The anchors of the headings, as GitHub and mdBook make them.
     pub fn anchors(&self) -> Vec<String> {
-        let headings = self.prose().filter(|(_, line)| line.starts_with('#'));
-        headings.map(|(_, line)| anchor(line.trim_start_matches('#'))).collect()
+        let headings = self.prose().map(|(_, line)| line).filter(|line| line.starts_with('#'));
+        let headings = headings.map(|line| line.trim_start_matches('#'));
+        headings.map(anchor).collect()
     }
 }
 

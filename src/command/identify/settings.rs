@@ -151,7 +151,7 @@ fn expect_enough_rows(
 /// Refuses a training part that is too short to fit and to judge structures.
 fn expect_enough_to_select(arguments: &IdentifyArguments, settings: &Identification) -> Result<(), Failure> {
     let (training, horizon, coefficients) = (settings.training, settings.horizon, settings.structure.full_len());
-    let fewest = HeldOut::fewest_rows(&settings);
+    let fewest = HeldOut::fewest_rows(settings);
     if training < fewest {
         return Err(Failure::usage(format!(
             "{}: --select: found {training} rows for training; allowed: at least {fewest}, to fit {coefficients} \

@@ -67,9 +67,9 @@ mod tests {
             matrix[i][..3].copy_from_slice(row);
         }
         let inverse = inverse(&matrix, 3);
-        for i in 0..3 {
+        for (i, row) in inverse.iter().take(3).enumerate() {
             for j in 0..3 {
-                let product: f64 = (0..3).map(|k| inverse[i][k] * matrix[k.max(j)][k.min(j)]).sum();
+                let product: f64 = (0..3).map(|k| row[k] * matrix[k.max(j)][k.min(j)]).sum();
                 assert!((product - f64::from(u8::from(i == j))).abs() < 1e-14, "{i} {j}");
             }
         }

@@ -8,7 +8,7 @@
 //! | [`controller`] | all axes of the machine, one call per sample |
 //! | [`axis`] | one axis: requests, feedback, states, and the decision who commands at this tick |
 //! | [`model`] | which identified model may be used, and what it predicts |
-//! | [`reference`] | the reference of this tick and of the coming ticks |
+//! | [`mod@reference`] | the reference of this tick and of the coming ticks |
 //! | [`predictive`] | generalised predictive control on the identified model, with its quadratic programme |
 //! | [`fallback`] | PI controller with dead-band compensation and feed-forward; rest at the set point |
 //! | [`protection`] | limits of the command, soft end stops, following error, motion |

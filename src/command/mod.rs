@@ -5,7 +5,7 @@
 //! | `plant-sim`, `sensor-proc`, `ident-proc`, `control-proc` ([`stage`]) | one stage of the loop, in this process |
 //! | [`run`], [`operate`], [`status`] | beside the loop, in a process of its own |
 //! | [`commission`] | beside the loop, or on a simulated machine in this process |
-//! | [`simulate`], [`bench`], [`identify`] | without a loop in real time, in this process |
+//! | [`simulate`], [`mod@bench`], [`identify`] | without a loop in real time, in this process |
 //! | [`check`], [`doctor`], [`clean`] | before or after a run |
 
 mod bench;

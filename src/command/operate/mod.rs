@@ -1,4 +1,4 @@
-//! `hydraxis operate`: a person operates the axes of a running group; and `arm`, `disarm` and `reset` in [`arm`].
+//! `hydraxis operate`: a person operates the axes of a running group; and `arm`, `disarm` and `reset` in [`mod@arm`].
 //!
 //! Runs in a process of its own, beside the loop.
 

@@ -26,7 +26,7 @@
 //! Traps: a member whose poles would make a prediction grow e-fold over the horizon gets no weight, however small its
 //! errors were. At rest every model predicts perfectly while its coefficients learn the noise, so a sample
 //! [at rest](crate::sample::rest) is neither learned nor scored. An axis that moves in one direction only would forget
-//! the other direction, so [`idle`] signs of the command are not forgotten.
+//! the other direction, so idle signs of the command are not forgotten.
 
 mod competition;
 mod family;

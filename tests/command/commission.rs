@@ -54,7 +54,7 @@ fn invalid_options_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     for (arguments, expected) in [
         (&["--axis", "blade"][..], "--axis: found \"blade\"; allowed: one of boom, arm, telescope, bucket"),
-        (&["--out", "nowhere/model.toml"][..], "allowed: a file in a folder that is there, and nowhere is not"),
+        (&["--out", "nowhere/model.toml"][..], "allowed: a file in a folder that exists, and nowhere does not"),
         (&["--speed", "0"][..], "allowed: a number greater than 0"),
         (&["--set", "source.kind=replay", "--set", "source.file=x.csv"][..], "source.kind: found \"replay\""),
     ] {

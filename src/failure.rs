@@ -55,7 +55,7 @@ impl Failure {
         Self { cause: Cause::Run, error: error.into() }
     }
 
-    /// The same failure; its message begins with `subject`.
+    /// Puts `subject` in front of the message.
     pub fn about(self, subject: impl Into<String>) -> Self {
         let Self { cause, error } = self;
         Self { cause, error: About { subject: subject.into(), source: error }.into() }

@@ -150,7 +150,7 @@ impl AxisController {
 
     /// Moves from state to state by what was observed.
     fn change_state(&mut self, input: &AxisInput<'_>, observation: &Observation) {
-        match self.state.observe(observation, self.operation.mode.is_by_hand()) {
+        match self.state.observe(observation, self.operation.mode.is_direct()) {
             Transition::Stay => {}
             Transition::Begin(position) => self.begin(input, position),
             Transition::Latch(cause) => self.latch(cause),
@@ -160,7 +160,7 @@ impl AxisController {
     /// Decides on the command of this tick; `position` is the usable position in m, if there is one.
     fn decide(&mut self, input: &AxisInput<'_>, position: Option<f64>, snapshot_flags: u32) {
         match (self.state.current(), position) {
-            (State::Following, Some(position)) if self.operation.mode.is_by_hand() => {
+            (State::Following, Some(position)) if self.operation.mode.is_direct() => {
                 self.decision = self.command_directly(input.sequence, position);
             }
             (State::Following, Some(position)) => match self.follow(input, position, snapshot_flags) {

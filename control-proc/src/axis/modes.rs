@@ -16,7 +16,7 @@ impl AxisController {
             }
         }
         let mode = self.operation.mode;
-        let needs_requests = self.state.is_armed() && mode.is_by_hand();
+        let needs_requests = self.state.is_armed() && mode.is_direct();
         if needs_requests && self.operation.requests.command(input.sequence, mode).is_none() {
             self.disarm();
             self.state.note_stopped_requests();
@@ -42,7 +42,7 @@ impl AxisController {
             State::Settling(_) => (self.operation.mode, self.operation.set_point) = (mode, accepted.set_point),
             State::Following => {
                 let before = std::mem::replace(&mut self.operation.mode, mode);
-                if before.is_by_hand() && !mode.is_by_hand() {
+                if before.is_direct() && !mode.is_direct() {
                     self.take_over();
                 }
                 match mode {

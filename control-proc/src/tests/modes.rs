@@ -107,7 +107,7 @@ fn nothing_moves_before_an_enable() {
         let mut axis = Operated::new();
         // The first message of a program does not enable, whatever its number is.
         axis.enable = 7;
-        let command = if mode.is_by_hand() { 0.5 } else { 0.0 };
+        let command = if mode.is_direct() { 0.5 } else { 0.0 };
         for command in axis.asks(300, mode, command, Some(0.9)) {
             assert_eq!((command.axes[0].command, command.axes[0].operation), (0.0, AxisMode::Off as u32));
             assert_ne!(command.axes[0].flags & control_flag::DISARMED, 0);
@@ -374,9 +374,9 @@ proptest! {
                 let turns = mode == AxisMode::Commission && sent.command.abs() <= RATE;
                 prop_assert!(step <= RATE || stops || turns, "{before:?} to {mode:?}: {step}");
                 let (to, from) = (mode as u32, before);
-                if k == 0 && to != from as u32 && !mode.is_by_hand() && mode != AxisMode::Off && !stops {
+                if k == 0 && to != from as u32 && !mode.is_direct() && mode != AxisMode::Off && !stops {
                     // Where an error was there before, the controller may use its whole rate.
-                    let bound = if from.is_by_hand() { BUMP } else { RATE };
+                    let bound = if from.is_direct() { BUMP } else { RATE };
                     prop_assert!(step <= bound, "{from:?} to {mode:?}: {step} at an error of {}", sent.error);
                 }
                 last = sent.command;

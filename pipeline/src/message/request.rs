@@ -58,7 +58,7 @@ impl AxisMode {
     }
 
     /// Whether the requests carry the valve command, so that the axis stops when the requests stop.
-    pub const fn is_by_hand(self) -> bool {
+    pub const fn is_direct(self) -> bool {
         matches!(self, Self::Manual | Self::Commission)
     }
 }

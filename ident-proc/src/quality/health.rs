@@ -71,7 +71,7 @@ impl Health {
     pub fn examine(&mut self, adaptive: &Coefficients, classical: &Coefficients) {
         self.pole_radius = adaptive.pole_radius();
         let steps = self.horizon.min(LONGEST_STEP);
-        let response = step_response(adaptive, steps) / step_response(classical, steps);
+        let response = output_after_step(adaptive, steps) / output_after_step(classical, steps);
         let (adaptive, classical) = (adaptive.nonlinearity(), classical.nonlinearity());
         for (ratio, command) in self.gain_ratio.iter_mut().zip(&self.commands) {
             let travel = response * adaptive.evaluate(command.mean) / classical.evaluate(command.mean);
@@ -112,8 +112,9 @@ impl Health {
     }
 }
 
-/// The output `steps` samples after x rose to 1, without the delay nk.
-fn step_response(model: &Coefficients, steps: usize) -> f64 {
+/// The output `steps` samples after x rose to 1, without the delay nk. It sums positions; the step response of the
+/// controller sums differences and therefore differs in the last bits.
+fn output_after_step(model: &Coefficients, steps: usize) -> f64 {
     let mut past = [0.0; MAX_A];
     for step in 0..steps {
         let driven: f64 = model.b().iter().take(step + 1).sum();

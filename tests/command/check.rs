@@ -1,6 +1,7 @@
 //! `hydraxis check`: good machine files, and machine files with every kind of mistake. The refusal names file, line,
 //! key, what was found and what is allowed, for all mistakes at once.
 
+mod explain;
 mod identification;
 mod machine_files;
 mod model_files;

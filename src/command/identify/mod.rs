@@ -1,6 +1,6 @@
 //! `hydraxis identify`: identifies a model on a recording, with the core that also runs in ident-proc.
 //!
-//! Only [`mod@run`] is the work that ident-proc does in its loop. Search, comparison and validation never run in a stage.
+//! Only [`mod@run`] is the work that ident-proc does in its loop. Search, comparison and validation run in no stage.
 
 mod arguments;
 mod compare;

@@ -9,7 +9,7 @@ use super::{
 };
 
 /// A model file for the boom, as commissioning writes it.
-const MODEL: &str = "[axis.boom.commissioned]\ndead_time = 0.02\ntime_constant = 0.05\ndead_band_extend = 0.1\n\
+pub const MODEL: &str = "[axis.boom.commissioned]\ndead_time = 0.02\ntime_constant = 0.05\ndead_band_extend = 0.1\n\
                      dead_band_retract = 0.08\nopenings = [0.1, 0.3]\nspeeds_extend = [0.05, 0.2]\n\
                      speeds_retract = [0.05, 0.2]\nfit_percent = 97.5\n";
 

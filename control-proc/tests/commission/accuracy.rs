@@ -16,17 +16,17 @@ fn the_nominal_machine_is_found() {
 #[test]
 fn other_random_steps_find_the_same_dead_bands() {
     let machine = under("nominal");
-    for seed in 2..8 {
-        for settings in 0..machine.axes.len() {
-            let options = ExperimentOptions { seed, ..ExperimentOptions::default() };
-            let run = Run::of(&machine, settings, &options, seed).expect_finished();
-            let found = analyse(run.experiment.record()).unwrap().dead_band;
-            let true_band = machine.axes[settings].plant.as_ref().unwrap().dead_band;
-            let (extend, retract) = (found.extend - true_band.extend, found.retract - true_band.retract);
-            println!("seed {seed}, axis {settings}: {extend:+.4} {retract:+.4}");
-            assert!(extend.abs() <= 0.015 && retract.abs() <= 0.015, "seed {seed}, axis {settings}: {found:?}");
-        }
-    }
+    let cases: Vec<(u64, usize)> =
+        (2..8).flat_map(|seed| (0..machine.axes.len()).map(move |axis| (seed, axis))).collect();
+    in_parallel(&cases, |(seed, axis)| {
+        let options = ExperimentOptions { seed: *seed, ..ExperimentOptions::default() };
+        let run = Run::of(&machine, *axis, &options, *seed).expect_finished();
+        let found = analyse(run.experiment.record()).unwrap().dead_band;
+        let true_band = machine.axes[*axis].plant.as_ref().unwrap().dead_band;
+        let (extend, retract) = (found.extend - true_band.extend, found.retract - true_band.retract);
+        println!("seed {seed}, axis {axis}: {extend:+.4} {retract:+.4}");
+        assert!(extend.abs() <= 0.015 && retract.abs() <= 0.015, "seed {seed}, axis {axis}: {found:?}");
+    });
 }
 
 #[test]

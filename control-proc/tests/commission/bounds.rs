@@ -231,8 +231,7 @@ fn machines_of_all_kinds_stay_in_the_window() {
         low + (high - low) * (random >> 11) as f64 / (1u64 << 53) as f64
     };
     let nominal = under("nominal");
-    let (mut worst, mut ended) = (f64::NEG_INFINITY, 0);
-    for seed in 0..200u64 {
+    let mut machine_of = |seed: u64| {
         let mut machine = nominal.clone();
         let axis = (seed % 4) as usize;
         machine.axes = vec![machine.axes[axis].clone()];
@@ -253,8 +252,15 @@ fn machines_of_all_kinds_stay_in_the_window() {
             plant.saturation.extend = plant.dead_band.extend + uniform(0.3, 0.5);
             plant.saturation.retract = plant.dead_band.retract + uniform(0.3, 0.5);
         }
-        let start = plant.initial_position;
-        let run = Run::of(&machine, 0, &ExperimentOptions { seed, ..ExperimentOptions::default() }, seed);
+        (seed, machine)
+    };
+    let machines: Vec<(u64, Machine)> = (0..200).map(&mut machine_of).collect();
+    let runs = in_parallel(&machines, |(seed, machine)| {
+        Run::of(machine, 0, &ExperimentOptions { seed: *seed, ..ExperimentOptions::default() }, *seed)
+    });
+    let (mut worst, mut ended) = (f64::NEG_INFINITY, 0);
+    for ((seed, machine), run) in machines.iter().zip(&runs) {
+        let start = machine.axes[0].plant.as_ref().unwrap().initial_position;
         let ((low, high), margin) = run.experiment.window();
         worst = worst.max(run.beyond);
         if run.experiment.outcome() != Some(Outcome::Finished) {

@@ -13,6 +13,17 @@ fn under(scenario: &str) -> Machine {
     Machine::load(None, &[("scenario".to_owned(), scenario.to_owned())]).unwrap()
 }
 
+/// What `run` returns for every case, in their order. The cases are spread over the computer's cores.
+fn in_parallel<T: Sync, R: Send>(cases: &[T], run: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let run = &run;
+    std::thread::scope(|scope| {
+        let parts = cases.chunks(cases.len().div_ceil(cores));
+        let threads: Vec<_> = parts.map(|part| scope.spawn(move || part.iter().map(run).collect::<Vec<R>>())).collect();
+        threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect()
+    })
+}
+
 /// An experiment with one axis of a simulated machine, to its end.
 struct Run {
     experiment: Experiment,

@@ -1,11 +1,6 @@
-//! The controller does not allocate while models control its axes, nor when a fault makes it neutral. An allocator
-//! counts.
+//! The controller does not allocate while models control its axes, nor when a fault makes it neutral.
 
-use std::{
-    alloc::{GlobalAlloc, Layout, System},
-    hint::black_box,
-    sync::atomic::{AtomicU64, Ordering},
-};
+use std::hint::black_box;
 
 use control_proc::Controller;
 use pipeline::{
@@ -14,26 +9,7 @@ use pipeline::{
     message::{CoefficientSnapshot, ControlMode, EncoderSample, control_flag},
 };
 
-static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-
-/// The system's allocator, with a count of its calls.
-struct Counting;
-
-// SAFETY: every call is passed on unchanged to the system's allocator; counting touches no memory of the heap.
-#[allow(unsafe_code, reason = "an allocator cannot be written without")]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.dealloc(memory, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+use crate::allocations;
 
 /// A lag and an integrator behind the dead time of the machine file: both the simulated axes and their models.
 fn model(machine: &Machine, axis: usize) -> Coefficients {
@@ -55,7 +31,7 @@ fn neutral_allocations(controller: &Controller, snapshot: &CoefficientSnapshot) 
         let mut sample = EncoderSample::default();
         sample.header.axis_count = count as u32;
         sample.axes[..count].iter_mut().for_each(|axis| axis.position = 0.6);
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = allocations();
         if bit == control_flag::EMERGENCY_STOP {
             sample.emergency_stop = 1;
         } else {
@@ -75,18 +51,13 @@ fn neutral_allocations(controller: &Controller, snapshot: &CoefficientSnapshot) 
         controller.disarm();
         controller.arm();
         assert!(!controller.is_latched());
-        allocated += ALLOCATIONS.load(Ordering::Relaxed) - before;
+        allocated += allocations() - before;
     }
     allocated
 }
 
-/// There is only one test, since the allocator counts for the whole process.
 #[test]
 fn the_controller_allocates_nothing_while_models_control() {
-    let before = ALLOCATIONS.load(Ordering::Relaxed);
-    drop(black_box(vec![1u8; 100]));
-    assert_eq!(ALLOCATIONS.load(Ordering::Relaxed) - before, 2);
-
     let machine = Machine::load(None, &[]).unwrap();
     let count = machine.axes.len();
     let models: Vec<Coefficients> = (0..count).map(|axis| model(&machine, axis)).collect();
@@ -110,9 +81,9 @@ fn the_controller_allocates_nothing_while_models_control() {
             entry.position = y[0];
         }
         snapshot.header.sequence = tick.saturating_sub(1);
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = allocations();
         let command = black_box(controller.update(black_box(&sample), Some(&snapshot), None));
-        allocated += ALLOCATIONS.load(Ordering::Relaxed) - before;
+        allocated += allocations() - before;
         for (axis, entry) in command.axes[..count].iter().enumerate() {
             by_model += u64::from(entry.mode == ControlMode::Model as u32);
             let (u, y) = (&mut commands[axis], &mut outputs[axis]);

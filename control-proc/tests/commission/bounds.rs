@@ -247,7 +247,7 @@ fn machines_of_all_kinds_stay_in_the_window() {
         (force.retracted, force.middle, force.extended) =
             (load * force.retracted, load * force.middle, load * force.extended);
         plant.initial_position = uniform(low + 0.02, high - 0.02);
-        if seed % 3 == 0 {
+        if seed.is_multiple_of(3) {
             plant.valve_curve = pipeline::machine::ValveCurve::S;
             plant.saturation.extend = plant.dead_band.extend + uniform(0.3, 0.5);
             plant.saturation.retract = plant.dead_band.retract + uniform(0.3, 0.5);

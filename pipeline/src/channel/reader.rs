@@ -52,8 +52,12 @@ impl<M: Message> Reader<M> {
 
     /// Attaches to the channel anew, so that all its publishers connect anew. The last message comes again if it was
     /// not read. This is for a reader that receives nothing although it should: iceoryx2 gives up a connection that it
-    /// could not make at the first try, and reports this to nobody.
+    /// could not make at the first try, and reports this to nobody. A reader with a message that waits keeps its place.
     pub fn reattach(&mut self) {
+        // A message that waits shows that the connection works. In a new place it would be lost.
+        if matches!(self.port.has_samples(), Ok(true)) {
+            return;
+        }
         // Without a second place on the channel the reader keeps the one it has.
         if let Ok(port) = attach(&self.channel) {
             self.port = port;

@@ -51,6 +51,20 @@ fn a_read_is_new_or_old_or_none() {
 }
 
 #[test]
+fn a_reader_that_attaches_anew_keeps_the_messages_that_wait() {
+    let own = Own::new("waiting");
+    let group = own.join();
+    let (publisher, mut reader) = (group.publisher().unwrap(), group.reader::<EncoderSample>().unwrap());
+    publisher.send(&sample(8)).unwrap();
+    publisher.send(&sample(9)).unwrap();
+    reader.reattach();
+    publisher.greet();
+    assert_eq!(reader.read().unwrap(), Read::New(&numbered(8, 0)));
+    assert_eq!(reader.read().unwrap(), Read::New(&numbered(9, 1)));
+    assert_eq!((reader.lost(), reader.restarts()), (0, 0));
+}
+
+#[test]
 fn a_reader_that_sleeps_loses_the_oldest_and_knows_how_many() {
     let own = Own::new("lost");
     let group = own.join();

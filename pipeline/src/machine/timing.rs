@@ -47,8 +47,8 @@ impl Timing {
         if timing.model_lifetime < timing.model_timeout {
             section.refuse(
                 "model_lifetime",
-                humantime::format_duration(timing.model_lifetime).to_string(),
-                format!("model_timeout, {}, or longer", humantime::format_duration(timing.model_timeout)),
+                format!("{:?}", timing.model_lifetime),
+                format!("model_timeout, {:?}, or longer", timing.model_timeout),
             );
         }
         section.finish();

@@ -25,9 +25,12 @@ impl Member {
             .spawn()
             .unwrap();
         let member = Self { group, process };
-        // One for each channel that the stage writes.
-        let data = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "data");
-        wait_for("its channels", || (member.files().iter().filter(|path| data(path)).count() == 2).then_some(()));
+        // What wakes the stage is opened last.
+        wait_for("all its channels", || {
+            let files = member.files();
+            let of = |kind: &str| files.iter().filter(|path| path.extension().is_some_and(|end| end == kind)).count();
+            (of("data") == 3 && of("event_mgmt") == 1).then_some(())
+        });
         member
     }
 

@@ -1,0 +1,112 @@
+//! Forward kinematics: from the cylinder lengths to joints, points and Jacobians.
+//!
+//! ```text
+//! q = (theta_1, theta_2, s, theta_4)       boom from the x axis, arm from the boom, telescope, bucket from the arm
+//! R_boom   = p_1 u(P_1) u(B_1)^-1          p_1 angle of the boom's triangle (see `triangle`)
+//! R_arm    = R_boom p_2^-1 u(B_2 - O_2) u(A_1)^-1
+//! R_bucket = R_arm R_4                     R_4 of the four-bar linkage (see `four_bar`)
+//! O_2 = O_1 + L_1 x_boom,  O_4 = O_2 + (L_2 + s) x_arm,  tip = O_4 + L_3 x_bucket
+//! dq = J dl,  J diagonal                   every joint depends on its own cylinder only
+//! ```
+//!
+//! l cylinder lengths in m, u(v) the rotation from the x axis to v, x_body the x axis of a body; pins as in [`Geometry`].
+//! An extending boom cylinder lifts the boom, an extending arm cylinder draws the arm in, and an extending bucket cylinder
+//! curls the bucket in, as on machines with a backhoe.
+
+use crate::{
+    AXES, Geometry,
+    vector::{Rotation, Vector},
+};
+
+/// The machine at four cylinder lengths. Not finite where a linkage does not close.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Boom, from the axes of the world.
+    pub boom: Rotation,
+    /// Arm and telescope, from the axes of the world.
+    pub arm: Rotation,
+    /// Bucket, from the axes of the world.
+    pub bucket: Rotation,
+    /// Boom foot, m.
+    pub boom_foot: Vector,
+    /// Arm pin, m.
+    pub arm_pin: Vector,
+    /// Bucket pin, m.
+    pub bucket_pin: Vector,
+    /// Teeth of the bucket, m.
+    pub tip: Vector,
+    /// Length of the telescope, m.
+    pub telescope: f64,
+    /// The diagonal of J, rad/m; 1 for the telescope.
+    pub rate: [f64; AXES],
+    /// dJ/dl, rad/m2; 0 for the telescope.
+    pub curvature: [f64; AXES],
+}
+
+impl Pose {
+    /// The pose at cylinder lengths `lengths`, m.
+    pub fn new(geometry: &Geometry, lengths: &[f64; AXES]) -> Self {
+        let boom_angle = geometry.boom_triangle().angle(lengths[0]);
+        let to_rod = geometry.boom_cylinder_rod.direction().inverse();
+        let boom = boom_angle.rotation * geometry.boom_cylinder_base.direction() * to_rod;
+
+        let arm_angle = geometry.arm_triangle().angle(lengths[1]);
+        let to_rod = geometry.arm_cylinder_rod.direction().inverse();
+        let arm = boom * arm_angle.rotation.inverse() * geometry.arm_base().direction() * to_rod;
+
+        let bucket_angle = geometry.bucket.angle(lengths[3]);
+        let bucket = arm * bucket_angle.rotation;
+
+        let arm_pin = geometry.boom_foot + geometry.boom_length * boom.axis();
+        let bucket_pin = arm_pin + (geometry.arm_length + lengths[2]) * arm.axis();
+        Self {
+            boom,
+            arm,
+            bucket,
+            boom_foot: geometry.boom_foot,
+            arm_pin,
+            bucket_pin,
+            tip: bucket_pin + geometry.bucket_length * bucket.axis(),
+            telescope: lengths[2],
+            rate: [boom_angle.rate, -arm_angle.rate, 1.0, bucket_angle.rate],
+            curvature: [boom_angle.curvature, -arm_angle.curvature, 0.0, bucket_angle.curvature],
+        }
+    }
+
+    /// Rates of the joints, rad/s (m/s for the telescope), of rates of the cylinders, m/s.
+    pub fn joint_rates(&self, cylinder_rates: &[f64; AXES]) -> [f64; AXES] {
+        std::array::from_fn(|i| self.rate[i] * cylinder_rates[i])
+    }
+
+    /// Joint coordinates, rad (m for the telescope): boom from the x axis, arm from the boom, bucket from the arm. For
+    /// reports: the last bits depend on the computer's library.
+    pub fn joints(&self) -> [f64; AXES] {
+        let arm = (self.arm * self.boom.inverse()).angle();
+        let bucket = (self.bucket * self.arm.inverse()).angle();
+        [self.boom.angle(), arm, self.telescope, bucket]
+    }
+
+    /// Velocity of the point `at`, m, per joint rate, when it is fixed to the body that the last of these joints moves;
+    /// m/rad (1 for the telescope). `last` is the number of that joint.
+    pub fn jacobian(&self, at: Vector, last: usize) -> [Vector; AXES] {
+        let all = [
+            (at - self.boom_foot).normal(),
+            (at - self.arm_pin).normal(),
+            self.arm.axis(),
+            (at - self.bucket_pin).normal(),
+        ];
+        std::array::from_fn(|i| if i <= last { all[i] } else { Vector::default() })
+    }
+
+    /// Velocity of the tip per cylinder rate, for the four cylinders.
+    pub fn tip_jacobian(&self) -> [Vector; AXES] {
+        let joints = self.jacobian(self.tip, 3);
+        std::array::from_fn(|i| self.rate[i] * joints[i])
+    }
+
+    /// Velocity of the tip, m/s, at these cylinder rates, m/s.
+    pub fn tip_velocity(&self, cylinder_rates: &[f64; AXES]) -> Vector {
+        let jacobian = self.tip_jacobian();
+        (0..AXES).fold(Vector::default(), |sum, i| sum + cylinder_rates[i] * jacobian[i])
+    }
+}

@@ -94,6 +94,12 @@ pub struct Edges {
 }
 
 impl Edges {
+    /// Pressure in the chamber that the open valve connects with the pump, Pa.
+    #[inline]
+    pub fn fed(&self, [_, _, p1, p2, _]: &State<Lanes>) -> Lanes {
+        self.extends.select(*p1, *p2)
+    }
+
     /// Flow that the four axes together demand from the pump, m3/s.
     #[inline]
     pub fn total_demand(&self) -> f64 {

@@ -195,7 +195,7 @@ impl FourAxes {
         let (q1, q2) = self.cylinder.flows(&edges, Lanes::splat(share));
         let [y, v, p1, p2, _] = self.state.map(Lanes::to_array);
         let (q1, q2, spool) = (q1.to_array(), q2.to_array(), self.spool.to_array());
-        let demand = edges.demand.to_array();
+        let (demand, fed) = (edges.demand.to_array(), edges.fed(&self.state).to_array());
         (0..self.axes).map(move |lane| {
             let state = TrueState {
                 position: y[lane],
@@ -206,8 +206,7 @@ impl FourAxes {
                 piston_flow: q1[lane],
                 rod_flow: q2[lane],
             };
-            let fed = if q1[lane] > 0.0 { p1[lane] } else { p2[lane] };
-            (state, (demand[lane] > 0.0).then_some(fed))
+            (state, (demand[lane] > 0.0).then_some(fed[lane]))
         })
     }
 }

@@ -18,6 +18,9 @@ use crate::{hydraulics::supply::Pump, lanes::LANES};
 /// The step, ns: 100 us, short enough for the stiffest part, an almost balanced orifice at an almost empty chamber.
 pub const STEP_NS: u64 = 100_000;
 
+/// Longest step, ns. A step divides it, so that a control period of whole milliseconds is a whole number of steps.
+pub const LONGEST_STEP_NS: u64 = 1_000_000;
+
 /// One stage of the step.
 struct Stage {
     /// Index of the opening: 0 at the begin of the step, 1 in the middle, 2 at the end.

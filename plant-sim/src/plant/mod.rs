@@ -31,7 +31,7 @@ use pipeline::{
 use crate::{
     conditions::Conditions,
     encoder::NoisyEncoder,
-    hydraulics::supply::Pump,
+    hydraulics::supply::{Demand, Pump},
     integration::{
         FourAxes, TrueState,
         runge_kutta::{LONGEST_STEP_NS, STEP_NS, runge_kutta},
@@ -103,11 +103,13 @@ impl PlantSim {
             encoders.push(NoisyEncoder::new(axis.encoder.resolution, plant.encoder_noise, seed, index));
         }
         let at_begin = |index| Conditions::at(&scenario.changes, &hydraulics.oil, index, 0.0);
+        let pump = pump(&hydraulics, &at_begin(0));
         let fours = plants.chunks(LANES).enumerate();
-        let axes: Vec<FourAxes> =
-            fours.map(|(i, plants)| FourAxes::new(plants, i * LANES, &hydraulics, at_begin, step)).collect();
+        let axes: Vec<FourAxes> = fours
+            .map(|(i, plants)| FourAxes::new(plants, i * LANES, &hydraulics, pump.pressure, at_begin, step))
+            .collect();
         let mut plant = Self {
-            pump: pump(&hydraulics, &axes),
+            pump,
             axes,
             hydraulics,
             scenario,
@@ -172,7 +174,7 @@ impl PlantSim {
             if self.scenario.changes.iter().any(|change| change.start <= middle && middle <= change.end + step) {
                 self.update_conditions(middle, step);
             }
-            runge_kutta(&mut self.axes, self.drive.commands(), self.drive.is_cut_off(), &self.pump, step);
+            runge_kutta(&mut self.axes, self.drive.commands(), self.drive.is_cut_off(), &mut self.pump, step);
             self.time_ns += self.step_ns;
         }
     }
@@ -183,22 +185,26 @@ impl PlantSim {
         for axes in &mut self.axes {
             axes.apply(now, &self.hydraulics, step);
         }
-        self.pump = pump(&self.hydraulics, &self.axes);
+        self.pump.limit(pump(&self.hydraulics, &now(0)));
     }
 
     /// The true states and the supply pressure that is left at the end of the last step, in the memory of `old`.
     fn observe(&self, mut old: Observation) -> Observation {
-        let share = self.pump.share(self.axes.iter().map(FourAxes::demand_now).sum());
+        let supply = self.pump.pressure;
+        let demand = self.axes.iter().map(|four| four.demand_now(supply)).fold(Demand::NONE, Demand::and);
+        let share = self.pump.share(&demand, supply);
         old.states.clear();
         let mut pressure = f64::NEG_INFINITY;
         for axes in &self.axes {
-            for (state, fed) in axes.observe(share) {
+            for (state, fed) in axes.observe(share, supply) {
                 old.states.push(state);
-                pressure = pressure.max(fed.map_or(pressure, |fed| self.pump.sagged(share, fed)));
+                if fed.is_finite() {
+                    pressure = pressure.max(self.pump.sagged(share, fed));
+                }
             }
         }
         // The pressure does not sag while no chamber is fed.
-        old.supply_pressure = if pressure.is_finite() { pressure } else { self.pump.pressure };
+        old.supply_pressure = if pressure.is_finite() { pressure } else { supply };
         old
     }
 
@@ -240,10 +246,9 @@ fn plants(machine: &Machine) -> Result<Vec<(&Axis, &Plant)>, PlantError> {
     plants.collect()
 }
 
-/// The pump now. Its conditions are equal for all axes, so those of the first axis are taken.
-fn pump(hydraulics: &Hydraulics, axes: &[FourAxes]) -> Pump {
-    let at = axes.first().map_or(Conditions::NOMINAL, FourAxes::first_conditions);
-    Pump { pressure: hydraulics.supply.pressure * at.supply_pressure, flow: hydraulics.supply.flow * at.pump_flow }
+/// The idling pump under the conditions of the first axis; those of the pump are equal for all axes.
+fn pump(hydraulics: &Hydraulics, conditions: &Conditions) -> Pump {
+    Pump::new(&hydraulics.supply, conditions.supply_pressure, conditions.pump_flow)
 }
 
 fn seconds(ns: u64) -> f64 {

@@ -14,16 +14,16 @@
 //! edge, Pa, without a bound on a constant-pressure pump; q_i flow that axis i demands, m3/s, equation (3); Q largest
 //! flow, m3/s; P largest power, W; s part of its demand that every axis gets; p_s' supply pressure that is left, Pa.
 //!
-//! **Load-sensing.** A pressure compensator before each spool keeps the drop over the edge that feeds at dp_c, the rated
-//! pressure drop of the valve, while the pump is at least dp_c above the chamber. Then the flow depends on the opening
-//! alone: a payload changes the pressure, not the speed. After a load has risen, the flow is less until the pump has
-//! followed. With all valves shut the pump idles at p_0 + margin.
+//! **Load-sensing.** A pressure compensator before each spool keeps the drop over the edge that feeds at dp_c, the
+//! rated pressure drop of the valve, while the pump is at least dp_c above the chamber. Then the flow depends on the
+//! opening alone: a payload changes the pressure, not the speed. After a load has risen, the flow is less until the
+//! pump has followed. With all valves shut the pump idles at p_0 + margin.
 //!
-//! **Short of flow or power.** Load-independent flow sharing (LUDV): the compensators reduce the pressure drop over each
-//! metering edge to the part s^2 of what the drop would be otherwise. All flows therefore fall to the part s, whatever
-//! the loads are. The axis with the highest load needs no compensation and determines p_s'. The compensators of the
-//! other axes take up (1 - s^2)(p_i of the highest load - p_i), which is never negative. While flow and power suffice, s
-//! is 1. With s_P the pump delivers the power P, at the flow s D and the pressure p_s'.
+//! **Short of flow or power.** Load-independent flow sharing (LUDV): the compensators reduce the pressure drop over
+//! each metering edge to the part s^2 of what the drop would be otherwise. All flows therefore fall to the part s,
+//! whatever the loads are. The axis with the highest load needs no compensation and determines p_s'. The compensators
+//! of the other axes take up (1 - s^2)(p_i of the highest load - p_i), which is never negative. While flow and power
+//! suffice, s is 1. With s_P the pump delivers the power P, at the flow s D and the pressure p_s'.
 //!
 //! Sources: LUDV by its definition. Assumed: the first order of the response (a swash plate and its controller are of
 //! higher order), compensators without dynamics, dp_c equal to the rated pressure drop, no pump leakage.

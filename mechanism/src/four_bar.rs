@@ -11,10 +11,11 @@
 //! d2theta/dl2   = dg/drho (drho/dl)^2 - g d2p/dl2
 //! ```
 //!
-//! All points from the bucket pin in the axes of the inner arm, m: R rocker pin, C cylinder base, J rocker end, K link pin on
-//! the bucket; r, k and h lengths of rocker, link and bucket arm, m; rho and theta angles of rocker and bucket, l cylinder
-//! length in m, n(v) the vector v turned by +90 degrees. The outer side is the one on which the loop R, J, K, bucket pin is
-//! convex. Trap: where K x u = 0 the link points at the bucket pin, a dead centre; behind it the bucket would turn back.
+//! All points from the bucket pin in the axes of the inner arm, m: R rocker pin, C cylinder base, J rocker end, K link
+//! pin on the bucket; r, k and h lengths of rocker, link and bucket arm, m; rho and theta angles of rocker and bucket,
+//! l cylinder length in m, n(v) the vector v turned by +90 degrees. The outer side is the one on which the loop R, J, K,
+//! bucket pin is convex. Trap: where K x u = 0 the link points at the bucket pin, a dead centre; behind it the bucket
+//! would turn back.
 
 use crate::{
     triangle::Triangle,
@@ -52,39 +53,74 @@ impl FourBar {
         Triangle::new((self.cylinder_base - self.rocker_pin).norm(), self.rocker)
     }
 
-    /// Cylinder lengths between which the cylinder's triangle closes, m; the loop of the link may close on a part of them.
+    /// Cylinder lengths between which the cylinder's triangle closes, m; the loop of the link may close on a part of
+    /// them.
     pub fn lengths(&self) -> (f64, f64) {
         self.triangle().lengths()
     }
 
     /// theta and its derivatives at cylinder length `length`, m. Not finite where the linkage does not close.
     pub fn angle(&self, length: f64) -> BucketAngle {
-        let angle = self.triangle().angle(length);
-        let rocker =
-            self.rocker * ((self.cylinder_base - self.rocker_pin).direction() * angle.rotation.inverse()).axis();
-        let end = self.rocker_pin + rocker;
-        let pin = intersection(self.link_pin.norm(), end, self.link, Side::Right);
-        let link = pin - end;
-
-        let (moved, opposed) = (rocker.cross(link), pin.cross(link));
-        let ratio = moved / opposed;
-        let turned = ratio * pin.normal() - rocker.normal();
-        let moved_rate = rocker.normal().cross(link) + rocker.cross(turned);
-        let opposed_rate = ratio * pin.normal().cross(link) + pin.cross(turned);
-        let ratio_rate = (moved_rate - ratio * opposed_rate) / opposed;
-        BucketAngle {
-            rotation: pin.direction() * self.link_pin.direction().inverse(),
-            rate: -ratio * angle.rate,
-            curvature: ratio_rate * angle.rate * angle.rate - ratio * angle.curvature,
-        }
+        PreparedFourBar::new(self).angle(length)
     }
 
     /// The cylinder length at which the bucket stands at `rotation`, m. Not finite where the linkage does not close.
     pub fn length(&self, rotation: Rotation) -> f64 {
         let pin = rotation * self.link_pin;
         // Seen from the rocker pin.
-        let end = intersection(self.rocker, pin - self.rocker_pin, self.link, Side::Left);
+        let end = intersection(self.rocker * self.rocker, pin - self.rocker_pin, self.link * self.link, Side::Left);
         (self.cylinder_base - self.rocker_pin - end).norm()
+    }
+}
+
+/// A linkage with everything that no cylinder length changes computed once.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PreparedFourBar {
+    triangle: Triangle,
+    rocker_pin: Vector,
+    /// The vector of length r from R towards C, m.
+    towards_base: Vector,
+    /// k^2, m2.
+    link_square: f64,
+    /// h^2, m2.
+    pin_square: f64,
+    /// Turns a vector K of length h to the bucket's x axis of length 1; 1/m.
+    to_bucket: Rotation,
+}
+
+impl PreparedFourBar {
+    pub(crate) fn new(linkage: &FourBar) -> Self {
+        let pin_square = linkage.link_pin.dot(linkage.link_pin);
+        Self {
+            triangle: linkage.triangle(),
+            rocker_pin: linkage.rocker_pin,
+            towards_base: linkage.rocker * (linkage.cylinder_base - linkage.rocker_pin).direction().axis(),
+            link_square: linkage.link * linkage.link,
+            pin_square,
+            to_bucket: Rotation { cos: linkage.link_pin.x / pin_square, sin: -linkage.link_pin.z / pin_square },
+        }
+    }
+
+    /// As [`FourBar::angle`].
+    pub(crate) fn angle(&self, length: f64) -> BucketAngle {
+        let angle = self.triangle.angle(length);
+        let rocker = angle.rotation.inverse() * self.towards_base;
+        let end = self.rocker_pin + rocker;
+        let pin = intersection(self.pin_square, end, self.link_square, Side::Right);
+        let link = pin - end;
+
+        let inverse = 1.0 / pin.cross(link);
+        let ratio = rocker.cross(link) * inverse;
+        let turned = ratio * pin.normal() - rocker.normal();
+        let moved_rate = rocker.normal().cross(link) + rocker.cross(turned);
+        let opposed_rate = ratio * pin.normal().cross(link) + pin.cross(turned);
+        let ratio_rate = (moved_rate - ratio * opposed_rate) * inverse;
+        let pin = Rotation { cos: pin.x, sin: pin.z };
+        BucketAngle {
+            rotation: pin * self.to_bucket,
+            rate: -ratio * angle.rate,
+            curvature: ratio_rate * angle.rate * angle.rate - ratio * angle.curvature,
+        }
     }
 }
 
@@ -95,11 +131,13 @@ enum Side {
     Right,
 }
 
-/// The point at `radius` from the origin and at `distance` from `centre`, on one side of the line between them.
+/// The point whose distance from the origin has the square `radius`, and whose distance from `centre` has the square
+/// `distance`, m2, on one side of the line between origin and `centre`.
 fn intersection(radius: f64, centre: Vector, distance: f64, side: Side) -> Vector {
     let between = centre.dot(centre);
-    let along = 0.5 * (between + radius * radius - distance * distance) / between;
-    let across = (radius * radius / between - along * along).sqrt();
+    let inverse = 1.0 / between;
+    let along = 0.5 * (between + radius - distance) * inverse;
+    let across = (radius * inverse - along * along).sqrt();
     let across = if side == Side::Left { across } else { -across };
     along * centre + across * centre.normal()
 }

@@ -7,8 +7,8 @@
 //! l_4                                               of the four-bar linkage (see `four_bar`)
 //! ```
 //!
-//! Four axes move the tip in three coordinates (x, z, pitch), so one axis is free: here the telescope s is given. The elbow
-//! is always up, as on machines with a boom in one piece.
+//! Four axes move the tip in three coordinates (x, z, pitch), so one axis is free: here the telescope s is given. The
+//! elbow is always up, as on machines with a boom in one piece.
 
 use crate::{
     AXES, Geometry,

@@ -9,11 +9,13 @@
 //! | [`pose`] | forward kinematics: joints, points and Jacobians from the cylinder lengths |
 //! | [`inverse`] | cylinder lengths from tip, bucket pitch and telescope |
 //! | [`dynamics`] | mass matrix, gravity, Coriolis terms and accelerations |
+//! | [`machine`] | pins, bodies and cylinders of one machine, and its motion by cylinder positions |
+//! | [`soundness`] | whether the pins let every cylinder move over its whole stroke |
 //!
-//! SI units; x forward, z up, angles counter-clockwise. The four axes always come in the order boom, arm, telescope, bucket
-//! ([`AXES`]). The state of the mechanism is the four cylinder lengths and their rates. Nothing here allocates, and
-//! everything but reports of angles uses + - * / and the square root only, so that the same input gives the same bits on
-//! every computer.
+//! SI units; x forward, z up, angles counter-clockwise. The four axes always come in the order boom, arm, telescope,
+//! bucket ([`AXES`]). The state of the mechanism is the four cylinder lengths and their rates. Nothing here allocates,
+//! and everything but reports of angles uses + - * / and the square root only, so that the same input gives the same
+//! bits on every computer.
 //!
 //! Source of the equations: planar multibody dynamics in minimal coordinates by the projection method (for example W.
 //! Schiehlen, P. Eberhard, Applied Dynamics, Springer 2014, chapters 3 and 5).
@@ -22,14 +24,18 @@ pub mod dynamics;
 pub mod four_bar;
 pub mod geometry;
 pub mod inverse;
+pub mod machine;
 pub mod pose;
+pub mod soundness;
 pub mod triangle;
 pub mod vector;
 
-pub use dynamics::{Body, Dynamics, Masses, Payload};
+pub use dynamics::{Body, CylinderDynamics, Dynamics, Masses, Moments, Payload};
 pub use four_bar::FourBar;
 pub use geometry::Geometry;
-pub use pose::Pose;
+pub use machine::{Mechanism, PreparedMechanism};
+pub use pose::{Linkage, Pose};
+pub use soundness::Flaw;
 pub use vector::{Rotation, Vector};
 
 /// Number of axes: boom, arm, telescope, bucket.

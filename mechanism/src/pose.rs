@@ -9,14 +9,75 @@
 //! dq = J dl,  J diagonal                   every joint depends on its own cylinder only
 //! ```
 //!
-//! l cylinder lengths in m, u(v) the rotation from the x axis to v, x_body the x axis of a body; pins as in [`Geometry`].
-//! An extending boom cylinder lifts the boom, an extending arm cylinder draws the arm in, and an extending bucket cylinder
-//! curls the bucket in, as on machines with a backhoe.
+//! l cylinder lengths in m, u(v) the rotation from the x axis to v, x_body the x axis of a body; pins as in
+//! [`Geometry`]. An extending boom cylinder lifts the boom, an extending arm cylinder draws the arm in, and an
+//! extending bucket cylinder curls the bucket in, as on machines with a backhoe.
 
 use crate::{
     AXES, Geometry,
+    four_bar::PreparedFourBar,
+    triangle::Triangle,
     vector::{Rotation, Vector},
 };
+
+/// Pins and lengths with everything that no cylinder length changes computed once.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Linkage {
+    boom_foot: Vector,
+    boom_length: f64,
+    arm_length: f64,
+    bucket_length: f64,
+    boom: Triangle,
+    /// u(P_1) u(B_1)^-1
+    boom_offset: Rotation,
+    arm: Triangle,
+    /// u(B_2 - O_2) u(A_1)^-1
+    arm_offset: Rotation,
+    bucket: PreparedFourBar,
+}
+
+impl Linkage {
+    /// From the pins.
+    pub fn new(geometry: &Geometry) -> Self {
+        let offset = |base: Vector, rod: Vector| base.direction() * rod.direction().inverse();
+        Self {
+            boom_foot: geometry.boom_foot,
+            boom_length: geometry.boom_length,
+            arm_length: geometry.arm_length,
+            bucket_length: geometry.bucket_length,
+            boom: geometry.boom_triangle(),
+            boom_offset: offset(geometry.boom_cylinder_base, geometry.boom_cylinder_rod),
+            arm: geometry.arm_triangle(),
+            arm_offset: offset(geometry.arm_base(), geometry.arm_cylinder_rod),
+            bucket: PreparedFourBar::new(&geometry.bucket),
+        }
+    }
+
+    /// The pose at cylinder lengths `lengths`, m.
+    pub fn pose(&self, lengths: &[f64; AXES]) -> Pose {
+        let boom_angle = self.boom.angle(lengths[0]);
+        let arm_angle = self.arm.angle(lengths[1]);
+        let bucket_angle = self.bucket.angle(lengths[3]);
+        let boom = boom_angle.rotation * self.boom_offset;
+        let arm = boom * (arm_angle.rotation.inverse() * self.arm_offset);
+        let bucket = arm * bucket_angle.rotation;
+
+        let arm_pin = self.boom_foot + self.boom_length * boom.axis();
+        let bucket_pin = arm_pin + (self.arm_length + lengths[2]) * arm.axis();
+        Pose {
+            boom,
+            arm,
+            bucket,
+            boom_foot: self.boom_foot,
+            arm_pin,
+            bucket_pin,
+            tip: bucket_pin + self.bucket_length * bucket.axis(),
+            telescope: lengths[2],
+            rate: [boom_angle.rate, -arm_angle.rate, 1.0, bucket_angle.rate],
+            curvature: [boom_angle.curvature, -arm_angle.curvature, 0.0, bucket_angle.curvature],
+        }
+    }
+}
 
 /// The machine at four cylinder lengths. Not finite where a linkage does not close.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,33 +105,9 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// The pose at cylinder lengths `lengths`, m.
+    /// The pose at cylinder lengths `lengths`, m. [`Linkage::pose`] is faster for many lengths.
     pub fn new(geometry: &Geometry, lengths: &[f64; AXES]) -> Self {
-        let boom_angle = geometry.boom_triangle().angle(lengths[0]);
-        let to_rod = geometry.boom_cylinder_rod.direction().inverse();
-        let boom = boom_angle.rotation * geometry.boom_cylinder_base.direction() * to_rod;
-
-        let arm_angle = geometry.arm_triangle().angle(lengths[1]);
-        let to_rod = geometry.arm_cylinder_rod.direction().inverse();
-        let arm = boom * arm_angle.rotation.inverse() * geometry.arm_base().direction() * to_rod;
-
-        let bucket_angle = geometry.bucket.angle(lengths[3]);
-        let bucket = arm * bucket_angle.rotation;
-
-        let arm_pin = geometry.boom_foot + geometry.boom_length * boom.axis();
-        let bucket_pin = arm_pin + (geometry.arm_length + lengths[2]) * arm.axis();
-        Self {
-            boom,
-            arm,
-            bucket,
-            boom_foot: geometry.boom_foot,
-            arm_pin,
-            bucket_pin,
-            tip: bucket_pin + geometry.bucket_length * bucket.axis(),
-            telescope: lengths[2],
-            rate: [boom_angle.rate, -arm_angle.rate, 1.0, bucket_angle.rate],
-            curvature: [boom_angle.curvature, -arm_angle.curvature, 0.0, bucket_angle.curvature],
-        }
+        Linkage::new(geometry).pose(lengths)
     }
 
     /// Rates of the joints, rad/s (m/s for the telescope), of rates of the cylinders, m/s.

@@ -7,18 +7,25 @@
 //! d2p/dl2 = -a b cos p / (l m^3) + 1 / (l m)
 //! ```
 //!
-//! p angle at the joint, a and b distances from the joint to cylinder base and rod pin in m, l cylinder length from pin to
-//! pin in m. Trap: at p = 0 and p = 180 degrees the moment arm is zero, dp/dl infinite, and the cylinder moves nothing.
+//! p angle at the joint, a and b distances from the joint to cylinder base and rod pin in m, l cylinder length from pin
+//! to pin in m. Trap: at p = 0 and p = 180 degrees the moment arm is zero, dp/dl infinite, and the cylinder moves
+//! nothing.
 
 use crate::vector::Rotation;
 
 /// Two fixed sides of the triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Triangle {
-    /// From joint to cylinder base, m.
+    /// a, from joint to cylinder base, m.
     base: f64,
-    /// From joint to rod pin, m.
+    /// b, from joint to rod pin, m.
     rod: f64,
+    /// a b, m2.
+    product: f64,
+    /// a^2 + b^2, m2.
+    squares: f64,
+    /// 1 / (2 a b), 1/m2.
+    inverse: f64,
 }
 
 /// The angle p of a triangle and its derivatives by the cylinder length.
@@ -35,7 +42,8 @@ pub struct CylinderAngle {
 impl Triangle {
     /// From the sides, m.
     pub fn new(base: f64, rod: f64) -> Self {
-        Self { base, rod }
+        let product = base * rod;
+        Self { base, rod, product, squares: base * base + rod * rod, inverse: 0.5 / product }
     }
 
     /// Cylinder lengths between which the triangle closes, m.
@@ -43,23 +51,17 @@ impl Triangle {
         ((self.base - self.rod).abs(), self.base + self.rod)
     }
 
-    /// Moment arm of the cylinder about the joint at cylinder length `length`, m. Zero where the triangle does not close.
-    pub fn moment_arm(&self, length: f64) -> f64 {
-        let sides = self.base * self.rod;
-        let cos = (self.base * self.base + self.rod * self.rod - length * length) / (2.0 * sides);
-        sides * (1.0 - cos * cos).max(0.0).sqrt() / length
-    }
-
     /// p and its derivatives at cylinder length `length`, m. Not finite where the triangle does not close.
     pub fn angle(&self, length: f64) -> CylinderAngle {
-        let sides = self.base * self.rod;
-        let cos = (self.base * self.base + self.rod * self.rod - length * length) / (2.0 * sides);
+        let cos = (self.squares - length * length) * self.inverse;
         let sin = (1.0 - cos * cos).sqrt();
-        let arm = sides * sin / length;
+        // 1 / (l m)
+        let inverse = 1.0 / (self.product * sin);
+        let rate = length * inverse;
         CylinderAngle {
             rotation: Rotation { cos, sin },
-            rate: 1.0 / arm,
-            curvature: 1.0 / (length * arm) - sides * cos / (length * arm * arm * arm),
+            rate,
+            curvature: inverse * (1.0 - self.product * cos * rate * rate),
         }
     }
 }
@@ -73,7 +75,6 @@ mod tests {
         let triangle = Triangle::new(3.0, 4.0);
         let at = triangle.angle(5.0);
         assert!(at.rotation.cos.abs() < 1e-15 && (at.rotation.sin - 1.0).abs() < 1e-15);
-        assert!((triangle.moment_arm(5.0) - 2.4).abs() < 1e-15);
         assert!((at.rate - 1.0 / 2.4).abs() < 1e-15);
         assert_eq!(triangle.lengths(), (1.0, 7.0));
     }
@@ -92,9 +93,8 @@ mod tests {
     }
 
     #[test]
-    fn a_length_that_closes_nothing_has_no_angle_and_no_moment_arm() {
+    fn a_length_that_closes_nothing_has_no_angle() {
         let triangle = Triangle::new(1.0, 2.0);
         assert!(triangle.angle(3.1).rate.is_nan() && triangle.angle(0.9).rate.is_nan());
-        assert_eq!((triangle.moment_arm(3.1), triangle.moment_arm(3.0)), (0.0, 0.0));
     }
 }

@@ -1,4 +1,4 @@
-//! The mechanism against states that another program has evaluated: see the file that `HYDRAXIS_MECHANISM_STATES` names.
+//! The mechanism against states that another program has evaluated: the file that `HYDRAXIS_MECHANISM_STATES` names.
 
 use mechanism::{AXES, Body, Dynamics, FourBar, Geometry, Masses, Payload, Pose, Rotation, Vector};
 use serde_json::Value;
@@ -76,7 +76,7 @@ fn all_states_agree() {
         let joint_rates = pose.joint_rates(&rates);
         let terms = Dynamics::new(&masses, &pose, &joint_rates);
         let tip_force = vector(&state["tip_force"]);
-        let acceleration = terms.acceleration(&pose, &rates, &force, tip_force).unwrap();
+        let acceleration = terms.of_cylinders(&pose, &rates, tip_force).acceleration(&force).unwrap();
         let tip_velocity = pose.tip_velocity(&rates);
         let both: [f64; AXES] = std::array::from_fn(|i| terms.gravity[i] + terms.coriolis[i]);
         let rows = |matrix: [[f64; AXES]; AXES]| matrix.concat();

@@ -6,7 +6,7 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics` | the tables of the whole machine |
+//! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics`, `mechanism` | the tables of the whole machine |
 //! | `axis/` | the tables of one axis |
 //! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |
 //! | `document/` | the reader: keys with meaning, allowed values, default and origin |
@@ -21,6 +21,7 @@ mod error;
 mod explain;
 mod fuzzy;
 mod hydraulics;
+mod mechanism;
 mod scenario;
 mod source;
 mod stages;
@@ -31,6 +32,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use ::mechanism::{AXES, Mechanism};
 use axis::Shared;
 use document::{Document, Section, Setting};
 
@@ -68,6 +70,8 @@ pub struct Machine {
     pub source: Source,
     /// Pump and oil of the simulated axes, if there are any.
     pub hydraulics: Option<Hydraulics>,
+    /// Pins, lengths and masses of the excavator that the first four axes move, if there is one.
+    pub mechanism: Option<Mechanism>,
     /// What changes while the simulated machine works.
     pub scenario: Scenario,
     /// The axes, in the order of the file.
@@ -175,14 +179,23 @@ impl Machine {
             let allowed = format!("1 to {MAX_AXES} axes, each a table [axis.NAME]");
             root.refuse("axis", format!("{} axes", names.len()), allowed);
         }
-        let shared = Shared { timing: &timing, source: &source, fuzzy, folder };
+        let mut section = root.section("mechanism");
+        let mechanism = section.is_given().then(|| mechanism::read(&mut section));
+        let carried = if mechanism.is_some() { AXES } else { 0 };
+        let shared =
+            Shared { timing: &timing, source: &source, fuzzy, folder, carried: &names[..carried.min(names.len())] };
         let axes: Vec<Axis> = names.iter().map(|name| Axis::read(name, table.section(name), &shared)).collect();
         table.finish();
+        if let Some(mechanism) = &mechanism {
+            let strokes: Vec<f64> = axes.iter().map(|axis| axis.stroke).collect();
+            mechanism::expect_movable(&section, mechanism, &strokes);
+        }
+        section.finish();
         let is_simulated = axes.iter().any(|axis| axis.plant.is_some());
         let hydraulics = Hydraulics::read(root.section("supply"), root.section("oil"), is_simulated);
         let scenario = Scenario::read(&mut root, &names);
         root.finish();
-        Self { name, timing, realtime, stages, source, hydraulics, scenario, axes }
+        Self { name, timing, realtime, stages, source, hydraulics, mechanism, scenario, axes }
     }
 
     /// Settings of one stage.

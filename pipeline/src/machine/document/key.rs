@@ -73,7 +73,7 @@ impl Key<'_, '_, '_> {
                 // A setting is TOML where it can be, else a plain string, as in `--set scenario=payload`.
                 let as_toml = DeValue::parse(&text).ok().and_then(|value| parse(value.get_ref()));
                 let parsed = as_toml.or_else(|| parse(&DeValue::String(text.as_str().into())));
-                (parsed, format!("{text} (from the command line)"), None, origin)
+                (parsed, origin.of(text), None, origin)
             }
         };
         match parsed {
@@ -177,6 +177,17 @@ impl Key<'_, '_, '_> {
     /// A list of numbers in `range`, or nothing; `allowed` says what else the list must be.
     pub fn optional_numbers(self, range: RangeInclusive<f64>, unit: &str, allowed: &str) -> Option<Vec<f64>> {
         self.unit(unit).optional(allowed, |value| numbers(value, &range))
+    }
+
+    /// Two coordinates in `range`.
+    pub fn point(self, range: RangeInclusive<f64>, unit: &str) -> [f64; 2] {
+        let placeholder = [*range.end(); 2];
+        self.unit(unit).required(&allowed_point(&range, unit), placeholder, |value| point(value, &range))
+    }
+
+    /// Two coordinates in `range`; without them the default.
+    pub fn point_or(self, default: [f64; 2], range: RangeInclusive<f64>, unit: &str) -> [f64; 2] {
+        self.unit(unit).defaulted(&allowed_point(&range, unit), default, |value| point(value, &range))
     }
 
     /// Three numbers in `range`, or one that stands for all three; `names` says what the three are.
@@ -328,6 +339,14 @@ impl<T: std::fmt::Display> Shown for Parsed<T> {
 
 fn allowed_number(range: &RangeInclusive<f64>, unit: &str) -> String {
     format!("a number from {} to {} {unit}", range.start(), range.end()).trim_end().to_owned()
+}
+
+fn allowed_point(range: &RangeInclusive<f64>, unit: &str) -> String {
+    format!("[x, z], two numbers from {} to {} {unit}", range.start(), range.end())
+}
+
+fn point(value: &DeValue, range: &RangeInclusive<f64>) -> Option<[f64; 2]> {
+    numbers(value, range)?.try_into().ok()
 }
 
 fn allowed_integer(range: &RangeInclusive<usize>) -> String {

@@ -8,7 +8,10 @@
 use pipeline::machine::{Axis, Hydraulics, Plant};
 
 use crate::{
-    actuator::cylinder::{Cylinder, Edges, State},
+    actuator::{
+        cylinder::{Cylinder, State},
+        edges::Edges,
+    },
     conditions::Conditions,
     hydraulics::{oil::LOWEST_PRESSURE, supply::Demand},
     lanes::{LANES, Lanes, lanes},
@@ -188,7 +191,7 @@ impl FourAxes {
     /// demand, and the pressure in the chamber that the pump feeds, Pa; negative infinity where it feeds none.
     pub fn observe(&self, share: f64, supply: f64) -> impl Iterator<Item = (TrueState, f64)> {
         let edges = self.cylinder.edges(&self.state, self.openings[2], supply);
-        let (q1, q2) = self.cylinder.flows(&edges, Lanes::splat(share));
+        let (q1, q2) = edges.flows(Lanes::splat(share));
         let [y, v, p1, p2, _] = self.state.map(Lanes::to_array);
         let (q1, q2, spool) = (q1.to_array(), q2.to_array(), self.spool.to_array());
         let fed = edges.delivered_to().to_array();

@@ -52,8 +52,7 @@ use crate::{
     lanes::{LANES, Lanes, lanes, positive},
 };
 
-/// Part of its setting by which the pressure exceeds it when a counterbalance valve is fully open: that of a steep relief
-/// valve.
+/// Part of its setting by which the pressure exceeds it when a counterbalance valve is fully open.
 pub const OVERRIDE: f64 = 0.2;
 
 /// Pressure of a chamber that no valve connects with the pump, Pa: below any load.
@@ -186,8 +185,8 @@ impl ControlEdges<Lanes> {
         [self.leakage[0] * (piston - self.return_pressure), self.leakage[1] * (rod - self.return_pressure)]
     }
 
-    /// Flows at the opening X = `opening` in [-1, 1], the pressures p1 = `piston` and p2 = `rod` of the chambers and the
-    /// pump's pressure p_s = `supply` Pa.
+    /// Flows at the opening X = `opening` in [-1, 1], the pressures p1 = `piston` and p2 = `rod` of the chambers and
+    /// the pump's pressure p_s = `supply` Pa.
     #[inline]
     pub fn at(&self, opening: Lanes, piston: Lanes, rod: Lanes, supply: f64) -> Edges {
         let extends = opening.simd_ge(Lanes::ZERO);

@@ -70,7 +70,7 @@ impl Ports {
         meter_out: Directions::both(1.0),
         regeneration: Directions::both(0.0),
         counterbalance: Directions::both(0.0),
-        pilot_ratio: 1.0,
+        pilot_ratio: 0.5,
         spool_leakage: 0.0,
         load_holding: LoadHolding::None,
         piston_hose_volume: 0.0,

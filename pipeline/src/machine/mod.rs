@@ -44,7 +44,7 @@ pub use document::{DefaultValue, EffectiveValue, Origin, samples_of};
 pub use error::{MachineError, Problem};
 pub use explain::{Key, keys};
 pub use fuzzy::{Fuzzy, Level};
-pub use hydraulics::{Hydraulics, Oil, Supply};
+pub use hydraulics::{Hydraulics, Oil, Supply, SupplyKind};
 pub use scenario::{Change, CommandSine, Parameter, Scenario, Target};
 pub use source::Source;
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};

@@ -148,7 +148,8 @@ fn a_counterbalance_valve_holds_its_load_without_the_pump_and_opens_fully_for_a_
 
     let mut lifting = boom(4.8e5);
     let without = steady(&lifting, 0.5);
-    plant_of(&mut lifting, 0).ports.counterbalance = Directions { extend: 12e6, retract: 0.0 };
+    let ports = &mut plant_of(&mut lifting, 0).ports;
+    (ports.counterbalance, ports.pilot_ratio) = (Directions { extend: 12e6, retract: 0.0 }, 3.0);
     assert_eq!(steady(&lifting, 0.5), without);
 }
 

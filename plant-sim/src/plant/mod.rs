@@ -3,6 +3,8 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`stiffness`] | which axes the integration step can integrate; used at construction only |
+//! | `coupled` | the same for the axes that a linkage couples |
+//! | [`energy`] | where the work of the pump goes |
 //! | `drive` | the commands that the drive holds, and its time-out |
 //! | `error` | [`PlantError`]: why a machine cannot be simulated |
 //!
@@ -11,20 +13,24 @@
 //!
 //! Only the constructors allocate.
 
+mod coupled;
 mod drive;
+pub mod energy;
 mod error;
 pub mod stiffness;
 
 use std::time::Duration;
 
+use mechanism::AXES;
 use pipeline::{
     MAX_AXES,
-    machine::{Axis, Hydraulics, Machine, Plant, Scenario},
+    machine::{Axis, Change, Hydraulics, Machine, Parameter, Plant, Scenario},
     message::{EncoderReading, ValveCommand},
 };
 
 use crate::{
-    conditions::{Conditions, UPDATE_PERIOD_NS},
+    conditions::{Conditions, UPDATE_PERIOD_NS, Work},
+    coupling::Coupling,
     encoder::NoisyEncoder,
     hydraulics::supply::Pump,
     integration::{
@@ -34,6 +40,7 @@ use crate::{
     lanes::LANES,
 };
 
+use coupled::fastest_coupled_rate;
 use drive::Drive;
 pub use error::PlantError;
 use stiffness::{STABILITY_LIMIT, fastest_rate};
@@ -46,6 +53,8 @@ pub struct PlantSim {
     pump: Pump,
     hydraulics: Hydraulics,
     scenario: Scenario,
+    /// What the bucket of the mechanism carries before all changes, kg.
+    payload: f64,
     /// Model time after which the scenario changes nothing more, ns.
     changes_end_ns: u64,
     states: Vec<TrueState>,
@@ -84,28 +93,44 @@ impl PlantSim {
         if step_ns == 0 || !UPDATE_PERIOD_NS.is_multiple_of(step_ns) {
             return Err(PlantError::Step { found_ns: step_ns });
         }
-        let (scenario, step) = (machine.scenario.clone(), seconds(step_ns));
+        let (scenario, step) = (acting(machine), seconds(step_ns));
         let plants = plants(machine)?;
+        let coupling = coupling(machine)?;
+        let payload = machine.mechanism.map_or(0.0, |mechanism| mechanism.masses.payload.mass);
         let hydraulics = machine.hydraulics.ok_or(PlantError::NoHydraulics)?;
         let mut encoders = Vec::with_capacity(count);
         for (index, (axis, plant)) in plants.iter().enumerate() {
+            let is_coupled = coupling.is_some() && index < AXES;
             let rate = fastest_rate(axis, plant, &hydraulics, &scenario.changes, index);
             let limit = STABILITY_LIMIT / step;
-            if rate > limit {
+            if rate > limit && !is_coupled {
                 return Err(PlantError::TooStiff { axis: axis.name.clone(), rate, limit });
             }
             encoders.push(NoisyEncoder::new(axis.encoder.resolution, plant.encoder_noise, seed, index));
         }
+        if let Some(coupling) = &coupling {
+            let rate = fastest_coupled_rate(&plants, &hydraulics, coupling, &scenario.changes, payload);
+            let limit = STABILITY_LIMIT / step;
+            if !(rate <= limit) {
+                return Err(PlantError::TooStiffTogether { rate, limit });
+            }
+        }
         let at_begin = |index| Conditions::at(&scenario.changes, &hydraulics.oil, index, 0.0);
         let fours = plants.chunks(LANES).enumerate();
-        let axes: Vec<FourAxes> =
+        let mut axes: Vec<FourAxes> =
             fours.map(|(i, plants)| FourAxes::new(plants, i * LANES, &hydraulics, at_begin, step)).collect();
+        if let Some(mut coupling) = coupling {
+            let work = Work::at(&scenario.changes, payload, 0.0);
+            coupling.work(work.payload, work.soil);
+            axes[0] = axes.swap_remove(0).coupled(coupling, &hydraulics);
+        }
         let mut plant = Self {
             pump: pump(&hydraulics, &axes),
             axes,
             hydraulics,
             changes_end_ns: changes_end_ns(&scenario),
             scenario,
+            payload,
             states: Vec::with_capacity(count),
             supply_pressure: hydraulics.supply.pressure,
             encoders,
@@ -158,6 +183,9 @@ impl PlantSim {
         let now = |index| Conditions::at(&self.scenario.changes, &self.hydraulics.oil, index, time);
         for axes in &mut self.axes {
             axes.apply(now, &self.hydraulics, step);
+        }
+        if let Some(first) = self.axes.first_mut() {
+            first.work(Work::at(&self.scenario.changes, self.payload, time));
         }
         self.pump = pump(&self.hydraulics, &self.axes);
     }
@@ -212,6 +240,38 @@ fn plants(machine: &Machine) -> Result<Vec<(&Axis, &Plant)>, PlantError> {
         Ok((axis, plant))
     });
     plants.collect()
+}
+
+/// The linkage of the machine's first four axes, if it has one.
+fn coupling(machine: &Machine) -> Result<Option<Coupling>, PlantError> {
+    let Some(mechanism) = &machine.mechanism else {
+        return Ok(None);
+    };
+    let axes: &[Axis; AXES] = machine.axes.first_chunk().ok_or(PlantError::TooFewAxes { found: machine.axes.len() })?;
+    let coupling = Coupling::new(mechanism, axes.each_ref().map(|axis| axis.stroke), machine.soil.as_ref());
+    coupling.map(Some).map_err(|(axis, position)| PlantError::Linkage { axis: axes[axis].name.clone(), position })
+}
+
+/// The scenario without what the machine does not have: where soil acts on the teeth of a mechanism, no other external
+/// force acts on its axes.
+fn acting(machine: &Machine) -> Scenario {
+    let mut scenario = machine.scenario.clone();
+    if machine.soil.is_some() {
+        scenario.changes = scenario
+            .changes
+            .into_iter()
+            .flat_map(|change| {
+                let is_replaced = change.parameter == Parameter::ExternalForce;
+                let first = if is_replaced { AXES } else { 0 };
+                let axes = match change.axis {
+                    None if is_replaced => (first..machine.axes.len()).map(Some).collect(),
+                    axis => axis.filter(|axis| *axis < first).map_or(vec![axis], |_| Vec::new()),
+                };
+                axes.into_iter().map(move |axis| Change { axis, ..change })
+            })
+            .collect();
+    }
+    scenario
 }
 
 /// The pump now. Its conditions are equal for all axes, so those of the first axis are taken.

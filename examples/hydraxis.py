@@ -4,7 +4,7 @@ Needs Python 3.9 or newer and one package:
 
     pip install iceoryx2==0.10.0
 
-The structures mirror pipeline/src/message.rs field by field, names included: the fingerprint of the layout is made of
+The structures mirror pipeline/src/message/ field by field, names included: the fingerprint of the layout is made of
 them, and a group of another version is refused by it.
 
 Trap: times are of CLOCK_MONOTONIC, which is time.monotonic_ns() in Python.

@@ -78,8 +78,10 @@ pub fn load(arguments: &MachineFile) -> Result<Machine, MachineError> {
 /// # Errors
 /// As [`load`].
 pub fn load_bare(arguments: &BareMachine, scenario: Option<&str>) -> Result<Machine, MachineError> {
-    let settings = arguments.settings(scenario)?;
-    Machine::load(arguments.machine.as_deref(), &settings)
+    let mut settings = arguments.settings.clone();
+    settings.extend(scenario.map(|name| ("scenario".to_owned(), name.to_owned())));
+    let (machine, _) = Machine::explain(arguments.machine.as_deref(), arguments.model.as_deref(), &settings)?;
+    Ok(machine)
 }
 
 /// A name that no axis of the machine has.

@@ -102,9 +102,18 @@ pub fn create(option: &'static str, path: &Path) -> Result<Box<dyn Write>, Outpu
 /// # Errors
 /// Standard output cannot be written for another reason.
 pub fn show(text: &str) -> Result<(), OutputError> {
+    show_to_reader(text).map(|_| ())
+}
+
+/// Writes text to standard output, and says whether anybody still reads it.
+///
+/// # Errors
+/// Standard output cannot be written for another reason than a closed end.
+pub fn show_to_reader(text: &str) -> Result<bool, OutputError> {
     let mut stdout = io::stdout();
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(OutputError::StandardOutput(error)),
-        _ => Ok(()),
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
+        Err(error) => Err(OutputError::StandardOutput(error)),
     }
 }

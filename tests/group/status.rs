@@ -1,5 +1,10 @@
 //! `hydraxis status`: what it shows of a running group, and that it does not disturb the group.
 
+use std::{
+    io::{BufRead, BufReader},
+    process::Stdio,
+};
+
 use crate::harness::{TestGroup, hydraxis, running::Running, shared, signal, wait_for};
 use pipeline::{channel::Reader, message::EncoderSample, stage::StageKind};
 use rustix::process::Signal;
@@ -52,6 +57,20 @@ fn a_running_group_is_shown_with_its_stages_channels_and_axes() {
     for expected in ["control-proc <- encoder-sample", "sensor-proc release jitter", "telescope", "last late tick"] {
         assert!(text.contains(expected), "{expected}\n{text}");
     }
+}
+
+#[test]
+fn watching_ends_when_nobody_reads_any_more() {
+    let _cores = shared();
+    let running = start("status-watch");
+    let prefix = running.group.prefix.to_string();
+    let mut watch = hydraxis().args(["status", "--watch", "--prefix", &prefix]).stdout(Stdio::piped()).spawn().unwrap();
+    let mut line = String::new();
+    // The pipe closes at the end of this line, as with `| head -n 1`.
+    BufReader::new(watch.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    assert!(!line.trim().is_empty());
+    let status = wait_for("the command to end", || watch.try_wait().unwrap());
+    assert!(status.success(), "{status}");
 }
 
 #[test]

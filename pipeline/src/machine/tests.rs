@@ -143,6 +143,50 @@ fn the_old_key_of_the_estimator_is_refused_with_the_new_one() {
     let setting = [("axis.boom.forgetting".to_owned(), "paper".to_owned())];
     let text = Machine::load(None, &setting).unwrap_err().to_string();
     assert!(text.contains(expected) && text.lines().count() == 1, "{text}");
+
+    let expected = "axis.boom.identification.forgetting: found a key that has been renamed; \
+                    allowed: axis.boom.identification.estimator, its new name";
+    let text = refusal("training = \"8s\"", "forgetting = \"paper\"\ntraining = \"8s\"");
+    assert!(text.contains(expected) && text.lines().count() == 1, "{text}");
+}
+
+#[test]
+fn a_value_that_is_not_from_the_machine_file_is_refused_with_its_own_place() {
+    // The file has good values of both keys; their lines would mislead.
+    let set = |key: &str, value: &str| Machine::load(None, &[(key.to_owned(), value.to_owned())]).unwrap_err();
+    let text = set("axis.boom.control.kp", "-1").to_string();
+    assert!(text.starts_with("built-in machine: axis.boom.control.kp: found -1 (from the command line);"), "{text}");
+    let text = set("axis.boom.soft_limits", "[0.5, 0.1]").to_string();
+    let expected = "built-in machine: axis.boom.soft_limits: found [0.5, 0.1] (from the command line);";
+    assert!(text.starts_with(expected), "{text}");
+
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("model.toml");
+    std::fs::write(&model, "[axis.boom.control]\n# too small\nkp = -1\nkq = 2\n").unwrap();
+    let text = Machine::explain(None, Some(&model), &[]).unwrap_err().to_string();
+    for expected in [
+        "axis.boom.control.kp: found -1 (from the model file, line 3);",
+        "axis.boom.control.kq: found an unknown key (from the model file, line 4);",
+    ] {
+        assert!(text.contains(expected) && !text.contains("--set"), "{text}");
+    }
+}
+
+#[test]
+fn a_dead_time_of_more_periods_than_a_model_has_is_refused_unless_nk_is_given() {
+    let commissioned = "[axis.boom.commissioned]\ndead_time = 0.1\ntime_constant = 0.0\ndead_band_extend = 0.1\n\
+                        dead_band_retract = 0.1\nopenings = [0.5]\nspeeds_extend = [0.2]\nspeeds_retract = [0.2]\n\
+                        fit_percent = 90.0\n[axis.boom.encoder]";
+    let with = |nk: &str, period: &str| {
+        let text = BUILT_IN.replacen("[axis.boom.encoder]", commissioned, 1).replacen("nk = 3 ", nk, 1);
+        Machine::parse(&text.replacen("\"10ms\"", period, 1), "m.toml", Path::new("."), &[])
+    };
+    assert_eq!(with("", "\"2ms\"").unwrap().axes[0].identification.structure.nk, 51);
+    let text = with("", "\"1ms\"").unwrap_err().to_string();
+    let expected = "axis.boom.identification.nk: found nothing, and 101 from commissioned.dead_time of 0.1 s; \
+                    allowed: 1 to 64: a longer timing.period, or a dead time of up to 0.063 s";
+    assert!(text.contains(expected) && text.lines().count() == 1, "{text}");
+    assert_eq!(with("nk = 64 ", "\"1ms\"").unwrap().axes[0].identification.structure.nk, 64);
 }
 
 #[test]

@@ -34,7 +34,7 @@ pub struct CheckArguments {
     /// Show the effective value of every key, where it comes from, and what is allowed
     #[arg(long)]
     pub explain: bool,
-    /// Write the effective values as JSON to a file, or to standard output with -
+    /// With --explain, write the effective values as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE", requires = "explain")]
     pub json: Option<PathBuf>,
 }

@@ -85,7 +85,7 @@ pub struct IdentifyArguments {
     #[arg(long, default_value = "auto", value_parser = estimator)]
     pub estimator: Estimator,
     /// Old name of `--estimator`, refused with the new one
-    #[arg(long, hide = true, value_parser = forgetting)]
+    #[arg(long, hide = true, num_args = 0..=1, default_missing_value = "", value_parser = forgetting)]
     pub forgetting: Option<String>,
     /// Coefficients that are updated online; auto runs estimators of both forms
     #[arg(long, value_enum, default_value = "linear")]

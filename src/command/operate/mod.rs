@@ -162,7 +162,7 @@ fn line(machine: &Machine, axes: &[usize], operator: &Operator, sample: Option<&
         if let (Some(last), Some(sample)) = (operator.last(*axis), sample) {
             text += &format!(", {:.4} m, command {:+.4}", sample.axes[*axis].position, last.command);
             if last.operation == AxisMode::Hold as u32 || last.operation == AxisMode::Track as u32 {
-                text += &format!(" by {}, target {:.4} m", ControlMode::name(last.mode), last.reference);
+                text += &format!(" by {}, reference {:.4} m", ControlMode::name(last.mode), last.reference);
             }
         }
         text

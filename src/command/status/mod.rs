@@ -24,7 +24,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::{
     failure::Failure,
     group::signals::stop_flag,
-    report::output::{Output, show},
+    report::output::{Output, show_to_reader},
 };
 pub use arguments::StatusArguments;
 
@@ -62,7 +62,9 @@ pub fn run(arguments: &StatusArguments) -> Result<(), Failure> {
     if arguments.watch {
         while !stop.load(std::sync::atomic::Ordering::Relaxed) {
             let collected = reader.collect()?;
-            show(&format!("{}\n", StatusReport::new(&collected).tables()))?;
+            if !show_to_reader(&format!("{}\n", StatusReport::new(&collected).tables()))? {
+                break;
+            }
             sleep(WATCH_PERIOD.saturating_sub(LISTEN));
         }
         return Ok(());

@@ -76,8 +76,8 @@ fn settings_that_their_keys_do_not_take_are_refused() {
         ("axis.boom.identification.estimator=window:1", "\"window:N\" with N from 2 to 100000 samples"),
         (
             "axis.boom.identification.estimator=window:3",
-            "axis.boom.identification.estimator: found \"window:3\" for 5 coefficients; allowed: \"window:N\" with \
-             N from 5",
+            "axis.boom.identification.estimator: found \"window:3\" for 5 coefficients (from the command line); \
+             allowed: \"window:N\" with N from 5",
         ),
     ] {
         expect_refusal(folder.path(), &check_with(setting), &[expected]);

@@ -95,11 +95,15 @@ impl Commissioned {
         Some(commissioned)
     }
 
-    /// nk: the dead time in whole periods, and the period in which the command is sent.
+    /// nk: the dead time in whole periods, and the period in which the command is sent; [`MAX_DELAY`] at most.
     pub fn delay(&self, period: Duration) -> usize {
+        self.unlimited_delay(period).min(MAX_DELAY)
+    }
+
+    /// The dead time in whole periods, and the period in which the command is sent.
+    pub(super) fn unlimited_delay(&self, period: Duration) -> usize {
         // The small part keeps a dead time of whole periods from counting one period more by rounding.
-        let nk = (self.dead_time / period.as_secs_f64() - 1e-6).ceil() as usize + 1;
-        nk.min(MAX_DELAY)
+        (self.dead_time / period.as_secs_f64() - 1e-6).ceil() as usize + 1
     }
 
     /// Dead band for identification, retracting and extending: the commissioned one less 0.01.

@@ -76,6 +76,7 @@ impl Identification {
         period: Duration,
         fuzzy: Fuzzy,
     ) -> Self {
+        section.renamed("forgetting", "estimator");
         let structure = read_structure(&mut section, commissioned, period);
         let outputs = [("position", IdentifiedOutput::Position), ("velocity", IdentifiedOutput::Velocity)];
         let output = section
@@ -179,6 +180,7 @@ pub const fn shortest_training(structure: Structure, output: IdentifiedOutput) -
 fn read_structure(section: &mut Section, commissioned: Option<&Commissioned>, period: Duration) -> Structure {
     let paper = Structure::PAPER;
     let (order, basis) = read_basis(section);
+    refuse_long_delay(section, commissioned, period);
     Structure {
         na: section.key("na", "Order of A: number of past outputs").integer_or(paper.na, 1..=MAX_LINEAR),
         nb: section.key("nb", "Order of B: number of past commands less one").integer_or(paper.nb, 0..=MAX_LINEAR - 1),
@@ -200,6 +202,18 @@ fn read_structure(section: &mut Section, commissioned: Option<&Commissioned>, pe
                 .pair_or(commissioned.map_or((0.0, 0.0), Commissioned::identified_dead_band), 0.0..=WIDEST_DEAD_BAND),
             basis,
         },
+    }
+}
+
+/// Refuses a commissioned dead time of more periods than a model can have, where no `nk` is given.
+fn refuse_long_delay(section: &mut Section, commissioned: Option<&Commissioned>, period: Duration) {
+    let Some(model) = commissioned.filter(|model| model.unlimited_delay(period) > MAX_DELAY) else { return };
+    if !section.is_present("nk") {
+        let (dead_time, nk) = (model.dead_time, model.unlimited_delay(period));
+        let longest = MAX_DELAY.saturating_sub(1) as f64 * period.as_secs_f64();
+        let found = format!("nothing, and {nk} from commissioned.dead_time of {dead_time} s");
+        let allowed = format!("1 to {MAX_DELAY}: a longer timing.period, or a dead time of up to {longest} s");
+        section.refuse("nk", found, allowed);
     }
 }
 

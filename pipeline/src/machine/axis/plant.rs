@@ -115,7 +115,7 @@ impl Plant {
             initial_position: section
                 .key("initial_position", "Position at the start")
                 .allows("a number from 0 to the stroke")
-                .number(0.0..=stroke, "m (the stroke)"),
+                .number(0.0..=stroke, "m"),
             piston_area: number(&mut section, "piston_area", "A_1, area of the piston side", 1e-5..=1.0, "m2"),
             rod_area: number(&mut section, "rod_area", "A_2, area of the rod side", 1e-5..=1.0, "m2"),
             piston_dead_volume: section

@@ -73,7 +73,7 @@ impl Key<'_, '_, '_> {
                 // A setting is TOML where it can be, else a plain string, as in `--set scenario=payload`.
                 let as_toml = DeValue::parse(&text).ok().and_then(|value| parse(value.get_ref()));
                 let parsed = as_toml.or_else(|| parse(&DeValue::String(text.as_str().into())));
-                (parsed, format!("{text} (from the command line)"), None, origin)
+                (parsed, origin.of(text), None, origin)
             }
         };
         match parsed {

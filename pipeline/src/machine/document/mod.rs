@@ -136,12 +136,11 @@ impl<'i> Document<'i> {
             return Err(MachineError { file: file.to_owned(), problems: self.grammar });
         }
         for setting in self.settings.borrow().iter().filter(|setting| !setting.used) {
-            self.problem(
-                None,
-                format!("--set {}", setting.path),
-                "an unknown key",
-                "a key of the machine file, not a table",
-            );
+            let (key, found) = match setting.origin {
+                Origin::CommandLine => (format!("--set {}", setting.path), "an unknown key".to_owned()),
+                _ => (setting.path.clone(), setting.origin.of("an unknown key".to_owned())),
+            };
+            self.problem(None, key, found, "a key of the machine file, not a table");
         }
         let mut problems = self.problems.into_inner();
         problems.sort_by_key(|problem| problem.line.unwrap_or(usize::MAX));

@@ -46,6 +46,16 @@ pub enum Origin {
     },
 }
 
+impl Origin {
+    /// A value that was found, with the place that it comes from where that is not the machine file.
+    pub(super) fn of(&self, found: String) -> String {
+        match self {
+            Self::ModelFile { .. } | Self::CommandLine => format!("{found} (from the {self})"),
+            Self::MachineFile { .. } | Self::Default | Self::Derived { .. } => found,
+        }
+    }
+}
+
 impl fmt::Display for Origin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -66,7 +66,11 @@ impl<'d, 'i> Section<'d, 'i> {
 
     /// Notes a problem with a key of this table.
     pub fn refuse(&self, key: &str, found: impl Into<String>, allowed: impl Into<String>) {
-        self.document.problem(self.line_of(key), self.path_of(key), found, allowed);
+        let (line, found) = match self.origin_of_setting(key) {
+            Some(origin) => (None, origin.of(found.into())),
+            None => (self.line_of(key), found.into()),
+        };
+        self.document.problem(line, self.path_of(key), found, allowed);
     }
 
     /// Takes the value of a key, if there is one, and notes that the key was asked for.
@@ -125,9 +129,8 @@ impl<'d, 'i> Section<'d, 'i> {
 
     /// Refuses the old name of a key and says the new one, `to`, which is relative to this table.
     pub fn renamed(&mut self, key: &'static str, to: &str) {
-        let is_set = self.is_set(key);
         if self.take(key).is_some() {
-            let line = if is_set { None } else { self.line_of(key) };
+            let line = if self.is_set(key) { None } else { self.line_of(key) };
             let allowed = format!("{}, its new name", self.path_of(to));
             self.document.problem(line, self.path_of(key), "a key that has been renamed", allowed);
         }
@@ -135,10 +138,21 @@ impl<'d, 'i> Section<'d, 'i> {
         self.renamed.insert(key);
     }
 
-    /// Whether the command line gives this key.
+    /// Whether the command line or a model file gives this key.
     pub fn is_set(&self, key: &str) -> bool {
+        self.origin_of_setting(key).is_some()
+    }
+
+    /// Whether the file, the command line or a model file gives this key.
+    pub fn is_present(&self, key: &str) -> bool {
+        self.is_set(key) || self.table.is_some_and(|table| table.get(key).is_some())
+    }
+
+    /// Where the value of this key comes from, if it takes the place of the value in the file.
+    fn origin_of_setting(&self, key: &str) -> Option<Origin> {
         let path = self.path_of(key);
-        self.document.settings.borrow().iter().any(|setting| setting.path == path)
+        let settings = self.document.settings.borrow();
+        settings.iter().rfind(|setting| setting.path == path).map(|setting| setting.origin.clone())
     }
 
     /// Ends the reading: a key that was not asked for is unknown.

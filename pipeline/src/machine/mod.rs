@@ -6,7 +6,7 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics` | the tables of the whole machine |
+//! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics`, `soil` | the tables of the whole machine |
 //! | `axis/` | the tables of one axis |
 //! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |
 //! | `document/` | the reader: keys with meaning, allowed values, default and origin |
@@ -22,6 +22,7 @@ mod explain;
 mod fuzzy;
 mod hydraulics;
 mod scenario;
+mod soil;
 mod source;
 mod stages;
 mod timing;
@@ -31,6 +32,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use ::mechanism::Mechanism;
 use axis::Shared;
 use document::{Document, Section, Setting};
 
@@ -43,7 +45,9 @@ pub use error::{MachineError, Problem};
 pub use explain::{Key, keys};
 pub use fuzzy::{Fuzzy, Level};
 pub use hydraulics::{Hydraulics, Oil, Supply};
+use scenario::Described;
 pub use scenario::{Change, CommandSine, Parameter, Scenario, Target};
+pub use soil::Soil;
 pub use source::Source;
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
@@ -68,6 +72,10 @@ pub struct Machine {
     pub source: Source,
     /// Pump and oil of the simulated axes, if there are any.
     pub hydraulics: Option<Hydraulics>,
+    /// Pins, lengths and masses of the excavator that the first four axes move, if there is one.
+    pub mechanism: Option<Mechanism>,
+    /// Soil in front of the teeth of the mechanism, if there is one.
+    pub soil: Option<Soil>,
     /// What changes while the simulated machine works.
     pub scenario: Scenario,
     /// The axes, in the order of the file.
@@ -169,6 +177,7 @@ impl Machine {
         let source = Source::read(root.section("source"), folder);
         let fuzzy = Fuzzy::read(root.section("fuzzy"));
 
+        let mechanism: Option<Mechanism> = None;
         let mut table = root.section("axis");
         let names = table.names();
         if names.is_empty() || names.len() > MAX_AXES {
@@ -180,9 +189,11 @@ impl Machine {
         table.finish();
         let is_simulated = axes.iter().any(|axis| axis.plant.is_some());
         let hydraulics = Hydraulics::read(root.section("supply"), root.section("oil"), is_simulated);
-        let scenario = Scenario::read(&mut root, &names);
+        let soil = Soil::read(root.section("soil"), mechanism.is_some());
+        let described = Described { axes: &names, has_mechanism: mechanism.is_some(), has_soil: soil.is_some() };
+        let scenario = Scenario::read(&mut root, &described);
         root.finish();
-        Self { name, timing, realtime, stages, source, hydraulics, scenario, axes }
+        Self { name, timing, realtime, stages, source, hydraulics, mechanism, soil, scenario, axes }
     }
 
     /// Settings of one stage.

@@ -50,9 +50,11 @@ impl Soil {
         let rake = "rho, angle of the cutting blade to the ground; the bucket's pitch does not change it";
         let soil = Self {
             level: section.key("level", "Height of the ground at x = 0").number_or(0.0, -20.0..=20.0, "m"),
-            slope: section
-                .key("slope", "Angle at which the ground rises forward, away from the machine")
-                .number_or(0.0, -30.0..=30.0, "degrees"),
+            slope: section.key("slope", "Angle at which the ground rises forward, away from the machine").number_or(
+                0.0,
+                -30.0..=30.0,
+                "degrees",
+            ),
             unit_weight: section.key("unit_weight", "gamma, weight of the soil").number(5e3..=4e4, "N/m3"),
             cohesion: section.key("cohesion", "c, cohesion of the soil").number(0.0..=2e5, "Pa"),
             friction_angle,

@@ -123,8 +123,8 @@ impl FourAxes {
         }
     }
 
-    /// The axes coupled by a linkage, which takes the place of their masses and loads; the oil holds its weight.
-    pub fn coupled(mut self, coupling: Coupling, hydraulics: &Hydraulics) -> Self {
+    /// Couples the axes at rest by a linkage, which takes the place of their masses and loads; the oil holds its weight.
+    pub fn couple(&mut self, coupling: Coupling, hydraulics: &Hydraulics) {
         for model in &mut self.models {
             (model.plant.load_force, model.plant.load_stiffness) = (LoadForce::constant(0.0), 0.0);
         }
@@ -139,7 +139,6 @@ impl FourAxes {
         self.state[3] = lanes(&at_rest, |rest| rest.1);
         self.cylinder = Cylinder::pack(&cylinders);
         self.coupling = Some(coupling);
-        self
     }
 
     /// The linkage, where these axes are those of a mechanism.

@@ -25,7 +25,7 @@
 //! faster than those of any axis alone.
 
 use mechanism::{AXES, CylinderDynamics};
-use pipeline::machine::{Axis, Change, Hydraulics, Parameter, Plant};
+use pipeline::machine::{Axis, Change, Hydraulics, Plant};
 
 use super::stiffness::Parts;
 use crate::{actuator::friction::FASTEST_BRISTLES, conditions::Work, coupling::Coupling};
@@ -130,6 +130,3 @@ fn eigenvalue(coupling: &Coupling, positions: &[f64; AXES], own: [f64; AXES], te
     }
     bound
 }
-
-#[cfg(test)]
-mod tests;

@@ -122,7 +122,7 @@ impl PlantSim {
         if let Some(mut coupling) = coupling {
             let work = Work::at(&scenario.changes, payload, 0.0);
             coupling.work(work.payload, work.soil);
-            axes[0] = axes.swap_remove(0).coupled(coupling, &hydraulics);
+            axes[0].couple(coupling, &hydraulics);
         }
         let mut plant = Self {
             pump: pump(&hydraulics, &axes),

@@ -7,8 +7,8 @@
 //! M_l = J M J,   M_l l'' + J (h_c + h_g + M J' l'^2 - J_tip^T f) = F,   F = J tau
 //! ```
 //!
-//! J_i velocity of body i's centre of mass per joint rate, w_i its angular rate per joint rate (1 for a turning joint in
-//! front of it, else 0), m_i masses in kg, I_i moments of inertia about the centre of mass in kg m2, g gravity in m/s2,
+//! J_i velocity of body i's centre of mass per joint rate, w_i its angular rate per joint rate (1 for a turning joint
+//! in front of it, else 0), m_i masses in kg, I_i moments of inertia about the centre of mass in kg m2, g gravity in m/s2,
 //! f force on the teeth in N, F forces of the cylinders in N (positive extends), J and J' as in [`Pose`]. Angular
 //! accelerations add nothing at q'' = 0, since all axes of rotation are parallel.
 //!
@@ -241,8 +241,8 @@ pub struct CylinderDynamics {
 }
 
 impl CylinderDynamics {
-    /// Accelerations of the cylinders, m/s2, under their forces `force`, N. `None` where the mass matrix is not positive
-    /// definite, as in a pose that does not close.
+    /// Accelerations of the cylinders, m/s2, under their forces `force`, N. `None` where the mass matrix is not
+    /// positive definite, as in a pose that does not close.
     pub fn acceleration(&self, force: &[f64; AXES]) -> Option<[f64; AXES]> {
         solve(&self.mass, &std::array::from_fn(|i| force[i] - self.load[i]))
     }

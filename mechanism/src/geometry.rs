@@ -3,8 +3,8 @@
 use crate::{FourBar, triangle::Triangle, vector::Vector};
 
 /// Where the pins are. Frames: the boom's origin is its foot and its x axis leads to the arm pin; the arm's origin is
-/// the arm pin and its x axis leads along the telescope to the bucket pin; the bucket's origin is the bucket pin and its
-/// x axis leads to the teeth.
+/// the arm pin and its x axis leads along the telescope to the bucket pin; the bucket's origin is the bucket pin and
+/// its x axis leads to the teeth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
     /// Boom foot in the world, m.

@@ -10,6 +10,7 @@
 //! | [`inverse`] | cylinder lengths from tip, bucket pitch and telescope |
 //! | [`dynamics`] | mass matrix, gravity, Coriolis terms and accelerations |
 //! | [`machine`] | pins, bodies and cylinders of one machine, and its motion by cylinder positions |
+//! | [`soundness`] | whether the pins let every cylinder move over its whole stroke |
 //!
 //! SI units; x forward, z up, angles counter-clockwise. The four axes always come in the order boom, arm, telescope,
 //! bucket ([`AXES`]). The state of the mechanism is the four cylinder lengths and their rates. Nothing here allocates,
@@ -25,6 +26,7 @@ pub mod geometry;
 pub mod inverse;
 pub mod machine;
 pub mod pose;
+pub mod soundness;
 pub mod triangle;
 pub mod vector;
 
@@ -33,6 +35,7 @@ pub use four_bar::FourBar;
 pub use geometry::Geometry;
 pub use machine::{Mechanism, PreparedMechanism};
 pub use pose::{Linkage, Pose};
+pub use soundness::Flaw;
 pub use vector::{Rotation, Vector};
 
 /// Number of axes: boom, arm, telescope, bucket.

@@ -10,8 +10,8 @@
 //! ```
 //!
 //! l cylinder lengths in m, u(v) the rotation from the x axis to v, x_body the x axis of a body; pins as in
-//! [`Geometry`]. An extending boom cylinder lifts the boom, an extending arm cylinder draws the arm in, and an extending
-//! bucket cylinder curls the bucket in, as on machines with a backhoe.
+//! [`Geometry`]. An extending boom cylinder lifts the boom, an extending arm cylinder draws the arm in, and an
+//! extending bucket cylinder curls the bucket in, as on machines with a backhoe.
 
 use crate::{
     AXES, Geometry,

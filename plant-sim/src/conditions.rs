@@ -1,5 +1,5 @@
 //! The conditions of an axis: the factors and values to which a scenario has changed the axis' parameters at one time,
-//! and what the bucket of a mechanism works on. Nothing in this module allocates.
+//! and what the bucket of a mechanism works on. Only [`acting`] allocates, at construction.
 //!
 //! ```text
 //! c(t) = clamp((t - start)/(end - start), 0, 1)
@@ -18,15 +18,13 @@
 //! | valve time constant | nu^(1/2) | assumed: flow in the pilot line between laminar, nu^1, and turbulent, nu^0 |
 //!
 //! Trap: a parameter that jumps between the stages of one Runge-Kutta step costs the method its order. Conditions are
-//! therefore updated at multiples of [`UPDATE_PERIOD_NS`] only, whatever the step is, and constant in between.
+//! therefore constant during a step, with their values in its middle. A change that is a step acts from the integration
+//! step on whose middle is not before it.
 
-use pipeline::machine::{Change, Oil, Parameter};
+use mechanism::AXES;
+use pipeline::machine::{Change, Oil, Parameter, Scenario};
 
 use crate::hydraulics::oil::viscosity;
-
-/// Period at which conditions are updated, ns: 1 ms. It is a whole number of integration steps, far shorter than a
-/// control period, and too short to be seen in a ramp. A change that is a step acts late by at most this period.
-pub const UPDATE_PERIOD_NS: u64 = 1_000_000;
 
 /// Factors of the parameters of one axis at one time, and the values that a scenario sets.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -101,8 +99,10 @@ impl Conditions {
                 None => {}
             }
         }
-        conditions.viscosity = viscosity(oil.viscosity, temperature) / viscosity(oil.viscosity, oil.temperature);
-        conditions.valve_time_constant *= conditions.viscosity.sqrt();
+        if temperature != oil.temperature {
+            conditions.viscosity = viscosity(oil.viscosity, temperature) / viscosity(oil.viscosity, oil.temperature);
+            conditions.valve_time_constant *= conditions.viscosity.sqrt();
+        }
         conditions
     }
 
@@ -145,6 +145,22 @@ impl Work {
         };
         Self { payload: value(Parameter::Payload, payload), soil: value(Parameter::Soil, 0.0) }
     }
+}
+
+/// `scenario` on a machine with `axes` axes. Where soil acts on the teeth of a mechanism (`has_soil`), no other external
+/// force acts on the axes of the mechanism.
+pub fn acting(scenario: &Scenario, axes: usize, has_soil: bool) -> Scenario {
+    let on_axes = |change: Change| {
+        let acts = move |axis: &usize| *axis >= AXES || change.parameter != Parameter::ExternalForce || !has_soil;
+        let all = 0..axes;
+        let axes = match change.axis {
+            None if all.clone().all(|axis| acts(&axis)) => vec![None],
+            None => all.filter(acts).map(Some).collect(),
+            Some(axis) => Some(axis).filter(acts).map(Some).into_iter().collect(),
+        };
+        axes.into_iter().map(move |axis| Change { axis, ..change })
+    };
+    Scenario { changes: scenario.changes.iter().copied().flat_map(on_axes).collect(), ..scenario.clone() }
 }
 
 /// c, part of a change that has happened.

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use pipeline::machine::{Key, Scenario, keys};
+use pipeline::machine::{Change, Key, Parameter, Scenario, Target, keys};
 
 use super::pages::{Page, is_overwriting, root};
 
@@ -27,13 +27,40 @@ fn check(path: &str, name: &str, content: &str) {
     }
 }
 
+/// What a change does, as `parameter` x factor or to value, and when.
+fn told(change: &Change) -> String {
+    let Change { parameter, start, end, to, .. } = change;
+    let to = (1e3 * to).round() / 1e3;
+    let goal = match parameter.target() {
+        Target::Factor(_) => format!("x {to}"),
+        Target::Value(..) => format!("to {to}"),
+    };
+    let when = if start == end { format!("at {start} s") } else { format!("{start} to {end} s") };
+    format!("`{}` {goal}, {when}", parameter.name())
+}
+
 #[test]
-fn the_book_lists_every_scenario() {
-    let mut table = "| scenario | what changes |\n|---|---|\n".to_owned();
+fn the_book_lists_every_scenario_with_its_changes() {
+    let mut table = "| scenario | what changes | by how much |\n|---|---|---|\n".to_owned();
     for scenario in Scenario::built_in() {
-        table += &format!("| `{}` | {} |\n", scenario.name, scenario.summary);
+        let changes: Vec<String> = scenario.changes.iter().map(told).collect();
+        table += &format!("| `{}` | {} | {} |\n", scenario.name, scenario.summary, changes.join("; "));
     }
     check("docs/src/scenarios.md", "scenarios", &table);
+}
+
+#[test]
+fn the_book_lists_every_parameter_of_a_scenario() {
+    let mut table = "| parameter | of | takes | changes |\n|---|---|---|---|\n".to_owned();
+    for parameter in Parameter::all() {
+        let of = if parameter.is_shared() { "machine" } else { "axis" };
+        let takes = match parameter.target() {
+            Target::Factor(range) => format!("factor, {} to {}", range.start(), range.end()),
+            Target::Value(range, unit) => format!("value, {} to {} {unit}", range.start(), range.end()),
+        };
+        table += &format!("| `{}` | {of} | {takes} | {} |\n", parameter.name(), parameter.meaning());
+    }
+    check("docs/src/scenarios.md", "parameters", &table);
 }
 
 /// The table of a key, and its name within the table.

@@ -14,12 +14,31 @@ pub struct Hydraulics {
 /// One pump for all axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Supply {
-    /// p_s while the flow suffices, Pa.
+    /// How the pump's pressure is controlled.
+    pub kind: SupplyKind,
+    /// Largest pressure of the pump, Pa; the only one of a constant-pressure pump.
     pub pressure: f64,
     /// p_0, pressure of the return line, Pa.
     pub return_pressure: f64,
     /// Largest flow of the pump, m3/s.
     pub flow: f64,
+    /// Largest power of the pump, W; `None` without a limit.
+    pub power: Option<f64>,
+}
+
+/// How the pressure of a pump is controlled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SupplyKind {
+    /// The pump holds its pressure, and every valve gets all of it.
+    ConstantPressure,
+    /// The pump follows the highest pressure of the chambers that it feeds, and a pressure compensator before every
+    /// spool keeps the drop over the spool's edge at `rated_pressure_drop`.
+    LoadSensing {
+        /// Pressure of the pump above the highest pressure of the chambers, Pa.
+        margin: f64,
+        /// Time constant with which the pump's pressure follows, s.
+        response_time: f64,
+    },
 }
 
 /// The oil.
@@ -45,23 +64,47 @@ impl Hydraulics {
 
 impl Supply {
     fn read(mut section: Section) -> Self {
-        let pressure = section.key("pressure", "Supply pressure while the flow suffices").number(1e5..=1e8, "Pa");
-        let supply = Self {
-            pressure,
-            return_pressure: section.key("return_pressure", "Pressure of the return line").number_or(
-                0.0,
-                0.0..=1e7,
-                "Pa",
-            ),
-            flow: section
-                .key("flow", "Largest flow of the pump; short of flow, all axes get the same part of their demand")
-                .number(1e-6..=10.0, "m3/s"),
+        let is_load_sensing = section
+            .key("kind", "How the pump's pressure is controlled: constant, or a margin above the highest load")
+            .choice_or(false, &[("constant-pressure", false), ("load-sensing", true)]);
+        let pressure = section
+            .key("pressure", "Supply pressure while the flow suffices; the largest one of a load-sensing pump")
+            .number(1e5..=1e8, "Pa");
+        let return_pressure =
+            section.key("return_pressure", "Pressure of the return line").number_or(0.0, 0.0..=1e7, "Pa");
+        let flow = section
+            .key("flow", "Largest flow of the pump; short of flow, all axes get the same part of their demand")
+            .number(1e-6..=10.0, "m3/s");
+        let power = section
+            .key("power", "Largest power of the pump; short of power, all axes get the same part of their demand")
+            .optional_number(1.0..=1e7, "W");
+        let kind = if is_load_sensing { SupplyKind::read(&mut section) } else { SupplyKind::ConstantPressure };
+        let least = match kind {
+            SupplyKind::ConstantPressure => 0.0,
+            SupplyKind::LoadSensing { margin, .. } => margin,
         };
-        if supply.return_pressure >= pressure {
-            section.refuse("return_pressure", supply.return_pressure.to_string(), format!("less than {pressure} Pa"));
+        if return_pressure + least >= pressure {
+            section.refuse(
+                "return_pressure",
+                return_pressure.to_string(),
+                format!("less than {} Pa", pressure - least),
+            );
         }
         section.finish();
-        supply
+        Self { kind, pressure, return_pressure, flow, power }
+    }
+}
+
+impl SupplyKind {
+    fn read(section: &mut Section) -> Self {
+        Self::LoadSensing {
+            margin: section
+                .key("margin", "Pressure of the pump above the highest load, with kind = \"load-sensing\"")
+                .number_or(2e6, 1e5..=1e7, "Pa"),
+            response_time: section
+                .key("response_time", "Time constant of the pump's pressure, with kind = \"load-sensing\"")
+                .number_or(0.1, 5e-3..=5.0, "s"),
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics`, `soil` | the tables of the whole machine |
+//! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics`, `mechanism`, `soil` | the tables of the whole machine |
 //! | `axis/` | the tables of one axis |
 //! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |
 //! | `document/` | the reader: keys with meaning, allowed values, default and origin |
@@ -21,6 +21,7 @@ mod error;
 mod explain;
 mod fuzzy;
 mod hydraulics;
+mod mechanism;
 mod scenario;
 mod soil;
 mod source;
@@ -32,7 +33,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use ::mechanism::Mechanism;
+use ::mechanism::{AXES, Mechanism};
 use axis::Shared;
 use document::{Document, Section, Setting};
 
@@ -44,7 +45,7 @@ pub use document::{DefaultValue, EffectiveValue, Origin, samples_of};
 pub use error::{MachineError, Problem};
 pub use explain::{Key, keys};
 pub use fuzzy::{Fuzzy, Level};
-pub use hydraulics::{Hydraulics, Oil, Supply};
+pub use hydraulics::{Hydraulics, Oil, Supply, SupplyKind};
 use scenario::Described;
 pub use scenario::{Change, CommandSine, Parameter, Scenario, Target};
 pub use soil::Soil;
@@ -177,16 +178,24 @@ impl Machine {
         let source = Source::read(root.section("source"), folder);
         let fuzzy = Fuzzy::read(root.section("fuzzy"));
 
-        let mechanism: Option<Mechanism> = None;
         let mut table = root.section("axis");
         let names = table.names();
         if names.is_empty() || names.len() > MAX_AXES {
             let allowed = format!("1 to {MAX_AXES} axes, each a table [axis.NAME]");
             root.refuse("axis", format!("{} axes", names.len()), allowed);
         }
-        let shared = Shared { timing: &timing, source: &source, fuzzy, folder };
+        let mut section = root.section("mechanism");
+        let mechanism = section.is_given().then(|| mechanism::read(&mut section));
+        let carried = if mechanism.is_some() { AXES } else { 0 };
+        let shared =
+            Shared { timing: &timing, source: &source, fuzzy, folder, carried: &names[..carried.min(names.len())] };
         let axes: Vec<Axis> = names.iter().map(|name| Axis::read(name, table.section(name), &shared)).collect();
         table.finish();
+        if let Some(mechanism) = &mechanism {
+            let strokes: Vec<f64> = axes.iter().map(|axis| axis.stroke).collect();
+            mechanism::expect_movable(&section, mechanism, &strokes);
+        }
+        section.finish();
         let is_simulated = axes.iter().any(|axis| axis.plant.is_some());
         let hydraulics = Hydraulics::read(root.section("supply"), root.section("oil"), is_simulated);
         let soil = Soil::read(root.section("soil"), mechanism.is_some());

@@ -125,25 +125,43 @@ impl Parameter {
         name
     }
 
-    /// What the parameter is, in a few words.
+    /// What a change of the parameter changes, with the bounds that hold after it. Names in backquotes are keys of the
+    /// machine file.
     pub const fn meaning(self) -> &'static str {
         match self {
-            Self::FlowGain => "rated flow of the valve",
-            Self::Friction => "viscous, Coulomb and static friction and the stiffness of the bristles together",
-            Self::Mass => "moved mass",
-            Self::LoadForce => "force of the load",
-            Self::ValveTimeConstant => "time constant of the valve",
-            Self::DeadBand => "dead bands of the valve in both directions",
-            Self::Hysteresis => "hysteresis of the valve",
-            Self::Leakage => "internal and external leakage",
-            Self::ExternalForce => "force against extension, added to the load",
-            Self::SupplyPressure => "supply pressure",
-            Self::PumpFlow => "largest flow of the pump",
-            Self::BulkModulus => "bulk modulus of the oil without air",
-            Self::Air => "undissolved air in the oil",
-            Self::Temperature => "temperature of the oil",
-            Self::Payload => "mass that the bucket of `[mechanism]` carries",
-            Self::Soil => "strength of `[soil]` at the teeth: 0 until a scenario sets it, 1 as in the machine file",
+            Self::FlowGain => "`rated_flow` of every control edge: the flow at equal openings and pressures",
+            Self::Friction => {
+                "`viscous_friction`, `coulomb_friction`, `static_friction`, `bristle_stiffness` and `bristle_damping` \
+                 together; dry friction stays above 0.000001 N"
+            }
+            Self::Mass => "`mass`; not of the axes of `[mechanism]`",
+            Self::LoadForce => {
+                "`load_force` at all positions, without `load_stiffness`; not of the axes of `[mechanism]`"
+            }
+            Self::ValveTimeConstant => "`valve_time_constant`",
+            Self::DeadBand => {
+                "`dead_band_extend` and `dead_band_retract`, up to 0.95; saturation stays where it is, but at least \
+                 0.05 above the dead band"
+            }
+            Self::Hysteresis => "`hysteresis`",
+            Self::Leakage => "`internal_leakage` and `external_leakage`",
+            Self::ExternalForce => {
+                "force against extension that is added to the load; 1 is the `pressure` of the supply in the machine \
+                 file times `piston_area`"
+            }
+            Self::SupplyPressure => "`pressure` of the supply",
+            Self::PumpFlow => "`flow` and `power` of the supply, as the speed of the engine does",
+            Self::BulkModulus => "`bulk_modulus` of the oil, which is that without air",
+            Self::Air => "`air` in the oil",
+            Self::Temperature => {
+                "temperature of the oil: viscous friction is proportional to the viscosity, leakage to its inverse, \
+                 the time constant of the valve to its square root"
+            }
+            Self::Payload => "`mass` of `[mechanism.payload]`, what the bucket carries",
+            Self::Soil => {
+                "strength of `[soil]` at the teeth: 0 until a scenario sets it, 1 as in the machine file; then no \
+                 `external_force` acts on the axes of the mechanism"
+            }
         }
     }
 

@@ -311,3 +311,83 @@ fn the_grey_box_has_the_structure_of_the_commissioned_model() {
     assert_eq!((nk, order, input.dead_band), (5, 3, (0.08 - 0.01, 0.1 - 0.01)));
     assert_eq!(input.basis, Basis::hinges(&[0.0, 0.05, 0.35 * 0.5]).unwrap());
 }
+
+/// The tables of an excavator's mechanism.
+const MECHANISM: &str = include_str!("../../../tests/data/mechanism.toml");
+
+/// The built-in machine with [`MECHANISM`], which says what its axes move.
+fn with_mechanism(from: &str, to: &str) -> Result<Machine, MachineError> {
+    let is_load = |line: &&str| ["mass =", "load_force =", "load_stiffness ="].iter().any(|key| line.starts_with(key));
+    let machine: Vec<&str> = BUILT_IN.lines().filter(|line| !is_load(line)).collect();
+    let text = format!("{}\n{MECHANISM}", machine.join("\n"));
+    assert!(text.contains(from), "{from}");
+    Machine::parse(&text.replacen(from, to, 1), "m.toml", Path::new("."), &[])
+}
+
+#[test]
+fn a_mechanism_takes_the_place_of_masses_and_loads() {
+    let mechanism = with_mechanism("", "").unwrap().mechanism.unwrap();
+    assert_eq!(mechanism.retracted, [1.87, 2.075, 0.0, 1.68]);
+    assert_eq!(mechanism.masses.payload.center, ::mechanism::Vector::new(0.75, 0.22));
+    // A payload without a centre lies at the bucket's centre of mass.
+    let payload = with_mechanism("center = [0.75, 0.22]\n", "").unwrap().mechanism.unwrap().masses.payload;
+    assert_eq!((payload.mass, payload.center), (0.0, mechanism.masses.bucket.center));
+
+    let error = with_mechanism("piston_area = 0.0226", "mass = 40e3\npiston_area = 0.0226").unwrap_err().to_string();
+    assert!(error.contains("axis.boom.plant.mass: found 40e3; allowed: no such key here: [mechanism]"), "{error}");
+    let error = with_mechanism("[timing]", "[mechanisms]\n[timing]").unwrap_err().to_string();
+    assert!(error.contains("mechanisms: found an unknown key"), "{error}");
+    // Without the table, masses are needed.
+    let error = refusal("mass = 40e3", "").to_string();
+    assert!(error.contains("axis.boom.plant.mass: found nothing; allowed: a number from 1 to 1000000 kg"), "{error}");
+}
+
+#[test]
+fn wrong_values_of_a_mechanism_name_key_found_and_allowed() {
+    for (from, to, expected) in [
+        (
+            "foot = [0.23, 1.96]",
+            "foot = [0.23]",
+            "mechanism.boom.foot: found [0.23]; allowed: [x, z], two numbers from -100",
+        ),
+        ("foot = [0.23, 1.96]", "foot = [nan, 1]", "mechanism.boom.foot: found [nan, 1]; allowed: [x, z]"),
+        ("length = 5.65", "length = 0", "mechanism.boom.length: found 0; allowed: a number from 0.001 to 100 m"),
+        (
+            "rocker_length = 0.700",
+            "rocker = 0.7",
+            "mechanism.bucket.rocker: found an unknown key; allowed: one of center,",
+        ),
+        ("mass = 660", "mass = 0", "mechanism.bucket.mass: found 0; allowed: a number from 0.001"),
+        ("inertia = 280", "", "mechanism.telescope.inertia: found nothing; allowed: a number from 0 to"),
+        ("[mechanism.payload]", "[mechanism.load]", "mechanism.load: found an unknown key; allowed: one of arm, boom,"),
+    ] {
+        let error = with_mechanism(from, to).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn pins_that_do_not_let_a_cylinder_move_over_its_stroke_are_refused() {
+    for (from, to, expected) in [
+        (
+            "cylinder_rod = [2.431, 0.982]",
+            "cylinder_rod = [8.0, 0.982]",
+            "mechanism.boom: found pins that close at no length from 1.850 to 3.224 m of the cylinder; allowed: pins with \
+             which the cylinder turns the boom one way over its stroke of 1.334 m",
+        ),
+        // 0.823 m and 2.622 m between the pins: the boom cylinder is stretched at 3.445 m.
+        (
+            "cylinder_length = 1.870",
+            "cylinder_length = 2.2",
+            "mechanism.boom: found a dead centre at position 1.245 m, length 3.445 m",
+        ),
+        // 1.8 m is the shortest length.
+        ("cylinder_length = 1.870", "cylinder_length = 1.819", "mechanism.boom: found a moment arm of 0.0"),
+        ("cylinder_rod = [-0.843, 0.249]", "cylinder_rod = [-0.343, 0.249]", "mechanism.arm: found a dead centre at"),
+        ("link_length = 0.600", "link_length = 0.500", "mechanism.bucket: found a dead centre at position"),
+    ] {
+        let error = with_mechanism(from, to).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+        assert_eq!(error.lines().count(), 1, "{error}");
+    }
+}

@@ -1,8 +1,8 @@
 //! The cylinder: control edges, two chambers, leakage and force balance give the rates of change of one axis.
 //!
 //! ```text
-//! extend,  X >= 0:  q1 = s k X max(0, f(p_s - p1))    q2 =  k X f(p2 - p_0)          (3)
-//! retract, X < 0:   q1 = k X f(p1 - p_0)              q2 =  s k X max(0, f(p_s - p2))
+//! extend,  X >= 0:  q1 = s k X max(0, f(min(dp_c, p_s - p1)))    q2 =  k X f(p2 - p_0)          (3)
+//! retract, X < 0:   q1 = k X f(p1 - p_0)              q2 =  s k X max(0, f(min(dp_c, p_s - p2)))
 //! V1/beta_e dp1/dt = q1 - A1 v - C_ip (p1 - p2) - C_ep p1 - q_o(p1)                  (6)
 //! V2/beta_e dp2/dt = A2 v - q2 + C_ip (p1 - p2) - C_ep p2 - q_o(p2)                  (6)
 //! m dv/dt = A1 p1 - A2 p2 - F(v, z) - F_L(y) + F_stop(y, v)                          (9)
@@ -12,7 +12,8 @@
 //! |---|---|---|
 //! | q1, q2 | m3/s | flow into the piston side, flow out of the rod side |
 //! | f | Pa^(1/2) | flow law of a control edge, [`crate::hydraulics::orifice`] |
-//! | s | 1 | part of its demand that every axis gets, [`crate::hydraulics::supply`] |
+//! | p_s, s | Pa, 1 | pressure of the pump, part of its demand that every axis gets, [`crate::hydraulics::supply`] |
+//! | dp_c | Pa | drop that a pressure compensator leaves to the edge that feeds; without a compensator unbounded |
 //! | beta_e | Pa | bulk modulus of oil with air at the pressure of the chamber, [`crate::hydraulics::oil`] |
 //! | q_o | m3/s | relief and make-up valve, [`crate::hydraulics::port`] |
 //! | F, z | N, m | friction and deflection of its bristles, [`super::friction`] |
@@ -26,7 +27,7 @@
 //! Trap: V02 is the volume left at full stroke. An end stop that yields therefore takes from the dead volume; the
 //! volume of a chamber has the lower bound [`LEAST_VOLUME`].
 
-use pipeline::machine::{Hydraulics, Plant};
+use pipeline::machine::{Hydraulics, Plant, SupplyKind};
 
 use super::{end_stop::EndStops, friction::Friction, load::Load};
 use crate::{
@@ -35,6 +36,7 @@ use crate::{
         oil::OilMixture,
         orifice::{conductance, smooth_root},
         port::PortValves,
+        supply::Demand,
     },
     lanes::{LANES, Lanes, lanes, positive},
 };
@@ -65,7 +67,9 @@ pub struct Cylinder<T> {
     pub ports: PortValves<T>,
     /// k of every control edge, m3/(s Pa^(1/2)).
     pub conductance: T,
-    /// p_s, Pa: the supply pressure while the flow suffices.
+    /// dp_c, Pa; infinite without a compensator.
+    pub compensated_drop: T,
+    /// Largest p_s, Pa.
     pub supply_pressure: T,
     /// p_0, Pa.
     pub return_pressure: T,
@@ -79,6 +83,9 @@ pub struct Cylinder<T> {
     pub end_stops: EndStops<T>,
 }
 
+/// Pressure of a chamber that no valve connects with the pump, Pa: below any load.
+const SHUT: Lanes = Lanes::new([f64::NEG_INFINITY; LANES]);
+
 /// State of an axis: y m, v m/s, p1 Pa, p2 Pa, z m.
 pub type State<T> = [T; 5];
 
@@ -91,14 +98,22 @@ pub struct Edges {
     pub demand: Lanes,
     /// Flow to the tank, m3/s.
     drain: Lanes,
+    /// Pressure in the chamber that the valve connects with the pump, Pa; negative infinity while it is shut.
+    fed: Lanes,
 }
 
 impl Edges {
-    /// Flow that the four axes together demand from the pump, m3/s.
+    /// What the four axes together ask of the pump.
     #[inline]
-    pub fn total_demand(&self) -> f64 {
-        let demand: [f64; LANES] = Lanes::to_array(self.demand);
-        (demand[0] + demand[1]) + (demand[2] + demand[3])
+    pub fn total_demand(&self) -> Demand {
+        let (demand, fed): ([f64; LANES], [f64; LANES]) = (self.demand.to_array(), self.fed.to_array());
+        let flow = (demand[0] + demand[1]) + (demand[2] + demand[3]);
+        Demand { flow, load_pressure: fed[0].max(fed[1]).max(fed[2].max(fed[3])) }
+    }
+
+    /// Pressures in the chambers to which the pump delivers, Pa; negative infinity where it delivers nothing.
+    pub fn delivered_to(&self) -> Lanes {
+        self.demand.simd_gt(Lanes::ZERO).select(self.fed, SHUT)
     }
 }
 
@@ -121,6 +136,10 @@ impl Cylinder<f64> {
             external_leakage: plant.external_leakage * leakage,
             ports: PortValves::new(plant),
             conductance: conductance(plant.rated_flow * conditions.flow_gain, plant.rated_pressure_drop),
+            compensated_drop: match hydraulics.supply.kind {
+                SupplyKind::ConstantPressure => f64::INFINITY,
+                SupplyKind::LoadSensing { .. } => plant.rated_pressure_drop,
+            },
             supply_pressure,
             return_pressure: hydraulics.supply.return_pressure,
             inverse_mass: 1.0 / (plant.mass * conditions.mass),
@@ -130,13 +149,14 @@ impl Cylinder<f64> {
         }
     }
 
-    /// Pressures (p1, p2), Pa, that hold the force `load`, N, against extension at rest with the valve shut.
+    /// Pressures (p1, p2), Pa, that hold the force `load`, N, against extension at rest with the valve shut, when the pump
+    /// idles at `idle` Pa.
     ///
     /// Between two moves the pressure of the rod side lies between return and supply pressure; it starts in the middle.
     /// A load may pull so hard that the piston side would need less than the return pressure. Then the piston side
     /// starts at the return pressure, and the rod side holds the load.
-    pub fn pressures_at_rest(&self, load: f64) -> (f64, f64) {
-        let rod = 0.5 * (self.supply_pressure + self.return_pressure);
+    pub fn pressures_at_rest(&self, load: f64, idle: f64) -> (f64, f64) {
+        let rod = 0.5 * (idle + self.return_pressure);
         let piston = (load + self.rod_area * rod) / self.piston_area;
         if piston >= self.return_pressure {
             return (piston, rod);
@@ -159,6 +179,7 @@ impl Cylinder<Lanes> {
             external_leakage: lanes(axes, |c| c.external_leakage),
             ports: PortValves::pack(&axes.map(|c| c.ports)),
             conductance: lanes(axes, |c| c.conductance),
+            compensated_drop: lanes(axes, |c| c.compensated_drop),
             supply_pressure: lanes(axes, |c| c.supply_pressure),
             return_pressure: lanes(axes, |c| c.return_pressure),
             inverse_mass: lanes(axes, |c| c.inverse_mass),
@@ -168,15 +189,19 @@ impl Cylinder<Lanes> {
         }
     }
 
-    /// Flows through the control edges at the opening X = `opening` in [-1, 1], equation (3) for both directions.
+    /// Flows through the control edges at the opening X = `opening` in [-1, 1] and the pump's pressure p_s = `supply`
+    /// Pa, equation (3) for both directions.
     #[inline]
-    pub fn edges(&self, [_, _, p1, p2, _]: &State<Lanes>, opening: Lanes) -> Edges {
+    pub fn edges(&self, [_, _, p1, p2, _]: &State<Lanes>, opening: Lanes, supply: f64) -> Edges {
         let extends = opening.simd_ge(Lanes::ZERO);
         let gain = self.conductance * opening.abs();
+        let (fed, drained) = (extends.select(*p1, *p2), extends.select(*p2, *p1));
+        let drop = (Lanes::splat(supply) - fed).fast_min(self.compensated_drop);
         Edges {
             extends,
-            demand: gain * positive(smooth_root(self.supply_pressure - extends.select(*p1, *p2))),
-            drain: gain * smooth_root(extends.select(*p2, *p1) - self.return_pressure),
+            demand: gain * positive(smooth_root(drop)),
+            drain: gain * smooth_root(drained - self.return_pressure),
+            fed: opening.simd_ne(Lanes::ZERO).select(fed, SHUT),
         }
     }
 

@@ -12,7 +12,7 @@ use crate::{
     actuator::cylinder::{Cylinder, Edges, State},
     conditions::{Conditions, Work},
     coupling::Coupling,
-    hydraulics::oil::LOWEST_PRESSURE,
+    hydraulics::{oil::LOWEST_PRESSURE, supply::Demand},
     lanes::{LANES, Lanes, lanes},
     valve::{DelayLine, Valve},
 };
@@ -77,12 +77,13 @@ pub struct FourAxes {
 impl FourAxes {
     /// The axes at rest: at their initial positions, valves shut, loads held by the oil.
     ///
-    /// `axes` are 1 to 4 axes, the first of which has the number `first` in the machine. `of` returns the conditions of
-    /// the axis with a number. Dead times are rounded to whole steps of `step` s.
+    /// `axes` are 1 to 4 axes, the first of which has the number `first` in the machine. The pump idles at `idle` Pa.
+    /// `of` returns the conditions of the axis with a number. Dead times are rounded to whole steps of `step` s.
     pub fn new(
         axes: &[(&Axis, &Plant)],
         first: usize,
         hydraulics: &Hydraulics,
+        idle: f64,
         of: impl Fn(usize) -> Conditions,
         step: f64,
     ) -> Self {
@@ -95,7 +96,7 @@ impl FourAxes {
         let cylinders = cylinders(&models, hydraulics, &conditions);
         let at_rest: [[f64; 3]; LANES] = std::array::from_fn(|lane| {
             let position = models[lane].plant.initial_position;
-            let (piston, rod) = cylinders[lane].pressures_at_rest(cylinders[lane].load.at(position));
+            let (piston, rod) = cylinders[lane].pressures_at_rest(cylinders[lane].load.at(position), idle);
             [position, piston, rod]
         });
         let state = [
@@ -124,7 +125,8 @@ impl FourAxes {
     }
 
     /// Couples the axes at rest by a linkage, which takes the place of their masses and loads; the oil holds its weight.
-    pub fn couple(&mut self, coupling: Coupling, hydraulics: &Hydraulics) {
+    /// The pump idles at `idle` Pa.
+    pub fn couple(&mut self, coupling: Coupling, hydraulics: &Hydraulics, idle: f64) {
         for model in &mut self.models {
             (model.plant.load_force, model.plant.load_stiffness) = (LoadForce::constant(0.0), 0.0);
         }
@@ -133,7 +135,7 @@ impl FourAxes {
         let weights = coupling.holding_forces(&positions);
         let at_rest: [(f64, f64); AXES] = std::array::from_fn(|lane| {
             let external = cylinders[lane].load.at(positions[lane]);
-            cylinders[lane].pressures_at_rest(weights[lane] + external)
+            cylinders[lane].pressures_at_rest(weights[lane] + external, idle)
         });
         self.state[2] = lanes(&at_rest, |rest| rest.0);
         self.state[3] = lanes(&at_rest, |rest| rest.1);
@@ -161,11 +163,6 @@ impl FourAxes {
     /// y, v, p1, p2 and z of the axes at the end of the last step.
     pub fn state(&self) -> &State<Lanes> {
         &self.state
-    }
-
-    /// Conditions of the first axis.
-    pub fn first_conditions(&self) -> Conditions {
-        self.conditions[0]
     }
 
     /// Changes the parameters to other conditions; `of` returns the conditions of the axis with a number.
@@ -196,11 +193,11 @@ impl FourAxes {
         self.sum = [Lanes::ZERO; 5];
     }
 
-    /// Flow that the axes demand from the pump at this stage, m3/s; `part` is 0 at the begin of the step, 1 in the
-    /// middle, 2 at the end.
+    /// What the axes ask of the pump at this stage, when its pressure is `supply` Pa; `part` is 0 at the begin of the
+    /// step, 1 in the middle, 2 at the end.
     #[inline]
-    pub fn demand(&mut self, part: usize) -> f64 {
-        self.edges = self.cylinder.edges(&self.stage, self.openings[part]);
+    pub fn demand(&mut self, part: usize, supply: f64) -> Demand {
+        self.edges = self.cylinder.edges(&self.stage, self.openings[part], supply);
         self.edges.total_demand()
     }
 
@@ -232,19 +229,19 @@ impl FourAxes {
         self.state[3] = self.state[3].fast_max(lowest);
     }
 
-    /// Flow that the axes demand from the pump at the end of the last step, m3/s.
-    pub fn demand_now(&self) -> f64 {
-        self.cylinder.edges(&self.state, self.openings[2]).total_demand()
+    /// What the axes ask of the pump at the end of the last step, when its pressure is `supply` Pa.
+    pub fn demand_now(&self, supply: f64) -> Demand {
+        self.cylinder.edges(&self.state, self.openings[2], supply).total_demand()
     }
 
-    /// The true state of each axis when every axis gets the part `share` of its demand, and the pressure in the chamber
-    /// that the pump feeds, Pa; `None` where the axis demands no flow.
-    pub fn observe(&self, share: f64) -> impl Iterator<Item = (TrueState, Option<f64>)> {
-        let edges = self.cylinder.edges(&self.state, self.openings[2]);
+    /// The true state of each axis when the pump's pressure is `supply` Pa and every axis gets the part `share` of its
+    /// demand, and the pressure in the chamber that the pump feeds, Pa; negative infinity where it feeds none.
+    pub fn observe(&self, share: f64, supply: f64) -> impl Iterator<Item = (TrueState, f64)> {
+        let edges = self.cylinder.edges(&self.state, self.openings[2], supply);
         let (q1, q2) = self.cylinder.flows(&edges, Lanes::splat(share));
         let [y, v, p1, p2, _] = self.state.map(Lanes::to_array);
         let (q1, q2, spool) = (q1.to_array(), q2.to_array(), self.spool.to_array());
-        let demand = edges.demand.to_array();
+        let fed = edges.delivered_to().to_array();
         (0..self.axes).map(move |lane| {
             let state = TrueState {
                 position: y[lane],
@@ -255,8 +252,7 @@ impl FourAxes {
                 piston_flow: q1[lane],
                 rod_flow: q2[lane],
             };
-            let fed = if q1[lane] > 0.0 { p1[lane] } else { p2[lane] };
-            (state, (demand[lane] > 0.0).then_some(fed))
+            (state, fed[lane])
         })
     }
 }

@@ -165,7 +165,7 @@ struct Compression {
 }
 
 /// Distance of two knots in the logarithm of the absolute pressure.
-const SPACING: f64 = 0.01;
+const SPACING: f64 = 0.002;
 
 /// Highest pressure of the table, Pa above the atmosphere.
 const HIGHEST_PRESSURE: f64 = 2e8;

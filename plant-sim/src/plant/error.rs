@@ -1,8 +1,9 @@
 //! Why a machine cannot be simulated.
 
-use crate::{conditions::UPDATE_PERIOD_NS, coupling::MARGIN};
 use mechanism::AXES;
 use pipeline::MAX_AXES;
+
+use crate::{coupling::MARGIN, integration::runge_kutta::LONGEST_STEP_NS};
 
 /// Why [`PlantSim::new`](super::PlantSim::new) cannot build a machine.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -16,8 +17,8 @@ pub enum PlantError {
     /// The machine has simulated axes, but no supply and no oil.
     #[error("supply, oil: found nothing; give the simulated machine its tables [supply] and [oil]")]
     NoHydraulics,
-    /// The period at which conditions are updated is not a multiple of the step.
-    #[error("step: found {found_ns} ns; allowed: a divisor of {UPDATE_PERIOD_NS} ns")]
+    /// A millisecond is no whole number of steps.
+    #[error("step: found {found_ns} ns; allowed: a divisor of {LONGEST_STEP_NS} ns")]
     Step {
         /// The step, ns.
         found_ns: u64,

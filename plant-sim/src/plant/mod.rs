@@ -7,9 +7,13 @@
 //! | [`energy`] | where the work of the pump goes |
 //! | `drive` | the commands that the drive holds, and its time-out |
 //! | `error` | [`PlantError`]: why a machine cannot be simulated |
+//! | `observation` | the true states at a time, also between two steps |
 //!
 //! A command can ask to cut the pilot pressure off. While it does, neither dead time nor hysteresis acts: the springs
 //! push the spools to neutral.
+//!
+//! Time passes in whole steps. A command that comes within a step acts from the next step on; states within a step are
+//! interpolated.
 //!
 //! Only the constructors allocate.
 
@@ -17,6 +21,7 @@ mod coupled;
 mod drive;
 pub mod energy;
 mod error;
+mod observation;
 pub mod stiffness;
 
 use std::time::Duration;
@@ -24,18 +29,18 @@ use std::time::Duration;
 use mechanism::AXES;
 use pipeline::{
     MAX_AXES,
-    machine::{Axis, Change, Hydraulics, Machine, Parameter, Plant, Scenario},
+    machine::{Axis, Hydraulics, Machine, Plant, Scenario},
     message::{EncoderReading, ValveCommand},
 };
 
 use crate::{
-    conditions::{Conditions, UPDATE_PERIOD_NS, Work},
+    conditions::{Conditions, Work, acting},
     coupling::Coupling,
     encoder::NoisyEncoder,
-    hydraulics::supply::Pump,
+    hydraulics::supply::{Demand, Pump},
     integration::{
         FourAxes, TrueState,
-        runge_kutta::{STEP_NS, runge_kutta},
+        runge_kutta::{LONGEST_STEP_NS, STEP_NS, runge_kutta},
     },
     lanes::LANES,
 };
@@ -43,6 +48,7 @@ use crate::{
 use coupled::fastest_coupled_rate;
 use drive::Drive;
 pub use error::PlantError;
+use observation::Observation;
 use stiffness::{STABILITY_LIMIT, fastest_rate};
 
 /// The simulated machine.
@@ -55,17 +61,17 @@ pub struct PlantSim {
     scenario: Scenario,
     /// What the bucket of the mechanism carries before all changes, kg.
     payload: f64,
-    /// Model time after which the scenario changes nothing more, ns.
-    changes_end_ns: u64,
-    states: Vec<TrueState>,
-    /// Supply pressure that is left now, Pa.
-    supply_pressure: f64,
+    /// What is seen at the time that was asked for.
+    observed: Observation,
+    /// What is seen at begin and end of the step in which that time lies; used only for a time between two steps.
+    around: [Observation; 2],
     encoders: Vec<NoisyEncoder>,
     drive: Drive,
     step_ns: u64,
+    /// End of the last step, ns.
     time_ns: u64,
-    /// Time that was asked for and is not yet a whole step, ns.
-    remainder_ns: u64,
+    /// Time that was asked for, ns: at the end of the last step or within it.
+    asked_ns: u64,
     /// Number of readings so far.
     readings: u64,
 }
@@ -90,10 +96,10 @@ impl PlantSim {
         if count > MAX_AXES {
             return Err(PlantError::TooManyAxes { found: count });
         }
-        if step_ns == 0 || !UPDATE_PERIOD_NS.is_multiple_of(step_ns) {
+        if step_ns == 0 || !LONGEST_STEP_NS.is_multiple_of(step_ns) {
             return Err(PlantError::Step { found_ns: step_ns });
         }
-        let (scenario, step) = (acting(machine), seconds(step_ns));
+        let (scenario, step) = (acting(&machine.scenario, count, machine.soil.is_some()), seconds(step_ns));
         let plants = plants(machine)?;
         let coupling = coupling(machine)?;
         let payload = machine.mechanism.map_or(0.0, |mechanism| mechanism.masses.payload.mass);
@@ -116,31 +122,33 @@ impl PlantSim {
             }
         }
         let at_begin = |index| Conditions::at(&scenario.changes, &hydraulics.oil, index, 0.0);
+        let pump = pump(&hydraulics, &at_begin(0));
         let fours = plants.chunks(LANES).enumerate();
-        let mut axes: Vec<FourAxes> =
-            fours.map(|(i, plants)| FourAxes::new(plants, i * LANES, &hydraulics, at_begin, step)).collect();
+        let mut axes: Vec<FourAxes> = fours
+            .map(|(i, plants)| FourAxes::new(plants, i * LANES, &hydraulics, pump.pressure, at_begin, step))
+            .collect();
         if let Some(mut coupling) = coupling {
             let work = Work::at(&scenario.changes, payload, 0.0);
             coupling.work(work.payload, work.soil);
-            axes[0].couple(coupling, &hydraulics);
+            axes[0].couple(coupling, &hydraulics, pump.pressure);
         }
         let mut plant = Self {
-            pump: pump(&hydraulics, &axes),
+            pump,
             axes,
             hydraulics,
-            changes_end_ns: changes_end_ns(&scenario),
             scenario,
             payload,
-            states: Vec::with_capacity(count),
-            supply_pressure: hydraulics.supply.pressure,
+            observed: Observation::with_room(count),
+            around: [Observation::with_room(count), Observation::with_room(count)],
             encoders,
             drive: Drive::new(count, nanoseconds(machine.timing.drive_timeout)),
             step_ns,
             time_ns: 0,
-            remainder_ns: 0,
+            asked_ns: 0,
             readings: 0,
         };
-        plant.observe();
+        let room = std::mem::take(&mut plant.observed);
+        plant.observed = plant.observe(room);
         Ok(plant)
     }
 
@@ -148,38 +156,56 @@ impl PlantSim {
     /// clamped, and all are neutral while `cut_off` asks for no pilot pressure. The pilot pressure stays cut off until
     /// a command no longer asks for it, also when the drive goes neutral by itself.
     pub fn command(&mut self, command: &ValveCommand) {
-        self.drive.command(command, self.time_ns);
+        self.drive.command(command, self.asked_ns);
     }
 
-    /// Advances model time by whole steps. The rest of `duration` is added to the next call's.
+    /// Advances model time by `duration`. The steps that begin before the new time are made.
     pub fn advance(&mut self, duration: Duration) {
-        self.remainder_ns = self.remainder_ns.saturating_add(nanoseconds(duration));
-        let steps = self.remainder_ns / self.step_ns;
-        self.remainder_ns %= self.step_ns;
+        self.asked_ns = self.asked_ns.saturating_add(nanoseconds(duration));
+        let steps = self.asked_ns.saturating_sub(self.time_ns).div_ceil(self.step_ns);
+        let within = self.asked_ns % self.step_ns;
+        if within == 0 {
+            self.drive_for(steps);
+            let old = std::mem::take(&mut self.observed);
+            self.observed = self.observe(old);
+            return;
+        }
+        let [mut begin, mut end] = std::mem::take(&mut self.around);
+        if let Some(before) = steps.checked_sub(1) {
+            self.drive_for(before);
+            begin = self.observe(begin);
+            self.drive_for(1);
+            end = self.observe(end);
+        }
+        self.observed.interpolate(&begin, &end, within as f64 / self.step_ns as f64);
+        self.around = [begin, end];
+    }
 
+    /// Makes `steps` steps, during which the drive may go neutral.
+    fn drive_for(&mut self, steps: u64) {
         let driven = self.drive.remaining_ns(self.time_ns).div_ceil(self.step_ns).min(steps);
         self.step(driven);
         if driven < steps {
             self.drive.go_neutral();
             self.step(steps - driven);
         }
-        self.observe();
     }
 
     fn step(&mut self, steps: u64) {
         let step = seconds(self.step_ns);
         for _ in 0..steps {
-            if self.time_ns <= self.changes_end_ns && self.time_ns.is_multiple_of(UPDATE_PERIOD_NS) {
-                self.update_conditions(step);
+            // Conditions are constant during the step; those in its middle are right to second order.
+            let middle = seconds(self.time_ns) + 0.5 * step;
+            if self.scenario.changes.iter().any(|change| change.start <= middle && middle <= change.end + step) {
+                self.update_conditions(middle, step);
             }
-            runge_kutta(&mut self.axes, self.drive.commands(), self.drive.is_cut_off(), &self.pump, step);
+            runge_kutta(&mut self.axes, self.drive.commands(), self.drive.is_cut_off(), &mut self.pump, step);
             self.time_ns += self.step_ns;
         }
     }
 
-    /// Takes axes and pump to the conditions of this time.
-    fn update_conditions(&mut self, step: f64) {
-        let time = seconds(self.time_ns);
+    /// Takes axes and pump to the conditions at `time` s.
+    fn update_conditions(&mut self, time: f64, step: f64) {
         let now = |index| Conditions::at(&self.scenario.changes, &self.hydraulics.oil, index, time);
         for axes in &mut self.axes {
             axes.apply(now, &self.hydraulics, step);
@@ -187,30 +213,36 @@ impl PlantSim {
         if let Some(first) = self.axes.first_mut() {
             first.work(Work::at(&self.scenario.changes, self.payload, time));
         }
-        self.pump = pump(&self.hydraulics, &self.axes);
+        self.pump.limit(pump(&self.hydraulics, &now(0)));
     }
 
-    /// Updates the true states and the supply pressure that is left.
-    fn observe(&mut self) {
-        let share = self.pump.share(self.axes.iter().map(FourAxes::demand_now).sum());
-        self.states.clear();
+    /// The true states and the supply pressure that is left at the end of the last step, in the memory of `old`.
+    fn observe(&self, mut old: Observation) -> Observation {
+        let supply = self.pump.pressure;
+        let demand = self.axes.iter().map(|four| four.demand_now(supply)).fold(Demand::NONE, Demand::and);
+        let share = self.pump.share(&demand, supply);
+        old.states.clear();
         let mut pressure = f64::NEG_INFINITY;
         for axes in &self.axes {
-            for (state, fed) in axes.observe(share) {
-                self.states.push(state);
-                pressure = pressure.max(fed.map_or(pressure, |fed| self.pump.sagged(share, fed)));
+            for (state, fed) in axes.observe(share, supply) {
+                old.states.push(state);
+                if fed.is_finite() {
+                    pressure = pressure.max(self.pump.sagged(share, fed));
+                }
             }
         }
         // The pressure does not sag while no chamber is fed.
-        self.supply_pressure = if pressure.is_finite() { pressure } else { self.pump.pressure };
+        old.supply_pressure = if pressure.is_finite() { pressure } else { supply };
+        old
     }
 
     /// Reads all encoders, each with newly drawn noise. The reading is numbered; its times stay zero.
     pub fn read(&mut self) -> EncoderReading {
         let mut reading = EncoderReading::default();
         reading.header.sequence = self.readings;
-        reading.header.axis_count = self.states.len() as u32;
-        for ((value, encoder), state) in reading.encoders.iter_mut().zip(&mut self.encoders).zip(&self.states) {
+        reading.header.axis_count = self.observed.states.len() as u32;
+        for ((value, encoder), state) in reading.encoders.iter_mut().zip(&mut self.encoders).zip(&self.observed.states)
+        {
             value.counts = encoder.read(state.position);
         }
         self.readings += 1;
@@ -219,17 +251,17 @@ impl PlantSim {
 
     /// The true states of all axes, in the machine's order.
     pub fn axes(&self) -> &[TrueState] {
-        &self.states
+        &self.observed.states
     }
 
     /// Supply pressure that is left now, Pa.
     pub fn supply_pressure(&self) -> f64 {
-        self.supply_pressure
+        self.observed.supply_pressure
     }
 
-    /// Model time: the whole steps made so far.
+    /// Model time, at which the states are.
     pub fn time(&self) -> Duration {
-        Duration::from_nanos(self.time_ns)
+        Duration::from_nanos(self.asked_ns)
     }
 }
 
@@ -252,38 +284,9 @@ fn coupling(machine: &Machine) -> Result<Option<Coupling>, PlantError> {
     coupling.map(Some).map_err(|(axis, position)| PlantError::Linkage { axis: axes[axis].name.clone(), position })
 }
 
-/// The scenario without what the machine does not have: where soil acts on the teeth of a mechanism, no other external
-/// force acts on its axes.
-fn acting(machine: &Machine) -> Scenario {
-    let mut scenario = machine.scenario.clone();
-    if machine.soil.is_some() {
-        scenario.changes = scenario
-            .changes
-            .into_iter()
-            .flat_map(|change| {
-                let is_replaced = change.parameter == Parameter::ExternalForce;
-                let first = if is_replaced { AXES } else { 0 };
-                let axes = match change.axis {
-                    None if is_replaced => (first..machine.axes.len()).map(Some).collect(),
-                    axis => axis.filter(|axis| *axis < first).map_or(vec![axis], |_| Vec::new()),
-                };
-                axes.into_iter().map(move |axis| Change { axis, ..change })
-            })
-            .collect();
-    }
-    scenario
-}
-
-/// The pump now. Its conditions are equal for all axes, so those of the first axis are taken.
-fn pump(hydraulics: &Hydraulics, axes: &[FourAxes]) -> Pump {
-    let at = axes.first().map_or(Conditions::NOMINAL, FourAxes::first_conditions);
-    Pump { pressure: hydraulics.supply.pressure * at.supply_pressure, flow: hydraulics.supply.flow * at.pump_flow }
-}
-
-/// The first time at which conditions are updated and every change has ended, ns.
-fn changes_end_ns(scenario: &Scenario) -> u64 {
-    let last = scenario.changes.iter().map(|change| change.end).fold(0.0, f64::max);
-    ((last * 1e9).ceil() as u64).next_multiple_of(UPDATE_PERIOD_NS)
+/// The idling pump under the conditions of the first axis; those of the pump are equal for all axes.
+fn pump(hydraulics: &Hydraulics, conditions: &Conditions) -> Pump {
+    Pump::new(&hydraulics.supply, conditions.supply_pressure, conditions.pump_flow)
 }
 
 fn seconds(ns: u64) -> f64 {

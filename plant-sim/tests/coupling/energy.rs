@@ -23,10 +23,13 @@ fn imbalance(machine: &Machine) -> (f64, f64) {
     let mut sim = simulate(machine);
     let observer = EnergyObserver::new(&sim);
     let (mut before, begin) = observer.observe(&sim);
+    let start = positions(&sim);
     let (mut sum, mut turnover) = (Power::default(), 0.0);
     let step = STEP.as_secs_f64();
     for i in 0..600_000 {
-        sim.command(&commands(mixed(step * f64::from(i))));
+        // Drawn back to the start: the stops are so stiff that the sum below would not see how they push.
+        let (motion, now) = (mixed(step * f64::from(i)), positions(&sim));
+        sim.command(&commands(std::array::from_fn(|axis| 0.7 * motion[axis] - (now[axis] - start[axis]))));
         sim.advance(STEP);
         let (after, _) = observer.observe(&sim);
         add(&mut sum, &before, &after, step);
@@ -36,6 +39,7 @@ fn imbalance(machine: &Machine) -> (f64, f64) {
     let end = observer.observe(&sim).1;
     println!("{sum:?}\n{begin:?}\n{end:?}");
     assert!(sum.valves > 0.0 && sum.leakage > 0.0 && sum.ports >= 0.0 && sum.friction > 0.0 && sum.soil >= 0.0);
+    assert_eq!(sum.stops, 0.0);
     (sum.growth() - (end.total() - begin.total()), turnover)
 }
 
@@ -61,7 +65,7 @@ fn a_linkage_that_swings_on_oil_without_friction_keeps_its_energy() {
         // So much oil is a soft spring: the linkage swings slowly, and far enough to change its posture.
         (plant.piston_dead_volume, plant.rod_dead_volume) = (1.0, 1.0);
     }
-    machine.scenario.changes = vec![step_to(Parameter::Payload, 1e-3, 300.0)];
+    machine.scenario.changes = vec![step_to(Parameter::Payload, 1e-3, 1000.0)];
     let mut sim = simulate(&machine);
     sim.advance(Duration::from_millis(2));
     let observer = EnergyObserver::new(&sim);
@@ -80,6 +84,6 @@ fn a_linkage_that_swings_on_oil_without_friction_keeps_its_energy() {
     }
     let travel: Vec<f64> = (0..AXES).map(|axis| most[axis] - least[axis]).collect();
     println!("{worst:.2e} J of {swung:.0} J in 10 s, {:.1e}; travel {travel:.3?} m", worst / swung);
-    assert!(travel.iter().any(|travel| *travel > 0.05) && swung > 1e3, "{travel:?} {swung}");
-    assert!(worst < 1e-9 * begin.total().abs().max(swung), "{worst} J");
+    assert!(travel.iter().all(|travel| *travel > 0.03) && swung > 1e3, "{travel:?} {swung}");
+    assert!(worst < 1e-9 * swung, "{worst} J of {swung} J");
 }

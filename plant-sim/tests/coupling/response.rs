@@ -2,11 +2,12 @@
 
 use super::*;
 
-/// The excavator with the teeth 6.9 m out and near the ground, arm vertical, bucket half curled.
+/// The excavator with the teeth 6.9 m out and 2.2 m below the ground, boom and arm at 38 and 34 % of their strokes,
+/// telescope retracted, bucket at 27 %.
 fn reaching() -> Machine {
     let mut machine = excavator();
     without_leakage(&mut machine);
-    for (plant, position) in plants(&mut machine).zip([0.5, 0.5, 0.6, 0.6]) {
+    for (plant, position) in plants(&mut machine).zip([0.5, 0.5, 0.0, 0.3]) {
         plant.initial_position = position;
     }
     machine
@@ -37,7 +38,7 @@ fn an_arm_that_starts_and_stops_moves_the_boom_by_a_few_millimetres() {
         if payload == 0.0 {
             assert!((2e-3..4e-3).contains(&moved), "{moved}");
         } else {
-            assert!(moved > 3e-3, "{moved}");
+            assert!((4e-3..5e-3).contains(&moved), "{moved}");
         }
     }
 }

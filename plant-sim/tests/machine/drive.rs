@@ -78,9 +78,48 @@ fn parts_of_a_step_add_up() {
     for _ in 0..3 {
         sim.advance(Duration::from_nanos(33_333));
     }
-    assert_eq!(sim.time(), Duration::ZERO);
+    assert_eq!(sim.time(), Duration::from_nanos(99_999));
     sim.advance(Duration::from_nanos(1));
-    assert_eq!(sim.time(), Duration::from_micros(100));
+    assert_eq!(sim.time(), STEP);
+}
+
+/// A machine whose boom moves at about 0.2 m/s after 1 s.
+fn moving() -> PlantSim {
+    let mut machine = excavator();
+    plant_of(&mut machine, 0).dead_time = 0.0;
+    let mut sim = simulate(&machine);
+    hold(&mut sim, 0.6, 1.0);
+    sim
+}
+
+#[test]
+fn the_states_between_two_steps_are_those_of_the_time_asked_for() {
+    let (mut begin, mut within) = (moving(), moving());
+    let at_begin = begin.axes()[0];
+    begin.advance(STEP);
+    let at_end = begin.axes()[0];
+    for part in 1..=3 {
+        within.advance(STEP / 4);
+        let expected = at_begin.position + 0.25 * f64::from(part) * (at_end.position - at_begin.position);
+        let found = within.axes()[0].position;
+        assert!((found - expected).abs() < 1e-13, "{part}/4 of a step: {found}, not {expected}");
+    }
+    within.advance(STEP / 4);
+    assert_eq!(within.axes(), begin.axes());
+}
+
+#[test]
+fn a_command_within_a_step_acts_from_the_next_step_on() {
+    let (mut early, mut due) = (moving(), moving());
+    early.advance(STEP / 2);
+    early.command(&all(-1.0));
+    early.advance(STEP / 2);
+    due.advance(STEP);
+    assert_eq!(early.axes(), due.axes(), "the step has begun under the command before");
+    due.command(&all(-1.0));
+    early.advance(STEP);
+    due.advance(STEP);
+    assert_eq!(early.axes(), due.axes());
 }
 
 #[test]

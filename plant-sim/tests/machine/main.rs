@@ -7,6 +7,7 @@ mod oil;
 mod order;
 mod rest;
 mod scenarios;
+mod supply;
 
 use std::time::Duration;
 

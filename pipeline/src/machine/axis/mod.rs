@@ -41,6 +41,8 @@ pub(super) struct Shared<'a> {
     pub fuzzy: Fuzzy,
     /// Folder that paths in the machine file are relative to.
     pub folder: &'a Path,
+    /// Names of the axes whose mass and load are those of the mechanism.
+    pub carried: &'a [String],
 }
 
 /// One axis of the machine.
@@ -92,7 +94,7 @@ impl Axis {
         let reference = ReferenceSource::read(section.section("reference"), limits, shared.folder, name);
         let plant = section.section("plant");
         let plant = if plant.is_given() {
-            Some(Plant::read(plant, stroke))
+            Some(Plant::read(plant, stroke, shared.carried.iter().any(|carried| carried == name)))
         } else {
             if *shared.source == Source::Sim {
                 plant.refuse("", "nothing", "a table with the simulated axis: source is \"sim\"");

@@ -16,9 +16,9 @@ pub struct Plant {
     pub piston_dead_volume: f64,
     /// V_02, rod side at full stroke, m3.
     pub rod_dead_volume: f64,
-    /// m, moved mass, referred to the cylinder, kg.
+    /// m, moved mass, referred to the cylinder, kg; 0 where the mechanism gives it.
     pub mass: f64,
-    /// F_L, force of the load against extension.
+    /// F_L, force of the load against extension; 0 where the mechanism gives it.
     pub load_force: LoadForce,
     /// K, load elasticity about the middle of the stroke, N/m.
     pub load_stiffness: f64,
@@ -101,7 +101,9 @@ const LEAST_SPAN: f64 = 0.05;
 const LARGEST_STICTION: f64 = 10.0;
 
 impl Plant {
-    pub(super) fn read(mut section: Section, stroke: f64) -> Self {
+    /// `is_carried` says that the mechanism gives mass and load of this axis.
+    pub(super) fn read(mut section: Section, stroke: f64, is_carried: bool) -> Self {
+        let (mass, load_force, load_stiffness) = read_load(&mut section, is_carried);
         let friction = Friction::read(&mut section);
         let valve = Valve::read(&mut section);
         let leakage =
@@ -124,11 +126,9 @@ impl Plant {
             rod_dead_volume: section
                 .key("rod_dead_volume", "V_02, volume of the rod side at full stroke")
                 .number(1e-5..=1.0, "m3"),
-            mass: number(&mut section, "mass", "Moved mass, referred to the cylinder", 1.0..=1e6, "kg"),
-            load_force: LoadForce::read(&mut section),
-            load_stiffness: section
-                .key("load_stiffness", "K, load elasticity about the middle of the stroke")
-                .number_or(0.0, 0.0..=1e8, "N/m"),
+            mass,
+            load_force,
+            load_stiffness,
             viscous_friction: friction.viscous,
             coulomb_friction: friction.coulomb,
             static_friction: friction.breakaway,
@@ -159,6 +159,21 @@ impl Plant {
         section.finish();
         plant
     }
+}
+
+/// Mass in kg, force of the load, and its stiffness in N/m; none of them where the mechanism gives them.
+fn read_load(section: &mut Section, is_carried: bool) -> (f64, LoadForce, f64) {
+    if is_carried {
+        for key in ["mass", "load_force", "load_stiffness"] {
+            section.forbid(key, "no such key here: [mechanism] says what this axis moves");
+        }
+        return (0.0, LoadForce::constant(0.0), 0.0);
+    }
+    let mass = section.key("mass", "Moved mass, referred to the cylinder; not with [mechanism], as the next two keys");
+    let mass = mass.number(1.0..=1e6, "kg");
+    let load_force = LoadForce::read(section);
+    let stiffness = section.key("load_stiffness", "K, load elasticity about the middle of the stroke");
+    (mass, load_force, stiffness.number_or(0.0, 0.0..=1e8, "N/m"))
 }
 
 /// The keys of friction.

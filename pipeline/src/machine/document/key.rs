@@ -179,6 +179,17 @@ impl Key<'_, '_, '_> {
         self.unit(unit).optional(allowed, |value| numbers(value, &range))
     }
 
+    /// Two coordinates in `range`.
+    pub fn point(self, range: RangeInclusive<f64>, unit: &str) -> [f64; 2] {
+        let placeholder = [*range.end(); 2];
+        self.unit(unit).required(&allowed_point(&range, unit), placeholder, |value| point(value, &range))
+    }
+
+    /// Two coordinates in `range`; without them the default.
+    pub fn point_or(self, default: [f64; 2], range: RangeInclusive<f64>, unit: &str) -> [f64; 2] {
+        self.unit(unit).defaulted(&allowed_point(&range, unit), default, |value| point(value, &range))
+    }
+
     /// Three numbers in `range`, or one that stands for all three; `names` says what the three are.
     pub fn number_or_three(self, range: RangeInclusive<f64>, unit: &str, names: &str) -> [f64; 3] {
         let allowed = format!("a number from {} to {} {unit}, or three, {names}", range.start(), range.end());
@@ -328,6 +339,14 @@ impl<T: std::fmt::Display> Shown for Parsed<T> {
 
 fn allowed_number(range: &RangeInclusive<f64>, unit: &str) -> String {
     format!("a number from {} to {} {unit}", range.start(), range.end()).trim_end().to_owned()
+}
+
+fn allowed_point(range: &RangeInclusive<f64>, unit: &str) -> String {
+    format!("[x, z], two numbers from {} to {} {unit}", range.start(), range.end())
+}
+
+fn point(value: &DeValue, range: &RangeInclusive<f64>) -> Option<[f64; 2]> {
+    numbers(value, range)?.try_into().ok()
 }
 
 fn allowed_integer(range: &RangeInclusive<usize>) -> String {

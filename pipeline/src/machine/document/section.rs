@@ -64,6 +64,23 @@ impl<'d, 'i> Section<'d, 'i> {
         found.or(self.line)
     }
 
+    /// Whether no problem has been found in the document so far.
+    pub fn is_sound(&self) -> bool {
+        self.document.problems.borrow().is_empty()
+    }
+
+    /// Refuses a key that is given although another table says what it would say.
+    pub fn forbid(&mut self, key: &str, allowed: &str) {
+        let line = self.line_of(key);
+        match self.take(key) {
+            None => {}
+            Some(Value::File(value)) => {
+                self.document.problem(line, self.path_of(key), show(value.get_ref()), allowed);
+            }
+            Some(Value::Setting(text, _)) => self.document.problem(None, self.path_of(key), text, allowed),
+        }
+    }
+
     /// Notes a problem with a key of this table.
     pub fn refuse(&self, key: &str, found: impl Into<String>, allowed: impl Into<String>) {
         let (line, found) = match self.origin_of_setting(key) {

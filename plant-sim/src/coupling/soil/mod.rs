@@ -32,8 +32,8 @@
 use mechanism::Vector;
 use pipeline::machine;
 
-/// v_0, m/s: a quarter of a slow speed of grading.
-const SLOW: f64 = 0.05;
+/// v_0, m/s: half of a slow speed of grading.
+const SLOW: f64 = 0.1;
 
 /// Largest depth that counts, m: deeper teeth are a bucket that is full.
 pub const DEEPEST: f64 = 0.6;

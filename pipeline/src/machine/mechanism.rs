@@ -1,0 +1,135 @@
+//! Pins, lengths and masses of an excavator's boom, arm, telescope and bucket: `[mechanism]`.
+//!
+//! With this table the first four axes of the machine are the cylinders of boom, arm, telescope and bucket, whatever
+//! their names are. The table says where the pins are and what the bodies weigh; the equations are those of the crate
+//! `mechanism`. Pins are `[x, z]` in m: x along the body, z to the side that is up when the body lies level.
+//!
+//! Trap: the centre of the telescope's sliding section is given from the bucket pin, which moves with it.
+
+use mechanism::{AXES, Body, FourBar, Geometry, Masses, Mechanism, Payload, Vector};
+
+use super::document::Section;
+
+/// Range of coordinates and lengths, m.
+const PLACES: std::ops::RangeInclusive<f64> = -100.0..=100.0;
+const LENGTHS: std::ops::RangeInclusive<f64> = 1e-3..=100.0;
+
+/// The tables inside `[mechanism]` that have a cylinder, in the order of the axes.
+const BODIES: [&str; AXES] = ["boom", "arm", "telescope", "bucket"];
+
+/// Reads the table.
+pub(super) fn read(section: &mut Section) -> Mechanism {
+    let mut boom = section.section("boom");
+    let mut arm = section.section("arm");
+    let mut telescope = section.section("telescope");
+    let mut bucket = section.section("bucket");
+    let geometry = Geometry {
+        boom_foot: place(
+            &mut boom,
+            "foot",
+            "Pin between machine and boom: forward of the centre of swing, above ground",
+        ),
+        boom_length: length(&mut boom, "length", "From the boom foot to the arm pin"),
+        boom_cylinder_base: place(
+            &mut boom,
+            "cylinder_base",
+            "Base of the boom cylinder, from the boom foot, forward and up",
+        ),
+        boom_cylinder_rod: place(
+            &mut boom,
+            "cylinder_rod",
+            "Rod pin of the boom cylinder on the boom, from the boom foot",
+        ),
+        arm_cylinder_base: place(&mut arm, "cylinder_base", "Base of the arm cylinder on the boom, from the boom foot"),
+        arm_cylinder_rod: place(&mut arm, "cylinder_rod", "Rod pin of the arm cylinder on the arm, from the arm pin"),
+        arm_length: length(&mut arm, "length", "From the arm pin to the bucket pin with the telescope retracted"),
+        bucket: FourBar {
+            rocker_pin: place(
+                &mut bucket,
+                "rocker_pin",
+                "Pin of the rocker on the arm, from the bucket pin, along the arm",
+            ),
+            cylinder_base: place(
+                &mut bucket,
+                "cylinder_base",
+                "Base of the bucket cylinder on the arm, from the bucket pin, along the arm",
+            ),
+            rocker: length(&mut bucket, "rocker_length", "From the rocker's pin on the arm to its other end"),
+            link: length(&mut bucket, "link_length", "From the rocker's end to the bucket"),
+            link_pin: place(
+                &mut bucket,
+                "link_pin",
+                "Pin of the link on the bucket, from the bucket pin, x towards the teeth",
+            ),
+        },
+        bucket_length: length(&mut bucket, "length", "From the bucket pin to the teeth"),
+    };
+    let cylinder = |section: &mut Section| {
+        length(section, "cylinder_length", "Length of the cylinder from pin to pin at position 0")
+    };
+    let retracted = [cylinder(&mut boom), cylinder(&mut arm), 0.0, cylinder(&mut bucket)];
+    let from_its_pin = "Centre of mass in the frame of the body: from its pin, x along the body";
+    let from_bucket_pin = "Centre of mass of the sliding section, from the bucket pin, along the arm";
+    let bodies = [
+        body(&mut boom, from_its_pin),
+        body(&mut arm, from_its_pin),
+        body(&mut telescope, from_bucket_pin),
+        body(&mut bucket, "Centre of mass, from the bucket pin, x towards the teeth"),
+    ];
+    let payload = read_payload(section.section("payload"), bodies[3].center);
+    [boom, arm, telescope, bucket].into_iter().for_each(Section::finish);
+    let [boom, arm, inner, bucket] = bodies;
+    Mechanism { geometry, retracted, masses: Masses { boom, arm, inner, bucket, payload } }
+}
+
+fn place(section: &mut Section, key: &str, meaning: &'static str) -> Vector {
+    let [x, z] = section.key(key, meaning).point(PLACES, "m");
+    Vector::new(x, z)
+}
+
+fn length(section: &mut Section, key: &str, meaning: &'static str) -> f64 {
+    section.key(key, meaning).number(LENGTHS, "m")
+}
+
+fn body(section: &mut Section, center: &'static str) -> Body {
+    Body {
+        mass: section.key("mass", "Mass of the body").number(1e-3..=1e6, "kg"),
+        center: place(section, "center", center),
+        inertia: section.key("inertia", "Moment of inertia about the centre of mass").number(0.0..=1e9, "kg m2"),
+    }
+}
+
+fn read_payload(mut section: Section, bucket: Vector) -> Payload {
+    let [x, z] = section
+        .key("center", "Centre of mass of the payload, from the bucket pin, x towards the teeth")
+        .rule("mechanism.bucket.center")
+        .point_or([bucket.x, bucket.z], PLACES, "m");
+    let payload = Payload {
+        mass: section.key("mass", "Mass that the bucket carries").number_or(0.0, 0.0..=1e6, "kg"),
+        center: Vector::new(x, z),
+        radius_of_gyration: section
+            .key("radius_of_gyration", "Radius of gyration of the payload about its centre of mass")
+            .number_or(0.0, 0.0..=100.0, "m"),
+    };
+    section.finish();
+    payload
+}
+
+/// Refuses a mechanism that its axes cannot move over their strokes `strokes`, m, of all axes of the machine.
+pub(super) fn expect_movable(section: &Section, mechanism: &Mechanism, strokes: &[f64]) {
+    let Some(strokes) = strokes.first_chunk::<AXES>() else {
+        let found = format!("a machine of {} axes", strokes.len());
+        section.refuse("", found, "4 axes or more; the first four are boom, arm, telescope and bucket");
+        return;
+    };
+    if !section.is_sound() {
+        return;
+    }
+    for (axis, flaw) in mechanism.flaws(strokes) {
+        let allowed = format!(
+            "pins with which the cylinder turns the {} one way over its stroke of {} m, well away from dead centres",
+            BODIES[axis], strokes[axis]
+        );
+        section.refuse(BODIES[axis], flaw.to_string(), allowed);
+    }
+}

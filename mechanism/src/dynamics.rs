@@ -8,8 +8,8 @@
 //! ```
 //!
 //! J_i velocity of body i's centre of mass per joint rate, w_i its angular rate per joint rate (1 for a turning joint
-//! in front of it, else 0), m_i masses in kg, I_i moments of inertia about the centre of mass in kg m2, g gravity in m/s2,
-//! f force on the teeth in N, F forces of the cylinders in N (positive extends), J and J' as in [`Pose`]. Angular
+//! in front of it, else 0), m_i masses in kg, I_i moments of inertia about the centre of mass in kg m2, g gravity in
+//! m/s2, f force on the teeth in N, F forces of the cylinders in N (positive extends), J and J' as in [`Pose`]. Angular
 //! accelerations add nothing at q'' = 0, since all axes of rotation are parallel.
 //!
 //! The sums run from the bucket inwards. Each joint carries all bodies behind it, and these are described by their mass

@@ -13,9 +13,9 @@
 //!
 //! All points from the bucket pin in the axes of the inner arm, m: R rocker pin, C cylinder base, J rocker end, K link
 //! pin on the bucket; r, k and h lengths of rocker, link and bucket arm, m; rho and theta angles of rocker and bucket,
-//! l cylinder length in m, n(v) the vector v turned by +90 degrees. The outer side is the one on which the loop R, J, K,
-//! bucket pin is convex. Trap: where K x u = 0 the link points at the bucket pin, a dead centre; behind it the bucket
-//! would turn back.
+//! l cylinder length in m, n(v) the vector v turned by +90 degrees. The outer side is the one on which the loop R, J,
+//! K, bucket pin is convex. Trap: where K x u = 0 the link points at the bucket pin, a dead centre; behind it the
+//! bucket would turn back.
 
 use crate::{
     triangle::Triangle,

@@ -10,6 +10,8 @@
 //! | [`inverse`] | cylinder lengths from tip, bucket pitch and telescope |
 //! | [`dynamics`] | mass matrix, gravity, Coriolis terms and accelerations |
 //! | [`machine`] | pins, bodies and cylinders of one machine, and its motion by cylinder positions |
+//! | [`workspace`] | where the teeth reach, and postures spread over the workspace |
+//! | [`modes`] | natural frequencies of the cylinders on springs |
 //! | [`soundness`] | whether the pins let every cylinder move over its whole stroke |
 //!
 //! SI units; x forward, z up, angles counter-clockwise. The four axes always come in the order boom, arm, telescope,
@@ -25,18 +27,22 @@ pub mod four_bar;
 pub mod geometry;
 pub mod inverse;
 pub mod machine;
+pub mod modes;
 pub mod pose;
 pub mod soundness;
 pub mod triangle;
 pub mod vector;
+pub mod workspace;
 
 pub use dynamics::{Body, CylinderDynamics, Dynamics, Masses, Moments, Payload};
 pub use four_bar::FourBar;
 pub use geometry::Geometry;
 pub use machine::{Mechanism, PreparedMechanism};
+pub use modes::natural_frequencies;
 pub use pose::{Linkage, Pose};
 pub use soundness::Flaw;
 pub use vector::{Rotation, Vector};
+pub use workspace::{Extent, postures};
 
 /// Number of axes: boom, arm, telescope, bucket.
 pub const AXES: usize = 4;

@@ -4,8 +4,8 @@
 //! m(l) = dl/dq,  l_0 - e <= l <= l_0 + s + e       m finite, of one sign, and min |m| >= 0.05 max |m|
 //! ```
 //!
-//! m moment arm of a cylinder in m, l its length in m, l_0 its length at position 0, s its stroke, e the way into an end
-//! stop. At a dead centre three pins are in line: m is zero or infinite there. Beyond it the linkage does not close, or
+//! m moment arm of a cylinder in m, l its length in m, l_0 its length at position 0, s its stroke, e the way into an
+//! end stop. At a dead centre three pins are in line: m is zero or infinite there. Beyond it the linkage does not close, or
 //! the joint turns back while the cylinder moves on.
 //!
 //! Trap: m is looked at on a grid of lengths. A dead centre between two neighbours of the grid is found by its small
@@ -19,8 +19,8 @@ const END_STOP_WAY: f64 = 0.02;
 /// Number of cylinder lengths between which the stroke is divided.
 const LENGTHS: usize = 400;
 
-/// Least moment arm in parts of the largest one of the same cylinder. Machines have 0.4 to 0.5; at 0.05 a cylinder feels
-/// 400 times the mass.
+/// Least moment arm in parts of the largest one of the same cylinder. Machines have 0.4 to 0.5; at 0.05 a cylinder
+/// feels 400 times the mass.
 const LEAST_MOMENT_ARM: f64 = 0.05;
 
 /// Why a cylinder cannot move over its whole stroke.

@@ -6,7 +6,7 @@
 //! | [`run`], [`operate`], [`status`] | beside the loop, in a process of its own |
 //! | [`commission`] | beside the loop, or on a simulated machine in this process |
 //! | [`simulate`], [`mod@bench`], [`identify`] | without a loop in real time, in this process |
-//! | [`check`], [`doctor`], [`clean`] | before or after a run |
+//! | [`check`], [`mechanism`], [`doctor`], [`clean`] | before or after a run |
 
 mod bench;
 mod check;
@@ -14,6 +14,7 @@ mod clean;
 mod commission;
 mod doctor;
 mod identify;
+mod mechanism;
 mod operate;
 mod run;
 mod simulate;
@@ -24,6 +25,7 @@ use clap::{Parser, Subcommand};
 
 use pipeline::stage::StageKind;
 
+use self::mechanism::MechanismArguments;
 use crate::failure::Failure;
 use bench::Bench;
 use check::CheckArguments;
@@ -76,6 +78,8 @@ pub enum Command {
     Bench(Bench),
     /// Check a machine file and show everything that is wrong with it
     Check(CheckArguments),
+    /// Show reach, joints, masses and loads of the machine's linkage, evaluate states, write URDF
+    Mechanism(MechanismArguments),
     /// Show whether this computer is fit for real time, and what to do about it
     Doctor(DoctorArguments),
     /// Remove files that dead groups have left
@@ -108,6 +112,7 @@ impl Command {
             Self::Identify(arguments) => identify::run(arguments),
             Self::Bench(Bench::Control(arguments)) => bench::run(arguments),
             Self::Check(arguments) => check::run(arguments),
+            Self::Mechanism(arguments) => mechanism::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
             Self::Clean(arguments) => clean::run(arguments),
             Self::PlantSim(arguments) => stage::run(StageKind::PlantSim, arguments),

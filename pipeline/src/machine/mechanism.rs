@@ -23,63 +23,51 @@ pub(super) fn read(section: &mut Section) -> Mechanism {
     let mut arm = section.section("arm");
     let mut telescope = section.section("telescope");
     let mut bucket = section.section("bucket");
-    let geometry = Geometry {
-        boom_foot: place(
-            &mut boom,
-            "foot",
-            "Pin between machine and boom: forward of the centre of swing, above ground",
-        ),
-        boom_length: length(&mut boom, "length", "From the boom foot to the arm pin"),
-        boom_cylinder_base: place(
-            &mut boom,
-            "cylinder_base",
-            "Base of the boom cylinder, from the boom foot, forward and up",
-        ),
-        boom_cylinder_rod: place(
-            &mut boom,
-            "cylinder_rod",
-            "Rod pin of the boom cylinder on the boom, from the boom foot",
-        ),
-        arm_cylinder_base: place(&mut arm, "cylinder_base", "Base of the arm cylinder on the boom, from the boom foot"),
-        arm_cylinder_rod: place(&mut arm, "cylinder_rod", "Rod pin of the arm cylinder on the arm, from the arm pin"),
-        arm_length: length(&mut arm, "length", "From the arm pin to the bucket pin with the telescope retracted"),
-        bucket: FourBar {
-            rocker_pin: place(
-                &mut bucket,
-                "rocker_pin",
-                "Pin of the rocker on the arm, from the bucket pin, along the arm",
-            ),
-            cylinder_base: place(
-                &mut bucket,
-                "cylinder_base",
-                "Base of the bucket cylinder on the arm, from the bucket pin, along the arm",
-            ),
-            rocker: length(&mut bucket, "rocker_length", "From the rocker's pin on the arm to its other end"),
-            link: length(&mut bucket, "link_length", "From the rocker's end to the bucket"),
-            link_pin: place(
-                &mut bucket,
-                "link_pin",
-                "Pin of the link on the bucket, from the bucket pin, x towards the teeth",
-            ),
-        },
-        bucket_length: length(&mut bucket, "length", "From the bucket pin to the teeth"),
-    };
+    let geometry = read_geometry(&mut boom, &mut arm, &mut bucket);
     let cylinder = |section: &mut Section| {
         length(section, "cylinder_length", "Length of the cylinder from pin to pin at position 0")
     };
     let retracted = [cylinder(&mut boom), cylinder(&mut arm), 0.0, cylinder(&mut bucket)];
     let from_its_pin = "Centre of mass in the frame of the body: from its pin, x along the body";
     let from_bucket_pin = "Centre of mass of the sliding section, from the bucket pin, along the arm";
-    let bodies = [
+    let masses = [
         body(&mut boom, from_its_pin),
         body(&mut arm, from_its_pin),
         body(&mut telescope, from_bucket_pin),
         body(&mut bucket, "Centre of mass, from the bucket pin, x towards the teeth"),
     ];
-    let payload = read_payload(section.section("payload"), bodies[3].center);
     [boom, arm, telescope, bucket].into_iter().for_each(Section::finish);
-    let [boom, arm, inner, bucket] = bodies;
+    let [boom, arm, inner, bucket] = masses;
+    let payload = read_payload(section.section("payload"), bucket.center);
     Mechanism { geometry, retracted, masses: Masses { boom, arm, inner, bucket, payload } }
+}
+
+fn read_geometry(boom: &mut Section, arm: &mut Section, bucket: &mut Section) -> Geometry {
+    let foot = "Pin between machine and boom: forward of the centre of swing, above ground";
+    let boom_base = "Base of the boom cylinder, from the boom foot, forward and up";
+    let boom_rod = "Rod pin of the boom cylinder on the boom, from the boom foot";
+    let arm_base = "Base of the arm cylinder on the boom, from the boom foot";
+    let arm_rod = "Rod pin of the arm cylinder on the arm, from the arm pin";
+    let bucket_base = "Base of the bucket cylinder on the arm, from the bucket pin, along the arm";
+    let rocker_pin = "Pin of the rocker on the arm, from the bucket pin, along the arm";
+    let link_pin = "Pin of the link on the bucket, from the bucket pin, x towards the teeth";
+    Geometry {
+        boom_foot: place(boom, "foot", foot),
+        boom_length: length(boom, "length", "From the boom foot to the arm pin"),
+        boom_cylinder_base: place(boom, "cylinder_base", boom_base),
+        boom_cylinder_rod: place(boom, "cylinder_rod", boom_rod),
+        arm_cylinder_base: place(arm, "cylinder_base", arm_base),
+        arm_cylinder_rod: place(arm, "cylinder_rod", arm_rod),
+        arm_length: length(arm, "length", "From the arm pin to the bucket pin with the telescope retracted"),
+        bucket_length: length(bucket, "length", "From the bucket pin to the teeth"),
+        bucket: FourBar {
+            cylinder_base: place(bucket, "cylinder_base", bucket_base),
+            rocker_pin: place(bucket, "rocker_pin", rocker_pin),
+            rocker: length(bucket, "rocker_length", "From the rocker's pin on the arm to its other end"),
+            link: length(bucket, "link_length", "From the rocker's end to the bucket"),
+            link_pin: place(bucket, "link_pin", link_pin),
+        },
+    }
 }
 
 fn place(section: &mut Section, key: &str, meaning: &'static str) -> Vector {

@@ -372,8 +372,8 @@ fn pins_that_do_not_let_a_cylinder_move_over_its_stroke_are_refused() {
         (
             "cylinder_rod = [2.431, 0.982]",
             "cylinder_rod = [8.0, 0.982]",
-            "mechanism.boom: found pins that close at no length from 1.850 to 3.224 m of the cylinder; allowed: pins with \
-             which the cylinder turns the boom one way over its stroke of 1.334 m",
+            "mechanism.boom: found pins that close at no length from 1.850 to 3.224 m of the cylinder; allowed: pins \
+             with which the cylinder turns the boom one way over its stroke of 1.334 m",
         ),
         // 0.823 m and 2.622 m between the pins: the boom cylinder is stretched at 3.445 m.
         (

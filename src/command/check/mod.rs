@@ -12,6 +12,7 @@ use pipeline::machine::{Machine, Source};
 use plant_sim::PlantSim;
 use sensor_proc::{Recording, Replay};
 
+use super::mechanism::summary;
 use crate::{
     arguments::{MachineFile, load},
     failure::Failure,
@@ -39,7 +40,7 @@ pub struct CheckArguments {
     pub json: Option<PathBuf>,
 }
 
-/// Checks a machine file and shows in one line what it describes, or all of its values.
+/// Checks a machine file and shows in a few lines what it describes, or all of its values.
 pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     let machine = load(&arguments.machine)?;
     deep(&machine)?;
@@ -51,13 +52,15 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
         Source::Sim => "simulated".to_owned(),
         Source::Replay(file) => format!("replayed from {}", file.display()),
     };
-    Ok(show(&format!(
+    let text = format!(
         "{}: {} axes ({}), every {}, {source}: no problem found.\n",
         machine.name,
         names.len(),
         names.join(", "),
         humantime::format_duration(machine.timing.period)
-    ))?)
+    );
+    let mechanism = machine.mechanism.as_ref().map(|mechanism| summary(&machine, mechanism));
+    Ok(show(&(text + &mechanism.unwrap_or_default()))?)
 }
 
 /// Checks, axis by axis, the files that the machine file names and the values that follow from it: trajectories,
@@ -71,6 +74,10 @@ pub fn deep(machine: &Machine) -> Result<Option<u64>, Failure> {
         let alone = Machine { axes: vec![axis.clone()], ..machine.clone() };
         problems.extend(Controller::new(&alone).err().map(|error| error.to_string()));
         match &machine.source {
+            // The axes of a mechanism are simulated together only.
+            Source::Sim if machine.mechanism.is_some() => {
+                problems.extend(PlantSim::new(machine, 0).err().map(|error| error.to_string()));
+            }
             Source::Sim => problems.extend(PlantSim::new(&alone, 0).err().map(|error| error.to_string())),
             Source::Replay(file) => match Recording::read_all(&alone, file) {
                 Ok(recordings) => rows = Some(Replay::new(&alone, recordings).len()),

@@ -113,10 +113,16 @@ impl Edges {
         self.demand.simd_gt(Lanes::ZERO).select(self.fed, SHUT)
     }
 
+    /// s q_f of each axis, flow from the pump, m3/s, when every axis gets the part `share` of its demand.
+    #[inline]
+    pub fn from_pump(&self, share: Lanes) -> Lanes {
+        share * self.demand
+    }
+
     /// q1 into the piston side and q2 out of the rod side, m3/s, when every axis gets the part `share` of its demand.
     #[inline]
     pub fn flows(&self, share: Lanes) -> (Lanes, Lanes) {
-        let (feed, drain) = (share * self.demand + self.regenerated, self.drain + self.regenerated);
+        let (feed, drain) = (self.from_pump(share) + self.regenerated, self.drain + self.regenerated);
         (self.extends.select(feed, -drain), self.extends.select(drain, -feed))
     }
 }
@@ -154,11 +160,21 @@ impl ControlEdges<f64> {
         self.conductance * wide(0).max(wide(1)) / transition.sqrt()
     }
 
-    /// Largest slope that a counterbalance valve adds to the flow out of a chamber with `pressure` Pa, m3/(s Pa), over
-    /// both pressures together.
-    pub fn piloted(&self, pressure: f64) -> f64 {
-        let slope = |side: usize| self.meter_out[side] * (self.own_gain[side] + self.pilot_gain[side]);
-        self.conductance * slope(0).max(slope(1)) * pressure.sqrt()
+    /// Rate-giving slope of a counterbalance valve, m3/(s Pa): that over the pressure of its own chamber, which is at
+    /// most 1.2 p_cb while the valve is not fully open, times max(1, R/6.75).
+    ///
+    /// The pilot closes a loop through the piston: with the rate r by its own chamber and the rate w of the springs,
+    /// that loop is no faster than (R r w^2)^(1/3), which is at most r + w up to R = 27/4.
+    pub fn piloted(&self) -> f64 {
+        let slope = |side: usize| {
+            let gain = self.own_gain[side];
+            if gain == 0.0 {
+                return 0.0;
+            }
+            let open = (1.0 + OVERRIDE) / (OVERRIDE * gain);
+            self.meter_out[side] * open.sqrt() * gain.max(self.pilot_gain[side] / 6.75)
+        };
+        self.conductance * slope(0).max(slope(1))
     }
 }
 

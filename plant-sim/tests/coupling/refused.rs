@@ -17,10 +17,7 @@ fn a_stroke_at_whose_end_the_pins_do_not_close_is_refused_and_named() {
         let mut machine = excavator();
         machine.axes[axis].stroke += 0.5;
         match PlantSim::new(&machine, 1).unwrap_err() {
-            PlantError::Linkage { axis: found, position } => {
-                assert_eq!(found, name);
-                assert!(position > 0.5 * machine.axes[axis].stroke, "{position}");
-            }
+            PlantError::Linkage { axis, .. } => assert_eq!(axis, name),
             other => panic!("{other}"),
         }
     }

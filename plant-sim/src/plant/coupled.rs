@@ -130,3 +130,6 @@ fn eigenvalue(coupling: &Coupling, positions: &[f64; AXES], own: [f64; AXES], te
     }
     bound
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,6 +3,7 @@
 
 mod energy;
 mod halving;
+mod modes;
 mod refused;
 mod response;
 mod rest;

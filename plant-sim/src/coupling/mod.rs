@@ -19,8 +19,9 @@
 //! Source: the crate [`mechanism`], which has equations and sources. Assumed: rigid bodies, pins without friction and
 //! without play, and a machine that stands still.
 //!
-//! Traps: the linkage may not close beyond the strokes, but a piston moves into its end stop. The pose
-//! follows it up to [`MARGIN`]; farther out it is that at the margin. A payload that changes keeps the speeds: like every step of a parameter this changes the energy.
+//! Traps: the linkage may not close beyond the strokes, but a piston moves into its end stop. The pose follows it up to
+//! [`MARGIN`]; farther out it is that at the margin. A payload that changes keeps the speeds: like every step of a
+//! parameter this changes the energy.
 
 pub mod soil;
 
@@ -30,8 +31,8 @@ use pipeline::machine;
 use crate::lanes::Lanes;
 use soil::Soil;
 
-/// Distance beyond the end stops up to which the pose follows the pistons, m: so far [`Mechanism::flaws`] finds a linkage
-/// that does not close, and farther than pistons sink into stops of the usual stiffness.
+/// Distance beyond the end stops up to which the pose follows the pistons, m: so far [`Mechanism::flaws`] finds a
+/// linkage that does not close, and farther than pistons sink into stops of the usual stiffness.
 pub const MARGIN: f64 = 0.02;
 
 /// The linkage of four axes, with payload and soil.

@@ -393,8 +393,8 @@ fn pins_that_do_not_let_a_cylinder_move_over_its_stroke_are_refused() {
 }
 
 /// A loam for the teeth of [`MECHANISM`].
-const SOIL: &str = "[soil]\nunit_weight = 18e3\ncohesion = 9e3\nfriction_angle = 30\nsteel_friction_angle = 20\nwidth = \
-                    1.05\n";
+const SOIL: &str =
+    "[soil]\nunit_weight = 18e3\ncohesion = 9e3\nwidth = 1.05\nfriction_angle = 30\nsteel_friction_angle = 20\n";
 
 #[test]
 fn soil_needs_a_mechanism_and_angles_that_leave_a_failure_plane() {

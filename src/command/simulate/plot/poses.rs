@@ -1,0 +1,143 @@
+//! The machine in a few poses, seen from the side, with the path of its teeth.
+//!
+//! Lengths have the same scale in both directions.
+
+use std::error::Error;
+
+use mechanism::{AXES, Mechanism, Pose, PreparedMechanism, Vector};
+use plotters::{
+    chart::ChartBuilder,
+    element::{PathElement, Text},
+    prelude::{Color, IntoFont, RGBColor},
+};
+
+use super::{Area, FONT, WHITE, tick};
+
+/// Number of poses, evenly spread from the first row to the last.
+const DRAWN: usize = 5;
+/// Free space around everything that is drawn, m.
+const MARGIN: f64 = 0.7;
+const STRUCTURE: RGBColor = RGBColor(40, 40, 40);
+const CYLINDER: RGBColor = RGBColor(0, 114, 178);
+const PATH: RGBColor = RGBColor(213, 94, 0);
+const GROUND: RGBColor = RGBColor(140, 110, 70);
+/// How much of its colour the first pose has; the last one has all of it.
+const FAINTEST: f64 = 0.15;
+
+/// Positions of the pistons over time, from which poses and path are drawn.
+pub struct Poses {
+    mechanism: Mechanism,
+    prepared: PreparedMechanism,
+    /// Least time between two rows that are kept, s.
+    stretch: f64,
+    /// s, m.
+    rows: Vec<(f64, [f64; AXES])>,
+    /// The last row, whether it is kept or not.
+    last: Option<(f64, [f64; AXES])>,
+}
+
+impl Poses {
+    /// No rows yet.
+    pub fn new(mechanism: &Mechanism, stretch: f64) -> Self {
+        let prepared = mechanism.prepared();
+        Self { mechanism: *mechanism, prepared, stretch, rows: Vec::new(), last: None }
+    }
+
+    /// Adds the positions of the pistons at `t` s.
+    pub fn row(&mut self, t: f64, positions: [f64; AXES]) {
+        if self.rows.last().is_none_or(|(kept, _)| t - kept >= self.stretch) {
+            self.rows.push((t, positions));
+        }
+        self.last = Some((t, positions));
+    }
+
+    /// Draws poses and path.
+    pub fn draw(&self, area: &Area) -> Result<(), Box<dyn Error + Send + Sync>> {
+        let rows: Vec<_> = self.rows.iter().chain(&self.last).copied().collect();
+        let Some(end) = rows.len().checked_sub(1) else { return Ok(()) };
+        let path: Vec<Vector> = rows.iter().map(|(_, positions)| self.prepared.pose(positions).tip).collect();
+        let shown = (0..DRAWN).map(|i| rows[end * i / (DRAWN - 1)]);
+        let poses: Vec<(f64, Lines)> = shown.map(|(t, positions)| (t, self.lines(&positions))).collect();
+        let all = || poses.iter().flat_map(|(_, lines)| lines.iter().flat_map(|(points, _)| points)).chain(&path);
+
+        let (x, z) = self.ranges(area, all());
+        let mut chart = ChartBuilder::on(area)
+            .margin_right(40)
+            .margin_bottom(10)
+            .x_label_area_size(80)
+            .y_label_area_size(90)
+            .build_cartesian_2d(x.0..x.1, z.0..z.1)?;
+        chart
+            .configure_mesh()
+            .x_desc("forward, m")
+            .y_desc("above ground, m")
+            .x_label_formatter(&tick)
+            .y_label_formatter(&tick)
+            .label_style((FONT, 26))
+            .axis_desc_style((FONT, 30))
+            .bold_line_style(RGBColor(225, 225, 225))
+            .light_line_style(WHITE)
+            .draw()?;
+        let ground = PathElement::new([(x.0, 0.0), (x.1, 0.0)], GROUND.stroke_width(4));
+        chart.draw_series([ground])?;
+        for (i, (_, lines)) in poses.iter().enumerate() {
+            let part = FAINTEST + (1.0 - FAINTEST) * i as f64 / (DRAWN - 1) as f64;
+            let element = |(points, (colour, width)): &(Vec<Vector>, (RGBColor, u32))| {
+                let points: Vec<_> = points.iter().map(|at| (at.x, at.z)).collect();
+                PathElement::new(points, colour.mix(part).stroke_width(*width))
+            };
+            chart.draw_series(lines.iter().map(element))?;
+        }
+        let points: Vec<_> = path.iter().map(|at| (at.x, at.z)).collect();
+        chart.draw_series([PathElement::new(points, PATH.stroke_width(4))])?;
+        let times = poses.iter().map(|(t, lines)| {
+            let tip = lines.last().and_then(|(points, _)| points.get(1)).copied().unwrap_or_default();
+            Text::new(format!("{} s", tick(t)), (tip.x + 0.1, tip.z), (FONT, 26).into_font())
+        });
+        chart.draw_series(times)?;
+        Ok(())
+    }
+
+    /// Ranges of x and z that hold all points and the ground at the centre of swing, with one scale for both.
+    fn ranges<'a>(&self, area: &Area, points: impl Iterator<Item = &'a Vector>) -> ((f64, f64), (f64, f64)) {
+        let start = (Vector::default(), Vector::default());
+        let (low, high) = points.fold(start, |(low, high), at| {
+            (Vector::new(low.x.min(at.x), low.z.min(at.z)), Vector::new(high.x.max(at.x), high.z.max(at.z)))
+        });
+        let (width, height) = area.dim_in_pixel();
+        // The labels take about as much on both sides.
+        let (width, height) = (f64::from(width.saturating_sub(130)), f64::from(height.saturating_sub(90)));
+        let span = high - low + Vector::new(2.0 * MARGIN, 2.0 * MARGIN);
+        let scale = (span.x / width).max(span.z / height);
+        let middle = 0.5 * (low + high);
+        let half = Vector::new(0.5 * scale * width, 0.5 * scale * height);
+        ((middle.x - half.x, middle.x + half.x), (middle.z - half.z, middle.z + half.z))
+    }
+
+    /// The lines of one pose; the last one begins at the bucket pin and leads to the teeth.
+    fn lines(&self, positions: &[f64; AXES]) -> Lines {
+        let pose: Pose = self.prepared.pose(positions);
+        let pins = &self.mechanism.geometry;
+        let on_boom = |at: Vector| pose.boom_foot + pose.boom * at;
+        let on_arm = |at: Vector| pose.arm_pin + pose.arm * at;
+        let by_bucket = |at: Vector| pose.bucket_pin + pose.arm * at;
+        let rocker_end = by_bucket(pins.bucket.rocker_end(self.mechanism.lengths(positions)[3]));
+        let link_pin = pose.bucket_pin + pose.bucket * pins.bucket.link_pin;
+        let (thick, thin) = ((STRUCTURE, 7), (STRUCTURE, 4));
+        let cylinder = (CYLINDER, 5);
+        vec![
+            (vec![pose.boom_foot + pins.boom_cylinder_base, on_boom(pins.boom_cylinder_rod)], cylinder),
+            (vec![on_boom(pins.arm_cylinder_base), on_arm(pins.arm_cylinder_rod)], cylinder),
+            (vec![by_bucket(pins.bucket.cylinder_base), rocker_end], cylinder),
+            (vec![by_bucket(pins.bucket.rocker_pin), rocker_end, link_pin], thin),
+            (vec![pose.boom_foot, on_boom(pins.boom_cylinder_rod), pose.arm_pin, pose.boom_foot], thick),
+            (vec![on_boom(pins.boom_cylinder_rod), on_boom(pins.arm_cylinder_base), pose.arm_pin], thin),
+            (vec![on_arm(pins.arm_cylinder_rod), pose.arm_pin, pose.bucket_pin], thick),
+            (vec![on_arm(pins.arm_cylinder_rod), by_bucket(pins.bucket.cylinder_base), pose.bucket_pin], thin),
+            (vec![pose.bucket_pin, pose.tip, link_pin, pose.bucket_pin], thick),
+        ]
+    }
+}
+
+/// Lines through points, with colour and width.
+type Lines = Vec<(Vec<Vector>, (RGBColor, u32))>;

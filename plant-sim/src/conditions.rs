@@ -1,5 +1,5 @@
-//! The conditions of an axis: the factors and values to which a scenario has changed the axis' parameters at one time.
-//! Nothing in this module allocates.
+//! The conditions of an axis: the factors and values to which a scenario has changed the axis' parameters at one time,
+//! and what the bucket of a mechanism works on. Only [`acting`] allocates, at construction.
 //!
 //! ```text
 //! c(t) = clamp((t - start)/(end - start), 0, 1)
@@ -21,7 +21,8 @@
 //! therefore constant during a step, with their values in its middle. A change that is a step acts from the integration
 //! step on whose middle is not before it.
 
-use pipeline::machine::{Change, Oil, Parameter};
+use mechanism::AXES;
+use pipeline::machine::{Change, Oil, Parameter, Scenario};
 
 use crate::hydraulics::oil::viscosity;
 
@@ -90,10 +91,12 @@ impl Conditions {
                     temperature += (change.to - last_temperature) * part;
                     last_temperature = change.to;
                 }
-                None => {
+                None if change.parameter == Parameter::ExternalForce => {
                     conditions.external_force += (change.to - last_force) * part;
                     last_force = change.to;
                 }
+                // Of the machine and not of an axis: [`Work`].
+                None => {}
             }
         }
         if temperature != oil.temperature {
@@ -118,9 +121,46 @@ impl Conditions {
             Parameter::PumpFlow => &mut self.pump_flow,
             Parameter::BulkModulus => &mut self.bulk_modulus,
             Parameter::Air => &mut self.air,
-            Parameter::ExternalForce | Parameter::Temperature => return None,
+            Parameter::ExternalForce | Parameter::Temperature | Parameter::Payload | Parameter::Soil => return None,
         })
     }
+}
+
+/// What the bucket of the mechanism works on at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Work {
+    /// Mass that the bucket carries, kg.
+    pub payload: f64,
+    /// Strength of the soil as a part of that in the machine file.
+    pub soil: f64,
+}
+
+impl Work {
+    /// At `time` s, when the bucket carries `payload` kg before all changes.
+    pub fn at(changes: &[Change], payload: f64, time: f64) -> Self {
+        let value = |parameter, first: f64| {
+            let own = changes.iter().filter(|change| change.parameter == parameter);
+            let follow = |(value, last), change: &Change| (value + (change.to - last) * part(change, time), change.to);
+            own.fold((first, first), follow).0
+        };
+        Self { payload: value(Parameter::Payload, payload), soil: value(Parameter::Soil, 0.0) }
+    }
+}
+
+/// `scenario` on a machine with `axes` axes. Where soil acts on the teeth of a mechanism (`has_soil`), no other external
+/// force acts on the axes of the mechanism.
+pub fn acting(scenario: &Scenario, axes: usize, has_soil: bool) -> Scenario {
+    let on_axes = |change: Change| {
+        let acts = move |axis: &usize| *axis >= AXES || change.parameter != Parameter::ExternalForce || !has_soil;
+        let all = 0..axes;
+        let axes = match change.axis {
+            None if all.clone().all(|axis| acts(&axis)) => vec![None],
+            None => all.filter(acts).map(Some).collect(),
+            Some(axis) => Some(axis).filter(acts).map(Some).into_iter().collect(),
+        };
+        axes.into_iter().map(move |axis| Change { axis, ..change })
+    };
+    Scenario { changes: scenario.changes.iter().copied().flat_map(on_axes).collect(), ..scenario.clone() }
 }
 
 /// c, part of a change that has happened.
@@ -169,6 +209,19 @@ mod tests {
         for (time, expected) in [(0.5, 0.0), (1.5, 0.2), (2.5, 0.4), (3.5, 0.1), (5.0, -0.2)] {
             let found = Conditions::at(&force, &OIL, 0, time).external_force;
             assert!((found - expected).abs() < 1e-12, "{time}: {found}");
+        }
+    }
+
+    #[test]
+    fn payload_and_soil_follow_their_values() {
+        let work = [
+            change(Parameter::Payload, 1.0, 2.0, 1500.0),
+            change(Parameter::Soil, 2.0, 4.0, 1.0),
+            change(Parameter::Payload, 3.0, 3.0, 0.0),
+        ];
+        for (time, payload, soil) in [(0.0, 200.0, 0.0), (1.5, 850.0, 0.0), (2.5, 1500.0, 0.25), (3.0, 0.0, 0.5)] {
+            assert_eq!(Work::at(&work, 200.0, time), Work { payload, soil }, "{time} s");
+            assert_eq!(Conditions::at(&work, &OIL, 0, time), Conditions::NOMINAL);
         }
     }
 

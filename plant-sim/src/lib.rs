@@ -11,6 +11,7 @@
 //! | [`conditions`] | the factors by which a scenario changes the parameters of an axis |
 //! | [`valve`] | dead time, hysteresis, spool and opening of the control edges |
 //! | [`actuator`] | the cylinder with its chambers, friction, load and end stops: the rates of one axis |
+//! | [`coupling`] | the linkage that couples the first four axes, and the soil at its teeth |
 //! | [`integration`] | four axes through time, and the Runge-Kutta step |
 //! | [`encoder`] | noise and counts |
 //! | [`plant`] | the whole machine: [`PlantSim`] |
@@ -22,6 +23,7 @@
 
 pub mod actuator;
 pub mod conditions;
+pub mod coupling;
 pub mod encoder;
 pub mod hydraulics;
 pub mod integration;

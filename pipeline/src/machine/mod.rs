@@ -6,7 +6,7 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics`, `mechanism` | the tables of the whole machine |
+//! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics`, `mechanism`, `soil` | the tables of the whole machine |
 //! | `axis/` | the tables of one axis |
 //! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |
 //! | `document/` | the reader: keys with meaning, allowed values, default and origin |
@@ -23,6 +23,7 @@ mod fuzzy;
 mod hydraulics;
 mod mechanism;
 mod scenario;
+mod soil;
 mod source;
 mod stages;
 mod timing;
@@ -45,7 +46,9 @@ pub use error::{MachineError, Problem};
 pub use explain::{Key, keys};
 pub use fuzzy::{Fuzzy, Level};
 pub use hydraulics::{Hydraulics, Oil, Supply, SupplyKind};
+use scenario::Described;
 pub use scenario::{Change, CommandSine, Parameter, Scenario, Target};
+pub use soil::Soil;
 pub use source::Source;
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
@@ -72,6 +75,8 @@ pub struct Machine {
     pub hydraulics: Option<Hydraulics>,
     /// Pins, lengths and masses of the excavator that the first four axes move, if there is one.
     pub mechanism: Option<Mechanism>,
+    /// Soil in front of the teeth of the mechanism, if there is one.
+    pub soil: Option<Soil>,
     /// What changes while the simulated machine works.
     pub scenario: Scenario,
     /// The axes, in the order of the file.
@@ -193,9 +198,11 @@ impl Machine {
         section.finish();
         let is_simulated = axes.iter().any(|axis| axis.plant.is_some());
         let hydraulics = Hydraulics::read(root.section("supply"), root.section("oil"), is_simulated);
-        let scenario = Scenario::read(&mut root, &names);
+        let soil = Soil::read(root.section("soil"), mechanism.is_some());
+        let described = Described { axes: &names, has_mechanism: mechanism.is_some(), has_soil: soil.is_some() };
+        let scenario = Scenario::read(&mut root, &described);
         root.finish();
-        Self { name, timing, realtime, stages, source, hydraulics, mechanism, scenario, axes }
+        Self { name, timing, realtime, stages, source, hydraulics, mechanism, soil, scenario, axes }
     }
 
     /// Settings of one stage.

@@ -5,6 +5,8 @@
 
 use std::ops::RangeInclusive;
 
+use mechanism::AXES;
+
 use super::{
     document::{Document, Section},
     error::MachineError,
@@ -86,10 +88,14 @@ pub enum Parameter {
     Air,
     /// The oil's temperature, to a value in degrees Celsius.
     Temperature,
+    /// What the bucket of the mechanism carries, to a value in kg.
+    Payload,
+    /// Strength of the soil at the teeth, to a value: a part of that in the machine file.
+    Soil,
 }
 
 impl Parameter {
-    const NAMES: [(&'static str, Self); 14] = [
+    const NAMES: [(&'static str, Self); 16] = [
         ("flow_gain", Self::FlowGain),
         ("friction", Self::Friction),
         ("mass", Self::Mass),
@@ -104,6 +110,8 @@ impl Parameter {
         ("bulk_modulus", Self::BulkModulus),
         ("air", Self::Air),
         ("temperature", Self::Temperature),
+        ("payload", Self::Payload),
+        ("soil", Self::Soil),
     ];
 
     /// All parameters.
@@ -126,8 +134,10 @@ impl Parameter {
                 "`viscous_friction`, `coulomb_friction`, `static_friction`, `bristle_stiffness` and `bristle_damping` \
                  together; dry friction stays above 0.000001 N"
             }
-            Self::Mass => "`mass`",
-            Self::LoadForce => "`load_force` at all positions, without `load_stiffness`",
+            Self::Mass => "`mass`; not of the axes of `[mechanism]`",
+            Self::LoadForce => {
+                "`load_force` at all positions, without `load_stiffness`; not of the axes of `[mechanism]`"
+            }
             Self::ValveTimeConstant => "`valve_time_constant`",
             Self::DeadBand => {
                 "`dead_band_extend` and `dead_band_retract`, up to 0.95; saturation stays where it is, but at least \
@@ -147,6 +157,11 @@ impl Parameter {
                 "temperature of the oil: viscous friction is proportional to the viscosity, leakage to its inverse, \
                  the time constant of the valve to its square root"
             }
+            Self::Payload => "`mass` of `[mechanism.payload]`, what the bucket carries",
+            Self::Soil => {
+                "strength of `[soil]` at the teeth: 0 until a scenario sets it, 1 as in the machine file; then no \
+                 `external_force` acts on the axes of the mechanism"
+            }
         }
     }
 
@@ -155,14 +170,55 @@ impl Parameter {
         match self {
             Self::Temperature => Target::Value(-40.0..=120.0, "degrees Celsius"),
             Self::ExternalForce => Target::Value(-2.0..=2.0, "times supply pressure times piston area"),
+            Self::Payload => Target::Value(0.0..=1e4, "kg"),
+            Self::Soil => Target::Value(0.0..=5.0, ""),
             _ => Target::Factor(0.05..=20.0),
         }
     }
 
     /// Whether all axes share the parameter, so that a change names no axis.
     pub fn is_shared(self) -> bool {
-        matches!(self, Self::SupplyPressure | Self::PumpFlow | Self::BulkModulus | Self::Air | Self::Temperature)
+        matches!(
+            self,
+            Self::SupplyPressure
+                | Self::PumpFlow
+                | Self::BulkModulus
+                | Self::Air
+                | Self::Temperature
+                | Self::Payload
+                | Self::Soil
+        )
     }
+
+    /// What the machine needs so that the parameter changes something on the axis with this number, or on any axis.
+    fn needs(self, machine: &Described, axis: Option<usize>) -> Option<&'static str> {
+        let is_coupled = match axis {
+            Some(index) => machine.has_mechanism && index < AXES,
+            None => machine.has_mechanism && machine.axes.len() <= AXES,
+        };
+        match self {
+            Self::Mass | Self::LoadForce if is_coupled => {
+                Some("payload, or an axis whose mass [mechanism] does not give")
+            }
+            Self::ExternalForce if is_coupled && machine.has_soil => {
+                Some("soil, or an axis on whose teeth [soil] does not act")
+            }
+            Self::Payload if !machine.has_mechanism => Some("payload on a machine with [mechanism] alone"),
+            Self::Soil if !machine.has_soil => Some("soil on a machine with [soil] alone"),
+            _ => None,
+        }
+    }
+}
+
+/// What a scenario of the machine file has to know of the machine. The built-in scenarios are for machines of all kinds:
+/// a parameter that the machine does not have changes nothing there.
+pub(super) struct Described<'a> {
+    /// Names of the axes.
+    pub axes: &'a [String],
+    /// Whether the first four axes are those of a mechanism.
+    pub has_mechanism: bool,
+    /// Whether soil acts on the teeth of the mechanism.
+    pub has_soil: bool,
 }
 
 /// What a change of a parameter goes to.
@@ -176,7 +232,7 @@ pub enum Target {
 
 impl Scenario {
     /// Reads the choice, `scenario`, and the machine's own scenarios.
-    pub(super) fn read(root: &mut Section, axes: &[String]) -> Self {
+    pub(super) fn read(root: &mut Section, machine: &Described) -> Self {
         let mut scenarios = Self::built_in();
         let built_in: Vec<String> = scenarios.iter().map(|scenario| scenario.name.clone()).collect();
         let mut table = root.section("scenarios");
@@ -185,7 +241,7 @@ impl Scenario {
             if built_in.contains(&name) {
                 section.refuse("", "the name of a built-in scenario", "another name");
             }
-            scenarios.push(Self::read_one(&name, section, axes));
+            scenarios.push(Self::read_one(&name, section, Some(machine)));
         }
         table.finish();
         let choices: Vec<(&str, usize)> =
@@ -214,16 +270,16 @@ impl Scenario {
         let document = Document::parse(text, Vec::new());
         let mut root = document.root();
         let names = root.names();
-        let scenarios = names.iter().map(|name| Self::read_one(name, root.section(name), &[])).collect();
+        let scenarios = names.iter().map(|name| Self::read_one(name, root.section(name), None)).collect();
         root.finish();
         document.into_result("scenarios.toml", scenarios)
     }
 
-    fn read_one(name: &str, mut section: Section, axes: &[String]) -> Self {
+    fn read_one(name: &str, mut section: Section, machine: Option<&Described>) -> Self {
         let scenario = Self {
             name: name.to_owned(),
             summary: section.key("summary", "What happens in the scenario, in one line").text_or(""),
-            changes: section.list("changes").into_iter().filter_map(|item| Change::read(item, axes)).collect(),
+            changes: section.list("changes").into_iter().filter_map(|item| Change::read(item, machine)).collect(),
             commands: section.list("commands").into_iter().map(CommandSine::read).collect(),
         };
         let reach: f64 = scenario.commands.iter().map(|sine| sine.amplitude).sum();
@@ -256,10 +312,11 @@ impl CommandSine {
 }
 
 impl Change {
-    fn read(mut section: Section, axes: &[String]) -> Option<Self> {
+    fn read(mut section: Section, machine: Option<&Described>) -> Option<Self> {
         let parameter = section.key("parameter", "What changes").choice(&Parameter::NAMES);
         let axis =
             section.key("axis", "Axis whose parameter changes; without it the parameter of all axes").optional_text();
+        let axes = machine.map_or(&[][..], |machine| machine.axes);
         let axis = axis.and_then(|name| {
             let index = axes.iter().position(|axis| *axis == name);
             if index.is_none() {
@@ -269,6 +326,11 @@ impl Change {
             }
             index
         });
+        if let (Some(parameter), Some(machine)) = (parameter, machine)
+            && let Some(needed) = parameter.needs(machine, axis)
+        {
+            section.refuse("parameter", format!("\"{}\"", parameter.name()), needed);
+        }
         let start = section.key("start", "Time at which the change begins").number(0.0..=1e6, "s");
         let end = section
             .key("end", "Time at which the change ends; equal to start for a step")
@@ -285,7 +347,10 @@ impl Change {
                 }
                 Target::Value(range, unit) => section
                     .key("value", "Value of the parameter when the change has ended")
-                    .allows("-40 to 120 degrees Celsius, or -2 to 2 times supply pressure times piston area")
+                    .allows(
+                        "-40 to 120 degrees Celsius, -2 to 2 times supply pressure times piston area, 0 to 10000 kg, \
+                         or 0 to 5 times [soil]",
+                    )
                     .number(range, unit),
             },
         };

@@ -149,14 +149,13 @@ impl Cylinder<f64> {
         }
     }
 
-    /// Pressures (p1, p2), Pa, that hold the load at rest at `position` with the valve shut, when the pump idles at
-    /// `idle` Pa.
+    /// Pressures (p1, p2), Pa, that hold the force `load`, N, against extension at rest with the valve shut, when the pump
+    /// idles at `idle` Pa.
     ///
     /// Between two moves the pressure of the rod side lies between return and supply pressure; it starts in the middle.
     /// A load may pull so hard that the piston side would need less than the return pressure. Then the piston side
     /// starts at the return pressure, and the rod side holds the load.
-    pub fn pressures_at_rest(&self, position: f64, idle: f64) -> (f64, f64) {
-        let load = self.load.at(position);
+    pub fn pressures_at_rest(&self, load: f64, idle: f64) -> (f64, f64) {
         let rod = 0.5 * (idle + self.return_pressure);
         let piston = (load + self.rod_area * rod) / self.piston_area;
         if piston >= self.return_pressure {
@@ -222,7 +221,8 @@ impl Cylinder<Lanes> {
         (piston.fast_max(least * self.piston_dead_volume), rod.fast_max(least * self.rod_dead_volume))
     }
 
-    /// Rates of change of y, v, p1, p2 and z: equations (6) and (9).
+    /// Rates of change of y, p1, p2 and z by equation (6), and in the place of the rate of v the force on the piston in
+    /// (9), m dv/dt in N, of which the mass makes an acceleration.
     #[inline]
     pub fn rates(&self, &[position, velocity, p1, p2, z]: &State<Lanes>, edges: &Edges, share: Lanes) -> State<Lanes> {
         let (q1, q2) = self.flows(edges, share);
@@ -236,7 +236,7 @@ impl Cylinder<Lanes> {
             + self.end_stops.force(position, velocity);
         [
             velocity,
-            force * self.inverse_mass,
+            force,
             self.oil.pressure_rate(p1, into_piston, v1),
             self.oil.pressure_rate(p2, into_rod, v2),
             deflection_rate,

@@ -5,11 +5,13 @@
 //!
 //! Only [`FourAxes::new`] allocates.
 
-use pipeline::machine::{Axis, Hydraulics, Plant};
+use mechanism::AXES;
+use pipeline::machine::{Axis, Hydraulics, LoadForce, Plant};
 
 use crate::{
     actuator::cylinder::{Cylinder, Edges, State},
-    conditions::Conditions,
+    conditions::{Conditions, Work},
+    coupling::Coupling,
     hydraulics::{oil::LOWEST_PRESSURE, supply::Demand},
     lanes::{LANES, Lanes, lanes},
     valve::{DelayLine, Valve},
@@ -54,6 +56,8 @@ pub struct FourAxes {
     conditions: [Conditions; LANES],
     valve: Valve<Lanes>,
     cylinder: Cylinder<Lanes>,
+    /// What moves the pistons as one, where these axes are those of a mechanism; otherwise each has its own mass.
+    coupling: Option<Coupling>,
     delays: [DelayLine; LANES],
     /// w: positions that the spools approach.
     target: Lanes,
@@ -92,7 +96,7 @@ impl FourAxes {
         let cylinders = cylinders(&models, hydraulics, &conditions);
         let at_rest: [[f64; 3]; LANES] = std::array::from_fn(|lane| {
             let position = models[lane].plant.initial_position;
-            let (piston, rod) = cylinders[lane].pressures_at_rest(position, idle);
+            let (piston, rod) = cylinders[lane].pressures_at_rest(cylinders[lane].load.at(position), idle);
             [position, piston, rod]
         });
         let state = [
@@ -106,6 +110,7 @@ impl FourAxes {
             axes: axes.len(),
             valve: valve(&models, &conditions, step),
             cylinder: Cylinder::pack(&cylinders),
+            coupling: None,
             delays: std::array::from_fn(|lane| DelayLine::new((models[lane].plant.dead_time / step).round() as usize)),
             models,
             conditions,
@@ -117,6 +122,47 @@ impl FourAxes {
             sum: [Lanes::ZERO; 5],
             edges: Edges::default(),
         }
+    }
+
+    /// Couples the axes at rest by a linkage, which takes the place of their masses and loads; the oil holds its weight.
+    /// The pump idles at `idle` Pa.
+    pub fn couple(&mut self, coupling: Coupling, hydraulics: &Hydraulics, idle: f64) {
+        for model in &mut self.models {
+            (model.plant.load_force, model.plant.load_stiffness) = (LoadForce::constant(0.0), 0.0);
+        }
+        let cylinders = cylinders(&self.models, hydraulics, &self.conditions);
+        let positions: [f64; AXES] = self.state[0].to_array();
+        let weights = coupling.holding_forces(&positions);
+        let at_rest: [(f64, f64); AXES] = std::array::from_fn(|lane| {
+            let external = cylinders[lane].load.at(positions[lane]);
+            cylinders[lane].pressures_at_rest(weights[lane] + external, idle)
+        });
+        self.state[2] = lanes(&at_rest, |rest| rest.0);
+        self.state[3] = lanes(&at_rest, |rest| rest.1);
+        self.cylinder = Cylinder::pack(&cylinders);
+        self.coupling = Some(coupling);
+    }
+
+    /// The linkage, where these axes are those of a mechanism.
+    pub fn coupling(&self) -> Option<&Coupling> {
+        self.coupling.as_ref()
+    }
+
+    /// Changes what the bucket of a mechanism works on.
+    pub fn work(&mut self, work: Work) {
+        if let Some(coupling) = &mut self.coupling {
+            coupling.work(work.payload, work.soil);
+        }
+    }
+
+    /// Parameters of the cylinders now.
+    pub fn cylinder(&self) -> &Cylinder<Lanes> {
+        &self.cylinder
+    }
+
+    /// y, v, p1, p2 and z of the axes at the end of the last step.
+    pub fn state(&self) -> &State<Lanes> {
+        &self.state
     }
 
     /// Changes the parameters to other conditions; `of` returns the conditions of the axis with a number.
@@ -159,7 +205,11 @@ impl FourAxes {
     /// the step. Every axis gets the part `share` of its demand.
     #[inline]
     pub fn take_rates(&mut self, share: f64, weight: f64, ahead: f64) {
-        let rates = self.cylinder.rates(&self.stage, &self.edges, Lanes::splat(share));
+        let mut rates = self.cylinder.rates(&self.stage, &self.edges, Lanes::splat(share));
+        rates[1] = match &self.coupling {
+            None => rates[1] * self.cylinder.inverse_mass,
+            Some(coupling) => coupling.accelerations(self.stage[0], self.stage[1], rates[1]),
+        };
         let (weight, ahead) = (Lanes::splat(weight), Lanes::splat(ahead));
         for (i, rate) in rates.into_iter().enumerate() {
             self.sum[i] += weight * rate;

@@ -1,8 +1,9 @@
 //! Why a machine cannot be simulated.
 
+use mechanism::AXES;
 use pipeline::MAX_AXES;
 
-use crate::integration::runge_kutta::LONGEST_STEP_NS;
+use crate::{coupling::MARGIN, integration::runge_kutta::LONGEST_STEP_NS};
 
 /// Why [`PlantSim::new`](super::PlantSim::new) cannot build a machine.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -31,6 +32,35 @@ pub enum PlantError {
         /// Name of the axis.
         axis: String,
         /// Its fastest rate, 1/s.
+        rate: f64,
+        /// The fastest rate that can be integrated, 1/s.
+        limit: f64,
+    },
+    /// The mechanism has more axes than the machine.
+    #[error("axis: found {found} axes; allowed: at least {AXES} where the machine has a table [mechanism]")]
+    TooFewAxes {
+        /// Number of axes.
+        found: usize,
+    },
+    /// The linkage of an axis does not close up to its end stops and [`MARGIN`] beyond.
+    #[error(
+        "axis.{axis}.stroke: found position {position:.3} m, at which the pins in [mechanism] do not close or the \
+         cylinder is beyond a dead centre; allowed: strokes that stay clear of that by {MARGIN} m"
+    )]
+    Linkage {
+        /// Name of the axis.
+        axis: String,
+        /// The position, m.
+        position: f64,
+    },
+    /// The axes of the mechanism together are too fast for the step.
+    #[error(
+        "mechanism: found coupled motions of its axes at {rate:.3e} 1/s, too fast for the simulator's step; allowed: \
+         up to {limit:.3e} 1/s; more mass or dead volume, or less damping, stiffness, leakage or rated_flow, or a \
+         softer soil"
+    )]
+    TooStiffTogether {
+        /// Their fastest rate, 1/s.
         rate: f64,
         /// The fastest rate that can be integrated, 1/s.
         limit: f64,

@@ -3,6 +3,8 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`stiffness`] | which axes the integration step can integrate; used at construction only |
+//! | `coupled` | the same for the axes that a linkage couples |
+//! | [`energy`] | where the work of the pump goes |
 //! | `drive` | the commands that the drive holds, and its time-out |
 //! | `error` | [`PlantError`]: why a machine cannot be simulated |
 //! | `observation` | the true states at a time, also between two steps |
@@ -15,13 +17,16 @@
 //!
 //! Only the constructors allocate.
 
+mod coupled;
 mod drive;
+pub mod energy;
 mod error;
 mod observation;
 pub mod stiffness;
 
 use std::time::Duration;
 
+use mechanism::AXES;
 use pipeline::{
     MAX_AXES,
     machine::{Axis, Hydraulics, Machine, Plant, Scenario},
@@ -29,7 +34,8 @@ use pipeline::{
 };
 
 use crate::{
-    conditions::Conditions,
+    conditions::{Conditions, Work, acting},
+    coupling::Coupling,
     encoder::NoisyEncoder,
     hydraulics::supply::{Demand, Pump},
     integration::{
@@ -39,6 +45,7 @@ use crate::{
     lanes::LANES,
 };
 
+use coupled::fastest_coupled_rate;
 use drive::Drive;
 pub use error::PlantError;
 use observation::Observation;
@@ -52,6 +59,8 @@ pub struct PlantSim {
     pump: Pump,
     hydraulics: Hydraulics,
     scenario: Scenario,
+    /// What the bucket of the mechanism carries before all changes, kg.
+    payload: f64,
     /// What is seen at the time that was asked for.
     observed: Observation,
     /// What is seen at begin and end of the step in which that time lies; used only for a time between two steps.
@@ -90,29 +99,45 @@ impl PlantSim {
         if step_ns == 0 || !LONGEST_STEP_NS.is_multiple_of(step_ns) {
             return Err(PlantError::Step { found_ns: step_ns });
         }
-        let (scenario, step) = (machine.scenario.clone(), seconds(step_ns));
+        let (scenario, step) = (acting(&machine.scenario, count, machine.soil.is_some()), seconds(step_ns));
         let plants = plants(machine)?;
+        let coupling = coupling(machine)?;
+        let payload = machine.mechanism.map_or(0.0, |mechanism| mechanism.masses.payload.mass);
         let hydraulics = machine.hydraulics.ok_or(PlantError::NoHydraulics)?;
         let mut encoders = Vec::with_capacity(count);
         for (index, (axis, plant)) in plants.iter().enumerate() {
+            let is_coupled = coupling.is_some() && index < AXES;
             let rate = fastest_rate(axis, plant, &hydraulics, &scenario.changes, index);
             let limit = STABILITY_LIMIT / step;
-            if rate > limit {
+            if rate > limit && !is_coupled {
                 return Err(PlantError::TooStiff { axis: axis.name.clone(), rate, limit });
             }
             encoders.push(NoisyEncoder::new(axis.encoder.resolution, plant.encoder_noise, seed, index));
         }
+        if let Some(coupling) = &coupling {
+            let rate = fastest_coupled_rate(&plants, &hydraulics, coupling, &scenario.changes, payload);
+            let limit = STABILITY_LIMIT / step;
+            if !(rate <= limit) {
+                return Err(PlantError::TooStiffTogether { rate, limit });
+            }
+        }
         let at_begin = |index| Conditions::at(&scenario.changes, &hydraulics.oil, index, 0.0);
         let pump = pump(&hydraulics, &at_begin(0));
         let fours = plants.chunks(LANES).enumerate();
-        let axes: Vec<FourAxes> = fours
+        let mut axes: Vec<FourAxes> = fours
             .map(|(i, plants)| FourAxes::new(plants, i * LANES, &hydraulics, pump.pressure, at_begin, step))
             .collect();
+        if let Some(mut coupling) = coupling {
+            let work = Work::at(&scenario.changes, payload, 0.0);
+            coupling.work(work.payload, work.soil);
+            axes[0].couple(coupling, &hydraulics, pump.pressure);
+        }
         let mut plant = Self {
             pump,
             axes,
             hydraulics,
             scenario,
+            payload,
             observed: Observation::with_room(count),
             around: [Observation::with_room(count), Observation::with_room(count)],
             encoders,
@@ -185,6 +210,9 @@ impl PlantSim {
         for axes in &mut self.axes {
             axes.apply(now, &self.hydraulics, step);
         }
+        if let Some(first) = self.axes.first_mut() {
+            first.work(Work::at(&self.scenario.changes, self.payload, time));
+        }
         self.pump.limit(pump(&self.hydraulics, &now(0)));
     }
 
@@ -244,6 +272,16 @@ fn plants(machine: &Machine) -> Result<Vec<(&Axis, &Plant)>, PlantError> {
         Ok((axis, plant))
     });
     plants.collect()
+}
+
+/// The linkage of the machine's first four axes, if it has one.
+fn coupling(machine: &Machine) -> Result<Option<Coupling>, PlantError> {
+    let Some(mechanism) = &machine.mechanism else {
+        return Ok(None);
+    };
+    let axes: &[Axis; AXES] = machine.axes.first_chunk().ok_or(PlantError::TooFewAxes { found: machine.axes.len() })?;
+    let coupling = Coupling::new(mechanism, axes.each_ref().map(|axis| axis.stroke), machine.soil.as_ref());
+    coupling.map(Some).map_err(|(axis, position)| PlantError::Linkage { axis: axes[axis].name.clone(), position })
 }
 
 /// The idling pump under the conditions of the first axis; those of the pump are equal for all axes.

@@ -21,6 +21,8 @@
 //! balanced chamber chatters by about (h r_orifice)^2 p_tr/4 and no more. For axes that are admitted this is at most
 //! about 6 bar, and only with the edge fully open at the end of the stroke.
 //!
+//! Axes that a linkage couples are judged together by `coupled`.
+//!
 //! Trap: an unstable step does not always end in infinity. Bounded forces chatter, and dry friction that chatters is
 //! too small on average.
 
@@ -47,31 +49,56 @@ const ORIFICE_WEIGHT: f64 = 0.25;
 /// Fastest rate of the axis with the number `index`, 1/s, at its least volumes and under the worst conditions that
 /// `changes` of the scenario reach.
 pub fn fastest_rate(axis: &Axis, plant: &Plant, hydraulics: &Hydraulics, changes: &[Change], index: usize) -> f64 {
-    let worst = worst(changes, hydraulics, index);
-    let c = Cylinder::new(plant, axis.stroke, hydraulics, &worst);
     let load = largest_load(axis, plant, hydraulics, changes, index);
-    let least = |dead_volume: f64, area: f64, feeding: f64| {
-        let depth = (feeding * c.supply_pressure + load) / c.end_stops.stiffness;
-        (dead_volume - area * depth).max(LEAST_VOLUME * dead_volume)
-    };
-    let piston_volume = least(c.piston_dead_volume, c.piston_area, c.rod_area);
-    let rod_volume = least(c.rod_dead_volume, c.rod_area, c.piston_area);
-    let least_volume = piston_volume.min(rod_volume);
-    let bulk_modulus = 1.0 / c.oil.compressibility;
+    let parts = Parts::new(axis, plant, hydraulics, changes, index, load);
+    let worst = worst(changes, hydraulics, index);
+    let inverse_mass = Cylinder::new(plant, axis.stroke, hydraulics, &worst).inverse_mass;
+    let mechanical = parts.damping * inverse_mass + FASTEST_BRISTLES;
+    mechanical.max(parts.hydraulic) + (parts.springs * inverse_mass).sqrt()
+}
 
-    let oil = bulk_modulus * (c.piston_area.powi(2) / piston_volume + c.rod_area.powi(2) / rod_volume);
-    let springs = c.end_stops.stiffness + c.friction.stiffness + c.load.steepest() + oil;
-    let damping = c.friction.viscous + c.friction.damping + c.end_stops.damping;
-    let mechanical = damping * c.inverse_mass + FASTEST_BRISTLES;
+/// What makes an axis fast, without its mass, under the worst conditions of the scenario.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Parts {
+    /// Stiffness of all springs on the piston, N/m.
+    pub springs: f64,
+    /// Damping of the piston, N s/m.
+    pub damping: f64,
+    /// Rate of the pressures, 1/s.
+    pub hydraulic: f64,
+}
 
-    let compliance = least_volume / bulk_modulus;
-    let leakage = (2.0 * c.internal_leakage + c.external_leakage) / compliance;
-    let at_atmosphere = (1.0 + c.oil.air) / (c.oil.compressibility + c.oil.air / (ADIABATIC_INDEX * ATMOSPHERE));
-    let port = (c.ports.relief_gain / compliance).max(c.ports.make_up_gain * at_atmosphere / least_volume);
-    let orifice = c.conductance / (TRANSITION_PRESSURE.sqrt() * compliance);
-    let hydraulic = leakage + port.max(ORIFICE_WEIGHT * orifice);
+impl Parts {
+    /// Of the axis with the number `index`, on which `load` N act at most.
+    pub(super) fn new(
+        axis: &Axis,
+        plant: &Plant,
+        hydraulics: &Hydraulics,
+        changes: &[Change],
+        index: usize,
+        load: f64,
+    ) -> Self {
+        let c = Cylinder::new(plant, axis.stroke, hydraulics, &worst(changes, hydraulics, index));
+        let least = |dead_volume: f64, area: f64, feeding: f64| {
+            let depth = (feeding * c.supply_pressure + load) / c.end_stops.stiffness;
+            (dead_volume - area * depth).max(LEAST_VOLUME * dead_volume)
+        };
+        let piston_volume = least(c.piston_dead_volume, c.piston_area, c.rod_area);
+        let rod_volume = least(c.rod_dead_volume, c.rod_area, c.piston_area);
+        let least_volume = piston_volume.min(rod_volume);
+        let bulk_modulus = 1.0 / c.oil.compressibility;
 
-    mechanical.max(hydraulic) + (springs * c.inverse_mass).sqrt()
+        let oil = bulk_modulus * (c.piston_area.powi(2) / piston_volume + c.rod_area.powi(2) / rod_volume);
+        let springs = c.end_stops.stiffness + c.friction.stiffness + c.load.steepest() + oil;
+        let damping = c.friction.viscous + c.friction.damping + c.end_stops.damping;
+
+        let compliance = least_volume / bulk_modulus;
+        let leakage = (2.0 * c.internal_leakage + c.external_leakage) / compliance;
+        let at_atmosphere = (1.0 + c.oil.air) / (c.oil.compressibility + c.oil.air / (ADIABATIC_INDEX * ATMOSPHERE));
+        let port = (c.ports.relief_gain / compliance).max(c.ports.make_up_gain * at_atmosphere / least_volume);
+        let orifice = c.conductance / (TRANSITION_PRESSURE.sqrt() * compliance);
+        Self { springs, damping, hydraulic: leakage + port.max(ORIFICE_WEIGHT * orifice) }
+    }
 }
 
 /// Largest absolute load under all conditions of the scenario, N.

@@ -1,0 +1,125 @@
+//! An excavator of 20 t whose axes are coupled by their linkage: cylinders, valves and oil of the built-in machine, pins
+//! and masses of an excavator of that size.
+
+mod energy;
+mod halving;
+mod refused;
+mod response;
+mod rest;
+mod soil;
+
+use std::time::Duration;
+
+use mechanism::{AXES, Body, FourBar, Geometry, Masses, Mechanism, Payload, Rotation, Vector};
+use pipeline::{
+    machine::{Change, Machine, Parameter, Plant, Soil},
+    message::ValveCommand,
+};
+use plant_sim::PlantSim;
+
+/// The step of the simulator.
+const STEP: Duration = Duration::from_micros(100);
+
+/// Pins and masses.
+fn mechanism() -> Mechanism {
+    let body = |mass, x, z, inertia| Body { mass, center: Vector::new(x, z), inertia };
+    Mechanism {
+        geometry: Geometry {
+            boom_foot: Vector::new(0.23, 1.96),
+            boom_length: 5.65,
+            boom_cylinder_base: Vector::new(0.582, -0.582),
+            boom_cylinder_rod: Vector::new(2.431, 0.982),
+            arm_cylinder_base: Vector::new(3.004, 0.885),
+            arm_cylinder_rod: Vector::new(-0.843, 0.249),
+            arm_length: 2.4,
+            bucket: FourBar {
+                rocker_pin: Vector::new(-0.41, 0.0),
+                cylinder_base: Vector::new(-2.597, 0.711),
+                rocker: 0.7,
+                link: 0.6,
+                link_pin: 0.466 * Rotation::by(101.5f64.to_radians()).axis(),
+            },
+            bucket_length: 1.51,
+        },
+        retracted: [1.87, 2.075, 0.0, 1.68],
+        masses: Masses {
+            boom: body(2130.0, 2.75, 0.55, 5450.0),
+            arm: body(850.0, 0.75, 0.1, 480.0),
+            inner: body(650.0, -1.0, 0.15, 280.0),
+            bucket: body(660.0, 0.65, 0.28, 130.0),
+            payload: Payload { mass: 0.0, center: Vector::new(0.75, 0.22), radius_of_gyration: 0.35 },
+        },
+    }
+}
+
+/// The excavator under a built-in scenario.
+fn under(scenario: &str) -> Machine {
+    let mut machine = Machine::load(None, &[("scenario".to_owned(), scenario.to_owned())]).unwrap();
+    machine.mechanism = Some(mechanism());
+    machine
+}
+
+/// The excavator with constant parameters.
+fn excavator() -> Machine {
+    under("nominal")
+}
+
+/// A loam whose surface lies where the teeth of [`excavator`] are at the start.
+fn loam(level: f64) -> Soil {
+    Soil {
+        level,
+        slope: 0.0,
+        unit_weight: 18e3,
+        cohesion: 9e3,
+        friction_angle: 30.0,
+        steel_friction_angle: 20.0,
+        adhesion: 0.0,
+        width: 1.05,
+        rake_angle: 45.0,
+        heap: 0.3,
+        penetration_resistance: 5e5,
+        teeth_area: 0.02,
+    }
+}
+
+fn plants(machine: &mut Machine) -> impl Iterator<Item = &mut Plant> {
+    machine.axes.iter_mut().map(|axis| axis.plant.as_mut().unwrap())
+}
+
+/// Takes every loss between pistons and tank away.
+fn without_leakage(machine: &mut Machine) {
+    for plant in plants(machine) {
+        (plant.internal_leakage, plant.external_leakage) = (0.0, 0.0);
+    }
+}
+
+fn step_to(parameter: Parameter, time: f64, to: f64) -> Change {
+    Change { axis: None, parameter, start: time, end: time, to }
+}
+
+fn simulate(machine: &Machine) -> PlantSim {
+    PlantSim::new(machine, 1).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// A message with these commands.
+fn commands(commands: [f64; AXES]) -> ValveCommand {
+    let mut message = ValveCommand::default();
+    message.axes.iter_mut().zip(commands).for_each(|(axis, command)| axis.command = command);
+    message
+}
+
+fn positions(sim: &PlantSim) -> [f64; AXES] {
+    std::array::from_fn(|axis| sim.axes()[axis].position)
+}
+
+/// Commands that move all axes against each other, with reversals and pauses, at `time` s.
+fn mixed(time: f64) -> [f64; AXES] {
+    const TAU: f64 = std::f64::consts::TAU;
+    let sine = |frequency: f64, phase: f64| (TAU * frequency * time + phase).sin();
+    [
+        0.35 * sine(0.11, 0.0) + 0.1 * sine(0.9, 0.3),
+        0.45 * sine(0.17, 1.0) + 0.15 * sine(1.3, 0.0),
+        0.4 * sine(0.13, 2.0),
+        0.4 * sine(0.23, 0.5) + 0.2 * sine(0.7, 1.0),
+    ]
+}

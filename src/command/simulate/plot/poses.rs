@@ -7,14 +7,14 @@ use std::error::Error;
 use mechanism::{AXES, Mechanism, Pose, PreparedMechanism, Vector};
 use plotters::{
     chart::ChartBuilder,
-    element::{PathElement, Text},
+    element::{Circle, PathElement, Polygon, Text},
     prelude::{Color, IntoFont, RGBColor},
 };
 
 use super::{Area, FONT, WHITE, tick};
 
-/// Number of poses, evenly spread from the first row to the last.
-const DRAWN: usize = 5;
+/// Number of poses, evenly spread over time from the first row to the last.
+const DRAWN: usize = 4;
 /// Free space around everything that is drawn, m.
 const MARGIN: f64 = 0.7;
 const STRUCTURE: RGBColor = RGBColor(40, 40, 40);
@@ -22,7 +22,11 @@ const CYLINDER: RGBColor = RGBColor(0, 114, 178);
 const PATH: RGBColor = RGBColor(213, 94, 0);
 const GROUND: RGBColor = RGBColor(140, 110, 70);
 /// How much of its colour the first pose has; the last one has all of it.
-const FAINTEST: f64 = 0.15;
+const FAINTEST: f64 = 0.3;
+/// How much of their colour the surfaces of bodies have.
+const SURFACE: f64 = 0.12;
+/// Distances of the times from the teeth, m: on one side and on the other in turn, as poses can be close together.
+const BESIDE: [f64; 2] = [0.12, -0.75];
 
 /// Positions of the pistons over time, from which poses and path are drawn.
 pub struct Poses {
@@ -56,9 +60,13 @@ impl Poses {
         let rows: Vec<_> = self.rows.iter().chain(&self.last).copied().collect();
         let Some(end) = rows.len().checked_sub(1) else { return Ok(()) };
         let path: Vec<Vector> = rows.iter().map(|(_, positions)| self.prepared.pose(positions).tip).collect();
-        let shown = (0..DRAWN).map(|i| rows[end * i / (DRAWN - 1)]);
-        let poses: Vec<(f64, Lines)> = shown.map(|(t, positions)| (t, self.lines(&positions))).collect();
-        let all = || poses.iter().flat_map(|(_, lines)| lines.iter().flat_map(|(points, _)| points)).chain(&path);
+        let (begin, last) = (rows[0].0, rows[end].0);
+        let shown = (0..DRAWN).map(|i| {
+            let time = begin + (last - begin) * i as f64 / (DRAWN - 1) as f64;
+            rows[rows.partition_point(|(t, _)| *t < time).min(end)]
+        });
+        let poses: Vec<(f64, Drawn)> = shown.map(|(t, positions)| (t, self.drawn(&positions))).collect();
+        let all = || poses.iter().flat_map(|(_, drawn)| drawn.points()).chain(&path);
 
         let (x, z) = self.ranges(area, all());
         let mut chart = ChartBuilder::on(area)
@@ -80,19 +88,26 @@ impl Poses {
             .draw()?;
         let ground = PathElement::new([(x.0, 0.0), (x.1, 0.0)], GROUND.stroke_width(4));
         chart.draw_series([ground])?;
-        for (i, (_, lines)) in poses.iter().enumerate() {
+        let pairs = |points: &[Vector]| points.iter().map(|at| (at.x, at.z)).collect::<Vec<_>>();
+        for (i, (_, Drawn { bodies, lines, .. })) in poses.iter().enumerate() {
             let part = FAINTEST + (1.0 - FAINTEST) * i as f64 / (DRAWN - 1) as f64;
-            let element = |(points, (colour, width)): &(Vec<Vector>, (RGBColor, u32))| {
-                let points: Vec<_> = points.iter().map(|at| (at.x, at.z)).collect();
-                PathElement::new(points, colour.mix(part).stroke_width(*width))
+            let surface = |points: &Vec<Vector>| Polygon::new(pairs(points), STRUCTURE.mix(SURFACE * part).filled());
+            chart.draw_series(bodies.iter().map(surface))?;
+            let edge = |points: &Vec<Vector>| {
+                let closed = [&points[..], &points[..1]].concat();
+                PathElement::new(pairs(&closed), STRUCTURE.mix(part).stroke_width(4))
             };
-            chart.draw_series(lines.iter().map(element))?;
+            chart.draw_series(bodies.iter().map(edge))?;
+            let line = |(points, colour): &(Vec<Vector>, RGBColor)| {
+                PathElement::new(pairs(points), colour.mix(part).stroke_width(5))
+            };
+            chart.draw_series(lines.iter().map(line))?;
         }
-        let points: Vec<_> = path.iter().map(|at| (at.x, at.z)).collect();
-        chart.draw_series([PathElement::new(points, PATH.stroke_width(4))])?;
-        let times = poses.iter().map(|(t, lines)| {
-            let tip = lines.last().and_then(|(points, _)| points.get(1)).copied().unwrap_or_default();
-            Text::new(format!("{} s", tick(t)), (tip.x + 0.1, tip.z), (FONT, 26).into_font())
+        chart.draw_series([PathElement::new(pairs(&path), PATH.stroke_width(4))])?;
+        let dots = poses.iter().map(|(_, drawn)| Circle::new((drawn.tip.x, drawn.tip.z), 7, PATH.filled()));
+        chart.draw_series(dots)?;
+        let times = poses.iter().zip(BESIDE.iter().cycle()).map(|((t, Drawn { tip, .. }), beside)| {
+            Text::new(format!("{t:.1} s"), (tip.x + beside, tip.z), (FONT, 26).into_font())
         });
         chart.draw_series(times)?;
         Ok(())
@@ -114,8 +129,8 @@ impl Poses {
         ((middle.x - half.x, middle.x + half.x), (middle.z - half.z, middle.z + half.z))
     }
 
-    /// The lines of one pose; the last one begins at the bucket pin and leads to the teeth.
-    fn lines(&self, positions: &[f64; AXES]) -> Lines {
+    /// Bodies and cylinders at these positions of the pistons.
+    fn drawn(&self, positions: &[f64; AXES]) -> Drawn {
         let pose: Pose = self.prepared.pose(positions);
         let pins = &self.mechanism.geometry;
         let on_boom = |at: Vector| pose.boom_foot + pose.boom * at;
@@ -123,21 +138,37 @@ impl Poses {
         let by_bucket = |at: Vector| pose.bucket_pin + pose.arm * at;
         let rocker_end = by_bucket(pins.bucket.rocker_end(self.mechanism.lengths(positions)[3]));
         let link_pin = pose.bucket_pin + pose.bucket * pins.bucket.link_pin;
-        let (thick, thin) = ((STRUCTURE, 7), (STRUCTURE, 4));
-        let cylinder = (CYLINDER, 5);
-        vec![
-            (vec![pose.boom_foot + pins.boom_cylinder_base, on_boom(pins.boom_cylinder_rod)], cylinder),
-            (vec![on_boom(pins.arm_cylinder_base), on_arm(pins.arm_cylinder_rod)], cylinder),
-            (vec![by_bucket(pins.bucket.cylinder_base), rocker_end], cylinder),
-            (vec![by_bucket(pins.bucket.rocker_pin), rocker_end, link_pin], thin),
-            (vec![pose.boom_foot, on_boom(pins.boom_cylinder_rod), pose.arm_pin, pose.boom_foot], thick),
-            (vec![on_boom(pins.boom_cylinder_rod), on_boom(pins.arm_cylinder_base), pose.arm_pin], thin),
-            (vec![on_arm(pins.arm_cylinder_rod), pose.arm_pin, pose.bucket_pin], thick),
-            (vec![on_arm(pins.arm_cylinder_rod), by_bucket(pins.bucket.cylinder_base), pose.bucket_pin], thin),
-            (vec![pose.bucket_pin, pose.tip, link_pin, pose.bucket_pin], thick),
-        ]
+        let (boom_rod, arm_rod) = (on_boom(pins.boom_cylinder_rod), on_arm(pins.arm_cylinder_rod));
+        let (arm_base, bucket_base) = (on_boom(pins.arm_cylinder_base), by_bucket(pins.bucket.cylinder_base));
+        let boom_base = pose.boom_foot + pins.boom_cylinder_base;
+        Drawn {
+            bodies: vec![
+                vec![pose.boom_foot, boom_rod, arm_base, pose.arm_pin],
+                vec![pose.arm_pin, arm_rod, bucket_base, pose.bucket_pin],
+                vec![pose.bucket_pin, link_pin, pose.tip],
+            ],
+            lines: vec![
+                (vec![boom_base, boom_rod], CYLINDER),
+                (vec![arm_base, arm_rod], CYLINDER),
+                (vec![bucket_base, rocker_end], CYLINDER),
+                (vec![by_bucket(pins.bucket.rocker_pin), rocker_end, link_pin], STRUCTURE),
+            ],
+            tip: pose.tip,
+        }
     }
 }
 
-/// Lines through points, with colour and width.
-type Lines = Vec<(Vec<Vector>, (RGBColor, u32))>;
+/// What is drawn of one pose.
+struct Drawn {
+    /// Corners of boom, arm and bucket.
+    bodies: Vec<Vec<Vector>>,
+    /// Cylinders, and rocker with link.
+    lines: Vec<(Vec<Vector>, RGBColor)>,
+    tip: Vector,
+}
+
+impl Drawn {
+    fn points(&self) -> impl Iterator<Item = &Vector> {
+        self.bodies.iter().flatten().chain(self.lines.iter().flat_map(|(points, _)| points))
+    }
+}

@@ -1,6 +1,6 @@
 //! Measured records of public benchmarks, as CSV files, and reference states of an excavator. They are not part of the
-//! project: `HYDRAXIS_RECORDS` names the folder in which they lie. Every test here is ignored unless it is asked for (`cargo test --test records --
-//! --ignored`), and fails where its record is missing.
+//! project: `HYDRAXIS_RECORDS` names the folder in which they lie. Every test here is ignored unless it is asked for
+//! (`cargo test --test records -- --ignored`), and fails where its record is missing.
 
 mod harness;
 

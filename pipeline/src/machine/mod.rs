@@ -38,8 +38,9 @@ use axis::Shared;
 use document::{Document, Section, Setting};
 
 pub use axis::{
-    Axis, COMPENSATED, Commissioned, Control, DeadBand, Encoder, Estimator, Form, Identification, IdentifiedOutput,
-    LoadForce, MOST_POINTS, ModelChoice, Plant, ReferenceSource, Sine, Split, ValveCurve, shortest_training,
+    Axis, COMPENSATED, Commissioned, Control, DeadBand, Directions, Encoder, Estimator, Form, Identification,
+    IdentifiedOutput, LoadForce, LoadHolding, MOST_POINTS, ModelChoice, Plant, Ports, ReferenceSource, Sine, Split,
+    ValveCurve, shortest_training,
 };
 pub use document::{DefaultValue, EffectiveValue, Origin, samples_of};
 pub use error::{MachineError, Problem};

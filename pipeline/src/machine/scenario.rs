@@ -144,7 +144,7 @@ impl Parameter {
                  0.05 above the dead band"
             }
             Self::Hysteresis => "`hysteresis`",
-            Self::Leakage => "`internal_leakage` and `external_leakage`",
+            Self::Leakage => "`internal_leakage`, `external_leakage` and `spool_leakage`",
             Self::ExternalForce => {
                 "force against extension that is added to the load; 1 is the `pressure` of the supply in the machine \
                  file times `piston_area`"

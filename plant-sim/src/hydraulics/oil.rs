@@ -51,10 +51,11 @@ impl OilMixture<Lanes> {
         Self { compressibility: lanes(axes, |oil| oil.compressibility), air: lanes(axes, |oil| oil.air) }
     }
 
-    /// dp/dt = beta_e `inflow`/`volume`, Pa/s, of a chamber of `volume` m3 at `pressure` Pa above the atmosphere.
-    /// `inflow` is the flow of oil into the chamber less the growth of its volume, m3/s.
+    /// dp/dt = `inflow`/(`volume`/beta_e + `walls`), Pa/s, of a chamber of `volume` m3 at `pressure` Pa above the
+    /// atmosphere, whose walls give way by `walls` m3/Pa. `inflow` is the flow of oil into the chamber less the growth
+    /// of its volume by the piston, m3/s.
     #[inline]
-    pub fn pressure_rate(&self, pressure: Lanes, inflow: Lanes, volume: Lanes) -> Lanes {
+    pub fn pressure_rate(&self, pressure: Lanes, inflow: Lanes, volume: Lanes, walls: Lanes) -> Lanes {
         let ratio = pressure.fast_max(Lanes::splat(LOWEST_PRESSURE)) * Lanes::splat(1.0 / ATMOSPHERE) + Lanes::ONE;
         // With w = (p/p_a)^(-1/7): r = alpha w^5, and r/(kappa p) = alpha w^12/(kappa p_a).
         let w = inverse_seventh_root(ratio);
@@ -62,7 +63,8 @@ impl OilMixture<Lanes> {
         let w5 = w2 * w2 * w;
         let air = self.air * w5;
         let compressibility = self.compressibility + air * w5 * w2 * Lanes::splat(1.0 / (ADIABATIC_INDEX * ATMOSPHERE));
-        inflow * (Lanes::ONE + air) / (compressibility * volume)
+        let mixture = Lanes::ONE + air;
+        inflow * mixture / (compressibility * volume + walls * mixture)
     }
 }
 
@@ -102,7 +104,7 @@ mod tests {
 
     fn modulus(bulk_modulus: f64, air: f64, absolute: f64) -> f64 {
         let oil = OilMixture { compressibility: Lanes::splat(1.0 / bulk_modulus), air: Lanes::splat(air) };
-        oil.pressure_rate(Lanes::splat(absolute - ATMOSPHERE), Lanes::ONE, Lanes::ONE).to_array()[0]
+        oil.pressure_rate(Lanes::splat(absolute - ATMOSPHERE), Lanes::ONE, Lanes::ONE, Lanes::ZERO).to_array()[0]
     }
 
     #[test]
@@ -124,6 +126,22 @@ mod tests {
         {
             let found = modulus(1.4e9, air, absolute) / 1e9;
             assert!((found - expected).abs() < 0.006, "{air} at {absolute}: {found} for {expected}");
+        }
+    }
+
+    #[test]
+    fn walls_that_give_way_add_their_compliance() {
+        let oil = OilMixture { compressibility: Lanes::splat(1.0 / 1.4e9), air: Lanes::splat(0.01) };
+        for absolute in [5e5, 2e7] {
+            let (volume, walls) = (3e-3, 2e-12);
+            let found = oil.pressure_rate(
+                Lanes::splat(absolute - ATMOSPHERE),
+                Lanes::splat(1e-3),
+                Lanes::splat(volume),
+                Lanes::splat(walls),
+            );
+            let expected = 1e-3 / (volume / modulus(1.4e9, 0.01, absolute) + walls);
+            assert!((found.to_array()[0] / expected - 1.0).abs() < 1e-13);
         }
     }
 

@@ -9,7 +9,10 @@ use mechanism::AXES;
 use pipeline::machine::{Axis, Hydraulics, LoadForce, Plant};
 
 use crate::{
-    actuator::cylinder::{Cylinder, Edges, State},
+    actuator::{
+        cylinder::{Cylinder, State},
+        edges::Edges,
+    },
     conditions::{Conditions, Work},
     coupling::Coupling,
     hydraulics::{oil::LOWEST_PRESSURE, supply::Demand},
@@ -44,6 +47,8 @@ pub struct TrueState {
     pub piston_flow: f64,
     /// q2, flow out of the rod side through the valve, m3/s.
     pub rod_flow: f64,
+    /// s q_f, flow that the axis gets from the pump, m3/s.
+    pub pump_flow: f64,
 }
 
 /// Up to four axes: their parameters at this time, their state, and the step that is being made.
@@ -238,10 +243,10 @@ impl FourAxes {
     /// demand, and the pressure in the chamber that the pump feeds, Pa; negative infinity where it feeds none.
     pub fn observe(&self, share: f64, supply: f64) -> impl Iterator<Item = (TrueState, f64)> {
         let edges = self.cylinder.edges(&self.state, self.openings[2], supply);
-        let (q1, q2) = self.cylinder.flows(&edges, Lanes::splat(share));
+        let (q1, q2) = edges.flows(Lanes::splat(share));
         let [y, v, p1, p2, _] = self.state.map(Lanes::to_array);
         let (q1, q2, spool) = (q1.to_array(), q2.to_array(), self.spool.to_array());
-        let fed = edges.delivered_to().to_array();
+        let (fed, pump) = (edges.delivered_to().to_array(), edges.from_pump(Lanes::splat(share)).to_array());
         (0..self.axes).map(move |lane| {
             let state = TrueState {
                 position: y[lane],
@@ -251,6 +256,7 @@ impl FourAxes {
                 spool_position: spool[lane],
                 piston_flow: q1[lane],
                 rod_flow: q2[lane],
+                pump_flow: pump[lane],
             };
             (state, fed[lane])
         })

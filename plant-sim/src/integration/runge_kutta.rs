@@ -41,8 +41,8 @@ const STAGES: [Stage; 4] = [
     Stage { part: 2, weight: 1.0 / 6.0, ahead: 0.0 },
 ];
 
-/// Advances all axes and the pump by one step of `step` s under `commands`, one for each axis, or with the pilot pressure
-/// `cut_off`.
+/// Advances all axes and the pump by one step of `step` s under `commands`, one for each axis, or with the pilot
+/// pressure `cut_off`.
 #[inline]
 pub fn runge_kutta(axes: &mut [FourAxes], commands: &[f64], cut_off: bool, pump: &mut Pump, step: f64) {
     for (four, commands) in axes.iter_mut().zip(commands.chunks(LANES)) {

@@ -2,15 +2,16 @@
 //!
 //! ```text
 //! dE/dt = P_pump + P_oil - P_valves - P_leakage - P_ports - P_friction - P_stops - P_external - P_soil
-//! E      = T + U + sum V_i u(p_i)                   P_oil      = sum u(p_i) q_i
+//! E      = T + U + sum V_i u(p_i) + sum C_wi (p_i^2/2 + p_i u(p_i)/3)               P_oil = sum u(p_i) q_i
 //! P_pump = p_s sum q_feed                           P_valves   = P_pump - sum (p1 q1 - p2 q2)
-//! P_leakage = C_ip (p1 - p2)^2 + C_ep (p1^2 + p2^2) P_ports    = p1 q_o(p1) + p2 q_o(p2)
+//! P_leakage = C_ip (p1 - p2)^2 + C_ep (p1^2 + p2^2) + p1 q_s1 + p2 q_s2
+//! P_ports = p1 q_o(p1) + p2 q_o(p2)
 //! P_friction = F v   P_stops = -F_stop v   P_external = F_ext v
 //! du/dp  = (u + p)/beta_e(p),  u(0) = 0
 //! ```
 //!
-//! T and U kinetic and potential energy of the mechanism, J ([`crate::coupling`]); V_i and p_i volume, m3, and pressure,
-//! Pa, of a chamber; q_i flow of oil into it, less what leaves it, m3/s; u energy of compression by volume, J/m3; the
+//! T and U kinetic and potential energy of the mechanism, J ([`crate::coupling`]); V_i and p_i volume, m3, and
+//! pressure, Pa, of a chamber; C_wi and q_si as in [`crate::actuator::cylinder`]; q_i flow of oil into it, less what leaves it, m3/s; u energy of compression by volume, J/m3; the
 //! other symbols as in [`crate::actuator`]. P_valves is all that is lost between pump, chambers and tank. P_oil is the
 //! energy that oil carries into a chamber because it is compressed there. P_friction and P_stops contain what bristles
 //! and stops store and give back.
@@ -65,7 +66,7 @@ pub struct Stored {
     pub kinetic: f64,
     /// U.
     pub potential: f64,
-    /// In the compressed oil of all chambers.
+    /// In the compressed oil of all chambers and in the walls of their hoses.
     pub oil: f64,
 }
 
@@ -103,8 +104,7 @@ impl EnergyObserver {
         let chambers = Chambers::new(four);
         for (lane, axis) in plant.axes().iter().enumerate().take(AXES) {
             let (p1, p2, q1, q2) = (axis.piston_pressure, axis.rod_pressure, axis.piston_flow, axis.rod_flow);
-            let feed = if axis.spool_position >= 0.0 { q1 } else { -q2 };
-            let pump = plant.supply_pressure() * feed;
+            let pump = plant.supply_pressure() * axis.pump_flow;
             power.pump += pump;
             power.valves += pump - (p1 * q1 - p2 * q2);
             let c = &chambers;
@@ -119,6 +119,9 @@ impl EnergyObserver {
             let (u1, u2) = (self.compression.at(p1), self.compression.at(p2));
             power.oil += u1 * into_piston + u2 * into_rod;
             stored.oil += u1 * c.volumes[0][lane] + u2 * c.volumes[1][lane];
+            // The last term, of the oil in the widened hose, is exact for oil without air.
+            let wall = |side: usize, p: f64, u: f64| c.walls[side][lane] * p * (0.5 * p + u / 3.0);
+            stored.oil += wall(0, p1, u1) + wall(1, p2, u2);
         }
         if let Some(coupling) = four.coupling() {
             (stored.kinetic, stored.potential) = coupling.energy(&state[0], &state[1]);
@@ -134,6 +137,8 @@ struct Chambers {
     external: [[f64; LANES]; 2],
     ports: [[f64; LANES]; 2],
     volumes: [[f64; LANES]; 2],
+    /// m3/Pa.
+    walls: [[f64; LANES]; 2],
     friction: [f64; LANES],
     stops: [f64; LANES],
     load: [f64; LANES],
@@ -143,11 +148,13 @@ impl Chambers {
     fn new(four: &FourAxes) -> Self {
         let (cylinder, [y, v, p1, p2, z]): (&Cylinder<Lanes>, _) = (four.cylinder(), *four.state());
         let (v1, v2) = cylinder.volumes(y);
+        let [spool1, spool2] = cylinder.edges.leaks(p1, p2);
         Self {
             internal: (cylinder.internal_leakage * (p1 - p2)).to_array(),
-            external: [p1, p2].map(|p| (cylinder.external_leakage * p).to_array()),
+            external: [(p1, spool1), (p2, spool2)].map(|(p, spool)| (cylinder.external_leakage * p + spool).to_array()),
             ports: [p1, p2].map(|p| cylinder.ports.outflow(p).to_array()),
             volumes: [v1, v2].map(Lanes::to_array),
+            walls: cylinder.walls.map(Lanes::to_array),
             friction: cylinder.friction.force(v, z).0.to_array(),
             stops: cylinder.end_stops.force(y, v).to_array(),
             load: cylinder.load.at(y).to_array(),

@@ -40,6 +40,7 @@ impl Observation {
             spool_position: between(begin.spool_position, end.spool_position),
             piston_flow: between(begin.piston_flow, end.piston_flow),
             rod_flow: between(begin.rod_flow, end.rod_flow),
+            pump_flow: between(begin.pump_flow, end.pump_flow),
         }));
     }
 }

@@ -1,13 +1,14 @@
 //! The fastest rate of an axis, which decides whether the step can integrate that axis. Used at construction only.
 //!
 //! ```text
-//! h r <= 2.7        r = max(r_damping + r_bristles, r_leakage + max(r_port, r_orifice / 4)) + r_spring
+//! h r <= 2.7        r = max(r_damping + r_bristles, r_leakage + max(r_port, r_orifice / 4, r_pilot)) + r_spring
 //! r_spring   = sqrt((k_s + sigma_0 + K + beta (A1^2/V1 + A2^2/V2))/m)
 //! r_damping  = (B_p + sigma_1 + c_s)/m
 //! r_bristles = 1/tau_z
-//! r_leakage  = beta (2 C_ip + C_ep) / min(V1, V2)
+//! r_leakage  = beta (2 C_ip + C_ep + C_s) / min(V1, V2)
 //! r_port     = max(beta g_r, beta_e(p_a) g_m) / min(V1, V2)
-//! r_orifice  = beta k / (sqrt(p_tr) min(V1, V2))
+//! r_orifice  = beta k (max(1, m) + r) / (sqrt(p_tr) min(V1, V2))
+//! r_pilot    = beta k m sqrt(1.2 p_cb) max(1, R/6.75) / (0.2 p_cb min(V1, V2))
 //! V          = max(V0 - A F/k_s, V0/10)        F = A' p_s + |F_L|
 //! ```
 //!
@@ -93,11 +94,13 @@ impl Parts {
         let damping = c.friction.viscous + c.friction.damping + c.end_stops.damping;
 
         let compliance = least_volume / bulk_modulus;
-        let leakage = (2.0 * c.internal_leakage + c.external_leakage) / compliance;
+        let spool = c.edges.leakage[0].max(c.edges.leakage[1]);
+        let leakage = (2.0 * c.internal_leakage + c.external_leakage + spool) / compliance;
         let at_atmosphere = (1.0 + c.oil.air) / (c.oil.compressibility + c.oil.air / (ADIABATIC_INDEX * ATMOSPHERE));
         let port = (c.ports.relief_gain / compliance).max(c.ports.make_up_gain * at_atmosphere / least_volume);
-        let orifice = c.conductance / (TRANSITION_PRESSURE.sqrt() * compliance);
-        Self { springs, damping, hydraulic: leakage + port.max(ORIFICE_WEIGHT * orifice) }
+        let orifice = c.edges.steepest(TRANSITION_PRESSURE) / compliance;
+        let piloted = c.edges.piloted() / compliance;
+        Self { springs, damping, hydraulic: leakage + port.max(ORIFICE_WEIGHT * orifice).max(piloted) }
     }
 }
 

@@ -5,6 +5,7 @@ mod linear;
 mod motion;
 mod oil;
 mod order;
+mod ports;
 mod rest;
 mod scenarios;
 mod supply;

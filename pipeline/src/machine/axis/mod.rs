@@ -7,7 +7,7 @@
 //! | `identification`, `estimator` | `[axis.NAME.identification]` | how the axis is identified |
 //! | `control` | `[axis.NAME.control]` | how the axis is controlled |
 //! | `reference` | `[axis.NAME.reference]` | where the reference comes from |
-//! | `plant` | `[axis.NAME.plant]` | the simulated axis |
+//! | `plant`, `ports` | `[axis.NAME.plant]` | the simulated axis; its valves and hoses beyond one spool |
 //!
 //! Dead band and dead time of the commissioned model are the defaults of identification and control.
 
@@ -18,6 +18,7 @@ mod encoder;
 mod estimator;
 mod identification;
 mod plant;
+mod ports;
 mod reference;
 
 use std::path::Path;
@@ -29,6 +30,7 @@ pub use encoder::Encoder;
 pub use estimator::Estimator;
 pub use identification::{Form, Identification, IdentifiedOutput, Split, shortest_training};
 pub use plant::{LoadForce, Plant, ValveCurve};
+pub use ports::{Directions, LoadHolding, Ports};
 use reference::Limits;
 pub use reference::{ReferenceSource, Sine};
 

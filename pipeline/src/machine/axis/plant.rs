@@ -1,6 +1,6 @@
 //! The simulated axis: `[axis.NAME.plant]`.
 
-use super::dead_band::DeadBand;
+use super::{dead_band::DeadBand, ports::Ports};
 use crate::machine::document::Section;
 
 /// Parameters of one simulated axis, SI units; the symbols are the paper's, and LuGre's for friction.
@@ -56,6 +56,8 @@ pub struct Plant {
     pub valve_time_constant: f64,
     /// Time from a command to the first reaction of the valve, s.
     pub dead_time: f64,
+    /// Valves and hoses between spool and cylinder.
+    pub ports: Ports,
     /// Stiffness of the end stops, N/m.
     pub end_stop_stiffness: f64,
     /// Damping of the end stops, N s/m.
@@ -106,6 +108,7 @@ impl Plant {
         let (mass, load_force, load_stiffness) = read_load(&mut section, is_carried);
         let friction = Friction::read(&mut section);
         let valve = Valve::read(&mut section);
+        let ports = Ports::read(&mut section);
         let leakage =
             |section: &mut Section, key, meaning| section.key(key, meaning).number_or(0.0, 0.0..=1e-9, "m3/(s Pa)");
         let number = |section: &mut Section, key, meaning, range, unit| section.key(key, meaning).number(range, unit);
@@ -148,6 +151,7 @@ impl Plant {
             hysteresis: valve.hysteresis,
             valve_time_constant: valve.time_constant,
             dead_time: valve.dead_time,
+            ports,
             end_stop_stiffness,
             end_stop_damping,
             encoder_noise: section.key("encoder_noise", "Standard deviation of the encoder's noise").number_or(

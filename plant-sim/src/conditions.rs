@@ -147,8 +147,8 @@ impl Work {
     }
 }
 
-/// `scenario` on a machine with `axes` axes. Where soil acts on the teeth of a mechanism (`has_soil`), no other external
-/// force acts on the axes of the mechanism.
+/// `scenario` on a machine with `axes` axes. Where soil acts on the teeth of a mechanism (`has_soil`), no other
+/// external force acts on the axes of the mechanism.
 pub fn acting(scenario: &Scenario, axes: usize, has_soil: bool) -> Scenario {
     let on_axes = |change: Change| {
         let acts = move |axis: &usize| *axis >= AXES || change.parameter != Parameter::ExternalForce || !has_soil;

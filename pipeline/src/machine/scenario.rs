@@ -210,8 +210,8 @@ impl Parameter {
     }
 }
 
-/// What a scenario of the machine file has to know of the machine. The built-in scenarios are for machines of all kinds:
-/// a parameter that the machine does not have changes nothing there.
+/// What a scenario of the machine file has to know of the machine. The built-in scenarios are for machines of all
+/// kinds: a parameter that the machine does not have changes nothing there.
 pub(super) struct Described<'a> {
     /// Names of the axes.
     pub axes: &'a [String],

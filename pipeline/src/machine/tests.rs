@@ -391,3 +391,51 @@ fn pins_that_do_not_let_a_cylinder_move_over_its_stroke_are_refused() {
         assert_eq!(error.lines().count(), 1, "{error}");
     }
 }
+
+/// A loam for the teeth of [`MECHANISM`].
+const SOIL: &str =
+    "[soil]\nunit_weight = 18e3\ncohesion = 9e3\nwidth = 1.05\nfriction_angle = 30\nsteel_friction_angle = 20\n";
+
+#[test]
+fn soil_needs_a_mechanism_and_angles_that_leave_a_failure_plane() {
+    let soil = with_mechanism("[timing]", &format!("{SOIL}[timing]")).unwrap().soil.unwrap();
+    assert_eq!((soil.level, soil.rake_angle, soil.penetration_resistance), (0.0, 45.0, 0.0));
+    let error = refusal("[timing]", &format!("{SOIL}[timing]"));
+    assert!(error.contains("soil: found a table without [mechanism]; allowed: [mechanism] beside it"), "{error}");
+    let steep = SOIL.replace("= 30", "= 50").replace("= 20", "= 25\nrake_angle = 100");
+    let error = with_mechanism("[timing]", &format!("{steep}[timing]")).unwrap_err().to_string();
+    assert!(error.contains("soil.rake_angle: found 100; allowed: up to 170 degrees together with"), "{error}");
+}
+
+#[test]
+fn a_scenario_changes_only_what_the_machine_has() {
+    let scenario = |parameter: &str, axis: &str| {
+        let value = if parameter.starts_with("mass") || parameter.starts_with("load") { "factor" } else { "value" };
+        let change = format!("{{ parameter = \"{parameter}\", {axis}start = 1, end = 2, {value} = 1 }}");
+        format!("[scenarios.own]\nsummary = \"own\"\nchanges = [{change}]\n[timing]")
+    };
+    let carried = |parameter: &str| with_mechanism("[timing]", &scenario(parameter, "")).map_err(|e| e.to_string());
+    let dug = |parameter: &str| {
+        with_mechanism("[timing]", &(SOIL.to_owned() + &scenario(parameter, ""))).map_err(|e| e.to_string())
+    };
+    let alone = |parameter: &str| built_in_with("[timing]", &scenario(parameter, "")).map_err(|e| e.to_string());
+    for (accepted, refused) in [
+        (vec![alone("mass"), alone("load_force"), alone("external_force")], vec![alone("payload"), alone("soil")]),
+        (
+            vec![carried("payload"), carried("external_force")],
+            vec![carried("mass"), carried("load_force"), carried("soil")],
+        ),
+        (vec![dug("payload"), dug("soil")], vec![dug("external_force")]),
+    ] {
+        accepted.into_iter().for_each(|machine| assert!(machine.is_ok(), "{machine:?}"));
+        for error in refused.into_iter().map(Result::unwrap_err) {
+            assert!(error.contains("scenarios.own.changes[0].parameter: found \""), "{error}");
+        }
+    }
+    // An axis beyond the mechanism has a mass of its own.
+    let error = with_mechanism("[timing]", &scenario("mass", "axis = \"arm\", ")).unwrap_err().to_string();
+    assert!(error.contains("found \"mass\"; allowed: payload, or an axis whose mass [mechanism] does not"), "{error}");
+    for name in ["payload", "digging", "everything"] {
+        assert!(with_mechanism("scenario = \"cold-start\"", &format!("scenario = \"{name}\"")).is_ok(), "{name}");
+    }
+}

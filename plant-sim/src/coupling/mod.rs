@@ -19,24 +19,21 @@
 //! Source: the crate [`mechanism`], which has equations and sources. Assumed: rigid bodies, pins without friction and
 //! without play, and a machine that stands still.
 //!
-//! Traps: the linkage may not close beyond the strokes, but a piston moves into its end stop. [`Coupling::new`] refuses
-//! a linkage that does not close up to [`MARGIN`] beyond both stops. Farther out the pose is that at the margin. A
-//! payload that changes keeps the speeds: like every step of a parameter this changes the energy.
+//! Traps: the linkage may not close beyond the strokes, but a piston moves into its end stop. The pose follows it up to
+//! [`MARGIN`]; farther out it is that at the margin. A payload that changes keeps the speeds: like every step of a
+//! parameter this changes the energy.
 
 pub mod soil;
 
-use mechanism::{AXES, Mechanism, Pose, PreparedMechanism, Vector};
+use mechanism::{AXES, Flaw, Mechanism, Pose, PreparedMechanism, Vector};
 use pipeline::machine;
 
 use crate::lanes::Lanes;
 use soil::Soil;
 
-/// Distance beyond the end stops up to which the linkage has to close, m: more than the depth to which the heaviest
-/// boom sinks into stops of the usual stiffness.
-pub const MARGIN: f64 = 0.03;
-
-/// Number of positions at which [`Coupling::new`] tries whether the linkage of an axis closes.
-const TRIED: usize = 65;
+/// Distance beyond the end stops up to which the pose follows the pistons, m: so far [`Mechanism::flaws`] finds a
+/// linkage that does not close, and farther than pistons sink into stops of the usual stiffness.
+pub const MARGIN: f64 = 0.02;
 
 /// The linkage of four axes, with payload and soil.
 #[derive(Debug, Clone)]
@@ -52,30 +49,18 @@ impl Coupling {
     /// The linkage between cylinders with these `strokes`, m, and the soil.
     ///
     /// # Errors
-    /// The number of the axis whose linkage does not close over its stroke and [`MARGIN`] beyond, and a position, m, at
-    /// which it does not.
+    /// The number of an axis that the linkage does not let move over its stroke, and why.
     pub fn new(
         mechanism: &Mechanism,
         strokes: [f64; AXES],
         soil: Option<&machine::Soil>,
-    ) -> Result<Self, (usize, f64)> {
-        let coupling =
-            Self { mechanism: *mechanism, prepared: mechanism.prepared(), soil: soil.map(Soil::new), strokes };
-        let middle = coupling.strokes.map(|stroke| 0.5 * stroke);
-        let rates = coupling.prepared.pose(&middle).rate;
-        for axis in 0..AXES {
-            for tried in 0..TRIED {
-                let part = tried as f64 / (TRIED - 1) as f64;
-                let mut positions = middle;
-                positions[axis] = -MARGIN + part * (strokes[axis] + 2.0 * MARGIN);
-                let rate = coupling.prepared.pose(&positions).rate[axis];
-                // Not in the middle alone: behind a dead centre the joint turns the other way. NaN is refused too.
-                if !(rate.is_finite() && rate * rates[axis] > 0.0) {
-                    return Err((axis, positions[axis]));
-                }
+    ) -> Result<Self, (usize, Flaw)> {
+        match mechanism.flaws(&strokes).first() {
+            Some(flaw) => Err(*flaw),
+            None => {
+                Ok(Self { mechanism: *mechanism, prepared: mechanism.prepared(), soil: soil.map(Soil::new), strokes })
             }
         }
-        Ok(coupling)
     }
 
     /// Takes the payload, kg, and the strength of the soil as a part of that in the machine file.

@@ -129,8 +129,8 @@ impl FourAxes {
         }
     }
 
-    /// Couples the axes at rest by a linkage, which takes the place of their masses and loads; the oil holds its weight.
-    /// The pump idles at `idle` Pa.
+    /// Couples the axes at rest by a linkage, which takes the place of their masses and loads. The oil holds its
+    /// weight, and the pump idles at `idle` Pa.
     pub fn couple(&mut self, coupling: Coupling, hydraulics: &Hydraulics, idle: f64) {
         for model in &mut self.models {
             (model.plant.load_force, model.plant.load_stiffness) = (LoadForce::constant(0.0), 0.0);

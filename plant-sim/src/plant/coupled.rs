@@ -6,20 +6,20 @@
 //! lambda(A) <= (tr A^64)^(1/64) <= 1.03 lambda(A)
 //! ```
 //!
-//! r rate of which [`super::stiffness`] makes a condition for the step, 1/s; lambda the largest eigenvalue; M_l mass that
-//! the cylinders feel, kg, with the least payload of the scenario; k_i and d_i stiffness, N/m, and damping, N s/m, of
-//! axis i with its end stops, bristles and oil, as for an axis alone; k_soil and d_soil those of the soil at the teeth
-//! and s its largest strength; J_tip motion of the teeth per motion of the cylinders; r_bristles and r_hydraulic as for
-//! an axis alone, the latter the largest of all axes.
+//! r rate of which [`super::stiffness`] makes a condition for the step, 1/s; lambda the largest eigenvalue; M_l mass
+//! that the cylinders feel, kg, with the least payload of the scenario; k_i and d_i stiffness, N/m, and damping, N s/m,
+//! of axis i with its end stops, bristles and oil, as for an axis alone; k_soil and d_soil those of the soil at the
+//! teeth and s its largest strength; J_tip motion of the teeth per motion of the cylinders; r_bristles and r_hydraulic
+//! as for an axis alone, the latter the largest of all axes.
 //!
-//! The eigenvalues are those of the coupled modes: with the other cylinders free a cylinder moves far less than M_ii. All
-//! eigenvalues of M_l^-1 K are real and not negative, because M_l and K are symmetric and M_l is positive definite. The
-//! trace of a power is then an upper bound, and needs only squarings.
+//! The eigenvalues are those of the coupled modes: with the other cylinders free a cylinder moves far less than M_ii.
+//! All eigenvalues of M_l^-1 K are real and not negative, because M_l and K are symmetric and M_l is positive definite.
+//! The trace of a power is then an upper bound, and needs only squarings.
 //!
-//! The worst posture is looked for on a grid. The boom's angle turns the whole machine and changes nothing but the boom's
-//! own lever arm, so only the boom's longest lever arm counts: the eigenvalues grow with it. The other three axes take
-//! [`POSTURES`] positions each. Between them the eigenvalue is higher by less than one percent (a test shows it on an
-//! excavator of 20 t), which the limit of the step covers.
+//! The worst posture is looked for on a grid. The boom's angle turns the whole machine and changes nothing but the
+//! boom's own lever arm, so only the boom's longest lever arm counts: the eigenvalues grow with it. The other three
+//! axes take [`POSTURES`] positions each. Between them the eigenvalue is higher by less than one percent (a test shows
+//! it on an excavator of 20 t), which the limit of the step covers.
 //!
 //! Trap: the least mass of each axis by itself is not enough. Modes of arm, telescope and bucket against each other are
 //! faster than those of any axis alone.
@@ -130,3 +130,6 @@ fn eigenvalue(coupling: &Coupling, positions: &[f64; AXES], own: [f64; AXES], te
     }
     bound
 }
+
+#[cfg(test)]
+mod tests;

@@ -11,10 +11,10 @@
 //! ```
 //!
 //! T and U kinetic and potential energy of the mechanism, J ([`crate::coupling`]); V_i and p_i volume, m3, and
-//! pressure, Pa, of a chamber; C_wi and q_si as in [`crate::actuator::cylinder`]; q_i flow of oil into it, less what leaves it, m3/s; u energy of compression by volume, J/m3; the
-//! other symbols as in [`crate::actuator`]. P_valves is all that is lost between pump, chambers and tank. P_oil is the
-//! energy that oil carries into a chamber because it is compressed there. P_friction and P_stops contain what bristles
-//! and stops store and give back.
+//! pressure, Pa, of a chamber; C_wi and q_si as in [`crate::actuator::cylinder`]; q_i flow of oil into it, less what
+//! leaves it, m3/s; u energy of compression by volume, J/m3; the other symbols as in [`crate::actuator`]. P_valves is
+//! all that is lost between pump, chambers and tank. P_oil is the energy that oil carries into a chamber because it is
+//! compressed there. P_friction and P_stops contain what bristles and stops store and give back.
 //!
 //! Trap: V p^2/(2 beta) is not the energy of a chamber: its oil comes and goes, and air makes beta_e depend on p.
 

@@ -1,9 +1,9 @@
 //! Why a machine cannot be simulated.
 
-use mechanism::AXES;
+use mechanism::{AXES, Flaw};
 use pipeline::MAX_AXES;
 
-use crate::{coupling::MARGIN, integration::runge_kutta::LONGEST_STEP_NS};
+use crate::integration::runge_kutta::LONGEST_STEP_NS;
 
 /// Why [`PlantSim::new`](super::PlantSim::new) cannot build a machine.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -42,16 +42,13 @@ pub enum PlantError {
         /// Number of axes.
         found: usize,
     },
-    /// The linkage of an axis does not close up to its end stops and [`MARGIN`] beyond.
-    #[error(
-        "axis.{axis}.stroke: found position {position:.3} m, at which the pins in [mechanism] do not close or the \
-         cylinder is beyond a dead centre; allowed: strokes that stay clear of that by {MARGIN} m"
-    )]
+    /// The linkage does not let an axis move over its stroke.
+    #[error("mechanism: found {flaw} at axis {axis}; allowed: pins that let its cylinder move over its whole stroke")]
     Linkage {
         /// Name of the axis.
         axis: String,
-        /// The position, m.
-        position: f64,
+        /// Why not.
+        flaw: Flaw,
     },
     /// The axes of the mechanism together are too fast for the step.
     #[error(

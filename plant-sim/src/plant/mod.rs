@@ -281,7 +281,7 @@ fn coupling(machine: &Machine) -> Result<Option<Coupling>, PlantError> {
     };
     let axes: &[Axis; AXES] = machine.axes.first_chunk().ok_or(PlantError::TooFewAxes { found: machine.axes.len() })?;
     let coupling = Coupling::new(mechanism, axes.each_ref().map(|axis| axis.stroke), machine.soil.as_ref());
-    coupling.map(Some).map_err(|(axis, position)| PlantError::Linkage { axis: axes[axis].name.clone(), position })
+    coupling.map(Some).map_err(|(axis, flaw)| PlantError::Linkage { axis: axes[axis].name.clone(), flaw })
 }
 
 /// The idling pump under the conditions of the first axis; those of the pump are equal for all axes.

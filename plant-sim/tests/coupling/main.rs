@@ -1,8 +1,9 @@
-//! An excavator of 20 t whose axes are coupled by their linkage: cylinders, valves and oil of the built-in machine, pins
-//! and masses of an excavator of that size.
+//! An excavator of 20 t whose axes are coupled by their linkage: cylinders, valves and oil of the built-in machine,
+//! pins and masses of an excavator of that size.
 
 mod energy;
 mod halving;
+mod modes;
 mod refused;
 mod response;
 mod rest;

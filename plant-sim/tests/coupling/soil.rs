@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// Distance by which the arm draws the teeth in, m, with soil of a strength, and the height of the teeth at the start, m.
-fn drawn_in(strength: f64) -> (f64, f64) {
+/// Distance by which the arm draws the teeth in, m, through soil of a strength.
+fn drawn_in(strength: f64) -> f64 {
     let mut machine = excavator();
     let prepared = mechanism().prepared();
     let tip = |sim: &PlantSim| prepared.pose(&positions(sim)).tip;
@@ -16,12 +16,12 @@ fn drawn_in(strength: f64) -> (f64, f64) {
         sim.command(&commands([0.0, 0.35, 0.0, 0.0]));
         sim.advance(Duration::from_millis(10));
     }
-    (begin.x - tip(&sim).x, begin.z)
+    begin.x - tip(&sim).x
 }
 
 #[test]
 fn soil_slows_the_arm_and_its_strength_comes_from_the_scenario() {
-    let [air, soft, hard] = [0.0, 0.5, 2.0].map(|strength| drawn_in(strength).0);
+    let [air, soft, hard] = [0.0, 0.5, 2.0].map(|strength| drawn_in(strength));
     println!("drawn in by {air:.4} m in air, {soft:.4} m and {hard:.4} m in soil");
     assert!(air > 0.1 && soft < 0.995 * air && hard < 0.99 * soft, "{air} {soft} {hard}");
 }

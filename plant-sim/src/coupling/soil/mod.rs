@@ -97,10 +97,9 @@ impl Soil {
         (-self.strength * self.resistance(depth) * held * inverse) * velocity
     }
 
-    /// Largest damping of the teeth's motion by soil of strength 1, N s/m: no direction of the motion has more.
+    /// Largest damping of the teeth's motion by soil of strength 1, N s/m: that at rest.
     pub fn damping(&self) -> f64 {
-        // The factor of the motion out of the ground adds at most as much again.
-        2.0 * self.resistance(DEEPEST) / SLOW
+        self.resistance(DEEPEST) / SLOW
     }
 
     /// Largest slope of the force by depth of soil of strength 1, N/m.

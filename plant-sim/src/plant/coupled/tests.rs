@@ -4,7 +4,7 @@ use super::*;
 
 /// The built-in machine's axes coupled by the linkage of an excavator of 20 t.
 fn excavator() -> (Machine, Coupling) {
-    let text = include_str!("../../../../tests/data/mechanism.toml");
+    let text = include_str!("../../../../examples/mechanism.toml");
     let keys = ["mass =", "load_force =", "load_stiffness ="];
     let own = pipeline::machine::BUILT_IN.lines().filter(|line| keys.iter().all(|key| !line.starts_with(key)));
     let text: Vec<&str> = own.chain([text]).collect();

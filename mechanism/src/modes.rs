@@ -5,8 +5,8 @@
 //! C = K^-1/2 M_l K^-1/2,   C y = y / w^2,       y = K^1/2 v
 //! ```
 //!
-//! M_l mass matrix of the cylinders in kg, k stiffness of the oil in each cylinder in N/m, w angular frequency in 1/s. C
-//! is symmetric, and Jacobi's method finds its eigenvalues by rotations that make one entry after the other zero (G.
+//! M_l mass matrix of the cylinders in kg, k stiffness of the oil in each cylinder in N/m, w angular frequency in 1/s.
+//! C is symmetric, and Jacobi's method finds its eigenvalues by rotations that make one entry after the other zero (G.
 //! Golub, C. Van Loan, Matrix Computations, 4th ed., section 8.5).
 
 use crate::AXES;

@@ -143,3 +143,44 @@ impl Oil {
 /// Viscosity of an HM 46 at 40 and at 100 degrees Celsius, mm2/s: the first is what the grade means (ISO 3448), the
 /// second is that of an ordinary mineral oil of this grade.
 const HM_46: (f64, f64) = (46.0, 6.8);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::machine::{LoadHolding, Machine, MachineError, Ports};
+
+    fn with(settings: &[(&str, &str)]) -> Result<Machine, MachineError> {
+        let settings: Vec<_> = settings.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+        Machine::load(None, &settings)
+    }
+
+    #[test]
+    fn a_pump_holds_its_pressure_unless_it_is_load_sensing() {
+        let supply = |machine: Machine| machine.hydraulics.unwrap().supply;
+        let constant = supply(with(&[]).unwrap());
+        assert_eq!((constant.kind, constant.power), (SupplyKind::ConstantPressure, None));
+        let chosen = [("supply.kind", "load-sensing"), ("supply.power", "110e3")];
+        let found = supply(with(&chosen).unwrap());
+        let kind = SupplyKind::LoadSensing { margin: 2e6, response_time: 0.1 };
+        assert_eq!(found, Supply { kind, power: Some(110e3), ..constant });
+    }
+
+    #[test]
+    fn a_margin_belongs_to_a_load_sensing_pump_and_fits_below_its_pressure() {
+        let refused = |settings| with(settings).unwrap_err().to_string();
+        let text = refused(&[("supply.margin", "1e6")]);
+        assert!(text.contains("supply.margin: found an unknown key"), "{text}");
+        let text = refused(&[("supply.kind", "load-sensing"), ("supply.pressure", "2.2e6")]);
+        assert!(text.contains("supply.return_pressure: found 300000; allowed: less than 200000 Pa"), "{text}");
+    }
+
+    #[test]
+    fn a_valve_is_one_spool_without_the_keys_of_its_block() {
+        let ports = |machine: Machine| machine.axes[0].plant.clone().unwrap().ports;
+        assert_eq!(ports(with(&[]).unwrap()), Ports::NONE);
+        let chosen = [("axis.boom.plant.load_holding", "piston"), ("axis.boom.plant.meter_out_retract", "0.4")];
+        let found = ports(with(&chosen).unwrap());
+        assert_eq!((found.load_holding.sides(), found.meter_out.retract), ([true, false], 0.4));
+        assert_eq!(LoadHolding::Both.sides(), [true, true]);
+    }
+}

@@ -19,6 +19,12 @@ fn run(machine: &Machine, step_ns: u64, into_stops: bool) -> Vec<[f64; AXES]> {
     (0..2000).map(tick).collect()
 }
 
+/// Largest distance of each position from that at half the step, m.
+pub fn apart_at_half_the_step(machine: &Machine, into_stops: bool) -> [f64; AXES] {
+    let (whole, half) = (run(machine, 100_000, into_stops), run(machine, 50_000, into_stops));
+    std::array::from_fn(|axis| whole.iter().zip(&half).map(|(a, b)| (a[axis] - b[axis]).abs()).fold(0.0, f64::max))
+}
+
 #[test]
 fn half_the_step_moves_no_cylinder_by_a_tenth_of_a_millimetre_under_any_scenario() {
     let cases =
@@ -29,10 +35,7 @@ fn half_the_step_moves_no_cylinder_by_a_tenth_of_a_millimetre_under_any_scenario
             if scenario == "digging" {
                 machine.soil = Some(loam(0.5));
             }
-            let (whole, half) = (run(&machine, 100_000, into_stops), run(&machine, 50_000, into_stops));
-            let apart: [f64; AXES] = std::array::from_fn(|axis| {
-                whole.iter().zip(&half).map(|(a, b)| (a[axis] - b[axis]).abs()).fold(0.0, f64::max)
-            });
+            let apart = apart_at_half_the_step(&machine, into_stops);
             println!("{scenario:16} stops {into_stops:5}: {:.2?} um", apart.map(|apart| 1e6 * apart));
             assert!(apart.iter().all(|apart| *apart < 1e-4), "{scenario}, {into_stops}: {apart:?}");
         };

@@ -3,6 +3,7 @@
 
 mod energy;
 mod halving;
+mod hydraulics;
 mod modes;
 mod refused;
 mod response;

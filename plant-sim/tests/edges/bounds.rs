@@ -98,7 +98,10 @@ fn limits(machine: &Machine, axis: usize, met: &Extremes) -> Extremes {
     let force = area * met.pressure + load;
     let (soft, mass) = (force / plant.end_stop_stiffness, LARGEST_MASS * plant.mass);
     let sink = soft + (soft * soft + mass * met.speed.powi(2) / plant.end_stop_stiffness).sqrt();
-    let volume = plant.piston_dead_volume + plant.rod_dead_volume + area * stroke;
+    let hoses = plant.ports.piston_hose_volume + plant.ports.rod_hose_volume;
+    // Walls that give way store energy, as much oil of that compliance would.
+    let walls = hoses * pressure / plant.ports.hose_modulus;
+    let volume = plant.piston_dead_volume + plant.rod_dead_volume + hoses + walls + area * stroke;
     let edge = plant.rated_flow / plant.rated_pressure_drop.sqrt() * supply.pressure.sqrt();
     let pumped = supply.pressure * supply.flow.min(edge) * DURATION as f64;
     let work = pumped + 2.0 * force * (stroke + 2.0 * sink) + pressure * volume;

@@ -1,5 +1,6 @@
 //! Machines drawn at random from the whole range that the machine file allows.
 
+use pipeline::machine::SupplyKind;
 use plant_sim::{PlantError, PlantSim};
 use rand_pcg::{
     Pcg64,
@@ -82,6 +83,27 @@ impl Draw {
         edits.extend(numbers.map(|(key, value)| (key, Value::Float(value))));
         edits
     }
+
+    /// Valves and hoses between spool and cylinder, each of them there in four of five cases.
+    fn valve_block(&mut self) -> Edits {
+        let held = ["none", "piston", "rod", "both"][(4.0 * self.unit()) as usize];
+        let mut edits: Edits = vec![("load_holding", held.into())];
+        let numbers = [
+            ("meter_out_extend", self.log(0.01, 2.0)),
+            ("meter_out_retract", self.log(0.01, 2.0)),
+            ("regeneration_extend", self.log_or_zero(0.01, 2.0)),
+            ("regeneration_retract", self.log_or_zero(0.01, 2.0)),
+            ("counterbalance_extend", self.log_or_zero(1e5, 1e8)),
+            ("counterbalance_retract", self.log_or_zero(1e5, 1e8)),
+            ("pilot_ratio", self.log(0.1, 20.0)),
+            ("spool_leakage", self.log_or_zero(1e-15, 1e-9)),
+            ("piston_hose_volume", self.log_or_zero(1e-5, 1.0)),
+            ("rod_hose_volume", self.log_or_zero(1e-5, 1.0)),
+            ("hose_modulus", self.log(1e8, 1e12)),
+        ];
+        edits.extend(numbers.map(|(key, value)| (key, Value::Float(value))));
+        edits
+    }
 }
 
 /// Number of machines, each with four accepted axes.
@@ -89,21 +111,44 @@ const MACHINES: usize = 30;
 
 #[test]
 fn accepted_machines_stay_within_physical_bounds() {
-    let mut draw = Draw(Pcg64::seed_from_u64(1));
+    sweep(1, Draw::axis, |_| SupplyKind::ConstantPressure);
+}
+
+#[test]
+fn accepted_machines_with_a_valve_block_and_a_load_sensing_pump_stay_within_physical_bounds() {
+    let axis = |draw: &mut Draw| {
+        let mut axis = draw.axis();
+        axis.extend(draw.valve_block());
+        axis
+    };
+    let kind =
+        |draw: &mut Draw| SupplyKind::LoadSensing { margin: draw.log(1e5, 1e7), response_time: draw.log(5e-3, 5.0) };
+    sweep(2, axis, kind);
+}
+
+/// Checks machines with axes by `axis` and pumps by `kind`, drawn from `seed` on.
+fn sweep(seed: u64, axis: impl Fn(&mut Draw) -> Edits, kind: impl Fn(&mut Draw) -> SupplyKind) {
+    let mut draw = Draw(Pcg64::seed_from_u64(seed));
     let (mut accepted, mut refused) = (0, 0);
     for index in 0..MACHINES {
         let hydraulics = draw.hydraulics();
+        let kind = kind(&mut draw);
+        let machine = |axes: &[Edits]| {
+            let mut machine = text::machine(axes, &hydraulics);
+            machine.hydraulics.as_mut().unwrap().supply.kind = kind;
+            machine
+        };
         let mut axes = Vec::new();
         while axes.len() < 4 {
-            let axis = draw.axis();
-            match PlantSim::new(&text::machine(std::slice::from_ref(&axis), &hydraulics), 1) {
+            let axis = axis(&mut draw);
+            match PlantSim::new(&machine(std::slice::from_ref(&axis)), 1) {
                 Ok(_) => axes.push(axis),
                 Err(PlantError::TooStiff { .. }) => refused += 1,
                 Err(other) => panic!("{other}"),
             }
         }
         accepted += axes.len();
-        bounds::check(&text::machine(&axes, &hydraulics), &format!("machine {index}"));
+        bounds::check(&machine(&axes), &format!("machine {index}"));
     }
     println!("{accepted} axes accepted, {refused} refused as too stiff");
     assert!(accepted >= 100);

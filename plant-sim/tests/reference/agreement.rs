@@ -3,7 +3,7 @@
 use std::{thread, time::Duration};
 
 use pipeline::{
-    machine::{LoadForce, Machine, Plant, Scenario, ValveCurve},
+    machine::{Directions, LoadForce, LoadHolding, Machine, Plant, Ports, Scenario, SupplyKind, ValveCurve},
     message::ValveCommand,
 };
 use plant_sim::PlantSim;
@@ -181,6 +181,28 @@ fn open_relief_and_make_up_valves_are_within_the_bounds() {
         change.to = -0.3;
     }
     check(&figures(&machine, "relief, make-up"));
+}
+
+#[test]
+fn a_load_sensing_pump_and_a_full_valve_block_are_within_the_bounds() {
+    let mut machine = under("everything");
+    let supply = &mut machine.hydraulics.as_mut().unwrap().supply;
+    supply.kind = SupplyKind::LoadSensing { margin: 2e6, response_time: 0.05 };
+    (supply.flow, supply.power) = (6e-3, Some(60e3));
+    for (axis, plant) in plants(&mut machine).enumerate() {
+        plant.ports = Ports {
+            meter_out: Directions { extend: 0.5, retract: 0.4 },
+            regeneration: Directions { extend: [0.0, 0.4, 0.0, 0.2][axis], retract: [0.3, 0.0, 0.0, 0.0][axis] },
+            counterbalance: Directions { extend: [0.0, 0.0, 9e6, 0.0][axis], retract: [0.0, 0.0, 0.0, 15e6][axis] },
+            pilot_ratio: 0.5,
+            spool_leakage: 1e-12,
+            load_holding: [LoadHolding::Piston, LoadHolding::Rod, LoadHolding::None, LoadHolding::Both][axis],
+            piston_hose_volume: 1e-3,
+            rod_hose_volume: 5e-4,
+            ..plant.ports
+        };
+    }
+    check(&figures(&machine, "load-sensing"));
 }
 
 fn plants(machine: &mut Machine) -> impl Iterator<Item = &mut Plant> {

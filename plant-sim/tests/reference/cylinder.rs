@@ -1,7 +1,7 @@
 //! One cylinder at one time by the equations in `plant_sim::actuator` and `plant_sim::hydraulics`, written again in
 //! plain numbers.
 
-use pipeline::machine::{Hydraulics, Parameter, Plant};
+use pipeline::machine::{Hydraulics, LoadHolding, Parameter, Plant, SupplyKind};
 
 use super::conditions::Conditions;
 
@@ -9,7 +9,8 @@ use super::conditions::Conditions;
 pub struct Cylinder {
     plant: Plant,
     stroke: f64,
-    supply_pressure: f64,
+    /// Drop over the edge that feeds which a compensator allows.
+    allowed_drop: f64,
     return_pressure: f64,
     bulk_modulus: f64,
     air: f64,
@@ -37,7 +38,10 @@ impl Cylinder {
     pub fn new(plant: &Plant, stroke: f64, hydraulics: &Hydraulics, conditions: &Conditions, viscosity: f64) -> Self {
         let Hydraulics { supply, oil } = hydraulics;
         Self {
-            supply_pressure: supply.pressure * conditions.factor(Parameter::SupplyPressure),
+            allowed_drop: match supply.kind {
+                SupplyKind::ConstantPressure => f64::INFINITY,
+                SupplyKind::LoadSensing { .. } => plant.rated_pressure_drop,
+            },
             return_pressure: supply.return_pressure,
             bulk_modulus: oil.bulk_modulus * conditions.factor(Parameter::BulkModulus),
             air: oil.air * conditions.factor(Parameter::Air),
@@ -53,28 +57,72 @@ impl Cylinder {
         }
     }
 
-    /// q_i, flow that the axis demands from the pump at the opening `x`, m3/s.
-    pub fn demand(&self, x: f64, p1: f64, p2: f64) -> f64 {
+    /// q_i, flow that the axis demands from the pump at the pressure `supply` Pa and the opening `x`, m3/s.
+    pub fn demand(&self, x: f64, p1: f64, p2: f64, supply: f64) -> f64 {
         let fed = if x >= 0.0 { p1 } else { p2 };
-        self.conductance * x.abs() * root(self.supply_pressure - fed).max(0.0)
+        self.conductance * x.abs() * root((supply - fed).min(self.allowed_drop)).max(0.0)
+    }
+
+    /// Flow to the tank and flow from the draining chamber to the fed one at the opening `x`, m3/s.
+    fn returns(&self, x: f64, fed: f64, drained: f64) -> (f64, f64) {
+        let ports = &self.plant.ports;
+        let (meter_out, regeneration, setting) = if x >= 0.0 {
+            (ports.meter_out.extend, ports.regeneration.extend, ports.counterbalance.extend)
+        } else {
+            (ports.meter_out.retract, ports.regeneration.retract, ports.counterbalance.retract)
+        };
+        let balanced = if setting > 0.0 {
+            ((drained + ports.pilot_ratio * fed - setting) / (0.2 * setting)).clamp(0.0, 1.0)
+        } else {
+            1.0
+        };
+        let edge = self.conductance * x.abs();
+        let drain = balanced * meter_out * edge * root(drained - self.return_pressure);
+        (drain, regeneration * edge * root(drained - fed).max(0.0))
+    }
+
+    /// Leakage of the spool out of piston side and rod side, m3/s.
+    fn spool(&self, p1: f64, p2: f64) -> (f64, f64) {
+        let ports = &self.plant.ports;
+        let (piston_held, rod_held) = match ports.load_holding {
+            LoadHolding::None => (false, false),
+            LoadHolding::Piston => (true, false),
+            LoadHolding::Rod => (false, true),
+            LoadHolding::Both => (true, true),
+        };
+        let out = |held: bool, p: f64| {
+            if held { 0.0 } else { self.leakage * ports.spool_leakage * (p - self.return_pressure) }
+        };
+        (out(piston_held, p1), out(rod_held, p2))
     }
 
     /// Rates of y, v, p1, p2 and z at the opening `x`, when the pump feeds `feed` m3/s.
     pub fn rates(&self, state: &[f64], x: f64, feed: f64) -> [f64; 5] {
         let &[y, v, p1, p2, z] = state else { unreachable!("five numbers for each axis") };
         let plant = &self.plant;
-        let drain = |p: f64| self.conductance * x.abs() * root(p - self.return_pressure);
-        let (q1, q2) = if x >= 0.0 { (feed, drain(p2)) } else { (-drain(p1), -feed) };
+        let (q1, q2) = if x >= 0.0 {
+            let (drain, regenerated) = self.returns(x, p1, p2);
+            (feed + regenerated, drain + regenerated)
+        } else {
+            let (drain, regenerated) = self.returns(x, p2, p1);
+            (-drain - regenerated, -feed - regenerated)
+        };
+        let (spool1, spool2) = self.spool(p1, p2);
         let internal = self.leakage * plant.internal_leakage * (p1 - p2);
         let external = self.leakage * plant.external_leakage;
-        let into_piston = q1 - plant.piston_area * v - internal - external * p1 - self.port(p1);
-        let into_rod = plant.rod_area * v - q2 + internal - external * p2 - self.port(p2);
+        let into_piston = q1 - plant.piston_area * v - internal - external * p1 - self.port(p1) - spool1;
+        let into_rod = plant.rod_area * v - q2 + internal - external * p2 - self.port(p2) - spool2;
+        let (hose1, hose2) = (plant.ports.piston_hose_volume, plant.ports.rod_hose_volume);
         let volume = |dead: f64, area: f64, out: f64| (dead + area * out).max(0.1 * dead);
-        let v1 = volume(plant.piston_dead_volume, plant.piston_area, y);
-        let v2 = volume(plant.rod_dead_volume, plant.rod_area, self.stroke - y);
+        let v1 = volume(plant.piston_dead_volume + hose1, plant.piston_area, y);
+        let v2 = volume(plant.rod_dead_volume + hose2, plant.rod_area, self.stroke - y);
+        let (c1, c2) = (
+            v1 / self.modulus(p1) + hose1 / plant.ports.hose_modulus,
+            v2 / self.modulus(p2) + hose2 / plant.ports.hose_modulus,
+        );
         let (friction, dz) = self.friction(v, z);
         let force = plant.piston_area * p1 - plant.rod_area * p2 - friction - self.load(y) + self.stops(y, v);
-        [v, force / self.mass, self.modulus(p1) * into_piston / v1, self.modulus(p2) * into_rod / v2, dz]
+        [v, force / self.mass, into_piston / c1, into_rod / c2, dz]
     }
 
     /// beta_e
@@ -126,11 +174,11 @@ impl Cylinder {
         }
     }
 
-    /// y, v, p1, p2 and z of the axis at rest at `y`. The rod side has the mean of return and supply pressure. Where
+    /// y, v, p1, p2 and z of the axis at rest at `y`. The rod side has the mean of return and idle pressure. Where
     /// the piston side would then have less than the return pressure, it has the return pressure.
-    pub fn at_rest(&self, y: f64) -> [f64; 5] {
+    pub fn at_rest(&self, y: f64, idle: f64) -> [f64; 5] {
         let (a1, a2, load) = (self.plant.piston_area, self.plant.rod_area, self.load(y));
-        let rod = 0.5 * (self.supply_pressure + self.return_pressure);
+        let rod = 0.5 * (idle + self.return_pressure);
         let piston = (load + a2 * rod) / a1;
         if piston >= self.return_pressure {
             return [y, 0.0, piston, rod, 0.0];

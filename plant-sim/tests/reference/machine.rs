@@ -3,12 +3,15 @@
 //! The right-hand side is smooth except when conditions are updated, every 0.1 ms to their value in the middle of that
 //! time, and when a command has passed the dead time of its valve. The integrator starts anew at each of these times.
 
-use pipeline::machine::{Hydraulics, Machine, Parameter, Scenario};
+use pipeline::machine::{Hydraulics, Machine, Scenario};
 
-use super::{conditions::Conditions, cylinder::Cylinder, dormand_prince::DormandPrince, valve::Valve};
+use super::{conditions::Conditions, cylinder::Cylinder, dormand_prince::DormandPrince, pump::Pump, valve::Valve};
 
 /// Errors of y m, v m/s, p1 Pa, p2 Pa and z m that are allowed in one step.
 const TOLERANCE: [f64; 5] = [1e-10, 1e-7, 10.0, 10.0, 1e-10];
+
+/// Error of the pump's pressure that is allowed in one step, Pa.
+const PUMP_TOLERANCE: f64 = 10.0;
 
 /// Period at which conditions are updated, ns.
 const UPDATE_PERIOD: u64 = 100_000;
@@ -19,33 +22,37 @@ pub struct Reference {
     axes: Vec<pipeline::machine::Axis>,
     valves: Vec<Valve>,
     cylinders: Vec<Cylinder>,
-    /// y, v, p1, p2, z of one axis after the other.
+    /// y, v, p1, p2, z of one axis after the other, then the pressure of the pump.
     state: Vec<f64>,
     integrator: DormandPrince,
-    /// Q, m3/s.
-    flow: f64,
+    pump: Pump,
     time_ns: u64,
 }
 
 impl Reference {
     /// `machine` at rest; the tolerances are divided by `tightened`.
     pub fn new(machine: &Machine, tightened: f64) -> Self {
-        let tolerance = machine.axes.iter().flat_map(|_| TOLERANCE.map(|tolerance| tolerance / tightened)).collect();
+        let tolerance = machine.axes.iter().flat_map(|_| TOLERANCE).chain([PUMP_TOLERANCE]);
+        let tolerance = tolerance.map(|tolerance| tolerance / tightened).collect();
+        let hydraulics = machine.hydraulics.unwrap();
+        let start = Conditions { changes: &machine.scenario.changes, axis: 0, time: 0.0 };
         let mut reference = Self {
-            hydraulics: machine.hydraulics.unwrap(),
+            pump: Pump::new(&hydraulics.supply, &start),
+            hydraulics,
             scenario: machine.scenario.clone(),
             valves: machine.axes.iter().map(|axis| Valve::new(axis.plant.as_ref().unwrap())).collect(),
             axes: machine.axes.clone(),
             cylinders: Vec::new(),
             state: Vec::new(),
             integrator: DormandPrince::new(tolerance, 1e-5),
-            flow: 0.0,
             time_ns: 0,
         };
         reference.update();
         let plants = machine.axes.iter().map(|axis| axis.plant.as_ref().unwrap());
-        let at_rest = plants.zip(&reference.cylinders).flat_map(|(plant, axis)| axis.at_rest(plant.initial_position));
-        reference.state = at_rest.collect();
+        let idle = reference.pump.idle();
+        let axes = plants.zip(&reference.cylinders);
+        let at_rest = axes.flat_map(|(plant, axis)| axis.at_rest(plant.initial_position, idle));
+        reference.state = at_rest.chain([idle]).collect();
         reference
     }
 
@@ -69,7 +76,7 @@ impl Reference {
                 Cylinder::new(axis.plant.as_ref().unwrap(), axis.stroke, &self.hydraulics, &at(index), viscosity)
             });
             self.cylinders = cylinders.collect();
-            self.flow = self.hydraulics.supply.flow * at(0).factor(Parameter::PumpFlow);
+            self.pump = Pump::new(&self.hydraulics.supply, &at(0));
         }
         for (index, valve) in self.valves.iter_mut().enumerate() {
             valve.update(self.time_ns, &at(index), at(index).viscosity(&self.hydraulics.oil));
@@ -93,15 +100,24 @@ impl Reference {
             let commands = self.valves.iter().filter_map(Valve::next_change);
             let next = commands.fold(end.min(self.next_update()), u64::min);
             let length = (next - self.time_ns) as f64 * 1e-9;
-            let Self { valves, cylinders, flow, .. } = self;
+            let Self { valves, cylinders, pump, .. } = self;
             let mut asked = vec![(0.0, 0.0); cylinders.len()];
+            let last = 5 * cylinders.len();
             self.integrator.advance(length, &mut self.state, |after, state, rates| {
+                let supply = pump.pressure(state[last]);
+                let mut load: Option<f64> = None;
                 for (i, (opening, demand)) in asked.iter_mut().enumerate() {
+                    let (p1, p2) = (state[5 * i + 2], state[5 * i + 3]);
                     *opening = valves[i].opening(after);
-                    *demand = cylinders[i].demand(*opening, state[5 * i + 2], state[5 * i + 3]);
+                    *demand = cylinders[i].demand(*opening, p1, p2, supply);
+                    if *opening != 0.0 {
+                        let fed = if *opening > 0.0 { p1 } else { p2 };
+                        load = Some(load.map_or(fed, |load| load.max(fed)));
+                    }
                 }
                 let total: f64 = asked.iter().map(|(_, demand)| demand).sum();
-                let share = if total > *flow { *flow / total } else { 1.0 };
+                let share = pump.share(total, supply, load);
+                rates[last] = pump.rate(state[last], load);
                 for (i, (opening, demand)) in asked.iter().enumerate() {
                     let axis = 5 * i..5 * i + 5;
                     let own = cylinders[i].rates(&state[axis.clone()], *opening, share * demand);
@@ -109,7 +125,7 @@ impl Reference {
                 }
             });
             // The model does not represent a cavity larger than the air at 100 Pa.
-            for pressures in self.state.chunks_mut(5).map(|axis| &mut axis[2..4]) {
+            for pressures in self.state.chunks_exact_mut(5).map(|axis| &mut axis[2..4]) {
                 pressures.iter_mut().for_each(|pressure| *pressure = pressure.max(-0.999 * 101_325.0));
             }
             for valve in &mut self.valves {
@@ -121,6 +137,6 @@ impl Reference {
 
     /// y of every axis, m.
     pub fn positions(&self) -> impl Iterator<Item = f64> {
-        self.state.chunks(5).map(|axis| axis[0])
+        self.state.chunks_exact(5).map(|axis| axis[0])
     }
 }

@@ -10,4 +10,5 @@ mod conditions;
 mod cylinder;
 mod dormand_prince;
 mod machine;
+mod pump;
 mod valve;

@@ -12,7 +12,7 @@ fn excavator() -> (Machine, Coupling) {
 }
 
 fn mechanism_of_20_tonnes() -> mechanism::Mechanism {
-    let tables = include_str!("../../../../tests/data/mechanism.toml");
+    let tables = include_str!("../../../../examples/mechanism.toml");
     let keys = ["mass =", "load_force =", "load_stiffness ="];
     let own = pipeline::machine::BUILT_IN.lines().filter(|line| keys.iter().all(|key| !line.starts_with(key)));
     let text: Vec<&str> = own.chain([tables]).collect();

@@ -26,7 +26,7 @@ use contest::{Contestant, head};
 const RESTART: usize = 2000;
 
 /// Pins and masses of an excavator of 20 t, and loam that its teeth reach.
-const EXCAVATOR: &str = include_str!("../tests/data/mechanism.toml");
+const EXCAVATOR: &str = include_str!("../examples/mechanism.toml");
 const LOAM: &str = r#"
 [soil]
 level = 1.0

@@ -1,12 +1,15 @@
-//! Measured records of public benchmarks. They are not part of the project: `HYDRAXIS_RECORDS` names the folder in
-//! which they lie, as CSV files. Every test here is ignored unless it is asked for (`cargo test --test records --
-//! --ignored`), and fails where its record is missing.
+//! Measured records of public benchmarks, as CSV files, and reference states of an excavator. They are not part of the
+//! project: `HYDRAXIS_RECORDS` names the folder in which they lie. Every test here is ignored unless it is asked for
+//! (`cargo test --test records -- --ignored`), and fails where its record is missing.
 
 mod harness;
 
 use std::fs;
 
+use serde_json::Value;
+
 use harness::{
+    cli::success,
     records::{
         expect_finite_with_short_memory, expect_good_auto, expect_identified, identify, measured, number, simulated,
     },
@@ -80,6 +83,36 @@ fn every_record_with_time_input_and_output_is_identified() {
         }
     }
     assert!(identified > 0, "no record with columns t, u, y in {}", folder.display());
+}
+
+/// Reference states of an excavator: what another library for multibody dynamics makes of given states.
+#[test]
+#[ignore = "needs the measured records; HYDRAXIS_RECORDS names their folder"]
+fn the_mechanism_agrees_with_reference_states() {
+    let file = "excavator_reference.json";
+    let folder = measured(file);
+    let reference: Value = serde_json::from_str(&fs::read_to_string(folder.join(file)).unwrap()).unwrap();
+    let answer = success(&folder, &["mechanism", "--states", file, "--json", "-"]);
+    let answer: Value = serde_json::from_str(&answer).unwrap();
+    let expected = reference["states"].as_array().unwrap();
+    assert_eq!(answer["states"].as_array().unwrap().len(), expected.len());
+    for (number, expected) in expected.iter().enumerate() {
+        for (key, value) in expected.as_object().unwrap() {
+            let (found, expected) = (numbers(&answer["states"][number][key]), numbers(value));
+            let largest = expected.iter().fold(f64::MIN_POSITIVE, |most, value| most.max(value.abs()));
+            assert_eq!(found.len(), expected.len(), "state {number}, {key}");
+            let worst = found.iter().zip(&expected).map(|(a, b)| (a - b).abs() / largest).fold(0.0, f64::max);
+            assert!(worst < 1e-12, "state {number}, {key}: {found:?} instead of {expected:?}");
+        }
+    }
+}
+
+/// All numbers of a value, row by row.
+fn numbers(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Array(list) => list.iter().flat_map(numbers).collect(),
+        value => vec![value.as_f64().unwrap()],
+    }
 }
 
 #[test]

@@ -64,6 +64,13 @@ impl FourBar {
         PreparedFourBar::new(self).angle(length)
     }
 
+    /// J, the end of the rocker, at cylinder length `length`, m, from the bucket pin in the axes of the arm. Not finite
+    /// where the cylinder's triangle does not close.
+    pub fn rocker_end(&self, length: f64) -> Vector {
+        let prepared = PreparedFourBar::new(self);
+        prepared.rocker_pin + prepared.rocker(prepared.triangle.angle(length).rotation)
+    }
+
     /// The cylinder length at which the bucket stands at `rotation`, m. Not finite where the linkage does not close.
     pub fn length(&self, rotation: Rotation) -> f64 {
         let pin = rotation * self.link_pin;
@@ -101,10 +108,15 @@ impl PreparedFourBar {
         }
     }
 
+    /// J - R at the angle p of the triangle.
+    fn rocker(&self, angle: Rotation) -> Vector {
+        angle.inverse() * self.towards_base
+    }
+
     /// As [`FourBar::angle`].
     pub(crate) fn angle(&self, length: f64) -> BucketAngle {
         let angle = self.triangle.angle(length);
-        let rocker = angle.rotation.inverse() * self.towards_base;
+        let rocker = self.rocker(angle.rotation);
         let end = self.rocker_pin + rocker;
         let pin = intersection(self.pin_square, end, self.link_square, Side::Right);
         let link = pin - end;

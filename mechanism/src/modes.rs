@@ -5,8 +5,8 @@
 //! C = K^-1/2 M_l K^-1/2,   C y = y / w^2,       y = K^1/2 v
 //! ```
 //!
-//! M_l mass matrix of the cylinders in kg, k stiffness of the oil in each cylinder in N/m, w angular frequency in 1/s. C
-//! is symmetric, and Jacobi's method finds its eigenvalues by rotations that make one entry after the other zero (G.
+//! M_l mass matrix of the cylinders in kg, k stiffness of the oil in each cylinder in N/m, w angular frequency in 1/s.
+//! C is symmetric, and Jacobi's method finds its eigenvalues by rotations that make one entry after the other zero (G.
 //! Golub, C. Van Loan, Matrix Computations, 4th ed., section 8.5).
 
 use crate::AXES;
@@ -44,10 +44,9 @@ fn rotate(matrix: &mut [[f64; AXES]; AXES], i: usize, j: usize) {
     for row in matrix.iter_mut() {
         (row[i], row[j]) = (cos * row[i] - sin * row[j], sin * row[i] + cos * row[j]);
     }
-    for k in 0..AXES {
-        let (a, b) = (matrix[i][k], matrix[j][k]);
-        (matrix[i][k], matrix[j][k]) = (cos * a - sin * b, sin * a + cos * b);
-    }
+    let (a, b) = (matrix[i], matrix[j]);
+    matrix[i] = std::array::from_fn(|k| cos * a[k] - sin * b[k]);
+    matrix[j] = std::array::from_fn(|k| sin * a[k] + cos * b[k]);
 }
 
 #[cfg(test)]

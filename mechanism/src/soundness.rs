@@ -5,8 +5,8 @@
 //! ```
 //!
 //! m moment arm of a cylinder in m, l its length in m, l_0 its length at position 0, s its stroke, e the way into an
-//! end stop. At a dead centre three pins are in line: m is zero or infinite there. Beyond it the linkage does not close, or
-//! the joint turns back while the cylinder moves on.
+//! end stop. At a dead centre three pins are in line: m is zero or infinite there. Beyond it the linkage does not
+//! close, or the joint turns back while the cylinder moves on.
 //!
 //! Trap: m is looked at on a grid of lengths. A dead centre between two neighbours of the grid is found by its small
 //! moment arm.

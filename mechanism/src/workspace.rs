@@ -6,8 +6,8 @@
 //! ```
 //!
 //! The extremes are found on a grid of the three cylinders that turn, which is then made finer about the best point.
-//! Trap: an extreme mostly lies at the end of a stroke, so the grid of the extremes has the ends in it. The postures have
-//! not: at the ends moment arms are small, and masses there would weigh too much.
+//! Trap: an extreme mostly lies at the end of a stroke, so the grid of the extremes has the ends in it. The postures
+//! have not: at the ends moment arms are small, and masses there would weigh too much.
 
 use crate::{AXES, PreparedMechanism, Vector};
 

@@ -264,6 +264,7 @@ pages! {
     command_commission: "docs/src/commands/commission.md",
     command_identify: "docs/src/commands/identify.md",
     command_check: "docs/src/commands/check.md",
+    command_mechanism: "docs/src/commands/mechanism.md",
     command_bench: "docs/src/commands/bench.md",
     command_operate: "docs/src/commands/operate.md",
     command_status: "docs/src/commands/status.md",

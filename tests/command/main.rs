@@ -7,5 +7,6 @@ mod doctor;
 #[path = "../harness/mod.rs"]
 mod harness;
 mod identify;
+mod mechanism;
 mod service;
 mod simulate;

@@ -5,6 +5,7 @@ pub mod channel;
 pub mod cli;
 mod cores;
 mod group;
+pub mod mechanism;
 pub mod records;
 pub mod replay;
 mod report;

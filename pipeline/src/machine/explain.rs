@@ -41,13 +41,14 @@ const SPECIMEN: &str = r#"
 "#;
 
 /// Settings under which the reader asks for keys that it does not ask for otherwise.
-const VARIANTS: [(&str, &str); 6] = [
+const VARIANTS: [(&str, &str); 7] = [
     ("axis.NAME.reference.kind", "sines"),
     ("axis.NAME.reference.kind", "ramps"),
     ("axis.NAME.reference.kind", "trajectory"),
     ("source.kind", "replay"),
     ("supply.kind", "load-sensing"),
     ("mechanism.boom.length", "1"),
+    ("soil.width", "1"),
 ];
 
 /// All keys that a machine file can have, in the order in which they are read.

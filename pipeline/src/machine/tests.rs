@@ -313,7 +313,7 @@ fn the_grey_box_has_the_structure_of_the_commissioned_model() {
 }
 
 /// The tables of an excavator's mechanism.
-const MECHANISM: &str = include_str!("../../../tests/data/mechanism.toml");
+const MECHANISM: &str = include_str!("../../../examples/mechanism.toml");
 
 /// The built-in machine with [`MECHANISM`], which says what its axes move.
 fn with_mechanism(from: &str, to: &str) -> Result<Machine, MachineError> {

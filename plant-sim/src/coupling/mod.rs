@@ -107,7 +107,7 @@ impl Coupling {
     /// The pose at `positions`, m; beyond the end stops it follows up to [`MARGIN`].
     #[inline]
     pub fn pose(&self, positions: &[f64; AXES]) -> Pose {
-        let within = |i: usize| positions[i].max(-MARGIN).min(self.strokes[i] + MARGIN);
+        let within = |i: usize| positions[i].clamp(-MARGIN, self.strokes[i] + MARGIN);
         self.prepared.pose(&std::array::from_fn(within))
     }
 

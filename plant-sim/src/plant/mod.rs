@@ -117,7 +117,7 @@ impl PlantSim {
         if let Some(coupling) = &coupling {
             let rate = fastest_coupled_rate(&plants, &hydraulics, coupling, &scenario.changes, payload);
             let limit = STABILITY_LIMIT / step;
-            if !(rate <= limit) {
+            if rate.is_nan() || rate > limit {
                 return Err(PlantError::TooStiffTogether { rate, limit });
             }
         }

@@ -1,6 +1,6 @@
 //! Conservation of energy.
 
-use pipeline::machine::SupplyKind;
+use pipeline::machine::{Directions, Ports, SupplyKind};
 use plant_sim::plant::energy::{EnergyObserver, Power};
 
 use super::*;
@@ -51,7 +51,19 @@ fn the_work_of_the_pump_is_lost_or_stored() {
     digging.scenario.changes = vec![step_to(Parameter::Soil, 0.0, 1.0)];
     let mut sensing = excavator();
     sensing.hydraulics.as_mut().unwrap().supply.kind = SupplyKind::LoadSensing { margin: 2e6, response_time: 0.1 };
-    for (name, machine) in [("air", excavator()), ("soil", digging), ("load-sensing", sensing)] {
+    let mut block = excavator();
+    for (axis, plant) in plants(&mut block).enumerate() {
+        plant.ports = Ports {
+            meter_out: Directions::both(0.4),
+            regeneration: Directions::both(if axis == 1 { 0.3 } else { 0.0 }),
+            spool_leakage: 1e-13,
+            piston_hose_volume: 2e-3,
+            rod_hose_volume: 2e-3,
+            ..Ports::NONE
+        };
+    }
+    let cases = [("air", excavator()), ("soil", digging), ("load-sensing", sensing), ("valve block", block)];
+    for (name, machine) in cases {
         let (lost, turnover) = imbalance(&machine);
         println!("{name}: {lost:+.3} J of {turnover:.0} J, {:.2e}", lost / turnover);
         assert!(turnover > 5e5 && lost.abs() < 1e-6 * turnover, "{name}: {lost} J of {turnover} J");

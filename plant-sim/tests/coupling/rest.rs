@@ -1,5 +1,7 @@
 //! The excavator at rest.
 
+use pipeline::machine::LoadForce;
+
 use super::*;
 
 #[test]
@@ -27,6 +29,23 @@ fn oil_holds_the_weight_in_every_posture_and_nothing_moves() {
             }
         }
     }
+}
+
+#[test]
+fn the_masses_and_loads_of_the_axes_themselves_do_not_matter() {
+    let run = |mass: f64, force: f64| {
+        let mut machine = under("everything");
+        for plant in plants(&mut machine) {
+            (plant.mass, plant.load_force) = (mass, LoadForce::constant(force));
+        }
+        let mut sim = simulate(&machine);
+        for tick in 0..1500 {
+            sim.command(&commands(mixed(0.01 * f64::from(tick))));
+            sim.advance(Duration::from_millis(10));
+        }
+        sim.axes().to_vec()
+    };
+    assert_eq!(run(0.0, 0.0), run(7e3, 5e4));
 }
 
 #[test]

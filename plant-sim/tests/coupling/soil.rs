@@ -21,7 +21,7 @@ fn drawn_in(strength: f64) -> f64 {
 
 #[test]
 fn soil_slows_the_arm_and_its_strength_comes_from_the_scenario() {
-    let [air, soft, hard] = [0.0, 0.5, 2.0].map(|strength| drawn_in(strength));
+    let [air, soft, hard] = [0.0, 0.5, 2.0].map(drawn_in);
     println!("drawn in by {air:.4} m in air, {soft:.4} m and {hard:.4} m in soil");
     assert!(air > 0.1 && soft < 0.995 * air && hard < 0.99 * soft, "{air} {soft} {hard}");
 }

@@ -54,8 +54,8 @@ pub fn run(arguments: &MechanismArguments) -> Result<(), Failure> {
 fn missing(arguments: &MechanismArguments) -> Failure {
     let file = arguments.machine.machine.as_ref().map(|file| file.display().to_string());
     Failure::usage(format!(
-        "{}: mechanism: found nothing; allowed: the tables [mechanism.boom], .arm, .telescope and .bucket with pins and \
-         masses",
+        "{}: mechanism: found nothing; allowed: the tables [mechanism.boom], .arm, .telescope and .bucket with pins \
+         and masses",
         file.as_deref().unwrap_or("built-in machine")
     ))
 }

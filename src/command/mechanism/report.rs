@@ -70,7 +70,7 @@ pub fn summary(machine: &Machine, mechanism: &Mechanism) -> String {
     };
     let rest = |axis: &AxisReport| {
         let pressure = axis.rest.pressure.map(|pressure| format!(" ({:.1} MPa)", pressure / 1e6));
-        format!("{:.0} kN{}", axis.rest.force / 1e3, pressure.unwrap_or_default())
+        format!("{} kN{}", kilonewtons(axis.rest.force), pressure.unwrap_or_default())
     };
     format!(
         "mechanism: the teeth reach {:.1} m forward and {:.1} m deep, {:.1} and {:.1} m with the telescope out\n\
@@ -217,7 +217,7 @@ impl AxisReport {
         let moment_arm = self.moment_arm.map_or("-".to_owned(), |[low, high]| format!("{low:.3} .. {high:.3}"));
         let rest = &self.rest;
         let pressure = rest.pressure.map_or("-".to_owned(), |pressure| format!("{:.1}", pressure / 1e6));
-        let (position, force) = (format!("{:.2}", rest.position), format!("{:.0}", rest.force / 1e3));
+        let (position, force) = (format!("{:.2}", rest.position), kilonewtons(rest.force));
         vec![self.name.clone(), self.joint(), moment_arm, position, force, pressure]
     }
 }
@@ -225,6 +225,11 @@ impl AxisReport {
 /// The three values times `unit`, with three digits.
 fn three(spread: &Spread, unit: f64) -> String {
     [spread.p5, spread.p50, spread.p95].map(|value| digits(value * unit)).join(" / ")
+}
+
+/// A force in kN, without a sign where it rounds to zero.
+fn kilonewtons(force: f64) -> String {
+    format!("{:.0}", (force / 1e3).round() + 0.0)
 }
 
 fn digits(value: f64) -> String {

@@ -93,13 +93,9 @@ fn link(name: &str, body: &Body, (from, to): (f64, f64)) -> String {
     );
     text += "    </inertial>\n";
     if to > from {
-        let _ = writeln!(
-            text,
-            "    <visual>\n      <origin xyz=\"{} 0 0\"/>\n      <geometry><box size=\"{} {BOX} {BOX}\"/></geometry>\n    \
-             </visual>",
-            0.5 * (from + to),
-            to - from
-        );
+        let _ = writeln!(text, "    <visual>\n      <origin xyz=\"{} 0 0\"/>", 0.5 * (from + to));
+        let _ = writeln!(text, "      <geometry><box size=\"{} {BOX} {BOX}\"/></geometry>", to - from);
+        text += "    </visual>\n";
     }
     text + "  </link>\n"
 }

@@ -45,7 +45,8 @@ pub struct RecordingArguments {
     /// Write commands and true states as CSV to a file, or to standard output with -
     #[arg(long, value_name = "FILE.csv")]
     pub trajectory: Option<PathBuf>,
-    /// Draw commands and positions over time into an SVG file, or to standard output with -
+    /// Draw commands and positions over time, and a machine with a mechanism in a few poses, into an SVG file, or to
+    /// standard output with -
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
     /// Only this axis in trajectory and picture; may be given several times [default: all axes]

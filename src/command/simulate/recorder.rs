@@ -77,7 +77,7 @@ impl Recorder {
         let mut recorder = Self { is_controlled, axes, trajectory: None, plot: None, row: Vec::new() };
         if let Some(path) = asked.plot.as_deref() {
             let title = format!("{}, scenario {}", machine.name, machine.scenario.name);
-            let plot = Plot::new(title, drawn, is_controlled, duration);
+            let plot = Plot::new(title, drawn, is_controlled, duration, machine.mechanism.as_ref());
             recorder.plot = Some((path.to_owned(), create("--plot", path)?, plot));
         }
         if let Some(path) = trajectory {

@@ -84,7 +84,7 @@ impl Soil {
     /// F at depth `depth` m, N.
     #[inline]
     pub fn resistance(&self, depth: f64) -> f64 {
-        let depth = depth.max(0.0).min(DEEPEST);
+        let depth = depth.clamp(0.0, DEEPEST);
         depth * (self.square * depth + self.linear + self.penetration / (depth + HALF_PENETRATION))
     }
 

@@ -4,15 +4,20 @@ use super::*;
 
 /// The built-in machine's axes coupled by the linkage of an excavator of 20 t.
 fn excavator() -> (Machine, Coupling) {
-    let text = include_str!("../../../../tests/data/mechanism.toml");
-    let keys = ["mass =", "load_force =", "load_stiffness ="];
-    let own = pipeline::machine::BUILT_IN.lines().filter(|line| keys.iter().all(|key| !line.starts_with(key)));
-    let text: Vec<&str> = own.chain([text]).collect();
-    let machine = Machine::parse(&text.join("\n"), "excavator", std::path::Path::new("."), &[]).unwrap();
+    let machine = Machine::load(None, &[]).unwrap();
+    let mechanism = machine.mechanism.unwrap_or_else(mechanism_of_20_tonnes);
     let axes: &[Axis; AXES] = machine.axes.first_chunk().unwrap();
-    let mechanism = machine.mechanism.unwrap();
     let coupling = Coupling::new(&mechanism, axes.each_ref().map(|axis| axis.stroke), None).unwrap();
     (machine, coupling)
+}
+
+fn mechanism_of_20_tonnes() -> mechanism::Mechanism {
+    let tables = include_str!("../../../../examples/mechanism.toml");
+    let keys = ["mass =", "load_force =", "load_stiffness ="];
+    let own = pipeline::machine::BUILT_IN.lines().filter(|line| keys.iter().all(|key| !line.starts_with(key)));
+    let text: Vec<&str> = own.chain([tables]).collect();
+    let machine = Machine::parse(&text.join("\n"), "excavator", std::path::Path::new("."), &[]);
+    machine.unwrap().mechanism.unwrap()
 }
 
 /// Springs and dampers of every axis, N/m and N s/m.

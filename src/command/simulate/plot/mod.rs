@@ -1,7 +1,11 @@
-//! A picture of the motion: commands and positions over time, one colour per axis.
+//! A picture of the motion: commands and positions over time, one colour per axis; and beside them a machine with a
+//! mechanism in a few poses, with the path of its teeth.
+
+mod poses;
 
 use std::error::Error;
 
+use mechanism::Mechanism;
 use pipeline::message::ValveCommand;
 use plant_sim::TrueState;
 use plotters::{
@@ -14,6 +18,8 @@ use plotters::{
 
 /// Width and height. Coordinates are whole numbers; the picture is larger than on a page, so that lines are smooth.
 const SIZE: (u32, u32) = (1600, 1200);
+/// Width of the poses beside the curves.
+const POSES: u32 = 1200;
 /// Height of title and legend.
 const HEAD: u32 = 110;
 /// Distance from the left edge to the panels.
@@ -35,6 +41,8 @@ const STRETCHES: f64 = 1000.0;
 /// Free space above and below the lines, as a part of their height.
 const MARGIN: f64 = 0.05;
 
+use poses::Poses;
+
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// The lines of the picture, collected row by row.
@@ -42,6 +50,7 @@ pub struct Plot {
     title: String,
     is_controlled: bool,
     axes: Vec<AxisCurves>,
+    poses: Option<Poses>,
 }
 
 struct AxisCurves {
@@ -63,14 +72,24 @@ struct Curve {
 
 impl Plot {
     /// An empty picture for `axes`, index and name, over `duration` s. Controlled axes have a reference.
-    pub fn new(title: String, axes: Vec<(usize, String)>, is_controlled: bool, duration: f64) -> Self {
+    pub fn new(
+        title: String,
+        axes: Vec<(usize, String)>,
+        is_controlled: bool,
+        duration: f64,
+        mechanism: Option<&Mechanism>,
+    ) -> Self {
         let line = || Curve { points: Vec::new(), stretch: duration / STRETCHES, open: None };
         let lines = |(index, name)| AxisCurves { index, name, command: line(), position: line(), reference: line() };
-        Self { title, is_controlled, axes: axes.into_iter().map(lines).collect() }
+        let poses = mechanism.map(|mechanism| Poses::new(mechanism, duration / STRETCHES));
+        Self { title, is_controlled, axes: axes.into_iter().map(lines).collect(), poses }
     }
 
     /// Adds the states at `t` s, and the command that is held from then on.
     pub fn row(&mut self, t: f64, states: &[TrueState], command: &ValveCommand) {
+        if let Some(poses) = &mut self.poses {
+            poses.row(t, std::array::from_fn(|i| states[i].position));
+        }
         for axis in &mut self.axes {
             let control = &command.axes[axis.index];
             axis.command.push(t, control.command);
@@ -92,12 +111,19 @@ impl Plot {
             }
         }
         let mut text = String::new();
-        self.draw(&SVGBackend::with_string(&mut text, SIZE).into_drawing_area())?;
+        let width = SIZE.0 + if self.poses.is_some() { POSES } else { 0 };
+        let area = SVGBackend::with_string(&mut text, (width, SIZE.1)).into_drawing_area();
+        area.fill(&WHITE)?;
+        let (curves, poses) = area.split_horizontally(SIZE.0);
+        self.draw(&curves)?;
+        if let Some(drawn) = &self.poses {
+            drawn.draw(&poses.split_vertically(HEAD).1)?;
+        }
+        drop((area, curves, poses));
         Ok(text)
     }
 
     fn draw(&self, area: &Area) -> Result<(), Box<dyn Error + Send + Sync>> {
-        area.fill(&WHITE)?;
         let (head, panels) = area.split_vertically(HEAD);
         let (upper, lower) = panels.split_vertically((SIZE.1 - HEAD) / 2);
         self.draw_head(&head)?;

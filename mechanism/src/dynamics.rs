@@ -261,8 +261,9 @@ pub(crate) fn solve(matrix: &[[f64; AXES]; AXES], right: &[f64; AXES]) -> Option
         }
         let known: f64 = (0..i).map(|k| scaled[i][k] * lower[i][k]).sum();
         let pivot = matrix[i][i] - known;
-        // Written so that NaN is refused too.
-        if !(pivot > 0.0) {
+        // NaN is not positive either.
+        let is_positive = pivot > 0.0;
+        if !is_positive {
             return None;
         }
         inverse[i] = 1.0 / pivot;

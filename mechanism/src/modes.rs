@@ -44,10 +44,9 @@ fn rotate(matrix: &mut [[f64; AXES]; AXES], i: usize, j: usize) {
     for row in matrix.iter_mut() {
         (row[i], row[j]) = (cos * row[i] - sin * row[j], sin * row[i] + cos * row[j]);
     }
-    for k in 0..AXES {
-        let (a, b) = (matrix[i][k], matrix[j][k]);
-        (matrix[i][k], matrix[j][k]) = (cos * a - sin * b, sin * a + cos * b);
-    }
+    let (a, b) = (matrix[i], matrix[j]);
+    matrix[i] = std::array::from_fn(|k| cos * a[k] - sin * b[k]);
+    matrix[j] = std::array::from_fn(|k| sin * a[k] + cos * b[k]);
 }
 
 #[cfg(test)]

@@ -43,13 +43,13 @@ pub struct Conditions {
     pub dead_band: f64,
     /// Factor of the hysteresis.
     pub hysteresis: f64,
-    /// Factor of internal and external leakage, without the influence of the oil's viscosity.
+    /// Factor of internal and external leakage and of that of the spool, without the influence of the oil's viscosity.
     pub leakage: f64,
     /// Force against extension, divided by supply pressure times piston area.
     pub external_force: f64,
-    /// Factor of the supply pressure.
+    /// Factor of the pump's largest pressure.
     pub supply_pressure: f64,
-    /// Factor of the pump's largest flow.
+    /// Factor of the pump's largest flow and of its power.
     pub pump_flow: f64,
     /// Factor of the oil's bulk modulus.
     pub bulk_modulus: f64,

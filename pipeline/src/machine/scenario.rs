@@ -74,13 +74,13 @@ pub enum Parameter {
     DeadBand,
     /// `hysteresis`, by a factor.
     Hysteresis,
-    /// Internal and external leakage, by a factor.
+    /// Internal and external leakage and that of the spool, by a factor.
     Leakage,
     /// A force against extension, to a value: a part of supply pressure times piston area.
     ExternalForce,
-    /// The pump's pressure, by a factor. All axes share this parameter and the ones below.
+    /// The pump's largest pressure, by a factor. All axes share this parameter and the ones below.
     SupplyPressure,
-    /// The pump's largest flow, by a factor.
+    /// The pump's largest flow and its power, by a factor.
     PumpFlow,
     /// The oil's bulk modulus without air, by a factor.
     BulkModulus,

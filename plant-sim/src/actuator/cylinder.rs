@@ -111,8 +111,7 @@ impl Cylinder<f64> {
     }
 
     /// Pressures (p1, p2), Pa, that hold the force `load`, N, against extension at rest with the valve shut, when the
-    /// pump
-    /// idles at `idle` Pa.
+    /// pump idles at `idle` Pa.
     ///
     /// Between two moves the pressure of the rod side lies between return and supply pressure; it starts in the middle.
     /// A load may pull so hard that the piston side would need less than the return pressure. Then the piston side

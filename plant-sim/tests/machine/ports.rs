@@ -5,7 +5,7 @@ use plant_sim::TrueState;
 
 use super::*;
 
-/// The boom alone, with the constant load `load` N, and no friction but viscous friction; f is the load on the piston.
+/// The boom alone, with the constant load `load` N and no friction but viscous friction.
 fn boom(load: f64) -> Machine {
     let mut machine = excavator();
     machine.axes.truncate(1);

@@ -1,5 +1,6 @@
 //! `hydraxis simulate`: scenarios, the plant under given commands, trajectories, pictures and refusals.
 
+mod excavator;
 mod open_loop;
 mod recording;
 mod refusals;

@@ -80,8 +80,20 @@ impl Conditions {
 
     /// Conditions of the axis with the number `axis` at `time` s.
     pub fn at(changes: &[Change], oil: &Oil, axis: usize, time: f64) -> Self {
+        Self::with(changes, oil.temperature, axis, time, |temperature| relative_viscosity(oil, temperature))
+    }
+
+    /// [`Self::at`], when the machine file holds for `file_temperature` and `viscosity` returns the viscosity of the
+    /// oil at a temperature divided by that: a caller that asks for several axes can keep it.
+    pub fn with(
+        changes: &[Change],
+        file_temperature: f64,
+        axis: usize,
+        time: f64,
+        viscosity: impl Fn(f64) -> f64,
+    ) -> Self {
         let mut conditions = Self::NOMINAL;
-        let (mut temperature, mut last_temperature) = (oil.temperature, oil.temperature);
+        let (mut temperature, mut last_temperature) = (file_temperature, file_temperature);
         let mut last_force = 0.0;
         for change in changes.iter().filter(|change| change.axis.is_none_or(|index| index == axis)) {
             let part = part(change, time);
@@ -99,8 +111,8 @@ impl Conditions {
                 None => {}
             }
         }
-        if temperature != oil.temperature {
-            conditions.viscosity = viscosity(oil.viscosity, temperature) / viscosity(oil.viscosity, oil.temperature);
+        if temperature != file_temperature {
+            conditions.viscosity = viscosity(temperature);
             conditions.valve_time_constant *= conditions.viscosity.sqrt();
         }
         conditions
@@ -161,6 +173,11 @@ pub fn acting(scenario: &Scenario, axes: usize, has_soil: bool) -> Scenario {
         axes.into_iter().map(move |axis| Change { axis, ..change })
     };
     Scenario { changes: scenario.changes.iter().copied().flat_map(on_axes).collect(), ..scenario.clone() }
+}
+
+/// Viscosity of `oil` at `temperature` degrees Celsius divided by that at the temperature of the machine file.
+pub fn relative_viscosity(oil: &Oil, temperature: f64) -> f64 {
+    viscosity(oil.viscosity, temperature) / viscosity(oil.viscosity, oil.temperature)
 }
 
 /// c, part of a change that has happened.

@@ -24,7 +24,7 @@ mod error;
 mod observation;
 pub mod stiffness;
 
-use std::time::Duration;
+use std::{cell::Cell, time::Duration};
 
 use mechanism::AXES;
 use pipeline::{
@@ -34,7 +34,7 @@ use pipeline::{
 };
 
 use crate::{
-    conditions::{Conditions, Work, acting},
+    conditions::{Conditions, Work, acting, relative_viscosity},
     coupling::Coupling,
     encoder::NoisyEncoder,
     hydraulics::supply::{Demand, Pump},
@@ -206,7 +206,16 @@ impl PlantSim {
 
     /// Takes axes and pump to the conditions at `time` s.
     fn update_conditions(&mut self, time: f64, step: f64) {
-        let now = |index| Conditions::at(&self.scenario.changes, &self.hydraulics.oil, index, time);
+        let oil = &self.hydraulics.oil;
+        // All axes share the oil, so its viscosity is computed once: it takes longer than a step.
+        let known = Cell::new((oil.temperature, 1.0));
+        let viscosity = |temperature| {
+            if known.get().0 != temperature {
+                known.set((temperature, relative_viscosity(oil, temperature)));
+            }
+            known.get().1
+        };
+        let now = |index| Conditions::with(&self.scenario.changes, oil.temperature, index, time, viscosity);
         for axes in &mut self.axes {
             axes.apply(now, &self.hydraulics, step);
         }

@@ -17,7 +17,7 @@ fn the_20_t_excavator_follows_calmly_without_a_fault() {
         let report = report(&["simulate", MACHINE, "--scenario", scenario, "--seed", seed, "--duration", "30s"]);
         for axis in AXES {
             let tracking = &report["axes"][axis]["tracking"];
-            // Every tick counts from the end of the settling time on: an axis that a fault has latched would count less.
+            // Every tick counts from the end of settling on: an axis that a fault has latched would count less.
             assert!(tracking["count"].as_u64().unwrap() > 2700, "{scenario} {seed} {axis}: {tracking}");
             let rmse = tracking["rmse"].as_f64().unwrap();
             assert!(rmse < 0.03, "{scenario} {seed} {axis}: {rmse} m rms");

@@ -103,6 +103,18 @@ fn read_payload(mut section: Section, bucket: Vector) -> Payload {
     payload
 }
 
+/// Refuses axes that have the name of a body and stand in the place of another one.
+pub(super) fn expect_order(section: &Section, names: &[String]) {
+    for (place, name) in names.iter().enumerate() {
+        let body = BODIES.iter().position(|body| body == name);
+        if let Some(body) = body.filter(|body| *body != place) {
+            let found = format!("axis.{name} as axis {} of the machine", place + 1);
+            let order = BODIES.join(", ");
+            section.refuse("", found, format!("it as axis {}: the first four are {order}, in this order", body + 1));
+        }
+    }
+}
+
 /// Refuses a mechanism that its axes cannot move over their strokes `strokes`, m, of all axes of the machine.
 pub(super) fn expect_movable(section: &Section, mechanism: &Mechanism, strokes: &[f64]) {
     let Some(strokes) = strokes.first_chunk::<AXES>() else {

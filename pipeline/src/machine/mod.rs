@@ -194,6 +194,7 @@ impl Machine {
         table.finish();
         if let Some(mechanism) = &mechanism {
             let strokes: Vec<f64> = axes.iter().map(|axis| axis.stroke).collect();
+            mechanism::expect_order(&section, &names);
             mechanism::expect_movable(&section, mechanism, &strokes);
         }
         section.finish();

@@ -325,6 +325,22 @@ fn with_mechanism(from: &str, to: &str) -> Result<Machine, MachineError> {
 }
 
 #[test]
+fn an_axis_with_the_name_of_another_body_is_refused() {
+    // The tables of the arm get the name of the boom, and those of the boom that of the arm.
+    let is_load = |line: &&str| ["mass =", "load_force =", "load_stiffness ="].iter().any(|key| line.starts_with(key));
+    let machine: Vec<&str> = BUILT_IN.lines().filter(|line| !is_load(line)).collect();
+    let text = machine.join("\n").replace("[axis.boom", "[axis.x").replace("[axis.arm", "[axis.boom");
+    let text = format!("{}\n{MECHANISM}", text.replace("[axis.x", "[axis.arm"));
+    let refused = Machine::parse(&text, "m.toml", Path::new("."), &[]).unwrap_err().to_string();
+    for expected in [
+        "mechanism: found axis.arm as axis 1 of the machine; allowed: it as axis 2",
+        "mechanism: found axis.boom as axis 2 of the machine; allowed: it as axis 1",
+    ] {
+        assert!(refused.contains(expected), "{refused}");
+    }
+}
+
+#[test]
 fn a_mechanism_takes_the_place_of_masses_and_loads() {
     let mechanism = with_mechanism("", "").unwrap().mechanism.unwrap();
     assert_eq!(mechanism.retracted, [1.87, 2.075, 0.0, 1.68]);

@@ -199,7 +199,7 @@ const TELESCOPE: usize = 2;
 const LEGEND: &str = "
 mass               mass that the cylinder moves while the other cylinders are held
 gravity            force that carries the load at rest; positive: the piston side carries it
-natural frequency  of this mass on the oil of both chambers with the valve shut
+natural frequency  of this mass on the oil of both chambers at 5 MPa with the valve shut, without hoses, which lower it
 teeth              way of the teeth per way of this piston
 ";
 

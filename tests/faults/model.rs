@@ -18,8 +18,12 @@ use identified::{Identified, SPOILT, is_by_model, number};
 
 /// Settings of the built-in machine in warm oil, with a short training.
 pub fn trained_soon() -> Vec<String> {
-    let training = ["boom", "arm", "telescope", "bucket"].map(|axis| format!("axis.{axis}.identification.training=3s"));
-    training.into_iter().chain(["scenario=nominal".to_owned()]).collect()
+    training("3s").into_iter().chain(["scenario=nominal".to_owned()]).collect()
+}
+
+/// Settings with this length of the training.
+pub fn training(length: &str) -> [String; AXES] {
+    ["boom", "arm", "telescope", "bucket"].map(|axis| format!("axis.{axis}.identification.training={length}"))
 }
 
 /// Settings as arguments of a command.

@@ -315,11 +315,15 @@ fn the_grey_box_has_the_structure_of_the_commissioned_model() {
 /// The tables of an excavator's mechanism.
 const MECHANISM: &str = include_str!("../../../examples/mechanism.toml");
 
+/// The text of the built-in machine without what its axes move.
+fn without_loads() -> String {
+    let is_load = |line: &&str| ["mass =", "load_force =", "load_stiffness ="].iter().any(|key| line.starts_with(key));
+    BUILT_IN.lines().filter(|line| !is_load(line)).collect::<Vec<_>>().join("\n")
+}
+
 /// The built-in machine with [`MECHANISM`], which says what its axes move.
 fn with_mechanism(from: &str, to: &str) -> Result<Machine, MachineError> {
-    let is_load = |line: &&str| ["mass =", "load_force =", "load_stiffness ="].iter().any(|key| line.starts_with(key));
-    let machine: Vec<&str> = BUILT_IN.lines().filter(|line| !is_load(line)).collect();
-    let text = format!("{}\n{MECHANISM}", machine.join("\n"));
+    let text = format!("{}\n{MECHANISM}", without_loads());
     assert!(text.contains(from), "{from}");
     Machine::parse(&text.replacen(from, to, 1), "m.toml", Path::new("."), &[])
 }
@@ -327,9 +331,7 @@ fn with_mechanism(from: &str, to: &str) -> Result<Machine, MachineError> {
 #[test]
 fn an_axis_with_the_name_of_another_body_is_refused() {
     // The tables of the arm get the name of the boom, and those of the boom that of the arm.
-    let is_load = |line: &&str| ["mass =", "load_force =", "load_stiffness ="].iter().any(|key| line.starts_with(key));
-    let machine: Vec<&str> = BUILT_IN.lines().filter(|line| !is_load(line)).collect();
-    let text = machine.join("\n").replace("[axis.boom", "[axis.x").replace("[axis.arm", "[axis.boom");
+    let text = without_loads().replace("[axis.boom", "[axis.x").replace("[axis.arm", "[axis.boom");
     let text = format!("{}\n{MECHANISM}", text.replace("[axis.x", "[axis.arm"));
     let refused = Machine::parse(&text, "m.toml", Path::new("."), &[]).unwrap_err().to_string();
     for expected in [

@@ -13,7 +13,7 @@ use pipeline::{
 };
 use rustix::process::Signal;
 
-use super::{identified::is_by_model, machine, set, trained_soon};
+use super::{identified::is_by_model, machine, set, trained_soon, training};
 use crate::{
     clock::{judge, scaled},
     harness::{
@@ -31,8 +31,6 @@ fn patient(model: &[&str]) -> Vec<String> {
     settings.extend(model.iter().map(|setting| (*setting).to_owned()));
     settings
 }
-
-const AXIS_NAMES: [&str; AXES] = ["boom", "arm", "telescope", "bucket"];
 
 /// Axes for which a condition was seen, at the same time or not.
 #[derive(Default)]
@@ -53,7 +51,7 @@ fn row_23_a_killed_identifier_stops_no_axis() {
     let (timeout, lifetime) = (Duration::from_millis(500), Duration::from_millis(1500));
     let mut settings = patient(&["timing.model_timeout=500ms", "timing.model_lifetime=1500ms"]);
     // The second identifier is trained at half speed: in 3 s a slow axis does not excite all columns.
-    settings.extend(AXIS_NAMES.map(|axis| format!("axis.{axis}.identification.training=8s")));
+    settings.extend(training("8s"));
     let mut running = Running::start_with("row-23", &[&["--duration", "60s"], &set(&settings)[..]].concat());
     let channels = running.group.join();
     let (mut commands, mut health) = (channels.reader::<ValveCommand>().unwrap(), channels.reader().unwrap());

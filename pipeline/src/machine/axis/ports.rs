@@ -13,7 +13,7 @@ pub struct Directions {
 }
 
 impl Directions {
-    /// The same number for both directions.
+    /// One number that holds for both directions.
     pub const fn both(value: f64) -> Self {
         Self { extend: value, retract: value }
     }

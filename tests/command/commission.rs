@@ -2,10 +2,13 @@
 
 use std::fs;
 
-use crate::harness::cli::{expect_refusal, run, success};
+use crate::harness::{
+    FOUR_AXES,
+    cli::{expect_refusal, run, success},
+};
 
 /// The experiment with one axis, no longer than necessary.
-const QUICK: [&str; 7] = ["commission", "--axis", "bucket", "--scenario", "nominal", "--duration", "40s"];
+const QUICK: [&str; 8] = ["commission", FOUR_AXES, "--axis", "bucket", "--scenario", "nominal", "--duration", "40s"];
 
 #[test]
 fn a_model_is_found_written_and_read_by_the_other_commands() {
@@ -18,8 +21,8 @@ fn a_model_is_found_written_and_read_by_the_other_commands() {
     let text = fs::read_to_string(folder.path().join("model.toml")).unwrap();
     assert!(text.starts_with("# Found by `hydraxis commission` on \"four-axis excavator\""), "{text}");
     assert!(text.contains("\n[axis.bucket.commissioned]\n") && !text.contains("[axis.boom"), "{text}");
-    success(folder.path(), &["check", "--model", "model.toml"]);
-    success(folder.path(), &["simulate", "--duration", "1s", "--model", "model.toml"]);
+    success(folder.path(), &["check", FOUR_AXES, "--model", "model.toml"]);
+    success(folder.path(), &["simulate", FOUR_AXES, "--duration", "1s", "--model", "model.toml"]);
 
     // A second run gives the same file, bit for bit, but overwrites it only with --force.
     expect_refusal(folder.path(), &QUICK, &["--out: found model.toml, which is there already", "--force"]);

@@ -1,6 +1,6 @@
 //! Lock-step gives the same bits every time, in four processes and in one.
 
-use crate::harness::{TestGroup, hydraxis, machine_file, replay::expect_same_bits, report};
+use crate::harness::{FOUR_AXES, TestGroup, hydraxis, machine_file, replay::expect_same_bits, report};
 
 #[test]
 fn four_processes_repeat_bit_for_bit_and_equal_one_process() {
@@ -53,7 +53,7 @@ fn another_program_takes_the_place_of_a_stage() {
     let file = machine_file(folder.path(), "[source]", &stage);
     let file = file.to_str().unwrap();
     let swapped = report(&["run", file, "--lockstep", "--duration", "3s", "--seed", "5"]);
-    assert_eq!(swapped, report(&["simulate", "--duration", "3s", "--seed", "5"]));
+    assert_eq!(swapped, report(&["simulate", FOUR_AXES, "--duration", "3s", "--seed", "5"]));
     let given = std::fs::read_to_string(&mark).unwrap();
     for expected in [file, "--prefix", "--lockstep", "--ticks 300", "--seed 5"] {
         assert!(given.contains(expected), "{given}");

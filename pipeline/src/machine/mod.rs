@@ -57,7 +57,10 @@ pub use timing::Timing;
 use crate::MAX_AXES;
 
 /// The built-in machine, the four-axis excavator; the same text is in `examples/`.
-pub const BUILT_IN: &str = include_str!("../../../examples/excavator.toml");
+pub const BUILT_IN: &str = include_str!("../../../examples/four-axes.toml");
+
+/// A machine of four independent axes with fast valves, on which estimators and controllers are tested.
+pub const FOUR_AXES: &str = include_str!("../../../examples/four-axes.toml");
 
 /// A machine: what a machine file says.
 #[derive(Debug, Clone, PartialEq)]
@@ -157,6 +160,14 @@ impl Machine {
     pub fn load(file: Option<&Path>, settings: &[(String, String)]) -> Result<Self, MachineError> {
         let MachineFile { text, name, folder } = MachineFile::open(file)?;
         Self::parse(&text, &name, &folder, settings)
+    }
+
+    /// The machine of [`FOUR_AXES`], with `settings` as in [`Self::load`].
+    ///
+    /// # Errors
+    /// All problems of the settings at once.
+    pub fn four_axes(settings: &[(String, String)]) -> Result<Self, MachineError> {
+        Self::parse(FOUR_AXES, "examples/four-axes.toml", Path::new("."), settings)
     }
 
     /// Reads the text of a machine file. `file` is its name for messages; paths in the text are relative to `folder`.

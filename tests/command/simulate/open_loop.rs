@@ -29,7 +29,7 @@ fn an_open_loop_is_the_plant_called_directly_bit_for_bit() {
     let folder = folder_with("u.csv", &format!("boom,t,bucket\n{}", lines.concat()));
     let found = trajectory(folder.path(), &["--open-loop", "u.csv", "--scenario", "everything"]);
 
-    let machine = Machine::load(None, &[("scenario".to_owned(), "everything".to_owned())]).unwrap();
+    let machine = Machine::four_axes(&[("scenario".to_owned(), "everything".to_owned())]).unwrap();
     let mut plant = PlantSim::new(&machine, 1).unwrap();
     let mut command = ValveCommand::default();
     for (row, (ns, boom, bucket)) in ROWS.into_iter().enumerate() {

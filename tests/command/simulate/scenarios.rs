@@ -1,6 +1,6 @@
 //! Scenarios by name, and those of a machine file.
 
-use pipeline::machine::{BUILT_IN, Scenario};
+use pipeline::machine::{FOUR_AXES, Scenario};
 
 use super::{
     cli::{run, success},
@@ -27,7 +27,7 @@ fn a_scenario_by_name_is_the_setting_of_its_key_and_counts_before_it() {
 fn a_scenario_of_ones_own_is_the_same_in_one_process_and_in_four() {
     let own = "\n[scenarios.weak-arm]\nsummary = \"the arm loses half its flow\"\n\
                changes = [{ axis = \"arm\", parameter = \"flow_gain\", start = 1, end = 2, factor = 0.5 }]\n";
-    let folder = folder_with("m.toml", &format!("{BUILT_IN}{own}"));
+    let folder = folder_with("m.toml", &format!("{FOUR_AXES}{own}"));
     let file = folder.path().join("m.toml");
     let arguments = [file.to_str().unwrap(), "--duration", "4s", "--scenario", "weak-arm"];
     let simulated = report(&[&["simulate"], &arguments[..]].concat());

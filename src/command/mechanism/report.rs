@@ -7,13 +7,10 @@ use pipeline::machine::Machine;
 use serde::Serialize;
 
 use super::{
-    ends, strokes,
+    TELESCOPE, along_strokes, joint_ranges, strokes,
     workspace::{Felt, Spread, Workspace},
 };
 use crate::report::table::table;
-
-/// Postures on the stroke of one cylinder, for its smallest and largest moment arm.
-const LENGTHS: usize = 100;
 
 /// The figures.
 #[derive(Debug, Serialize)]
@@ -123,19 +120,15 @@ impl MechanismReport {
             let extent = prepared.extent(&[0.0; AXES], &stroke, telescope);
             ExtentReport { telescope, reach: extent.reach, depth: extent.depth, height: extent.height }
         });
-        let joints = ends(machine, mechanism).map(|pose| pose.joints());
+        let joints = joint_ranges(machine, mechanism);
         let rest = at_rest(machine, mechanism);
         let axes = (0..AXES).map(|i| {
-            let arm = |k: usize| {
-                let positions = stroke.map(|stroke| stroke * k as f64 / LENGTHS as f64);
-                prepared.pose(&positions).rate[i].abs().recip()
-            };
-            let moment_arm = (0..=LENGTHS)
-                .map(arm)
-                .fold([f64::INFINITY, 0.0], |[low, high]: [f64; 2], arm| [low.min(arm), high.max(arm)]);
+            let arms = along_strokes(machine, mechanism).map(|pose| pose.rate[i].abs().recip());
+            let moment_arm =
+                arms.fold([f64::INFINITY, 0.0], |[low, high]: [f64; 2], arm| [low.min(arm), high.max(arm)]);
             AxisReport {
                 name: machine.axes[i].name.clone(),
-                joint: [joints[0][i], joints[1][i]],
+                joint: joints[i],
                 moment_arm: (i != TELESCOPE).then_some(moment_arm),
                 rest: rest[i],
                 felt: None,
@@ -192,8 +185,6 @@ impl MechanismReport {
         text + LEGEND
     }
 }
-
-const TELESCOPE: usize = 2;
 
 /// What the columns mean.
 const LEGEND: &str = "

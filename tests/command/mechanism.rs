@@ -66,10 +66,11 @@ fn masses_loads_and_frequencies_over_the_workspace_are_those_of_the_excavator() 
         expect_spread(&loaded["axes"][axis]["gravity"], 1e3, gravity);
     }
     for (figures, low, high) in [(&empty, 2.6, 4.0), (&loaded, 1.9, 3.3)] {
-        let frequency = &figures["axes"][0]["natural_frequency"];
+        let frequency = &figures["axes"][0]["ideal_frequency"];
         let (p5, p95) = (frequency["p5"].as_f64().unwrap(), frequency["p95"].as_f64().unwrap());
         assert!((p5 / low - 1.0).abs() < 0.05 && (p95 / high - 1.0).abs() < 0.05, "{frequency}");
         // The slowest mode of all cylinders is slower than the boom alone.
+        let p5 = figures["axes"][0]["natural_frequency"]["p5"].as_f64().unwrap();
         let slowest = figures["workspace"]["coupled_frequencies"][0]["p5"].as_f64().unwrap();
         assert!(slowest < p5, "{slowest} {p5}");
     }
@@ -93,7 +94,20 @@ fn reach_and_joints_are_those_of_the_excavator() {
     }
     let text = success(folder.path(), &["mechanism", "m.toml"]);
     assert!(text.contains("-47.0 .. 62.0 deg  0.395 .. 0.823"), "{text}");
-    assert!(text.contains("natural frequency  of this mass on the oil of both chambers"), "{text}");
+    assert!(text.contains("natural frequency  of this mass on the oil of chambers and hoses"), "{text}");
+}
+
+/// Expected values: frequencies at which the simulated machine rings at its start, without friction and leakage
+/// (`plant-sim/tests/coupling/modes.rs`).
+#[test]
+fn coupled_frequencies_are_those_of_the_simulated_machine_with_its_hoses() {
+    let folder = folder();
+    fs::write(folder.path().join("excavator.toml"), include_str!("../../examples/excavator.toml")).unwrap();
+    let text = success(folder.path(), &["mechanism", "excavator.toml", "--json", "-"]);
+    let found: Value = serde_json::from_str(&text).unwrap();
+    for (found, expected) in numbers(&found["start_frequencies"]).into_iter().zip([2.304, 3.707, 11.95, 16.25]) {
+        assert!((found / expected - 1.0).abs() < 5e-3, "{found} Hz for {expected} Hz");
+    }
 }
 
 fn state() -> Value {
@@ -338,6 +352,31 @@ fn check_prints_reach_joints_and_the_load_at_rest() {
     ] {
         assert!(text.contains(expected), "{text}");
     }
+}
+
+#[test]
+fn check_warns_of_loads_that_open_the_relief_valves() {
+    let folder = folder();
+    let with = |settings: &[&str]| {
+        let settings = settings.iter().flat_map(|setting| ["--set", setting]);
+        success(folder.path(), &["check", "m.toml"].into_iter().chain(settings).collect::<Vec<_>>())
+    };
+    assert!(!with(&[]).contains("warning"));
+    // The boom holds at most 14.0 MPa empty, and 21.5 MPa under the payload of a scenario.
+    let text = with(&["axis.boom.plant.relief_pressure=8e6"]);
+    let expected = "warning: axis.boom.plant.relief_pressure: found 8.0 MPa, and a load at rest of 316 kN, 14.0";
+    assert!(text.contains(expected) && text.contains("MPa, with 0 kg in the bucket in the posture ["), "{text}");
+    let settings = ["axis.boom.plant.relief_pressure=15e6", "scenario=payload"];
+    assert!(!with(&settings[..1]).contains("warning"));
+    let text = with(&settings);
+    assert!(text.contains("found 15.0 MPa") && text.contains("with 1500 kg in the bucket"), "{text}");
+}
+
+#[test]
+fn check_refuses_end_stops_into_which_the_linkage_cannot_follow() {
+    let folder = folder();
+    let set = "axis.boom.plant.end_stop_stiffness=1e6";
+    expect_refusal(folder.path(), &["check", "m.toml", "--set", set], &["axis.boom.plant.end_stop_stiffness: found"]);
 }
 
 #[test]

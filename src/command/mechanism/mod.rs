@@ -3,6 +3,7 @@
 //! Runs alone, without a loop.
 
 mod arguments;
+mod overload;
 mod report;
 mod states;
 mod urdf;
@@ -19,6 +20,7 @@ use crate::{
     report::output::{Output, OutputError, create, is_stdout, show},
 };
 pub use arguments::MechanismArguments;
+pub use overload::overloads;
 use report::MechanismReport;
 pub use report::summary;
 

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::{
     TELESCOPE, along_strokes, joint_ranges, strokes,
-    workspace::{Felt, Spread, Workspace},
+    workspace::{Felt, Spread, Workspace, frequencies_at},
 };
 use crate::report::table::table;
 
@@ -21,6 +21,8 @@ pub struct MechanismReport {
     /// With the telescope in, half out and out.
     extents: Vec<ExtentReport>,
     axes: Vec<AxisReport>,
+    /// Natural frequencies of the coupled cylinders in the posture of the start, Hz.
+    start_frequencies: Option<[f64; AXES]>,
     workspace: Option<Workspace>,
 }
 
@@ -82,13 +84,17 @@ pub fn summary(machine: &Machine, mechanism: &Mechanism) -> String {
     )
 }
 
-/// The load at rest of each cylinder of the mechanism.
-fn at_rest(machine: &Machine, mechanism: &Mechanism) -> [Rest; AXES] {
-    let start = |i: usize| {
+/// Positions at the start, m; without a simulated plant those in the middle of the strokes.
+fn start(machine: &Machine) -> [f64; AXES] {
+    std::array::from_fn(|i| {
         let axis = &machine.axes[i];
         axis.plant.as_ref().map_or(0.5 * axis.stroke, |plant| plant.initial_position)
-    };
-    let positions = std::array::from_fn(start);
+    })
+}
+
+/// The load at rest of each cylinder of the mechanism.
+fn at_rest(machine: &Machine, mechanism: &Mechanism) -> [Rest; AXES] {
+    let positions = start(machine);
     let pose = mechanism.prepared().pose(&positions);
     let terms = Moments::new(&mechanism.masses).dynamics(&pose, &[0.0; AXES]);
     let force = terms.holding_force(&pose, Vector::default());
@@ -104,6 +110,7 @@ impl MechanismReport {
     pub fn new(machine: &Machine, mechanism: &Mechanism) -> Self {
         let mut report = Self::of_strokes(machine, mechanism);
         report.workspace = Workspace::new(machine, mechanism);
+        report.start_frequencies = frequencies_at(machine, mechanism, &start(machine));
         if let Some(workspace) = &report.workspace {
             for (axis, felt) in report.axes.iter_mut().zip(&workspace.cylinders) {
                 axis.felt = Some(*felt);
@@ -139,6 +146,7 @@ impl MechanismReport {
             payload: mechanism.masses.payload.mass,
             extents: extents.into(),
             axes: axes.collect(),
+            start_frequencies: None,
             workspace: None,
         }
     }
@@ -167,20 +175,25 @@ impl MechanismReport {
         );
         let rows = self.axes.iter().filter_map(|axis| {
             let felt = axis.felt.as_ref()?;
-            let frequency = felt.natural_frequency.map_or("-".to_owned(), |spread| three(&spread, 1.0));
+            let frequency =
+                |spread: &Option<Spread>| spread.as_ref().map_or("-".to_owned(), |spread| three(spread, 1.0));
             Some(vec![
                 axis.name.clone(),
                 three(&felt.reflected_mass, 1e-3),
                 three(&felt.gravity, 1e-3),
-                frequency,
+                frequency(&felt.natural_frequency),
+                frequency(&felt.ideal_frequency),
                 three(&felt.tip_ratio, 1.0),
             ])
         });
-        let header = ["axis", "mass, t", "gravity, kN", "natural frequency, Hz", "teeth, mm per mm"];
+        let header = ["axis", "mass, t", "gravity, kN", "natural frequency, Hz", "ideal, Hz", "teeth, mm per mm"];
         text += &format!("{}\n", table(&header, rows.collect()));
         if let Some(modes) = &workspace.coupled_frequencies {
             let modes: Vec<String> = modes.iter().map(|mode| three(mode, 1.0)).collect();
             let _ = writeln!(text, "Coupled, with all valves shut, Hz: {}", modes.join("; "));
+        }
+        if let Some(modes) = &self.start_frequencies {
+            let _ = writeln!(text, "Coupled, in the posture of the start, Hz: {}", modes.map(digits).join("; "));
         }
         text + LEGEND
     }
@@ -190,7 +203,8 @@ impl MechanismReport {
 const LEGEND: &str = "
 mass               mass that the cylinder moves while the other cylinders are held
 gravity            force that carries the load at rest; positive: the piston side carries it
-natural frequency  of this mass on the oil of both chambers at 5 MPa with the valve shut, without hoses, which lower it
+natural frequency  of this mass on the oil of chambers and hoses at the pressures at rest, with the valve shut
+ideal              natural frequency on the oil of the chambers alone, at 5 MPa
 teeth              way of the teeth per way of this piston
 ";
 

@@ -10,7 +10,7 @@ use std::{
     time::Duration,
 };
 
-use crate::harness::{Cores, FOUR_AXES, TestGroup, channel::await_message, hydraxis, shared};
+use crate::harness::{Cores, TestGroup, channel::await_message, hydraxis, shared};
 use pipeline::{
     channel::{Group, Prefix, Reader},
     message::{AxisMode, EncoderSample, Header, ValveCommand, control_flag, sample_fault},
@@ -68,7 +68,7 @@ impl Played {
 
     fn run(&self, command: &str, arguments: &[&str]) -> Output {
         let mut hydraxis = hydraxis();
-        hydraxis.args([command, FOUR_AXES, "--prefix", &self.group.prefix.to_string()]).args(MACHINE).args(arguments);
+        hydraxis.args([command, "--prefix", &self.group.prefix.to_string()]).args(MACHINE).args(arguments);
         hydraxis.output().unwrap()
     }
 

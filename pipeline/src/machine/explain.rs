@@ -117,8 +117,8 @@ impl Machine {
         model: Option<&Path>,
         settings: &[(String, String)],
     ) -> Result<(Self, Vec<EffectiveValue>), MachineError> {
-        let MachineFile { text, name, folder } = MachineFile::open(file)?;
-        let mut all = model.map_or(Ok(Vec::new()), read_model)?;
+        let MachineFile { text, model: mut all, name, folder } = MachineFile::open(file)?;
+        all.extend(model.map_or(Ok(Vec::new()), read_model)?);
         all.extend(Setting::typed(settings));
         let document = Document::parse(&text, all);
         let machine = Self::read(document.root(), &folder);

@@ -15,7 +15,7 @@ fn the_built_in_machine_has_four_axes_and_no_problem() {
 
 #[test]
 fn the_example_has_four_axes_and_no_problem() {
-    expect_four_axes(&success(Path::new(env!("CARGO_MANIFEST_DIR")), &["check", "examples/four-axes.toml"]));
+    expect_four_axes(&success(Path::new(env!("CARGO_MANIFEST_DIR")), &["check", "examples/excavator.toml"]));
 }
 
 #[test]

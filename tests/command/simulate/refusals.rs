@@ -35,12 +35,6 @@ fn scenarios_of_a_file_are_among_those_there_are() {
 }
 
 #[test]
-fn the_name_of_a_built_in_scenario_is_refused() {
-    let expected = "scenarios.payload: found the name of a built-in scenario; allowed: another name";
-    expect_bad_scenario("[scenarios.payload]", expected);
-}
-
-#[test]
 fn invalid_changes_are_refused() {
     for (change, expected) in [
         (

@@ -52,8 +52,8 @@ pub enum PlantError {
     },
     /// The axes of the mechanism together are too fast for the step.
     #[error(
-        "{place}: found, with the axes that the mechanism couples, a motion at {rate:.3e} 1/s by {by}, too fast for the \
-         simulator's step; allowed: up to {limit:.3e} 1/s; more mass or dead volume, or less damping, stiffness, \
+        "{place}: found, with the axes that the mechanism couples, a motion at {rate:.3e} 1/s by {by}, too fast for \
+         the simulator's step; allowed: up to {limit:.3e} 1/s; more mass or dead volume, or less damping, stiffness, \
          leakage or rated_flow, or a softer soil"
     )]
     TooStiffTogether {

@@ -4,9 +4,9 @@
 //! p = F/A_1 for F > 0,  -F/A_2 for F < 0          p > p_r: the relief valve opens and the piston gives way
 //! ```
 //!
-//! F force that holds the cylinder at rest, N, in a posture within the soft limits, with the payload of the machine file
-//! or the heaviest of the scenario; A_1 and A_2 areas of piston side and rod side, m2; p pressure with none on the other
-//! side, Pa: the least that can hold the load; p_r relief pressure, Pa.
+//! F force that holds the cylinder at rest, N, in a posture within the soft limits, with the payload of the machine
+//! file or the heaviest of the scenario; A_1 and A_2 areas of piston side and rod side, m2; p pressure with none on the
+//! other side, Pa: the least that can hold the load; p_r relief pressure, Pa.
 //!
 //! Trap: the greatest load mostly lies at an end of a stroke, so the grid of postures has the soft limits in it.
 

@@ -38,7 +38,7 @@ from pathlib import Path
 
 from hydraxis import Channel, CoefficientSnapshot, EncoderReading, Group, Publisher, Trouble, ValveCommand, iox2
 
-BUILT_IN = Path(__file__).parent / "excavator.toml"  # what `hydraxis run` uses without a machine file
+BUILT_IN = Path(__file__).parent / "four-axes.toml"  # what `hydraxis run` uses without a machine file
 STEP_S = 0.001  # of the integration
 READING_STEPS = 2  # steps between two readings in real time
 FULL_SPEED = 0.6  # K, m/s

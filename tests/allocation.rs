@@ -188,7 +188,7 @@ fn the_stage_loops_allocate_nothing_after_start() {
     assert_eq!(unheard_bells(), 0);
 
     // Lock-step: the end of training (tick 800), the change from the fallback to the model, and heartbeats.
-    let mut machine = Machine::load(None, &[]).unwrap();
+    let mut machine = Machine::four_axes(&[]).unwrap();
     assert_eq!(allocations("lockstep", &machine, Clock::LockStep, 100, 3000), 0);
     // The full form, which separates b, f and g at every tick.
     machine.axes.iter_mut().for_each(|axis| axis.identification.form = Form::Full);
@@ -209,7 +209,7 @@ fn the_stage_loops_allocate_nothing_after_start() {
     }
     assert_eq!(allocations("forgetting", &machine, Clock::LockStep, 100, 2000), 0);
     // Real time: timers, notifications, and the end of training after 200 ticks of 2 ms.
-    let mut machine = Machine::load(None, &[("timing.period".to_owned(), "2ms".to_owned())]).unwrap();
+    let mut machine = Machine::four_axes(&[("timing.period".to_owned(), "2ms".to_owned())]).unwrap();
     machine.axes.iter_mut().for_each(|axis| axis.identification.training = 400);
     machine.timing.feedback_timeout = Duration::from_secs(1);
     assert_eq!(allocations("realtime", &machine, Clock::RealTime, 100, 1200), 0);

@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn counts_become_metres() {
-        let machine = Machine::load(None, &[]).unwrap();
+        let machine = Machine::four_axes(&[]).unwrap();
         let mut acquisition = Acquisition::new(&machine);
         let mut reading = EncoderReading::default();
         reading.header.axis_count = 4;
@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn an_emergency_stop_is_passed_on_until_a_reading_shows_it_released() {
-        let machine = Machine::load(None, &[]).unwrap();
+        let machine = Machine::four_axes(&[]).unwrap();
         let mut acquisition = Acquisition::new(&machine);
         let mut reading = EncoderReading { emergency_stop: 1, ..EncoderReading::default() };
         assert_eq!(acquisition.update(0, None).emergency_stop, 0);
@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn missed_ticks_count_as_time() {
-        let machine = Machine::load(None, &[]).unwrap();
+        let machine = Machine::four_axes(&[]).unwrap();
         let mut acquisition = Acquisition::new(&machine);
         let mut sample = |tick, counts| {
             let mut reading = EncoderReading::default();

@@ -65,7 +65,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("r.csv");
         std::fs::write(&file, "t,u,y\n0,0.25,0.5\n0.01,-0.5,0.501\n0.02,0,0.502\n").unwrap();
-        let machine = Machine::load(None, &[]).unwrap();
+        let machine = Machine::four_axes(&[]).unwrap();
         let mut replay = Replay::new(&machine, Recording::read_all(&machine, &file).unwrap());
         assert_eq!(replay.len(), 3);
         let (sample, command) = replay.update(1).unwrap();

@@ -2,7 +2,7 @@
 
 /// The built-in machine with the pins and masses of a 20 t excavator.
 pub fn excavator() -> String {
-    let built_in = include_str!("../../examples/excavator.toml");
+    let built_in = include_str!("../../examples/four-axes.toml");
     if built_in.contains("[mechanism.boom]") {
         return built_in.to_owned();
     }

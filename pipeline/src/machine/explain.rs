@@ -118,8 +118,8 @@ impl Machine {
         model: Option<&Path>,
         settings: &[(String, String)],
     ) -> Result<(Self, Vec<EffectiveValue>), MachineError> {
-        let MachineFile { text, name, folder } = MachineFile::open(file)?;
-        let mut all = model.map_or(Ok(Vec::new()), read_model)?;
+        let MachineFile { text, model: mut all, name, folder } = MachineFile::open(file)?;
+        all.extend(model.map_or(Ok(Vec::new()), read_model)?);
         all.extend(Setting::typed(settings));
         let document = Document::parse(&text, all);
         let machine = Self::read(document.root(), &folder);
@@ -169,7 +169,7 @@ mod tests {
         assert_eq!((machine.axes[0].control.kp, machine.axes[0].control.ki), (4.0, 1.0));
         assert_eq!(of("axis.boom.control.kp").origin, Origin::ModelFile { line: 2 });
         assert_eq!(of("axis.boom.control.ki").origin, Origin::CommandLine);
-        let text = super::super::BUILT_IN;
+        let text = super::super::FOUR_AXES;
         let line = 1 + text[..text.find("stroke = 1.334").unwrap()].matches('\n').count();
         assert_eq!(of("axis.boom.stroke").origin, Origin::MachineFile { line });
         assert_eq!(of("axis.boom.encoder.tolerance").origin, Origin::Default);

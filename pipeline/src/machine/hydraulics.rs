@@ -151,7 +151,7 @@ mod tests {
 
     fn with(settings: &[(&str, &str)]) -> Result<Machine, MachineError> {
         let settings: Vec<_> = settings.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
-        Machine::load(None, &settings)
+        Machine::four_axes(&settings)
     }
 
     #[test]

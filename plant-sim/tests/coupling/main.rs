@@ -57,7 +57,7 @@ fn mechanism() -> Mechanism {
 
 /// The excavator under a built-in scenario.
 fn under(scenario: &str) -> Machine {
-    let mut machine = Machine::load(None, &[("scenario".to_owned(), scenario.to_owned())]).unwrap();
+    let mut machine = Machine::four_axes(&[("scenario".to_owned(), scenario.to_owned())]).unwrap();
     machine.mechanism = Some(mechanism());
     machine
 }

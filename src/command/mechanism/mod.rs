@@ -55,7 +55,7 @@ fn missing(arguments: &MechanismArguments) -> Failure {
     let file = arguments.machine.machine.as_ref().map(|file| file.display().to_string());
     Failure::usage(format!(
         "{}: mechanism: found nothing; allowed: the tables [mechanism.boom], .arm, .telescope and .bucket with pins \
-         and masses, as examples/excavator-20t.toml has them",
+         and masses, as examples/excavator.toml has them",
         file.as_deref().unwrap_or("built-in machine")
     ))
 }

@@ -7,8 +7,8 @@ Needs Python 3.11 or newer and one package:
 
 Let the supervisor start it, in real time or in lock-step:
 
-    hydraxis run --set stage.plant-sim.command='["python3","examples/plant.py"]'
-    hydraxis run --set stage.plant-sim.command='["python3","examples/plant.py"]' --lockstep
+    hydraxis run examples/four-axes.toml --set stage.plant-sim.command='["python3","examples/plant.py"]'
+    hydraxis run examples/four-axes.toml --set stage.plant-sim.command='["python3","examples/plant.py"]' --lockstep
 
 Every axis is a dead time, a lag of first order, a dead band and an integrator:
 
@@ -38,7 +38,7 @@ from pathlib import Path
 
 from hydraxis import Channel, CoefficientSnapshot, EncoderReading, Group, Publisher, Trouble, ValveCommand, iox2
 
-BUILT_IN = Path(__file__).parent / "four-axes.toml"  # what `hydraxis run` uses without a machine file
+BUILT_IN = Path(__file__).parent / "excavator.toml"  # what `hydraxis run` uses without a machine file
 STEP_S = 0.001  # of the integration
 READING_STEPS = 2  # steps between two readings in real time
 FULL_SPEED = 0.6  # K, m/s

@@ -231,8 +231,8 @@ pub enum Target {
 }
 
 impl Scenario {
-    /// Reads the choice, `scenario`, and the machine's own scenarios. One with the name of a built-in scenario takes its
-    /// place.
+    /// Reads the choice, `scenario`, and the machine's own scenarios. One with the name of a built-in scenario takes
+    /// its place.
     pub(super) fn read(root: &mut Section, machine: &Described) -> Self {
         let mut scenarios = Self::built_in();
         let mut table = root.section("scenarios");

@@ -146,12 +146,13 @@ fn the_boom_stands_in_its_dead_band_and_sinks_under_a_symmetric_command() {
 fn the_picture_of_the_documentation_is_what_is_drawn() {
     let drawn = cli::success(
         tempfile::tempdir().unwrap().path(),
-        &["simulate", "--scenario", "open-loop", "--duration", "60s", "--axis", "boom", "--plot", "-"],
+        &["simulate", FOUR_AXES, "--scenario", "open-loop", "--duration", "60s", "--axis", "boom", "--plot", "-"],
     );
     let kept = include_str!("../../../docs/src/open-loop.svg");
     assert!(
         drawn == kept,
-        "hydraxis simulate --scenario open-loop --duration 60s --axis boom --plot docs/src/open-loop.svg draws it anew"
+        "hydraxis simulate examples/four-axes.toml --scenario open-loop --duration 60s --axis boom \
+         --plot docs/src/open-loop.svg draws it anew"
     );
 }
 

@@ -16,6 +16,7 @@
 use crate::{
     AXES, Geometry,
     four_bar::PreparedFourBar,
+    joint::Joint,
     triangle::Triangle,
     vector::{Rotation, Vector},
 };
@@ -50,6 +51,16 @@ impl Linkage {
             arm: geometry.arm_triangle(),
             arm_offset: offset(geometry.arm_base(), geometry.arm_cylinder_rod),
             bucket: PreparedFourBar::new(&geometry.bucket),
+        }
+    }
+
+    /// Rotation of the body that `joint` turns, from the body before it (that of the boom from the axes of the world), at
+    /// the length `length` of its cylinder, m. Not finite where the linkage does not close.
+    pub fn rotation(&self, joint: Joint, length: f64) -> Rotation {
+        match joint {
+            Joint::Boom => self.boom.angle(length).rotation * self.boom_offset,
+            Joint::Arm => self.arm.angle(length).rotation.inverse() * self.arm_offset,
+            Joint::Bucket => self.bucket.angle(length).rotation,
         }
     }
 

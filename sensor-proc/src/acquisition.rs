@@ -1,16 +1,18 @@
-//! Acquisition: encoder counts are scaled to positions and checked; the result is the sample of a tick.
+//! Acquisition: encoder counts are scaled to positions, positions and chamber pressures are checked; the result is the
+//! sample of a tick.
 
 use pipeline::{
     machine::Machine,
     message::{EncoderReading, EncoderSample},
 };
 
-use crate::plausibility::Plausibility;
+use crate::plausibility::{Plausibility, pressure::PressureCheck};
 
 /// Scaling and checks of all axes.
 #[derive(Debug, Clone)]
 pub struct Acquisition {
     checks: Vec<Plausibility>,
+    pressures: Vec<PressureCheck>,
     resolutions: Vec<f64>,
     /// Tick of the last sample.
     last: Option<u64>,
@@ -23,6 +25,7 @@ impl Acquisition {
     pub fn new(machine: &Machine) -> Self {
         Self {
             checks: machine.axes.iter().map(|axis| Plausibility::new(axis, machine.timing.period)).collect(),
+            pressures: machine.axes.iter().map(|axis| PressureCheck::new(axis.pressure.as_ref())).collect(),
             resolutions: machine.axes.iter().map(|axis| axis.encoder.resolution).collect(),
             last: None,
             emergency_stop: 0,
@@ -47,6 +50,7 @@ impl Acquisition {
             let encoder = reading.map(|reading| &reading.encoders[i]);
             let position = encoder.map(|encoder| encoder.counts as f64 * resolution);
             sample.axes[i] = check.judge(elapsed, position, encoder.is_some_and(|encoder| encoder.error != 0));
+            self.pressures[i].judge(encoder, &mut sample.axes[i]);
         }
         sample
     }

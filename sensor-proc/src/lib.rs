@@ -2,8 +2,8 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`plausibility`] | the checks of one axis: range, speed, stuck |
-//! | [`acquisition`] | encoder readings become samples |
+//! | [`plausibility`] | the checks of one axis: range, speed, stuck; its pressures |
+//! | [`acquisition`] | readings become samples |
 //! | [`replay`] | the rows of a recording become samples and commands |
 //! | [`recording`] | reads recordings from CSV files; before the first tick only |
 //! | [`process`] | the stage: readings or a recording in, samples out |

@@ -5,7 +5,10 @@ use pipeline::{
     message::{AxisCommand, ControlMode, EncoderSample, ValveCommand},
 };
 
-use crate::{plausibility::Plausibility, recording::Recording};
+use crate::{
+    plausibility::{Plausibility, pressure::PressureCheck},
+    recording::Recording,
+};
 
 /// The recordings of all axes and the checks of their positions.
 #[derive(Debug, Clone)]
@@ -41,6 +44,8 @@ impl Replay {
         }
         for (i, (check, recording)) in self.checks.iter_mut().zip(&self.recordings).enumerate() {
             sample.axes[i] = check.judge(1, Some(recording.outputs[row]), false);
+            // A recording has no pressures.
+            PressureCheck::new(None).judge(None, &mut sample.axes[i]);
             command.axes[i] = AxisCommand {
                 command: recording.inputs[row],
                 mode: ControlMode::Replay as u32,

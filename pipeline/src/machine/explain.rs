@@ -34,6 +34,7 @@ const SPECIMEN: &str = r#"
     commands = [{}]
     [supply]
     [oil]
+    [axis.NAME.pressure]
     [axis.NAME.commissioned]
     [axis.NAME.reference]
     sines = [{}]

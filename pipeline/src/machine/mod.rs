@@ -39,8 +39,8 @@ use document::{Document, Section, Setting};
 
 pub use axis::{
     Axis, COMPENSATED, Commissioned, Control, DeadBand, Directions, Encoder, Estimator, Form, Identification,
-    IdentifiedOutput, LoadForce, LoadHolding, MOST_POINTS, ModelChoice, Plant, Ports, ReferenceSource, Sine, Split,
-    ValveCurve, shortest_training,
+    IdentifiedOutput, LoadForce, LoadHolding, MOST_POINTS, ModelChoice, Plant, Ports, PressureTransducers,
+    ReferenceSource, SensorErrors, Sine, Split, ValveCurve, shortest_training,
 };
 pub use document::{DefaultValue, EffectiveValue, Origin, samples_of};
 pub use error::{MachineError, Problem};

@@ -1,4 +1,4 @@
-//! The whole machine: all axes, the drive that feeds their valves, the pump and the encoders.
+//! The whole machine: all axes, the drive that feeds their valves, the pump and the sensors.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -36,13 +36,13 @@ use pipeline::{
 use crate::{
     conditions::{Conditions, UPDATE_PERIOD_NS, Work, acting, relative_viscosity},
     coupling::Coupling,
-    encoder::NoisyEncoder,
     hydraulics::supply::{Demand, Pump},
     integration::{
         FourAxes, TrueState,
         runge_kutta::{LONGEST_STEP_NS, STEP_NS, runge_kutta},
     },
     lanes::LANES,
+    sensors::Sensors,
 };
 
 use coupled::{Worst, worst_of_coupled};
@@ -65,20 +65,18 @@ pub struct PlantSim {
     observed: Observation,
     /// What is seen at begin and end of the step in which that time lies; used only for a time between two steps.
     around: [Observation; 2],
-    encoders: Vec<NoisyEncoder>,
+    sensors: Sensors,
     drive: Drive,
     step_ns: u64,
     /// End of the last step, ns.
     time_ns: u64,
     /// Time that was asked for, ns: at the end of the last step or within it.
     asked_ns: u64,
-    /// Number of readings so far.
-    readings: u64,
 }
 
 impl PlantSim {
-    /// The machine at rest: every axis at its initial position, valves shut, loads held. `seed` determines the encoder
-    /// noise.
+    /// The machine at rest: every axis at its initial position, valves shut, loads held. `seed` determines the noise
+    /// of the sensors.
     ///
     /// # Errors
     /// The machine has no hydraulics or too many axes, or an axis has no plant or is too stiff for the step.
@@ -104,7 +102,6 @@ impl PlantSim {
         let mut coupling = coupling(machine)?;
         let payload = machine.mechanism.map_or(0.0, |mechanism| mechanism.masses.payload.mass);
         let hydraulics = machine.hydraulics.ok_or(PlantError::NoHydraulics)?;
-        let mut encoders = Vec::with_capacity(count);
         for (index, (axis, plant)) in plants.iter().enumerate() {
             let is_coupled = coupling.is_some() && index < AXES;
             let rate = fastest_rate(axis, plant, &hydraulics, &scenario.changes, index);
@@ -112,7 +109,6 @@ impl PlantSim {
             if rate > limit && !is_coupled {
                 return Err(PlantError::TooStiff { axis: axis.name.clone(), rate, limit });
             }
-            encoders.push(NoisyEncoder::new(axis.encoder.resolution, plant.encoder_noise, seed, index));
         }
         if let Some(coupling) = &mut coupling {
             let worst = worst_of_coupled(&plants, &hydraulics, coupling, &scenario.changes, payload);
@@ -137,12 +133,11 @@ impl PlantSim {
             payload,
             observed: Observation::with_room(count),
             around: [Observation::with_room(count), Observation::with_room(count)],
-            encoders,
+            sensors: Sensors::new(&plants, seed),
             drive: Drive::new(count, nanoseconds(machine.timing.drive_timeout)),
             step_ns,
             time_ns: 0,
             asked_ns: 0,
-            readings: 0,
         };
         let room = std::mem::take(&mut plant.observed);
         plant.observed = plant.observe(room);
@@ -246,17 +241,9 @@ impl PlantSim {
         old
     }
 
-    /// Reads all encoders, each with newly drawn noise. The reading is numbered; its times stay zero.
+    /// Reads all sensors, each with newly drawn noise. The reading is numbered; its times stay zero.
     pub fn read(&mut self) -> EncoderReading {
-        let mut reading = EncoderReading::default();
-        reading.header.sequence = self.readings;
-        reading.header.axis_count = self.observed.states.len() as u32;
-        for ((value, encoder), state) in reading.encoders.iter_mut().zip(&mut self.encoders).zip(&self.observed.states)
-        {
-            value.counts = encoder.read(state.position);
-        }
-        self.readings += 1;
-        reading
+        self.sensors.read(&self.observed.states)
     }
 
     /// The true states of all axes, in the machine's order.

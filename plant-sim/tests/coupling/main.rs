@@ -8,13 +8,14 @@ mod modes;
 mod refused;
 mod response;
 mod rest;
+mod sensors;
 mod soil;
 
 use std::{path::Path, time::Duration};
 
 use mechanism::{AXES, Mechanism, Vector};
 use pipeline::{
-    machine::{Change, Machine, Parameter, Plant, Soil},
+    machine::{Change, Machine, Parameter, Plant, PressureTransducers, Soil},
     message::ValveCommand,
 };
 use plant_sim::PlantSim;

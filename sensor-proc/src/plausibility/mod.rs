@@ -1,4 +1,5 @@
-//! Plausibility of the positions of one axis. Nothing in this folder allocates.
+//! Plausibility of the positions of one axis, and of its chamber pressures ([`pressure`]). Nothing in this folder
+//! allocates.
 //!
 //! ```text
 //! range:     -tolerance <= y <= stroke + tolerance
@@ -25,6 +26,8 @@
 //!
 //! Trap: the counts of an axis at rest do not change either. Stuck is therefore only a mark here. control-proc knows
 //! whether the axis is commanded to move, and decides whether the mark is a fault.
+
+pub mod pressure;
 
 use std::{ops::RangeInclusive, time::Duration};
 

@@ -3,11 +3,13 @@
 //! | file | table | what it says |
 //! |---|---|---|
 //! | `encoder` | `[axis.NAME.encoder]` | the position encoder |
+//! | `pressure` | `[axis.NAME.pressure]` | the pressure transducers |
 //! | `commissioned` | `[axis.NAME.commissioned]` | the model that `hydraxis commission` has found |
 //! | `identification`, `estimator` | `[axis.NAME.identification]` | how the axis is identified |
 //! | `control` | `[axis.NAME.control]` | how the axis is controlled |
 //! | `reference` | `[axis.NAME.reference]` | where the reference comes from |
 //! | `plant`, `ports` | `[axis.NAME.plant]` | the simulated axis; its valves and hoses beyond one spool |
+//! | `sensor_errors` | `[axis.NAME.plant]` | what the simulated sensors do beyond their resolution |
 //!
 //! Dead band and dead time of the commissioned model are the defaults of identification and control.
 
@@ -19,7 +21,9 @@ mod estimator;
 mod identification;
 mod plant;
 mod ports;
+mod pressure;
 mod reference;
+mod sensor_errors;
 
 use std::path::Path;
 
@@ -31,8 +35,10 @@ pub use estimator::Estimator;
 pub use identification::{Form, Identification, IdentifiedOutput, Split, shortest_training};
 pub use plant::{LoadForce, Plant, ValveCurve};
 pub use ports::{Directions, LoadHolding, Ports};
+pub use pressure::PressureTransducers;
 use reference::Limits;
 pub use reference::{ReferenceSource, Sine};
+pub use sensor_errors::SensorErrors;
 
 use super::{document::Section, fuzzy::Fuzzy, source::Source, timing::Timing};
 
@@ -60,6 +66,8 @@ pub struct Axis {
     pub soft_limits: (f64, f64),
     /// The position encoder.
     pub encoder: Encoder,
+    /// The pressure transducers at both chambers, if there are any.
+    pub pressure: Option<PressureTransducers>,
     /// How the axis is identified.
     pub identification: Identification,
     /// How the axis is controlled.
@@ -86,6 +94,7 @@ impl Axis {
             .number(1e-3..=1000.0, "m/s");
         let soft_limits = read_soft_limits(&mut section, stroke);
         let encoder = Encoder::read(section.section("encoder"));
+        let pressure = PressureTransducers::read(section.section("pressure"));
         section.renamed("forgetting", "identification.estimator");
         let commissioned = Commissioned::read(section.section("commissioned"));
         let model = commissioned.as_ref();
@@ -96,7 +105,8 @@ impl Axis {
         let reference = ReferenceSource::read(section.section("reference"), limits, shared.folder, name);
         let plant = section.section("plant");
         let plant = if plant.is_given() {
-            Some(Plant::read(plant, stroke, shared.carried.iter().any(|carried| carried == name)))
+            let is_carried = shared.carried.iter().any(|carried| carried == name);
+            Some(Plant::read(plant, stroke, is_carried, pressure.is_some()))
         } else {
             if *shared.source == Source::Sim {
                 plant.refuse("", "nothing", "a table with the simulated axis: source is \"sim\"");
@@ -111,6 +121,7 @@ impl Axis {
             max_speed,
             soft_limits,
             encoder,
+            pressure,
             identification,
             control,
             commissioned,

@@ -108,11 +108,13 @@ impl Moment {
     }
 
     /// With another body, whose first moment in the same axes is `first`.
+    #[inline]
     fn with(self, body: &Self, first: Vector) -> Self {
         Self { mass: self.mass + body.mass, first: self.first + first, second: self.second + body.second }
     }
 
     /// About a point that lies by -`d` away.
+    #[inline]
     fn moved(self, d: Vector) -> Self {
         Self {
             mass: self.mass,
@@ -135,6 +137,7 @@ impl Moments {
     }
 
     /// The terms at `pose` with rates of the joints, rad/s (m/s for the telescope).
+    #[inline]
     pub fn dynamics(&self, pose: &Pose, rates: &[f64; AXES]) -> Dynamics {
         let [boom_rate, arm_rate, sliding, bucket_rate] = *rates;
         let arm_rate = boom_rate + arm_rate;
@@ -204,6 +207,7 @@ impl Dynamics {
     }
 
     /// M_l, kg: the mass that the cylinders feel.
+    #[inline]
     pub fn cylinder_mass(&self, pose: &Pose) -> [[f64; AXES]; AXES] {
         std::array::from_fn(|i| std::array::from_fn(|j| pose.rate[i] * self.mass[i][j] * pose.rate[j]))
     }
@@ -216,6 +220,7 @@ impl Dynamics {
 
     /// Forces of the cylinders, N, under which their rates `rates`, m/s, do not change, with a force on the teeth
     /// `tip_force`, N: J (h_c + h_g + M J' l'^2 - J_tip^T f).
+    #[inline]
     pub fn cylinder_load(&self, pose: &Pose, rates: &[f64; AXES], tip_force: Vector) -> [f64; AXES] {
         let tip = pose.jacobian(pose.tip, 3);
         let bent: [f64; AXES] = std::array::from_fn(|i| pose.curvature[i] * rates[i] * rates[i]);
@@ -226,6 +231,7 @@ impl Dynamics {
     }
 
     /// The equation of motion of the cylinders at their rates `rates`, m/s, with a force on the teeth `tip_force`, N.
+    #[inline]
     pub fn of_cylinders(&self, pose: &Pose, rates: &[f64; AXES], tip_force: Vector) -> CylinderDynamics {
         CylinderDynamics { mass: self.cylinder_mass(pose), load: self.cylinder_load(pose, rates, tip_force) }
     }
@@ -243,12 +249,14 @@ pub struct CylinderDynamics {
 impl CylinderDynamics {
     /// Accelerations of the cylinders, m/s2, under their forces `force`, N. `None` where the mass matrix is not
     /// positive definite, as in a pose that does not close.
+    #[inline]
     pub fn acceleration(&self, force: &[f64; AXES]) -> Option<[f64; AXES]> {
         solve(&self.mass, &std::array::from_fn(|i| force[i] - self.load[i]))
     }
 }
 
 /// The solution of `matrix` x = `right` by the decomposition L D L^T; `None` where `matrix` is not positive definite.
+#[inline]
 pub(crate) fn solve(matrix: &[[f64; AXES]; AXES], right: &[f64; AXES]) -> Option<[f64; AXES]> {
     // `scaled` is L D.
     let (mut lower, mut scaled, mut inverse) = ([[0.0; AXES]; AXES], [[0.0; AXES]; AXES], [0.0; AXES]);

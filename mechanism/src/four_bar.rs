@@ -109,11 +109,13 @@ impl PreparedFourBar {
     }
 
     /// J - R at the angle p of the triangle.
+    #[inline]
     fn rocker(&self, angle: Rotation) -> Vector {
         angle.inverse() * self.towards_base
     }
 
     /// As [`FourBar::angle`].
+    #[inline]
     pub(crate) fn angle(&self, length: f64) -> BucketAngle {
         let angle = self.triangle.angle(length);
         let rocker = self.rocker(angle.rotation);
@@ -145,6 +147,7 @@ enum Side {
 
 /// The point whose distance from the origin has the square `radius`, and whose distance from `centre` has the square
 /// `distance`, m2, on one side of the line between origin and `centre`.
+#[inline]
 fn intersection(radius: f64, centre: Vector, distance: f64, side: Side) -> Vector {
     let between = centre.dot(centre);
     let inverse = 1.0 / between;

@@ -51,12 +51,14 @@ pub struct PreparedMechanism {
 
 impl PreparedMechanism {
     /// The pose at these positions of the pistons, m. Not finite where a linkage does not close.
+    #[inline]
     pub fn pose(&self, positions: &[f64; AXES]) -> Pose {
         self.linkage.pose(&std::array::from_fn(|i| self.retracted[i] + positions[i]))
     }
 
     /// The equation of motion at `pose`, with speeds of the pistons `rates`, m/s, and a force on the teeth `tip_force`,
     /// N.
+    #[inline]
     pub fn dynamics(&self, pose: &Pose, rates: &[f64; AXES], tip_force: Vector) -> CylinderDynamics {
         self.moments.dynamics(pose, &pose.joint_rates(rates)).of_cylinders(pose, rates, tip_force)
     }

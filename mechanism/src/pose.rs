@@ -65,6 +65,7 @@ impl Linkage {
     }
 
     /// The pose at cylinder lengths `lengths`, m.
+    #[inline]
     pub fn pose(&self, lengths: &[f64; AXES]) -> Pose {
         let boom_angle = self.boom.angle(lengths[0]);
         let arm_angle = self.arm.angle(lengths[1]);
@@ -122,6 +123,7 @@ impl Pose {
     }
 
     /// Rates of the joints, rad/s (m/s for the telescope), of rates of the cylinders, m/s.
+    #[inline]
     pub fn joint_rates(&self, cylinder_rates: &[f64; AXES]) -> [f64; AXES] {
         std::array::from_fn(|i| self.rate[i] * cylinder_rates[i])
     }
@@ -136,6 +138,7 @@ impl Pose {
 
     /// Velocity of the point `at`, m, per joint rate, when it is fixed to the body that the last of these joints moves;
     /// m/rad (1 for the telescope). `last` is the number of that joint.
+    #[inline]
     pub fn jacobian(&self, at: Vector, last: usize) -> [Vector; AXES] {
         let all = [
             (at - self.boom_foot).normal(),

@@ -52,6 +52,7 @@ impl Triangle {
     }
 
     /// p and its derivatives at cylinder length `length`, m. Not finite where the triangle does not close.
+    #[inline]
     pub fn angle(&self, length: f64) -> CylinderAngle {
         let cos = (self.squares - length * length) * self.inverse;
         let sin = (1.0 - cos * cos).sqrt();

@@ -47,6 +47,8 @@ pub struct References {
     ahead: usize,
     /// References of this tick and the coming ones, m.
     positions: [f64; MAX_AHEAD],
+    /// Ticks from the begin to the tick for which the generator last gave the positions.
+    filled: Option<u64>,
     /// Speed of the reference, m/s.
     speed: f64,
 }
@@ -85,6 +87,7 @@ impl References {
             state: State::Tracks,
             ahead,
             positions: [0.0; MAX_AHEAD],
+            filled: None,
             speed: 0.0,
         }
     }
@@ -92,6 +95,7 @@ impl References {
     /// Begins to track at tick `sequence`, from where the axis stands (m).
     pub fn begin(&mut self, sequence: u64, position: f64, generator: &ReferenceGenerator) {
         (self.state, self.positions[0], self.speed, self.brakes) = (State::Tracks, position, 0.0, false);
+        self.filled = None;
         self.blend.begin(sequence, position, generator.position(self.axis, 0.0));
         if let Some(channel) = &mut self.channel {
             channel.begin(position);
@@ -180,7 +184,15 @@ impl References {
             return ReferenceStatus { is_refused: !is_accepted, counts: channel.has_engaged() };
         }
         let tick = self.blend.ticks(sequence);
-        for (i, reference) in positions.iter_mut().enumerate() {
+        // A reference depends on its time alone, so all but the newest are known from the tick before.
+        let known = if self.filled.is_some_and(|filled| filled + 1 == tick) {
+            positions.copy_within(1.., 0);
+            self.ahead
+        } else {
+            0
+        };
+        self.filled = Some(tick);
+        for (i, reference) in positions.iter_mut().enumerate().skip(known) {
             let t = (tick + i as u64) as f64 * self.period;
             *reference = self.blend.position(t, generator.position(self.axis, t));
         }

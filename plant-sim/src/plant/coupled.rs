@@ -43,16 +43,18 @@ const LEVERS: usize = 33;
 type Matrix = [[f64; AXES]; AXES];
 
 /// What the axes of a linkage do in the worst case.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Worst {
     /// Fastest rate of their motion, 1/s.
     pub rate: f64,
-    /// The axis that makes it fast; `None` where the soil does.
-    pub axis: Option<usize>,
-    /// What of the axis does.
-    pub by: &'static str,
     /// How deep each piston is pressed into its end stops, m.
     pub depths: [f64; AXES],
+    springs: Modes,
+    dampers: Modes,
+    /// Rates of the pressures, 1/s.
+    hydraulic: [f64; AXES],
+    /// The linkage with the least payload.
+    light: Coupling,
 }
 
 /// The worst of the axes of `coupling`, in all postures under the worst conditions that `changes` reach.
@@ -81,20 +83,28 @@ pub fn worst_of_coupled(
         light.soil().map_or((0.0, 0.0), |soil| (strength * soil.stiffness(), strength * soil.damping()));
     let springs = Modes::new(&light, parts.map(|parts| parts.springs), soil_stiffness);
     let dampers = Modes::new(&light, parts.map(|parts| parts.damping), soil_damping);
-    let (hydraulic, slowest) = largest(parts.map(|parts| parts.hydraulic));
-    let losses = (dampers.largest + FASTEST_BRISTLES).max(hydraulic);
-    let (axis, by) = if springs.largest.sqrt() > losses {
-        (springs.fastest_axis(&light), "the stiffness of oil, bristles and end stops")
-    } else if hydraulic > dampers.largest + FASTEST_BRISTLES {
-        (Some(slowest), "valve, leakage and volumes")
-    } else {
-        (dampers.fastest_axis(&light), "damping of friction and end stops")
-    };
-    let rate = losses + springs.largest.sqrt();
-    Worst { rate, axis, by, depths: parts.map(|parts| parts.depth) }
+    let hydraulic = parts.map(|parts| parts.hydraulic);
+    let rate = (dampers.largest + FASTEST_BRISTLES).max(largest(hydraulic).0) + springs.largest.sqrt();
+    Worst { rate, depths: parts.map(|parts| parts.depth), springs, dampers, hydraulic, light }
+}
+
+impl Worst {
+    /// The axis that makes the motion fast, or `None` where the soil does; and what of the axis does.
+    pub fn cause(&self) -> (Option<usize>, &'static str) {
+        let (hydraulic, axis) = largest(self.hydraulic);
+        let damped = self.dampers.largest + FASTEST_BRISTLES;
+        if self.springs.largest.sqrt() > damped.max(hydraulic) {
+            (self.springs.fastest_axis(&self.light), "the stiffness of oil, bristles and end stops")
+        } else if hydraulic > damped {
+            (Some(axis), "valve, leakage and volumes")
+        } else {
+            (self.dampers.fastest_axis(&self.light), "damping of friction and end stops")
+        }
+    }
 }
 
 /// Eigenvalues of the coupled axes on springs or on dampers.
+#[derive(Debug, Clone, Copy)]
 struct Modes {
     /// Of each axis, N/m or N s/m.
     own: [f64; AXES],

@@ -291,8 +291,9 @@ fn expect_possible(
         return Err(PlantError::SoftStops { axis: axis.name.clone(), depth, least });
     }
     if worst.rate.is_nan() || worst.rate > limit {
-        let place = worst.axis.map_or("soil".to_owned(), |axis| format!("axis.{}.plant", plants[axis].0.name));
-        return Err(PlantError::TooStiffTogether { place, by: worst.by, rate: worst.rate, limit });
+        let (axis, by) = worst.cause();
+        let place = axis.map_or("soil".to_owned(), |axis| format!("axis.{}.plant", plants[axis].0.name));
+        return Err(PlantError::TooStiffTogether { place, by, rate: worst.rate, limit });
     }
     Ok(())
 }

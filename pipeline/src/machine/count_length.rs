@@ -94,3 +94,48 @@ impl<'a> Counts<'a> {
         (sensor.resolution + before) / self.rate(axis, position)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn built_in(settings: &[(&str, &str)]) -> Machine {
+        let settings: Vec<_> = settings.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+        Machine::load(None, &settings).unwrap()
+    }
+
+    #[test]
+    fn a_count_at_the_joint_is_the_moment_arm_long() {
+        let machine = built_in(&[
+            ("axis.boom.encoder.kind", "rotary-encoder"),
+            ("axis.boom.encoder.angle_resolution", "2e-4"),
+            ("axis.bucket.encoder.kind", "rotary-encoder"),
+            ("axis.bucket.encoder.angle_resolution", "1e-3"),
+        ]);
+        let prepared = machine.mechanism.unwrap().prepared();
+        for part in [0.0, 0.3, 0.5, 1.0] {
+            let positions: [f64; AXES] = std::array::from_fn(|i| part * machine.axes[i].stroke);
+            let rate = prepared.pose(&positions).rate;
+            for (axis, count) in [(0, 2e-4), (3, 1e-3)] {
+                let expected = count / rate[axis].abs();
+                let found = machine.count_length(axis, positions[axis]);
+                assert!((found - expected).abs() < 1e-12, "{axis} {part}: {found} {expected}");
+                assert!(found <= machine.axes[axis].encoder.resolution * (1.0 + 1e-4));
+            }
+            assert_eq!(machine.count_length(1, positions[1]), machine.axes[1].encoder.resolution);
+        }
+    }
+
+    #[test]
+    fn an_inclinometer_adds_the_counts_that_say_where_the_body_before_is() {
+        let of_arm = |boom: &[(&str, &str)]| {
+            let arm = [("axis.arm.encoder.kind", "inclinometer"), ("axis.arm.encoder.angle_resolution", "1e-4")];
+            let machine = built_in(&[boom, &arm].concat());
+            machine.count_length(1, 0.5) * Counts::new(&machine.mechanism.unwrap(), &machine.axes).rate(1, 0.5)
+        };
+        let angle = [("axis.boom.encoder.kind", "inclinometer"), ("axis.boom.encoder.angle_resolution", "3e-4")];
+        assert!((of_arm(&angle) - 4e-4).abs() < 1e-12);
+        // The boom's sensor has counts of 0.1 mm; its shortest moment arm is 0.395 m.
+        assert!((of_arm(&[]) - 1e-4 - 1e-4 / 0.395).abs() < 1e-6, "{}", of_arm(&[]));
+    }
+}

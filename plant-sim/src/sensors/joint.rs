@@ -91,3 +91,82 @@ impl NoisyAngleSensor {
         self.encoder.read(turned.z.atan2(turned.x))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mechanism::{AXES, Joint};
+
+    const STEP: f64 = 1e-4;
+
+    /// A pose in which only the boom's angle, rad, is of interest.
+    fn at(angle: f64) -> Pose {
+        let boom = Rotation::by(angle);
+        let place = Vector::default();
+        Pose {
+            boom,
+            arm: boom,
+            bucket: boom,
+            boom_foot: place,
+            arm_pin: place,
+            bucket_pin: place,
+            tip: place,
+            telescope: 0.0,
+            rate: [1.0; AXES],
+            curvature: [0.0; AXES],
+        }
+    }
+
+    fn inclinometer(bandwidth: Option<f64>, angle: f64) -> NoisyAngleSensor {
+        let sensor = AngleSensor { joint: Joint::Boom, kind: AngleKind::Inclinometer, resolution: 1e-6, zero: 0.5 };
+        let errors = SensorErrors { encoder_noise: 0.0, angle_error: 0.01, bandwidth, pressure_noise: 0.0 };
+        let encoder = NoisyEncoder::new(sensor.resolution, super::super::noise::Noise::new(0.0, 1, 0));
+        NoisyAngleSensor::new(sensor, &errors, encoder, &at(angle))
+    }
+
+    #[test]
+    fn counts_are_the_angle_from_the_zero_with_its_error() {
+        for angle in [-3.0, -0.7, 0.0, 1.2, 3.1] {
+            let mut sensor = inclinometer(None, 0.0);
+            let seen = sensor.seen(&at(angle));
+            let expected = Rotation::by(angle + 0.01 - 0.5).angle() * 1e6;
+            assert!((sensor.read(seen) as f64 - expected).abs() <= 0.5001, "{angle}");
+        }
+    }
+
+    #[test]
+    fn a_turn_is_seen_late_as_the_closed_form_of_the_lag_says() {
+        // With x = exp(i w t) and s(0) = 1: s = exp(i w t)/(1 + i w tau) + (1 - 1/(1 + i w tau)) exp(-t/tau).
+        for (bandwidth, speed) in [(10.0, 0.5), (2.0, 1.0), (50.0, -0.8)] {
+            let mut sensor = inclinometer(Some(bandwidth), 0.0);
+            let tau = 1.0 / (TAU * bandwidth);
+            let square = 1.0 + speed * speed * tau * tau;
+            let steady = Vector::new(1.0 / square, -speed * tau / square);
+            for step in 1..=20_000 {
+                let time = f64::from(step) * STEP;
+                sensor.follow(&at(speed * time), STEP);
+                let expected =
+                    Rotation::by(speed * time) * steady + (-time / tau).exp() * (Vector::new(1.0, 0.0) - steady);
+                let error = (sensor.seen(&at(0.0)) - expected).norm();
+                // The trapezoidal rule: h^2/(12 tau) of the largest second derivative, |w|/tau.
+                assert!(error < STEP * STEP * speed.abs() / (12.0 * tau) + 1e-12, "{bandwidth} Hz, {time} s: {error}");
+            }
+            let seen = sensor.seen(&at(0.0));
+            let late = speed * 20_000.0 * STEP - seen.z.atan2(seen.x);
+            assert!((late - (speed * tau).atan()).abs() < 1e-6, "{late}");
+        }
+    }
+
+    #[test]
+    fn a_small_turn_decays_as_a_lag_of_the_angle_does() {
+        let (mut sensor, tau) = (inclinometer(Some(5.0), 0.3), 1.0 / (TAU * 5.0));
+        let turn = 1e-3;
+        for step in 1..=2000 {
+            sensor.follow(&at(0.3 + turn), STEP);
+            let seen = sensor.seen(&at(0.0));
+            // The step comes in the middle of the first step of the integration.
+            let expected = turn * (1.0 - (-(f64::from(step) - 0.5) * STEP / tau).exp());
+            assert!((seen.z.atan2(seen.x) - 0.3 - expected).abs() < 1e-8, "{step}");
+        }
+    }
+}

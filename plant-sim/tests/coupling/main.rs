@@ -13,9 +13,9 @@ mod soil;
 
 use std::time::Duration;
 
-use mechanism::{AXES, Body, FourBar, Geometry, Masses, Mechanism, Payload, Rotation, Vector};
+use mechanism::{AXES, Body, FourBar, Geometry, Joint, Masses, Mechanism, Payload, Rotation, Vector};
 use pipeline::{
-    machine::{Change, Machine, Parameter, Plant, PressureTransducers, Soil},
+    machine::{AngleKind, AngleSensor, Change, Machine, Parameter, Plant, PressureTransducers, SensorErrors, Soil},
     message::ValveCommand,
 };
 use plant_sim::PlantSim;

@@ -3,6 +3,7 @@
 //! Runs once, before the loop.
 
 mod explain;
+mod sensors;
 
 use std::path::PathBuf;
 
@@ -60,7 +61,7 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
         humantime::format_duration(machine.timing.period)
     );
     let mechanism = machine.mechanism.as_ref().map(|mechanism| summary(&machine, mechanism));
-    Ok(show(&(text + &mechanism.unwrap_or_default()))?)
+    Ok(show(&(text + &mechanism.unwrap_or_default() + &sensors::summary(&machine)))?)
 }
 
 /// Checks, axis by axis, the files that the machine file names and the values that follow from it: trajectories,

@@ -111,3 +111,80 @@ impl Encoder {
         encoder
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::machine::{BUILT_IN, Machine, MachineError};
+    use std::path::Path;
+
+    fn built_in(settings: &[(&str, &str)]) -> Result<Machine, MachineError> {
+        let settings: Vec<_> = settings.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+        Machine::load(None, &settings)
+    }
+
+    /// What is said about these settings of the built-in machine, which must be refused.
+    fn refusal(settings: &[(&str, &str)]) -> String {
+        built_in(settings).expect_err("the machine is to be refused").to_string()
+    }
+
+    #[test]
+    fn only_axes_with_a_joint_have_a_sensor_there() {
+        for kind in ["rotary-encoder", "inclinometer"] {
+            let angle = |axis: &str| [(format!("axis.{axis}.encoder.kind"), kind.to_owned())];
+            let said = refusal(&[("axis.telescope.encoder.kind", kind)]);
+            let expected = format!("axis.telescope.encoder.kind: found \"{kind}\" (from the command line); allowed: ");
+            assert!(said.contains(&(expected + "\"cylinder\": the telescope")), "{said}");
+            let said = Machine::four_axes(&angle("boom")).unwrap_err().to_string();
+            assert!(said.contains("allowed: \"cylinder\": only boom, arm and bucket of a [mechanism]"), "{said}");
+        }
+        let said = refusal(&[("axis.boom.encoder.kind", "potentiometer")]);
+        assert!(said.contains("allowed: \"cylinder\" or \"rotary-encoder\" or \"inclinometer\""), "{said}");
+    }
+
+    #[test]
+    fn an_angle_of_a_count_is_a_number_above_zero() {
+        for wrong in ["0", "-1e-4", "nan", "inf", "1"] {
+            let said = refusal(&[
+                ("axis.arm.encoder.kind", "inclinometer"),
+                ("axis.arm.encoder.angle_resolution", wrong),
+                ("axis.arm.plant.angle_bandwidth", wrong.trim_start_matches('1')),
+            ]);
+            let expected = format!("axis.arm.encoder.angle_resolution: found {wrong}");
+            assert!(said.contains(&expected) && said.contains("allowed: a number from 0.0000001 to 0.1 rad"), "{said}");
+            assert!(said.contains("axis.arm.plant.angle_bandwidth: found"), "{said}");
+        }
+        let said = refusal(&[("axis.arm.encoder.kind", "inclinometer")]);
+        assert!(said.contains("axis.arm.encoder.angle_resolution: found nothing"), "{said}");
+    }
+
+    #[test]
+    fn keys_of_the_other_kind_are_refused() {
+        let rotary = [("axis.arm.encoder.kind", "rotary-encoder"), ("axis.arm.encoder.angle_resolution", "1e-4")];
+        for (key, value, at_joint, allowed) in [
+            ("axis.arm.encoder.angle_zero", "0.1", false, "the sensor is at the cylinder and has resolution, in m"),
+            ("axis.arm.plant.angle_noise", "1e-4", false, "the sensor is at the cylinder and has encoder_noise, in m"),
+            ("axis.arm.plant.angle_error", "1e-4", false, "the sensor is at the cylinder and has encoder_noise, in m"),
+            ("axis.arm.plant.angle_bandwidth", "5", false, "only an inclinometer has a bandwidth"),
+            ("axis.arm.plant.angle_bandwidth", "5", true, "only an inclinometer has a bandwidth"),
+            (
+                "axis.arm.encoder.resolution",
+                "1e-4",
+                true,
+                "the sensor is at the joint and has angle_resolution, in rad",
+            ),
+            ("axis.arm.plant.encoder_noise", "1e-5", true, "the sensor is at the joint and has angle_noise, in rad"),
+            ("axis.arm.plant.pressure_noise", "1e4", true, "without [axis.NAME.pressure] no pressure is measured"),
+        ] {
+            let settings = if at_joint { [&rotary[..], &[(key, value)]].concat() } else { vec![(key, value)] };
+            let said = refusal(&settings);
+            assert!(said.contains(&format!("{key}: found {value}; allowed: no such key here: {allowed}")), "{said}");
+        }
+        // A kind from the command line passes over the keys that the file has for its own kind.
+        assert!(built_in(&rotary).is_ok());
+        // In a file they are refused.
+        let text = BUILT_IN.replacen("resolution = 1e-4", "kind = \"rotary-encoder\"\nresolution = 1e-4", 1);
+        let said = Machine::parse(&text, "m.toml", Path::new("."), &[]).unwrap_err().to_string();
+        assert!(said.contains("axis.boom.encoder.resolution: found 1e-4; allowed: no such key here"), "{said}");
+        assert!(said.contains("axis.boom.plant.encoder_noise: found 3e-5; allowed: no such key here"), "{said}");
+    }
+}

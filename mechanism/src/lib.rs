@@ -43,7 +43,7 @@ pub use joint::Joint;
 pub use machine::{Mechanism, PreparedMechanism};
 pub use modes::natural_frequencies;
 pub use pose::{Linkage, Pose};
-pub use soundness::Flaw;
+pub use soundness::{END_STOP_WAY, Flaw};
 pub use vector::{Rotation, Vector};
 pub use workspace::{Extent, postures};
 

@@ -26,7 +26,11 @@ pub mod stiffness;
 
 use std::{cell::Cell, time::Duration};
 
+<<<<<<< HEAD
 use mechanism::{AXES, Pose};
+=======
+use mechanism::{AXES, END_STOP_WAY};
+>>>>>>> main
 use pipeline::{
     MAX_AXES,
     machine::{Axis, Hydraulics, Machine, Plant, Scenario},
@@ -45,7 +49,7 @@ use crate::{
     sensors::Sensors,
 };
 
-use coupled::fastest_coupled_rate;
+use coupled::{Worst, worst_of_coupled};
 use drive::Drive;
 pub use error::PlantError;
 use observation::Observation;
@@ -101,7 +105,7 @@ impl PlantSim {
         }
         let (scenario, step) = (acting(&machine.scenario, count, machine.soil.is_some()), seconds(step_ns));
         let plants = plants(machine)?;
-        let coupling = coupling(machine)?;
+        let mut coupling = coupling(machine)?;
         let payload = machine.mechanism.map_or(0.0, |mechanism| mechanism.masses.payload.mass);
         let hydraulics = machine.hydraulics.ok_or(PlantError::NoHydraulics)?;
         for (index, (axis, plant)) in plants.iter().enumerate() {
@@ -112,12 +116,9 @@ impl PlantSim {
                 return Err(PlantError::TooStiff { axis: axis.name.clone(), rate, limit });
             }
         }
-        if let Some(coupling) = &coupling {
-            let rate = fastest_coupled_rate(&plants, &hydraulics, coupling, &scenario.changes, payload);
-            let limit = STABILITY_LIMIT / step;
-            if rate.is_nan() || rate > limit {
-                return Err(PlantError::TooStiffTogether { rate, limit });
-            }
+        if let Some(coupling) = &mut coupling {
+            let worst = worst_of_coupled(&plants, &hydraulics, coupling, &scenario.changes, payload);
+            expect_possible(&worst, &plants, coupling, STABILITY_LIMIT / step)?;
         }
         let at_begin = |index| Conditions::at(&scenario.changes, &hydraulics.oil, index, 0.0);
         let pump = pump(&hydraulics, &at_begin(0));
@@ -306,6 +307,26 @@ fn coupling(machine: &Machine) -> Result<Option<Coupling>, PlantError> {
     let axes: &[Axis; AXES] = machine.axes.first_chunk().ok_or(PlantError::TooFewAxes { found: machine.axes.len() })?;
     let coupling = Coupling::new(mechanism, axes.each_ref().map(|axis| axis.stroke), machine.soil.as_ref());
     coupling.map(Some).map_err(|(axis, flaw)| PlantError::Linkage { axis: axes[axis].name.clone(), flaw })
+}
+
+/// Refuses axes that are too fast for the step, whose limit is `limit` 1/s, and end stops so soft that the linkage does
+/// not close where they hold the pistons.
+fn expect_possible(
+    worst: &Worst,
+    plants: &[(&Axis, &Plant)],
+    coupling: &mut Coupling,
+    limit: f64,
+) -> Result<(), PlantError> {
+    if let Err((axis, _)) = coupling.sink(&worst.depths) {
+        let ((axis, plant), depth) = (plants[axis], worst.depths[axis]);
+        let least = plant.end_stop_stiffness * depth / END_STOP_WAY;
+        return Err(PlantError::SoftStops { axis: axis.name.clone(), depth, least });
+    }
+    if worst.rate.is_nan() || worst.rate > limit {
+        let place = worst.axis.map_or("soil".to_owned(), |axis| format!("axis.{}.plant", plants[axis].0.name));
+        return Err(PlantError::TooStiffTogether { place, by: worst.by, rate: worst.rate, limit });
+    }
+    Ok(())
 }
 
 /// The idling pump under the conditions of the first axis; those of the pump are equal for all axes.

@@ -27,7 +27,7 @@ pub struct MechanismArguments {
     /// The machine
     #[command(flatten)]
     pub machine: BareMachine,
-    /// Evaluate the states of a JSON file instead
+    /// Evaluate the states of a JSON file instead, or those of standard input with -
     #[arg(long, value_name = "FILE.json", conflicts_with = "urdf")]
     pub states: Option<PathBuf>,
     /// Write the figures as JSON to a file, or to standard output with - in the place of the tables

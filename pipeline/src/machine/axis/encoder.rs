@@ -89,8 +89,10 @@ impl Encoder {
                 let resolution = section.key("angle_resolution", meaning).number(1e-7..=0.1, "rad");
                 let meaning = "Angle at count 0 of a sensor at the joint, counter-clockwise";
                 let zero = section.key("angle_zero", meaning).number_or(0.0, -6.3..=6.3, "rad");
-                // Without a joint the machine is refused. Its length follows when all axes are known.
-                (joint.map(|joint| AngleSensor { joint, kind, resolution, zero }), f64::NAN)
+                // Without a joint the machine is refused, whatever stands in its place. The length of a count follows
+                // when all axes are known.
+                let joint = joint.unwrap_or(Joint::Boom);
+                (Some(AngleSensor { joint, kind, resolution, zero }), f64::NAN)
             }
         };
         let encoder =

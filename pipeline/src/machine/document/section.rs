@@ -71,13 +71,10 @@ impl<'d, 'i> Section<'d, 'i> {
 
     /// Refuses a key that is given although another table says what it would say.
     pub fn forbid(&mut self, key: &str, allowed: &str) {
-        let line = self.line_of(key);
         match self.take(key) {
             None => {}
-            Some(Value::File(value)) => {
-                self.document.problem(line, self.path_of(key), show(value.get_ref()), allowed);
-            }
-            Some(Value::Setting(text, _)) => self.document.problem(None, self.path_of(key), text, allowed),
+            Some(Value::File(value)) => self.refuse(key, show(value.get_ref()), allowed),
+            Some(Value::Setting(text, _)) => self.refuse(key, text, allowed),
         }
     }
 

@@ -26,11 +26,7 @@ pub mod stiffness;
 
 use std::{cell::Cell, time::Duration};
 
-<<<<<<< HEAD
-use mechanism::{AXES, Pose};
-=======
-use mechanism::{AXES, END_STOP_WAY};
->>>>>>> main
+use mechanism::{AXES, END_STOP_WAY, Pose};
 use pipeline::{
     MAX_AXES,
     machine::{Axis, Hydraulics, Machine, Plant, Scenario},

@@ -13,11 +13,7 @@ mod soil;
 
 use std::{path::Path, time::Duration};
 
-<<<<<<< HEAD
-use mechanism::{AXES, Body, FourBar, Geometry, Joint, Masses, Mechanism, Payload, Rotation, Vector};
-=======
-use mechanism::{AXES, Mechanism, Vector};
->>>>>>> main
+use mechanism::{AXES, Joint, Mechanism, Rotation, Vector};
 use pipeline::{
     machine::{AngleKind, AngleSensor, Change, Machine, Parameter, Plant, PressureTransducers, SensorErrors, Soil},
     message::ValveCommand,

@@ -20,8 +20,8 @@
 //! Rotations are carried as cosine and sine: an angle beyond 180 degrees needs no care. The sine comes from the
 //! computer's library, whose last bits are not the same on every computer.
 //!
-//! Traps: an inclinometer takes a tilt of the machine for a motion of the boom. The position of an axis is computed from
-//! the sensors of other axes, so it is as unusable as theirs ([`Conversion::needs`]).
+//! Traps: an inclinometer takes a tilt of the machine for a motion of the boom. A position that is computed from the
+//! sensors of other axes is as unusable as theirs ([`Conversion::needs`]).
 
 use mechanism::{Joint, Linkage, Mechanism, Rotation};
 use pipeline::{
@@ -35,7 +35,7 @@ use pipeline::{
 pub struct Conversion {
     encoders: Vec<Encoder>,
     /// The linkage, where a sensor is at one of its joints.
-    linkage: Option<(Linkage, Mechanism)>,
+    linkage: Option<Box<(Linkage, Mechanism)>>,
     /// Axes whose sensors the position of each axis is computed from, besides its own: bit i is axis i.
     needs: Vec<u32>,
 }
@@ -52,7 +52,7 @@ impl Conversion {
         });
         Self {
             needs: needs.collect(),
-            linkage: linkage.map(|mechanism| (Linkage::new(&mechanism.geometry), mechanism)),
+            linkage: linkage.map(|mechanism| Box::new((Linkage::new(&mechanism.geometry), mechanism))),
             encoders,
         }
     }
@@ -72,7 +72,8 @@ impl Conversion {
                 *position = value.counts as f64 * encoder.resolution;
             }
         }
-        let Some((linkage, Mechanism { geometry, retracted, .. })) = &self.linkage else { return positions };
+        let Some(linkage) = &self.linkage else { return positions };
+        let (linkage, Mechanism { geometry, retracted, .. }) = &**linkage;
         let mut before = Rotation::NONE;
         for joint in Joint::ALL {
             let axis = joint.axis();

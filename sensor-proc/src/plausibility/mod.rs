@@ -28,8 +28,8 @@
 //! **Result.** An unusable position is replaced by the last good one and marked with its fault.
 //!
 //! Trap: the counts of an axis at rest do not change either. Stuck is therefore only a mark here. control-proc knows
-//! whether the axis is commanded to move, and decides whether the mark is a fault. The raw value counts: an inclinometer
-//! on the arm that is stuck shows a position that changes while the boom moves.
+//! whether the axis is commanded to move, and decides whether the mark is a fault. The raw value counts: an
+//! inclinometer on the arm that is stuck shows a position that changes while the boom moves.
 
 pub mod pressure;
 

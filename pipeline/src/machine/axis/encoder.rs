@@ -179,7 +179,8 @@ mod tests {
         ] {
             let settings = if at_joint { [&rotary[..], &[(key, value)]].concat() } else { vec![(key, value)] };
             let said = refusal(&settings);
-            assert!(said.contains(&format!("{key}: found {value}; allowed: no such key here: {allowed}")), "{said}");
+            let found = format!("{key}: found {value} (from the command line)");
+            assert!(said.contains(&format!("{found}; allowed: no such key here: {allowed}")), "{said}");
         }
         // A kind from the command line passes over the keys that the file has for its own kind.
         assert!(built_in(&rotary).is_ok());

@@ -13,7 +13,7 @@ use std::{hint::black_box, path::Path};
 
 use mechanism::Mechanism;
 use pipeline::{
-    machine::{BUILT_IN, Machine, Soil},
+    machine::{FOUR_AXES, Machine, Soil},
     message::ValveCommand,
 };
 use plant_sim::PlantSim;
@@ -46,7 +46,7 @@ const MASSES: [f64; 4] = [40e3, 12e3, 3e3, 4e3];
 /// again. The first four are coupled by a linkage, or each has its own mass.
 fn machine(scenario: &str, axes: usize, is_coupled: bool) -> Machine {
     let settings = [("scenario".to_owned(), scenario.to_owned())];
-    let mut machine = Machine::load(None, &settings).expect("the built-in machine");
+    let mut machine = Machine::four_axes(&settings).expect("the built-in machine");
     let linkage = linkage();
     (machine.mechanism, machine.soil) = if is_coupled { linkage } else { (None, None) };
     for (axis, mass) in machine.axes.iter_mut().zip(MASSES) {
@@ -61,7 +61,7 @@ fn linkage() -> (Option<Mechanism>, Option<Soil>) {
     let own = |line: &&str| !["mass =", "load_force =", "load_stiffness ="].iter().any(|key| line.starts_with(key));
     // The tables of the built-in machine, without those that may be in it already.
     let mut is_kept = true;
-    let kept = BUILT_IN.lines().filter(|line| {
+    let kept = FOUR_AXES.lines().filter(|line| {
         if line.starts_with('[') {
             is_kept = !line.starts_with("[mechanism") && !line.starts_with("[soil]");
         }

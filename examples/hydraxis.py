@@ -48,8 +48,10 @@ class Header(ctypes.Structure):
 class EncoderValue(ctypes.Structure):
     _fields_ = [
         ("counts", i64),  # position = counts * resolution
+        ("piston_pressure", f64),  # Pa above the atmosphere
+        ("rod_pressure", f64),  # Pa above the atmosphere
         ("error", u32),  # 0 when the encoder reports no error
-        ("reserved", u32),
+        ("has_pressures", u32),  # 1 where both pressures are measured
     ]
 
 
@@ -63,7 +65,7 @@ class EncoderReading(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.EncoderReading/2"
+        return "hydraxis.EncoderReading/3"
 
 
 class ErrorStatistics(ctypes.Structure):
@@ -81,6 +83,10 @@ class AxisSample(ctypes.Structure):
         ("velocity", f64),  # m/s, backward difference
         ("faults", u32),  # bits; 0 is healthy
         ("unchanged", u32),  # ticks since the raw value last changed
+        ("piston_pressure", f64),  # Pa above the atmosphere; NaN while has_pressures is 0
+        ("rod_pressure", f64),  # Pa above the atmosphere; NaN while has_pressures is 0
+        ("has_pressures", u32),  # 1 while both pressures are usable
+        ("reserved", u32),
     ]
 
 
@@ -94,7 +100,7 @@ class EncoderSample(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.EncoderSample/2"
+        return "hydraxis.EncoderSample/3"
 
 
 class AxisCommand(ctypes.Structure):

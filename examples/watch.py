@@ -50,8 +50,8 @@ def choose(prefix):
     return found[0]
 
 
-HEADING = ("    tick axis  position   command reference     error mode        forget innovation  a | b\n"
-           "                   mm                  mm        mm                       mm")
+HEADING = ("    tick axis  position  piston    rod   command reference     error mode        forget innovation  a | b\n"
+           "                   mm     MPa    MPa                  mm        mm                       mm")
 
 
 def print_axes(samples, commands, snapshots):
@@ -64,6 +64,11 @@ def print_axes(samples, commands, snapshots):
     for axis in range(newest[-1].header.axis_count):
         columns = [f"{tick:8} {axis + 1:4}"]
         columns.append(f"{sample.axes[axis].position * 1e3:9.2f}" if sample else f"{'-':>9}")
+        if sample and sample.axes[axis].has_pressures:
+            a = sample.axes[axis]
+            columns.append(f"{a.piston_pressure / 1e6:7.2f} {a.rod_pressure / 1e6:6.2f}")
+        else:
+            columns.append(f"{'-':>7} {'-':>6}")
         if command:
             c = command.axes[axis]
             mode = MODES[c.mode] if c.mode < len(MODES) else "unknown"

@@ -1,4 +1,4 @@
-//! Watches a running group: positions, commands and models, twice a second.
+//! Watches a running group: positions, pressures, commands and models, twice a second.
 //!
 //! ```sh
 //! hydraxis run --prefix demo &
@@ -30,7 +30,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut commands: Reader<ValveCommand> = group.reader()?;
     let mut snapshots: Reader<CoefficientSnapshot> = group.reader()?;
 
-    println!("    tick axis  position   command mode        a | b");
+    println!("    tick axis  position  piston    rod   command mode        a | b");
+    println!("                   mm     MPa    MPa");
     for _ in 0..prints {
         thread::sleep(PRINT_PERIOD);
         // A reader keeps what came since the last look; only the newest message matters here.
@@ -59,6 +60,11 @@ fn print(sample: &EncoderSample, command: &ValveCommand, snapshot: Option<&Coeff
     let tick = sample.header.sequence;
     for axis in 0..sample.header.axis_count as usize {
         let position_mm = sample.axes[axis].position * 1e3;
+        // A machine without pressure transducers has no pressures.
+        let pressures = sample.axes[axis].pressures().map_or_else(
+            || format!("{:>7} {:>6}", "-", "-"),
+            |(piston, rod)| format!("{:7.2} {:6.2}", piston * 1e-6, rod * 1e-6),
+        );
         let valve = &command.axes[axis];
         let model = snapshot.map_or("-".to_owned(), |snapshot| {
             let model = &snapshot.axes[axis].adaptive;
@@ -68,6 +74,6 @@ fn print(sample: &EncoderSample, command: &ValveCommand, snapshot: Option<&Coeff
             format!("{} | {}", a.join(" "), b.join(" "))
         });
         let mode = ControlMode::name(valve.mode);
-        println!("{tick:8} {:4} {position_mm:9.2} {:+9.4} {mode:10}  {model}", axis + 1, valve.command);
+        println!("{tick:8} {:4} {position_mm:9.2} {pressures} {:+9.4} {mode:10}  {model}", axis + 1, valve.command);
     }
 }

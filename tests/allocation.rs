@@ -12,7 +12,7 @@ use std::{
     time::Duration,
 };
 
-use harness::{TestGroup, wait_for};
+use harness::{TestGroup, mechanism::joint_sensors, wait_for};
 use pipeline::{
     channel::Prefix,
     hammerstein::{Basis, InputMap, Structure},
@@ -188,7 +188,7 @@ fn the_stage_loops_allocate_nothing_after_start() {
     assert_eq!(unheard_bells(), 0);
 
     // Lock-step: the end of training (tick 800), the change from the fallback to the model, and heartbeats.
-    let mut machine = Machine::load(None, &[]).unwrap();
+    let mut machine = Machine::four_axes(&[]).unwrap();
     assert_eq!(allocations("lockstep", &machine, Clock::LockStep, 100, 3000), 0);
     // The full form, which separates b, f and g at every tick.
     machine.axes.iter_mut().for_each(|axis| axis.identification.form = Form::Full);
@@ -208,8 +208,14 @@ fn the_stage_loops_allocate_nothing_after_start() {
         axis.identification.estimator = kind.parse().unwrap();
     }
     assert_eq!(allocations("forgetting", &machine, Clock::LockStep, 100, 2000), 0);
+    // Sensors at joints, and pressures.
+    let mut settings = joint_sensors("inclinometer", 1e-4);
+    settings.push(("axis.boom.pressure.resolution".to_owned(), "1e4".to_owned()));
+    settings.push(("axis.boom.plant.angle_bandwidth".to_owned(), "10".to_owned()));
+    let machine = Machine::load(None, &settings).unwrap();
+    assert_eq!(allocations("joints", &machine, Clock::LockStep, 100, 500), 0);
     // Real time: timers, notifications, and the end of training after 200 ticks of 2 ms.
-    let mut machine = Machine::load(None, &[("timing.period".to_owned(), "2ms".to_owned())]).unwrap();
+    let mut machine = Machine::four_axes(&[("timing.period".to_owned(), "2ms".to_owned())]).unwrap();
     machine.axes.iter_mut().for_each(|axis| axis.identification.training = 400);
     machine.timing.feedback_timeout = Duration::from_secs(1);
     assert_eq!(allocations("realtime", &machine, Clock::RealTime, 100, 1200), 0);

@@ -32,7 +32,7 @@ pub fn run(
     samples: u64,
     mut see: impl FnMut(&EncoderSample, &ValveCommand, &CoefficientSnapshot),
 ) -> (Machine, Controller) {
-    let machine = Machine::load(None, &[]).expect("the built-in machine");
+    let machine = Machine::four_axes(&[]).expect("the built-in machine");
     let mut plant = PlantSim::new(&machine, 1).expect("the built-in plant");
     let mut acquisition = Acquisition::new(&machine);
     let mut identifiers = Identifiers::new(&machine);

@@ -44,7 +44,7 @@ pub fn csv(data: &[u8]) {
 /// Reads a reference trajectory from a file.
 pub fn trajectory(data: &[u8]) {
     static AXIS: OnceLock<Axis> = OnceLock::new();
-    let axis = AXIS.get_or_init(|| Machine::load(None, &[]).expect("the built-in machine").axes[0].clone());
+    let axis = AXIS.get_or_init(|| Machine::four_axes(&[]).expect("the built-in machine").axes[0].clone());
     let (low, high) = axis.soft_limits;
     let (_file, path) = file(data);
     match read_trajectory(&path, "x", axis) {

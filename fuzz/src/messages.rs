@@ -109,7 +109,7 @@ struct ControlLoop {
 impl ControlLoop {
     /// A loop that has been trained and tracks its references.
     fn warm() -> Self {
-        let all = Machine::load(None, &[("scenario".to_owned(), "nominal".to_owned())]).expect("the built-in machine");
+        let all = Machine::four_axes(&[("scenario".to_owned(), "nominal".to_owned())]).expect("the built-in machine");
         let (mut boom, mut bucket) = (all.axes[0].clone(), all.axes[3].clone());
         boom.identification.training = 800;
         // The two axes use different estimators and different models.

@@ -19,7 +19,7 @@ fn noise(i: usize) -> f64 {
 }
 
 fn settings(estimator: Estimator) -> Identification {
-    let built_in = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
+    let built_in = Machine::four_axes(&[]).unwrap().axes[0].identification.clone();
     let structure = Structure::PAPER;
     Identification { structure, training: TRAINING, horizon: HORIZON, estimator, form: Form::Linear, ..built_in }
 }

@@ -62,7 +62,7 @@ fn outputs(plant: &Coefficients, commands: &[f64]) -> Vec<f64> {
 }
 
 fn settings(structure: Structure) -> Identification {
-    let built_in = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
+    let built_in = Machine::four_axes(&[]).unwrap().axes[0].identification.clone();
     Identification {
         structure,
         period: PERIOD,

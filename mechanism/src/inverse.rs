@@ -3,15 +3,14 @@
 //! ```text
 //! O_4 = tip - L_3 x(pitch)                          the bucket pin
 //! O_2 = intersection of the circles about O_1 (L_1) and O_4 (L_2 + s), above the line O_1 O_4
-//! l_1 = |B_1 - P_1|,  l_2 = |A_1 - B_2|             distances of the pins in one frame
-//! l_4                                               of the four-bar linkage (see `four_bar`)
+//! l_1, l_2, l_4                                     of the rotations of the joints (see `joint`)
 //! ```
 //!
 //! Four axes move the tip in three coordinates (x, z, pitch), so one axis is free: here the telescope s is given. The
 //! elbow is always up, as on machines with a boom in one piece.
 
 use crate::{
-    AXES, Geometry,
+    AXES, Geometry, Joint,
     vector::{Rotation, Vector},
 };
 
@@ -46,15 +45,10 @@ impl Geometry {
         let boom = elbow.direction();
         let arm = (pin - elbow).direction();
 
-        let bucket = self.bucket.length(pitch * arm.inverse());
+        let bucket = self.length_of(Joint::Bucket, pitch * arm.inverse());
         if !bucket.is_finite() {
             return Err(ReachError::BucketPitch);
         }
-        Ok([
-            (boom * self.boom_cylinder_rod - self.boom_cylinder_base).norm(),
-            (boom.inverse() * arm * self.arm_cylinder_rod - self.arm_base()).norm(),
-            telescope,
-            bucket,
-        ])
+        Ok([self.length_of(Joint::Boom, boom), self.length_of(Joint::Arm, boom.inverse() * arm), telescope, bucket])
     }
 }

@@ -6,6 +6,7 @@
 //! | [`triangle`] | a cylinder that turns a joint: angle, moment arm and their derivatives |
 //! | [`four_bar`] | the linkage between bucket cylinder and bucket |
 //! | [`geometry`] | pins and lengths; which of them can close |
+//! | [`joint`] | one joint: from the length of its cylinder to its rotation, and back |
 //! | [`pose`] | forward kinematics: joints, points and Jacobians from the cylinder lengths |
 //! | [`inverse`] | cylinder lengths from tip, bucket pitch and telescope |
 //! | [`dynamics`] | mass matrix, gravity, Coriolis terms and accelerations |
@@ -26,6 +27,7 @@ pub mod dynamics;
 pub mod four_bar;
 pub mod geometry;
 pub mod inverse;
+pub mod joint;
 pub mod machine;
 pub mod modes;
 pub mod pose;
@@ -37,10 +39,11 @@ pub mod workspace;
 pub use dynamics::{Body, CylinderDynamics, Dynamics, Masses, Moments, Payload};
 pub use four_bar::FourBar;
 pub use geometry::Geometry;
+pub use joint::Joint;
 pub use machine::{Mechanism, PreparedMechanism};
 pub use modes::natural_frequencies;
 pub use pose::{Linkage, Pose};
-pub use soundness::Flaw;
+pub use soundness::{END_STOP_WAY, Flaw};
 pub use vector::{Rotation, Vector};
 pub use workspace::{Extent, postures};
 

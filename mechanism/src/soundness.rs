@@ -13,8 +13,8 @@
 
 use crate::{AXES, Linkage, Mechanism};
 
-/// How far an end stop lets a piston move past the end of the stroke, m: 2 MN on a stop of 1e8 N/m.
-const END_STOP_WAY: f64 = 0.02;
+/// How far an end stop of usual stiffness lets a piston move past the end of the stroke, m: 2 MN on a stop of 1e8 N/m.
+pub const END_STOP_WAY: f64 = 0.02;
 
 /// Number of cylinder lengths between which the stroke is divided.
 const LENGTHS: usize = 400;
@@ -56,17 +56,21 @@ pub enum Flaw {
 }
 
 impl Mechanism {
-    /// What keeps cylinders from moving over their strokes `strokes`, m: the number of the axis, and why.
-    pub fn flaws(&self, strokes: &[f64; AXES]) -> Vec<(usize, Flaw)> {
+    /// What keeps cylinders from moving over their strokes `strokes`, m, and by `ways`, m, into their end stops: the
+    /// number of the axis, and why. [`END_STOP_WAY`] is the usual way.
+    pub fn flaws(&self, strokes: &[f64; AXES], ways: &[f64; AXES]) -> Vec<(usize, Flaw)> {
         let linkage = Linkage::new(&self.geometry);
-        let of_axis = |(axis, turns): (usize, f64)| Some((axis, self.flaw(&linkage, axis, turns, strokes[axis])?));
+        let of_axis = |(axis, turns): (usize, f64)| {
+            let (retracted, way) = (self.retracted[axis], ways[axis]);
+            let lengths = (retracted - way, retracted + strokes[axis] + way);
+            Some((axis, self.flaw(&linkage, axis, turns, lengths)?))
+        };
         TURNS.into_iter().filter_map(of_axis).collect()
     }
 
     /// `turns` is the sign of dq/dl.
-    fn flaw(&self, linkage: &Linkage, axis: usize, turns: f64, stroke: f64) -> Option<Flaw> {
+    fn flaw(&self, linkage: &Linkage, axis: usize, turns: f64, (from, to): (f64, f64)) -> Option<Flaw> {
         let retracted = self.retracted[axis];
-        let (from, to) = (retracted - END_STOP_WAY, retracted + stroke + END_STOP_WAY);
         let moment_arm = |length: f64| turns / linkage.pose(&[length; AXES]).rate[axis];
         // Written so that NaN does not move.
         let moves = |length: f64| moment_arm(length) > 0.0 && moment_arm(length).is_finite();

@@ -13,7 +13,7 @@
 //! | [`actuator`] | the cylinder with its chambers, friction, load and end stops: the rates of one axis |
 //! | [`coupling`] | the linkage that couples the first four axes, and the soil at its teeth |
 //! | [`integration`] | four axes through time, and the Runge-Kutta step |
-//! | [`encoder`] | noise and counts |
+//! | [`sensors`] | encoders and pressure transducers: noise and counts |
 //! | [`plant`] | the whole machine: [`PlantSim`] |
 //! | [`process`] | the stage: valve commands in, encoder readings out |
 //!
@@ -24,12 +24,12 @@
 pub mod actuator;
 pub mod conditions;
 pub mod coupling;
-pub mod encoder;
 pub mod hydraulics;
 pub mod integration;
 pub mod lanes;
 pub mod plant;
 pub mod process;
+pub mod sensors;
 pub mod valve;
 
 pub use integration::TrueState;

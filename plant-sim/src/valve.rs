@@ -148,7 +148,7 @@ mod tests {
     const STEP: f64 = 1e-4;
 
     fn plant() -> Plant {
-        Machine::load(None, &[]).unwrap().axes[0].plant.clone().unwrap()
+        Machine::four_axes(&[]).unwrap().axes[0].plant.clone().unwrap()
     }
 
     fn valve(plant: &Plant) -> Valve<Lanes> {

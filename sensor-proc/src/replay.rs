@@ -5,7 +5,10 @@ use pipeline::{
     message::{AxisCommand, ControlMode, EncoderSample, ValveCommand},
 };
 
-use crate::{plausibility::Plausibility, recording::Recording};
+use crate::{
+    plausibility::{Plausibility, pressure::PressureCheck},
+    recording::Recording,
+};
 
 /// The recordings of all axes and the checks of their positions.
 #[derive(Debug, Clone)]
@@ -41,6 +44,8 @@ impl Replay {
         }
         for (i, (check, recording)) in self.checks.iter_mut().zip(&self.recordings).enumerate() {
             sample.axes[i] = check.judge(1, Some(recording.outputs[row]), false);
+            // A recording has no pressures.
+            PressureCheck::new(None).judge(None, &mut sample.axes[i]);
             command.axes[i] = AxisCommand {
                 command: recording.inputs[row],
                 mode: ControlMode::Replay as u32,
@@ -60,7 +65,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("r.csv");
         std::fs::write(&file, "t,u,y\n0,0.25,0.5\n0.01,-0.5,0.501\n0.02,0,0.502\n").unwrap();
-        let machine = Machine::load(None, &[]).unwrap();
+        let machine = Machine::four_axes(&[]).unwrap();
         let mut replay = Replay::new(&machine, Recording::read_all(&machine, &file).unwrap());
         assert_eq!(replay.len(), 3);
         let (sample, command) = replay.update(1).unwrap();

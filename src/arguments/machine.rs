@@ -11,7 +11,7 @@ use super::values::setting;
 /// A machine file and the values that replace those of the file, without a choice of the scenario.
 #[derive(Debug, Args)]
 pub struct BareMachine {
-    /// Machine file [default: the built-in four-axis excavator]
+    /// Machine file [default: the built-in excavator with its model]
     #[arg(value_name = "MACHINE.toml")]
     pub machine: Option<PathBuf>,
     /// Replace the value of a key of the machine file; may be given several times

@@ -43,7 +43,7 @@ use status::StatusArguments;
 #[derive(Debug, Parser)]
 #[command(name = "hydraxis", version, max_term_width = 110)]
 #[command(after_help = "\
-Start with `hydraxis run`: it needs no file, simulates the built-in four-axis excavator, and moves nothing real.
+Start with `hydraxis run`: it needs no file, simulates the built-in excavator, and moves nothing real.
 Each subcommand has examples: `hydraxis run --help`.
 Exit codes: 0 done, 1 the run failed, 2 bad usage or a bad file.")]
 pub struct Arguments {

@@ -16,7 +16,7 @@ use pipeline::{
     stage::{Clock, StageKind, StageOptions},
 };
 
-use super::{check, simulate::ticks};
+use super::{check, mechanism::overloads, simulate::ticks};
 use crate::{
     arguments::{MachineFile, load, values::duration, with_scenarios},
     failure::{Failure, Failures},
@@ -120,6 +120,7 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<(M
         let (missing, others) = rights(machine, clock);
         failures.extend(missing);
         warnings = others;
+        warnings.extend(overloads(machine));
     }
     failures.verdict(machine.zip(count)).map(|(machine, ticks)| (machine, ticks, warnings))
 }

@@ -8,7 +8,7 @@ use rustix::process::Signal;
 use crate::{
     dice::Dice,
     group::{Chaos, LONGEST, SHORTEST, Tally},
-    harness::{report, shared, strip_times},
+    harness::{FOUR_AXES, report, shared, strip_times},
     kills,
 };
 
@@ -22,7 +22,7 @@ fn in_lock_step_a_kill_ends_the_run_and_a_stop_only_delays_it() {
     let _cores = shared();
     let (kills, mut tally) = (kills(), Tally::default());
     let mut dice = Dice::new("lock-step", kills);
-    let undisturbed = report(&["run", "--lockstep", "--duration", DURATION, "--seed", "3"]);
+    let undisturbed = report(&["run", FOUR_AXES, "--lockstep", "--duration", DURATION, "--seed", "3"]);
     for i in 0..kills {
         if i % DELAYED == 0 {
             delayed(&mut dice, &mut tally, &undisturbed);

@@ -4,12 +4,16 @@ use std::{fs, path::Path};
 
 use serde_json::Value;
 
-use crate::harness::cli::{expect_refusal, success};
+use crate::harness::{
+    FOUR_AXES,
+    cli::{expect_refusal, success},
+};
 
 /// The smallest comparison: two controllers, one scenario, one seed, one dead time.
-const SMALL: [&str; 13] = [
+const SMALL: [&str; 14] = [
     "bench",
     "control",
+    FOUR_AXES,
     "--controller",
     "pi-feedforward",
     "--controller",
@@ -61,7 +65,7 @@ fn a_model_file_takes_the_place_of_what_is_known_of_the_plant() {
     fs::write(folder.path().join("model.toml"), model).unwrap();
     let gain = |more: &[&str]| {
         let common = ["--controller", "pi-deadband", "--scenario", "nominal", "--dead-time", "20ms", "--seeds", "1"];
-        let arguments = [&["bench", "control"], &common[..], more, &["--json", "-"]].concat();
+        let arguments = [&["bench", "control", FOUR_AXES], &common[..], more, &["--json", "-"]].concat();
         let figures: Value = serde_json::from_str(&success(folder.path(), &arguments)).unwrap();
         [0, 1].map(|axis| figures["gains"][axis]["kp"].as_f64().unwrap())
     };

@@ -15,7 +15,7 @@ use tempfile::TempDir;
 
 use crate::harness::cli::{self, expect_refusal};
 
-const EXCAVATOR: &str = include_str!("../../examples/excavator.toml");
+const EXCAVATOR: &str = include_str!("../../examples/four-axes.toml");
 /// Lines of the boom's reference, from its kind to its last sine.
 const BOOM_SINES: &str = "kind = \"sines\"
 center = 0.65

@@ -2,10 +2,13 @@
 
 use std::fs;
 
-use crate::harness::cli::{expect_refusal, run, success};
+use crate::harness::{
+    FOUR_AXES,
+    cli::{expect_refusal, run, success},
+};
 
 /// The experiment with one axis, no longer than necessary.
-const QUICK: [&str; 7] = ["commission", "--axis", "bucket", "--scenario", "nominal", "--duration", "40s"];
+const QUICK: [&str; 8] = ["commission", FOUR_AXES, "--axis", "bucket", "--scenario", "nominal", "--duration", "40s"];
 
 #[test]
 fn a_model_is_found_written_and_read_by_the_other_commands() {
@@ -13,13 +16,13 @@ fn a_model_is_found_written_and_read_by_the_other_commands() {
     let output = run(folder.path(), &QUICK);
     let (shown, said) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
     assert_eq!(output.status.code(), Some(0), "{said}");
-    assert_eq!(said, "next: hydraxis run --model model.toml\n");
+    assert_eq!(said, format!("next: hydraxis run {FOUR_AXES} --model model.toml\n"));
     assert!(shown.contains("bucket") && shown.ends_with("written: model.toml\n"), "{shown}");
     let text = fs::read_to_string(folder.path().join("model.toml")).unwrap();
     assert!(text.starts_with("# Found by `hydraxis commission` on \"four-axis excavator\""), "{text}");
     assert!(text.contains("\n[axis.bucket.commissioned]\n") && !text.contains("[axis.boom"), "{text}");
-    success(folder.path(), &["check", "--model", "model.toml"]);
-    success(folder.path(), &["simulate", "--duration", "1s", "--model", "model.toml"]);
+    success(folder.path(), &["check", FOUR_AXES, "--model", "model.toml"]);
+    success(folder.path(), &["simulate", FOUR_AXES, "--duration", "1s", "--model", "model.toml"]);
 
     // A second run gives the same file, bit for bit, but overwrites it only with --force.
     expect_refusal(folder.path(), &QUICK, &["--out: found model.toml, which is there already", "--force"]);
@@ -41,7 +44,7 @@ fn an_experiment_that_ends_early_says_why_and_writes_nothing() {
         (&["--travel", "0.01"][..], "axis.boom: ended, valve neutral: window: found 0.0100 m of travel"),
         (&["--duration", "10s"][..], "axis.boom: ended, valve neutral: duration: found 10.0 s"),
     ] {
-        let output = run(folder.path(), &[&["commission"], arguments].concat());
+        let output = run(folder.path(), &[&["commission", FOUR_AXES], arguments].concat());
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(1), "{said}");
         assert!(said.starts_with(expected), "{said}");

@@ -1,5 +1,7 @@
 //! `hydraxis mechanism`: figures over the workspace, states, URDF, and `check` of a machine with a mechanism.
 
+mod states;
+
 use std::{fs, path::Path};
 
 use serde_json::{Value, json};
@@ -64,10 +66,11 @@ fn masses_loads_and_frequencies_over_the_workspace_are_those_of_the_excavator() 
         expect_spread(&loaded["axes"][axis]["gravity"], 1e3, gravity);
     }
     for (figures, low, high) in [(&empty, 2.6, 4.0), (&loaded, 1.9, 3.3)] {
-        let frequency = &figures["axes"][0]["natural_frequency"];
+        let frequency = &figures["axes"][0]["ideal_frequency"];
         let (p5, p95) = (frequency["p5"].as_f64().unwrap(), frequency["p95"].as_f64().unwrap());
         assert!((p5 / low - 1.0).abs() < 0.05 && (p95 / high - 1.0).abs() < 0.05, "{frequency}");
         // The slowest mode of all cylinders is slower than the boom alone.
+        let p5 = figures["axes"][0]["natural_frequency"]["p5"].as_f64().unwrap();
         let slowest = figures["workspace"]["coupled_frequencies"][0]["p5"].as_f64().unwrap();
         assert!(slowest < p5, "{slowest} {p5}");
     }
@@ -91,7 +94,20 @@ fn reach_and_joints_are_those_of_the_excavator() {
     }
     let text = success(folder.path(), &["mechanism", "m.toml"]);
     assert!(text.contains("-47.0 .. 62.0 deg  0.395 .. 0.823"), "{text}");
-    assert!(text.contains("natural frequency  of this mass on the oil of both chambers"), "{text}");
+    assert!(text.contains("natural frequency  of this mass on the oil of chambers and hoses"), "{text}");
+}
+
+/// Expected values: frequencies at which the simulated machine rings at its start, without friction and leakage
+/// (`plant-sim/tests/coupling/modes.rs`).
+#[test]
+fn coupled_frequencies_are_those_of_the_simulated_machine_with_its_hoses() {
+    let folder = folder();
+    fs::write(folder.path().join("excavator.toml"), include_str!("../../examples/excavator.toml")).unwrap();
+    let text = success(folder.path(), &["mechanism", "excavator.toml", "--json", "-"]);
+    let found: Value = serde_json::from_str(&text).unwrap();
+    for (found, expected) in numbers(&found["start_frequencies"]).into_iter().zip([2.304, 3.707, 11.95, 16.25]) {
+        assert!((found / expected - 1.0).abs() < 5e-3, "{found} Hz for {expected} Hz");
+    }
 }
 
 fn state() -> Value {
@@ -142,15 +158,20 @@ fn a_state_is_answered_with_terms_that_satisfy_the_equation_of_motion() {
     assert!(table.contains("boom, m/s2"), "{table}");
 }
 
-#[test]
-fn parameters_of_the_file_take_the_place_of_those_of_the_machine() {
-    let folder = folder();
-    let parameters = json!({
+/// Pins and masses of the machine, as `parameters` of a file of states.
+fn parameters() -> Value {
+    json!({
         "O1": [0.23, 1.96], "L1": 5.65, "P1": [0.582, -0.582], "B1": [2.431, 0.982], "B2": [3.004, 0.885],
         "A1": [-0.843, 0.249], "L2": 2.4, "R": [-0.41, 0.0], "C": [-2.597, 0.711], "r": 0.7, "k": 0.6, "h": 0.466,
         "kappa": 1.7715091907742444, "L3": 1.51, "boom": [2130, 2.75, 0.55, 5450], "arm": [850, 0.75, 0.1, 480],
         "inner": [650, -1.0, 0.15, 280], "bucket": [660, 0.65, 0.28, 130], "payload": [0, 0.75, 0.22, 0], "g": 9.81,
-    });
+    })
+}
+
+#[test]
+fn parameters_of_the_file_take_the_place_of_those_of_the_machine() {
+    let folder = folder();
+    let parameters = parameters();
     let machine = answer(folder.path(), &json!({ "states": [state()] }));
     let same = answer(folder.path(), &json!({ "parameters": parameters, "states": [state()] }));
     for (key, value) in machine["states"][0].as_object().unwrap() {
@@ -168,6 +189,13 @@ fn parameters_of_the_file_take_the_place_of_those_of_the_machine() {
         ("P1", json!([1.0]), "parameters.P1: found [1.0]; allowed: 2 numbers, m, [x, z]"),
         ("boom", json!(null), "parameters.boom: found null; allowed: 4 numbers, [kg, m, m, kg m2]"),
         ("arm", json!([-850, 0.75, 0.1, 480]), "parameters.arm: found -850 kg, 480 kg m2; allowed: numbers from 0 on"),
+        (
+            "arm",
+            json!([1e7, 0.75, 0.1, 480]),
+            "parameters.arm: found 10000000 kg at [0.75, 0.1] m; allowed: up to 1000",
+        ),
+        ("A1", json!([1e200, 0]), "parameters.A1[0]: found 1e200; allowed: numbers from -100 to 100, m, [x, z]"),
+        ("l1", json!(1), "parameters.l1: found an unknown key; allowed: one of O1, L1, P1,"),
         ("g", json!(1.62), "parameters.g: found 1.62; allowed: 9.81"),
     ] {
         let mut wrong = parameters.clone();
@@ -274,6 +302,14 @@ fn urdf_has_the_tree_of_joints_with_their_ranges() {
         assert!(joint.contains(&format!("<parent link=\"{parent}\"/>")), "{joint}");
         assert_eq!(joint.contains("<limit lower="), kind != "fixed", "{joint}");
     }
+    // Moment arms of 0.395 to 0.823 m at 0.0226 m2, 35 MPa and 1 m/s.
+    let of_boom = &text[text.find("<joint name=\"boom_joint\"").unwrap()..];
+    let limit = |key: &str| -> f64 {
+        let begin = of_boom.find(&format!("{key}=\"")).unwrap() + key.len() + 2;
+        of_boom[begin..].split('"').next().unwrap().parse().unwrap()
+    };
+    assert!((limit("effort") / (0.0226 * 35e6 * 0.823) - 1.0).abs() < 1e-3, "{of_boom}");
+    assert!((limit("velocity") * 0.395 - 1.0).abs() < 1e-2, "{of_boom}");
     // To a file, with the tables beside it.
     let tables = success(folder.path(), &["mechanism", "m.toml", "--urdf", "m.urdf"]);
     assert!(tables.contains("Farthest places") && folder.path().join("m.urdf").is_file());
@@ -284,6 +320,25 @@ fn urdf_has_the_tree_of_joints_with_their_ranges() {
         &["mechanism", "m.toml", "--urdf", "no/m.urdf"],
         &["--urdf: no/m.urdf cannot be written"],
     );
+}
+
+#[test]
+fn a_joint_that_turns_past_half_a_turn_keeps_its_range() {
+    let folder = folder();
+    let joint = |rod: &str| {
+        let rod = format!("mechanism.arm.cylinder_rod={rod}");
+        let text = success(folder.path(), &["mechanism", "m.toml", "--set", &rod, "--json", "-"]);
+        let found: Value = serde_json::from_str(&text).unwrap();
+        let joint = |place: usize| found["axes"][1]["joint"][place].as_f64().unwrap().to_degrees();
+        [joint(0), joint(1)]
+    };
+    // The rod pin at the same distance from the arm pin, 60 degrees farther: the arm hangs by as much lower.
+    let (x, z) = (-0.843f64, 0.249f64);
+    let (sin, cos) = 60f64.to_radians().sin_cos();
+    let [usual, turned] = [[x, z], [x * cos - z * sin, x * sin + z * cos]].map(|[x, z]| joint(&format!("[{x}, {z}]")));
+    for (usual, turned) in usual.into_iter().zip(turned) {
+        assert!((usual - 60.0 - turned).abs() < 1e-9, "{usual} {turned}");
+    }
 }
 
 #[test]
@@ -300,6 +355,31 @@ fn check_prints_reach_joints_and_the_load_at_rest() {
 }
 
 #[test]
+fn check_warns_of_loads_that_open_the_relief_valves() {
+    let folder = folder();
+    let with = |settings: &[&str]| {
+        let settings = settings.iter().flat_map(|setting| ["--set", setting]);
+        success(folder.path(), &["check", "m.toml"].into_iter().chain(settings).collect::<Vec<_>>())
+    };
+    assert!(!with(&[]).contains("warning"));
+    // The boom holds at most 14.0 MPa empty, and 21.5 MPa under the payload of a scenario.
+    let text = with(&["axis.boom.plant.relief_pressure=8e6"]);
+    let expected = "warning: axis.boom.plant.relief_pressure: found 8.0 MPa, and a load at rest of 316 kN, 14.0";
+    assert!(text.contains(expected) && text.contains("MPa, with 0 kg in the bucket in the posture ["), "{text}");
+    let settings = ["axis.boom.plant.relief_pressure=15e6", "scenario=payload"];
+    assert!(!with(&settings[..1]).contains("warning"));
+    let text = with(&settings);
+    assert!(text.contains("found 15.0 MPa") && text.contains("with 1500 kg in the bucket"), "{text}");
+}
+
+#[test]
+fn check_refuses_end_stops_into_which_the_linkage_cannot_follow() {
+    let folder = folder();
+    let set = "axis.boom.plant.end_stop_stiffness=1e6";
+    expect_refusal(folder.path(), &["check", "m.toml", "--set", set], &["axis.boom.plant.end_stop_stiffness: found"]);
+}
+
+#[test]
 fn check_finds_pins_with_which_the_machine_cannot_move() {
     let folder = folder();
     for (set, expected) in [
@@ -310,7 +390,10 @@ fn check_finds_pins_with_which_the_machine_cannot_move() {
         ("mechanism.arm.cylinder_rod=[-0.343,0.249]", "mechanism.arm: found a dead centre at position"),
         ("mechanism.bucket.link_length=0.5", "mechanism.bucket: found a dead centre at position"),
         ("mechanism.boom.cylinder_length=1.819", "mechanism.boom: found a moment arm of 0.0"),
-        ("axis.boom.plant.mass=4e4", "axis.boom.plant.mass: found 4e4; allowed: no such key here: [mechanism]"),
+        (
+            "axis.boom.plant.mass=4e4",
+            "axis.boom.plant.mass: found 4e4 (from the command line); allowed: no such key here: [mechanism]",
+        ),
     ] {
         expect_refusal(folder.path(), &["check", "m.toml", "--set", set], &[expected]);
     }

@@ -49,7 +49,7 @@ fn systemd_names_mistakes_in_a_unit() {
 fn the_program_accepts_the_commands_of_the_unit() {
     let group = TestGroup::new("service");
     let folder = tempfile::tempdir().unwrap();
-    let machine = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/excavator.toml");
+    let machine = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/four-axes.toml");
     let commands = UNIT.lines().filter_map(|line| line.strip_prefix("ExecStart")?.split_once('='));
     let mut count = 0;
     for (_, command) in commands {

@@ -35,7 +35,7 @@ pub fn set(settings: &[String]) -> Vec<&str> {
 fn machine(settings: &[String]) -> Machine {
     let pairs = settings.iter().map(|setting| setting.split_once('=').unwrap());
     let pairs: Vec<(String, String)> = pairs.map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
-    Machine::load(None, &pairs).unwrap()
+    Machine::four_axes(&pairs).unwrap()
 }
 
 /// Every number of a model, also those that its orders leave unused.

@@ -226,7 +226,7 @@ fn row_29_a_failing_pump_latches_and_nothing_moves_when_it_is_back() {
     let scenario = "\n[scenarios.pump-fails]\nsummary = \"no pressure for a while\"\nchanges = [\n  \
                     { parameter = \"supply_pressure\", start = 5, end = 5.1, factor = 0.05 },\n  \
                     { parameter = \"supply_pressure\", start = 9, end = 9.1, factor = 20.0 },\n]\n";
-    std::fs::write(&file, format!("{}{scenario}", pipeline::machine::BUILT_IN)).unwrap();
+    std::fs::write(&file, format!("{}{scenario}", pipeline::machine::FOUR_AXES)).unwrap();
     let file = file.to_str().unwrap();
     let mut group = TestGroup::new("row-29-pump");
     let channels = group.join();

@@ -19,7 +19,7 @@ use serde_json::Value;
 
 use crate::{
     clock::judge,
-    harness::{TestGroup, alone, channel::AXES, hydraxis, running::Running, shared, signal, wait_for},
+    harness::{FOUR_AXES, TestGroup, alone, channel::AXES, hydraxis, running::Running, shared, signal, wait_for},
     model::set,
 };
 
@@ -106,7 +106,7 @@ fn row_37_a_jumping_date_changes_no_figure_in_lock_step() {
 
     let run = |jumps: bool| {
         let mut command = hydraxis();
-        command.args(["run", "--lockstep", "--duration", "20s", "--json", "-"]);
+        command.args(["run", FOUR_AXES, "--lockstep", "--duration", "20s", "--json", "-"]);
         if jumps {
             command.env("LD_PRELOAD", &library).env("JUMP_LOG", &log);
         }
@@ -166,7 +166,7 @@ fn row_37_a_jumping_date_changes_nothing_in_real_time() {
 #[test]
 fn row_38_with_busy_cores_every_command_is_within_its_limits() {
     let _cores = alone();
-    let machine = Machine::load(None, &[]).unwrap();
+    let machine = Machine::four_axes(&[]).unwrap();
     let arguments = ["--duration", "60s", "--set", "scenario=nominal", "--json", "-"];
     let mut running = Running::start_with("row-38", &arguments);
     let channels = running.group.join();
@@ -406,7 +406,7 @@ fn hold(scenario: &str, machine: &Machine, file: &Path) -> Vec<String> {
 #[test]
 fn row_40_in_every_scenario_the_axes_follow_and_come_to_rest() {
     let folder = tempfile::tempdir().unwrap();
-    let machine = Machine::load(None, &[]).unwrap();
+    let machine = Machine::four_axes(&[]).unwrap();
     let file = trajectory(folder.path(), &machine);
     let scenarios: Vec<Scenario> =
         Scenario::built_in().into_iter().filter(|scenario| scenario.commands.is_empty()).collect();

@@ -1,30 +1,54 @@
 //! Lock-step gives the same bits every time, in four processes and in one.
 
-use crate::harness::{TestGroup, hydraxis, machine_file, replay::expect_same_bits, report};
+use crate::harness::{
+    FOUR_AXES, TestGroup, hydraxis, machine_file,
+    mechanism::{EXCAVATOR, joint_sensors},
+    replay::expect_same_bits,
+    report,
+};
 
 #[test]
 fn four_processes_repeat_bit_for_bit_and_equal_one_process() {
-    let arguments = ["--duration", "15s", "--seed", "7"];
+    let arguments = ["--duration", "20s", "--seed", "7"];
     let first = report(&[&["run", "--lockstep"], &arguments[..]].concat());
     let second = report(&[&["run", "--lockstep"], &arguments[..]].concat());
     let simulated = report(&[&["simulate"], &arguments[..]].concat());
     assert_eq!(first, second);
     assert_eq!(first, simulated);
-    assert_eq!(first["ticks"], 1500);
+    assert_eq!(first["ticks"], 2000);
     for stage in ["plant-sim", "sensor-proc", "ident-proc", "control-proc"] {
-        assert_eq!(first["stages"][stage]["samples"], 1500, "{stage}");
+        assert_eq!(first["stages"][stage]["samples"], 2000, "{stage}");
         assert_eq!(first["stages"][stage]["lost"], 0, "{stage}");
     }
     // The run was a real one: models were trained and controlled the axes, which tracked within 0.1 m.
     for axis in ["boom", "arm", "telescope", "bucket"] {
         let axis = &first["axes"][axis];
-        assert_eq!(axis["identification"]["updates"], 700);
+        assert_eq!(axis["identification"]["updates"], 800);
         assert!(axis["tracking_by_model"]["count"].as_u64().unwrap() > 500, "{axis}");
         assert!(axis["tracking"]["rmse"].as_f64().unwrap() < 0.1, "{axis}");
     }
 
-    let other = report(&["simulate", "--duration", "15s", "--seed", "8"]);
+    let other = report(&["simulate", "--duration", "20s", "--seed", "8"]);
     assert_ne!(first["axes"], other["axes"], "another seed is another run");
+}
+
+#[test]
+fn sensors_at_joints_and_pressures_give_the_same_bits_in_four_processes_and_in_one() {
+    let mut settings = joint_sensors("inclinometer", 1e-4);
+    for axis in ["boom", "arm", "bucket"] {
+        let mut set = |key: &str, value: &str| settings.push((format!("axis.{axis}.{key}"), value.to_owned()));
+        set("plant.angle_noise", "1e-4");
+        set("plant.angle_bandwidth", "10");
+        set("pressure.resolution", "1e4");
+        set("plant.pressure_noise", "1e4");
+    }
+    let settings: Vec<String> = settings.iter().map(|(key, value)| format!("{key}={value}")).collect();
+    let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting.as_str()]).collect();
+    let arguments = [&[EXCAVATOR, "--duration", "6s", "--seed", "5"], &settings[..]].concat();
+    let simulated = report(&[&["simulate"], &arguments[..]].concat());
+    assert_eq!(report(&[&["run", "--lockstep"], &arguments[..]].concat()), simulated);
+    let bare = report(&["simulate", EXCAVATOR, "--duration", "6s", "--seed", "5"]);
+    assert_ne!(bare["axes"], simulated["axes"], "the sensors have an effect");
 }
 
 #[test]
@@ -53,7 +77,7 @@ fn another_program_takes_the_place_of_a_stage() {
     let file = machine_file(folder.path(), "[source]", &stage);
     let file = file.to_str().unwrap();
     let swapped = report(&["run", file, "--lockstep", "--duration", "3s", "--seed", "5"]);
-    assert_eq!(swapped, report(&["simulate", "--duration", "3s", "--seed", "5"]));
+    assert_eq!(swapped, report(&["simulate", FOUR_AXES, "--duration", "3s", "--seed", "5"]));
     let given = std::fs::read_to_string(&mark).unwrap();
     for expected in [file, "--prefix", "--lockstep", "--ticks 300", "--seed 5"] {
         assert!(given.contains(expected), "{given}");

@@ -6,7 +6,7 @@ use std::{
 };
 
 use crate::harness::{
-    Cores, TestGroup, channel::await_message, hydraxis, running::Running, shared, signal, succeed, wait_for,
+    Cores, FOUR_AXES, TestGroup, channel::await_message, hydraxis, running::Running, shared, signal, succeed, wait_for,
 };
 use control_proc::commission::{Experiment, ExperimentOptions, ExperimentRecord, Outcome, analyse};
 use pipeline::{
@@ -61,7 +61,7 @@ impl Operated {
     /// `hydraxis operate` on this group.
     fn operate(&self, arguments: &[&str]) -> Command {
         let mut command = hydraxis();
-        command.args(["operate", "--prefix", &self.prefix()]).args(arguments);
+        command.args(["operate", FOUR_AXES, "--prefix", &self.prefix()]).args(arguments);
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }
@@ -220,7 +220,7 @@ fn in_one_process(machine: &Machine, axis: usize, options: &ExperimentOptions) -
 fn an_axis_is_commissioned_over_the_channels_as_in_one_process() {
     const AXIS: usize = 3;
     let _cores = shared();
-    let machine = Machine::load(None, &[("scenario".to_owned(), "nominal".to_owned())]).unwrap();
+    let machine = Machine::four_axes(&[("scenario".to_owned(), "nominal".to_owned())]).unwrap();
     let options = ExperimentOptions::default();
     let mut group = TestGroup::new("experiment");
     let channels = group.join();
@@ -287,7 +287,7 @@ fn a_running_machine_is_commissioned() {
         println!("{bucket}");
         bucket["dead_time_s"].as_f64().unwrap() + bucket["time_constant_s"].as_f64().unwrap()
     };
-    let quick = ["commission", "--scenario", "nominal", "--axis", "bucket", "--duration", "40s"];
+    let quick = ["commission", FOUR_AXES, "--scenario", "nominal", "--axis", "bucket", "--duration", "40s"];
     let quick = [&quick[..], &PERIOD, &["--json", "-", "--out"]].concat();
     let prefix = running.prefix();
     let live = model("live.toml");
@@ -304,7 +304,7 @@ fn a_running_machine_is_commissioned() {
     // In real time a command waits for the next reading, up to 1 ms, and the jitter of the samples adds to that.
     let more = found(&live) - found(&single);
     assert!(more.abs() < 0.005, "{more} s");
-    succeed(&["check", "--model", &model("live.toml")]);
+    succeed(&["check", FOUR_AXES, "--model", &model("live.toml")]);
     running.end();
 }
 
@@ -314,7 +314,7 @@ fn a_commissioning_that_is_stopped_leaves_all_neutral_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("model.toml");
     let mut commissioning = hydraxis()
-        .args(["commission", "--scenario", "nominal", "--prefix", &running.prefix(), "--enable"])
+        .args(["commission", FOUR_AXES, "--scenario", "nominal", "--prefix", &running.prefix(), "--enable"])
         .args(["--axis", "boom", "--out", file.to_str().unwrap()])
         .stderr(Stdio::piped())
         .spawn()

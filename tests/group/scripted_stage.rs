@@ -196,7 +196,7 @@ fn a_scripted_controller_is_learned_from() {
     let commands = channels.publisher::<ValveCommand>().unwrap();
     let mut samples = channels.reader::<EncoderSample>().unwrap();
     let mut snapshots = channels.reader::<CoefficientSnapshot>().unwrap();
-    let training = Machine::load(None, &[]).unwrap().axes[0].identification.training as u64;
+    let training = Machine::four_axes(&[]).unwrap().axes[0].identification.training as u64;
     let ticks = training + 200;
     group.start_all_but(StageKind::ControlProc, &["--lockstep", "--ticks", &ticks.to_string()]);
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);

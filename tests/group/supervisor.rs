@@ -312,7 +312,7 @@ fn lines_of_the_stages_are_whole_and_go_to_a_file_too() {
     let text = std::fs::read_to_string(file.path()).unwrap();
     assert!(text.lines().all(|line| line.starts_with("20") && line[20..].contains("Z ")), "{text}");
     assert_eq!(text.matches("ident-proc | one two").count(), said.matches("ident-proc | one two").count());
-    assert!(text.contains("hydraxis | four-axis excavator"), "{text}");
+    assert!(text.contains("hydraxis | 20 t excavator"), "{text}");
 }
 
 #[test]

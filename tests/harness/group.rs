@@ -11,7 +11,7 @@ use pipeline::{
     stage::StageKind,
 };
 
-use super::{hydraxis, wait_for};
+use super::{hydraxis, wait_for, with_machine};
 
 /// A prefix of the test's own, and the stages that were started under it.
 pub struct TestGroup {
@@ -34,7 +34,7 @@ impl TestGroup {
         let child = hydraxis()
             .arg(kind.name())
             .args(["--prefix", &self.prefix.to_string()])
-            .args(arguments)
+            .args(with_machine(arguments))
             .stderr(Stdio::piped())
             .spawn();
         self.children.push(child.unwrap());

@@ -28,6 +28,17 @@ use rustix::process::{Pid, Signal, kill_process};
 /// Longest wait for something that has to come. It is far longer than the same thing takes on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(30);
 
+/// The machine file of four independent axes, on which groups are tested.
+pub const FOUR_AXES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-axes.toml");
+
+/// `arguments` with [`FOUR_AXES`] in front, unless they name a machine file themselves.
+fn with_machine<'a>(arguments: &[&'a str]) -> Vec<&'a str> {
+    let is_model = |index: usize| index > 0 && arguments[index - 1] == "--model";
+    let is_machine = |(index, argument): (usize, &&str)| argument.ends_with(".toml") && !is_model(index);
+    let machine = (!arguments.iter().enumerate().any(is_machine)).then_some(FOUR_AXES);
+    machine.into_iter().chain(arguments.iter().copied()).collect()
+}
+
 /// The command under test, without standard input.
 pub fn hydraxis() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hydraxis"));
@@ -67,10 +78,10 @@ pub fn is_running(pid: u32) -> bool {
     !is_zombie || threads > 1
 }
 
-/// Writes a machine file: the built-in machine with the first `from` replaced by `to`.
+/// Writes a machine file: the machine of [`FOUR_AXES`] with the first `from` replaced by `to`.
 pub fn machine_file(folder: &Path, from: &str, to: &str) -> PathBuf {
-    let text = pipeline::machine::BUILT_IN;
-    assert!(text.contains(from), "the built-in machine has no {from:?}");
+    let text = pipeline::machine::FOUR_AXES;
+    assert!(text.contains(from), "the machine has no {from:?}");
     let file = folder.join("machine.toml");
     std::fs::write(&file, text.replacen(from, to, 1)).unwrap();
     file

@@ -13,7 +13,7 @@ use pipeline::{
 };
 use rustix::process::Signal;
 
-use super::{TestGroup, hydraxis, is_running, signal, wait_for};
+use super::{TestGroup, hydraxis, is_running, signal, wait_for, with_machine};
 
 /// What the supervisor has printed until its end.
 pub struct Said {
@@ -63,7 +63,7 @@ impl Running {
     pub fn spawn(test: &str, arguments: &[&str], kinds: &[StageKind], set: impl FnOnce(&mut Command)) -> Self {
         let group = TestGroup::new(test);
         let mut command = hydraxis();
-        command.args(["run", "--prefix", &group.prefix.to_string()]).args(arguments);
+        command.args(["run", "--prefix", &group.prefix.to_string()]).args(with_machine(arguments));
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         set(&mut command);
         let supervisor = command.spawn().unwrap();

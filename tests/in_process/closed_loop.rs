@@ -3,6 +3,7 @@
 mod end_stops;
 mod faults;
 mod hold;
+mod joint_sensors;
 
 use std::sync::OnceLock;
 
@@ -15,29 +16,29 @@ use pipeline::{
 use plant_sim::PlantSim;
 use sensor_proc::Acquisition;
 
-use crate::harness::cli;
+use crate::harness::{FOUR_AXES, cli};
 
 /// The scenarios of the closed loop.
 fn scenarios() -> Vec<Scenario> {
     Scenario::built_in().into_iter().filter(|scenario| scenario.commands.is_empty()).collect()
 }
 
-/// Settings that commissioning finds for the built-in machine. It is run once for all tests.
+/// Settings that commissioning finds for the four axes. It is run once for all tests.
 fn commissioned() -> &'static [(String, String)] {
     static FOUND: OnceLock<Vec<(String, String)>> = OnceLock::new();
     FOUND.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
-        let output = cli::run(folder.path(), &["commission", "--scenario", "nominal", "--duration", "120s"]);
+        let output = cli::run(folder.path(), &["commission", FOUR_AXES, "--scenario", "nominal", "--duration", "120s"]);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         model_settings(&folder.path().join("model.toml")).unwrap()
     })
 }
 
-/// The built-in machine in a scenario, commissioned, with feed-forward, this choice of model, and references of the
+/// The four axes in a scenario, commissioned, with feed-forward, this choice of model, and references of the
 /// test.
 fn machine(scenario: &str, model: ModelChoice, reference: impl Fn((f64, f64)) -> ReferenceSource) -> Machine {
     let scenario = ("scenario".to_owned(), scenario.to_owned());
-    let mut machine = Machine::load(None, &[commissioned(), &[scenario]].concat()).unwrap();
+    let mut machine = Machine::four_axes(&[commissioned(), &[scenario]].concat()).unwrap();
     for axis in &mut machine.axes {
         (axis.control.model, axis.control.feedforward) = (model, true);
         axis.reference = reference(axis.soft_limits);

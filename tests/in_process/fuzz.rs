@@ -56,7 +56,7 @@ fn try_all(target: fn(&[u8]), seeds: &[Vec<u8>]) {
 
 #[test]
 fn machine_files() {
-    try_all(targets::machine_file, &seeds("machine_file", &["examples/excavator.toml"]));
+    try_all(targets::machine_file, &seeds("machine_file", &["examples/four-axes.toml"]));
 }
 
 #[test]

@@ -27,7 +27,7 @@ pub fn machine_text(count: usize) -> String {
                     error_universe = 0.004\nvariation_universe = 0.002\n"
         .to_owned();
     let built_in = |from: &str, to: &str| {
-        let built_in = pipeline::machine::BUILT_IN;
+        let built_in = pipeline::machine::FOUR_AXES;
         let start = built_in.find(from).unwrap();
         let length = built_in[start..].find(to).unwrap();
         built_in[start..start + length].to_owned()

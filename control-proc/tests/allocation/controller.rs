@@ -58,7 +58,7 @@ fn neutral_allocations(controller: &Controller, snapshot: &CoefficientSnapshot) 
 
 #[test]
 fn the_controller_allocates_nothing_while_models_control() {
-    let machine = Machine::load(None, &[]).unwrap();
+    let machine = Machine::four_axes(&[]).unwrap();
     let count = machine.axes.len();
     let models: Vec<Coefficients> = (0..count).map(|axis| model(&machine, axis)).collect();
     let mut commands: Vec<Vec<f64>> = vec![vec![0.0; 64]; count];

@@ -10,7 +10,7 @@ use sensor_proc::Acquisition;
 
 /// The built-in machine under one of its scenarios.
 fn under(scenario: &str) -> Machine {
-    Machine::load(None, &[("scenario".to_owned(), scenario.to_owned())]).unwrap()
+    Machine::four_axes(&[("scenario".to_owned(), scenario.to_owned())]).unwrap()
 }
 
 /// What `run` returns for every case, in their order. The cases are spread over the computer's cores.

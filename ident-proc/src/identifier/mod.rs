@@ -25,7 +25,7 @@ use crate::{
 /// use ident_proc::Identifier;
 /// use pipeline::machine::Machine;
 ///
-/// let machine = Machine::load(None, &[]).expect("the built-in machine");
+/// let machine = Machine::four_axes(&[]).expect("the built-in machine");
 /// let settings = &machine.axes[0].identification;
 /// let mut identifier = Identifier::new(settings);
 /// let (mut y, mut u) = (0.5, 0.0);
@@ -347,7 +347,7 @@ mod tests {
         for (estimator, form) in
             [(Estimator::Paper, Form::Linear), (Estimator::Paper, Form::Full), (Estimator::Auto, Form::Linear)]
         {
-            let mut settings = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
+            let mut settings = Machine::four_axes(&[]).unwrap().axes[0].identification.clone();
             (settings.estimator, settings.form) = (estimator, form);
             (settings.training, settings.horizon) = (200, 10);
             let mut identifier = Identifier::new(&settings);

@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn it_ends_with_samples_and_rows_enough_and_leaves_contaminated_rows_out() {
-        let mut settings = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
+        let mut settings = Machine::four_axes(&[]).unwrap().axes[0].identification.clone();
         (settings.structure, settings.training) = (STRUCTURE, 40);
         let mut training = Training::new(&settings, STRUCTURE);
         let (mut outputs, mut commands) = (SlidingBuffer::new(1, 1), SlidingBuffer::new(1, 2));
@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn samples_without_rows_do_not_end_it() {
-        let mut settings = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
+        let mut settings = Machine::four_axes(&[]).unwrap().axes[0].identification.clone();
         (settings.structure, settings.training) = (STRUCTURE, 40);
         let mut training = Training::new(&settings, STRUCTURE);
         (0..1000).for_each(|_| training.count_sample());

@@ -187,7 +187,7 @@ mod tests {
     impl Run {
         /// The exact model is the classical one, and `adaptive` the adaptive one.
         fn new(adaptive: &Coefficients) -> Self {
-            let mut settings = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
+            let mut settings = Machine::four_axes(&[]).unwrap().axes[0].identification.clone();
             (settings.structure, settings.horizon) = (STRUCTURE, HORIZON);
             let mut past = Past::new(&settings, STRUCTURE);
             past.push_output(1.0);

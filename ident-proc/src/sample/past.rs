@@ -120,7 +120,7 @@ mod tests {
     use pipeline::machine::Machine;
 
     fn past(output: IdentifiedOutput) -> Past {
-        let built_in = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
+        let built_in = Machine::four_axes(&[]).unwrap().axes[0].identification.clone();
         let settings = Identification { output, period: 0.01, ..built_in };
         Past::new(&settings, settings.structure.published())
     }

@@ -34,6 +34,7 @@ const SPECIMEN: &str = r#"
     commands = [{}]
     [supply]
     [oil]
+    [axis.NAME.pressure]
     [axis.NAME.commissioned]
     [axis.NAME.reference]
     sines = [{}]
@@ -41,10 +42,11 @@ const SPECIMEN: &str = r#"
 "#;
 
 /// Settings under which the reader asks for keys that it does not ask for otherwise.
-const VARIANTS: [(&str, &str); 7] = [
+const VARIANTS: [(&str, &str); 8] = [
     ("axis.NAME.reference.kind", "sines"),
     ("axis.NAME.reference.kind", "ramps"),
     ("axis.NAME.reference.kind", "trajectory"),
+    ("axis.NAME.encoder.kind", "inclinometer"),
     ("source.kind", "replay"),
     ("supply.kind", "load-sensing"),
     ("mechanism.boom.length", "1"),
@@ -117,8 +119,8 @@ impl Machine {
         model: Option<&Path>,
         settings: &[(String, String)],
     ) -> Result<(Self, Vec<EffectiveValue>), MachineError> {
-        let MachineFile { text, name, folder } = MachineFile::open(file)?;
-        let mut all = model.map_or(Ok(Vec::new()), read_model)?;
+        let MachineFile { text, model: mut all, name, folder } = MachineFile::open(file)?;
+        all.extend(model.map_or(Ok(Vec::new()), read_model)?);
         all.extend(Setting::typed(settings));
         let document = Document::parse(&text, all);
         let machine = Self::read(document.root(), &folder);
@@ -168,7 +170,7 @@ mod tests {
         assert_eq!((machine.axes[0].control.kp, machine.axes[0].control.ki), (4.0, 1.0));
         assert_eq!(of("axis.boom.control.kp").origin, Origin::ModelFile { line: 2 });
         assert_eq!(of("axis.boom.control.ki").origin, Origin::CommandLine);
-        let text = super::super::BUILT_IN;
+        let text = super::super::FOUR_AXES;
         let line = 1 + text[..text.find("stroke = 1.334").unwrap()].matches('\n').count();
         assert_eq!(of("axis.boom.stroke").origin, Origin::MachineFile { line });
         assert_eq!(of("axis.boom.encoder.tolerance").origin, Origin::Default);

@@ -83,7 +83,10 @@ impl Supply {
             SupplyKind::ConstantPressure => 0.0,
             SupplyKind::LoadSensing { margin, .. } => margin,
         };
-        if return_pressure + least >= pressure {
+        if least >= pressure {
+            let allowed = format!("more than {} Pa, margin and return_pressure together", least + return_pressure);
+            section.refuse("pressure", pressure.to_string(), allowed);
+        } else if return_pressure + least >= pressure {
             section.refuse(
                 "return_pressure",
                 return_pressure.to_string(),
@@ -151,7 +154,7 @@ mod tests {
 
     fn with(settings: &[(&str, &str)]) -> Result<Machine, MachineError> {
         let settings: Vec<_> = settings.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
-        Machine::load(None, &settings)
+        Machine::four_axes(&settings)
     }
 
     #[test]
@@ -172,6 +175,9 @@ mod tests {
         assert!(text.contains("supply.margin: found an unknown key"), "{text}");
         let text = refused(&[("supply.kind", "load-sensing"), ("supply.pressure", "2.2e6")]);
         assert!(text.contains("supply.return_pressure: found 300000; allowed: less than 200000 Pa"), "{text}");
+        let text = refused(&[("supply.kind", "load-sensing"), ("supply.pressure", "1e6")]);
+        let expected = "supply.pressure: found 1000000 (from the command line); allowed: more than 2300000 Pa, margin";
+        assert!(text.contains(expected) && text.lines().count() == 1, "{text}");
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //!
 //! Trap: the centre of the telescope's sliding section is given from the bucket pin, which moves with it.
 
-use mechanism::{AXES, Body, FourBar, Geometry, Masses, Mechanism, Payload, Vector};
+use mechanism::{AXES, Body, END_STOP_WAY, FourBar, Geometry, Masses, Mechanism, Payload, Vector};
 
 use super::document::Section;
 
@@ -125,7 +125,7 @@ pub(super) fn expect_movable(section: &Section, mechanism: &Mechanism, strokes: 
     if !section.is_sound() {
         return;
     }
-    for (axis, flaw) in mechanism.flaws(strokes) {
+    for (axis, flaw) in mechanism.flaws(strokes, &[END_STOP_WAY; AXES]) {
         let allowed = format!(
             "pins with which the cylinder turns the {} one way over its stroke of {} m, well away from dead centres",
             BODIES[axis], strokes[axis]

@@ -8,6 +8,7 @@
 //! |---|---|
 //! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics`, `mechanism`, `soil` | the tables of the whole machine |
 //! | `axis/` | the tables of one axis |
+//! | `count_length` | length of one count of a sensor at a joint |
 //! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |
 //! | `document/` | the reader: keys with meaning, allowed values, default and origin |
 //! | `explain` | effective values with their origin, and the table of all keys |
@@ -16,6 +17,7 @@
 //! Nothing here runs in a stage's loop: files are read and memory is taken before the loop begins.
 
 mod axis;
+mod count_length;
 mod document;
 mod error;
 mod explain;
@@ -38,9 +40,9 @@ use axis::Shared;
 use document::{Document, Section, Setting};
 
 pub use axis::{
-    Axis, COMPENSATED, Commissioned, Control, DeadBand, Directions, Encoder, Estimator, Form, Identification,
-    IdentifiedOutput, LoadForce, LoadHolding, MOST_POINTS, ModelChoice, Plant, Ports, ReferenceSource, Sine, Split,
-    ValveCurve, shortest_training,
+    AngleKind, AngleSensor, Axis, COMPENSATED, Commissioned, Control, DeadBand, Directions, Encoder, Estimator, Form,
+    Identification, IdentifiedOutput, LoadForce, LoadHolding, MOST_POINTS, ModelChoice, Plant, Ports,
+    PressureTransducers, ReferenceSource, SensorErrors, Sine, Split, ValveCurve, shortest_training,
 };
 pub use document::{DefaultValue, EffectiveValue, Origin, samples_of};
 pub use error::{MachineError, Problem};
@@ -56,8 +58,14 @@ pub use timing::Timing;
 
 use crate::MAX_AXES;
 
-/// The built-in machine, the four-axis excavator; the same text is in `examples/`.
+/// The built-in machine, a 20 t excavator; the same text is in `examples/`.
 pub const BUILT_IN: &str = include_str!("../../../examples/excavator.toml");
+
+/// The model of the built-in machine that commissioning has found; the same text is in `examples/`.
+const BUILT_IN_MODEL: &str = include_str!("../../../examples/excavator-model.toml");
+
+/// A machine of four independent axes with fast valves, on which estimators and controllers are tested.
+pub const FOUR_AXES: &str = include_str!("../../../examples/four-axes.toml");
 
 /// A machine: what a machine file says.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,6 +122,8 @@ fn read_model(file: &Path) -> Result<Vec<Setting>, MachineError> {
 /// A machine file that is to be read.
 struct MachineFile {
     text: Cow<'static, str>,
+    /// Values of the model that comes with the machine; they replace those of the file.
+    model: Vec<Setting>,
     /// Name of the file for messages.
     name: String,
     /// Folder that paths in the file are relative to.
@@ -121,21 +131,22 @@ struct MachineFile {
 }
 
 impl MachineFile {
-    /// Opens the file; without one the built-in machine.
+    /// Opens the file; without one the built-in machine with its model.
     fn open(file: Option<&Path>) -> Result<Self, MachineError> {
         let Some(path) = file else {
             let (text, name) = (Cow::Borrowed(BUILT_IN), "built-in machine".to_owned());
-            return Ok(Self { text, name, folder: PathBuf::from(".") });
+            let model = Document::parse(BUILT_IN_MODEL, Vec::new()).into_settings("built-in model")?;
+            return Ok(Self { text, model, name, folder: PathBuf::from(".") });
         };
         let text = read_file(path, "a machine file in TOML; without one the built-in machine is used")?;
         let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
-        Ok(Self { text: Cow::Owned(text), name: path.display().to_string(), folder })
+        Ok(Self { text: Cow::Owned(text), model: Vec::new(), name: path.display().to_string(), folder })
     }
 }
 
 impl Machine {
-    /// Reads the file, or the built-in machine without one. `settings` are pairs of key and value that take the place
-    /// of values in the file.
+    /// Reads the file, or without one the built-in machine with its model. `settings` are pairs of key and value that
+    /// take the place of values in the file.
     ///
     /// # Errors
     /// All problems of the file at once, or that the file cannot be read.
@@ -155,8 +166,15 @@ impl Machine {
     /// # Ok::<(), pipeline::machine::MachineError>(())
     /// ```
     pub fn load(file: Option<&Path>, settings: &[(String, String)]) -> Result<Self, MachineError> {
-        let MachineFile { text, name, folder } = MachineFile::open(file)?;
-        Self::parse(&text, &name, &folder, settings)
+        Self::explain(file, None, settings).map(|(machine, _)| machine)
+    }
+
+    /// The machine of [`FOUR_AXES`], with `settings` as in [`Self::load`].
+    ///
+    /// # Errors
+    /// All problems of the settings at once.
+    pub fn four_axes(settings: &[(String, String)]) -> Result<Self, MachineError> {
+        Self::parse(FOUR_AXES, "examples/four-axes.toml", Path::new("."), settings)
     }
 
     /// Reads the text of a machine file. `file` is its name for messages; paths in the text are relative to `folder`.
@@ -190,12 +208,15 @@ impl Machine {
         let carried = if mechanism.is_some() { AXES } else { 0 };
         let shared =
             Shared { timing: &timing, source: &source, fuzzy, folder, carried: &names[..carried.min(names.len())] };
-        let axes: Vec<Axis> = names.iter().map(|name| Axis::read(name, table.section(name), &shared)).collect();
+        let mut axes: Vec<Axis> = names.iter().map(|name| Axis::read(name, table.section(name), &shared)).collect();
         table.finish();
         if let Some(mechanism) = &mechanism {
             let strokes: Vec<f64> = axes.iter().map(|axis| axis.stroke).collect();
             mechanism::expect_order(&section, &names);
             mechanism::expect_movable(&section, mechanism, &strokes);
+            if section.is_sound() {
+                count_length::complete(mechanism, &mut axes);
+            }
         }
         section.finish();
         let is_simulated = axes.iter().any(|axis| axis.plant.is_some());

@@ -231,17 +231,18 @@ pub enum Target {
 }
 
 impl Scenario {
-    /// Reads the choice, `scenario`, and the machine's own scenarios.
+    /// Reads the choice, `scenario`, and the machine's own scenarios. One with the name of a built-in scenario takes
+    /// its place.
     pub(super) fn read(root: &mut Section, machine: &Described) -> Self {
         let mut scenarios = Self::built_in();
-        let built_in: Vec<String> = scenarios.iter().map(|scenario| scenario.name.clone()).collect();
         let mut table = root.section("scenarios");
         for name in table.names() {
             let section = table.section(&name);
-            if built_in.contains(&name) {
-                section.refuse("", "the name of a built-in scenario", "another name");
+            let own = Self::read_one(&name, section, Some(machine));
+            match scenarios.iter_mut().find(|built_in| built_in.name == name) {
+                Some(built_in) => *built_in = own,
+                None => scenarios.push(own),
             }
-            scenarios.push(Self::read_one(&name, section, Some(machine)));
         }
         table.finish();
         let choices: Vec<(&str, usize)> =

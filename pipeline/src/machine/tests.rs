@@ -4,8 +4,8 @@ use std::time::Duration;
 use crate::hammerstein::{Basis, InputMap, Structure};
 
 fn built_in_with(from: &str, to: &str) -> Result<Machine, MachineError> {
-    assert!(BUILT_IN.contains(from), "{from}");
-    Machine::parse(&BUILT_IN.replacen(from, to, 1), "m.toml", Path::new("."), &[])
+    assert!(FOUR_AXES.contains(from), "{from}");
+    Machine::parse(&FOUR_AXES.replacen(from, to, 1), "m.toml", Path::new("."), &[])
 }
 
 /// The problems of a broken machine file as text; a machine that is accepted fails the test.
@@ -15,7 +15,7 @@ fn refusal(from: &str, to: &str) -> String {
 
 #[test]
 fn the_built_in_machine_is_the_four_axis_excavator() {
-    let machine = Machine::load(None, &[]).unwrap();
+    let machine = Machine::four_axes(&[]).unwrap();
     let names: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
     assert_eq!(names, ["boom", "arm", "telescope", "bucket"]);
     assert_eq!(machine.timing.period, Duration::from_millis(10));
@@ -37,7 +37,7 @@ fn reactions_have_defaults() {
 #[test]
 fn an_unknown_key_is_refused_with_its_line() {
     let text = refusal("max_speed = 1.0 ", "max_sped = 1.0 ");
-    let line = 1 + BUILT_IN[..BUILT_IN.find("max_speed = 1.0 ").unwrap()].matches('\n').count();
+    let line = 1 + FOUR_AXES[..FOUR_AXES.find("max_speed = 1.0 ").unwrap()].matches('\n').count();
     assert!(text.contains(&format!("m.toml:{line}: axis.boom.max_sped: found an unknown key")), "{text}");
     assert!(text.contains("axis.boom.max_speed: found nothing; allowed: a number from 0.001 to 1000 m/s"), "{text}");
 }
@@ -92,12 +92,12 @@ fn two_axes_of_one_name_are_refused() {
 
 #[test]
 fn zero_and_nine_axes_are_refused() {
-    let start = BUILT_IN.find("[axis.boom]").unwrap();
-    let none = Machine::parse(&BUILT_IN[..start], "m.toml", Path::new("."), &[]).unwrap_err().to_string();
+    let start = FOUR_AXES.find("[axis.boom]").unwrap();
+    let none = Machine::parse(&FOUR_AXES[..start], "m.toml", Path::new("."), &[]).unwrap_err().to_string();
     assert!(none.contains("axis: found 0 axes; allowed: 1 to 8 axes"), "{none}");
 
-    let axis = &BUILT_IN[BUILT_IN.find("[axis.bucket]").unwrap()..];
-    let mut nine = BUILT_IN.to_owned();
+    let axis = &FOUR_AXES[FOUR_AXES.find("[axis.bucket]").unwrap()..];
+    let mut nine = FOUR_AXES.to_owned();
     (0..5).for_each(|i| nine += &axis.replace("axis.bucket", &format!("axis.extra{i}")));
     let nine = Machine::parse(&nine, "m.toml", Path::new("."), &[]).unwrap_err().to_string();
     assert!(nine.contains("axis: found 9 axes"), "{nine}");
@@ -105,7 +105,7 @@ fn zero_and_nine_axes_are_refused() {
 
 #[test]
 fn all_problems_are_named_at_once_in_the_order_of_lines() {
-    let text = BUILT_IN.replacen("stroke = 1.334", "stroke = -1", 1).replacen("mass = 12e3", "mass = \"heavy\"", 1);
+    let text = FOUR_AXES.replacen("stroke = 1.334", "stroke = -1", 1).replacen("mass = 12e3", "mass = \"heavy\"", 1);
     let error = Machine::parse(&(text + "\nunknown = 3\n"), "m.toml", Path::new("."), &[]).unwrap_err();
     let keys: Vec<&str> = error.problems.iter().map(|problem| problem.key.as_str()).collect();
     // Problems that only follow from another problem are not named.
@@ -117,7 +117,7 @@ fn all_problems_are_named_at_once_in_the_order_of_lines() {
 
 #[test]
 fn a_setting_takes_the_place_of_the_file() {
-    let set = |key: &str, value: &str| Machine::load(None, &[(key.to_owned(), value.to_owned())]);
+    let set = |key: &str, value: &str| Machine::four_axes(&[(key.to_owned(), value.to_owned())]);
     let machine = set("axis.boom.identification.estimator", "constant:0.99").unwrap();
     assert_eq!(machine.axes[0].identification.estimator, Estimator::Constant(0.99));
     assert_eq!(machine.axes[1].identification.estimator, Estimator::Auto);
@@ -141,7 +141,7 @@ fn the_old_key_of_the_estimator_is_refused_with_the_new_one() {
     let text = refusal("max_speed = 1.0 ", "forgetting = \"auto\"\nmax_speed = 1.0 ");
     assert!(text.contains(expected) && text.lines().count() == 1, "{text}");
     let setting = [("axis.boom.forgetting".to_owned(), "paper".to_owned())];
-    let text = Machine::load(None, &setting).unwrap_err().to_string();
+    let text = Machine::four_axes(&setting).unwrap_err().to_string();
     assert!(text.contains(expected) && text.lines().count() == 1, "{text}");
 
     let expected = "axis.boom.identification.forgetting: found a key that has been renamed; \
@@ -153,7 +153,7 @@ fn the_old_key_of_the_estimator_is_refused_with_the_new_one() {
 #[test]
 fn a_value_that_is_not_from_the_machine_file_is_refused_with_its_own_place() {
     // The file has good values of both keys; their lines would mislead.
-    let set = |key: &str, value: &str| Machine::load(None, &[(key.to_owned(), value.to_owned())]).unwrap_err();
+    let set = |key: &str, value: &str| Machine::four_axes(&[(key.to_owned(), value.to_owned())]).unwrap_err();
     let text = set("axis.boom.control.kp", "-1").to_string();
     assert!(text.starts_with("built-in machine: axis.boom.control.kp: found -1 (from the command line);"), "{text}");
     let text = set("axis.boom.soft_limits", "[0.5, 0.1]").to_string();
@@ -178,7 +178,7 @@ fn a_dead_time_of_more_periods_than_a_model_has_is_refused_unless_nk_is_given() 
                         dead_band_retract = 0.1\nopenings = [0.5]\nspeeds_extend = [0.2]\nspeeds_retract = [0.2]\n\
                         fit_percent = 90.0\n[axis.boom.encoder]";
     let with = |nk: &str, period: &str| {
-        let text = BUILT_IN.replacen("[axis.boom.encoder]", commissioned, 1).replacen("nk = 3 ", nk, 1);
+        let text = FOUR_AXES.replacen("[axis.boom.encoder]", commissioned, 1).replacen("nk = 3 ", nk, 1);
         Machine::parse(&text.replacen("\"10ms\"", period, 1), "m.toml", Path::new("."), &[])
     };
     assert_eq!(with("", "\"2ms\"").unwrap().axes[0].identification.structure.nk, 51);
@@ -191,7 +191,7 @@ fn a_dead_time_of_more_periods_than_a_model_has_is_refused_unless_nk_is_given() 
 
 #[test]
 fn the_kind_of_a_reference_can_be_set() {
-    let set = |value: &str| Machine::load(None, &[("axis.boom.reference.kind".to_owned(), value.to_owned())]);
+    let set = |value: &str| Machine::four_axes(&[("axis.boom.reference.kind".to_owned(), value.to_owned())]);
     assert_eq!(set("hold").unwrap().axes[0].reference, ReferenceSource::Hold);
     let text = set("spline").unwrap_err().to_string();
     assert_eq!(text.lines().count(), 1, "{text}");
@@ -214,7 +214,7 @@ fn the_options_of_the_structure_are_read() {
     // One integrator is that of the structure, the other one leads from velocity to position.
     assert_eq!(identification.published(), Structure { na: 5, integrator: false, ..structure });
 
-    let plain = Machine::load(None, &[]).unwrap().axes[0].identification.clone();
+    let plain = Machine::four_axes(&[]).unwrap().axes[0].identification.clone();
     assert_eq!(plain.structure, Structure { nk: 3, ..Structure::PAPER });
     assert_eq!(plain.published(), plain.structure);
     let one = built_in_with("training = \"8s\"", "training = \"8s\"\ndead_band = 0.07 #").unwrap();
@@ -261,9 +261,9 @@ fn all_stages_but_the_simulated_machine_start_again_by_default() {
     let setting = |value: &str| [("stage.ident-proc.restart".to_owned(), value.to_owned())];
     let restarts = |machine: &Machine| machine.stages.clone().map(|stage| stage.restart);
     let (never, again) = (Restart::Never, Restart::OnFailure);
-    assert_eq!(restarts(&Machine::load(None, &[]).unwrap()), [never, again, again, again]);
-    assert_eq!(restarts(&Machine::load(None, &setting("never")).unwrap()), [never, again, never, again]);
-    let refused = Machine::load(None, &setting("always")).unwrap_err().to_string();
+    assert_eq!(restarts(&Machine::four_axes(&[]).unwrap()), [never, again, again, again]);
+    assert_eq!(restarts(&Machine::four_axes(&setting("never")).unwrap()), [never, again, never, again]);
+    let refused = Machine::four_axes(&setting("always")).unwrap_err().to_string();
     let expected =
         "stage.ident-proc.restart: found always (from the command line); allowed: \"on-failure\" or \"never\"";
     assert!(refused.contains(expected), "{refused}");
@@ -274,7 +274,7 @@ fn commissioned(changes: &[(&str, &str)]) -> Machine {
     let table = "[axis.boom.commissioned]\ndead_time = 0.04\ntime_constant = 0.05\ndead_band_extend = 0.1\n\
                  dead_band_retract = 0.08\nopenings = [0.1, 0.5]\nspeeds_extend = [0.05, 0.3]\n\
                  speeds_retract = [0.05, 0.3]\nfit_percent = 97.0\n";
-    let mut text = BUILT_IN.replacen("[axis.boom.control]\n", &format!("{table}[axis.boom.control]\n"), 1);
+    let mut text = FOUR_AXES.replacen("[axis.boom.control]\n", &format!("{table}[axis.boom.control]\n"), 1);
     for (from, to) in changes {
         assert!(text.contains(from), "{from}");
         text = text.replacen(from, to, 1);
@@ -318,7 +318,7 @@ const MECHANISM: &str = include_str!("../../../examples/mechanism.toml");
 /// The text of the built-in machine without what its axes move.
 fn without_loads() -> String {
     let is_load = |line: &&str| ["mass =", "load_force =", "load_stiffness ="].iter().any(|key| line.starts_with(key));
-    BUILT_IN.lines().filter(|line| !is_load(line)).collect::<Vec<_>>().join("\n")
+    FOUR_AXES.lines().filter(|line| !is_load(line)).collect::<Vec<_>>().join("\n")
 }
 
 /// The built-in machine with [`MECHANISM`], which says what its axes move.

@@ -1,4 +1,8 @@
-//! Positions: the encoders' raw values, and the samples that are made of them.
+//! Positions and chamber pressures: the raw values of the sensors, and the samples that are made of them.
+//!
+//! A machine without pressure transducers says so by `has_pressures`: 0 is none, so a program that does not know of
+//! pressures and leaves its messages zero says so as well. The pressures of a sample are then NaN, so that a program
+//! which does not look at the field cannot take the absence of a value for a chamber without pressure.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -6,21 +10,26 @@ use super::{Header, Message};
 use crate::{MAX_AXES, layout::shared_struct};
 
 shared_struct! {
-    /// Raw value of one encoder.
-    #[type_name("hydraxis.EncoderValue/1")]
+    /// Raw values of the sensors of one axis.
+    #[type_name("hydraxis.EncoderValue/2")]
     pub struct EncoderValue {
-        /// Counts as the encoder gives them; position = counts * resolution.
+        /// Counts as the sensor gives them; at the cylinder position = counts * resolution, at a joint
+        /// angle = zero + counts * resolution.
         pub counts: i64,
+        /// Pressure of the piston side, Pa above the atmosphere.
+        pub piston_pressure: f64,
+        /// Pressure of the rod side, Pa above the atmosphere.
+        pub rod_pressure: f64,
         /// Error word of the encoder; 0 when the encoder reports no error.
         pub error: u32,
-        /// Zero.
-        pub reserved: u32,
+        /// 1 where both pressures are measured; 0 without transducers.
+        pub has_pressures: u32,
     }
 }
 
 shared_struct! {
-    /// Raw values of all encoders at one time, before any check: plant-sim (or a bus) to sensor-proc.
-    #[type_name("hydraxis.EncoderReading/2")]
+    /// Raw values of all sensors at one time, before any check: plant-sim (or a bus) to sensor-proc.
+    #[type_name("hydraxis.EncoderReading/3")]
     pub struct EncoderReading {
         /// `sequence` counts readings; `acquired_ns` is the time of the reading.
         pub header: Header,
@@ -36,7 +45,7 @@ message!(EncoderReading, "encoder-reading", publishers 1, buffer 64);
 
 shared_struct! {
     /// One axis of an [`EncoderSample`].
-    #[type_name("hydraxis.AxisSample/1")]
+    #[type_name("hydraxis.AxisSample/2")]
     pub struct AxisSample {
         /// Piston position, m (or the recorded output, in its unit). While `faults` is set: the last plausible
         /// position.
@@ -47,6 +56,15 @@ shared_struct! {
         pub faults: u32,
         /// Number of ticks for which the raw value has not changed.
         pub unchanged: u32,
+        /// Pressure of the piston side, Pa above the atmosphere; NaN while `has_pressures` is 0.
+        pub piston_pressure: f64,
+        /// Pressure of the rod side, Pa above the atmosphere; NaN while `has_pressures` is 0.
+        pub rod_pressure: f64,
+        /// 1 while both pressures are usable; 0 without transducers, without a new reading, and with the fault
+        /// [`sample_fault::PRESSURE`].
+        pub has_pressures: u32,
+        /// Zero.
+        pub reserved: u32,
     }
 }
 
@@ -54,6 +72,11 @@ impl AxisSample {
     /// The position, m, or `None` when the faults make it unusable or it is not finite.
     pub fn usable(&self) -> Option<f64> {
         (self.position.is_finite() && self.faults & sample_fault::UNUSABLE == 0).then_some(self.position)
+    }
+
+    /// Pressures of piston side and rod side, Pa, or `None` when they are unknown.
+    pub fn pressures(&self) -> Option<(f64, f64)> {
+        (self.has_pressures != 0).then_some((self.piston_pressure, self.rod_pressure))
     }
 }
 
@@ -63,22 +86,25 @@ pub mod sample_fault {
     pub const RANGE: u32 = 1;
     /// The position moved faster than the axis can.
     pub const SPEED: u32 = 2;
-    /// The encoder reported an error.
+    /// The encoder reported an error, or the position is computed from the sensor of another axis whose position is
+    /// unusable.
     pub const ENCODER: u32 = 4;
     /// No new reading arrived for this tick.
     pub const STALE: u32 = 8;
     /// The raw value has not changed for longer than `stuck_after`: a fault only while the axis is commanded to move.
     pub const STUCK: u32 = 16;
+    /// A chamber pressure is missing or outside the range of its transducer. The position is not affected.
+    pub const PRESSURE: u32 = 32;
 
     /// The bits that make the position itself unusable.
     pub const UNUSABLE: u32 = RANGE | SPEED | ENCODER | STALE;
     /// Names of the bits, lowest first.
-    pub const NAMES: [&str; 5] = ["range", "speed", "encoder", "stale", "stuck"];
+    pub const NAMES: [&str; 6] = ["range", "speed", "encoder", "stale", "stuck", "pressure"];
 }
 
 shared_struct! {
-    /// The checked positions of one tick: sensor-proc to ident-proc and control-proc.
-    #[type_name("hydraxis.EncoderSample/2")]
+    /// The checked positions and pressures of one tick: sensor-proc to ident-proc and control-proc.
+    #[type_name("hydraxis.EncoderSample/3")]
     pub struct EncoderSample {
         /// `sequence` is the index of the tick.
         pub header: Header,

@@ -7,7 +7,7 @@ use crate::{MAX_AXES, layout::shared_struct};
 
 shared_struct! {
     /// One axis of a [`MachineState`].
-    #[type_name("hydraxis.AxisState/1")]
+    #[type_name("hydraxis.AxisState/2")]
     pub struct AxisState {
         /// Name of the axis in UTF-8, cut to the length of the array and filled up with zeros.
         pub name: [u8; 32],
@@ -48,7 +48,7 @@ impl AxisState {
 
 shared_struct! {
     /// The newest sample and command of all axes. Control-proc sends one at each of its heartbeats.
-    #[type_name("hydraxis.MachineState/1")]
+    #[type_name("hydraxis.MachineState/2")]
     pub struct MachineState {
         /// `sequence` names the sample.
         pub header: Header,

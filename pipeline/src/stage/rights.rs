@@ -352,7 +352,7 @@ mod tests {
 
     fn machine(settings: &[(&str, &str)]) -> Machine {
         let settings: Vec<_> = settings.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
-        Machine::load(None, &settings).unwrap()
+        Machine::four_axes(&settings).unwrap()
     }
 
     fn applied(machine: &Machine, kind: StageKind) -> Result<Vec<String>, String> {

@@ -21,6 +21,12 @@
 //! Pressures are above the atmosphere. A hose adds its oil and its yielding wall to the chamber; assumed: oil moves in
 //! it without inertia and without loss of pressure.
 //!
+//! With the valve shut the oil is a spring, of the stiffness
+//!
+//! ```text
+//! k = A1^2/(V1/beta_e(p1) + C_w1) + A2^2/(V2/beta_e(p2) + C_w2)
+//! ```
+//!
 //! Trap: V02 is the volume left at full stroke. An end stop that yields therefore takes from the dead volume; the
 //! volume of a chamber has the lower bound [`LEAST_VOLUME`].
 
@@ -124,6 +130,17 @@ impl Cylinder<f64> {
         }
         let rod = (self.piston_area * self.edges.return_pressure - load) / self.rod_area;
         (self.edges.return_pressure, rod.max(self.edges.return_pressure))
+    }
+
+    /// k, N/m, at `position` m with the pressures (p1, p2), Pa. For reports: its last bits depend on the computer's
+    /// library.
+    pub fn oil_stiffness(&self, position: f64, (p1, p2): (f64, f64)) -> f64 {
+        let piston = self.piston_dead_volume + self.piston_area * position;
+        let rod = self.rod_dead_volume + self.rod_area * (self.end_stops.stroke - position);
+        let spring = |area: f64, volume: f64, pressure: f64, walls: f64| {
+            area * area / (volume / self.oil.bulk_modulus(pressure) + walls)
+        };
+        spring(self.piston_area, piston, p1, self.walls[0]) + spring(self.rod_area, rod, p2, self.walls[1])
     }
 }
 

@@ -229,7 +229,7 @@ mod tests {
     use super::*;
 
     fn edges(change: impl Fn(&mut Plant)) -> ControlEdges<Lanes> {
-        let machine = Machine::load(None, &[("scenario".to_owned(), "nominal".to_owned())]).unwrap();
+        let machine = Machine::four_axes(&[("scenario".to_owned(), "nominal".to_owned())]).unwrap();
         let mut plant = machine.axes[0].plant.clone().unwrap();
         change(&mut plant);
         ControlEdges::pack(&[ControlEdges::new(&plant, &machine.hydraulics.unwrap(), 1.0, 1.0); LANES])

@@ -150,7 +150,7 @@ mod tests {
     #[test]
     fn a_plant_without_friction_gives_no_force() {
         let plant = |machine: pipeline::machine::Machine| machine.axes[0].plant.clone().unwrap();
-        let mut boom = plant(pipeline::machine::Machine::load(None, &[]).unwrap());
+        let mut boom = plant(pipeline::machine::Machine::four_axes(&[]).unwrap());
         (boom.coulomb_friction, boom.static_friction, boom.viscous_friction) = (0.0, 0.0, 0.0);
         (boom.bristle_stiffness, boom.bristle_damping) = (0.0, 0.0);
         let none = Friction::pack(&[Friction::new(&boom, 1.0, 1.0); LANES]);

@@ -98,7 +98,7 @@ mod tests {
     use super::*;
 
     fn boom() -> (Plant, f64) {
-        let machine = Machine::load(None, &[]).unwrap();
+        let machine = Machine::four_axes(&[]).unwrap();
         (machine.axes[0].plant.clone().unwrap(), machine.axes[0].stroke)
     }
 

@@ -19,21 +19,17 @@
 //! Source: the crate [`mechanism`], which has equations and sources. Assumed: rigid bodies, pins without friction and
 //! without play, and a machine that stands still.
 //!
-//! Traps: the linkage may not close beyond the strokes, but a piston moves into its end stop. The pose follows it up to
-//! [`MARGIN`]; farther out it is that at the margin. A payload that changes keeps the speeds: like every step of a
-//! parameter this changes the energy.
+//! Traps: the linkage may not close beyond the strokes, but a piston moves into its end stop. The pose follows it as
+//! far as the linkage is known to close, [`END_STOP_WAY`] or the way into softer stops; farther out the pose stays. A
+//! payload that changes keeps the speeds: like every step of a parameter this changes the energy.
 
 pub mod soil;
 
-use mechanism::{AXES, Flaw, Mechanism, Pose, PreparedMechanism, Vector};
+use mechanism::{AXES, END_STOP_WAY, Flaw, Mechanism, Pose, PreparedMechanism, Vector};
 use pipeline::machine;
 
 use crate::lanes::Lanes;
 use soil::Soil;
-
-/// Distance beyond the end stops up to which the pose follows the pistons, m: so far [`Mechanism::flaws`] finds a
-/// linkage that does not close, and farther than pistons sink into stops of the usual stiffness.
-pub const MARGIN: f64 = 0.02;
 
 /// The linkage of four axes, with payload and soil.
 #[derive(Debug, Clone)]
@@ -43,6 +39,8 @@ pub struct Coupling {
     soil: Option<Soil>,
     /// L of each axis, m.
     strokes: [f64; AXES],
+    /// Way beyond either end of each stroke up to which the pose follows the piston, m.
+    ways: [f64; AXES],
 }
 
 impl Coupling {
@@ -55,10 +53,30 @@ impl Coupling {
         strokes: [f64; AXES],
         soil: Option<&machine::Soil>,
     ) -> Result<Self, (usize, Flaw)> {
-        match mechanism.flaws(&strokes).first() {
+        let ways = [END_STOP_WAY; AXES];
+        match mechanism.flaws(&strokes, &ways).first() {
+            Some(flaw) => Err(*flaw),
+            None => Ok(Self {
+                mechanism: *mechanism,
+                prepared: mechanism.prepared(),
+                soil: soil.map(Soil::new),
+                strokes,
+                ways,
+            }),
+        }
+    }
+
+    /// Lets the pose follow the pistons `depths`, m, into soft end stops.
+    ///
+    /// # Errors
+    /// The number of an axis that the linkage does not let move so far, and why.
+    pub fn sink(&mut self, depths: &[f64; AXES]) -> Result<(), (usize, Flaw)> {
+        let ways = depths.map(|depth| depth.max(END_STOP_WAY));
+        match self.mechanism.flaws(&self.strokes, &ways).first() {
             Some(flaw) => Err(*flaw),
             None => {
-                Ok(Self { mechanism: *mechanism, prepared: mechanism.prepared(), soil: soil.map(Soil::new), strokes })
+                self.ways = ways;
+                Ok(())
             }
         }
     }
@@ -104,10 +122,10 @@ impl Coupling {
         -self.tip_force(&pose, rates).dot(pose.tip_velocity(rates))
     }
 
-    /// The pose at `positions`, m; beyond the end stops it follows up to [`MARGIN`].
+    /// The pose at `positions`, m; beyond the end stops it follows as far as the linkage is known to close.
     #[inline]
     pub fn pose(&self, positions: &[f64; AXES]) -> Pose {
-        let within = |i: usize| positions[i].clamp(-MARGIN, self.strokes[i] + MARGIN);
+        let within = |i: usize| positions[i].clamp(-self.ways[i], self.strokes[i] + self.ways[i]);
         self.prepared.pose(&std::array::from_fn(within))
     }
 

@@ -45,6 +45,15 @@ pub struct OilMixture<T> {
     pub air: T,
 }
 
+impl OilMixture<f64> {
+    /// beta_e, Pa, at `pressure` Pa above the atmosphere. For reports: its last bits depend on the computer's library.
+    pub fn bulk_modulus(&self, pressure: f64) -> f64 {
+        let absolute = pressure.max(LOWEST_PRESSURE) + ATMOSPHERE;
+        let air = self.air * (ATMOSPHERE / absolute).powf(1.0 / ADIABATIC_INDEX);
+        (1.0 + air) / (self.compressibility + air / (ADIABATIC_INDEX * absolute))
+    }
+}
+
 impl OilMixture<Lanes> {
     /// Puts four axes side by side.
     pub fn pack(axes: &[OilMixture<f64>; LANES]) -> Self {
@@ -115,6 +124,8 @@ mod tests {
                 let expected = (1.0 + r) / (1.0 / 1.4e9 + r / (1.4 * absolute));
                 let found = modulus(1.4e9, air, absolute);
                 assert!((found / expected - 1.0).abs() < 1e-13, "{air} at {absolute}: {found} for {expected}");
+                let reported = OilMixture { compressibility: 1.0 / 1.4e9, air }.bulk_modulus(absolute - ATMOSPHERE);
+                assert!((reported / expected - 1.0).abs() < 1e-11, "{air} at {absolute}: {reported} for {expected}");
             }
         }
     }

@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn the_valves_open_only_above_relief_pressure_and_below_the_atmosphere() {
-        let machine = pipeline::machine::Machine::load(None, &[]).unwrap();
+        let machine = pipeline::machine::Machine::four_axes(&[]).unwrap();
         let plant = machine.axes[0].plant.clone().unwrap();
         let valves = PortValves::pack(&[PortValves::new(&plant); LANES]);
         let outflow = |pressure| valves.outflow(Lanes::splat(pressure)).to_array()[0];

@@ -21,6 +21,9 @@
 //! axes take [`POSTURES`] positions each. Between them the eigenvalue is higher by less than one percent (a test shows
 //! it on an excavator of 20 t), which the limit of the step covers.
 //!
+//! How deep a piston sinks into its end stops follows from the same loads; the linkage has to close there too. Only
+//! forces at rest count: a piston that hits a stop at speed sinks deeper for a moment.
+//!
 //! Trap: the least mass of each axis by itself is not enough. Modes of arm, telescope and bucket against each other are
 //! faster than those of any axis alone.
 
@@ -39,14 +42,27 @@ const LEVERS: usize = 33;
 /// A 4 x 4 matrix.
 type Matrix = [[f64; AXES]; AXES];
 
-/// Fastest rate of the axes of `coupling`, 1/s, in all postures under the worst conditions that `changes` reach.
-pub fn fastest_coupled_rate(
+/// What the axes of a linkage do in the worst case.
+#[derive(Debug, Clone, Copy)]
+pub struct Worst {
+    /// Fastest rate of their motion, 1/s.
+    pub rate: f64,
+    /// The axis that makes it fast; `None` where the soil does.
+    pub axis: Option<usize>,
+    /// What of the axis does.
+    pub by: &'static str,
+    /// How deep each piston is pressed into its end stops, m.
+    pub depths: [f64; AXES],
+}
+
+/// The worst of the axes of `coupling`, in all postures under the worst conditions that `changes` reach.
+pub fn worst_of_coupled(
     axes: &[(&Axis, &Plant)],
     hydraulics: &Hydraulics,
     coupling: &Coupling,
     changes: &[Change],
     payload: f64,
-) -> f64 {
+) -> Worst {
     let reached = changes.iter().flat_map(|change| [change.start, change.end]);
     let works: Vec<Work> = reached.chain([0.0]).map(|time| Work::at(changes, payload, time)).collect();
     let strength = works.iter().map(|work| work.soil).fold(0.0, f64::max);
@@ -61,14 +77,56 @@ pub fn fastest_coupled_rate(
         let (axis, plant) = axes[i];
         Parts::new(axis, plant, hydraulics, changes, i, loads[i])
     });
-    let hydraulic = parts.iter().map(|parts| parts.hydraulic).fold(0.0, f64::max);
-    let (stiffness, damping) = light.soil().map_or((0.0, 0.0), |soil| (soil.stiffness(), soil.damping()));
-    let (mut springs, mut dampers) = (0.0f64, 0.0f64);
-    for positions in postures(&light) {
-        springs = springs.max(eigenvalue(&light, &positions, parts.map(|parts| parts.springs), strength * stiffness));
-        dampers = dampers.max(eigenvalue(&light, &positions, parts.map(|parts| parts.damping), strength * damping));
+    let (soil_stiffness, soil_damping) =
+        light.soil().map_or((0.0, 0.0), |soil| (strength * soil.stiffness(), strength * soil.damping()));
+    let springs = Modes::new(&light, parts.map(|parts| parts.springs), soil_stiffness);
+    let dampers = Modes::new(&light, parts.map(|parts| parts.damping), soil_damping);
+    let (hydraulic, slowest) = largest(parts.map(|parts| parts.hydraulic));
+    let losses = (dampers.largest + FASTEST_BRISTLES).max(hydraulic);
+    let (axis, by) = if springs.largest.sqrt() > losses {
+        (springs.fastest_axis(&light), "the stiffness of oil, bristles and end stops")
+    } else if hydraulic > dampers.largest + FASTEST_BRISTLES {
+        (Some(slowest), "valve, leakage and volumes")
+    } else {
+        (dampers.fastest_axis(&light), "damping of friction and end stops")
+    };
+    let rate = losses + springs.largest.sqrt();
+    Worst { rate, axis, by, depths: parts.map(|parts| parts.depth) }
+}
+
+/// Eigenvalues of the coupled axes on springs or on dampers.
+struct Modes {
+    /// Of each axis, N/m or N s/m.
+    own: [f64; AXES],
+    /// At the teeth, N/m or N s/m.
+    teeth: f64,
+    /// The largest eigenvalue over all postures.
+    largest: f64,
+}
+
+impl Modes {
+    fn new(coupling: &Coupling, own: [f64; AXES], teeth: f64) -> Self {
+        Self { own, teeth, largest: largest_eigenvalue(coupling, own, teeth) }
     }
-    (dampers + FASTEST_BRISTLES).max(hydraulic) + springs.sqrt()
+
+    /// The axis that alone has the largest eigenvalue; `None` where the soil has.
+    fn fastest_axis(&self, coupling: &Coupling) -> Option<usize> {
+        let alone = |i: usize| std::array::from_fn(|k| if k == i { self.own[k] } else { 0.0 });
+        let (most, axis) = largest(std::array::from_fn(|i| largest_eigenvalue(coupling, alone(i), 0.0)));
+        let is_axis = self.teeth == 0.0 || most >= largest_eigenvalue(coupling, [0.0; AXES], self.teeth);
+        is_axis.then_some(axis)
+    }
+}
+
+/// The largest of four values, and its place.
+fn largest(values: [f64; AXES]) -> (f64, usize) {
+    let of_place = |(most, place), (i, value): (usize, f64)| if value > most { (value, i) } else { (most, place) };
+    values.into_iter().enumerate().fold((0.0, 0), of_place)
+}
+
+/// The largest eigenvalue over all postures; NaN where one of them is no number.
+fn largest_eigenvalue(coupling: &Coupling, own: [f64; AXES], teeth: f64) -> f64 {
+    postures(coupling).map(|positions| eigenvalue(coupling, &positions, own, teeth)).fold(0.0, f64::max)
 }
 
 /// Postures over the strokes, with the boom where its lever arm is longest.

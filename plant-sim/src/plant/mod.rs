@@ -1,4 +1,4 @@
-//! The whole machine: all axes, the drive that feeds their valves, the pump and the encoders.
+//! The whole machine: all axes, the drive that feeds their valves, the pump and the sensors.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -26,7 +26,7 @@ pub mod stiffness;
 
 use std::{cell::Cell, time::Duration};
 
-use mechanism::AXES;
+use mechanism::{AXES, END_STOP_WAY, Pose};
 use pipeline::{
     MAX_AXES,
     machine::{Axis, Hydraulics, Machine, Plant, Scenario},
@@ -36,16 +36,16 @@ use pipeline::{
 use crate::{
     conditions::{Conditions, UPDATE_PERIOD_NS, Work, acting, relative_viscosity},
     coupling::Coupling,
-    encoder::NoisyEncoder,
     hydraulics::supply::{Demand, Pump},
     integration::{
         FourAxes, TrueState,
         runge_kutta::{LONGEST_STEP_NS, STEP_NS, runge_kutta},
     },
     lanes::LANES,
+    sensors::Sensors,
 };
 
-use coupled::fastest_coupled_rate;
+use coupled::{Worst, worst_of_coupled};
 use drive::Drive;
 pub use error::PlantError;
 use observation::Observation;
@@ -65,20 +65,20 @@ pub struct PlantSim {
     observed: Observation,
     /// What is seen at begin and end of the step in which that time lies; used only for a time between two steps.
     around: [Observation; 2],
-    encoders: Vec<NoisyEncoder>,
+    sensors: Sensors,
+    /// Whether a sensor has a lag.
+    has_lag: bool,
     drive: Drive,
     step_ns: u64,
     /// End of the last step, ns.
     time_ns: u64,
     /// Time that was asked for, ns: at the end of the last step or within it.
     asked_ns: u64,
-    /// Number of readings so far.
-    readings: u64,
 }
 
 impl PlantSim {
-    /// The machine at rest: every axis at its initial position, valves shut, loads held. `seed` determines the encoder
-    /// noise.
+    /// The machine at rest: every axis at its initial position, valves shut, loads held. `seed` determines the noise
+    /// of the sensors.
     ///
     /// # Errors
     /// The machine has no hydraulics or too many axes, or an axis has no plant or is too stiff for the step.
@@ -101,10 +101,9 @@ impl PlantSim {
         }
         let (scenario, step) = (acting(&machine.scenario, count, machine.soil.is_some()), seconds(step_ns));
         let plants = plants(machine)?;
-        let coupling = coupling(machine)?;
+        let mut coupling = coupling(machine)?;
         let payload = machine.mechanism.map_or(0.0, |mechanism| mechanism.masses.payload.mass);
         let hydraulics = machine.hydraulics.ok_or(PlantError::NoHydraulics)?;
-        let mut encoders = Vec::with_capacity(count);
         for (index, (axis, plant)) in plants.iter().enumerate() {
             let is_coupled = coupling.is_some() && index < AXES;
             let rate = fastest_rate(axis, plant, &hydraulics, &scenario.changes, index);
@@ -112,14 +111,10 @@ impl PlantSim {
             if rate > limit && !is_coupled {
                 return Err(PlantError::TooStiff { axis: axis.name.clone(), rate, limit });
             }
-            encoders.push(NoisyEncoder::new(axis.encoder.resolution, plant.encoder_noise, seed, index));
         }
-        if let Some(coupling) = &coupling {
-            let rate = fastest_coupled_rate(&plants, &hydraulics, coupling, &scenario.changes, payload);
-            let limit = STABILITY_LIMIT / step;
-            if rate.is_nan() || rate > limit {
-                return Err(PlantError::TooStiffTogether { rate, limit });
-            }
+        if let Some(coupling) = &mut coupling {
+            let worst = worst_of_coupled(&plants, &hydraulics, coupling, &scenario.changes, payload);
+            expect_possible(&worst, &plants, coupling, STABILITY_LIMIT / step)?;
         }
         let at_begin = |index| Conditions::at(&scenario.changes, &hydraulics.oil, index, 0.0);
         let pump = pump(&hydraulics, &at_begin(0));
@@ -132,6 +127,8 @@ impl PlantSim {
             coupling.work(work.payload, work.soil);
             axes[0].couple(coupling, &hydraulics, pump.pressure);
         }
+        let pose = pose(&axes);
+        let sensors = Sensors::new(&plants, seed, pose.as_ref());
         let mut plant = Self {
             pump,
             axes,
@@ -140,12 +137,12 @@ impl PlantSim {
             payload,
             observed: Observation::with_room(count),
             around: [Observation::with_room(count), Observation::with_room(count)],
-            encoders,
+            has_lag: sensors.has_lag(),
+            sensors,
             drive: Drive::new(count, nanoseconds(machine.timing.drive_timeout)),
             step_ns,
             time_ns: 0,
             asked_ns: 0,
-            readings: 0,
         };
         let room = std::mem::take(&mut plant.observed);
         plant.observed = plant.observe(room);
@@ -199,6 +196,11 @@ impl PlantSim {
             }
             runge_kutta(&mut self.axes, self.drive.commands(), self.drive.is_cut_off(), &mut self.pump, step);
             self.time_ns += self.step_ns;
+            if self.has_lag
+                && let Some(pose) = pose(&self.axes)
+            {
+                self.sensors.follow(&pose, step);
+            }
         }
     }
 
@@ -246,20 +248,17 @@ impl PlantSim {
         }
         // The pressure does not sag while no chamber is fed.
         old.supply_pressure = if pressure.is_finite() { pressure } else { supply };
+        if self.sensors.see_joints()
+            && let Some(pose) = pose(&self.axes)
+        {
+            old.seen = self.sensors.seen(&pose);
+        }
         old
     }
 
-    /// Reads all encoders, each with newly drawn noise. The reading is numbered; its times stay zero.
+    /// Reads all sensors, each with newly drawn noise. The reading is numbered; its times stay zero.
     pub fn read(&mut self) -> EncoderReading {
-        let mut reading = EncoderReading::default();
-        reading.header.sequence = self.readings;
-        reading.header.axis_count = self.observed.states.len() as u32;
-        for ((value, encoder), state) in reading.encoders.iter_mut().zip(&mut self.encoders).zip(&self.observed.states)
-        {
-            value.counts = encoder.read(state.position);
-        }
-        self.readings += 1;
-        reading
+        self.sensors.read(&self.observed.states, &self.observed.seen)
     }
 
     /// The true states of all axes, in the machine's order.
@@ -278,10 +277,19 @@ impl PlantSim {
     }
 }
 
+/// The pose of the mechanism at the end of the last step, if there is one.
+fn pose(axes: &[FourAxes]) -> Option<Pose> {
+    let first = axes.first()?;
+    Some(first.coupling()?.pose(&first.state()[0].to_array()))
+}
+
 /// Every axis with the parameters of its plant.
 fn plants(machine: &Machine) -> Result<Vec<(&Axis, &Plant)>, PlantError> {
     let plants = machine.axes.iter().map(|axis| {
         let plant = axis.plant.as_ref().ok_or_else(|| PlantError::NoPlant { axis: axis.name.clone() })?;
+        if axis.encoder.angle.is_some() && machine.mechanism.is_none() {
+            return Err(PlantError::NoJoint { axis: axis.name.clone() });
+        }
         Ok((axis, plant))
     });
     plants.collect()
@@ -295,6 +303,26 @@ fn coupling(machine: &Machine) -> Result<Option<Coupling>, PlantError> {
     let axes: &[Axis; AXES] = machine.axes.first_chunk().ok_or(PlantError::TooFewAxes { found: machine.axes.len() })?;
     let coupling = Coupling::new(mechanism, axes.each_ref().map(|axis| axis.stroke), machine.soil.as_ref());
     coupling.map(Some).map_err(|(axis, flaw)| PlantError::Linkage { axis: axes[axis].name.clone(), flaw })
+}
+
+/// Refuses axes that are too fast for the step, whose limit is `limit` 1/s, and end stops so soft that the linkage does
+/// not close where they hold the pistons.
+fn expect_possible(
+    worst: &Worst,
+    plants: &[(&Axis, &Plant)],
+    coupling: &mut Coupling,
+    limit: f64,
+) -> Result<(), PlantError> {
+    if let Err((axis, _)) = coupling.sink(&worst.depths) {
+        let ((axis, plant), depth) = (plants[axis], worst.depths[axis]);
+        let least = plant.end_stop_stiffness * depth / END_STOP_WAY;
+        return Err(PlantError::SoftStops { axis: axis.name.clone(), depth, least });
+    }
+    if worst.rate.is_nan() || worst.rate > limit {
+        let place = worst.axis.map_or("soil".to_owned(), |axis| format!("axis.{}.plant", plants[axis].0.name));
+        return Err(PlantError::TooStiffTogether { place, by: worst.by, rate: worst.rate, limit });
+    }
+    Ok(())
 }
 
 /// The idling pump under the conditions of the first axis; those of the pump are equal for all axes.

@@ -67,6 +67,8 @@ pub(super) struct Parts {
     pub damping: f64,
     /// Rate of the pressures, 1/s.
     pub hydraulic: f64,
+    /// How deep load and pump press the piston into an end stop, m.
+    pub depth: f64,
 }
 
 impl Parts {
@@ -80,9 +82,9 @@ impl Parts {
         load: f64,
     ) -> Self {
         let c = Cylinder::new(plant, axis.stroke, hydraulics, &worst(changes, hydraulics, index));
+        let depth = |feeding: f64| (feeding * c.supply_pressure + load) / c.end_stops.stiffness;
         let least = |dead_volume: f64, area: f64, feeding: f64| {
-            let depth = (feeding * c.supply_pressure + load) / c.end_stops.stiffness;
-            (dead_volume - area * depth).max(LEAST_VOLUME * dead_volume)
+            (dead_volume - area * depth(feeding)).max(LEAST_VOLUME * dead_volume)
         };
         let piston_volume = least(c.piston_dead_volume, c.piston_area, c.rod_area);
         let rod_volume = least(c.rod_dead_volume, c.rod_area, c.piston_area);
@@ -100,7 +102,8 @@ impl Parts {
         let port = (c.ports.relief_gain / compliance).max(c.ports.make_up_gain * at_atmosphere / least_volume);
         let orifice = c.edges.steepest(TRANSITION_PRESSURE) / compliance;
         let piloted = c.edges.piloted() / compliance;
-        Self { springs, damping, hydraulic: leakage + port.max(ORIFICE_WEIGHT * orifice).max(piloted) }
+        let hydraulic = leakage + port.max(ORIFICE_WEIGHT * orifice).max(piloted);
+        Self { springs, damping, hydraulic, depth: depth(c.piston_area.max(c.rod_area)) }
     }
 }
 

@@ -7,7 +7,7 @@ use super::*;
 /// Positions of the built-in machine under its default scenario at every tick of 10 s, with the command
 /// `command(axis, time)`.
 fn positions(step_ns: u64, command: impl Fn(usize, f64) -> f64) -> Vec<Vec<f64>> {
-    let machine = Machine::load(None, &[]).unwrap();
+    let machine = Machine::four_axes(&[]).unwrap();
     let mut sim = PlantSim::with_step(&machine, 1, step_ns).unwrap();
     let tick = |i: u32| {
         let mut message = ValveCommand::default();

@@ -8,13 +8,14 @@ mod modes;
 mod refused;
 mod response;
 mod rest;
+mod sensors;
 mod soil;
 
-use std::time::Duration;
+use std::{path::Path, time::Duration};
 
-use mechanism::{AXES, Body, FourBar, Geometry, Masses, Mechanism, Payload, Rotation, Vector};
+use mechanism::{AXES, Joint, Mechanism, Rotation, Vector};
 use pipeline::{
-    machine::{Change, Machine, Parameter, Plant, Soil},
+    machine::{AngleKind, AngleSensor, Change, Machine, Parameter, Plant, PressureTransducers, SensorErrors, Soil},
     message::ValveCommand,
 };
 use plant_sim::PlantSim;
@@ -22,41 +23,20 @@ use plant_sim::PlantSim;
 /// The step of the simulator.
 const STEP: Duration = Duration::from_micros(100);
 
-/// Pins and masses.
+/// The machine file of the 20 t excavator.
+fn of_20_tonnes() -> Machine {
+    let text = include_str!("../../../examples/excavator.toml");
+    Machine::parse(text, "excavator.toml", Path::new("."), &[]).unwrap()
+}
+
+/// Its pins and masses.
 fn mechanism() -> Mechanism {
-    let body = |mass, x, z, inertia| Body { mass, center: Vector::new(x, z), inertia };
-    Mechanism {
-        geometry: Geometry {
-            boom_foot: Vector::new(0.23, 1.96),
-            boom_length: 5.65,
-            boom_cylinder_base: Vector::new(0.582, -0.582),
-            boom_cylinder_rod: Vector::new(2.431, 0.982),
-            arm_cylinder_base: Vector::new(3.004, 0.885),
-            arm_cylinder_rod: Vector::new(-0.843, 0.249),
-            arm_length: 2.4,
-            bucket: FourBar {
-                rocker_pin: Vector::new(-0.41, 0.0),
-                cylinder_base: Vector::new(-2.597, 0.711),
-                rocker: 0.7,
-                link: 0.6,
-                link_pin: 0.466 * Rotation::by(101.5f64.to_radians()).axis(),
-            },
-            bucket_length: 1.51,
-        },
-        retracted: [1.87, 2.075, 0.0, 1.68],
-        masses: Masses {
-            boom: body(2130.0, 2.75, 0.55, 5450.0),
-            arm: body(850.0, 0.75, 0.1, 480.0),
-            inner: body(650.0, -1.0, 0.15, 280.0),
-            bucket: body(660.0, 0.65, 0.28, 130.0),
-            payload: Payload { mass: 0.0, center: Vector::new(0.75, 0.22), radius_of_gyration: 0.35 },
-        },
-    }
+    of_20_tonnes().mechanism.unwrap()
 }
 
 /// The excavator under a built-in scenario.
 fn under(scenario: &str) -> Machine {
-    let mut machine = Machine::load(None, &[("scenario".to_owned(), scenario.to_owned())]).unwrap();
+    let mut machine = Machine::four_axes(&[("scenario".to_owned(), scenario.to_owned())]).unwrap();
     machine.mechanism = Some(mechanism());
     machine
 }
@@ -91,7 +71,7 @@ fn plants(machine: &mut Machine) -> impl Iterator<Item = &mut Plant> {
 /// Takes every loss between pistons and tank away.
 fn without_leakage(machine: &mut Machine) {
     for plant in plants(machine) {
-        (plant.internal_leakage, plant.external_leakage) = (0.0, 0.0);
+        (plant.internal_leakage, plant.external_leakage, plant.ports.spool_leakage) = (0.0, 0.0, 0.0);
     }
 }
 

@@ -40,10 +40,65 @@ fn coupled_axes_that_are_too_fast_for_the_step_are_refused() {
         let mut machine = excavator();
         edit(&mut machine);
         match PlantSim::new(&machine, 1) {
-            Err(PlantError::TooStiffTogether { rate, limit }) => assert!(rate > limit),
+            Err(PlantError::TooStiffTogether { rate, limit, .. }) => assert!(rate > limit),
             other => panic!("case {case}: {:?}", other.err()),
         }
     }
+}
+
+#[test]
+fn the_axis_that_is_too_fast_is_named() {
+    type Edit = fn(&mut Machine);
+    let edits: [(&str, &str, Edit); 3] = [
+        ("axis.arm.plant", "damping of", |machine| plants(machine).nth(1).unwrap().end_stop_damping = 1e8),
+        ("axis.bucket.plant", "the stiffness of", |machine| plants(machine).nth(3).unwrap().end_stop_stiffness = 1e12),
+        ("axis.telescope.plant", "valve, leakage", |machine| plants(machine).nth(2).unwrap().rod_dead_volume = 1e-5),
+    ];
+    for (place, by, edit) in edits {
+        let mut machine = excavator();
+        edit(&mut machine);
+        let error = PlantSim::new(&machine, 1).unwrap_err().to_string();
+        let expected = format!("{place}: found, with the axes that the mechanism couples, a motion at ");
+        assert!(error.starts_with(&expected) && error.contains(by), "{error}");
+    }
+}
+
+#[test]
+fn end_stops_into_which_pistons_sink_beyond_the_linkage_are_refused() {
+    // The boom's linkage closes down to 0.071 m before position 0, and ever smaller moment arms lie before that.
+    let with = |stiffness: f64| {
+        let mut machine = excavator();
+        plants(&mut machine).next().unwrap().end_stop_stiffness = stiffness;
+        PlantSim::new(&machine, 1)
+    };
+    for accepted in [2e8, 5e7, 2e7] {
+        with(accepted).unwrap_or_else(|error| panic!("{accepted}: {error}"));
+    }
+    for refused in [1e5, 5e5] {
+        let error = with(refused).unwrap_err().to_string();
+        assert!(error.starts_with("axis.boom.plant.end_stop_stiffness: found stops into which pump"), "{error}");
+    }
+}
+
+#[test]
+fn the_pose_follows_a_piston_into_soft_stops() {
+    let mut machine = excavator();
+    let boom = plants(&mut machine).next().unwrap();
+    (boom.end_stop_stiffness, boom.initial_position) = (1.8e7, 1.2);
+    (boom.piston_dead_volume, boom.rod_dead_volume) = (3e-3, 3e-3);
+    let mut sim = simulate(&machine);
+    for _ in 0..1000 {
+        sim.command(&commands([1.0, 0.0, 0.0, 0.0]));
+        sim.advance(Duration::from_millis(10));
+    }
+    // At rest in the stop: oil against weight and stop, with the weight of the pose that the piston has.
+    let (state, plant) = (sim.axes()[0], machine.axes[0].plant.as_ref().unwrap());
+    let depth = state.position - machine.axes[0].stroke;
+    let prepared = mechanism().prepared();
+    let weight = prepared.dynamics(&prepared.pose(&positions(&sim)), &[0.0; AXES], Vector::default()).load[0];
+    let oil = plant.piston_area * state.piston_pressure - plant.rod_area * state.rod_pressure;
+    println!("{depth} m deep, {} N left", oil - weight - 1.8e7 * depth);
+    assert!(depth > 0.021 && (oil - weight - 1.8e7 * depth).abs() < 2.0 * plant.static_friction, "{state:?}");
 }
 
 /// The fastest excavator that is accepted, by a factor that `edit` gets and that grows by a tenth each time.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pipeline::machine::{BUILT_IN, Machine};
+use pipeline::machine::{FOUR_AXES, Machine};
 use toml::{Table, Value};
 
 /// Keys of `[axis.NAME.plant]` with their values, and `stroke`, which is a key of `[axis.NAME]`.
@@ -11,7 +11,7 @@ pub type Edits = Vec<(&'static str, Value)>;
 /// A machine under the scenario `everything`. Each of its axes is the built-in bucket with one of the edits in `axes`.
 /// `hydraulics` gives other values of the tables `[supply]` and `[oil]`, such as `supply.flow`.
 pub fn machine(axes: &[Edits], hydraulics: &[(&str, f64)]) -> Machine {
-    let mut file: Table = BUILT_IN.parse().unwrap();
+    let mut file: Table = FOUR_AXES.parse().unwrap();
     file.insert("scenario".to_owned(), "everything".into());
     for (key, value) in hydraulics {
         let (table, key) = key.split_once('.').unwrap();

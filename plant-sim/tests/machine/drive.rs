@@ -138,7 +138,7 @@ fn commands_out_of_range_are_clamped_and_commands_that_are_not_finite_are_neutra
 
 #[test]
 fn equal_seeds_give_equal_bits_and_different_seeds_different_noise() {
-    let machine = Machine::load(None, &[]).unwrap();
+    let machine = Machine::four_axes(&[]).unwrap();
     let run = |seed| {
         let mut sim = PlantSim::new(&machine, seed).unwrap();
         let readings: Vec<_> = (0..300)

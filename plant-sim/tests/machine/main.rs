@@ -25,7 +25,7 @@ const STEP: Duration = Duration::from_micros(100);
 
 /// The built-in machine under one of its scenarios.
 fn under(scenario: &str) -> Machine {
-    Machine::load(None, &[("scenario".to_owned(), scenario.to_owned())]).unwrap()
+    Machine::four_axes(&[("scenario".to_owned(), scenario.to_owned())]).unwrap()
 }
 
 /// The built-in machine with constant parameters.

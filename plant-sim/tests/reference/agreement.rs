@@ -123,7 +123,7 @@ fn check(figures: &[Figures]) {
 }
 
 fn under(scenario: &str) -> Machine {
-    Machine::load(None, &[("scenario".to_owned(), scenario.to_owned())]).unwrap()
+    Machine::four_axes(&[("scenario".to_owned(), scenario.to_owned())]).unwrap()
 }
 
 #[test]

@@ -5,7 +5,7 @@ const PERIOD: Duration = Duration::from_millis(10);
 
 /// The boom: stroke 1.334 m, 1 m/s, counts of 0.1 mm, stuck after 300 ms.
 fn boom() -> Plausibility {
-    Plausibility::new(&Machine::load(None, &[]).unwrap().axes[0], PERIOD)
+    Plausibility::new(&Machine::four_axes(&[]).unwrap().axes[0], PERIOD)
 }
 
 #[test]

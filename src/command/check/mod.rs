@@ -3,6 +3,7 @@
 //! Runs once, before the loop.
 
 mod explain;
+mod sensors;
 
 use std::path::PathBuf;
 
@@ -12,7 +13,7 @@ use pipeline::machine::{Machine, Source};
 use plant_sim::PlantSim;
 use sensor_proc::{Recording, Replay};
 
-use super::mechanism::summary;
+use super::mechanism::{overloads, summary};
 use crate::{
     arguments::{MachineFile, load},
     failure::Failure,
@@ -60,7 +61,8 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
         humantime::format_duration(machine.timing.period)
     );
     let mechanism = machine.mechanism.as_ref().map(|mechanism| summary(&machine, mechanism));
-    Ok(show(&(text + &mechanism.unwrap_or_default()))?)
+    let warnings: String = overloads(&machine).iter().map(|warning| format!("warning: {warning}\n")).collect();
+    Ok(show(&(text + &mechanism.unwrap_or_default() + &sensors::summary(&machine) + &warnings))?)
 }
 
 /// Checks, axis by axis, the files that the machine file names and the values that follow from it: trajectories,

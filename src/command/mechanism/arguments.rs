@@ -10,7 +10,7 @@ use crate::arguments::BareMachine;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  hydraxis mechanism examples/excavator-20t.toml          reach, joints, masses and loads of a machine with a linkage
+  hydraxis mechanism examples/excavator.toml          reach, joints, masses and loads of a machine with a linkage
   hydraxis mechanism my.toml --set mechanism.payload.mass=1500
                                                           with 1.5 t in the bucket
   hydraxis mechanism my.toml --urdf excavator.urdf        for viewers and dynamics libraries
@@ -27,7 +27,7 @@ pub struct MechanismArguments {
     /// The machine
     #[command(flatten)]
     pub machine: BareMachine,
-    /// Evaluate the states of a JSON file instead
+    /// Evaluate the states of a JSON file instead, or those of standard input with -
     #[arg(long, value_name = "FILE.json", conflicts_with = "urdf")]
     pub states: Option<PathBuf>,
     /// Write the figures as JSON to a file, or to standard output with - in the place of the tables

@@ -3,14 +3,15 @@
 //! Runs alone, without a loop.
 
 mod arguments;
+mod overload;
 mod report;
 mod states;
 mod urdf;
 mod workspace;
 
-use std::io::Write;
+use std::{f64::consts::TAU, io::Write};
 
-use mechanism::Mechanism;
+use mechanism::{AXES, Mechanism, Pose};
 use pipeline::machine::Machine;
 
 use crate::{
@@ -19,14 +20,18 @@ use crate::{
     report::output::{Output, OutputError, create, is_stdout, show},
 };
 pub use arguments::MechanismArguments;
+pub use overload::overloads;
 use report::MechanismReport;
 pub use report::summary;
+
+/// The place of the telescope among the axes.
+const TELESCOPE: usize = 2;
 
 /// Runs the command.
 pub fn run(arguments: &MechanismArguments) -> Result<(), Failure> {
     let machine = load_bare(&arguments.machine, None)?;
     if let Some(file) = &arguments.states {
-        let answer = states::answer(file, machine.mechanism.as_ref())?;
+        let answer = states::answer(file, &machine)?;
         let output = Output::open(arguments.json.as_deref())?;
         return Ok(output.write(|| states::table_of(&answer), &answer)?);
     }
@@ -55,18 +60,39 @@ fn missing(arguments: &MechanismArguments) -> Failure {
     let file = arguments.machine.machine.as_ref().map(|file| file.display().to_string());
     Failure::usage(format!(
         "{}: mechanism: found nothing; allowed: the tables [mechanism.boom], .arm, .telescope and .bucket with pins \
-         and masses, as examples/excavator-20t.toml has them",
+         and masses, as examples/excavator.toml has them",
         file.as_deref().unwrap_or("built-in machine")
     ))
 }
 
 /// Strokes of the axes of the mechanism, m.
-fn strokes(machine: &Machine) -> [f64; mechanism::AXES] {
+fn strokes(machine: &Machine) -> [f64; AXES] {
     std::array::from_fn(|i| machine.axes[i].stroke)
 }
 
-/// The poses of the machine at both ends of all strokes.
-fn ends(machine: &Machine, mechanism: &Mechanism) -> [mechanism::Pose; 2] {
-    let prepared = mechanism.prepared();
-    [prepared.pose(&[0.0; mechanism::AXES]), prepared.pose(&strokes(machine))]
+/// Postures on the stroke of one cylinder.
+const POSTURES: usize = 100;
+
+/// The poses along the strokes, all cylinders from position 0 to full stroke at once: each joint depends on its own
+/// cylinder only.
+fn along_strokes(machine: &Machine, mechanism: &Mechanism) -> impl Iterator<Item = Pose> {
+    let (prepared, strokes) = (mechanism.prepared(), strokes(machine));
+    (0..=POSTURES).map(move |k| prepared.pose(&strokes.map(|stroke| stroke * k as f64 / POSTURES as f64)))
+}
+
+/// Joints at position 0 and at full stroke, rad (m for the telescope). Beyond half a turn the angle counts on.
+fn joint_ranges(machine: &Machine, mechanism: &Mechanism) -> [[f64; 2]; AXES] {
+    let mut joints = along_strokes(machine, mechanism).map(|pose| pose.joints());
+    let first = joints.next().unwrap_or_default();
+    let last = joints.fold(first, |before, now| {
+        std::array::from_fn(
+            |i| if i == TELESCOPE { now[i] } else { before[i] + within_half_a_turn(now[i] - before[i]) },
+        )
+    });
+    std::array::from_fn(|i| [first[i], last[i]])
+}
+
+/// The same angle from -pi to pi, rad.
+fn within_half_a_turn(angle: f64) -> f64 {
+    angle - TAU * (angle / TAU).round()
 }

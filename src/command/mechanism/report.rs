@@ -7,13 +7,10 @@ use pipeline::machine::Machine;
 use serde::Serialize;
 
 use super::{
-    ends, strokes,
-    workspace::{Felt, Spread, Workspace},
+    TELESCOPE, along_strokes, joint_ranges, strokes,
+    workspace::{Felt, Spread, Workspace, frequencies_at},
 };
 use crate::report::table::table;
-
-/// Postures on the stroke of one cylinder, for its smallest and largest moment arm.
-const LENGTHS: usize = 100;
 
 /// The figures.
 #[derive(Debug, Serialize)]
@@ -24,6 +21,8 @@ pub struct MechanismReport {
     /// With the telescope in, half out and out.
     extents: Vec<ExtentReport>,
     axes: Vec<AxisReport>,
+    /// Natural frequencies of the coupled cylinders in the posture of the start, Hz.
+    start_frequencies: Option<[f64; AXES]>,
     workspace: Option<Workspace>,
 }
 
@@ -85,13 +84,17 @@ pub fn summary(machine: &Machine, mechanism: &Mechanism) -> String {
     )
 }
 
-/// The load at rest of each cylinder of the mechanism.
-fn at_rest(machine: &Machine, mechanism: &Mechanism) -> [Rest; AXES] {
-    let start = |i: usize| {
+/// Positions at the start, m; without a simulated plant those in the middle of the strokes.
+fn start(machine: &Machine) -> [f64; AXES] {
+    std::array::from_fn(|i| {
         let axis = &machine.axes[i];
         axis.plant.as_ref().map_or(0.5 * axis.stroke, |plant| plant.initial_position)
-    };
-    let positions = std::array::from_fn(start);
+    })
+}
+
+/// The load at rest of each cylinder of the mechanism.
+fn at_rest(machine: &Machine, mechanism: &Mechanism) -> [Rest; AXES] {
+    let positions = start(machine);
     let pose = mechanism.prepared().pose(&positions);
     let terms = Moments::new(&mechanism.masses).dynamics(&pose, &[0.0; AXES]);
     let force = terms.holding_force(&pose, Vector::default());
@@ -107,6 +110,7 @@ impl MechanismReport {
     pub fn new(machine: &Machine, mechanism: &Mechanism) -> Self {
         let mut report = Self::of_strokes(machine, mechanism);
         report.workspace = Workspace::new(machine, mechanism);
+        report.start_frequencies = frequencies_at(machine, mechanism, &start(machine));
         if let Some(workspace) = &report.workspace {
             for (axis, felt) in report.axes.iter_mut().zip(&workspace.cylinders) {
                 axis.felt = Some(*felt);
@@ -123,19 +127,15 @@ impl MechanismReport {
             let extent = prepared.extent(&[0.0; AXES], &stroke, telescope);
             ExtentReport { telescope, reach: extent.reach, depth: extent.depth, height: extent.height }
         });
-        let joints = ends(machine, mechanism).map(|pose| pose.joints());
+        let joints = joint_ranges(machine, mechanism);
         let rest = at_rest(machine, mechanism);
         let axes = (0..AXES).map(|i| {
-            let arm = |k: usize| {
-                let positions = stroke.map(|stroke| stroke * k as f64 / LENGTHS as f64);
-                prepared.pose(&positions).rate[i].abs().recip()
-            };
-            let moment_arm = (0..=LENGTHS)
-                .map(arm)
-                .fold([f64::INFINITY, 0.0], |[low, high]: [f64; 2], arm| [low.min(arm), high.max(arm)]);
+            let arms = along_strokes(machine, mechanism).map(|pose| pose.rate[i].abs().recip());
+            let moment_arm =
+                arms.fold([f64::INFINITY, 0.0], |[low, high]: [f64; 2], arm| [low.min(arm), high.max(arm)]);
             AxisReport {
                 name: machine.axes[i].name.clone(),
-                joint: [joints[0][i], joints[1][i]],
+                joint: joints[i],
                 moment_arm: (i != TELESCOPE).then_some(moment_arm),
                 rest: rest[i],
                 felt: None,
@@ -146,6 +146,7 @@ impl MechanismReport {
             payload: mechanism.masses.payload.mass,
             extents: extents.into(),
             axes: axes.collect(),
+            start_frequencies: None,
             workspace: None,
         }
     }
@@ -174,32 +175,36 @@ impl MechanismReport {
         );
         let rows = self.axes.iter().filter_map(|axis| {
             let felt = axis.felt.as_ref()?;
-            let frequency = felt.natural_frequency.map_or("-".to_owned(), |spread| three(&spread, 1.0));
+            let frequency =
+                |spread: &Option<Spread>| spread.as_ref().map_or("-".to_owned(), |spread| three(spread, 1.0));
             Some(vec![
                 axis.name.clone(),
                 three(&felt.reflected_mass, 1e-3),
                 three(&felt.gravity, 1e-3),
-                frequency,
+                frequency(&felt.natural_frequency),
+                frequency(&felt.ideal_frequency),
                 three(&felt.tip_ratio, 1.0),
             ])
         });
-        let header = ["axis", "mass, t", "gravity, kN", "natural frequency, Hz", "teeth, mm per mm"];
+        let header = ["axis", "mass, t", "gravity, kN", "natural frequency, Hz", "ideal, Hz", "teeth, mm per mm"];
         text += &format!("{}\n", table(&header, rows.collect()));
         if let Some(modes) = &workspace.coupled_frequencies {
             let modes: Vec<String> = modes.iter().map(|mode| three(mode, 1.0)).collect();
             let _ = writeln!(text, "Coupled, with all valves shut, Hz: {}", modes.join("; "));
         }
+        if let Some(modes) = &self.start_frequencies {
+            let _ = writeln!(text, "Coupled, in the posture of the start, Hz: {}", modes.map(digits).join("; "));
+        }
         text + LEGEND
     }
 }
-
-const TELESCOPE: usize = 2;
 
 /// What the columns mean.
 const LEGEND: &str = "
 mass               mass that the cylinder moves while the other cylinders are held
 gravity            force that carries the load at rest; positive: the piston side carries it
-natural frequency  of this mass on the oil of both chambers at 5 MPa with the valve shut, without hoses, which lower it
+natural frequency  of this mass on the oil of chambers and hoses at the pressures at rest, with the valve shut
+ideal              natural frequency on the oil of the chambers alone, at 5 MPa
 teeth              way of the teeth per way of this piston
 ";
 

@@ -5,6 +5,14 @@
 //! bucket turn about the axis -y, so that x is forward, z is up, and positive angles are counter-clockwise seen from
 //! the right; joint values are those of `mechanism::Pose::joints`.
 //!
+//! ```text
+//! effort = A_1 p_r max(1/|J|)          velocity = v_max max(|J|)          over the stroke
+//! ```
+//!
+//! A_1 area of the piston side in m2, p_r relief pressure in Pa, v_max `max_speed` in m/s, J rate of the joint per rate
+//! of its cylinder. A library checks both limits in every posture, so they are the largest over the stroke; most
+//! postures allow less.
+//!
 //! Trap: URDF wants a moment of inertia for each of the three axes. Only the one about y is known and has an effect
 //! here; the other two are set to the same value, which every body can have.
 
@@ -13,7 +21,7 @@ use std::fmt::Write;
 use mechanism::{Body, Mechanism, Vector};
 use pipeline::machine::Machine;
 
-use super::{ends, strokes};
+use super::{along_strokes, joint_ranges};
 
 /// Width of the boxes that stand for the bodies in a viewer, m.
 const BOX: f64 = 0.3;
@@ -63,20 +71,21 @@ struct Limits {
 
 impl Limits {
     fn all(machine: &Machine, mechanism: &Mechanism) -> [Self; mechanism::AXES] {
-        let joints = ends(machine, mechanism).map(|pose| pose.joints());
-        let middle = mechanism.prepared().pose(&strokes(machine).map(|stroke| 0.5 * stroke));
+        let joints = joint_ranges(machine, mechanism);
         std::array::from_fn(|i| {
             let axis = &machine.axes[i];
             let (area, pressure) = axis
                 .plant
                 .as_ref()
                 .map_or((PISTON_AREA, RELIEF_PRESSURE), |plant| (plant.piston_area, plant.relief_pressure));
-            let rate = middle.rate[i].abs();
+            let rates = along_strokes(machine, mechanism).map(|pose| pose.rate[i].abs());
+            let (slowest, fastest) =
+                rates.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), rate| (low.min(rate), high.max(rate)));
             Self {
-                low: joints[0][i].min(joints[1][i]),
-                high: joints[0][i].max(joints[1][i]),
-                effort: area * pressure / rate,
-                velocity: axis.max_speed * rate,
+                low: joints[i][0].min(joints[i][1]),
+                high: joints[i][0].max(joints[i][1]),
+                effort: area * pressure / slowest,
+                velocity: axis.max_speed * fastest,
             }
         })
     }

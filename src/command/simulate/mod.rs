@@ -17,7 +17,7 @@ use pipeline::{
     stage::{Clock, StageKind},
 };
 
-use super::check;
+use super::{check, mechanism::overloads};
 use crate::{
     arguments::load,
     failure::Failure,
@@ -45,6 +45,9 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
     let is_open = arguments.open_loop.is_some() || !machine.scenario.commands.is_empty();
     expect_compatible(arguments, &machine, is_open)?;
     let rows = check::deep(&machine)?;
+    for warning in overloads(&machine) {
+        eprintln!("warning: {warning}");
+    }
     if is_open {
         return open_loop::run(&machine, arguments);
     }

@@ -86,6 +86,8 @@ struct AxisFigures {
     command: f64,
     position: f64,
     velocity: f64,
+    /// Pressures of piston side and rod side, Pa, if they are measured.
+    pressures: Option<(f64, f64)>,
     reference: f64,
     error: f64,
     flags: Vec<&'static str>,
@@ -317,6 +319,7 @@ impl AxisFigures {
             command: command.command,
             position: sample.position,
             velocity: sample.velocity,
+            pressures: sample.pressures(),
             reference: command.reference,
             error: command.error,
             flags: bit_names(command.flags, &control_flag::NAMES).collect(),

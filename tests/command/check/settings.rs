@@ -58,6 +58,11 @@ fn settings_that_their_keys_do_not_take_are_refused() {
             "axis.boom.stroke=-1",
             "axis.boom.stroke: found -1 (from the command line); allowed: a number from 0.001 to 100 m",
         ),
+        (
+            "axis.boom.soft_limits=[.59,.61]",
+            "axis.boom.soft_limits: found [.59,.61], which is no TOML (from the command line); allowed: a list of 2",
+        ),
+        ("axis.boom.control.kp=.5", "kp: found .5, which is no TOML (from the command line); allowed: a number from 0"),
         ("timing.period=5", "timing.period: found 5 (from the command line); allowed: a duration with its unit"),
         ("realtime.lock_memory=yes", "realtime.lock_memory: found yes (from the command line); allowed: true or false"),
         (

@@ -6,7 +6,7 @@ use super::trajectory;
 use crate::harness::report;
 
 /// The machine file, from the folder in which the tests run.
-const MACHINE: &str = "examples/excavator-20t.toml";
+const MACHINE: &str = "examples/excavator.toml";
 
 const AXES: [&str; 4] = ["boom", "arm", "telescope", "bucket"];
 

@@ -9,7 +9,11 @@ use std::{
 use pipeline::{machine::Machine, message::ValveCommand};
 use plant_sim::PlantSim;
 
-use super::{cli, folder_with, harness, trajectory};
+use super::{
+    cli, folder_with,
+    harness::{self, FOUR_AXES},
+    trajectory,
+};
 
 /// Times after the first row, ns, and commands of boom and bucket. The first row is at 3 s.
 const ROWS: [(u64, f64, f64); 7] = [
@@ -27,9 +31,9 @@ fn an_open_loop_is_the_plant_called_directly_bit_for_bit() {
     let time = |ns: u64| format!("{}.{:09}", 3 + ns / 1_000_000_000, ns % 1_000_000_000);
     let lines = ROWS.map(|(ns, boom, bucket)| format!("{boom},{},{bucket}\n", time(ns)));
     let folder = folder_with("u.csv", &format!("boom,t,bucket\n{}", lines.concat()));
-    let found = trajectory(folder.path(), &["--open-loop", "u.csv", "--scenario", "everything"]);
+    let found = trajectory(folder.path(), &[FOUR_AXES, "--open-loop", "u.csv", "--scenario", "everything"]);
 
-    let machine = Machine::load(None, &[("scenario".to_owned(), "everything".to_owned())]).unwrap();
+    let machine = Machine::four_axes(&[("scenario".to_owned(), "everything".to_owned())]).unwrap();
     let mut plant = PlantSim::new(&machine, 1).unwrap();
     let mut command = ValveCommand::default();
     for (row, (ns, boom, bucket)) in ROWS.into_iter().enumerate() {
@@ -56,7 +60,7 @@ fn an_open_loop_is_the_plant_called_directly_bit_for_bit() {
 #[test]
 fn a_row_is_held_longer_than_the_drive_waits() {
     let folder = folder_with("u.csv", "t,boom\n0,0.3\n1,0.3\n2,0.3\n");
-    let arguments = ["--open-loop", "u.csv", "--scenario", "nominal"];
+    let arguments = [FOUR_AXES, "--open-loop", "u.csv", "--scenario", "nominal"];
     let position = trajectory(folder.path(), &arguments).column("boom.position");
     assert!(position[2] - position[1] > 0.1, "{position:?}");
     assert!((position[2] - position[1]) > 0.95 * (position[1] - position[0]), "{position:?}");
@@ -99,13 +103,14 @@ fn the_scenarios_commands_last_as_long_as_asked() {
     assert_eq!(long.column("boom.command"), long.column("bucket.command"));
 }
 
-/// The dead band of the built-in boom.
+/// The dead band of the boom of the four axes.
 const DEAD_BAND: std::ops::RangeInclusive<f64> = -0.08..=0.10;
 
 #[test]
 fn the_boom_stands_in_its_dead_band_and_sinks_under_a_symmetric_command() {
     let folder = tempfile::tempdir().unwrap();
-    let found = trajectory(folder.path(), &["--scenario", "open-loop", "--duration", "60.01s", "--axis", "boom"]);
+    let found =
+        trajectory(folder.path(), &[FOUR_AXES, "--scenario", "open-loop", "--duration", "60.01s", "--axis", "boom"]);
     let (command, position) = (found.column("boom.command"), found.column("boom.position"));
     for (now, half_a_period_later) in command.iter().zip(&command[1000..]) {
         assert!((now + half_a_period_later).abs() < 1e-9, "the command is symmetric");
@@ -141,12 +146,13 @@ fn the_boom_stands_in_its_dead_band_and_sinks_under_a_symmetric_command() {
 fn the_picture_of_the_documentation_is_what_is_drawn() {
     let drawn = cli::success(
         tempfile::tempdir().unwrap().path(),
-        &["simulate", "--scenario", "open-loop", "--duration", "60s", "--axis", "boom", "--plot", "-"],
+        &["simulate", FOUR_AXES, "--scenario", "open-loop", "--duration", "60s", "--axis", "boom", "--plot", "-"],
     );
     let kept = include_str!("../../../docs/src/open-loop.svg");
     assert!(
         drawn == kept,
-        "hydraxis simulate --scenario open-loop --duration 60s --axis boom --plot docs/src/open-loop.svg draws it anew"
+        "hydraxis simulate examples/four-axes.toml --scenario open-loop --duration 60s --axis boom \
+         --plot docs/src/open-loop.svg draws it anew"
     );
 }
 

@@ -2,12 +2,18 @@
 
 use std::fs;
 
-use super::{Trajectory, cli::success, folder_with, harness::report, trajectory};
+use super::{
+    Trajectory,
+    cli::success,
+    folder_with,
+    harness::{FOUR_AXES, report},
+    trajectory,
+};
 
 #[test]
 fn a_trajectory_has_a_row_per_tick_and_what_the_controller_knows() {
     let folder = tempfile::tempdir().unwrap();
-    let found = trajectory(folder.path(), &["--duration", "10s", "--trajectory", "-"]);
+    let found = trajectory(folder.path(), &[FOUR_AXES, "--duration", "10s", "--trajectory", "-"]);
     assert_eq!(found.names.len(), 2 + 4 * 11);
     let expected: Vec<f64> = (0..1000).map(|tick| f64::from(tick) / 100.0).collect();
     assert_eq!(found.column("t"), expected);
@@ -58,7 +64,7 @@ fn a_picture_names_axes_and_units_and_needs_nothing_from_elsewhere() {
     for text in ["boom", "arm", "telescope", "bucket", "reference", "valve command", "position, mm", "time, s"] {
         assert!(picture.contains(&format!("\n{text}\n")), "{text}");
     }
-    assert!(picture.contains("four-axis excavator, scenario cold-start"));
+    assert!(picture.contains("20 t excavator, scenario nominal"));
     assert_eq!(picture.matches("http").count(), 1, "the name space of SVG alone");
     assert!(picture.trim_end().ends_with("</svg>"));
 }
@@ -84,7 +90,8 @@ fn a_machine_that_stands_still_and_a_single_row_can_be_drawn() {
 #[test]
 fn a_long_run_is_drawn_with_few_points() {
     let folder = tempfile::tempdir().unwrap();
-    let arguments = ["simulate", "--scenario", "open-loop", "--duration", "10m", "--axis", "boom", "--plot", "-"];
+    let arguments =
+        ["simulate", FOUR_AXES, "--scenario", "open-loop", "--duration", "10m", "--axis", "boom", "--plot", "-"];
     let picture = success(folder.path(), &arguments);
     assert!(picture.len() < 100_000, "{} bytes", picture.len());
 }

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use pipeline::machine::BUILT_IN;
+use pipeline::machine::FOUR_AXES;
 
 use super::{
     cli::{expect_refusal, refusal},
@@ -11,7 +11,7 @@ use super::{
 
 /// Expects a refusal of the built-in machine with a scenario of its own. The message names the last line.
 fn expect_bad_scenario(own: &str, expected: &str) {
-    let text = format!("{BUILT_IN}{own}\n");
+    let text = format!("{FOUR_AXES}{own}\n");
     let place = format!("m.toml:{}: ", text.matches('\n').count());
     let folder = folder_with("m.toml", &text);
     expect_refusal(folder.path(), &["simulate", "m.toml"], &[&format!("{place}{expected}")]);
@@ -30,14 +30,8 @@ fn an_unknown_scenario_is_refused_with_those_there_are() {
 
 #[test]
 fn scenarios_of_a_file_are_among_those_there_are() {
-    let folder = folder_with("m.toml", &format!("{BUILT_IN}\n[scenarios.own]\n"));
+    let folder = folder_with("m.toml", &format!("{FOUR_AXES}\n[scenarios.own]\n"));
     expect_refusal(folder.path(), &["check", "m.toml", "--scenario", "lunar"], &["\"open-loop\" or \"own\""]);
-}
-
-#[test]
-fn the_name_of_a_built_in_scenario_is_refused() {
-    let expected = "scenarios.payload: found the name of a built-in scenario; allowed: another name";
-    expect_bad_scenario("[scenarios.payload]", expected);
 }
 
 #[test]
@@ -168,7 +162,7 @@ fn options_that_do_not_go_together_are_refused() {
 
 #[test]
 fn a_replayed_machine_has_no_plant_to_show() {
-    let text = BUILT_IN.replacen("kind = \"sim\" ", "kind = \"replay\"\nfile = \"r.csv\" ", 1);
+    let text = FOUR_AXES.replacen("kind = \"sim\" ", "kind = \"replay\"\nfile = \"r.csv\" ", 1);
     let folder = folder_with("m.toml", &text);
     fs::write(folder.path().join("u.csv"), "t,boom\n0,0\n").unwrap();
     for option in [["--open-loop", "u.csv"], ["--scenario", "open-loop"], ["--trajectory", "-"], ["--plot", "y.svg"]] {

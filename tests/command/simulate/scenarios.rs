@@ -1,18 +1,18 @@
 //! Scenarios by name, and those of a machine file.
 
-use pipeline::machine::{BUILT_IN, Scenario};
+use pipeline::machine::{self, Scenario};
 
 use super::{
     cli::{run, success},
     folder_with,
-    harness::report,
+    harness::{FOUR_AXES, report},
 };
 
 #[test]
 fn a_scenario_changes_the_result() {
     let run = |scenario| report(&["simulate", "--duration", "3s", "--scenario", scenario])["axes"].clone();
     assert_ne!(run("nominal"), run("cold-start"));
-    assert_eq!(run("cold-start"), report(&["simulate", "--duration", "3s"])["axes"], "which the built-in machine has");
+    assert_eq!(run("nominal"), report(&["simulate", "--duration", "3s"])["axes"], "which the built-in machine has");
 }
 
 #[test]
@@ -27,13 +27,24 @@ fn a_scenario_by_name_is_the_setting_of_its_key_and_counts_before_it() {
 fn a_scenario_of_ones_own_is_the_same_in_one_process_and_in_four() {
     let own = "\n[scenarios.weak-arm]\nsummary = \"the arm loses half its flow\"\n\
                changes = [{ axis = \"arm\", parameter = \"flow_gain\", start = 1, end = 2, factor = 0.5 }]\n";
-    let folder = folder_with("m.toml", &format!("{BUILT_IN}{own}"));
+    let folder = folder_with("m.toml", &format!("{}{own}", machine::FOUR_AXES));
     let file = folder.path().join("m.toml");
     let arguments = [file.to_str().unwrap(), "--duration", "4s", "--scenario", "weak-arm"];
     let simulated = report(&[&["simulate"], &arguments[..]].concat());
     assert_eq!(simulated, report(&[&["run", "--lockstep"], &arguments[..]].concat()));
-    let nominal = report(&["simulate", "--duration", "4s", "--scenario", "nominal"]);
+    let nominal = report(&["simulate", FOUR_AXES, "--duration", "4s", "--scenario", "nominal"]);
     assert_ne!(simulated["axes"]["arm"], nominal["axes"]["arm"]);
+}
+
+#[test]
+fn a_scenario_of_ones_own_takes_the_place_of_the_built_in_one_of_its_name() {
+    let own = "\n[scenarios.payload]\nchanges = []\n";
+    let folder = folder_with("m.toml", &format!("{}{own}", machine::FOUR_AXES));
+    let file = folder.path().join("m.toml");
+    let run =
+        |file: &str, scenario| report(&["simulate", file, "--duration", "12s", "--scenario", scenario])["axes"].clone();
+    assert_eq!(run(file.to_str().unwrap(), "payload"), run(FOUR_AXES, "nominal"));
+    assert_ne!(run(FOUR_AXES, "payload"), run(FOUR_AXES, "nominal"));
 }
 
 #[test]
@@ -53,5 +64,5 @@ fn a_run_names_its_scenario() {
     let arguments = ["run", "--lockstep", "--duration", "100ms", "--scenario", "digging"];
     let output = run(tempfile::tempdir().unwrap().path(), &arguments);
     let errors = String::from_utf8(output.stderr).unwrap();
-    assert!(errors.starts_with("four-axis excavator, scenario \"digging\": group \""), "{errors}");
+    assert!(errors.starts_with("20 t excavator, scenario \"digging\": group \""), "{errors}");
 }

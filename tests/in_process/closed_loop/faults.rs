@@ -13,7 +13,7 @@ fn built_in(scenario: &str, is_commissioned: bool, model: ModelChoice) -> Machin
     if is_commissioned {
         settings.extend_from_slice(commissioned());
     }
-    let mut machine = Machine::load(None, &settings).unwrap();
+    let mut machine = Machine::four_axes(&settings).unwrap();
     for axis in &mut machine.axes {
         (axis.control.model, axis.control.feedforward) = (model, is_commissioned);
     }

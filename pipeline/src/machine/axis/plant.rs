@@ -1,6 +1,10 @@
 //! The simulated axis: `[axis.NAME.plant]`.
 
-use super::{dead_band::DeadBand, ports::Ports};
+use super::{
+    dead_band::DeadBand,
+    ports::Ports,
+    sensor_errors::{SensorErrors, Sensors},
+};
 use crate::machine::document::Section;
 
 /// Parameters of one simulated axis, SI units; the symbols are the paper's, and LuGre's for friction.
@@ -62,8 +66,8 @@ pub struct Plant {
     pub end_stop_stiffness: f64,
     /// Damping of the end stops, N s/m.
     pub end_stop_damping: f64,
-    /// Standard deviation of the encoder's noise, m.
-    pub encoder_noise: f64,
+    /// What the sensors do beyond their resolution.
+    pub sensor_errors: SensorErrors,
 }
 
 /// Force of the load against extension, N, at three positions, with a parabola between them.
@@ -104,7 +108,7 @@ const LARGEST_STICTION: f64 = 10.0;
 
 impl Plant {
     /// `is_carried` says that the mechanism gives mass and load of this axis.
-    pub(super) fn read(mut section: Section, stroke: f64, is_carried: bool) -> Self {
+    pub(super) fn read(mut section: Section, stroke: f64, is_carried: bool, sensors: Sensors) -> Self {
         let (mass, load_force, load_stiffness) = read_load(&mut section, is_carried);
         let friction = Friction::read(&mut section);
         let valve = Valve::read(&mut section);
@@ -154,11 +158,7 @@ impl Plant {
             ports,
             end_stop_stiffness,
             end_stop_damping,
-            encoder_noise: section.key("encoder_noise", "Standard deviation of the encoder's noise").number_or(
-                0.0,
-                0.0..=0.1,
-                "m",
-            ),
+            sensor_errors: SensorErrors::read(&mut section, sensors),
         };
         section.finish();
         plant

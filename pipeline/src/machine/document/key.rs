@@ -71,9 +71,13 @@ impl Key<'_, '_, '_> {
             }
             Some(Value::Setting(text, origin)) => {
                 // A setting is TOML where it can be, else a plain string, as in `--set scenario=payload`.
-                let as_toml = DeValue::parse(&text).ok().and_then(|value| parse(value.get_ref()));
-                let parsed = as_toml.or_else(|| parse(&DeValue::String(text.as_str().into())));
-                (parsed, origin.of(text), None, origin)
+                let as_toml = DeValue::parse(&text);
+                let parsed = as_toml.as_ref().ok().and_then(|value| parse(value.get_ref()));
+                let parsed = parsed.or_else(|| parse(&DeValue::String(text.as_str().into())));
+                // Other texts are plain strings, or durations.
+                let is_broken = as_toml.is_err() && text.starts_with(['[', '{', '.', '+', '-']);
+                let shown = if is_broken { format!("{text}, which is no TOML") } else { text };
+                (parsed, origin.of(shown), None, origin)
             }
         };
         match parsed {

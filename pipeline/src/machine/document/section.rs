@@ -71,13 +71,22 @@ impl<'d, 'i> Section<'d, 'i> {
 
     /// Refuses a key that is given although another table says what it would say.
     pub fn forbid(&mut self, key: &str, allowed: &str) {
-        let line = self.line_of(key);
         match self.take(key) {
             None => {}
-            Some(Value::File(value)) => {
-                self.document.problem(line, self.path_of(key), show(value.get_ref()), allowed);
+            Some(Value::File(value)) => self.refuse(key, show(value.get_ref()), allowed),
+            Some(Value::Setting(text, _)) => self.refuse(key, text, allowed),
+        }
+    }
+
+    /// Refuses keys of another kind than the one that the table has. Where the kind comes from the command line
+    /// (`is_overridden`), the file still has the keys of its own kind; these are passed over.
+    pub fn exclude(&mut self, keys: &[&str], is_overridden: bool, allowed: &str) {
+        for key in keys {
+            if is_overridden && !self.is_set(key) {
+                self.take(key);
+            } else {
+                self.forbid(key, allowed);
             }
-            Some(Value::Setting(text, _)) => self.document.problem(None, self.path_of(key), text, allowed),
         }
     }
 

@@ -4,7 +4,7 @@ use super::*;
 
 /// The built-in machine's axes coupled by the linkage of an excavator of 20 t.
 fn excavator() -> (Machine, Coupling) {
-    let machine = Machine::load(None, &[]).unwrap();
+    let machine = Machine::four_axes(&[]).unwrap();
     let mechanism = machine.mechanism.unwrap_or_else(mechanism_of_20_tonnes);
     let axes: &[Axis; AXES] = machine.axes.first_chunk().unwrap();
     let coupling = Coupling::new(&mechanism, axes.each_ref().map(|axis| axis.stroke), None).unwrap();
@@ -14,7 +14,7 @@ fn excavator() -> (Machine, Coupling) {
 fn mechanism_of_20_tonnes() -> mechanism::Mechanism {
     let tables = include_str!("../../../../examples/mechanism.toml");
     let keys = ["mass =", "load_force =", "load_stiffness ="];
-    let own = pipeline::machine::BUILT_IN.lines().filter(|line| keys.iter().all(|key| !line.starts_with(key)));
+    let own = pipeline::machine::FOUR_AXES.lines().filter(|line| keys.iter().all(|key| !line.starts_with(key)));
     let text: Vec<&str> = own.chain([tables]).collect();
     let machine = Machine::parse(&text.join("\n"), "excavator", std::path::Path::new("."), &[]);
     machine.unwrap().mechanism.unwrap()

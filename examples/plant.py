@@ -19,7 +19,8 @@ Every axis is a dead time, a lag of first order, a dead band and an integrator:
     y    piston position, m, 0 to stroke      d    dead band: dead_band_extend or dead_band_retract
     K    speed at full opening, m/s
 
-t_d, tau and d are those of [axis.NAME.plant] in the machine file. Nothing else of that table is used.
+t_d, tau and d are those of [axis.NAME.plant] in the machine file. Nothing else of that table is used. The sensors are
+at the cylinders, and there are no pressure transducers.
 
 Messages and channels are in hydraxis.py, beside this file.
 """
@@ -51,6 +52,8 @@ class Axis:
     def __init__(self, table):
         plant = table["plant"]
         self.stroke = table["stroke"]
+        if table["encoder"].get("kind", "cylinder") != "cylinder":
+            raise Trouble("this plant has sensors at its cylinders only: axis.NAME.encoder.kind = \"cylinder\"")
         self.resolution = table["encoder"]["resolution"]
         self.position = plant["initial_position"]
         self.time_constant = plant["valve_time_constant"]

@@ -12,7 +12,7 @@ use std::{
     time::Duration,
 };
 
-use harness::{TestGroup, wait_for};
+use harness::{TestGroup, mechanism::joint_sensors, wait_for};
 use pipeline::{
     channel::Prefix,
     hammerstein::{Basis, InputMap, Structure},
@@ -208,6 +208,12 @@ fn the_stage_loops_allocate_nothing_after_start() {
         axis.identification.estimator = kind.parse().unwrap();
     }
     assert_eq!(allocations("forgetting", &machine, Clock::LockStep, 100, 2000), 0);
+    // Sensors at joints, and pressures.
+    let mut settings = joint_sensors("inclinometer", 1e-4);
+    settings.push(("axis.boom.pressure.resolution".to_owned(), "1e4".to_owned()));
+    settings.push(("axis.boom.plant.angle_bandwidth".to_owned(), "10".to_owned()));
+    let machine = Machine::load(None, &settings).unwrap();
+    assert_eq!(allocations("joints", &machine, Clock::LockStep, 100, 500), 0);
     // Real time: timers, notifications, and the end of training after 200 ticks of 2 ms.
     let mut machine = Machine::four_axes(&[("timing.period".to_owned(), "2ms".to_owned())]).unwrap();
     machine.axes.iter_mut().for_each(|axis| axis.identification.training = 400);

@@ -11,7 +11,7 @@
 //! follows from every rotation, also from one that the stroke does not reach; whoever measures an angle has to look at
 //! the stroke.
 
-use crate::{Geometry, Pose, vector::Rotation};
+use crate::{Geometry, vector::Rotation};
 
 /// A joint that a cylinder turns. The telescope has none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,22 +49,6 @@ impl Joint {
             Self::Arm => Some(Self::Boom),
             Self::Bucket => Some(Self::Arm),
         }
-    }
-}
-
-impl Pose {
-    /// Rotation of the body that `joint` turns, from the axes of the world.
-    pub fn body(&self, joint: Joint) -> Rotation {
-        match joint {
-            Joint::Boom => self.boom,
-            Joint::Arm => self.arm,
-            Joint::Bucket => self.bucket,
-        }
-    }
-
-    /// Rotation of the body that `joint` turns, from the body before it; that of the boom from the axes of the world.
-    pub fn joint(&self, joint: Joint) -> Rotation {
-        joint.before().map_or(Rotation::NONE, |before| self.body(before).inverse()) * self.body(joint)
     }
 }
 

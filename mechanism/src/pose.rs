@@ -54,8 +54,8 @@ impl Linkage {
         }
     }
 
-    /// Rotation of the body that `joint` turns, from the body before it (that of the boom from the axes of the world), at
-    /// the length `length` of its cylinder, m. Not finite where the linkage does not close.
+    /// Rotation of the body that `joint` turns, from the body before it, at the length `length` of its cylinder, m.
+    /// That of the boom is from the axes of the world. Not finite where the linkage does not close.
     pub fn rotation(&self, joint: Joint, length: f64) -> Rotation {
         match joint {
             Joint::Boom => self.boom.angle(length).rotation * self.boom_offset,
@@ -120,6 +120,20 @@ impl Pose {
     /// The pose at cylinder lengths `lengths`, m. [`Linkage::pose`] is faster for many lengths.
     pub fn new(geometry: &Geometry, lengths: &[f64; AXES]) -> Self {
         Linkage::new(geometry).pose(lengths)
+    }
+
+    /// Rotation of the body that `joint` turns, from the axes of the world.
+    pub fn body(&self, joint: Joint) -> Rotation {
+        match joint {
+            Joint::Boom => self.boom,
+            Joint::Arm => self.arm,
+            Joint::Bucket => self.bucket,
+        }
+    }
+
+    /// Rotation of the body that `joint` turns, from the body before it; that of the boom from the axes of the world.
+    pub fn joint(&self, joint: Joint) -> Rotation {
+        joint.before().map_or(Rotation::NONE, |before| self.body(before).inverse()) * self.body(joint)
     }
 
     /// Rates of the joints, rad/s (m/s for the telescope), of rates of the cylinders, m/s.

@@ -1,19 +1,25 @@
-//! Acquisition: encoder counts are scaled to positions, positions and chamber pressures are checked; the result is the
-//! sample of a tick.
+//! Acquisition: encoder counts are converted to positions, positions and chamber pressures are checked; the result is
+//! the sample of a tick.
+//!
+//! A position that is computed from the sensors of other axes is unusable while one of their positions is: it gets the
+//! fault `ENCODER`.
 
 use pipeline::{
     machine::Machine,
     message::{EncoderReading, EncoderSample},
 };
 
-use crate::plausibility::{Plausibility, pressure::PressureCheck};
+use crate::{
+    conversion::Conversion,
+    plausibility::{Plausibility, Value, pressure::PressureCheck},
+};
 
-/// Scaling and checks of all axes.
+/// Conversion and checks of all axes.
 #[derive(Debug, Clone)]
 pub struct Acquisition {
     checks: Vec<Plausibility>,
     pressures: Vec<PressureCheck>,
-    resolutions: Vec<f64>,
+    conversion: Conversion,
     /// Tick of the last sample.
     last: Option<u64>,
     /// Emergency stop in the last reading that counts; 0 while released.
@@ -26,7 +32,7 @@ impl Acquisition {
         Self {
             checks: machine.axes.iter().map(|axis| Plausibility::new(axis, machine.timing.period)).collect(),
             pressures: machine.axes.iter().map(|axis| PressureCheck::new(axis.pressure.as_ref())).collect(),
-            resolutions: machine.axes.iter().map(|axis| axis.encoder.resolution).collect(),
+            conversion: Conversion::new(machine),
             last: None,
             emergency_stop: 0,
         }
@@ -46,10 +52,16 @@ impl Acquisition {
         let mut sample = EncoderSample { emergency_stop: self.emergency_stop, ..EncoderSample::default() };
         sample.header.sequence = sequence;
         sample.header.axis_count = self.checks.len() as u32;
-        for (i, (check, resolution)) in self.checks.iter_mut().zip(&self.resolutions).enumerate() {
+        let positions = reading.map(|reading| self.conversion.positions(&reading.encoders));
+        for (i, check) in self.checks.iter_mut().enumerate() {
             let encoder = reading.map(|reading| &reading.encoders[i]);
-            let position = encoder.map(|encoder| encoder.counts as f64 * resolution);
-            sample.axes[i] = check.judge(elapsed, position, encoder.is_some_and(|encoder| encoder.error != 0));
+            let value = encoder
+                .zip(positions)
+                .map(|(encoder, positions)| Value { position: positions[i], raw: encoder.counts as f64 });
+            let needs = self.conversion.needs(i);
+            let lacks = (0..i).any(|other| needs & (1 << other) != 0 && sample.axes[other].usable().is_none());
+            let is_wrong = encoder.is_some_and(|encoder| encoder.error != 0 || lacks);
+            sample.axes[i] = check.judge_value(elapsed, value, is_wrong);
             self.pressures[i].judge(encoder, &mut sample.axes[i]);
         }
         sample

@@ -3,15 +3,17 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`plausibility`] | the checks of one axis: range, speed, stuck; its pressures |
+//! | [`conversion`] | counts of all sensors become positions, those at joints through the mechanism |
 //! | [`acquisition`] | readings become samples |
 //! | [`replay`] | the rows of a recording become samples and commands |
 //! | [`recording`] | reads recordings from CSV files; before the first tick only |
 //! | [`process`] | the stage: readings or a recording in, samples out |
 //!
-//! [`plausibility`], [`acquisition`] and [`replay`] are the core: they see no clock, no channel and no file, and
-//! allocate in their constructors only.
+//! [`plausibility`], [`conversion`], [`acquisition`] and [`replay`] are the core: they see no clock, no channel and no
+//! file, and allocate in their constructors only.
 
 pub mod acquisition;
+pub mod conversion;
 pub mod plausibility;
 pub mod process;
 pub mod recording;

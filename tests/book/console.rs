@@ -271,6 +271,7 @@ pages! {
     command_doctor: "docs/src/commands/doctor.md",
     command_clean: "docs/src/commands/clean.md",
     machine_file: "docs/src/machine.md",
+    mechanism: "docs/src/mechanism.md",
 }
 
 #[test]

@@ -1,6 +1,11 @@
 //! Lock-step gives the same bits every time, in four processes and in one.
 
-use crate::harness::{FOUR_AXES, TestGroup, hydraxis, machine_file, replay::expect_same_bits, report};
+use crate::harness::{
+    FOUR_AXES, TestGroup, hydraxis, machine_file,
+    mechanism::{EXCAVATOR, joint_sensors},
+    replay::expect_same_bits,
+    report,
+};
 
 #[test]
 fn four_processes_repeat_bit_for_bit_and_equal_one_process() {
@@ -25,6 +30,25 @@ fn four_processes_repeat_bit_for_bit_and_equal_one_process() {
 
     let other = report(&["simulate", "--duration", "20s", "--seed", "8"]);
     assert_ne!(first["axes"], other["axes"], "another seed is another run");
+}
+
+#[test]
+fn sensors_at_joints_and_pressures_give_the_same_bits_in_four_processes_and_in_one() {
+    let mut settings = joint_sensors("inclinometer", 1e-4);
+    for axis in ["boom", "arm", "bucket"] {
+        let mut set = |key: &str, value: &str| settings.push((format!("axis.{axis}.{key}"), value.to_owned()));
+        set("plant.angle_noise", "1e-4");
+        set("plant.angle_bandwidth", "10");
+        set("pressure.resolution", "1e4");
+        set("plant.pressure_noise", "1e4");
+    }
+    let settings: Vec<String> = settings.iter().map(|(key, value)| format!("{key}={value}")).collect();
+    let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting.as_str()]).collect();
+    let arguments = [&[EXCAVATOR, "--duration", "6s", "--seed", "5"], &settings[..]].concat();
+    let simulated = report(&[&["simulate"], &arguments[..]].concat());
+    assert_eq!(report(&[&["run", "--lockstep"], &arguments[..]].concat()), simulated);
+    let bare = report(&["simulate", EXCAVATOR, "--duration", "6s", "--seed", "5"]);
+    assert_ne!(bare["axes"], simulated["axes"], "the sensors have an effect");
 }
 
 #[test]

@@ -10,3 +10,15 @@ pub fn excavator() -> String {
     let machine: Vec<&str> = built_in.lines().filter(|line| !is_load(line)).collect();
     format!("{}\n{}", machine.join("\n"), include_str!("../../examples/mechanism.toml"))
 }
+
+/// The file of the built-in machine, the excavator.
+pub const EXCAVATOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/excavator.toml");
+
+/// Settings that put sensors of this kind at the joints of boom, arm and bucket, with counts of `count` rad.
+pub fn joint_sensors(kind: &str, count: f64) -> Vec<(String, String)> {
+    let of_axis = |axis: &str| {
+        let key = |key: &str| format!("axis.{axis}.encoder.{key}");
+        [(key("kind"), kind.to_owned()), (key("angle_resolution"), count.to_string())]
+    };
+    ["boom", "arm", "bucket"].iter().flat_map(|axis| of_axis(axis)).collect()
+}

@@ -3,6 +3,7 @@
 mod end_stops;
 mod faults;
 mod hold;
+mod joint_sensors;
 
 use std::sync::OnceLock;
 

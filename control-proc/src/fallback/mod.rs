@@ -3,17 +3,19 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`feedforward`] | the command of a motion that the preview shows |
+//! | [`hysteresis`] | the inverse of the valve's hysteresis |
 //! | [`rest`] | neutral for an axis that has arrived |
 //!
 //! ```text
 //! e(k) = y_r(k) - y(k)          v(k) = kp e(k) + I(k) + v_r(k)          I(k+1) = I(k) + ki T e(k)
-//! u(k) = C(v) = v + d(v) min(|v| / w, 1)    d(v) = +d_extend for v > 0, -d_retract for v < 0
+//! u(k) = H(C(v))       C(v) = v + d(v) min(|v| / w, 1)    d(v) = +d_extend for v > 0, -d_retract for v < 0
 //! v_r  = C^-1(u_r)                          0 without feed-forward
 //! ```
 //!
 //! e following error in m, v opening beyond the dead band, kp in 1/m, ki in 1/(m s), T period in s, d calibrated dead
-//! band, w [`BLEND_WIDTH`], u_r the command of [`feedforward`]. The fallback needs no identified model: it controls
-//! while the identifier is trained, and takes over whenever the model may not be used. Source: the usual loop of mobile
+//! band, w [`BLEND_WIDTH`], H the inverse of the [`hysteresis`] that was commissioned, u_r the command of
+//! [`feedforward`]; H(u) = u without feed-forward. The fallback needs no identified model: it controls while the
+//! identifier is trained, and takes over whenever the model may not be used. Source: the usual loop of mobile
 //! hydraulics.
 //!
 //! Feedback and feed-forward are added as openings, so the dead band is jumped once, by their sum. Without an error the
@@ -31,11 +33,13 @@
 //! Runs in the loop: nothing here allocates after construction.
 
 pub mod feedforward;
+pub mod hysteresis;
 pub mod rest;
 
 use pipeline::machine::{Commissioned, Control};
 
 use feedforward::Feedforward;
+use hysteresis::Hysteresis;
 
 use crate::protection::limits::Limits;
 
@@ -56,6 +60,7 @@ pub struct Fallback {
     retract: f64,
     limits: Limits,
     feedforward: Option<Feedforward>,
+    hysteresis: Hysteresis,
     /// I.
     integral: f64,
     /// What is left in v of the difference to the last controller.
@@ -76,6 +81,7 @@ impl Fallback {
             retract: control.dead_band.retract,
             limits: Limits::new(control, period),
             feedforward: model.map(|model| Feedforward::new(model, period)),
+            hysteresis: Hysteresis::new(model.map_or(0.0, |model| model.hysteresis)),
             integral: 0.0,
             offset: 0.0,
             kept: (-period / HANDOVER).exp(),
@@ -95,19 +101,22 @@ impl Fallback {
     /// Forgets the integral: the axis begins to follow.
     pub fn reset(&mut self) {
         (self.integral, self.offset) = (0.0, 0.0);
+        self.hysteresis.reset();
     }
 
     /// Takes over from another controller that sent `last`, at a following error of `error` m. The next command for
     /// this error and these references (m, from this tick on) is `last` again; its difference to the fallback's own
     /// fades.
     pub fn resume(&mut self, last: f64, error: f64, references: &[f64]) {
+        self.hysteresis.reset();
         self.offset = self.uncompensated(last) - self.kp * error - self.coming(references) - self.integral;
     }
 
     /// The command for a following error of `error` m and references (m, from this tick on), after the command `last`,
     /// within the limits.
     pub fn update(&mut self, error: f64, references: &[f64], last: f64) -> f64 {
-        let wanted = self.compensated(self.kp * error + self.integral + self.offset + self.coming(references));
+        let opening = self.kp * error + self.integral + self.offset + self.coming(references);
+        let wanted = self.hysteresis.update(self.compensated(opening));
         self.offset *= self.kept;
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {

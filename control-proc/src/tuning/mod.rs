@@ -6,16 +6,16 @@
 //! | [`mod@course`] | the course on which controllers are tuned and compared |
 //!
 //! ```text
-//! l tau dx/dt + x = u(t - m t_d)                (g, m, l) in (0.7, 1, 1), (1, 1, 1), (1.4, 1.2, 2)
+//! l tau dx/dt + x = H(u(t - m t_d))             (g, m, l) in (0.7, 1, 1), (1, 1, 1), (1.4, 1.2, 2)
 //! d2v/dt2 + 2 zeta w dv/dt + w^2 v = w^2 g c(x)         dy/dt = v
 //! J(kp, ki) = mean of (y_r - y)^2 over the judged part of the course, over the three plants
 //! ```
 //!
-//! u command that the fallback makes of the encoder's counts, x spool, v speed in m/s, y position in m, c static curve,
-//! tau and t_d of [`Commissioned`], y_r the [`mod@course`] in m; g gain, m dead time and l lag of a plant as multiples
-//! of those of the commissioned one: with cold oil the lag of a valve doubles. w and zeta ([`SPRING_FREQUENCY`],
-//! [`SPRING_DAMPING`]) are the load on its spring of oil. A static curve behind a lag does not contain this spring,
-//! which limits the gains where the dead time is short.
+//! u command that the fallback makes of the encoder's counts, H play of the hysteresis, x spool, v speed in m/s, y
+//! position in m, c static curve, tau and t_d of [`Commissioned`], y_r the [`mod@course`] in m; g gain, m dead time and
+//! l lag of a plant as multiples of those of the commissioned one: with cold oil the lag of a valve doubles. w and zeta
+//! ([`SPRING_FREQUENCY`], [`SPRING_DAMPING`]) are the load on its spring of oil. A static curve behind a lag does not
+//! contain this spring, which limits the gains where the dead time is short.
 //!
 //! The gains with the least J are chosen among those with which none of the three plants moves by more than
 //! [`RESTING_MOTION`] while the reference stands for long. A grid of factors of two is searched first, then finer and
@@ -197,7 +197,8 @@ impl<'a> Bench<'a> {
         let mut fallback = Fallback::new(control, Some(self.model), self.period);
         let judged = ((END - TRAINING) / self.period) as usize;
         let watched = self.references.len() - (WATCHED / self.period) as usize;
-        let (mut x, mut speed, mut acceleration) = (0.0, 0.0, 0.0);
+        let (mut w, mut x, mut speed, mut acceleration) = (0.0f64, 0.0, 0.0, 0.0);
+        let half = 0.5 * self.model.hysteresis;
         let (mut y, mut command, mut squares) = (self.references[0], 0.0, 0.0);
         let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
         for (tick, reference) in self.references.iter().enumerate() {
@@ -212,8 +213,9 @@ impl<'a> Bench<'a> {
             for _ in 0..substeps as usize {
                 underway.push_back(command);
                 let acting = underway.pop_front().unwrap_or(command);
-                x = acting + (x - acting) * decay;
-                let lacking = plant.gain * self.model.speed(x) - speed;
+                w = w.clamp(acting - half, acting + half);
+                x = w + (x - w) * decay;
+                let lacking = plant.gain * self.model.speed(x + half.copysign(x)) - speed;
                 acceleration += (frequency * lacking - 2.0 * damping * acceleration) * frequency * step;
                 speed += acceleration * step;
                 y += speed * step;

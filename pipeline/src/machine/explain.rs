@@ -42,10 +42,11 @@ const SPECIMEN: &str = r#"
 "#;
 
 /// Settings under which the reader asks for keys that it does not ask for otherwise.
-const VARIANTS: [(&str, &str); 7] = [
+const VARIANTS: [(&str, &str); 8] = [
     ("axis.NAME.reference.kind", "sines"),
     ("axis.NAME.reference.kind", "ramps"),
     ("axis.NAME.reference.kind", "trajectory"),
+    ("axis.NAME.encoder.kind", "inclinometer"),
     ("source.kind", "replay"),
     ("supply.kind", "load-sensing"),
     ("mechanism.boom.length", "1"),

@@ -8,6 +8,7 @@
 //! |---|---|
 //! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics`, `mechanism`, `soil` | the tables of the whole machine |
 //! | `axis/` | the tables of one axis |
+//! | `count_length` | length of one count of a sensor at a joint |
 //! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |
 //! | `document/` | the reader: keys with meaning, allowed values, default and origin |
 //! | `explain` | effective values with their origin, and the table of all keys |
@@ -16,6 +17,7 @@
 //! Nothing here runs in a stage's loop: files are read and memory is taken before the loop begins.
 
 mod axis;
+mod count_length;
 mod document;
 mod error;
 mod explain;
@@ -38,9 +40,9 @@ use axis::Shared;
 use document::{Document, Section, Setting};
 
 pub use axis::{
-    Axis, COMPENSATED, Commissioned, Control, DeadBand, Directions, Encoder, Estimator, Form, Identification,
-    IdentifiedOutput, LoadForce, LoadHolding, MOST_POINTS, ModelChoice, Plant, Ports, PressureTransducers,
-    ReferenceSource, SensorErrors, Sine, Split, ValveCurve, shortest_training,
+    AngleKind, AngleSensor, Axis, COMPENSATED, Commissioned, Control, DeadBand, Directions, Encoder, Estimator, Form,
+    Identification, IdentifiedOutput, LoadForce, LoadHolding, MOST_POINTS, ModelChoice, Plant, Ports,
+    PressureTransducers, ReferenceSource, SensorErrors, Sine, Split, ValveCurve, shortest_training,
 };
 pub use document::{DefaultValue, EffectiveValue, Origin, samples_of};
 pub use error::{MachineError, Problem};
@@ -206,12 +208,15 @@ impl Machine {
         let carried = if mechanism.is_some() { AXES } else { 0 };
         let shared =
             Shared { timing: &timing, source: &source, fuzzy, folder, carried: &names[..carried.min(names.len())] };
-        let axes: Vec<Axis> = names.iter().map(|name| Axis::read(name, table.section(name), &shared)).collect();
+        let mut axes: Vec<Axis> = names.iter().map(|name| Axis::read(name, table.section(name), &shared)).collect();
         table.finish();
         if let Some(mechanism) = &mechanism {
             let strokes: Vec<f64> = axes.iter().map(|axis| axis.stroke).collect();
             mechanism::expect_order(&section, &names);
             mechanism::expect_movable(&section, mechanism, &strokes);
+            if section.is_sound() {
+                count_length::complete(mechanism, &mut axes);
+            }
         }
         section.finish();
         let is_simulated = axes.iter().any(|axis| axis.plant.is_some());

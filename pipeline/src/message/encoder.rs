@@ -13,7 +13,8 @@ shared_struct! {
     /// Raw values of the sensors of one axis.
     #[type_name("hydraxis.EncoderValue/2")]
     pub struct EncoderValue {
-        /// Counts as the encoder gives them; position = counts * resolution.
+        /// Counts as the sensor gives them; at the cylinder position = counts * resolution, at a joint
+        /// angle = zero + counts * resolution.
         pub counts: i64,
         /// Pressure of the piston side, Pa above the atmosphere.
         pub piston_pressure: f64,
@@ -85,7 +86,8 @@ pub mod sample_fault {
     pub const RANGE: u32 = 1;
     /// The position moved faster than the axis can.
     pub const SPEED: u32 = 2;
-    /// The encoder reported an error.
+    /// The encoder reported an error, or the position is computed from the sensor of another axis whose position is
+    /// unusable.
     pub const ENCODER: u32 = 4;
     /// No new reading arrived for this tick.
     pub const STALE: u32 = 8;

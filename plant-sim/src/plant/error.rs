@@ -14,6 +14,12 @@ pub enum PlantError {
         /// Name of the axis.
         axis: String,
     },
+    /// A sensor is at a joint of a machine without a mechanism.
+    #[error("axis.{axis}.encoder.kind: found a sensor at a joint; allowed: \"cylinder\" without a table [mechanism]")]
+    NoJoint {
+        /// Name of the axis.
+        axis: String,
+    },
     /// The machine has simulated axes, but no supply and no oil.
     #[error("supply, oil: found nothing; give the simulated machine its tables [supply] and [oil]")]
     NoHydraulics,

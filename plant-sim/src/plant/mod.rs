@@ -26,7 +26,7 @@ pub mod stiffness;
 
 use std::{cell::Cell, time::Duration};
 
-use mechanism::{AXES, END_STOP_WAY};
+use mechanism::{AXES, END_STOP_WAY, Pose};
 use pipeline::{
     MAX_AXES,
     machine::{Axis, Hydraulics, Machine, Plant, Scenario},
@@ -66,6 +66,8 @@ pub struct PlantSim {
     /// What is seen at begin and end of the step in which that time lies; used only for a time between two steps.
     around: [Observation; 2],
     sensors: Sensors,
+    /// Whether a sensor has a lag.
+    has_lag: bool,
     drive: Drive,
     step_ns: u64,
     /// End of the last step, ns.
@@ -125,6 +127,8 @@ impl PlantSim {
             coupling.work(work.payload, work.soil);
             axes[0].couple(coupling, &hydraulics, pump.pressure);
         }
+        let pose = pose(&axes);
+        let sensors = Sensors::new(&plants, seed, pose.as_ref());
         let mut plant = Self {
             pump,
             axes,
@@ -133,7 +137,8 @@ impl PlantSim {
             payload,
             observed: Observation::with_room(count),
             around: [Observation::with_room(count), Observation::with_room(count)],
-            sensors: Sensors::new(&plants, seed),
+            has_lag: sensors.has_lag(),
+            sensors,
             drive: Drive::new(count, nanoseconds(machine.timing.drive_timeout)),
             step_ns,
             time_ns: 0,
@@ -191,6 +196,11 @@ impl PlantSim {
             }
             runge_kutta(&mut self.axes, self.drive.commands(), self.drive.is_cut_off(), &mut self.pump, step);
             self.time_ns += self.step_ns;
+            if self.has_lag
+                && let Some(pose) = pose(&self.axes)
+            {
+                self.sensors.follow(&pose, step);
+            }
         }
     }
 
@@ -238,12 +248,17 @@ impl PlantSim {
         }
         // The pressure does not sag while no chamber is fed.
         old.supply_pressure = if pressure.is_finite() { pressure } else { supply };
+        if self.sensors.see_joints()
+            && let Some(pose) = pose(&self.axes)
+        {
+            old.seen = self.sensors.seen(&pose);
+        }
         old
     }
 
     /// Reads all sensors, each with newly drawn noise. The reading is numbered; its times stay zero.
     pub fn read(&mut self) -> EncoderReading {
-        self.sensors.read(&self.observed.states)
+        self.sensors.read(&self.observed.states, &self.observed.seen)
     }
 
     /// The true states of all axes, in the machine's order.
@@ -262,10 +277,19 @@ impl PlantSim {
     }
 }
 
+/// The pose of the mechanism at the end of the last step, if there is one.
+fn pose(axes: &[FourAxes]) -> Option<Pose> {
+    let first = axes.first()?;
+    Some(first.coupling()?.pose(&first.state()[0].to_array()))
+}
+
 /// Every axis with the parameters of its plant.
 fn plants(machine: &Machine) -> Result<Vec<(&Axis, &Plant)>, PlantError> {
     let plants = machine.axes.iter().map(|axis| {
         let plant = axis.plant.as_ref().ok_or_else(|| PlantError::NoPlant { axis: axis.name.clone() })?;
+        if axis.encoder.angle.is_some() && machine.mechanism.is_none() {
+            return Err(PlantError::NoJoint { axis: axis.name.clone() });
+        }
         Ok((axis, plant))
     });
     plants.collect()

@@ -10,27 +10,32 @@
 //! x_0 and x_1 states at begin and end of the step; t_0 begin of the step, s; h step, s. The error is at most h^2/8
 //! times the second derivative: for the position at 10 m/s2 and a step of 100 us, 13 nm.
 
+use mechanism::{AXES, Vector};
+
 use crate::integration::TrueState;
 
-/// True states of all axes and the pressure of the supply at one time.
+/// True states of all axes, the pressure of the supply and what sensors at joints see at one time.
 #[derive(Debug, Clone, Default)]
 pub struct Observation {
     /// States of all axes, in the machine's order.
     pub states: Vec<TrueState>,
     /// Supply pressure that is left, Pa.
     pub supply_pressure: f64,
+    /// Directions that sensors at the joints of a mechanism see, as cosine and sine; zero without such sensors.
+    pub seen: [Vector; AXES],
 }
 
 impl Observation {
     /// An observation with room for `axes` axes.
     pub fn with_room(axes: usize) -> Self {
-        Self { states: Vec::with_capacity(axes), supply_pressure: 0.0 }
+        Self { states: Vec::with_capacity(axes), supply_pressure: 0.0, seen: [Vector::default(); AXES] }
     }
 
     /// Takes the values at the part `part` of the way from `begin` to `end`.
     pub fn interpolate(&mut self, begin: &Self, end: &Self, part: f64) {
         let between = |begin: f64, end: f64| begin + (end - begin) * part;
         self.supply_pressure = between(begin.supply_pressure, end.supply_pressure);
+        self.seen = std::array::from_fn(|i| begin.seen[i] + part * (end.seen[i] - begin.seen[i]));
         self.states.clear();
         self.states.extend(begin.states.iter().zip(&end.states).map(|(begin, end)| TrueState {
             position: between(begin.position, end.position),

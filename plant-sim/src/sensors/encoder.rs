@@ -1,10 +1,10 @@
-//! The position encoder: noise, and rounding to counts.
+//! An encoder: noise, and rounding to counts.
 //!
 //! ```text
 //! counts = round((y + w)/r)        w ~ N(0, s^2)
 //! ```
 //!
-//! y position, m; r resolution, m per count; w noise with the standard deviation s, m.
+//! y position, r resolution per count, w noise with the standard deviation s; all in m, at a joint in rad.
 //!
 //! Trap: the noise is drawn even where s is 0, so that a noise of 0 is a noise as any other.
 
@@ -18,14 +18,14 @@ pub struct NoisyEncoder {
 }
 
 impl NoisyEncoder {
-    /// An encoder with `resolution` m per count.
+    /// An encoder with `resolution` m, or rad, per count.
     pub fn new(resolution: f64, noise: Noise) -> Self {
         Self { resolution, noise }
     }
 
-    /// Counts at `position` m with newly drawn noise.
-    pub fn read(&mut self, position: f64) -> i64 {
-        ((position + self.noise.draw()) / self.resolution).round() as i64
+    /// Counts at `value` m, or rad, with newly drawn noise.
+    pub fn read(&mut self, value: f64) -> i64 {
+        ((value + self.noise.draw()) / self.resolution).round() as i64
     }
 }
 

@@ -13,9 +13,9 @@ mod soil;
 
 use std::{path::Path, time::Duration};
 
-use mechanism::{AXES, Mechanism, Vector};
+use mechanism::{AXES, Joint, Mechanism, Rotation, Vector};
 use pipeline::{
-    machine::{Change, Machine, Parameter, Plant, PressureTransducers, Soil},
+    machine::{AngleKind, AngleSensor, Change, Machine, Parameter, Plant, PressureTransducers, SensorErrors, Soil},
     message::ValveCommand,
 };
 use plant_sim::PlantSim;

@@ -12,6 +12,9 @@
 //! y position, m; v_max `max_speed`, m/s; T period, s; y_good last good position, m; n number of ticks since y_good;
 //! v_good median of the last three speeds between good positions, m/s; margin 5 counts.
 //!
+//! A count of a sensor at a joint is a length that varies over the stroke. The margin takes the greatest one
+//! ([`Encoder::resolution`](pipeline::machine::Encoder)), so it is never too small, and up to about twice too large.
+//!
 //! **Range.** A position outside the range that an axis cannot have reached since the last tick is a wrong reading: it
 //! gets the fault `SPEED`. If the next position is there, too, the axis is out of its stroke: that position gets the
 //! fault `RANGE`.
@@ -25,7 +28,8 @@
 //! **Result.** An unusable position is replaced by the last good one and marked with its fault.
 //!
 //! Trap: the counts of an axis at rest do not change either. Stuck is therefore only a mark here. control-proc knows
-//! whether the axis is commanded to move, and decides whether the mark is a fault.
+//! whether the axis is commanded to move, and decides whether the mark is a fault. The raw value counts: an
+//! inclinometer on the arm that is stuck shows a position that changes while the boom moves.
 
 pub mod pressure;
 
@@ -44,6 +48,15 @@ const BRIDGE: u32 = 3;
 /// Time for which positions after an implausible one have to follow each other plausibly until they are the new base.
 /// It is many times what the controller needs to latch, and less than a person needs to reset the fault.
 pub const NEW_BASE: Duration = Duration::from_millis(500);
+
+/// What a sensor says at one tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Value {
+    /// Position, m.
+    pub position: f64,
+    /// Raw value of the sensor, such as its counts; only whether it changes counts.
+    pub raw: f64,
+}
 
 /// Checks the positions of one axis, tick by tick.
 #[derive(Debug, Clone)]
@@ -69,9 +82,11 @@ pub struct Plausibility {
     suspect: bool,
     /// Number of ticks for which positions have followed each other plausibly.
     steady: u32,
-    /// Raw position of the last reading, m.
+    /// Position of the last reading, m.
     last: f64,
-    /// Ticks for which the raw position has not changed.
+    /// Raw value of the last reading.
+    raw: f64,
+    /// Ticks for which the raw value has not changed.
     unchanged: u32,
     sample: AxisSample,
 }
@@ -93,6 +108,7 @@ impl Plausibility {
             suspect: false,
             steady: 0,
             last: f64::NAN,
+            raw: f64::NAN,
             unchanged: 0,
             sample: AxisSample::default(),
         }
@@ -101,19 +117,24 @@ impl Plausibility {
     /// Checks the position of this tick, m, or `None` when no reading arrived. This tick is `elapsed` ticks after the
     /// last one. `encoder_error` tells whether the encoder itself reports an error.
     pub fn judge(&mut self, elapsed: u64, position: Option<f64>, encoder_error: bool) -> AxisSample {
+        self.judge_value(elapsed, position.map(|position| Value { position, raw: position }), encoder_error)
+    }
+
+    /// As [`Self::judge`], of a position that may change while the raw value of its own sensor does not.
+    pub fn judge_value(&mut self, elapsed: u64, value: Option<Value>, encoder_error: bool) -> AxisSample {
         let elapsed = u32::try_from(elapsed.max(1)).unwrap_or(u32::MAX);
         self.ticks_since_good = self.ticks_since_good.saturating_add(elapsed);
         let mut faults = if encoder_error { sample_fault::ENCODER } else { 0 };
-        match position {
+        match value {
             None => {
                 faults |= sample_fault::STALE;
                 self.steady = 0;
             }
-            Some(position) => {
+            Some(Value { position, raw }) => {
                 let goes_on = !encoder_error && (position - self.last).abs() <= self.within(f64::from(elapsed));
                 self.steady = if goes_on { self.steady.saturating_add(elapsed) } else { 0 };
-                self.unchanged = if position == self.last { self.unchanged.saturating_add(elapsed) } else { 0 };
-                self.last = position;
+                self.unchanged = if raw == self.raw { self.unchanged.saturating_add(elapsed) } else { 0 };
+                (self.last, self.raw) = (position, raw);
                 // NaN is outside every range.
                 let is_out = !self.range.contains(&position);
                 let is_near = self.is_near(position);
@@ -130,7 +151,7 @@ impl Plausibility {
         }
         self.sample.faults = faults;
         self.sample.unchanged = self.unchanged;
-        if let Some(position) = position
+        if let Some(Value { position, .. }) = value
             && faults & sample_fault::UNUSABLE == 0
         {
             self.take(position);

@@ -1,11 +1,12 @@
 //! Plausibility of the chamber pressures of one axis.
 //!
 //! ```text
-//! -0.02 R <= p <= R
+//! -p_0 - 0.02 R <= p <= R
 //! ```
 //!
-//! p measured pressure, R range of the transducer; both in Pa above the atmosphere. Below zero is room for the noise
-//! and the zero error of a transducer (assumed: 2 % of its range); a cable that is cut reads far below that.
+//! p measured pressure, R range of the transducer, both in Pa above the atmosphere; p_0 pressure of the atmosphere, Pa.
+//! A chamber whose oil cavitates is up to p_0 below zero. Below that is room for the noise and the zero error of a
+//! transducer (assumed: 2 % of its range); a cable that is cut reads far below that.
 //!
 //! **Result.** Both pressures, or neither: NaN takes the place of values that are not usable. A machine without
 //! transducers has no pressures and no fault. Where the machine file names transducers, values that are missing from a
@@ -18,8 +19,10 @@ use pipeline::{
     message::{AxisSample, EncoderValue, sample_fault},
 };
 
-/// Part of the range by which a pressure may be below zero.
-const BELOW_ZERO: f64 = 0.02;
+/// Part of the range by which a measured pressure may be below that of an empty chamber.
+const ZERO_ERROR: f64 = 0.02;
+/// Pressure of the atmosphere, Pa.
+const ATMOSPHERE: f64 = 101_325.0;
 
 /// Checks the pressures of one axis.
 #[derive(Debug, Clone)]
@@ -31,7 +34,7 @@ pub struct PressureCheck {
 impl PressureCheck {
     /// The check of these transducers.
     pub fn new(transducers: Option<&PressureTransducers>) -> Self {
-        Self { range: transducers.map(|transducers| -BELOW_ZERO * transducers.range..=transducers.range) }
+        Self { range: transducers.map(|transducers| -ATMOSPHERE - ZERO_ERROR * transducers.range..=transducers.range) }
     }
 
     /// Puts the pressures of a reading into `sample`; there is no `value` when no reading arrived.
@@ -66,11 +69,11 @@ mod tests {
     #[test]
     fn pressures_in_range_pass_and_others_are_a_fault_that_leaves_the_position_alone() {
         let transducers = Some(PressureTransducers { resolution: 1e4, range: 40e6 });
-        for (piston, rod) in [(0.0, 0.0), (40e6, -0.8e6), (12e6, 3e6)] {
+        for (piston, rod) in [(0.0, 0.0), (40e6, -0.9e6), (12e6, 3e6)] {
             let sample = judged(transducers, Some(value(piston, rod)));
             assert_eq!((sample.pressures(), sample.faults), (Some((piston, rod)), 0));
         }
-        for (piston, rod) in [(40.01e6, 0.0), (0.0, -0.81e6), (f64::NAN, 1e6), (1e6, f64::INFINITY)] {
+        for (piston, rod) in [(40.01e6, 0.0), (0.0, -0.902e6), (f64::NAN, 1e6), (1e6, f64::INFINITY)] {
             let sample = judged(transducers, Some(value(piston, rod)));
             assert_eq!((sample.pressures(), sample.faults), (None, sample_fault::PRESSURE));
             assert!(sample.usable().is_some());

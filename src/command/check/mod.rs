@@ -3,6 +3,7 @@
 //! Runs once, before the loop.
 
 mod explain;
+mod sensors;
 
 use std::path::PathBuf;
 
@@ -61,7 +62,7 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     );
     let mechanism = machine.mechanism.as_ref().map(|mechanism| summary(&machine, mechanism));
     let warnings: String = overloads(&machine).iter().map(|warning| format!("warning: {warning}\n")).collect();
-    Ok(show(&(text + &mechanism.unwrap_or_default() + &warnings))?)
+    Ok(show(&(text + &mechanism.unwrap_or_default() + &sensors::summary(&machine) + &warnings))?)
 }
 
 /// Checks, axis by axis, the files that the machine file names and the values that follow from it: trajectories,

@@ -57,13 +57,22 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commiss
                  dead_band_extend = {extend:?}\ndead_band_retract = {retract:?}\n"
             );
         }
-        let Commissioned { dead_time, time_constant, dead_band, openings, speeds_extend, speeds_retract, fit_percent } =
-            model;
+        let Commissioned {
+            dead_time,
+            time_constant,
+            dead_band,
+            hysteresis,
+            openings,
+            speeds_extend,
+            speeds_retract,
+            fit_percent,
+        } = model;
         // Writing to a string cannot fail.
         let _ = write!(
             text,
             "\n[axis.{name}.commissioned]\ndead_time = {dead_time:?}\ntime_constant = {time_constant:?}\n\
-             dead_band_extend = {:?}\ndead_band_retract = {:?}\nopenings = {openings:?}\n\
+             dead_band_extend = {:?}\ndead_band_retract = {:?}\nhysteresis = {hysteresis:?}\n\
+             openings = {openings:?}\n\
              speeds_extend = {speeds_extend:?}\nspeeds_retract = {speeds_retract:?}\n\
              fit_percent = {fit_percent:?}    # of the motion half a second ahead\n",
             dead_band.extend, dead_band.retract

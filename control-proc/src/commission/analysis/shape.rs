@@ -72,6 +72,7 @@ impl Shape {
             dead_time: self.dead_time,
             time_constant: self.time_constant,
             dead_band: self.dead_band,
+            hysteresis: 0.0,
             speeds_extend: speeds(0)?,
             speeds_retract: speeds(1)?,
             openings,

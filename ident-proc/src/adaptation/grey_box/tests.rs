@@ -11,6 +11,7 @@ fn commissioned() -> Commissioned {
         dead_time: 0.05,
         time_constant: 0.05,
         dead_band: DeadBand { extend: 0.1, retract: 0.08 },
+        hysteresis: 0.0,
         // At the knots of the hinges.
         openings: vec![0.05, 0.175, 0.5],
         speeds_extend: vec![0.02, 0.12, 0.4],

@@ -1,13 +1,17 @@
 //! The commissioned model of an axis, as `hydraxis commission` writes it: `[axis.NAME.commissioned]`.
 //!
 //! ```text
-//! tau dx/dt + x = u(t - t_d)          v = c(x)
+//! tau dx/dt + x = w(t)     w(t) = min(max(w(t-), u(t - t_d) - h/2), u(t - t_d) + h/2)     v = c(x + sign(x) h/2)
 //! c(x) = 0 for -d_r <= x <= d_e, straight lines through the points beyond, the last line going on
 //! ```
 //!
-//! u command and x spool position in [-1, 1], v speed m/s, t_d dead time s, tau time constant s, d_e and d_r dead
-//! bands; points (x - d_e, v) while extending, (-x - d_r, -v) while retracting. The model is a static curve behind a
-//! lag and a dead time. It is small, and all of it can be measured on a real machine in a minute.
+//! u command and x spool position in [-1, 1], w position that the spool approaches behind the play of its hysteresis h,
+//! v speed m/s, t_d dead time s, tau time constant s, d_e and d_r dead bands; points (x - d_e, v) while extending,
+//! (-x - d_r, -v) while retracting. The model is a static curve behind a lag and a dead time. It is small, and all of
+//! it can be measured on a real machine in a minute.
+//!
+//! Trap: c is the curve of commands that move away from neutral: half of the hysteresis is in the dead bands. On the way
+//! back to neutral the same speed needs a command that is nearer to neutral by h.
 
 use std::time::Duration;
 
@@ -26,6 +30,8 @@ pub struct Commissioned {
     pub time_constant: f64,
     /// d_e and d_r.
     pub dead_band: DeadBand,
+    /// h.
+    pub hysteresis: f64,
     /// Commands beyond the dead band, rising, of the points of either direction.
     pub openings: Vec<f64>,
     /// Speeds at the openings while extending, m/s, rising.
@@ -84,6 +90,9 @@ impl Commissioned {
                     .key("dead_band_retract", "Dead band of the valve while retracting, as a magnitude")
                     .number(0.0..=0.9, ""),
             },
+            hysteresis: section
+                .key("hysteresis", "Width of the valve's hysteresis, as a part of the full command")
+                .number_or(0.0, 0.0..=0.5, ""),
             openings,
             speeds_extend,
             speeds_retract,
@@ -91,6 +100,12 @@ impl Commissioned {
                 .key("fit_percent", "Part of the motion half a second ahead that the model explains; 100 is all of it")
                 .number(-1e9..=100.0, ""),
         };
+        let DeadBand { extend, retract } = commissioned.dead_band;
+        let widest = 2.0 * extend.min(retract);
+        if commissioned.hysteresis > widest {
+            let allowed = format!("up to {widest}, twice the narrower dead band, which holds half of the hysteresis");
+            section.refuse("hysteresis", commissioned.hysteresis.to_string(), allowed);
+        }
         section.finish();
         Some(commissioned)
     }
@@ -191,6 +206,7 @@ mod tests {
             dead_time: 0.15,
             time_constant: 0.05,
             dead_band: DeadBand { extend: 0.1, retract: 0.08 },
+            hysteresis: 0.0,
             openings: vec![0.1, 0.3],
             speeds_extend: vec![0.05, 0.25],
             speeds_retract: vec![0.04, 0.3],

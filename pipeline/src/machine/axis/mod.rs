@@ -2,7 +2,7 @@
 //!
 //! | file | table | what it says |
 //! |---|---|---|
-//! | `encoder` | `[axis.NAME.encoder]` | the position encoder |
+//! | `encoder` | `[axis.NAME.encoder]` | the position sensor |
 //! | `pressure` | `[axis.NAME.pressure]` | the pressure transducers |
 //! | `commissioned` | `[axis.NAME.commissioned]` | the model that `hydraxis commission` has found |
 //! | `identification`, `estimator` | `[axis.NAME.identification]` | how the axis is identified |
@@ -30,7 +30,7 @@ use std::path::Path;
 pub use commissioned::{COMPENSATED, Commissioned, MOST_POINTS};
 pub use control::{Control, ModelChoice};
 pub use dead_band::DeadBand;
-pub use encoder::Encoder;
+pub use encoder::{AngleKind, AngleSensor, Encoder};
 pub use estimator::Estimator;
 pub use identification::{Form, Identification, IdentifiedOutput, Split, shortest_training};
 pub use plant::{LoadForce, Plant, ValveCurve};
@@ -39,6 +39,7 @@ pub use pressure::PressureTransducers;
 use reference::Limits;
 pub use reference::{ReferenceSource, Sine};
 pub use sensor_errors::SensorErrors;
+use sensor_errors::Sensors;
 
 use super::{document::Section, fuzzy::Fuzzy, source::Source, timing::Timing};
 
@@ -64,7 +65,7 @@ pub struct Axis {
     pub max_speed: f64,
     /// Lowest and highest position that a reference may ask for, m.
     pub soft_limits: (f64, f64),
-    /// The position encoder.
+    /// The position sensor.
     pub encoder: Encoder,
     /// The pressure transducers at both chambers, if there are any.
     pub pressure: Option<PressureTransducers>,
@@ -93,7 +94,10 @@ impl Axis {
             .key("max_speed", "Fastest speed of the axis; a faster position signal is implausible")
             .number(1e-3..=1000.0, "m/s");
         let soft_limits = read_soft_limits(&mut section, stroke);
-        let encoder = Encoder::read(section.section("encoder"));
+        let carried = shared.carried.iter().position(|carried| carried == name);
+        let encoder = section.section("encoder");
+        let is_overridden = encoder.is_set("kind");
+        let encoder = Encoder::read(encoder, carried);
         let pressure = PressureTransducers::read(section.section("pressure"));
         section.renamed("forgetting", "identification.estimator");
         let commissioned = Commissioned::read(section.section("commissioned"));
@@ -105,8 +109,9 @@ impl Axis {
         let reference = ReferenceSource::read(section.section("reference"), limits, shared.folder, name);
         let plant = section.section("plant");
         let plant = if plant.is_given() {
-            let is_carried = shared.carried.iter().any(|carried| carried == name);
-            Some(Plant::read(plant, stroke, is_carried, pressure.is_some()))
+            let kind = encoder.angle.map(|sensor| sensor.kind);
+            let sensors = Sensors { kind, is_overridden, has_pressures: pressure.is_some() };
+            Some(Plant::read(plant, stroke, carried.is_some(), sensors))
         } else {
             if *shared.source == Source::Sim {
                 plant.refuse("", "nothing", "a table with the simulated axis: source is \"sim\"");

@@ -1,6 +1,10 @@
 //! The simulated axis: `[axis.NAME.plant]`.
 
-use super::{dead_band::DeadBand, ports::Ports, sensor_errors::SensorErrors};
+use super::{
+    dead_band::DeadBand,
+    ports::Ports,
+    sensor_errors::{SensorErrors, Sensors},
+};
 use crate::machine::document::Section;
 
 /// Parameters of one simulated axis, SI units; the symbols are the paper's, and LuGre's for friction.
@@ -103,9 +107,8 @@ const LEAST_SPAN: f64 = 0.05;
 const LARGEST_STICTION: f64 = 10.0;
 
 impl Plant {
-    /// `is_carried` says that the mechanism gives mass and load of this axis, `has_pressures` that it has pressure
-    /// transducers.
-    pub(super) fn read(mut section: Section, stroke: f64, is_carried: bool, has_pressures: bool) -> Self {
+    /// `is_carried` says that the mechanism gives mass and load of this axis.
+    pub(super) fn read(mut section: Section, stroke: f64, is_carried: bool, sensors: Sensors) -> Self {
         let (mass, load_force, load_stiffness) = read_load(&mut section, is_carried);
         let friction = Friction::read(&mut section);
         let valve = Valve::read(&mut section);
@@ -155,7 +158,7 @@ impl Plant {
             ports,
             end_stop_stiffness,
             end_stop_damping,
-            sensor_errors: SensorErrors::read(&mut section, has_pressures),
+            sensor_errors: SensorErrors::read(&mut section, sensors),
         };
         section.finish();
         plant

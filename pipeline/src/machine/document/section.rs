@@ -78,6 +78,18 @@ impl<'d, 'i> Section<'d, 'i> {
         }
     }
 
+    /// Refuses keys of another kind than the one that the table has. Where the kind comes from the command line
+    /// (`is_overridden`), the file still has the keys of its own kind; these are passed over.
+    pub fn exclude(&mut self, keys: &[&str], is_overridden: bool, allowed: &str) {
+        for key in keys {
+            if is_overridden && !self.is_set(key) {
+                self.take(key);
+            } else {
+                self.forbid(key, allowed);
+            }
+        }
+    }
+
     /// Notes a problem with a key of this table.
     pub fn refuse(&self, key: &str, found: impl Into<String>, allowed: impl Into<String>) {
         let (line, found) = match self.origin_of_setting(key) {

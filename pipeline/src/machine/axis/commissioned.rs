@@ -10,8 +10,8 @@
 //! (-x - d_r, -v) while retracting. The model is a static curve behind a lag and a dead time. It is small, and all of
 //! it can be measured on a real machine in a minute.
 //!
-//! Trap: c is the curve of commands that move away from neutral: half of the hysteresis is in the dead bands. On the way
-//! back to neutral the same speed needs a command that is nearer to neutral by h.
+//! Trap: c is the curve of commands that move away from neutral: half of the hysteresis is in the dead bands. On the
+//! way back to neutral the same speed needs a command that is nearer to neutral by h.
 
 use std::time::Duration;
 

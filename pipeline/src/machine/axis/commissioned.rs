@@ -1,7 +1,7 @@
 //! The commissioned model of an axis, as `hydraxis commission` writes it: `[axis.NAME.commissioned]`.
 //!
 //! ```text
-//! tau dx/dt + x = w(t)     w(t) = min(max(w(t-), u(t - t_d) - h/2), u(t - t_d) + h/2)     v = c(x + sign(x) h/2)
+//! tau dx/dt + x = w(t)    w(t) = min(max(w(t-), u(t - t_d) - h/2), u(t - t_d) + h/2)    v = c(x + sign(x) h/2)
 //! c(x) = 0 for -d_r <= x <= d_e, straight lines through the points beyond, the last line going on
 //! ```
 //!
@@ -10,8 +10,8 @@
 //! (-x - d_r, -v) while retracting. The model is a static curve behind a lag and a dead time. It is small, and all of
 //! it can be measured on a real machine in a minute.
 //!
-//! Trap: c is the curve of commands that move away from neutral: half of the hysteresis is in the dead bands. On the way
-//! back to neutral the same speed needs a command that is nearer to neutral by h.
+//! Trap: c is the curve of commands that move away from neutral: half of the hysteresis is in the dead bands. On the
+//! way back to neutral the same speed needs a command that is nearer to neutral by h.
 
 use std::time::Duration;
 
@@ -32,6 +32,10 @@ pub struct Commissioned {
     pub dead_band: DeadBand,
     /// h.
     pub hysteresis: f64,
+    /// w / 2 pi, Hz; 0 for a load that does not swing. Its delay, 2 zeta / w, is a part of the time constant.
+    pub natural_frequency: f64,
+    /// zeta.
+    pub damping: f64,
     /// Commands beyond the dead band, rising, of the points of either direction.
     pub openings: Vec<f64>,
     /// Speeds at the openings while extending, m/s, rising.
@@ -93,6 +97,13 @@ impl Commissioned {
             hysteresis: section
                 .key("hysteresis", "Width of the valve's hysteresis, as a part of the full command")
                 .number_or(0.0, 0.0..=0.5, ""),
+            natural_frequency: section
+                .key(
+                    "natural_frequency",
+                    "Frequency at which the load swings on its spring of oil; 0 where none was found",
+                )
+                .number_or(0.0, 0.0..=1000.0, "Hz"),
+            damping: section.key("damping", "Damping ratio of that swing").number_or(0.2, 0.0..=1.0, ""),
             openings,
             speeds_extend,
             speeds_retract,
@@ -207,6 +218,8 @@ mod tests {
             time_constant: 0.05,
             dead_band: DeadBand { extend: 0.1, retract: 0.08 },
             hysteresis: 0.0,
+            natural_frequency: 0.0,
+            damping: 0.2,
             openings: vec![0.1, 0.3],
             speeds_extend: vec![0.05, 0.25],
             speeds_retract: vec![0.04, 0.3],

@@ -10,7 +10,7 @@ use crate::arguments::BareMachine;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  hydraxis mechanism examples/excavator.toml          reach, joints, masses and loads of a machine with a linkage
+  hydraxis mechanism                                      reach, joints, masses and loads of the built-in machine
   hydraxis mechanism my.toml --set mechanism.payload.mass=1500
                                                           with 1.5 t in the bucket
   hydraxis mechanism my.toml --urdf excavator.urdf        for viewers and dynamics libraries
@@ -18,7 +18,6 @@ Examples:
                                                           mass matrix, gravity and accelerations at states of yours
 
 The machine file has the tables [mechanism]; those of examples/mechanism.toml fit a machine with four such cylinders.
-The built-in machine has no mechanism.
 
 A file of states has {\"states\": [{\"cylinder_length\": [2.3, 2.8, 0.2, 2.3], \"cylinder_velocity\": [0, 0, 0, 0],
 \"cylinder_force\": [2e5, 0, 0, 0], \"payload\": 0, \"tip_force\": [0, 0]}, ..]}, all in SI units, in the order boom,

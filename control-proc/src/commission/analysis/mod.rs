@@ -18,9 +18,9 @@
 //! u command, w command behind the play of the hysteresis h, and x spool position in [-1, 1], v_c speed of the curve
 //! and v that of the axis, y position m, t_d dead time s, tau time constant s, d_e and d_r dead bands, w_0 natural
 //! frequency rad/s and zeta damping of the load on its oil, q_j openings at which the curve bends, w_j changes of its
-//! slope m/s, m T = 0.2 s. For given (t_d, tau, ..) the model is linear in w. A dead time delays X exactly, so one response serves
-//! all of them. The search begins on a grid of (t_d, tau) with d = 0, goes on with grids of d, and then with
-//! [`simplex`] on all four. A hysteresis, and then a spring, is added where it explains clearly more
+//! slope m/s, m T = 0.2 s. For given (t_d, tau, ..) the model is linear in w. A dead time delays X exactly, so one
+//! response serves all of them. The search begins on a grid of (t_d, tau) with d = 0, goes on with grids of d, and then
+//! with [`simplex`] on all four. A hysteresis, and then a spring, is added where it explains clearly more
 //! ([`CLEARLY_BETTER`]).
 //!
 //! The model is fitted on the first two thirds of the motion and judged on the rest: half a second ahead, with the

@@ -12,8 +12,10 @@
 //!
 //! ```text
 //! rest     neutral, to see the noise
-//! pulses   up, down, and a wait in which every dead time ends; levels rise by 0.03 until that direction has moved
-//! strokes  towards the middle of the window, from rest to rest; level l' = l_0 + (l - l_0) min(2, sqrt(0.9 v_max/v))
+//! pulses   up and down without a pause; levels rise by 0.03 or a tenth until the axis has moved, then a wait; a
+//!          direction that has not moved goes on alone, with a wait in which every dead time ends after every pulse
+//! strokes  towards the middle of the window, from rest to rest; level l' where sqrt(v) reaches sqrt(0.9 v_max) on the
+//!          line through the last two strokes, l' - l_0 <= 3 (l - l_0)
 //! random   steps of random level and length, while  low <= y -+ rest(k) <= high
 //! end      neutral until the axis stands
 //! ```
@@ -83,6 +85,8 @@ const LEAST_RANDOM: f64 = 8.0;
 struct Found {
     /// Extending and retracting.
     directions: [Direction; 2],
+    /// Whether pulses have searched the direction a second time.
+    is_searched_again: [bool; 2],
     /// Longest time from neutral to rest, or to where a load that swings turns back, ticks.
     reaction: usize,
     /// Longest time from neutral to rest, with all swings, ticks.
@@ -130,6 +134,7 @@ impl Experiment {
             watch: Watch::new(seconds, memory, EQUAL_COUNTS * resolution),
             found: Found {
                 directions: [Direction::new(), Direction::new()],
+                is_searched_again: [false; 2],
                 reaction: FIRST_REACTION,
                 settling: FIRST_REACTION,
                 start: FIRST_REACTION,
@@ -301,9 +306,9 @@ impl Experiment {
     /// Takes in the times of this step, which moved in the direction in place `side`.
     fn learn_reaction(&mut self, side: usize) {
         let longest = self.ticks(MEMORY) - self.ticks(AFTER_REACTION);
-        let Step { last_motion, highest_at, lowest_at, neutral_at, .. } = self.step;
+        let Step { last_motion, neutral_at, .. } = self.step;
         let since_neutral = |tick: usize| tick.saturating_sub(neutral_at.unwrap_or(usize::MAX));
-        let turns = since_neutral(last_motion.min(if side == 0 { highest_at } else { lowest_at }));
+        let turns = since_neutral(last_motion.min(self.step.farthest(side).at));
         self.learn_start();
         let found = &mut self.found;
         found.reaction = found.reaction.max(turns).min(longest);

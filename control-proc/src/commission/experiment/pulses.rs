@@ -34,7 +34,7 @@ impl Experiment {
                 self.step = Step::begin(position, 0.0, 0);
                 return Ok(0.0);
             }
-            let noise = self.step.highest - self.step.lowest;
+            let noise = self.step.highest.position - self.step.lowest.position;
             self.found.clear = self.found.clear.max(CLEAR_NOISE * noise);
             self.found.quiet = self.found.quiet.max(QUIET_NOISE * noise);
             self.watch.widen_band(noise);
@@ -99,7 +99,7 @@ impl Experiment {
 
     /// Which of the searched directions have moved in this step.
     fn moved(&self, searched: [bool; 2]) -> [bool; 2] {
-        let rise = self.step.highest - self.step.from;
+        let rise = self.step.highest.position - self.step.from;
         let clear = self.found.clear;
         [searched[0] && rise > clear, searched[1] && self.step.fall > clear.max(SWING * rise)]
     }

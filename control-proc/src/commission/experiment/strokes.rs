@@ -62,7 +62,7 @@ impl Experiment {
         }
         let (side, level) = (side_of(wanted), wanted.abs());
         let wait = self.found.reaction + self.ticks(STROKE_WAIT);
-        let turned = if side == 0 { self.step.highest_at } else { self.step.lowest_at };
+        let turned = self.step.farthest(side).at;
         let only_swings = moved_at.is_some() && ticks >= turned + wait + self.ticks(SWING_TIME);
         if !only_swings && !self.stands(wait) {
             return Ok(0.0);
@@ -86,14 +86,15 @@ impl Experiment {
     }
 
     /// Goes back to pulses in a direction that a first stroke did not move: the motion that the pulses saw was another,
-    /// such as a load that swung back.
+    /// such as a load that swung back. A second time there is no motion.
     fn search_again(&mut self, side: usize, level: f64, position: f64) -> Result<f64, Abort> {
         let direction = &mut self.found.directions[side];
         let is_last = level >= PULSE_LIMIT.min(self.limits.magnitude);
-        if direction.last().is_some() || is_last {
+        if direction.last().is_some() || is_last || self.found.is_searched_again[side] {
             return Err(Abort::NoMotion { extend: side == 0, level });
         }
         direction.moving = f64::INFINITY;
+        self.found.is_searched_again[side] = true;
         self.level = level;
         (self.phase, self.step) = (Phase::Pulses, Step::begin(position, 0.0, 0));
         Ok(0.0)

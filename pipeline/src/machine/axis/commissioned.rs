@@ -111,14 +111,18 @@ impl Commissioned {
                 .key("fit_percent", "Part of the motion half a second ahead that the model explains; 100 is all of it")
                 .number(-1e9..=100.0, ""),
         };
-        let DeadBand { extend, retract } = commissioned.dead_band;
-        let widest = 2.0 * extend.min(retract);
-        if commissioned.hysteresis > widest {
-            let allowed = format!("up to {widest}, twice the narrower dead band, which holds half of the hysteresis");
-            section.refuse("hysteresis", commissioned.hysteresis.to_string(), allowed);
-        }
+        commissioned.expect_held_hysteresis(&section);
         section.finish();
         Some(commissioned)
+    }
+
+    /// Refuses a hysteresis of which the dead bands do not hold half.
+    fn expect_held_hysteresis(&self, section: &Section) {
+        let widest = 2.0 * self.dead_band.extend.min(self.dead_band.retract);
+        if self.hysteresis > widest {
+            let allowed = format!("up to {widest}, twice the narrower dead band, which holds half of the hysteresis");
+            section.refuse("hysteresis", self.hysteresis.to_string(), allowed);
+        }
     }
 
     /// nk: the dead time in whole periods, and the period in which the command is sent; [`MAX_DELAY`] at most.

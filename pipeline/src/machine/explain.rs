@@ -170,10 +170,10 @@ mod tests {
         assert_eq!((machine.axes[0].control.kp, machine.axes[0].control.ki), (4.0, 1.0));
         assert_eq!(of("axis.boom.control.kp").origin, Origin::ModelFile { line: 2 });
         assert_eq!(of("axis.boom.control.ki").origin, Origin::CommandLine);
-        let text = super::super::FOUR_AXES;
+        let text = super::super::BUILT_IN;
         let line = 1 + text[..text.find("stroke = 1.334").unwrap()].matches('\n').count();
         assert_eq!(of("axis.boom.stroke").origin, Origin::MachineFile { line });
         assert_eq!(of("axis.boom.encoder.tolerance").origin, Origin::Default);
-        assert_eq!(of("axis.boom.reference.sines[0].amplitude").value.as_deref(), Some("0.12"));
+        assert_eq!(of("axis.boom.reference.sines[0].amplitude").value.as_deref(), Some("0.08"));
     }
 }

@@ -153,7 +153,7 @@ fn the_old_key_of_the_estimator_is_refused_with_the_new_one() {
 #[test]
 fn a_value_that_is_not_from_the_machine_file_is_refused_with_its_own_place() {
     // The file has good values of both keys; their lines would mislead.
-    let set = |key: &str, value: &str| Machine::four_axes(&[(key.to_owned(), value.to_owned())]).unwrap_err();
+    let set = |key: &str, value: &str| Machine::load(None, &[(key.to_owned(), value.to_owned())]).unwrap_err();
     let text = set("axis.boom.control.kp", "-1").to_string();
     assert!(text.starts_with("built-in machine: axis.boom.control.kp: found -1 (from the command line);"), "{text}");
     let text = set("axis.boom.soft_limits", "[0.5, 0.1]").to_string();

@@ -75,10 +75,10 @@ impl<const N: usize> Motion<N> {
     /// The speeds after one more step with these speeds of the curve.
     pub fn advance(&mut self, curve: [f64; N]) -> [f64; N] {
         let Some([[vv, va], [av, aa]]) = self.step else { return curve };
-        for i in 0..N {
-            let (lacking, acceleration) = (self.speed[i] - curve[i], self.acceleration[i]);
-            self.speed[i] = curve[i] + vv * lacking + va * acceleration;
-            self.acceleration[i] = av * lacking + aa * acceleration;
+        for ((speed, acceleration), curve) in self.speed.iter_mut().zip(&mut self.acceleration).zip(curve) {
+            let (lacking, before) = (*speed - curve, *acceleration);
+            *speed = curve + vv * lacking + va * before;
+            *acceleration = av * lacking + aa * before;
         }
         self.speed
     }

@@ -374,6 +374,8 @@ mod tests {
             time_constant: 0.05,
             dead_band: DeadBand { extend: 0.0, retract: 0.0 },
             hysteresis: 0.0,
+            natural_frequency: 0.0,
+            damping: 0.2,
             openings: vec![0.3, 0.6],
             speeds_extend: vec![speed(0.3), speed(0.6)],
             speeds_retract: vec![-speed(-0.3), -speed(-0.6)],

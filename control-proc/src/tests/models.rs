@@ -31,6 +31,8 @@ pub fn commissioned() -> Commissioned {
         time_constant: 0.045,
         dead_band: DeadBand { extend: 0.1, retract: 0.08 },
         hysteresis: 0.0,
+        natural_frequency: 0.0,
+        damping: 0.2,
         openings: vec![0.1, 0.9],
         speeds_extend: vec![0.06, 0.6],
         speeds_retract: vec![0.07, 0.6],

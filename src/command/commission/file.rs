@@ -62,6 +62,8 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commiss
             time_constant,
             dead_band,
             hysteresis,
+            natural_frequency,
+            damping,
             openings,
             speeds_extend,
             speeds_retract,
@@ -72,6 +74,7 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commiss
             text,
             "\n[axis.{name}.commissioned]\ndead_time = {dead_time:?}\ntime_constant = {time_constant:?}\n\
              dead_band_extend = {:?}\ndead_band_retract = {:?}\nhysteresis = {hysteresis:?}\n\
+             natural_frequency = {natural_frequency:?}\ndamping = {damping:?}\n\
              openings = {openings:?}\n\
              speeds_extend = {speeds_extend:?}\nspeeds_retract = {speeds_retract:?}\n\
              fit_percent = {fit_percent:?}    # of the motion half a second ahead\n",

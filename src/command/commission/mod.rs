@@ -35,8 +35,9 @@ use file::{ModelFile, ModelFileError};
 use live::commission_live;
 pub use simulated::commission_simulated;
 
-/// Fit below which a model must not control, percent.
-const POOR_FIT: f64 = 80.0;
+/// Fit below which a model must not control, percent: the gains are tuned for plants that are slower than the model by
+/// up to 30 %, [`control_proc::tuning::PLANTS`]. A model that misses more of the motion says nothing about them.
+const POOR_FIT: f64 = 70.0;
 /// Parts of the tested openings at which the table shows the curve.
 const SHOWN: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
 

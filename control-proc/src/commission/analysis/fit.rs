@@ -3,7 +3,10 @@
 use nalgebra::{DMatrix, DVector};
 use pipeline::machine::Commissioned;
 
-use super::shape::{BENDS, KNOTS, Shape};
+use super::{
+    shape::{BENDS, KNOTS, Shape},
+    spring::Spring,
+};
 use crate::commission::record::ExperimentRecord;
 
 /// Parts of a period in which the lag and the hinges are integrated.
@@ -55,7 +58,7 @@ impl Data<'_> {
 
     fn normal(&self, shape: &Shape) -> Normal {
         let period = self.record.period;
-        let integrals = integrate(self.record, self.end, shape.time_constant, hinges(shape));
+        let integrals = integrate(self.record, self.end, &Dynamics::of(shape), hinges(shape));
         let mut normal = Normal { matrix: [[0.0; COUNT]; COUNT], right: [0.0; COUNT], square: 0.0, rows: 0 };
         let ahead = samples(FITTED_AHEAD, period);
         for k in (self.begin..self.end.saturating_sub(ahead)).step_by(samples(ROW_SPACING, period)) {
@@ -82,7 +85,9 @@ impl Data<'_> {
     /// How much of the motion the model explains `seconds` ahead, percent.
     pub fn judge(&self, model: &Commissioned, seconds: f64) -> f64 {
         let period = self.record.period;
-        let integrals = integrate(self.record, self.end, model.time_constant, |x| [model.speed(x)]);
+        let half = 0.5 * model.hysteresis;
+        let speed = |x: f64| [model.speed(x + half.copysign(x))];
+        let integrals = integrate(self.record, self.end, &Dynamics::of_model(model), speed);
         let ahead = samples(seconds, period);
         let (mut error, mut motion) = (0.0, 0.0);
         for k in self.begin..self.end.saturating_sub(ahead) {
@@ -95,6 +100,25 @@ impl Data<'_> {
             motion += way * way;
         }
         100.0 * (1.0 - (error / motion).sqrt())
+    }
+}
+
+/// What is between a command and its motion, apart from the dead time and the curve.
+struct Dynamics {
+    hysteresis: f64,
+    /// s.
+    time_constant: f64,
+    spring: Spring,
+}
+
+impl Dynamics {
+    fn of(shape: &Shape) -> Self {
+        Self { hysteresis: shape.hysteresis, time_constant: shape.time_constant, spring: shape.spring }
+    }
+
+    fn of_model(model: &Commissioned) -> Self {
+        let spring = Spring::of_model(model);
+        Self { hysteresis: model.hysteresis, time_constant: model.time_constant - spring.delay(), spring }
     }
 }
 
@@ -125,19 +149,22 @@ fn samples(seconds: f64, period: f64) -> usize {
 fn integrate<const N: usize>(
     record: &ExperimentRecord,
     end: usize,
-    time_constant: f64,
+    dynamics: &Dynamics,
     f: impl Fn(f64) -> [f64; N],
 ) -> Vec<[f64; N]> {
     let step = record.period / PARTS as f64;
-    let decay = (-step / time_constant).exp();
+    let decay = (-step / dynamics.time_constant).exp();
+    let mut motion = dynamics.spring.motion(step);
     let mut integrals = Vec::with_capacity(end * PARTS + 1);
-    let (mut x, mut integral) = (0.0, [0.0; N]);
+    let (mut w, mut x, mut integral) = (0.0f64, 0.0, [0.0; N]);
+    let play = 0.5 * dynamics.hysteresis;
     let mut before = f(x);
     integrals.push(integral);
     for command in &record.commands[..end] {
+        w = w.clamp(command - play, command + play);
         for _ in 0..PARTS {
-            x = command + (x - command) * decay;
-            let now = f(x);
+            x = w + (x - w) * decay;
+            let now = motion.advance(f(x));
             for (integral, (before, now)) in integral.iter_mut().zip(before.iter().zip(&now)) {
                 *integral += 0.5 * step * (before + now);
             }

@@ -2,32 +2,39 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | `shape` | what the search changes: dead time, lag and dead bands |
+//! | `shape` | what the search changes: dead time, lag, dead bands, hysteresis and spring |
+//! | `spring` | the load on its spring of oil |
 //! | `fit` | the curve that explains a record best for a given shape, and how well a model predicts |
 //! | [`simplex`] | the search |
 //!
 //! ```text
-//! tau dX/dt + X = u(t)           x(t) = X(t - t_d)
-//! y(k+m) - y(k) = sum_j w_j (C_j(k+m) - C_j(k)) + e        C_j(t) = integral of max(0, x - d_e - q_j) up to t
+//! w(t) = min(max(w(t-), u(t) - h/2), u(t) + h/2)        tau dX/dt + X = w(t)        x(t) = X(t - t_d)
+//! d2v/dt2 + 2 zeta w_0 dv/dt + w_0^2 v = w_0^2 v_c      where the load swings, v = v_c elsewhere
+//! y(k+m) - y(k) = sum_j w_j (C_j(k+m) - C_j(k)) + e    C_j(t) = integral of v up to t, v_c = max(0, x - d_e - q_j)
 //!                 - the mirrored terms with max(0, -x - d_r - q_j)
-//! min over (t_d, tau, d_e, d_r) of the least squares over w
+//! min over (t_d, tau, d_e, d_r, h, w_0, zeta) of the least squares over w
 //! ```
 //!
-//! u command and x spool position in [-1, 1], y position m, t_d dead time s, tau time constant s, d_e and d_r dead
-//! bands, q_j openings at which the curve bends, w_j changes of its slope m/s, m T = 0.2 s. For a given (t_d, tau, d_e,
-//! d_r) the model is linear in w. A dead time delays X exactly, so one response serves all of them. The search begins
-//! on a grid of (t_d, tau) with d = 0, goes on with a grid of d, and then with [`simplex`] on all four.
+//! u command, w command behind the play of the hysteresis h, and x spool position in [-1, 1], v_c speed of the curve
+//! and v that of the axis, y position m, t_d dead time s, tau time constant s, d_e and d_r dead bands, w_0 natural
+//! frequency rad/s and zeta damping of the load on its oil, q_j openings at which the curve bends, w_j changes of its
+//! slope m/s, m T = 0.2 s. For given (t_d, tau, ..) the model is linear in w. A dead time delays X exactly, so one
+//! response serves all of them. The search begins on a grid of (t_d, tau) with d = 0, goes on with grids of d, and then
+//! with [`simplex`] on all four. A hysteresis, and then a spring, is added where it explains clearly more
+//! ([`CLEARLY_BETTER`]).
 //!
-//! The model is fitted on the first two thirds of the record and judged on the rest: half a second ahead, with the
-//! command known.
+//! The model is fitted on the first two thirds of the motion and judged on the rest: half a second ahead, with the
+//! command known. Then it is fitted once more on all of it.
 //!
-//! Traps: t_d and tau trade off against each other where the plant is not a lag of first order, such as a mass on oil;
-//! only their sum is certain. A hysteresis of width h is half in the dead bands, d + h/2. Where a curve begins flat,
-//! the dead band that is found ends where motion begins to count, not where the first drop flows.
+//! Traps: t_d and tau trade off against each other where the load swings and the model does not; only their sum is
+//! certain. In the model that is written half of the hysteresis is in the dead bands and the spring's delay in the time
+//! constant: who does not know about them is right on commands that rise from neutral. Where a curve begins flat, the
+//! dead band that is found ends where motion begins to count, not where the first drop flows.
 
 mod fit;
 mod shape;
 pub mod simplex;
+mod spring;
 
 use pipeline::machine::{Commissioned, DeadBand};
 
@@ -55,9 +62,17 @@ const AS_GOOD: f64 = 1.1;
 /// Steps of the search.
 const SEARCH_STEPS: usize = 250;
 /// First steps of the search in dead time (s), logarithm of the time constant, and dead bands.
-const FIRST_STEPS: Parameters = [0.02, 0.4, 0.02, 0.02];
+const FIRST_STEPS: Parameters = [0.02, 0.4, 0.02, 0.02, 0.02, 0.0, 0.0];
+/// First steps of the search without hysteresis.
+const WITHOUT_HYSTERESIS: Parameters = [0.02, 0.4, 0.02, 0.02, 0.0, 0.0, 0.0];
+/// Mean square error, relative to that without hysteresis, from which on a hysteresis is found.
+const CLEARLY_BETTER: f64 = 0.9;
 /// First steps of the search near a solution.
-const FINE_STEPS: Parameters = [0.002, 0.05, 0.005, 0.005];
+const FINE_STEPS: Parameters = [0.002, 0.05, 0.005, 0.005, 0.005, 0.0, 0.0];
+/// Damping ratio from which the search of a spring starts.
+const FIRST_DAMPING: f64 = 0.2;
+/// Period from which it starts, s.
+const FIRST_PERIOD: f64 = 0.2;
 /// Searches in a row, each from the end of the one before: a simplex can collapse early.
 const SEARCHES: usize = 2;
 
@@ -88,21 +103,31 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
     if seconds < needed {
         return Err(AnalysisError::TooShort { found: seconds, needed });
     }
-    let split = (count as f64 * FITTED_PART) as usize;
+    let split = split(record);
     let largest = record.commands.iter().fold(0.0f64, |largest, command| largest.max(command.abs()));
-    let search = Search { fitted: Data { record, begin: 0, end: split }, largest };
-
-    let mut best = search.on_grids();
-    for _ in 0..SEARCHES {
-        let (at, cost) = minimum(|p| search.cost(p), best.at, FIRST_STEPS, SEARCH_STEPS);
-        best = Point { at, cost };
-    }
-    if !best.cost.is_finite() {
-        return Err(AnalysisError::NoMotion);
-    }
-    let mut model = search.beyond_flat_begin(best)?;
-    model.fit_percent = Data { record, begin: split, end: count }.judge(&model, JUDGED_AHEAD);
+    let part = Search { fitted: Data { record, begin: 0, end: split }, largest };
+    let best = part.best()?;
+    let held_out = part.beyond_flat_begin(best)?;
+    let whole = Search { fitted: Data { record, begin: 0, end: count }, largest };
+    let mut model = whole.beyond_flat_begin(whole.refined(best, first_steps(&best)))?;
+    model.fit_percent = Data { record, begin: split, end: count }.judge(&held_out, JUDGED_AHEAD);
     Ok(model)
+}
+
+/// The sample before which [`FITTED_PART`] of the motion is.
+fn split(record: &ExperimentRecord) -> usize {
+    let ahead = ((JUDGED_AHEAD / record.period).round() as usize).max(1);
+    let ways = record.positions.windows(ahead + 1).map(|part| (part[ahead] - part[0]).abs());
+    let mut sum = 0.0;
+    let sums: Vec<f64> = ways
+        .map(|way| {
+            if way.is_finite() {
+                sum += way
+            };
+            sum
+        })
+        .collect();
+    sums.partition_point(|part| *part < FITTED_PART * sum)
 }
 
 /// A point of the search and its mean square error, m2.
@@ -110,6 +135,15 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
 struct Point {
     at: Parameters,
     cost: f64,
+}
+
+/// First steps of a search from this point, with its hysteresis where it has one.
+fn first_steps(point: &Point) -> Parameters {
+    let mut steps = if point.at[4] > 0.0 { FIRST_STEPS } else { WITHOUT_HYSTERESIS };
+    if point.at[5] > 0.0 {
+        (steps[5], steps[6]) = (0.1 * point.at[5], 0.2 * point.at[6]);
+    }
+    steps
 }
 
 /// The search for the shape that explains the fitted part of a record best.
@@ -126,6 +160,32 @@ impl Search<'_> {
         shape.filter(Shape::is_allowed).map_or(f64::INFINITY, |shape| self.fitted.fit(&shape).0)
     }
 
+    /// The best point of the grids and of the searches from there: without hysteresis, or with one that explains
+    /// clearly more.
+    fn best(&self) -> Result<Point, AnalysisError> {
+        let mut without = self.on_grids();
+        for _ in 0..SEARCHES {
+            without = self.refined(without, WITHOUT_HYSTERESIS);
+        }
+        if !without.cost.is_finite() {
+            return Err(AnalysisError::NoMotion);
+        }
+        let with = self.refined(without, FIRST_STEPS);
+        let stiff = if with.cost < CLEARLY_BETTER * without.cost { with } else { without };
+        let mut start = stiff;
+        (start.at[5], start.at[6]) = (FIRST_PERIOD, FIRST_DAMPING);
+        let mut steps = first_steps(&stiff);
+        (steps[5], steps[6]) = (0.2 * FIRST_PERIOD, 0.5 * FIRST_DAMPING);
+        let sprung = self.refined(self.refined(start, steps), steps);
+        Ok(if sprung.cost < CLEARLY_BETTER * stiff.cost { sprung } else { stiff })
+    }
+
+    /// The best point of a search from `start` with these first steps.
+    fn refined(&self, start: Point, steps: Parameters) -> Point {
+        let (at, cost) = minimum(|p| self.cost(p), start.at, steps, SEARCH_STEPS);
+        Point { at, cost }
+    }
+
     fn model_at(&self, p: &Parameters) -> Result<Commissioned, AnalysisError> {
         let model = Shape::of(p, self.largest).and_then(|shape| shape.model(&self.fitted.fit(&shape).1));
         model.ok_or(AnalysisError::NoMotion)
@@ -133,7 +193,7 @@ impl Search<'_> {
 
     /// The best point of a grid of dead time and time constant, and then of a grid of each dead band.
     fn on_grids(&self) -> Point {
-        let mut best = Point { at: [0.0; 4], cost: f64::INFINITY };
+        let mut best = Point { at: [0.0; 7], cost: f64::INFINITY };
         let try_one = |at: Parameters, best: &mut Point| {
             let cost = self.cost(&at);
             if cost < best.cost {
@@ -143,14 +203,14 @@ impl Search<'_> {
         let on_grid = |largest: f64, i: i32| largest * f64::from(i) / f64::from(GRID_STEPS);
         for tau in TIME_CONSTANTS {
             for i in 0..=GRID_STEPS {
-                try_one([on_grid(LONGEST_DEAD_TIME, i), tau.ln(), 0.0, 0.0], &mut best);
+                try_one([on_grid(LONGEST_DEAD_TIME, i), tau.ln(), 0.0, 0.0, 0.0, 0.0, FIRST_DAMPING], &mut best);
             }
         }
-        for side in [2, 3] {
+        for sides in [&[2, 3][..], &[2], &[3]] {
             let from = best.at;
             for i in 1..GRID_STEPS {
                 let mut at = from;
-                at[side] = on_grid(self.largest, i);
+                sides.iter().for_each(|side| at[*side] = on_grid(self.largest, i));
                 try_one(at, &mut best);
             }
         }
@@ -168,11 +228,17 @@ impl Search<'_> {
             };
             let beyond = [flat(&model.speeds_extend), flat(&model.speeds_retract)];
             let DeadBand { extend, retract } = model.dead_band;
-            let start = [model.dead_time, model.time_constant.ln(), extend + beyond[0], retract + beyond[1]];
+            let half = 0.5 * model.hysteresis;
+            let mut start = best.at;
+            (start[0], start[2], start[3]) = (model.dead_time, extend - half + beyond[0], retract - half + beyond[1]);
             if beyond == [0.0; 2] {
                 break;
             }
-            let (p, cost) = minimum(|p| self.cost(p), start, FINE_STEPS, SEARCH_STEPS);
+            let mut steps = FINE_STEPS;
+            if best.at[4] == 0.0 {
+                steps[4] = 0.0;
+            }
+            let (p, cost) = minimum(|p| self.cost(p), start, steps, SEARCH_STEPS);
             if cost > AS_GOOD * best.cost {
                 break;
             }

@@ -3,8 +3,11 @@
 use nalgebra::DVector;
 use pipeline::machine::{Commissioned, DeadBand};
 
-/// Dead time s, logarithm of the time constant, and dead bands of extending and retracting.
-pub(super) type Parameters = [f64; 4];
+use super::spring::Spring;
+
+/// Dead time s, logarithm of the time constant, dead bands of extending and retracting, width of the hysteresis, and
+/// what the load on its spring of oil adds: its period s (0 for a stiff one) and damping ratio.
+pub(super) type Parameters = [f64; 7];
 
 /// Bends of either direction.
 pub(super) const KNOTS: usize = 6;
@@ -18,6 +21,8 @@ const SHORTEST_TIME_CONSTANT: f64 = 1e-3;
 const LONGEST_TIME_CONSTANT: f64 = 2.0;
 /// Widest dead band that is searched.
 const WIDEST_DEAD_BAND: f64 = 0.9;
+/// Widest hysteresis that is searched: pilot-operated valves have 0.03 to 0.05, worn ones three times that.
+const WIDEST_HYSTERESIS: f64 = 0.15;
 /// Least rise of a curve from point to point, m/s, so that the curve can be inverted.
 const LEAST_RISE: f64 = 1e-6;
 /// Least speed at the end of a curve that moves its way, m/s.
@@ -31,6 +36,8 @@ pub(super) struct Shape {
     /// s.
     pub time_constant: f64,
     pub dead_band: DeadBand,
+    pub hysteresis: f64,
+    pub spring: Spring,
     /// Largest opening.
     pub span: f64,
 }
@@ -38,9 +45,16 @@ pub(super) struct Shape {
 impl Shape {
     /// From the parameters and the largest magnitude of a command; none if the commands never leave the dead bands.
     pub fn of(p: &Parameters, largest: f64) -> Option<Self> {
-        let span = largest - p[2].min(p[3]);
+        let span = largest - 0.5 * p[4] - p[2].min(p[3]);
         let dead_band = DeadBand { extend: p[2], retract: p[3] };
-        (span > 0.0).then_some(Self { dead_time: p[0], time_constant: p[1].exp(), dead_band, span })
+        (span > 0.0).then_some(Self {
+            dead_time: p[0],
+            time_constant: p[1].exp(),
+            dead_band,
+            hysteresis: p[4],
+            spring: Spring { period: p[5], damping: p[6] },
+            span,
+        })
     }
 
     /// Whether all parameters are in the ranges that are searched.
@@ -49,6 +63,8 @@ impl Shape {
             && (SHORTEST_TIME_CONSTANT..=LONGEST_TIME_CONSTANT).contains(&self.time_constant)
             && (0.0..=WIDEST_DEAD_BAND).contains(&self.dead_band.extend)
             && (0.0..=WIDEST_DEAD_BAND).contains(&self.dead_band.retract)
+            && (0.0..=WIDEST_HYSTERESIS).contains(&self.hysteresis)
+            && self.spring.is_allowed()
     }
 
     /// The model of this shape with these changes of slope; none where a direction does not move its way.
@@ -68,11 +84,15 @@ impl Shape {
                 .collect();
             (last > LEAST_SPEED).then_some(speeds)
         };
+        let DeadBand { extend, retract } = self.dead_band;
+        let half = 0.5 * self.hysteresis;
         Some(Commissioned {
             dead_time: self.dead_time,
-            time_constant: self.time_constant,
-            dead_band: self.dead_band,
-            hysteresis: 0.0,
+            time_constant: self.time_constant + self.spring.delay(),
+            dead_band: DeadBand { extend: extend + half, retract: retract + half },
+            hysteresis: self.hysteresis,
+            natural_frequency: self.spring.frequency(),
+            damping: self.spring.damping,
             speeds_extend: speeds(0)?,
             speeds_retract: speeds(1)?,
             openings,

@@ -79,6 +79,16 @@ impl Direction {
         CAUTION * self.gain * speed
     }
 
+    /// The level that makes `speed` m/s when the root of the speed goes on to rise as between the last two strokes.
+    pub fn level(&self, speed: f64) -> f64 {
+        let strokes = &self.strokes[..self.count];
+        let Some(last) = self.last() else { return self.moving };
+        let before = strokes.iter().rev().find(|stroke| stroke.speed < last.speed);
+        let before = before.copied().unwrap_or(Stroke { level: self.moving, speed: 0.0 });
+        let slope = (last.speed.sqrt() - before.speed.sqrt()) / (last.level - before.level);
+        last.level + (speed.sqrt() - last.speed.sqrt()) / slope.max(f64::MIN_POSITIVE)
+    }
+
     /// Takes in a speed (m/s) that commands up to `level` have made.
     pub fn learn(&mut self, level: f64, speed: f64) {
         let expected = self.speed(level);

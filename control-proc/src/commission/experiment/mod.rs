@@ -12,8 +12,10 @@
 //!
 //! ```text
 //! rest     neutral, to see the noise
-//! pulses   up, down, and a wait in which every dead time ends; levels rise by 0.03 until that direction has moved
-//! strokes  towards the middle of the window, from rest to rest; level l' = l_0 + (l - l_0) min(2, sqrt(0.9 v_max/v))
+//! pulses   up and down without a pause; levels rise by 0.03 or a tenth until the axis has moved, then a wait; a
+//!          direction that has not moved goes on alone, with a wait in which every dead time ends after every pulse
+//! strokes  towards the middle of the window, from rest to rest; level l' where sqrt(v) reaches sqrt(0.9 v_max) on the
+//!          line through the last two strokes, l' - l_0 <= 3 (l - l_0)
 //! random   steps of random level and length, while  low <= y -+ rest(k) <= high
 //! end      neutral until the axis stands
 //! ```
@@ -83,12 +85,20 @@ const LEAST_RANDOM: f64 = 8.0;
 struct Found {
     /// Extending and retracting.
     directions: [Direction; 2],
-    /// Longest time from neutral to rest, ticks.
+    /// Whether pulses have searched the direction a second time.
+    is_searched_again: [bool; 2],
+    /// Longest time from neutral to rest, or to where a load that swings turns back, ticks.
     reaction: usize,
+    /// Longest time from neutral to rest, with all swings, ticks.
+    settling: usize,
+    /// Longest time from a command to clear motion, ticks: a spool takes longer to leave its dead band than to return.
+    start: usize,
     /// Way from which on motion is clear, m.
     clear: f64,
     /// Way within which the axis stands over [`SPEED_TIME`], m.
     quiet: f64,
+    /// Way that the axis creeps by itself, m per tick.
+    drift: f64,
 }
 
 /// The experiment with one axis.
@@ -124,9 +134,13 @@ impl Experiment {
             watch: Watch::new(seconds, memory, EQUAL_COUNTS * resolution),
             found: Found {
                 directions: [Direction::new(), Direction::new()],
+                is_searched_again: [false; 2],
                 reaction: FIRST_REACTION,
+                settling: FIRST_REACTION,
+                start: FIRST_REACTION,
                 clear: CLEAR.max(CLEAR_COUNTS * resolution),
                 quiet: QUIET_COUNTS * resolution,
+                drift: 0.0,
             },
             level: pulses::PULSE_STEP,
             phase: Phase::Rest,
@@ -260,9 +274,9 @@ impl Experiment {
         let directions = &self.found.directions;
         let is_known = !directions.iter().any(|direction| direction.last().is_none());
         let at_work =
-            if is_known { self.found.reaction + self.ticks(AFTER_REACTION) } else { self.ticks(UNKNOWN_REACTION) };
+            if is_known { self.found.settling + self.ticks(AFTER_REACTION) } else { self.ticks(UNKNOWN_REACTION) };
         self.watch.check_direction(at_work, fastest)?;
-        self.watch.check_change(self.found.reaction, |command| {
+        self.watch.check_change(self.found.settling.max(self.found.start), |command| {
             let direction = &directions[side_of(command)];
             if command.abs() > direction.moving { direction.speed(command.abs()) } else { 0.0 }
         })
@@ -272,9 +286,14 @@ impl Experiment {
     fn observe(&mut self, position: f64) {
         let speed = self.watch.speed();
         let is_quiet = speed.abs() * SPEED_TIME <= self.found.quiet;
-        self.step.observe(position, speed, self.found.clear, is_quiet);
-        let (low, high) = self.watch.span(self.found.reaction);
-        self.found.directions[side_of(speed)].learn(if speed < 0.0 { -low } else { high }, speed.abs());
+        self.step.observe(position, speed, self.found.drift, self.found.clear, is_quiet);
+        // A load on oil swings back after a command of the other direction. That speed is not this direction's.
+        let (low, high) = self.watch.span(self.found.reaction + self.ticks(AFTER_REACTION));
+        let (mine, other) = if speed < 0.0 { (-low, high) } else { (high, low) };
+        let direction = &mut self.found.directions[side_of(speed)];
+        if other == 0.0 && mine > direction.moving {
+            direction.learn(mine, speed.abs());
+        }
     }
 
     /// Whether the command of the step went neutral `wait` ticks ago or earlier, and the axis stands.
@@ -284,11 +303,22 @@ impl Experiment {
             && step.ticks >= step.last_motion + self.ticks(STANDING_TIME)
     }
 
-    /// Takes the time from neutral to rest of this step into the reaction.
-    fn learn_reaction(&mut self) {
+    /// Takes in the times of this step, which moved in the direction in place `side`.
+    fn learn_reaction(&mut self, side: usize) {
         let longest = self.ticks(MEMORY) - self.ticks(AFTER_REACTION);
-        let seen = self.step.last_motion.saturating_sub(self.step.neutral_at.unwrap_or(usize::MAX));
-        self.found.reaction = self.found.reaction.max(seen).min(longest);
+        let Step { last_motion, neutral_at, .. } = self.step;
+        let since_neutral = |tick: usize| tick.saturating_sub(neutral_at.unwrap_or(usize::MAX));
+        let turns = since_neutral(last_motion.min(self.step.farthest(side).at));
+        self.learn_start();
+        let found = &mut self.found;
+        found.reaction = found.reaction.max(turns).min(longest);
+        found.settling = found.settling.max(since_neutral(last_motion)).min(longest);
+    }
+
+    /// Takes in how long this step took to move the axis.
+    fn learn_start(&mut self) {
+        let longest = self.ticks(MEMORY) - self.ticks(AFTER_REACTION);
+        self.found.start = self.found.start.max(self.step.moved_at.unwrap_or(0)).min(longest);
     }
 
     /// Whether the axis would leave the window if it were commanded so once more and then neutral.

@@ -1,29 +1,40 @@
 //! The phases rest and pulses: the noise, and the levels that move the axis.
 
-use super::{Experiment, abort::Abort, step::Step, terms::Phase};
+use super::{Experiment, abort::Abort, step::Step, terms::Phase, watch::SWING};
 
 /// Highest level of the pulses.
 pub const PULSE_LIMIT: f64 = 0.6;
-/// First level of the pulses, and its rise from pulse to pulse.
+/// First level of the pulses, and its least rise from pulse to pulse.
 pub(super) const PULSE_STEP: f64 = 0.03;
+/// Rise from pulse to pulse as part of the level, where that is more.
+const PULSE_RISE: f64 = 0.1;
 /// Length of a pulse, s.
-const PULSE_TIME: f64 = 0.25;
+const PULSE_TIME: f64 = 0.5;
 /// Wait after the pulses, s: the longest dead time, 0.5 s, and the valve's lag.
 const PULSE_WAIT: f64 = 0.7;
 /// Time at rest in which the noise is seen, s.
 const REST_TIME: f64 = 0.5;
+/// Longest time at rest, s, for an axis whose creep changes.
+const LONGEST_REST: f64 = 3.0;
+/// Part of a clear motion by which the creep during pulses may be unknown.
+const CREEP: f64 = 0.25;
 /// Multiple of the noise from which on motion is clear.
 const CLEAR_NOISE: f64 = 5.0;
 /// Multiple of the noise that is no motion.
 const QUIET_NOISE: f64 = 2.0;
-/// Part of the rise that an axis may swing back without having moved on its own.
-const SWING: f64 = 0.4;
 
 impl Experiment {
     /// Neutral until the noise is known.
     pub(super) fn rest(&mut self, position: f64) -> Result<f64, Abort> {
         if self.step.ticks >= self.ticks(REST_TIME) {
-            let noise = self.step.highest - self.step.lowest;
+            let drift = self.drift(position);
+            let before = std::mem::replace(&mut self.found.drift, drift);
+            let change = (drift - before).abs() * self.ticks(2.0 * PULSE_TIME + PULSE_WAIT) as f64;
+            if change > CREEP * self.found.clear && self.tick < self.ticks(LONGEST_REST) {
+                self.step = Step::begin(position, 0.0, 0);
+                return Ok(0.0);
+            }
+            let noise = self.step.highest.position - self.step.lowest.position;
             self.found.clear = self.found.clear.max(CLEAR_NOISE * noise);
             self.found.quiet = self.found.quiet.max(QUIET_NOISE * noise);
             self.watch.widen_band(noise);
@@ -33,28 +44,39 @@ impl Experiment {
         Ok(0.0)
     }
 
-    /// A pulse in each direction that has not moved yet, and a wait after them.
+    /// A pulse in each direction that has not moved yet, until one has moved. Pulses in both directions follow one
+    /// another; after those in a single direction there is a wait in which every dead time ends.
     pub(super) fn pulses(&mut self, position: f64) -> Result<f64, Abort> {
         let length = self.ticks(PULSE_TIME);
         let searched = [0, 1].map(|side| self.found.directions[side].moving.is_infinite());
         let up = if searched[0] { length } else { 0 };
         let end = up + if searched[1] { length } else { 0 };
         let at = self.step.ticks - 1;
-        if at < end {
-            return Ok(if at < up { self.level } else { -self.level });
+        let is_both = searched == [true; 2];
+        let is_last = self.level >= PULSE_LIMIT.min(self.limits.magnitude);
+        if self.step.neutral_at.is_none() {
+            if at < end && self.moved(searched) == [false; 2] {
+                return Ok(if at < up { self.level } else { -self.level });
+            }
+            if is_both && at >= end && !is_last {
+                self.found.drift = self.drift(position);
+                self.raise_level(position);
+                return Ok(self.level);
+            }
+            self.step.neutral_at = Some(at);
         }
-        self.step.neutral_at.get_or_insert(at);
         if !self.stands(self.ticks(PULSE_WAIT)) {
             return Ok(0.0);
         }
-        self.note_moved(searched);
-        let highest = PULSE_LIMIT.min(self.limits.magnitude);
+        let moved = self.note_moved(searched, position);
         if let Some(side) = self.found.directions.iter().position(|direction| direction.moving.is_infinite()) {
-            if self.level >= highest {
-                return Err(Abort::NoMotion { extend: side == 0, level: highest });
+            if moved {
+                self.step = Step::begin(position, 0.0, 0);
+            } else if is_last {
+                return Err(Abort::NoMotion { extend: side == 0, level: self.level });
+            } else {
+                self.raise_level(position);
             }
-            self.level = (self.level + PULSE_STEP).min(highest);
-            self.step = Step::begin(position, 0.0, 0);
         } else {
             self.choose_aim()?;
             self.phase = Phase::Strokes;
@@ -63,18 +85,36 @@ impl Experiment {
         Ok(0.0)
     }
 
-    /// Notes which of the searched directions have moved.
-    fn note_moved(&mut self, searched: [bool; 2]) {
-        let rise = self.step.highest - self.step.from;
+    /// Begins the pulses of the next level.
+    fn raise_level(&mut self, position: f64) {
+        let highest = PULSE_LIMIT.min(self.limits.magnitude);
+        self.level = (self.level + PULSE_STEP.max(PULSE_RISE * self.level)).min(highest);
+        self.step = Step::begin(position, 0.0, 0);
+    }
+
+    /// Way of this step per tick, m: an axis whose oil leaks creeps.
+    fn drift(&self, position: f64) -> f64 {
+        (position - self.step.from) / self.step.ticks.max(1) as f64
+    }
+
+    /// Which of the searched directions have moved in this step.
+    fn moved(&self, searched: [bool; 2]) -> [bool; 2] {
+        let rise = self.step.highest.position - self.step.from;
         let clear = self.found.clear;
-        let moved = [rise > clear, self.step.fall > clear.max(SWING * rise)];
-        for side in 0..2 {
-            if searched[side] && moved[side] {
-                self.found.directions[side].moving = self.level;
-            }
+        [searched[0] && rise > clear, searched[1] && self.step.fall > clear.max(SWING * rise)]
+    }
+
+    /// Notes which of the searched directions have moved. Returns whether one has.
+    fn note_moved(&mut self, searched: [bool; 2], position: f64) -> bool {
+        let moved = self.moved(searched);
+        for side in (0..2).filter(|side| moved[*side]) {
+            self.found.directions[side].moving = self.level;
         }
-        if moved[usize::from(searched[1])] {
-            self.learn_reaction();
+        if moved == [false; 2] {
+            self.found.drift = self.drift(position);
+            return false;
         }
+        self.learn_reaction(usize::from(moved[1]));
+        true
     }
 }

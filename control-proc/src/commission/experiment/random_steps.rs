@@ -33,6 +33,7 @@ impl Experiment {
 
     /// Begins a random step in one direction, or a neutral one.
     fn choose(&mut self, position: f64, side: usize) {
+        self.learn_start();
         let direction = &self.found.directions[side];
         let low = LOWEST_LEVEL * direction.moving;
         let high = direction.last().map_or(direction.moving, |stroke| stroke.level);

@@ -1,6 +1,6 @@
 //! The phase of strokes: the levels that make the allowed speed.
 
-use super::{Experiment, LEAST_RANDOM, abort::Abort, side_of, signed, step::Step, terms::Phase};
+use super::{Experiment, LEAST_RANDOM, PULSE_LIMIT, abort::Abort, side_of, signed, step::Step, terms::Phase};
 
 /// Opening of the first stroke above the level that moved the axis.
 const FIRST_OPENING: f64 = 0.015;
@@ -10,14 +10,16 @@ pub(super) const STROKE_TIME: f64 = 0.4;
 const STROKE_PATIENCE: f64 = 1.0;
 /// Wait after a stroke beyond the reaction that is known, s.
 const STROKE_WAIT: f64 = 0.2;
+/// Time over which a load that swings is watched, s: the period of a swing of 2 Hz.
+const SWING_TIME: f64 = 0.5;
 /// Part of the speed to aim at that ends the strokes of a direction.
 const FAST_ENOUGH: f64 = 0.75;
 /// Part of the speed to aim at for which the next level is chosen.
 const AIM: f64 = 0.9;
 /// Largest factor of the opening from stroke to stroke.
-const LARGEST_FACTOR: f64 = 2.0;
-/// Least speed that the next level is chosen by, m/s.
-const LEAST_SPEED: f64 = 1e-6;
+const LARGEST_FACTOR: f64 = 3.0;
+/// Least rise of the level from stroke to stroke.
+const LEAST_OPENING: f64 = 0.005;
 
 impl Experiment {
     /// Whether the strokes of this direction have shown enough.
@@ -37,12 +39,13 @@ impl Experiment {
             None => direction.moving + FIRST_OPENING,
             Some(stroke) if self.is_fast_enough(side) => stroke.level,
             Some(stroke) => {
-                let factor = (AIM * self.window.aim / stroke.speed.max(LEAST_SPEED)).sqrt().clamp(1.0, LARGEST_FACTOR);
-                direction.moving + (stroke.level - direction.moving) * factor
+                let wanted = direction.level(AIM * self.window.aim).max(stroke.level + LEAST_OPENING);
+                wanted.min(direction.moving + (stroke.level - direction.moving) * LARGEST_FACTOR)
             }
         };
         let level = level.min(self.limits.magnitude);
-        self.step = Step::begin(position, signed(side, level), 0);
+        let swing = self.watch.range(self.ticks(SWING_TIME));
+        self.step = Step { swing, ..Step::begin(position, signed(side, level), 0) };
     }
 
     /// A stroke until the axis has moved for its time, and a wait until the axis stands.
@@ -57,14 +60,17 @@ impl Experiment {
             }
             self.step.neutral_at = Some(ticks);
         }
-        if !self.stands(self.found.reaction + self.ticks(STROKE_WAIT)) {
+        let (side, level) = (side_of(wanted), wanted.abs());
+        let wait = self.found.reaction + self.ticks(STROKE_WAIT);
+        let turned = self.step.farthest(side).at;
+        let only_swings = moved_at.is_some() && ticks >= turned + wait + self.ticks(SWING_TIME);
+        if !only_swings && !self.stands(wait) {
             return Ok(0.0);
         }
-        let (side, level) = (side_of(wanted), wanted.abs());
         if moved_at.is_none() {
-            return Err(Abort::NoMotion { extend: side == 0, level });
+            return self.search_again(side, level, position);
         }
-        self.learn_reaction();
+        self.learn_reaction(side);
         self.choose_aim()?;
         self.found.directions[side].push(level, self.step.peak);
         if self.is_fast_enough(0) && self.is_fast_enough(1) {
@@ -76,6 +82,21 @@ impl Experiment {
         } else {
             self.begin_stroke(position);
         }
+        Ok(0.0)
+    }
+
+    /// Goes back to pulses in a direction that a first stroke did not move: the motion that the pulses saw was another,
+    /// such as a load that swung back. A second time there is no motion.
+    fn search_again(&mut self, side: usize, level: f64, position: f64) -> Result<f64, Abort> {
+        let direction = &mut self.found.directions[side];
+        let is_last = level >= PULSE_LIMIT.min(self.limits.magnitude);
+        if direction.last().is_some() || is_last || self.found.is_searched_again[side] {
+            return Err(Abort::NoMotion { extend: side == 0, level });
+        }
+        direction.moving = f64::INFINITY;
+        self.found.is_searched_again[side] = true;
+        self.level = level;
+        (self.phase, self.step) = (Phase::Pulses, Step::begin(position, 0.0, 0));
         Ok(0.0)
     }
 }

@@ -2,13 +2,15 @@
 //!
 //! ```text
 //! low - margin <= y <= high + margin       |y(k) - y(k-n)| <= 1.5 v_max n T        n T = 50 ms
-//! not against:  all u of the last M ticks >= 0  =>  y(k) - y(k-4n) > -(5 mm + v_max 20 ms)      and mirrored
+//! not against:  all u of the last M ticks >= 0  =>  y(k) - y(k-4n) > -(5 mm + v_max 20 ms + 0.4 r)   and mirrored
 //! not stuck:    y unchanged within a few counts  =>  sum of v(u) T < 20 mm         u since then, R ticks old
 //! ```
 //!
 //! y position m, u command, v_max speed bound m/s, T period s, R ticks from command to motion, M > R, v speeds that the
-//! commands were seen to make ([`super::direction`]). Trap: what is under way in valve and pilot lines still comes out
-//! after an abort. So the margin is where the valve shuts, not where the axis stops.
+//! commands were seen to make ([`super::direction`]), r the farthest that the axis rose in the last 1.5 s, m. Traps:
+//! what is under way in valve and pilot lines still comes out after an abort. So the margin is where the valve shuts,
+//! not where the axis stops. A load on oil swings back when its valve shuts: by r and less, which is no motion against
+//! the command.
 
 use pipeline::message::{AxisSample, sample_fault};
 
@@ -23,6 +25,8 @@ pub const SPEED_TIME: f64 = 0.05;
 pub const AGAINST_DISTANCE: f64 = 5e-3;
 /// Addition to that way for each m/s of the speed bound, s.
 pub const AGAINST_TIME: f64 = 0.02;
+/// Part of the way made just before by which an axis may swing back.
+pub const SWING: f64 = 0.4;
 
 /// A position that has not changed.
 #[derive(Debug, Clone, Copy)]
@@ -109,6 +113,13 @@ impl Watch {
         self.position() - self.positions[self.positions.len() - 1 - ticks.min(self.positions.len() - 1)]
     }
 
+    /// Distance of the lowest from the highest of the last `ticks` positions, m.
+    pub fn range(&self, ticks: usize) -> f64 {
+        let positions = self.positions[self.positions.len().saturating_sub(ticks)..].iter();
+        let (low, high) = positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (p.min(l), p.max(h)));
+        high - low
+    }
+
     /// Speed over [`SPEED_TIME`], m/s.
     pub fn speed(&self) -> f64 {
         self.moved(self.speed_ticks) / (self.speed_ticks as f64 * self.period)
@@ -118,6 +129,16 @@ impl Watch {
     pub fn span(&self, ticks: usize) -> (f64, f64) {
         let commands = self.commands(ticks).iter();
         commands.fold((0.0, 0.0), |(low, high), command| (command.min(low), command.max(high)))
+    }
+
+    /// The longest way in the direction `sign` among the positions that are kept, m.
+    fn way(&self, sign: f64) -> f64 {
+        let (mut lowest, mut way) = (f64::INFINITY, 0.0f64);
+        for position in &self.positions {
+            lowest = lowest.min(position * sign);
+            way = way.max(position * sign - lowest);
+        }
+        way
     }
 
     /// Checks the bounds on position and speed; `fastest` is the speed bound, m/s.
@@ -134,7 +155,8 @@ impl Watch {
     pub fn check_direction(&self, ticks: usize, fastest: f64) -> Result<(), Abort> {
         let (low, high) = self.span(ticks);
         let moved = self.moved(4 * self.speed_ticks);
-        let allowed = AGAINST_DISTANCE + fastest * AGAINST_TIME;
+        let way = self.way(-moved.signum());
+        let allowed = AGAINST_DISTANCE + fastest * AGAINST_TIME + SWING * way;
         let against = (low == 0.0 && moved < -allowed) || (high == 0.0 && moved > allowed);
         if against { Err(Abort::Against { command: low + high, moved, allowed }) } else { Ok(()) }
     }

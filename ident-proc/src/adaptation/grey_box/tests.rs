@@ -12,6 +12,8 @@ fn commissioned() -> Commissioned {
         time_constant: 0.05,
         dead_band: DeadBand { extend: 0.1, retract: 0.08 },
         hysteresis: 0.0,
+        natural_frequency: 0.0,
+        damping: 0.2,
         // At the knots of the hinges.
         openings: vec![0.05, 0.175, 0.5],
         speeds_extend: vec![0.02, 0.12, 0.4],

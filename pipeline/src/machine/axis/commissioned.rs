@@ -1,7 +1,7 @@
 //! The commissioned model of an axis, as `hydraxis commission` writes it: `[axis.NAME.commissioned]`.
 //!
 //! ```text
-//! tau dx/dt + x = w(t)     w(t) = min(max(w(t-), u(t - t_d) - h/2), u(t - t_d) + h/2)     v = c(x + sign(x) h/2)
+//! tau dx/dt + x = w(t)    w(t) = min(max(w(t-), u(t - t_d) - h/2), u(t - t_d) + h/2)    v = c(x + sign(x) h/2)
 //! c(x) = 0 for -d_r <= x <= d_e, straight lines through the points beyond, the last line going on
 //! ```
 //!
@@ -32,6 +32,10 @@ pub struct Commissioned {
     pub dead_band: DeadBand,
     /// h.
     pub hysteresis: f64,
+    /// w / 2 pi, Hz; 0 for a load that does not swing. Its delay, 2 zeta / w, is a part of the time constant.
+    pub natural_frequency: f64,
+    /// zeta.
+    pub damping: f64,
     /// Commands beyond the dead band, rising, of the points of either direction.
     pub openings: Vec<f64>,
     /// Speeds at the openings while extending, m/s, rising.
@@ -93,6 +97,13 @@ impl Commissioned {
             hysteresis: section
                 .key("hysteresis", "Width of the valve's hysteresis, as a part of the full command")
                 .number_or(0.0, 0.0..=0.5, ""),
+            natural_frequency: section
+                .key(
+                    "natural_frequency",
+                    "Frequency at which the load swings on its spring of oil; 0 where none was found",
+                )
+                .number_or(0.0, 0.0..=1000.0, "Hz"),
+            damping: section.key("damping", "Damping ratio of that swing").number_or(0.2, 0.0..=1.0, ""),
             openings,
             speeds_extend,
             speeds_retract,
@@ -100,14 +111,18 @@ impl Commissioned {
                 .key("fit_percent", "Part of the motion half a second ahead that the model explains; 100 is all of it")
                 .number(-1e9..=100.0, ""),
         };
-        let DeadBand { extend, retract } = commissioned.dead_band;
-        let widest = 2.0 * extend.min(retract);
-        if commissioned.hysteresis > widest {
-            let allowed = format!("up to {widest}, twice the narrower dead band, which holds half of the hysteresis");
-            section.refuse("hysteresis", commissioned.hysteresis.to_string(), allowed);
-        }
+        commissioned.expect_held_hysteresis(&section);
         section.finish();
         Some(commissioned)
+    }
+
+    /// Refuses a hysteresis of which the dead bands do not hold half.
+    fn expect_held_hysteresis(&self, section: &Section) {
+        let widest = 2.0 * self.dead_band.extend.min(self.dead_band.retract);
+        if self.hysteresis > widest {
+            let allowed = format!("up to {widest}, twice the narrower dead band, which holds half of the hysteresis");
+            section.refuse("hysteresis", self.hysteresis.to_string(), allowed);
+        }
     }
 
     /// nk: the dead time in whole periods, and the period in which the command is sent; [`MAX_DELAY`] at most.
@@ -207,6 +222,8 @@ mod tests {
             time_constant: 0.05,
             dead_band: DeadBand { extend: 0.1, retract: 0.08 },
             hysteresis: 0.0,
+            natural_frequency: 0.0,
+            damping: 0.2,
             openings: vec![0.1, 0.3],
             speeds_extend: vec![0.05, 0.25],
             speeds_retract: vec![0.04, 0.3],

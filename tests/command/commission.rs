@@ -1,6 +1,8 @@
 //! `hydraxis commission` on the simulated machine.
 
-use std::fs;
+use std::{fs, path::Path};
+
+use pipeline::machine::model_settings;
 
 use crate::harness::{
     FOUR_AXES,
@@ -34,6 +36,31 @@ fn a_model_is_found_written_and_read_by_the_other_commands() {
     assert_eq!(bucket["axis"], "bucket");
     assert!((bucket["dead_band_extend"].as_f64().unwrap() - 0.1).abs() < 0.015, "{bucket}");
     assert!(bucket["fit_percent"].as_f64().unwrap() > 90.0, "{bucket}");
+}
+
+/// Keys and values of a model file: the words, and the numbers among them.
+fn found(file: &Path) -> (Vec<String>, Vec<f64>) {
+    let settings = model_settings(file).unwrap();
+    let text: String = settings.iter().map(|(key, value)| format!("{key} {value} ")).collect();
+    let words = text.split([' ', ',', '[', ']']).filter(|word| !word.is_empty());
+    let (numbers, names): (Vec<&str>, Vec<&str>) = words.partition(|word| word.parse::<f64>().is_ok());
+    (names.into_iter().map(str::to_owned).collect(), numbers.iter().map(|word| word.parse().unwrap()).collect())
+}
+
+#[test]
+fn the_model_of_the_built_in_machine_is_what_commissioning_finds() {
+    let (folder, examples) = (tempfile::tempdir().unwrap(), Path::new(env!("CARGO_MANIFEST_DIR")).join("examples"));
+    let machine = examples.join("excavator.toml");
+    let output = run(folder.path(), &["commission", machine.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let (names, numbers) = found(&folder.path().join("model.toml"));
+    let (shipped_names, shipped) = found(&examples.join("excavator-model.toml"));
+    assert_eq!((names, numbers.len()), (shipped_names, shipped.len()));
+    assert!(numbers.len() > 100, "{}", numbers.len());
+    for (number, shipped) in numbers.into_iter().zip(shipped) {
+        // Another computer's library may round exponentials in another way.
+        assert!((number - shipped).abs() <= 1e-6 * shipped.abs(), "{number} {shipped}");
+    }
 }
 
 #[test]

@@ -2,12 +2,13 @@
 //!
 //! ```text
 //! low - margin <= y <= high + margin       |y(k) - y(k-n)| <= 1.5 v_max n T        n T = 50 ms
-//! not against:  all u of the last M ticks >= 0  =>  y(k) - y(k-4n) > -(5 mm + v_max 20 ms + 0.4 r)   and mirrored
+//! not against:  all u of the last M ticks >= 0  =>  y(k) - y(k-4n) > -(5 mm + v_max 20 ms + s)   and mirrored
 //! not stuck:    y unchanged within a few counts  =>  sum of v(u) T < 20 mm         u since then, R ticks old
 //! ```
 //!
 //! y position m, u command, v_max speed bound m/s, T period s, R ticks from command to motion, M > R, v speeds that the
-//! commands were seen to make ([`super::direction`]), r the farthest that the axis rose in the last 1.5 s, m. Traps:
+//! commands were seen to make ([`super::direction`]); s = min(0.4 r, v_max 80 ms), r the farthest that the axis rose in
+//! the last 1.5 s, m. Traps:
 //! what is under way in valve and pilot lines still comes out after an abort. So the margin is where the valve shuts,
 //! not where the axis stops. A load on oil swings back when its valve shuts: by r and less, which is no motion against
 //! the command.
@@ -27,6 +28,9 @@ pub const AGAINST_DISTANCE: f64 = 5e-3;
 pub const AGAINST_TIME: f64 = 0.02;
 /// Part of the way made just before by which an axis may swing back.
 pub const SWING: f64 = 0.4;
+/// Most that it may swing back for each m/s of the speed bound, s: a load that swings with 2 Hz and has the speed v
+/// when its valve shuts goes v / (2 pi 2 Hz) too far, and as much back.
+pub const SWING_TIME: f64 = 0.08;
 
 /// A position that has not changed.
 #[derive(Debug, Clone, Copy)]
@@ -156,7 +160,7 @@ impl Watch {
         let (low, high) = self.span(ticks);
         let moved = self.moved(4 * self.speed_ticks);
         let way = self.way(-moved.signum());
-        let allowed = AGAINST_DISTANCE + fastest * AGAINST_TIME + SWING * way;
+        let allowed = AGAINST_DISTANCE + fastest * AGAINST_TIME + (SWING * way).min(fastest * SWING_TIME);
         let against = (low == 0.0 && moved < -allowed) || (high == 0.0 && moved > allowed);
         if against { Err(Abort::Against { command: low + high, moved, allowed }) } else { Ok(()) }
     }

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! w command that the curve of rising commands asks for, u command that is sent, p the magnitude that w turned back
-//! from, h hysteresis of [`pipeline::machine::Commissioned`], s way ([`TURN`] h) over which the compensation comes and
-//! goes, b part of the hysteresis that is compensated ([`COMPENSATED`]). Behind a play of width h the spool stays where
+//! from, h hysteresis of [`pipeline::machine::Commissioned`], s way (`TURN` h) over which the compensation comes and
+//! goes, b part of the hysteresis that is compensated (`COMPENSATED`). Behind a play of width h the spool stays where
 //! it is until a command has turned back by h; so u turns back by b h more than w does. Source: inverse of the play
 //! operator, as usual for valves with friction.
 //!

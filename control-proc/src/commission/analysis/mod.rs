@@ -21,7 +21,7 @@
 //! slope m/s, m T = 0.2 s. For given (t_d, tau, ..) the model is linear in w. A dead time delays X exactly, so one
 //! response serves all of them. The search begins on a grid of (t_d, tau) with d = 0, goes on with grids of d, and then
 //! with [`simplex`] on all four. A hysteresis, and then a spring, is added where it explains clearly more
-//! ([`CLEARLY_BETTER`]).
+//! (`CLEARLY_BETTER`).
 //!
 //! The model is fitted on the first two thirds of the motion and judged on the rest: half a second ahead, with the
 //! command known. Then it is fitted once more on all of it.

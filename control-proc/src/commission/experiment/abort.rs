@@ -96,7 +96,7 @@ impl fmt::Display for Abort {
             Self::Stuck { owed } => write!(
                 f,
                 "position: found no change where the commands should have made {:.1} mm; allowed: up to {:.1} mm: is \
-                 the encoder stuck?",
+                 the encoder stuck, or the pump too weak?",
                 1e3 * owed,
                 1e3 * OWED_DISTANCE
             ),

@@ -1,6 +1,6 @@
 //! `hydraxis doctor` on the computer that runs the tests.
 
-use crate::harness::hydraxis;
+use crate::harness::{FOUR_AXES, hydraxis};
 
 #[test]
 fn every_check_and_latency_is_printed_and_a_bad_check_fails() {
@@ -8,7 +8,7 @@ fn every_check_and_latency_is_printed_and_a_bad_check_fails() {
     let file = folder.path().join("doctor.json");
     let settings = ["--set", "stage.control-proc.priority=80", "--set", "timing.period=2ms"];
     let output = hydraxis()
-        .args(["doctor", "--seconds", "1", "--json", file.to_str().unwrap()])
+        .args(["doctor", FOUR_AXES, "--seconds", "1", "--json", file.to_str().unwrap()])
         .args(settings)
         .output()
         .unwrap();

@@ -180,18 +180,15 @@ const MODEL_DEFECTS: [&str; 6] = [
     "everything bucket",      // 75 %, 0.57 mm
 ];
 
-/// Axes that are not steady under the fallback, with the share of the time for which their command is neutral, and
-/// their travel.
-const FALLBACK_DEFECTS: [&str; 9] = [
-    "payload boom",              // 97 %, 1.27 mm
-    "dead-band-drift arm",       // 87 %, 0.26 mm
-    "dead-band-drift telescope", // 80 %, 0.63 mm, 13 reversals
-    "dead-band-drift bucket",    // 89 %, 0.71 mm
-    "valve-wear boom",           // 98 %, 1.26 mm
-    "valve-wear arm",            // 71 %, 2.55 mm, 24 reversals
-    "valve-wear bucket",         // 56 %, 3.27 mm, 30 reversals
-    "everything boom",           // 88 %, 1.56 mm
-    "everything bucket",         // 71 %, 5.26 mm, 3.87 mm away from the set point
+/// Axes that are not steady under the fallback.
+const FALLBACK_DEFECTS: [&str; 7] = [
+    "payload boom",
+    "valve-wear boom",
+    "valve-wear arm",
+    "valve-wear telescope",
+    "valve-wear bucket",
+    "everything boom",
+    "everything bucket",
 ];
 
 /// A known defect: with grown dead bands and worn valves, axes under the model are not steady.

@@ -1,7 +1,10 @@
-//! The built-in excavator with sensors at its joints.
+//! The built-in excavator with sensors at its joints, as it is before it is commissioned: the predictive controller
+//! controls it then.
+
+use std::path::Path;
 
 use pipeline::{
-    machine::Machine,
+    machine::{BUILT_IN, Machine},
     message::{ControlMode, control_flag},
 };
 
@@ -19,7 +22,7 @@ fn built_in(kind: &str, others: &[(&str, &str)]) -> Machine {
     let noise = ["boom", "arm", "bucket"].map(|axis| format!("axis.{axis}.plant.angle_noise"));
     settings.extend(noise.map(|key| set((key, &NOISE.to_string()))));
     settings.extend(others.iter().map(|(key, value)| set(((*key).to_owned(), *value))));
-    Machine::load(None, &settings).unwrap()
+    Machine::parse(BUILT_IN, "built-in machine", Path::new("."), &settings).unwrap()
 }
 
 /// Runs 40 s with sensors that are late by `lag` s. The samples are the true positions behind a first-order lag, as far

@@ -1,8 +1,8 @@
 //! The equations of the mechanism against sums over all bodies, differences and energies, at arbitrary states.
 
 use mechanism::{
-    AXES, Body, CylinderDynamics, FourBar, Geometry, Masses, Mechanism, Moments, Payload, Pose, Rotation, Vector,
-    dynamics::GRAVITY,
+    AXES, Body, CylinderDynamics, FourBar, Geometry, Joint, Linkage, Masses, Mechanism, Moments, Payload, Pose,
+    Rotation, Vector, dynamics::GRAVITY,
 };
 use proptest::prelude::*;
 
@@ -208,4 +208,27 @@ fn the_teeth_reach_as_far_as_the_links_allow() {
     let to_bucket = (5.65f64.powi(2) + 3.0f64.powi(2) + 2.0 * 5.65 * 3.0 * elbow.cos()).sqrt();
     assert!((extent.reach - 0.23 - to_bucket - 1.51).abs() < 1e-6, "{extent:?} {to_bucket}");
     assert!(extent.depth > 6.6 && extent.depth < 6.8, "{extent:?}");
+}
+
+#[test]
+fn length_and_rotation_of_every_joint_lead_back_to_each_other() {
+    let geometry = excavator(0.0).geometry;
+    let linkage = Linkage::new(&geometry);
+    for i in 0..=40 {
+        let part = f64::from(i) / 40.0;
+        let lengths = [1.87 + 1.334 * part, 2.075 + 1.49 * part, 0.7, 1.68 + 1.12 * part];
+        let pose = linkage.pose(&lengths);
+        let joints = pose.joints();
+        for joint in Joint::ALL {
+            let (rotation, length) = (linkage.rotation(joint, lengths[joint.axis()]), lengths[joint.axis()]);
+            assert!((geometry.length_of(joint, rotation) - length).abs() < 1e-12, "{joint:?}");
+            assert!((rotation.angle() - joints[joint.axis()]).abs() < 1e-14, "{joint:?}");
+            assert!((pose.joint(joint).angle() - rotation.angle()).abs() < 1e-14, "{joint:?}");
+        }
+    }
+}
+
+#[test]
+fn the_telescope_has_no_joint() {
+    assert_eq!([0, 1, 2, 3, 4].map(|axis| Joint::of_axis(axis).is_some()), [true, true, false, true, false]);
 }

@@ -215,7 +215,7 @@ impl<'a> Bench<'a> {
                 let acting = underway.pop_front().unwrap_or(command);
                 w = w.clamp(acting - half, acting + half);
                 x = w + (x - w) * decay;
-                let lacking = plant.gain * self.model.speed(x + half.copysign(x)) - speed;
+                let lacking = plant.gain * self.model.spool_speed(x) - speed;
                 acceleration += (frequency * lacking - 2.0 * damping * acceleration) * frequency * step;
                 speed += acceleration * step;
                 y += speed * step;

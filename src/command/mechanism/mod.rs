@@ -92,7 +92,7 @@ fn joint_ranges(machine: &Machine, mechanism: &Mechanism) -> [[f64; 2]; AXES] {
     std::array::from_fn(|i| [first[i], last[i]])
 }
 
-/// The same angle from -pi to pi, rad.
+/// An angle less the whole turns in it: from -pi to pi, rad.
 fn within_half_a_turn(angle: f64) -> f64 {
     angle - TAU * (angle / TAU).round()
 }

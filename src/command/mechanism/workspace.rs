@@ -61,7 +61,7 @@ pub struct Felt {
     pub gravity: Spread,
     /// Natural frequency with the other cylinders held, Hz; none for a machine without a simulated plant.
     pub natural_frequency: Option<Spread>,
-    /// The same without hoses, with the oil at 5 MPa, Hz.
+    /// Natural frequency without hoses, with the oil at 5 MPa and the other cylinders held, Hz.
     pub ideal_frequency: Option<Spread>,
     /// Way of the teeth per way of the piston.
     pub tip_ratio: Spread,
@@ -139,7 +139,7 @@ pub fn frequencies_at(machine: &Machine, mechanism: &Mechanism, positions: &[f64
 /// The oil of the cylinders as springs.
 struct Springs {
     cylinders: [Cylinder<f64>; AXES],
-    /// The same without hoses.
+    /// The cylinders as they are without hoses.
     bare: [Cylinder<f64>; AXES],
     /// Pressure of the idling pump, Pa.
     idle: f64,

@@ -85,9 +85,7 @@ impl Data<'_> {
     /// How much of the motion the model explains `seconds` ahead, percent.
     pub fn judge(&self, model: &Commissioned, seconds: f64) -> f64 {
         let period = self.record.period;
-        let half = 0.5 * model.hysteresis;
-        let speed = |x: f64| [model.speed(x + half.copysign(x))];
-        let integrals = integrate(self.record, self.end, &Dynamics::of_model(model), speed);
+        let integrals = integrate(self.record, self.end, &Dynamics::of_model(model), |x| [model.spool_speed(x)]);
         let ahead = samples(seconds, period);
         let (mut error, mut motion) = (0.0, 0.0);
         for k in self.begin..self.end.saturating_sub(ahead) {

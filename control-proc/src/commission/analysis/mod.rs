@@ -63,8 +63,6 @@ const AS_GOOD: f64 = 1.1;
 const SEARCH_STEPS: usize = 250;
 /// First steps of the search in dead time (s), logarithm of the time constant, and dead bands.
 const FIRST_STEPS: Parameters = [0.02, 0.4, 0.02, 0.02, 0.02, 0.0, 0.0];
-/// First steps of the search without hysteresis.
-const WITHOUT_HYSTERESIS: Parameters = [0.02, 0.4, 0.02, 0.02, 0.0, 0.0, 0.0];
 /// Mean square error, relative to that without hysteresis, from which on a hysteresis is found.
 const CLEARLY_BETTER: f64 = 0.9;
 /// First steps of the search near a solution.
@@ -118,16 +116,13 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
 fn split(record: &ExperimentRecord) -> usize {
     let ahead = ((JUDGED_AHEAD / record.period).round() as usize).max(1);
     let ways = record.positions.windows(ahead + 1).map(|part| (part[ahead] - part[0]).abs());
-    let mut sum = 0.0;
-    let sums: Vec<f64> = ways
-        .map(|way| {
-            if way.is_finite() {
-                sum += way
-            };
-            sum
-        })
-        .collect();
-    sums.partition_point(|part| *part < FITTED_PART * sum)
+    let add = |sum: &mut f64, way: f64| {
+        *sum += if way.is_finite() { way } else { 0.0 };
+        Some(*sum)
+    };
+    let sums: Vec<f64> = ways.scan(0.0, add).collect();
+    let whole = sums.last().copied().unwrap_or_default();
+    sums.partition_point(|part| *part < FITTED_PART * whole)
 }
 
 /// A point of the search and its mean square error, m2.
@@ -137,9 +132,16 @@ struct Point {
     cost: f64,
 }
 
+/// First steps of a search that leaves the hysteresis as it is.
+fn without_hysteresis(steps: Parameters) -> Parameters {
+    let mut steps = steps;
+    steps[4] = 0.0;
+    steps
+}
+
 /// First steps of a search from this point, with its hysteresis where it has one.
 fn first_steps(point: &Point) -> Parameters {
-    let mut steps = if point.at[4] > 0.0 { FIRST_STEPS } else { WITHOUT_HYSTERESIS };
+    let mut steps = if point.at[4] > 0.0 { FIRST_STEPS } else { without_hysteresis(FIRST_STEPS) };
     if point.at[5] > 0.0 {
         (steps[5], steps[6]) = (0.1 * point.at[5], 0.2 * point.at[6]);
     }
@@ -165,7 +167,7 @@ impl Search<'_> {
     fn best(&self) -> Result<Point, AnalysisError> {
         let mut without = self.on_grids();
         for _ in 0..SEARCHES {
-            without = self.refined(without, WITHOUT_HYSTERESIS);
+            without = self.refined(without, without_hysteresis(FIRST_STEPS));
         }
         if !without.cost.is_finite() {
             return Err(AnalysisError::NoMotion);
@@ -234,10 +236,7 @@ impl Search<'_> {
             if beyond == [0.0; 2] {
                 break;
             }
-            let mut steps = FINE_STEPS;
-            if best.at[4] == 0.0 {
-                steps[4] = 0.0;
-            }
+            let steps = if best.at[4] > 0.0 { FINE_STEPS } else { without_hysteresis(FINE_STEPS) };
             let (p, cost) = minimum(|p| self.cost(p), start, steps, SEARCH_STEPS);
             if cost > AS_GOOD * best.cost {
                 break;

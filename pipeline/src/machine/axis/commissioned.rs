@@ -171,6 +171,11 @@ impl Commissioned {
         }
     }
 
+    /// Speed of a spool at position x, m/s: c(x + h/2) or c(x - h/2), as half of the hysteresis is in the dead bands.
+    pub fn spool_speed(&self, x: f64) -> f64 {
+        self.speed(x + (0.5 * self.hysteresis).copysign(x))
+    }
+
     /// Lowest and highest command at which the curve was measured.
     pub fn tested(&self) -> (f64, f64) {
         let last = self.openings.last().copied().unwrap_or_default();

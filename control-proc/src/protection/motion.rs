@@ -1,7 +1,7 @@
 //! Whether an axis that is driven moves.
 //!
 //! ```text
-//! stuck     u beyond d + 0.05 one way for stuck_after + t_d, and y has not changed at all for stuck_after
+//! stuck     u beyond d + 0.1 one way for stuck_after + t_d, and y has not changed at all for stuck_after
 //! stalled   u beyond d + 0.1 one way for 0.4 s + t_d, in which y has not moved that way by 0.4 s * v_max / 200
 //! ```
 //!
@@ -17,10 +17,10 @@ use std::time::Duration;
 use pipeline::machine::{Axis, Timing, samples_of};
 
 /// Command beyond the dead band from which on a position that stands still is a fault. The calibration is a little low
-/// on purpose, and just above the dead band the axis may creep below the resolution of the encoder.
-pub const STUCK_MARGIN: f64 = 0.05;
-/// Command beyond the dead band from which on an axis that hardly moves is a fault. A dead band that has grown by half,
-/// friction and hysteresis are within this margin.
+/// on purpose. A dead band that has grown by half, friction and hysteresis are within this margin: close to its set
+/// point an axis takes longer than `stuck_after` to cross them, whoever controls.
+pub const STUCK_MARGIN: f64 = 0.1;
+/// Command beyond the dead band from which on an axis that hardly moves is a fault, for the same reasons.
 pub const STALL_MARGIN: f64 = 0.1;
 /// Time in which a driven axis has to move.
 pub const STALL_TIME: Duration = Duration::from_millis(400);
@@ -138,11 +138,11 @@ mod tests {
 
     #[test]
     fn a_position_that_never_changes_is_stuck_after_its_time() {
-        assert_eq!(stands(|_| 0.1301, |_| 0.6), Some((34, Standing::Stuck)));
-        assert_eq!(stands(|_| -0.1201, |_| 0.6), Some((34, Standing::Stuck)));
+        assert_eq!(stands(|_| 0.1801, |_| 0.6), Some((34, Standing::Stuck)));
+        assert_eq!(stands(|_| -0.1701, |_| 0.6), Some((34, Standing::Stuck)));
         assert_eq!(stands(|_| 0.3, |k| if k < 100 { noise(k) + 1e-3 * k as f64 } else { 0.7 }).map(|s| s.0), Some(130));
-        assert_eq!(stands(|_| 0.13, |_| 0.6), None);
-        assert_eq!(stands(|_| -0.12, |_| 0.6), None);
+        assert_eq!(stands(|_| 0.18, |_| 0.6), None);
+        assert_eq!(stands(|_| -0.17, |_| 0.6), None);
         assert_eq!(stands(|_| 0.17, noise), None);
         // An axis that is driven to and fro has no time to move.
         assert_eq!(stands(|k| if k / 30 % 2 == 0 { 0.3 } else { -0.3 }, |_| 0.6), None);

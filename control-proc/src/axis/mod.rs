@@ -115,9 +115,12 @@ impl AxisController {
         let period = timing.period.as_secs_f64();
         let control = &axis.control;
         let fallback = Fallback::new(control, axis.commissioned.as_ref(), period);
+        let plan = control.plan.plan(axis.commissioned.as_ref(), period);
+        let reach = plan.horizon * plan.step;
         let predicted = match control.model {
             ModelChoice::None => 0,
-            _ => axis.identification.structure.nk + 2 * control.horizon,
+            // The moves that the references ask for lie later by the lag.
+            _ => axis.identification.structure.nk + reach + reach.max(plan.response / 3),
         };
         Self {
             operation: Operation::new(index, axis, timing),
@@ -125,7 +128,7 @@ impl AxisController {
             feedback: Feedback::new(axis, timing),
             gate: Gate::new(axis, timing),
             references: References::new(index, axis, period, predicted.max(fallback.ahead())),
-            predictive: Predictive::new(control, axis.soft_limits, period),
+            predictive: Predictive::new(plan, axis.soft_limits, period),
             fallback,
             rest: Rest::new(axis.encoder.resolution, period),
             protection: Protection::new(axis, period),

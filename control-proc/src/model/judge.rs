@@ -20,17 +20,16 @@
 
 use pipeline::{
     hammerstein::{Basis, Coefficients, Structure},
-    machine::{Axis, Commissioned, Identification, ModelChoice},
+    machine::{Axis, Commissioned, Identification, MAX_RESPONSE, ModelChoice},
     message::{AxisSnapshot, model_fault},
 };
 
-use super::response::{MAX_HORIZON, Ramp, step_response};
+use super::response::{Ramp, step_response};
 
 /// Largest pole radius. An identified integrator may be a little beyond 1. At 1.02 a deviation grows by half in 20
 /// samples, which feedback can still correct.
 pub const POLE_LIMIT: f64 = 1.02;
-/// Least travel of a full command over [`MAX_HORIZON`] samples after the dead time, as share of `max_speed` times that
-/// time. With a model that moves less, the controller would use full commands for millimetres.
+/// Least travel of a full command over the plan's step response, as share of `max_speed` times its length. With a model that moves less, the controller would use full commands for millimetres.
 pub const LEAST_TRAVEL: f64 = 0.01;
 /// Largest ratio of the h-step errors of the adaptive and the classical model.
 pub const WORST_RATIO: f64 = 1.5;
@@ -77,6 +76,8 @@ pub struct Judge {
     choice: ModelChoice,
     command_limit: f64,
     least_travel: f64,
+    /// Ticks of the step response that is judged.
+    response: usize,
     period: f64,
     commissioned: Option<Commissioned>,
 }
@@ -84,11 +85,13 @@ pub struct Judge {
 impl Judge {
     /// A judge by what the machine file expects of the models of `axis`; `period` in s.
     pub fn new(axis: &Axis, period: f64) -> Self {
+        let response = axis.control.plan.plan(axis.commissioned.as_ref(), period).response;
         Self {
             structure: without_integrator(&axis.identification),
             choice: axis.control.model,
             command_limit: axis.control.command_limit,
-            least_travel: LEAST_TRAVEL * axis.max_speed * MAX_HORIZON as f64 * period,
+            least_travel: LEAST_TRAVEL * axis.max_speed * response as f64 * period,
+            response,
             period,
             commissioned: axis.commissioned.clone(),
         }
@@ -129,10 +132,11 @@ impl Judge {
             known(snapshot.command_low).clamp(-self.command_limit, 0.0),
             known(snapshot.command_high).clamp(0.0, self.command_limit),
         );
-        let mut step = [0.0; MAX_HORIZON];
-        step_response(model, &mut step);
-        self.judge_reach(model, &step, range).map_err(Some)?;
-        let range = self.judge_speed(model, &step, range).map_err(Some)?;
+        let mut step = [0.0; MAX_RESPONSE];
+        let step = &mut step[..self.response];
+        step_response(model, step);
+        self.judge_reach(model, step, range).map_err(Some)?;
+        let range = self.judge_speed(model, step, range).map_err(Some)?;
         if adaptive && is_worse(snapshot) {
             return Err(Some(Refusal::Worse));
         }
@@ -155,7 +159,7 @@ impl Judge {
             return Err(Refusal::Direction);
         }
         let (low, high) = nonlinearity.reachable(range);
-        let travel = step[MAX_HORIZON - 1] * orientation * high.min(-low);
+        let travel = step[step.len() - 1] * orientation * high.min(-low);
         // Written so that NaN is refused too.
         if gain > 0.0 && travel >= self.least_travel && travel.is_finite() { Ok(()) } else { Err(Refusal::Unreachable) }
     }
@@ -364,7 +368,7 @@ mod tests {
 
     /// The judge of an axis whose commissioned curve is `factor` times what the actuator's model says, tested to 0.6.
     fn commissioned(factor: f64) -> Judge {
-        let mut step = [0.0; MAX_HORIZON];
+        let mut step = [0.0; 31];
         step_response(&actuator(), &mut step);
         let gain = factor * Ramp::new(&step).slope / 0.01;
         let speed = |opening: f64| gain * actuator().nonlinearity().evaluate(opening);

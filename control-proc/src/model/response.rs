@@ -15,12 +15,13 @@
 //! The health check of the identifier needs only the last value of a step response. It sums positions, not differences,
 //! so its result differs from [`step_response`] in the last bits.
 
-use pipeline::hammerstein::{Coefficients, MAX_A, MAX_DELAY};
+use pipeline::{
+    hammerstein::{Coefficients, MAX_A, MAX_DELAY},
+    machine::MAX_RESPONSE,
+};
 
-/// Longest prediction horizon after the dead time, samples: the largest that the machine file allows.
-pub const MAX_HORIZON: usize = 31;
 /// Ticks from now to the end of the longest prediction, now included.
-pub const MAX_AHEAD: usize = MAX_DELAY + MAX_HORIZON + 1;
+pub const MAX_AHEAD: usize = MAX_DELAY + MAX_RESPONSE + 1;
 
 /// y(k+1), y(k+2), .. in `response` (m) if x stays at x(k-1) from now on.
 ///
@@ -28,17 +29,16 @@ pub const MAX_AHEAD: usize = MAX_DELAY + MAX_HORIZON + 1;
 /// `noise` is what is known of the noise in dy(k+1), dy(k+2), .., m. Beyond its end the noise is 0.
 pub fn free_response(model: &Coefficients, outputs: &[f64], intermediate: &[f64], noise: &[f64], response: &mut [f64]) {
     let nk = model.nk as usize;
-    // Differences of the outputs, the newest at the end of the known ones: d[MAX_A - 1] = dy(k).
-    let mut differences = [0.0; MAX_A + MAX_AHEAD];
-    for (i, pair) in outputs.windows(2).take(MAX_A).enumerate() {
-        differences[MAX_A - 1 - i] = pair[0] - pair[1];
+    // The last differences of the outputs, the newest first.
+    let mut differences = [0.0; MAX_A];
+    for (difference, pair) in differences.iter_mut().zip(outputs.windows(2)) {
+        *difference = pair[0] - pair[1];
     }
     let mut y = outputs[0];
-    for (i, predicted) in response.iter_mut().take(MAX_AHEAD).enumerate() {
-        let now = MAX_A + i;
+    for (i, predicted) in response.iter_mut().enumerate() {
         let mut difference = noise.get(i).copied().unwrap_or(0.0);
-        for (j, a) in model.a().iter().enumerate() {
-            difference -= a * differences[now - 1 - j];
+        for (a, before) in model.a().iter().zip(&differences) {
+            difference -= a * before;
         }
         for (j, b) in model.b().iter().enumerate() {
             // b_j meets dx(k + 1 + i - nk - j), which is past when this is at least 1 tick ago.
@@ -47,7 +47,8 @@ pub fn free_response(model: &Coefficients, outputs: &[f64], intermediate: &[f64]
                 difference += b * (intermediate[ago - 1] - intermediate[ago]);
             }
         }
-        differences[now] = difference;
+        differences.copy_within(..MAX_A - 1, 1);
+        differences[0] = difference;
         y += difference;
         *predicted = y;
     }
@@ -71,15 +72,15 @@ pub fn residual(model: &Coefficients, outputs: &[f64], intermediate: &[f64]) -> 
 
 /// The response to a unit step of x at k, from y(k+nk) on: `response[p]` = y(k+nk+p), m per unit of x.
 pub fn step_response(model: &Coefficients, response: &mut [f64]) {
-    let mut differences = [0.0; MAX_A + MAX_AHEAD];
+    let mut differences = [0.0; MAX_A];
     let mut y = 0.0;
-    for (p, stepped) in response.iter_mut().take(MAX_AHEAD).enumerate() {
-        let now = MAX_A + p;
+    for (p, stepped) in response.iter_mut().enumerate() {
         let mut difference = model.b().get(p).copied().unwrap_or(0.0);
-        for (j, a) in model.a().iter().enumerate() {
-            difference -= a * differences[now - 1 - j];
+        for (a, before) in model.a().iter().zip(&differences) {
+            difference -= a * before;
         }
-        differences[now] = difference;
+        differences.copy_within(..MAX_A - 1, 1);
+        differences[0] = difference;
         y += difference;
         *stepped = y;
     }
@@ -92,6 +93,8 @@ pub struct Ramp {
     pub slope: f64,
     /// Lag in ticks, without the delay. Not finite for a model that does not move.
     pub lag: f64,
+    /// Ticks of the step response that it is the end of.
+    pub ticks: usize,
 }
 
 impl Ramp {
@@ -103,7 +106,14 @@ impl Ramp {
             [] => (0.0, 0.0),
         };
         let slope = last - before;
-        Self { slope, lag: step.len() as f64 - last / slope }
+        Self { slope, lag: step.len() as f64 - last / slope, ticks: step.len() }
+    }
+
+    /// Lag in ticks from 0 to the length of the step response, which counts for slower models and those that come to a
+    /// stand.
+    pub fn bounded_lag(&self) -> f64 {
+        // `max` leaves out what is not a number.
+        self.lag.max(0.0).min(self.ticks as f64)
     }
 }
 
@@ -125,12 +135,12 @@ mod tests {
 
     #[test]
     fn the_ramp_of_a_lag_has_its_slope_and_its_lag() {
-        let mut response = [0.0; MAX_HORIZON];
+        let mut response = [0.0; 31];
         // (1 - z^-1)(1 - 0.6 z^-1): 0.01 m per tick in the end, 0.6/(1 - 0.6) ticks late.
         step_response(&linear(&[-1.6, 0.6], &[0.004], 3), &mut response);
         let ramp = Ramp::new(&response);
         assert!((ramp.slope - 0.01).abs() < 1e-8 && (ramp.lag - 1.5).abs() < 1e-4, "{ramp:?}");
-        assert_eq!(Ramp::new(&[0.5]), Ramp { slope: 0.5, lag: 0.0 });
+        assert_eq!(Ramp::new(&[0.5]), Ramp { slope: 0.5, lag: 0.0, ticks: 1 });
         assert!(Ramp::new(&[]).lag.is_nan() && Ramp::new(&[0.5, 0.5]).lag == f64::NEG_INFINITY);
     }
 

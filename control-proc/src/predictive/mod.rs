@@ -10,10 +10,10 @@
 //! ```text
 //! A dy(k) = B dx(k-nk) + T e(k)        free response of the model, with what is known of its noise     `noise`
 //! X(0)    = first level of the plan    that minimises J within the limits                              `programme`
-//! u(k)    = N^-1(x(k-1) + X(0))        within magnitude and rate of the command
+//! u(k)    = N^-1(x(k-1) + X(0)/q)      within magnitude and rate of the command
 //! ```
 //!
-//! y position in m, x = N(u) intermediate value, e innovation in m, u valve command. Source: Clarke, Mohtadi and Tuffs,
+//! y position in m, x = N(u) intermediate value, e innovation in m, u valve command, q ticks in a step of the plan. Source: Clarke, Mohtadi and Tuffs,
 //! Generalized predictive control, Automatica 23 (1987), with its constraints as a quadratic programme; N and the model
 //! are eqs. (11) and (12) of the paper.
 //!
@@ -36,14 +36,14 @@ mod noise;
 mod programme;
 pub mod quadratic;
 
-pub use programme::{END_DECELERATION, MAX_MOVES};
+pub use programme::END_DECELERATION;
 
-use pipeline::machine::Control;
+use pipeline::machine::{MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, Plan};
 
 use crate::{
     model::{
         judge::Approved,
-        response::{MAX_AHEAD, MAX_HORIZON, Ramp, free_response, step_response},
+        response::{MAX_AHEAD, Ramp, free_response, step_response},
     },
     protection::limits::Limits,
 };
@@ -56,6 +56,7 @@ use quadratic::Solver;
 #[derive(Debug, Clone)]
 pub struct Predictive {
     noise: Noise,
+    plan: Plan,
     programme: Programme,
     period: f64,
     solver: Solver<MAX_MOVES, MAX_MOVES>,
@@ -64,11 +65,12 @@ pub struct Predictive {
 }
 
 impl Predictive {
-    /// Horizon, moves and their weight from the machine file; `soft_limits` in m, `period` in s.
-    pub fn new(control: &Control, soft_limits: (f64, f64), period: f64) -> Self {
+    /// For this plan; `soft_limits` in m, `period` in s.
+    pub fn new(plan: Plan, soft_limits: (f64, f64), period: f64) -> Self {
         Self {
             noise: Noise::default(),
-            programme: Programme::new(control, soft_limits),
+            plan,
+            programme: Programme::new(plan, soft_limits, period),
             period,
             solver: Solver::new(),
             unsolved: 0,
@@ -99,9 +101,10 @@ impl Predictive {
     /// `history` is as it was made for tick k-1, with the command of that tick.
     pub fn bridge(&mut self, approved: &Approved<'_>, history: &History) -> Option<f64> {
         let model = approved.model;
-        let mut step = [0.0; MAX_HORIZON];
-        step_response(model, &mut step);
-        let past = self.noise.past(model, Ramp::new(&step), history, &history.commands()[1..])?;
+        let mut step = [0.0; MAX_RESPONSE];
+        let step = &mut step[..self.plan.response];
+        step_response(model, step);
+        let past = self.noise.past(model, Ramp::new(step), history, &history.commands()[1..])?;
         let mut next = [0.0];
         free_response(model, history.outputs(), &past.intermediate, &past.coming, &mut next);
         next[0].is_finite().then_some(next[0])
@@ -124,35 +127,38 @@ impl Predictive {
         let nk = model.structure()?.nk;
         let nonlinearity = model.nonlinearity();
         let last_reference = *references.last()?;
-        let horizon = self.programme.horizon;
+        let Plan { step: ticks, horizon, response, .. } = self.plan;
 
-        let mut step = [0.0; MAX_HORIZON];
-        step_response(model, &mut step);
-        let ramp = Ramp::new(&step);
-        let step = &step[..horizon];
+        let mut step = [0.0; MAX_RESPONSE];
+        let step = &mut step[..response];
+        step_response(model, step);
+        let ramp = Ramp::new(step);
+        let step = &step[..horizon * ticks];
         // A model that first moves the other way, for most of the horizon, would be pushed the wrong way.
         if step.iter().sum::<f64>() * model.b().iter().sum::<f64>() <= 0.0 {
             return None;
         }
         let past = self.noise.past(model, ramp, history, history.commands())?;
         let mut free = [0.0; MAX_AHEAD];
-        let ahead = nk - 1 + horizon;
+        let ahead = nk - 1 + horizon * ticks;
         free_response(model, history.outputs(), &past.intermediate, &past.coming, &mut free[..ahead]);
 
         // free[i] is y(k+1+i): the first one that x(k) can still change is free[nk-1].
         let mut deviation = [0.0; MAX_HORIZON];
         for (p, deviation) in deviation[..horizon].iter_mut().enumerate() {
-            let reference = references.get(nk + p).copied().unwrap_or(last_reference);
-            *deviation = reference - free[nk - 1 + p];
+            let end = (p + 1) * ticks - 1;
+            let reference = references.get(nk + end).copied().unwrap_or(last_reference);
+            *deviation = reference - free[nk - 1 + end];
         }
         let expected = self.programme.expected(ramp, references, nk);
-        self.programme.weigh(step, &deviation[..horizon], &expected);
+        self.programme.weigh(step, ramp, &deviation[..horizon], &expected);
         let last = history.commands()[0];
         let x = nonlinearity.monotone(last, approved.range);
         self.programme.bound(&nonlinearity, approved.range, limits, last, x);
         self.programme.slow_down(ramp.slope / self.period, free[nk - 1], x);
 
-        let x = x + self.first_level()?;
+        // The level at the end of the first step is reached in equal parts.
+        let x = x + self.first_level()? / ticks as f64;
         // Beyond what the commands can reach the inverse stays at the command that reaches furthest.
         let u = nonlinearity.invert(x, approved.range);
         (x.is_finite() && u.is_finite()).then(|| limits.apply(u, last))

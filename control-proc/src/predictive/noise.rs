@@ -19,10 +19,7 @@
 use pipeline::hammerstein::Coefficients;
 
 use super::history::{COMMANDS, History, TRIED};
-use crate::model::response::{MAX_HORIZON, Ramp, residual};
-
-/// Longest lag of a model, ticks. Slower models, and those that come to a stand, count as this one.
-pub(super) const LONGEST_LAG: f64 = MAX_HORIZON as f64;
+use crate::model::response::{Ramp, residual};
 
 /// Number of the newest e that are computed anew at every tick.
 const AGAIN: usize = TRIED - 8;
@@ -55,7 +52,7 @@ impl Noise {
         for (x, u) in intermediate.iter_mut().zip(commands).take(structure.nk + structure.nb + TRIED) {
             *x = nonlinearity.evaluate(*u);
         }
-        let delay = structure.nk as f64 - 0.5 + if ramp.lag >= 0.0 { ramp.lag.min(LONGEST_LAG) } else { 0.0 };
+        let delay = structure.nk as f64 - 0.5 + ramp.bounded_lag();
         let tau = (-1.0 / delay).exp();
         let (t_1, t_2) = (-2.0 * tau, tau * tau);
         let further = |[one, two]: [f64; 2], ago: usize| {

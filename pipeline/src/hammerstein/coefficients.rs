@@ -224,7 +224,7 @@ mod tests {
         for broken in [
             Coefficients { na: 8, ..Coefficients::TABLE_2 },
             Coefficients { nb: 5, ..Coefficients::TABLE_2 },
-            Coefficients { nk: 65, ..Coefficients::TABLE_2 },
+            Coefficients { nk: MAX_DELAY as u32 + 1, ..Coefficients::TABLE_2 },
             Coefficients { nk: 0, ..Coefficients::TABLE_2 },
             Coefficients { order: u32::MAX, ..Coefficients::TABLE_2 },
             Coefficients { basis: 2, ..Coefficients::TABLE_2 },
@@ -244,7 +244,7 @@ mod tests {
     fn a_structure_is_what_its_coefficients_say() {
         let input = InputMap { dead_band: (0.05, 0.1), basis: Basis::hinges(&[0.0, 0.3]).unwrap() };
         for (integrator, drift, input) in [(false, false, InputMap::PAPER), (false, true, input), (true, true, input)] {
-            let structure = Structure { na: 5, nb: 4, nk: 64, order: 2, integrator, drift, input };
+            let structure = Structure { na: 5, nb: 4, nk: MAX_DELAY, order: 2, integrator, drift, input };
             let model = Coefficients::zero(structure);
             let model = if integrator { model.integrated() } else { model };
             assert_eq!(model.structure(), Some(structure.published()));

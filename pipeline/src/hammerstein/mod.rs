@@ -43,5 +43,5 @@ pub const MAX_LINEAR: usize = 5;
 pub const MAX_A: usize = MAX_LINEAR + 2;
 /// Highest order of the polynomials of N, and number of knots of its hinges.
 pub const MAX_ORDER: usize = 5;
-/// Longest delay nk, samples.
-pub const MAX_DELAY: usize = 64;
+/// Longest delay nk, samples: a dead time of 1 s at a period of 1 ms.
+pub const MAX_DELAY: usize = 1024;

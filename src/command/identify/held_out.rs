@@ -17,7 +17,7 @@ use ident_proc::{
     validation::criteria,
 };
 use pipeline::{
-    hammerstein::{Coefficients, MAX_A, MAX_DELAY, MAX_LINEAR, Structure},
+    hammerstein::{Coefficients, MAX_A, MAX_LINEAR, Structure},
     machine::{Identification, IdentifiedOutput, Split},
     statistics::ErrorStatistics,
 };
@@ -36,6 +36,8 @@ const FEWEST_HORIZONS: usize = 2;
 const ROWS_PER_COEFFICIENT: usize = 2;
 /// The longest delay is at most the rows of the fit divided by this number.
 const DELAY_PART: usize = 8;
+/// Longest delay that is searched, samples: the time of a search grows with it.
+const LONGEST_SEARCHED: usize = 64;
 /// Errors below this part of the standard deviation of the output are rounding errors and count as equal.
 const NEGLIGIBLE: f64 = 1e-6;
 
@@ -243,7 +245,7 @@ fn fit_rows(training: usize) -> usize {
 }
 
 fn longest_delay(fit: usize) -> usize {
-    (fit / DELAY_PART).clamp(1, MAX_DELAY)
+    (fit / DELAY_PART).clamp(1, LONGEST_SEARCHED)
 }
 
 /// The first row with enough past for every structure, up to the longest delay or the typed one. So all structures are

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{commissioned::Commissioned, dead_band::DeadBand};
+use super::{commissioned::Commissioned, dead_band::DeadBand, plan::PlanSettings};
 use crate::{hammerstein::MAX_DELAY, machine::document::Section};
 
 /// How one axis is controlled.
@@ -24,12 +24,8 @@ pub struct Control {
     pub following_error: f64,
     /// Which model the predictive controller uses.
     pub model: ModelChoice,
-    /// Prediction horizon after the dead time, samples.
-    pub horizon: usize,
-    /// Number of moves that the predictive controller plans.
-    pub moves: usize,
-    /// Weight of the moves, relative to the mean square of the model's step response over the horizon.
-    pub move_weight: f64,
+    /// What is given of the plan of the predictive controller.
+    pub plan: PlanSettings,
 }
 
 /// Which model the predictive controller uses.
@@ -70,16 +66,7 @@ impl Control {
             model: section
                 .key("model", "Model of the predictive controller; with none the fallback always controls")
                 .choice_or(ModelChoice::Adaptive, &models),
-            horizon: section
-                .key("horizon", "Prediction horizon of the predictive controller after the dead time, in samples")
-                .integer_or(20, 1..=31),
-            moves: section.key("moves", "Number of moves that the predictive controller plans").integer_or(20, 1..=20),
-            move_weight: section
-                .key(
-                    "move_weight",
-                    "Weight of the moves, relative to the mean square of the model's step response over the horizon",
-                )
-                .number_or(25.0, 1e-6..=1e3, ""),
+            plan: PlanSettings::read(&mut section, commissioned, period),
         };
         section.finish();
         control

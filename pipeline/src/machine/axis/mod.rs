@@ -6,7 +6,7 @@
 //! | `pressure` | `[axis.NAME.pressure]` | the pressure transducers |
 //! | `commissioned` | `[axis.NAME.commissioned]` | the model that `hydraxis commission` has found |
 //! | `identification`, `estimator` | `[axis.NAME.identification]` | how the axis is identified |
-//! | `control` | `[axis.NAME.control]` | how the axis is controlled |
+//! | `control`, `plan` | `[axis.NAME.control]` | how the axis is controlled; the predictive controller's plan |
 //! | `reference` | `[axis.NAME.reference]` | where the reference comes from |
 //! | `plant`, `ports` | `[axis.NAME.plant]` | the simulated axis; its valves and hoses beyond one spool |
 //! | `sensor_errors` | `[axis.NAME.plant]` | what the simulated sensors do beyond their resolution |
@@ -19,6 +19,7 @@ mod dead_band;
 mod encoder;
 mod estimator;
 mod identification;
+mod plan;
 mod plant;
 mod ports;
 mod pressure;
@@ -33,6 +34,7 @@ pub use dead_band::DeadBand;
 pub use encoder::{AngleKind, AngleSensor, Encoder};
 pub use estimator::Estimator;
 pub use identification::{Form, Identification, IdentifiedOutput, Split, shortest_training};
+pub use plan::{MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MoveWeight, Plan, PlanSettings};
 pub use plant::{LoadForce, Plant, ValveCurve};
 pub use ports::{Directions, LoadHolding, Ports};
 pub use pressure::PressureTransducers;

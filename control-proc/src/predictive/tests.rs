@@ -2,7 +2,10 @@
 
 use super::*;
 use crate::{protection::limits::Limits, tests::models::linear};
-use pipeline::hammerstein::{Basis, Coefficients, InputMap, Structure};
+use pipeline::{
+    hammerstein::{Basis, Coefficients, InputMap, Structure},
+    machine::MoveWeight,
+};
 
 fn approved(model: &Coefficients) -> Approved<'_> {
     Approved { model, range: (-1.0, 1.0) }
@@ -11,10 +14,8 @@ fn approved(model: &Coefficients) -> Approved<'_> {
 const PERIOD: f64 = 0.01;
 const ANYWHERE: (f64, f64) = (-1e9, 1e9);
 
-fn control(horizon: usize, moves: usize, move_weight: f64) -> Control {
-    let mut control = crate::tests::machine(1).axes[0].control;
-    (control.horizon, control.moves, control.move_weight) = (horizon, moves, move_weight);
-    control
+fn plan(horizon: usize, moves: usize, weight: f64) -> Plan {
+    Plan { step: 1, horizon, moves, weight: MoveWeight::Relative(weight), response: 31 }
 }
 
 /// Controls a process that equals the model plus a disturbance of its output. Returns outputs and commands.
@@ -55,7 +56,7 @@ fn run(
 #[test]
 fn table_2_with_its_zero_outside_the_circle_is_stable_and_without_offset() {
     for (horizon, moves) in [(10, 1), (20, 4), (31, 8), (20, 8)] {
-        let predictive = Predictive::new(&control(horizon, moves, 0.1), ANYWHERE, PERIOD);
+        let predictive = Predictive::new(plan(horizon, moves, 0.1), ANYWHERE, PERIOD);
         let (y, u) =
             run(&Coefficients::TABLE_2, predictive.clone(), 1500, |_| 20.0, |k| if k < 500 { 0.0 } else { 5.0 });
         for settled in [400..500, 1400..1500] {
@@ -73,7 +74,7 @@ fn a_model_that_is_wrong_by_a_third_still_leaves_no_offset() {
     wrong.b.iter_mut().for_each(|b| *b *= 1.3);
     wrong.a[0] += 0.01;
     let limits = Limits { magnitude: 1.0, step: 0.1 };
-    let (process, mut predictive) = (Coefficients::TABLE_2, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD));
+    let (process, mut predictive) = (Coefficients::TABLE_2, Predictive::new(plan(20, 4, 0.1), ANYWHERE, PERIOD));
     let mut history = History::resting(0.0);
     let (mut y, mut x) = ([0.0; 4], [0.0; 3]);
     for _ in 0..2000 {
@@ -92,7 +93,7 @@ fn a_model_that_is_wrong_by_a_third_still_leaves_no_offset() {
 fn a_drift_leaves_no_offset() {
     // Retracts by 0.2 mm per tick under its load, and needs a fifth of the full command to stay.
     let model = Coefficients { drift: -2e-4, has_drift: 1, ..linear(&[-1.8, 0.8], &[0.001], 3) };
-    let (y, u) = run(&model, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD), 1000, |_| 0.3, |_| 0.0);
+    let (y, u) = run(&model, Predictive::new(plan(20, 4, 0.1), ANYWHERE, PERIOD), 1000, |_| 0.3, |_| 0.0);
     for k in 900..1000 {
         assert!((y[k] - 0.3).abs() < 1e-6 && (u[k] - 0.2).abs() < 1e-4, "y({k}) = {}, u = {}", y[k], u[k]);
     }
@@ -106,7 +107,7 @@ fn a_model_of_hinges_with_a_dead_band_reaches_its_reference() {
     let mut model = Coefficients { a: plain.a, b: plain.b, ..Coefficients::zero(structure) };
     (model.f[0], model.f[1], model.g[0], model.g[1]) = (0.5, 1.0, 0.8, -0.3);
     let target = |k: usize| if k < 500 { 0.3 } else { -0.1 };
-    let (y, u) = run(&model, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD), 1000, target, |_| 0.0);
+    let (y, u) = run(&model, Predictive::new(plan(20, 4, 0.1), ANYWHERE, PERIOD), 1000, target, |_| 0.0);
     // At rest, before the next reference is in the preview.
     for k in (400..470).chain(900..1000) {
         assert!((y[k] - target(k)).abs() < 1e-9, "y({k}) = {}", y[k]);
@@ -120,7 +121,7 @@ fn coefficients_of_zero_do_not_change_the_control() {
     let plain = linear(&[-1.8, 0.8], &[0.001], 5);
     let six = Coefficients { na: 6, ..plain };
     let target = |k: usize| if k < 300 { 0.4 } else { 0.1 };
-    let run = |model| run(model, Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD), 600, target, |_| 0.0);
+    let run = |model| run(model, Predictive::new(plan(20, 4, 0.1), ANYWHERE, PERIOD), 600, target, |_| 0.0);
     assert_eq!(run(&six), run(&plain));
     // A model of order 6 with no coefficient of zero reaches its reference too.
     let mut full = Coefficients { na: 5, ..plain };
@@ -144,7 +145,7 @@ fn another_model_changes_the_command_by_no_more_than_two_percent_where_the_axis_
     let target = |k: usize| (k as f64 - 100.0).clamp(0.0, 200.0) * 0.2 * PERIOD;
     // On the ramp, and after its end.
     for changed in [280, 500] {
-        let mut predictive = Predictive::new(&control(20, 20, 25.0), ANYWHERE, PERIOD);
+        let mut predictive = Predictive::new(plan(20, 20, 25.0), ANYWHERE, PERIOD);
         let (mut history, mut y, mut x) = (History::resting(0.0), [0.0; 3], [0.0; 8]);
         for k in 0..changed {
             y.rotate_right(1);
@@ -174,7 +175,7 @@ fn another_model_changes_the_command_by_no_more_than_two_percent_where_the_axis_
 fn an_integrator_with_dead_time_follows_a_ramp_of_the_preview_without_lag() {
     // y moves 0.005 m per tick at full command, through a valve of 0.8 and 5 ticks of dead time.
     let model = linear(&[-1.8, 0.8], &[0.001], 5);
-    let predictive = Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD);
+    let predictive = Predictive::new(plan(20, 4, 0.1), ANYWHERE, PERIOD);
     let target = |k: usize| (k as f64 - 100.0).clamp(0.0, 200.0) * 0.2 * PERIOD;
     let (y, _) = run(&model, predictive.clone(), 600, target, |_| 0.0);
     for (k, y) in y.iter().enumerate() {
@@ -189,7 +190,7 @@ fn an_integrator_with_dead_time_follows_a_ramp_of_the_preview_without_lag() {
 fn the_axis_slows_down_before_its_soft_limits_and_stops_there() {
     // 0.6 m/s at full command, through a lag of 45 ms and 10 ticks of dead time; the reference jumps beyond a limit.
     let model = linear(&[-1.8, 0.8], &[0.6 * 0.01 * 0.2], 10);
-    let predictive = Predictive::new(&control(20, 20, 0.1), (-0.4, 0.5), PERIOD);
+    let predictive = Predictive::new(plan(20, 20, 0.1), (-0.4, 0.5), PERIOD);
     let (y, _) = run(&model, predictive, 1500, |k| if k / 300 % 2 == 0 { 0.7 } else { -0.7 }, |_| 0.0);
     let (low, high) = y.iter().fold((0.0f64, 0.0f64), |(low, high), y| (low.min(*y), high.max(*y)));
     println!("from {low} to {high} m");
@@ -199,7 +200,7 @@ fn the_axis_slows_down_before_its_soft_limits_and_stops_there() {
 #[test]
 fn saturation_does_not_wind_up() {
     let model = linear(&[-1.8, 0.8], &[0.001], 3);
-    let predictive = Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD);
+    let predictive = Predictive::new(plan(20, 4, 0.1), ANYWHERE, PERIOD);
     // Far out of reach for 3 s, then back to where the axis is by then.
     let (y, _) = run(&model, predictive.clone(), 500, |k| if k < 300 { 1e3 } else { 1.4 }, |_| 0.0);
     let highest = y.iter().fold(0.0f64, |highest, y| highest.max(*y));
@@ -209,7 +210,7 @@ fn saturation_does_not_wind_up() {
 
 #[test]
 fn there_is_no_command_without_a_finite_answer() {
-    let mut predictive = Predictive::new(&control(20, 4, 0.1), ANYWHERE, PERIOD);
+    let mut predictive = Predictive::new(plan(20, 4, 0.1), ANYWHERE, PERIOD);
     let (history, limits) = (History::resting(0.0), Limits { magnitude: 1.0, step: 0.1 });
     assert_eq!(predictive.update(&approved(&Coefficients::default()), &limits, &history, &[1.0]), None);
     assert_eq!(predictive.update(&approved(&linear(&[-1.0], &[0.0], 1)), &limits, &history, &[1.0]), None);
@@ -234,7 +235,7 @@ fn a_command_crosses_the_dips_of_the_dead_band_and_does_not_come_back() {
     let limits = Limits { magnitude: 1.0, step: 0.1 };
     let range = (-0.31, 0.28);
     for (error, far) in [(1e-3, -0.09), (-1e-3, 0.08)] {
-        let mut predictive = Predictive::new(&control(20, 20, 25.0), ANYWHERE, PERIOD);
+        let mut predictive = Predictive::new(plan(20, 20, 25.0), ANYWHERE, PERIOD);
         // The last command was at the other edge of the dead band, and the axis stands beside its set point.
         let mut history = History::resting(error);
         history.push_command(-far);
@@ -254,9 +255,9 @@ fn a_model_that_moves_the_other_way_over_the_horizon_gives_no_command() {
     // Poles 0.95 and the integrator, zero at 1.1: 10 ticks of the final direction do not make up for the begin.
     let model = linear(&[-1.95, 0.95], &[1e-3, -1.1e-3], 3);
     let (history, limits) = (History::resting(0.0), Limits { magnitude: 1.0, step: 0.1 });
-    let mut predictive = Predictive::new(&control(20, 8, 0.1), ANYWHERE, PERIOD);
+    let mut predictive = Predictive::new(plan(20, 8, 0.1), ANYWHERE, PERIOD);
     assert_eq!(predictive.update(&approved(&model), &limits, &history, &[1.0; 60]), None);
-    let mut predictive = Predictive::new(&control(20, 8, 0.1), ANYWHERE, PERIOD);
+    let mut predictive = Predictive::new(plan(20, 8, 0.1), ANYWHERE, PERIOD);
     let minimum_phase = linear(&[-1.95, 0.95], &[1e-3, -0.9e-3], 3);
     assert!(predictive.update(&approved(&minimum_phase), &limits, &history, &[1.0; 60]).is_some());
 }
@@ -267,7 +268,7 @@ fn a_command_outside_the_range_of_the_model_returns_to_it_at_the_full_rate() {
     let limits = Limits { magnitude: 1.0, step: 0.1 };
     // The range has shrunk: the command was 0.9 or -0.9, and has to be within 0.3.
     for last in [0.9, -0.9] {
-        let mut predictive = Predictive::new(&control(20, 20, 25.0), ANYWHERE, PERIOD);
+        let mut predictive = Predictive::new(plan(20, 20, 25.0), ANYWHERE, PERIOD);
         let mut history = History::resting(0.0);
         history.push_command(last);
         let small = Approved { model: &model, range: (-0.3, 0.3) };
@@ -288,7 +289,7 @@ fn a_command_outside_the_range_of_the_model_returns_to_it_at_the_full_rate() {
 fn without_an_answer_of_the_solver_the_first_move_is_clipped_and_counted() {
     let model = linear(&[-1.8, 0.8], &[1.2e-3], 5);
     let limits = Limits { magnitude: 1.0, step: 0.1 };
-    let mut predictive = Predictive::new(&control(20, 20, 25.0), ANYWHERE, PERIOD);
+    let mut predictive = Predictive::new(plan(20, 20, 25.0), ANYWHERE, PERIOD);
     let mut history = History::resting(0.0);
     predictive.solver.iteration_limit = 0;
     for k in 1..=7 {

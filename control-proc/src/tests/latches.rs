@@ -116,7 +116,7 @@ fn an_axis_that_is_too_far_from_its_reference_for_too_long_is_stopped() {
 fn plans_without_an_answer_are_counted_and_five_in_a_row_latch() {
     let mut machine = machine(1);
     // With this weight the cost of every plan is not finite.
-    machine.axes[0].control.move_weight = f64::INFINITY;
+    machine.axes[0].control.plan.move_weight = Some(f64::INFINITY);
     // A model has expired at the next tick.
     let lifetime = machine.timing.period / 2;
     (machine.timing.model_timeout, machine.timing.model_lifetime) = (lifetime, lifetime);

@@ -46,13 +46,14 @@ use crate::{regression::write_out, sample::RegressorRow};
 /// W, s.
 const WINDOW: f64 = 0.2;
 /// M, s of motion.
-const MEMORY: f64 = 0.7;
-/// The lags, in parts of the commissioned one, which counts as [`LEAST_LAG`] at least.
-const LAGS: [f64; 8] = [0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0];
+const MEMORY: f64 = 7.0;
+/// The lags, in parts of the commissioned one, which counts as [`LEAST_LAG`] at least. Friction, hysteresis and the
+/// spring of the load look like other lags, and a lag that is estimated too long makes the controller start too early.
+const LAGS: [f64; 8] = [0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4];
 /// Index of the commissioned lag. Only it counts until there has been enough motion to judge the lags.
 const NOMINAL: usize = 3;
-/// Least lag, s, whose multiples are tried.
-const LEAST_LAG: f64 = 0.02;
+/// Least lag whose multiples are tried, in periods.
+const LEAST_LAG: f64 = 0.5;
 /// Part of a full measure of motion from which on the lags are judged.
 const JUDGED_FROM: f64 = 0.05;
 /// Error of a good model, in parts of the travel.
@@ -65,6 +66,9 @@ const EQUAL: f64 = 1e-3;
 const LEAST_FIRST_SLOPE: f64 = 0.02;
 /// Least slope of the other pieces, in parts of the commissioned ones.
 const LEAST_SLOPE: f64 = 0.7;
+/// Least slope of a piece, in parts of the steepest piece nearer to neutral. A valve opens ever wider; a flat piece is
+/// one that was not driven, while commissioning or since.
+const LEAST_RISE: f64 = 0.5;
 /// Greatest slope of any piece, in parts of the commissioned one.
 const GREATEST_SLOPE: f64 = 5.0;
 
@@ -99,7 +103,7 @@ impl GreyBox {
         // Whole samples of the delay that the dead time does not fill.
         let early = (structure.nk as f64 - 1.0) * period - commissioned.dead_time;
         let lags = LAGS.map(|part| {
-            let lag = (part * commissioned.time_constant.max(LEAST_LAG) - early).max(0.0);
+            let lag = (part * commissioned.time_constant.max(LEAST_LAG * period) - early).max(0.0);
             Lag::new(lag / (period + lag), &prior)
         });
         let published = structure.published();
@@ -172,12 +176,13 @@ impl GreyBox {
         (model.a[0], model.a[1]) = (-1.0 - alpha, alpha);
         model.b[0] = self.period * (1.0 - alpha);
         for (first, branch) in [(0, &mut model.f), (order, &mut model.g)] {
-            let (mut slope, mut before, mut usual) = (0.0, 0.0, 0.0);
+            let (mut slope, mut before, mut usual, mut steepest) = (0.0, 0.0, 0.0, 0.0f64);
             for i in 0..order {
                 slope += theta[first + i];
                 usual += self.prior.theta[first + i];
                 let floor = if i == 0 { LEAST_FIRST_SLOPE } else { LEAST_SLOPE };
-                let bounded = slope.clamp(floor * usual, GREATEST_SLOPE * usual);
+                let bounded = slope.clamp(floor * usual, GREATEST_SLOPE * usual).max(LEAST_RISE * steepest);
+                steepest = steepest.max(bounded);
                 branch[i] = bounded - before;
                 before = bounded;
             }

@@ -14,7 +14,8 @@
 //! | probation, here | has the model been usable for [`PROBATION`] without a break? |
 //!
 //! Each snapshot is judged once; its flags stay until the next one. The classical model is used until the adaptive
-//! model has predicted better, and in the place of an adaptive model that is refused. While the last approved model is
+//! model has predicted better, and in the place of an adaptive model that is refused; but never in the place of a grey
+//! box, which starts from a commissioned model. While the last approved model is
 //! fresh, a refusal changes nothing, except for [`Refusal::Worse`]: a model that predicts worse has become so
 //! gradually, hence the one before it is no better.
 
@@ -68,7 +69,8 @@ struct Seen {
 #[derive(Debug, Clone)]
 pub struct Gate {
     choice: ModelChoice,
-    /// An approved adaptive model is used although it has not predicted better than the classical one.
+    /// The adaptive model is used although it has not predicted better than the classical one, which does not take its
+    /// place.
     adaptive_at_once: bool,
     probation_ticks: u64,
     judge: Judge,
@@ -145,7 +147,7 @@ impl Gate {
 
     /// The model that replaces the last approved one, if any, and the flags of the snapshot.
     fn approve<'a>(&mut self, sequence: u64, snapshot: &'a AxisSnapshot) -> (Option<Approved<'a>>, u32) {
-        let classical = || self.judge.judge_classical(snapshot).ok();
+        let classical = || self.judge.judge_classical(snapshot).ok().filter(|_| !self.adaptive_at_once);
         match self.judge.judge(snapshot) {
             Ok(model) if self.adaptive_at_once || self.comparison.is_better() => (Some(model), 0),
             Ok(model) => (classical().or(Some(model)), 0),

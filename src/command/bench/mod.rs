@@ -24,6 +24,7 @@ use super::check;
 use crate::{arguments::load_bare, failure::Failure, report::output::Output};
 pub use arguments::{Bench, BenchControlArguments};
 use contest::{Case, Contest, ControllerKind};
+use drawn::Choice;
 use report::BenchReport;
 
 /// Longest dead time of a simulated valve.
@@ -33,7 +34,9 @@ const LONGEST: Duration = Duration::from_millis(500);
 pub fn run(arguments: &BenchControlArguments) -> Result<(), Failure> {
     let threads = arguments.threads.map_or_else(all_cores, usize::from);
     if let Some(count) = arguments.machines {
-        return drawn::run(arguments, count, threads);
+        let BenchControlArguments { seed, half, only, write, json, .. } = arguments;
+        let choice = Choice { count, seed: *seed, half: *half, only: only.clone() };
+        return drawn::run(&choice, write.as_deref(), json.as_deref(), threads);
     }
     let scenarios = scenarios(arguments)?;
     let kinds =

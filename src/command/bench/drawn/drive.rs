@@ -1,6 +1,6 @@
 //! One drawn machine: commissioned, then driven with every task, once by its fallback and once by its model.
 //!
-//! The machine is commissioned as `hydraxis commission FILE` does it, before anything changes, and the text of the model
+//! The machine is commissioned as `hydraxis commission FILE` does it, before anything changes. The text of the model
 //! file that this would write is read as `--model` reads it. The tasks run under the scenario of the file. Errors are
 //! reference minus true position.
 

@@ -9,9 +9,9 @@
 //! v = 0.3 v_s          v^2 <= 0.15 F s/m          rests of 1.5 s + 2 t_r
 //! ```
 //!
-//! c middle of the soft limits m, a amplitude m, t_r time from a command to its motion s, v largest speed m/s, v_s speed
-//! of the slower direction with the valve fully open m/s, F force of the weaker direction N, m mass kg, s way of a move
-//! m. So every task leaves two thirds of the speed and most of the force for errors and for what changes.
+//! c middle of the soft limits m, a amplitude m, t_r time from a command to its motion s, v largest speed m/s, v_s
+//! speed of the slower direction with the valve fully open m/s, F force of the weaker direction N, m mass kg, s way of
+//! a move m. So every task leaves two thirds of the speed and most of the force for errors and for what changes.
 //!
 //! Trap: a task that asks for more than the machine has compares the pump, not the controllers.
 

@@ -18,16 +18,13 @@
 //! | valve time constant | nu^(1/2) | assumed: flow in the pilot line between laminar, nu^1, and turbulent, nu^0 |
 //!
 //! Trap: a parameter that jumps between the stages of one Runge-Kutta step costs the method its order. Conditions are
-//! therefore updated at multiples of [`UPDATE_PERIOD_NS`] only, whatever the step is, and constant in between.
+//! therefore constant during a step, with their values in its middle. A change that is a step acts from the integration
+//! step on whose middle is not before it.
 
 use mechanism::AXES;
 use pipeline::machine::{Change, Oil, Parameter, Scenario};
 
 use crate::hydraulics::oil::viscosity;
-
-/// Period at which conditions are updated, ns: 1 ms. It is a whole number of integration steps, far shorter than a
-/// control period, and too short to be seen in a ramp. A change that is a step acts late by at most this period.
-pub const UPDATE_PERIOD_NS: u64 = 1_000_000;
 
 /// Factors of the parameters of one axis at one time, and the values that a scenario sets.
 #[derive(Debug, Clone, Copy, PartialEq)]

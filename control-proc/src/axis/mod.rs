@@ -136,6 +136,7 @@ impl AxisController {
 
     /// The command for one sample.
     pub fn update(&mut self, input: &AxisInput<'_>) -> AxisCommand {
+        self.state.begin_tick(input.sequence);
         self.feedback.hold_command(input.elapsed.saturating_sub(1));
         self.take_emergency_stop(input.emergency_stop);
         self.take_request(input);

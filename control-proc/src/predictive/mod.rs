@@ -26,6 +26,8 @@
 //!   once (horizon 1 without a weight) is unstable; horizon and weight prevent that here.
 //! - N can be inverted only where it is monotone, so x is kept to what the commands can reach there.
 //! - x(k-1) is N of the command that was *sent*. What the limits cut off was not done.
+//! - Inside a dead band a polynomial N can turn the wrong way. A plan that starts from x of such a dip is pulled back by
+//!   the weight of its moves, and the command jumps to and fro over the dead band. It starts from N without its dips.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
@@ -109,7 +111,8 @@ impl Predictive {
     /// called at every tick while there is a model, whether its command is used or not.
     ///
     /// `references` holds y_r(k), y_r(k+1), .. in m; beyond its end the last one counts. `None` when the model gives
-    /// no finite answer, or there are no references: then another controller must make the command.
+    /// no finite answer or moves the other way over the horizon, or there are no references: then another controller
+    /// must make the command.
     pub fn update(
         &mut self,
         approved: &Approved<'_>,
@@ -127,6 +130,10 @@ impl Predictive {
         step_response(model, &mut step);
         let ramp = Ramp::new(&step);
         let step = &step[..horizon];
+        // A model that first moves the other way, for most of the horizon, would be pushed the wrong way.
+        if step.iter().sum::<f64>() * model.b().iter().sum::<f64>() <= 0.0 {
+            return None;
+        }
         let past = self.noise.past(model, ramp, history, history.commands())?;
         let mut free = [0.0; MAX_AHEAD];
         let ahead = nk - 1 + horizon;
@@ -140,7 +147,8 @@ impl Predictive {
         }
         let expected = self.programme.expected(ramp, references, nk);
         self.programme.weigh(step, &deviation[..horizon], &expected);
-        let (last, x) = (history.commands()[0], past.intermediate[0]);
+        let last = history.commands()[0];
+        let x = nonlinearity.monotone(last, approved.range);
         self.programme.bound(&nonlinearity, approved.range, limits, last, x);
         self.programme.slow_down(ramp.slope / self.period, free[nk - 1], x);
 

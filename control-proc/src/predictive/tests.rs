@@ -218,6 +218,49 @@ fn there_is_no_command_without_a_finite_answer() {
     assert_eq!(predictive.update(&approved(&Coefficients::TABLE_2), &limits, &history, &[]), None);
 }
 
+/// A model as it was identified on a valve with a dead band of 0.1: N turns the wrong way for small commands.
+fn with_dips() -> Coefficients {
+    let mut model = Coefficients::zero(Structure { na: 3, nb: 1, nk: 3, order: 3, ..Structure::PAPER });
+    model.a[..3].copy_from_slice(&[-1.0988, -0.2981, 0.3969]);
+    model.b[..2].copy_from_slice(&[4.01e-3, -6.09e-3]);
+    model.f[..3].copy_from_slice(&[1.0, -14.45, 25.0]);
+    model.g[..3].copy_from_slice(&[0.995, 12.06, 19.6]);
+    model
+}
+
+#[test]
+fn a_command_crosses_the_dips_of_the_dead_band_and_does_not_come_back() {
+    let model = with_dips();
+    let limits = Limits { magnitude: 1.0, step: 0.1 };
+    let range = (-0.31, 0.28);
+    for (error, far) in [(1e-3, -0.09), (-1e-3, 0.08)] {
+        let mut predictive = Predictive::new(&control(20, 20, 25.0), ANYWHERE, PERIOD);
+        // The last command was at the other edge of the dead band, and the axis stands beside its set point.
+        let mut history = History::resting(error);
+        history.push_command(-far);
+        let mut commands = Vec::new();
+        for _ in 0..30 {
+            history.push_output(error, 0);
+            let u = predictive.update(&Approved { model: &model, range }, &limits, &history, &[0.0; 60]).unwrap();
+            history.push_command(u);
+            commands.push(u);
+        }
+        assert!(commands[10..].iter().all(|u| u / far > 1.0), "{commands:?}");
+    }
+}
+
+#[test]
+fn a_model_that_moves_the_other_way_over_the_horizon_gives_no_command() {
+    // Poles 0.95 and the integrator, zero at 1.1: 10 ticks of the final direction do not make up for the begin.
+    let model = linear(&[-1.95, 0.95], &[1e-3, -1.1e-3], 3);
+    let (history, limits) = (History::resting(0.0), Limits { magnitude: 1.0, step: 0.1 });
+    let mut predictive = Predictive::new(&control(20, 8, 0.1), ANYWHERE, PERIOD);
+    assert_eq!(predictive.update(&approved(&model), &limits, &history, &[1.0; 60]), None);
+    let mut predictive = Predictive::new(&control(20, 8, 0.1), ANYWHERE, PERIOD);
+    let minimum_phase = linear(&[-1.95, 0.95], &[1e-3, -0.9e-3], 3);
+    assert!(predictive.update(&approved(&minimum_phase), &limits, &history, &[1.0; 60]).is_some());
+}
+
 #[test]
 fn a_command_outside_the_range_of_the_model_returns_to_it_at_the_full_rate() {
     let model = linear(&[-1.8, 0.8], &[1.2e-3], 5);

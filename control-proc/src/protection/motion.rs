@@ -1,27 +1,29 @@
 //! Whether an axis that is driven moves.
 //!
 //! ```text
-//! stuck     u beyond d + 0.05 one way for stuck_after + t_d, and y has not changed at all for stuck_after
+//! stuck     sum of s(u) T over the time that u is one way >= stuck_after + t_d, y has not changed at all for stuck_after
+//!           s(u) = 0 up to d + 0.05, 1 from d + 0.1 on, a straight line between them
 //! stalled   u beyond d + 0.1 one way for 0.4 s + t_d, in which y has not moved that way by 0.4 s * v_max / 200
 //! ```
 //!
-//! u command, d calibrated or commissioned dead band, whichever is wider, y position m, t_d dead time s, v_max
+//! u command, d calibrated or commissioned dead band, whichever is wider, y position m, T period s, t_d dead time s, v_max
 //! `max_speed` m/s. Stuck is an encoder that does not report any change; this is seen from the positions alone. Stalled
 //! is an axis without supply, or one that stands against an obstacle. Its encoder may be healthy and show noise.
 //!
 //! Traps: a valve whose dead band has grown stands still above the calibrated dead band, until the integral of the
-//! fallback has passed it; hence the margins. Motion against the command does not count as motion.
+//! fallback has passed it; hence the margins. Close to its set point such an axis needs longer than `stuck_after` to come
+//! from one margin to the other; hence the weight s. Motion against the command does not count as motion.
 
 use std::time::Duration;
 
 use pipeline::machine::{Axis, Timing, samples_of};
 
-/// Command beyond the dead band from which on a position that stands still is a fault. The calibration is a little low
-/// on purpose, and just above the dead band the axis may creep below the resolution of the encoder.
-pub const STUCK_MARGIN: f64 = 0.05;
+/// Command beyond the dead band from which on a position that stands still becomes a fault in time. The calibration is a
+/// little low on purpose, and just above the dead band the axis may creep below the resolution of the encoder.
+const STUCK_MARGIN: f64 = 0.05;
 /// Command beyond the dead band from which on an axis that hardly moves is a fault. A dead band that has grown by half,
 /// friction and hysteresis are within this margin.
-pub const STALL_MARGIN: f64 = 0.1;
+const STALL_MARGIN: f64 = 0.1;
 /// Time in which a driven axis has to move.
 pub const STALL_TIME: Duration = Duration::from_millis(400);
 /// Part of `max_speed` below which an axis hardly moves. The judge refuses a model that moves less than twice that.
@@ -45,16 +47,16 @@ pub struct Motion {
     dead_band: (f64, f64),
     /// Ticks without a change of the position that are a fault.
     still_ticks: u64,
-    /// Ticks of a command beyond the margin for stuck that are a fault.
-    stuck_ticks: u64,
+    /// Ticks of a command beyond the margin for stalled that are a fault while the position does not change.
+    stuck_ticks: f64,
     /// Ticks of a command beyond the margin for stalled that are a fault.
     stall_ticks: u64,
     /// Least way within `stall_ticks`, m.
     least: f64,
     /// Command of the tick before.
     command: f64,
-    /// Ticks for which the command has been beyond the dead band and the margin for stuck, one way.
-    driven: u64,
+    /// Sum of s(u) over the ticks for which the command has been beyond the margin for stuck, one way.
+    driven: f64,
     /// Ticks for which the command has been beyond the dead band and the margin for stalled, one way, since the axis
     /// has last moved by `least`.
     stalled: u64,
@@ -77,12 +79,12 @@ impl Motion {
         Self {
             dead_band: (control.dead_band.retract.max(found.retract), control.dead_band.extend.max(found.extend)),
             still_ticks: ticks(axis.encoder.stuck_after),
-            stuck_ticks: ticks(axis.encoder.stuck_after) + dead_time,
+            stuck_ticks: (ticks(axis.encoder.stuck_after) + dead_time) as f64,
             stall_ticks: ticks(STALL_TIME) + dead_time,
             least: (HARDLY_MOVING * axis.max_speed * STALL_TIME.as_secs_f64())
                 .max(NOISE_COUNTS * axis.encoder.resolution),
             command: 0.0,
-            driven: 0,
+            driven: 0.0,
             stalled: 0,
             from: 0.0,
             still: 0,
@@ -94,12 +96,13 @@ impl Motion {
     /// `position` (m) is where the axis is now, if that is known.
     pub fn update(&mut self, elapsed: u64, command: f64, position: Option<f64>) -> Option<Standing> {
         if command * self.command <= 0.0 {
-            (self.driven, self.stalled) = (0, 0);
+            (self.driven, self.stalled) = (0.0, 0);
         }
         self.command = command;
         let dead_band = if command < 0.0 { self.dead_band.0 } else { self.dead_band.1 };
-        let beyond = |margin: f64| command.abs() > dead_band + margin;
-        self.driven = if beyond(STUCK_MARGIN) { self.driven.saturating_add(elapsed) } else { 0 };
+        let beyond = command.abs() - dead_band;
+        let weight = ((beyond - STUCK_MARGIN) / (STALL_MARGIN - STUCK_MARGIN)).min(1.0);
+        self.driven = if weight > 0.0 { self.driven + weight * elapsed as f64 } else { 0.0 };
         if let Some(position) = position {
             self.still = if position == self.position { self.still.saturating_add(elapsed) } else { 0 };
             self.position = position;
@@ -107,7 +110,7 @@ impl Motion {
                 (self.stalled, self.from) = (0, position);
             }
         }
-        self.stalled = if beyond(STALL_MARGIN) { self.stalled.saturating_add(elapsed) } else { 0 };
+        self.stalled = if beyond > STALL_MARGIN { self.stalled.saturating_add(elapsed) } else { 0 };
         if self.driven >= self.stuck_ticks && self.still >= self.still_ticks {
             Some(Standing::Stuck)
         } else if self.stalled > self.stall_ticks {
@@ -138,14 +141,23 @@ mod tests {
 
     #[test]
     fn a_position_that_never_changes_is_stuck_after_its_time() {
-        assert_eq!(stands(|_| 0.1301, |_| 0.6), Some((34, Standing::Stuck)));
-        assert_eq!(stands(|_| -0.1201, |_| 0.6), Some((34, Standing::Stuck)));
+        assert_eq!(stands(|_| 0.1801, |_| 0.6), Some((34, Standing::Stuck)));
+        assert_eq!(stands(|_| -0.1701, |_| 0.6), Some((34, Standing::Stuck)));
         assert_eq!(stands(|_| 0.3, |k| if k < 100 { noise(k) + 1e-3 * k as f64 } else { 0.7 }).map(|s| s.0), Some(130));
         assert_eq!(stands(|_| 0.13, |_| 0.6), None);
         assert_eq!(stands(|_| -0.12, |_| 0.6), None);
         assert_eq!(stands(|_| 0.17, noise), None);
         // An axis that is driven to and fro has no time to move.
         assert_eq!(stands(|k| if k / 30 % 2 == 0 { 0.3 } else { -0.3 }, |_| 0.6), None);
+    }
+
+    #[test]
+    fn the_closer_the_command_is_to_the_dead_band_the_later_it_is_stuck() {
+        // Half way between the margins after twice the time, a quarter above the first after four times.
+        assert_eq!(stands(|_| 0.1551, |_| 0.6), Some((69, Standing::Stuck)));
+        assert_eq!(stands(|_| -0.1326, |_| 0.6), Some((138, Standing::Stuck)));
+        // A command that crosses the first margin and comes back begins anew.
+        assert_eq!(stands(|k| if k % 60 == 0 { 0.12 } else { 0.1551 }, |_| 0.6), None);
     }
 
     #[test]

@@ -56,6 +56,13 @@ impl Nonlinearity {
         if s * x >= 0.0 { self.positive(s).reach(s * x, range.1) } else { -self.negative(s).reach(-s * x, -range.0) }
     }
 
+    /// s M(u), of which [`Self::invert`] is the inverse: N(u) without its dips. It is 0 where N turns the wrong way
+    /// inside a dead band.
+    pub fn monotone(&self, u: f64, range: (f64, f64)) -> f64 {
+        let s = self.orientation(range);
+        if u >= 0.0 { s * self.positive(s).highest(u) } else { -s * self.negative(s).highest(-u) }
+    }
+
     /// The values of x that commands in `range` can give on the monotone interval, lowest and highest.
     pub fn reachable(&self, range: (f64, f64)) -> (f64, f64) {
         let s = self.orientation(range);
@@ -285,6 +292,16 @@ mod tests {
     }
 
     #[test]
+    fn without_its_dips_it_is_zero_inside_a_dead_band_and_itself_beyond() {
+        // Below zero for commands up to 0.5 either way.
+        let n = nonlinearity(&[-1.0, 2.0], &[-1.0, -2.0]);
+        for (u, x) in [(0.0, 0.0), (0.2, 0.0), (-0.4, 0.0), (0.8, 0.48), (-0.8, -0.48)] {
+            assert!((n.monotone(u, RANGE) - x).abs() < 1e-12, "{u}: {}", n.monotone(u, RANGE));
+        }
+        assert_eq!(nonlinearity(&[0.0], &[0.0]).monotone(0.3, RANGE), 0.0);
+    }
+
+    #[test]
     fn a_falling_characteristic_is_inverted_too() {
         let n = nonlinearity(&[-2.0, 0.0, -0.5], &[-1.0, 0.0, -0.1]);
         assert_eq!(n.orientation(RANGE), -1.0);
@@ -362,6 +379,7 @@ mod tests {
             prop_assert!((-1.0..=1.0).contains(&u));
             prop_assert!((n.evaluate(u) - x).abs() < 1e-9, "x {x} u {u} N {}", n.evaluate(u));
             prop_assert!(u == 0.0 || u > input.dead_band.1 || u < -input.dead_band.0, "{u}");
+            prop_assert!((n.monotone(u, RANGE) - x).abs() < 1e-9, "x {x} u {u} M {}", n.monotone(u, RANGE));
             // Nothing smaller gives as much.
             for i in 0..100 {
                 let smaller = u * i as f64 / 100.0;

@@ -34,7 +34,7 @@ use pipeline::{
 };
 
 use crate::{
-    conditions::{Conditions, UPDATE_PERIOD_NS, Work, acting, relative_viscosity},
+    conditions::{Conditions, Work, acting, relative_viscosity},
     coupling::Coupling,
     hydraulics::supply::{Demand, Pump},
     integration::{
@@ -191,8 +191,10 @@ impl PlantSim {
     fn step(&mut self, steps: u64) {
         let step = seconds(self.step_ns);
         for _ in 0..steps {
-            if self.time_ns.is_multiple_of(UPDATE_PERIOD_NS) && self.is_changing() {
-                self.update_conditions(seconds(self.time_ns), step);
+            // Conditions are constant during the step; those in its middle are right to second order.
+            let middle = seconds(self.time_ns) + 0.5 * step;
+            if self.scenario.changes.iter().any(|change| change.start <= middle && middle <= change.end + step) {
+                self.update_conditions(middle, step);
             }
             runge_kutta(&mut self.axes, self.drive.commands(), self.drive.is_cut_off(), &mut self.pump, step);
             self.time_ns += self.step_ns;
@@ -202,12 +204,6 @@ impl PlantSim {
                 self.sensors.follow(&pose, step);
             }
         }
-    }
-
-    /// Whether a change of the scenario is under way, or has ended since the last update.
-    fn is_changing(&self) -> bool {
-        let (now, period) = (seconds(self.time_ns), seconds(UPDATE_PERIOD_NS));
-        self.scenario.changes.iter().any(|change| change.start <= now && now <= change.end + period)
     }
 
     /// Takes axes and pump to the conditions at `time` s.

@@ -56,6 +56,33 @@ fn every_parameter_of_a_scenario_changes_the_motion() {
     }
 }
 
+#[test]
+fn a_change_acts_in_the_step_in_which_it_happens() {
+    let mut machine = excavator();
+    let pushed = Change { axis: Some(0), parameter: Parameter::ExternalForce, start: 0.0105, end: 0.0105, to: 0.5 };
+    machine.scenario.changes = vec![pushed];
+    let mut sim = simulate(&machine);
+    sim.advance(Duration::from_micros(10_500));
+    assert!(sim.axes()[0].velocity.abs() < 1e-5, "{:?}", sim.axes()[0]);
+    sim.advance(STEP);
+    assert!(sim.axes()[0].velocity < -1e-4, "{:?}", sim.axes()[0]);
+}
+
+#[test]
+fn a_ramp_has_no_stairs() {
+    let mut machine = excavator();
+    let sag = Change { axis: None, parameter: Parameter::SupplyPressure, start: 0.0, end: 1.0, to: 0.5 };
+    machine.scenario.changes = vec![sag];
+    let mut sim = simulate(&machine);
+    for step in 1..9999 {
+        sim.advance(STEP);
+        let expected = 25e6 * (1.0 - 0.5e-4 * f64::from(step));
+        let found = sim.supply_pressure();
+        // Half a step of the ramp is 625 Pa.
+        assert!((found - expected).abs() < 630.0, "step {step}: {found} Pa, not {expected} Pa");
+    }
+}
+
 /// The load pulls the piston out against the pump, because the rod side leaks more than the pump gives. The piston side
 /// draws oil back through its edge.
 #[test]

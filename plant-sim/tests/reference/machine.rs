@@ -1,7 +1,7 @@
 //! The reference: all axes of a machine as one system of differential equations.
 //!
-//! The right-hand side is smooth except when conditions are updated, every 1 ms, and when a command has passed the dead
-//! time of its valve. The integrator starts anew at each of these times.
+//! The right-hand side is smooth except when conditions are updated, every 0.1 ms to their value in the middle of that
+//! time, and when a command has passed the dead time of its valve. The integrator starts anew at each of these times.
 
 use pipeline::machine::{Hydraulics, Machine, Scenario};
 
@@ -14,7 +14,7 @@ const TOLERANCE: [f64; 5] = [1e-10, 1e-7, 10.0, 10.0, 1e-10];
 const PUMP_TOLERANCE: f64 = 10.0;
 
 /// Period at which conditions are updated, ns.
-const UPDATE_PERIOD: u64 = 1_000_000;
+const UPDATE_PERIOD: u64 = 100_000;
 
 pub struct Reference {
     hydraulics: Hydraulics,
@@ -65,9 +65,10 @@ impl Reference {
 
     /// Updates conditions and commands to this time.
     fn update(&mut self) {
-        let time = self.time_ns as f64 * 1e-9;
+        let period = self.time_ns - self.time_ns % UPDATE_PERIOD;
+        let time = (period + UPDATE_PERIOD / 2) as f64 * 1e-9;
         let at = |axis| Conditions { changes: &self.scenario.changes, axis, time };
-        let conditions_change = !self.scenario.changes.is_empty() && self.time_ns.is_multiple_of(UPDATE_PERIOD);
+        let conditions_change = !self.scenario.changes.is_empty() && self.time_ns == period;
         if self.cylinders.is_empty() || conditions_change {
             let axes = self.axes.iter().enumerate();
             let cylinders = axes.map(|(index, axis)| {
@@ -82,14 +83,22 @@ impl Reference {
         }
     }
 
+    /// The next time at which conditions are updated, ns: every 1 ms while nothing changes.
+    fn next_update(&self) -> u64 {
+        let (now, next) = (self.time_ns as f64 * 1e-9, (self.time_ns / UPDATE_PERIOD + 1) * UPDATE_PERIOD);
+        let soon = (next + UPDATE_PERIOD) as f64 * 1e-9;
+        let mut changes = self.scenario.changes.iter();
+        let is_changing = changes.any(|change| change.start <= soon && now <= change.end + 1e-3);
+        if is_changing { next } else { next.next_multiple_of(10 * UPDATE_PERIOD) }
+    }
+
     /// Advances by `duration` ns.
     pub fn advance(&mut self, duration: u64) {
         let end = self.time_ns + duration;
         while self.time_ns < end {
             self.update();
             let commands = self.valves.iter().filter_map(Valve::next_change);
-            let update = (self.time_ns / UPDATE_PERIOD + 1) * UPDATE_PERIOD;
-            let next = commands.fold(end.min(update), u64::min);
+            let next = commands.fold(end.min(self.next_update()), u64::min);
             let length = (next - self.time_ns) as f64 * 1e-9;
             let Self { valves, cylinders, pump, .. } = self;
             let mut asked = vec![(0.0, 0.0); cylinders.len()];

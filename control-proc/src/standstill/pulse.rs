@@ -1,31 +1,46 @@
 //! A pulse: the command rises until the axis moves, and is shut ahead of the set point.
 //!
 //! ```text
-//! u(k) = s l(k)        l(k+1) = min(l(k) + r T, d + 0.05) while s v < s e / (2 L)
-//! r = max(|e(0)|, 2 e_rest) / (g L^2)
-//! over when s e <= s v L + g r L^2 / 2 after the axis has begun to move, or 2 L after l = d + 0.05 when it has not
+//! u(k) = s l(k)        l(k+1) = min(l(k) + r T, d + 0.075) while s v < s e / (2 L)
+//! r = max(s e, 2 e_rest) / (g L^2), with the e at which the axis begins to move from then on
+//! over when s e <= s v L + g r L^2 / 2 after the axis has begun to move, or L after l = d + 0.075 when it has not
 //! ```
 //!
-//! s sign of the following error e (m) at the begin, l level of the command, T period in s, v speed in m/s, L dead time
+//! s sign at the begin of the following error e (m), l level of the command, T period in s, v speed in m/s, L dead time
 //! and lag in s, g slope of the static curve at the dead band d in m/s, e_rest as in [`super`]. What is on its way
 //! through dead time and lag moves the axis by v L + g r L^2 / 2 after the valve is shut; with this rate a pulse that
 //! is shut at once moves it by half of the error. Source: inching by hand.
 //!
-//! The level at which the axis begins to move is kept for each direction. The next pulse begins a little below it.
+//! Two things are learned for each direction. The level at which the axis begins to move: the next pulse begins a
+//! little below it. And g: a pulse that overshoots doubles it, so that the next ones are gentler, and one that falls
+//! short by more than half of its error reduces it.
 //!
-//! Trap: a valve whose dead band has grown by more than the 0.05 is not followed any further. Beyond that a command
-//! without motion is a fault ([`crate::protection::motion`]).
+//! Trap: a valve whose dead band has grown by more than the 0.075 is not followed any further. Beyond d + 0.05 a
+//! position that does not change is a fault in time ([`crate::protection::motion`]), so the command rises there by at
+//! least [`HASTE`].
 
 use pipeline::machine::Axis;
 
-/// Command beyond the dead band up to which a pulse rises: where a position that stands still becomes a fault.
-const HIGHEST: f64 = 0.05;
+/// Command beyond the dead band up to which a pulse rises.
+const HIGHEST: f64 = 0.075;
+/// Command beyond the dead band from which on a pulse must not last, as a position that stands still is a fault in time.
+const HASTY: f64 = 0.05;
+/// Least rise of the command there, 1/s: it takes 0.8 s to the highest command.
+const HASTE: f64 = 0.03;
+/// Opening at which the slope of the curve is taken.
+const SMALL: f64 = 0.05;
 /// Command below the dead band at which the first pulse begins.
 const FIRST: f64 = 0.05;
 /// Command below the level of the last begin of motion at which a pulse begins.
 const BACK: f64 = 0.01;
 /// Fastest rise of the command, 1/s: a pulse is slow compared with every control period.
 const FASTEST: f64 = 0.5;
+/// Factor of g after a pulse that has overshot, and after one that has fallen short.
+const LEARNED: (f64, f64) = (2.0, 0.7);
+/// Part of the error that a pulse leaves which falls short.
+const SHORT: f64 = 0.6;
+/// Least and largest g as multiples of the one that the machine file gives.
+const SLOPES: (f64, f64) = (0.25, 16.0);
 /// Lag of an axis that is not commissioned, s: that of a slow valve.
 const UNKNOWN_LAG: f64 = 0.1;
 
@@ -34,10 +49,27 @@ const UNKNOWN_LAG: f64 = 0.1;
 struct Direction {
     /// d.
     dead_band: f64,
-    /// g, m/s.
+    /// g as the machine file gives it, m/s.
     slope: f64,
+    /// g over that.
+    learned: f64,
     /// Level at which the axis has begun to move; none before the first motion.
     breakaway: Option<f64>,
+}
+
+impl Direction {
+    /// Learns from a pulse against `before` m that has left `after` m; less than 0 when it has overshot.
+    fn learn(&mut self, before: f64, after: f64) {
+        let factor = if after < 0.0 {
+            self.breakaway = self.breakaway.map(|breakaway| breakaway - BACK);
+            LEARNED.0
+        } else if after > SHORT * before {
+            LEARNED.1
+        } else {
+            1.0
+        };
+        self.learned = (self.learned * factor).clamp(SLOPES.0, SLOPES.1);
+    }
 }
 
 /// A pulse under way.
@@ -49,7 +81,7 @@ struct Pulse {
     level: f64,
     /// r, 1/s.
     rate: f64,
-    /// e at the begin, m.
+    /// Largest s e before the axis has begun to move, m.
     error: f64,
     moves: bool,
     /// Ticks for which the level has been the highest.
@@ -80,6 +112,8 @@ pub struct Pulses {
     retract: Direction,
     extend: Direction,
     pulse: Option<Pulse>,
+    /// The last pulse, if it has moved the axis and nothing else has since.
+    last: Option<Pulse>,
 }
 
 impl Pulses {
@@ -95,12 +129,12 @@ impl Pulses {
                 if sign < 0.0 { dead_band.retract } else { dead_band.extend }
             };
             let calibrated = of(control.dead_band);
-            let whole = axis.max_speed / (control.command_limit - calibrated).max(HIGHEST);
+            let whole = axis.max_speed / (control.command_limit - calibrated).max(SMALL);
             let (dead_band, slope) = found.map_or((calibrated, whole), |found| {
                 let d = of(found.dead_band);
-                (d.max(calibrated), found.speed(sign * (d + HIGHEST)).abs() / HIGHEST)
+                (d.max(calibrated), found.speed(sign * (d + SMALL)).abs() / SMALL)
             });
-            Direction { dead_band, slope, breakaway: None }
+            Direction { dead_band, slope, learned: 1.0, breakaway: None }
         };
         Self {
             period,
@@ -110,7 +144,13 @@ impl Pulses {
             retract: direction(-1.0),
             extend: direction(1.0),
             pulse: None,
+            last: None,
         }
+    }
+
+    /// Another controller moves the axis: the last pulse is not judged.
+    pub fn forget(&mut self) {
+        self.last = None;
     }
 
     /// L.
@@ -120,15 +160,17 @@ impl Pulses {
 
     /// Begins a pulse against an error of `error` m, after the command `last`.
     pub fn begin(&mut self, error: f64, last: f64) {
+        if let Some(last) = self.last.take() {
+            self.direction(last.sign).learn(last.error, last.sign * error);
+        }
         let sign = error.signum();
         let direction = *self.direction(sign);
         let first = direction.breakaway.map_or(direction.dead_band - FIRST, |breakaway| breakaway - BACK);
-        let rate = error.abs().max(2.0 * self.bound) / (direction.slope * self.delay * self.delay);
         self.pulse = Some(Pulse {
             sign,
             level: first.max(sign * last).clamp(0.0, direction.dead_band + HIGHEST),
-            rate: rate.min(FASTEST),
-            error,
+            rate: 0.0,
+            error: error.abs(),
             moves: false,
             at_highest: 0,
         });
@@ -137,17 +179,23 @@ impl Pulses {
     /// The next step of the pulse, at a following error of `error` m and a speed of `speed` m/s.
     pub fn step(&mut self, error: f64, speed: f64) -> Step {
         let Some(mut pulse) = self.pulse else { return Step::Arrives };
-        let (delay, motion, period) = (self.delay, self.motion, self.period);
+        let (delay, motion, period, least) = (self.delay, self.motion, self.period, 2.0 * self.bound);
         let direction = self.direction(pulse.sign);
         let (left, toward) = (pulse.sign * error, pulse.sign * speed);
-        if !pulse.moves && pulse.sign * (pulse.error - error) >= motion {
-            pulse.moves = true;
-            direction.breakaway = Some(pulse.level - pulse.rate * delay);
+        let slope = direction.slope * direction.learned;
+        if !pulse.moves {
+            // The load may have moved the axis away since the begin.
+            pulse.error = pulse.error.max(left);
+            pulse.rate = (left.max(least) / (slope * delay * delay)).min(FASTEST);
+            if pulse.error - left >= motion {
+                pulse.moves = true;
+                direction.breakaway = Some(pulse.level - pulse.rate * delay);
+            }
         }
-        let underway = toward.max(0.0) * delay + 0.5 * direction.slope * pulse.rate * delay * delay;
+        let underway = toward.max(0.0) * delay + 0.5 * slope * pulse.rate * delay * delay;
         let step = if left <= 0.0 || (pulse.moves && left <= underway) {
             Step::Arrives
-        } else if !pulse.moves && f64::from(pulse.at_highest) * period > 2.0 * delay {
+        } else if !pulse.moves && f64::from(pulse.at_highest) * period > delay {
             Step::GivesUp
         } else {
             Step::Command(pulse.sign * pulse.level)
@@ -155,9 +203,15 @@ impl Pulses {
         if pulse.level >= direction.dead_band + HIGHEST {
             pulse.at_highest = pulse.at_highest.saturating_add(1);
         } else if toward < 0.5 * left / delay {
-            pulse.level = (pulse.level + pulse.rate * period).min(direction.dead_band + HIGHEST);
+            let is_hasty = !pulse.moves && pulse.level > direction.dead_band + HASTY;
+            let rate = if is_hasty { pulse.rate.max(HASTE) } else { pulse.rate };
+            pulse.level = (pulse.level + rate * period).min(direction.dead_band + HIGHEST);
         }
-        self.pulse = matches!(step, Step::Command(_)).then_some(pulse);
+        match step {
+            Step::Command(_) => self.pulse = Some(pulse),
+            Step::Arrives => (self.pulse, self.last) = (None, Some(pulse)),
+            Step::GivesUp => (self.pulse, self.last) = (None, None),
+        }
         step
     }
 

@@ -118,6 +118,10 @@ class AxisCommand(ctypes.Structure):
         ("unsolved_plans", u64),  # plans without the solver so far
         ("tracking", ErrorStatistics),  # m
         ("model_tracking", ErrorStatistics),  # m, over the ticks of the model-based controller
+        ("latches", u64),  # times that a fault latched the axis so far
+        ("latched_at", u64),  # tick of the last latch
+        ("latched_by", u32),  # bits of the last latch; they stay when the axis is released
+        ("reserved", u32),
     ]
 
 
@@ -131,7 +135,7 @@ class ValveCommand(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.ValveCommand/3"
+        return "hydraxis.ValveCommand/4"
 
 
 class Coefficients(ctypes.Structure):

@@ -97,7 +97,8 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     // A client that is still attached keeps the files; the next run of this name removes them.
     let _ = remove_leftovers(&options.prefix);
     let report = result?;
-    Ok(output.write(|| report.tables(&machine), &report)?)
+    output.write(|| report.tables(&machine), &report)?;
+    report.verdict().map_err(Failure::run)
 }
 
 /// The machine, the number of ticks, and warnings; or everything that is wrong, before the first process starts.

@@ -33,6 +33,8 @@ use super::{
 
 /// Longest time that all commands of one page may take.
 const PATIENCE: Duration = Duration::from_secs(300);
+/// How often the commands of a page with a run in real time are run until they print what the page shows.
+const REAL_TIME_TRIES: usize = 3;
 /// The group's name in the pages.
 const GROUP: &str = "demo";
 /// A line before the output of every command.
@@ -200,12 +202,31 @@ fn run(examples: &[Example], group: &str) -> Vec<Vec<String>> {
 fn overwritten(page: &Page, examples: &[Example], printed: &[Vec<String>]) -> String {
     let mut lines: Vec<String> = page.text.lines().map(str::to_owned).collect();
     for (example, printed) in examples.iter().zip(printed).rev() {
-        let is_elided = example.expected.iter().any(|line| line.trim() == "..." || line.contains("[..]"));
-        if !example.is_met_by(printed) && !is_elided {
-            lines.splice(example.line..example.line + example.expected.len(), printed.iter().cloned());
+        if !example.is_met_by(printed) {
+            let lines_now = with_elisions_of(&example.expected, printed);
+            lines.splice(example.line..example.line + example.expected.len(), lines_now);
         }
     }
     lines.join("\n") + "\n"
+}
+
+/// The lines that were printed, elided like those of the page: its first `...` stands for what is between the lines
+/// before it and those after it, and lines of the page with `[..]` stay as they are.
+fn with_elisions_of(page: &[String], printed: &[String]) -> Vec<String> {
+    let kept = |page: &[String], printed: &[String]| -> Vec<String> {
+        let lines = page.iter().zip(printed);
+        lines.map(|(old, new)| if old.contains("[..]") { old.clone() } else { new.clone() }).collect()
+    };
+    let Some(before) = page.iter().position(|line| line.trim() == "...") else {
+        let rest = printed.iter().skip(page.len()).cloned();
+        return kept(page, printed).into_iter().chain(rest).collect();
+    };
+    let after = &page[before + 1..];
+    let last = &printed[printed.len().saturating_sub(after.len())..];
+    let mut lines = kept(&page[..before], printed);
+    lines.push(page[before].clone());
+    lines.extend(kept(after, last));
+    lines
 }
 
 /// Runs a page's examples and compares.
@@ -219,11 +240,23 @@ fn check(path: &str) {
     let number =
         (std::process::id() as usize * 31 + path.len() * 7 + path.bytes().map(usize::from).sum::<usize>()) % 4096;
     let group = format!("q{number:03x}");
-    let printed = run(&examples, &group);
-    assert_eq!(printed.len(), examples.len(), "{path}: the shell ended early");
-    let prefix: Prefix = group.parse().unwrap();
-    let left = remove_leftovers(&prefix).unwrap();
-    assert!(left.is_empty(), "{path}: left behind {left:?}");
+    let run_once = || {
+        let printed = run(&examples, &group);
+        assert_eq!(printed.len(), examples.len(), "{path}: the shell ended early");
+        let prefix: Prefix = group.parse().unwrap();
+        let left = remove_leftovers(&prefix).unwrap();
+        assert!(left.is_empty(), "{path}: left behind {left:?}");
+        printed
+    };
+    let is_met =
+        |printed: &[Vec<String>]| examples.iter().zip(printed).all(|(example, lines)| example.is_met_by(lines));
+    let mut printed = run_once();
+    // A computer that gives a stage no time for three periods makes a run in real time end latched, rightly.
+    for _ in 1..if in_real_time { REAL_TIME_TRIES } else { 1 } {
+        if !is_met(&printed) {
+            printed = run_once();
+        }
+    }
     if is_overwriting() {
         std::fs::write(root().join(path), overwritten(&page, &examples, &printed)).unwrap();
         return;
@@ -281,6 +314,15 @@ fn elisions_stand_for_any_lines_and_any_characters() {
     assert!(!are_lines(&lines("a\n...\nd"), &lines("a\nb")) && !are_lines(&lines("a"), &lines("a\nb")));
     assert!(is_line("took [..] s, [..]", "took 3.1 s, well") && is_line("a[..]b", "ab"));
     assert!(!is_line("took [..] s", "took 3.1 ms") && !is_line("a", "ab") && !is_line("ab", "a"));
+}
+
+#[test]
+fn a_page_is_overwritten_with_its_elisions() {
+    let lines = |text: &str| -> Vec<String> { text.lines().map(str::to_owned).collect() };
+    let overwritten = |page: &str, printed: &str| with_elisions_of(&lines(page), &lines(printed)).join("\n");
+    assert_eq!(overwritten("a 1\n...\nd 1 in [..] s", "a 2\nb\nc\nd 1 in 3 s"), "a 2\n...\nd 1 in [..] s");
+    assert_eq!(overwritten("a 1\nb [..]", "a 2\nb 2\nc"), "a 2\nb [..]\nc");
+    assert_eq!(overwritten("a 1\nb 1", "a 2"), "a 2");
 }
 
 #[test]

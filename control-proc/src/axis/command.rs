@@ -40,6 +40,7 @@ impl AxisController {
     fn assemble(&self, decision: &Decision) -> AxisCommand {
         let mode = if self.state.is_armed() { self.operation.mode } else { AxisMode::Off };
         let (taken_requests, refused_requests) = self.operation.requests.counts();
+        let latches = self.state.latches();
         AxisCommand {
             command: decision.command,
             reference: decision.reference,
@@ -53,6 +54,10 @@ impl AxisController {
             unsolved_plans: self.predictive.unsolved(),
             tracking: self.tracking.all,
             model_tracking: self.tracking.by_model,
+            latches: latches.count,
+            latched_at: latches.tick,
+            latched_by: latches.cause,
+            reserved: 0,
         }
     }
 }

@@ -44,10 +44,24 @@ pub enum Transition {
     Latch(u32),
 }
 
+/// The latches of an axis so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Latches {
+    /// Number of times that a fault latched the axis.
+    pub count: u64,
+    /// Tick of the last latch.
+    pub tick: u64,
+    /// Why the axis was latched then, [`control_flag`] bits.
+    pub cause: u32,
+}
+
 /// The state of an axis and what it depends on.
 #[derive(Debug, Clone)]
 pub struct StateMachine {
     state: State,
+    /// The present tick.
+    tick: u64,
+    latches: Latches,
     settling_ticks: u64,
     /// The emergency stop was pressed when it was last seen.
     is_pressed: bool,
@@ -59,7 +73,14 @@ impl StateMachine {
     /// Disarmed.
     pub fn new(timing: &Timing) -> Self {
         let settling_ticks = samples_of(SETTLING, timing.period).max(1) as u64;
-        Self { state: State::Disarmed, settling_ticks, is_pressed: false, requests_stopped: false }
+        Self {
+            state: State::Disarmed,
+            tick: 0,
+            latches: Latches::default(),
+            settling_ticks,
+            is_pressed: false,
+            requests_stopped: false,
+        }
     }
 
     /// The present state.
@@ -75,6 +96,16 @@ impl StateMachine {
     /// Whether the emergency stop is pressed.
     pub fn is_pressed(&self) -> bool {
         self.is_pressed
+    }
+
+    /// Begins the tick of this number.
+    pub fn begin_tick(&mut self, tick: u64) {
+        self.tick = tick;
+    }
+
+    /// The latches so far.
+    pub fn latches(&self) -> Latches {
+        self.latches
     }
 
     /// Takes in the emergency stop.
@@ -106,10 +137,14 @@ impl StateMachine {
 
     /// Latches. The first cause stays, and an emergency stop is added to it.
     pub fn latch(&mut self, cause: u32) {
-        self.state = State::Latched(match self.state {
+        let cause = match self.state {
             State::Latched(first) => first | cause & control_flag::EMERGENCY_STOP,
-            _ => cause,
-        });
+            _ => {
+                self.latches = Latches { count: self.latches.count + 1, tick: self.tick, cause };
+                cause
+            }
+        };
+        (self.state, self.latches.cause) = (State::Latched(cause), cause);
     }
 
     /// Why the axis is latched, [`control_flag`] bits; 0 while it is not.

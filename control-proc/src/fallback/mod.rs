@@ -4,7 +4,6 @@
 //! |---|---|
 //! | [`feedforward`] | the command of a motion that the preview shows |
 //! | [`hysteresis`] | the inverse of the valve's hysteresis |
-//! | [`rest`] | neutral for an axis that has arrived |
 //!
 //! ```text
 //! e(k) = y_r(k) - y(k)          v(k) = kp e(k) + I(k) + v_r(k)          I(k+1) = I(k) + ki T e(k)
@@ -34,7 +33,6 @@
 
 pub mod feedforward;
 pub mod hysteresis;
-pub mod rest;
 
 use pipeline::machine::{Commissioned, Control};
 

@@ -155,7 +155,7 @@ mod tests {
     fn the_closer_the_command_is_to_the_dead_band_the_later_it_is_stuck() {
         // Half way between the margins after twice the time, a quarter above the first after four times.
         assert_eq!(stands(|_| 0.1551, |_| 0.6), Some((69, Standing::Stuck)));
-        assert_eq!(stands(|_| -0.1326, |_| 0.6), Some((139, Standing::Stuck)));
+        assert_eq!(stands(|_| -0.1326, |_| 0.6), Some((138, Standing::Stuck)));
         // A command that crosses the first margin and comes back begins anew.
         assert_eq!(stands(|k| if k % 60 == 0 { 0.12 } else { 0.1551 }, |_| 0.6), None);
     }

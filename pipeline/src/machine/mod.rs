@@ -115,6 +115,15 @@ pub fn model_settings(file: &Path) -> Result<Vec<(String, String)>, MachineError
     Ok(settings.map(|setting| (setting.path, setting.text)).collect())
 }
 
+/// [`model_settings`] of a model file with this text. `file` is its name for messages.
+///
+/// # Errors
+/// The text is not TOML.
+pub fn model_settings_in(text: &str, file: &str) -> Result<Vec<(String, String)>, MachineError> {
+    let settings = Document::parse(text, Vec::new()).into_settings(file)?.into_iter();
+    Ok(settings.map(|setting| (setting.path, setting.text)).collect())
+}
+
 fn read_model(file: &Path) -> Result<Vec<Setting>, MachineError> {
     let text = read_file(file, "a model file in TOML, as `hydraxis commission` writes it")?;
     Document::parse(&text, Vec::new()).into_settings(&file.display().to_string())

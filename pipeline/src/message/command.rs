@@ -7,7 +7,7 @@ use crate::{MAX_AXES, layout::shared_struct, statistics::ErrorStatistics};
 
 shared_struct! {
     /// One axis of a [`ValveCommand`].
-    #[type_name("hydraxis.AxisCommand/2")]
+    #[type_name("hydraxis.AxisCommand/3")]
     pub struct AxisCommand {
         /// Valve command in [-1, 1], positive extends; made from sample `sequence` and held until the next.
         pub command: f64,
@@ -33,6 +33,14 @@ shared_struct! {
         pub tracking: ErrorStatistics,
         /// Following error over the ticks whose command the predictive controller made, m.
         pub model_tracking: ErrorStatistics,
+        /// Number of times that a fault latched the axis so far.
+        pub latches: u64,
+        /// Tick of the last sample before the axis was latched for the last time; 0 before the first time.
+        pub latched_at: u64,
+        /// Why the axis was latched for the last time, [`control_flag`] bits; they stay when the axis is released.
+        pub latched_by: u32,
+        /// Zero.
+        pub reserved: u32,
     }
 }
 
@@ -124,7 +132,7 @@ pub mod control_flag {
 
 shared_struct! {
     /// The valve commands of one tick: control-proc (or a recording) to plant-sim and ident-proc.
-    #[type_name("hydraxis.ValveCommand/3")]
+    #[type_name("hydraxis.ValveCommand/4")]
     pub struct ValveCommand {
         /// `sequence` names the sample that the command was made from.
         pub header: Header,

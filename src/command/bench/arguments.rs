@@ -4,7 +4,7 @@ use std::{path::PathBuf, time::Duration};
 
 use clap::{Args, Subcommand};
 
-use super::contest::ControllerKind;
+use super::{contest::ControllerKind, drawn::Half};
 use crate::arguments::{BareMachine, values::duration};
 
 /// `bench`.
@@ -24,7 +24,10 @@ the baselines are tuned for each axis by simulation of its commissioned model. T
 Examples:
   hydraxis bench control                                          all controllers and scenarios, some minutes
   hydraxis bench control --scenario payload --scenario digging    two scenarios
-  hydraxis bench control --controller pi-feedforward --controller mpc-adaptive --dead-time 150ms --json out.json")]
+  hydraxis bench control --controller pi-feedforward --controller mpc-adaptive --dead-time 150ms --json out.json
+  hydraxis bench control --machines 20 --seed 1                   20 drawn machines: model against fallback
+  hydraxis bench control --machines 300 --half judge --json -     half of 300 drawn machines
+  hydraxis bench control --machines 300 --only 17 --write rigs    the files of machine 17, without a run")]
 pub struct BenchControlArguments {
     /// The machine
     #[command(flatten)]
@@ -44,4 +47,24 @@ pub struct BenchControlArguments {
     /// Write the figures as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// Drawn machines instead of a machine file: this many test rigs of one axis, each commissioned and then driven by
+    /// its fallback and by its model
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000),
+          conflicts_with_all = ["machine", "settings", "model", "dead_time", "seeds", "scenarios", "controllers"])]
+    pub machines: Option<u64>,
+    /// Seed of the drawn machines
+    #[arg(long, value_name = "S", default_value_t = 1, requires = "machines")]
+    pub seed: u64,
+    /// Only one half of the drawn machines
+    #[arg(long, value_enum, requires = "machines")]
+    pub half: Option<Half>,
+    /// Only the drawn machine with this number, from 0; may be given several times
+    #[arg(long, value_name = "NUMBER", requires = "machines")]
+    pub only: Vec<u64>,
+    /// Write the machine files of the drawn machines into this folder, and run nothing
+    #[arg(long, value_name = "FOLDER", requires = "machines", conflicts_with = "json")]
+    pub write: Option<PathBuf>,
+    /// Number of threads [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
 }

@@ -9,6 +9,7 @@
 
 mod arguments;
 mod contest;
+mod drawn;
 mod parallel;
 mod report;
 
@@ -23,6 +24,7 @@ use super::check;
 use crate::{arguments::load_bare, failure::Failure, report::output::Output};
 pub use arguments::{Bench, BenchControlArguments};
 use contest::{Case, Contest, ControllerKind};
+use drawn::Choice;
 use report::BenchReport;
 
 /// Longest dead time of a simulated valve.
@@ -30,6 +32,12 @@ const LONGEST: Duration = Duration::from_millis(500);
 
 /// Runs the command.
 pub fn run(arguments: &BenchControlArguments) -> Result<(), Failure> {
+    let threads = arguments.threads.map_or_else(all_cores, usize::from);
+    if let Some(count) = arguments.machines {
+        let BenchControlArguments { seed, half, only, write, json, .. } = arguments;
+        let choice = Choice { count, seed: *seed, half: *half, only: only.clone() };
+        return drawn::run(&choice, write.as_deref(), json.as_deref(), threads);
+    }
     let scenarios = scenarios(arguments)?;
     let kinds =
         if arguments.controllers.is_empty() { ControllerKind::ALL.to_vec() } else { arguments.controllers.clone() };
@@ -37,12 +45,15 @@ pub fn run(arguments: &BenchControlArguments) -> Result<(), Failure> {
         expect_possible(*dead_time, &scenarios[0])?;
     }
     let output = Output::open(arguments.json.as_deref())?;
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let contest = Contest::new(scenarios, &arguments.dead_time, kinds, threads)?;
     let cases = contest.cases(arguments.seeds);
     let results = parallel::map(threads, "runs", &cases, |case: &Case| contest.run(case))?;
     let report = BenchReport::new(&contest, &cases, &results);
     Ok(output.write(|| report.tables(), &report)?)
+}
+
+fn all_cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// The machine under each of the scenarios.

@@ -33,7 +33,7 @@ use crate::{
 pub use arguments::CommissionArguments;
 use file::{ModelFile, ModelFileError};
 use live::commission_live;
-pub use simulated::commission_simulated;
+pub use simulated::{SimulatedError, commission_axis, commission_simulated};
 
 /// Fit below which a model must not control, percent: the gains are tuned for plants that are slower than the model by
 /// up to 30 %, [`control_proc::tuning::PLANTS`]. A model that misses more of the motion says nothing about them.
@@ -54,9 +54,7 @@ pub fn run(arguments: &CommissionArguments) -> Result<(), Failure> {
     let models = experiment(arguments, &machine, &axes)?;
     let found: Vec<(String, Commissioned)> =
         axes.iter().map(|axis| machine.axes[*axis].name.clone()).zip(models).collect();
-    let settings: Vec<_> = axes.iter().zip(&found).map(|(axis, (_, model))| tuned(&machine, *axis, model)).collect();
-    let all = found.iter().zip(settings).map(|((name, model), control)| (name.as_str(), model, control));
-    file.write(&file::text(&machine.name, all))?;
+    file.write(&model_text(&machine, axes.iter().copied().zip(found.iter().map(|(_, model)| model))))?;
     for (name, model) in found.iter().filter(|(_, model)| is_poor(model)) {
         eprintln!(
             "axis.{name}: found a fit of {}; allowed: {POOR_FIT} % and more. Do not control with this model, and look \
@@ -124,6 +122,12 @@ fn experiment(
     models
 }
 
+/// The text of the model file with these models of the axes with these indices.
+pub fn model_text<'a>(machine: &Machine, found: impl Iterator<Item = (usize, &'a Commissioned)>) -> String {
+    let settings = found.map(|(axis, model)| (machine.axes[axis].name.as_str(), model, tuned(machine, axis, model)));
+    file::text(&machine.name, settings)
+}
+
 /// The tuned settings of an axis with this model; none for a poor model.
 fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Control> {
     if is_poor(model) {
@@ -137,7 +141,8 @@ fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Contro
     baseline.tuned(index, &axis, period)
 }
 
-fn is_poor(model: &Commissioned) -> bool {
+/// Whether a model misses so much of the motion that it must not control.
+pub fn is_poor(model: &Commissioned) -> bool {
     model.fit_percent.is_nan() || model.fit_percent < POOR_FIT
 }
 

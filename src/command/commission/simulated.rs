@@ -1,15 +1,30 @@
 //! The experiment with a simulated machine, one axis after the other, in one process and as fast as the computer
 //! allows.
 
-use control_proc::commission::{Experiment, ExperimentOptions, Outcome, Phase, analyse};
+use control_proc::commission::{Abort, AnalysisError, Experiment, ExperimentOptions, Outcome, Phase, analyse};
 use pipeline::{
     machine::{Commissioned, Machine},
     message::ValveCommand,
 };
-use plant_sim::PlantSim;
+use plant_sim::{PlantError, PlantSim};
 use sensor_proc::Acquisition;
+use thiserror::Error;
 
 use crate::failure::Failure;
+
+/// Why an experiment with a simulated axis has no model.
+#[derive(Debug, Error)]
+pub enum SimulatedError {
+    /// The machine cannot be simulated.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// A bound was met.
+    #[error("ended, valve neutral: {0}")]
+    Aborted(Abort),
+    /// The record has no model.
+    #[error(transparent)]
+    Analysis(#[from] AnalysisError),
+}
 
 /// Commissions the axes with these indices. Each experiment starts with the machine in its first state. `seed` is that
 /// of the noise of the encoders; `show` gets axis, phase and progress at every tick.
@@ -23,19 +38,28 @@ pub fn commission_simulated(
     options: &ExperimentOptions,
     mut show: impl FnMut(usize, Phase, f64),
 ) -> Result<Vec<Commissioned>, Failure> {
-    let one = |axis: &usize| commission(machine, *axis, seed, options, |phase, part| show(*axis, phase, part));
+    let one = |axis: &usize| {
+        commission_axis(machine, *axis, seed, options, |phase, part| show(*axis, phase, part)).map_err(|error| {
+            let is_wrong = matches!(error, SimulatedError::Plant(_));
+            let failure = if is_wrong { Failure::usage(error) } else { Failure::run(error) };
+            failure.about(format!("axis.{}", machine.axes[*axis].name))
+        })
+    };
     axes.iter().map(one).collect()
 }
 
-fn commission(
+/// Commissions the axis with this index, as [`commission_simulated`] does.
+///
+/// # Errors
+/// The machine cannot be simulated, a bound was met, or the record has no model.
+pub fn commission_axis(
     machine: &Machine,
     axis: usize,
     seed: u64,
     options: &ExperimentOptions,
     mut show: impl FnMut(Phase, f64),
-) -> Result<Commissioned, Failure> {
-    let name = &machine.axes[axis].name;
-    let mut plant = PlantSim::new(machine, seed).map_err(Failure::usage)?;
+) -> Result<Commissioned, SimulatedError> {
+    let mut plant = PlantSim::new(machine, seed)?;
     let mut acquisition = Acquisition::new(machine);
     let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
     let mut command = ValveCommand::default();
@@ -49,8 +73,8 @@ fn commission(
         plant.advance(machine.timing.period);
         show(experiment.phase(), experiment.progress());
     }
-    if let Some(Outcome::Aborted(abort)) = experiment.outcome() {
-        return Err(Failure::run(format!("axis.{name}: ended, valve neutral: {abort}")));
+    match experiment.outcome() {
+        Some(Outcome::Aborted(abort)) => Err(SimulatedError::Aborted(abort)),
+        _ => Ok(analyse(experiment.record())?),
     }
-    analyse(experiment.record()).map_err(|error| Failure::run(error).about(format!("axis.{name}")))
 }

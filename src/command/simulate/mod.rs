@@ -74,7 +74,8 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
     progress.finish_and_clear();
     let report = LoopReport::new(&machine, &last, Clock::LockStep, started.elapsed().as_secs_f64());
     recorder.map_or(Ok(()), Recorder::finish)?;
-    Ok(output.write(|| report.tables(&machine), &report)?)
+    output.write(|| report.tables(&machine), &report)?;
+    report.verdict().map_err(Failure::run)
 }
 
 /// Refuses options that do not go together, or not with this machine.

@@ -4,21 +4,32 @@
 
 mod tables;
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, fmt, time::Duration};
 
 use pipeline::{
     latency::Percentiles,
     machine::Machine,
     message::{
         AxisCommand, AxisMode, AxisSnapshot, ChannelHealth, CoefficientSnapshot, MissedDeadlines, ModelErrors,
-        REFUSALS, StageHealth, ValveCommand,
+        REFUSALS, StageHealth, ValveCommand, bit_names, control_flag,
     },
     stage::{Clock, StageKind},
     statistics::ErrorStatistics,
 };
 use serde::Serialize;
+use thiserror::Error;
 
-use super::figures::{CoefficientLists, ErrorFigures, Reduction};
+use super::{
+    figures::{CoefficientLists, ErrorFigures, Reduction},
+    table::number,
+};
+
+/// A run that ended with axes that a fault has latched.
+#[derive(Debug, Error)]
+#[error("the run ended with latched axes, whose valves are neutral: {axes}")]
+pub struct LatchedAtEnd {
+    axes: String,
+}
 
 /// The figures of one run; SI units, but for times in ns.
 #[derive(Debug, Serialize)]
@@ -37,6 +48,9 @@ pub struct LoopReport {
 
 #[derive(Debug, Serialize)]
 struct AxisReport {
+    /// Present when a fault has latched the axis during the run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    latch: Option<Latch>,
     tracking: Tracking,
     tracking_by_model: Tracking,
     /// Refused snapshots, by reason.
@@ -47,6 +61,19 @@ struct AxisReport {
     #[serde(skip_serializing_if = "Option::is_none")]
     operation: Option<Operation>,
     identification: Identification,
+}
+
+/// The last latch of an axis.
+#[derive(Debug, Serialize)]
+struct Latch {
+    /// Names of the faults.
+    by: Vec<&'static str>,
+    /// Time of the machine, s.
+    at_s: f64,
+    /// Number of latches of the run.
+    times: u64,
+    /// The axis was latched at the end of the run.
+    at_end: bool,
 }
 
 #[derive(Debug, Serialize)]
@@ -149,7 +176,7 @@ impl LoopReport {
         let axes = machine.axes.iter().enumerate().map(|(i, axis)| {
             let command = last.command.map(|command| command.axes[i]).unwrap_or_default();
             let snapshot = last.snapshot.map(|snapshot| snapshot.axes[i]).unwrap_or_default();
-            (axis.name.clone(), AxisReport::new(&command, &snapshot))
+            (axis.name.clone(), AxisReport::new(&command, &snapshot, machine.timing.period))
         });
         let stages = StageKind::ALL
             .into_iter()
@@ -165,6 +192,17 @@ impl LoopReport {
             wall_s,
             model_s: ticks as f64 * machine.timing.period.as_secs_f64(),
         }
+    }
+
+    /// Fails if an axis was latched at the end of the run.
+    ///
+    /// # Errors
+    /// The axes, with the reason for each.
+    pub fn verdict(&self) -> Result<(), LatchedAtEnd> {
+        let latches = self.axes.iter().filter_map(|(name, axis)| Some((name, axis.latch.as_ref()?)));
+        let at_end = latches.filter(|(_, latch)| latch.at_end).map(|(name, latch)| format!("axis.{name} ({latch})"));
+        let axes: Vec<String> = at_end.collect();
+        if axes.is_empty() { Ok(()) } else { Err(LatchedAtEnd { axes: axes.join(", ") }) }
     }
 
     /// Lost messages, summed over all stages.
@@ -224,6 +262,21 @@ fn rejected(command: &AxisCommand) -> BTreeMap<&'static str, u64> {
     REFUSALS.into_iter().zip(command.rejected_snapshots).filter(|(_, count)| *count > 0).collect()
 }
 
+impl fmt::Display for Latch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} at {} s", self.by.join(", "), number(self.at_s))
+    }
+}
+
+impl Latch {
+    fn new(command: &AxisCommand, period: Duration) -> Option<Self> {
+        let at_s = command.latched_at as f64 * period.as_secs_f64();
+        let by = bit_names(command.latched_by & control_flag::LATCHED, &control_flag::NAMES).collect();
+        let at_end = command.flags & control_flag::LATCHED != 0;
+        (command.latches > 0).then_some(Self { by, at_s, times: command.latches, at_end })
+    }
+}
+
 impl Operation {
     fn new(command: &AxisCommand) -> Option<Self> {
         let AxisCommand { operation, taken_requests: requests, refused_requests, .. } = *command;
@@ -233,7 +286,7 @@ impl Operation {
 }
 
 impl AxisReport {
-    fn new(command: &AxisCommand, snapshot: &AxisSnapshot) -> Self {
+    fn new(command: &AxisCommand, snapshot: &AxisSnapshot, period: Duration) -> Self {
         let (classical, adaptive) = (&snapshot.classical_errors, &snapshot.adaptive_errors);
         let model = |errors: &ModelErrors, coefficients| {
             let figures = |error: &ErrorStatistics| ErrorFigures::new(error, &snapshot.output);
@@ -245,6 +298,7 @@ impl AxisReport {
             }
         };
         Self {
+            latch: Latch::new(command, period),
             tracking: Tracking::new(&command.tracking),
             tracking_by_model: Tracking::new(&command.model_tracking),
             rejected_snapshots: rejected(command),

@@ -12,6 +12,7 @@ impl LoopReport {
     /// All figures as tables.
     pub fn tables(&self, machine: &Machine) -> String {
         let parts = [
+            self.latches(machine),
             self.axis_table(machine),
             self.stage_table(),
             self.latency_table(),
@@ -27,6 +28,21 @@ impl LoopReport {
             self.lost()
         );
         parts.concat() + &total
+    }
+
+    /// A line for each axis that a fault has latched.
+    fn latches(&self, machine: &Machine) -> String {
+        let line = |axis: &Axis| {
+            let latch = self.axes[&axis.name].latch.as_ref()?;
+            let times = if latch.times > 1 { format!(" {} times, last", latch.times) } else { String::new() };
+            let since = if latch.at_end {
+                "its valve has been neutral since, and its tracking error ends there"
+            } else {
+                "it was released later"
+            };
+            Some(format!("axis.{}: LATCHED{times} by {latch}; {since}.\n", axis.name))
+        };
+        machine.axes.iter().filter_map(line).collect()
     }
 
     fn axis_table(&self, machine: &Machine) -> String {
@@ -107,17 +123,23 @@ impl LoopReport {
         operated.map(line).collect()
     }
 
-    /// A line for each axis whose run was too short for a model.
+    /// A line for each axis without a model: its run was too short, or it moved too little.
     fn training_hints(&self, machine: &Machine) -> String {
         let untrained = machine.axes.iter().filter(|axis| self.axes[&axis.name].identification.updates == 0);
         let line = |axis: &Axis| {
-            let training = axis.identification.training as f64 * machine.timing.period.as_secs_f64();
-            format!(
-                "{0}: no model yet, training takes {1} s (axis.{0}.identification.training); \
-                 use a longer --duration.\n",
-                axis.name,
-                number(training)
-            )
+            let ticks = axis.identification.training as u64;
+            let training = number(ticks as f64 * machine.timing.period.as_secs_f64());
+            let why = if self.axes[&axis.name].latch.is_some() {
+                "a fault latched the axis before it had moved enough to be identified".to_owned()
+            } else if self.ticks > ticks {
+                format!("the axis moved too little in the {training} s of its training; let it move more")
+            } else {
+                format!(
+                    "training takes {training} s (axis.{}.identification.training); use a longer --duration",
+                    axis.name
+                )
+            };
+            format!("{}: no model yet: {why}.\n", axis.name)
         };
         untrained.map(line).collect()
     }

@@ -1,6 +1,9 @@
 //! Scenarios by name, and those of a machine file.
 
+use std::fs;
+
 use pipeline::machine::{self, Scenario};
+use serde_json::{Value, json};
 
 use super::{
     cli::{run, success},
@@ -65,4 +68,29 @@ fn a_run_names_its_scenario() {
     let output = run(tempfile::tempdir().unwrap().path(), &arguments);
     let errors = String::from_utf8(output.stderr).unwrap();
     assert!(errors.starts_with("20 t excavator, scenario \"digging\": group \""), "{errors}");
+}
+
+#[test]
+fn a_run_that_ends_with_latched_axes_says_so_first_and_fails() {
+    let own = "\n[scenarios.pump-fails]\nsummary = \"the pump fails\"\n\
+               changes = [{ parameter = \"supply_pressure\", start = 5, end = 5, factor = 0.05 }]\n";
+    let folder = folder_with("m.toml", &format!("{}{own}", machine::FOUR_AXES));
+    for command in [&["simulate"][..], &["run", "--lockstep"]] {
+        let arguments = ["m.toml", "--scenario", "pump-fails", "--duration", "10s", "--json", "j.json"];
+        let output = run(folder.path(), &[command, &arguments].concat());
+        assert_eq!(output.status.code(), Some(1));
+        let (tables, errors) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
+        assert!(tables.starts_with("axis.boom: LATCHED by stall at "), "{tables}");
+        assert!(!tables.contains("use a longer --duration"), "{tables}");
+        assert!(errors.contains("the run ended with latched axes, whose valves are neutral: "), "{errors}");
+        let report: Value = serde_json::from_str(&fs::read_to_string(folder.path().join("j.json")).unwrap()).unwrap();
+        for (name, axis) in report["axes"].as_object().unwrap() {
+            let at = axis["latch"]["at_s"].as_f64().unwrap();
+            // The pump fails at 5 s. An axis has 0.4 s to move, and turns round within 3 s.
+            assert!((5.0..9.0).contains(&at), "{name}: {at}");
+            assert_eq!((&axis["latch"]["by"], &axis["latch"]["times"]), (&json!(["stall"]), &json!(1)), "{name}");
+            assert!(axis["latch"]["at_end"].as_bool().unwrap(), "{name}");
+        }
+    }
+    assert_eq!(report(&["simulate", "--duration", "3s"])["axes"]["boom"].get("latch"), None);
 }

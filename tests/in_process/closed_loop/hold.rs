@@ -181,8 +181,9 @@ const MODEL_DEFECTS: [&str; 6] = [
 ];
 
 /// Axes that are not steady under the fallback.
-const FALLBACK_DEFECTS: [&str; 7] = [
+const FALLBACK_DEFECTS: [&str; 8] = [
     "payload boom",
+    "dead-band-drift telescope",
     "valve-wear boom",
     "valve-wear arm",
     "valve-wear telescope",

@@ -1,0 +1,93 @@
+use plant_sim::PlantSim;
+
+use super::{
+    machine_file::{SCENARIO, machine},
+    rig::{self, Rig},
+    *,
+};
+
+#[test]
+fn every_value_is_in_its_range_and_the_ranges_are_used_up() {
+    type Value = (fn(&Rig) -> f64, std::ops::RangeInclusive<f64>);
+    let values: [Value; 9] = [
+        (Rig::period, rig::PERIOD),
+        (|rig| rig.valve_bandwidth, rig::VALVE_BANDWIDTH),
+        (|rig| rig.dead_time, rig::DEAD_TIME),
+        (|rig| rig.dead_band.extend, rig::DEAD_BAND),
+        (|rig| rig.dead_band.retract, rig::DEAD_BAND),
+        (|rig| rig.hysteresis, rig::HYSTERESIS),
+        (|rig| rig.resolution, rig::RESOLUTION),
+        (|rig| rig.specific_mass, rig::SPECIFIC_MASS),
+        (|rig| rig.load, rig::LOAD),
+    ];
+    let rigs: Vec<Rig> = (0..1000).map(|number| Rig::draw(3, number)).collect();
+    for (index, (value, range)) in values.into_iter().enumerate() {
+        let (least, most) = (range.start(), range.end());
+        let found = rigs.iter().map(value);
+        let (low, high) = found.fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)));
+        assert!(range.contains(&low) && range.contains(&high), "{index}: {low} to {high}");
+        let part = 0.05 * (most - least);
+        assert!(low < least + part && high > most - part, "{index}: {low} to {high}");
+    }
+    let shaped = rigs.iter().filter(|rig| rig.is_s_shaped).count();
+    assert!((400..600).contains(&shaped), "{shaped}");
+    let changes: std::collections::BTreeSet<&str> = rigs.iter().map(|rig| rig.change.name).collect();
+    assert_eq!(changes.len(), 6, "{changes:?}");
+}
+
+#[test]
+fn a_machine_depends_on_seed_and_number_alone() {
+    let numbers = |count, half, only: &[u64]| {
+        let choice = Choice { count, seed: 5, half, only: only.to_vec() };
+        choice.rigs().into_iter().map(|rig| rig.number).collect::<Vec<_>>()
+    };
+    assert_eq!(numbers(5, None, &[]), [0, 1, 2, 3, 4]);
+    assert_eq!(numbers(5, Some(Half::Design), &[]), [0, 2, 4]);
+    assert_eq!(numbers(5, Some(Half::Judge), &[]), [1, 3]);
+    assert_eq!(numbers(5, Some(Half::Judge), &[2, 3]), [3]);
+    assert_eq!(Rig::draw(5, 3), Rig::draw(5, 3));
+    assert_ne!(Rig::draw(5, 3).dead_time, Rig::draw(5, 4).dead_time);
+    assert_ne!(Rig::draw(5, 3).dead_time, Rig::draw(6, 3).dead_time);
+}
+
+#[test]
+fn every_machine_can_be_simulated_and_moves_its_load_whatever_changes() {
+    for number in 0..200 {
+        let rig = Rig::draw(1, number);
+        let scenario = [("scenario".to_owned(), SCENARIO.to_owned())];
+        let task = Task::ALL[number as usize % Task::ALL.len()];
+        let machine = machine(&rig, task, &scenario).unwrap_or_else(|error| panic!("{number}: {error}"));
+        PlantSim::new(&machine, 1).unwrap_or_else(|error| panic!("{number}: {error}"));
+        assert!(!machine.scenario.changes.is_empty());
+        let [extend, retract] = rig.speeds();
+        assert!(extend.min(retract) > 0.999 * rig.speed && extend.max(retract) < 5.0 * rig.speed, "{rig:?}");
+        let frequency = swing(&rig);
+        assert!((2.0..60.0).contains(&frequency), "{number}: {frequency} Hz");
+    }
+}
+
+/// Frequency of the load on its oil in the middle of the stroke, Hz.
+fn swing(rig: &Rig) -> f64 {
+    let (piston, rod) = rig.areas();
+    let stiffness = 1.4e9 * (piston + rod) / (0.6 * rig.stroke);
+    (stiffness / rig.mass()).sqrt() / std::f64::consts::TAU
+}
+
+#[test]
+fn every_task_stays_within_speed_and_force_of_its_machine() {
+    for number in 0..200 {
+        let rig = Rig::draw(2, number);
+        let limits = (0.05 * rig.stroke, 0.95 * rig.stroke);
+        for task in Task::ALL {
+            let points = task.points(&rig, limits);
+            let used: Vec<_> = points.windows(2).take_while(|pair| pair[1].0 < task.end()).collect();
+            let speed = used.iter().map(|p| ((p[1].1 - p[0].1) / (p[1].0 - p[0].0)).abs()).fold(0.0, f64::max);
+            assert!(speed < 0.45 * rig.speed, "{number} {}: {speed} of {}", task.name(), rig.speed);
+            assert!(points.iter().all(|point| (limits.0..=limits.1).contains(&point.1)), "{number} {}", task.name());
+            assert!(points.windows(2).all(|pair| pair[0].0 < pair[1].0), "{number} {}", task.name());
+        }
+        let hold = Task::Hold.points(&rig, limits);
+        let stands = hold.iter().rev().nth(2).unwrap().0;
+        assert!(stands < task::WATCHED.0 - 5.0, "{number}: stands from {stands} s on");
+    }
+}

@@ -10,14 +10,14 @@ use pipeline::{
 };
 
 use crate::{
-    predictive::history::History,
+    predictive::history::{History, OUTPUTS},
     protection::motion::{Motion, Standing},
 };
 
 /// Samples in a row without a usable position that latch the axis.
 pub const UNUSABLE_LIMIT: u64 = 3;
-/// Ticks over which the speed of an axis is taken.
-const SPEED_TICKS: usize = 4;
+/// Time over which the speed of an axis is taken, s: a count of 0.1 mm is 2.5 mm/s then.
+const SPEED_TIME: f64 = 0.04;
 
 /// What was observed of an axis at one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,6 +38,8 @@ pub struct Observation {
 #[derive(Debug, Clone)]
 pub struct Feedback {
     period: f64,
+    /// Ticks over which the speed is taken.
+    speed_ticks: usize,
     /// Missing ticks before a usable position that are too many.
     timeout_ticks: u64,
     /// `None` until the first usable position.
@@ -52,8 +54,10 @@ pub struct Feedback {
 impl Feedback {
     /// Before the first sample.
     pub fn new(axis: &Axis, timing: &Timing) -> Self {
+        let period = timing.period.as_secs_f64();
         Self {
-            period: timing.period.as_secs_f64(),
+            period,
+            speed_ticks: ((SPEED_TIME / period).round() as usize).clamp(1, OUTPUTS - 1),
             timeout_ticks: samples_of(timing.feedback_timeout, timing.period).max(1) as u64,
             history: None,
             blind: 0,
@@ -125,7 +129,8 @@ impl Feedback {
     /// Speed of the axis over the last ticks, m/s.
     pub fn speed(&self) -> f64 {
         self.history.as_ref().map_or(0.0, |history| {
-            (history.outputs()[0] - history.outputs()[SPEED_TICKS]) / (SPEED_TICKS as f64 * self.period)
+            let ticks = self.speed_ticks;
+            (history.outputs()[0] - history.outputs()[ticks]) / (ticks as f64 * self.period)
         })
     }
 }

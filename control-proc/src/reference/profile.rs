@@ -131,11 +131,17 @@ impl Profile {
             v = self.next_speed(self.points[i - 1], v);
             self.points[i] = self.landed(self.points[i - 1] + v * self.period);
         }
+        let (goal, first) = (self.set_point, &self.points[..mean]);
+        let mut sum: f64 = first.iter().map(|point| point - goal).sum();
+        let mut arrived = first.iter().rev().take_while(|point| **point == goal).count();
         for (i, reference) in positions.iter_mut().enumerate() {
-            let points = &self.points[i.min(count - 1)..][..mean];
-            // The mean is taken relative to one point, so that the mean of equal numbers is exactly that number.
-            let newest = points[mean - 1];
-            *reference = newest + points.iter().map(|point| point - newest).sum::<f64>() / mean as f64;
+            if (1..count).contains(&i) {
+                let newest = self.points[i + mean - 1];
+                sum += newest - self.points[i - 1];
+                arrived = if newest == goal { arrived + 1 } else { 0 };
+            }
+            // The sum is only nearly 0 at the end, and y_r is to be exactly g.
+            *reference = if arrived >= mean { goal } else { goal + sum / mean as f64 };
         }
     }
 

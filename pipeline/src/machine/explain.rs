@@ -57,8 +57,8 @@ const VARIANTS: [(&str, &str); 8] = [
 ///
 /// ```
 /// let keys = pipeline::machine::keys();
-/// let horizon = keys.iter().find(|key| key.path == "axis.NAME.control.horizon").unwrap();
-/// assert_eq!((horizon.default.to_string().as_str(), horizon.allowed.as_str()), ("20", "a whole number from 1 to 31"));
+/// let bound = keys.iter().find(|key| key.path == "axis.NAME.control.following_error").unwrap();
+/// assert_eq!((bound.default.to_string().as_str(), bound.allowed.as_str()), ("0.03", "a number from 0.0001 to 100 m"));
 /// ```
 pub fn keys() -> Vec<Key> {
     let mut keys: Vec<Key> = Vec::new();
@@ -110,7 +110,7 @@ impl Machine {
     /// let of = |key: &str| values.iter().find(|value| value.key == key).unwrap();
     /// assert_eq!(of("axis.boom.control.kp").value.as_deref(), Some("3.0"));
     /// assert_eq!(of("axis.boom.control.kp").origin, Origin::CommandLine);
-    /// assert_eq!(of("axis.boom.control.horizon").origin, Origin::Default);
+    /// assert_eq!(of("axis.boom.identification.split").origin, Origin::Default);
     /// assert_eq!(of("timing.feedback_timeout").origin.to_string(), "derived: 3 periods");
     /// # Ok::<(), pipeline::machine::MachineError>(())
     /// ```

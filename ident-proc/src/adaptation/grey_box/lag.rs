@@ -117,6 +117,11 @@ impl Lag {
         self.weight
     }
 
+    /// P.
+    pub fn window(&self) -> &Vector {
+        &self.window
+    }
+
     /// alpha.
     pub fn alpha(&self) -> f64 {
         self.alpha

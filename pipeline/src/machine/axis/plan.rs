@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn a_plan_reaches_equally_far_at_every_period() {
-        for (dead_time, time_constant) in [(0.01, 0.037), (0.15, 0.037), (1.0, 0.05), (0.005, 0.003)] {
+        for (dead_time, time_constant) in [(0.01f64, 0.037), (0.15, 0.037), (1.0, 0.05), (0.005, 0.003)] {
             let reach = (3.0 * (dead_time + time_constant)).min(0.2);
             for period in [1e-3, 2e-3, 5e-3, 10e-3, 20e-3, 50e-3, 0.1] {
                 let Plan { step, horizon, moves, .. } = plan(dead_time, time_constant, period);

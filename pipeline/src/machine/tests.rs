@@ -174,19 +174,19 @@ fn a_value_that_is_not_from_the_machine_file_is_refused_with_its_own_place() {
 
 #[test]
 fn a_dead_time_of_more_periods_than_a_model_has_is_refused_unless_nk_is_given() {
-    let commissioned = "[axis.boom.commissioned]\ndead_time = 0.1\ntime_constant = 0.0\ndead_band_extend = 0.1\n\
+    let commissioned = "[axis.boom.commissioned]\ndead_time = 2.0\ntime_constant = 0.0\ndead_band_extend = 0.1\n\
                         dead_band_retract = 0.1\nopenings = [0.5]\nspeeds_extend = [0.2]\nspeeds_retract = [0.2]\n\
                         fit_percent = 90.0\n[axis.boom.encoder]";
     let with = |nk: &str, period: &str| {
         let text = FOUR_AXES.replacen("[axis.boom.encoder]", commissioned, 1).replacen("nk = 3 ", nk, 1);
         Machine::parse(&text.replacen("\"10ms\"", period, 1), "m.toml", Path::new("."), &[])
     };
-    assert_eq!(with("", "\"2ms\"").unwrap().axes[0].identification.structure.nk, 51);
+    assert_eq!(with("", "\"2ms\"").unwrap().axes[0].identification.structure.nk, 1001);
     let text = with("", "\"1ms\"").unwrap_err().to_string();
-    let expected = "axis.boom.identification.nk: found nothing, and 101 from commissioned.dead_time of 0.1 s; \
-                    allowed: 1 to 64: a longer timing.period, or a dead time of up to 0.063 s";
+    let expected = "axis.boom.identification.nk: found nothing, and 2001 from commissioned.dead_time of 2 s; \
+                    allowed: 1 to 1024: a longer timing.period, or a dead time of up to 1.023 s";
     assert!(text.contains(expected) && text.lines().count() == 1, "{text}");
-    assert_eq!(with("nk = 64 ", "\"1ms\"").unwrap().axes[0].identification.structure.nk, 64);
+    assert_eq!(with("nk = 1024 ", "\"1ms\"").unwrap().axes[0].identification.structure.nk, 1024);
 }
 
 #[test]
@@ -252,8 +252,8 @@ fn feed_forward_needs_a_commissioned_model_that_answers_within_the_preview() {
     let text = refusal(control, &format!("{control}feedforward = true\n"));
     assert!(text.contains("axis.boom.control.feedforward: found true without [axis.boom.commissioned]"), "{text}");
     assert!(text.contains("`--model MODEL.toml`"), "{text}");
-    let text = refusal(control, &with("0.7"));
-    assert!(text.contains("feedforward: found true with dead_time + time_constant of 0.75 s"), "{text}");
+    let text = refusal(control, &with("0.75").replace("time_constant = 0.05", "time_constant = 9.75"));
+    assert!(text.contains("feedforward: found true with dead_time + time_constant of 10.5 s"), "{text}");
 }
 
 #[test]

@@ -134,7 +134,7 @@ fn values_that_a_flag_does_not_take_are_refused_with_what_it_takes() {
         ("--train", "1.5", "allowed: a whole number of rows, or a fraction between 0 and 1"),
         ("--train", "nan", "allowed: a whole number of rows, or a fraction between 0 and 1"),
         ("--na", "9", "allowed: a whole number from 1 to 5"),
-        ("--nk", "0", "allowed: a whole number from 1 to 64"),
+        ("--nk", "0", "allowed: a whole number from 1 to 1024"),
         ("--order", "6", "allowed: a whole number from 1 to 5"),
         (
             "--estimator",

@@ -210,7 +210,7 @@ fn refuse_long_delay(section: &mut Section, commissioned: Option<&Commissioned>,
     let Some(model) = commissioned.filter(|model| model.unlimited_delay(period) > MAX_DELAY) else { return };
     if !section.is_present("nk") {
         let (dead_time, nk) = (model.dead_time, model.unlimited_delay(period));
-        let longest = MAX_DELAY.saturating_sub(1) as f64 * period.as_secs_f64();
+        let longest = (period * (MAX_DELAY as u32 - 1)).as_secs_f64();
         let found = format!("nothing, and {nk} from commissioned.dead_time of {dead_time} s");
         let allowed = format!("1 to {MAX_DELAY}: a longer timing.period, or a dead time of up to {longest} s");
         section.refuse("nk", found, allowed);

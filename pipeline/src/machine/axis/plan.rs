@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! R   = min(0.2 s, 3 (t_d + tau))            how far a plan reaches past the dead time
-//! q T = R/20, one period at least            length of a step of the plan, between two of its moves
+//! q T = R/20 in whole periods, rounded up     length of a step of the plan, between two of its moves
 //! H   = R/(q T), 3 steps at least            horizon in steps, and as many moves
 //! D   = 1.2 (t_d + tau + T/2)                60 ms at most, and one period at least
 //! S   = 31 q T, 5 tau at least               length of the model's step response that speed and lag are read from
@@ -147,7 +147,9 @@ impl PlanSettings {
         let steps = |length: f64| (length / period).round() as usize;
         // Horizon and moves that are given without a step count samples.
         let counts_samples = self.horizon.is_some() || self.moves.is_some();
-        let usual = if counts_samples { 1 } else { steps(reach / MAX_MOVES as f64).clamp(1, MAX_STEP) };
+        // The small part keeps whole periods from counting one more by rounding.
+        let whole = (reach / (MAX_MOVES as f64 * period) - 1e-6).ceil() as usize;
+        let usual = if counts_samples { 1 } else { whole.clamp(1, MAX_STEP) };
         let step = self.step.unwrap_or(usual);
         let usual = steps(reach / step as f64).clamp(LEAST_HORIZON, MAX_MOVES);
         let horizon = self.horizon.unwrap_or(if counts_samples { MAX_MOVES } else { usual });
@@ -166,7 +168,7 @@ impl PlanSettings {
     }
 }
 
-const STEP_RULE: &str = "a twentieth of the reach, 1 at least; 1 where horizon or moves is given; the reach is 0.2 s, or \
+const STEP_RULE: &str = "a twentieth of the reach, rounded up; 1 where horizon or moves is given; the reach is 0.2 s, or \
                          3 times commissioned.dead_time + time_constant where that is less";
 const HORIZON_RULE: &str = "the reach in steps, 3 to 20; 20 where moves is given";
 const MOVES_RULE: &str = "20, or the horizon where that is less";
@@ -205,8 +207,9 @@ mod tests {
             for period in [1e-3, 2e-3, 5e-3, 10e-3, 20e-3, 50e-3, 0.1] {
                 let Plan { step, horizon, moves, .. } = plan(dead_time, time_constant, period);
                 let planned = (step * horizon) as f64 * period;
-                let coarse = 3.0 * period;
-                assert!((planned - reach).abs() <= 0.25 * reach || planned <= coarse + 1e-9, "{period}: {planned} s");
+                // 3 steps at least, and up to 20 of 20 periods.
+                let reach = reach.max(3.0 * step as f64 * period);
+                assert!((planned - reach).abs() <= 0.3 * reach, "{dead_time} {period}: {planned} s");
                 assert_eq!(moves, horizon);
                 assert!((1..=MAX_STEP).contains(&step) && (LEAST_HORIZON..=MAX_MOVES).contains(&horizon));
             }

@@ -59,7 +59,7 @@ impl Experiment {
                 return Ok(if at < up { self.level } else { -self.level });
             }
             if is_both && at >= end && !is_last {
-                self.found.drift = self.drift(position);
+                self.learn_drift(position);
                 self.raise_level(position);
                 return Ok(self.level);
             }
@@ -97,6 +97,14 @@ impl Experiment {
         (position - self.step.from) / self.step.ticks.max(1) as f64
     }
 
+    /// Takes in how the axis creeps, unless the pulses have moved it a little: that motion is not its own, and the next
+    /// step would see the opposite one where there is none.
+    fn learn_drift(&mut self, position: f64) {
+        if self.step.highest.position - self.step.lowest.position <= self.found.quiet {
+            self.found.drift = self.drift(position);
+        }
+    }
+
     /// Which of the searched directions have moved in this step.
     fn moved(&self, searched: [bool; 2]) -> [bool; 2] {
         let rise = self.step.highest.position - self.step.from;
@@ -111,7 +119,7 @@ impl Experiment {
             self.found.directions[side].moving = self.level;
         }
         if moved == [false; 2] {
-            self.found.drift = self.drift(position);
+            self.learn_drift(position);
             return false;
         }
         self.learn_reaction(usize::from(moved[1]));

@@ -44,8 +44,14 @@ impl Experiment {
             }
         };
         let level = level.min(self.limits.magnitude);
-        let swing = self.watch.range(self.ticks(SWING_TIME));
+        let swing = self.watch.range(self.since_turn().min(self.ticks(SWING_TIME)));
         self.step = Step { swing, ..Step::begin(position, signed(side, level), 0) };
+    }
+
+    /// Ticks since the motion of the step before turned back or ended. The way of that step itself is no swing.
+    fn since_turn(&self) -> usize {
+        let Step { wanted, ticks, .. } = self.step;
+        if wanted == 0.0 { ticks } else { ticks - self.step.farthest(side_of(wanted)).at }
     }
 
     /// A stroke until the axis has moved for its time, and a wait until the axis stands.

@@ -1,6 +1,6 @@
 //! The phases rest and pulses: the noise, and the levels that move the axis.
 
-use super::{Experiment, abort::Abort, step::Step, terms::Phase, watch::SWING};
+use super::{CLEAR, Experiment, abort::Abort, step::Step, terms::Phase, watch::SWING};
 
 /// Highest level of the pulses.
 pub const PULSE_LIMIT: f64 = 0.6;
@@ -97,10 +97,11 @@ impl Experiment {
         (position - self.step.from) / self.step.ticks.max(1) as f64
     }
 
-    /// Takes in how the axis creeps, unless the pulses have moved it a little: that motion is not its own, and the next
-    /// step would see the opposite one where there is none.
+    /// Takes in how the axis creeps. Where a coarse encoder makes a clear motion long, not after pulses that have moved
+    /// the axis: that motion is not its own, and the next step would see the opposite one where there is none.
     fn learn_drift(&mut self, position: f64) {
-        if self.step.highest.position - self.step.lowest.position <= self.found.quiet {
+        let is_stirred = self.step.highest.position - self.step.lowest.position > self.found.quiet;
+        if self.found.clear <= CLEAR || !is_stirred {
             self.found.drift = self.drift(position);
         }
     }

@@ -1,6 +1,8 @@
 //! The phase of strokes: the levels that make the allowed speed.
 
-use super::{Experiment, LEAST_RANDOM, PULSE_LIMIT, abort::Abort, side_of, signed, step::Step, terms::Phase};
+use super::{
+    Experiment, LEAST_RANDOM, PULSE_LIMIT, abort::Abort, side_of, signed, step::Step, terms::Phase, watch::SWING,
+};
 
 /// Opening of the first stroke above the level that moved the axis.
 const FIRST_OPENING: f64 = 0.015;
@@ -44,14 +46,8 @@ impl Experiment {
             }
         };
         let level = level.min(self.limits.magnitude);
-        let swing = self.watch.range(self.since_turn().min(self.ticks(SWING_TIME)));
+        let swing = self.watch.range(self.ticks(SWING_TIME));
         self.step = Step { swing, ..Step::begin(position, signed(side, level), 0) };
-    }
-
-    /// Ticks since the motion of the step before turned back or ended. The way of that step itself is no swing.
-    fn since_turn(&self) -> usize {
-        let Step { wanted, ticks, .. } = self.step;
-        if wanted == 0.0 { ticks } else { ticks - self.step.farthest(side_of(wanted)).at }
     }
 
     /// A stroke until the axis has moved for its time, and a wait until the axis stands.
@@ -73,7 +69,7 @@ impl Experiment {
         if !only_swings && !self.stands(wait) {
             return Ok(0.0);
         }
-        if moved_at.is_none() {
+        if moved_at.is_none() && !self.has_moved(side) {
             return self.search_again(side, level, position);
         }
         self.learn_reaction(side);
@@ -89,6 +85,13 @@ impl Experiment {
             self.begin_stroke(position);
         }
         Ok(0.0)
+    }
+
+    /// Whether the way of a stroke that ended without clear motion is more than a swing: after a stroke that followed soon,
+    /// most of the range before it is the way of the stroke before. A load swings back by a part of that way.
+    fn has_moved(&self, side: usize) -> bool {
+        let way = (self.step.farthest(side).position - self.step.from).abs();
+        way > self.found.clear + SWING * self.step.swing
     }
 
     /// Goes back to pulses in a direction that a first stroke did not move: the motion that the pulses saw was another,

@@ -10,7 +10,8 @@
 //! | [`model`] | which identified model may be used, and what it predicts |
 //! | [`mod@reference`] | the reference of this tick and of the coming ticks |
 //! | [`predictive`] | generalised predictive control on the identified model, with its quadratic programme |
-//! | [`fallback`] | PI controller with dead-band compensation and feed-forward; rest at the set point |
+//! | [`fallback`] | PI controller with dead-band compensation and feed-forward |
+//! | [`standstill`] | rest at the set point, and the last millimetres to it |
 //! | [`protection`] | limits of the command, soft end stops, following error, motion |
 //!
 //! The other modules never run in the control loop:
@@ -34,6 +35,7 @@ pub mod predictive;
 pub mod process;
 pub mod protection;
 pub mod reference;
+pub mod standstill;
 
 pub mod trajectory_file;
 pub mod tuning;

@@ -47,9 +47,12 @@ impl AxisController {
         let answer = self.plan(input.sequence, &limits)?;
         let admission = self.gate.admit(answer, &deviation, last.by == ControlMode::Model, at_limit);
 
-        let rests = self.rest.update(deviation.error, self.references.positions());
-        let (wanted, by) = match Commander::choose(admission.command, rests) {
+        let integrates = admission.command.is_some() || self.fallback.integrates();
+        let positions = self.references.positions();
+        let stand = self.standstill.update(input.elapsed, deviation.error, positions, last.command, integrates);
+        let (wanted, by) = match Commander::choose(admission.command, stand) {
             Commander::Rest(by) => (0.0, by),
+            Commander::Creep(command, by) => (limits.apply(command, last.command), by),
             Commander::Predictive(command) => (command, ControlMode::Model),
             Commander::Fallback => (self.fall_back(&last, deviation.error, &limits), ControlMode::Fallback),
         };

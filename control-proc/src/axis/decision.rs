@@ -2,6 +2,8 @@
 
 use pipeline::message::ControlMode;
 
+use crate::standstill::Stand;
+
 /// The decision of one tick. The next tick reads from it which command is on the valve and who made it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Decision {
@@ -39,6 +41,8 @@ impl Decision {
 pub enum Commander {
     /// Nobody: the axis has arrived and rests at neutral, under this controller.
     Rest(ControlMode),
+    /// Nobody: the axis creeps to its set point with this command, under this controller.
+    Creep(f64, ControlMode),
     /// The predictive controller, with this command.
     Predictive(f64),
     /// The fallback.
@@ -46,13 +50,14 @@ pub enum Commander {
 }
 
 impl Commander {
-    /// Chooses by the command of the model, if the model may control, and by whether the axis rests.
-    pub fn choose(admitted: Option<f64>, rests: bool) -> Self {
-        match admitted {
-            Some(_) if rests => Self::Rest(ControlMode::Model),
-            None if rests => Self::Rest(ControlMode::Fallback),
-            Some(command) => Self::Predictive(command),
-            None => Self::Fallback,
+    /// Chooses by the command of the model, if the model may control, and by whether the axis rests or creeps.
+    pub fn choose(admitted: Option<f64>, stand: Stand) -> Self {
+        let by = if admitted.is_some() { ControlMode::Model } else { ControlMode::Fallback };
+        match (stand, admitted) {
+            (Stand::Rest, _) => Self::Rest(by),
+            (Stand::Creep(command), _) => Self::Creep(command, by),
+            (Stand::Follow, Some(command)) => Self::Predictive(command),
+            (Stand::Follow, None) => Self::Fallback,
         }
     }
 }
@@ -63,14 +68,15 @@ mod tests {
 
     #[test]
     fn an_axis_that_rests_is_neutral_under_the_controller_that_would_command_it() {
-        assert_eq!(Commander::choose(Some(0.3), true), Commander::Rest(ControlMode::Model));
-        assert_eq!(Commander::choose(None, true), Commander::Rest(ControlMode::Fallback));
+        assert_eq!(Commander::choose(Some(0.3), Stand::Rest), Commander::Rest(ControlMode::Model));
+        assert_eq!(Commander::choose(None, Stand::Rest), Commander::Rest(ControlMode::Fallback));
+        assert_eq!(Commander::choose(None, Stand::Creep(0.1)), Commander::Creep(0.1, ControlMode::Fallback));
     }
 
     #[test]
     fn the_model_commands_where_it_is_admitted_and_the_fallback_elsewhere() {
-        assert_eq!(Commander::choose(Some(0.3), false), Commander::Predictive(0.3));
-        assert_eq!(Commander::choose(None, false), Commander::Fallback);
+        assert_eq!(Commander::choose(Some(0.3), Stand::Follow), Commander::Predictive(0.3));
+        assert_eq!(Commander::choose(None, Stand::Follow), Commander::Fallback);
     }
 
     #[test]

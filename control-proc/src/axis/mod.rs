@@ -59,11 +59,12 @@ use pipeline::{
 };
 
 use crate::{
-    fallback::{Fallback, rest::Rest},
+    fallback::Fallback,
     model::gate::Gate,
     predictive::Predictive,
     protection::Protection,
     reference::{References, generator::ReferenceGenerator},
+    standstill::Standstill,
 };
 use command::Tracking;
 use decision::Decision;
@@ -102,7 +103,7 @@ pub struct AxisController {
     references: References,
     predictive: Predictive,
     fallback: Fallback,
-    rest: Rest,
+    standstill: Standstill,
     protection: Protection,
     tracking: Tracking,
     /// Of the last tick: its command is on the valve.
@@ -127,7 +128,7 @@ impl AxisController {
             references: References::new(index, axis, period, predicted.max(fallback.ahead())),
             predictive: Predictive::new(control, axis.soft_limits, period),
             fallback,
-            rest: Rest::new(axis.encoder.resolution, period),
+            standstill: Standstill::new(axis, period),
             protection: Protection::new(axis, period),
             tracking: Tracking::default(),
             decision: Decision::neutral(0.0, control_flag::DISARMED),
@@ -220,7 +221,7 @@ impl AxisController {
     fn begin(&mut self, input: &AxisInput<'_>, position: f64) {
         self.gate.begin();
         self.fallback.reset();
-        self.rest.reset();
+        self.standstill.reset();
         self.protection.reset();
         self.references.begin(input.sequence, position, input.generator);
         if self.operation.mode == AxisMode::Hold {

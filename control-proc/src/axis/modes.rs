@@ -61,7 +61,7 @@ impl AxisController {
     /// A controller takes over from a direct mode: the reference begins with the motion of the axis.
     fn take_over(&mut self) {
         self.gate.begin();
-        self.rest.reset();
+        self.standstill.reset();
         self.protection.reset();
         self.predictive.reset();
         if let Some(position) = self.feedback.position() {

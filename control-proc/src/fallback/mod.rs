@@ -4,7 +4,6 @@
 //! |---|---|
 //! | [`feedforward`] | the command of a motion that the preview shows |
 //! | [`hysteresis`] | the inverse of the valve's hysteresis |
-//! | [`rest`] | neutral for an axis that has arrived |
 //!
 //! ```text
 //! e(k) = y_r(k) - y(k)          v(k) = kp e(k) + I(k) + v_r(k)          I(k+1) = I(k) + ki T e(k)
@@ -34,7 +33,6 @@
 
 pub mod feedforward;
 pub mod hysteresis;
-pub mod rest;
 
 use pipeline::machine::{Commissioned, Control};
 
@@ -91,6 +89,11 @@ impl Fallback {
     /// Number of coming ticks whose references are used.
     pub fn ahead(&self) -> usize {
         self.feedforward.as_ref().map_or(0, Feedforward::ahead)
+    }
+
+    /// Whether the controller has integral action.
+    pub fn integrates(&self) -> bool {
+        self.ki_period > 0.0
     }
 
     /// Changes the largest magnitude of a command.

@@ -5,7 +5,7 @@ mod latches;
 pub mod models;
 mod modes;
 mod motion;
-mod plant;
+pub mod plant;
 mod poison;
 mod references;
 mod snapshots;

@@ -74,6 +74,71 @@ fn a_model_file_takes_the_place_of_what_is_known_of_the_plant() {
 }
 
 #[test]
+fn drawn_machines_are_commissioned_driven_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    // One that commissioning takes and one that it refuses or takes.
+    let chosen = ["bench", "control", "--machines", "60", "--half", "design", "--only", "54", "--only", "24"];
+    let tables = success(folder.path(), &[&chosen[..], &["--json", "out.json"]].concat());
+    assert!(tables.starts_with("2 machines of seed 1: "), "{tables}");
+    let text = fs::read_to_string(folder.path().join("out.json")).unwrap();
+    assert_eq!(success(folder.path(), &[&chosen[..], &["--threads", "1", "--json", "-"]].concat()), text);
+    let figures: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!((figures["set"].as_u64(), figures["drawn"].as_u64()), (Some(60), Some(2)));
+    assert_eq!(figures["half"], "design");
+    let machines = figures["machines"].as_array().unwrap();
+    assert_eq!([0, 1].map(|i| machines[i]["machine"].as_u64().unwrap()), [24, 54]);
+    let taken: Vec<&Value> = machines.iter().filter(|machine| machine.get("model").is_some()).collect();
+    assert_eq!(figures["commissioned"].as_u64().unwrap() as usize, taken.len());
+    let refused: usize =
+        figures["refusals"].as_array().unwrap().iter().map(|row| row["machines"].as_array().unwrap().len()).sum();
+    assert_eq!(refused + taken.len(), 2);
+    for task in ["sines", "ramps", "steps", "hold"] {
+        let pair = &machines[1]["tasks"][task];
+        let [fallback, adaptive] = ["fallback", "adaptive"].map(|run| pair[run]["rms_m"].as_f64().unwrap());
+        assert!(1e-6 < fallback && fallback < 0.01 && adaptive < 0.1, "{task}: {pair}");
+        assert_eq!(pair["fallback"]["by_model"], 0.0);
+        assert!(pair["adaptive"]["by_model"].as_f64().unwrap() > 0.5, "{task}: {pair}");
+        assert_eq!(pair["fallback"].get("hold").is_some(), task == "hold");
+    }
+    assert_eq!(figures["tasks"].as_array().unwrap().len(), 4);
+}
+
+#[test]
+fn the_file_of_a_drawn_machine_is_one_that_the_other_commands_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let drawn = ["bench", "control", "--machines", "10", "--seed", "4"];
+    success(folder.path(), &[&drawn[..], &["--only", "3", "--write", "rigs"]].concat());
+    let mut files: Vec<_> =
+        fs::read_dir(folder.path().join("rigs")).unwrap().map(|file| file.unwrap().file_name()).collect();
+    files.sort();
+    assert_eq!(files, ["3-hold.toml", "3-ramps.toml", "3-sines.toml", "3-steps.toml"]);
+    for file in files {
+        let file = format!("rigs/{}", file.to_str().unwrap());
+        let shown = success(folder.path(), &["check", &file, "--scenario", "change"]);
+        assert!(shown.starts_with("machine 3: 1 axes (rig)"), "{shown}");
+    }
+    success(folder.path(), &["simulate", "rigs/3-hold.toml", "--duration", "1s"]);
+}
+
+#[test]
+fn invalid_options_of_drawn_machines_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let refuse = |arguments: &[&str], expected: &[&str]| {
+        expect_refusal(folder.path(), &[&["bench", "control"], arguments].concat(), expected);
+    };
+    refuse(&["--machines", "0"], &["--machines", "1..=100000"]);
+    refuse(&["--machines", "5", "--only", "5"], &["--only: found 5; allowed: 0 to 4"]);
+    refuse(&["--machines", "5", "--half", "judge", "--only", "2"], &["--only, --half: found no machine"]);
+    refuse(&["--machines", "5", "--half", "third"], &["third", "design", "judge"]);
+    refuse(&["--machines", "5", "--scenario", "payload"], &["--machines", "--scenario"]);
+    refuse(&[FOUR_AXES, "--machines", "5"], &["--machines", "MACHINE.toml"]);
+    refuse(&["--half", "judge"], &["--machines"]);
+    refuse(&["--machines", "5", "--json", "no/such/folder.json"], &["--json: no/such/folder.json"]);
+    fs::write(folder.path().join("file"), "").unwrap();
+    refuse(&["--machines", "5", "--write", "file"], &["--write: file cannot be written"]);
+}
+
+#[test]
 fn invalid_options_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let refuse = |arguments: &[&str], expected: &[&str]| {

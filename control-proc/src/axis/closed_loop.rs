@@ -47,7 +47,9 @@ impl AxisController {
         let answer = self.plan(input.sequence, &limits)?;
         let admission = self.gate.admit(answer, &deviation, last.by == ControlMode::Model, at_limit);
 
-        let stand = self.standstill.update(input.elapsed, deviation.error, self.references.positions(), last.command);
+        let integrates = admission.command.is_some() || self.fallback.integrates();
+        let positions = self.references.positions();
+        let stand = self.standstill.update(input.elapsed, deviation.error, positions, last.command, integrates);
         let (wanted, by) = match Commander::choose(admission.command, stand) {
             Commander::Rest(by) => (0.0, by),
             Commander::Creep(command, by) => (limits.apply(command, last.command), by),

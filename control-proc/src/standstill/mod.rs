@@ -5,20 +5,24 @@
 //! | [`pulse`] | the command of a creeping axis |
 //!
 //! ```text
-//! follows -> rests            |e| <= e_rest, or the axis stands and |e| <= e_wake
-//! follows -> creeps           the axis stands, and |e| > e_wake
-//! rests   -> creeps           |e| > e_wake, 2 L + 0.3 s or more after the valve was shut
-//! creeps  -> rests            the pulse is over
-//! rests, creeps -> follows    a reference moves, or |e| has grown by e_far
+//! follows -> rests      |e| <= e_rest, or the axis stands, |e| <= e_wake, and the controller does not integrate
+//! follows -> creeps     the axis stands, |e| > e_wake, and the controller does not integrate
+//! rests   -> follows    |e| > e_wake under a controller that integrates, or the axis is left to it
+//! rests   -> creeps     |e| > e_wake under another one, 2 L + 0.3 s or more after the valve was shut
+//! creeps  -> rests      the pulse is over
+//! all     -> follows    a reference moves, or |e| has grown by e_far
 //! ```
 //!
-//! e following error m, e_rest, e_wake and e_far m, L dead time and lag in s. All but the last line need references
-//! that have stood still for 0.3 s. An axis stands when it has moved by less than a quarter of e in 0.3 s + L. While the axis rests, the valve
-//! is shut and the oil holds the load. While it creeps, pulses bring it closer; in between it rests.
+//! e following error m, e_rest, e_wake, e_far and e_drift m, L dead time and lag in s. All but a moving reference need
+//! references that have stood still for 0.3 s. An axis stands when it has moved by less than a quarter of e in
+//! 0.3 s + L. While the axis rests, the valve is shut and the oil holds the load. While it creeps, a pulse brings it
+//! closer. An axis is left to its controller until a reference moves when pulses do not help: the last one has given up,
+//! the axis drifts by more than e_drift in 2 L + 0.3 s, or e has grown by e_far.
 //!
 //! Traps: behind a dead band and dry friction a controller with integral action never arrives: it pushes, breaks loose,
-//! overshoots and pushes back, without end. Without integral action it stands beside its set point, and pushes against
-//! the dead band. And one bound in the place of two would chatter with the noise of the encoder.
+//! overshoots and pushes back, without end; hence the rest. Without integral action it stands beside its set point and
+//! pushes against the dead band; hence the pulses. And one bound in the place of two would chatter with the noise of
+//! the encoder.
 
 pub mod pulse;
 
@@ -34,6 +38,8 @@ const LEAST_REST: f64 = 0.25e-3;
 const WAKE_RATIO: f64 = 2.0;
 /// Ratio of e_far to e_rest: by then the load has changed, or somebody pushes.
 const FAR_RATIO: f64 = 20.0;
+/// Ratio of e_drift to e_rest: more than an axis that slips moves at once.
+const DRIFT_RATIO: f64 = 20.0;
 /// Time for which the references have to stand still, s.
 const STILL_TIME: f64 = 0.3;
 /// Motion that is no noise, in parts of e_rest.
@@ -81,8 +87,10 @@ pub struct Standstill {
     phase: Phase,
     /// |e| at the begin of the phase, m.
     begin: f64,
-    /// The last pulse has given up: no other one follows.
-    is_spent: bool,
+    /// e after the valve was shut and the axis came to rest, m.
+    shut: f64,
+    /// The axis is left to its controller until a reference moves.
+    is_left: bool,
 }
 
 /// What is watched of references and axis.
@@ -124,33 +132,44 @@ impl Standstill {
             watched: Watched::NOTHING,
             phase: Phase::Follows,
             begin: 0.0,
-            is_spent: false,
+            shut: 0.0,
+            is_left: false,
         }
     }
 
     /// Neither rests nor creeps any more: the axis begins to follow.
     pub fn reset(&mut self) {
         self.watched = Watched::NOTHING;
+        self.is_left = false;
         self.follow();
     }
 
     /// What the axis is to do at this tick, `elapsed` ticks after the last one, with a following error of `error` m and
-    /// these references (m), the present one first. `last` is the command on the valve.
-    pub fn update(&mut self, elapsed: u64, error: f64, references: &[f64], last: f64) -> Stand {
+    /// these references (m), the present one first. `last` is the command on the valve; `integrates`: the controller
+    /// that would command has integral action.
+    pub fn update(&mut self, elapsed: u64, error: f64, references: &[f64], last: f64, integrates: bool) -> Stand {
         self.watch(elapsed, error, references);
         let distance = error.abs();
         let is_still = self.watched.still >= self.still_ticks && error.is_finite();
-        if !is_still || (self.phase != Phase::Follows && distance > self.begin + FAR_RATIO * self.bound) {
+        let is_far = self.phase != Phase::Follows && distance > self.begin + FAR_RATIO * self.bound;
+        self.is_left = is_still && (self.is_left || is_far);
+        if !is_still || is_far {
             self.follow();
         }
         let wakes = distance > WAKE_RATIO * self.bound;
-        let stands = self.watched.stands >= self.settled_ticks.0;
+        let stands = self.watched.stands >= self.settled_ticks.0 && !integrates && !self.is_left;
         match self.phase {
             Phase::Follows if is_still && (distance <= self.bound || (stands && !wakes)) => self.rest(),
             Phase::Follows if is_still && stands => self.creep(error, last),
             Phase::Follows => Stand::Follow,
-            Phase::Rests(since) if wakes && since >= self.settled_ticks.1 && !self.is_spent => self.creep(error, last),
+            Phase::Rests(_) if wakes && (integrates || self.is_left) => self.follow(),
+            Phase::Rests(since) if wakes && since >= self.settled_ticks.1 => {
+                if self.drift(since, error) > DRIFT_RATIO * self.bound { self.leave() } else { self.creep(error, last) }
+            }
             Phase::Rests(since) => {
+                if since == self.settled_ticks.1 / 2 {
+                    self.shut = error;
+                }
                 self.phase = Phase::Rests(since.saturating_add(1));
                 Stand::Rest
             }
@@ -158,9 +177,24 @@ impl Standstill {
         }
     }
 
-    fn follow(&mut self) {
-        (self.phase, self.is_spent) = (Phase::Follows, false);
+    /// Leaves the axis to its controller.
+    fn follow(&mut self) -> Stand {
+        self.phase = Phase::Follows;
         self.pulses.forget();
+        Stand::Follow
+    }
+
+    /// Leaves the axis to its controller until a reference moves.
+    fn leave(&mut self) -> Stand {
+        self.is_left = true;
+        self.follow()
+    }
+
+    /// How far the axis drifts in 2 L + 0.3 s, m, by its motion since half of that time after the valve was shut; now is
+    /// `since` ticks after that.
+    fn drift(&self, since: u32, error: f64) -> f64 {
+        let settled = self.settled_ticks.1;
+        f64::from(settled) / f64::from(since.saturating_sub(settled / 2).max(1)) * (error - self.shut).abs()
     }
 
     fn rest(&mut self) -> Stand {
@@ -177,10 +211,8 @@ impl Standstill {
     fn step(&mut self, error: f64) -> Stand {
         match self.pulses.step(error, self.watched.speed) {
             Step::Command(command) => Stand::Creep(command),
-            step => {
-                self.is_spent = step == Step::GivesUp;
-                self.rest()
-            }
+            Step::Arrives => self.rest(),
+            Step::GivesUp => self.leave(),
         }
     }
 
@@ -221,14 +253,14 @@ mod tests {
     }
 
     /// What an axis with these errors and references does at its ticks.
-    fn stands(errors: impl Fn(usize) -> f64, references: impl Fn(usize) -> [f64; 2]) -> Vec<Stand> {
+    fn stands(errors: impl Fn(usize) -> f64, references: impl Fn(usize) -> [f64; 2], integrates: bool) -> Vec<Stand> {
         let mut standstill = Standstill::new(&axis(), PERIOD);
-        (0..200).map(|k| standstill.update(1, errors(k), &references(k), 0.0)).collect()
+        (0..200).map(|k| standstill.update(1, errors(k), &references(k), 0.0, integrates)).collect()
     }
 
     /// The ticks at which it rests.
     fn rests(errors: impl Fn(usize) -> f64, references: impl Fn(usize) -> [f64; 2]) -> Vec<usize> {
-        let stands = stands(errors, references);
+        let stands = stands(errors, references, false);
         (0..200).filter(|k| stands[*k] == Stand::Rest).collect()
     }
 
@@ -238,7 +270,7 @@ mod tests {
         // An axis that stands at twice that error rests 0.3 s + L later.
         assert_eq!(rests(|_| 4e-4, |_| [0.5; 2]), (40..200).collect::<Vec<_>>());
         assert!(rests(|_| 2e-4, |k| [0.5 + 1e-5 * k as f64; 2]).is_empty());
-        assert!(stands(|_| f64::NAN, |_| [0.5; 2]).iter().all(|stand| *stand == Stand::Follow));
+        assert!(stands(|_| f64::NAN, |_| [0.5; 2], false).iter().all(|stand| *stand == Stand::Follow));
     }
 
     #[test]
@@ -251,25 +283,28 @@ mod tests {
 
     #[test]
     fn an_error_that_has_doubled_is_crept_against_and_a_large_one_is_followed() {
-        let stood = stands(|k| if k < 100 { 0.0 } else { 6e-4 }, |_| [0.5; 2]);
+        let woken = |integrates| stands(|k| if k < 100 { 0.0 } else { 6e-4 }, |_| [0.5; 2], integrates);
+        let stood = woken(false);
         assert!(stood[30..100].iter().all(|stand| *stand == Stand::Rest));
         assert!(matches!(stood[100], Stand::Creep(command) if command > 0.0 && command < 0.1), "{:?}", stood[100]);
-        let pushed = stands(|k| if k < 100 { 0.0 } else { 6e-3 }, |_| [0.5; 2]);
+        let pushed = stands(|k| if k < 100 { 0.0 } else { 6e-3 }, |_| [0.5; 2], false);
         assert_eq!(pushed[100], Stand::Follow);
+        // A controller that integrates comes back by itself.
+        assert!(woken(true)[100..].iter().all(|stand| *stand == Stand::Follow));
     }
 
     #[test]
-    fn an_axis_that_stands_beside_its_set_point_is_crept_up_to_the_highest_command_and_left_there() {
-        let stands = stands(|_| 5e-3, |_| [0.5; 2]);
+    fn an_axis_that_stands_beside_its_set_point_is_crept_up_to_the_highest_command_and_then_left_alone() {
+        let stands = stands(|_| 5e-3, |_| [0.5; 2], false);
         let levels: Vec<f64> =
             stands.iter().filter_map(|stand| if let Stand::Creep(u) = stand { Some(*u) } else { None }).collect();
         assert_eq!(stands[39], Stand::Follow);
         assert!(levels.is_sorted() && levels[0] >= 0.05 && levels[levels.len() - 1] < 0.1751, "{levels:?}");
         assert!(levels[levels.len() - 1] > 0.17, "{levels:?}");
-        // It waits there for the axis, for L.
+        // It waits there for the axis, for 1.5 L.
         let highest = levels.iter().filter(|level| **level == levels[levels.len() - 1]).count();
-        assert!((10..=12).contains(&highest), "{highest}");
-        assert!(stands[40 + levels.len()..].iter().all(|stand| *stand == Stand::Rest));
+        assert!((15..=17).contains(&highest), "{highest}");
+        assert!(stands[40 + levels.len()..].iter().all(|stand| *stand == Stand::Follow));
     }
 
     proptest! {
@@ -285,7 +320,7 @@ mod tests {
             for k in 0..6000 {
                 let error = 0.5 - (plant.position * 1e4).round() * 1e-4;
                 // Nobody follows: the axis stands until it is crept.
-                command = match standstill.update(1, error, &[0.5; 40], command) {
+                command = match standstill.update(1, error, &[0.5; 40], command, false) {
                     Stand::Creep(command) => command,
                     Stand::Follow | Stand::Rest => 0.0,
                 };

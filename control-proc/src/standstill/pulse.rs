@@ -3,7 +3,7 @@
 //! ```text
 //! u(k) = s l(k)        l(k+1) = min(l(k) + r T, d + 0.075) while s v < s e / (2 L)
 //! r = max(s e, 2 e_rest) / (g L^2), with the e at which the axis begins to move from then on
-//! over when s e <= s v L + g r L^2 / 2 after the axis has begun to move, or L after l = d + 0.075 when it has not
+//! over when s e <= s v L + g r L^2 / 2 after the axis has begun to move, given up when l is d + 0.075 for long
 //! ```
 //!
 //! s sign at the begin of the following error e (m), l level of the command, T period in s, v speed in m/s, L dead time
@@ -27,6 +27,10 @@ const HIGHEST: f64 = 0.075;
 const HASTY: f64 = 0.05;
 /// Least rise of the command there, 1/s: it takes 0.8 s to the highest command.
 const HASTE: f64 = 0.03;
+/// Multiple of L for which the highest command waits for the axis to move.
+const PATIENCE: f64 = 1.5;
+/// Longest pause of an axis that has moved under the highest command, s: less than the usual `stuck_after`.
+const PAUSE: f64 = 0.2;
 /// Opening at which the slope of the curve is taken.
 const SMALL: f64 = 0.05;
 /// Command below the dead band at which the first pulse begins.
@@ -84,7 +88,9 @@ struct Pulse {
     /// Largest s e before the axis has begun to move, m.
     error: f64,
     moves: bool,
-    /// Ticks for which the level has been the highest.
+    /// Least s e so far, m.
+    least: f64,
+    /// Ticks for which the level has been the highest without any progress.
     at_highest: u32,
 }
 
@@ -95,7 +101,7 @@ pub enum Step {
     Command(f64),
     /// Neutral: the axis is about to arrive.
     Arrives,
-    /// Neutral: the axis does not move at the highest command of a pulse.
+    /// None: the axis hardly moves at the highest command of a pulse.
     GivesUp,
 }
 
@@ -172,6 +178,7 @@ impl Pulses {
             rate: 0.0,
             error: error.abs(),
             moves: false,
+            least: f64::INFINITY,
             at_highest: 0,
         });
     }
@@ -195,11 +202,14 @@ impl Pulses {
         let underway = toward.max(0.0) * delay + 0.5 * slope * pulse.rate * delay * delay;
         let step = if left <= 0.0 || (pulse.moves && left <= underway) {
             Step::Arrives
-        } else if !pulse.moves && f64::from(pulse.at_highest) * period > delay {
+        } else if f64::from(pulse.at_highest) * period > if pulse.moves { PAUSE } else { PATIENCE * delay } {
             Step::GivesUp
         } else {
             Step::Command(pulse.sign * pulse.level)
         };
+        if left < pulse.least {
+            (pulse.least, pulse.at_highest) = (left, 0);
+        }
         if pulse.level >= direction.dead_band + HIGHEST {
             pulse.at_highest = pulse.at_highest.saturating_add(1);
         } else if toward < 0.5 * left / delay {

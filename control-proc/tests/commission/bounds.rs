@@ -4,7 +4,7 @@
 use super::*;
 use control_proc::commission::{Abort, Phase};
 use pipeline::{
-    machine::Axis,
+    machine::{Axis, DeadBand},
     message::{AxisSample, sample_fault},
 };
 use std::time::Duration;
@@ -272,4 +272,37 @@ fn machines_of_all_kinds_stay_in_the_window() {
     // A few experiments end early and safely: a boom that swings, or an end of the window that is near.
     assert!(ended <= 8, "{ended}");
     println!("worst {:.1} mm beyond the window; {ended} of 200 ended early", 1e3 * worst);
+}
+
+/// Machines that experiments once refused: with coarse encoders, or with valves so fast that a stroke follows within
+/// half a second of the one before. They move as they are commanded.
+#[test]
+fn coarse_encoders_and_fast_valves_are_no_reason_to_refuse() {
+    let mut cases = Vec::new();
+    for resolution in [4e-4, 8e-4] {
+        for (extend, retract) in [(0.1, 0.1), (0.37, 0.23), (0.13, 0.27)] {
+            for (dead_time, time_constant) in [(0.01, 0.004), (0.1, 0.05), (0.35, 0.03)] {
+                for axis in 0..4 {
+                    let mut machine = under("nominal");
+                    let settings = &mut machine.axes[axis];
+                    settings.encoder.resolution = resolution;
+                    let plant = settings.plant.as_mut().unwrap();
+                    plant.sensor_errors.encoder_noise = 0.3 * resolution;
+                    plant.dead_band = DeadBand { extend, retract };
+                    (plant.dead_time, plant.valve_time_constant) = (dead_time, time_constant);
+                    cases.push((
+                        format!("{resolution} m, {extend}, {retract}, {dead_time} s, axis {axis}"),
+                        machine,
+                        axis,
+                    ));
+                }
+            }
+        }
+    }
+    let reasons = in_parallel(&cases, |(name, machine, axis)| {
+        let run = Run::of(machine, *axis, &ExperimentOptions::default(), 1);
+        (run.experiment.outcome() != Some(Outcome::Finished)).then(|| format!("{name}: {}", run.reason()))
+    });
+    let refused: Vec<String> = reasons.into_iter().flatten().collect();
+    assert!(refused.is_empty(), "{} of {} refused:\n{}", refused.len(), cases.len(), refused.join("\n"));
 }

@@ -17,6 +17,11 @@ pub const MOST_STROKES: usize = 12;
 /// Factor on the speeds that were seen: loads and oil differ from place to place.
 const CAUTION: f64 = 1.1;
 
+/// Least slope of the root of the speed, as a part of its mean slope above [`Direction::moving`]. A straight curve has
+/// 0.5 and more, the end of an S less. A stroke that ends early for lack of way looks as if more command made no more
+/// speed.
+const LEAST_SLOPE: f64 = 0.25;
+
 /// A stroke that was made.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Stroke {
@@ -86,7 +91,8 @@ impl Direction {
         let before = strokes.iter().rev().find(|stroke| stroke.speed < last.speed);
         let before = before.copied().unwrap_or(Stroke { level: self.moving, speed: 0.0 });
         let slope = (last.speed.sqrt() - before.speed.sqrt()) / (last.level - before.level);
-        last.level + (speed.sqrt() - last.speed.sqrt()) / slope.max(f64::MIN_POSITIVE)
+        let least = LEAST_SLOPE * last.speed.sqrt() / (last.level - self.moving);
+        last.level + (speed.sqrt() - last.speed.sqrt()) / slope.max(least).max(f64::MIN_POSITIVE)
     }
 
     /// Takes in a speed (m/s) that commands up to `level` have made.
@@ -118,6 +124,16 @@ mod tests {
         for (level, speed) in [(0.1, 0.0), (0.3, 0.05), (0.35, 0.1), (0.4, 0.15), (0.6, 0.6)] {
             assert!((direction.speed(level) - CAUTION * speed).abs() < 1e-12, "{level}: {}", direction.speed(level));
         }
+    }
+
+    #[test]
+    fn a_stroke_that_ended_early_does_not_make_the_next_level_many_times_as_high() {
+        let mut direction = Direction::new();
+        direction.moving = 0.15;
+        direction.push(0.37, 0.10);
+        direction.push(0.46, 0.1001);
+        let next = direction.level(0.12);
+        assert!((0.48..0.6).contains(&next), "{next}");
     }
 
     #[test]

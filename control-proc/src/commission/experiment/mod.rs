@@ -65,6 +65,10 @@ const CLEAR: f64 = 1e-3;
 const CLEAR_COUNTS: f64 = 10.0;
 /// Counts of the encoder, within [`SPEED_TIME`], that are no motion.
 const QUIET_COUNTS: f64 = 4.0;
+/// Part of the speed bound that is told from standstill. A coarse encoder needs longer than [`SPEED_TIME`] for it.
+const SLOW: f64 = 0.1;
+/// Longest time for telling motion from standstill, s.
+const LONGEST_LOOK: f64 = 0.4;
 /// Counts of the encoder within which positions are equal.
 const EQUAL_COUNTS: f64 = 2.0;
 /// Longest reaction that is looked back for, s.
@@ -95,7 +99,7 @@ struct Found {
     start: usize,
     /// Way from which on motion is clear, m.
     clear: f64,
-    /// Way within which the axis stands over [`SPEED_TIME`], m.
+    /// Way within which the axis stands over [`SPEED_TIME`], or over longer where the encoder is coarse, m.
     quiet: f64,
     /// Way that the axis creeps by itself, m per tick.
     drift: f64,
@@ -285,7 +289,8 @@ impl Experiment {
     /// Notes what the axis does in this step.
     fn observe(&mut self, position: f64) {
         let speed = self.watch.speed();
-        let is_quiet = speed.abs() * SPEED_TIME <= self.found.quiet;
+        let look = (self.found.quiet / (SLOW * self.window.fastest)).clamp(SPEED_TIME, LONGEST_LOOK);
+        let is_quiet = self.watch.speed_over(self.ticks(look)).abs() * look <= self.found.quiet;
         self.step.observe(position, speed, self.found.drift, self.found.clear, is_quiet);
         // A load on oil swings back after a command of the other direction. That speed is not this direction's.
         let (low, high) = self.watch.span(self.found.reaction + self.ticks(AFTER_REACTION));

@@ -1,6 +1,6 @@
 //! The phases rest and pulses: the noise, and the levels that move the axis.
 
-use super::{Experiment, abort::Abort, step::Step, terms::Phase, watch::SWING};
+use super::{CLEAR, Experiment, abort::Abort, step::Step, terms::Phase, watch::SWING};
 
 /// Highest level of the pulses.
 pub const PULSE_LIMIT: f64 = 0.6;
@@ -59,7 +59,7 @@ impl Experiment {
                 return Ok(if at < up { self.level } else { -self.level });
             }
             if is_both && at >= end && !is_last {
-                self.found.drift = self.drift(position);
+                self.learn_drift(position);
                 self.raise_level(position);
                 return Ok(self.level);
             }
@@ -97,6 +97,15 @@ impl Experiment {
         (position - self.step.from) / self.step.ticks.max(1) as f64
     }
 
+    /// Takes in how the axis creeps. Where a coarse encoder makes a clear motion long, not after pulses that have moved
+    /// the axis: that motion is not its own, and the next step would see the opposite one where there is none.
+    fn learn_drift(&mut self, position: f64) {
+        let is_stirred = self.step.highest.position - self.step.lowest.position > self.found.quiet;
+        if self.found.clear <= CLEAR || !is_stirred {
+            self.found.drift = self.drift(position);
+        }
+    }
+
     /// Which of the searched directions have moved in this step.
     fn moved(&self, searched: [bool; 2]) -> [bool; 2] {
         let rise = self.step.highest.position - self.step.from;
@@ -111,7 +120,7 @@ impl Experiment {
             self.found.directions[side].moving = self.level;
         }
         if moved == [false; 2] {
-            self.found.drift = self.drift(position);
+            self.learn_drift(position);
             return false;
         }
         self.learn_reaction(usize::from(moved[1]));

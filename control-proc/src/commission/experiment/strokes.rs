@@ -1,6 +1,8 @@
 //! The phase of strokes: the levels that make the allowed speed.
 
-use super::{Experiment, LEAST_RANDOM, PULSE_LIMIT, abort::Abort, side_of, signed, step::Step, terms::Phase};
+use super::{
+    Experiment, LEAST_RANDOM, PULSE_LIMIT, abort::Abort, side_of, signed, step::Step, terms::Phase, watch::SWING,
+};
 
 /// Opening of the first stroke above the level that moved the axis.
 const FIRST_OPENING: f64 = 0.015;
@@ -67,7 +69,7 @@ impl Experiment {
         if !only_swings && !self.stands(wait) {
             return Ok(0.0);
         }
-        if moved_at.is_none() {
+        if moved_at.is_none() && !self.has_moved(side) {
             return self.search_again(side, level, position);
         }
         self.learn_reaction(side);
@@ -83,6 +85,13 @@ impl Experiment {
             self.begin_stroke(position);
         }
         Ok(0.0)
+    }
+
+    /// Whether the way of a stroke that ended without clear motion is more than a swing: after a stroke that followed soon,
+    /// most of the range before it is the way of the stroke before. A load swings back by a part of that way.
+    fn has_moved(&self, side: usize) -> bool {
+        let way = (self.step.farthest(side).position - self.step.from).abs();
+        way > self.found.clear + SWING * self.step.swing
     }
 
     /// Goes back to pulses in a direction that a first stroke did not move: the motion that the pulses saw was another,

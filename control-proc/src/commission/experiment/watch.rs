@@ -126,7 +126,12 @@ impl Watch {
 
     /// Speed over [`SPEED_TIME`], m/s.
     pub fn speed(&self) -> f64 {
-        self.moved(self.speed_ticks) / (self.speed_ticks as f64 * self.period)
+        self.speed_over(self.speed_ticks)
+    }
+
+    /// Speed over the last `ticks`, m/s.
+    pub fn speed_over(&self, ticks: usize) -> f64 {
+        self.moved(ticks) / (ticks as f64 * self.period)
     }
 
     /// Lowest and highest of the last `ticks` commands and 0.

@@ -13,7 +13,7 @@ const MARGIN: f64 = 0.05;
 /// The least margin, m.
 const LEAST_MARGIN: f64 = 5e-3;
 /// Travel that the window needs for each second of a stroke, as multiple of a clear motion, 1/s.
-const CLEAR_MOTIONS: f64 = 50.0;
+const CLEAR_MOTIONS: f64 = 25.0;
 
 /// Window and speeds of one experiment.
 #[derive(Debug, Clone)]

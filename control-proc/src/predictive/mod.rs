@@ -68,7 +68,7 @@ impl Predictive {
     /// For this plan; `soft_limits` in m, `period` in s.
     pub fn new(plan: Plan, soft_limits: (f64, f64), period: f64) -> Self {
         Self {
-            noise: Noise::new(period),
+            noise: Noise::new(plan.spring_time / period),
             plan,
             programme: Programme::new(plan, soft_limits, period),
             period,
@@ -80,7 +80,7 @@ impl Predictive {
 
     /// Forgets the noise: there has been no model.
     pub fn reset(&mut self) {
-        self.noise = Noise::new(self.period);
+        self.noise = Noise::new(self.plan.spring_time / self.period);
         self.unsolved_in_a_row = 0;
     }
 

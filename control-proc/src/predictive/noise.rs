@@ -2,17 +2,17 @@
 //!
 //! ```text
 //! A dy(k) = B dx(k-nk) + T e(k)                                 the model in differences, with its noise e
-//! T = (1 - tau z^-1)^2,  tau = exp(-T_s/D),  D = max(D_0, min(1.6 D_0, 80 ms)),  D_0 = (nk - 1/2 + d) T_s
+//! T = (1 - tau z^-1)^2,  tau = exp(-T_s/D),  D = max(D_0, min(1.6 D_0, D_s)),  D_0 = (nk - 1/2 + d) T_s
 //! ```
 //!
-//! y position in m, x intermediate value, e innovation in m, D_0 dead time and lag of the model in s, T_s period in s, nk
-//! delay and d lag of the model in samples.
+//! y position in m, x intermediate value, e innovation in m, D_0 dead time and lag of the model in s, D_s time of the
+//! load's spring in s ([`pipeline::machine::Plan`]), T_s period in s, nk delay and d lag of the model in samples.
 //!
 //! T decides how fast the controller believes what its model did not foresee, and with that how wrong the model may be.
 //! With one root at half of the dead time, the loop of a model with 150 ms of dead time oscillates at 1.4 times its
 //! gain, or with 50 ms more of dead time. With two roots at the whole dead time it does so at 1.7 times its gain, or
-//! with 130 ms more. Where the dead time is short, the spring of a loaded axis, some 5 Hz, is the limit: with D_0 alone a
-//! boom with payload swings at 10 ms of dead time, with 1.6 D_0 it does not.
+//! with 130 ms more. Where the dead time is short, the spring of a loaded axis, some 5 Hz, is the limit: there 1.6 D_0
+//! halves the error of a boom with payload.
 //!
 //! The newest e are computed anew with the model of every tick: what this model should have foreseen. If the e of an
 //! earlier model were kept, the next model would compensate them once more.
@@ -25,16 +25,14 @@ use crate::model::response::{Ramp, residual};
 /// Number of the newest e that are computed anew at every tick.
 const AGAIN: usize = TRIED - 8;
 
-/// D in multiples of dead time and lag, up to [`SPRING_TIME`].
+/// D in multiples of D_0, up to D_s.
 const SLOWER: f64 = 1.6;
-/// D up to which the spring of the load is waited for, s.
-const SPRING_TIME: f64 = 0.08;
 
 /// e of the past.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Noise {
-    /// T_s.
-    period: f64,
+    /// D_s in ticks.
+    spring_time: f64,
     /// The last two e before the [`AGAIN`] newest ones.
     older: [f64; 2],
     /// Outputs of the history that they are made of.
@@ -50,9 +48,9 @@ pub(super) struct Past {
 }
 
 impl Noise {
-    /// Nothing is known of the noise of an axis that is controlled every `period` s.
-    pub fn new(period: f64) -> Self {
-        Self { period, older: [0.0; 2], taken: 0 }
+    /// Nothing is known of the noise; `spring_time` is D_s in ticks.
+    pub fn new(spring_time: f64) -> Self {
+        Self { spring_time, older: [0.0; 2], taken: 0 }
     }
 
     /// x and e of the past; `ramp` is that of the model's step response. `commands` holds u(k-1), u(k-2), .. for the
@@ -66,7 +64,7 @@ impl Noise {
             *x = nonlinearity.evaluate(*u);
         }
         let delay = structure.nk as f64 - 0.5 + ramp.bounded_lag();
-        let tau = (-1.0 / delay.max((SLOWER * delay).min(SPRING_TIME / self.period))).exp();
+        let tau = (-1.0 / delay.max((SLOWER * delay).min(self.spring_time))).exp();
         let (t_1, t_2) = (-2.0 * tau, tau * tau);
         let further = |[one, two]: [f64; 2], ago: usize| {
             [residual(model, &outputs[ago..], &intermediate[ago..]) - t_1 * one - t_2 * two, one]
@@ -80,7 +78,7 @@ impl Noise {
         let [one, two] = (0..AGAIN).rev().fold(older, further);
         let coming = [t_1 * one + t_2 * two, t_2 * one];
         if !coming.iter().all(|noise| noise.is_finite()) {
-            *self = Self::new(self.period);
+            *self = Self::new(self.spring_time);
             return None;
         }
         *self = Self { older, taken: count, ..*self };

@@ -15,7 +15,7 @@ const PERIOD: f64 = 0.01;
 const ANYWHERE: (f64, f64) = (-1e9, 1e9);
 
 fn plan(horizon: usize, moves: usize, weight: f64) -> Plan {
-    Plan { step: 1, horizon, moves, weight: MoveWeight::Relative(weight), response: 31 }
+    Plan { step: 1, horizon, moves, weight: MoveWeight::Relative(weight), response: 31, spring_time: 0.0 }
 }
 
 /// Controls a process that equals the model plus a disturbance of its output. Returns outputs and commands.

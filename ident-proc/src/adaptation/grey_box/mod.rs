@@ -11,10 +11,10 @@
 //! ```
 //!
 //! y position in m, dy its increment; phi features of the command, hinges beyond the dead band; theta speeds per unit
-//! of them in m/s; T period, tau_j lag and W window in s; s_0 in m, Y_0 travel by the commissioned speeds, m: an axis that
-//! is blocked is no precise measurement. m, from 0 to 1, says how much of a full measure
-//! the sample is of either direction of motion; M is the memory in seconds of motion. A direction without excitation
-//! is kept, however long that lasts. S_0 is the inverse of the covariance of theta before any sample (module `prior`).
+//! of them in m/s; T period, tau_j lag and W window in s; s_0 in m, Y_0 travel by the commissioned speeds, m: an axis
+//! that is blocked is no precise measurement. m, from 0 to 1, says how much of a full measure the sample is of either
+//! direction of motion; M is the memory in seconds of motion. A direction without excitation is kept, however long that
+//! lasts. S_0 is the inverse of the covariance of theta before any sample (module `prior`).
 //!
 //! Source: identification with a prior, Ljung, System Identification (1999), 7.4 and 16.4; forgetting down to a least
 //! information, Kulhavy and Zarrop, Int. J. Control 58 (1993).
@@ -48,8 +48,8 @@ use crate::{dot, regression::write_out, sample::RegressorRow};
 const WINDOW: f64 = 0.2;
 /// M, s of motion.
 const MEMORY: f64 = 1.5;
-/// The lags, in parts of the commissioned one, which counts as [`LEAST_LAG`] at least. Cold oil makes a valve two to three
-/// times as slow. Friction and the spring of the load look like other lags, too.
+/// The lags, in parts of the commissioned one, which counts as [`LEAST_LAG`] at least. Cold oil makes a valve two to
+/// three times as slow. Friction and the spring of the load look like other lags, too.
 const LAGS: [f64; 8] = [0.7, 0.8, 0.9, 1.0, 1.5, 2.0, 2.5, 3.0];
 /// Index of the commissioned lag. Only it counts until there has been enough motion to judge the lags.
 const NOMINAL: usize = 3;

@@ -13,8 +13,8 @@
 //! 0.2 s, 3, 1.2 and 60 ms were found by simulation. The load on its spring of oil, 5 Hz on the machine that is built
 //! in, rings with a D much below 60 ms.
 //!
-//! Trap: 20 moves of one period are 40 ms at a period of 2 ms. A plan that ends before the axis has answered swings, and
-//! no weight of its moves prevents that.
+//! Trap: 20 moves of one period are 40 ms at a period of 2 ms. A plan that ends before the axis has answered swings,
+//! and no weight of its moves prevents that.
 
 use std::time::Duration;
 
@@ -42,6 +42,8 @@ const RESPONSE: f64 = 1.2;
 const SLOWEST_RESPONSE: f64 = 0.06;
 /// S in multiples of the time constant: a lag has settled to 1 % by then.
 const SETTLED: f64 = 5.0;
+/// Time in which a load on its spring of oil, some 5 Hz, has answered, s.
+const SPRING_TIME: f64 = 0.08;
 /// Weight of the moves of an axis that is not commissioned, relative to the mean square of the step response.
 const RELATIVE_WEIGHT: f64 = 25.0;
 
@@ -73,6 +75,9 @@ pub struct Plan {
     pub weight: MoveWeight,
     /// S in periods.
     pub response: usize,
+    /// Time up to which the estimate of the noise waits for the spring of the load, s; 0 for an axis that is not
+    /// commissioned.
+    pub spring_time: f64,
 }
 
 /// The weight of the moves of a plan.
@@ -164,17 +169,18 @@ impl PlanSettings {
         };
         let settled = commissioned.map_or(0, |model| steps(SETTLED * model.time_constant));
         let response = settled.max(MAX_HORIZON * step).min(MAX_RESPONSE);
-        Plan { step, horizon, moves: self.moves.unwrap_or(MAX_MOVES).min(horizon), weight, response }
+        let spring_time = if commissioned.is_some() { SPRING_TIME } else { 0.0 };
+        Plan { step, horizon, moves: self.moves.unwrap_or(MAX_MOVES).min(horizon), weight, response, spring_time }
     }
 }
 
-const STEP_RULE: &str = "a twentieth of the reach, rounded up; 1 where horizon or moves is given; the reach is 0.2 s, or \
-                         3 times commissioned.dead_time + time_constant where that is less";
+const STEP_RULE: &str = "a twentieth of the reach, rounded up; 1 where horizon or moves is given; the reach is 0.2 s, \
+                         or 3 times commissioned.dead_time + time_constant where that is less";
 const HORIZON_RULE: &str = "the reach in steps, 3 to 20; 20 where moves is given";
 const MOVES_RULE: &str = "20, or the horizon where that is less";
 const WEIGHT_RULE: &str = "none; 25 without a commissioned model and response_time";
-const RESPONSE_RULE: &str = "1.2 times commissioned.dead_time + time_constant + half a period, at most 60 ms and at least \
-                             a period; none without a commissioned model or with move_weight";
+const RESPONSE_RULE: &str = "1.2 times commissioned.dead_time + time_constant + half a period, at most 60 ms and at \
+                             least a period; none without a commissioned model or with move_weight";
 
 #[cfg(test)]
 mod tests {
@@ -231,7 +237,14 @@ mod tests {
     fn what_is_given_counts_samples_as_long_as_no_step_is_given() {
         let commissioned = model(0.01, 0.037);
         let given = PlanSettings { horizon: Some(31), move_weight: Some(4.0), ..PlanSettings::default() };
-        let expected = Plan { step: 1, horizon: 31, moves: 20, weight: MoveWeight::Relative(4.0), response: 185 };
+        let expected = Plan {
+            step: 1,
+            horizon: 31,
+            moves: 20,
+            weight: MoveWeight::Relative(4.0),
+            response: 185,
+            spring_time: 0.08,
+        };
         assert_eq!(given.plan(Some(&commissioned), 1e-3), expected);
         let stepped = PlanSettings { step: Some(5), ..given };
         assert_eq!(stepped.plan(Some(&commissioned), 1e-3), Plan { step: 5, response: 185, ..expected });
@@ -243,7 +256,14 @@ mod tests {
     #[test]
     fn an_axis_that_is_not_commissioned_is_planned_for_a_fifth_of_a_second() {
         let plan = |period| PlanSettings::default().plan(None, period);
-        let expected = Plan { step: 1, horizon: 20, moves: 20, weight: MoveWeight::Relative(25.0), response: 31 };
+        let expected = Plan {
+            step: 1,
+            horizon: 20,
+            moves: 20,
+            weight: MoveWeight::Relative(25.0),
+            response: 31,
+            spring_time: 0.0,
+        };
         assert_eq!(plan(0.01), expected);
         assert_eq!(plan(0.001), Plan { step: 10, response: 310, ..expected });
         assert_eq!(plan(0.05), Plan { horizon: 4, moves: 4, ..expected });

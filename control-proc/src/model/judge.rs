@@ -33,7 +33,8 @@ use super::response::{Ramp, step_response};
 /// Largest pole radius. An identified integrator may be a little beyond 1. At 1.02 a deviation grows by half in 20
 /// samples, which feedback can still correct.
 pub const POLE_LIMIT: f64 = 1.02;
-/// Least travel of a full command over the plan's step response, as share of `max_speed` times its length. With a model that moves less, the controller would use full commands for millimetres.
+/// Least travel of a full command over the plan's step response, as share of `max_speed` times its length. With a model
+/// that moves less, the controller would use full commands for millimetres.
 pub const LEAST_TRAVEL: f64 = 0.01;
 /// Largest ratio of the h-step errors of the adaptive and the classical model.
 pub const WORST_RATIO: f64 = 1.5;

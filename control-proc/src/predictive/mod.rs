@@ -13,9 +13,9 @@
 //! u(k)    = N^-1(x(k-1) + X(0)/q)      within magnitude and rate of the command
 //! ```
 //!
-//! y position in m, x = N(u) intermediate value, e innovation in m, u valve command, q ticks in a step of the plan. Source: Clarke, Mohtadi and Tuffs,
-//! Generalized predictive control, Automatica 23 (1987), with its constraints as a quadratic programme; N and the model
-//! are eqs. (11) and (12) of the paper.
+//! y position in m, x = N(u) intermediate value, e innovation in m, u valve command, q ticks in a step of the
+//! plan. Source: Clarke, Mohtadi and Tuffs, Generalized predictive control, Automatica 23 (1987), with its constraints
+//! as a quadratic programme; N and the model are eqs. (11) and (12) of the paper.
 //!
 //! The limits are part of the plan, so nothing winds up behind them. The rate of the first move is exact, that of later
 //! moves as wide as the widest on the way. Without an answer of the solver the first move of the plan without limits is
@@ -26,8 +26,8 @@
 //!   once (horizon 1 without a weight) is unstable; horizon and weight prevent that here.
 //! - N can be inverted only where it is monotone, so x is kept to what the commands can reach there.
 //! - x(k-1) is N of the command that was *sent*. What the limits cut off was not done.
-//! - Inside a dead band a polynomial N can turn the wrong way. A plan that starts from x of such a dip is pulled back by
-//!   the weight of its moves, and the command jumps to and fro over the dead band. It starts from N without its dips.
+//! - Inside a dead band a polynomial N can turn the wrong way. A plan that starts from x of such a dip is pulled back
+//!   by the weight of its moves, and the command jumps to and fro over the dead band. It starts from N without dips.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 

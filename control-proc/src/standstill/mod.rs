@@ -17,7 +17,7 @@
 //! references that have stood still for 0.3 s. An axis stands when it has moved by less than a quarter of e in
 //! 0.3 s + L. While the axis rests, the valve is shut and the oil holds the load. While it creeps, a pulse brings it
 //! closer. An axis is left to its controller until a reference moves when pulses do not help: the last one has given up,
-//! the axis drifts by more than e_drift in 2 L + 0.3 s, or e has grown by e_far.
+//! or the axis drifts by more than e_drift in 2 L + 0.3 s.
 //!
 //! Traps: behind a dead band and dry friction a controller with integral action never arrives: it pushes, breaks loose,
 //! overshoots and pushes back, without end; hence the rest. Without integral action it stands beside its set point and
@@ -152,7 +152,7 @@ impl Standstill {
         let distance = error.abs();
         let is_still = self.watched.still >= self.still_ticks && error.is_finite();
         let is_far = self.phase != Phase::Follows && distance > self.begin + FAR_RATIO * self.bound;
-        self.is_left = is_still && (self.is_left || is_far);
+        self.is_left &= is_still;
         if !is_still || is_far {
             self.follow();
         }

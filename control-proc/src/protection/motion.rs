@@ -8,7 +8,8 @@
 //!
 //! u command, d calibrated or commissioned dead band, whichever is wider, y position m, T period s, t_d dead time s,
 //! v_max `max_speed` m/s. Stuck is an encoder that does not report any change; this is seen from the positions alone.
-//! Stalled is an axis without supply, or one that stands against an obstacle. Its encoder may be healthy and show noise.
+//! Stalled is an axis without supply, or one that stands against an obstacle. Its encoder may be healthy and show
+//! noise.
 //!
 //! Traps: a valve whose dead band has grown stands still above the calibrated dead band, until the integral of the
 //! fallback has passed it; hence the margins. Close to its set point such an axis needs longer than `stuck_after` to

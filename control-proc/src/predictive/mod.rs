@@ -27,7 +27,8 @@
 //! - N can be inverted only where it is monotone, so x is kept to what the commands can reach there.
 //! - x(k-1) is N of the command that was *sent*. What the limits cut off was not done.
 //! - Inside a dead band a polynomial N can turn the wrong way. A plan that starts from x of such a dip is pulled back
-//!   by the weight of its moves, and the command jumps to and fro over the dead band. It starts from N without dips.
+//!   by the weight of its moves, and the command jumps to and fro over the dead band. The plan starts from N without
+//!   its dips.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 

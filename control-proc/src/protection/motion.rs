@@ -1,24 +1,25 @@
 //! Whether an axis that is driven moves.
 //!
 //! ```text
-//! stuck     sum of s(u) T over the time that u is one way >= stuck_after + t_d, y has not changed at all for stuck_after
+//! stuck     sum of s(u) T while u is one way >= stuck_after + t_d, and y has not changed at all for stuck_after
 //!           s(u) = 0 up to d + 0.05, 1 from d + 0.1 on, a straight line between them
 //! stalled   u beyond d + 0.1 one way for 0.4 s + t_d, in which y has not moved that way by 0.4 s * v_max / 200
 //! ```
 //!
-//! u command, d calibrated or commissioned dead band, whichever is wider, y position m, T period s, t_d dead time s, v_max
-//! `max_speed` m/s. Stuck is an encoder that does not report any change; this is seen from the positions alone. Stalled
-//! is an axis without supply, or one that stands against an obstacle. Its encoder may be healthy and show noise.
+//! u command, d calibrated or commissioned dead band, whichever is wider, y position m, T period s, t_d dead time s,
+//! v_max `max_speed` m/s. Stuck is an encoder that does not report any change; this is seen from the positions alone.
+//! Stalled is an axis without supply, or one that stands against an obstacle. Its encoder may be healthy and show
+//! noise.
 //!
 //! Traps: a valve whose dead band has grown stands still above the calibrated dead band, until the integral of the
-//! fallback has passed it; hence the margins. Close to its set point such an axis needs longer than `stuck_after` to come
-//! from one margin to the other; hence the weight s. Motion against the command does not count as motion.
+//! fallback has passed it; hence the margins. Close to its set point such an axis needs longer than `stuck_after` to
+//! come from one margin to the other; hence the weight s. Motion against the command does not count as motion.
 
 use std::time::Duration;
 
 use pipeline::machine::{Axis, Timing, samples_of};
 
-/// Command beyond the dead band from which on a position that stands still becomes a fault in time. The calibration is a
+/// Command beyond the dead band from which on a position that stands still is a fault in time. The calibration is a
 /// little low on purpose, and just above the dead band the axis may creep below the resolution of the encoder.
 const STUCK_MARGIN: f64 = 0.05;
 /// Command beyond the dead band from which on an axis that hardly moves is a fault. A dead band that has grown by half,

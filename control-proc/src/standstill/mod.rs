@@ -16,8 +16,8 @@
 //! e following error m, e_rest, e_wake, e_far and e_drift m, L dead time and lag in s. All but a moving reference need
 //! references that have stood still for 0.3 s. An axis stands when it has moved by less than a quarter of e in
 //! 0.3 s + L. While the axis rests, the valve is shut and the oil holds the load. While it creeps, a pulse brings it
-//! closer. An axis is left to its controller until a reference moves when pulses do not help: the last one has given up,
-//! the axis drifts by more than e_drift in 2 L + 0.3 s, or e has grown by e_far.
+//! closer. When pulses do not help, the axis is left to its controller until a reference moves: the last pulse has
+//! given up, or the axis drifts by more than e_drift in 2 L + 0.3 s.
 //!
 //! Traps: behind a dead band and dry friction a controller with integral action never arrives: it pushes, breaks loose,
 //! overshoots and pushes back, without end; hence the rest. Without integral action it stands beside its set point and
@@ -152,7 +152,7 @@ impl Standstill {
         let distance = error.abs();
         let is_still = self.watched.still >= self.still_ticks && error.is_finite();
         let is_far = self.phase != Phase::Follows && distance > self.begin + FAR_RATIO * self.bound;
-        self.is_left = is_still && (self.is_left || is_far);
+        self.is_left &= is_still;
         if !is_still || is_far {
             self.follow();
         }
@@ -190,8 +190,8 @@ impl Standstill {
         self.follow()
     }
 
-    /// How far the axis drifts in 2 L + 0.3 s, m, by its motion since half of that time after the valve was shut; now is
-    /// `since` ticks after that.
+    /// How far the axis drifts in 2 L + 0.3 s, m, by its motion since half of that time after the valve was shut, which
+    /// was `since` ticks ago.
     fn drift(&self, since: u32, error: f64) -> f64 {
         let settled = self.settled_ticks.1;
         f64::from(settled) / f64::from(since.saturating_sub(settled / 2).max(1)) * (error - self.shut).abs()
@@ -232,8 +232,8 @@ impl Standstill {
         watched.error = error;
         watched.stands = watched.stands.saturating_add(1);
         let motion = (MOTION * self.bound).max(PROGRESS * watched.from.abs());
-        // Written so that an error that is not a number counts as motion.
-        if !((error - watched.from).abs() < motion) {
+        let has_moved = (error - watched.from).abs() >= motion;
+        if has_moved || !error.is_finite() {
             (watched.from, watched.stands) = (error, 0);
         }
     }

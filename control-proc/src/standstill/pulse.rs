@@ -17,13 +17,13 @@
 //!
 //! Trap: a valve whose dead band has grown by more than the 0.075 is not followed any further. Beyond d + 0.05 a
 //! position that does not change is a fault in time ([`crate::protection::motion`]), so the command rises there by at
-//! least [`HASTE`].
+//! least 0.03 in a second.
 
 use pipeline::machine::Axis;
 
 /// Command beyond the dead band up to which a pulse rises.
 const HIGHEST: f64 = 0.075;
-/// Command beyond the dead band from which on a pulse must not last, as a position that stands still is a fault in time.
+/// Command beyond the dead band from which on a pulse must not last: a position that stands still becomes a fault.
 const HASTY: f64 = 0.05;
 /// Least rise of the command there, 1/s: it takes 0.8 s to the highest command.
 const HASTE: f64 = 0.03;

@@ -106,7 +106,11 @@ impl fmt::Display for Abort {
                 if extend { "extend" } else { "retract" }
             ),
             Self::TooSmall { travel, needed } => {
-                write!(f, "window: found {travel:.4} m of travel; allowed: at least {needed:.4} m")
+                write!(
+                    f,
+                    "window: found {travel:.4} m of travel; allowed: at least {needed:.4} m for a motion that the \
+                     encoder shows: a wider window, a start nearer to the middle of the soft limits, or a finer encoder"
+                )
             }
             Self::TooShort { duration, needed } => write!(
                 f,

@@ -87,8 +87,8 @@ impl Experiment {
         Ok(0.0)
     }
 
-    /// Whether the way of a stroke that ended without clear motion is more than a swing: after a stroke that followed soon,
-    /// most of the range before it is the way of the stroke before. A load swings back by a part of that way.
+    /// Whether the way of a stroke that ended without clear motion is more than a swing: after a stroke that followed
+    /// soon, most of the range before it is the way of the stroke before. A load swings back by a part of that way.
     fn has_moved(&self, side: usize) -> bool {
         let way = (self.step.farthest(side).position - self.step.from).abs();
         way > self.found.clear + SWING * self.step.swing

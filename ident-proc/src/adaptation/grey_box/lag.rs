@@ -117,11 +117,6 @@ impl Lag {
         self.weight
     }
 
-    /// P.
-    pub fn window(&self) -> &Vector {
-        &self.window
-    }
-
     /// alpha.
     pub fn alpha(&self) -> f64 {
         self.alpha

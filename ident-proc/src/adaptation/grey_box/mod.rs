@@ -4,17 +4,16 @@
 //! p_j(k) = p_j(k-1) + (1 - alpha_j) (phi(k-nk) - p_j(k-1))       alpha_j = tau_j/(T + tau_j), one of eight lags
 //! dy(k)  = T theta_j' p_j(k) + e(k)                              hence A = (1 - z^-1)(1 - alpha_j z^-1)
 //! Y(k)   = rho Y(k-1) + dy(k)        P_j(k) = rho P_j(k-1) + T p_j(k)          rho = exp(-T/W)
-//! S_j(k) = S_0 + L (S_j(k-1) - S_0) L + w P_j P_j'               w = (1 - rho)/(s_0^2 + (0.05 max |Y|, |Y_0|)^2)
+//! S_j(k) = S_0 + L (S_j(k-1) - S_0) L + w P_j P_j'               w = (1 - rho) / (s_0^2 + (0.05 Y)^2)
 //! theta_j += S_j^-1 (sum of w P_j (Y - theta_j' P_j))            L = diag sqrt(1 - (1 - exp(-T/M)) m)
 //! J_j(k) = the recent mean of w (Y - theta_j' P_j)^2
 //! theta, alpha/(1 - alpha)   means over the lags, weighted by 1/J_j^4
 //! ```
 //!
 //! y position in m, dy its increment; phi features of the command, hinges beyond the dead band; theta speeds per unit
-//! of them in m/s; T period, tau_j lag and W window in s; s_0 in m, Y_0 travel by the commissioned speeds, m: an axis
-//! that is blocked is no precise measurement. m, from 0 to 1, says how much of a full measure the sample is of either
-//! direction of motion; M is the memory in seconds of motion. A direction without excitation is kept, however long that
-//! lasts. S_0 is the inverse of the covariance of theta before any sample (module `prior`).
+//! of them in m/s; T period, tau_j lag and W window in s; s_0 in m. m, from 0 to 1, says how much of a full measure
+//! the sample is of either direction of motion; M is the memory in seconds of motion. A direction without excitation
+//! is kept, however long that lasts. S_0 is the inverse of the covariance of theta before any sample (module `prior`).
 //!
 //! Source: identification with a prior, Ljung, System Identification (1999), 7.4 and 16.4; forgetting down to a least
 //! information, Kulhavy and Zarrop, Int. J. Control 58 (1993).
@@ -42,12 +41,12 @@ use self::{
     prior::Prior,
 };
 use super::Learned;
-use crate::{dot, regression::write_out, sample::RegressorRow};
+use crate::{regression::write_out, sample::RegressorRow};
 
 /// W, s.
 const WINDOW: f64 = 0.2;
 /// M, s of motion.
-const MEMORY: f64 = 1.0;
+const MEMORY: f64 = 0.7;
 /// The lags, in parts of the commissioned one, which counts as [`LEAST_LAG`] at least. Cold oil makes a valve two to
 /// three times as slow. Friction and the spring of the load look like other lags, too.
 const LAGS: [f64; 8] = [0.7, 0.8, 0.9, 1.0, 1.5, 2.0, 2.5, 3.0];
@@ -140,8 +139,7 @@ impl GreyBox {
         };
         self.travel = self.rho * self.travel + y - last;
         let n = 2 * self.structure.order;
-        let usual = dot(&self.prior.theta[..n], &self.lags[NOMINAL].window()[..n]);
-        let expected = EXPECTED_ERROR * self.travel.abs().max(usual.abs());
+        let expected = EXPECTED_ERROR * self.travel;
         let motion = Motion {
             travel: self.travel,
             weight: (1.0 - self.rho) / (self.noise + expected * expected),

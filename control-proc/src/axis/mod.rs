@@ -77,7 +77,7 @@ use state::{State, StateMachine, Transition};
 pub struct AxisInput<'a> {
     /// Tick of the sample.
     pub sequence: u64,
-    /// Ticks since the last sample, 1 when none is missing.
+    /// Ticks since the last sample, 1 when none is missing; in closed loop since the last usable position.
     pub elapsed: u64,
     /// The axis' sample, if the message holds it.
     pub sample: Option<&'a AxisSample>,
@@ -144,7 +144,7 @@ impl AxisController {
         let observation = self.feedback.observe(input.elapsed, input.sample, self.decision.command);
         let snapshot_flags = self.gate.take(input.sequence, input.snapshot);
         self.change_state(input, &observation);
-        self.decide(input, observation.position, snapshot_flags);
+        self.decide(input, &observation, snapshot_flags);
         self.decision.set_flag(control_flag::REQUEST, self.operation.requests.is_refused());
         self.feedback.push_command(self.decision.command);
         self.message()
@@ -159,16 +159,20 @@ impl AxisController {
         }
     }
 
-    /// Decides on the command of this tick; `position` is the usable position in m, if there is one.
-    fn decide(&mut self, input: &AxisInput<'_>, position: Option<f64>, snapshot_flags: u32) {
-        match (self.state.current(), position) {
+    /// Decides on the command of this tick.
+    fn decide(&mut self, input: &AxisInput<'_>, observation: &Observation, snapshot_flags: u32) {
+        match (self.state.current(), observation.position) {
             (State::Following, Some(position)) if self.operation.mode.is_direct() => {
                 self.decision = self.command_directly(input.sequence, position);
             }
-            (State::Following, Some(position)) => match self.follow(input, position, snapshot_flags) {
-                Ok(decision) => self.decision = decision,
-                Err(cause) => self.latch(cause),
-            },
+            (State::Following, Some(position)) => {
+                // References and errors were last looked at when there was a position.
+                let since = AxisInput { elapsed: observation.missing + 1, ..*input };
+                match self.follow(&since, position, snapshot_flags) {
+                    Ok(decision) => self.decision = decision,
+                    Err(cause) => self.latch(cause),
+                }
+            }
             // The last command stays until the position is back or given up.
             (State::Following, None) => self.bridge(input.sequence),
             _ => self.stand(snapshot_flags),

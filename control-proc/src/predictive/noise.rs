@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! A dy(k) = B dx(k-nk) + T e(k)                                 the model in differences, with its noise e
-//! T = (1 - tau z^-1)^2,  tau = exp(-T_s/D),  D = max(D_0, min(1.6 D_0, D_s)),  D_0 = (nk - 1/2 + d) T_s
+//! T = (1 - tau z^-1)^2,  tau = exp(-T_s/D),  D = max(D_0, min(2 D_0, D_s)),  D_0 = (nk - 1/2 + d) T_s
 //! ```
 //!
 //! y position in m, x intermediate value, e innovation in m, D_0 dead time and lag of the model in s, D_s time of the
@@ -11,7 +11,7 @@
 //! T decides how fast the controller believes what its model did not foresee, and with that how wrong the model may be.
 //! With one root at half of the dead time, the loop of a model with 150 ms of dead time oscillates at 1.4 times its
 //! gain, or with 50 ms more of dead time. With two roots at the whole dead time it does so at 1.7 times its gain, or
-//! with 130 ms more. Where the dead time is short, the spring of a loaded axis, some 5 Hz, is the limit: there 1.6 D_0
+//! with 130 ms more. Where the dead time is short, the spring of a loaded axis, some 5 Hz, is the limit: there 2 D_0
 //! halves the error of a boom with payload.
 //!
 //! The newest e are computed anew with the model of every tick: what this model should have foreseen. If the e of an
@@ -26,7 +26,7 @@ use crate::model::response::{Ramp, residual};
 const AGAIN: usize = TRIED - 8;
 
 /// D in multiples of D_0, up to D_s.
-const SLOWER: f64 = 1.6;
+const SLOWER: f64 = 2.0;
 
 /// e of the past.
 #[derive(Debug, Clone, Copy)]

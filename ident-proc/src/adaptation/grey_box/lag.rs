@@ -9,7 +9,7 @@ use super::{
 use crate::dot;
 
 /// Memory of J, in parts of M.
-const JUDGED: f64 = 0.4;
+const JUDGED: f64 = 1.0 / 3.0;
 
 /// One lag, with the symbols of the [grey box](super).
 #[derive(Debug, Clone)]

@@ -46,10 +46,10 @@ use crate::{regression::write_out, sample::RegressorRow};
 /// W, s.
 const WINDOW: f64 = 0.2;
 /// M, s of motion.
-const MEMORY: f64 = 1.0;
+const MEMORY: f64 = 0.7;
 /// The lags, in parts of the commissioned one, which counts as [`LEAST_LAG`] at least. Cold oil makes a valve two to
 /// three times as slow. Friction and the spring of the load look like other lags, too.
-const LAGS: [f64; 8] = [0.7, 0.8, 0.9, 1.0, 1.5, 2.0, 2.5, 3.0];
+const LAGS: [f64; 8] = [0.5, 0.6, 0.75, 1.0, 1.4, 2.0, 2.5, 3.0];
 /// Index of the commissioned lag. Only it counts until there has been enough motion to judge the lags.
 const NOMINAL: usize = 3;
 /// Least lag whose multiples are tried, in periods.

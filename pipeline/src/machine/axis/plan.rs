@@ -43,7 +43,7 @@ const SLOWEST_RESPONSE: f64 = 0.06;
 /// S in multiples of the time constant: a lag has settled to 1 % by then.
 const SETTLED: f64 = 5.0;
 /// Time in which a load on its spring of oil, some 5 Hz, has answered, s.
-const SPRING_TIME: f64 = 0.08;
+const SPRING_TIME: f64 = 0.1;
 /// Weight of the moves of an axis that is not commissioned, relative to the mean square of the step response.
 const RELATIVE_WEIGHT: f64 = 25.0;
 
@@ -243,7 +243,7 @@ mod tests {
             moves: 20,
             weight: MoveWeight::Relative(4.0),
             response: 185,
-            spring_time: 0.08,
+            spring_time: 0.1,
         };
         assert_eq!(given.plan(Some(&commissioned), 1e-3), expected);
         let stepped = PlanSettings { step: Some(5), ..given };

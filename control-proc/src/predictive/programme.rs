@@ -14,8 +14,8 @@
 //! y position in m, w reference in m, x intermediate value, X its levels at the ends of the steps relative to the last
 //! one, dX moves, u valve command, r its largest change per tick; s response to a level that is reached within the
 //! first step, h its increments, m per unit of x; V speed per unit of x, m/s; d lag in ticks; y_f = free(k+nk) where
-//! the axis will be when x(k) acts, y_low and y_high the soft limits, m; a [`END_DECELERATION`]; T period in s; nk delay,
-//! q step, in ticks; H horizon, M moves, in steps; D response time in s ([`pipeline::machine::Plan`]).
+//! the axis will be when x(k) acts, y_low and y_high the soft limits, m; a [`END_DECELERATION`]; T period in s; nk
+//! delay, q step, in ticks; H horizon, M moves, in steps; D response time in s ([`pipeline::machine::Plan`]).
 //!
 //! Between the ends of a step x changes in a straight line. So V dX/(q T) is an acceleration, and J with D is the
 //! integral of the squares of error and acceleration, e^2 + D^4 a^2, whatever the period is: the loop that it plans has

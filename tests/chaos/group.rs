@@ -189,7 +189,7 @@ impl Chaos {
         self.look_away(tally);
         // If this test was still attached when the group ended, the files of the group are still there.
         let was_late = self.has_ended();
-        let said = self.running.expect_end(0);
+        let said = self.running.expect_orderly_end();
         if was_late {
             succeed(&["clean", "--prefix", &self.prefix().to_string()]);
         }

@@ -20,9 +20,9 @@ fn ctrl_c_stops_all_four_within_a_second_and_leaves_nothing() {
     assert!(!running.group.files().is_empty());
     let started = Instant::now();
     signal(running.supervisor.id(), Signal::INT);
-    let status = wait_for("the supervisor to end", || running.supervisor.try_wait().unwrap());
+    wait_for("the supervisor to end", || running.supervisor.try_wait().unwrap());
     let took = started.elapsed();
-    assert!(status.success(), "{status}");
+    running.expect_orderly_end();
     assert!(running.none_runs(), "{:?}", running.pids);
     assert!(took < Duration::from_secs(1), "{took:?}");
     assert_eq!(running.group.files(), Vec::<std::path::PathBuf>::new());

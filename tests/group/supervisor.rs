@@ -11,7 +11,7 @@ use std::{
 
 use crate::harness::{
     PATIENCE, TestGroup, alone, hydraxis, is_running,
-    running::{Running, text},
+    running::{Running, is_orderly, text},
     shared, signal, wait_for,
 };
 use pipeline::{
@@ -39,7 +39,7 @@ fn a_killed_identifier_comes_back_and_the_run_ends_well() {
     signal(running.pid(StageKind::IdentProc), Signal::KILL);
     running.await_next(StageKind::IdentProc, &mut health);
     drop((channels, health));
-    let said = running.expect_end(0);
+    let said = running.expect_orderly_end();
     let report: serde_json::Value = serde_json::from_str(&said.stdout).unwrap();
     assert_eq!(report["stages"]["ident-proc"]["restarts"], 1, "{}", said.stderr);
     assert_eq!(report["stages"]["ident-proc"]["restart_causes"], json!(["killed by SIGKILL"]));
@@ -161,7 +161,7 @@ fn a_stage_that_hangs_is_killed_and_starts_again() {
     assert!(!is_running(before));
     drop((channels, health));
     signal(running.supervisor.id(), Signal::TERM);
-    let said = running.expect_end(0);
+    let said = running.expect_orderly_end();
     assert!(said.stderr.contains("ident-proc killed: no heartbeat for 2s; starts again"), "{}", said.stderr);
     assert!(said.stderr.contains("control-proc: asked to end\ncontrol-proc: ended\n"), "{}", said.stderr);
 }
@@ -217,7 +217,7 @@ fn a_supervisor_that_is_asked_to_end_ends_well() {
     for asked in [Signal::TERM, Signal::HUP] {
         let mut running = Running::start("asked");
         signal(running.supervisor.id(), asked);
-        let said = running.expect_end(0);
+        let said = running.expect_orderly_end();
         let steps = ["control-proc: asked to end", "control-proc: ended", "ident-proc: asked to end"];
         let places = steps.map(|step| said.stderr.find(step).unwrap_or_else(|| panic!("{step}: {}", said.stderr)));
         assert!(places.is_sorted(), "{}", said.stderr);
@@ -281,7 +281,7 @@ fn a_stage_that_ends_well_before_its_time_starts_again() {
     let arguments = ["run", "--prefix", &group.prefix.to_string(), "--duration", "2s", "--set", &early];
     let output = hydraxis().args(arguments).output().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success(), "{said}");
+    assert!(is_orderly(output.status, &said), "{said}");
     assert!(said.contains("ident-proc ended before its time; starts again in 0.2 s"), "{said}");
 }
 
@@ -298,7 +298,7 @@ fn lines_of_the_stages_are_whole_and_go_to_a_file_too() {
         .output()
         .unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success(), "{said}");
+    assert!(is_orderly(output.status, &said), "{said}");
     // After that the shell itself may write a message about its killed child.
     let before = said.lines().take_while(|line| *line != "ident-proc: asked to end");
     let talked: Vec<&str> = before.filter_map(|line| line.strip_prefix("ident-proc | ")).collect();
@@ -327,7 +327,7 @@ fn a_flood_of_unread_lines_delays_no_stage() {
     );
     // The pipe of standard error is full within milliseconds. It is read only after the stages have ended.
     wait_for("the stages' end", || running.none_runs().then_some(()));
-    let said = running.expect_end(0);
+    let said = running.expect_orderly_end();
     assert!(said.stderr.contains("ident-proc | a line that nobody reads\n"));
     assert!(said.stderr.contains(" lines left out: "));
 }

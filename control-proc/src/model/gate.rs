@@ -15,9 +15,9 @@
 //!
 //! Each snapshot is judged once; its flags stay until the next one. The classical model is used until the adaptive
 //! model has predicted better, and in the place of an adaptive model that is refused; but never in the place of a grey
-//! box, which starts from a commissioned model. While the last approved model is
-//! fresh, a refusal changes nothing, except for [`Refusal::Worse`]: a model that predicts worse has become so
-//! gradually, hence the one before it is no better.
+//! box, which starts from a commissioned model. While the last approved model is fresh, a refusal changes nothing,
+//! except for [`Refusal::Worse`]: a model that predicts worse has become so gradually, hence the one before it is no
+//! better.
 
 use std::time::Duration;
 

@@ -34,7 +34,7 @@ fn a_value_has_its_origin_from_the_strongest_source_to_the_weakest() {
     let (value, origin) = value_and_origin(EXCAVATOR, &["--model", "model.toml"], "axis.boom.commissioned.dead_time");
     assert_eq!((value.as_str(), &origin["from"], &origin["line"]), ("0.02", &"model-file".into(), &2.into()));
     let (value, origin) = value_and_origin(EXCAVATOR, &[], "axis.boom.identification.split");
-    assert_eq!((value.as_str(), &origin["from"]), ("als", &Value::from("default")));
+    assert_eq!((value.as_str(), &origin["from"]), ("\"als\"", &Value::from("default")));
 }
 
 #[test]

@@ -62,7 +62,10 @@ pub fn with_scenarios(examples: &str) -> String {
     let scenarios = Scenario::built_in();
     let width = scenarios.iter().map(|scenario| scenario.name.len()).max().unwrap_or_default();
     let lines = scenarios.iter().map(|scenario| format!("\n  {:width$}  {}", scenario.name, scenario.summary));
-    format!("{examples}\n\nScenarios:{}", lines.collect::<String>())
+    format!(
+        "{examples}\n\nScenarios; a machine file may have its own in their place, as the built-in excavator has:{}",
+        lines.collect::<String>()
+    )
 }
 
 /// Reads a machine file and replaces values as the user asked.

@@ -1,7 +1,7 @@
 //! The report of `run` and `simulate` as tables for people: axes, stages, latencies, and lines about what was unusual.
 
 use pipeline::{
-    machine::{Axis, IdentifiedOutput, Machine},
+    machine::{Axis, IdentifiedOutput, Machine, Source},
     stage::StageKind,
 };
 
@@ -129,8 +129,13 @@ impl LoopReport {
         let line = |axis: &Axis| {
             let ticks = axis.identification.training as u64;
             let training = number(ticks as f64 * machine.timing.period.as_secs_f64());
-            let why = if self.axes[&axis.name].latch.is_some() {
+            let report = &self.axes[&axis.name];
+            let has_followed = report.tracking.count > 0 || machine.source != Source::Sim;
+            let why = if report.latch.is_some() {
                 "a fault latched the axis before it had moved enough to be identified".to_owned()
+            } else if self.ticks > ticks && !has_followed {
+                "the axis has not followed its reference: it was not armed, or never had 0.2 s of healthy samples"
+                    .to_owned()
             } else if self.ticks > ticks {
                 format!("the axis moved too little in the {training} s of its training; let it move more")
             } else {

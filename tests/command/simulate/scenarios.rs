@@ -94,3 +94,11 @@ fn a_run_that_ends_with_latched_axes_says_so_first_and_fails() {
     }
     assert_eq!(report(&["simulate", "--duration", "3s"])["axes"]["boom"].get("latch"), None);
 }
+
+#[test]
+fn an_axis_that_never_had_healthy_samples_is_told() {
+    let noise = ["simulate", "--set", "axis.boom.plant.encoder_noise=0.02", "--duration", "20s"];
+    let tables = success(tempfile::tempdir().unwrap().path(), &noise);
+    let hint = "boom: no model yet: the axis has not followed its reference: it was not armed, or never had 0.2 s of";
+    assert!(tables.contains(hint) && !tables.contains("arm: no model yet"), "{tables}");
+}

@@ -1,4 +1,4 @@
-//! Running statistics of an error, small enough to travel in a message.
+//! Running statistics: of an error, small enough to travel in a message, and of an axis that holds a set point.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -70,6 +70,55 @@ impl ErrorStatistics {
     /// Root mean square, NaN without values.
     pub fn rmse(&self) -> f64 {
         (self.m2 / self.count as f64 + self.mean * self.mean).sqrt()
+    }
+}
+
+/// What an axis does while its reference stands.
+#[derive(Debug, Clone, Default)]
+pub struct HoldStatistics {
+    /// Ticks that were watched.
+    pub ticks: u64,
+    /// Changes of the command's direction: commands in the other direction than the last one that was not neutral.
+    pub reversals: u64,
+    /// Ticks with a neutral command.
+    neutral: u64,
+    /// Sign of the last command that was not neutral; 0 before.
+    direction: f64,
+    /// Least error, m; 0 before the first tick.
+    pub lowest: f64,
+    /// Greatest error, m; 0 before the first tick.
+    pub highest: f64,
+}
+
+impl HoldStatistics {
+    /// Takes in the error (m) and the command of a tick.
+    pub fn push(&mut self, error: f64, command: f64) {
+        if self.ticks == 0 {
+            (self.lowest, self.highest) = (error, error);
+        }
+        self.ticks += 1;
+        (self.lowest, self.highest) = (self.lowest.min(error), self.highest.max(error));
+        if command == 0.0 {
+            self.neutral += 1;
+        } else {
+            self.reversals += u64::from(self.direction * command < 0.0);
+            self.direction = command.signum();
+        }
+    }
+
+    /// Part of the ticks with a neutral command; 0 before the first tick.
+    pub fn neutral(&self) -> f64 {
+        self.neutral as f64 / self.ticks.max(1) as f64
+    }
+
+    /// Largest magnitude of the error, m.
+    pub fn largest(&self) -> f64 {
+        self.lowest.abs().max(self.highest.abs())
+    }
+
+    /// Travel from one end to the other, m.
+    pub fn travel(&self) -> f64 {
+        self.highest - self.lowest
     }
 }
 

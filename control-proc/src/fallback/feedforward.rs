@@ -32,7 +32,7 @@ pub struct Feedforward {
 impl Feedforward {
     /// Feed-forward by `model`, for a command every `period` s.
     pub fn new(model: &Commissioned, period: f64) -> Self {
-        Self { model: model.clone(), period, lead: (model.dead_time + model.time_constant) / period }
+        Self { model: model.clone(), period, lead: model.reaction() / period }
     }
 
     /// Number of coming ticks whose references are used.

@@ -81,7 +81,7 @@ impl Predictive {
 
     /// Forgets the noise: there has been no model.
     pub fn reset(&mut self) {
-        self.noise = Noise::new(self.plan.spring_time / self.period);
+        self.noise.reset();
         self.unsolved_in_a_row = 0;
     }
 

@@ -53,6 +53,11 @@ impl Noise {
         Self { spring_time, older: [0.0; 2], taken: 0 }
     }
 
+    /// Forgets the noise.
+    pub fn reset(&mut self) {
+        *self = Self::new(self.spring_time);
+    }
+
     /// x and e of the past; `ramp` is that of the model's step response. `commands` holds u(k-1), u(k-2), .. for the
     /// outputs y(k), y(k-1), .. of the history. `None` for values that are not finite.
     pub fn past(&mut self, model: &Coefficients, ramp: Ramp, history: &History, commands: &[f64]) -> Option<Past> {
@@ -78,7 +83,7 @@ impl Noise {
         let [one, two] = (0..AGAIN).rev().fold(older, further);
         let coming = [t_1 * one + t_2 * two, t_2 * one];
         if !coming.iter().all(|noise| noise.is_finite()) {
-            *self = Self::new(self.spring_time);
+            self.reset();
             return None;
         }
         *self = Self { older, taken: count, ..*self };

@@ -46,7 +46,7 @@ pub struct EndStops {
 impl EndStops {
     /// The end stops at the soft limits of `axis`.
     pub fn new(axis: &Axis) -> Self {
-        let found = axis.commissioned.as_ref().map_or(0.0, |model| REACTIONS * (model.dead_time + model.time_constant));
+        let found = axis.commissioned.as_ref().map_or(0.0, |model| REACTIONS * model.reaction());
         Self {
             limits: axis.soft_limits,
             control: axis.control,

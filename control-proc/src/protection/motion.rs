@@ -17,11 +17,11 @@
 
 use std::time::Duration;
 
-use pipeline::machine::{Axis, Timing, samples_of};
+use pipeline::machine::{Axis, DeadBand, Timing, samples_of};
 
 /// Command beyond the dead band from which on a position that stands still is a fault in time. The calibration is a
 /// little low on purpose, and just above the dead band the axis may creep below the resolution of the encoder.
-const STUCK_MARGIN: f64 = 0.05;
+pub const STUCK_MARGIN: f64 = 0.05;
 /// Command beyond the dead band from which on an axis that hardly moves is a fault. A dead band that has grown by half,
 /// friction and hysteresis are within this margin.
 const STALL_MARGIN: f64 = 0.1;
@@ -31,6 +31,16 @@ pub const STALL_TIME: Duration = Duration::from_millis(400);
 const HARDLY_MOVING: f64 = 0.005;
 /// Counts of the encoder that are no motion.
 const NOISE_COUNTS: f64 = 5.0;
+
+/// d: the calibrated or the commissioned dead band, whichever is wider. The fallback compensates a little less than the
+/// valve's dead band, or none of it.
+pub fn widest_dead_band(axis: &Axis) -> DeadBand {
+    let calibrated = axis.control.dead_band;
+    axis.commissioned.as_ref().map_or(calibrated, |model| DeadBand {
+        extend: calibrated.extend.max(model.dead_band.extend),
+        retract: calibrated.retract.max(model.dead_band.retract),
+    })
+}
 
 /// An axis that is driven and does not move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,13 +82,11 @@ impl Motion {
     /// As the machine file sets it for `axis`.
     pub fn new(axis: &Axis, timing: &Timing) -> Self {
         let ticks = |duration| samples_of(duration, timing.period).max(1) as u64;
-        let control = &axis.control;
-        // The fallback compensates a little less than the valve's dead band, or none of it.
-        let found = axis.commissioned.as_ref().map_or(control.dead_band, |commissioned| commissioned.dead_band);
+        let dead_band = widest_dead_band(axis);
         // The motion cannot show before the dead time.
         let dead_time = axis.identification.structure.nk as u64;
         Self {
-            dead_band: (control.dead_band.retract.max(found.retract), control.dead_band.extend.max(found.extend)),
+            dead_band: (dead_band.retract, dead_band.extend),
             still_ticks: ticks(axis.encoder.stuck_after),
             stuck_ticks: (ticks(axis.encoder.stuck_after) + dead_time) as f64,
             stall_ticks: ticks(STALL_TIME) + dead_time,

@@ -19,13 +19,13 @@
 //! position that does not change is a fault in time ([`crate::protection::motion`]), so the command rises there by at
 //! least 0.03 in a second.
 
-use pipeline::machine::Axis;
+use pipeline::machine::{Axis, DeadBand};
+
+use crate::protection::motion::{STUCK_MARGIN, widest_dead_band};
 
 /// Command beyond the dead band up to which a pulse rises.
 const HIGHEST: f64 = 0.075;
-/// Command beyond the dead band from which on a pulse must not last: a position that stands still becomes a fault.
-const HASTY: f64 = 0.05;
-/// Least rise of the command there, 1/s: it takes 0.8 s to the highest command.
+/// Least rise of the command beyond [`STUCK_MARGIN`], 1/s: it takes 0.8 s to the highest command.
 const HASTE: f64 = 0.03;
 /// Multiple of L for which the highest command waits for the axis to move.
 const PATIENCE: f64 = 1.5;
@@ -125,30 +125,27 @@ pub struct Pulses {
 impl Pulses {
     /// For an axis whose e_rest is `bound` and whose noise is less than `motion`, m; `period` in s.
     pub fn new(axis: &Axis, bound: f64, motion: f64, period: f64) -> Self {
-        let (control, found) = (&axis.control, axis.commissioned.as_ref());
+        let found = axis.commissioned.as_ref();
         let delay = match found {
-            Some(found) => found.dead_time + found.time_constant,
+            Some(model) => model.reaction(),
             None => axis.identification.structure.nk as f64 * period + UNKNOWN_LAG,
         };
-        let direction = |sign: f64| {
-            let of = |dead_band: pipeline::machine::DeadBand| {
-                if sign < 0.0 { dead_band.retract } else { dead_band.extend }
-            };
-            let calibrated = of(control.dead_band);
-            let whole = axis.max_speed / (control.command_limit - calibrated).max(SMALL);
-            let (dead_band, slope) = found.map_or((calibrated, whole), |found| {
-                let d = of(found.dead_band);
-                (d.max(calibrated), found.speed(sign * (d + SMALL)).abs() / SMALL)
-            });
-            Direction { dead_band, slope, learned: 1.0, breakaway: None }
+        let slopes = found.map(|model| {
+            let DeadBand { extend, retract } = model.dead_band;
+            [-model.speed(-retract - SMALL), model.speed(extend + SMALL)].map(|speed| speed / SMALL)
+        });
+        let direction = |side: usize, dead_band: f64| {
+            let whole = axis.max_speed / (axis.control.command_limit - dead_band).max(SMALL);
+            Direction { dead_band, slope: slopes.map_or(whole, |slopes| slopes[side]), learned: 1.0, breakaway: None }
         };
+        let DeadBand { extend, retract } = widest_dead_band(axis);
         Self {
             period,
             delay: delay.max(period),
             bound,
             motion,
-            retract: direction(-1.0),
-            extend: direction(1.0),
+            retract: direction(0, retract),
+            extend: direction(1, extend),
             pulse: None,
             last: None,
         }
@@ -213,7 +210,7 @@ impl Pulses {
         if pulse.level >= direction.dead_band + HIGHEST {
             pulse.at_highest = pulse.at_highest.saturating_add(1);
         } else if toward < 0.5 * left / delay {
-            let is_hasty = !pulse.moves && pulse.level > direction.dead_band + HASTY;
+            let is_hasty = !pulse.moves && pulse.level > direction.dead_band + STUCK_MARGIN;
             let rate = if is_hasty { pulse.rate.max(HASTE) } else { pulse.rate };
             pulse.level = (pulse.level + rate * period).min(direction.dead_band + HIGHEST);
         }

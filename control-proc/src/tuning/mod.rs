@@ -94,7 +94,7 @@ impl Baseline {
         let control = self.untuned(&axis.control, bench.model);
         // For a linear loop with the gain of the steepest piece the grid begins far below the gain that the delay
         // allows.
-        let start = FIRST_GAIN / (bench.steepest() * (bench.model.dead_time + bench.model.time_constant + period));
+        let start = FIRST_GAIN / (bench.steepest() * (bench.model.reaction() + period));
         let mut best = (bench.rated(&control), control);
         let mut consider = |kp: f64, ki: f64| {
             let candidate = Control { kp, ki, ..control };

@@ -136,7 +136,7 @@ fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Contro
     let period = machine.timing.period.as_secs_f64();
     let axis = Axis { commissioned: Some(model.clone()), ..machine.axes[index].clone() };
     // Feed-forward must not look further ahead than the longest preview.
-    let is_near = model.dead_time + model.time_constant <= MAX_DELAY as f64 * period;
+    let is_near = model.reaction() <= MAX_DELAY as f64 * period;
     let baseline = if is_near { Baseline::Feedforward } else { Baseline::DeadBand };
     baseline.tuned(index, &axis, period)
 }

@@ -7,7 +7,10 @@
 
 use std::sync::OnceLock;
 
-use pipeline::machine::{ModelChoice, ReferenceSource, Scenario};
+use pipeline::{
+    machine::{ModelChoice, ReferenceSource, Scenario},
+    statistics::HoldStatistics,
+};
 
 use super::{ClosedLoop, machine, scenarios};
 
@@ -24,7 +27,7 @@ const CYCLE: f64 = 0.5e-3;
 /// Least share of the time for which the command is neutral.
 const LEAST_NEUTRAL: f64 = 0.9;
 /// Most changes of the command's direction.
-const MOST_REVERSALS: usize = 6;
+const MOST_REVERSALS: u64 = 6;
 
 /// To and fro about the middle, 0.15 m either way at most, then a little away from it for good.
 fn moves((low, high): (f64, f64)) -> ReferenceSource {
@@ -78,7 +81,7 @@ fn hold(scenario: &Scenario, model: ModelChoice) -> Vec<Run> {
     while (closed.tick as f64) < (SETTLED + WATCHED) / period {
         let command = closed.tick(None);
         for (i, seen) in seen.iter_mut().enumerate() {
-            seen.take(closed.plant.axes()[i].position - set_points[i], command.axes[i].command);
+            seen.0.push(closed.plant.axes()[i].position - set_points[i], command.axes[i].command);
         }
     }
     let runs = names.into_iter().zip(seen).map(|(axis, seen)| Run { scenario: scenario.name.clone(), axis, seen });
@@ -87,53 +90,29 @@ fn hold(scenario: &Scenario, model: ModelChoice) -> Vec<Run> {
     runs
 }
 
-/// Motion and commands of an axis at standstill.
+/// Motion and commands of an axis at standstill; the errors are position minus set point.
 #[derive(Clone, Default)]
-struct Seen {
-    ticks: usize,
-    neutral: usize,
-    reversals: usize,
-    /// Sign of the last command that was not neutral; 0 before.
-    direction: f64,
-    /// Least position minus set point, m.
-    lowest: f64,
-    /// Greatest position minus set point, m.
-    highest: f64,
-}
+struct Seen(HoldStatistics);
 
 impl Seen {
-    fn take(&mut self, error: f64, command: f64) {
-        if self.ticks == 0 {
-            (self.lowest, self.highest) = (error, error);
-        }
-        self.ticks += 1;
-        (self.lowest, self.highest) = (self.lowest.min(error), self.highest.max(error));
-        if command == 0.0 {
-            self.neutral += 1;
-        } else {
-            self.reversals += usize::from(self.direction * command < 0.0);
-            self.direction = command.signum();
-        }
-    }
-
     fn is_near(&self) -> bool {
-        self.lowest.abs().max(self.highest.abs()) <= NEAR
+        self.0.largest() <= NEAR
     }
 
     fn is_steady(&self) -> bool {
         self.is_near()
-            && self.highest - self.lowest <= 2.0 * CYCLE
-            && self.neutral as f64 >= LEAST_NEUTRAL * self.ticks as f64
-            && self.reversals <= MOST_REVERSALS
+            && self.0.travel() <= 2.0 * CYCLE
+            && self.0.neutral() >= LEAST_NEUTRAL
+            && self.0.reversals <= MOST_REVERSALS
     }
 
     fn told(&self) -> String {
         format!(
             "{:.2} to {:.2} mm from the set point, neutral {:.1} % of the time, {} reversals",
-            self.lowest * 1e3,
-            self.highest * 1e3,
-            100.0 * self.neutral as f64 / self.ticks as f64,
-            self.reversals
+            self.0.lowest * 1e3,
+            self.0.highest * 1e3,
+            100.0 * self.0.neutral(),
+            self.0.reversals
         )
     }
 }

@@ -160,6 +160,11 @@ impl Commissioned {
         Structure { nk: self.delay(period), order: knots.len(), input, ..structure }
     }
 
+    /// t_d + tau, s: time from a command to most of its motion.
+    pub fn reaction(&self) -> f64 {
+        self.dead_time + self.time_constant
+    }
+
     /// c(x), m/s.
     pub fn speed(&self, x: f64) -> f64 {
         if x > self.dead_band.extend {

@@ -103,9 +103,9 @@ fn read_feedforward(section: &mut Section, name: &str, commissioned: Option<&Com
             format!("true without [axis.{name}.commissioned]"),
             "false, or a commissioned model: `--model MODEL.toml`, as `hydraxis commission` writes it",
         ),
-        Some(model) if model.dead_time + model.time_constant > longest => section.refuse(
+        Some(model) if model.reaction() > longest => section.refuse(
             "feedforward",
-            format!("true with dead_time + time_constant of {} s", model.dead_time + model.time_constant),
+            format!("true with dead_time + time_constant of {} s", model.reaction()),
             format!("false, or up to {MAX_DELAY} periods, {longest} s"),
         ),
         Some(_) => {}

@@ -147,7 +147,7 @@ impl PlanSettings {
 
     /// The plan of an axis with this commissioned model, or without one; `period` in s.
     pub fn plan(&self, commissioned: Option<&Commissioned>, period: f64) -> Plan {
-        let delay = commissioned.map(|model| model.dead_time + model.time_constant);
+        let delay = commissioned.map(Commissioned::reaction);
         let reach = delay.map_or(LONGEST_REACH, |delay| LONGEST_REACH.min(REACH * delay));
         let steps = |length: f64| (length / period).round() as usize;
         // Horizon and moves that are given without a step count samples.

@@ -15,16 +15,18 @@ use pipeline::{
 };
 
 use super::{
-    super::super::{
-        commission::{SimulatedError, commission_axis, is_poor, model_text},
-        simulate::closed_loop,
-    },
     hold::Hold,
     machine_file::{AXIS, SCENARIO, machine},
     rig::Rig,
     task::{BEGIN, Task, WATCHED},
 };
-use crate::failure::Failure;
+use crate::{
+    command::{
+        commission::{SimulatedError, commission_axis, is_poor, model_text},
+        simulate::closed_loop,
+    },
+    failure::Failure,
+};
 
 /// Seed of the noise of the encoder while the tasks are driven. That of commissioning is the default of `commission`.
 const DRIVING_SEED: u64 = 2;
@@ -87,23 +89,22 @@ pub struct Run {
 /// # Errors
 /// The machine cannot be simulated or controlled: an error of this program.
 pub fn drive(rig: &Rig) -> Result<Outcome, Failure> {
+    Ok(Outcome { rig: rig.clone(), result: commissioned_and_driven(rig)? })
+}
+
+fn commissioned_and_driven(rig: &Rig) -> Result<Result<Driven, Refusal>, Failure> {
     let still = machine(rig, Task::Sines, &[])?;
-    let result = match commission(&still) {
-        Ok(model) => {
-            let text = model_text(&still, std::iter::once((0, &model)));
-            let settings = model_settings_in(&text, "model file")?;
-            match machine(rig, Task::Sines, &settings) {
-                Ok(commissioned) => {
-                    let is_chosen = commissioned.axes[0].control.model == ModelChoice::Adaptive;
-                    let tasks = Task::ALL.iter().map(|task| pair(rig, *task, &settings)).collect::<Result<_, _>>()?;
-                    Ok(Driven { model, is_chosen, tasks })
-                }
-                Err(error) => Err(Refusal { reason: "model file", message: error.to_string() }),
-            }
-        }
-        Err(refusal) => Err(refusal),
+    let model = match commission(&still) {
+        Ok(model) => model,
+        Err(refusal) => return Ok(Err(refusal)),
     };
-    Ok(Outcome { rig: rig.clone(), result })
+    let settings = model_settings_in(&model_text(&still, std::iter::once((0, &model))), "model file")?;
+    let is_chosen = match machine(rig, Task::Sines, &settings) {
+        Ok(commissioned) => commissioned.axes[0].control.model == ModelChoice::Adaptive,
+        Err(error) => return Ok(Err(Refusal { reason: "model file", message: error.to_string() })),
+    };
+    let tasks = Task::ALL.iter().map(|task| pair(rig, *task, &settings)).collect::<Result<_, _>>()?;
+    Ok(Ok(Driven { model, is_chosen, tasks }))
 }
 
 fn commission(machine: &Machine) -> Result<Commissioned, Refusal> {
@@ -167,7 +168,7 @@ fn run(machine: &Machine, task: Task) -> Result<Run, Failure> {
         run.error.push(error);
         run.by_model += u64::from(command.mode == ControlMode::Model as u32);
         if task == Task::Hold && time >= WATCHED.0 {
-            run.hold.push(error, command.command);
+            run.hold.seen.push(error, command.command);
         }
         Ok(())
     })?;

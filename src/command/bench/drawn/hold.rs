@@ -8,6 +8,8 @@
 //! e reference minus position m. A reversal is a command in the other direction than the last one that was not neutral.
 //! Trap: an axis that creeps and is put back now and then, always the same way, does not cycle.
 
+use pipeline::statistics::HoldStatistics;
+
 /// Largest error of a steady axis, m and counts.
 const NEAR: (f64, f64) = (1e-3, 3.0);
 /// Half of the travel to and fro that is no limit cycle, m and counts.
@@ -22,18 +24,8 @@ const LEAST_NEUTRAL: f64 = 0.9;
 pub struct Hold {
     /// m per count.
     resolution: f64,
-    /// Ticks that were watched.
-    ticks: u64,
-    /// Those with a neutral command.
-    neutral: u64,
-    /// Changes of the direction of the command.
-    pub reversals: u64,
-    /// Sign of the last command that was not neutral; 0 before.
-    direction: f64,
-    /// Least error, m.
-    lowest: f64,
-    /// Greatest error, m.
-    highest: f64,
+    /// What was seen.
+    pub seen: HoldStatistics,
 }
 
 impl Hold {
@@ -42,46 +34,21 @@ impl Hold {
         Self { resolution, ..Self::default() }
     }
 
-    /// Takes in a tick.
-    pub fn push(&mut self, error: f64, command: f64) {
-        if self.ticks == 0 {
-            (self.lowest, self.highest) = (error, error);
-        }
-        self.ticks += 1;
-        (self.lowest, self.highest) = (self.lowest.min(error), self.highest.max(error));
-        if command == 0.0 {
-            self.neutral += 1;
-        } else {
-            self.reversals += u64::from(self.direction * command < 0.0);
-            self.direction = command.signum();
-        }
-    }
-
     /// Whether there was anything to see.
     pub fn is_watched(&self) -> bool {
-        self.ticks > 0
-    }
-
-    /// Part of the ticks with a neutral command.
-    pub fn neutral(&self) -> f64 {
-        self.neutral as f64 / self.ticks.max(1) as f64
-    }
-
-    /// Largest magnitude of the error, m.
-    pub fn largest(&self) -> f64 {
-        self.lowest.abs().max(self.highest.abs())
+        self.seen.ticks > 0
     }
 
     /// Whether the axis kept to its set point, quietly.
     pub fn is_steady(&self) -> bool {
-        self.largest() <= NEAR.0.max(NEAR.1 * self.resolution)
-            && self.reversals <= MOST_REVERSALS
-            && self.neutral() >= LEAST_NEUTRAL
+        self.seen.largest() <= NEAR.0.max(NEAR.1 * self.resolution)
+            && self.seen.reversals <= MOST_REVERSALS
+            && self.seen.neutral() >= LEAST_NEUTRAL
     }
 
     /// Whether the axis went to and fro.
     pub fn is_cycling(&self) -> bool {
-        self.reversals > MOST_REVERSALS && 0.5 * (self.highest - self.lowest) > CYCLE.0.max(CYCLE.1 * self.resolution)
+        self.seen.reversals > MOST_REVERSALS && 0.5 * self.seen.travel() > CYCLE.0.max(CYCLE.1 * self.resolution)
     }
 }
 
@@ -91,14 +58,14 @@ mod tests {
 
     fn held(errors: impl Iterator<Item = (f64, f64)>) -> Hold {
         let mut hold = Hold::new(1e-4);
-        errors.for_each(|(error, command)| hold.push(error, command));
+        errors.for_each(|(error, command)| hold.seen.push(error, command));
         hold
     }
 
     #[test]
     fn an_axis_at_rest_near_its_set_point_is_steady() {
         let hold = held((0..1000).map(|_| (0.9e-3, 0.0)));
-        assert!(hold.is_steady() && !hold.is_cycling() && hold.neutral() == 1.0);
+        assert!(hold.is_steady() && !hold.is_cycling() && hold.seen.neutral() == 1.0);
         assert!(!held((0..1000).map(|_| (-1.1e-3, 0.0))).is_steady());
     }
 
@@ -112,8 +79,8 @@ mod tests {
         };
         assert!(swing(0.8e-3).is_cycling() && !swing(0.8e-3).is_steady());
         assert!(!swing(0.4e-3).is_cycling() && !swing(0.4e-3).is_steady());
-        assert_eq!(swing(0.8e-3).reversals, 31);
+        assert_eq!(swing(0.8e-3).seen.reversals, 31);
         let creep = held((0..1000).map(|i| (0.9e-3 * f64::from(i % 100) / 100.0, f64::from(u8::from(i % 100 < 5)))));
-        assert!(creep.is_steady() && creep.reversals == 0);
+        assert!(creep.is_steady() && creep.seen.reversals == 0);
     }
 }

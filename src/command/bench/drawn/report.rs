@@ -9,7 +9,7 @@
 
 use std::collections::BTreeMap;
 
-use pipeline::message::control_flag;
+use pipeline::message::{bit_names, control_flag};
 use serde::Serialize;
 
 use super::{
@@ -397,16 +397,15 @@ impl MachineRow {
 
 impl RunRow {
     fn new(run: &Run) -> Self {
-        let names = control_flag::NAMES.iter().enumerate();
         Self {
             rms_m: run.error.rmse(),
             max_m: run.error.max,
             by_model: run.by_model as f64 / run.error.count.max(1) as f64,
-            latched: names.filter(|(bit, _)| run.latched & (1 << bit) != 0).map(|(_, name)| *name).collect(),
+            latched: bit_names(run.latched, &control_flag::NAMES).collect(),
             hold: run.hold.is_watched().then(|| HoldRow {
-                largest_m: run.hold.largest(),
-                reversals: run.hold.reversals,
-                neutral: run.hold.neutral(),
+                largest_m: run.hold.seen.largest(),
+                reversals: run.hold.seen.reversals,
+                neutral: run.hold.seen.neutral(),
                 is_steady: run.hold.is_steady(),
                 is_cycling: run.hold.is_cycling(),
             }),

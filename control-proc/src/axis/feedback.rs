@@ -5,6 +5,7 @@
 //! by a straight line ([`History::push_output`]).
 
 use pipeline::{
+    hammerstein::Play,
     machine::{Axis, Timing, samples_of},
     message::{AxisSample, sample_fault},
 };
@@ -49,6 +50,8 @@ pub struct Feedback {
     /// How many of the blind ticks the model has filled.
     bridged: u64,
     motion: Motion,
+    /// The history holds the commands that act behind it.
+    play: Play,
 }
 
 impl Feedback {
@@ -63,6 +66,7 @@ impl Feedback {
             blind: 0,
             bridged: 0,
             motion: Motion::new(axis, timing),
+            play: Play::new(axis.commissioned.as_ref().map_or(0.0, |model| model.hysteresis)),
         }
     }
 
@@ -111,6 +115,7 @@ impl Feedback {
 
     /// Takes in the command that was sent.
     pub fn push_command(&mut self, command: f64) {
+        let command = self.play.acting(command);
         if let Some(history) = &mut self.history {
             history.push_command(command);
         }

@@ -3,7 +3,7 @@
 mod figures;
 
 use pipeline::{
-    hammerstein::Coefficients,
+    hammerstein::{Coefficients, Play},
     machine::{Commissioned, Identification, IdentifiedOutput},
     message::{AxisSnapshot, model_fault},
 };
@@ -41,6 +41,8 @@ use crate::{
 #[derive(Debug, Clone)]
 pub struct Identifier {
     settings: Identification,
+    /// Commands go through the play of the valve that was commissioned.
+    play: Play,
     past: Past,
     gate: OutlierGate,
     rest: RestDetection,
@@ -70,6 +72,7 @@ impl Identifier {
         let past = Past::new(settings, row);
         Self {
             settings: settings.clone(),
+            play: Play::new(commissioned.map_or(0.0, |model| model.hysteresis)),
             gate: OutlierGate::default(),
             rest: RestDetection::new(settings.horizon),
             training: Training::new(settings, row),
@@ -91,7 +94,10 @@ impl Identifier {
         self.figures.begin_sample();
         self.faults.begin_sample();
         match applied.filter(|u| u.is_finite()) {
-            Some(u) => self.take_command(u),
+            Some(u) => {
+                let acting = self.play.acting(u);
+                self.take_command(acting);
+            }
             None => {
                 self.past.interrupt_commands();
                 self.interrupt();

@@ -16,6 +16,7 @@
 //! | `coefficients` | the model itself, and its predictions |
 //! | `input`, `nonlinearity` | dead band and basis; N(u) |
 //! | `inverse` | the command that gives a value of N |
+//! | `play` | the command that acts behind a hysteresis |
 //! | `poles` | where the poles of 1/A lie |
 //!
 //! All of this runs in the loops of identification and control and allocates nothing.
@@ -27,12 +28,14 @@ mod coefficients;
 mod input;
 mod inverse;
 mod nonlinearity;
+mod play;
 mod poles;
 mod structure;
 
 pub use coefficients::Coefficients;
 pub use input::{Basis, InputMap};
 pub use nonlinearity::Nonlinearity;
+pub use play::Play;
 pub use poles::poles_within;
 pub use structure::Structure;
 

@@ -53,7 +53,7 @@ impl AxisController {
         let (wanted, by) = match Commander::choose(admission.command, stand) {
             Commander::Rest(by) => (0.0, by),
             Commander::Creep(command, by) => (limits.apply(command, last.command), by),
-            Commander::Predictive(command) => (self.predict(command, &last, &limits), ControlMode::Model),
+            Commander::Predictive(command) => (command, ControlMode::Model),
             Commander::Fallback => (self.fall_back(&last, deviation.error, &limits), ControlMode::Fallback),
         };
         let command = self.protection.end_stops().apply(wanted, position, self.feedback.speed(), true);
@@ -83,14 +83,6 @@ impl AxisController {
             return Err(control_flag::SOLVER);
         }
         Ok(command.map_or(ModelAnswer::NoCommand, ModelAnswer::Command))
-    }
-
-    /// The command that makes `acting` act behind the hysteresis of the valve.
-    fn predict(&mut self, acting: f64, last: &Decision, limits: &Limits) -> f64 {
-        if last.by != ControlMode::Model {
-            self.hysteresis.reset();
-        }
-        limits.apply(self.hysteresis.update(acting), last.command)
     }
 
     /// The command of the fallback at an error of `error` m.

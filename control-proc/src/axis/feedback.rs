@@ -5,7 +5,6 @@
 //! by a straight line ([`History::push_output`]).
 
 use pipeline::{
-    hammerstein::Play,
     machine::{Axis, Timing, samples_of},
     message::{AxisSample, sample_fault},
 };
@@ -50,8 +49,6 @@ pub struct Feedback {
     /// How many of the blind ticks the model has filled.
     bridged: u64,
     motion: Motion,
-    /// The history holds the commands that act behind it.
-    play: Play,
 }
 
 impl Feedback {
@@ -66,7 +63,6 @@ impl Feedback {
             blind: 0,
             bridged: 0,
             motion: Motion::new(axis, timing),
-            play: Play::new(axis.commissioned.as_ref().map_or(0.0, |model| model.hysteresis)),
         }
     }
 
@@ -115,7 +111,6 @@ impl Feedback {
 
     /// Takes in the command that was sent.
     pub fn push_command(&mut self, command: f64) {
-        let command = self.play.acting(command);
         if let Some(history) = &mut self.history {
             history.push_command(command);
         }

@@ -59,7 +59,7 @@ use pipeline::{
 };
 
 use crate::{
-    fallback::{Fallback, hysteresis::Hysteresis},
+    fallback::Fallback,
     model::gate::Gate,
     predictive::Predictive,
     protection::Protection,
@@ -104,8 +104,6 @@ pub struct AxisController {
     predictive: Predictive,
     fallback: Fallback,
     standstill: Standstill,
-    /// Inverse of the valve's, for the predictive controller.
-    hysteresis: Hysteresis,
     protection: Protection,
     tracking: Tracking,
     /// Of the last tick: its command is on the valve.
@@ -134,8 +132,7 @@ impl AxisController {
             predictive: Predictive::new(plan, axis.soft_limits, period),
             fallback,
             standstill: Standstill::new(axis, period),
-            hysteresis: Hysteresis::new(axis.commissioned.as_ref().map_or(0.0, |model| model.hysteresis)),
-                    protection: Protection::new(axis, period),
+            protection: Protection::new(axis, period),
             tracking: Tracking::default(),
             decision: Decision::neutral(0.0, control_flag::DISARMED),
         }

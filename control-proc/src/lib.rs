@@ -10,6 +10,7 @@
 //! | [`model`] | which identified model may be used, and what it predicts |
 //! | [`mod@reference`] | the reference of this tick and of the coming ticks |
 //! | [`predictive`] | generalised predictive control on the identified model, with its quadratic programme |
+//! | [`smith`] | Smith predictor on the commissioned model, with the adapted curve |
 //! | [`fallback`] | PI controller with dead-band compensation and feed-forward |
 //! | [`standstill`] | rest at the set point, and the last millimetres to it |
 //! | [`protection`] | limits of the command, soft end stops, following error, motion |
@@ -35,6 +36,7 @@ pub mod predictive;
 pub mod process;
 pub mod protection;
 pub mod reference;
+pub mod smith;
 pub mod standstill;
 
 pub mod trajectory_file;

@@ -44,10 +44,17 @@ impl AxisController {
             return Err(control_flag::FOLLOWING);
         }
 
-        let answer = self.plan(input.sequence, &limits)?;
+        if let Some(smith) = &mut self.smith {
+            smith.observe(input.elapsed, position, last.command);
+        }
+        let answer = self.plan(input.sequence, &limits, &last)?;
         let admission = self.gate.admit(answer, &deviation, last.by == ControlMode::Model, at_limit);
 
-        let integrates = admission.command.is_some() || self.fallback.integrates();
+        let integrates = match (admission.command, &self.smith) {
+            (None, _) => self.fallback.integrates(),
+            (Some(_), Some(smith)) => smith.integrates(),
+            (Some(_), None) => true,
+        };
         let positions = self.references.positions();
         let stand = self.standstill.update(input.elapsed, deviation.error, positions, last.command, integrates);
         let (wanted, by) = match Commander::choose(admission.command, stand) {
@@ -71,13 +78,19 @@ impl AxisController {
         Ok(Decision { command, by, reference, error: deviation.error, flags })
     }
 
-    /// What the predictive controller answers with the usable model. It plans during probation too, so that it has an
+    /// What the controller by a model answers with the usable model. It plans during probation too, so that it has an
     /// estimate of the noise when it takes over.
-    fn plan(&mut self, sequence: u64, limits: &Limits) -> Result<ModelAnswer, u32> {
+    fn plan(&mut self, sequence: u64, limits: &Limits, last: &Decision) -> Result<ModelAnswer, u32> {
         let (Some(model), Some(history)) = (self.gate.model(sequence), self.feedback.history()) else {
             self.predictive.reset();
             return Ok(ModelAnswer::NoModel);
         };
+        if let Some(smith) = &mut self.smith {
+            smith.limit(limits.magnitude);
+            let goes_on = last.by == ControlMode::Model;
+            let command = smith.update(Some(&model), self.references.positions(), last.command, goes_on);
+            return Ok(command.map_or(ModelAnswer::NoCommand, ModelAnswer::Command));
+        }
         let command = self.predictive.update(&model, limits, history, self.references.positions());
         if self.predictive.unsolved_in_a_row() >= UNSOLVED_LIMIT {
             return Err(control_flag::SOLVER);
@@ -87,12 +100,12 @@ impl AxisController {
 
     /// The command of the fallback at an error of `error` m.
     fn fall_back(&mut self, last: &Decision, error: f64, limits: &Limits) -> f64 {
-        let positions = self.references.positions();
+        let forward = self.fallback.forward(self.references.positions());
         if last.is_handed_over() {
-            self.fallback.resume(last.command, error, positions);
+            self.fallback.resume(last.command, error, forward);
         }
         self.fallback.limit(limits.magnitude);
-        self.fallback.update(error, positions, last.command)
+        self.fallback.update(error, forward, last.command)
     }
 
     /// Puts the position that the model expects in the place of the missing one, so that the next plan has it.

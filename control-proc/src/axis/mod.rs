@@ -64,6 +64,7 @@ use crate::{
     predictive::Predictive,
     protection::Protection,
     reference::{References, generator::ReferenceGenerator},
+    smith::Smith,
     standstill::Standstill,
 };
 use command::Tracking;
@@ -102,6 +103,8 @@ pub struct AxisController {
     gate: Gate,
     references: References,
     predictive: Predictive,
+    /// In the place of the predictive controller, where the machine file says so.
+    smith: Option<Smith>,
     fallback: Fallback,
     standstill: Standstill,
     protection: Protection,
@@ -116,6 +119,7 @@ impl AxisController {
         let period = timing.period.as_secs_f64();
         let control = &axis.control;
         let fallback = Fallback::new(control, axis.commissioned.as_ref(), period);
+        let smith = Smith::of(axis, period);
         let plan = control.plan.plan(axis.commissioned.as_ref(), period);
         let reach = plan.horizon * plan.step;
         let predicted = match control.model {
@@ -123,13 +127,15 @@ impl AxisController {
             // The moves that the references ask for lie later by the lag.
             _ => axis.identification.structure.nk + reach + reach.max(plan.response / 3),
         };
+        let ahead = predicted.max(fallback.ahead()).max(smith.as_ref().map_or(0, Smith::ahead));
         Self {
             operation: Operation::new(index, axis, timing),
             state: StateMachine::new(timing),
             feedback: Feedback::new(axis, timing),
             gate: Gate::new(axis, timing),
-            references: References::new(index, axis, period, predicted.max(fallback.ahead())),
+            references: References::new(index, axis, period, ahead),
             predictive: Predictive::new(plan, axis.soft_limits, period),
+            smith,
             fallback,
             standstill: Standstill::new(axis, period),
             protection: Protection::new(axis, period),
@@ -227,6 +233,7 @@ impl AxisController {
     /// Begins to follow at `position` (m), where the axis stands.
     fn begin(&mut self, input: &AxisInput<'_>, position: f64) {
         self.gate.begin();
+        self.smith.iter_mut().for_each(Smith::reset);
         self.fallback.reset();
         self.standstill.reset();
         self.protection.reset();

@@ -20,6 +20,17 @@ use pipeline::machine::Commissioned;
 /// whole dead band.
 pub const STILL: f64 = 1e-3;
 
+/// What the references ask for after dead time and lag.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Coming {
+    /// y_r(t + t_d + tau), m.
+    pub position: f64,
+    /// v_r, m/s.
+    pub speed: f64,
+    /// u_r.
+    pub command: f64,
+}
+
 /// The feed-forward of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Feedforward {
@@ -40,15 +51,21 @@ impl Feedforward {
         self.lead.floor() as usize + 2
     }
 
-    /// u_r for y_r(k), y_r(k+1), .. in m. Beyond their end the last one counts; without references u_r is 0.
-    pub fn command(&self, references: &[f64]) -> f64 {
-        let Some(last) = references.last() else { return 0.0 };
+    /// What comes of y_r(k), y_r(k+1), .. in m. Beyond their end the last one counts; without references all is 0.
+    pub fn coming(&self, references: &[f64]) -> Coming {
+        let Some(last) = references.last() else { return Coming { position: 0.0, speed: 0.0, command: 0.0 } };
         let first = self.lead.floor() as usize;
         let part = self.lead.fract();
         let at = |i: usize| references.get(first + i).unwrap_or(last);
         // The difference of two points on straight lines, one tick apart.
         let speed = ((1.0 - part) * (at(1) - at(0)) + part * (at(2) - at(1))) / self.period;
-        self.model.command(speed) * (speed.abs() / STILL).min(1.0)
+        let position = (1.0 - part) * at(0) + part * at(1);
+        Coming { position, speed, command: self.model.command(speed) * (speed.abs() / STILL).min(1.0) }
+    }
+
+    /// u_r for these references.
+    pub fn command(&self, references: &[f64]) -> f64 {
+        self.coming(references).command
     }
 }
 

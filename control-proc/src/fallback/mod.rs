@@ -36,7 +36,7 @@ pub mod hysteresis;
 
 use pipeline::machine::{Commissioned, Control};
 
-use feedforward::Feedforward;
+use feedforward::{Coming, Feedforward};
 use hysteresis::Hysteresis;
 
 use crate::protection::limits::Limits;
@@ -107,18 +107,27 @@ impl Fallback {
         self.hysteresis.reset();
     }
 
-    /// Takes over from another controller that sent `last`, at a following error of `error` m. The next command for
-    /// this error and these references (m, from this tick on) is `last` again; its difference to the fallback's own
-    /// fades.
-    pub fn resume(&mut self, last: f64, error: f64, references: &[f64]) {
-        self.hysteresis.reset();
-        self.offset = self.uncompensated(last) - self.kp * error - self.coming(references) - self.integral;
+    /// What the feed-forward makes of these references (m, from this tick on); none without feed-forward.
+    pub fn coming(&self, references: &[f64]) -> Option<Coming> {
+        self.feedforward.as_ref().map(|feedforward| feedforward.coming(references))
     }
 
-    /// The command for a following error of `error` m and references (m, from this tick on), after the command `last`,
-    /// within the limits.
-    pub fn update(&mut self, error: f64, references: &[f64], last: f64) -> f64 {
-        let opening = self.kp * error + self.integral + self.offset + self.coming(references);
+    /// u_r for these references (m, from this tick on); 0 without feed-forward.
+    pub fn forward(&self, references: &[f64]) -> f64 {
+        self.coming(references).map_or(0.0, |coming| coming.command)
+    }
+
+    /// Takes over from another controller that sent `last`, at a following error of `error` m. The next command for
+    /// this error and this u_r is `last` again; its difference to the fallback's own fades.
+    pub fn resume(&mut self, last: f64, error: f64, forward: f64) {
+        self.hysteresis.reset();
+        self.offset = self.uncompensated(last) - self.kp * error - self.uncompensated(forward) - self.integral;
+    }
+
+    /// The command for a following error of `error` m and `forward` as u_r, after the command `last`, within the
+    /// limits.
+    pub fn update(&mut self, error: f64, forward: f64, last: f64) -> f64 {
+        let opening = self.kp * error + self.integral + self.offset + self.uncompensated(forward);
         let wanted = self.hysteresis.update(self.compensated(opening));
         self.offset *= self.kept;
         let command = self.limits.apply(wanted, last);
@@ -126,11 +135,6 @@ impl Fallback {
             self.integral = self.bounded(self.integral + self.ki_period * error);
         }
         command
-    }
-
-    /// v_r.
-    fn coming(&self, references: &[f64]) -> f64 {
-        self.feedforward.as_ref().map_or(0.0, |feedforward| self.uncompensated(feedforward.command(references)))
     }
 
     /// C(v).
@@ -173,13 +177,13 @@ mod tests {
     fn the_command_is_proportional_and_integral_beyond_the_dead_band() {
         let mut fallback = fallback();
         // kp 4, ki 1, dead band 0.08 and 0.07. The last command is so near that the rate limit does not act.
-        assert!((fallback.update(0.05, &[], 0.28) - (0.2 + 0.08)).abs() < 1e-12);
-        assert!((fallback.update(0.05, &[], 0.28) - (0.2 + 0.0005 + 0.08)).abs() < 1e-12);
+        assert!((fallback.update(0.05, 0.0, 0.28) - (0.2 + 0.08)).abs() < 1e-12);
+        assert!((fallback.update(0.05, 0.0, 0.28) - (0.2 + 0.0005 + 0.08)).abs() < 1e-12);
         fallback.reset();
-        assert!((fallback.update(-0.05, &[], -0.27) - (-0.2 - 0.07)).abs() < 1e-12);
+        assert!((fallback.update(-0.05, 0.0, -0.27) - (-0.2 - 0.07)).abs() < 1e-12);
         fallback.reset();
         // Inside the blend, v = 0.004 adds 0.4 of the dead band.
-        assert!((fallback.update(0.001, &[], 0.0) - (0.004 + 0.4 * 0.08)).abs() < 1e-12);
+        assert!((fallback.update(0.001, 0.0, 0.0) - (0.004 + 0.4 * 0.08)).abs() < 1e-12);
     }
 
     #[test]
@@ -188,7 +192,7 @@ mod tests {
         let mut fallback = Fallback::new(&with, Some(&commissioned()), 0.01);
         for speed in [0.3, 0.005, -0.002, -0.2] {
             let targets: Vec<f64> = (0..=fallback.ahead()).map(|k| speed * 0.01 * k as f64).collect();
-            let command = fallback.update(0.0, &targets, 0.0);
+            let command = fallback.update(0.0, fallback.forward(&targets), 0.0);
             assert!((commissioned().speed(command) - speed).abs() < 1e-9, "{speed}: {command}");
         }
     }
@@ -198,7 +202,7 @@ mod tests {
         let mut fallback = fallback();
         let mut last = 0.0;
         for _ in 0..10_000 {
-            last = fallback.update(10.0, &[], last);
+            last = fallback.update(10.0, 0.0, last);
         }
         assert_eq!(last, 1.0);
         assert!(fallback.integral.abs() < 1e-12, "{}", fallback.integral);
@@ -210,14 +214,15 @@ mod tests {
             let with = Control { feedforward: true, ..crate::tests::machine(1).axes[0].control };
             for mut fallback in [fallback(), Fallback::new(&with, Some(&commissioned()), 0.01)] {
                 let targets: Vec<f64> = (0..=fallback.ahead()).map(|k| 1e-3 * k as f64).collect();
-                fallback.resume(last, error, &targets);
-                let mut command = fallback.update(error, &targets, last);
+                let forward = fallback.forward(&targets);
+                fallback.resume(last, error, forward);
+                let mut command = fallback.update(error, forward, last);
                 prop_assert!((command - last).abs() < 1e-12);
                 // A second later the integral is what it would have been without taking over.
                 let mut alone = Fallback { integral: 0.0, offset: 0.0, ..fallback.clone() };
                 for _ in 0..100 {
-                    command = fallback.update(error, &targets, command);
-                    alone.update(error, &targets, command);
+                    command = fallback.update(error, forward, command);
+                    alone.update(error, forward, command);
                 }
                 prop_assert!((fallback.integral - alone.integral).abs() < 0.02, "{}", fallback.integral);
             }

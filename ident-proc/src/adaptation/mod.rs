@@ -69,7 +69,7 @@ impl Adaptation {
             Estimator::Auto => Self::Bank(Box::new(Bank::new(structure, settings.horizon))),
             Estimator::GreyBox => {
                 let commissioned = commissioned.expect("the grey box starts from a commissioned axis");
-                Self::GreyBox(Box::new(GreyBox::new(structure, commissioned, settings.period)))
+                Self::GreyBox(Box::new(GreyBox::new(structure, commissioned, settings.period, settings.memory)))
             }
             _ => Self::Single(Box::new(Single::new(settings))),
         }

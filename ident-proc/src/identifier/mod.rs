@@ -41,7 +41,7 @@ use crate::{
 #[derive(Debug, Clone)]
 pub struct Identifier {
     settings: Identification,
-    /// Commands go through the play of the valve that was commissioned.
+    /// Commands go through the play of the valve.
     play: Play,
     past: Past,
     gate: OutlierGate,
@@ -72,7 +72,7 @@ impl Identifier {
         let past = Past::new(settings, row);
         Self {
             settings: settings.clone(),
-            play: Play::new(commissioned.map_or(0.0, |model| model.hysteresis)),
+            play: Play::new(settings.hysteresis),
             gate: OutlierGate::default(),
             rest: RestDetection::new(settings.horizon),
             training: Training::new(settings, row),

@@ -9,11 +9,11 @@ use control_proc::{
     tuning::{
         Baseline,
         course::{END, TRAINING, course},
-        reached,
+        reached, smith,
     },
 };
 use pipeline::{
-    machine::{Axis, Control, Estimator, Machine, ModelChoice, ReferenceSource, Scenario, samples_of},
+    machine::{Axis, Control, Estimator, Law, Machine, ModelChoice, ReferenceSource, SMITH_MEMORY, Scenario, samples_of},
     message::{ControlMode, control_flag},
     statistics::ErrorStatistics,
 };
@@ -40,11 +40,20 @@ pub enum ControllerKind {
     MpcHeld,
     /// predictive controller on the adaptive model, which is updated online
     MpcAdaptive,
+    /// Smith predictor on the commissioned model, with the curve of the adaptive model
+    SmithAdaptive,
 }
 
 impl ControllerKind {
     /// All controllers, in the order of the report.
-    pub const ALL: [Self; 5] = [Self::Pi, Self::PiDeadband, Self::PiFeedforward, Self::MpcHeld, Self::MpcAdaptive];
+    pub const ALL: [Self; 6] = [
+        Self::Pi,
+        Self::PiDeadband,
+        Self::PiFeedforward,
+        Self::MpcHeld,
+        Self::MpcAdaptive,
+        Self::SmithAdaptive,
+    ];
 
     /// The name as a user types it.
     pub fn name(self) -> &'static str {
@@ -54,6 +63,7 @@ impl ControllerKind {
             Self::PiFeedforward => "pi-feedforward",
             Self::MpcHeld => "mpc-held",
             Self::MpcAdaptive => "mpc-adaptive",
+            Self::SmithAdaptive => "smith-adaptive",
         }
     }
 
@@ -64,7 +74,7 @@ impl ControllerKind {
             Self::PiDeadband => (Baseline::DeadBand, ModelChoice::None),
             Self::PiFeedforward => (Baseline::Feedforward, ModelChoice::None),
             Self::MpcHeld => (Baseline::Feedforward, ModelChoice::Classical),
-            Self::MpcAdaptive => (Baseline::Feedforward, ModelChoice::Adaptive),
+            Self::MpcAdaptive | Self::SmithAdaptive => (Baseline::Feedforward, ModelChoice::Adaptive),
         }
     }
 }
@@ -126,8 +136,14 @@ impl Contest {
             let axes = at_dead_time(machine, *dead_time)?;
             for kind in &kinds {
                 let mut axes = axes.clone();
-                if *kind == ControllerKind::MpcAdaptive {
+                if matches!(kind, ControllerKind::MpcAdaptive | ControllerKind::SmithAdaptive) {
                     axes.iter_mut().for_each(|axis| axis.identification.estimator = Estimator::GreyBox);
+                }
+                if *kind == ControllerKind::SmithAdaptive {
+                    for axis in &mut axes {
+                        axis.identification.memory = SMITH_MEMORY;
+                        axis.identification.hysteresis = axis.commissioned.as_ref().map_or(0.0, |model| model.hysteresis);
+                    }
                 }
                 entries.push(Entry { kind: *kind, dead_time: *dead_time, axes });
             }
@@ -138,7 +154,14 @@ impl Contest {
             let (baseline, model) = entries[*entry].kind.parts();
             let axis = &entries[*entry].axes[*index];
             let control = baseline.tuned(*index, axis, period).ok_or_else(|| not_commissioned(axis))?;
-            Ok(Control { model, ..control })
+            let law = (entries[*entry].kind == ControllerKind::SmithAdaptive)
+                .then(|| smith(*index, axis, &control, period));
+            match law {
+                // Where the predictor is not worth it, the fallback controls, as the model file would say.
+                Some(None) => Ok(Control { model: ModelChoice::None, ..control }),
+                Some(Some(settings)) => Ok(Control { model, law: Law::Smith(settings), ..control }),
+                None => Ok(Control { model, ..control }),
+            }
         })?;
         for ((entry, axis), control) in places.into_iter().zip(controls) {
             entries[entry].axes[axis].control = control;

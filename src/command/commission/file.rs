@@ -7,7 +7,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use pipeline::machine::{Commissioned, Control, DeadBand};
+use pipeline::machine::{Commissioned, Control, DeadBand, Law, SMITH_MEMORY, SmithSettings};
 
 use thiserror::Error;
 
@@ -63,14 +63,17 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commiss
         machine.escape_default()
     );
     for (name, model, control) in found {
-        if let Some(Control { kp, ki, feedforward, dead_band: DeadBand { extend, retract }, .. }) = control {
+        if let Some(Control { kp, ki, feedforward, dead_band: DeadBand { extend, retract }, law, .. }) = control {
             let _ = write!(
                 text,
                 "\n[axis.{name}.identification]\nestimator = \"grey-box\"    # its speeds and its lag are adapted\n\
-                 \n[axis.{name}.control]\nkp = {kp:?}\nki = {ki:?}\nfeedforward = {feedforward}\n\
-                 dead_band_extend = {extend:?}\ndead_band_retract = {retract:?}\n"
+                 {}\n[axis.{name}.control]\nkp = {kp:?}\nki = {ki:?}\nfeedforward = {feedforward}\n\
+                 dead_band_extend = {extend:?}\ndead_band_retract = {retract:?}\n",
+                if law == Law::Predictive { String::new() } else { format!("memory = {SMITH_MEMORY:?}\nhysteresis = {:?}\n", model.hysteresis) }
             );
-            if is_beyond_prediction(model) {
+            if let Law::Smith(SmithSettings { kp, ki, observer_time }) = law {
+                let _ = writeln!(text, "law = \"smith\"\nsmith_kp = {kp:?}\nsmith_ki = {ki:?}\nobserver_time = {observer_time:?}");
+            } else if is_beyond_prediction(model) {
                 text += "model = \"none\"    # the predictive controller does not know such a hysteresis or spring\n";
             }
         }

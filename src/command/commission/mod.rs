@@ -11,12 +11,12 @@ use std::path::Path;
 
 use control_proc::{
     commission::{ExperimentOptions, Phase},
-    tuning::Baseline,
+    tuning::{Baseline, smith},
 };
 use pipeline::{
     channel::remove_leftovers,
     hammerstein::MAX_DELAY,
-    machine::{Axis, Commissioned, Control, Machine, Source},
+    machine::{Axis, Commissioned, Control, Law, Machine, Source},
 };
 use serde::Serialize;
 
@@ -138,7 +138,9 @@ fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Contro
     // Feed-forward must not look further ahead than the longest preview.
     let is_near = model.reaction() <= MAX_DELAY as f64 * period;
     let baseline = if is_near { Baseline::Feedforward } else { Baseline::DeadBand };
-    baseline.tuned(index, &axis, period)
+    let control = baseline.tuned(index, &axis, period)?;
+    let law = if is_near { smith(index, &axis, &control, period) } else { None };
+    Some(Control { law: law.map_or(Law::Predictive, Law::Smith), ..control })
 }
 
 /// Whether a model misses so much of the motion that it must not control.

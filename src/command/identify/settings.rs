@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use pipeline::{
     hammerstein::{Basis, InputMap, Structure},
-    machine::{Fuzzy, Identification, IdentifiedOutput, shortest_training},
+    machine::{Fuzzy, GREY_BOX_MEMORY, Identification, IdentifiedOutput, shortest_training},
 };
 use sensor_proc::{Recording, recording::RecordingError};
 
@@ -108,6 +108,8 @@ pub fn settings(
         split: arguments.split.into(),
         estimator: arguments.estimator,
         fuzzy,
+        hysteresis: 0.0,
+        memory: GREY_BOX_MEMORY,
     };
     check_estimator(&settings)?;
     if arguments.select {

@@ -12,7 +12,8 @@
 //!
 //! y position in m, dy its increment; phi features of the command, hinges beyond the dead band; theta speeds per unit
 //! of them in m/s; T period, tau_j lag and W window in s; s_0 in m. m, from 0 to 1, says how much of a full measure
-//! the sample is of either direction of motion; M is the memory in seconds of motion. A direction without excitation
+//! the sample is of either direction of motion; M is the memory in seconds of motion
+//! ([`pipeline::machine::Identification`]). A direction without excitation
 //! is kept, however long that lasts. S_0 is the inverse of the covariance of theta before any sample (module `prior`).
 //!
 //! Source: identification with a prior, Ljung, System Identification (1999), 7.4 and 16.4; forgetting down to a least
@@ -45,8 +46,6 @@ use crate::{regression::write_out, sample::RegressorRow};
 
 /// W, s.
 const WINDOW: f64 = 0.2;
-/// M, s of motion.
-const MEMORY: f64 = 0.7;
 /// The lags, in parts of the commissioned one, which counts as [`LEAST_LAG`] at least. Cold oil makes a valve two to
 /// three times as slow. Friction and the spring of the load look like other lags, too.
 const LAGS: [f64; 8] = [0.5, 0.6, 0.75, 1.0, 1.4, 2.0, 2.5, 3.0];
@@ -96,8 +95,8 @@ pub struct GreyBox {
 
 impl GreyBox {
     /// Starts from the `commissioned` axis; `structure` is the one that [`Commissioned::structure`] gives, `period` in
-    /// s.
-    pub fn new(structure: Structure, commissioned: &Commissioned, period: f64) -> Self {
+    /// s, `memory` in s of motion.
+    pub fn new(structure: Structure, commissioned: &Commissioned, period: f64, memory: f64) -> Self {
         let prior = Prior::new(structure, commissioned);
         let top = commissioned.speed(commissioned.tested().1).max(-commissioned.speed(commissioned.tested().0));
         // Whole samples of the delay that the dead time does not fill.
@@ -113,7 +112,7 @@ impl GreyBox {
             prior,
             noise: (EXPECTED_NOISE * top * WINDOW).powi(2),
             rho: (-period / WINDOW).exp(),
-            forgetting: (-period / MEMORY).exp(),
+            forgetting: (-period / memory).exp(),
             lags,
             travel: 0.0,
             last: None,

@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use super::*;
 use crate::sample::SlidingBuffer;
-use pipeline::machine::DeadBand;
+use pipeline::machine::{DeadBand, GREY_BOX_MEMORY};
 
 const PERIOD: f64 = 0.01;
 
@@ -40,7 +40,7 @@ impl Axis {
         let structure = commissioned().structure(Structure::PAPER, Duration::from_millis(10));
         let Structure { na, nb, nk, order, .. } = structure;
         Self {
-            grey_box: GreyBox::new(structure, &commissioned(), PERIOD),
+            grey_box: GreyBox::new(structure, &commissioned(), PERIOD, GREY_BOX_MEMORY),
             row: RegressorRow::new(structure),
             outputs: SlidingBuffer::new(na, 1),
             commands: SlidingBuffer::new(nk + nb, 2 * order),

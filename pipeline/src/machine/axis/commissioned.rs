@@ -51,6 +51,9 @@ const NARROWER: f64 = 0.01;
 /// Knots of the hinges for identification, in parts of the largest tested opening.
 const KNOTS: [f64; 3] = [0.0, 0.1, 0.35];
 
+/// Least usual time constant of the observer of a Smith predictor, s.
+const FASTEST_OBSERVER: f64 = 0.06;
+
 /// Part of the commissioned dead band that the fallback compensates. Full compensation of a dead band that is measured
 /// too wide, or that has shrunk, would make the loop switch like a relay.
 pub const COMPENSATED: f64 = 0.9;
@@ -158,6 +161,27 @@ impl Commissioned {
         let basis = Basis::hinges(&knots).unwrap_or(Basis::Powers);
         let input = InputMap { dead_band: self.identified_dead_band(), basis };
         Structure { nk: self.delay(period), order: knots.len(), input, ..structure }
+    }
+
+    /// The curve at the knots that [`Self::structure`] gives to identification, as the same axis with few points.
+    pub fn at_knots(&self) -> Self {
+        let last = self.openings.last().copied().unwrap_or(1.0);
+        let (retract, extend) = self.identified_dead_band();
+        let openings: Vec<f64> = KNOTS[1..].iter().map(|part| part * last).chain([last]).collect();
+        let speeds = |sign: f64, edge: f64| openings.iter().map(|x| sign * self.speed(sign * (edge + x))).collect();
+        Self {
+            speeds_extend: speeds(1.0, extend),
+            speeds_retract: speeds(-1.0, retract),
+            dead_band: DeadBand { extend, retract },
+            openings,
+            ..self.clone()
+        }
+    }
+
+    /// Usual time constant of the observer of a Smith predictor, s; `period` in s. The load on its spring of oil, some
+    /// 5 Hz, needs 60 ms.
+    pub fn observer_time(&self, period: f64) -> f64 {
+        (self.reaction() + 0.5 * period).max(FASTEST_OBSERVER)
     }
 
     /// t_d + tau, s: time from a command to most of its motion.

@@ -3,7 +3,10 @@
 use std::time::Duration;
 
 use super::{commissioned::Commissioned, dead_band::DeadBand, plan::PlanSettings};
-use crate::{hammerstein::MAX_DELAY, machine::document::Section};
+use crate::{
+    hammerstein::MAX_DELAY,
+    machine::document::{Section, Shown},
+};
 
 /// How one axis is controlled.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,13 +25,35 @@ pub struct Control {
     pub command_rate: f64,
     /// Largest following error for a reference that stands, m; a larger error for too long is a fault.
     pub following_error: f64,
-    /// Which model the predictive controller uses.
+    /// Which model controls.
     pub model: ModelChoice,
     /// What is given of the plan of the predictive controller.
     pub plan: PlanSettings,
+    /// How the model controls.
+    pub law: Law,
 }
 
-/// Which model the predictive controller uses.
+/// How a model controls an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Law {
+    /// By a plan: predictive control.
+    Predictive,
+    /// By a Smith predictor on the commissioned model, with the adapted curve.
+    Smith(SmithSettings),
+}
+
+/// Settings of the Smith predictor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SmithSettings {
+    /// Proportional gain, command per metre.
+    pub kp: f64,
+    /// Integral gain, command per metre and second.
+    pub ki: f64,
+    /// Time constant of the observer, s.
+    pub observer_time: f64,
+}
+
+/// Which model controls.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ModelChoice {
     /// The adaptive model, updated online.
@@ -64,9 +89,10 @@ impl Control {
                 )
                 .number_or(0.03, 1e-4..=100.0, "m"),
             model: section
-                .key("model", "Model of the predictive controller; with none the fallback always controls")
+                .key("model", "Model that controls; with none the fallback always controls")
                 .choice_or(ModelChoice::Adaptive, &models),
             plan: PlanSettings::read(&mut section, commissioned, period),
+            law: read_law(&mut section, name, commissioned, period),
         };
         section.finish();
         control
@@ -87,6 +113,44 @@ fn read_dead_band(section: &mut Section, commissioned: Option<&Commissioned>) ->
             .number_or_derived(default.map(|band| band.retract), 0.0..=0.9, ""),
     }
 }
+
+/// `law`, whose Smith predictor needs a commissioned model whose dead time and lag are within the preview of the
+/// references.
+fn read_law(section: &mut Section, name: &str, commissioned: Option<&Commissioned>, period: Duration) -> Law {
+    let is_smith = section
+        .key("law", "How the model controls: by a plan, or by a Smith predictor on the commissioned model")
+        .choice_or(false, &[("predictive", false), ("smith", true)]);
+    let kp = section.key("smith_kp", "Proportional gain of the Smith predictor").optional_number(0.0..=1e4, "1/m");
+    let ki = section.key("smith_ki", "Integral gain of the Smith predictor").number_or(0.0, 0.0..=1e5, "1/(m s)");
+    let observer_time = section
+        .key("observer_time", "Time constant with which the Smith predictor believes the encoder")
+        .rule(OBSERVER_RULE)
+        .optional_number(1e-4..=10.0, "s");
+    if !is_smith {
+        return Law::Predictive;
+    }
+    let Some(model) = commissioned else {
+        let allowed = "\"predictive\", or a commissioned model: `--model MODEL.toml`, as `hydraxis commission` writes it";
+        section.refuse("law", format!("\"smith\" without [axis.{name}.commissioned]"), allowed);
+        return Law::Predictive;
+    };
+    let longest = MAX_DELAY as f64 * period.as_secs_f64();
+    if model.reaction() > longest {
+        let found = format!("\"smith\" with dead_time + time_constant of {} s", model.reaction());
+        section.refuse("law", found, format!("\"predictive\", or up to {MAX_DELAY} periods, {longest} s"));
+    }
+    let Some(kp) = kp else {
+        section.refuse("smith_kp", "nothing", "a gain in 1/m, from 0 to 10000, where law is \"smith\"");
+        return Law::Predictive;
+    };
+    let usual = model.observer_time(period.as_secs_f64());
+    if observer_time.is_none() {
+        section.derive("observer_time", usual.shown(), OBSERVER_RULE);
+    }
+    Law::Smith(SmithSettings { kp, ki, observer_time: observer_time.unwrap_or(usual) })
+}
+
+const OBSERVER_RULE: &str = "commissioned.dead_time + time_constant + half a period, at least 60 ms; with law = \"smith\"";
 
 /// `feedforward`, which needs a commissioned model whose dead time and lag are within the preview of the references.
 fn read_feedforward(section: &mut Section, name: &str, commissioned: Option<&Commissioned>, period: Duration) -> bool {

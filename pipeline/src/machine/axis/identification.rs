@@ -14,6 +14,12 @@ use crate::{
 /// Widest dead band that the machine file takes, here and for the fallback.
 const WIDEST_DEAD_BAND: f64 = 0.9;
 
+/// Memory of the grey box where nothing else is given, s of motion.
+pub const GREY_BOX_MEMORY: f64 = 0.7;
+/// Memory of a grey box whose curve a Smith predictor uses, s of motion: its feedback does not depend on the curve, so
+/// the curve may be slow, and is less noisy then.
+pub const SMITH_MEMORY: f64 = 3.0;
+
 /// How one output is identified.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identification {
@@ -35,6 +41,11 @@ pub struct Identification {
     pub estimator: Estimator,
     /// Settings of the fuzzy forgetting factor.
     pub fuzzy: Fuzzy,
+    /// Width of the valve's hysteresis that the commands go through before they are identified, in parts of the full
+    /// command.
+    pub hysteresis: f64,
+    /// Memory of the grey box, s of motion.
+    pub memory: f64,
 }
 
 /// What is identified. The position is what is measured.
@@ -110,6 +121,12 @@ impl Identification {
                 .key("estimator", "Algorithm that adapts the coefficients online")
                 .parsed_or(Estimator::Auto, Estimator::ALLOWED),
             fuzzy,
+            hysteresis: section
+                .key("hysteresis", "Width of the valve's hysteresis that the commands go through before they are identified")
+                .number_or(0.0, 0.0..=0.5, ""),
+            memory: section
+                .key("memory", "Memory of the grey box, in seconds of motion")
+                .number_or(GREY_BOX_MEMORY, 0.1..=1e4, "s"),
         };
         if let Some(model) = commissioned.filter(|_| identification.estimator == Estimator::GreyBox) {
             identification.structure = model.structure(structure, period);

@@ -29,11 +29,13 @@ mod sensor_errors;
 use std::path::Path;
 
 pub use commissioned::{COMPENSATED, Commissioned, MOST_POINTS};
-pub use control::{Control, ModelChoice};
+pub use control::{Control, Law, ModelChoice, SmithSettings};
 pub use dead_band::DeadBand;
 pub use encoder::{AngleKind, AngleSensor, Encoder};
 pub use estimator::Estimator;
-pub use identification::{Form, Identification, IdentifiedOutput, Split, shortest_training};
+pub use identification::{
+    Form, GREY_BOX_MEMORY, Identification, IdentifiedOutput, SMITH_MEMORY, Split, shortest_training,
+};
 pub use plan::{MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MoveWeight, Plan, PlanSettings};
 pub use plant::{LoadForce, Plant, ValveCurve};
 pub use ports::{Directions, LoadHolding, Ports};

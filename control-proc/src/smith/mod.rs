@@ -1,0 +1,111 @@
+//! Smith predictor: the loop of the fallback, closed where the axis will be when the command acts.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | `observer` | where the axis is, and where it will be |
+//! | `curve` | the adapted curve, as a shift of the commissioned one |
+//!
+//! ```text
+//! e_p(k) = y_r(t + L) - y_p(k)          L = t_d + tau
+//! u(k)   = H(C(kp e_p + C^-1(u_r + s)))
+//! ```
+//!
+//! y_r reference in m, y_p position in m that the commissioned model foresees for t + L (`observer`), t now, t_d dead
+//! time and tau time constant in s of [`Commissioned`]; kp gain in 1/m, C dead-band compensation and H inverse of the
+//! hysteresis of [`crate::fallback`], u_r feed-forward of [`crate::fallback::feedforward`], s shift of the command by
+//! the adapted model (`curve`). Source: O. J. M. Smith, Closer control of loops with dead time, Chemical Engineering
+//! Progress 53 (1957).
+//!
+//! With e_p in the place of the error the dead time leaves the loop as far as the model is right, so the gain may be
+//! higher. What is wrong with the model counts as much as kp makes of it; hence the gain is one with which also plants
+//! with other gains and dead times come to rest ([`crate::tuning`]).
+//!
+//! Trap: there is no integral action. On a valve with hysteresis and a cylinder with friction an integral, or a
+//! disturbance that is estimated and taken off, hunts around every set point; and a predictive controller of a model in
+//! differences has one. A speed that the model gets wrong is the business of the adapted curve.
+//!
+//! Runs in the loop: nothing here allocates after construction.
+
+mod curve;
+mod observer;
+
+use pipeline::machine::{Axis, Commissioned, Control, Law, SmithSettings};
+
+use curve::AdaptedCurve;
+use observer::Observer;
+
+use crate::{fallback::Fallback, model::judge::Approved};
+
+/// The Smith predictor of one axis.
+#[derive(Debug, Clone)]
+pub struct Smith {
+    observer: Observer,
+    curve: AdaptedCurve,
+    /// Kp, C, H and u_r, with the gain of this law.
+    law: Fallback,
+}
+
+impl Smith {
+    /// Of an axis whose machine file asks for it; `period` in s.
+    pub fn of(axis: &Axis, period: f64) -> Option<Self> {
+        Self::new(&axis.control, axis.commissioned.as_ref()?, period)
+    }
+
+    /// By `model`, if `control` asks for it; `period` in s.
+    pub fn new(control: &Control, model: &Commissioned, period: f64) -> Option<Self> {
+        let Law::Smith(SmithSettings { kp, ki, observer_time }) = control.law else { return None };
+        let own = Control { kp, ki, feedforward: true, ..*control };
+        Some(Self {
+            observer: Observer::new(model, observer_time, period),
+            curve: AdaptedCurve::new(model, period),
+            law: Fallback::new(&own, Some(model), period),
+        })
+    }
+
+    /// Number of coming ticks whose references are used.
+    pub fn ahead(&self) -> usize {
+        self.law.ahead()
+    }
+
+    /// Forgets the past: the axis begins to follow.
+    pub fn reset(&mut self) {
+        self.observer.reset();
+        self.law.reset();
+    }
+
+    /// Whether the law has integral action.
+    pub fn integrates(&self) -> bool {
+        self.law.integrates()
+    }
+
+    /// Changes the largest magnitude of a command.
+    pub fn limit(&mut self, magnitude: f64) {
+        self.law.limit(magnitude);
+    }
+
+    /// Takes in the position of a tick, m, `elapsed` ticks after the last one; `command` has been on the valve since.
+    /// To be called at every tick with a position, whoever controls.
+    pub fn observe(&mut self, elapsed: u64, position: f64, command: f64) {
+        self.observer.update(elapsed, position, command);
+    }
+
+    /// The command for references in m, from this tick on, after the command `last`; with the curve of `adapted`, if
+    /// there is one. `goes_on`: this law made the last command. None where there is no finite one.
+    pub fn update(
+        &mut self,
+        adapted: Option<&Approved<'_>>,
+        references: &[f64],
+        last: f64,
+        goes_on: bool,
+    ) -> Option<f64> {
+        let coming = self.law.coming(references)?;
+        let error = coming.position - self.observer.predicted()?;
+        let shift = adapted.map_or(0.0, |model| self.curve.shift(model, coming.speed));
+        let forward = coming.command + shift;
+        if !goes_on {
+            self.law.resume(last, error, forward);
+        }
+        let command = self.law.update(error, forward, last);
+        command.is_finite().then_some(command)
+    }
+}

@@ -88,7 +88,8 @@ impl AxisController {
         if let Some(smith) = &mut self.smith {
             smith.limit(limits.magnitude);
             let goes_on = last.by == ControlMode::Model;
-            let command = smith.update(Some(&model), self.references.positions(), last.command, goes_on);
+            let adapted = Some(&model).filter(|_| !self.gate.is_cautious());
+            let command = smith.update(adapted, self.references.positions(), last.command, goes_on);
             return Ok(command.map_or(ModelAnswer::NoCommand, ModelAnswer::Command));
         }
         let command = self.predictive.update(&model, limits, history, self.references.positions());

@@ -11,6 +11,7 @@
 //! | [`comparison`](super::comparison) | has the adaptive model predicted better than the classical one? |
 //! | [`age`](super::age) | is the last approved model still young enough? |
 //! | [`trust`](super::trust) | was there a following error under the model? |
+//! | [`supervision`](super::supervision) | does it follow worse than the fallback would? |
 //! | probation, here | has the model been usable for [`PROBATION`] without a break? |
 //!
 //! Each snapshot is judged once; its flags stay until the next one. The classical model is used until the adaptive
@@ -22,7 +23,7 @@
 use std::time::Duration;
 
 use pipeline::{
-    machine::{Axis, Estimator, ModelChoice, Timing, samples_of},
+    machine::{Axis, Commissioned, Estimator, ModelChoice, Timing, samples_of},
     message::{AxisSnapshot, REFUSALS, control_flag},
 };
 
@@ -30,6 +31,7 @@ use super::{
     age::{Age, LastApproved},
     comparison::Comparison,
     judge::{Approved, Judge, Refusal},
+    supervision::{Confidence, Supervision},
     trust::Trust,
 };
 use crate::protection::following_error::Deviation;
@@ -77,6 +79,8 @@ pub struct Gate {
     comparison: Comparison,
     last: LastApproved,
     trust: Trust,
+    supervision: Supervision,
+    confidence: Confidence,
     /// Ticks in a row with a command of a usable model.
     usable_ticks: u64,
     seen: Option<Seen>,
@@ -89,6 +93,7 @@ impl Gate {
         let ticks = |duration| samples_of(duration, timing.period).max(1) as u64;
         let period = timing.period.as_secs_f64();
         let choice = axis.control.model;
+        let reaction = axis.commissioned.as_ref().map_or(0.0, Commissioned::reaction);
         Self {
             choice,
             // A grey box knows what commissioning has found, which is more than the training has shown.
@@ -98,6 +103,8 @@ impl Gate {
             comparison: Comparison::new(period),
             last: LastApproved::new(ticks(timing.model_timeout), ticks(timing.model_lifetime)),
             trust: Trust::new(axis.control.following_error, period),
+            supervision: Supervision::new(reaction, axis.encoder.resolution, period),
+            confidence: Confidence::Full,
             usable_ticks: 0,
             seen: None,
             refusals: [0; REFUSALS.len()],
@@ -111,10 +118,12 @@ impl Gate {
         self.last.reset();
     }
 
-    /// Begins probation and trust anew: a controller takes over.
+    /// Begins probation, trust and supervision anew: a controller takes over.
     pub fn begin(&mut self) {
         self.usable_ticks = 0;
         self.trust.reset();
+        self.supervision.reset();
+        self.confidence = Confidence::Full;
     }
 
     /// Begins the probation anew: the axis does not follow.
@@ -186,11 +195,23 @@ impl Gate {
             self.usable_ticks = 0;
             self.last.discard();
         }
+        self.confidence = self.supervision.update(deviation, by_model, at_limit);
+        if self.confidence != Confidence::Full {
+            flags |= control_flag::MODEL_WORSE;
+        }
+        if self.confidence == Confidence::None {
+            self.usable_ticks = 0;
+        }
         let command = match answer {
             ModelAnswer::Command(command) if self.usable_ticks > self.probation_ticks => Some(command),
             _ => None,
         };
         Admission { command, flags }
+    }
+
+    /// Whether the model controls with what was commissioned only.
+    pub fn is_cautious(&self) -> bool {
+        self.confidence != Confidence::Full
     }
 
     /// Snapshots that were refused so far, by the places of [`REFUSALS`].

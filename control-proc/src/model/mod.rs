@@ -6,6 +6,7 @@
 //! | [`judge`] | checks of a snapshot's models: a model is approved, or refused with a reason |
 //! | [`comparison`] | whether the adaptive model predicts better than the classical one |
 //! | [`age`] | the last approved model, and how old it is |
+//! | [`supervision`] | takes control from a model that follows worse than the fallback would |
 //! | [`trust`] | takes the model away after a following error under it |
 //! | [`response`] | free response, step response and residual of a model |
 //!
@@ -16,4 +17,5 @@ pub mod comparison;
 pub mod gate;
 pub mod judge;
 pub mod response;
+pub mod supervision;
 pub mod trust;

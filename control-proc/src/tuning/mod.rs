@@ -55,6 +55,11 @@ pub const MARGINS: [Plant; 2] =
     [Plant { gain: 1.7, dead_time: 1.0, lag: 1.0 }, Plant { gain: 1.0, dead_time: 1.5, lag: 1.0 }];
 /// Gains of the Smith predictor in multiples of the fallback's: the first with which it comes to rest on all plants.
 const SMITH_GAINS: [f64; 5] = [2.0, 1.7, 1.4, 1.2, 1.0];
+/// Error on the plant as commissioned, in parts of that of the fallback, beyond which it is not worth its model.
+const WORTH: f64 = 0.9;
+/// Least natural frequency of the load that a Smith predictor is used with, Hz. It takes the load for stiff: an axis with
+/// 2.4 Hz followed worse by it.
+const LEAST_FREQUENCY: f64 = 4.0;
 /// Natural frequency of load and oil where commissioning has found none, Hz: a slower swing would have been seen.
 const UNSEEN_FREQUENCY: f64 = 10.0;
 /// Natural frequency of load and oil, Hz. A loaded boom of a 20 t machine has some 4 to 6 Hz, lighter axes have more
@@ -155,20 +160,28 @@ impl Baseline {
 
 /// The Smith predictor for `axis` number `index`, whose fallback has the tuned settings `control`, for a command every
 /// `period` s: the integral gain of the fallback and the greatest of [`SMITH_GAINS`] that keeps the margins. `None` for
-/// an axis that is not commissioned, and where no gain keeps them.
+/// an axis that is not commissioned, of a soft load, where no gain keeps them, and where the
+/// fallback follows as well.
 pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Option<SmithSettings> {
     let bench = Bench::new(index, axis, period)?;
+    // A load without a spring that was found has the frequency 0.
+    if (f64::MIN_POSITIVE..LEAST_FREQUENCY).contains(&bench.model.natural_frequency) {
+        return None;
+    }
     let observer_time = bench.model.observer_time(period);
     let settings = SMITH_GAINS.map(|gain| SmithSettings { kp: gain * control.kp, ki: control.ki, observer_time });
-    settings.into_iter().find(|settings| {
-        let candidate = Control { law: Law::Smith(*settings), ..*control };
-        PLANTS.iter().chain(&MARGINS).all(|plant| bench.simulated(&candidate, *plant).0 <= RESTING_MOTION)
-    })
+    let with = |settings| Control { law: Law::Smith(settings), ..*control };
+    let keeps_margins = |settings: &SmithSettings| {
+        PLANTS.iter().chain(&MARGINS).all(|plant| bench.simulated(&with(*settings), *plant).0 <= RESTING_MOTION)
+    };
+    let nominal = |control: &Control| bench.simulated(control, PLANTS[1]).1;
+    let is_worth = |settings: &SmithSettings| nominal(&with(*settings)) <= WORTH * WORTH * nominal(control);
+    settings.into_iter().find(keeps_margins).filter(is_worth)
 }
 
 /// What is tried: the fallback, or a Smith predictor on the commissioned model.
 enum Tried {
-    Fallback(Fallback),
+    Fallback(Box<Fallback>),
     Smith(Box<Smith>),
 }
 
@@ -176,7 +189,7 @@ impl Tried {
     fn new(control: &Control, model: &Commissioned, period: f64) -> Self {
         match Smith::new(control, model, period) {
             Some(smith) => Self::Smith(Box::new(smith)),
-            None => Self::Fallback(Fallback::new(control, Some(model), period)),
+            None => Self::Fallback(Box::new(Fallback::new(control, Some(model), period))),
         }
     }
 

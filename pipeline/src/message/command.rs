@@ -106,11 +106,13 @@ pub mod control_flag {
     pub const EMERGENCY_STOP: u32 = 16384;
     /// No model has been usable for so long that the axis is limited to half of its speed.
     pub const HALF_SPEED: u32 = 32768;
+    /// The model followed worse than the fallback would; it is cautious, or the fallback controls for a while.
+    pub const MODEL_WORSE: u32 = 65536;
 
     /// The bits of faults that keep the axis neutral until it is disarmed and armed again.
     pub const LATCHED: u32 = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | EMERGENCY_STOP;
     /// Names of the bits, lowest first.
-    pub const NAMES: [&str; 16] = [
+    pub const NAMES: [&str; 17] = [
         "disarmed",
         "settling",
         "feedback",
@@ -127,6 +129,7 @@ pub mod control_flag {
         "following",
         "emergency-stop",
         "half-speed",
+        "model-worse",
     ];
 }
 

@@ -38,20 +38,6 @@ pub enum ModelFileError {
     },
 }
 
-/// Hysteresis, in parts of the full command, beyond which the fallback controls. Its feed-forward takes the hysteresis
-/// back, and the predictive controller does not: with 0.03 its axes followed worse, with 0.01 better.
-const MOST_HYSTERESIS: f64 = 0.02;
-/// Natural frequency of the load, Hz, below which the fallback controls. The predictive controller takes the load for
-/// stiff: an axis with 2.4 Hz followed worse by it, one with 6.5 Hz better.
-const LEAST_FREQUENCY: f64 = 4.0;
-
-/// Whether an axis has what the predictive controller does not know of.
-fn is_beyond_prediction(model: &Commissioned) -> bool {
-    // A load without a spring that was found has the frequency 0.
-    let is_soft = model.natural_frequency > 0.0 && model.natural_frequency < LEAST_FREQUENCY;
-    model.hysteresis > MOST_HYSTERESIS || is_soft
-}
-
 /// The text of the file. Numbers are written so that they read back exactly. `found` has the name, the model, and the
 /// tuned settings of each axis; a poor model has no settings.
 pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commissioned, Option<Control>)>) -> String {
@@ -71,10 +57,12 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commiss
                  dead_band_extend = {extend:?}\ndead_band_retract = {retract:?}\n",
                 if law == Law::Predictive { String::new() } else { format!("memory = {SMITH_MEMORY:?}\nhysteresis = {:?}\n", model.hysteresis) }
             );
+            // A key that is not written would stay what it is in the machine file.
             if let Law::Smith(SmithSettings { kp, ki, observer_time }) = law {
-                let _ = writeln!(text, "law = \"smith\"\nsmith_kp = {kp:?}\nsmith_ki = {ki:?}\nobserver_time = {observer_time:?}");
-            } else if is_beyond_prediction(model) {
-                text += "model = \"none\"    # the predictive controller does not know such a hysteresis or spring\n";
+                text += "model = \"adaptive\"\nlaw = \"smith\"\n";
+                let _ = writeln!(text, "smith_kp = {kp:?}\nsmith_ki = {ki:?}\nobserver_time = {observer_time:?}");
+            } else {
+                text += "model = \"none\"    # the fallback follows as well as a model would\n";
             }
         }
         let Commissioned {

@@ -13,6 +13,8 @@ use super::{
 use crate::{
     model::{age::Age, gate::ModelAnswer},
     protection::{following_error::Deviation, limits::Limits},
+    smith::Smith,
+    standstill::Stand,
 };
 
 /// Plans in a row without an answer of the solver that latch the axis.
@@ -63,6 +65,9 @@ impl AxisController {
             Commander::Predictive(command) => (command, ControlMode::Model),
             Commander::Fallback => (self.fall_back(&last, deviation.error, &limits), ControlMode::Fallback),
         };
+        if by != ControlMode::Model || stand != Stand::Follow {
+            self.smith.iter_mut().for_each(Smith::discard);
+        }
         let command = self.protection.end_stops().apply(wanted, position, self.feedback.speed(), true);
 
         if status.counts {

@@ -19,7 +19,7 @@ const TURN: f64 = 0.5;
 const COMPENSATED: f64 = 0.8;
 
 /// The inverse of one valve's hysteresis.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hysteresis {
     /// b h.
     compensated: f64,

@@ -48,6 +48,16 @@ pub const BLEND_WIDTH: f64 = 0.01;
 /// Time in which the difference to the last controller falls to a third, s.
 pub const HANDOVER: f64 = 0.2;
 
+/// What the controller remembers from tick to tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Memory {
+    hysteresis: Hysteresis,
+    /// I.
+    integral: f64,
+    /// What is left in v of the difference to the last controller.
+    offset: f64,
+}
+
 /// The fallback controller of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fallback {
@@ -58,11 +68,7 @@ pub struct Fallback {
     retract: f64,
     limits: Limits,
     feedforward: Option<Feedforward>,
-    hysteresis: Hysteresis,
-    /// I.
-    integral: f64,
-    /// What is left in v of the difference to the last controller.
-    offset: f64,
+    memory: Memory,
     /// Part of this difference that is left a tick later.
     kept: f64,
 }
@@ -79,9 +85,11 @@ impl Fallback {
             retract: control.dead_band.retract,
             limits: Limits::new(control, period),
             feedforward: model.map(|model| Feedforward::new(model, period)),
-            hysteresis: Hysteresis::new(model.map_or(0.0, |model| model.hysteresis)),
-            integral: 0.0,
-            offset: 0.0,
+            memory: Memory {
+                hysteresis: Hysteresis::new(model.map_or(0.0, |model| model.hysteresis)),
+                integral: 0.0,
+                offset: 0.0,
+            },
             kept: (-period / HANDOVER).exp(),
         }
     }
@@ -101,10 +109,20 @@ impl Fallback {
         self.limits.magnitude = magnitude;
     }
 
+    /// What is remembered.
+    pub fn memory(&self) -> Memory {
+        self.memory
+    }
+
+    /// Puts back what was remembered earlier: the commands since then were not sent.
+    pub fn restore(&mut self, memory: Memory) {
+        self.memory = memory;
+    }
+
     /// Forgets the integral: the axis begins to follow.
     pub fn reset(&mut self) {
-        (self.integral, self.offset) = (0.0, 0.0);
-        self.hysteresis.reset();
+        (self.memory.integral, self.memory.offset) = (0.0, 0.0);
+        self.memory.hysteresis.reset();
     }
 
     /// What the feed-forward makes of these references (m, from this tick on); none without feed-forward.
@@ -120,19 +138,20 @@ impl Fallback {
     /// Takes over from another controller that sent `last`, at a following error of `error` m. The next command for
     /// this error and this u_r is `last` again; its difference to the fallback's own fades.
     pub fn resume(&mut self, last: f64, error: f64, forward: f64) {
-        self.hysteresis.reset();
-        self.offset = self.uncompensated(last) - self.kp * error - self.uncompensated(forward) - self.integral;
+        self.memory.hysteresis.reset();
+        self.memory.offset =
+            self.uncompensated(last) - self.kp * error - self.uncompensated(forward) - self.memory.integral;
     }
 
     /// The command for a following error of `error` m and `forward` as u_r, after the command `last`, within the
     /// limits.
     pub fn update(&mut self, error: f64, forward: f64, last: f64) -> f64 {
-        let opening = self.kp * error + self.integral + self.offset + self.uncompensated(forward);
-        let wanted = self.hysteresis.update(self.compensated(opening));
-        self.offset *= self.kept;
+        let opening = self.kp * error + self.memory.integral + self.memory.offset + self.uncompensated(forward);
+        let wanted = self.memory.hysteresis.update(self.compensated(opening));
+        self.memory.offset *= self.kept;
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
-            self.integral = self.bounded(self.integral + self.ki_period * error);
+            self.memory.integral = self.bounded(self.memory.integral + self.ki_period * error);
         }
         command
     }
@@ -205,7 +224,7 @@ mod tests {
             last = fallback.update(10.0, 0.0, last);
         }
         assert_eq!(last, 1.0);
-        assert!(fallback.integral.abs() < 1e-12, "{}", fallback.integral);
+        assert!(fallback.memory.integral.abs() < 1e-12, "{}", fallback.memory.integral);
     }
 
     proptest! {
@@ -219,12 +238,13 @@ mod tests {
                 let mut command = fallback.update(error, forward, last);
                 prop_assert!((command - last).abs() < 1e-12);
                 // A second later the integral is what it would have been without taking over.
-                let mut alone = Fallback { integral: 0.0, offset: 0.0, ..fallback.clone() };
+                let mut alone = fallback.clone();
+                (alone.memory.integral, alone.memory.offset) = (0.0, 0.0);
                 for _ in 0..100 {
                     command = fallback.update(error, forward, command);
                     alone.update(error, forward, command);
                 }
-                prop_assert!((fallback.integral - alone.integral).abs() < 0.02, "{}", fallback.integral);
+                prop_assert!((fallback.memory.integral - alone.integral).abs() < 0.02, "{}", fallback.memory.integral);
             }
         }
 

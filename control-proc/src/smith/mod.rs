@@ -7,11 +7,12 @@
 //!
 //! ```text
 //! e_p(k) = y_r(t + L) - y_p(k)          L = t_d + tau
-//! u(k)   = H(C(kp e_p + C^-1(u_r + s)))
+//! u(k)   = H(C(kp e_p + I + C^-1(u_r + s)))          I(k+1) = I(k) + ki T e_p(k)
 //! ```
 //!
 //! y_r reference in m, y_p position in m that the commissioned model foresees for t + L (`observer`), t now, t_d dead
-//! time and tau time constant in s of [`Commissioned`]; kp gain in 1/m, C dead-band compensation and H inverse of the
+//! time and tau time constant in s of [`Commissioned`]; kp and ki gains in 1/m and 1/(m s), T
+//! period in s, C dead-band compensation and H inverse of the
 //! hysteresis of [`crate::fallback`], u_r feed-forward of [`crate::fallback::feedforward`], s shift of the command by
 //! the adapted model (`curve`). Source: O. J. M. Smith, Closer control of loops with dead time, Chemical Engineering
 //! Progress 53 (1957).
@@ -20,9 +21,9 @@
 //! higher. What is wrong with the model counts as much as kp makes of it; hence the gain is one with which also plants
 //! with other gains and dead times come to rest ([`crate::tuning`]).
 //!
-//! Trap: there is no integral action. On a valve with hysteresis and a cylinder with friction an integral, or a
-//! disturbance that is estimated and taken off, hunts around every set point; and a predictive controller of a model in
-//! differences has one. A speed that the model gets wrong is the business of the adapted curve.
+//! Trap: the speed that the model does not explain is not taken off the command. On a valve with hysteresis and a
+//! cylinder with friction that hunts around every set point. A speed that the model gets wrong is the business of the
+//! adapted curve.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
@@ -34,15 +35,20 @@ use pipeline::machine::{Axis, Commissioned, Control, Law, SmithSettings};
 use curve::AdaptedCurve;
 use observer::Observer;
 
-use crate::{fallback::Fallback, model::judge::Approved};
+use crate::{
+    fallback::{Fallback, Memory},
+    model::judge::Approved,
+};
 
 /// The Smith predictor of one axis.
 #[derive(Debug, Clone)]
 pub struct Smith {
     observer: Observer,
     curve: AdaptedCurve,
-    /// Kp, C, H and u_r, with the gain of this law.
+    /// kp, C, H and u_r, with the gain of this law.
     law: Fallback,
+    /// What the law remembered before its last command.
+    before: Memory,
 }
 
 impl Smith {
@@ -55,10 +61,12 @@ impl Smith {
     pub fn new(control: &Control, model: &Commissioned, period: f64) -> Option<Self> {
         let Law::Smith(SmithSettings { kp, ki, observer_time }) = control.law else { return None };
         let own = Control { kp, ki, feedforward: true, ..*control };
+        let law = Fallback::new(&own, Some(model), period);
         Some(Self {
             observer: Observer::new(model, observer_time, period),
             curve: AdaptedCurve::new(model, period),
-            law: Fallback::new(&own, Some(model), period),
+            before: law.memory(),
+            law,
         })
     }
 
@@ -98,6 +106,7 @@ impl Smith {
         last: f64,
         goes_on: bool,
     ) -> Option<f64> {
+        self.before = self.law.memory();
         let coming = self.law.coming(references)?;
         let error = coming.position - self.observer.predicted()?;
         let shift = adapted.map_or(0.0, |model| self.curve.shift(model, coming.speed));
@@ -107,5 +116,11 @@ impl Smith {
         }
         let command = self.law.update(error, forward, last);
         command.is_finite().then_some(command)
+    }
+
+    /// The last command was not sent. Trap: an integral that goes on while the axis rests sends a full command when the
+    /// rest is over.
+    pub fn discard(&mut self) {
+        self.law.restore(self.before);
     }
 }

@@ -196,9 +196,7 @@ impl Tried {
     /// The command for references in m, from this tick on, at a measured position in m, after the command `last`.
     fn update(&mut self, references: &[f64], position: f64, last: f64) -> f64 {
         match self {
-            Self::Fallback(fallback) => {
-                fallback.update(references[0] - position, fallback.forward(references), last)
-            }
+            Self::Fallback(fallback) => fallback.update(references[0] - position, fallback.forward(references), last),
             Self::Smith(smith) => {
                 smith.observe(1, position, last);
                 smith.update(None, references, last, true).unwrap_or(0.0)

@@ -13,7 +13,9 @@ use control_proc::{
     },
 };
 use pipeline::{
-    machine::{Axis, Control, Estimator, Law, Machine, ModelChoice, ReferenceSource, SMITH_MEMORY, Scenario, samples_of},
+    machine::{
+        Axis, Control, Estimator, Law, Machine, ModelChoice, ReferenceSource, SMITH_MEMORY, Scenario, samples_of,
+    },
     message::{ControlMode, control_flag},
     statistics::ErrorStatistics,
 };
@@ -46,14 +48,8 @@ pub enum ControllerKind {
 
 impl ControllerKind {
     /// All controllers, in the order of the report.
-    pub const ALL: [Self; 6] = [
-        Self::Pi,
-        Self::PiDeadband,
-        Self::PiFeedforward,
-        Self::MpcHeld,
-        Self::MpcAdaptive,
-        Self::SmithAdaptive,
-    ];
+    pub const ALL: [Self; 6] =
+        [Self::Pi, Self::PiDeadband, Self::PiFeedforward, Self::MpcHeld, Self::MpcAdaptive, Self::SmithAdaptive];
 
     /// The name as a user types it.
     pub fn name(self) -> &'static str {
@@ -142,7 +138,8 @@ impl Contest {
                 if *kind == ControllerKind::SmithAdaptive {
                     for axis in &mut axes {
                         axis.identification.memory = SMITH_MEMORY;
-                        axis.identification.hysteresis = axis.commissioned.as_ref().map_or(0.0, |model| model.hysteresis);
+                        axis.identification.hysteresis =
+                            axis.commissioned.as_ref().map_or(0.0, |model| model.hysteresis);
                     }
                 }
                 entries.push(Entry { kind: *kind, dead_time: *dead_time, axes });
@@ -154,8 +151,8 @@ impl Contest {
             let (baseline, model) = entries[*entry].kind.parts();
             let axis = &entries[*entry].axes[*index];
             let control = baseline.tuned(*index, axis, period).ok_or_else(|| not_commissioned(axis))?;
-            let law = (entries[*entry].kind == ControllerKind::SmithAdaptive)
-                .then(|| smith(*index, axis, &control, period));
+            let law =
+                (entries[*entry].kind == ControllerKind::SmithAdaptive).then(|| smith(*index, axis, &control, period));
             match law {
                 // Where the predictor is not worth it, the fallback controls, as the model file would say.
                 Some(None) => Ok(Control { model: ModelChoice::None, ..control }),

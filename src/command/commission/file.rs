@@ -55,7 +55,11 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commiss
                 "\n[axis.{name}.identification]\nestimator = \"grey-box\"    # its speeds and its lag are adapted\n\
                  {}\n[axis.{name}.control]\nkp = {kp:?}\nki = {ki:?}\nfeedforward = {feedforward}\n\
                  dead_band_extend = {extend:?}\ndead_band_retract = {retract:?}\n",
-                if law == Law::Predictive { String::new() } else { format!("memory = {SMITH_MEMORY:?}\nhysteresis = {:?}\n", model.hysteresis) }
+                if law == Law::Predictive {
+                    String::new()
+                } else {
+                    format!("memory = {SMITH_MEMORY:?}\nhysteresis = {:?}\n", model.hysteresis)
+                }
             );
             // A key that is not written would stay what it is in the machine file.
             if let Law::Smith(SmithSettings { kp, ki, observer_time }) = law {

@@ -130,7 +130,8 @@ fn read_law(section: &mut Section, name: &str, commissioned: Option<&Commissione
         return Law::Predictive;
     }
     let Some(model) = commissioned else {
-        let allowed = "\"predictive\", or a commissioned model: `--model MODEL.toml`, as `hydraxis commission` writes it";
+        let allowed =
+            "\"predictive\", or a commissioned model: `--model MODEL.toml`, as `hydraxis commission` writes it";
         section.refuse("law", format!("\"smith\" without [axis.{name}.commissioned]"), allowed);
         return Law::Predictive;
     };
@@ -150,7 +151,8 @@ fn read_law(section: &mut Section, name: &str, commissioned: Option<&Commissione
     Law::Smith(SmithSettings { kp, ki, observer_time: observer_time.unwrap_or(usual) })
 }
 
-const OBSERVER_RULE: &str = "commissioned.dead_time + time_constant + half a period, at least 60 ms; with law = \"smith\"";
+const OBSERVER_RULE: &str =
+    "commissioned.dead_time + time_constant + half a period, at least 60 ms; with law = \"smith\"";
 
 /// `feedforward`, which needs a commissioned model whose dead time and lag are within the preview of the references.
 fn read_feedforward(section: &mut Section, name: &str, commissioned: Option<&Commissioned>, period: Duration) -> bool {

@@ -122,11 +122,16 @@ impl Identification {
                 .parsed_or(Estimator::Auto, Estimator::ALLOWED),
             fuzzy,
             hysteresis: section
-                .key("hysteresis", "Width of the valve's hysteresis that the commands go through before they are identified")
+                .key(
+                    "hysteresis",
+                    "Width of the valve's hysteresis that the commands go through before they are identified",
+                )
                 .number_or(0.0, 0.0..=0.5, ""),
-            memory: section
-                .key("memory", "Memory of the grey box, in seconds of motion")
-                .number_or(GREY_BOX_MEMORY, 0.1..=1e4, "s"),
+            memory: section.key("memory", "Memory of the grey box, in seconds of motion").number_or(
+                GREY_BOX_MEMORY,
+                0.1..=1e4,
+                "s",
+            ),
         };
         if let Some(model) = commissioned.filter(|_| identification.estimator == Estimator::GreyBox) {
             identification.structure = model.structure(structure, period);

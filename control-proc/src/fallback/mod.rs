@@ -244,7 +244,7 @@ mod tests {
                     command = fallback.update(error, forward, command);
                     alone.update(error, forward, command);
                 }
-                prop_assert!((fallback.memory.integral - alone.integral).abs() < 0.02, "{}", fallback.memory.integral);
+                prop_assert!((fallback.memory.integral - alone.memory.integral).abs() < 0.02, "{}", fallback.memory.integral);
             }
         }
 

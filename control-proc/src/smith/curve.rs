@@ -21,7 +21,7 @@ use crate::{
 /// Largest shift: more is no change of a machine that may still be driven by its model.
 const MOST: f64 = 0.15;
 /// Step response that the speed is taken from, in time constants and in ticks.
-const SETTLED: f64 = 8.0;
+const SETTLED: f64 = 12.0;
 const LEAST_TICKS: f64 = 8.0;
 
 /// The adapted curve of one axis.

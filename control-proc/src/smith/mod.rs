@@ -124,3 +124,6 @@ impl Smith {
         self.law.restore(self.before);
     }
 }
+
+#[cfg(test)]
+mod tests;

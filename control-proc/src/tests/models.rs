@@ -1,5 +1,7 @@
 //! Models and a machine file for the tests.
 
+use std::time::Duration;
+
 use pipeline::{
     hammerstein::{Coefficients, Structure},
     machine::{Commissioned, DeadBand},
@@ -21,6 +23,26 @@ pub fn actuator() -> Coefficients {
     model.a[..2].copy_from_slice(&[-1.8, 0.8]);
     model.b[0] = 0.6 * 0.01 * 0.2;
     (model.f[0], model.g[0]) = (1.0, 1.0);
+    model
+}
+
+/// The model that a grey box starts from, every `period` s.
+pub fn at_knots(commissioned: &Commissioned, period: f64) -> Coefficients {
+    let structure =
+        commissioned.structure(Structure { na: 2, nb: 0, ..Structure::PAPER }, Duration::from_secs_f64(period));
+    let kept = (-period / commissioned.time_constant).exp();
+    let mut model = Coefficients::zero(structure);
+    model.a[..2].copy_from_slice(&[-1.0 - kept, kept]);
+    model.b[0] = period * (1.0 - kept);
+    let few = commissioned.at_knots();
+    for (slopes, speeds) in [(&mut model.f, &few.speeds_extend), (&mut model.g, &few.speeds_retract)] {
+        let (mut x, mut v, mut before) = (0.0, 0.0, 0.0);
+        for (i, (opening, speed)) in few.openings.iter().zip(speeds).enumerate() {
+            let slope = (speed - v) / (opening - x);
+            slopes[i] = slope - before;
+            (x, v, before) = (*opening, *speed, slope);
+        }
+    }
     model
 }
 

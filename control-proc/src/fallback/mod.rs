@@ -244,7 +244,8 @@ mod tests {
                     command = fallback.update(error, forward, command);
                     alone.update(error, forward, command);
                 }
-                prop_assert!((fallback.memory.integral - alone.memory.integral).abs() < 0.02, "{}", fallback.memory.integral);
+                let (integral, without) = (fallback.memory.integral, alone.memory.integral);
+                prop_assert!((integral - without).abs() < 0.02, "{integral}");
             }
         }
 

@@ -9,10 +9,10 @@
 //! distrusted  from the second time on: for 5 s, and for twice as long each time, 80 s at most
 //! ```
 //!
-//! e following error m, v_r speed of the reference m/s, n ticks since the last look, T period s; t_d dead time and tau_l
-//! time constant of the commissioned model s; e_0 1 mm or 4 counts, whichever is more; index f fallback, m model. The
-//! error of the fallback is predicted from what it was, in proportion to the speed of the reference where that is higher.
-//! 4 is twice the error. A cautious model controls without what was learned online, where its law can do that.
+//! e following error m, v_r speed of the reference m/s, n ticks since the last look, T period s; t_d dead time and
+//! tau_l time constant of the commissioned model s; e_0 1 mm or 4 counts, whichever is more; index f fallback, m model.
+//! The error of the fallback is predicted from what it was, in proportion to the speed of the reference where that is
+//! higher. 4 is twice the error. A cautious model controls without what was learned online, where its law can do that.
 //!
 //! While the reference stands, errors of more than twice what the fallback has in all count. So a loop that swings far
 //! about a set point loses control, too.

@@ -47,9 +47,10 @@ impl AdaptedCurve {
         let step = &mut step[..self.settled];
         step_response(adapted.model, step);
         let gain = Ramp::new(step).slope / self.period;
-        let command = adapted.model.nonlinearity().invert(speed / gain, adapted.range);
+        let wanted = speed / gain;
+        let command = adapted.model.nonlinearity().invert(wanted, adapted.range);
         let shift = command - self.commissioned.command(speed);
-        if !shift.is_finite() {
+        if !wanted.is_finite() || !shift.is_finite() {
             return 0.0;
         }
         shift.clamp(-MOST, MOST) * (speed.abs() / STILL).min(1.0)

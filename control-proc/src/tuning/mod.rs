@@ -57,8 +57,8 @@ pub const MARGINS: [Plant; 2] =
 const SMITH_GAINS: [f64; 5] = [2.0, 1.7, 1.4, 1.2, 1.0];
 /// Error on the plant as commissioned, in parts of that of the fallback, beyond which it is not worth its model.
 const WORTH: f64 = 0.9;
-/// Least natural frequency of the load that a Smith predictor is used with, Hz. It takes the load for stiff: an axis with
-/// 2.4 Hz followed worse by it.
+/// Least natural frequency of the load that a Smith predictor is used with, Hz. It takes the load for stiff: an axis
+/// with 2.4 Hz followed worse by it.
 const LEAST_FREQUENCY: f64 = 4.0;
 /// Natural frequency of load and oil where commissioning has found none, Hz: a slower swing would have been seen.
 const UNSEEN_FREQUENCY: f64 = 10.0;

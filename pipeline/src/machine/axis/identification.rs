@@ -94,6 +94,7 @@ impl Identification {
             .key("output", "What is identified; the controller's model is one of the position with either choice")
             .choice_or(IdentifiedOutput::Position, &outputs);
         let shortest = shortest_training(structure, output);
+        let (hysteresis, memory) = read_grey_box(&mut section);
         let mut identification = Self {
             structure,
             output,
@@ -121,17 +122,8 @@ impl Identification {
                 .key("estimator", "Algorithm that adapts the coefficients online")
                 .parsed_or(Estimator::Auto, Estimator::ALLOWED),
             fuzzy,
-            hysteresis: section
-                .key(
-                    "hysteresis",
-                    "Width of the valve's hysteresis that the commands go through before they are identified",
-                )
-                .number_or(0.0, 0.0..=0.5, ""),
-            memory: section.key("memory", "Memory of the grey box, in seconds of motion").number_or(
-                GREY_BOX_MEMORY,
-                0.1..=1e4,
-                "s",
-            ),
+            hysteresis,
+            memory,
         };
         if let Some(model) = commissioned.filter(|_| identification.estimator == Estimator::GreyBox) {
             identification.structure = model.structure(structure, period);
@@ -196,6 +188,19 @@ const fn published(structure: Structure, output: IdentifiedOutput) -> Structure 
 /// Smallest number of samples for offline identification: fewer rows than coefficients cannot determine them.
 pub const fn shortest_training(structure: Structure, output: IdentifiedOutput) -> usize {
     structure.full_len() + published(structure, output).memory()
+}
+
+/// Hysteresis of the commands, and memory of the grey box in s of motion.
+fn read_grey_box(section: &mut Section) -> (f64, f64) {
+    let hysteresis = section
+        .key("hysteresis", "Width of the valve's hysteresis that the commands go through before they are identified")
+        .number_or(0.0, 0.0..=0.5, "");
+    let memory = section.key("memory", "Memory of the grey box, in seconds of motion").number_or(
+        GREY_BOX_MEMORY,
+        0.1..=1e4,
+        "s",
+    );
+    (hysteresis, memory)
 }
 
 /// The structure; delay and dead band of the commissioned model are its defaults.

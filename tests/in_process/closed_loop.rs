@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 use control_proc::Controller;
 use ident_proc::Identifiers;
 use pipeline::{
-    machine::{Machine, ModelChoice, ReferenceSource, Scenario, model_settings},
+    machine::{GREY_BOX_MEMORY, Law, Machine, ModelChoice, ReferenceSource, Scenario, model_settings},
     message::{CoefficientSnapshot, EncoderReading, EncoderSample, Reference, ValveCommand},
 };
 use plant_sim::PlantSim;
@@ -34,9 +34,19 @@ fn commissioned() -> &'static [(String, String)] {
     })
 }
 
-/// The four axes in a scenario, commissioned, with feed-forward, this choice of model, and references of the
-/// test.
+/// The four axes in a scenario, commissioned, with feed-forward, this choice of model under predictive control, and
+/// references of the test.
 fn machine(scenario: &str, model: ModelChoice, reference: impl Fn((f64, f64)) -> ReferenceSource) -> Machine {
+    let mut machine = machine_as_chosen(scenario, model, reference);
+    for axis in &mut machine.axes {
+        axis.control.law = Law::Predictive;
+        (axis.identification.memory, axis.identification.hysteresis) = (GREY_BOX_MEMORY, 0.0);
+    }
+    machine
+}
+
+/// The same under the law that commissioning has chosen.
+fn machine_as_chosen(scenario: &str, model: ModelChoice, reference: impl Fn((f64, f64)) -> ReferenceSource) -> Machine {
     let scenario = ("scenario".to_owned(), scenario.to_owned());
     let mut machine = Machine::four_axes(&[commissioned(), &[scenario]].concat()).unwrap();
     for axis in &mut machine.axes {

@@ -11,7 +11,7 @@
 //! | [`comparison`](super::comparison) | has the adaptive model predicted better than the classical one? |
 //! | [`age`](super::age) | is the last approved model still young enough? |
 //! | [`trust`](super::trust) | was there a following error under the model? |
-//! | [`supervision`](super::supervision) | does it follow worse than the fallback would? |
+//! | [`supervision`](super::supervision) | does a Smith predictor follow worse than the fallback would? |
 //! | probation, here | has the model been usable for [`PROBATION`] without a break? |
 //!
 //! Each snapshot is judged once; its flags stay until the next one. The classical model is used until the adaptive
@@ -23,7 +23,7 @@
 use std::time::Duration;
 
 use pipeline::{
-    machine::{Axis, Commissioned, Estimator, ModelChoice, Timing, samples_of},
+    machine::{Axis, Commissioned, Estimator, Law, ModelChoice, Timing, samples_of},
     message::{AxisSnapshot, REFUSALS, control_flag},
 };
 
@@ -79,7 +79,8 @@ pub struct Gate {
     comparison: Comparison,
     last: LastApproved,
     trust: Trust,
-    supervision: Supervision,
+    /// Of a Smith predictor, whose law is that of the fallback.
+    supervision: Option<Supervision>,
     confidence: Confidence,
     /// Ticks in a row with a command of a usable model.
     usable_ticks: u64,
@@ -93,6 +94,7 @@ impl Gate {
         let ticks = |duration| samples_of(duration, timing.period).max(1) as u64;
         let period = timing.period.as_secs_f64();
         let choice = axis.control.model;
+        let is_smith = matches!(axis.control.law, Law::Smith(_));
         let reaction = axis.commissioned.as_ref().map_or(0.0, Commissioned::reaction);
         Self {
             choice,
@@ -103,7 +105,7 @@ impl Gate {
             comparison: Comparison::new(period),
             last: LastApproved::new(ticks(timing.model_timeout), ticks(timing.model_lifetime)),
             trust: Trust::new(axis.control.following_error, period),
-            supervision: Supervision::new(reaction, axis.encoder.resolution, period),
+            supervision: is_smith.then(|| Supervision::new(reaction, axis.encoder.resolution, period)),
             confidence: Confidence::Full,
             usable_ticks: 0,
             seen: None,
@@ -122,7 +124,7 @@ impl Gate {
     pub fn begin(&mut self) {
         self.usable_ticks = 0;
         self.trust.reset();
-        self.supervision.reset();
+        self.supervision.iter_mut().for_each(Supervision::reset);
         self.confidence = Confidence::Full;
     }
 
@@ -195,7 +197,9 @@ impl Gate {
             self.usable_ticks = 0;
             self.last.discard();
         }
-        self.confidence = self.supervision.update(deviation, by_model, at_limit);
+        if let Some(supervision) = &mut self.supervision {
+            self.confidence = supervision.update(deviation, by_model, at_limit);
+        }
         if self.confidence != Confidence::Full {
             flags |= control_flag::MODEL_WORSE;
         }

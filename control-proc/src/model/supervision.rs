@@ -6,7 +6,8 @@
 //! while the model controls        tau = max(1 s, 3 (t_d + tau_l))/2,  the same
 //! worse       E_m > 4 E_f max(V_m/V_f, 1) + e_0^2       after 2 tau of control, while the command is not at its limit
 //! cautious    from the first time on, until the axis begins to follow anew
-//! distrusted  from the second time on: for 5 s, and for twice as long each time, 80 s at most
+//! distrusted  from the second time on: for 5 s, and for twice as long each time, 80 s at most; or until the fallback
+//!             has E_f >= E_m of then with V_f <= V_m of then
 //! ```
 //!
 //! e following error m, v_r speed of the reference m/s, n ticks since the last look, T period s; t_d dead time and
@@ -16,6 +17,9 @@
 //!
 //! While the reference stands, errors of more than twice what the fallback has in all count. So a loop that swings far
 //! about a set point loses control, too.
+//!
+//! When the model loses control, the errors of the fallback are counted anew: the machine may have changed, and the
+//! fallback with it. One that turns out to be no better gives control back.
 //!
 //! Trap: [`super::trust`] alone acts on errors of centimetres. A model can be five times worse than the fallback and
 //! never reach them.
@@ -77,6 +81,8 @@ pub struct Supervision {
     floor: f64,
     fallback: Squares,
     model: Squares,
+    /// Those of the model when it lost control.
+    lost: Squares,
     /// Times that the model was worse since the axis began to follow.
     times: u32,
     /// Time for which the model is still distrusted, s.
@@ -92,6 +98,7 @@ impl Supervision {
             floor: FLOOR.max(FLOOR_COUNTS * resolution).powi(2),
             fallback: Squares::default(),
             model: Squares::default(),
+            lost: Squares::default(),
             times: 0,
             distrusted: 0.0,
         }
@@ -111,6 +118,9 @@ impl Supervision {
         if !by_model {
             self.fallback.push(deviation, time, MEMORY);
             self.model = Squares::default();
+            if self.is_no_better() {
+                self.distrusted = 0.0;
+            }
         } else if !at_limit {
             self.model.push(deviation, time, self.memory);
         }
@@ -131,9 +141,16 @@ impl Supervision {
         time > 2.0 * self.memory && error > WORSE * self.fallback.error * faster + self.floor
     }
 
+    /// Whether the fallback follows no better than the model that lost control.
+    fn is_no_better(&self) -> bool {
+        let Squares { error, speed, time } = self.fallback;
+        self.distrusted > 0.0 && time > 2.0 * self.memory && error >= self.lost.error && speed <= self.lost.speed
+    }
+
     fn note(&mut self) {
-        self.model = Squares::default();
+        let model = std::mem::take(&mut self.model);
         if self.times > 0 {
+            (self.lost, self.fallback) = (model, Squares::default());
             let doubled = DISTRUST.0 * f64::from(1 << (self.times - 1).min(4));
             self.distrusted = doubled.min(DISTRUST.1);
         }
@@ -190,6 +207,20 @@ mod tests {
         assert_eq!(changes(&mut supervision(), 3000, 0.1, 3.9e-3).len(), 1);
         // Below the floor nothing counts.
         assert_eq!(changes(&mut supervision(), 3000, 0.0, 0.9e-3).len(), 1);
+    }
+
+    #[test]
+    fn a_fallback_that_is_no_better_gives_control_back_and_is_the_new_measure() {
+        let mut supervision = supervision();
+        let mut lost = 0;
+        let mut by_model = true;
+        for _ in 0..6000 {
+            let error = if by_model { 5e-3 } else { 8e-3 };
+            let before = by_model;
+            by_model = supervision.update(&at(error, 0.1), by_model, false) != Confidence::None;
+            lost += u32::from(before && !by_model);
+        }
+        assert!(lost == 1 && by_model, "{lost}");
     }
 
     #[test]

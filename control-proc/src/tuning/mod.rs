@@ -159,7 +159,7 @@ impl Baseline {
 }
 
 /// The Smith predictor for `axis` number `index`, whose fallback has the tuned settings `control`, for a command every
-/// `period` s: the integral gain of the fallback and the greatest of [`SMITH_GAINS`] that keeps the margins. `None` for
+/// `period` s: the integral gain of the fallback, and twice its gain or as much of that as keeps the margins. `None` for
 /// an axis that is not commissioned, of a soft load, where no gain keeps them, and where the
 /// fallback follows as well.
 pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Option<SmithSettings> {
@@ -369,6 +369,32 @@ mod tests {
         let tuned = Baseline::DeadBand.tuned(0, &axis, PERIOD).unwrap();
         let Rating { excess, .. } = bench.rated(&Control { kp: 4.0 * tuned.kp, ..tuned });
         assert!(excess > 1e-3, "{excess}");
+    }
+
+    #[test]
+    fn the_smith_predictor_keeps_its_margins_and_follows_better_than_the_fallback() {
+        for dead_time in [0.05, 0.15] {
+            let axis = axis(dead_time);
+            let control = Baseline::Feedforward.tuned(0, &axis, PERIOD).unwrap();
+            let settings = smith(0, &axis, &control, PERIOD).unwrap();
+            assert!(settings.kp >= control.kp && settings.ki == control.ki, "{settings:?}");
+            let bench = Bench::new(0, &axis, PERIOD).unwrap();
+            let with = Control { law: Law::Smith(settings), ..control };
+            for plant in PLANTS.into_iter().chain(MARGINS) {
+                let (motion, _) = bench.simulated(&with, plant);
+                assert!(motion <= RESTING_MOTION, "{dead_time} s {plant:?}: {motion} m at rest");
+            }
+            let ratio = (bench.simulated(&with, PLANTS[1]).1 / bench.simulated(&control, PLANTS[1]).1).sqrt();
+            assert!(ratio < 0.9, "{dead_time} s: {ratio}");
+        }
+    }
+
+    #[test]
+    fn a_soft_load_is_left_to_the_fallback() {
+        let mut axis = axis(0.15);
+        let control = Baseline::Feedforward.tuned(0, &axis, PERIOD).unwrap();
+        axis.commissioned.as_mut().unwrap().natural_frequency = 3.9;
+        assert_eq!(smith(0, &axis, &control, PERIOD), None);
     }
 
     #[test]

@@ -159,9 +159,9 @@ impl Baseline {
 }
 
 /// The Smith predictor for `axis` number `index`, whose fallback has the tuned settings `control`, for a command every
-/// `period` s: the integral gain of the fallback, and twice its gain or as much of that as keeps the margins. `None` for
-/// an axis that is not commissioned, of a soft load, where no gain keeps them, and where the
-/// fallback follows as well.
+/// `period` s: the integral gain of the fallback, and twice its gain or as much of that as keeps the margins. `None`
+/// for an axis that is not commissioned, of a soft load, where no gain keeps them, and where the fallback follows as
+/// well.
 pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Option<SmithSettings> {
     let bench = Bench::new(index, axis, period)?;
     // A load without a spring that was found has the frequency 0.

@@ -45,7 +45,8 @@ fn machine(scenario: &str, model: ModelChoice, reference: impl Fn((f64, f64)) ->
     machine
 }
 
-/// The same under the law that commissioning has chosen.
+/// The four axes in a scenario, commissioned, with feed-forward, this choice of model under the law that commissioning
+/// has chosen, and references of the test.
 fn machine_as_chosen(scenario: &str, model: ModelChoice, reference: impl Fn((f64, f64)) -> ReferenceSource) -> Machine {
     let scenario = ("scenario".to_owned(), scenario.to_owned());
     let mut machine = Machine::four_axes(&[commissioned(), &[scenario]].concat()).unwrap();

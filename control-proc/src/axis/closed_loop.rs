@@ -14,7 +14,6 @@ use crate::{
     model::{age::Age, gate::ModelAnswer},
     protection::{following_error::Deviation, limits::Limits},
     smith::Smith,
-    standstill::Stand,
 };
 
 /// Plans in a row without an answer of the solver that latch the axis.
@@ -59,15 +58,16 @@ impl AxisController {
         };
         let positions = self.references.positions();
         let stand = self.standstill.update(input.elapsed, deviation.error, positions, last.command, integrates);
-        let (wanted, by) = match Commander::choose(admission.command, stand) {
-            Commander::Rest(by) => (0.0, by),
-            Commander::Creep(command, by) => (limits.apply(command, last.command), by),
-            Commander::Predictive(command) => (command, ControlMode::Model),
-            Commander::Fallback => (self.fall_back(&last, deviation.error, &limits), ControlMode::Fallback),
-        };
-        if by != ControlMode::Model || stand != Stand::Follow {
+        let commander = Commander::choose(admission.command, stand);
+        if !matches!(commander, Commander::Model(_)) {
             self.smith.iter_mut().for_each(Smith::discard);
         }
+        let (wanted, by) = match commander {
+            Commander::Rest(by) => (0.0, by),
+            Commander::Creep(command, by) => (limits.apply(command, last.command), by),
+            Commander::Model(command) => (command, ControlMode::Model),
+            Commander::Fallback => (self.fall_back(&last, deviation.error, &limits), ControlMode::Fallback),
+        };
         let command = self.protection.end_stops().apply(wanted, position, self.feedback.speed(), true);
 
         if status.counts {

@@ -43,8 +43,8 @@ pub enum Commander {
     Rest(ControlMode),
     /// Nobody: the axis creeps to its set point with this command, under this controller.
     Creep(f64, ControlMode),
-    /// The predictive controller, with this command.
-    Predictive(f64),
+    /// The controller by the model, with this command.
+    Model(f64),
     /// The fallback.
     Fallback,
 }
@@ -56,7 +56,7 @@ impl Commander {
         match (stand, admitted) {
             (Stand::Rest, _) => Self::Rest(by),
             (Stand::Creep(command), _) => Self::Creep(command, by),
-            (Stand::Follow, Some(command)) => Self::Predictive(command),
+            (Stand::Follow, Some(command)) => Self::Model(command),
             (Stand::Follow, None) => Self::Fallback,
         }
     }
@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn the_model_commands_where_it_is_admitted_and_the_fallback_elsewhere() {
-        assert_eq!(Commander::choose(Some(0.3), Stand::Follow), Commander::Predictive(0.3));
+        assert_eq!(Commander::choose(Some(0.3), Stand::Follow), Commander::Model(0.3));
         assert_eq!(Commander::choose(None, Stand::Follow), Commander::Fallback);
     }
 

@@ -62,11 +62,6 @@ impl Feedforward {
         let position = (1.0 - part) * at(0) + part * at(1);
         Coming { position, speed, command: self.model.command(speed) * (speed.abs() / STILL).min(1.0) }
     }
-
-    /// u_r for these references.
-    pub fn command(&self, references: &[f64]) -> f64 {
-        self.coming(references).command
-    }
 }
 
 #[cfg(test)]
@@ -81,11 +76,11 @@ mod tests {
         let feedforward = Feedforward::new(&commissioned(), PERIOD);
         for speed in [0.2, 0.005, -0.1] {
             let targets: Vec<f64> = (0..40).map(|k| 0.3 + speed * PERIOD * f64::from(k)).collect();
-            let command = feedforward.command(&targets);
+            let command = feedforward.coming(&targets).command;
             assert!((commissioned().speed(command) - speed).abs() < 1e-9, "{speed}: {command}");
         }
-        assert_eq!(feedforward.command(&[0.3; 40]), 0.0);
-        assert_eq!(feedforward.command(&[]), 0.0);
+        assert_eq!(feedforward.coming(&[0.3; 40]).command, 0.0);
+        assert_eq!(feedforward.coming(&[]).command, 0.0);
     }
 
     #[test]
@@ -98,7 +93,7 @@ mod tests {
             let targets: Vec<f64> = (0..=ahead).map(|k| 0.1 * PERIOD * k.saturating_sub(start) as f64).collect();
             // The reference moves within (lead, lead + 1) ticks from now.
             let expected = (start as f64) < lead + 1.0;
-            assert_eq!(feedforward.command(&targets) != 0.0, expected, "{start}");
+            assert_eq!(feedforward.coming(&targets).command != 0.0, expected, "{start}");
         }
     }
 
@@ -107,7 +102,7 @@ mod tests {
         let feedforward = Feedforward::new(&commissioned(), PERIOD);
         let creep = |speed: f64| {
             let targets: Vec<f64> = (0..40).map(|k| speed * PERIOD * f64::from(k)).collect();
-            feedforward.command(&targets)
+            feedforward.coming(&targets).command
         };
         assert!(creep(1e-9).abs() < 1e-6 && creep(-1e-9).abs() < 1e-6);
         assert!(creep(1e-3) > 0.1 && creep(-1e-3) < -0.08);

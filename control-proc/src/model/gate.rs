@@ -81,7 +81,6 @@ pub struct Gate {
     trust: Trust,
     /// Of a Smith predictor, whose law is that of the fallback.
     supervision: Option<Supervision>,
-    confidence: Confidence,
     /// Ticks in a row with a command of a usable model.
     usable_ticks: u64,
     seen: Option<Seen>,
@@ -106,7 +105,6 @@ impl Gate {
             last: LastApproved::new(ticks(timing.model_timeout), ticks(timing.model_lifetime)),
             trust: Trust::new(axis.control.following_error, period),
             supervision: is_smith.then(|| Supervision::new(reaction, axis.encoder.resolution, period)),
-            confidence: Confidence::Full,
             usable_ticks: 0,
             seen: None,
             refusals: [0; REFUSALS.len()],
@@ -125,7 +123,6 @@ impl Gate {
         self.usable_ticks = 0;
         self.trust.reset();
         self.supervision.iter_mut().for_each(Supervision::reset);
-        self.confidence = Confidence::Full;
     }
 
     /// Begins the probation anew: the axis does not follow.
@@ -198,12 +195,13 @@ impl Gate {
             self.last.discard();
         }
         if let Some(supervision) = &mut self.supervision {
-            self.confidence = supervision.update(deviation, by_model, at_limit);
+            supervision.update(deviation, by_model, at_limit);
         }
-        if self.confidence != Confidence::Full {
+        let confidence = self.confidence();
+        if confidence != Confidence::Full {
             flags |= control_flag::MODEL_WORSE;
         }
-        if self.confidence == Confidence::None {
+        if confidence == Confidence::None {
             self.usable_ticks = 0;
         }
         let command = match answer {
@@ -215,7 +213,11 @@ impl Gate {
 
     /// Whether the model controls with what was commissioned only.
     pub fn is_cautious(&self) -> bool {
-        self.confidence != Confidence::Full
+        self.confidence() != Confidence::Full
+    }
+
+    fn confidence(&self) -> Confidence {
+        self.supervision.as_ref().map_or(Confidence::Full, Supervision::confidence)
     }
 
     /// Snapshots that were refused so far, by the places of [`REFUSALS`].

@@ -127,6 +127,11 @@ impl Supervision {
         if self.is_worse() {
             self.note();
         }
+        self.confidence()
+    }
+
+    /// What the last tick said.
+    pub fn confidence(&self) -> Confidence {
         match self.times {
             _ if self.distrusted > 0.0 => Confidence::None,
             0 => Confidence::Full,

@@ -151,14 +151,14 @@ impl Contest {
             let (baseline, model) = entries[*entry].kind.parts();
             let axis = &entries[*entry].axes[*index];
             let control = baseline.tuned(*index, axis, period).ok_or_else(|| not_commissioned(axis))?;
-            let law =
-                (entries[*entry].kind == ControllerKind::SmithAdaptive).then(|| smith(*index, axis, &control, period));
-            match law {
-                // Where the predictor is not worth it, the fallback controls, as the model file would say.
-                Some(None) => Ok(Control { model: ModelChoice::None, ..control }),
-                Some(Some(settings)) => Ok(Control { model, law: Law::Smith(settings), ..control }),
-                None => Ok(Control { model, ..control }),
+            if entries[*entry].kind != ControllerKind::SmithAdaptive {
+                return Ok(Control { model, ..control });
             }
+            // Where the predictor is not worth it, the fallback controls, as the model file would say.
+            Ok(match smith(*index, axis, &control, period) {
+                Some(settings) => Control { model, law: Law::Smith(settings), ..control },
+                None => Control { model: ModelChoice::None, ..control },
+            })
         })?;
         for ((entry, axis), control) in places.into_iter().zip(controls) {
             entries[entry].axes[axis].control = control;

@@ -50,24 +50,25 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commiss
     );
     for (name, model, control) in found {
         if let Some(Control { kp, ki, feedforward, dead_band: DeadBand { extend, retract }, law, .. }) = control {
+            // A key that is not written would stay what it is in the machine file.
+            let (more, chosen) = match law {
+                Law::Smith(SmithSettings { kp, ki, observer_time }) => (
+                    format!("memory = {SMITH_MEMORY:?}\nhysteresis = {:?}\n", model.hysteresis),
+                    format!(
+                        "model = \"adaptive\"\nlaw = \"smith\"\n\
+                         smith_kp = {kp:?}\nsmith_ki = {ki:?}\nobserver_time = {observer_time:?}\n"
+                    ),
+                ),
+                Law::Predictive => {
+                    (String::new(), "model = \"none\"    # the fallback follows as well as a model would\n".to_owned())
+                }
+            };
             let _ = write!(
                 text,
                 "\n[axis.{name}.identification]\nestimator = \"grey-box\"    # its speeds and its lag are adapted\n\
-                 {}\n[axis.{name}.control]\nkp = {kp:?}\nki = {ki:?}\nfeedforward = {feedforward}\n\
-                 dead_band_extend = {extend:?}\ndead_band_retract = {retract:?}\n",
-                if law == Law::Predictive {
-                    String::new()
-                } else {
-                    format!("memory = {SMITH_MEMORY:?}\nhysteresis = {:?}\n", model.hysteresis)
-                }
+                 {more}\n[axis.{name}.control]\nkp = {kp:?}\nki = {ki:?}\nfeedforward = {feedforward}\n\
+                 dead_band_extend = {extend:?}\ndead_band_retract = {retract:?}\n{chosen}"
             );
-            // A key that is not written would stay what it is in the machine file.
-            if let Law::Smith(SmithSettings { kp, ki, observer_time }) = law {
-                text += "model = \"adaptive\"\nlaw = \"smith\"\n";
-                let _ = writeln!(text, "smith_kp = {kp:?}\nsmith_ki = {ki:?}\nobserver_time = {observer_time:?}");
-            } else {
-                text += "model = \"none\"    # the fallback follows as well as a model would\n";
-            }
         }
         let Commissioned {
             dead_time,

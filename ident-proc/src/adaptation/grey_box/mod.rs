@@ -13,8 +13,8 @@
 //! y position in m, dy its increment; phi features of the command, hinges beyond the dead band; theta speeds per unit
 //! of them in m/s; T period, tau_j lag and W window in s; s_0 in m. m, from 0 to 1, says how much of a full measure
 //! the sample is of either direction of motion; M is the memory in seconds of motion
-//! ([`pipeline::machine::Identification`]). A direction without excitation
-//! is kept, however long that lasts. S_0 is the inverse of the covariance of theta before any sample (module `prior`).
+//! ([`pipeline::machine::Identification`]). A direction without excitation is kept, however long that lasts. S_0 is the
+//! inverse of the covariance of theta before any sample (module `prior`).
 //!
 //! Source: identification with a prior, Ljung, System Identification (1999), 7.4 and 16.4; forgetting down to a least
 //! information, Kulhavy and Zarrop, Int. J. Control 58 (1993).

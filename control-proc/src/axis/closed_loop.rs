@@ -11,9 +11,8 @@ use super::{
     decision::{Commander, Decision},
 };
 use crate::{
-    model::{age::Age, gate::ModelAnswer},
+    model::{age::Age, gate::ModelAnswer, shadow::Shadow},
     protection::{following_error::Deviation, limits::Limits},
-    smith::Smith,
 };
 
 /// Plans in a row without an answer of the solver that latch the axis.
@@ -45,22 +44,19 @@ impl AxisController {
             return Err(control_flag::FOLLOWING);
         }
 
-        if let Some(smith) = &mut self.smith {
-            smith.observe(input.elapsed, position, last.command);
-        }
         let answer = self.plan(input.sequence, &limits, &last)?;
-        let admission = self.gate.admit(answer, &deviation, last.by == ControlMode::Model, at_limit);
+        let shadow = self.shadowed(deviation.error, &last, &limits);
+        let admission = self.gate.admit(answer, &deviation, shadow, last.by == ControlMode::Model, at_limit);
 
-        let integrates = match (admission.command, &self.smith) {
-            (None, _) => self.fallback.integrates(),
-            (Some(_), Some(smith)) => smith.integrates(),
-            (Some(_), None) => true,
-        };
+        let integrates = if admission.command.is_some() { self.law.integrates() } else { self.fallback.integrates() };
         let positions = self.references.positions();
         let stand = self.standstill.update(input.elapsed, deviation.error, positions, last.command, integrates);
         let commander = Commander::choose(admission.command, stand);
         if !matches!(commander, Commander::Model(_)) {
-            self.smith.iter_mut().for_each(Smith::discard);
+            self.law.discard();
+            if let Some(memory) = self.shadow.as_mut().and_then(Shadow::stop) {
+                self.fallback.restore(memory);
+            }
         }
         let (wanted, by) = match commander {
             Commander::Rest(by) => (0.0, by),
@@ -87,21 +83,22 @@ impl AxisController {
     /// estimate of the noise when it takes over.
     fn plan(&mut self, sequence: u64, limits: &Limits, last: &Decision) -> Result<ModelAnswer, u32> {
         let (Some(model), Some(history)) = (self.gate.model(sequence), self.feedback.history()) else {
-            self.predictive.reset();
+            self.law.interrupt();
             return Ok(ModelAnswer::NoModel);
         };
-        if let Some(smith) = &mut self.smith {
-            smith.limit(limits.magnitude);
-            let goes_on = last.by == ControlMode::Model;
-            let adapted = Some(&model).filter(|_| !self.gate.is_cautious());
-            let command = smith.update(adapted, self.references.positions(), last.command, goes_on);
-            return Ok(command.map_or(ModelAnswer::NoCommand, ModelAnswer::Command));
-        }
-        let command = self.predictive.update(&model, limits, history, self.references.positions());
-        if self.predictive.unsolved_in_a_row() >= UNSOLVED_LIMIT {
+        let (is_cautious, goes_on) = (self.gate.is_cautious(), last.by == ControlMode::Model);
+        let references = self.references.positions();
+        let answer = self.law.update(&model, is_cautious, limits, history, references, (last.command, goes_on));
+        if self.law.unsolved().1 >= UNSOLVED_LIMIT {
             return Err(control_flag::SOLVER);
         }
-        Ok(command.map_or(ModelAnswer::NoCommand, ModelAnswer::Command))
+        Ok(answer)
+    }
+
+    /// The following error that the fallback would have now, m, while the model commands.
+    fn shadowed(&mut self, error: f64, last: &Decision, limits: &Limits) -> Option<f64> {
+        let shadow = self.shadow.as_mut().filter(|_| last.by == ControlMode::Model)?;
+        Some(shadow.update(error, self.references.positions(), self.fallback.memory(), last.command, limits))
     }
 
     /// The command of the fallback at an error of `error` m.
@@ -117,7 +114,7 @@ impl AxisController {
     /// Puts the position that the model expects in the place of the missing one, so that the next plan has it.
     pub(super) fn bridge(&mut self, sequence: u64) {
         let (Some(model), Some(history)) = (self.gate.model(sequence), self.feedback.history()) else { return };
-        if let Some(expected) = self.predictive.bridge(&model, history) {
+        if let Some(expected) = self.law.bridge(&model, history) {
             self.feedback.bridge(expected);
         }
     }

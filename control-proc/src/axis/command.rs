@@ -51,7 +51,7 @@ impl AxisController {
             refused_requests,
             taken_requests,
             rejected_snapshots: self.gate.refusals(),
-            unsolved_plans: self.predictive.unsolved(),
+            unsolved_plans: self.law.unsolved().0,
             tracking: self.tracking.all,
             model_tracking: self.tracking.by_model,
             latches: latches.count,

@@ -6,7 +6,7 @@
 //!
 //! while following, by its mode (see [`operation`]):
 //!   manual, commission: the command of the request, within all limits
-//!   hold, track: fallback --model usable for 0.1 s--> predictive --model expired, absent, distrusted--> fallback
+//!   hold, track: fallback --model usable for 0.1 s--> by model --expired, absent, distrusted, worse--> fallback
 //! ```
 //!
 //! | module | step of a tick | what it holds |
@@ -16,7 +16,7 @@
 //! | `feedback` | feedback | history of positions and commands, missing samples, motion |
 //! | [`crate::model::gate`] | model gate | a snapshot goes in, the approved model or none comes out |
 //! | `state` | state machine | settling, following, latched |
-//! | `closed_loop`, `decision` | decision | who commands at this tick, and why |
+//! | `closed_loop`, `decision`, `law` | decision | who commands at this tick, and why |
 //! | `command` | assembly | the [`AxisCommand`] message |
 //!
 //! Only an axis that follows is commanded anything but neutral. Up to two samples in a row without a usable position
@@ -44,6 +44,7 @@ mod closed_loop;
 mod command;
 mod decision;
 mod feedback;
+mod law;
 mod modes;
 pub mod operation;
 pub mod requests;
@@ -54,22 +55,21 @@ pub use feedback::UNUSABLE_LIMIT;
 pub use state::SETTLING;
 
 use pipeline::{
-    machine::{Axis, ModelChoice, Timing},
+    machine::{Axis, Timing},
     message::{AxisCommand, AxisMode, AxisSample, AxisSnapshot, Reference, Request, control_flag},
 };
 
 use crate::{
     fallback::Fallback,
-    model::gate::Gate,
-    predictive::Predictive,
+    model::{gate::Gate, shadow::Shadow},
     protection::Protection,
     reference::{References, generator::ReferenceGenerator},
-    smith::Smith,
     standstill::Standstill,
 };
 use command::Tracking;
 use decision::Decision;
 use feedback::{Feedback, Observation};
+use law::ModelLaw;
 use operation::Operation;
 use state::{State, StateMachine, Transition};
 
@@ -102,10 +102,10 @@ pub struct AxisController {
     feedback: Feedback,
     gate: Gate,
     references: References,
-    predictive: Predictive,
-    /// In the place of the predictive controller, where the machine file says so.
-    smith: Option<Smith>,
+    law: ModelLaw,
     fallback: Fallback,
+    /// Of a Smith predictor.
+    shadow: Option<Shadow>,
     standstill: Standstill,
     protection: Protection,
     tracking: Tracking,
@@ -119,24 +119,18 @@ impl AxisController {
         let period = timing.period.as_secs_f64();
         let control = &axis.control;
         let fallback = Fallback::new(control, axis.commissioned.as_ref(), period);
-        let smith = Smith::of(axis, period);
-        let plan = control.plan.plan(axis.commissioned.as_ref(), period);
-        let reach = plan.horizon * plan.step;
-        let predicted = match control.model {
-            ModelChoice::None => 0,
-            // The moves that the references ask for lie later by the lag.
-            _ => axis.identification.structure.nk + reach + reach.max(plan.response / 3),
-        };
-        let ahead = predicted.max(fallback.ahead()).max(smith.as_ref().map_or(0, Smith::ahead));
+        let law = ModelLaw::new(axis, period);
+        let ahead = ModelLaw::ahead(axis, period).max(fallback.ahead());
+        let commissioned = axis.commissioned.as_ref().filter(|_| matches!(law, ModelLaw::Smith(_)));
         Self {
             operation: Operation::new(index, axis, timing),
             state: StateMachine::new(timing),
             feedback: Feedback::new(axis, timing),
             gate: Gate::new(axis, timing),
             references: References::new(index, axis, period, ahead),
-            predictive: Predictive::new(plan, axis.soft_limits, period),
-            smith,
+            law,
             fallback,
+            shadow: commissioned.map(|model| Shadow::new(axis, model, period)),
             standstill: Standstill::new(axis, period),
             protection: Protection::new(axis, period),
             tracking: Tracking::default(),
@@ -170,6 +164,10 @@ impl AxisController {
 
     /// Decides on the command of this tick.
     fn decide(&mut self, input: &AxisInput<'_>, observation: &Observation, snapshot_flags: u32) {
+        if let Some(position) = observation.position {
+            self.law.observe(observation.missing + 1, position, self.decision.command);
+            self.shadow.iter_mut().for_each(|shadow| shadow.observe(observation.missing + 1, self.decision.command));
+        }
         match (self.state.current(), observation.position) {
             (State::Following, Some(position)) if self.operation.mode.is_direct() => {
                 self.decision = self.command_directly(input.sequence, position);
@@ -233,7 +231,8 @@ impl AxisController {
     /// Begins to follow at `position` (m), where the axis stands.
     fn begin(&mut self, input: &AxisInput<'_>, position: f64) {
         self.gate.begin();
-        self.smith.iter_mut().for_each(Smith::reset);
+        self.law.begin();
+        self.shadow.iter_mut().for_each(Shadow::reset);
         self.fallback.reset();
         self.standstill.reset();
         self.protection.reset();

@@ -11,7 +11,7 @@
 //! | [`comparison`](super::comparison) | has the adaptive model predicted better than the classical one? |
 //! | [`age`](super::age) | is the last approved model still young enough? |
 //! | [`trust`](super::trust) | was there a following error under the model? |
-//! | [`supervision`](super::supervision) | does a Smith predictor follow worse than the fallback would? |
+//! | [`supervision`](super::supervision) | does a Smith predictor follow worse than the fallback would, or swing? |
 //! | probation, here | has the model been usable for [`PROBATION`] without a break? |
 //!
 //! Each snapshot is judged once; its flags stay until the next one. The classical model is used until the adaptive
@@ -23,7 +23,7 @@
 use std::time::Duration;
 
 use pipeline::{
-    machine::{Axis, Commissioned, Estimator, Law, ModelChoice, Timing, samples_of},
+    machine::{Axis, Estimator, Law, ModelChoice, Timing, samples_of},
     message::{AxisSnapshot, REFUSALS, control_flag},
 };
 
@@ -79,7 +79,7 @@ pub struct Gate {
     comparison: Comparison,
     last: LastApproved,
     trust: Trust,
-    /// Of a Smith predictor, whose law is that of the fallback.
+    /// Of a Smith predictor.
     supervision: Option<Supervision>,
     /// Ticks in a row with a command of a usable model.
     usable_ticks: u64,
@@ -93,8 +93,7 @@ impl Gate {
         let ticks = |duration| samples_of(duration, timing.period).max(1) as u64;
         let period = timing.period.as_secs_f64();
         let choice = axis.control.model;
-        let is_smith = matches!(axis.control.law, Law::Smith(_));
-        let reaction = axis.commissioned.as_ref().map_or(0.0, Commissioned::reaction);
+        let smiths = axis.commissioned.as_ref().filter(|_| matches!(axis.control.law, Law::Smith(_)));
         Self {
             choice,
             // A grey box knows what commissioning has found, which is more than the training has shown.
@@ -104,7 +103,7 @@ impl Gate {
             comparison: Comparison::new(period),
             last: LastApproved::new(ticks(timing.model_timeout), ticks(timing.model_lifetime)),
             trust: Trust::new(axis.control.following_error, period),
-            supervision: is_smith.then(|| Supervision::new(reaction, axis.encoder.resolution, period)),
+            supervision: smiths.map(|model| Supervision::new(model.reaction(), axis.encoder.resolution, period)),
             usable_ticks: 0,
             seen: None,
             refusals: [0; REFUSALS.len()],
@@ -178,9 +177,17 @@ impl Gate {
         self.last.age(sequence)
     }
 
-    /// Whether the answer of the predictive controller may go out. `by_model`: the model made the last command.
-    /// `at_limit`: the last command was at its limit. To be called at every tick in closed loop.
-    pub fn admit(&mut self, answer: ModelAnswer, deviation: &Deviation, by_model: bool, at_limit: bool) -> Admission {
+    /// Whether the answer of the controller by the model may go out. `shadow`: the error that the fallback would have
+    /// now, m, if that is known; `by_model`: the model made the last command; `at_limit`: the last command was at its
+    /// limit. To be called at every tick in closed loop.
+    pub fn admit(
+        &mut self,
+        answer: ModelAnswer,
+        deviation: &Deviation,
+        shadow: Option<f64>,
+        by_model: bool,
+        at_limit: bool,
+    ) -> Admission {
         let mut flags = 0;
         self.usable_ticks = match answer {
             ModelAnswer::Command(_) => self.usable_ticks.saturating_add(1),
@@ -195,7 +202,7 @@ impl Gate {
             self.last.discard();
         }
         if let Some(supervision) = &mut self.supervision {
-            supervision.update(deviation, by_model, at_limit);
+            supervision.update(deviation, shadow, at_limit);
         }
         let confidence = self.confidence();
         if confidence != Confidence::Full {
@@ -290,7 +297,7 @@ mod tests {
     #[test]
     fn a_model_controls_after_its_probation_and_not_before() {
         let mut gate = gate();
-        let admitted = |gate: &mut Gate, answer| gate.admit(answer, &FINE, false, false);
+        let admitted = |gate: &mut Gate, answer| gate.admit(answer, &FINE, None, false, false);
         let count = |gate: &mut Gate| {
             (0..50).take_while(|_| admitted(gate, ModelAnswer::Command(0.3)).command.is_none()).count()
         };
@@ -311,12 +318,12 @@ mod tests {
         // 30 mm is the highest floor of the bound; 20 ticks are 200 ms.
         let lost = Deviation { error: 0.04, ..FINE };
         let flags: Vec<u32> =
-            (0..20).map(|_| gate.admit(ModelAnswer::Command(0.3), &lost, true, false).flags).collect();
+            (0..20).map(|_| gate.admit(ModelAnswer::Command(0.3), &lost, None, true, false).flags).collect();
         assert_eq!((flags[18], flags[19]), (0, control_flag::MODEL_REFUSED));
         assert!(gate.model(1).is_none() && gate.age(1) == Age::Fresh);
         gate.take(2, Some((1, &snapshot())));
         assert!(gate.model(2).is_some());
         // It is still distrusted for 5 s.
-        assert_eq!(gate.admit(ModelAnswer::Command(0.3), &FINE, false, false).command, None);
+        assert_eq!(gate.admit(ModelAnswer::Command(0.3), &FINE, None, false, false).command, None);
     }
 }

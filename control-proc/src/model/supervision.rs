@@ -1,43 +1,56 @@
 //! Supervision: a model that follows worse than the fallback would loses control.
 //!
 //! ```text
-//! E <- E + (1 - exp(-n T/tau)) (e^2 - E)        V <- V + (1 - exp(-n T/tau)) (v_r^2 - V)
-//! while the fallback controls     tau = 30 s,  means so far before that
-//! while the model controls        tau = max(1 s, 3 (t_d + tau_l))/2,  the same
-//! worse       E_m > 4 E_f max(V_m/V_f, 1) + e_0^2       after 2 tau of control, while the command is not at its limit
-//! cautious    from the first time on, until the axis begins to follow anew
-//! distrusted  from the second time on: for 5 s, and for twice as long each time, 80 s at most; or until the fallback
-//!             has E_f >= E_m of then with V_f <= V_m of then
+//! E <- mean of e^2 with the memory tau         e = e_m under the model, e_s of the fallback in its shadow at that tick
+//! suspect   E_m > 4 B + e_0^2          with tau = max(0.5 s, 1.5 L)
+//! or        E_m > 1.2 B + (e_0/4)^2    with tau = max(5 s, 15 L), not for 20 s, 40 s .. 320 s after an acquittal
+//!           after 2 tau of control, while the command is not at its limit;  B = min(E_s, 9 E_f max(V_m/V_f, 1))
+//! or        it swings ([`super::swing`])
+//! trial     of a suspect: the fallback controls for max(5 s, 15 L), at most four times that while V_f < V_m/4
+//! acquitted E_f max(V_m/V_f, 1) >= 0.8 E_m of before, V_f >= V_m/4: the model controls as before
+//! guilty    otherwise: cautious for 20 s, 40 s .. 320 s; one that has been cautious or that swings is out
+//!           for 30 s, 60 s .. 480 s
 //! ```
 //!
-//! e following error m, v_r speed of the reference m/s, n ticks since the last look, T period s; t_d dead time and
-//! tau_l time constant of the commissioned model s; e_0 1 mm or 4 counts, whichever is more; index f fallback, m model.
-//! The error of the fallback is predicted from what it was, in proportion to the speed of the reference where that is
-//! higher. 4 is twice the error. A cautious model controls without what was learned online, where its law can do that.
+//! e_m following error and e_s that of the shadow ([`super::shadow`]) m; L dead time and lag of the commissioned model
+//! s; e_0 1 mm or 4 counts, whichever is more; V mean square of the reference's speed m2/s2; index f of the last 30 s of
+//! the fallback in control, without the first max(1 s, 6 L) after the model, and since the last trial began; m model. 4
+//! is twice the error, 1.2 a tenth more. A cautious model controls without what was learned online.
 //!
-//! While the reference stands, errors of more than twice what the fallback has in all count. So a loop that swings far
-//! about a set point loses control, too.
+//! The shadow is as right as the commissioned model; what it says of a machine that has changed is confirmed by the
+//! fallback itself. A model that is far from the axis makes its shadow swing, and would then excuse every error; hence
+//! the bound on E_s by E_f.
 //!
-//! When the model loses control, the errors of the fallback are counted anew: the machine may have changed, and the
-//! fallback with it. One that turns out to be no better gives control back.
-//!
-//! Trap: [`super::trust`] alone acts on errors of centimetres. A model can be five times worse than the fallback and
-//! never reach them.
+//! Traps: [`super::trust`] alone acts on errors of centimetres. A model can be five times worse than the fallback and
+//! never reach them. And a fallback that is judged while it still mends what the model has left looks no better.
 
+use super::{
+    squares::{MEMORY, Squares},
+    swing::Swing,
+};
 use crate::protection::following_error::Deviation;
 
-/// Memory of the errors of the fallback, s.
-const MEMORY: f64 = 30.0;
-/// Least time over which the errors of the model count, s, and the same in reactions of the axis.
-const LEAST_WINDOW: f64 = 1.0;
-const REACTIONS: f64 = 3.0;
-/// Mean square of the error that is worse, in parts of what the fallback has.
-const WORSE: f64 = 4.0;
+/// E_s in parts of E_f.
+const EXCUSED: f64 = 9.0;
 /// e_0 in m and in counts.
-const FLOOR: f64 = 1e-3;
-const FLOOR_COUNTS: f64 = 4.0;
-/// First and longest time of distrust, s.
-const DISTRUST: (f64, f64) = (5.0, 80.0);
+const FLOOR: (f64, f64) = (1e-3, 4.0);
+/// A look at the last errors and one at many: tau in s and in reactions of the axis, mean square that is suspect in
+/// parts of B, part of e_0.
+const LOOKS: [(f64, f64, f64, f64); 2] = [(0.5, 1.5, 4.0, 1.0), (5.0, 15.0, 1.2, 0.25)];
+/// Length of a trial in s and in reactions of the axis, and how many of them an axis that rests is waited for.
+const TRIAL: (f64, f64) = (5.0, 15.0);
+const TRIALS: f64 = 4.0;
+/// Part of V_m that a trial needs.
+const MOTION: f64 = 0.25;
+/// Time for which the errors after the model are not the fallback's, in s and in reactions of the axis.
+const TRANSIENT: (f64, f64) = (1.0, 6.0);
+/// E_f in parts of E_m that acquits.
+const NO_BETTER: f64 = 0.8;
+/// First time of caution, of trust after an acquittal, and of distrust, s, and how often they are doubled at most.
+const CAUTION: f64 = 20.0;
+const GRACE: f64 = 20.0;
+const DISTRUST: f64 = 30.0;
+const DOUBLINGS: u32 = 4;
 
 /// What the supervision says of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,24 +63,40 @@ pub enum Confidence {
     None,
 }
 
-/// Means or sums of squares.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Squares {
-    /// Of the error, m2.
-    error: f64,
-    /// Of the speed of the reference, m2/s2.
-    speed: f64,
-    /// Time that they are of, s.
-    time: f64,
+/// Where the model stands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Phase {
+    /// It may control, with [`Supervision::is_cautious`] or without.
+    Trusted,
+    /// The fallback is measured. What the model had, whether it swung, and the time since the trial began, s.
+    Trial(Squares, bool, f64),
+    /// The fallback controls for so many seconds more.
+    Out(f64),
 }
 
-impl Squares {
-    fn push(&mut self, deviation: &Deviation, time: f64, memory: f64) {
-        // Before the memory is full these are the means so far.
-        let part = (1.0 - (-time / memory).exp()).max(time / (self.time + time));
-        self.error += part * (deviation.error * deviation.error - self.error);
-        self.speed += part * (deviation.speed * deviation.speed - self.speed);
-        self.time += time;
+/// A comparison of the model with the shadow.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Look {
+    /// tau, s.
+    memory: f64,
+    /// Mean square that is suspect in parts of B.
+    worse: f64,
+    /// Least mean square that is suspect, m2.
+    floor: f64,
+    model: Squares,
+    shadow: Squares,
+}
+
+impl Look {
+    fn clear(&mut self) {
+        (self.model, self.shadow) = Default::default();
+    }
+
+    /// Whether the model is suspect, beside a fallback of `fallback`.
+    fn is_worse(&self, fallback: &Squares) -> bool {
+        // `min` leaves out what is not a number: a fallback that has never moved.
+        let bound = self.shadow.error.min(EXCUSED * fallback.for_speed(self.model.speed));
+        self.model.time > 2.0 * self.memory && self.model.error > self.worse * bound + self.floor
     }
 }
 
@@ -75,92 +104,136 @@ impl Squares {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Supervision {
     period: f64,
-    /// tau of the model, s.
-    memory: f64,
-    /// e_0^2.
-    floor: f64,
+    /// Length of a trial and of its first part, which does not count, s.
+    trial: (f64, f64),
+    looks: [Look; LOOKS.len()],
+    swing: Swing,
     fallback: Squares,
-    model: Squares,
-    /// Those of the model when it lost control.
-    lost: Squares,
-    /// Times that the model was worse since the axis began to follow.
-    times: u32,
-    /// Time for which the model is still distrusted, s.
-    distrusted: f64,
+    /// Time since the fallback took over, s.
+    taken: f64,
+    phase: Phase,
+    /// Time for which the model is still cautious, and for which many errors do not count, s.
+    cautious: f64,
+    grace: f64,
+    /// Times that it was found guilty and cautious, guilty and out, and acquitted, since the axis began to follow.
+    times: [u32; 3],
 }
 
 impl Supervision {
-    /// Of an axis with this reaction in s and count of the encoder in m, looked at every `period` s.
+    /// Of an axis with this reaction, dead time and lag in s, and this length of a count in m; looked at every `period`
+    /// s.
     pub fn new(reaction: f64, resolution: f64, period: f64) -> Self {
+        let floor = FLOOR.0.max(FLOOR.1 * resolution);
+        let looks = LOOKS.map(|(time, reactions, worse, part)| Look {
+            memory: time.max(reactions * reaction),
+            worse,
+            floor: (part * floor).powi(2),
+            model: Squares::default(),
+            shadow: Squares::default(),
+        });
+        let longer = |(time, reactions): (f64, f64)| time.max(reactions * reaction);
         Self {
             period,
-            memory: 0.5 * LEAST_WINDOW.max(REACTIONS * reaction),
-            floor: FLOOR.max(FLOOR_COUNTS * resolution).powi(2),
+            trial: (longer(TRIAL), longer(TRANSIENT)),
+            looks,
+            swing: Swing::new(reaction, resolution, period),
             fallback: Squares::default(),
-            model: Squares::default(),
-            lost: Squares::default(),
-            times: 0,
-            distrusted: 0.0,
+            taken: f64::INFINITY,
+            phase: Phase::Trusted,
+            cautious: 0.0,
+            grace: 0.0,
+            times: [0; 3],
         }
     }
 
     /// Forgets all: the axis begins to follow.
     pub fn reset(&mut self) {
-        (self.fallback, self.model) = Default::default();
-        (self.times, self.distrusted) = (0, 0.0);
+        self.looks.iter_mut().for_each(Look::clear);
+        self.swing.reset();
+        (self.fallback, self.taken) = (Squares::default(), f64::INFINITY);
+        (self.phase, self.cautious, self.grace, self.times) = (Phase::Trusted, 0.0, 0.0, [0; 3]);
     }
 
-    /// Whether the model may control at this tick. `by_model`: it made the last command. `at_limit`: the last command
-    /// was at its limit.
-    pub fn update(&mut self, deviation: &Deviation, by_model: bool, at_limit: bool) -> Confidence {
-        let time = deviation.elapsed as f64 * self.period;
-        self.distrusted = (self.distrusted - time).max(0.0);
-        if !by_model {
-            self.fallback.push(deviation, time, MEMORY);
-            self.model = Squares::default();
-            if self.is_no_better() {
-                self.distrusted = 0.0;
-            }
-        } else if !at_limit {
-            self.model.push(deviation, time, self.memory);
-        }
-        if self.is_worse() {
-            self.note();
-        }
-        self.confidence()
-    }
-
-    /// What the last tick said.
+    /// How far the model is trusted.
     pub fn confidence(&self) -> Confidence {
-        match self.times {
-            _ if self.distrusted > 0.0 => Confidence::None,
-            0 => Confidence::Full,
-            _ => Confidence::Cautious,
+        match self.phase {
+            Phase::Trusted if self.cautious == 0.0 => Confidence::Full,
+            Phase::Trusted => Confidence::Cautious,
+            Phase::Trial(..) | Phase::Out(_) => Confidence::None,
         }
     }
 
-    fn is_worse(&self) -> bool {
-        let Squares { error, speed, time } = self.model;
-        // A fallback that has never been seen at a speed says nothing about speeds: then this is infinite or NaN.
-        let faster = (speed / self.fallback.speed).max(1.0);
-        time > 2.0 * self.memory && error > WORSE * self.fallback.error * faster + self.floor
-    }
-
-    /// Whether the fallback follows no better than the model that lost control.
-    fn is_no_better(&self) -> bool {
-        let Squares { error, speed, time } = self.fallback;
-        self.distrusted > 0.0 && time > 2.0 * self.memory && error >= self.lost.error && speed <= self.lost.speed
-    }
-
-    fn note(&mut self) {
-        let model = std::mem::take(&mut self.model);
-        if self.times > 0 {
-            (self.lost, self.fallback) = (model, Squares::default());
-            let doubled = DISTRUST.0 * f64::from(1 << (self.times - 1).min(4));
-            self.distrusted = doubled.min(DISTRUST.1);
+    /// Takes in a tick. `shadow`: the error that the fallback would have, m, if the model made the last command.
+    /// `at_limit`: the last command was at its limit.
+    pub fn update(&mut self, deviation: &Deviation, shadow: Option<f64>, at_limit: bool) {
+        let time = deviation.elapsed as f64 * self.period;
+        let swings = self.swing.update(deviation, shadow.is_some());
+        match shadow {
+            Some(_) if at_limit => self.taken = 0.0,
+            Some(shadow) => self.compare(deviation, shadow, time),
+            None => self.measure(deviation, time),
         }
-        self.times = self.times.saturating_add(1);
+        match self.phase {
+            Phase::Trusted => self.suspect(swings, time),
+            Phase::Trial(model, swung, since) => self.judge(model, swung, since + time),
+            Phase::Out(left) if left > time => self.phase = Phase::Out(left - time),
+            Phase::Out(_) => self.phase = Phase::Trusted,
+        }
     }
+
+    /// A tick of the model.
+    fn compare(&mut self, &Deviation { error, speed, .. }: &Deviation, shadow: f64, time: f64) {
+        self.taken = 0.0;
+        for look in &mut self.looks {
+            look.model.push(error, speed, time, look.memory);
+            look.shadow.push(shadow, speed, time, look.memory);
+        }
+    }
+
+    /// A tick of the fallback.
+    fn measure(&mut self, &Deviation { error, speed, .. }: &Deviation, time: f64) {
+        self.looks.iter_mut().for_each(Look::clear);
+        self.taken += time;
+        if self.taken > self.trial.1 {
+            self.fallback.push(error, speed, time, MEMORY);
+        }
+    }
+
+    /// Begins a trial if there is a cause.
+    fn suspect(&mut self, swings: bool, time: f64) {
+        (self.cautious, self.grace) = ((self.cautious - time).max(0.0), (self.grace - time).max(0.0));
+        let [last, many] = self.looks.map(|look| look.is_worse(&self.fallback));
+        let model = if many { self.looks[1].model } else { self.looks[0].model };
+        if swings || last || (many && self.grace == 0.0) {
+            self.phase = Phase::Trial(model, swings, 0.0);
+            // The machine may have changed, and the fallback with it.
+            self.fallback = Squares::default();
+        }
+    }
+
+    /// Ends a trial that has seen enough.
+    fn judge(&mut self, model: Squares, swung: bool, since: f64) {
+        let is_still = self.fallback.speed < MOTION * model.speed;
+        if since < self.trial.0 || (is_still && since < TRIALS * self.trial.0) {
+            self.phase = Phase::Trial(model, swung, since);
+            return;
+        }
+        self.phase = Phase::Trusted;
+        if !is_still && self.fallback.for_speed(model.speed) >= NO_BETTER * model.error {
+            self.grace = doubled(GRACE, &mut self.times[2]);
+        } else if self.cautious == 0.0 && !swung {
+            self.cautious = doubled(CAUTION, &mut self.times[0]);
+        } else {
+            self.phase = Phase::Out(doubled(DISTRUST, &mut self.times[1]));
+        }
+    }
+}
+
+/// `time`, doubled as often as counted; counts.
+fn doubled(time: f64, times: &mut u32) -> f64 {
+    let doublings = (*times).min(DOUBLINGS);
+    *times = times.saturating_add(1);
+    time * f64::from(1 << doublings)
 }
 
 #[cfg(test)]
@@ -168,84 +241,155 @@ mod tests {
     use super::*;
 
     const PERIOD: f64 = 0.01;
+    /// 1 s of the model, and 5 s of a trial.
+    const CAUGHT: f64 = 1.02;
+    const TRIED: f64 = 5.0;
 
-    fn at(error: f64, speed: f64) -> Deviation {
-        Deviation { elapsed: 1, error, speed }
+    fn at(error: f64) -> Deviation {
+        Deviation { elapsed: 1, error, speed: 0.1 }
     }
 
     /// After 8 s of the fallback, with 2 mm of error at 0.1 m/s.
     fn supervision() -> Supervision {
         let mut supervision = Supervision::new(0.05, 1e-5, PERIOD);
-        (0..800).for_each(|_| assert_eq!(supervision.update(&at(2e-3, 0.1), false, false), Confidence::Full));
+        (0..800).for_each(|_| supervision.update(&at(2e-3), None, false));
+        assert_eq!(supervision.confidence(), Confidence::Full);
         supervision
     }
 
-    /// Confidence in a model with this error at each tick, as (seconds, confidence) of the changes.
-    fn changes(supervision: &mut Supervision, ticks: usize, speed: f64, error: f64) -> Vec<(f64, Confidence)> {
-        let mut by_model = true;
-        let mut changes = vec![(0.0, Confidence::Full)];
+    /// Confidence in a model with this error in m at every tick of so many, where the shadow has the other one, and the
+    /// fallback in control the last one; as (seconds, confidence) of the changes.
+    fn changes(
+        supervision: &mut Supervision,
+        ticks: u32,
+        error: f64,
+        shadow: f64,
+        fallback: f64,
+    ) -> Vec<(f64, Confidence)> {
+        let mut changes = vec![(0.0, supervision.confidence())];
         for tick in 0..ticks {
-            // The fallback goes on as it was.
-            let error = if by_model { error } else { 2e-3 };
-            let confidence = supervision.update(&at(error, speed), by_model, false);
-            by_model = confidence != Confidence::None;
-            if confidence != changes[changes.len() - 1].1 {
-                changes.push((tick as f64 * PERIOD, confidence));
+            match supervision.confidence() {
+                Confidence::None => supervision.update(&at(fallback), None, false),
+                _ => supervision.update(&at(error), Some(shadow), false),
+            }
+            if supervision.confidence() != changes[changes.len() - 1].1 {
+                changes.push((f64::from(tick) * PERIOD, supervision.confidence()));
             }
         }
         changes
     }
 
-    #[test]
-    fn a_model_that_is_worse_becomes_cautious_and_then_loses_control_within_two_seconds_each() {
-        let changes = changes(&mut supervision(), 3000, 0.1, 5e-3);
-        assert_eq!(changes[1].1, Confidence::Cautious);
-        assert_eq!(changes[2].1, Confidence::None);
-        assert!(changes[1].0 < 2.0 && changes[2].0 < 4.0, "{changes:?}");
-        // Then 5 s, 10 s of the fallback.
-        assert!((changes[3].0 - changes[2].0 - 5.0).abs() < 0.05, "{changes:?}");
-        assert!((changes[5].0 - changes[4].0 - 10.0).abs() < 0.05, "{changes:?}");
-    }
-
-    #[test]
-    fn a_model_that_is_no_worse_than_twice_keeps_control() {
-        assert_eq!(changes(&mut supervision(), 3000, 0.1, 3.9e-3).len(), 1);
-        // Below the floor nothing counts.
-        assert_eq!(changes(&mut supervision(), 3000, 0.0, 0.9e-3).len(), 1);
-    }
-
-    #[test]
-    fn a_fallback_that_is_no_better_gives_control_back_and_is_the_new_measure() {
-        let mut supervision = supervision();
-        let mut lost = 0;
-        let mut by_model = true;
-        for _ in 0..6000 {
-            let error = if by_model { 5e-3 } else { 8e-3 };
-            let before = by_model;
-            by_model = supervision.update(&at(error, 0.1), by_model, false) != Confidence::None;
-            lost += u32::from(before && !by_model);
+    fn expect(changes: &[(f64, Confidence)], expected: &[(f64, Confidence)]) {
+        assert_eq!(changes.len(), expected.len() + 1, "{changes:?}");
+        for (found, expected) in changes[1..].iter().zip(expected) {
+            assert!(found.1 == expected.1 && (found.0 - expected.0).abs() < 0.06, "{changes:?}");
         }
-        assert!(lost == 1 && by_model, "{lost}");
     }
 
     #[test]
-    fn a_swing_about_a_set_point_loses_control() {
-        assert_eq!(changes(&mut supervision(), 1000, 0.0, 5e-3).last().map(|(_, last)| *last), Some(Confidence::None));
+    fn a_model_that_is_twice_as_bad_is_tried_then_cautious_then_out_for_longer_each_time() {
+        let changes = changes(&mut supervision(), 5200, 5e-3, 2e-3, 2e-3);
+        let (cautious, out) = (2.0 * CAUGHT + 2.0 * TRIED, 2.0 * CAUGHT + 2.0 * TRIED + DISTRUST);
+        let expected = [
+            (CAUGHT, Confidence::None),
+            (CAUGHT + TRIED, Confidence::Cautious),
+            (cautious - TRIED, Confidence::None),
+            // Its caution is not over when it is back.
+            (out, Confidence::Cautious),
+            (out + CAUGHT, Confidence::None),
+        ];
+        expect(&changes, &expected);
     }
 
     #[test]
-    fn a_command_at_its_limit_and_a_fallback_that_never_moved_say_nothing() {
-        let mut limited = supervision();
-        assert!((0..3000).all(|_| limited.update(&at(0.02, 0.1), true, true) == Confidence::Full));
-        let mut unknown = Supervision::new(0.05, 1e-5, PERIOD);
-        assert!((0..3000).all(|_| unknown.update(&at(0.02, 0.1), true, false) == Confidence::Full));
+    fn a_model_that_is_a_fifth_worse_for_long_is_tried_and_one_that_is_no_worse_is_not() {
+        let slow = changes(&mut supervision(), 1100, 2.4e-3, 2e-3, 2e-3);
+        expect(&slow, &[(10.0, Confidence::None)]);
+        assert_eq!(changes(&mut supervision(), 3000, 2.1e-3, 2e-3, 2e-3).len(), 1);
+        // Below a quarter of the floor nothing counts.
+        assert_eq!(changes(&mut supervision(), 3000, 0.24e-3, 1e-5, 1e-5).len(), 1);
+    }
+
+    #[test]
+    fn caution_ends_after_a_time_without_cause() {
+        let mut supervision = supervision();
+        changes(&mut supervision, 620, 5e-3, 2e-3, 2e-3);
+        assert_eq!(supervision.confidence(), Confidence::Cautious);
+        let changes = changes(&mut supervision, 4000, 2e-3, 2e-3, 2e-3);
+        assert!(changes[1].1 == Confidence::Full && (19.0..20.5).contains(&changes[1].0), "{changes:?}");
+    }
+
+    #[test]
+    fn the_shadow_of_now_counts_and_not_the_fallback_of_before_up_to_a_bound() {
+        assert_eq!(changes(&mut supervision(), 3000, 4.2e-3, 4e-3, 4e-3).len(), 1);
+        // Three times the error of before is 6 mm, a tenth more 6.6 mm.
+        assert_eq!(changes(&mut supervision(), 3000, 6.5e-3, 1.0, 1.0).len(), 1);
+        assert!(changes(&mut supervision(), 3000, 6.7e-3, 1.0, 1.0).len() > 1);
+    }
+
+    #[test]
+    fn a_fallback_that_is_no_better_acquits_the_model_and_is_the_new_measure() {
+        let changes = changes(&mut supervision(), 1500, 13e-3, 13e-3, 13e-3);
+        expect(&changes, &[(CAUGHT, Confidence::None), (CAUGHT + TRIED, Confidence::Full)]);
+    }
+
+    #[test]
+    fn what_the_model_has_left_behind_does_not_acquit_it() {
+        let mut supervision = supervision();
+        changes(&mut supervision, 110, 5e-3, 2e-3, 2e-3);
+        assert_eq!(supervision.confidence(), Confidence::None);
+        // 90 ticks of 50 mm, then the fallback as it is.
+        changes(&mut supervision, 85, 5e-3, 2e-3, 50e-3);
+        let changes = changes(&mut supervision, 500, 5e-3, 2e-3, 2e-3);
+        assert_eq!(changes[1].1, Confidence::Cautious);
+    }
+
+    #[test]
+    fn a_trial_waits_for_a_reference_that_rests() {
+        let mut supervision = supervision();
+        changes(&mut supervision, 110, 5e-3, 2e-3, 2e-3);
+        let still = Deviation { speed: 0.0, ..at(0.1e-3) };
+        let ticks = (0..4000).take_while(|_| {
+            supervision.update(&still, None, false);
+            supervision.confidence() == Confidence::None
+        });
+        assert!((1980..2000).contains(&ticks.count()));
+        assert_eq!(supervision.confidence(), Confidence::Cautious, "guilty: the fallback had no chance to be worse");
+    }
+
+    #[test]
+    fn a_swing_is_out_although_the_shadow_has_it_too() {
+        let mut supervision = supervision();
+        let mut out = None;
+        for tick in 0..1200 {
+            let error = 8e-3 * (0.2 * f64::from(tick)).sin();
+            match supervision.confidence() {
+                Confidence::None => supervision.update(&at(2e-3), None, false),
+                _ => supervision.update(&at(error), Some(error), false),
+            }
+            if supervision.confidence() == Confidence::None {
+                out.get_or_insert(tick);
+            }
+        }
+        assert!(out.is_some_and(|tick| tick < 200), "{out:?}");
+        assert!(matches!(supervision.phase, Phase::Out(_)), "{:?}", supervision.phase);
+    }
+
+    #[test]
+    fn a_command_at_its_limit_says_nothing() {
+        let mut supervision = supervision();
+        (0..3000).for_each(|_| supervision.update(&at(0.02), Some(2e-3), true));
+        assert_eq!(supervision.confidence(), Confidence::Full);
     }
 
     #[test]
     fn time_counts_not_looks() {
         let mut supervision = supervision();
-        let gap = Deviation { elapsed: 20, ..at(5e-3, 0.1) };
-        let looks = (0..100).take_while(|_| supervision.update(&gap, true, false) == Confidence::Full).count();
-        assert!((4..=9).contains(&looks), "{looks}");
+        let gap = Deviation { elapsed: 20, ..at(5e-3) };
+        let looks = (0..100).take_while(|_| {
+            supervision.update(&gap, Some(2e-3), false);
+            supervision.confidence() == Confidence::Full
+        });
+        assert!((4..=9).contains(&looks.count()));
     }
 }

@@ -194,12 +194,12 @@ fn the_model_is_not_steady_yet_where_the_valve_changes() {
 
 /// Axes that are not steady under the Smith predictor.
 const SMITH_DEFECTS: [&str; 8] = [
-    "dead-band-drift telescope", // 76 %, within 0.43 mm
-    "dead-band-drift bucket",    // 71 %, 0.60 mm
-    "valve-wear boom",           // 7 %, 3.89 mm, 260 reversals: a limit cycle
-    "valve-wear arm",            // 7 %, 2.51 mm, 252 reversals: a limit cycle
-    "valve-wear telescope",      // 52 %, 0.78 mm, 142 reversals
-    "valve-wear bucket",         // 65 %, 0.84 mm, 34 reversals
+    "dead-band-drift telescope", // 80 %, within 0.43 mm, 9 reversals
+    "dead-band-drift bucket",    // 71 %, 0.58 mm
+    "valve-wear boom",           // 98 %, 0.67 mm, travel 1.18 mm
+    "valve-wear arm",            // 69 %, 2.31 mm, 44 reversals; the fallback 73 %, 1.88 mm, 20
+    "valve-wear telescope",      // 52 %, 1.42 mm, 84 reversals; the fallback 54 %, 1.75 mm, 38
+    "valve-wear bucket",         // 62 %, 1.81 mm, 52 reversals; the fallback 58 %, 2.13 mm, 28
     "everything boom",           // 68 %, 0.60 mm
     "everything bucket",         // 53 %, 0.61 mm
 ];

@@ -1,0 +1,115 @@
+//! The control law that an approved model drives: predictive control or a Smith predictor, as the machine file says.
+
+use pipeline::machine::{Axis, ModelChoice};
+
+use crate::{
+    model::{gate::ModelAnswer, judge::Approved},
+    predictive::{Predictive, history::History},
+    protection::limits::Limits,
+    smith::Smith,
+};
+
+/// The law of one axis.
+#[derive(Debug, Clone)]
+pub enum ModelLaw {
+    /// [`crate::predictive`].
+    Predictive(Box<Predictive>),
+    /// [`crate::smith`].
+    Smith(Box<Smith>),
+}
+
+impl ModelLaw {
+    /// Of `axis`; `period` in s.
+    pub fn new(axis: &Axis, period: f64) -> Self {
+        if let Some(smith) = Smith::of(axis, period) {
+            return Self::Smith(Box::new(smith));
+        }
+        let plan = axis.control.plan.plan(axis.commissioned.as_ref(), period);
+        Self::Predictive(Box::new(Predictive::new(plan, axis.soft_limits, period)))
+    }
+
+    /// Number of coming ticks whose references are used.
+    pub fn ahead(axis: &Axis, period: f64) -> usize {
+        let plan = axis.control.plan.plan(axis.commissioned.as_ref(), period);
+        let reach = plan.horizon * plan.step;
+        match axis.control.model {
+            ModelChoice::None => 0,
+            // The moves that the references ask for lie later by the lag.
+            _ => axis.identification.structure.nk + reach + reach.max(plan.response / 3),
+        }
+    }
+
+    /// Whether the law has integral action.
+    pub fn integrates(&self) -> bool {
+        match self {
+            Self::Predictive(_) => true,
+            Self::Smith(smith) => smith.integrates(),
+        }
+    }
+
+    /// Forgets the past: the axis begins to follow, from rest.
+    pub fn begin(&mut self) {
+        if let Self::Smith(smith) = self {
+            smith.reset();
+        }
+    }
+
+    /// Forgets what it knows from one approved model to the next: there has been no model, or no closed loop.
+    pub fn interrupt(&mut self) {
+        if let Self::Predictive(controller) = self {
+            controller.reset();
+        }
+    }
+
+    /// Takes in the position of a tick, m, `elapsed` ticks after the last one; `command` has been on the valve since.
+    /// To be called at every tick with a position, whoever commands.
+    pub fn observe(&mut self, elapsed: u64, position: f64, command: f64) {
+        if let Self::Smith(smith) = self {
+            smith.observe(elapsed, position, command);
+        }
+    }
+
+    /// What it answers with `model`. To be called at every tick in closed loop, whoever commands. `is_cautious`: without
+    /// what was learned online, where the law can do that. `goes_on`: this law made the last command, `last`.
+    pub fn update(
+        &mut self,
+        model: &Approved<'_>,
+        is_cautious: bool,
+        limits: &Limits,
+        history: &History,
+        references: &[f64],
+        (last, goes_on): (f64, bool),
+    ) -> ModelAnswer {
+        let command = match self {
+            Self::Predictive(controller) => controller.update(model, limits, history, references),
+            Self::Smith(smith) => {
+                smith.limit(limits.magnitude);
+                smith.update(Some(model).filter(|_| !is_cautious), references, last, goes_on)
+            }
+        };
+        command.map_or(ModelAnswer::NoCommand, ModelAnswer::Command)
+    }
+
+    /// The last command was not sent.
+    pub fn discard(&mut self) {
+        if let Self::Smith(smith) = self {
+            smith.discard();
+        }
+    }
+
+    /// The position of a tick without one, m, where the law needs one.
+    pub fn bridge(&mut self, model: &Approved<'_>, history: &History) -> Option<f64> {
+        match self {
+            Self::Predictive(controller) => controller.bridge(model, history),
+            Self::Smith(_) => None,
+        }
+    }
+
+    /// Number of unsolved plans so far, and of those in a row.
+    pub fn unsolved(&self) -> (u64, u64) {
+        match self {
+            Self::Predictive(controller) => (controller.unsolved(), controller.unsolved_in_a_row()),
+            Self::Smith(_) => (0, 0),
+        }
+    }
+}

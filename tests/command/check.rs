@@ -3,6 +3,7 @@
 
 mod explain;
 mod identification;
+mod limits;
 mod machine_files;
 mod model_files;
 mod replay;

@@ -211,6 +211,12 @@ impl Commissioned {
         (-self.dead_band.retract - last, self.dead_band.extend + last)
     }
 
+    /// Largest measured speeds while retracting, as a magnitude, and extending, m/s.
+    pub fn tested_speeds(&self) -> (f64, f64) {
+        let last = |speeds: &[f64]| speeds.last().copied().unwrap_or_default();
+        (last(&self.speeds_retract), last(&self.speeds_extend))
+    }
+
     /// The command whose steady speed is `speed` m/s; 0 for a speed of 0.
     pub fn command(&self, speed: f64) -> f64 {
         if speed > 0.0 {

@@ -2,7 +2,12 @@
 
 use std::time::Duration;
 
-use super::{commissioned::Commissioned, dead_band::DeadBand, plan::PlanSettings};
+use super::{
+    commissioned::Commissioned,
+    dead_band::DeadBand,
+    limits::{LimitSettings, Nature},
+    plan::PlanSettings,
+};
 use crate::{
     hammerstein::MAX_DELAY,
     machine::document::{Section, Shown},
@@ -31,6 +36,20 @@ pub struct Control {
     pub plan: PlanSettings,
     /// How the model controls.
     pub law: Law,
+    /// What is given of the limits of the motion.
+    pub limits: LimitSettings,
+}
+
+/// What the control of an axis needs from the rest of the axis.
+pub(super) struct Owner<'a> {
+    /// Name of the axis.
+    pub name: &'a str,
+    pub commissioned: Option<&'a Commissioned>,
+    /// `max_speed`, m/s.
+    pub max_speed: f64,
+    /// Length of one count of the encoder, m; NaN where it is not known yet.
+    pub resolution: f64,
+    pub period: Duration,
 }
 
 /// How a model controls an axis.
@@ -65,16 +84,12 @@ pub enum ModelChoice {
 }
 
 impl Control {
-    pub(super) fn read(
-        mut section: Section,
-        name: &str,
-        commissioned: Option<&Commissioned>,
-        period: Duration,
-    ) -> Self {
+    pub(super) fn read(mut section: Section, owner: &Owner) -> Self {
+        let Owner { name, commissioned, max_speed, resolution, period } = *owner;
         let dead_band = read_dead_band(&mut section, commissioned);
         let models =
             [("adaptive", ModelChoice::Adaptive), ("classical", ModelChoice::Classical), ("none", ModelChoice::None)];
-        let control = Self {
+        let mut control = Self {
             kp: section.key("kp", "Proportional gain of the fallback").number(0.0..=1e4, "1/m"),
             ki: section.key("ki", "Integral gain of the fallback").number(0.0..=1e5, "1/(m s)"),
             feedforward: read_feedforward(&mut section, name, commissioned, period),
@@ -93,7 +108,11 @@ impl Control {
                 .choice_or(ModelChoice::Adaptive, &models),
             plan: PlanSettings::read(&mut section, commissioned, period),
             law: read_law(&mut section, name, commissioned, period),
+            limits: LimitSettings::default(),
         };
+        let (command_rate, period) = (control.command_rate, period.as_secs_f64());
+        let nature = Nature { commissioned, max_speed, command_rate, resolution, period };
+        control.limits = LimitSettings::read(&mut section, &nature);
         section.finish();
         control
     }

@@ -9,12 +9,12 @@
 //!
 //! d in m, v speed towards the limit m/s, a `stop_deceleration` m/s2, t_r `stop_reaction` s
 //! ([`pipeline::machine::MotionLimits`]), c static curve of a commissioned axis, d_0 calibrated dead band, u_max
-//! `command_limit`, v_max `max_speed`. Close to the limit v_s is d / t_r: the axis approaches as slowly as the valve can
-//! still follow. Away from a limit every command is allowed.
+//! `command_limit`, v_max `max_speed`. Close to the limit v_s is d / t_r: the axis approaches as slowly as the valve
+//! can still follow. Away from a limit every command is allowed.
 //!
 //! A commissioning program has a window of its own and has to know what it commands. So its commands are cut only where
-//! they could not stop the axis any more. It finds the axis anew, so that it does not rely on a model that was found
-//! before for an `a` above 0.5 m/s2 or a t_r below 0.3 s.
+//! they could not stop the axis any more. It finds the axis anew. So its a is at most 0.5 m/s2 and its t_r at least
+//! 0.3 s, whatever an earlier model or the machine file says.
 //!
 //! Trap: what is under way in valve and pilot lines comes out whatever is commanded now. A rule without t_r lets the
 //! axis overrun its limit.
@@ -71,8 +71,8 @@ impl EndStops {
         if gently { sign * wanted.abs().min(self.command(sign, stopping)) } else { wanted }
     }
 
-    /// v_s, m/s: the speed in the direction `sign` from which the axis stops before the limit; 0 at the limit and beyond
-    /// it, and for a position that is not a number.
+    /// v_s, m/s: the speed in the direction `sign` from which the axis stops before the limit. It is 0 at the limit and
+    /// beyond it, and for a position that is not a number.
     pub fn stopping_speed(&self, sign: f64, position: f64) -> f64 {
         self.stopping(self.stop, sign, position)
     }

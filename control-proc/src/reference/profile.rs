@@ -13,15 +13,18 @@
 //! N, so the jerk is at most `2 a_max / (N T)`; it is reached only where the acceleration reverses at once. At the end
 //! all N points are g, and y_r is exactly g.
 //!
-//! v_max is a quarter of `max_speed`, a_max is v_max over 0.25 s r. The ratio r makes the bound of the jerk that of the
-//! machine file, `jerk`: r = sqrt(2 v_max / (0.25 s 0.2 s `jerk`)), 1 for the usual jerk. A motion that is faster than v_max at its beginning
-//! is braked to v_max. Source: acceleration-limited planning behind a moving average, as in numerical controls. Other
-//! than a curve of seven segments, this motion has no plan that a new set point could contradict.
+//! v_max is a quarter of `max_speed`, or what an axis with `slow_references` can give ([`super::path`]) where that is
+//! less; a_max is v_max over 0.25 s r. With r = sqrt(10 1/s2 `max_speed` / `jerk`) the bound of the jerk is `jerk`; r
+//! is 1 for the usual jerk. A motion that is faster than v_max at its beginning is braked to v_max. Source:
+//! acceleration-limited planning behind a moving average, as in numerical controls. Other than a curve of seven
+//! segments, this motion has no plan that a new set point could contradict.
 //!
 //! Traps: braking exactly along w asks for 1.125 times its deceleration in the last ticks, hence b is below a_max. The
 //! mean lags by half its length, so a motion that begins with a speed begins that much ahead.
 
 use pipeline::machine::Axis;
+
+use super::path::Capability;
 
 /// Fastest speed of a reference that the controller plans itself, as part of `max_speed`.
 pub const SPEED: f64 = 0.25;
@@ -65,7 +68,8 @@ impl Profile {
     /// For set points inside the axis' soft limits, and so many ticks ahead; `period` in s. Nothing is allocated after
     /// this.
     pub fn new(axis: &Axis, period: f64, ahead: usize) -> Self {
-        let speed = SPEED * axis.max_speed;
+        let given = Capability::of(axis, period).map_or(f64::INFINITY, |capability| capability.speed());
+        let speed = given.min(SPEED * axis.max_speed);
         let ratio = (USUAL_JERK * axis.max_speed / axis.motion_limits(period).jerk).sqrt();
         // The small part keeps whole periods from counting one more by rounding.
         let mean = ((ratio * SMOOTHING / period - 1e-6).ceil() as usize).max(1);
@@ -230,6 +234,21 @@ mod tests {
         // Without a key the motion is that of ten times max_speed.
         axis.control.limits.jerk = Some(10.0);
         assert_eq!(Profile::new(&axis, PERIOD, 20), profile());
+    }
+
+    #[test]
+    fn an_axis_that_slows_its_references_is_asked_for_no_more_than_it_can_give() {
+        let mut axis = crate::tests::machine(1).axes.remove(0);
+        let model = crate::tests::models::commissioned();
+        axis.commissioned = Some(pipeline::machine::Commissioned { speeds_retract: vec![0.05, 0.2], ..model });
+        for (slows, expected) in [(false, 0.25), (true, 0.9 * 0.2)] {
+            axis.control.slow_references = slows;
+            let mut profile = Profile::new(&axis, PERIOD, 20);
+            profile.begin(0.3, 0.0);
+            profile.aim(1.0);
+            let y: Vec<f64> = (0..400).map(|_| next(&mut profile)).collect();
+            assert!((largest(&y).0 - expected).abs() < 1e-9, "{} m/s", largest(&y).0);
+        }
     }
 
     #[test]

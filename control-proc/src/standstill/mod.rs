@@ -13,8 +13,8 @@
 //! all     -> follows    a reference moves, or |e| has grown by e_far
 //! ```
 //!
-//! e following error m, e_rest `rest_band`, e_wake, e_far and e_drift m, L dead time and lag in s. All but a moving reference need
-//! references that have stood still for 0.3 s. An axis stands when it has moved by less than a quarter of e in
+//! e following error m, e_rest `rest_band` m, e_wake, e_far and e_drift m, L dead time and lag in s. All but a moving
+//! reference need references that have stood still for 0.3 s. An axis stands when it has moved by less than a quarter of e in
 //! 0.3 s + L. While the axis rests, the valve is shut and the oil holds the load. While it creeps, a pulse brings it
 //! closer. When pulses do not help, the axis is left to its controller until a reference moves: the last pulse has
 //! given up, or the axis drifts by more than e_drift in 2 L + 0.3 s.

@@ -211,10 +211,11 @@ impl Commissioned {
         (-self.dead_band.retract - last, self.dead_band.extend + last)
     }
 
-    /// Largest measured speeds while retracting, as a magnitude, and extending, m/s.
-    pub fn tested_speeds(&self) -> (f64, f64) {
-        let last = |speeds: &[f64]| speeds.last().copied().unwrap_or_default();
-        (last(&self.speeds_retract), last(&self.speeds_extend))
+    /// Largest speeds while retracting, as a magnitude, and extending, m/s, with commands up to `limit`: at most those
+    /// that were measured.
+    pub fn tested_speeds(&self, limit: f64) -> (f64, f64) {
+        let (low, high) = self.tested();
+        (-self.speed(low.max(-limit)), self.speed(high.min(limit)))
     }
 
     /// The command whose steady speed is `speed` m/s; 0 for a speed of 0.

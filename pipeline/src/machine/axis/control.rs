@@ -38,6 +38,8 @@ pub struct Control {
     pub law: Law,
     /// What is given of the limits of the motion.
     pub limits: LimitSettings,
+    /// Whether references that ask for more than this axis can give go on more slowly along their path.
+    pub slow_references: bool,
 }
 
 /// What the control of an axis needs from the rest of the axis.
@@ -109,6 +111,7 @@ impl Control {
             plan: PlanSettings::read(&mut section, commissioned, period),
             law: read_law(&mut section, name, commissioned, period),
             limits: LimitSettings::default(),
+            slow_references: read_slow_references(&mut section, name, commissioned),
         };
         let (command_rate, period) = (control.command_rate, period.as_secs_f64());
         let nature = Nature { commissioned, max_speed, command_rate, resolution, period };
@@ -172,6 +175,21 @@ fn read_law(section: &mut Section, name: &str, commissioned: Option<&Commissione
 
 const OBSERVER_RULE: &str =
     "commissioned.dead_time + time_constant + half a period, at least 60 ms; with law = \"smith\"";
+
+/// `slow_references`, which needs the speeds of a commissioned model.
+fn read_slow_references(section: &mut Section, name: &str, commissioned: Option<&Commissioned>) -> bool {
+    let meaning = "Whether the generators of all axes go on more slowly along their path where they ask for more than \
+                   this axis can give";
+    let slows = section.key("slow_references", meaning).flag_or(false);
+    if slows && commissioned.is_none() {
+        section.refuse(
+            "slow_references",
+            format!("true without [axis.{name}.commissioned]"),
+            "false, or a commissioned model: `--model MODEL.toml`, as `hydraxis commission` writes it",
+        );
+    }
+    slows
+}
 
 /// `feedforward`, which needs a commissioned model whose dead time and lag are within the preview of the references.
 fn read_feedforward(section: &mut Section, name: &str, commissioned: Option<&Commissioned>, period: Duration) -> bool {

@@ -4,17 +4,19 @@
 //! t_r = 3 (t_d + tau), but at least min(0.3 s, 4 (t_d + tau + T + 20 ms))   reaction time of the soft stop
 //! a   = max(1, 0.3 s / t_r)^2 0.5 m/s2                                      deceleration of the soft stop
 //! e   = max(0.25 mm, 2 counts)                                              rest band
-//! j   = min(v_max / (0.1 s2), r k / tau), but at least v_max / (0.1 s2) (0.2 s / (10000 T))^2        jerk
+//! j   = min(v_max / (0.1 s2), r k / tau)                                    jerk
 //! ```
 //!
 //! t_d dead time and tau time constant of the [`Commissioned`] model, s; T period, s; k the smaller of the two slopes
-//! from its dead bands to its largest measured speeds, m/s; v_max `max_speed`, m/s; r `command_rate`, 1/s. An axis that is not commissioned has t_r = 0.3 s, a = 0.5 m/s2 and j = v_max / (0.1 s2).
+//! from its dead bands to its largest measured speeds, m/s; v_max `max_speed`, m/s; r `command_rate`, 1/s. An axis
+//! that is not commissioned has t_r = 0.3 s, a = 0.5 m/s2 and j = v_max / (0.1 s2).
+//! A motion with the jerk j is smoothed over 0.2 s times the root of v_max / (0.1 s2 j), at most 10000 T.
 //!
 //! Near the limit the soft stop approaches with the rate 1 / t_r. With less than three times the delay of the axis the
 //! approach would overshoot. The delay of a fast axis is also that of the period and half of the 40 ms over which the
-//! speed is measured; four times that delay is so much that the axis passes its limit by no more than with 0.3 s. The
-//! last way of a stop is a t_r^2 / 2, 22.5 mm; it stays the same for fast axes. The command cannot change faster than
-//! r, and behind the lag the acceleration of the axis cannot change faster than r k / tau.
+//! speed is measured. With four times that delay the axis passes its limit by no more than with 0.3 s. A fast axis
+//! decelerates so much more that a t_r^2 / 2, where t_r begins to limit the speed, stays at 22.5 mm. The command cannot
+//! change faster than r, and behind the lag the acceleration of the axis cannot change faster than r k / tau.
 //!
 //! Trap: e has no part in the commissioned model. Dry friction and noise decide how close an axis comes.
 
@@ -185,7 +187,7 @@ impl Nature<'_> {
     fn jerk(&self) -> f64 {
         let usual = USUAL_JERK * self.max_speed;
         self.commissioned.map_or(usual, |model| {
-            let (retract, extend) = model.tested_speeds();
+            let (retract, extend) = model.tested_speeds(1.0);
             let slope = retract.min(extend) / model.openings.last().copied().unwrap_or(1.0);
             usual.min(self.command_rate * slope / model.time_constant).max(self.least_jerk())
         })
@@ -194,8 +196,8 @@ impl Nature<'_> {
 
 const DECELERATION_RULE: &str = "0.5; with a commissioned model times the square of 0.3 over the default of \
                                  stop_reaction, where that is below 0.3";
-const REACTION_RULE: &str = "0.3; with a commissioned model 3 times its dead_time + time_constant, but at least 4 times \
-                             these, a period and 20 ms together where that is below 0.3, and else 0.3";
+const REACTION_RULE: &str = "0.3; with a commissioned model 3 times its dead_time + time_constant, at least 0.3 or 4 \
+                             times these, a period and 20 ms together, whichever is less";
 const REST_RULE: &str = "2 counts of the encoder, at least 0.00025";
 const JERK_RULE: &str = "10 1/s2 times max_speed; with a commissioned model at most command_rate times the mean slope \
                          of its curve over its time_constant";

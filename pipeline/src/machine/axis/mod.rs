@@ -6,7 +6,8 @@
 //! | `pressure` | `[axis.NAME.pressure]` | the pressure transducers |
 //! | `commissioned` | `[axis.NAME.commissioned]` | the model that `hydraxis commission` has found |
 //! | `identification`, `estimator` | `[axis.NAME.identification]` | how the axis is identified |
-//! | `control`, `plan`, `limits` | `[axis.NAME.control]` | how the axis is controlled; the predictive controller's plan; limits of motion |
+//! | `control`, `plan` | `[axis.NAME.control]` | how the axis is controlled; the predictive controller's plan |
+//! | `limits` | `[axis.NAME.control]` | the limits of its motion |
 //! | `reference` | `[axis.NAME.reference]` | where the reference comes from |
 //! | `plant`, `ports` | `[axis.NAME.plant]` | the simulated axis; its valves and hoses beyond one spool |
 //! | `sensor_errors` | `[axis.NAME.plant]` | what the simulated sensors do beyond their resolution |

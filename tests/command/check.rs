@@ -6,6 +6,7 @@ mod identification;
 mod limits;
 mod machine_files;
 mod model_files;
+mod references;
 mod replay;
 mod settings;
 mod trajectories;

@@ -25,7 +25,7 @@ use pipeline::machine::Axis;
 use crate::{model::response::MAX_AHEAD, protection::end_stops::EndStops};
 
 /// Part of the largest measured speed that a reference may ask for.
-pub const GIVEN: f64 = 0.9;
+const GIVEN: f64 = 0.9;
 /// Speed with which a reference arrives at a soft limit, m/s.
 const ARRIVAL: f64 = 0.01;
 /// Least r, so that a wrong model delays a reference but never stops it.

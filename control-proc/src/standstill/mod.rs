@@ -14,10 +14,10 @@
 //! ```
 //!
 //! e following error m, e_rest `rest_band` m, e_wake, e_far and e_drift m, L dead time and lag in s. All but a moving
-//! reference need references that have stood still for 0.3 s. An axis stands when it has moved by less than a quarter of e in
-//! 0.3 s + L. While the axis rests, the valve is shut and the oil holds the load. While it creeps, a pulse brings it
-//! closer. When pulses do not help, the axis is left to its controller until a reference moves: the last pulse has
-//! given up, or the axis drifts by more than e_drift in 2 L + 0.3 s.
+//! reference need references that have stood still for 0.3 s. An axis stands when it has moved by less than a quarter
+//! of e in 0.3 s + L. While the axis rests, the valve is shut and the oil holds the load. While it creeps, a pulse
+//! brings it closer. When pulses do not help, the axis is left to its controller until a reference moves: the last
+//! pulse has given up, or the axis drifts by more than e_drift in 2 L + 0.3 s.
 //!
 //! Traps: behind a dead band and dry friction a controller with integral action never arrives: it pushes, breaks loose,
 //! overshoots and pushes back, without end; hence the rest. Without integral action it stands beside its set point and

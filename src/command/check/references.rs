@@ -66,7 +66,8 @@ fn demand(generator: &ReferenceGenerator, axis: usize, time: f64, step: f64) -> 
 fn worst(demands: impl Iterator<Item = Demand>, bound: impl Fn(&Demand) -> f64, allowance: f64) -> Option<Demand> {
     let excess = |demand: &Demand| demand.speed.abs() - bound(demand);
     let exceeding = demands.filter(|demand| excess(demand) > allowance);
-    exceeding.reduce(|worst, next| if excess(&next) > excess(&worst) { next } else { worst })
+    // Of equal demands, as rounds repeat them, the first.
+    exceeding.reduce(|worst, next| if excess(&next) > excess(&worst) + ROUNDING { next } else { worst })
 }
 
 /// Faster than the commissioned axis.

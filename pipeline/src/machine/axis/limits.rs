@@ -108,7 +108,10 @@ impl LimitSettings {
         };
         settings.expect_possible(section, nature);
         settings.expect_jerk(section, nature);
-        settings.show(section, nature);
+        // Nothing follows from a model that is refused.
+        if section.is_sound() {
+            settings.show(section, nature);
+        }
         settings
     }
 

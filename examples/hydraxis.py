@@ -121,7 +121,7 @@ class AxisCommand(ctypes.Structure):
         ("latches", u64),  # times that a fault latched the axis so far
         ("latched_at", u64),  # tick of the last latch
         ("latched_by", u32),  # bits of the last latch; they stay when the axis is released
-        ("reserved", u32),
+        ("slowed_ticks", u32),  # ticks with a slowed reference so far
     ]
 
 
@@ -135,7 +135,7 @@ class ValveCommand(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.ValveCommand/4"
+        return "hydraxis.ValveCommand/5"
 
 
 class Coefficients(ctypes.Structure):

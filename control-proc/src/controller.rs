@@ -21,7 +21,7 @@ use pipeline::{
 
 use crate::{
     axis::{AxisController, AxisInput, UNUSABLE_LIMIT},
-    reference::generator::ReferenceGenerator,
+    reference::{generator::ReferenceGenerator, path::Path},
     trajectory_file::{ReferenceError, read_references},
 };
 
@@ -29,6 +29,7 @@ use crate::{
 #[derive(Debug, Clone)]
 pub struct Controller {
     generator: ReferenceGenerator,
+    path: Path,
     axes: Vec<AxisController>,
     request: Option<Request>,
     last_sequence: Option<u64>,
@@ -43,9 +44,11 @@ impl Controller {
     /// The trajectory file of an axis is refused.
     pub fn new(machine: &Machine) -> Result<Self, ReferenceError> {
         let axes = machine.axes.iter().take(MAX_AXES).enumerate();
+        let axes: Vec<_> = axes.map(|(i, axis)| AxisController::new(i, axis, &machine.timing)).collect();
         Ok(Self {
             generator: read_references(machine)?,
-            axes: axes.map(|(i, axis)| AxisController::new(i, axis, &machine.timing)).collect(),
+            path: Path::new(axes.iter().map(AxisController::ahead).max().unwrap_or_default()),
+            axes,
             request: None,
             last_sequence: None,
             repeated: 0,
@@ -62,6 +65,7 @@ impl Controller {
     pub fn disarm(&mut self) {
         self.axes.iter_mut().for_each(AxisController::disarm);
         (self.last_sequence, self.repeated) = (None, 0);
+        self.path.reset();
     }
 
     /// Takes in the newest request, which counts from the next sample on. A request that was seen before has no effect.
@@ -108,6 +112,9 @@ impl Controller {
         };
         (self.last_sequence, self.repeated) = (Some(sequence), 0);
 
+        let (axes, generator) = (&self.axes, &self.generator);
+        self.path.advance(sequence, |tick| axes.iter().map(|axis| axis.rate(tick, generator)).fold(1.0, f64::min));
+
         let mut command = self.empty(sequence);
         for (i, (axis, entry)) in self.axes.iter_mut().zip(&mut command.axes).enumerate() {
             let within = |header: &Header| i < header.axis_count as usize;
@@ -121,6 +128,7 @@ impl Controller {
                 emergency_stop,
                 request: self.request.as_ref(),
                 generator: &self.generator,
+                path: self.path.ticks(),
             });
         }
         command.cut_off = self.cut_off();

@@ -143,7 +143,8 @@ impl Monitor {
                     | control_flag::REQUEST_STOPPED
                     | control_flag::SOFT_LIMIT
                     | control_flag::HALF_SPEED
-                    | control_flag::MODEL_WORSE;
+                    | control_flag::MODEL_WORSE
+                    | control_flag::SLOWED;
                 for flag in bit_names(command.flags & fault, &control_flag::NAMES) {
                     line += &format!(" {}!", flag.to_uppercase());
                 }

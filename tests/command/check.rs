@@ -3,8 +3,10 @@
 
 mod explain;
 mod identification;
+mod limits;
 mod machine_files;
 mod model_files;
+mod references;
 mod replay;
 mod settings;
 mod trajectories;

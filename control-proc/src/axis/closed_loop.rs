@@ -13,6 +13,7 @@ use super::{
 use crate::{
     model::{age::Age, gate::ModelAnswer, shadow::Shadow},
     protection::{following_error::Deviation, limits::Limits},
+    reference::ReferenceStatus,
 };
 
 /// Plans in a row without an answer of the solver that latch the axis.
@@ -30,7 +31,8 @@ impl AxisController {
         snapshot_flags: u32,
     ) -> Result<Decision, u32> {
         let last = self.decision;
-        let status = self.references.update(input.sequence, input.elapsed, position, input.generator, input.reference);
+        let ticks = (input.sequence, input.elapsed);
+        let status = self.references.update(ticks, position, input.path, input.generator, input.reference);
         let reference = self.references.positions()[0];
         let deviation =
             Deviation { elapsed: input.elapsed, error: reference - position, speed: self.references.speed() };
@@ -69,10 +71,8 @@ impl AxisController {
         if status.counts {
             self.tracking.push(deviation.error, by);
         }
-        let mut flags = snapshot_flags | age_flags(age) | admission.flags;
-        if status.is_refused {
-            flags |= control_flag::REFERENCE;
-        }
+        self.tracking.slowed = self.tracking.slowed.saturating_add(u32::from(status.is_slowed));
+        let mut flags = snapshot_flags | age_flags(age) | admission.flags | reference_flags(&status);
         if command != wanted {
             flags |= control_flag::SOFT_LIMIT;
         }
@@ -118,6 +118,12 @@ impl AxisController {
             self.feedback.bridge(expected);
         }
     }
+}
+
+/// What became of the reference, as [`control_flag`] bits.
+fn reference_flags(status: &ReferenceStatus) -> u32 {
+    let refused = if status.is_refused { control_flag::REFERENCE } else { 0 };
+    refused | if status.is_slowed { control_flag::SLOWED } else { 0 }
 }
 
 /// What the age of the last approved model means, as [`control_flag`] bits.

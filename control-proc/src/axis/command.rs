@@ -14,6 +14,8 @@ pub struct Tracking {
     pub all: ErrorStatistics,
     /// Of those ticks whose command the model made.
     pub by_model: ErrorStatistics,
+    /// Number of ticks with a slowed reference.
+    pub slowed: u32,
 }
 
 impl Tracking {
@@ -57,7 +59,7 @@ impl AxisController {
             latches: latches.count,
             latched_at: latches.tick,
             latched_by: latches.cause,
-            reserved: 0,
+            slowed_ticks: self.tracking.slowed,
         }
     }
 }

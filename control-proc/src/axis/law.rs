@@ -69,8 +69,8 @@ impl ModelLaw {
         }
     }
 
-    /// What it answers with `model`. To be called at every tick in closed loop, whoever commands. `is_cautious`: without
-    /// what was learned online, where the law can do that. `goes_on`: this law made the last command, `last`.
+    /// What it answers with `model`. To be called at every tick in closed loop, whoever commands. `is_cautious`:
+    /// without what was learned online, where the law can do that. `goes_on`: this law made the last command, `last`.
     pub fn update(
         &mut self,
         model: &Approved<'_>,

@@ -92,6 +92,8 @@ pub struct AxisInput<'a> {
     pub request: Option<&'a Request>,
     /// The generators of all axes.
     pub generator: &'a ReferenceGenerator,
+    /// Ticks along the path of the generators ([`crate::reference::path`]): this one and the coming ones.
+    pub path: &'a [f64],
 }
 
 /// The controller of one axis.
@@ -151,6 +153,17 @@ impl AxisController {
         self.decision.set_flag(control_flag::REQUEST, self.operation.requests.is_refused());
         self.feedback.push_command(self.decision.command);
         self.message()
+    }
+
+    /// Number of coming references that the axis looks at.
+    pub fn ahead(&self) -> usize {
+        self.references.ahead()
+    }
+
+    /// The rate at which time along the path may go on at `tick` of the path, as far as this axis can follow.
+    pub fn rate(&self, tick: f64, generator: &ReferenceGenerator) -> f64 {
+        let follows = self.state.current() == State::Following && !self.operation.mode.is_direct();
+        if follows { self.references.rate(tick, generator) } else { 1.0 }
     }
 
     /// Moves from state to state by what was observed.
@@ -236,7 +249,7 @@ impl AxisController {
         self.fallback.reset();
         self.standstill.reset();
         self.protection.reset();
-        self.references.begin(input.sequence, position, input.generator);
+        self.references.begin(input.path[0], position, input.generator);
         if self.operation.mode == AxisMode::Hold {
             self.references.hold(None);
             self.operation.set_point.into_iter().for_each(|set_point| self.references.aim(set_point));

@@ -4,9 +4,9 @@
 //! x(k) = w(k) + exp(-T/tau) (x(k-1) - w(k))          v(k) = c(x(k))          Y(k) = Y(k-1) + T v(k)
 //! ```
 //!
-//! w acting command behind the play of the hysteresis ([`Play`]), c static curve in m/s, tau time constant in s, T period
-//! in s. The axis has made the way Y(k-n) m after tick k; n = t_d/T dead time in ticks, with straight lines between the
-//! ticks.
+//! w acting command behind the play of the hysteresis ([`Play`]), c static curve in m/s, tau time constant in s, T
+//! period in s. The axis has made the way Y(k-n) m after tick k; n = t_d/T dead time in ticks, with straight lines
+//! between the ticks.
 
 use pipeline::{
     hammerstein::{MAX_DELAY, Play},

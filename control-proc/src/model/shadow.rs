@@ -1,7 +1,7 @@
 //! The fallback in the shadow of a model that controls: what its error would be now.
 //!
 //! ```text
-//! y_s(k) = y(k) + Y_s(k-n) - Y(k-n)          e_s(k) = y_r(k) - y_s(k)          u_s(k) the fallback's command for e_s(k)
+//! y_s(k) = y(k) + Y_s(k-n) - Y(k-n)          e_s(k) = y_r(k) - y_s(k)          u_s(k) command of the fallback for e_s
 //! ```
 //!
 //! y measured position m, y_r reference m; Y(k-n) and Y_s(k-n) ways in m that the commissioned model expects of the
@@ -65,8 +65,8 @@ impl Shadow {
         }
     }
 
-    /// e_s, m, at a following error of `error` m under the model, with `references` in m from this tick on. `last` is on
-    /// the valve, and `memory` is what the fallback remembers.
+    /// e_s, m, at a following error of `error` m under the model, with `references` in m from this tick on. `last` is
+    /// on the valve, and `memory` is what the fallback remembers.
     pub fn update(&mut self, error: f64, references: &[f64], memory: Memory, last: f64, limits: &Limits) -> f64 {
         let forward = self.fallback.forward(references);
         let command = self.command.unwrap_or_else(|| {

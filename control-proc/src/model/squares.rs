@@ -4,8 +4,8 @@
 //! E <- E + p (e^2 - E)        V <- V + p (v_r^2 - V)        p = max(1 - exp(-t/tau), t/(t + t_E))
 //! ```
 //!
-//! e error m, v_r speed of the reference m/s, t time since the last look s, t_E time that the means are of s, tau memory
-//! s: means so far, before the memory is full.
+//! e error m, v_r speed of the reference m/s, t time since the last look s, t_E time that the means are of s, tau
+//! memory s: means so far, before the memory is full.
 
 /// Memory of the errors of a fallback in control, s.
 pub const MEMORY: f64 = 30.0;

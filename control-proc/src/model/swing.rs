@@ -8,8 +8,8 @@
 //! swings      c > 4 while the model controls
 //! ```
 //!
-//! e following error m, l its slow part, n ticks since the last look, T period s, L dead time and lag s; e_h 0.5 mm or 2
-//! counts, whichever is more; S_f and V_f root mean squares of s and of the reference's speed in the last 30 s of the
+//! e following error m, l its slow part, n ticks since the last look, T period s, L dead time and lag s; e_h 0.5 mm or
+//! 2 counts, whichever is more; S_f and V_f root mean squares of s and of the reference's speed in the last 30 s of the
 //! fallback, V that of the last W. A loop with dead time swings with a period of 4 L or more, so that l follows slower
 //! errors alone; a swing of 1 Hz is seen after 3.3 s, one of 4 Hz after 0.6 s.
 //!

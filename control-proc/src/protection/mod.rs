@@ -36,7 +36,7 @@ impl Protection {
         Self {
             limits: Limits::new(&axis.control, period),
             half_speed: half_speed(axis),
-            end_stops: EndStops::new(axis),
+            end_stops: EndStops::new(axis, period),
             following_error: FollowingError::new(axis.control.following_error, period),
         }
     }

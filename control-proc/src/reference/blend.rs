@@ -24,8 +24,8 @@ const STEEPEST: f64 = 15.0 / 8.0;
 pub struct Blend {
     /// Fastest speed of the way, m/s.
     speed: f64,
-    /// Tick at which the axis began to follow.
-    start: u64,
+    /// Tick along the path at which the axis began to follow ([`super::path`]).
+    start: f64,
     /// y_0, m.
     start_position: f64,
     /// T_b, s.
@@ -35,19 +35,19 @@ pub struct Blend {
 impl Blend {
     /// For an axis of this `max_speed`, m/s.
     pub fn new(max_speed: f64) -> Self {
-        Self { speed: BLEND_SPEED * max_speed, start: 0, start_position: 0.0, time: BLEND_TIME }
+        Self { speed: BLEND_SPEED * max_speed, start: 0.0, start_position: 0.0, time: BLEND_TIME }
     }
 
     /// Begins at tick `start` from `position` (m); `first` is g(0) in m, none without a generator.
-    pub fn begin(&mut self, start: u64, position: f64, first: Option<f64>) {
+    pub fn begin(&mut self, start: f64, position: f64, first: Option<f64>) {
         (self.start, self.start_position) = (start, position);
         let distance = first.map_or(0.0, |first| (first - position).abs());
         self.time = BLEND_TIME.max(STEEPEST * distance / self.speed);
     }
 
-    /// Ticks from the start to tick `sequence`.
-    pub fn ticks(&self, sequence: u64) -> u64 {
-        sequence.saturating_sub(self.start)
+    /// Ticks from the start to `tick`.
+    pub fn ticks(&self, tick: f64) -> f64 {
+        (tick - self.start).max(0.0)
     }
 
     /// y_r in m at `t` s after the start, towards g(t) of `generated` m; y_0 without a generator.

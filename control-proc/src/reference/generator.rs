@@ -53,6 +53,15 @@ impl ReferenceGenerator {
             Generator::Trajectory(trajectory) => Some(trajectory.position(t)),
         }
     }
+
+    /// The time in s after which axis number `axis` stays where it is, or begins its round again; `None` without such a
+    /// time.
+    pub fn end(&self, axis: usize) -> Option<f64> {
+        match self.axes.get(axis)? {
+            Generator::None | Generator::Sines { .. } => None,
+            Generator::Ramps(trajectory) | Generator::Trajectory(trajectory) => Some(trajectory.end()),
+        }
+    }
 }
 
 impl FromIterator<Generator> for ReferenceGenerator {

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`generator`] | sines, ramps and trajectories, as the machine file sets them |
 //! | [`trajectory`] | straight lines through points in time |
+//! | [`path`] | the time along the path, slower where an axis cannot follow |
 //! | [`blend`] | the way from standing still to a generator that starts elsewhere |
 //! | [`channel`] | references from another program, accepted or refused |
 //! | [`profile`] | motions to a set point, bounded in speed, acceleration and jerk |
@@ -17,6 +18,7 @@
 pub mod blend;
 pub mod channel;
 pub mod generator;
+pub mod path;
 pub mod profile;
 pub mod trajectory;
 
@@ -29,6 +31,7 @@ use crate::model::response::MAX_AHEAD;
 use blend::Blend;
 use channel::ChannelFollower;
 use generator::ReferenceGenerator;
+use path::Capability;
 use profile::Profile;
 
 /// The references of one axis.
@@ -41,13 +44,15 @@ pub struct References {
     /// The channel has stopped, and the profile brings the reference to a stand.
     brakes: bool,
     blend: Blend,
+    /// `None` for an axis that slows no reference.
+    capability: Option<Capability>,
     profile: Profile,
     state: State,
     /// Number of coming ticks that are worked out.
     ahead: usize,
     /// References of this tick and the coming ones, m.
     positions: [f64; MAX_AHEAD],
-    /// Ticks from the begin to the tick for which the generator last gave the positions.
+    /// Tick for which the generator last gave the positions.
     filled: Option<u64>,
     /// Speed of the reference, m/s.
     speed: f64,
@@ -70,6 +75,8 @@ pub struct ReferenceStatus {
     pub is_refused: bool,
     /// The blend is over, or the channel has been taken up: the tracking error counts.
     pub counts: bool,
+    /// The generator goes on more slowly, since an axis cannot give what the references ask for.
+    pub is_slowed: bool,
 }
 
 impl References {
@@ -83,6 +90,7 @@ impl References {
             channel: from_channel.then(|| ChannelFollower::new(index, axis, period)),
             brakes: false,
             blend: Blend::new(axis.max_speed),
+            capability: Capability::of(axis, period),
             profile: Profile::new(axis, period, ahead),
             state: State::Tracks,
             ahead,
@@ -92,11 +100,27 @@ impl References {
         }
     }
 
-    /// Begins to track at tick `sequence`, from where the axis stands (m).
-    pub fn begin(&mut self, sequence: u64, position: f64, generator: &ReferenceGenerator) {
+    /// Number of coming ticks that are worked out.
+    pub fn ahead(&self) -> usize {
+        self.ahead
+    }
+
+    /// The rate at which time along the path may go on at `tick` of the path, as far as this axis can follow.
+    pub fn rate(&self, tick: f64, generator: &ReferenceGenerator) -> f64 {
+        let Some(capability) = self.capability.as_ref().filter(|_| self.state == State::Tracks) else { return 1.0 };
+        let position = |tick: f64| {
+            let t = self.blend.ticks(tick) * self.period;
+            self.blend.position(t, generator.position(self.axis, t))
+        };
+        let from = position(tick);
+        capability.rate(from, (position(tick + 1.0) - from) / self.period)
+    }
+
+    /// Begins to track at `tick` of the path, from where the axis stands (m).
+    pub fn begin(&mut self, tick: f64, position: f64, generator: &ReferenceGenerator) {
         (self.state, self.positions[0], self.speed, self.brakes) = (State::Tracks, position, 0.0, false);
         self.filled = None;
-        self.blend.begin(sequence, position, generator.position(self.axis, 0.0));
+        self.blend.begin(tick, position, generator.position(self.axis, 0.0));
         if let Some(channel) = &mut self.channel {
             channel.begin(position);
         }
@@ -133,25 +157,26 @@ impl References {
         self.speed
     }
 
-    /// Works out the references from tick `sequence` on, `elapsed` ticks after the last call.
+    /// Works out the references from tick `sequence` on, `elapsed` ticks after the last call. `path` has this tick and
+    /// the coming ones along the path.
     pub fn update(
         &mut self,
-        sequence: u64,
-        elapsed: u64,
+        (sequence, elapsed): (u64, u64),
         position: f64,
+        path: &[f64],
         generator: &ReferenceGenerator,
         reference: Option<&Reference>,
     ) -> ReferenceStatus {
         let before = self.positions[0];
         if self.state == State::Halts && self.profile.stands() {
-            self.begin(sequence, self.profile.set_point(), generator);
+            self.begin(path[0], self.profile.set_point(), generator);
         }
         let status = if self.state == State::Tracks {
-            self.pursue(sequence, elapsed, position, generator, reference)
+            self.pursue((sequence, elapsed), position, path, generator, reference)
         } else {
             self.profile.advance(elapsed);
             self.profile.fill(&mut self.positions[..=self.ahead]);
-            ReferenceStatus { is_refused: false, counts: false }
+            ReferenceStatus { is_refused: false, counts: false, is_slowed: false }
         };
         self.speed = (self.positions[0] - before) / (elapsed.max(1) as f64 * self.period);
         status
@@ -160,9 +185,9 @@ impl References {
     /// The references of generator or channel.
     fn pursue(
         &mut self,
-        sequence: u64,
-        elapsed: u64,
+        (sequence, elapsed): (u64, u64),
         position: f64,
+        path: &[f64],
         generator: &ReferenceGenerator,
         reference: Option<&Reference>,
     ) -> ReferenceStatus {
@@ -181,22 +206,22 @@ impl References {
                 self.profile.fill(positions);
                 channel.hold(positions[0]);
             }
-            return ReferenceStatus { is_refused: !is_accepted, counts: channel.has_engaged() };
+            return ReferenceStatus { is_refused: !is_accepted, counts: channel.has_engaged(), is_slowed: false };
         }
-        let tick = self.blend.ticks(sequence);
         // A reference depends on its time alone, so all but the newest are known from the tick before.
-        let known = if self.filled.is_some_and(|filled| filled + 1 == tick) {
+        let known = if self.filled.is_some_and(|filled| filled + 1 == sequence) {
             positions.copy_within(1.., 0);
             self.ahead
         } else {
             0
         };
-        self.filled = Some(tick);
+        self.filled = Some(sequence);
         for (i, reference) in positions.iter_mut().enumerate().skip(known) {
-            let t = (tick + i as u64) as f64 * self.period;
+            let t = self.blend.ticks(path[i]) * self.period;
             *reference = self.blend.position(t, generator.position(self.axis, t));
         }
-        ReferenceStatus { is_refused: false, counts: self.blend.is_over(tick as f64 * self.period) }
+        let counts = self.blend.is_over(self.blend.ticks(path[0]) * self.period);
+        ReferenceStatus { is_refused: false, counts, is_slowed: path[1] - path[0] < 1.0 }
     }
 
     /// y_r(k), y_r(k+1), .. as of the last update, m.

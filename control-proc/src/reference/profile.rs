@@ -4,7 +4,7 @@
 //! ```text
 //! w(d)   = min(v_max, -b T/2 + sqrt((b T/2)^2 + 2 b |d|), |d| / T) sgn d        b = 0.8 a_max
 //! v(k+1) = w(g - x(k)), at most a_max T from v(k)         x(k+1) = x(k) + T v(k+1)
-//! y_r(k) = (x(k) + x(k-1) + .. + x(k-N+1)) / N            N T = 0.2 s
+//! y_r(k) = (x(k) + x(k-1) + .. + x(k-N+1)) / N            N T = 0.2 s r, rounded up
 //! ```
 //!
 //! g set point m, x a motion of bounded speed and acceleration m, v its speed m/s, w the speed from which it still
@@ -13,26 +13,32 @@
 //! N, so the jerk is at most `2 a_max / (N T)`; it is reached only where the acceleration reverses at once. At the end
 //! all N points are g, and y_r is exactly g.
 //!
-//! v_max is a quarter of `max_speed`, a_max is v_max over 0.25 s. A motion that is faster than v_max at its beginning
-//! is braked to v_max. Source: acceleration-limited planning behind a moving average, as in numerical controls. Other
-//! than a curve of seven segments, this motion has no plan that a new set point could contradict.
+//! v_max is a quarter of `max_speed`, or what an axis with `slow_references` can give ([`super::path`]) where that is
+//! less; a_max is v_max over 0.25 s r. With r = sqrt(10 1/s2 `max_speed` / `jerk`) the bound of the jerk is `jerk`; r
+//! is 1 for the usual jerk. A motion that is faster than v_max at its beginning is braked to v_max. Source:
+//! acceleration-limited planning behind a moving average, as in numerical controls. Other than a curve of seven
+//! segments, this motion has no plan that a new set point could contradict.
 //!
 //! Traps: braking exactly along w asks for 1.125 times its deceleration in the last ticks, hence b is below a_max. The
 //! mean lags by half its length, so a motion that begins with a speed begins that much ahead.
 
 use pipeline::machine::Axis;
 
+use super::path::Capability;
+
 /// Fastest speed of a reference that the controller plans itself, as part of `max_speed`.
 pub const SPEED: f64 = 0.25;
 /// Time from standstill to that speed, s.
-pub const RISE_TIME: f64 = 0.25;
+const RISE_TIME: f64 = 0.25;
 /// Length of the mean, s: long against the lag of a valve, so that the axis can follow.
-pub const SMOOTHING: f64 = 0.2;
+const SMOOTHING: f64 = 0.2;
 /// Part of the acceleration that the braking curve uses.
 const BRAKING: f64 = 0.8;
 
 /// Ticks after which every motion has come to a stand.
 const MOST_TICKS: u64 = 1_000_000;
+/// Usual jerk per `max_speed`, 1/s2.
+const USUAL_JERK: f64 = 2.0 * SPEED / (RISE_TIME * SMOOTHING);
 /// Distance from the set point that is due to rounding, m.
 const ROUNDING: f64 = 1e-12;
 
@@ -62,14 +68,17 @@ impl Profile {
     /// For set points inside the axis' soft limits, and so many ticks ahead; `period` in s. Nothing is allocated after
     /// this.
     pub fn new(axis: &Axis, period: f64, ahead: usize) -> Self {
-        let mean = ((SMOOTHING / period).round() as usize).max(1);
-        let speed = SPEED * axis.max_speed;
+        let given = Capability::of(axis, period).map_or(f64::INFINITY, |capability| capability.speed());
+        let speed = given.min(SPEED * axis.max_speed);
+        let ratio = (USUAL_JERK * axis.max_speed / axis.motion_limits(period).jerk).sqrt();
+        // The small part keeps whole periods from counting one more by rounding.
+        let mean = ((ratio * SMOOTHING / period - 1e-6).ceil() as usize).max(1);
         Self {
             period,
             limits: axis.soft_limits,
             speed,
             max_speed: axis.max_speed,
-            acceleration: speed / RISE_TIME,
+            acceleration: speed / (RISE_TIME * ratio),
             set_point: 0.0,
             v: 0.0,
             points: vec![0.0; mean + ahead],
@@ -204,6 +213,42 @@ mod tests {
         assert!(y[ticks..].iter().all(|y| *y == 0.8) && profile.stands());
         assert!(y.windows(2).all(|pair| pair[1] >= pair[0]), "the motion overshoots");
         assert!((largest(&y).0 - 0.25).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_jerk_is_that_of_the_machine_file() {
+        let mut axis = crate::tests::machine(1).axes.remove(0);
+        let mut arrivals = Vec::new();
+        for jerk in [2.0, 10.0, 40.0, 1000.0] {
+            axis.control.limits.jerk = Some(jerk);
+            let mut profile = Profile::new(&axis, PERIOD, 20);
+            profile.begin(0.3, 0.0);
+            profile.aim(0.8);
+            let y: Vec<f64> = (0..600).map(|_| next(&mut profile)).collect();
+            let (v, _, j) = largest(&[&[0.3; 3], &y[..]].concat());
+            assert!(v <= MOST_SPEED * 1.000_001 && j <= jerk * 1.000_1, "{v} m/s, {j} m/s3 for {jerk}");
+            assert!(j > 0.4 * jerk, "{j} m/s3 for {jerk}");
+            arrivals.push(y.iter().position(|y| *y == 0.8).unwrap());
+        }
+        assert!(arrivals.is_sorted_by(|a, b| a > b), "{arrivals:?}");
+        // Without a key the motion is that of ten times max_speed.
+        axis.control.limits.jerk = Some(10.0);
+        assert_eq!(Profile::new(&axis, PERIOD, 20), profile());
+    }
+
+    #[test]
+    fn an_axis_that_slows_its_references_is_asked_for_no_more_than_it_can_give() {
+        let mut axis = crate::tests::machine(1).axes.remove(0);
+        let model = crate::tests::models::commissioned();
+        axis.commissioned = Some(pipeline::machine::Commissioned { speeds_retract: vec![0.05, 0.2], ..model });
+        for (slows, expected) in [(false, 0.25), (true, 0.9 * 0.2)] {
+            axis.control.slow_references = slows;
+            let mut profile = Profile::new(&axis, PERIOD, 20);
+            profile.begin(0.3, 0.0);
+            profile.aim(1.0);
+            let y: Vec<f64> = (0..400).map(|_| next(&mut profile)).collect();
+            assert!((largest(&y).0 - expected).abs() < 1e-9, "{} m/s", largest(&y).0);
+        }
     }
 
     #[test]

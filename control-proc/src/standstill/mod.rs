@@ -13,11 +13,11 @@
 //! all     -> follows    a reference moves, or |e| has grown by e_far
 //! ```
 //!
-//! e following error m, e_rest, e_wake, e_far and e_drift m, L dead time and lag in s. All but a moving reference need
-//! references that have stood still for 0.3 s. An axis stands when it has moved by less than a quarter of e in
-//! 0.3 s + L. While the axis rests, the valve is shut and the oil holds the load. While it creeps, a pulse brings it
-//! closer. When pulses do not help, the axis is left to its controller until a reference moves: the last pulse has
-//! given up, or the axis drifts by more than e_drift in 2 L + 0.3 s.
+//! e following error m, e_rest `rest_band` m, e_wake, e_far and e_drift m, L dead time and lag in s. All but a moving
+//! reference need references that have stood still for 0.3 s. An axis stands when it has moved by less than a quarter
+//! of e in 0.3 s + L. While the axis rests, the valve is shut and the oil holds the load. While it creeps, a pulse
+//! brings it closer. When pulses do not help, the axis is left to its controller until a reference moves: the last
+//! pulse has given up, or the axis drifts by more than e_drift in 2 L + 0.3 s.
 //!
 //! Traps: behind a dead band and dry friction a controller with integral action never arrives: it pushes, breaks loose,
 //! overshoots and pushes back, without end; hence the rest. Without integral action it stands beside its set point and
@@ -30,10 +30,6 @@ use pipeline::machine::Axis;
 
 use pulse::{Pulses, Step};
 
-/// Least e_rest in counts of the encoder: less cannot be told from noise.
-const REST_COUNTS: f64 = 2.0;
-/// Least e_rest, m, for encoders with finer counts.
-const LEAST_REST: f64 = 0.25e-3;
 /// Ratio of e_wake to e_rest.
 const WAKE_RATIO: f64 = 2.0;
 /// Ratio of e_far to e_rest: by then the load has changed, or somebody pushes.
@@ -118,7 +114,7 @@ impl Watched {
 impl Standstill {
     /// As the machine file and the commissioned model set it for `axis`, called every `period` s.
     pub fn new(axis: &Axis, period: f64) -> Self {
-        let bound = (REST_COUNTS * axis.encoder.resolution).max(LEAST_REST);
+        let bound = axis.motion_limits(period).rest_band;
         let pulses = Pulses::new(axis, bound, MOTION * bound, period);
         let ticks = |time: f64| (time / period).ceil() as u32;
         let delay = pulses.delay();
@@ -271,6 +267,20 @@ mod tests {
         assert_eq!(rests(|_| 4e-4, |_| [0.5; 2]), (40..200).collect::<Vec<_>>());
         assert!(rests(|_| 2e-4, |k| [0.5 + 1e-5 * k as f64; 2]).is_empty());
         assert!(stands(|_| f64::NAN, |_| [0.5; 2], false).iter().all(|stand| *stand == Stand::Follow));
+    }
+
+    #[test]
+    fn the_rest_band_is_that_of_the_machine_file_and_at_least_two_counts() {
+        let rests_at = |error: f64, band: Option<f64>, resolution: f64| {
+            let mut axis = axis();
+            (axis.control.limits.rest_band, axis.encoder.resolution) = (band, resolution);
+            let mut standstill = Standstill::new(&axis, PERIOD);
+            (0..32).any(|_| standstill.update(1, error, &[0.5; 2], 0.0, true) == Stand::Rest)
+        };
+        assert!(rests_at(240e-6, None, 1e-6) && !rests_at(260e-6, None, 1e-6));
+        // A servo that is to stand within 10 um.
+        assert!(rests_at(9e-6, Some(1e-5), 1e-6) && !rests_at(11e-6, Some(1e-5), 1e-6));
+        assert!(rests_at(19e-6, Some(1e-5), 1e-5) && !rests_at(21e-6, Some(1e-5), 1e-5));
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod motion;
 pub mod plant;
 mod poison;
 mod references;
+mod slowing;
 mod snapshots;
 mod table_2;
 

@@ -41,9 +41,10 @@ use document::{Document, Section, Setting};
 
 pub use axis::{
     AngleKind, AngleSensor, Axis, COMPENSATED, Commissioned, Control, DeadBand, Directions, Encoder, Estimator, Form,
-    GREY_BOX_MEMORY, Identification, IdentifiedOutput, Law, LoadForce, LoadHolding, MAX_HORIZON, MAX_MOVES,
-    MAX_RESPONSE, MOST_POINTS, ModelChoice, MoveWeight, Plan, PlanSettings, Plant, Ports, PressureTransducers,
-    ReferenceSource, SMITH_MEMORY, SensorErrors, Sine, SmithSettings, Split, ValveCurve, shortest_training,
+    GREY_BOX_MEMORY, Identification, IdentifiedOutput, Law, LimitSettings, LoadForce, LoadHolding, MAX_HORIZON,
+    MAX_MOVES, MAX_RESPONSE, MOST_POINTS, ModelChoice, MotionLimits, MoveWeight, Plan, PlanSettings, Plant, Ports,
+    PressureTransducers, ReferenceSource, SMITH_MEMORY, SensorErrors, Sine, SmithSettings, Split, ValveCurve,
+    shortest_training,
 };
 pub use document::{DefaultValue, EffectiveValue, Origin, samples_of};
 pub use error::{MachineError, Problem};

@@ -190,6 +190,14 @@ fn a_dead_time_of_more_periods_than_a_model_has_is_refused_unless_nk_is_given() 
 }
 
 #[test]
+fn a_curve_with_fewer_speeds_than_openings_is_refused() {
+    let set = ("axis.boom.commissioned.speeds_extend".to_owned(), "[0.1]".to_owned());
+    let text = Machine::load(None, &[set]).unwrap_err().to_string();
+    let expected = "axis.boom.commissioned.speeds_extend: found [0.1] (from the command line); allowed: 6 rising";
+    assert!(text.contains(expected) && text.lines().count() == 1, "{text}");
+}
+
+#[test]
 fn the_kind_of_a_reference_can_be_set() {
     let set = |value: &str| Machine::four_axes(&[("axis.boom.reference.kind".to_owned(), value.to_owned())]);
     assert_eq!(set("hold").unwrap().axes[0].reference, ReferenceSource::Hold);

@@ -7,7 +7,7 @@ use crate::{MAX_AXES, layout::shared_struct, statistics::ErrorStatistics};
 
 shared_struct! {
     /// One axis of a [`ValveCommand`].
-    #[type_name("hydraxis.AxisCommand/3")]
+    #[type_name("hydraxis.AxisCommand/4")]
     pub struct AxisCommand {
         /// Valve command in [-1, 1], positive extends; made from sample `sequence` and held until the next.
         pub command: f64,
@@ -39,8 +39,8 @@ shared_struct! {
         pub latched_at: u64,
         /// Why the axis was latched for the last time, [`control_flag`] bits; they stay when the axis is released.
         pub latched_by: u32,
-        /// Zero.
-        pub reserved: u32,
+        /// Number of ticks with a slowed reference since the axis was armed.
+        pub slowed_ticks: u32,
     }
 }
 
@@ -106,13 +106,16 @@ pub mod control_flag {
     pub const EMERGENCY_STOP: u32 = 16384;
     /// No model has been usable for so long that the axis is limited to half of its speed.
     pub const HALF_SPEED: u32 = 32768;
-    /// The model followed worse than the fallback would, or swung; it is cautious, or the fallback controls for a while.
+    /// The model followed worse than the fallback would, or swung: it is cautious, or the fallback controls.
     pub const MODEL_WORSE: u32 = 65536;
+
+    /// The reference goes on more slowly: it asks for more than an axis can give.
+    pub const SLOWED: u32 = 131_072;
 
     /// The bits of faults that keep the axis neutral until it is disarmed and armed again.
     pub const LATCHED: u32 = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | EMERGENCY_STOP;
     /// Names of the bits, lowest first.
-    pub const NAMES: [&str; 17] = [
+    pub const NAMES: [&str; 18] = [
         "disarmed",
         "settling",
         "feedback",
@@ -130,12 +133,13 @@ pub mod control_flag {
         "emergency-stop",
         "half-speed",
         "model-worse",
+        "slowed",
     ];
 }
 
 shared_struct! {
     /// The valve commands of one tick: control-proc (or a recording) to plant-sim and ident-proc.
-    #[type_name("hydraxis.ValveCommand/4")]
+    #[type_name("hydraxis.ValveCommand/5")]
     pub struct ValveCommand {
         /// `sequence` names the sample that the command was made from.
         pub header: Header,

@@ -3,6 +3,7 @@
 //! Runs once, before the loop.
 
 mod explain;
+mod references;
 mod sensors;
 
 use std::path::PathBuf;
@@ -61,7 +62,8 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
         humantime::format_duration(machine.timing.period)
     );
     let mechanism = machine.mechanism.as_ref().map(|mechanism| summary(&machine, mechanism));
-    let warnings: String = overloads(&machine).iter().map(|warning| format!("warning: {warning}\n")).collect();
+    let warnings = overloads(&machine).into_iter().chain(references::excesses(&machine));
+    let warnings: String = warnings.map(|warning| format!("warning: {warning}\n")).collect();
     Ok(show(&(text + &mechanism.unwrap_or_default() + &sensors::summary(&machine) + &warnings))?)
 }
 

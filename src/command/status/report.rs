@@ -98,6 +98,7 @@ struct AxisFigures {
     h_step_sigma: Option<f64>,
     rejected_snapshots: u64,
     unsolved_plans: u64,
+    slowed_ticks: u32,
     refused_requests: u32,
 }
 
@@ -330,6 +331,7 @@ impl AxisFigures {
             h_step_sigma: has_model.then_some(axis.h_step_sigma).filter(|sigma| sigma.is_finite()),
             rejected_snapshots: command.rejected_snapshots.iter().sum(),
             unsolved_plans: command.unsolved_plans,
+            slowed_ticks: command.slowed_ticks,
             refused_requests: command.refused_requests,
         }
     }

@@ -57,6 +57,8 @@ struct AxisReport {
     rejected_snapshots: BTreeMap<&'static str, u64>,
     /// Plans that the solver did not solve.
     unsolved_plans: u64,
+    /// Ticks at which the reference was slowed.
+    slowed_ticks: u32,
     /// Present when a program has operated the axis.
     #[serde(skip_serializing_if = "Option::is_none")]
     operation: Option<Operation>,
@@ -303,6 +305,7 @@ impl AxisReport {
             tracking_by_model: Tracking::new(&command.model_tracking),
             rejected_snapshots: rejected(command),
             unsolved_plans: command.unsolved_plans,
+            slowed_ticks: command.slowed_ticks,
             operation: Operation::new(command),
             identification: Identification {
                 classical: model(classical, &snapshot.classical),

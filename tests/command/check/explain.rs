@@ -18,7 +18,8 @@ fn entry(machine: &str, arguments: &[&str], key: &str) -> Value {
     entry
 }
 
-fn value_and_origin(machine: &str, arguments: &[&str], key: &str) -> (String, Value) {
+/// Value and origin of a key, as [`entry`] finds them.
+pub fn value_and_origin(machine: &str, arguments: &[&str], key: &str) -> (String, Value) {
     let entry = entry(machine, arguments, key);
     (entry["value"].as_str().unwrap().to_owned(), entry["origin"].clone())
 }

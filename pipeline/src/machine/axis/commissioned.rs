@@ -211,6 +211,13 @@ impl Commissioned {
         (-self.dead_band.retract - last, self.dead_band.extend + last)
     }
 
+    /// Largest speeds while retracting, as a magnitude, and extending, m/s, with commands up to `limit`: at most those
+    /// that were measured.
+    pub fn tested_speeds(&self, limit: f64) -> (f64, f64) {
+        let (low, high) = self.tested();
+        (-self.speed(low.max(-limit)), self.speed(high.min(limit)))
+    }
+
     /// The command whose steady speed is `speed` m/s; 0 for a speed of 0.
     pub fn command(&self, speed: f64) -> f64 {
         if speed > 0.0 {

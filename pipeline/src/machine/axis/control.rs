@@ -2,7 +2,12 @@
 
 use std::time::Duration;
 
-use super::{commissioned::Commissioned, dead_band::DeadBand, plan::PlanSettings};
+use super::{
+    commissioned::Commissioned,
+    dead_band::DeadBand,
+    limits::{LimitSettings, Nature},
+    plan::PlanSettings,
+};
 use crate::{
     hammerstein::MAX_DELAY,
     machine::document::{Section, Shown},
@@ -31,6 +36,22 @@ pub struct Control {
     pub plan: PlanSettings,
     /// How the model controls.
     pub law: Law,
+    /// What is given of the limits of the motion.
+    pub limits: LimitSettings,
+    /// Whether references that ask for more than this axis can give go on more slowly along their path.
+    pub slow_references: bool,
+}
+
+/// What the control of an axis needs from the rest of the axis.
+pub(super) struct Owner<'a> {
+    /// Name of the axis.
+    pub name: &'a str,
+    pub commissioned: Option<&'a Commissioned>,
+    /// `max_speed`, m/s.
+    pub max_speed: f64,
+    /// Length of one count of the encoder, m; NaN where it is not known yet.
+    pub resolution: f64,
+    pub period: Duration,
 }
 
 /// How a model controls an axis.
@@ -65,16 +86,12 @@ pub enum ModelChoice {
 }
 
 impl Control {
-    pub(super) fn read(
-        mut section: Section,
-        name: &str,
-        commissioned: Option<&Commissioned>,
-        period: Duration,
-    ) -> Self {
+    pub(super) fn read(mut section: Section, owner: &Owner) -> Self {
+        let Owner { name, commissioned, max_speed, resolution, period } = *owner;
         let dead_band = read_dead_band(&mut section, commissioned);
         let models =
             [("adaptive", ModelChoice::Adaptive), ("classical", ModelChoice::Classical), ("none", ModelChoice::None)];
-        let control = Self {
+        let mut control = Self {
             kp: section.key("kp", "Proportional gain of the fallback").number(0.0..=1e4, "1/m"),
             ki: section.key("ki", "Integral gain of the fallback").number(0.0..=1e5, "1/(m s)"),
             feedforward: read_feedforward(&mut section, name, commissioned, period),
@@ -93,7 +110,12 @@ impl Control {
                 .choice_or(ModelChoice::Adaptive, &models),
             plan: PlanSettings::read(&mut section, commissioned, period),
             law: read_law(&mut section, name, commissioned, period),
+            limits: LimitSettings::default(),
+            slow_references: read_slow_references(&mut section, name, commissioned),
         };
+        let (command_rate, period) = (control.command_rate, period.as_secs_f64());
+        let nature = Nature { commissioned, max_speed, command_rate, resolution, period };
+        control.limits = LimitSettings::read(&mut section, &nature);
         section.finish();
         control
     }
@@ -153,6 +175,21 @@ fn read_law(section: &mut Section, name: &str, commissioned: Option<&Commissione
 
 const OBSERVER_RULE: &str =
     "commissioned.dead_time + time_constant + half a period, at least 60 ms; with law = \"smith\"";
+
+/// `slow_references`, which needs the speeds of a commissioned model.
+fn read_slow_references(section: &mut Section, name: &str, commissioned: Option<&Commissioned>) -> bool {
+    let meaning = "Whether the generators of all axes go on more slowly along their path where they ask for more than \
+                   this axis can give";
+    let slows = section.key("slow_references", meaning).flag_or(false);
+    if slows && commissioned.is_none() {
+        section.refuse(
+            "slow_references",
+            format!("true without [axis.{name}.commissioned]"),
+            "false, or a commissioned model: `--model MODEL.toml`, as `hydraxis commission` writes it",
+        );
+    }
+    slows
+}
 
 /// `feedforward`, which needs a commissioned model whose dead time and lag are within the preview of the references.
 fn read_feedforward(section: &mut Section, name: &str, commissioned: Option<&Commissioned>, period: Duration) -> bool {

@@ -7,6 +7,7 @@
 //! | `commissioned` | `[axis.NAME.commissioned]` | the model that `hydraxis commission` has found |
 //! | `identification`, `estimator` | `[axis.NAME.identification]` | how the axis is identified |
 //! | `control`, `plan` | `[axis.NAME.control]` | how the axis is controlled; the predictive controller's plan |
+//! | `limits` | `[axis.NAME.control]` | the limits of its motion |
 //! | `reference` | `[axis.NAME.reference]` | where the reference comes from |
 //! | `plant`, `ports` | `[axis.NAME.plant]` | the simulated axis; its valves and hoses beyond one spool |
 //! | `sensor_errors` | `[axis.NAME.plant]` | what the simulated sensors do beyond their resolution |
@@ -19,6 +20,7 @@ mod dead_band;
 mod encoder;
 mod estimator;
 mod identification;
+mod limits;
 mod plan;
 mod plant;
 mod ports;
@@ -29,6 +31,7 @@ mod sensor_errors;
 use std::path::Path;
 
 pub use commissioned::{COMPENSATED, Commissioned, MOST_POINTS};
+use control::Owner;
 pub use control::{Control, Law, ModelChoice, SmithSettings};
 pub use dead_band::DeadBand;
 pub use encoder::{AngleKind, AngleSensor, Encoder};
@@ -36,6 +39,8 @@ pub use estimator::Estimator;
 pub use identification::{
     Form, GREY_BOX_MEMORY, Identification, IdentifiedOutput, SMITH_MEMORY, Split, shortest_training,
 };
+use limits::Nature;
+pub use limits::{LimitSettings, MotionLimits};
 pub use plan::{MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MoveWeight, Plan, PlanSettings};
 pub use plant::{LoadForce, Plant, ValveCurve};
 pub use ports::{Directions, LoadHolding, Ports};
@@ -108,7 +113,9 @@ impl Axis {
         let model = commissioned.as_ref();
         let identification =
             Identification::read(section.section("identification"), name, model, shared.timing.period, shared.fuzzy);
-        let control = Control::read(section.section("control"), name, model, shared.timing.period);
+        let period = shared.timing.period;
+        let owner = Owner { name, commissioned: model, max_speed, resolution: encoder.resolution, period };
+        let control = Control::read(section.section("control"), &owner);
         let limits = Limits { soft_limits, max_speed };
         let reference = ReferenceSource::read(section.section("reference"), limits, shared.folder, name);
         let plant = section.section("plant");
@@ -138,6 +145,17 @@ impl Axis {
             plant,
             columns,
         }
+    }
+
+    /// The limits of the motion, for a command every `period` s.
+    pub fn motion_limits(&self, period: f64) -> MotionLimits {
+        self.control.limits.limits(&Nature {
+            commissioned: self.commissioned.as_ref(),
+            max_speed: self.max_speed,
+            command_rate: self.control.command_rate,
+            resolution: self.encoder.resolution,
+            period,
+        })
     }
 }
 

@@ -1,0 +1,66 @@
+//! Limits of the motion: their ranges, and the values that follow from the commissioned model.
+
+use super::{
+    EXCAVATOR,
+    cli::{expect_refusal, success},
+    expect_four_axes,
+    explain::value_and_origin,
+};
+
+#[test]
+fn limits_within_their_ranges_are_accepted_and_others_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for (key, allowed, refused, expected) in [
+        ("stop_deceleration", "20", "1e3", "allowed: a number from 0.001 to 100 m/s2"),
+        ("stop_reaction", "0.9", "0", "allowed: a number from 0.001 to 60 s"),
+        // Dead time and lag of the boom's commissioned model.
+        (
+            "stop_reaction",
+            "0.29",
+            "0.28",
+            "allowed: 0.28966146145076294 s or more, commissioned.dead_time + time_const",
+        ),
+        ("rest_band", "0.001", "1", "allowed: a number from 0.000001 to 0.1 m"),
+        ("rest_band", "0.0002", "1e-5", "allowed: 0.0002 m or more, 2 counts of the encoder"),
+        ("slow_references", "true", "1", "allowed: true or false"),
+        ("jerk", "500", "0", "allowed: a number from 0.001 to 1000000 m/s3"),
+    ] {
+        let setting = |value| format!("axis.boom.control.{key}={value}");
+        expect_four_axes(&success(folder.path(), &["check", "--set", &setting(allowed)]));
+        expect_refusal(folder.path(), &["check", "--set", &setting(refused)], &[expected]);
+    }
+}
+
+#[test]
+fn a_jerk_whose_mean_is_too_long_for_a_short_period_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let check = |jerk| ["check", "--set", "timing.period=1ms", "--set", jerk];
+    expect_four_axes(&success(folder.path(), &check("axis.boom.control.jerk=0.005")));
+    let expected = ["axis.boom.control.jerk: found 0.003", "allowed: 0.004", "m/s3 or more"];
+    expect_refusal(folder.path(), &check("axis.boom.control.jerk=0.003"), &expected);
+}
+
+#[test]
+fn limits_follow_from_the_commissioned_model_where_the_machine_file_leaves_them_out() {
+    let model = ["--model", "model.toml"];
+    let servo = ["--model", "model.toml", "--set", "axis.boom.commissioned.dead_time=0.002"];
+    let servo = [&servo[..], &["--set", "axis.boom.commissioned.time_constant=0.003"]].concat();
+    let slow = [&model[..], &["--set", "axis.boom.commissioned.time_constant=1"]].concat();
+    for (arguments, key, expected) in [
+        (&[][..], "stop_reaction", 0.3),
+        (&[][..], "stop_deceleration", 0.5),
+        (&[][..], "rest_band", 0.25e-3),
+        (&[][..], "jerk", 10.0),
+        (&model[..], "stop_reaction", 0.3),
+        (&servo[..], "stop_reaction", 4.0 * 0.035),
+        (&servo[..], "stop_deceleration", 0.5 * (0.3f64 / 0.14).powi(2)),
+        (&slow[..], "stop_reaction", 3.0 * 1.02),
+        (&slow[..], "stop_deceleration", 0.5),
+        // 10 / s times 0.2 m/s over an opening of 0.3, over 1 s.
+        (&slow[..], "jerk", 10.0 * 0.2 / 0.3),
+    ] {
+        let (value, origin) = value_and_origin(EXCAVATOR, arguments, &format!("axis.boom.control.{key}"));
+        assert_eq!(origin["from"], "derived", "{key}");
+        assert!((value.parse::<f64>().unwrap() / expected - 1.0).abs() < 1e-9, "{key}: {value}, expected {expected}");
+    }
+}

@@ -40,7 +40,7 @@ use pipeline::machine::{Axis, COMPENSATED, Commissioned, Control, DeadBand, Law,
 
 use course::{END, TRAINING, course};
 
-use crate::{fallback::Fallback, smith::Smith};
+use crate::{fallback::Fallback, margins::steepest, smith::Smith};
 
 /// Motion at rest from which on the loop cycles, peak to peak, m.
 pub const RESTING_MOTION: f64 = 0.5e-3;
@@ -110,7 +110,7 @@ impl Baseline {
         let control = self.untuned(&axis.control, bench.model);
         // For a linear loop with the gain of the steepest piece the grid begins far below the gain that the delay
         // allows.
-        let start = FIRST_GAIN / (bench.steepest() * (bench.model.reaction() + period));
+        let start = FIRST_GAIN / (steepest(bench.model) * (bench.model.reaction() + period));
         let mut best = (bench.rated(&control), control);
         let mut consider = |kp: f64, ki: f64| {
             let candidate = Control { kp, ki, ..control };
@@ -233,16 +233,6 @@ impl<'a> Bench<'a> {
         Some(Self { model, resolution: axis.encoder.resolution, period, references })
     }
 
-    /// Largest slope of c, m/s.
-    fn steepest(&self) -> f64 {
-        let slopes = |speeds: &[f64]| {
-            let points = self.model.openings.iter().copied().zip(speeds.iter().copied());
-            let before = std::iter::once((0.0, 0.0)).chain(points.clone());
-            points.zip(before).map(|((x, v), (x_0, v_0))| (v - v_0) / (x - x_0)).fold(0.0, f64::max)
-        };
-        slopes(&self.model.speeds_extend).max(slopes(&self.model.speeds_retract))
-    }
-
     /// Natural frequency of load and oil, Hz. The gains of the fallback hold with the slowest spring; those of a Smith
     /// predictor, which relies on the commissioned model in all, with the one that was found.
     fn frequency(&self, control: &Control) -> f64 {
@@ -322,7 +312,7 @@ mod tests {
     /// lag: kp = 1 / (2 k (t_d + T/2 + tau)), ki = kp / (8 (t_d + T/2 + tau)).
     fn simc(bench: &Bench) -> (f64, f64) {
         let delay = bench.model.dead_time + 0.5 * PERIOD + bench.model.time_constant;
-        let kp = 0.5 / (bench.steepest() * delay);
+        let kp = 0.5 / (steepest(bench.model) * delay);
         (kp, kp / (8.0 * delay))
     }
 

@@ -4,5 +4,6 @@
 
 pub mod control_loop;
 pub mod figures;
+pub mod margins;
 pub mod output;
 pub mod table;

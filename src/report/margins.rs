@@ -1,0 +1,112 @@
+//! Margins of the loops of an axis, as tables and JSON have them.
+
+use control_proc::margins::{LEAST_DELAY_MARGIN, LEAST_GAIN_MARGIN, Loop, Margins};
+use pipeline::machine::{Commissioned, Control, Law};
+use serde::Serialize;
+
+use super::table::table;
+
+/// The loop of one controller of an axis. Figures that are infinite are null in JSON.
+#[derive(Debug, Clone, Serialize)]
+pub struct LoopMargins {
+    /// Name of the axis.
+    pub axis: String,
+    /// `fallback` or `smith`.
+    pub controller: &'static str,
+    /// Factor in the gain of the plant at which the loop swings.
+    pub gain_margin: f64,
+    /// Factor below 1 in the gain of the plant at which the loop swings; 0 where none does.
+    pub least_gain: f64,
+    /// Additional dead time at which the loop swings.
+    pub delay_margin_s: f64,
+    /// The same as a part of the dead time.
+    pub delay_margin: f64,
+    /// Phase margin.
+    pub phase_margin_degrees: f64,
+    /// Ms.
+    pub largest_sensitivity: f64,
+    /// Highest frequency at which the open loop has a gain of 1.
+    pub crossover_hz: f64,
+    /// Frequency at which the closed loop has a gain of -3 dB.
+    pub bandwidth_hz: f64,
+    /// Whether the margins are those that commissioning asks for.
+    pub is_kept: bool,
+}
+
+impl LoopMargins {
+    /// The loops of the axis with this name, of its control settings on its model: the fallback's, and the Smith
+    /// predictor's where it has one. `period` in s.
+    pub fn of(axis: &str, control: &Control, model: &Commissioned, period: f64) -> Vec<Self> {
+        let row = |controller, margins: Margins| Self {
+            axis: axis.to_owned(),
+            controller,
+            gain_margin: margins.gain,
+            least_gain: margins.least_gain,
+            delay_margin_s: margins.delay,
+            delay_margin: margins.delay_part,
+            phase_margin_degrees: margins.phase.to_degrees(),
+            largest_sensitivity: margins.sensitivity,
+            crossover_hz: margins.crossover,
+            bandwidth_hz: margins.bandwidth,
+            is_kept: margins.is_kept(),
+        };
+        let mut loops = vec![row("fallback", Loop::fallback(control, model, period).margins())];
+        if let Law::Smith(settings) = &control.law {
+            loops.push(row("smith", Loop::smith(settings, model, period).margins()));
+        }
+        loops
+    }
+
+    /// A table of loops.
+    pub fn table(loops: &[Self]) -> String {
+        let row = |of: &Self| {
+            vec![
+                of.axis.clone(),
+                of.controller.to_owned(),
+                short(of.gain_margin),
+                milliseconds(of.delay_margin_s),
+                part(of.delay_margin),
+                short(of.largest_sensitivity),
+                format!("{:.2} Hz", of.crossover_hz),
+                format!("{:.2} Hz", of.bandwidth_hz),
+                if of.is_kept { "yes" } else { "no" }.to_owned(),
+            ]
+        };
+        let kept = format!("{LEAST_GAIN_MARGIN} and {:.0} %", 100.0 * LEAST_DELAY_MARGIN);
+        let header = [
+            "axis",
+            "controller",
+            "gain margin",
+            "delay margin",
+            "of dead time",
+            "Ms",
+            "crossover",
+            "bandwidth",
+            kept.as_str(),
+        ];
+        table(&header, loops.iter().map(row).collect()).to_string()
+    }
+
+    /// What is short of the margins that commissioning asks for, in words.
+    pub fn found(&self) -> String {
+        format!(
+            "a gain margin of {} and a delay margin of {}, {} of the dead time",
+            short(self.gain_margin),
+            milliseconds(self.delay_margin_s),
+            part(self.delay_margin)
+        )
+    }
+}
+
+/// A ratio with two decimals.
+fn short(value: f64) -> String {
+    if value.is_finite() { format!("{value:.2}") } else { "-".to_owned() }
+}
+
+fn part(value: f64) -> String {
+    if value.is_finite() { format!("{:.0} %", 100.0 * value) } else { "-".to_owned() }
+}
+
+fn milliseconds(seconds: f64) -> String {
+    if seconds.is_finite() { format!("{:.0} ms", 1e3 * seconds) } else { "-".to_owned() }
+}

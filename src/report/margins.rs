@@ -15,6 +15,8 @@ pub struct LoopMargins {
     pub controller: &'static str,
     /// Factor in the gain of the plant at which the loop swings.
     pub gain_margin: f64,
+    /// Frequency with which it then swings.
+    pub swing_hz: f64,
     /// Factor below 1 in the gain of the plant at which the loop swings; 0 where none does.
     pub least_gain: f64,
     /// Additional dead time at which the loop swings.
@@ -41,6 +43,7 @@ impl LoopMargins {
             axis: axis.to_owned(),
             controller,
             gain_margin: margins.gain,
+            swing_hz: margins.swing,
             least_gain: margins.least_gain,
             delay_margin_s: margins.delay,
             delay_margin: margins.delay_part,
@@ -59,32 +62,32 @@ impl LoopMargins {
 
     /// A table of loops.
     pub fn table(loops: &[Self]) -> String {
-        let row = |of: &Self| {
-            vec![
-                of.axis.clone(),
-                of.controller.to_owned(),
-                short(of.gain_margin),
-                milliseconds(of.delay_margin_s),
-                part(of.delay_margin),
-                short(of.largest_sensitivity),
-                format!("{:.2} Hz", of.crossover_hz),
-                format!("{:.2} Hz", of.bandwidth_hz),
-                if of.is_kept { "yes" } else { "no" }.to_owned(),
-            ]
-        };
+        let header = Self::header();
+        let header: Vec<&str> = header.iter().map(String::as_str).collect();
+        table(&header, loops.iter().map(Self::row).collect()).to_string()
+    }
+
+    /// The header of a table.
+    pub fn header() -> Vec<String> {
+        let names =
+            ["axis", "controller", "gain margin", "delay margin", "of dead time", "Ms", "crossover", "bandwidth"];
         let kept = format!("{LEAST_GAIN_MARGIN} and {:.0} %", 100.0 * LEAST_DELAY_MARGIN);
-        let header = [
-            "axis",
-            "controller",
-            "gain margin",
-            "delay margin",
-            "of dead time",
-            "Ms",
-            "crossover",
-            "bandwidth",
-            kept.as_str(),
-        ];
-        table(&header, loops.iter().map(row).collect()).to_string()
+        names.into_iter().map(str::to_owned).chain([kept]).collect()
+    }
+
+    /// A row of a table.
+    pub fn row(&self) -> Vec<String> {
+        vec![
+            self.axis.clone(),
+            self.controller.to_owned(),
+            short(self.gain_margin),
+            milliseconds(self.delay_margin_s),
+            part(self.delay_margin),
+            short(self.largest_sensitivity),
+            format!("{:.2} Hz", self.crossover_hz),
+            format!("{:.2} Hz", self.bandwidth_hz),
+            if self.is_kept { "yes" } else { "no" }.to_owned(),
+        ]
     }
 
     /// What is short of the margins that commissioning asks for, in words.

@@ -46,6 +46,9 @@ use response::{Point, response};
 pub const LEAST_GAIN_MARGIN: f64 = 1.7;
 /// Least delay margin that commissioning asks for, as a part of the dead time.
 pub const LEAST_DELAY_MARGIN: f64 = 0.5;
+/// A step by which gains are reduced, and the number of gains that are tried: the last is a twentieth of the first.
+const REDUCTION: f64 = 0.95;
+const REDUCTIONS: i32 = 60;
 /// Relative step in gain from a crossing to a loop whose stability is counted.
 const ASIDE: f64 = 1e-3;
 
@@ -55,6 +58,8 @@ pub struct Margins {
     /// Least factor in the gain of the plant from which on the loop swings; infinite where none does. For an unstable
     /// loop the largest factor below which it is stable, less than 1; 0 where there is none.
     pub gain: f64,
+    /// Frequency with which it swings at that factor, Hz; 0 where none does.
+    pub swing: f64,
     /// Largest factor below 1 in the gain of the plant from which on the loop swings; 0 where none does.
     pub least_gain: f64,
     /// Additional dead time from which on the loop swings, s; infinite where none does, 0 for an unstable loop.
@@ -150,15 +155,20 @@ impl Loop {
         let factors = gains(circle);
         if !self.is_stable_along(&all, 1.0) {
             let is_edge = |gain: &f64| *gain <= 1.0 && self.is_stable_along(&all, gain * (1.0 - ASIDE));
-            return Margins::unstable(factors.into_iter().filter(is_edge).fold(0.0, f64::max));
+            let gains = factors.into_iter().map(|(gain, _)| gain);
+            return Margins::unstable(gains.filter(is_edge).fold(0.0, f64::max));
         }
+        let (above, below): (Vec<_>, Vec<_>) = factors.into_iter().partition(|(gain, _)| *gain > 1.0);
+        let nearest = above.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        let (gain, angle) = nearest.unwrap_or((f64::INFINITY, 0.0));
         let crossovers = self.crossovers(circle);
         let delay = crossovers.iter().map(|(w, phase)| phase / w).fold(f64::INFINITY, f64::min);
         let closed = |point: &Point| (point.open() / (point.open() + 1.0)).norm();
         let band = circle.iter().find(|point| closed(point) < 0.5f64.sqrt()).map_or(PI, |point| point.angle);
         Margins {
-            gain: factors.iter().copied().filter(|gain| *gain > 1.0).fold(f64::INFINITY, f64::min),
-            least_gain: factors.iter().copied().filter(|gain| *gain <= 1.0).fold(0.0, f64::max),
+            gain,
+            swing: angle / self.period / TAU,
+            least_gain: below.into_iter().map(|(gain, _)| gain).fold(0.0, f64::max),
             delay,
             delay_part: if self.dead_time > 0.0 { delay / self.dead_time } else { f64::INFINITY },
             phase: crossovers.iter().map(|(_, phase)| *phase).fold(f64::INFINITY, f64::min),
@@ -189,6 +199,7 @@ impl Margins {
     fn unstable(gain: f64) -> Self {
         Self {
             gain,
+            swing: 0.0,
             least_gain: 0.0,
             delay: 0.0,
             delay_part: 0.0,
@@ -200,18 +211,38 @@ impl Margins {
     }
 }
 
-/// Factors in the gain with which L goes through -1.
-fn gains(circle: &[Point]) -> Vec<f64> {
+/// The largest part of both gains of the law of `control`, in steps of 5 %, whose loop around `model` passes, and the
+/// settings with it; `period` in s. `None` where no part of at least 5 % passes.
+pub fn reduced(
+    control: &Control,
+    model: &Commissioned,
+    period: f64,
+    passes: impl Fn(&Margins) -> bool,
+) -> Option<(f64, Control)> {
+    let with = |part: f64| match control.law {
+        Law::Smith(settings) => {
+            let settings = SmithSettings { kp: part * settings.kp, ki: part * settings.ki, ..settings };
+            Control { law: Law::Smith(settings), ..*control }
+        }
+        Law::Predictive => Control { kp: part * control.kp, ki: part * control.ki, ..*control },
+    };
+    let mut parts = (0..REDUCTIONS).map(|n| REDUCTION.powi(n)).map(|part| (part, with(part)));
+    parts.find(|(_, control)| passes(&Loop::of(control, model, period).margins()))
+}
+
+/// Factors in the gain with which L goes through -1, and where on the circle, rad.
+fn gains(circle: &[Point]) -> Vec<(f64, f64)> {
     let crossing = |pair: &[Point]| {
         let [from, to] = [pair[0].open(), pair[1].open()];
         if from.im * to.im > 0.0 || from.im == to.im {
             return None;
         }
-        let at = from + (to - from) * (from.im / (from.im - to.im));
-        (at.re < 0.0).then(|| -1.0 / at.re)
+        let part = from.im / (from.im - to.im);
+        let re = from.re + part * (to.re - from.re);
+        (re < 0.0).then(|| (-1.0 / re, pair[0].angle + part * (pair[1].angle - pair[0].angle)))
     };
     // At half of the sampling frequency L is real.
-    let last = circle.last().map(|point| point.open().re).filter(|re| *re < 0.0).map(|re| -1.0 / re);
+    let last = circle.last().map(|point| point.open().re).filter(|re| *re < 0.0).map(|re| (-1.0 / re, PI));
     circle.windows(2).filter_map(crossing).chain(last).collect()
 }
 

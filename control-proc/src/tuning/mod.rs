@@ -4,6 +4,7 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`mod@course`] | the course on which controllers are tuned and compared |
+//! | [`axis`] | the axis of the simulation |
 //!
 //! ```text
 //! l tau dx/dt + x = H(u(t - m t_d))             (g, m, l) in (0.7, 1, 1), (1, 1, 1), (1.4, 1.2, 2)
@@ -32,15 +33,21 @@
 //! Traps: if only the nominal plant is used, the gains become so high that a little more dead time makes the loop
 //! cycle. Without the spring they become so high that every heavy axis oscillates.
 
+pub mod axis;
 pub mod course;
 
-use std::{collections::VecDeque, f64::consts::TAU};
+use std::f64::consts::TAU;
 
 use pipeline::machine::{Axis, COMPENSATED, Commissioned, Control, DeadBand, Law, ModelChoice, SmithSettings};
 
+use axis::{SimulatedAxis, Swing};
 use course::{END, TRAINING, course};
 
-use crate::{fallback::Fallback, margins::steepest, smith::Smith};
+use crate::{
+    fallback::Fallback,
+    margins::{Loop, steepest},
+    smith::Smith,
+};
 
 /// Motion at rest from which on the loop cycles, peak to peak, m.
 pub const RESTING_MOTION: f64 = 0.5e-3;
@@ -139,7 +146,7 @@ impl Baseline {
                 }
             }
         }
-        Some(at)
+        Some(kept(at, |control| Loop::fallback(control, bench.model, period)))
     }
 
     /// The settings of this baseline with gains of 0.
@@ -176,7 +183,23 @@ pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Optio
     };
     let nominal = |control: &Control| bench.simulated(control, PLANTS[1]).1;
     let is_worth = |settings: &SmithSettings| nominal(&with(*settings)) <= WORTH * WORTH * nominal(control);
-    settings.into_iter().find(keeps_margins).filter(is_worth)
+    let is_kept = |settings: &SmithSettings| {
+        std::env::var("HX").unwrap_or_default().contains('s') == false
+            || Loop::smith(settings, bench.model, period).margins().is_kept()
+    };
+    settings.into_iter().filter(is_kept).find(keeps_margins).filter(is_worth)
+}
+
+/// The settings with gains reduced until their loop keeps its margins.
+fn kept(control: Control, of: impl Fn(&Control) -> Loop) -> Control {
+    if !std::env::var("HX").unwrap_or_default().contains('f') {
+        return control;
+    }
+    let reduced = |n: i32| {
+        let f = 0.95f64.powi(n);
+        Control { kp: f * control.kp, ki: f * control.ki, ..control }
+    };
+    (0..60).map(reduced).find(|control| of(control).margins().is_kept()).unwrap_or(control)
 }
 
 /// What is tried: the fallback, or a Smith predictor on the commissioned model.
@@ -203,6 +226,22 @@ impl Tried {
             }
         }
     }
+}
+
+/// Positions from tick to tick, m, after the reference has jumped from 0 to `step` m, without a preview of the jump, for
+/// `ticks` periods of `period` s: the controller of `control` around its model, with positions that are not rounded to counts.
+pub fn step_response(control: &Control, model: &Commissioned, period: f64, step: f64, ticks: usize) -> Vec<f64> {
+    let substeps = (period / LONGEST_STEP).ceil().max(1.0);
+    let mut axis = SimulatedAxis::of(model, period / substeps);
+    let mut tried = Tried::new(control, model, period);
+    let mut command = 0.0;
+    let tick = |_| {
+        let before = axis.position;
+        command = tried.update(&[step], before, command);
+        (0..substeps as usize).for_each(|_| axis.advance(command));
+        before
+    };
+    (0..ticks).map(tick).collect()
 }
 
 /// How good gains are; less is better. The first part counts first.
@@ -253,19 +292,15 @@ impl<'a> Bench<'a> {
     fn simulated(&self, control: &Control, plant: Plant) -> (f64, f64) {
         let substeps = (self.period / LONGEST_STEP).ceil().max(1.0);
         let step = self.period / substeps;
-        let (frequency, damping) = (TAU * self.frequency(control), SPRING_DAMPING);
-        let lag = plant.lag * self.model.time_constant;
-        let decay = if lag > 0.0 { (-step / lag).exp() } else { 0.0 };
-        let underway = (plant.dead_time * self.model.dead_time / step).round() as usize;
-        let mut underway: VecDeque<f64> = std::iter::repeat_n(0.0, underway).collect();
+        let swing = Swing { frequency: TAU * self.frequency(control), damping: SPRING_DAMPING };
+        let mut axis = SimulatedAxis::new(self.model, plant, swing, step, self.references[0]);
         let mut tried = Tried::new(control, self.model, self.period);
         let judged = ((END - TRAINING) / self.period) as usize;
         let watched = self.references.len() - (WATCHED / self.period) as usize;
-        let (mut w, mut x, mut speed, mut acceleration) = (0.0f64, 0.0, 0.0, 0.0);
-        let half = 0.5 * self.model.hysteresis;
-        let (mut y, mut command, mut squares) = (self.references[0], 0.0, 0.0);
+        let (mut command, mut squares) = (0.0, 0.0);
         let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
         for (tick, reference) in self.references.iter().enumerate() {
+            let y = axis.position;
             if tick < judged {
                 squares += (reference - y) * (reference - y);
             }
@@ -275,14 +310,7 @@ impl<'a> Bench<'a> {
             let seen = (y / self.resolution).round() * self.resolution;
             command = tried.update(&self.references[tick..], seen, command);
             for _ in 0..substeps as usize {
-                underway.push_back(command);
-                let acting = underway.pop_front().unwrap_or(command);
-                w = w.clamp(acting - half, acting + half);
-                x = w + (x - w) * decay;
-                let lacking = plant.gain * self.model.spool_speed(x) - speed;
-                acceleration += (frequency * lacking - 2.0 * damping * acceleration) * frequency * step;
-                speed += acceleration * step;
-                y += speed * step;
+                axis.advance(command);
             }
         }
         (highest - lowest, squares / judged as f64)

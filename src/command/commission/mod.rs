@@ -5,6 +5,7 @@
 mod arguments;
 mod file;
 mod live;
+mod report;
 mod simulated;
 
 use std::path::Path;
@@ -27,7 +28,7 @@ use crate::{
     group::signals::stop_flag,
     report::{
         margins::LoopMargins,
-        output::{Output, is_stdout},
+        output::{Output, create, is_stdout},
         table::{percent, progress, table},
     },
 };
@@ -52,11 +53,15 @@ pub fn run(arguments: &CommissionArguments) -> Result<(), Failure> {
     expect_possible(arguments, &machine)?;
     let file = ModelFile::new(&arguments.out, arguments.force)?;
     let output = Output::open(arguments.json.as_deref())?;
+    let mut report = arguments.report.as_deref().map(|path| create("--report", path)).transpose()?;
     let found = experiment(arguments, &machine, &axes)?;
     file.write(&model_text(&machine, found.iter().map(|found| (found.axis, &found.model, found.control))))?;
     found.iter().for_each(warn);
-    let report: Vec<AxisCommissioning> = found.iter().map(AxisCommissioning::new).collect();
-    output.write(|| tables(&found, &arguments.out), &report)?;
+    if let Some(file) = &mut report {
+        report::write(file, &machine, &found)?;
+    }
+    let figures: Vec<AxisCommissioning> = found.iter().map(AxisCommissioning::new).collect();
+    output.write(|| tables(&found, &arguments.out), &figures)?;
     if !arguments.json.as_deref().is_some_and(is_stdout) {
         eprintln!("{}", next(arguments));
     }

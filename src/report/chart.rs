@@ -28,6 +28,8 @@ const SIZE: (u32, u32) = (1200, 640);
 const HEAD: u32 = 100;
 /// Distance from the left edge to the panel.
 const LEFT: u32 = 130;
+/// Width of a letter of the legend.
+const LETTER: i32 = 14;
 /// Free space above and below the values, as a part of their height.
 const MARGIN: f64 = 0.05;
 
@@ -79,12 +81,12 @@ impl Chart {
         area.fill(&WHITE)?;
         let (head, panel) = area.split_vertically(HEAD);
         head.draw(&Text::new(self.title.clone(), (LEFT as i32, 14), (FONT, 30).into_font()))?;
-        let named: Vec<&Series> = self.series.iter().filter(|series| !series.name.is_empty()).collect();
-        let width = (SIZE.0 - LEFT) as usize / named.len().max(3);
-        for (i, series) in named.into_iter().enumerate() {
-            let x = (LEFT as usize + i * width) as i32;
+        let named = self.series.iter().filter(|series| !series.name.is_empty());
+        let mut x = LEFT as i32;
+        for series in named {
             head.draw(&PathElement::new([(x, 74), (x + 36, 74)], series.colour.stroke_width(6)))?;
             head.draw(&Text::new(series.name.clone(), (x + 46, 60), (FONT, 24).into_font()))?;
+            x += 46 + LETTER * (series.name.len() as i32 + 3);
         }
         self.draw(&panel)?;
         drop((area, head, panel));

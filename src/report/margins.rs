@@ -1,6 +1,6 @@
 //! Margins of the loops of an axis, as tables and JSON have them.
 
-use control_proc::margins::{LEAST_DELAY_MARGIN, LEAST_GAIN_MARGIN, Loop, Margins};
+use control_proc::margins::{LEAST_DELAY_MARGIN, LEAST_GAIN_MARGIN, Loop, mean_slope, steepest};
 use pipeline::machine::{Commissioned, Control, Law};
 use serde::Serialize;
 
@@ -17,8 +17,8 @@ pub struct LoopMargins {
     pub gain_margin: f64,
     /// Frequency with which it then swings.
     pub swing_hz: f64,
-    /// Factor below 1 in the gain of the plant at which the loop swings; 0 where none does.
-    pub least_gain: f64,
+    /// The gain margin at the mean slope of the curve: all else is at its steepest piece.
+    pub mean_gain_margin: f64,
     /// Additional dead time at which the loop swings.
     pub delay_margin_s: f64,
     /// The same as a part of the dead time.
@@ -39,23 +39,27 @@ impl LoopMargins {
     /// The loops of the axis with this name, of its control settings on its model: the fallback's, and the Smith
     /// predictor's where it has one. `period` in s.
     pub fn of(axis: &str, control: &Control, model: &Commissioned, period: f64) -> Vec<Self> {
-        let row = |controller, margins: Margins| Self {
-            axis: axis.to_owned(),
-            controller,
-            gain_margin: margins.gain,
-            swing_hz: margins.swing,
-            least_gain: margins.least_gain,
-            delay_margin_s: margins.delay,
-            delay_margin: margins.delay_part,
-            phase_margin_degrees: margins.phase.to_degrees(),
-            largest_sensitivity: margins.sensitivity,
-            crossover_hz: margins.crossover,
-            bandwidth_hz: margins.bandwidth,
-            is_kept: margins.is_kept(),
+        let row = |controller, law| {
+            let at = |slope| Loop::new(&Control { law, ..*control }, model, slope, period).margins();
+            let (margins, mean) = (at(steepest(model)), at(mean_slope(model)));
+            Self {
+                axis: axis.to_owned(),
+                controller,
+                gain_margin: margins.gain,
+                swing_hz: margins.swing,
+                mean_gain_margin: mean.gain,
+                delay_margin_s: margins.delay,
+                delay_margin: margins.delay_part,
+                phase_margin_degrees: margins.phase.to_degrees(),
+                largest_sensitivity: margins.sensitivity,
+                crossover_hz: margins.crossover,
+                bandwidth_hz: margins.bandwidth,
+                is_kept: margins.is_kept(),
+            }
         };
-        let mut loops = vec![row("fallback", Loop::fallback(control, model, period).margins())];
-        if let Law::Smith(settings) = &control.law {
-            loops.push(row("smith", Loop::smith(settings, model, period).margins()));
+        let mut loops = vec![row("fallback", Law::Predictive)];
+        if matches!(control.law, Law::Smith(_)) {
+            loops.push(row("smith", control.law));
         }
         loops
     }
@@ -69,8 +73,17 @@ impl LoopMargins {
 
     /// The header of a table.
     pub fn header() -> Vec<String> {
-        let names =
-            ["axis", "controller", "gain margin", "delay margin", "of dead time", "Ms", "crossover", "bandwidth"];
+        let names = [
+            "axis",
+            "controller",
+            "gain margin",
+            "at mean slope",
+            "delay margin",
+            "of dead time",
+            "Ms",
+            "crossover",
+            "bandwidth",
+        ];
         let kept = format!("{LEAST_GAIN_MARGIN} and {:.0} %", 100.0 * LEAST_DELAY_MARGIN);
         names.into_iter().map(str::to_owned).chain([kept]).collect()
     }
@@ -81,6 +94,7 @@ impl LoopMargins {
             self.axis.clone(),
             self.controller.to_owned(),
             short(self.gain_margin),
+            short(self.mean_gain_margin),
             milliseconds(self.delay_margin_s),
             part(self.delay_margin),
             short(self.largest_sensitivity),

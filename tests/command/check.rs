@@ -4,6 +4,7 @@
 mod explain;
 mod identification;
 mod machine_files;
+mod margins;
 mod model_files;
 mod replay;
 mod settings;

@@ -18,8 +18,6 @@ use pipeline::{
     machine::{Commissioned, SmithSettings},
 };
 
-use super::plant::steepest;
-
 /// A controller.
 #[derive(Debug, Clone)]
 pub struct Controller {
@@ -49,11 +47,11 @@ impl Controller {
         Self { kp, ki, predictor: None }
     }
 
-    /// The Smith predictor by `model`; `period` in s.
-    pub fn smith(settings: &SmithSettings, model: &Commissioned, period: f64) -> Self {
+    /// The Smith predictor by `model` where its curve has the slope `gain` m/s per command; `period` in s.
+    pub fn smith(settings: &SmithSettings, model: &Commissioned, gain: f64, period: f64) -> Self {
         let tau = model.time_constant;
         let predictor = Predictor {
-            gain: steepest(model),
+            gain,
             dead_time: model.dead_time,
             time_constant: tau,
             kept: if tau > 0.0 { (-period / tau).exp() } else { 0.0 },

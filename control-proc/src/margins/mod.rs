@@ -3,7 +3,7 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | `plant` | the axis at the steepest piece of its curve, sampled |
+//! | `plant` | the axis at one slope of its curve, sampled |
 //! | `controller` | fallback and Smith predictor as transfer functions |
 //! | `response` | the open loop along the unit circle |
 //!
@@ -39,7 +39,7 @@ use pipeline::machine::{Commissioned, Control, Law, SmithSettings};
 
 use controller::Controller;
 use plant::Plant;
-pub use plant::steepest;
+pub use plant::{mean_slope, steepest};
 use response::{Point, response};
 
 /// Least gain margin that commissioning asks for.
@@ -99,26 +99,14 @@ pub struct Loop {
 }
 
 impl Loop {
-    /// The loop of the fallback with these settings around `model`; `period` in s.
-    pub fn fallback(control: &Control, model: &Commissioned, period: f64) -> Self {
-        Self::new(Controller::proportional_integral(control.kp, control.ki), model, period)
-    }
-
-    /// The loop of a Smith predictor by `model` around it; `period` in s.
-    pub fn smith(settings: &SmithSettings, model: &Commissioned, period: f64) -> Self {
-        Self::new(Controller::smith(settings, model, period), model, period)
-    }
-
-    /// The loop of the law of `control`: the Smith predictor, or the fallback. Predictive control has no linear loop.
-    pub fn of(control: &Control, model: &Commissioned, period: f64) -> Self {
-        match &control.law {
-            Law::Smith(settings) => Self::smith(settings, model, period),
-            Law::Predictive => Self::fallback(control, model, period),
-        }
-    }
-
-    fn new(controller: Controller, model: &Commissioned, period: f64) -> Self {
-        Self { plant: Plant::new(model, period), controller, period, dead_time: model.dead_time }
+    /// The loop of the law of `control`, Smith predictor or fallback, around `model` where its curve has the slope
+    /// `gain` m/s per command; `period` in s. Predictive control has no linear loop.
+    pub fn new(control: &Control, model: &Commissioned, gain: f64, period: f64) -> Self {
+        let controller = match &control.law {
+            Law::Smith(settings) => Controller::smith(settings, model, gain, period),
+            Law::Predictive => Controller::proportional_integral(control.kp, control.ki),
+        };
+        Self { plant: Plant::new(model, gain, period), controller, period, dead_time: model.dead_time }
     }
 
     /// L at a frequency in Hz, from more than 0 to half of the sampling frequency.
@@ -211,11 +199,12 @@ impl Margins {
     }
 }
 
-/// The largest part of both gains of the law of `control`, in steps of 5 %, whose loop around `model` passes, and the
-/// settings with it; `period` in s. `None` where no part of at least 5 % passes.
+/// The largest part of both gains of the law of `control`, in steps of 5 %, whose loop around `model` passes where its curve has
+/// the slope `gain` m/s per command, and the settings with it; `period` in s. `None` where no part of at least 5 % passes.
 pub fn reduced(
     control: &Control,
     model: &Commissioned,
+    gain: f64,
     period: f64,
     passes: impl Fn(&Margins) -> bool,
 ) -> Option<(f64, Control)> {
@@ -227,7 +216,7 @@ pub fn reduced(
         Law::Predictive => Control { kp: part * control.kp, ki: part * control.ki, ..*control },
     };
     let mut parts = (0..REDUCTIONS).map(|n| REDUCTION.powi(n)).map(|part| (part, with(part)));
-    parts.find(|(_, control)| passes(&Loop::of(control, model, period).margins()))
+    parts.find(|(_, control)| passes(&Loop::new(control, model, gain, period).margins()))
 }
 
 /// Factors in the gain with which L goes through -1, and where on the circle, rad.

@@ -1,4 +1,4 @@
-//! The axis at the steepest piece of its curve, sampled.
+//! The axis at one slope of its curve, sampled.
 //!
 //! ```text
 //! G(s) = g exp(-s t_d) / (s (tau_v s + 1)) w^2 / (s^2 + 2 zeta w s + w^2)          tau_v = tau - 2 zeta / w
@@ -49,10 +49,17 @@ pub fn steepest(model: &Commissioned) -> f64 {
     slopes(&model.speeds_extend).max(slopes(&model.speeds_retract))
 }
 
+/// Mean slope of the static curve, m/s per command: the line from the dead band to the largest tested opening, in the
+/// mean of both directions. It is the gain for a swing around rest that uses all of the tested range.
+pub fn mean_slope(model: &Commissioned) -> f64 {
+    let last = |values: &[f64]| values.last().copied().unwrap_or_default();
+    0.5 * (last(&model.speeds_extend) + last(&model.speeds_retract)) / last(&model.openings)
+}
+
 impl Plant {
-    /// Of this model, with a command every `period` s.
-    pub fn new(model: &Commissioned, period: f64) -> Self {
-        let (poles, gain) = (poles(model), steepest(model));
+    /// Of this model where its curve has the slope `gain` m/s per command, with a command every `period` s.
+    pub fn new(model: &Commissioned, gain: f64, period: f64) -> Self {
+        let poles = poles(model);
         let ticks = (model.dead_time / period).floor();
         let late = model.dead_time - ticks * period;
         let mode = |pole: Complex<f64>| {

@@ -43,11 +43,7 @@ use pipeline::machine::{Axis, COMPENSATED, Commissioned, Control, DeadBand, Law,
 use axis::{SimulatedAxis, Swing};
 use course::{END, TRAINING, course};
 
-use crate::{
-    fallback::Fallback,
-    margins::{Loop, steepest},
-    smith::Smith,
-};
+use crate::{fallback::Fallback, margins::steepest, smith::Smith};
 
 /// Motion at rest from which on the loop cycles, peak to peak, m.
 pub const RESTING_MOTION: f64 = 0.5e-3;
@@ -146,7 +142,7 @@ impl Baseline {
                 }
             }
         }
-        Some(kept(at, |control| Loop::fallback(control, bench.model, period)))
+        Some(at)
     }
 
     /// The settings of this baseline with gains of 0.
@@ -183,23 +179,7 @@ pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Optio
     };
     let nominal = |control: &Control| bench.simulated(control, PLANTS[1]).1;
     let is_worth = |settings: &SmithSettings| nominal(&with(*settings)) <= WORTH * WORTH * nominal(control);
-    let is_kept = |settings: &SmithSettings| {
-        std::env::var("HX").unwrap_or_default().contains('s') == false
-            || Loop::smith(settings, bench.model, period).margins().is_kept()
-    };
-    settings.into_iter().filter(is_kept).find(keeps_margins).filter(is_worth)
-}
-
-/// The settings with gains reduced until their loop keeps its margins.
-fn kept(control: Control, of: impl Fn(&Control) -> Loop) -> Control {
-    if !std::env::var("HX").unwrap_or_default().contains('f') {
-        return control;
-    }
-    let reduced = |n: i32| {
-        let f = 0.95f64.powi(n);
-        Control { kp: f * control.kp, ki: f * control.ki, ..control }
-    };
-    (0..60).map(reduced).find(|control| of(control).margins().is_kept()).unwrap_or(control)
+    settings.into_iter().find(keeps_margins).filter(is_worth)
 }
 
 /// What is tried: the fallback, or a Smith predictor on the commissioned model.
@@ -228,8 +208,8 @@ impl Tried {
     }
 }
 
-/// Positions from tick to tick, m, after the reference has jumped from 0 to `step` m, without a preview of the jump, for
-/// `ticks` periods of `period` s: the controller of `control` around its model, with positions that are not rounded to counts.
+/// Positions from tick to tick, m, after the reference has jumped from 0 to `step` m, for `ticks` periods of `period` s:
+/// the controller of `control` around its model. It has no preview of the jump, and positions are not rounded to counts.
 pub fn step_response(control: &Control, model: &Commissioned, period: f64, step: f64, ticks: usize) -> Vec<f64> {
     let substeps = (period / LONGEST_STEP).ceil().max(1.0);
     let mut axis = SimulatedAxis::of(model, period / substeps);
@@ -404,6 +384,21 @@ mod tests {
             }
             let ratio = (bench.simulated(&with, PLANTS[1]).1 / bench.simulated(&control, PLANTS[1]).1).sqrt();
             assert!(ratio < 0.9, "{dead_time} s: {ratio}");
+        }
+    }
+
+    #[test]
+    fn after_a_jump_of_the_reference_an_axis_rests_within_what_is_not_compensated() {
+        let axis = axis(0.15);
+        let control = Baseline::Feedforward.tuned(0, &axis, PERIOD).unwrap();
+        let settings = smith(0, &axis, &control, PERIOD).unwrap();
+        for law in [Law::Predictive, Law::Smith(settings)] {
+            let control = Control { law, ki: 0.0, ..control };
+            let positions = step_response(&control, &commissioned(), PERIOD, 0.1, 1000);
+            // A tenth of the dead band of 0.1 is left, and the speed that the observer takes for the rest of a motion.
+            let left = 0.1 * 0.1 / control.kp;
+            let (before, last) = (positions[990], positions[999]);
+            assert!((before - last).abs() < 1e-4 && (0.1 - last).abs() < left + 1e-3, "{law:?}: {last} m, {left} m");
         }
     }
 

@@ -1,6 +1,6 @@
 //! The loops that the control settings close around the commissioned models.
 
-use control_proc::margins::{LEAST_DELAY_MARGIN, LEAST_GAIN_MARGIN, Margins, reduced};
+use control_proc::margins::{LEAST_DELAY_MARGIN, LEAST_GAIN_MARGIN, Margins, mean_slope, reduced};
 use pipeline::machine::{Axis, Commissioned, Control, Law, Machine, SmithSettings};
 
 use crate::report::margins::LoopMargins;
@@ -11,7 +11,7 @@ pub struct Judgement {
     pub summary: String,
     /// Loops whose margins are smaller than what commissioning asks for.
     pub warnings: Vec<String>,
-    /// Loops that are unstable.
+    /// Loops that are unstable at the mean slope of the curve.
     pub problems: Vec<String>,
 }
 
@@ -23,7 +23,7 @@ pub fn judge(machine: &Machine) -> Judgement {
     for axis in &machine.axes {
         let Some(model) = &axis.commissioned else { continue };
         for of in LoopMargins::of(&axis.name, &axis.control, model, period) {
-            if of.gain_margin <= 1.0 {
+            if of.mean_gain_margin <= 1.0 {
                 judgement.problems.push(unstable(axis, model, period, &of));
             } else if !of.is_kept {
                 judgement.warnings.push(short(axis, &of));
@@ -48,13 +48,14 @@ fn gain(axis: &Axis, of: &LoopMargins) -> (&'static str, f64) {
 fn unstable(axis: &Axis, model: &Commissioned, period: f64, of: &LoopMargins) -> String {
     let (key, kp) = gain(axis, of);
     let law = if of.controller == "smith" { axis.control.law } else { Law::Predictive };
-    let allowed = match reduced(&Control { law, ..axis.control }, model, period, Margins::is_stable) {
+    let allowed = match reduced(&Control { law, ..axis.control }, model, mean_slope(model), period, Margins::is_stable)
+    {
         Some((part, _)) => format!("up to {:.3} 1/m, with the integral gain in proportion", part * kp),
         None => "settings with which the loop is stable".to_owned(),
     };
     format!(
         "axis.{}.control.{key}: found {kp:.3} 1/m, with which the loop of the commissioned model is unstable at the \
-         steepest piece of its curve; allowed: {allowed}",
+         mean slope of its curve; allowed: {allowed}",
         axis.name
     )
 }

@@ -2,7 +2,11 @@
 
 use std::f64::consts::PI;
 
-use control_proc::{commission::modelled, margins::Loop, tuning::step_response};
+use control_proc::{
+    commission::modelled,
+    margins::{Loop, steepest},
+    tuning::step_response,
+};
 use pipeline::machine::{Control, Law};
 use plotters::prelude::{Color, RGBAColor, RGBColor};
 
@@ -16,13 +20,16 @@ use crate::report::{
 const SPEED_TIME: f64 = 0.1;
 /// Lags after which a speed is steady.
 const SETTLED: f64 = 3.0;
-/// The reference jumps by this much, m: beyond the noise, and small enough for the speeds of a linear loop.
-const STEP: f64 = 0.01;
+/// The reference jumps by this much, m: more than what a dead band that is compensated in part leaves of an error.
+const STEP: f64 = 0.05;
 /// Reactions for which its answer is shown.
 const REACTIONS: f64 = 12.0;
 /// Points of the frequency response, and how far it goes beyond the crossover, as factors.
 const POINTS: usize = 600;
 const BEYOND: (f64, f64) = (30.0, 10.0);
+/// Where the margins are written: above 0 dB, and below -180 degrees.
+const GAIN_NOTE: f64 = 5.0;
+const PHASE_NOTE: f64 = -185.0;
 const GREY: RGBColor = RGBColor(120, 120, 120);
 
 /// All pictures; without loops where the model is poor.
@@ -128,7 +135,7 @@ fn bode(found: &Found, laws: &[(&LoopMargins, Control, RGBColor)], period: f64) 
     let high = (crossovers().fold(10.0 * low, f64::max) * BEYOND.1).min(0.5 / period);
     let (mut gains, mut phases, mut notes) = (Vec::new(), Vec::new(), [Vec::new(), Vec::new()]);
     for (of, control, colour) in laws {
-        let open = Loop::of(control, &found.model, period);
+        let open = Loop::new(control, &found.model, steepest(&found.model), period);
         let frequencies = (0..=POINTS).map(|i| low * (high / low).powf(i as f64 / POINTS as f64));
         let values: Vec<_> = frequencies.map(|frequency| (frequency.log10(), open.open(frequency))).collect();
         let gain = values.iter().map(|(x, value)| (*x, decibels(value.norm()))).collect();
@@ -145,13 +152,13 @@ fn bode(found: &Found, laws: &[(&LoopMargins, Control, RGBColor)], period: f64) 
         if of.swing_hz > 0.0 && of.gain_margin.is_finite() {
             let at = of.swing_hz.log10();
             gains.push(line("", vec![(at, decibels(1.0 / of.gain_margin)), (at, 0.0)], *colour, 6));
-            notes[0].push(((at, decibels(1.0 / of.gain_margin)), format!(" gain margin {:.2}", of.gain_margin)));
+            notes[0].push(((at, GAIN_NOTE), format!(" gain margin {:.2}", of.gain_margin)));
         }
         if of.crossover_hz > 0.0 {
             let (at, margin) = (of.crossover_hz.log10(), of.phase_margin_degrees);
             phases.push(line("", vec![(at, margin - 180.0), (at, -180.0)], *colour, 6));
             let text = format!(" {margin:.0} degrees, {:.0} ms", 1e3 * of.delay_margin_s);
-            notes[1].push(((at, margin - 180.0), text));
+            notes[1].push(((at, PHASE_NOTE), text));
         }
     }
     let edge = |y: f64| line("", vec![(low.log10(), y), (high.log10(), y)], GREY, 2);

@@ -96,6 +96,25 @@ fn an_unstable_loop_has_a_gain_margin_below_one_and_no_delay_margin() {
     }
 }
 
+#[test]
+fn gains_are_reduced_until_the_loop_passes_and_no_further() {
+    let (model, period) = (straight(0.2, 0.0, 0.0), 1e-3);
+    let edge = 0.5 * PI / (GAIN * 0.2005);
+    let smith = |part: f64| {
+        let settings = SmithSettings { kp: part * 40.0 * edge, ki: part * 4.0 * edge, observer_time: 0.2 };
+        Control { law: Law::Smith(settings), ..control(1.0, 0.0) }
+    };
+    let fallback = |part: f64| control(part * 4.0 * edge, part * 0.1 * edge);
+    for with in [&fallback as &dyn Fn(f64) -> Control, &smith] {
+        let is_kept = |control: &Control| Loop::new(control, &model, GAIN, period).margins().is_kept();
+        let (part, chosen) = reduced(&with(1.0), &model, GAIN, period, Margins::is_kept).unwrap();
+        assert!(part < 1.0 && is_kept(&chosen) && !is_kept(&with(part / REDUCTION)), "{part}");
+    }
+    let kept = control(0.1 * edge, 0.0);
+    assert_eq!(reduced(&kept, &model, GAIN, period, Margins::is_kept), Some((1.0, kept)));
+    assert_eq!(reduced(&kept, &model, GAIN, period, |_| false), None);
+}
+
 /// Plant in small steps, with a gain and a dead time of its own, and the controller as it runs in the loop.
 struct Simulated<'a> {
     control: &'a Control,

@@ -63,7 +63,7 @@ fn unstable(axis: &Axis, model: &Commissioned, period: f64, of: &LoopMargins) ->
 fn short(axis: &Axis, of: &LoopMargins) -> String {
     let (key, kp) = gain(axis, of);
     format!(
-        "axis.{}.control.{key}: found {kp:.3} 1/m, {}; commissioning keeps {LEAST_GAIN_MARGIN} and {:.0} %",
+        "axis.{}.control.{key}: found {kp:.3} 1/m, {}; asked for: at least {LEAST_GAIN_MARGIN} and {:.0} %",
         axis.name,
         of.found(),
         100.0 * LEAST_DELAY_MARGIN

@@ -98,8 +98,8 @@ impl LoopMargins {
             milliseconds(self.delay_margin_s),
             part(self.delay_margin),
             short(self.largest_sensitivity),
-            format!("{:.2} Hz", self.crossover_hz),
-            format!("{:.2} Hz", self.bandwidth_hz),
+            hertz(self.crossover_hz),
+            hertz(self.bandwidth_hz),
             if self.is_kept { "yes" } else { "no" }.to_owned(),
         ]
     }
@@ -122,6 +122,11 @@ fn short(value: f64) -> String {
 
 fn part(value: f64) -> String {
     if value.is_finite() { format!("{:.0} %", 100.0 * value) } else { "-".to_owned() }
+}
+
+/// A frequency; 0 for none.
+fn hertz(frequency: f64) -> String {
+    if frequency > 0.0 { format!("{frequency:.2} Hz") } else { "-".to_owned() }
 }
 
 fn milliseconds(seconds: f64) -> String {

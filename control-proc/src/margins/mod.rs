@@ -9,8 +9,10 @@
 //!
 //! ```text
 //! L(z) = K(z) P(z)          z = exp(j w T)
-//! gain margin         1 / |L| where arg L = -180 degrees            delay margin   (180 degrees + arg L) / w where |L| = 1
-//! largest sensitivity max |1 / (1 + L)|                             bandwidth      least w where |L / (1 + L)| < 1 / sqrt 2
+//! gain margin          1 / |L| where arg L = -180 degrees
+//! delay margin         (180 degrees + arg L) / w where |L| = 1
+//! largest sensitivity  max |1 / (1 + L)|
+//! bandwidth            least w where |L / (1 + L)| < 1 / sqrt 2
 //! ```
 //!
 //! P the plant from a command beyond the dead band to the sampled position, K everything between the measured position
@@ -199,8 +201,9 @@ impl Margins {
     }
 }
 
-/// The largest part of both gains of the law of `control`, in steps of 5 %, whose loop around `model` passes where its curve has
-/// the slope `gain` m/s per command, and the settings with it; `period` in s. `None` where no part of at least 5 % passes.
+/// The largest part of both gains of the law of `control`, in steps of 5 %, whose loop passes, and the settings with
+/// it. The loop is that around `model` where its curve has the slope `gain` m/s per command; `period` in s. `None`
+/// where no part of at least 5 % passes.
 pub fn reduced(
     control: &Control,
     model: &Commissioned,

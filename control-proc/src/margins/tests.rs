@@ -59,8 +59,8 @@ fn an_integrator_with_dead_time_has_the_margins_of_the_textbook() {
 
 #[test]
 fn a_held_integrator_with_a_delay_of_one_period_is_exact() {
-    // y(k+1) = y(k) + g T u(k-1), u = -k y: z^2 - z + k g T = 0, on the unit circle at k g T = 1. Without the delay z - 1
-    // + k g T = 0, at 2.
+    // y(k+1) = y(k) + g T u(k-1), u = -k y: z^2 - z + k g T = 0, on the unit circle at k g T = 1.
+    // Without the delay z - 1 + k g T = 0, on the unit circle at k g T = 2.
     let period = 0.05;
     for (dead_time, edge) in [(0.0, 2.0), (period, 1.0)] {
         let margins = Loop::new(&control(4.0, 0.0), &straight(dead_time, 0.0, 0.0), GAIN, period).margins();
@@ -174,15 +174,15 @@ impl Simulated<'_> {
 
 /// The controllers of the loop, for a reference of 0.
 enum Running {
-    Fallback(Fallback),
-    Smith(Smith),
+    Fallback(Box<Fallback>),
+    Smith(Box<Smith>),
 }
 
 impl Running {
     fn new(of: &Simulated) -> Self {
         match Smith::new(of.control, of.model, of.period) {
-            Some(smith) => Self::Smith(smith),
-            None => Self::Fallback(Fallback::new(of.control, Some(of.model), of.period)),
+            Some(smith) => Self::Smith(Box::new(smith)),
+            None => Self::Fallback(Box::new(Fallback::new(of.control, Some(of.model), of.period))),
         }
     }
 
@@ -197,7 +197,7 @@ impl Running {
     }
 }
 
-/// Loops drawn at random: model, settings and period, every second one a Smith predictor, and half of each with a swing.
+/// Loops drawn at random: model, settings and period. Every second one is a Smith predictor, and half of each swing.
 fn drawn(count: usize) -> Vec<(Commissioned, Control, f64)> {
     let mut random = Pcg64::new(7, 11);
     let mut draw = |low: f64, high: f64| low * (high / low).powf(random.next_u64() as f64 / u64::MAX as f64);

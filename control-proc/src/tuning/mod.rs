@@ -219,8 +219,9 @@ impl Tried {
     }
 }
 
-/// Positions from tick to tick, m, after the reference has jumped from 0 to `step` m, for `ticks` periods of `period` s:
-/// the controller of `control` around its model. It has no preview of the jump, and positions are not rounded to counts.
+/// Positions from tick to tick, m, after the reference has jumped from 0 to `step` m, for `ticks` periods of `period`
+/// s: the controller of `control` around its model. It has no preview of the jump, and positions are not rounded to
+/// counts.
 pub fn step_response(control: &Control, model: &Commissioned, period: f64, step: f64, ticks: usize) -> Vec<f64> {
     let substeps = (period / LONGEST_STEP).ceil().max(1.0);
     let mut axis = SimulatedAxis::of(model, period / substeps);

@@ -2,7 +2,9 @@
 //!
 //! Nothing here runs beside the loop or in a stage. A command fills a report after its work is done.
 
+pub mod chart;
 pub mod control_loop;
 pub mod figures;
+pub mod margins;
 pub mod output;
 pub mod table;

@@ -5,6 +5,7 @@ mod explain;
 mod identification;
 mod limits;
 mod machine_files;
+mod margins;
 mod model_files;
 mod references;
 mod replay;

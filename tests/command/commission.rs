@@ -28,7 +28,7 @@ fn a_model_is_found_written_and_read_by_the_other_commands() {
 
     // A second run gives the same file, bit for bit, but overwrites it only with --force.
     expect_refusal(folder.path(), &QUICK, &["--out: found model.toml, which is there already", "--force"]);
-    let again = run(folder.path(), &[&QUICK[..], &["--force", "--json", "-"]].concat());
+    let again = run(folder.path(), &[&QUICK[..], &["--force", "--json", "-", "--report", "report.html"]].concat());
     assert_eq!(again.status.code(), Some(0));
     assert_eq!(fs::read_to_string(folder.path().join("model.toml")).unwrap(), text);
     let figures: serde_json::Value = serde_json::from_slice(&again.stdout).unwrap();
@@ -36,6 +36,16 @@ fn a_model_is_found_written_and_read_by_the_other_commands() {
     assert_eq!(bucket["axis"], "bucket");
     assert!((bucket["dead_band_extend"].as_f64().unwrap() - 0.1).abs() < 0.015, "{bucket}");
     assert!(bucket["fit_percent"].as_f64().unwrap() > 90.0, "{bucket}");
+    let fallback = &bucket["loops"][0];
+    assert_eq!(fallback["controller"], "fallback");
+    assert!(fallback["mean_gain_margin"].as_f64().unwrap() > 1.0, "{bucket}");
+
+    // The report has curve, experiment, answer to a jump, and two pictures of the frequency response; it loads nothing.
+    let report = fs::read_to_string(folder.path().join("report.html")).unwrap();
+    assert_eq!(report.matches("<svg ").count(), 5);
+    let own = report.replace("http://www.w3.org/2000/svg", "");
+    assert!(["http", "<script", "src=", "url("].iter().all(|foreign| !own.contains(foreign)));
+    assert!(["curve that was found", "by the model, from the commands", "gain margin"].iter().all(|t| own.contains(t)));
 }
 
 /// Keys and values of a model file: the words, and the numbers among them.

@@ -12,7 +12,7 @@ pub mod analysis;
 pub mod experiment;
 pub mod record;
 
-pub use analysis::{AnalysisError, analyse};
+pub use analysis::{AnalysisError, analyse, modelled};
 pub use experiment::{
     Experiment,
     abort::Abort,

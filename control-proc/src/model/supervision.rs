@@ -14,8 +14,8 @@
 //!
 //! e_m following error and e_s that of the shadow ([`super::shadow`]) m; L dead time and lag of the commissioned model
 //! s; e_0 1 mm or 4 counts, whichever is more; V mean square of the reference's speed m2/s2; index f of the last 30 s
-//! of the fallback in control, without the first max(1 s, 6 L) after the model, and since the last trial began; m model. 4
-//! is twice the error, 1.2 a tenth more. A cautious model controls without what was learned online.
+//! of the fallback in control, without the first max(1 s, 6 L) after the model, and since the last trial began; m
+//! model. 4 is twice the error, 1.2 a tenth more. A cautious model controls without what was learned online.
 //!
 //! The shadow is as right as the commissioned model; what it says of a machine that has changed is confirmed by the
 //! fallback itself. A model that is far from the axis makes its shadow swing, and would then excuse every error; hence

@@ -7,8 +7,8 @@
 //! ```
 //!
 //! y measured position in m; Y(k) way in m that the commands so far make, of which the axis has made Y(k-n), and v
-//! speed in m/s behind the lag ([`ExpectedMotion`]); t_d dead time and tau time constant in s, T period in s; d speed in m/s
-//! that the model does not explain, T_o time constant of the observer in s. Both poles of the observer are b.
+//! speed in m/s behind the lag ([`ExpectedMotion`]); t_d dead time and tau time constant in s, T period in s; d speed
+//! in m/s that the model does not explain, T_o time constant of the observer in s. Both poles of the observer are b.
 
 use pipeline::machine::Commissioned;
 

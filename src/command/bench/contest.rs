@@ -230,7 +230,7 @@ fn at_dead_time(machine: &Machine, dead_time: Duration) -> Result<Vec<Axis>, Fai
         (0..machine.axes.len()).filter(|axis| machine.axes[*axis].commissioned.is_none()).collect();
     let found =
         commission_simulated(&machine, &unknown, COMMISSIONING_SEED, &ExperimentOptions::default(), |_, _, _| ())?;
-    for (index, model) in unknown.into_iter().zip(found) {
+    for (index, (model, _)) in unknown.into_iter().zip(found) {
         machine.axes[index].commissioned = Some(model);
     }
     for (index, axis) in machine.axes.iter_mut().enumerate() {

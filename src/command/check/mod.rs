@@ -3,6 +3,7 @@
 //! Runs once, before the loop.
 
 mod explain;
+mod margins;
 mod references;
 mod sensors;
 
@@ -46,6 +47,10 @@ pub struct CheckArguments {
 pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     let machine = load(&arguments.machine)?;
     deep(&machine)?;
+    let loops = margins::judge(&machine);
+    if !loops.problems.is_empty() {
+        return Err(Failure::usage(loops.problems.join("\n")));
+    }
     if arguments.explain {
         return explain::run(arguments);
     }
@@ -62,9 +67,10 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
         humantime::format_duration(machine.timing.period)
     );
     let mechanism = machine.mechanism.as_ref().map(|mechanism| summary(&machine, mechanism));
-    let warnings = overloads(&machine).into_iter().chain(references::excesses(&machine));
+    let warnings = overloads(&machine).into_iter().chain(references::excesses(&machine)).chain(loops.warnings);
     let warnings: String = warnings.map(|warning| format!("warning: {warning}\n")).collect();
-    Ok(show(&(text + &mechanism.unwrap_or_default() + &sensors::summary(&machine) + &warnings))?)
+    let text = text + &mechanism.unwrap_or_default() + &sensors::summary(&machine) + &loops.summary + &warnings;
+    Ok(show(&text)?)
 }
 
 /// Checks, axis by axis, the files that the machine file names and the values that follow from it: trajectories,

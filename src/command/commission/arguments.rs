@@ -55,6 +55,9 @@ pub struct CommissionArguments {
     /// Seed of the random steps and of the simulated noise
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// Write a report with pictures, one HTML file that needs no other: the experiment, the model, and the loops
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
     /// Write the figures as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,

@@ -17,7 +17,8 @@ use pipeline::{
 
 use crate::{failure::Failure, group::operator::Operator};
 
-/// Commissions the axes with these indices, one at a time. All axes are disarmed before and after.
+/// Commissions the axes with these indices, one at a time. All axes are disarmed before and after. Returns models and
+/// records.
 ///
 /// # Errors
 /// The group cannot be operated, an axis left its mode, a bound was met, or a record has no model. All axes are
@@ -29,11 +30,11 @@ pub fn commission_live(
     stop: Arc<AtomicBool>,
     options: &ExperimentOptions,
     mut show: impl FnMut(usize, Phase, f64),
-) -> Result<Vec<Commissioned>, Failure> {
+) -> Result<Vec<(Commissioned, ExperimentRecord)>, Failure> {
     let mut operator = Operator::join(machine, prefix, stop)?;
     let all: Vec<usize> = (0..machine.axes.len()).collect();
     let one = |axis: &usize| commission(machine, *axis, &all, &mut operator, options, |p, part| show(*axis, p, part));
-    let found: Result<Vec<Commissioned>, Failure> = axes.iter().map(one).collect();
+    let found: Result<Vec<_>, Failure> = axes.iter().map(one).collect();
     // The axes are disarmed after a failure as well.
     let disarmed = operator.disarm(&all);
     let found = found?;
@@ -48,7 +49,7 @@ fn commission(
     operator: &mut Operator,
     options: &ExperimentOptions,
     mut show: impl FnMut(Phase, f64),
-) -> Result<Commissioned, Failure> {
+) -> Result<(Commissioned, ExperimentRecord), Failure> {
     let name = &machine.axes[axis].name;
     let ended = |reason: String| Failure::run(format!("axis.{name}: ended, valve neutral: {reason}"));
     operator.disarm(all)?;
@@ -84,7 +85,9 @@ fn commission(
     if let Some(Outcome::Aborted(abort)) = experiment.outcome() {
         return Err(ended(abort.to_string()));
     }
-    analyse(&record.into_record()).map_err(|error| Failure::run(error).about(format!("axis.{name}")))
+    let record = record.into_record();
+    let model = analyse(&record).map_err(|error| Failure::run(error).about(format!("axis.{name}")))?;
+    Ok((model, record))
 }
 
 /// Positions and the commands that were sent for them, by tick.

@@ -5,12 +5,13 @@
 mod arguments;
 mod file;
 mod live;
+mod report;
 mod simulated;
 
 use std::path::Path;
 
 use control_proc::{
-    commission::{ExperimentOptions, Phase},
+    commission::{ExperimentOptions, ExperimentRecord, Phase},
     tuning::{Baseline, smith},
 };
 use pipeline::{
@@ -26,7 +27,8 @@ use crate::{
     failure::Failure,
     group::signals::stop_flag,
     report::{
-        output::{Output, is_stdout},
+        margins::LoopMargins,
+        output::{Output, create, is_stdout},
         table::{percent, progress, table},
     },
 };
@@ -51,20 +53,15 @@ pub fn run(arguments: &CommissionArguments) -> Result<(), Failure> {
     expect_possible(arguments, &machine)?;
     let file = ModelFile::new(&arguments.out, arguments.force)?;
     let output = Output::open(arguments.json.as_deref())?;
-    let models = experiment(arguments, &machine, &axes)?;
-    let found: Vec<(String, Commissioned)> =
-        axes.iter().map(|axis| machine.axes[*axis].name.clone()).zip(models).collect();
-    file.write(&model_text(&machine, axes.iter().copied().zip(found.iter().map(|(_, model)| model))))?;
-    for (name, model) in found.iter().filter(|(_, model)| is_poor(model)) {
-        eprintln!(
-            "axis.{name}: found a fit of {}; allowed: {POOR_FIT} % and more. Do not control with this model, and look \
-             at the motion of the axis",
-            percent(model.fit_percent)
-        );
+    let mut report = arguments.report.as_deref().map(|path| create("--report", path)).transpose()?;
+    let found = experiment(arguments, &machine, &axes)?;
+    file.write(&model_text(&machine, found.iter().map(|found| (found.axis, &found.model, found.control))))?;
+    found.iter().for_each(warn);
+    if let Some(file) = &mut report {
+        report::write(file, &machine, &found)?;
     }
-    let report: Vec<AxisCommissioning> =
-        found.iter().map(|(axis, model)| AxisCommissioning::new(axis, model)).collect();
-    output.write(|| tables(&found, &arguments.out), &report)?;
+    let figures: Vec<AxisCommissioning> = found.iter().map(AxisCommissioning::new).collect();
+    output.write(|| tables(&found, &arguments.out), &figures)?;
     if !arguments.json.as_deref().is_some_and(is_stdout) {
         eprintln!("{}", next(arguments));
     }
@@ -88,12 +85,46 @@ fn expect_possible(arguments: &CommissionArguments, machine: &Machine) -> Result
     Ok(())
 }
 
-/// Does the experiments, with a progress bar. Returns the models in the order of `axes`.
-fn experiment(
+/// What was found of one axis.
+struct Found<'a> {
+    /// Its index.
+    axis: usize,
+    name: &'a str,
+    model: Commissioned,
+    record: ExperimentRecord,
+    /// The tuned settings; none for a poor model.
+    control: Option<Control>,
+    /// The loops of these settings.
+    loops: Vec<LoopMargins>,
+}
+
+impl<'a> Found<'a> {
+    fn new(machine: &'a Machine, axis: usize, (model, record): (Commissioned, ExperimentRecord)) -> Self {
+        let name = machine.axes[axis].name.as_str();
+        let control = tuned(machine, axis, &model);
+        let of = |control| LoopMargins::of(name, &control, &model, machine.timing.period.as_secs_f64());
+        Self { axis, name, loops: control.map_or_else(Vec::new, of), model, record, control }
+    }
+}
+
+/// Says on standard error what is wrong with a model.
+fn warn(found: &Found) {
+    if is_poor(&found.model) {
+        eprintln!(
+            "axis.{}: found a fit of {}; allowed: {POOR_FIT} % and more. Do not control with this model, and look \
+             at the motion of the axis",
+            found.name,
+            percent(found.model.fit_percent)
+        );
+    }
+}
+
+/// Does the experiments, with a progress bar. Returns what was found in the order of `axes`.
+fn experiment<'a>(
     arguments: &CommissionArguments,
-    machine: &Machine,
+    machine: &'a Machine,
     axes: &[usize],
-) -> Result<Vec<Commissioned>, Failure> {
+) -> Result<Vec<Found<'a>>, Failure> {
     let options = ExperimentOptions {
         travel: arguments.travel,
         speed: arguments.speed,
@@ -119,17 +150,20 @@ fn experiment(
         }
     };
     bar.finish_and_clear();
-    models
+    Ok(axes.iter().zip(models?).map(|(axis, found)| Found::new(machine, *axis, found)).collect())
 }
 
-/// The text of the model file with these models of the axes with these indices.
-pub fn model_text<'a>(machine: &Machine, found: impl Iterator<Item = (usize, &'a Commissioned)>) -> String {
-    let settings = found.map(|(axis, model)| (machine.axes[axis].name.as_str(), model, tuned(machine, axis, model)));
+/// The text of the model file with these models and tuned settings of the axes with these indices.
+pub fn model_text<'a>(
+    machine: &Machine,
+    found: impl Iterator<Item = (usize, &'a Commissioned, Option<Control>)>,
+) -> String {
+    let settings = found.map(|(axis, model, control)| (machine.axes[axis].name.as_str(), model, control));
     file::text(&machine.name, settings)
 }
 
 /// The tuned settings of an axis with this model; none for a poor model.
-fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Control> {
+pub fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Control> {
     if is_poor(model) {
         return None;
     }
@@ -155,11 +189,11 @@ fn next(arguments: &CommissionArguments) -> String {
 }
 
 /// The models as tables.
-fn tables(found: &[(String, Commissioned)], out: &Path) -> String {
-    let row = |(name, model): &(String, Commissioned)| {
+fn tables(found: &[Found], out: &Path) -> String {
+    let row = |Found { name, model, .. }: &Found| {
         let milli = |seconds: f64| format!("{:.0} ms", 1e3 * seconds);
         vec![
-            name.clone(),
+            (*name).to_owned(),
             milli(model.dead_time),
             milli(model.time_constant),
             format!("{:.4}", model.dead_band.extend),
@@ -179,10 +213,12 @@ fn tables(found: &[(String, Commissioned)], out: &Path) -> String {
         }));
         cells
     };
-    let curves = found.iter().flat_map(|(name, model)| [1.0, -1.0].map(|sign| curve(name, model, sign)));
+    let curves = found.iter().flat_map(|of| [1.0, -1.0].map(|sign| curve(of.name, &of.model, sign)));
     let header = ["command: speed", "a quarter of what was tested", "half", "three quarters", "all"];
     let curves = table(&header, curves.collect());
-    format!("{figures}\n\n{curves}\n\nwritten: {}\n", out.display())
+    let loops: Vec<LoopMargins> = found.iter().flat_map(|found| found.loops.clone()).collect();
+    let loops = if loops.is_empty() { String::new() } else { format!("{}\n\n", LoopMargins::table(&loops)) };
+    format!("{figures}\n\n{curves}\n\n{loops}written: {}\n", out.display())
 }
 
 /// The model of one axis, as JSON has it.
@@ -197,12 +233,14 @@ struct AxisCommissioning<'a> {
     speeds_extend: &'a [f64],
     speeds_retract: &'a [f64],
     fit_percent: f64,
+    /// None for a poor model, which has no tuned settings.
+    loops: &'a [LoopMargins],
 }
 
 impl<'a> AxisCommissioning<'a> {
-    fn new(axis: &'a str, model: &'a Commissioned) -> Self {
+    fn new(Found { name, model, loops, .. }: &'a Found) -> Self {
         Self {
-            axis,
+            axis: name,
             dead_time_s: model.dead_time,
             time_constant_s: model.time_constant,
             dead_band_extend: model.dead_band.extend,
@@ -211,6 +249,7 @@ impl<'a> AxisCommissioning<'a> {
             speeds_extend: &model.speeds_extend,
             speeds_retract: &model.speeds_retract,
             fit_percent: model.fit_percent,
+            loops,
         }
     }
 }

@@ -1,7 +1,9 @@
 //! The experiment with a simulated machine, one axis after the other, in one process and as fast as the computer
 //! allows.
 
-use control_proc::commission::{Abort, AnalysisError, Experiment, ExperimentOptions, Outcome, Phase, analyse};
+use control_proc::commission::{
+    Abort, AnalysisError, Experiment, ExperimentOptions, ExperimentRecord, Outcome, Phase, analyse,
+};
 use pipeline::{
     machine::{Commissioned, Machine},
     message::ValveCommand,
@@ -27,7 +29,7 @@ pub enum SimulatedError {
 }
 
 /// Commissions the axes with these indices. Each experiment starts with the machine in its first state. `seed` is that
-/// of the noise of the encoders; `show` gets axis, phase and progress at every tick.
+/// of the noise of the encoders; `show` gets axis, phase and progress at every tick. Returns models and records.
 ///
 /// # Errors
 /// The machine cannot be simulated, a bound was met, or a record has no model. The error names the axis.
@@ -37,7 +39,7 @@ pub fn commission_simulated(
     seed: u64,
     options: &ExperimentOptions,
     mut show: impl FnMut(usize, Phase, f64),
-) -> Result<Vec<Commissioned>, Failure> {
+) -> Result<Vec<(Commissioned, ExperimentRecord)>, Failure> {
     let one = |axis: &usize| {
         commission_axis(machine, *axis, seed, options, |phase, part| show(*axis, phase, part)).map_err(|error| {
             let is_wrong = matches!(error, SimulatedError::Plant(_));
@@ -58,7 +60,7 @@ pub fn commission_axis(
     seed: u64,
     options: &ExperimentOptions,
     mut show: impl FnMut(Phase, f64),
-) -> Result<Commissioned, SimulatedError> {
+) -> Result<(Commissioned, ExperimentRecord), SimulatedError> {
     let mut plant = PlantSim::new(machine, seed)?;
     let mut acquisition = Acquisition::new(machine);
     let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
@@ -75,6 +77,6 @@ pub fn commission_axis(
     }
     match experiment.outcome() {
         Some(Outcome::Aborted(abort)) => Err(SimulatedError::Aborted(abort)),
-        _ => Ok(analyse(experiment.record())?),
+        _ => Ok((analyse(experiment.record())?, experiment.record().clone())),
     }
 }

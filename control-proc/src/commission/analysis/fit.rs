@@ -82,6 +82,13 @@ impl Data<'_> {
         normal
     }
 
+    /// How far the model has moved at every sample, m.
+    pub fn modelled(&self, model: &Commissioned) -> Vec<f64> {
+        let integrals = integrate(self.record, self.end, &Dynamics::of_model(model), |x| [model.spool_speed(x)]);
+        let at = |k: usize| delayed(&integrals, k, model.dead_time, self.record.period)[0];
+        (0..self.end).map(at).collect()
+    }
+
     /// How much of the motion the model explains `seconds` ahead, percent.
     pub fn judge(&self, model: &Commissioned, seconds: f64) -> f64 {
         let period = self.record.period;

@@ -112,6 +112,11 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
     Ok(model)
 }
 
+/// How far the axis has moved since the first sample, m, at every sample of a record, by a model of it.
+pub fn modelled(record: &ExperimentRecord, model: &Commissioned) -> Vec<f64> {
+    Data { record, begin: 0, end: record.positions.len() }.modelled(model)
+}
+
 /// The sample before which [`FITTED_PART`] of the motion is.
 fn split(record: &ExperimentRecord) -> usize {
     let ahead = ((JUDGED_AHEAD / record.period).round() as usize).max(1);

@@ -22,10 +22,11 @@ use super::{
 };
 use crate::{
     command::{
-        commission::{SimulatedError, commission_axis, is_poor, model_text},
+        commission::{SimulatedError, commission_axis, is_poor, model_text, tuned},
         simulate::closed_loop,
     },
     failure::Failure,
+    report::margins::LoopMargins,
 };
 
 /// Seed of the noise of the encoder while the tasks are driven. That of commissioning is the default of `commission`.
@@ -54,6 +55,8 @@ pub struct Refusal {
 pub struct Driven {
     /// What commissioning found.
     pub model: Commissioned,
+    /// The loops of the controllers that commissioning chose, on that model.
+    pub loops: Vec<LoopMargins>,
     /// Whether the model file lets the model control.
     pub is_chosen: bool,
     /// The tasks, in the order of [`Task::ALL`].
@@ -98,19 +101,22 @@ fn commissioned_and_driven(rig: &Rig) -> Result<Result<Driven, Refusal>, Failure
         Ok(model) => model,
         Err(refusal) => return Ok(Err(refusal)),
     };
-    let settings = model_settings_in(&model_text(&still, std::iter::once((0, &model))), "model file")?;
+    let control = tuned(&still, 0, &model);
+    let settings = model_settings_in(&model_text(&still, std::iter::once((0, &model, control))), "model file")?;
     let is_chosen = match machine(rig, Task::Sines, &settings) {
         Ok(commissioned) => commissioned.axes[0].control.model == ModelChoice::Adaptive,
         Err(error) => return Ok(Err(Refusal { reason: "model file", message: error.to_string() })),
     };
     let tasks = Task::ALL.iter().map(|task| pair(rig, *task, &settings)).collect::<Result<_, _>>()?;
-    Ok(Ok(Driven { model, is_chosen, tasks }))
+    let period = still.timing.period.as_secs_f64();
+    let loops = control.map_or_else(Vec::new, |control| LoopMargins::of(AXIS, &control, &model, period));
+    Ok(Ok(Driven { model, loops, is_chosen, tasks }))
 }
 
 fn commission(machine: &Machine) -> Result<Commissioned, Refusal> {
     let options = ExperimentOptions::default();
     let found = commission_axis(machine, 0, options.seed, &options, |_, _| ());
-    let model = found.map_err(|error| Refusal { reason: reason(&error), message: error.to_string() })?;
+    let (model, _) = found.map_err(|error| Refusal { reason: reason(&error), message: error.to_string() })?;
     if is_poor(&model) {
         return Err(Refusal { reason: "poor fit", message: format!("fit of {:.1} %", model.fit_percent) });
     }

@@ -18,7 +18,10 @@ use super::{
     rig::Rig,
     task::Task,
 };
-use crate::report::table::{number, percent, table};
+use crate::report::{
+    margins::LoopMargins,
+    table::{number, percent, table},
+};
 
 /// Ratio of the rms errors from which on the model is worse.
 const WORSE: f64 = 1.05;
@@ -125,6 +128,7 @@ struct ModelRow {
     dead_band_retract: f64,
     hysteresis: f64,
     natural_frequency_hz: f64,
+    loops: Vec<LoopMargins>,
 }
 
 /// Both runs of one task.
@@ -379,6 +383,7 @@ impl MachineRow {
             dead_band_retract: driven.model.dead_band.retract,
             hysteresis: driven.model.hysteresis,
             natural_frequency_hz: driven.model.natural_frequency,
+            loops: driven.loops.clone(),
         });
         let tasks = driven.iter().flat_map(|driven| &driven.tasks).map(|pair| {
             let (ratio, ratio_max) = ratios(rig, pair);

@@ -24,24 +24,14 @@ const POSES: u32 = 1200;
 const HEAD: u32 = 110;
 /// Distance from the left edge to the panels.
 const LEFT: u32 = 140;
-const FONT: &str = "sans-serif";
-/// Colours that colour-blind readers can tell apart (Okabe and Ito), one for each axis that a machine can have.
-const COLOURS: [RGBColor; 8] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-    RGBColor(80, 80, 80),
-    RGBColor(160, 120, 60),
-];
 /// Stretches that the time is divided into. Each is drawn by its lowest and its highest point.
 const STRETCHES: f64 = 1000.0;
 /// Free space above and below the lines, as a part of their height.
 const MARGIN: f64 = 0.05;
 
 use poses::Poses;
+
+use crate::report::chart::{COLOURS, FONT, range, tick};
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
@@ -199,20 +189,6 @@ fn panel(
     Ok(())
 }
 
-/// The text of a number beside an axis of the panel.
-fn tick(value: &f64) -> String {
-    let text = format!("{value:.3}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0".to_owned() } else { text.to_owned() }
-}
-
-/// The range of the values, extended to both sides by the part `margin` of it, but at least by `least`.
-fn range(values: impl Iterator<Item = f64>, margin: f64, least: f64) -> (f64, f64) {
-    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
-    let space = (margin * (high - low)).max(least);
-    (low - space, high + space)
-}
-
 impl Curve {
     fn push(&mut self, t: f64, value: f64) {
         let point = (t, value);
@@ -275,10 +251,5 @@ mod tests {
         line.close();
         assert_eq!(line.points, points);
         assert_eq!(line.held()[..3], [(1.0, 0.5), (2.0, 0.5), (2.0, -0.5)]);
-    }
-
-    #[test]
-    fn numbers_beside_an_axis_are_short() {
-        assert_eq!([650.0, 0.05, -0.0, -1e-17, 1234.5].map(|value| tick(&value)), ["650", "0.05", "0", "0", "1234.5"]);
     }
 }

@@ -1,0 +1,179 @@
+//! Charts of lines and points as SVG.
+
+use std::error::Error;
+
+use plotters::{
+    chart::ChartBuilder,
+    element::{Circle, PathElement, Text},
+    prelude::{Color, IntoDrawingArea, IntoFont, RGBAColor, RGBColor, SVGBackend, WHITE},
+    series::LineSeries,
+};
+
+/// Font of all pictures.
+pub const FONT: &str = "sans-serif";
+/// Colours that colour-blind readers can tell apart (Okabe and Ito), one for each axis that a machine can have.
+pub const COLOURS: [RGBColor; 8] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(80, 80, 80),
+    RGBColor(160, 120, 60),
+];
+/// Width and height of a chart.
+const SIZE: (u32, u32) = (1200, 640);
+/// Height of title and legend.
+const HEAD: u32 = 100;
+/// Distance from the left edge to the panel.
+const LEFT: u32 = 130;
+/// Width of a letter of the legend.
+const LETTER: i32 = 14;
+/// Free space above and below the values, as a part of their height.
+const MARGIN: f64 = 0.05;
+
+/// What is drawn through the points of a series.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mark {
+    /// A line of this width.
+    Line(u32),
+    /// A dot of this radius at each of them.
+    Dot(u32),
+}
+
+/// Points of one kind.
+#[derive(Debug, Clone)]
+pub struct Series {
+    /// In the legend; empty for a series that is not there.
+    pub name: String,
+    /// (x, y).
+    pub points: Vec<(f64, f64)>,
+    /// Their colour.
+    pub colour: RGBAColor,
+    /// How they are drawn.
+    pub mark: Mark,
+}
+
+/// A chart.
+#[derive(Debug, Clone)]
+pub struct Chart {
+    /// Above the chart.
+    pub title: String,
+    /// Below the chart, and beside it.
+    pub labels: [&'static str; 2],
+    /// The text of a number on the lower edge.
+    pub tick: fn(&f64) -> String,
+    /// The later ones are drawn over the earlier ones.
+    pub series: Vec<Series>,
+    /// Texts and where they begin.
+    pub notes: Vec<((f64, f64), String)>,
+}
+
+impl Chart {
+    /// The chart as SVG.
+    ///
+    /// # Errors
+    /// The library cannot draw it.
+    pub fn svg(&self) -> Result<String, Box<dyn Error + Send + Sync>> {
+        let mut text = String::new();
+        let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
+        area.fill(&WHITE)?;
+        let (head, panel) = area.split_vertically(HEAD);
+        head.draw(&Text::new(self.title.clone(), (LEFT as i32, 14), (FONT, 30).into_font()))?;
+        let named = self.series.iter().filter(|series| !series.name.is_empty());
+        let mut x = LEFT as i32;
+        for series in named {
+            head.draw(&PathElement::new([(x, 74), (x + 36, 74)], series.colour.stroke_width(6)))?;
+            head.draw(&Text::new(series.name.clone(), (x + 46, 60), (FONT, 24).into_font()))?;
+            x += 46 + LETTER * (series.name.len() as i32 + 3);
+        }
+        self.draw(&panel)?;
+        drop((area, head, panel));
+        Ok(text)
+    }
+
+    fn draw(
+        &self,
+        area: &plotters::drawing::DrawingArea<SVGBackend, plotters::coord::Shift>,
+    ) -> Result<(), Box<dyn Error + Send + Sync>> {
+        let points = || self.series.iter().flat_map(|series| &series.points);
+        let (begin, end) = range(points().map(|point| point.0), 0.0, 1e-9);
+        let (low, high) = range(points().map(|point| point.1), MARGIN, 1e-9);
+        let mut chart = ChartBuilder::on(area)
+            .margin_left(10)
+            .margin_right(40)
+            .margin_bottom(10)
+            .x_label_area_size(70)
+            .y_label_area_size(LEFT - 10)
+            .build_cartesian_2d(begin..end, low..high)?;
+        chart
+            .configure_mesh()
+            .x_desc(self.labels[0])
+            .y_desc(self.labels[1])
+            .x_label_formatter(&self.tick)
+            .y_label_formatter(&tick)
+            .label_style((FONT, 22))
+            .axis_desc_style((FONT, 26))
+            .bold_line_style(RGBColor(210, 210, 210))
+            .light_line_style(WHITE)
+            .draw()?;
+        for Series { points, colour, mark, .. } in &self.series {
+            let points = points.iter().copied();
+            match mark {
+                Mark::Line(width) => drop(chart.draw_series(LineSeries::new(points, colour.stroke_width(*width)))?),
+                Mark::Dot(radius) => {
+                    chart.draw_series(points.map(|point| Circle::new(point, *radius, colour.filled())))?;
+                }
+            }
+        }
+        let note = |(at, text): &((f64, f64), String)| Text::new(text.clone(), *at, (FONT, 22).into_font());
+        chart.draw_series(self.notes.iter().map(note))?;
+        Ok(())
+    }
+}
+
+/// The text of a number beside an axis of a chart.
+pub fn tick(value: &f64) -> String {
+    let text = format!("{value:.3}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+}
+
+/// The range of the values, extended to both sides by the part `margin` of it, but at least by `least`.
+pub fn range(values: impl Iterator<Item = f64>, margin: f64, least: f64) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+    let space = (margin * (high - low)).max(least);
+    (low - space, high + space)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_beside_an_axis_are_short() {
+        assert_eq!([650.0, 0.05, -0.0, -1e-17, 1234.5].map(|value| tick(&value)), ["650", "0.05", "0", "0", "1234.5"]);
+    }
+
+    #[test]
+    fn a_chart_has_title_legend_points_and_notes() {
+        let line = Series {
+            name: "measured".to_owned(),
+            points: vec![(0.0, 1.0), (2.0, 3.0)],
+            colour: COLOURS[0].to_rgba(),
+            mark: Mark::Line(3),
+        };
+        let dots = Series { name: String::new(), mark: Mark::Dot(4), ..line.clone() };
+        let chart = Chart {
+            title: "speed".to_owned(),
+            labels: ["time, s", "speed, m/s"],
+            tick,
+            series: vec![line, dots],
+            notes: vec![((1.0, 2.0), "gain margin".to_owned())],
+        };
+        let svg = chart.svg().unwrap();
+        assert!(["speed", "measured", "time, s", "gain margin"].iter().all(|text| svg.contains(text)), "{svg}");
+        assert_eq!(svg.matches("<circle").count(), 2);
+    }
+}

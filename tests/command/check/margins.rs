@@ -1,0 +1,27 @@
+//! Margins of the loops around commissioned models.
+
+use std::fs;
+
+use super::{
+    EXCAVATOR,
+    cli::{expect_refusal, success},
+    folder_with,
+    model_files::MODEL,
+};
+
+/// The model at the steepest piece, 0.75 m/s, swings at a kp of 57 1/m; at the mean slope, 0.667 m/s, at 64 1/m:
+/// 0.02 s + T/2 of delay and 0.05 s of lag turn the phase by 90 degrees at 26 rad/s.
+#[test]
+fn a_loop_that_falls_short_is_a_warning_and_an_unstable_one_a_problem() {
+    let folder = folder_with(EXCAVATOR);
+    fs::write(folder.path().join("model.toml"), MODEL).unwrap();
+    let with = |kp: &'static str| ["check", "m.toml", "--model", "model.toml", "--set", kp];
+    let quiet = success(folder.path(), &with("axis.boom.control.kp=25"));
+    assert!(quiet.contains("boom") && quiet.contains("fallback") && !quiet.contains("warning: axis.boom"), "{quiet}");
+    let short = success(folder.path(), &with("axis.boom.control.kp=40"));
+    assert!(short.contains("warning: axis.boom.control.kp: found 40.000 1/m, a gain margin of 1.4"), "{short}");
+    let steep = success(folder.path(), &with("axis.boom.control.kp=60"));
+    assert!(steep.contains("warning: axis.boom.control.kp: found 60.000 1/m, a gain margin of 0.9"), "{steep}");
+    let expected = ["axis.boom.control.kp: found 100.000 1/m, with which the loop", "allowed: up to 63.025 1/m"];
+    expect_refusal(folder.path(), &with("axis.boom.control.kp=100"), &expected);
+}

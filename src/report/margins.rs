@@ -120,8 +120,13 @@ fn short(value: f64) -> String {
     if value.is_finite() { format!("{value:.2}") } else { "-".to_owned() }
 }
 
+/// A part of a dead time, which may be next to nothing.
 fn part(value: f64) -> String {
-    if value.is_finite() { format!("{:.0} %", 100.0 * value) } else { "-".to_owned() }
+    match 100.0 * value {
+        percent if percent > 999.0 => "> 999 %".to_owned(),
+        percent if percent.is_finite() => format!("{percent:.0} %"),
+        _ => "-".to_owned(),
+    }
 }
 
 /// A frequency; 0 for none.

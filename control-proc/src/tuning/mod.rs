@@ -66,6 +66,9 @@ pub const MARGINS: [Plant; 2] =
     [Plant { gain: 1.7, dead_time: 1.0, lag: 1.0 }, Plant { gain: 1.0, dead_time: 1.5, lag: 1.0 }];
 /// Gains of the Smith predictor in multiples of the fallback's: the first with which it comes to rest on all plants.
 const SMITH_GAINS: [f64; 5] = [2.0, 1.7, 1.4, 1.2, 1.0];
+/// What the gain may be more than the fallback's, for each part of t_d/(tau + T): without a dead time there is nothing to
+/// predict, and a higher gain only finds what the model does not know.
+const PREDICTED: f64 = 2.0;
 /// Error on the plant as commissioned, in parts of that of the fallback, beyond which it is not worth its model.
 const WORTH: f64 = 0.9;
 /// Least natural frequency of the load that a Smith predictor is used with, Hz. It takes the load for stiff: an axis
@@ -171,9 +174,9 @@ impl Baseline {
 }
 
 /// The Smith predictor for `axis` number `index`, whose fallback has the tuned settings `control`, for a command every
-/// `period` s: the integral gain of the fallback, and twice its gain or as much of that as keeps the margins. `None`
-/// for an axis that is not commissioned, of a soft load, where no gain keeps them, and where the fallback follows as
-/// well.
+/// `period` s: the integral gain of the fallback, and twice its gain or as much of that as keeps the margins and is
+/// worth the dead time. `None` for an axis that is not commissioned, of a soft load, where no gain keeps them, and where
+/// the fallback follows as well.
 pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Option<SmithSettings> {
     let bench = Bench::new(index, axis, period)?;
     // A load without a spring that was found has the frequency 0.
@@ -181,7 +184,9 @@ pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Optio
         return None;
     }
     let observer_time = bench.model.observer_time(period);
-    let settings = SMITH_GAINS.map(|gain| SmithSettings { kp: gain * control.kp, ki: control.ki, observer_time });
+    let most = 1.0 + PREDICTED * bench.model.dead_time / (bench.model.time_constant + period);
+    let gains = SMITH_GAINS.into_iter().filter(|gain| *gain <= most);
+    let settings = gains.map(|gain| SmithSettings { kp: gain * control.kp, ki: control.ki, observer_time });
     let with = |settings| Control { law: Law::Smith(settings), ..*control };
     let keeps_margins = |settings: &SmithSettings| {
         PLANTS.iter().chain(&MARGINS).all(|plant| bench.simulated(&with(*settings), *plant).0 <= RESTING_MOTION)
@@ -190,7 +195,7 @@ pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Optio
     let is_worth = |settings: &SmithSettings| nominal(&with(*settings)) <= WORTH * WORTH * nominal(control);
     let slope = mean_slope(bench.model);
     let is_stable = |settings: &SmithSettings| Loop::new(&with(*settings), bench.model, slope, period).is_stable(1.0);
-    settings.into_iter().filter(is_stable).find(keeps_margins).filter(is_worth)
+    settings.filter(is_stable).find(keeps_margins).filter(is_worth)
 }
 
 /// What is tried: the fallback, or a Smith predictor on the commissioned model.
@@ -411,6 +416,16 @@ mod tests {
             let left = 0.1 * 0.1 / control.kp;
             let (before, last) = (positions[990], positions[999]);
             assert!((before - last).abs() < 1e-4 && (0.1 - last).abs() < left + 1e-3, "{law:?}: {last} m, {left} m");
+        }
+    }
+
+    #[test]
+    fn without_a_dead_time_the_gain_is_no_higher_than_the_fallbacks() {
+        for (dead_time, most) in [(1e-3, 1.0), (0.01, 1.4)] {
+            let axis = axis(dead_time);
+            let control = Baseline::Feedforward.tuned(0, &axis, PERIOD).unwrap();
+            let gain = smith(0, &axis, &control, PERIOD).map_or(1.0, |settings| settings.kp / control.kp);
+            assert!(gain <= most + 1e-9, "{dead_time} s: {gain}");
         }
     }
 

@@ -66,8 +66,8 @@ pub const MARGINS: [Plant; 2] =
     [Plant { gain: 1.7, dead_time: 1.0, lag: 1.0 }, Plant { gain: 1.0, dead_time: 1.5, lag: 1.0 }];
 /// Gains of the Smith predictor in multiples of the fallback's: the first with which it comes to rest on all plants.
 const SMITH_GAINS: [f64; 5] = [2.0, 1.7, 1.4, 1.2, 1.0];
-/// What the gain may be more than the fallback's, for each part of t_d/(tau + T): without a dead time there is nothing to
-/// predict, and a higher gain only finds what the model does not know.
+/// What the gain may be more than the fallback's, for each part of t_d/(tau + T): without a dead time there is nothing
+/// to predict, and a higher gain only finds what the model does not know.
 const PREDICTED: f64 = 2.0;
 /// Error on the plant as commissioned, in parts of that of the fallback, beyond which it is not worth its model.
 const WORTH: f64 = 0.9;
@@ -174,9 +174,9 @@ impl Baseline {
 }
 
 /// The Smith predictor for `axis` number `index`, whose fallback has the tuned settings `control`, for a command every
-/// `period` s: the integral gain of the fallback, and twice its gain or as much of that as keeps the margins and is
-/// worth the dead time. `None` for an axis that is not commissioned, of a soft load, where no gain keeps them, and where
-/// the fallback follows as well.
+/// `period` s: the integral gain of the fallback, and twice its gain or as much of that as keeps the margins and as the
+/// dead time is worth. `None` for an axis that is not commissioned, of a soft load, where no gain keeps them, and
+/// where the fallback follows as well.
 pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Option<SmithSettings> {
     let bench = Bench::new(index, axis, period)?;
     // A load without a spring that was found has the frequency 0.

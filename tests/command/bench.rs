@@ -133,6 +133,8 @@ fn invalid_options_of_drawn_machines_are_refused() {
     refuse(&["--machines", "5", "--scenario", "payload"], &["--machines", "--scenario"]);
     refuse(&[FOUR_AXES, "--machines", "5"], &["--machines", "MACHINE.toml"]);
     refuse(&["--half", "judge"], &["--machines"]);
+    refuse(&["--wrong-models"], &["--machines"]);
+    refuse(&["--machines", "5", "--wrong-models", "--write", "rigs"], &["--wrong-models", "--write"]);
     refuse(&["--machines", "5", "--json", "no/such/folder.json"], &["--json: no/such/folder.json"]);
     fs::write(folder.path().join("file"), "").unwrap();
     refuse(&["--machines", "5", "--write", "file"], &["--write: file cannot be written"]);

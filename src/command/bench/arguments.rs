@@ -27,6 +27,7 @@ Examples:
   hydraxis bench control --controller pi-feedforward --controller mpc-adaptive --dead-time 150ms --json out.json
   hydraxis bench control --machines 20 --seed 1                   20 drawn machines: model against fallback
   hydraxis bench control --machines 300 --half judge --json -     half of 300 drawn machines
+  hydraxis bench control --machines 60 --wrong-models             drawn machines, each with a wrong model
   hydraxis bench control --machines 300 --only 17 --write rigs    the files of machine 17, without a run")]
 pub struct BenchControlArguments {
     /// The machine
@@ -61,6 +62,10 @@ pub struct BenchControlArguments {
     /// Only the drawn machine with this number, from 0; may be given several times
     #[arg(long, value_name = "NUMBER", requires = "machines")]
     pub only: Vec<u64>,
+    /// Give every drawn machine a wrong model in place of the commissioned one, and compare its Smith predictor with
+    /// its fallback; machines that commissioning leaves to their fallback are left out
+    #[arg(long, requires = "machines", conflicts_with = "write")]
+    pub wrong_models: bool,
     /// Write the machine files of the drawn machines into this folder, and run nothing
     #[arg(long, value_name = "FOLDER", requires = "machines", conflicts_with = "json")]
     pub write: Option<PathBuf>,

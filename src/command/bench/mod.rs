@@ -34,8 +34,11 @@ const LONGEST: Duration = Duration::from_millis(500);
 pub fn run(arguments: &BenchControlArguments) -> Result<(), Failure> {
     let threads = arguments.threads.map_or_else(all_cores, usize::from);
     if let Some(count) = arguments.machines {
-        let BenchControlArguments { seed, half, only, write, json, .. } = arguments;
+        let BenchControlArguments { seed, half, only, write, json, wrong_models, .. } = arguments;
         let choice = Choice { count, seed: *seed, half: *half, only: only.clone() };
+        if *wrong_models {
+            return drawn::run_wrong(&choice, json.as_deref(), threads);
+        }
         return drawn::run(&choice, write.as_deref(), json.as_deref(), threads);
     }
     let scenarios = scenarios(arguments)?;

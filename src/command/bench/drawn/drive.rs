@@ -9,7 +9,7 @@ use control_proc::{
     trajectory_file::read_references,
 };
 use pipeline::{
-    machine::{Commissioned, Machine, ModelChoice, model_settings_in},
+    machine::{Commissioned, Control, Machine, ModelChoice, model_settings_in},
     message::{ControlMode, control_flag},
     statistics::ErrorStatistics,
 };
@@ -34,11 +34,11 @@ const DRIVING_SEED: u64 = 2;
 
 /// What became of a machine.
 #[derive(Debug, Clone)]
-pub struct Outcome {
+pub struct Outcome<T> {
     /// The machine.
     pub rig: Rig,
     /// What it did, or why commissioning refused it.
-    pub result: Result<Driven, Refusal>,
+    pub result: Result<T, Refusal>,
 }
 
 /// Why commissioning refused a machine.
@@ -83,34 +83,92 @@ pub struct Run {
     pub by_model: u64,
     /// The faults that latched the axis, [`control_flag`] bits.
     pub latched: u32,
+    /// Time from the first tick by the model to the first tick at which it was said to be worse than the fallback
+    /// ([`control_flag::MODEL_WORSE`]), s.
+    pub suspected: Option<f64>,
     /// What the axis did while it held a set point; empty for other tasks.
     pub hold: Hold,
 }
+
+/// A machine that was commissioned and is ready to be driven.
+pub struct Ready<'a> {
+    /// The machine.
+    pub rig: &'a Rig,
+    /// As its file describes it, without a model.
+    still: Machine,
+    /// What commissioning found.
+    pub model: Commissioned,
+    /// The gains and the law that commissioning chose.
+    control: Option<Control>,
+    /// The model file.
+    pub settings: Settings,
+    /// Whether the model file lets the model control.
+    pub is_chosen: bool,
+}
+
+/// Keys and values of a model file.
+pub type Settings = Vec<(String, String)>;
 
 /// Commissions and drives a machine.
 ///
 /// # Errors
 /// The machine cannot be simulated or controlled: an error of this program.
-pub fn drive(rig: &Rig) -> Result<Outcome, Failure> {
-    Ok(Outcome { rig: rig.clone(), result: commissioned_and_driven(rig)? })
+pub fn drive(rig: &Rig) -> Result<Outcome<Driven>, Failure> {
+    let result = match Ready::new(rig)? {
+        Ok(ready) => Ok(ready.drive()?),
+        Err(refusal) => Err(refusal),
+    };
+    Ok(Outcome { rig: rig.clone(), result })
 }
 
-fn commissioned_and_driven(rig: &Rig) -> Result<Result<Driven, Refusal>, Failure> {
-    let still = machine(rig, Task::Sines, &[])?;
-    let model = match commission(&still) {
-        Ok(model) => model,
-        Err(refusal) => return Ok(Err(refusal)),
-    };
-    let control = tuned(&still, 0, &model);
-    let settings = model_settings_in(&model_text(&still, std::iter::once((0, &model, control))), "model file")?;
-    let is_chosen = match machine(rig, Task::Sines, &settings) {
-        Ok(commissioned) => commissioned.axes[0].control.model == ModelChoice::Adaptive,
-        Err(error) => return Ok(Err(Refusal { reason: "model file", message: error.to_string() })),
-    };
-    let tasks = Task::ALL.iter().map(|task| pair(rig, *task, &settings)).collect::<Result<_, _>>()?;
-    let period = still.timing.period.as_secs_f64();
-    let loops = control.map_or_else(Vec::new, |control| LoopMargins::of(AXIS, &control, &model, period));
-    Ok(Ok(Driven { model, loops, is_chosen, tasks }))
+impl<'a> Ready<'a> {
+    /// Commissions a machine.
+    ///
+    /// # Errors
+    /// The machine cannot be simulated: an error of this program.
+    pub fn new(rig: &'a Rig) -> Result<Result<Self, Refusal>, Failure> {
+        let still = machine(rig, Task::Sines, &[])?;
+        let model = match commission(&still) {
+            Ok(model) => model,
+            Err(refusal) => return Ok(Err(refusal)),
+        };
+        let control = tuned(&still, 0, &model);
+        let settings = model_file(&still, &model, control)?;
+        Ok(match machine(rig, Task::Sines, &settings) {
+            Ok(commissioned) => {
+                let is_chosen = commissioned.axes[0].control.model == ModelChoice::Adaptive;
+                Ok(Self { rig, still, model, control, settings, is_chosen })
+            }
+            Err(error) => Err(Refusal { reason: "model file", message: error.to_string() }),
+        })
+    }
+
+    /// The model file with another model in place of the one that was found. Gains and law stay.
+    ///
+    /// # Errors
+    /// The text is no model file: an error of this program.
+    pub fn settings_with(&self, model: &Commissioned) -> Result<Settings, Failure> {
+        model_file(&self.still, model, self.control)
+    }
+
+    fn drive(self) -> Result<Driven, Failure> {
+        let period = self.still.timing.period.as_secs_f64();
+        let loops = self.control.map_or_else(Vec::new, |control| LoopMargins::of(AXIS, &control, &self.model, period));
+        let pair = |task: &Task| {
+            let with = |model| run(self.rig, *task, &self.settings, model);
+            Ok(Pair { task: *task, fallback: with("none")?, adaptive: with("adaptive")? })
+        };
+        let tasks = Task::ALL.iter().map(pair).collect::<Result<_, Failure>>()?;
+        Ok(Driven { model: self.model, loops, is_chosen: self.is_chosen, tasks })
+    }
+}
+
+/// What a model file with this model and these gains says.
+///
+/// # Errors
+/// The text is no model file: an error of this program.
+pub fn model_file(still: &Machine, model: &Commissioned, control: Option<Control>) -> Result<Settings, Failure> {
+    Ok(model_settings_in(&model_text(still, std::iter::once((0, model, control))), "model file")?)
 }
 
 fn commission(machine: &Machine) -> Result<Commissioned, Refusal> {
@@ -141,23 +199,24 @@ fn reason(error: &SimulatedError) -> &'static str {
     }
 }
 
-fn pair(rig: &Rig, task: Task, settings: &[(String, String)]) -> Result<Pair, Failure> {
-    let with = |model: &str| {
-        let more =
-            [("scenario".to_owned(), SCENARIO.to_owned()), (format!("axis.{AXIS}.control.model"), model.to_owned())];
-        // The model file may have the same key; a setting that comes first counts.
-        let all: Vec<_> = settings.iter().filter(|(key, _)| *key != more[1].0).chain(&more).cloned().collect();
-        run(&machine(rig, task, &all)?, task)
-    };
-    Ok(Pair { task, fallback: with("none")?, adaptive: with("adaptive")? })
+/// Drives a machine that has this model file. `model`: the value of `control.model`, whatever the file says.
+///
+/// # Errors
+/// The machine cannot be simulated or controlled: an error of this program.
+pub fn run(rig: &Rig, task: Task, settings: &[(String, String)], model: &str) -> Result<Run, Failure> {
+    let more = [("scenario".to_owned(), SCENARIO.to_owned()), (format!("axis.{AXIS}.control.model"), model.to_owned())];
+    // The model file may have the same key; a setting that comes first counts.
+    let all: Vec<_> = settings.iter().filter(|(key, _)| *key != more[1].0).chain(&more).cloned().collect();
+    watched(&machine(rig, task, &all)?, task)
 }
 
-fn run(machine: &Machine, task: Task) -> Result<Run, Failure> {
+fn watched(machine: &Machine, task: Task) -> Result<Run, Failure> {
     let period = machine.timing.period.as_secs_f64();
     let generator = read_references(machine).map_err(Failure::usage)?;
     let mut run = Run { hold: Hold::new(machine.axes[0].encoder.resolution), ..Run::default() };
     // Tick at which the controller began to command the axis: the reference counts from there.
     let mut begin = None;
+    let mut first_by_model = None;
     closed_loop::run(machine, DRIVING_SEED, (task.end() / period).round() as u64, |tick| {
         let Some(plant) = tick.plant else { return Ok(()) };
         let (command, time) = (&tick.command.axes[0], tick.number as f64 * period);
@@ -165,6 +224,13 @@ fn run(machine: &Machine, task: Task) -> Result<Run, Failure> {
             begin.get_or_insert(tick.number);
         }
         run.latched |= command.flags & control_flag::LATCHED;
+        let is_by_model = command.mode == ControlMode::Model as u32;
+        if is_by_model {
+            first_by_model.get_or_insert(time);
+        }
+        if let Some(first) = first_by_model.filter(|_| command.flags & control_flag::MODEL_WORSE != 0) {
+            run.suspected.get_or_insert(time - first);
+        }
         if time < BEGIN {
             return Ok(());
         }
@@ -172,7 +238,7 @@ fn run(machine: &Machine, task: Task) -> Result<Run, Failure> {
         let since = (tick.number - begin.unwrap_or(tick.number)) as f64 * period;
         let error = generator.position(0, since).unwrap_or(position) - position;
         run.error.push(error);
-        run.by_model += u64::from(command.mode == ControlMode::Model as u32);
+        run.by_model += u64::from(is_by_model);
         if task == Task::Hold && time >= WATCHED.0 {
             run.hold.seen.push(error, command.command);
         }

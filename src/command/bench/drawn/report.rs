@@ -13,14 +13,15 @@ use pipeline::message::{bit_names, control_flag};
 use serde::Serialize;
 
 use super::{
-    Choice, Half,
+    Choice,
     drive::{Driven, Outcome, Pair, Run},
     rig::Rig,
+    set::SetRow,
     task::Task,
 };
 use crate::report::{
     margins::LoopMargins,
-    table::{number, percent, table},
+    table::{number, table},
 };
 
 /// Ratio of the rms errors from which on the model is worse.
@@ -28,29 +29,15 @@ const WORSE: f64 = 1.05;
 /// Ratio of the largest errors from which on the model is worse.
 const WORSE_MAX: f64 = 1.2;
 /// Number of the worst runs that the tables list.
-const LISTED: usize = 12;
+pub const LISTED: usize = 12;
 
 /// All figures; SI units.
 #[derive(Debug, Serialize)]
 pub struct DrawnReport {
-    seed: u64,
-    /// Machines of the set before a half or single numbers were chosen.
-    set: u64,
-    half: Option<&'static str>,
-    drawn: usize,
-    commissioned: usize,
-    /// Machines whose model file lets the model control.
-    chosen: usize,
-    refusals: Vec<Refusals>,
+    #[serde(flatten)]
+    set: SetRow,
     tasks: Vec<TaskRow>,
     machines: Vec<MachineRow>,
-}
-
-/// Machines that commissioning refused for one reason.
-#[derive(Debug, Serialize)]
-struct Refusals {
-    reason: &'static str,
-    machines: Vec<u64>,
 }
 
 /// One task over all machines.
@@ -68,23 +55,28 @@ struct TaskRow {
 
 /// Ratios of the errors over all machines.
 #[derive(Debug, Clone, Copy, Serialize)]
-struct Gain {
-    geometric_mean: f64,
+pub struct Gain {
+    /// Of the rms errors.
+    pub geometric_mean: f64,
     /// Runs with a ratio above 1.05.
     worse: usize,
-    worst: f64,
+    /// Largest ratio of the rms errors.
+    pub worst: f64,
     /// Runs with a ratio of the largest errors above 1.2.
     worse_max: usize,
-    worst_max: f64,
+    /// Largest ratio of the largest errors.
+    pub worst_max: f64,
 }
 
 /// What went wrong in the runs of one controller.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
-struct Faults {
-    latched: usize,
+pub struct Faults {
+    /// Runs that a fault ended.
+    pub latched: usize,
     /// Holds that were no limit cycle, but not steady.
-    unsteady: usize,
-    cycling: usize,
+    pub unsteady: usize,
+    /// Holds with a limit cycle.
+    pub cycling: usize,
 }
 
 /// One machine.
@@ -142,8 +134,9 @@ struct RunPair {
 
 /// One run.
 #[derive(Debug, Serialize)]
-struct RunRow {
-    rms_m: f64,
+pub struct RunRow {
+    /// m.
+    pub rms_m: f64,
     max_m: f64,
     by_model: f64,
     latched: Vec<&'static str>,
@@ -163,18 +156,11 @@ struct HoldRow {
 
 impl DrawnReport {
     /// The report on these machines.
-    pub fn new(choice: &Choice, outcomes: &[Outcome]) -> Self {
+    pub fn new(choice: &Choice, outcomes: &[Outcome<Driven>]) -> Self {
         let driven: Vec<(&Rig, &Driven)> =
             outcomes.iter().filter_map(|outcome| Some((&outcome.rig, outcome.result.as_ref().ok()?))).collect();
-        let half = choice.half.map(|half| if half == Half::Design { "design" } else { "judge" });
         Self {
-            seed: choice.seed,
-            set: choice.count,
-            half,
-            drawn: outcomes.len(),
-            commissioned: driven.len(),
-            chosen: driven.iter().filter(|(_, driven)| driven.is_chosen).count(),
-            refusals: refusals(outcomes),
+            set: SetRow::new(choice, outcomes, |driven| driven.is_chosen),
             tasks: (0..Task::ALL.len()).map(|task| TaskRow::new(task, &driven)).collect(),
             machines: outcomes.iter().map(MachineRow::new).collect(),
         }
@@ -182,24 +168,7 @@ impl DrawnReport {
 
     /// The tables.
     pub fn tables(&self) -> String {
-        let part = |count: usize| percent(100.0 * count as f64 / self.drawn.max(1) as f64);
-        let mut text = format!(
-            "{} machines of seed {}: {} commissioned ({}), of which {} are controlled by their models.\n",
-            self.drawn,
-            self.seed,
-            self.commissioned,
-            part(self.commissioned),
-            self.chosen
-        );
-        if !self.refusals.is_empty() {
-            let row = |refusals: &Refusals| {
-                let numbers: Vec<String> = refusals.machines.iter().map(u64::to_string).collect();
-                vec![refusals.reason.to_owned(), refusals.machines.len().to_string(), numbers.join(" ")]
-            };
-            let rows = self.refusals.iter().map(row).collect();
-            text += &format!("\n{}\n", table(&["refused for", "machines", "numbers"], rows));
-        }
-        text + &self.gains() + &self.faults() + &self.worst()
+        self.set.text() + &self.gains() + &self.faults() + &self.worst()
     }
 
     fn gains(&self) -> String {
@@ -288,22 +257,9 @@ fn milliseconds(seconds: f64) -> String {
     format!("{:.0} ms", 1e3 * seconds)
 }
 
-/// The refused machines by reason, the most frequent reason first.
-fn refusals(outcomes: &[Outcome]) -> Vec<Refusals> {
-    let mut all: BTreeMap<&'static str, Vec<u64>> = BTreeMap::new();
-    for outcome in outcomes {
-        if let Err(refusal) = &outcome.result {
-            all.entry(refusal.reason).or_default().push(outcome.rig.number);
-        }
-    }
-    let mut all: Vec<_> = all.into_iter().map(|(reason, machines)| Refusals { reason, machines }).collect();
-    all.sort_by_key(|refusals| std::cmp::Reverse(refusals.machines.len()));
-    all
-}
-
-/// Ratios of the rms errors and of the largest errors, model by fallback.
-fn ratios(rig: &Rig, pair: &Pair) -> (f64, f64) {
-    let ratio = |of: fn(&Run) -> f64, least: f64| of(&pair.adaptive).max(least) / of(&pair.fallback).max(least);
+/// Ratios of the rms errors and of the largest errors of two runs of a machine: those of `run` by those of `by`.
+pub fn ratios(rig: &Rig, run: &Run, by: &Run) -> (f64, f64) {
+    let ratio = |of: fn(&Run) -> f64, least: f64| of(run).max(least) / of(by).max(least);
     (ratio(|run| run.error.rmse(), rig.resolution / 12f64.sqrt()), ratio(|run| run.error.max, 0.5 * rig.resolution))
 }
 
@@ -311,7 +267,8 @@ impl TaskRow {
     fn new(task: usize, driven: &[(&Rig, &Driven)]) -> Self {
         let pairs: Vec<(&Rig, bool, &Pair)> =
             driven.iter().map(|(rig, driven)| (*rig, driven.is_chosen, &driven.tasks[task])).collect();
-        let model: Vec<(f64, f64)> = pairs.iter().map(|(rig, _, pair)| ratios(rig, pair)).collect();
+        let model: Vec<(f64, f64)> =
+            pairs.iter().map(|(rig, _, pair)| ratios(rig, &pair.adaptive, &pair.fallback)).collect();
         let chosen: Vec<(f64, f64)> = pairs
             .iter()
             .zip(&model)
@@ -329,7 +286,8 @@ impl TaskRow {
 }
 
 impl Gain {
-    fn new(ratios: &[(f64, f64)]) -> Self {
+    /// Of pairs of ratios: rms errors, largest errors.
+    pub fn new(ratios: &[(f64, f64)]) -> Self {
         let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::NAN, f64::max);
         let mean = ratios.iter().map(|(rms, _)| rms.ln()).sum::<f64>() / ratios.len() as f64;
         Self {
@@ -343,7 +301,8 @@ impl Gain {
 }
 
 impl Faults {
-    fn of<'a>(runs: impl Iterator<Item = &'a Run>) -> Self {
+    /// Counted over these runs.
+    pub fn of<'a>(runs: impl Iterator<Item = &'a Run>) -> Self {
         runs.fold(Self::default(), |faults, run| {
             let (is_held, is_cycling) = (run.hold.is_watched(), run.hold.is_cycling());
             Self {
@@ -356,7 +315,7 @@ impl Faults {
 }
 
 impl MachineRow {
-    fn new(outcome: &Outcome) -> Self {
+    fn new(outcome: &Outcome<Driven>) -> Self {
         let rig = &outcome.rig;
         let parameters = Parameters {
             period_s: rig.period(),
@@ -386,7 +345,7 @@ impl MachineRow {
             loops: driven.loops.clone(),
         });
         let tasks = driven.iter().flat_map(|driven| &driven.tasks).map(|pair| {
-            let (ratio, ratio_max) = ratios(rig, pair);
+            let (ratio, ratio_max) = ratios(rig, &pair.adaptive, &pair.fallback);
             let [fallback, adaptive] = [&pair.fallback, &pair.adaptive].map(RunRow::new);
             (pair.task.name(), RunPair { ratio, ratio_max, fallback, adaptive })
         });
@@ -401,7 +360,8 @@ impl MachineRow {
 }
 
 impl RunRow {
-    fn new(run: &Run) -> Self {
+    /// Of a run.
+    pub fn new(run: &Run) -> Self {
         Self {
             rms_m: run.error.rmse(),
             max_m: run.error.max,

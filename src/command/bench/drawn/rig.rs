@@ -128,14 +128,15 @@ pub struct PlantChange {
     pub end: f64,
 }
 
-/// Random numbers of one machine.
-struct Draw(Pcg64);
+/// A stream of random numbers.
+pub struct Draw(Pcg64);
 
 impl Draw {
     /// Numbers that are thrown away at the beginning: neighbouring streams of the generator begin alike.
     const WARM_UP: usize = 16;
 
-    fn new(seed: u64, number: u64) -> Self {
+    /// Stream number `number` of this seed.
+    pub fn new(seed: u64, number: u64) -> Self {
         let mut generator = Pcg64::new(seed.into(), number.into());
         (0..Self::WARM_UP).for_each(|_| {
             generator.next_u64();
@@ -144,16 +145,17 @@ impl Draw {
     }
 
     /// From 0 to 1, of 53 random bits.
-    fn unit(&mut self) -> f64 {
+    pub fn unit(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    fn even(&mut self, range: RangeInclusive<f64>) -> f64 {
+    /// Evenly in the range.
+    pub fn even(&mut self, range: RangeInclusive<f64>) -> f64 {
         range.start() + (range.end() - range.start()) * self.unit()
     }
 
     /// Evenly in the logarithm.
-    fn log(&mut self, range: RangeInclusive<f64>) -> f64 {
+    pub fn log(&mut self, range: RangeInclusive<f64>) -> f64 {
         (range.start() * (range.end() / range.start()).powf(self.unit())).clamp(*range.start(), *range.end())
     }
 }

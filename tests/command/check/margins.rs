@@ -17,7 +17,10 @@ fn a_loop_that_falls_short_is_a_warning_and_an_unstable_one_a_problem() {
     fs::write(folder.path().join("model.toml"), MODEL).unwrap();
     let with = |kp: &'static str| ["check", "m.toml", "--model", "model.toml", "--set", kp];
     let quiet = success(folder.path(), &with("axis.boom.control.kp=25"));
-    assert!(quiet.contains("boom") && quiet.contains("fallback") && !quiet.contains("warning: axis.boom"), "{quiet}");
+    assert!(
+        quiet.contains("boom") && quiet.contains("fallback") && !quiet.contains("warning: axis.boom.control"),
+        "{quiet}"
+    );
     let short = success(folder.path(), &with("axis.boom.control.kp=40"));
     assert!(short.contains("warning: axis.boom.control.kp: found 40.000 1/m, a gain margin of 1.4"), "{short}");
     let steep = success(folder.path(), &with("axis.boom.control.kp=60"));

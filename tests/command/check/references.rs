@@ -87,6 +87,7 @@ fn the_references_of_the_shipped_machines_are_not_warned_of() {
         let is_short = text.contains("warning: supply.flow: found 1.000e-2 m3/s, and references that together ask for");
         assert_eq!(is_short, machine == "four-axes.toml", "{text}");
     }
+    // The built-in machine comes with its model, whose margins are judged as well.
     let text = success(folder.path(), &["check"]);
-    assert!(!text.contains("warning"), "{text}");
+    assert!(!text.contains(".reference") && !text.contains("warning: supply"), "{text}");
 }

@@ -1,9 +1,17 @@
 //! The modes off, manual, hold, track and commission, and the changes between them.
 
 use pipeline::message::{AxisMode, AxisRequest, ControlMode, EncoderSample, Request, ValveCommand, control_flag};
+use pipeline::{
+    hammerstein::Coefficients,
+    machine::{Commissioned, DeadBand, Law, SmithSettings},
+};
 use proptest::prelude::*;
 
-use super::{Loop, SINES, machine, machine_with, models::actuator, sample, snapshot};
+use super::{
+    Loop, SINES, machine, machine_with,
+    models::{actuator, commissioned},
+    sample, snapshot,
+};
 use crate::Controller;
 
 /// Largest change of the command from tick to tick by a request.
@@ -17,8 +25,8 @@ pub struct Operated {
     session: u64,
     number: u64,
     pub(super) enable: u32,
-    /// Whether snapshots with a model come.
-    is_modelled: bool,
+    /// The model of the snapshots, if any come.
+    model: Option<Coefficients>,
 }
 
 impl Operated {
@@ -30,13 +38,13 @@ impl Operated {
     fn modelled() -> Self {
         let mut operated = Self::new();
         operated.axis.plant = super::plant::Actuator::new(0.6, 0.0);
-        Self { is_modelled: true, ..operated }
+        Self { model: Some(actuator()), ..operated }
     }
 
     fn of(machine: &pipeline::machine::Machine) -> Self {
         let mut axis = Loop::new(machine, 0.05);
         axis.controller = Controller::new(machine).unwrap();
-        Self { axis, session: 1, number: 0, enable: 0, is_modelled: false }
+        Self { axis, session: 1, number: 0, enable: 0, model: None }
     }
 
     /// The next message of the program, made from the newest sample.
@@ -77,7 +85,7 @@ impl Operated {
     }
 
     fn tick(&mut self) -> ValveCommand {
-        let fresh = self.is_modelled.then(|| snapshot(self.axis.sequence.saturating_sub(1), actuator()));
+        let fresh = self.model.map(|model| snapshot(self.axis.sequence.saturating_sub(1), model));
         self.axis.tick(fresh.as_ref())
     }
 
@@ -346,6 +354,35 @@ fn a_motion_in_manual_is_braked_by_the_next_mode() {
         assert!((0.02..0.15).contains(&way), "{way} m");
         assert_eq!(commands[399].axes[0].command, 0.0);
     }
+}
+
+/// A Smith predictor foresees the position from the commands of all modes. One that had not seen a motion in manual would
+/// brake the axis late and by too much.
+#[test]
+fn a_smith_predictor_has_seen_the_motion_in_manual() {
+    let mut machine = machine_with(SINES, "kind = \"hold\"\n");
+    let axis = &mut machine.axes[0];
+    // The plant of `modelled`, which has no dead band.
+    let (none, speeds) = (DeadBand { extend: 0.0, retract: 0.0 }, vec![0.06, 0.6]);
+    axis.commissioned = Some(Commissioned {
+        dead_band: none,
+        openings: vec![0.1, 1.0],
+        speeds_extend: speeds.clone(),
+        speeds_retract: speeds,
+        ..commissioned()
+    });
+    axis.control.dead_band = none;
+    axis.control.feedforward = true;
+    axis.control.law = Law::Smith(SmithSettings { kp: 12.0, ki: 0.0, observer_time: 0.1 });
+    let mut operated = Operated { model: Some(actuator()), ..Operated::of(&machine) };
+    operated.axis.plant = super::plant::Actuator::new(0.3, 0.0);
+    operated.enable(AxisMode::Hold);
+    operated.asks(100, AxisMode::Hold, 0.0, None);
+    operated.asks(150, AxisMode::Manual, 0.5, None);
+    let commands = operated.asks(400, AxisMode::Hold, 0.0, None);
+    let by_model = commands.iter().filter(|command| command.axes[0].mode == ControlMode::Model as u32).count();
+    let errors = commands.iter().map(|command| command.axes[0].error.abs()).fold(0.0, f64::max);
+    assert!(by_model > 200 && errors < 0.02, "{by_model} ticks by the model, {errors} m behind");
 }
 
 proptest! {

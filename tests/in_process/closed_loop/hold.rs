@@ -193,15 +193,17 @@ fn the_model_is_not_steady_yet_where_the_valve_changes() {
 }
 
 /// Axes that are not steady under the Smith predictor.
-const SMITH_DEFECTS: [&str; 8] = [
-    "dead-band-drift telescope", // 80 %, within 0.43 mm, 9 reversals
-    "dead-band-drift bucket",    // 71 %, 0.58 mm
-    "valve-wear boom",           // 98 %, 0.67 mm, travel 1.18 mm
-    "valve-wear arm",            // 69 %, 2.31 mm, 44 reversals; the fallback 73 %, 1.88 mm, 20
-    "valve-wear telescope",      // 52 %, 1.42 mm, 84 reversals; the fallback 54 %, 1.75 mm, 38
-    "valve-wear bucket",         // 62 %, 1.81 mm, 52 reversals; the fallback 58 %, 2.13 mm, 28
-    "everything boom",           // 68 %, 0.60 mm
-    "everything bucket",         // 53 %, 0.61 mm
+const SMITH_DEFECTS: [&str; 10] = [
+    "dead-band-drift arm",       // 84 %, within 0.40 mm; the fallback 100 %
+    "dead-band-drift telescope", // 72 %, 0.45 mm
+    "dead-band-drift bucket",    // 68 %, 0.66 mm
+    "valve-wear boom",           // 97 %, 0.70 mm, 20 reversals
+    "valve-wear arm",            // 73 %, 1.96 mm, 48 reversals; the fallback 73 %, 1.88 mm, 20
+    "valve-wear telescope",      // 54 %, 1.39 mm, 94 reversals; the fallback 54 %, 1.75 mm, 38
+    "valve-wear bucket",         // 61 %, 2.28 mm, 16 reversals; the fallback 58 %, 2.13 mm, 28
+    "everything boom",           // 72 %, 0.62 mm
+    "everything arm",            // 90 %, 0.53 mm; the fallback 100 %
+    "everything bucket",         // 49 %, 0.64 mm
 ];
 
 /// A known defect: with grown dead bands and worn valves, axes under the Smith predictor are not steady.

@@ -1,9 +1,9 @@
 //! The modes off, manual, hold, track and commission, and the changes between them.
 
-use pipeline::message::{AxisMode, AxisRequest, ControlMode, EncoderSample, Request, ValveCommand, control_flag};
 use pipeline::{
     hammerstein::Coefficients,
     machine::{Commissioned, DeadBand, Law, SmithSettings},
+    message::{AxisMode, AxisRequest, ControlMode, EncoderSample, Request, ValveCommand, control_flag},
 };
 use proptest::prelude::*;
 
@@ -356,8 +356,8 @@ fn a_motion_in_manual_is_braked_by_the_next_mode() {
     }
 }
 
-/// A Smith predictor foresees the position from the commands of all modes. One that had not seen a motion in manual would
-/// brake the axis late and by too much.
+/// A Smith predictor foresees the position from the commands of all modes. One that had not seen a motion in manual
+/// would brake the axis late and by too much.
 #[test]
 fn a_smith_predictor_has_seen_the_motion_in_manual() {
     let mut machine = machine_with(SINES, "kind = \"hold\"\n");

@@ -21,7 +21,7 @@ pub struct LoopMargins {
     pub mean_gain_margin: f64,
     /// Additional dead time at which the loop swings.
     pub delay_margin_s: f64,
-    /// The same as a part of the dead time.
+    /// The delay margin as a part of the dead time.
     pub delay_margin: f64,
     /// Phase margin.
     pub phase_margin_degrees: f64,

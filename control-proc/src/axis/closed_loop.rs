@@ -11,7 +11,7 @@ use super::{
     decision::{Commander, Decision},
 };
 use crate::{
-    model::{age::Age, gate::ModelAnswer, shadow::Shadow},
+    model::{age::Age, gate::ModelAnswer},
     protection::{following_error::Deviation, limits::Limits},
     reference::ReferenceStatus,
 };
@@ -55,10 +55,7 @@ impl AxisController {
         let stand = self.standstill.update(input.elapsed, deviation.error, positions, last.command, integrates);
         let commander = Commander::choose(admission.command, stand);
         if !matches!(commander, Commander::Model(_)) {
-            self.law.discard();
-            if let Some(memory) = self.shadow.as_mut().and_then(Shadow::stop) {
-                self.fallback.restore(memory);
-            }
+            self.law.discard().into_iter().for_each(|memory| self.fallback.restore(memory));
         }
         let (wanted, by) = match commander {
             Commander::Rest(by) => (0.0, by),
@@ -97,8 +94,12 @@ impl AxisController {
 
     /// The following error that the fallback would have now, m, while the model commands.
     fn shadowed(&mut self, error: f64, last: &Decision, limits: &Limits) -> Option<f64> {
-        let shadow = self.shadow.as_mut().filter(|_| last.by == ControlMode::Model)?;
-        Some(shadow.update(error, self.references.positions(), self.fallback.memory(), last.command, limits))
+        let (references, memory) = (self.references.positions(), self.fallback.memory());
+        if last.by == ControlMode::Model {
+            self.law.shadowed(error, references, last.command, memory, limits)
+        } else {
+            None
+        }
     }
 
     /// The command of the fallback at an error of `error` m.

@@ -3,7 +3,8 @@
 use pipeline::machine::{Axis, ModelChoice};
 
 use crate::{
-    model::{gate::ModelAnswer, judge::Approved},
+    fallback::Memory,
+    model::{gate::ModelAnswer, judge::Approved, shadow::Shadow},
     predictive::{Predictive, history::History},
     protection::limits::Limits,
     smith::Smith,
@@ -15,14 +16,20 @@ pub enum ModelLaw {
     /// [`crate::predictive`].
     Predictive(Box<Predictive>),
     /// [`crate::smith`].
-    Smith(Box<Smith>),
+    Smith {
+        /// The controller.
+        controller: Box<Smith>,
+        /// The fallback beside it.
+        shadow: Box<Shadow>,
+    },
 }
 
 impl ModelLaw {
     /// Of `axis`; `period` in s.
     pub fn new(axis: &Axis, period: f64) -> Self {
-        if let Some(smith) = Smith::of(axis, period) {
-            return Self::Smith(Box::new(smith));
+        if let (Some(smith), Some(model)) = (Smith::of(axis, period), &axis.commissioned) {
+            let shadow = Box::new(Shadow::new(axis, model, period));
+            return Self::Smith { controller: Box::new(smith), shadow };
         }
         let plan = axis.control.plan.plan(axis.commissioned.as_ref(), period);
         Self::Predictive(Box::new(Predictive::new(plan, axis.soft_limits, period)))
@@ -43,14 +50,15 @@ impl ModelLaw {
     pub fn integrates(&self) -> bool {
         match self {
             Self::Predictive(_) => true,
-            Self::Smith(smith) => smith.integrates(),
+            Self::Smith { controller, .. } => controller.integrates(),
         }
     }
 
     /// Forgets the past: the axis begins to follow, from rest.
     pub fn begin(&mut self) {
-        if let Self::Smith(smith) = self {
-            smith.reset();
+        if let Self::Smith { controller, shadow } = self {
+            controller.reset();
+            shadow.stop();
         }
     }
 
@@ -64,8 +72,8 @@ impl ModelLaw {
     /// Takes in the position of a tick, m, `elapsed` ticks after the last one; `command` has been on the valve since.
     /// To be called at every tick with a position, whoever commands.
     pub fn observe(&mut self, elapsed: u64, position: f64, command: f64) {
-        if let Self::Smith(smith) = self {
-            smith.observe(elapsed, position, command);
+        if let Self::Smith { controller, shadow } = self {
+            shadow.advance(elapsed, controller.observe(elapsed, position, command));
         }
     }
 
@@ -82,18 +90,41 @@ impl ModelLaw {
     ) -> ModelAnswer {
         let command = match self {
             Self::Predictive(controller) => controller.update(model, limits, history, references),
-            Self::Smith(smith) => {
-                smith.limit(limits.magnitude);
-                smith.update(Some(model).filter(|_| !is_cautious), references, last, goes_on)
+            Self::Smith { controller, .. } => {
+                controller.limit(limits.magnitude);
+                controller.update(Some(model).filter(|_| !is_cautious), references, last, goes_on)
             }
         };
         command.map_or(ModelAnswer::NoCommand, ModelAnswer::Command)
     }
 
-    /// The last command was not sent.
-    pub fn discard(&mut self) {
-        if let Self::Smith(smith) = self {
-            smith.discard();
+    /// The following error that the fallback would have in the place of this law, m, where that is known. To be called
+    /// at every tick after this law has made the command `last`; `error` is the one under it, m, and `memory` what the
+    /// fallback remembers.
+    pub fn shadowed(
+        &mut self,
+        error: f64,
+        references: &[f64],
+        last: f64,
+        memory: Memory,
+        limits: &Limits,
+    ) -> Option<f64> {
+        match self {
+            Self::Predictive(_) => None,
+            Self::Smith { controller, shadow } => {
+                Some(shadow.update(error, references, (last, controller.expected()), memory, limits))
+            }
+        }
+    }
+
+    /// The last command was not sent. What the fallback in the shadow remembers, if it ran.
+    pub fn discard(&mut self) -> Option<Memory> {
+        match self {
+            Self::Predictive(_) => None,
+            Self::Smith { controller, shadow } => {
+                controller.discard();
+                shadow.stop()
+            }
         }
     }
 
@@ -101,7 +132,7 @@ impl ModelLaw {
     pub fn bridge(&mut self, model: &Approved<'_>, history: &History) -> Option<f64> {
         match self {
             Self::Predictive(controller) => controller.bridge(model, history),
-            Self::Smith(_) => None,
+            Self::Smith { .. } => None,
         }
     }
 
@@ -109,7 +140,7 @@ impl ModelLaw {
     pub fn unsolved(&self) -> (u64, u64) {
         match self {
             Self::Predictive(controller) => (controller.unsolved(), controller.unsolved_in_a_row()),
-            Self::Smith(_) => (0, 0),
+            Self::Smith { .. } => (0, 0),
         }
     }
 }

@@ -61,7 +61,7 @@ use pipeline::{
 
 use crate::{
     fallback::Fallback,
-    model::{gate::Gate, shadow::Shadow},
+    model::gate::Gate,
     protection::Protection,
     reference::{References, generator::ReferenceGenerator},
     standstill::Standstill,
@@ -106,8 +106,6 @@ pub struct AxisController {
     references: References,
     law: ModelLaw,
     fallback: Fallback,
-    /// Of a Smith predictor.
-    shadow: Option<Shadow>,
     standstill: Standstill,
     protection: Protection,
     tracking: Tracking,
@@ -123,7 +121,6 @@ impl AxisController {
         let fallback = Fallback::new(control, axis.commissioned.as_ref(), period);
         let law = ModelLaw::new(axis, period);
         let ahead = ModelLaw::ahead(axis, period).max(fallback.ahead());
-        let commissioned = axis.commissioned.as_ref().filter(|_| matches!(law, ModelLaw::Smith(_)));
         Self {
             operation: Operation::new(index, axis, timing),
             state: StateMachine::new(timing),
@@ -132,7 +129,6 @@ impl AxisController {
             references: References::new(index, axis, period, ahead),
             law,
             fallback,
-            shadow: commissioned.map(|model| Shadow::new(axis, model, period)),
             standstill: Standstill::new(axis, period),
             protection: Protection::new(axis, period),
             tracking: Tracking::default(),
@@ -179,7 +175,6 @@ impl AxisController {
     fn decide(&mut self, input: &AxisInput<'_>, observation: &Observation, snapshot_flags: u32) {
         if let Some(position) = observation.position {
             self.law.observe(observation.missing + 1, position, self.decision.command);
-            self.shadow.iter_mut().for_each(|shadow| shadow.observe(observation.missing + 1, self.decision.command));
         }
         match (self.state.current(), observation.position) {
             (State::Following, Some(position)) if self.operation.mode.is_direct() => {
@@ -245,7 +240,6 @@ impl AxisController {
     fn begin(&mut self, input: &AxisInput<'_>, position: f64) {
         self.gate.begin();
         self.law.begin();
-        self.shadow.iter_mut().for_each(Shadow::reset);
         self.fallback.reset();
         self.standstill.reset();
         self.protection.reset();

@@ -22,10 +22,8 @@ use crate::{
 #[derive(Debug, Clone)]
 pub struct Shadow {
     fallback: Fallback,
-    /// Of the commands on the valve.
-    actual: ExpectedMotion,
     /// Of u_s.
-    own: ExpectedMotion,
+    expected: ExpectedMotion,
     /// u_s, while the shadow runs.
     command: Option<f64>,
     /// Y_s - Y, m.
@@ -35,20 +33,12 @@ pub struct Shadow {
 impl Shadow {
     /// Of `axis` with the commissioned model `model`; `period` in s.
     pub fn new(axis: &Axis, model: &Commissioned, period: f64) -> Self {
-        let expected = ExpectedMotion::new(model, period);
         Self {
             fallback: Fallback::new(&axis.control, Some(model), period),
-            actual: expected.clone(),
-            own: expected,
+            expected: ExpectedMotion::new(model, period),
             command: None,
             ahead: 0.0,
         }
-    }
-
-    /// Forgets the past: the axis stands, and the spool is in the middle.
-    pub fn reset(&mut self) {
-        self.actual.reset();
-        self.stop();
     }
 
     /// The shadow ends: the model does not command. What the fallback remembers, if the shadow ran.
@@ -56,21 +46,26 @@ impl Shadow {
         self.command.take().map(|_| self.fallback.memory())
     }
 
-    /// Takes in that `command` has been on the valve for the last `elapsed` ticks. To be called at every tick with a
-    /// position, whoever commands.
-    pub fn observe(&mut self, elapsed: u64, command: f64) {
-        let moved = self.actual.advance(elapsed, command);
-        if let Some(own) = self.command {
-            self.ahead += self.own.advance(elapsed, own) - moved;
+    /// Goes on by `elapsed` ticks, in which the model expected a way of `moved` m of the commands on the valve.
+    pub fn advance(&mut self, elapsed: u64, moved: f64) {
+        if let Some(command) = self.command {
+            self.ahead += self.expected.advance(elapsed, command) - moved;
         }
     }
 
     /// e_s, m, at a following error of `error` m under the model, with `references` in m from this tick on. `last` is
-    /// on the valve, and `memory` is what the fallback remembers.
-    pub fn update(&mut self, error: f64, references: &[f64], memory: Memory, last: f64, limits: &Limits) -> f64 {
+    /// on the valve, `actual` what the model expects of the commands there, and `memory` what the fallback remembers.
+    pub fn update(
+        &mut self,
+        error: f64,
+        references: &[f64],
+        (last, actual): (f64, &ExpectedMotion),
+        memory: Memory,
+        limits: &Limits,
+    ) -> f64 {
         let forward = self.fallback.forward(references);
         let command = self.command.unwrap_or_else(|| {
-            self.own.follow(&self.actual);
+            self.expected.follow(actual);
             self.ahead = 0.0;
             self.fallback.restore(memory);
             self.fallback.resume(last, error, forward);

@@ -66,7 +66,7 @@ pub enum Confidence {
 /// Where the model stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Phase {
-    /// It may control, with [`Supervision::is_cautious`] or without.
+    /// It may control, with caution while [`Supervision::cautious`] lasts.
     Trusted,
     /// The fallback is measured. What the model had, whether it swung, and the time since the trial began, s.
     Trial(Squares, bool, f64),

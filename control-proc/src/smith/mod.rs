@@ -37,7 +37,7 @@ use observer::Observer;
 
 use crate::{
     fallback::{Fallback, Memory},
-    model::judge::Approved,
+    model::{expected::ExpectedMotion, judge::Approved},
 };
 
 /// The Smith predictor of one axis.
@@ -93,8 +93,14 @@ impl Smith {
 
     /// Takes in the position of a tick, m, `elapsed` ticks after the last one; `command` has been on the valve since.
     /// To be called at every tick with a position, whoever controls.
-    pub fn observe(&mut self, elapsed: u64, position: f64, command: f64) {
-        self.observer.update(elapsed, position, command);
+    /// The way in m that the commissioned model expected since.
+    pub fn observe(&mut self, elapsed: u64, position: f64, command: f64) -> f64 {
+        self.observer.update(elapsed, position, command)
+    }
+
+    /// What the commissioned model expects of the commands on the valve.
+    pub fn expected(&self) -> &ExpectedMotion {
+        self.observer.expected()
     }
 
     /// The command for references in m, from this tick on, after the command `last`; with the curve of `adapted`, if

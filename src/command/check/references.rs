@@ -25,7 +25,8 @@ const LONG: f64 = 600.0;
 const MOST_POINTS: f64 = 1e6;
 /// Speed, m/s, by which a reference may exceed that of the axis: less is rounding.
 const ROUNDING: f64 = 1e-6;
-/// The same at a soft limit: a reference that ends at its limit has some speed in the last tick.
+/// Speed, m/s, by which a reference may exceed that of the soft stop: one that ends at its limit has some speed in the
+/// last tick.
 const CREEP: f64 = 0.01;
 
 /// What a reference asks for at one time.

@@ -76,7 +76,7 @@ struct WrongRow {
     task: &'static str,
     /// Ratios of the rms errors and of the largest errors, by the fallback with the wrong model.
     by_wrong: (f64, f64),
-    /// The same ratios by the fallback with the right model.
+    /// Ratios of the rms errors and of the largest errors, by the fallback with the right model.
     by_right: (f64, f64),
     /// Time from the first tick by the model to the first at which it was said to be worse than the fallback, s.
     noticed_s: Option<f64>,

@@ -163,7 +163,10 @@ fn read_law(section: &mut Section, name: &str, commissioned: Option<&Commissione
         section.refuse("law", found, format!("\"predictive\", or up to {MAX_DELAY} periods, {longest} s"));
     }
     let Some(kp) = kp else {
-        section.refuse("smith_kp", "nothing", "a gain in 1/m, from 0 to 10000, where law is \"smith\"");
+        // A gain that is present was refused when it was read.
+        if !section.is_present("smith_kp") {
+            section.refuse("smith_kp", "nothing", "a gain in 1/m, from 0 to 10000, where law is \"smith\"");
+        }
         return Law::Predictive;
     };
     let usual = model.observer_time(period.as_secs_f64());

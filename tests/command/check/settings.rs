@@ -2,7 +2,7 @@
 
 use super::{
     EXCAVATOR,
-    cli::{expect_refusal, success},
+    cli::{expect_refusal, refusal, success},
     expect_four_axes, folder_with, replaced,
 };
 
@@ -90,12 +90,38 @@ fn settings_that_their_keys_do_not_take_are_refused() {
 }
 
 #[test]
-fn a_setting_of_an_unknown_key_is_refused() {
+fn a_setting_of_an_unknown_key_is_refused_with_the_keys_of_its_table() {
     let folder = tempfile::tempdir().unwrap();
-    for key in ["axis.boom.kq", "axis.crane.stroke", "axis.boom.reference.sines[9].phase"] {
-        let expected = format!("--set {key}: found an unknown key; allowed: a key of the machine file, not a table");
-        expect_refusal(folder.path(), &check_with(&format!("{key}=3")), &[&expected]);
+    for (key, expected) in [
+        ("axis.boom.kq", "--set axis.boom.kq: found an unknown key; allowed: one of columns, commissioned, control,"),
+        ("axis.boom.control.kq", "--set axis.boom.control.kq: found an unknown key; allowed: one of command_limit,"),
+        ("axis.crane.stroke", "--set axis.crane: found an unknown key; allowed: one of arm, boom, bucket, telescope"),
+        ("axis.boom.reference.sines[9].phase", "--set axis.boom.reference.sines[9]: found an unknown key; allowed:"),
+        ("controler", "--set controler: found an unknown key; allowed: one of axis, fuzzy,"),
+        ("axis.boom", "--set axis.boom: found an unknown key; allowed: a key of the machine file, not a table"),
+    ] {
+        let error = refusal(folder.path(), &check_with(&format!("{key}=3")));
+        assert!(error.contains(expected) && error.lines().count() == 1, "{key}: {error}");
     }
+}
+
+#[test]
+fn a_setting_in_the_wrong_table_is_refused_with_the_keys_of_that_name() {
+    let folder = tempfile::tempdir().unwrap();
+    for (setting, expected) in [
+        ("axis.boom.kp=3", "reference, soft_limits, stroke; or axis.boom.control.kp\n"),
+        ("kp=3", "timing; or axis.boom.control.kp, axis.arm.control.kp, axis.telescope.control.kp, axis.bucket."),
+    ] {
+        expect_refusal(folder.path(), &check_with(setting), &[expected]);
+    }
+}
+
+#[test]
+fn a_bad_gain_of_the_smith_predictor_is_refused_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = refusal(folder.path(), &check_with("axis.arm.control.smith_kp=-1"));
+    let expected = "axis.arm.control.smith_kp: found -1 (from the command line); allowed: a number from 0 to 10000 1/m";
+    assert!(error.contains(expected) && error.lines().count() == 1, "{error}");
 }
 
 #[test]

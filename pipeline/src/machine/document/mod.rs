@@ -62,6 +62,8 @@ pub(super) struct Document<'i> {
     problems: RefCell<Vec<Problem>>,
     /// What was read, with words for what is allowed where that depends on other keys.
     values: RefCell<Vec<(EffectiveValue, Option<String>)>>,
+    /// Path and known keys of each table that was read.
+    tables: RefCell<Vec<(String, Vec<String>)>>,
 }
 
 impl<'i> Document<'i> {
@@ -75,6 +77,7 @@ impl<'i> Document<'i> {
             grammar: Vec::new(),
             problems: RefCell::default(),
             values: RefCell::default(),
+            tables: RefCell::default(),
         };
         for error in errors {
             let (line, at) = match error.span() {
@@ -136,15 +139,41 @@ impl<'i> Document<'i> {
             return Err(MachineError { file: file.to_owned(), problems: self.grammar });
         }
         for setting in self.settings.borrow().iter().filter(|setting| !setting.used) {
+            let (key, allowed) = self.unknown(&setting.path);
             let (key, found) = match setting.origin {
-                Origin::CommandLine => (format!("--set {}", setting.path), "an unknown key".to_owned()),
-                _ => (setting.path.clone(), setting.origin.of("an unknown key".to_owned())),
+                Origin::CommandLine => (format!("--set {key}"), "an unknown key".to_owned()),
+                _ => (key, setting.origin.of("an unknown key".to_owned())),
             };
-            self.problem(None, key, found, "a key of the machine file, not a table");
+            // A whole table that is unknown is one problem.
+            if !self.problems.borrow().iter().any(|problem| problem.key == key) {
+                self.problem(None, key, found, allowed);
+            }
         }
         let mut problems = self.problems.into_inner();
         problems.sort_by_key(|problem| problem.line.unwrap_or(usize::MAX));
         if problems.is_empty() { Ok(value) } else { Err(MachineError { file: file.to_owned(), problems }) }
+    }
+
+    /// The first part of a setting's path that is unknown, and the keys of the table that should have it.
+    fn unknown(&self, path: &str) -> (String, String) {
+        let tables = self.tables.borrow();
+        let below =
+            |table: &str| if table.is_empty() { Some(path) } else { path.strip_prefix(table)?.strip_prefix('.') };
+        let deepest = tables.iter().filter(|(table, _)| below(table).is_some()).max_by_key(|(table, _)| table.len());
+        let whole = || (path.to_owned(), "a key of the machine file, not a table".to_owned());
+        let Some((table, known)) = deepest else { return whole() };
+        let rest = below(table).unwrap_or_default();
+        let name = rest.split('.').next().unwrap_or_default();
+        if known.iter().any(|known| known == name) {
+            return whole();
+        }
+        let end = path.rsplit('.').next().unwrap_or_default();
+        let values = self.values.borrow();
+        let has_name = |key: &&str| key.starts_with(table.as_str()) && key.rsplit('.').next() == Some(end);
+        let others: Vec<&str> = values.iter().map(|(value, _)| value.key.as_str()).filter(has_name).collect();
+        let others = if others.is_empty() { String::new() } else { format!("; or {}", others.join(", ")) };
+        let unknown = path.len() - rest.len() + name.len();
+        (path[..unknown].to_owned(), format!("one of {}{others}", known.join(", ")))
     }
 
     /// Every value of the document with its full key and its line, as settings for another document.

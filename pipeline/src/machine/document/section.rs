@@ -183,13 +183,14 @@ impl<'d, 'i> Section<'d, 'i> {
 
     /// Ends the reading: a key that was not asked for is unknown.
     pub fn finish(self) {
+        let known: Vec<String> = self.asked.iter().cloned().collect();
         for key in self.table.into_iter().flat_map(|table| table.keys()) {
             if !self.asked.contains(key.get_ref().as_ref()) && !self.renamed.contains(key.get_ref().as_ref()) {
-                let known: Vec<&str> = self.asked.iter().map(String::as_str).collect();
                 let line = Some(self.document.line(key.span().start));
                 let allowed = format!("one of {}", known.join(", "));
                 self.document.problem(line, self.path_of(key.get_ref()), "an unknown key", allowed);
             }
         }
+        self.document.tables.borrow_mut().push((self.path, known));
     }
 }

@@ -108,6 +108,7 @@ fn a_speed_beyond_the_bound_ends_the_experiment() {
     });
     let Abort::Speed { found, allowed } = reason else { panic!("{reason}") };
     assert!(found > allowed && (allowed - 1.5 * 0.25).abs() < 1e-12, "{reason}");
+    assert!(reason.to_string().contains("a greater --speed"), "{reason}");
 }
 
 #[test]
@@ -118,6 +119,7 @@ fn a_creep_out_of_the_window_ends_the_experiment() {
     let Abort::Window { position, .. } = reason else { panic!("{reason}") };
     let ((_, high), margin) = experiment.window();
     assert!(position > high + margin && position < high + margin + 0.01, "{reason}");
+    assert!(reason.to_string().ends_with("a wider --travel or a smaller --speed"), "{reason}");
 }
 
 #[test]
@@ -126,7 +128,8 @@ fn an_axis_outside_its_soft_limits_does_not_begin_the_experiment() {
         servo.position = 0.03;
         sample.position = 0.03;
     });
-    assert!(matches!(reason, Abort::Window { .. }), "{reason}");
+    assert!(matches!(reason, Abort::Start { .. }), "{reason}");
+    assert!(reason.to_string().contains("the soft_limits: move the axis there with `hydraxis operate`"), "{reason}");
     assert!(experiment.record().commands.iter().all(|command| *command == 0.0));
 }
 
@@ -134,7 +137,7 @@ fn an_axis_outside_its_soft_limits_does_not_begin_the_experiment() {
 fn without_motion_the_abort_asks_for_the_pump() {
     let (reason, experiment) = abort(&ExperimentOptions::default(), |_, servo, _| servo.gain = 0.0);
     assert_eq!(reason, Abort::NoMotion { extend: true, level: 0.6 });
-    assert!(reason.to_string().contains("is the pump on?"), "{reason}");
+    assert!(reason.to_string().contains("is the pump on, and control.command_limit beyond"), "{reason}");
     assert!(experiment.record().commands.iter().all(|command| command.abs() <= 0.6));
     // A pump that fails later.
     let (reason, _) = abort(&ExperimentOptions::default(), |phase, servo, _| {
@@ -205,10 +208,10 @@ fn one_or_two_missing_samples_are_bridged() {
 #[test]
 fn a_window_that_is_too_small_and_a_time_that_is_too_short_are_refused() {
     let (reason, _) = abort(&ExperimentOptions { travel: Some(0.01), ..ExperimentOptions::default() }, |_, _, _| ());
-    assert!(matches!(reason, Abort::TooSmall { .. }), "{reason}");
+    assert!(matches!(reason, Abort::TooSmall { .. }) && reason.to_string().contains("a wider --travel"), "{reason}");
     let (reason, _) =
         abort(&ExperimentOptions { duration: Duration::from_secs(12), ..ExperimentOptions::default() }, |_, _, _| ());
-    assert!(matches!(reason, Abort::TooShort { .. }), "{reason}");
+    assert!(matches!(reason, Abort::TooShort { .. }) && reason.to_string().contains("a longer --duration"), "{reason}");
 }
 
 #[test]

@@ -33,7 +33,9 @@ pub fn commission_live(
 ) -> Result<Vec<(Commissioned, ExperimentRecord)>, Failure> {
     let mut operator = Operator::join(machine, prefix, stop)?;
     let all: Vec<usize> = (0..machine.axes.len()).collect();
-    let one = |axis: &usize| commission(machine, *axis, &all, &mut operator, options, |p, part| show(*axis, p, part));
+    let one = |axis: &usize| {
+        commission(machine, *axis, &all, prefix, &mut operator, options, |phase, part| show(*axis, phase, part))
+    };
     let found: Result<Vec<_>, Failure> = axes.iter().map(one).collect();
     // The axes are disarmed after a failure as well.
     let disarmed = operator.disarm(&all);
@@ -46,6 +48,7 @@ fn commission(
     machine: &Machine,
     axis: usize,
     all: &[usize],
+    prefix: &Prefix,
     operator: &mut Operator,
     options: &ExperimentOptions,
     mut show: impl FnMut(Phase, f64),
@@ -73,7 +76,9 @@ fn commission(
             if operator.last(axis).is_some_and(|last| last.operation != AxisMode::Commission as u32) {
                 let reason = operator.state(axis);
                 operator.disarm(all)?;
-                return Err(ended(format!("found {reason}; allowed: commission, all the time")));
+                return Err(ended(format!(
+                    "found {reason}; allowed: commission, all the time: `hydraxis status --prefix {prefix}` says more"
+                )));
             }
             show(experiment.phase(), experiment.progress());
         }

@@ -78,7 +78,7 @@ const SEARCHES: usize = 2;
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum AnalysisError {
     /// The record is too short.
-    #[error("record: found {found:.1} s; allowed: at least {needed:.1} s")]
+    #[error("record: found {found:.1} s; allowed: at least {needed:.1} s: a longer --duration")]
     TooShort {
         /// s.
         found: f64,
@@ -86,7 +86,10 @@ pub enum AnalysisError {
         needed: f64,
     },
     /// Nothing in the record moves.
-    #[error("record: found no motion that follows the commands in both directions")]
+    #[error(
+        "record: found no motion that follows the commands in both directions: a longer --duration, a wider --travel or \
+         a greater --speed"
+    )]
     NoMotion,
 }
 

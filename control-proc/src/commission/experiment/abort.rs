@@ -28,6 +28,13 @@ pub enum Abort {
         /// m.
         margin: f64,
     },
+    /// Outside the soft limits before the experiment.
+    Start {
+        /// m.
+        position: f64,
+        /// m.
+        soft_limits: (f64, f64),
+    },
     /// Faster than the speed bound allows.
     Speed {
         /// m/s.
@@ -80,12 +87,27 @@ impl fmt::Display for Abort {
                 let names = sample_fault::NAMES.iter().enumerate().filter(|(bit, _)| faults & (1 << bit) != 0);
                 let names: Vec<&str> = names.map(|(_, name)| *name).collect();
                 write!(f, "feedback: found no usable position ({}); allowed: fewer than ", names.join(", "))?;
-                write!(f, "{UNUSABLE_LIMIT} in a row, and none out of range")
+                write!(
+                    f,
+                    "{UNUSABLE_LIMIT} in a row, and none out of range: are the sensor and the axis' keys stroke, "
+                )?;
+                write!(f, "max_speed and encoder right?")
             }
-            Self::Window { position, window: (low, high), margin } => {
-                write!(f, "position: found {position:.4} m; allowed: {low:.4} to {high:.4} m, and {margin:.4} m beyond")
-            }
-            Self::Speed { found, allowed } => write!(f, "speed: found {found:.4} m/s; allowed: up to {allowed:.4} m/s"),
+            Self::Window { position, window: (low, high), margin } => write!(
+                f,
+                "position: found {position:.4} m; allowed: {low:.4} to {high:.4} m, and {margin:.4} m beyond: a wider \
+                 --travel or a smaller --speed"
+            ),
+            Self::Start { position, soft_limits: (low, high) } => write!(
+                f,
+                "position: found {position:.4} m; allowed: {low:.4} to {high:.4} m, the soft_limits: move the axis \
+                 there with `hydraxis operate`, or a simulated one by plant.initial_position"
+            ),
+            Self::Speed { found, allowed } => write!(
+                f,
+                "speed: found {found:.4} m/s; allowed: up to {allowed:.4} m/s: a greater --speed, where the axis may \
+                 move so fast"
+            ),
             Self::Against { command, moved, allowed } => write!(
                 f,
                 "direction: found {:+.1} mm under a command of {command:+.3}; allowed: up to {:.1} mm against the \
@@ -102,20 +124,21 @@ impl fmt::Display for Abort {
             ),
             Self::NoMotion { extend, level } => write!(
                 f,
-                "does not {} up to a command of {level:.3}: is the pump on?",
+                "does not {} up to a command of {level:.3}: is the pump on, and control.command_limit beyond the dead \
+                 band?",
                 if extend { "extend" } else { "retract" }
             ),
             Self::TooSmall { travel, needed } => {
                 write!(
                     f,
                     "window: found {travel:.4} m of travel; allowed: at least {needed:.4} m for a motion that the \
-                     encoder shows: a wider window, a start nearer to the middle of the soft limits, or a finer encoder"
+                     encoder shows: a wider --travel, a start nearer to the middle of soft_limits, or a finer encoder"
                 )
             }
             Self::TooShort { duration, needed } => write!(
                 f,
                 "duration: found {duration:.1} s, of which less than {needed:.1} s are left after the strokes; \
-                 allowed: a longer one"
+                 allowed: a longer --duration"
             ),
         }
     }

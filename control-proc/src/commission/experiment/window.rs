@@ -55,7 +55,7 @@ impl Window {
         if (low..=high).contains(&position) {
             Ok(())
         } else {
-            Err(Abort::Window { position, window: self.soft_limits, margin: 0.0 })
+            Err(Abort::Start { position, soft_limits: self.soft_limits })
         }
     }
 

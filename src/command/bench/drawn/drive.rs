@@ -188,6 +188,7 @@ fn reason(error: &SimulatedError) -> &'static str {
         SimulatedError::Aborted(abort) => match abort {
             Abort::Stopped => "stopped",
             Abort::Feedback { .. } => "feedback",
+            Abort::Start { .. } => "start",
             Abort::Window { .. } => "window",
             Abort::Speed { .. } => "speed",
             Abort::Against { .. } => "direction",

@@ -87,8 +87,8 @@ pub enum AnalysisError {
     },
     /// Nothing in the record moves.
     #[error(
-        "record: found no motion that follows the commands in both directions: a longer --duration, a wider --travel or \
-         a greater --speed"
+        "record: found no motion that follows the commands in both directions: a longer --duration, a wider --travel \
+         or a greater --speed"
     )]
     NoMotion,
 }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use pipeline::message::sample_fault;
+use pipeline::message::{bit_names, sample_fault};
 
 /// Way that the axis should have gone while its encoder stood still that ends the experiment, m.
 pub const OWED_DISTANCE: f64 = 0.02;
@@ -84,14 +84,12 @@ impl fmt::Display for Abort {
         match *self {
             Self::Stopped => write!(f, "stopped"),
             Self::Feedback { faults } => {
-                let names = sample_fault::NAMES.iter().enumerate().filter(|(bit, _)| faults & (1 << bit) != 0);
-                let names: Vec<&str> = names.map(|(_, name)| *name).collect();
-                write!(f, "feedback: found no usable position ({}); allowed: fewer than ", names.join(", "))?;
+                let names = bit_names(faults, &sample_fault::NAMES).collect::<Vec<_>>().join(", ");
                 write!(
                     f,
-                    "{UNUSABLE_LIMIT} in a row, and none out of range: are the sensor and the axis' keys stroke, "
-                )?;
-                write!(f, "max_speed and encoder right?")
+                    "feedback: found no usable position ({names}); allowed: fewer than {UNUSABLE_LIMIT} in a row, and \
+                     none out of range: are the sensor and the keys stroke, max_speed and encoder right?"
+                )
             }
             Self::Window { position, window: (low, high), margin } => write!(
                 f,

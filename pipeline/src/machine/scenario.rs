@@ -15,9 +15,6 @@ use super::{
 /// The built-in scenarios.
 const BUILT_IN: &str = include_str!("scenarios.toml");
 
-/// Default: the scenario in which nothing changes.
-const NOMINAL: &str = "nominal";
-
 /// Changes of the simulated machine over time, and the commands of an open-loop experiment.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Scenario {
@@ -231,6 +228,9 @@ pub enum Target {
 }
 
 impl Scenario {
+    /// Name of the default, in which nothing changes.
+    pub const NOMINAL: &str = "nominal";
+
     /// Reads the choice, `scenario`, and the machine's own scenarios. One with the name of a built-in scenario takes
     /// its place.
     pub(super) fn read(root: &mut Section, machine: &Described) -> Self {
@@ -247,7 +247,7 @@ impl Scenario {
         table.finish();
         let choices: Vec<(&str, usize)> =
             scenarios.iter().enumerate().map(|(index, scenario)| (scenario.name.as_str(), index)).collect();
-        let nominal = choices.iter().position(|(name, _)| *name == NOMINAL).unwrap_or_default();
+        let nominal = choices.iter().position(|(name, _)| *name == Self::NOMINAL).unwrap_or_default();
         let chosen = root
             .key(
                 "scenario",

@@ -17,13 +17,13 @@ use control_proc::{
 use pipeline::{
     channel::remove_leftovers,
     hammerstein::MAX_DELAY,
-    machine::{Axis, Commissioned, Control, Law, Machine, Source},
+    machine::{Axis, Commissioned, Control, Law, Machine, Scenario, Source},
 };
 use serde::Serialize;
 
 use super::check;
 use crate::{
-    arguments::{axes, load},
+    arguments::{axes, load_bare},
     failure::Failure,
     group::signals::stop_flag,
     report::{
@@ -48,7 +48,7 @@ const STEPS_PER_AXIS: u64 = 1000;
 
 /// Runs the command.
 pub fn run(arguments: &CommissionArguments) -> Result<(), Failure> {
-    let machine = load(&arguments.machine)?;
+    let machine = load_bare(&arguments.machine.bare, scenario(arguments))?;
     let axes = axes(&machine, &arguments.axes)?;
     expect_possible(arguments, &machine)?;
     let file = ModelFile::new(&arguments.out, arguments.force)?;
@@ -57,22 +57,34 @@ pub fn run(arguments: &CommissionArguments) -> Result<(), Failure> {
     let found = experiment(arguments, &machine, &axes)?;
     file.write(&model_text(&machine, found.iter().map(|found| (found.axis, &found.model, found.control))))?;
     found.iter().for_each(warn);
+    if arguments.prefix.is_none() && !machine.scenario.changes.is_empty() {
+        let Scenario { name, summary, .. } = &machine.scenario;
+        eprintln!("measured under the scenario \"{name}\": {summary}. Without --scenario nothing changes");
+    }
     if let Some(file) = &mut report {
         report::write(file, &machine, &found)?;
     }
     let figures: Vec<AxisCommissioning> = found.iter().map(AxisCommissioning::new).collect();
     output.write(|| tables(&found, &arguments.out), &figures)?;
-    if !arguments.json.as_deref().is_some_and(is_stdout) {
+    let is_good = !found.iter().any(|found| is_poor(&found.model));
+    if is_good && !arguments.json.as_deref().is_some_and(is_stdout) {
         eprintln!("{}", next(arguments));
     }
     Ok(())
+}
+
+/// The scenario of the experiment. That of the machine file is for runs: a machine that changes has no single model.
+fn scenario(arguments: &CommissionArguments) -> Option<&str> {
+    let is_set = arguments.machine.bare.settings.iter().any(|(key, _)| key == "scenario");
+    arguments.machine.scenario.as_deref().or((!is_set).then_some(Scenario::NOMINAL))
 }
 
 /// Refuses a record, a running group without `--enable`, and a machine file with problems.
 fn expect_possible(arguments: &CommissionArguments, machine: &Machine) -> Result<(), Failure> {
     if arguments.prefix.is_none() && machine.source != Source::Sim {
         return Err(Failure::usage(
-            "source.kind: found \"replay\"; allowed: \"sim\": a record cannot be experimented with",
+            "source.kind: found \"replay\"; allowed: \"sim\", or the --prefix of a running group: a record cannot be \
+             experimented with",
         ));
     }
     if let Some(prefix) = arguments.prefix.as_ref().filter(|_| !arguments.enable) {
@@ -111,8 +123,8 @@ impl<'a> Found<'a> {
 fn warn(found: &Found) {
     if is_poor(&found.model) {
         eprintln!(
-            "axis.{}: found a fit of {}; allowed: {POOR_FIT} % and more. Do not control with this model, and look \
-             at the motion of the axis",
+            "axis.{}: found a fit of {}; allowed: {POOR_FIT} % and more. Do not control with this model. Look at the \
+             motion in a --report, and commission again with a longer --duration or a wider --travel",
             found.name,
             percent(found.model.fit_percent)
         );

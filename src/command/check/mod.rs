@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use control_proc::Controller;
-use pipeline::machine::{Machine, Source};
+use pipeline::machine::{Axis, DeadBand, Machine, Source};
 use plant_sim::PlantSim;
 use sensor_proc::{Recording, Replay};
 
@@ -73,6 +73,24 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     Ok(show(&text)?)
 }
 
+/// Why no command within `command_limit` moves the axis in one of its directions, if that is so. A model measured the
+/// dead bands, and a simulated valve has them.
+fn immovable(axis: &Axis, is_simulated: bool) -> Option<String> {
+    let (name, limit) = (&axis.name, axis.control.command_limit);
+    // The dead bands of a model hold half of the hysteresis.
+    let measured = axis.commissioned.iter().map(|model| ("commissioned", model.dead_band, 0.0));
+    let simulated = axis.plant.iter().filter(|_| is_simulated);
+    let all = measured.chain(simulated.map(|plant| ("plant", plant.dead_band, 0.5 * plant.hysteresis)));
+    let ends = all.flat_map(|(table, DeadBand { extend, retract }, more)| {
+        [(table, "extends", extend + more), (table, "retracts", retract + more)]
+    });
+    let (table, direction, end) = ends.filter(|(.., end)| limit <= *end).max_by(|a, b| a.2.total_cmp(&b.2))?;
+    Some(format!(
+        "axis.{name}.control.command_limit: found {limit:.4}, with which the axis never {direction}; allowed: more \
+         than {end:.4}, where the dead band of [axis.{name}.{table}] with half of the hysteresis ends"
+    ))
+}
+
 /// Checks, axis by axis, the files that the machine file names and the values that follow from it: trajectories,
 /// recordings, plants. Returns the rows of the recording if the machine replays one.
 ///
@@ -83,6 +101,7 @@ pub fn deep(machine: &Machine) -> Result<Option<u64>, Failure> {
     for axis in &machine.axes {
         let alone = Machine { axes: vec![axis.clone()], ..machine.clone() };
         problems.extend(Controller::new(&alone).err().map(|error| error.to_string()));
+        problems.extend(immovable(axis, machine.source == Source::Sim));
         match &machine.source {
             // The axes of a mechanism are simulated together only.
             Source::Sim if machine.mechanism.is_some() => {

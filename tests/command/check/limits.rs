@@ -1,10 +1,14 @@
 //! Limits of the motion: their ranges, and the values that follow from the commissioned model.
 
+use std::fs;
+
 use super::{
     EXCAVATOR,
     cli::{expect_refusal, success},
     expect_four_axes,
     explain::value_and_origin,
+    folder_with,
+    model_files::MODEL,
 };
 
 #[test]
@@ -63,4 +67,21 @@ fn limits_follow_from_the_commissioned_model_where_the_machine_file_leaves_them_
         assert_eq!(origin["from"], "derived", "{key}");
         assert!((value.parse::<f64>().unwrap() / expected - 1.0).abs() < 1e-9, "{key}: {value}, expected {expected}");
     }
+}
+
+#[test]
+fn a_command_limit_within_a_dead_band_is_refused() {
+    let folder = folder_with(EXCAVATOR);
+    fs::write(folder.path().join("model.toml"), MODEL.replace("dead_band_retract = 0.08", "dead_band_retract = 0.2"))
+        .unwrap();
+    let check = |limit: &'static str| ["check", "m.toml", "--set", limit];
+    // The simulated valve has a dead band of 0.1 and a hysteresis of 0.01.
+    success(folder.path(), &check("axis.boom.control.command_limit=0.11"));
+    let expected = "axis.boom.control.command_limit: found 0.1040, with which the axis never extends; allowed: more \
+                    than 0.1050, where the dead band of [axis.boom.plant] with half of the hysteresis ends";
+    expect_refusal(folder.path(), &check("axis.boom.control.command_limit=0.104"), &[expected]);
+    let with_model = [&check("axis.boom.control.command_limit=0.2")[..], &["--model", "model.toml"]].concat();
+    let expected = "axis.boom.control.command_limit: found 0.2000, with which the axis never retracts; allowed: more \
+                    than 0.2000, where the dead band of [axis.boom.commissioned] with half of the hysteresis ends";
+    expect_refusal(folder.path(), &with_model, &[expected]);
 }

@@ -121,6 +121,7 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<(M
         let (missing, others) = rights(machine, clock);
         failures.extend(missing);
         warnings = others;
+        warnings.extend(check::foreign(machine));
         warnings.extend(overloads(machine));
     }
     failures.verdict(machine.zip(count)).map(|(machine, ticks)| (machine, ticks, warnings))

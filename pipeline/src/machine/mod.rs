@@ -41,10 +41,10 @@ use document::{Document, Section, Setting};
 
 pub use axis::{
     AngleKind, AngleSensor, Axis, COMPENSATED, Commissioned, Control, DeadBand, Directions, Encoder, Estimator, Form,
-    GREY_BOX_MEMORY, Identification, IdentifiedOutput, Law, LimitSettings, LoadForce, LoadHolding, MAX_HORIZON,
-    MAX_MOVES, MAX_RESPONSE, MOST_POINTS, ModelChoice, MotionLimits, MoveWeight, Plan, PlanSettings, Plant, Ports,
-    PressureTransducers, ReferenceSource, SMITH_MEMORY, SensorErrors, Sine, SmithSettings, Split, ValveCurve,
-    shortest_training,
+    GREY_BOX_MEMORY, Hardware, Identification, IdentifiedOutput, Law, LimitSettings, LoadForce, LoadHolding,
+    MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MOST_POINTS, ModelChoice, MotionLimits, MoveWeight, Plan, PlanSettings,
+    Plant, Ports, PressureTransducers, ReferenceSource, SMITH_MEMORY, SensorErrors, Sine, SmithSettings, Split,
+    ValveCurve, shortest_training,
 };
 pub use document::{DefaultValue, EffectiveValue, Origin, samples_of};
 pub use error::{MachineError, Problem};
@@ -235,6 +235,9 @@ impl Machine {
         let soil = Soil::read(root.section("soil"), mechanism.is_some());
         let described = Described { axes: &names, has_mechanism: mechanism.is_some(), has_soil: soil.is_some() };
         let scenario = Scenario::read(&mut root, &described);
+        for axis in &mut axes {
+            axis.hardware = Hardware::read(&root, &names, &axis.name);
+        }
         root.finish();
         Self { name, timing, realtime, stages, source, hydraulics, mechanism, soil, scenario, axes }
     }

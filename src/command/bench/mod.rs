@@ -47,6 +47,9 @@ pub fn run(arguments: &BenchControlArguments) -> Result<(), Failure> {
     for dead_time in &arguments.dead_time {
         expect_possible(*dead_time, &scenarios[0])?;
     }
+    for warning in check::foreign(&scenarios[0]) {
+        eprintln!("warning: {warning}");
+    }
     let output = Output::open(arguments.json.as_deref())?;
     let contest = Contest::new(scenarios, &arguments.dead_time, kinds, threads)?;
     let cases = contest.cases(arguments.seeds);

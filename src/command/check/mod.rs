@@ -4,6 +4,7 @@
 
 mod explain;
 mod margins;
+mod models;
 mod references;
 mod sensors;
 
@@ -21,6 +22,7 @@ use crate::{
     failure::Failure,
     report::output::show,
 };
+pub use models::foreign;
 
 /// `check`.
 #[derive(Debug, Args)]
@@ -67,9 +69,12 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
         humantime::format_duration(machine.timing.period)
     );
     let mechanism = machine.mechanism.as_ref().map(|mechanism| summary(&machine, mechanism));
-    let warnings = overloads(&machine).into_iter().chain(references::excesses(&machine)).chain(loops.warnings);
+    let warnings = foreign(&machine).into_iter().chain(overloads(&machine)).chain(references::excesses(&machine));
+    let warnings = warnings.chain(loops.warnings);
     let warnings: String = warnings.map(|warning| format!("warning: {warning}\n")).collect();
-    let text = text + &mechanism.unwrap_or_default() + &sensors::summary(&machine) + &loops.summary + &warnings;
+    let notes: String = models::unknown(&machine).into_iter().map(|note| format!("note: {note}\n")).collect();
+    let text =
+        text + &mechanism.unwrap_or_default() + &sensors::summary(&machine) + &loops.summary + &warnings + &notes;
     Ok(show(&text)?)
 }
 

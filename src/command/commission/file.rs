@@ -7,7 +7,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use pipeline::machine::{Commissioned, Control, DeadBand, Law, SMITH_MEMORY, SmithSettings};
+use pipeline::machine::{Axis, Commissioned, Control, DeadBand, Law, SMITH_MEMORY, SmithSettings};
 
 use thiserror::Error;
 
@@ -38,9 +38,9 @@ pub enum ModelFileError {
     },
 }
 
-/// The text of the file. Numbers are written so that they read back exactly. `found` has the name, the model, and the
-/// tuned settings of each axis; a poor model has no settings.
-pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commissioned, Option<Control>)>) -> String {
+/// The text of the file. Numbers are written so that they read back exactly. `found` has the axis, the model, and the
+/// tuned settings; a poor model has no settings.
+pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a Axis, &'a Commissioned, Option<Control>)>) -> String {
     let mut text = format!(
         "# Found by `hydraxis commission` on \"{}\": static curve behind a dead time and a lag of first order.\n\
          # Speeds in m/s at openings of the valve beyond its dead band; times in s. The gains are \
@@ -48,7 +48,7 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commiss
          # axis, a third faster and a third slower ones follow best and come to rest.\n",
         machine.escape_default()
     );
-    for (name, model, control) in found {
+    for (Axis { name, hardware, .. }, model, control) in found {
         if let Some(Control { kp, ki, feedforward, dead_band: DeadBand { extend, retract }, law, .. }) = control {
             // A key that is not written would stay what it is in the machine file.
             let (more, chosen) = match law {
@@ -85,13 +85,14 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a str, &'a Commiss
         // Writing to a string cannot fail.
         let _ = write!(
             text,
-            "\n[axis.{name}.commissioned]\ndead_time = {dead_time:?}\ntime_constant = {time_constant:?}\n\
+            "\n[axis.{name}.commissioned]\nmeasured_on = \"{}\"\ndead_time = {dead_time:?}\n\
+             time_constant = {time_constant:?}\n\
              dead_band_extend = {:?}\ndead_band_retract = {:?}\nhysteresis = {hysteresis:?}\n\
              natural_frequency = {natural_frequency:?}\ndamping = {damping:?}\n\
              openings = {openings:?}\n\
              speeds_extend = {speeds_extend:?}\nspeeds_retract = {speeds_retract:?}\n\
              fit_percent = {fit_percent:?}    # of the motion half a second ahead\n",
-            dead_band.extend, dead_band.retract
+            hardware.text, dead_band.extend, dead_band.retract
         );
     }
     text

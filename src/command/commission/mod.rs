@@ -170,7 +170,7 @@ pub fn model_text<'a>(
     machine: &Machine,
     found: impl Iterator<Item = (usize, &'a Commissioned, Option<Control>)>,
 ) -> String {
-    let settings = found.map(|(axis, model, control)| (machine.axes[axis].name.as_str(), model, control));
+    let settings = found.map(|(axis, model, control)| (&machine.axes[axis], model, control));
     file::text(&machine.name, settings)
 }
 

@@ -45,7 +45,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
     let is_open = arguments.open_loop.is_some() || !machine.scenario.commands.is_empty();
     expect_compatible(arguments, &machine, is_open)?;
     let rows = check::deep(&machine)?;
-    for warning in overloads(&machine) {
+    for warning in check::foreign(&machine).into_iter().chain(overloads(&machine)) {
         eprintln!("warning: {warning}");
     }
     if is_open {

@@ -5,6 +5,7 @@
 //! | `encoder` | `[axis.NAME.encoder]` | the position sensor |
 //! | `pressure` | `[axis.NAME.pressure]` | the pressure transducers |
 //! | `commissioned` | `[axis.NAME.commissioned]` | the model that `hydraxis commission` has found |
+//! | `hardware` | | what that model depends on: it recognises another machine |
 //! | `identification`, `estimator` | `[axis.NAME.identification]` | how the axis is identified |
 //! | `control`, `plan` | `[axis.NAME.control]` | how the axis is controlled; the predictive controller's plan |
 //! | `limits` | `[axis.NAME.control]` | the limits of its motion |
@@ -19,6 +20,7 @@ mod control;
 mod dead_band;
 mod encoder;
 mod estimator;
+mod hardware;
 mod identification;
 mod limits;
 mod plan;
@@ -36,6 +38,7 @@ pub use control::{Control, Law, ModelChoice, SmithSettings};
 pub use dead_band::DeadBand;
 pub use encoder::{AngleKind, AngleSensor, Encoder};
 pub use estimator::Estimator;
+pub use hardware::Hardware;
 pub use identification::{
     Form, GREY_BOX_MEMORY, Identification, IdentifiedOutput, SMITH_MEMORY, Split, shortest_training,
 };
@@ -84,6 +87,10 @@ pub struct Axis {
     pub control: Control,
     /// The commissioned model, if there is one.
     pub commissioned: Option<Commissioned>,
+    /// What that model was measured on, if the model file says it: the [`Hardware::text`] of that time.
+    pub measured_on: Option<String>,
+    /// What a model of this axis depends on.
+    pub hardware: Hardware,
     /// Where the reference comes from.
     pub reference: ReferenceSource,
     /// The simulated axis; only source `sim` needs it.
@@ -109,7 +116,11 @@ impl Axis {
         let encoder = Encoder::read(encoder, carried);
         let pressure = PressureTransducers::read(section.section("pressure"));
         section.renamed("forgetting", "identification.estimator");
-        let commissioned = Commissioned::read(section.section("commissioned"));
+        let mut commissioned = section.section("commissioned");
+        let meaning = "What the model was measured on; written by `hydraxis commission`, and compared with the machine";
+        let is_commissioned = commissioned.is_given();
+        let measured_on = is_commissioned.then(|| commissioned.key("measured_on", meaning).optional_text()).flatten();
+        let commissioned = Commissioned::read(commissioned);
         let model = commissioned.as_ref();
         let identification =
             Identification::read(section.section("identification"), name, model, shared.timing.period, shared.fuzzy);
@@ -141,6 +152,8 @@ impl Axis {
             identification,
             control,
             commissioned,
+            measured_on,
+            hardware: Hardware::default(),
             reference,
             plant,
             columns,

@@ -7,7 +7,11 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
-use super::{Document, record::Origin, value::show};
+use super::{
+    Document,
+    record::{EffectiveValue, Origin},
+    value::show,
+};
 
 /// One value, with the place that it comes from.
 pub(super) enum Value<'d, 'i> {
@@ -62,6 +66,11 @@ impl<'d, 'i> Section<'d, 'i> {
     pub fn line_of(&self, key: &str) -> Option<usize> {
         let found = self.table.and_then(|table| table.get(key)).map(|value| self.document.line(value.span().start));
         found.or(self.line)
+    }
+
+    /// The effective values of all keys of the document that were read so far.
+    pub fn values(&self) -> Vec<EffectiveValue> {
+        self.document.values().into_iter().map(|(value, _)| value).collect()
     }
 
     /// Whether no problem has been found in the document so far.

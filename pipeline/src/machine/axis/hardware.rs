@@ -1,0 +1,105 @@
+//! What the model of an axis depends on: period, stroke, and the simulated machine.
+//!
+//! ```text
+//! measured_on = "stroke 1.334 m, period 10ms, machine 5f0c2a91"
+//! ```
+//!
+//! `hydraxis commission` writes this text into the model file. The text of another machine differs. Its last number is
+//! a hash (FNV-1a) of the names of the axes and of the values that describe the simulated axis, pump, oil and
+//! mechanism. Only values that are given count, so a new key with a default changes no number. References, controller
+//! settings, scenarios and errors of the sensors do not count.
+//!
+//! Trap: a user who sets such a value on the command line studies another machine on purpose. Nothing is compared then.
+
+use std::hash::Hasher;
+
+use fnv::FnvHasher;
+
+use super::Axis;
+use crate::machine::document::{Origin, Section};
+
+/// Keys of the simulated axis that its model does not depend on.
+const OTHERS: [&str; 6] =
+    ["initial_position", "encoder_noise", "angle_noise", "angle_error", "angle_bandwidth", "pressure_noise"];
+
+/// What the model of an axis depends on.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Hardware {
+    /// The text that `measured_on` of a model file has.
+    pub text: String,
+    /// Whether one of the values comes from the command line.
+    is_typed: bool,
+}
+
+impl Hardware {
+    /// Reads it for the axis `name` among the axes `names`, after all tables of the machine file.
+    pub(in crate::machine) fn read(root: &Section, names: &[String], name: &str) -> Self {
+        let (stroke, period) = (format!("axis.{name}.stroke"), "timing.period");
+        let tables = [&format!("axis.{name}.plant."), "supply.", "oil.", "mechanism."];
+        let is_other = |key: &str| OTHERS.iter().any(|other| key.ends_with(other));
+        let is_machine = |key: &str| tables.iter().any(|table| key.starts_with(table)) && !is_other(key);
+        let mut hardware = Self::default();
+        let [mut length, mut time] = [String::new(), String::new()];
+        let mut machine = FnvHasher::default();
+        machine.write(names.join(" ").as_bytes());
+        for value in root.values() {
+            let (key, shown) = (value.key.as_str(), value.value.unwrap_or_default());
+            match value.origin {
+                Origin::Default | Origin::Derived { .. } => continue,
+                _ if key == stroke => length = shown,
+                _ if key == period => time = shown,
+                _ if is_machine(key) => machine.write(format!("\n{key} {shown}").as_bytes()),
+                _ => continue,
+            }
+            hardware.is_typed |= value.origin == Origin::CommandLine;
+        }
+        let number = machine.finish() as u32;
+        hardware.text = format!("stroke {length} m, period {}, machine {number:08x}", time.trim_matches('"'));
+        hardware
+    }
+}
+
+impl Axis {
+    /// The machine that the commissioned model was measured on, where it is another one than this.
+    pub fn foreign_machine(&self) -> Option<&str> {
+        self.measured_on.as_deref().filter(|text| *text != self.hardware.text && !self.hardware.is_typed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::machine::{BUILT_IN, BUILT_IN_MODEL, FOUR_AXES, Machine, model_settings_in};
+
+    /// Whether the model of the built-in machine is that of another machine, for the boom of this machine file.
+    fn is_foreign(machine: &str, typed: &[(&str, &str)]) -> bool {
+        let mut settings = model_settings_in(BUILT_IN_MODEL, "model.toml").unwrap();
+        settings.extend(typed.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())));
+        let machine = Machine::parse(machine, "m.toml", Path::new("."), &settings).unwrap();
+        machine.axes[0].foreign_machine().is_some()
+    }
+
+    #[test]
+    fn the_model_of_another_machine_is_recognised() {
+        assert!(!is_foreign(BUILT_IN, &[]) && is_foreign(FOUR_AXES, &[]));
+        for (from, to, expected) in [
+            ("stroke = 1.334 ", "stroke = 1.34 ", true),
+            ("period = \"10ms\"", "period = \"20ms\"", true),
+            ("dead_time = 0.18 ", "dead_time = 0.2 ", true),
+            ("scenario = \"nominal\"", "scenario = \"payload\"", false),
+            ("kp = 4.0", "kp = 3.0", false),
+            ("initial_position = 0.65", "initial_position = 0.6", false),
+            ("encoder_noise = 3e-5", "encoder_noise = 4e-5", false),
+        ] {
+            assert!(BUILT_IN.contains(from), "{from}");
+            assert_eq!(is_foreign(&BUILT_IN.replacen(from, to, 1), &[]), expected, "{to}");
+        }
+    }
+
+    #[test]
+    fn values_of_the_command_line_are_not_compared() {
+        assert!(!is_foreign(FOUR_AXES, &[("axis.boom.plant.dead_time", "0.05")]));
+        assert!(is_foreign(FOUR_AXES, &[("axis.boom.plant.encoder_noise", "4e-5"), ("axis.boom.control.kp", "3")]));
+    }
+}

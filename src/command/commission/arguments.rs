@@ -22,7 +22,8 @@ Examples:
 
 Moves one axis after the other by small random steps within a window of travel and a bound of speed. From the motion it
 finds dead time, time constant, dead bands and a static curve of speed over command, and tunes the gains of the fallback
-controller by simulation. All axes are disarmed before and after.")]
+controller by simulation. All axes are disarmed before and after. A simulated machine does not change meanwhile:
+its scenario is nominal, unless --scenario asks for another one.")]
 pub struct CommissionArguments {
     /// The machine
     #[command(flatten)]

@@ -169,7 +169,8 @@ impl<'i> Document<'i> {
         }
         let end = path.rsplit('.').next().unwrap_or_default();
         let values = self.values.borrow();
-        let has_name = |key: &&str| key.starts_with(table.as_str()) && key.rsplit('.').next() == Some(end);
+        let is_inside = |key: &str| table.is_empty() || key.starts_with(&format!("{table}."));
+        let has_name = |key: &&str| is_inside(key) && key.rsplit('.').next() == Some(end);
         let others: Vec<&str> = values.iter().map(|(value, _)| value.key.as_str()).filter(has_name).collect();
         let others = if others.is_empty() { String::new() } else { format!("; or {}", others.join(", ")) };
         let unknown = path.len() - rest.len() + name.len();

@@ -50,9 +50,8 @@ impl AxisController {
         let shadow = self.shadowed(deviation.error, &last, &limits);
         let admission = self.gate.admit(answer, &deviation, shadow, last.by == ControlMode::Model, at_limit);
 
-        let integrates = if admission.command.is_some() { self.law.integrates() } else { self.fallback.integrates() };
         let positions = self.references.positions();
-        let stand = self.standstill.update(input.elapsed, deviation.error, positions, last.command, integrates);
+        let stand = self.standstill.update(input.elapsed, deviation.error, positions, last.command);
         let commander = Commander::choose(admission.command, stand);
         if !matches!(commander, Commander::Model(_)) {
             self.law.discard().into_iter().for_each(|memory| self.fallback.restore(memory));

@@ -57,7 +57,7 @@ impl Commander {
             (Stand::Rest, _) => Self::Rest(by),
             (Stand::Creep(command), _) => Self::Creep(command, by),
             (Stand::Follow, Some(command)) => Self::Model(command),
-            (Stand::Follow, None) => Self::Fallback,
+            (Stand::Follow, None) | (Stand::Regulate, _) => Self::Fallback,
         }
     }
 }

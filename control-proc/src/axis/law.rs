@@ -46,14 +46,6 @@ impl ModelLaw {
         }
     }
 
-    /// Whether the law has integral action.
-    pub fn integrates(&self) -> bool {
-        match self {
-            Self::Predictive(_) => true,
-            Self::Smith { controller, .. } => controller.integrates(),
-        }
-    }
-
     /// Forgets the past: the axis begins to follow, from rest.
     pub fn begin(&mut self) {
         if let Self::Smith { controller, shadow } = self {

@@ -99,11 +99,6 @@ impl Fallback {
         self.feedforward.as_ref().map_or(0, Feedforward::ahead)
     }
 
-    /// Whether the controller has integral action.
-    pub fn integrates(&self) -> bool {
-        self.ki_period > 0.0
-    }
-
     /// Changes the largest magnitude of a command.
     pub fn limit(&mut self, magnitude: f64) {
         self.limits.magnitude = magnitude;

@@ -81,11 +81,6 @@ impl Smith {
         self.law.reset();
     }
 
-    /// Whether the law has integral action.
-    pub fn integrates(&self) -> bool {
-        self.law.integrates()
-    }
-
     /// Changes the largest magnitude of a command.
     pub fn limit(&mut self, magnitude: f64) {
         self.law.limit(magnitude);

@@ -6,14 +6,18 @@
 //! over when s e <= s v L + g r L^2 / 2 after the axis has begun to move, given up when l is d + 0.075 for long
 //! ```
 //!
-//! s sign at the begin of the following error e (m), l level of the command, T period in s, v speed in m/s, L dead time
-//! and lag in s, g slope of the static curve at the dead band d in m/s, e_rest as in [`super`]. What is on its way
-//! through dead time and lag moves the axis by v L + g r L^2 / 2 after the valve is shut; with this rate a pulse that
-//! is shut at once moves it by half of the error. Source: inching by hand.
+//! s sign at the begin of the following error, e that error without its noise and, where the pulse is to end beyond the
+//! set point, with that distance (m), l level of the command, T period in s, v speed in m/s, L dead time, lag and the
+//! time by which e is smoothed in s, g slope of the static curve at the dead band d in m/s, e_rest as in [`super`]. What
+//! is on its way through dead time and lag moves the axis by v L + g r L^2 / 2 after the valve is shut; with this rate a
+//! pulse that is shut at once moves it by half of the error. Source: inching by hand.
 //!
 //! Two things are learned for each direction. The level at which the axis begins to move: the next pulse begins a
 //! little below it. And g: a pulse that overshoots doubles it, so that the next ones are gentler, and one that falls
-//! short by more than half of its error reduces it.
+//! short by more than half of its error reduces it. A pulse is judged once the axis has come to rest.
+//!
+//! Traps: a pulse that is judged at the next one, after the axis has drifted, seems to fall short each time; the pulses
+//! become ever more violent. Noise that is taken for motion ends a pulse that has not moved anything.
 //!
 //! Trap: a valve whose dead band has grown by more than the 0.075 is not followed any further. Beyond d + 0.05 a
 //! position that does not change is a fault in time ([`crate::protection::motion`]), so the command rises there by at
@@ -37,6 +41,8 @@ const SMALL: f64 = 0.05;
 const FIRST: f64 = 0.05;
 /// Command below the level of the last begin of motion at which a pulse begins.
 const BACK: f64 = 0.01;
+/// The same as a time of the rise of the pulse, s, if that is less: a slow pulse is not to be all waiting.
+const BACK_TIME: f64 = 0.2;
 /// Fastest rise of the command, 1/s: a pulse is slow compared with every control period.
 const FASTEST: f64 = 0.5;
 /// Factor of g after a pulse that has overshot, and after one that has fallen short.
@@ -81,6 +87,8 @@ impl Direction {
 struct Pulse {
     /// s.
     sign: f64,
+    /// Distance beyond the set point at which it is to end, m.
+    ahead: f64,
     /// l.
     level: f64,
     /// r, 1/s.
@@ -105,6 +113,15 @@ pub enum Step {
     GivesUp,
 }
 
+/// Dead time and lag of `axis`, s, at least a period.
+pub fn reaction(axis: &Axis, period: f64) -> f64 {
+    let reaction = match &axis.commissioned {
+        Some(model) => model.reaction(),
+        None => axis.identification.structure.nk as f64 * period + UNKNOWN_LAG,
+    };
+    reaction.max(period)
+}
+
 /// Makes the pulses of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pulses {
@@ -123,13 +140,10 @@ pub struct Pulses {
 }
 
 impl Pulses {
-    /// For an axis whose e_rest is `bound` and whose noise is less than `motion`, m; `period` in s.
-    pub fn new(axis: &Axis, bound: f64, motion: f64, period: f64) -> Self {
+    /// For an axis whose e_rest is `bound` and whose noise is less than `motion`, m, and that is seen to move `delay` s
+    /// after a command; `period` in s.
+    pub fn new(axis: &Axis, bound: f64, motion: f64, delay: f64, period: f64) -> Self {
         let found = axis.commissioned.as_ref();
-        let delay = match found {
-            Some(model) => model.reaction(),
-            None => axis.identification.structure.nk as f64 * period + UNKNOWN_LAG,
-        };
         let slopes = found.map(|model| {
             let DeadBand { extend, retract } = model.dead_band;
             [-model.speed(-retract - SMALL), model.speed(extend + SMALL)].map(|speed| speed / SMALL)
@@ -141,7 +155,7 @@ impl Pulses {
         let DeadBand { extend, retract } = widest_dead_band(axis);
         Self {
             period,
-            delay: delay.max(period),
+            delay,
             bound,
             motion,
             retract: direction(0, retract),
@@ -156,46 +170,58 @@ impl Pulses {
         self.last = None;
     }
 
-    /// L.
-    pub fn delay(&self) -> f64 {
-        self.delay
+    /// The last pulse has left an error of `error` m, once the axis had come to rest. Whether it has overshot. Pulses
+    /// that have not moved the axis are not judged.
+    pub fn judge(&mut self, error: f64) -> bool {
+        let Some(last) = self.last.take().filter(|last| last.moves) else { return false };
+        let after = last.sign * error + last.ahead;
+        self.direction(last.sign).learn(last.error, after);
+        after < 0.0
     }
 
-    /// Begins a pulse against an error of `error` m, after the command `last`.
-    pub fn begin(&mut self, error: f64, last: f64) {
-        if let Some(last) = self.last.take() {
-            self.direction(last.sign).learn(last.error, last.sign * error);
-        }
+    /// Begins a pulse against an error of `error` m, which is to end `ahead` m beyond the set point, after the command
+    /// `last`.
+    pub fn begin(&mut self, error: f64, ahead: f64, last: f64) {
         let sign = error.signum();
         let direction = *self.direction(sign);
-        let first = direction.breakaway.map_or(direction.dead_band - FIRST, |breakaway| breakaway - BACK);
+        let back = BACK.min(BACK_TIME * self.rate(&direction, error.abs() + ahead));
+        let first = direction.breakaway.map_or(direction.dead_band - FIRST, |breakaway| breakaway - back);
         self.pulse = Some(Pulse {
             sign,
+            ahead,
             level: first.max(sign * last).clamp(0.0, direction.dead_band + HIGHEST),
             rate: 0.0,
-            error: error.abs(),
+            error: error.abs() + ahead,
             moves: false,
             least: f64::INFINITY,
             at_highest: 0,
         });
     }
 
+    /// r of a pulse that is to move the axis by `way` m, 1/s.
+    fn rate(&self, direction: &Direction, way: f64) -> f64 {
+        (way.max(2.0 * self.bound) / (direction.slope * direction.learned * self.delay * self.delay)).min(FASTEST)
+    }
+
     /// The next step of the pulse, at a following error of `error` m and a speed of `speed` m/s.
     pub fn step(&mut self, error: f64, speed: f64) -> Step {
         let Some(mut pulse) = self.pulse else { return Step::Arrives };
-        let (delay, motion, period, least) = (self.delay, self.motion, self.period, 2.0 * self.bound);
-        let direction = self.direction(pulse.sign);
-        let (left, toward) = (pulse.sign * error, pulse.sign * speed);
-        let slope = direction.slope * direction.learned;
+        let (delay, motion, period) = (self.delay, self.motion, self.period);
+        let (left, toward) = (pulse.sign * error + pulse.ahead, pulse.sign * speed);
         if !pulse.moves {
             // The load may have moved the axis away since the begin.
             pulse.error = pulse.error.max(left);
-            pulse.rate = (left.max(least) / (slope * delay * delay)).min(FASTEST);
-            if pulse.error - left >= motion {
-                pulse.moves = true;
-                direction.breakaway = Some(pulse.level - pulse.rate * delay);
-            }
+            pulse.rate = {
+                let direction = *self.direction(pulse.sign);
+                self.rate(&direction, left)
+            };
         }
+        let direction = self.direction(pulse.sign);
+        if !pulse.moves && pulse.error - left >= motion {
+            pulse.moves = true;
+            direction.breakaway = Some(pulse.level - pulse.rate * delay);
+        }
+        let slope = direction.slope * direction.learned;
         let underway = toward.max(0.0) * delay + 0.5 * slope * pulse.rate * delay * delay;
         let step = if left <= 0.0 || (pulse.moves && left <= underway) {
             Step::Arrives

@@ -82,9 +82,9 @@ impl AxisController {
             self.law.interrupt();
             return Ok(ModelAnswer::NoModel);
         };
-        let (is_cautious, goes_on) = (self.gate.is_cautious(), last.by == ControlMode::Model);
+        let goes_on = last.by == ControlMode::Model;
         let references = self.references.positions();
-        let answer = self.law.update(&model, is_cautious, limits, history, references, (last.command, goes_on));
+        let answer = self.law.update(&model, limits, history, references, (last.command, goes_on));
         if self.law.unsolved().1 >= UNSOLVED_LIMIT {
             return Err(control_flag::SOLVER);
         }

@@ -69,12 +69,11 @@ impl ModelLaw {
         }
     }
 
-    /// What it answers with `model`. To be called at every tick in closed loop, whoever commands. `is_cautious`:
-    /// without what was learned online, where the law can do that. `goes_on`: this law made the last command, `last`.
+    /// What it answers with `model`. To be called at every tick in closed loop, whoever commands. `goes_on`:
+    /// this law made the last command, `last`.
     pub fn update(
         &mut self,
         model: &Approved<'_>,
-        is_cautious: bool,
         limits: &Limits,
         history: &History,
         references: &[f64],
@@ -84,7 +83,7 @@ impl ModelLaw {
             Self::Predictive(controller) => controller.update(model, limits, history, references),
             Self::Smith { controller, .. } => {
                 controller.limit(limits.magnitude);
-                controller.update(Some(model).filter(|_| !is_cautious), references, last, goes_on)
+                controller.update(Some(model), references, last, goes_on)
             }
         };
         command.map_or(ModelAnswer::NoCommand, ModelAnswer::Command)

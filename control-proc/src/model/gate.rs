@@ -31,7 +31,7 @@ use super::{
     age::{Age, LastApproved},
     comparison::Comparison,
     judge::{Approved, Judge, Refusal},
-    supervision::{Confidence, Supervision},
+    supervision::Supervision,
     trust::Trust,
 };
 use crate::protection::following_error::Deviation;
@@ -203,28 +203,16 @@ impl Gate {
         }
         if let Some(supervision) = &mut self.supervision {
             supervision.update(deviation, shadow, at_limit);
-        }
-        let confidence = self.confidence();
-        if confidence != Confidence::Full {
-            flags |= control_flag::MODEL_WORSE;
-        }
-        if confidence == Confidence::None {
-            self.usable_ticks = 0;
+            if !supervision.trusts() {
+                flags |= control_flag::MODEL_WORSE;
+                self.usable_ticks = 0;
+            }
         }
         let command = match answer {
             ModelAnswer::Command(command) if self.usable_ticks > self.probation_ticks => Some(command),
             _ => None,
         };
         Admission { command, flags }
-    }
-
-    /// Whether the model controls with what was commissioned only.
-    pub fn is_cautious(&self) -> bool {
-        self.confidence() != Confidence::Full
-    }
-
-    fn confidence(&self) -> Confidence {
-        self.supervision.as_ref().map_or(Confidence::Full, Supervision::confidence)
     }
 
     /// Snapshots that were refused so far, by the places of [`REFUSALS`].

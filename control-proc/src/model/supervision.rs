@@ -4,25 +4,26 @@
 //! E <- mean of e^2 with the memory tau         e = e_m under the model, e_s of the fallback in its shadow at that tick
 //! suspect   E_m > 4 B + e_0^2          with tau = max(0.5 s, 1.5 L)
 //! or        E_m > 1.2 B + (e_0/4)^2    with tau = max(5 s, 15 L), not for 20 s, 40 s .. 320 s after an acquittal
-//!           after 2 tau of control, while the command is not at its limit;  B = min(E_s, 9 E_f max(V_m/V_f, 1))
+//!           after 2 tau of control, while the command is not at its limit;  B = min(E_s, 2.25 E_f max(V_m/V_f, 1))
 //! or        it swings ([`super::swing`])
 //! trial     of a suspect: the fallback controls for max(5 s, 15 L), at most four times that while V_f < V_m/4
 //! acquitted E_f max(V_m/V_f, 1) >= 0.8 E_m of before, V_f >= V_m/4: the model controls as before
-//! guilty    otherwise: cautious for 20 s, 40 s .. 320 s; one that has been cautious or that swings is out
-//!           for 30 s, 60 s .. 480 s
+//! guilty    otherwise: out for 30 s, 60 s .. 480 s
 //! ```
 //!
 //! e_m following error and e_s that of the shadow ([`super::shadow`]) m; L dead time and lag of the commissioned model
 //! s; e_0 1 mm or 4 counts, whichever is more; V mean square of the reference's speed m2/s2; index f of the last 30 s
 //! of the fallback in control, without the first max(1 s, 6 L) after the model, and since the last trial began; m
-//! model. 4 is twice the error, 1.2 a tenth more. A cautious model controls without what was learned online.
+//! model. 4 is twice the error, 1.2 a tenth more, 2.25 half as much again.
 //!
 //! The shadow is as right as the commissioned model; what it says of a machine that has changed is confirmed by the
 //! fallback itself. A model that is far from the axis makes its shadow swing, and would then excuse every error; hence
 //! the bound on E_s by E_f.
 //!
 //! Traps: [`super::trust`] alone acts on errors of centimetres. A model can be five times worse than the fallback and
-//! never reach them. And a fallback that is judged while it still mends what the model has left looks no better.
+//! never reach them. A fallback that is judged while it still mends what the model has left looks no better. And a
+//! guilty model that goes on with what was commissioned alone, without what it has learned, is no better either: it is
+//! nearly always the commissioned model that is wrong.
 
 use super::{
     squares::{MEMORY, Squares},
@@ -31,7 +32,7 @@ use super::{
 use crate::protection::following_error::Deviation;
 
 /// E_s in parts of E_f.
-const EXCUSED: f64 = 9.0;
+const EXCUSED: f64 = 2.25;
 /// e_0 in m and in counts.
 const FLOOR: (f64, f64) = (1e-3, 4.0);
 /// A look at the last errors and one at many: tau in s and in reactions of the axis, mean square that is suspect in
@@ -46,30 +47,18 @@ const MOTION: f64 = 0.25;
 const TRANSIENT: (f64, f64) = (1.0, 6.0);
 /// E_f in parts of E_m that acquits.
 const NO_BETTER: f64 = 0.8;
-/// First time of caution, of trust after an acquittal, and of distrust, s, and how often they are doubled at most.
-const CAUTION: f64 = 20.0;
+/// First time of trust after an acquittal, and of distrust, s, and how often they are doubled at most.
 const GRACE: f64 = 20.0;
 const DISTRUST: f64 = 30.0;
 const DOUBLINGS: u32 = 4;
 
-/// What the supervision says of a tick.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Confidence {
-    /// The model may control.
-    Full,
-    /// The model may control with what was commissioned.
-    Cautious,
-    /// The fallback controls.
-    None,
-}
-
 /// Where the model stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Phase {
-    /// It may control, with caution while [`Supervision::cautious`] lasts.
+    /// It may control.
     Trusted,
-    /// The fallback is measured. What the model had, whether it swung, and the time since the trial began, s.
-    Trial(Squares, bool, f64),
+    /// The fallback is measured. What the model had, and the time since the trial began, s.
+    Trial(Squares, f64),
     /// The fallback controls for so many seconds more.
     Out(f64),
 }
@@ -112,11 +101,10 @@ pub struct Supervision {
     /// Time since the fallback took over, s.
     taken: f64,
     phase: Phase,
-    /// Time for which the model is still cautious, and for which many errors do not count, s.
-    cautious: f64,
+    /// Time for which many errors do not count, s.
     grace: f64,
-    /// Times that it was found guilty and cautious, guilty and out, and acquitted, since the axis began to follow.
-    times: [u32; 3],
+    /// Times that it was found guilty, and acquitted, since the axis began to follow.
+    times: [u32; 2],
 }
 
 impl Supervision {
@@ -140,9 +128,8 @@ impl Supervision {
             fallback: Squares::default(),
             taken: f64::INFINITY,
             phase: Phase::Trusted,
-            cautious: 0.0,
             grace: 0.0,
-            times: [0; 3],
+            times: [0; 2],
         }
     }
 
@@ -151,16 +138,12 @@ impl Supervision {
         self.looks.iter_mut().for_each(Look::clear);
         self.swing.reset();
         (self.fallback, self.taken) = (Squares::default(), f64::INFINITY);
-        (self.phase, self.cautious, self.grace, self.times) = (Phase::Trusted, 0.0, 0.0, [0; 3]);
+        (self.phase, self.grace, self.times) = (Phase::Trusted, 0.0, [0; 2]);
     }
 
-    /// How far the model is trusted.
-    pub fn confidence(&self) -> Confidence {
-        match self.phase {
-            Phase::Trusted if self.cautious == 0.0 => Confidence::Full,
-            Phase::Trusted => Confidence::Cautious,
-            Phase::Trial(..) | Phase::Out(_) => Confidence::None,
-        }
+    /// Whether the model may control.
+    pub fn trusts(&self) -> bool {
+        self.phase == Phase::Trusted
     }
 
     /// Takes in a tick. `shadow`: the error that the fallback would have, m, if the model made the last command.
@@ -175,7 +158,7 @@ impl Supervision {
         }
         match self.phase {
             Phase::Trusted => self.suspect(swings, time),
-            Phase::Trial(model, swung, since) => self.judge(model, swung, since + time),
+            Phase::Trial(model, since) => self.judge(model, since + time),
             Phase::Out(left) if left > time => self.phase = Phase::Out(left - time),
             Phase::Out(_) => self.phase = Phase::Trusted,
         }
@@ -201,30 +184,28 @@ impl Supervision {
 
     /// Begins a trial if there is a cause.
     fn suspect(&mut self, swings: bool, time: f64) {
-        (self.cautious, self.grace) = ((self.cautious - time).max(0.0), (self.grace - time).max(0.0));
+        self.grace = (self.grace - time).max(0.0);
         let [last, many] = self.looks.map(|look| look.is_worse(&self.fallback));
         let model = if many { self.looks[1].model } else { self.looks[0].model };
         if swings || last || (many && self.grace == 0.0) {
-            self.phase = Phase::Trial(model, swings, 0.0);
+            self.phase = Phase::Trial(model, 0.0);
             // The machine may have changed, and the fallback with it.
             self.fallback = Squares::default();
         }
     }
 
     /// Ends a trial that has seen enough.
-    fn judge(&mut self, model: Squares, swung: bool, since: f64) {
+    fn judge(&mut self, model: Squares, since: f64) {
         let is_still = self.fallback.speed < MOTION * model.speed;
         if since < self.trial.0 || (is_still && since < TRIALS * self.trial.0) {
-            self.phase = Phase::Trial(model, swung, since);
+            self.phase = Phase::Trial(model, since);
             return;
         }
         self.phase = Phase::Trusted;
         if !is_still && self.fallback.for_speed(model.speed) >= NO_BETTER * model.error {
-            self.grace = doubled(GRACE, &mut self.times[2]);
-        } else if self.cautious == 0.0 && !swung {
-            self.cautious = doubled(CAUTION, &mut self.times[0]);
+            self.grace = doubled(GRACE, &mut self.times[1]);
         } else {
-            self.phase = Phase::Out(doubled(DISTRUST, &mut self.times[1]));
+            self.phase = Phase::Out(doubled(DISTRUST, &mut self.times[0]));
         }
     }
 }
@@ -253,33 +234,28 @@ mod tests {
     fn supervision() -> Supervision {
         let mut supervision = Supervision::new(0.05, 1e-5, PERIOD);
         (0..800).for_each(|_| supervision.update(&at(2e-3), None, false));
-        assert_eq!(supervision.confidence(), Confidence::Full);
+        assert!(supervision.trusts());
         supervision
     }
 
-    /// Confidence in a model with this error in m at every tick of so many, where the shadow has the other one, and the
-    /// fallback in control the last one; as (seconds, confidence) of the changes.
-    fn changes(
-        supervision: &mut Supervision,
-        ticks: u32,
-        error: f64,
-        shadow: f64,
-        fallback: f64,
-    ) -> Vec<(f64, Confidence)> {
-        let mut changes = vec![(0.0, supervision.confidence())];
+    /// Whether a model is trusted that has this error in m at every tick of so many, where the shadow has the other one,
+    /// and the fallback in control the last one; as (seconds, trusted) of the changes.
+    fn changes(supervision: &mut Supervision, ticks: u32, error: f64, shadow: f64, fallback: f64) -> Vec<(f64, bool)> {
+        let mut changes = vec![(0.0, supervision.trusts())];
         for tick in 0..ticks {
-            match supervision.confidence() {
-                Confidence::None => supervision.update(&at(fallback), None, false),
-                _ => supervision.update(&at(error), Some(shadow), false),
+            if supervision.trusts() {
+                supervision.update(&at(error), Some(shadow), false);
+            } else {
+                supervision.update(&at(fallback), None, false);
             }
-            if supervision.confidence() != changes[changes.len() - 1].1 {
-                changes.push((f64::from(tick) * PERIOD, supervision.confidence()));
+            if supervision.trusts() != changes[changes.len() - 1].1 {
+                changes.push((f64::from(tick) * PERIOD, supervision.trusts()));
             }
         }
         changes
     }
 
-    fn expect(changes: &[(f64, Confidence)], expected: &[(f64, Confidence)]) {
+    fn expect(changes: &[(f64, bool)], expected: &[(f64, bool)]) {
         assert_eq!(changes.len(), expected.len() + 1, "{changes:?}");
         for (found, expected) in changes[1..].iter().zip(expected) {
             assert!(found.1 == expected.1 && (found.0 - expected.0).abs() < 0.06, "{changes:?}");
@@ -287,61 +263,47 @@ mod tests {
     }
 
     #[test]
-    fn a_model_that_is_twice_as_bad_is_tried_then_cautious_then_out_for_longer_each_time() {
-        let changes = changes(&mut supervision(), 5200, 5e-3, 2e-3, 2e-3);
-        let (cautious, out) = (2.0 * CAUGHT + 2.0 * TRIED, 2.0 * CAUGHT + 2.0 * TRIED + DISTRUST);
-        let expected = [
-            (CAUGHT, Confidence::None),
-            (CAUGHT + TRIED, Confidence::Cautious),
-            (cautious - TRIED, Confidence::None),
-            // Its caution is not over when it is back.
-            (out, Confidence::Cautious),
-            (out + CAUGHT, Confidence::None),
-        ];
-        expect(&changes, &expected);
+    fn a_model_that_is_twice_as_bad_is_tried_and_then_out_for_longer_each_time() {
+        let changes = changes(&mut supervision(), 11_500, 5e-3, 2e-3, 2e-3);
+        let back = CAUGHT + TRIED + DISTRUST;
+        let again = back + CAUGHT + TRIED + 2.0 * DISTRUST;
+        expect(
+            &changes,
+            &[(CAUGHT, false), (back, true), (back + CAUGHT, false), (again, true), (again + CAUGHT, false)],
+        );
     }
 
     #[test]
     fn a_model_that_is_a_fifth_worse_for_long_is_tried_and_one_that_is_no_worse_is_not() {
         let slow = changes(&mut supervision(), 1100, 2.4e-3, 2e-3, 2e-3);
-        expect(&slow, &[(10.0, Confidence::None)]);
+        expect(&slow, &[(10.0, false)]);
         assert_eq!(changes(&mut supervision(), 3000, 2.1e-3, 2e-3, 2e-3).len(), 1);
         // Below a quarter of the floor nothing counts.
         assert_eq!(changes(&mut supervision(), 3000, 0.24e-3, 1e-5, 1e-5).len(), 1);
     }
 
     #[test]
-    fn caution_ends_after_a_time_without_cause() {
-        let mut supervision = supervision();
-        changes(&mut supervision, 620, 5e-3, 2e-3, 2e-3);
-        assert_eq!(supervision.confidence(), Confidence::Cautious);
-        let changes = changes(&mut supervision, 4000, 2e-3, 2e-3, 2e-3);
-        assert!(changes[1].1 == Confidence::Full && (19.0..20.5).contains(&changes[1].0), "{changes:?}");
-    }
-
-    #[test]
     fn the_shadow_of_now_counts_and_not_the_fallback_of_before_up_to_a_bound() {
-        assert_eq!(changes(&mut supervision(), 3000, 4.2e-3, 4e-3, 4e-3).len(), 1);
-        // Three times the error of before is 6 mm, a tenth more 6.6 mm.
-        assert_eq!(changes(&mut supervision(), 3000, 6.5e-3, 1.0, 1.0).len(), 1);
-        assert!(changes(&mut supervision(), 3000, 6.7e-3, 1.0, 1.0).len() > 1);
+        assert_eq!(changes(&mut supervision(), 3000, 3.1e-3, 2.9e-3, 2.9e-3).len(), 1);
+        // One and a half times the error of before is 3 mm, a tenth more 3.3 mm.
+        assert_eq!(changes(&mut supervision(), 3000, 3.25e-3, 1.0, 1.0).len(), 1);
+        assert!(changes(&mut supervision(), 3000, 3.35e-3, 1.0, 1.0).len() > 1);
     }
 
     #[test]
     fn a_fallback_that_is_no_better_acquits_the_model_and_is_the_new_measure() {
         let changes = changes(&mut supervision(), 1500, 13e-3, 13e-3, 13e-3);
-        expect(&changes, &[(CAUGHT, Confidence::None), (CAUGHT + TRIED, Confidence::Full)]);
+        expect(&changes, &[(CAUGHT, false), (CAUGHT + TRIED, true)]);
     }
 
     #[test]
     fn what_the_model_has_left_behind_does_not_acquit_it() {
         let mut supervision = supervision();
         changes(&mut supervision, 110, 5e-3, 2e-3, 2e-3);
-        assert_eq!(supervision.confidence(), Confidence::None);
+        assert!(!supervision.trusts());
         // 90 ticks of 50 mm, then the fallback as it is.
         changes(&mut supervision, 85, 5e-3, 2e-3, 50e-3);
-        let changes = changes(&mut supervision, 500, 5e-3, 2e-3, 2e-3);
-        assert_eq!(changes[1].1, Confidence::Cautious);
+        assert_eq!(changes(&mut supervision, 1000, 5e-3, 2e-3, 2e-3).len(), 1, "it is out");
     }
 
     #[test]
@@ -351,10 +313,10 @@ mod tests {
         let still = Deviation { speed: 0.0, ..at(0.1e-3) };
         let ticks = (0..4000).take_while(|_| {
             supervision.update(&still, None, false);
-            supervision.confidence() == Confidence::None
+            matches!(supervision.phase, Phase::Trial(..))
         });
         assert!((1980..2000).contains(&ticks.count()));
-        assert_eq!(supervision.confidence(), Confidence::Cautious, "guilty: the fallback had no chance to be worse");
+        assert!(matches!(supervision.phase, Phase::Out(_)), "guilty: the fallback had no chance to be worse");
     }
 
     #[test]
@@ -363,11 +325,10 @@ mod tests {
         let mut out = None;
         for tick in 0..1200 {
             let error = 8e-3 * (0.2 * f64::from(tick)).sin();
-            match supervision.confidence() {
-                Confidence::None => supervision.update(&at(2e-3), None, false),
-                _ => supervision.update(&at(error), Some(error), false),
-            }
-            if supervision.confidence() == Confidence::None {
+            if supervision.trusts() {
+                supervision.update(&at(error), Some(error), false);
+            } else {
+                supervision.update(&at(2e-3), None, false);
                 out.get_or_insert(tick);
             }
         }
@@ -379,7 +340,7 @@ mod tests {
     fn a_command_at_its_limit_says_nothing() {
         let mut supervision = supervision();
         (0..3000).for_each(|_| supervision.update(&at(0.02), Some(2e-3), true));
-        assert_eq!(supervision.confidence(), Confidence::Full);
+        assert!(supervision.trusts());
     }
 
     #[test]
@@ -388,7 +349,7 @@ mod tests {
         let gap = Deviation { elapsed: 20, ..at(5e-3) };
         let looks = (0..100).take_while(|_| {
             supervision.update(&gap, Some(2e-3), false);
-            supervision.confidence() == Confidence::Full
+            supervision.trusts()
         });
         assert!((4..=9).contains(&looks.count()));
     }

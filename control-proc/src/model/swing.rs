@@ -3,7 +3,7 @@
 //! ```text
 //! l(k) = l(k-1) + (1 - exp(-n T/tau_l)) (e(k) - l(k-1))          s(k) = e(k) - l(k)          tau_l = max(0.3 s, 2 L)
 //! a flip      s passes +h after it has been below -h, or -h after it has been above +h
-//! h           = max(e_h, 3 S_f max(V, V_f)/V_f)
+//! h           = max(e_h, 2 S_f max(V/V_f, 1/4))
 //! c(k) = exp(-n T/W) c(k-1), 1 more at a flip, 2 less when the reference turns, 0 at least          W = max(3 s, 12 L)
 //! swings      c > 4 while the model controls
 //! ```
@@ -25,7 +25,9 @@ const WINDOW: (f64, f64) = (3.0, 12.0);
 /// e_h in m and in counts.
 const FLOOR: (f64, f64) = (0.5e-3, 2.0);
 /// h in parts of S_f.
-const LARGE: f64 = 3.0;
+const LARGE: f64 = 2.0;
+/// h of an axis whose reference stands, in parts of the one at the fallback's speed.
+const AT_REST: f64 = 0.25;
 /// c of a swing, and what a turn of the reference takes off.
 const FLIPS: f64 = 4.0;
 const TURN: f64 = 2.0;
@@ -105,7 +107,8 @@ impl Swing {
 
     /// h, m.
     fn bound(&self) -> f64 {
-        let usual = LARGE * self.fallback.for_speed(self.model.speed).sqrt();
+        let faster = (self.model.speed / self.fallback.speed).sqrt();
+        let usual = LARGE * self.fallback.error.sqrt() * faster.max(AT_REST);
         // A fallback that has never moved says nothing.
         if usual.is_finite() { self.floor.max(usual) } else { self.floor }
     }

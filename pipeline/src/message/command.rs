@@ -106,7 +106,7 @@ pub mod control_flag {
     pub const EMERGENCY_STOP: u32 = 16384;
     /// No model has been usable for so long that the axis is limited to half of its speed.
     pub const HALF_SPEED: u32 = 32768;
-    /// The model followed worse than the fallback would, or swung: it is cautious, or the fallback controls.
+    /// The model followed worse than the fallback would, or swung: the fallback controls.
     pub const MODEL_WORSE: u32 = 65536;
 
     /// The reference goes on more slowly: it asks for more than an axis can give.

@@ -34,7 +34,7 @@ pub const STALL_TIME: Duration = Duration::from_millis(400);
 /// Part of `max_speed` below which an axis hardly moves. The judge refuses a model that moves less than twice that.
 const HARDLY_MOVING: f64 = 0.005;
 /// Counts of the encoder that are no motion.
-const NOISE_COUNTS: f64 = 5.0;
+pub const NOISE_COUNTS: f64 = 5.0;
 
 /// d: the calibrated or the commissioned dead band, whichever is wider. The fallback compensates a little less than the
 /// valve's dead band, or none of it.

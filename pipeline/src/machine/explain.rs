@@ -169,7 +169,8 @@ mod tests {
     fn a_value_comes_from_the_last_place_that_gives_it() {
         let folder = tempfile::tempdir().unwrap();
         let model = folder.path().join("model.toml");
-        std::fs::write(&model, "[axis.boom.control]\nkp = 4.0\nki = 2.0\n[axis.boom.commissioned]\ndamping = 0.3\n").unwrap();
+        std::fs::write(&model, "[axis.boom.control]\nkp = 4.0\nki = 2.0\n[axis.boom.commissioned]\ndamping = 0.3\n")
+            .unwrap();
         let set = [("axis.boom.control.ki".to_owned(), "1".to_owned())];
         let (machine, values) = Machine::explain(None, Some(&model), &set).unwrap();
         let of = |key: &str| values.iter().find(|value| value.key == key).unwrap();

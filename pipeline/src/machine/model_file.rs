@@ -17,15 +17,8 @@ use super::{
 /// Tables of an axis that a model file may have.
 const TABLES: [&str; 3] = ["commissioned", "control", "identification"];
 /// Keys of `control` that protect the machine. `commission` keeps to them and does not write them.
-const LIMITS: [&str; 7] = [
-    "command_limit",
-    "command_rate",
-    "following_error",
-    "stop_deceleration",
-    "stop_reaction",
-    "rest_band",
-    "jerk",
-];
+const LIMITS: [&str; 7] =
+    ["command_limit", "command_rate", "following_error", "stop_deceleration", "stop_reaction", "rest_band", "jerk"];
 
 /// The values of a model file with this text, and `file`, its name for messages.
 ///

@@ -39,7 +39,7 @@ pub use simulated::{SimulatedError, commission_axis, commission_simulated};
 
 /// Fit below which a model must not control, percent: the gains are tuned for plants that are slower than the model by
 /// up to 30 %, [`control_proc::tuning::PLANTS`]. A model that misses more of the motion says nothing about them.
-const POOR_FIT: f64 = 70.0;
+pub const POOR_FIT: f64 = 70.0;
 /// Parts of the tested openings at which the table shows the curve.
 const SHOWN: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
 
@@ -51,6 +51,7 @@ pub fn run(arguments: &CommissionArguments) -> Result<(), Failure> {
     let machine = load_bare(&arguments.machine.bare, scenario(arguments))?;
     let axes = axes(&machine, &arguments.axes)?;
     expect_possible(arguments, &machine)?;
+    expect_travel(arguments, &machine, &axes)?;
     let file = ModelFile::new(&arguments.out, arguments.force)?;
     let output = Output::open(arguments.json.as_deref())?;
     let mut report = arguments.report.as_deref().map(|path| create("--report", path)).transpose()?;
@@ -95,6 +96,21 @@ fn expect_possible(arguments: &CommissionArguments, machine: &Machine) -> Result
     }
     check::deep(machine)?;
     Ok(())
+}
+
+/// Refuses a `--travel` that one of the axes does not have.
+fn expect_travel(arguments: &CommissionArguments, machine: &Machine, axes: &[usize]) -> Result<(), Failure> {
+    let Some(found) = arguments.travel else { return Ok(()) };
+    let travels = axes.iter().map(|index| &machine.axes[*index]).map(|axis| {
+        let (low, high) = axis.soft_limits;
+        (&axis.name, high - low)
+    });
+    match travels.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, travel)| found > *travel) {
+        None => Ok(()),
+        Some((name, travel)) => Err(Failure::usage(format!(
+            "--travel: found {found} m; allowed: up to {travel:.4} m, the travel between the soft limits of axis {name}"
+        ))),
+    }
 }
 
 /// What was found of one axis.

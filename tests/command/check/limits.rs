@@ -1,6 +1,6 @@
 //! Limits of the motion: their ranges, and the values that follow from the commissioned model.
 
-use std::fs;
+use std::{fs, path::Path};
 
 use super::{
     EXCAVATOR,
@@ -89,23 +89,21 @@ fn a_command_limit_within_a_dead_band_is_refused() {
 #[test]
 fn values_with_which_a_run_fails_at_once_are_refused() {
     let folder = folder_with(EXCAVATOR);
-    // Soft limits at 0.05 and 1.284 m, counts of 0.1 mm, dead bands of 0.1 and 0.08, 1 m/s.
+    // The file has counts of 0.1 mm, dead bands of 0.1 and 0.08, and 1 m/s.
     for (settings, expected) in [
         (
-            &["axis.boom.plant.initial_position=0.02"][..],
-            "axis.boom.plant.initial_position: found 0.02 m, outside the soft limits; allowed: ",
-        ),
-        (
-            &["axis.boom.encoder.resolution=0.05", "axis.boom.control.following_error=0.5"],
-            "axis.boom.encoder.resolution: found 0.05 m; allowed: up to ",
+            &["axis.boom.encoder.resolution=0.05", "axis.boom.control.following_error=0.5"][..],
+            "axis.boom.encoder.resolution: found counts of 0.05 m; allowed: up to 0.008000 m: a driven axis that moves \
+             less than 5 counts in 0.4 s counts as stalled, and it moves more from 0.1 m/s on, a tenth of max_speed",
         ),
         (
             &["axis.boom.control.following_error=2e-4"],
-            "axis.boom.control.following_error: found 0.0002 m; allowed: 0.0003 m or more, 3 counts of the encoder",
+            "axis.boom.control.following_error: found 0.0002 m; allowed: 0.000300 m or more, 3 counts of the encoder",
         ),
         (
             &["axis.boom.control.command_rate=0.1"],
-            "axis.boom.control.command_rate: found 0.1 1/s, with which a command needs ",
+            "axis.boom.control.command_rate: found 0.1 1/s, with which a command needs 1.80 s to cross the dead bands of \
+             [axis.boom.plant]; allowed: 0.1800 1/s or more, 1 s",
         ),
         (
             &["axis.boom.control.kp=0", "axis.boom.control.ki=0"],
@@ -117,8 +115,17 @@ fn values_with_which_a_run_fails_at_once_are_refused() {
             expect_refusal(folder.path(), &[&[command, "m.toml"], &settings[..]].concat(), &[expected]);
         }
     }
-    // With an integral gain, or feed-forward, it moves.
+    // With an integral gain it moves.
     expect_four_axes(&success(folder.path(), &["check", "m.toml", "--set", "axis.boom.control.kp=0"]));
+}
+
+#[test]
+fn a_start_outside_the_soft_limits_is_warned_of() {
+    let check = |position| success(Path::new("."), &["check", "--set", position]);
+    let warning = "warning: axis.boom.plant.initial_position: found 0.02 m, outside the soft limits; allowed: 0.05 to \
+                   1.284 m: from there the axis is moved inwards only";
+    assert!(check("axis.boom.plant.initial_position=0.02").contains(warning));
+    assert!(!check("axis.boom.plant.initial_position=0.05").contains("initial_position"));
 }
 
 #[test]

@@ -20,7 +20,8 @@ fn a_model_file_adds_to_the_machine_file_and_is_judged_like_it() {
     expect_four_axes(&success(folder.path(), &["check", "m.toml", "--model", "model.toml"]));
     fs::write(folder.path().join("model.toml"), MODEL.replace("[0.1, 0.3]", "[0.3, 0.1]")).unwrap();
     let line = 1 + MODEL[..MODEL.find("openings").unwrap()].matches('\n').count();
-    let found = format!("model.toml:{line}: axis.boom.commissioned.openings: found [0.3, 0.1]; allowed: 1 to 16 rising");
+    let found =
+        format!("model.toml:{line}: axis.boom.commissioned.openings: found [0.3, 0.1]; allowed: 1 to 16 rising");
     let expected = [found.as_str()];
     expect_refusal(folder.path(), &["check", "m.toml", "--model", "model.toml"], &expected);
     fs::write(folder.path().join("model.toml"), MODEL.replace("dead_time", "deadtime")).unwrap();

@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use control_proc::protection::motion::{NOISE_COUNTS, STALL_TIME};
+use control_proc::{
+    protection::motion::{NOISE_COUNTS, STALL_TIME},
+    tuning::{LEAST_FIT, is_poor},
+};
 use pipeline::machine::{Axis, DeadBand, Machine, ModelChoice, Source};
 
-use crate::{
-    command::commission::{POOR_FIT, is_poor},
-    report::table::percent,
-};
+use crate::report::table::percent;
 
 /// Least `following_error` in counts of the encoder: noise and rounding move a position that stands by one count
 /// either way, and one more is the error itself.
@@ -39,7 +39,7 @@ pub fn poor(machine: &Machine) -> Vec<String> {
     let models = machine.axes.iter().filter_map(|axis| Some((&axis.name, axis.commissioned.as_ref()?)));
     let warning = |(name, fit)| {
         format!(
-            "axis.{name}.commissioned.fit_percent: found {}; allowed: {POOR_FIT} % and more. Do not control with this \
+            "axis.{name}.commissioned.fit_percent: found {}; allowed: {LEAST_FIT} % and more. Do not control with this \
              model: `hydraxis commission` measures another one, with a longer --duration or a wider --travel",
             percent(fit)
         )
@@ -71,8 +71,8 @@ fn tight(axis: &Axis) -> Option<String> {
     let (found, least) = (control.following_error, ERROR_COUNTS * encoder.resolution);
     (found < least).then(|| {
         format!(
-            "axis.{name}.control.following_error: found {found} m; allowed: {least:.6} m or more, {ERROR_COUNTS} counts \
-             of the encoder: a smaller error cannot be told from its noise"
+            "axis.{name}.control.following_error: found {found} m; allowed: {least:.6} m or more, {ERROR_COUNTS} \
+             counts of the encoder: a smaller error cannot be told from its noise"
         )
     })
 }

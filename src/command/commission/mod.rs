@@ -12,7 +12,7 @@ use std::path::Path;
 
 use control_proc::{
     commission::{ExperimentOptions, ExperimentRecord, Phase},
-    tuning::{Baseline, smith},
+    tuning::{Baseline, LEAST_FIT, is_poor, smith},
 };
 use pipeline::{
     channel::remove_leftovers,
@@ -37,9 +37,6 @@ use file::{ModelFile, ModelFileError};
 use live::commission_live;
 pub use simulated::{SimulatedError, commission_axis, commission_simulated};
 
-/// Fit below which a model must not control, percent: the gains are tuned for plants that are slower than the model by
-/// up to 30 %, [`control_proc::tuning::PLANTS`]. A model that misses more of the motion says nothing about them.
-pub const POOR_FIT: f64 = 70.0;
 /// Parts of the tested openings at which the table shows the curve.
 const SHOWN: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
 
@@ -139,7 +136,7 @@ impl<'a> Found<'a> {
 fn warn(found: &Found) {
     if is_poor(&found.model) {
         eprintln!(
-            "axis.{}: found a fit of {}; allowed: {POOR_FIT} % and more. Do not control with this model. Look at the \
+            "axis.{}: found a fit of {}; allowed: {LEAST_FIT} % and more. Do not control with this model. Look at the \
              motion in a --report, and commission again with a longer --duration or a wider --travel",
             found.name,
             percent(found.model.fit_percent)
@@ -203,11 +200,6 @@ pub fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Co
     let control = baseline.tuned(index, &axis, period)?;
     let law = if is_near { smith(index, &axis, &control, period) } else { None };
     Some(Control { law: law.map_or(Law::Predictive, Law::Smith), ..control })
-}
-
-/// Whether a model misses so much of the motion that it must not control.
-pub fn is_poor(model: &Commissioned) -> bool {
-    model.fit_percent.is_nan() || model.fit_percent < POOR_FIT
 }
 
 /// The command to type next.

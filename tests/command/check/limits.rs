@@ -102,8 +102,8 @@ fn values_with_which_a_run_fails_at_once_are_refused() {
         ),
         (
             &["axis.boom.control.command_rate=0.1"],
-            "axis.boom.control.command_rate: found 0.1 1/s, with which a command needs 1.80 s to cross the dead bands of \
-             [axis.boom.plant]; allowed: 0.1800 1/s or more, 1 s",
+            "axis.boom.control.command_rate: found 0.1 1/s, with which a command needs 1.80 s to cross the dead bands \
+             of [axis.boom.plant]; allowed: 0.1800 1/s or more, 1 s",
         ),
         (
             &["axis.boom.control.kp=0", "axis.boom.control.ki=0"],

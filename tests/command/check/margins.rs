@@ -36,8 +36,8 @@ fn an_unstable_loop_is_not_run_and_is_simulated_with_a_warning() {
     let with = |command: &[&'static str]| {
         [command, &["m.toml", "--model", "model.toml", "--set", "axis.boom.control.kp=100"]].concat()
     };
-    let problem = "axis.boom.control.kp: found 100.000 1/m, with which the loop of the commissioned model is unstable at \
-                   the mean slope of its curve; allowed: up to 63.025 1/m, with the integral gain in proportion";
+    let problem = "axis.boom.control.kp: found 100.000 1/m, with which the loop of the commissioned model is unstable \
+                   at the mean slope of its curve; allowed: up to 63.025 1/m, with the integral gain in proportion";
     for command in [&["run"][..], &["run", "--off", "--lockstep"], &["control-proc", "--prefix", "unstable"]] {
         expect_refusal(folder.path(), &with(command), &[problem]);
     }

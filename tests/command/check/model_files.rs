@@ -88,8 +88,9 @@ fn a_model_file_changes_nothing_but_the_models_and_how_they_are_used() {
          [axis.boom]\nstroke = 9.0\nsoft_limits = [0.1, 8.0]\n[axis.boom.plant]\nmass = 1.0\n\
          [axis.boom.control]\nkp = 3.0\ncommand_limit = 0.9\n"
     );
-    let belongs = "found a key that a model file does not have; allowed: only the tables commissioned, control and \
-                   identification of an axis, without the limits of its machine; this key belongs into the machine file";
+    let belongs = "found a key that a model file does not have; allowed: only the tables commissioned, control \
+                   and identification of an axis, without the limits of its machine; this key belongs into the machine \
+                   file";
     let keys = ["1: name", "3: timing", "15: axis.boom.stroke", "16: axis.boom.soft_limits", "18: axis.boom.plant"];
     let lines: Vec<String> = keys
         .iter()

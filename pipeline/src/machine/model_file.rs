@@ -9,7 +9,7 @@ use std::{collections::BTreeSet, path::Path};
 
 use super::{
     Problem,
-    document::{Document, Origin, Place, Setting},
+    document::{Document, Place, Setting},
     error::MachineError,
     read_file,
 };
@@ -37,51 +37,40 @@ pub(super) fn read(path: &Path) -> Result<Vec<Setting>, MachineError> {
     parse(&text, &path.display().to_string())
 }
 
-/// The values of a model file, named `file`, that belong into one for `machine`; everything else is a problem of
+/// The values of a model file, named `file`, that may stand in a model for `machine`; everything else is a problem of
 /// `machine`.
 pub(super) fn expect_model(settings: Vec<Setting>, file: &str, machine: &Document) -> Vec<Setting> {
-    let place = |line| Place { file: Some(file.to_owned()), line };
-    let (mut kept, mut refused, mut axes) = (Vec::new(), BTreeSet::new(), BTreeSet::new());
-    let mut commissioned = BTreeSet::new();
-    for setting in settings {
-        match foreign_key(&setting.path) {
-            Some(key) => {
-                if refused.insert(key.to_owned()) {
-                    let line = if let Origin::ModelFile { line, .. } = setting.origin { Some(line) } else { None };
-                    let allowed = "only the tables commissioned, control and identification of an axis, without the \
-                                   limits of its machine; this key belongs into the machine file";
-                    machine.problem(place(line), key, "a key that a model file does not have", allowed);
-                }
-            }
-            None => {
-                if let Some((name, table)) = axis_table(&setting.path) {
-                    axes.insert(name.to_owned());
-                    if table == "commissioned" {
-                        commissioned.insert(name.to_owned());
-                    }
-                }
-                kept.push(setting);
-            }
+    let whole = || Place { file: Some(file.to_owned()), line: None };
+    let mut refused = BTreeSet::new();
+    for setting in &settings {
+        if let Some(key) = foreign_key(&setting.path).filter(|key| refused.insert(*key)) {
+            let allowed = "only the tables commissioned, control and identification of an axis, without the limits of \
+                           its machine; this key belongs into the machine file";
+            machine.problem(setting.origin.place(), key, "a key that a model file does not have", allowed);
         }
     }
-    let missing: Vec<String> = match axes.is_empty() && refused.is_empty() {
-        true => vec!["axis.NAME.commissioned".to_owned()],
-        false => axes.difference(&commissioned).map(|name| format!("axis.{name}.commissioned")).collect(),
-    };
-    for table in missing {
+    let is_empty = settings.is_empty();
+    let mut kept: Vec<Setting> = settings.iter().filter(|s| foreign_key(&s.path).is_none()).cloned().collect();
+    let of = |table: &str| kept.iter().filter_map(|s| axis_of(&s.path, table).map(str::to_owned)).collect();
+    let (axes, commissioned): (BTreeSet<String>, BTreeSet<String>) = (of(""), of("commissioned"));
+    let mut without: Vec<&str> = axes.difference(&commissioned).map(String::as_str).collect();
+    if is_empty {
+        without.push("NAME");
+    }
+    for name in without {
         let allowed = "a table with the model of the axis; `hydraxis commission MACHINE.toml --out FILE` measures it \
                        and writes the file";
-        machine.problem(place(None), table, "nothing", allowed);
+        machine.problem(whole(), format!("axis.{name}.commissioned"), "nothing", allowed);
     }
     let known = machine.names("axis");
     let foreign: Vec<&str> = axes.iter().map(String::as_str).filter(|name| !known.iter().any(|k| k == name)).collect();
     if !foreign.is_empty() && !known.is_empty() {
-        let machine_name = machine.name().unwrap_or_default();
         let found = format!("a model of axis {}", foreign.join(", "));
-        let allowed = format!("a model of the machine \"{machine_name}\", which has {}", known.join(", "));
-        machine.problem(place(None), "", found, allowed);
+        let name = machine.name().unwrap_or_default();
+        let allowed = format!("a model of the machine \"{name}\", which has {}", known.join(", "));
+        machine.problem(whole(), "", found, allowed);
     }
-    kept.retain(|setting| axis_table(&setting.path).is_some_and(|(name, _)| !foreign.contains(&name)));
+    kept.retain(|setting| axis_of(&setting.path, "").is_some_and(|name| !foreign.contains(&name)));
     kept
 }
 
@@ -100,10 +89,13 @@ fn foreign_key(path: &str) -> Option<&str> {
     }
 }
 
-/// Axis and table of a key such as `axis.boom.control.kp`.
-fn axis_table(path: &str) -> Option<(&str, &str)> {
+/// The axis of a key such as `axis.boom.control.kp`, if the key is in `table` of the axis; every table is meant where
+/// `table` is empty.
+fn axis_of<'p>(path: &'p str, table: &str) -> Option<&'p str> {
     let mut parts = path.split('.').skip(1);
-    Some((parts.next()?, parts.next()?))
+    let axis = parts.next()?;
+    let found = parts.next()?;
+    (table.is_empty() || found == table).then_some(axis)
 }
 
 /// The problem of a model file that stands in the place of a machine file.

@@ -73,7 +73,7 @@ impl Origin {
     }
 
     /// Where a problem with the value is.
-    pub(super) fn place(&self) -> Place {
+    pub(in crate::machine) fn place(&self) -> Place {
         match self {
             Self::MachineFile { line } => Place { file: None, line: Some(*line) },
             Self::ModelFile { file, line } => Place { file: Some(file.clone()), line: Some(*line) },

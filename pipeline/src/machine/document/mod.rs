@@ -113,8 +113,8 @@ impl<'i> Document<'i> {
 
     /// Names of the keys of a table of the text, in its order; none of a table that is not there.
     pub fn names(&self, table: &str) -> Vec<String> {
-        let parts = table.split('.').filter(|part| !part.is_empty());
-        let found = parts.fold(Some(&self.root), |table, part| table?.get(part)?.get_ref().as_table());
+        let mut parts = table.split('.').filter(|part| !part.is_empty());
+        let found = parts.try_fold(&self.root, |table, part| table.get(part)?.get_ref().as_table());
         found.into_iter().flat_map(|table| table.keys()).map(|key| key.get_ref().to_string()).collect()
     }
 

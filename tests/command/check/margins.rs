@@ -41,7 +41,7 @@ fn an_unstable_loop_is_not_run_and_is_simulated_with_a_warning() {
     for command in [&["run"][..], &["run", "--off", "--lockstep"], &["control-proc", "--prefix", "unstable"]] {
         expect_refusal(folder.path(), &with(command), &[problem]);
     }
-    // A record has no controller to be unstable, and a simulation hurts nobody.
+    // A simulation moves nothing real.
     let output = run(folder.path(), &with(&["simulate", "--duration", "10ms"]));
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success() && said.contains(&format!("warning: {problem}\n")), "{said}");

@@ -188,7 +188,10 @@ mod tests {
         let file = std::path::PathBuf::from("x.json");
         let source = std::io::Error::other("disk full");
         let failure = Failure::from(OutputError::Create { option: "--json", path: file, source }).about("boom");
-        assert_eq!(failure.to_string(), "boom: --json: x.json cannot be written: disk full");
+        assert_eq!(
+            failure.to_string(),
+            "boom: --json: x.json cannot be written: disk full; allowed: a file that this user may write"
+        );
         assert_eq!(failure.cause, Cause::Usage);
     }
 

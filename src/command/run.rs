@@ -16,7 +16,7 @@ use pipeline::{
     stage::{Clock, StageKind, StageOptions},
 };
 
-use super::{check, mechanism::overloads, simulate::ticks};
+use super::{check, simulate::ticks};
 use crate::{
     arguments::{MachineFile, load, values::duration, with_scenarios},
     failure::{Failure, Failures},
@@ -52,7 +52,7 @@ pub struct RunArguments {
     #[command(flatten)]
     pub machine: MachineFile,
     /// Length of the run [default: 20s for a simulated machine, the whole record for a replayed one]
-    #[arg(long, value_parser = duration)]
+    #[arg(long, value_parser = duration, allow_hyphen_values = true)]
     pub duration: Option<Duration>,
     /// Lock-step instead of real time: the next tick begins when all stages have answered the last one
     #[arg(long)]
@@ -115,14 +115,14 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<(M
             ))]);
         }
         let rows = failures.take(check::deep(machine));
+        failures.take(check::expect_controllable(machine));
         count = rows.and_then(|rows| failures.take(ticks(machine, rows, arguments.duration)));
         let (followers, head) = stages(machine, clock);
         failures.extend(programs(machine, followers.into_iter().chain([head])));
         let (missing, others) = rights(machine, clock);
         failures.extend(missing);
         warnings = others;
-        warnings.extend(check::foreign(machine));
-        warnings.extend(overloads(machine));
+        warnings.extend(check::warnings(machine));
     }
     failures.verdict(machine.zip(count)).map(|(machine, ticks)| (machine, ticks, warnings))
 }

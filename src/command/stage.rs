@@ -8,6 +8,7 @@ use pipeline::{
     stage::{Clock, StageKind, StageOptions, missing},
 };
 
+use super::check;
 use crate::{
     arguments::{MachineFile, load},
     failure::Failure,
@@ -59,6 +60,10 @@ pub struct StageArguments {
 /// Runs one stage until its last tick or a signal.
 pub fn run(kind: StageKind, arguments: &StageArguments) -> Result<(), Failure> {
     let machine = load(&arguments.machine)?;
+    // The supervisor has checked the machine before it starts the stages.
+    if kind == StageKind::ControlProc && arguments.parent.is_none() {
+        check::expect_controllable(&machine)?;
+    }
     let clock = if arguments.lockstep { Clock::LockStep } else { Clock::RealTime };
     let options = StageOptions {
         prefix: arguments.prefix.clone(),

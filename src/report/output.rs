@@ -14,7 +14,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum OutputError {
     /// The file that an option names cannot be created.
-    #[error("{option}: {} cannot be written", .path.display())]
+    #[error("{option}: {} cannot be written: {source}; allowed: {}", .path.display(), writable(.path))]
     Create {
         /// The option.
         option: &'static str,
@@ -39,6 +39,14 @@ pub enum OutputError {
     /// The figures have no form in JSON.
     #[error("--json: the figures cannot be written as JSON")]
     Json(#[source] serde_json::Error),
+}
+
+/// What can be written in the place of this file.
+fn writable(path: &Path) -> String {
+    match path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
+        Some(folder) => format!("a file in a folder that exists, and {} does not", folder.display()),
+        None => "a file that this user may write".to_owned(),
+    }
 }
 
 /// The outputs that the user asked for. They are opened before the work begins.

@@ -129,6 +129,11 @@ fn invalid_options_are_refused() {
         (&["--axis", "blade"][..], "--axis: found \"blade\"; allowed: one of boom, arm, telescope, bucket"),
         (&["--out", "nowhere/model.toml"][..], "allowed: a file in a folder that exists, and nowhere does not"),
         (&["--speed", "0"][..], "allowed: a number greater than 0"),
+        (&["--travel", "-40"][..], "'-40' for '--travel <M>': allowed: a number greater than 0"),
+        (&["--duration", "-3s"][..], "'-3s' for '--duration <DURATION>': allowed: a duration greater than 0"),
+        // The bucket travels 1.02 m, the least of all axes.
+        (&["--travel", "40"][..], "--travel: found 40 m; allowed: up to "),
+        (&["--travel", "1.3"][..], "the travel between the soft limits of axis "),
         (&["--set", "source.kind=replay", "--set", "source.file=x.csv"][..], "source.kind: found \"replay\""),
     ] {
         expect_refusal(folder.path(), &[&["commission"], arguments].concat(), &[expected]);

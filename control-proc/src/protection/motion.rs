@@ -3,21 +3,26 @@
 //! ```text
 //! stuck     sum of s(u) T while u is one way >= stuck_after + t_d, and y has not changed at all for stuck_after
 //!           s(u) = 0 up to d + 0.05, 1 from d + 0.1 on, a straight line between them
-//! stalled   u beyond d + 0.1 one way for 0.4 s + t_d, in which y has not moved that way by 0.4 s * v_max / 200
+//! stalled   u beyond d + 0.1 one way for 0.4 s + t_r, in which y has not moved that way by 0.4 s * v_max / 200;
+//!           0.4 s after y has turned, where the axis ran on against u for up to 0.4 s + t_r
 //! ```
 //!
 //! u command, d calibrated or commissioned dead band, whichever is wider, y position m, T period s, t_d dead time s,
-//! v_max `max_speed` m/s. Stuck is an encoder that does not report any change; this is seen from the positions alone.
-//! Stalled is an axis without supply, or one that stands against an obstacle. Its encoder may be healthy and show
-//! noise.
+//! t_r dead time and time constant of the commissioned model together, at least t_d, s, v_max `max_speed` m/s.
+//! Stuck is an encoder that does not report any change; this is seen from the positions alone. Stalled is an axis
+//! without supply, or one that stands against an obstacle. Its encoder may be healthy and show noise.
 //!
 //! Traps: a valve whose dead band has grown stands still above the calibrated dead band, until the integral of the
 //! fallback has passed it; hence the margins. Close to its set point such an axis needs longer than `stuck_after` to
-//! come from one margin to the other; hence the weight s. Motion against the command does not count as motion.
+//! come from one margin to the other; hence the weight s. Motion against the command does not count as motion. But
+//! after a reversal an axis runs on against its new command until that command acts. Then the axis has to come back all
+//! of that way before it passes the position of the reversal. So the motion is measured from the furthest point of the
+//! run-out. An axis that still moves against the command after 0.4 s + t_r does not run out: it is stalled at 0.8 s +
+//! t_r.
 
 use std::time::Duration;
 
-use pipeline::machine::{Axis, DeadBand, Timing, samples_of};
+use pipeline::machine::{Axis, Commissioned, DeadBand, Timing, samples_of};
 
 /// Command beyond the dead band from which on a position that stands still is a fault in time. The calibration is a
 /// little low on purpose, and just above the dead band the axis may creep below the resolution of the encoder.
@@ -30,7 +35,7 @@ pub const STALL_TIME: Duration = Duration::from_millis(400);
 /// Part of `max_speed` below which an axis hardly moves. The judge refuses a model that moves less than twice that.
 const HARDLY_MOVING: f64 = 0.005;
 /// Counts of the encoder that are no motion.
-const NOISE_COUNTS: f64 = 5.0;
+pub const NOISE_COUNTS: f64 = 5.0;
 
 /// d: the calibrated or the commissioned dead band, whichever is wider. The fallback compensates a little less than the
 /// valve's dead band, or none of it.
@@ -60,19 +65,11 @@ pub struct Motion {
     still_ticks: u64,
     /// Ticks of a command beyond the margin for stalled that are a fault while the position does not change.
     stuck_ticks: f64,
-    /// Ticks of a command beyond the margin for stalled that are a fault.
-    stall_ticks: u64,
-    /// Least way within `stall_ticks`, m.
-    least: f64,
     /// Command of the tick before.
     command: f64,
     /// Sum of s(u) over the ticks for which the command has been beyond the margin for stuck, one way.
     driven: f64,
-    /// Ticks for which the command has been beyond the dead band and the margin for stalled, one way, since the axis
-    /// has last moved by `least`.
-    stalled: u64,
-    /// Where the axis was then, m.
-    from: f64,
+    stall: Stall,
     /// Ticks for which the position has not changed.
     still: u64,
     position: f64,
@@ -85,17 +82,23 @@ impl Motion {
         let dead_band = widest_dead_band(axis);
         // The motion cannot show before the dead time.
         let dead_time = axis.identification.structure.nk as u64;
+        let reaction = axis.commissioned.as_ref().map_or(0.0, Commissioned::reaction);
+        let reaction_ticks = dead_time.max((reaction / timing.period.as_secs_f64()).ceil() as u64);
         Self {
             dead_band: (dead_band.retract, dead_band.extend),
             still_ticks: ticks(axis.encoder.stuck_after),
             stuck_ticks: (ticks(axis.encoder.stuck_after) + dead_time) as f64,
-            stall_ticks: ticks(STALL_TIME) + dead_time,
-            least: (HARDLY_MOVING * axis.max_speed * STALL_TIME.as_secs_f64())
-                .max(NOISE_COUNTS * axis.encoder.resolution),
             command: 0.0,
             driven: 0.0,
-            stalled: 0,
-            from: 0.0,
+            stall: Stall {
+                reaction: reaction_ticks,
+                longest: ticks(STALL_TIME) + reaction_ticks,
+                least: (HARDLY_MOVING * axis.max_speed * STALL_TIME.as_secs_f64())
+                    .max(NOISE_COUNTS * axis.encoder.resolution),
+                driven: 0,
+                since: 0,
+                from: 0.0,
+            },
             still: 0,
             position: f64::NAN,
         }
@@ -105,7 +108,8 @@ impl Motion {
     /// `position` (m) is where the axis is now, if that is known.
     pub fn update(&mut self, elapsed: u64, command: f64, position: Option<f64>) -> Option<Standing> {
         if command * self.command <= 0.0 {
-            (self.driven, self.stalled) = (0.0, 0);
+            self.driven = 0.0;
+            self.stall.reset();
         }
         self.command = command;
         let dead_band = if command < 0.0 { self.dead_band.0 } else { self.dead_band.1 };
@@ -115,17 +119,62 @@ impl Motion {
         if let Some(position) = position {
             self.still = if position == self.position { self.still.saturating_add(elapsed) } else { 0 };
             self.position = position;
-            if self.stalled == 0 || (position - self.from) * command.signum() >= self.least {
-                (self.stalled, self.from) = (0, position);
-            }
+            self.stall.measure(position, command.signum());
         }
-        self.stalled = if beyond > STALL_MARGIN { self.stalled.saturating_add(elapsed) } else { 0 };
+        if beyond > STALL_MARGIN {
+            self.stall.drive(elapsed);
+        } else {
+            self.stall.reset();
+        }
         if self.driven >= self.stuck_ticks && self.still >= self.still_ticks {
             Some(Standing::Stuck)
-        } else if self.stalled > self.stall_ticks {
+        } else if self.stall.since > self.stall.longest {
             Some(Standing::Stalled)
         } else {
             None
+        }
+    }
+}
+
+/// How long a driven axis has not moved the way of its command.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Stall {
+    /// t_r, ticks.
+    reaction: u64,
+    /// Ticks without motion after which the axis is stalled.
+    longest: u64,
+    /// Least way that is motion, m.
+    least: f64,
+    /// Ticks for which the command has been beyond the dead band and the margin for stalled, one way.
+    driven: u64,
+    /// How many of these ticks have passed since the axis has last moved by `least`; at most `reaction` at the furthest
+    /// point of a run-out.
+    since: u64,
+    /// Position from which the motion is measured: where the axis was then, or the furthest point of the run-out, m.
+    from: f64,
+}
+
+impl Stall {
+    /// The command does not drive the axis, or drives it the other way.
+    fn reset(&mut self) {
+        (self.driven, self.since) = (0, 0);
+    }
+
+    /// The command has driven the axis for so many more ticks.
+    fn drive(&mut self, ticks: u64) {
+        self.driven = self.driven.saturating_add(ticks);
+        self.since = self.since.saturating_add(ticks);
+    }
+
+    /// Begins the time of a stall anew where the axis has moved in `direction`, and measures the motion from the
+    /// furthest point of a run-out.
+    fn measure(&mut self, position: f64, direction: f64) {
+        let way = (position - self.from) * direction;
+        if self.driven == 0 || way >= self.least {
+            (self.since, self.from) = (0, position);
+        } else if way < 0.0 && self.driven <= self.longest {
+            // The axis turns because the command acts, so its reaction is over there.
+            (self.since, self.from) = (self.since.min(self.reaction), position);
         }
     }
 }
@@ -184,5 +233,136 @@ mod tests {
         assert_eq!(stands(|_| 0.3, |k| noise(k) + 6e-5 * k as f64), None);
         assert!(stands(|_| 0.3, |k| noise(k) - 1e-3 * k as f64).is_some());
         assert_eq!(stands(|k| if k % 40 == 0 { 0.0 } else { 0.3 }, noise), None);
+    }
+
+    /// An axis behind a dead time and two lags: what it does is what was commanded long before.
+    struct Drawn {
+        machine: pipeline::machine::Machine,
+        /// Commands that have not acted yet.
+        under_way: std::collections::VecDeque<f64>,
+        /// Lags of valve and mass, s.
+        lags: [f64; 2],
+        states: [f64; 2],
+        /// Speed per command beyond the dead band, m/s.
+        gain: f64,
+        position: f64,
+    }
+
+    impl Drawn {
+        const PERIOD: f64 = 0.005;
+        const DEAD_BAND: f64 = 0.1;
+        const MAX_SPEED: f64 = 0.3;
+
+        fn new(random: &mut dyn FnMut(f64, f64) -> f64) -> Self {
+            let (dead_time, lags) = (random(0.005, 0.5), [random(0.01, 0.15), random(0.005, 0.1)]);
+            let gain = random(0.2, 1.0);
+            let model = format!(
+                "[axis.a0.commissioned]\ndead_time = {dead_time}\ntime_constant = {}\ndead_band_extend = 0.1\n\
+                 dead_band_retract = 0.1\nopenings = [0.5]\nspeeds_extend = [{}]\nspeeds_retract = [{}]\n\
+                 fit_percent = 95.0\n",
+                lags[0] + lags[1],
+                0.5 * gain,
+                0.5 * gain
+            );
+            let text = crate::tests::machine_text(1)
+                .replace("period = \"10ms\"", "period = \"5ms\"")
+                .replace("max_speed = 1.0", &format!("max_speed = {}", Self::MAX_SPEED))
+                .replace("nk = 5\n", "")
+                .replace("dead_band_extend = 0.08\ndead_band_retract = 0.07\n", "")
+                + &model;
+            let machine =
+                pipeline::machine::Machine::parse(&text, "test.toml", std::path::Path::new("."), &[]).unwrap();
+            // Cold oil makes the dead time longer than that of the model.
+            let under_way = vec![0.0; (random(0.8, 1.2) * dead_time / Self::PERIOD).ceil() as usize].into();
+            Self { machine, under_way, lags, states: [0.0; 2], gain, position: 0.6 }
+        }
+
+        fn motion(&self) -> Motion {
+            Motion::new(&self.machine.axes[0], &self.machine.timing)
+        }
+
+        /// t_d + tau, ticks.
+        fn reaction(&self) -> u64 {
+            (self.machine.axes[0].commissioned.as_ref().unwrap().reaction() / Self::PERIOD).ceil() as u64
+        }
+
+        /// Position after a tick of the command.
+        fn step(&mut self, command: f64) -> f64 {
+            self.under_way.push_back(command);
+            let acting = self.under_way.pop_front().unwrap();
+            let asked = self.gain * (acting - acting.clamp(-Self::DEAD_BAND, Self::DEAD_BAND));
+            let mut input = asked;
+            for (state, lag) in self.states.iter_mut().zip(self.lags) {
+                *state += (input - *state) * (1.0 - (-Self::PERIOD / lag).exp());
+                input = *state;
+            }
+            self.position += input * Self::PERIOD;
+            // Counts of 0.1 mm.
+            (self.position / 1e-4).round() * 1e-4
+        }
+    }
+
+    /// Calls `test` with a source of numbers between two bounds, for many seeds.
+    fn for_seeds(test: impl Fn(u64, &mut dyn FnMut(f64, f64) -> f64)) {
+        for seed in 0..200 {
+            let mut state: u64 = 0x9E37_79B9_7F4A_7C15 ^ (seed << 20);
+            let mut random = |low: f64, high: f64| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                low + (high - low) * (state >> 11) as f64 / (1u64 << 53) as f64
+            };
+            test(seed, &mut random);
+        }
+    }
+
+    #[test]
+    fn an_axis_that_answers_late_and_runs_out_is_never_called_stalled() {
+        for_seeds(|seed, random| {
+            let mut axis = Drawn::new(random);
+            let mut motion = axis.motion();
+            let (frequency, amplitude) = (random(0.05, 0.8), random(0.25, 1.0));
+            let is_sine = seed % 2 == 0;
+            let (mut left, mut level) = (0, 0.0);
+            for k in 0..4000_u64 {
+                if left == 0 {
+                    // Violent steps from one way to the other, with and without a pause.
+                    left = random(20.0, 400.0) as u32;
+                    let magnitude = random(0.21, 1.0);
+                    level = if random(0.0, 1.0) < 0.2 { 0.0 } else { -magnitude.copysign(level) };
+                }
+                left -= 1;
+                let phase = std::f64::consts::TAU * frequency * k as f64 * Drawn::PERIOD;
+                let command = if is_sine { amplitude * phase.sin() } else { level };
+                let position = axis.step(command);
+                let standing = motion.update(1, command, Some(position));
+                assert_eq!(standing, None, "seed {seed}, tick {k}, command {command}, lags {:?}", axis.lags);
+            }
+        });
+    }
+
+    #[test]
+    fn an_axis_that_stands_or_runs_the_wrong_way_is_called_stalled_in_time() {
+        for_seeds(|seed, random| {
+            let mut axis = Drawn::new(random);
+            let mut motion = axis.motion();
+            let level = random(0.25, 1.0) * if seed % 2 == 0 { 1.0 } else { -1.0 };
+            // It moves one way, is reversed, and then something holds it or moves it on.
+            let reversal = 400;
+            let held_at = reversal + random(0.0, axis.reaction() as f64) as u64;
+            let goes_on = seed % 3 == 0;
+            let mut position = 0.6;
+            let found = (0..2000).find(|k| {
+                let command = if *k < reversal { level } else { -level };
+                let moved = axis.step(level);
+                if *k < held_at || goes_on {
+                    position = moved;
+                }
+                let noise = 1e-4 * (k % 2) as f64;
+                motion.update(1, command, Some(position + noise)).is_some()
+            });
+            let ticks = |time: Duration| (time.as_secs_f64() / Drawn::PERIOD) as u64;
+            let after = if goes_on { 2 } else { 1 };
+            let bound = reversal.max(held_at) + after * ticks(STALL_TIME) + axis.reaction();
+            assert!(found.is_some_and(|k| (reversal..=bound + 3).contains(&k)), "seed {seed}: {found:?}, {bound}");
+        });
     }
 }

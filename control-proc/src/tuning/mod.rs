@@ -55,6 +55,9 @@ use crate::{
 
 /// Motion at rest from which on the loop cycles, peak to peak, m.
 pub const RESTING_MOTION: f64 = 0.5e-3;
+/// Fit of a model below which it must not control, percent: the gains are tuned for plants that are slower than the
+/// model by up to 30 %, [`PLANTS`]. A model that misses more of the motion says nothing about them.
+pub const LEAST_FIT: f64 = 70.0;
 /// The plants on which gains are tried: slow, as commissioned, and fast with cold oil.
 pub const PLANTS: [Plant; 3] = [
     Plant { gain: 0.7, dead_time: 1.0, lag: 1.0 },
@@ -93,6 +96,11 @@ const FIRST_GAIN: f64 = 0.5;
 const GAIN_POWERS: std::ops::RangeInclusive<i32> = -4..=2;
 /// Ratios of ki to kp on the grid, 1/s.
 const RATES: [f64; 7] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6];
+
+/// Whether a model misses so much of the motion that it must not control.
+pub fn is_poor(model: &Commissioned) -> bool {
+    model.fit_percent.is_nan() || model.fit_percent < LEAST_FIT
+}
 
 /// A plant, by its ratios to the commissioned model.
 #[derive(Debug, Clone, Copy, PartialEq)]

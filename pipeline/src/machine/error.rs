@@ -8,6 +8,8 @@ const MAX_SHOWN: usize = 30;
 /// One problem of a machine file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
+    /// Name of the file, where it is another one than the machine file.
+    pub file: Option<String>,
     /// Line of the file, where the problem has one.
     pub line: Option<usize>,
     /// Full dotted key, empty for the file as a whole.
@@ -33,7 +35,7 @@ impl fmt::Display for MachineError {
             if i > 0 {
                 writeln!(f)?;
             }
-            write!(f, "{}:", self.file)?;
+            write!(f, "{}:", problem.file.as_ref().unwrap_or(&self.file))?;
             if let Some(line) = problem.line {
                 write!(f, "{line}:")?;
             }

@@ -9,7 +9,7 @@ use super::{
     Machine, MachineFile,
     document::{DefaultValue, Document, EffectiveValue, Setting},
     error::MachineError,
-    read_model,
+    model_file,
 };
 
 /// One key that a machine file can have.
@@ -119,10 +119,16 @@ impl Machine {
         model: Option<&Path>,
         settings: &[(String, String)],
     ) -> Result<(Self, Vec<EffectiveValue>), MachineError> {
-        let MachineFile { text, model: mut all, name, folder } = MachineFile::open(file)?;
-        all.extend(model.map_or(Ok(Vec::new()), read_model)?);
-        all.extend(Setting::typed(settings));
-        let document = Document::parse(&text, all);
+        let MachineFile { text, model: built_in, name, folder } = MachineFile::open(file)?;
+        let given = model.map_or(Ok(Vec::new()), model_file::read)?;
+        let document = Document::parse(&text, Setting::typed(settings));
+        if let Some(problem) = model_file::in_place_of_machine(&document) {
+            return Err(MachineError { file: name, problems: vec![problem] });
+        }
+        if let Some(path) = model {
+            document.prepend(model_file::expect_model(given, &path.display().to_string(), &document));
+        }
+        document.prepend(built_in);
         let machine = Self::read(document.root(), &folder);
         let values = document.values().into_iter().map(|(value, _)| value).collect();
         document.into_result(&name, (machine, values))
@@ -163,12 +169,13 @@ mod tests {
     fn a_value_comes_from_the_last_place_that_gives_it() {
         let folder = tempfile::tempdir().unwrap();
         let model = folder.path().join("model.toml");
-        std::fs::write(&model, "[axis.boom.control]\nkp = 4.0\nki = 2.0\n").unwrap();
+        std::fs::write(&model, "[axis.boom.control]\nkp = 4.0\nki = 2.0\n[axis.boom.commissioned]\ndamping = 0.3\n")
+            .unwrap();
         let set = [("axis.boom.control.ki".to_owned(), "1".to_owned())];
         let (machine, values) = Machine::explain(None, Some(&model), &set).unwrap();
         let of = |key: &str| values.iter().find(|value| value.key == key).unwrap();
         assert_eq!((machine.axes[0].control.kp, machine.axes[0].control.ki), (4.0, 1.0));
-        assert_eq!(of("axis.boom.control.kp").origin, Origin::ModelFile { line: 2 });
+        assert_eq!(of("axis.boom.control.kp").origin, Origin::ModelFile { file: model.display().to_string(), line: 2 });
         assert_eq!(of("axis.boom.control.ki").origin, Origin::CommandLine);
         let text = super::super::BUILT_IN;
         let line = 1 + text[..text.find("stroke = 1.334").unwrap()].matches('\n').count();

@@ -12,6 +12,7 @@
 //! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |
 //! | `document/` | the reader: keys with meaning, allowed values, default and origin |
 //! | `explain` | effective values with their origin, and the table of all keys |
+//! | `model_file` | what may stand in a model file |
 //! | `error` | what is wrong with a machine file |
 //!
 //! Nothing here runs in a stage's loop: files are read and memory is taken before the loop begins.
@@ -24,6 +25,7 @@ mod explain;
 mod fuzzy;
 mod hydraulics;
 mod mechanism;
+mod model_file;
 mod scenario;
 mod soil;
 mod source;
@@ -98,6 +100,7 @@ fn read_file(path: &Path, allowed: &str) -> Result<String, MachineError> {
     std::fs::read_to_string(path).map_err(|error| MachineError {
         file: path.display().to_string(),
         problems: vec![Problem {
+            file: None,
             line: None,
             key: String::new(),
             found: format!("a file that cannot be read ({error})"),
@@ -112,7 +115,7 @@ fn read_file(path: &Path, allowed: &str) -> Result<String, MachineError> {
 /// # Errors
 /// The file cannot be read, or is not TOML.
 pub fn model_settings(file: &Path) -> Result<Vec<(String, String)>, MachineError> {
-    let settings = read_model(file)?.into_iter();
+    let settings = model_file::read(file)?.into_iter();
     Ok(settings.map(|setting| (setting.path, setting.text)).collect())
 }
 
@@ -121,13 +124,8 @@ pub fn model_settings(file: &Path) -> Result<Vec<(String, String)>, MachineError
 /// # Errors
 /// The text is not TOML.
 pub fn model_settings_in(text: &str, file: &str) -> Result<Vec<(String, String)>, MachineError> {
-    let settings = Document::parse(text, Vec::new()).into_settings(file)?.into_iter();
+    let settings = model_file::parse(text, file)?.into_iter();
     Ok(settings.map(|setting| (setting.path, setting.text)).collect())
-}
-
-fn read_model(file: &Path) -> Result<Vec<Setting>, MachineError> {
-    let text = read_file(file, "a model file in TOML, as `hydraxis commission` writes it")?;
-    Document::parse(&text, Vec::new()).into_settings(&file.display().to_string())
 }
 
 /// A machine file that is to be read.
@@ -146,7 +144,7 @@ impl MachineFile {
     fn open(file: Option<&Path>) -> Result<Self, MachineError> {
         let Some(path) = file else {
             let (text, name) = (Cow::Borrowed(BUILT_IN), "built-in machine".to_owned());
-            let model = Document::parse(BUILT_IN_MODEL, Vec::new()).into_settings("built-in model")?;
+            let model = model_file::parse(BUILT_IN_MODEL, "built-in model")?;
             return Ok(Self { text, model, name, folder: PathBuf::from(".") });
         };
         let text = read_file(path, "a machine file in TOML; without one the built-in machine is used")?;

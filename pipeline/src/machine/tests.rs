@@ -164,10 +164,9 @@ fn a_value_that_is_not_from_the_machine_file_is_refused_with_its_own_place() {
     let model = folder.path().join("model.toml");
     std::fs::write(&model, "[axis.boom.control]\n# too small\nkp = -1\nkq = 2\n").unwrap();
     let text = Machine::explain(None, Some(&model), &[]).unwrap_err().to_string();
-    for expected in [
-        "axis.boom.control.kp: found -1 (from the model file, line 3);",
-        "axis.boom.control.kq: found an unknown key (from the model file, line 4);",
-    ] {
+    for expected in
+        ["model.toml:3: axis.boom.control.kp: found -1;", "model.toml:4: axis.boom.control.kq: found an unknown key;"]
+    {
         assert!(text.contains(expected) && !text.contains("--set"), "{text}");
     }
 }

@@ -34,7 +34,14 @@ pub struct BenchControlArguments {
     #[command(flatten)]
     pub machine: BareMachine,
     /// Dead times of all valves, separated by commas
-    #[arg(long, value_name = "T,..", value_parser = duration, value_delimiter = ',', default_value = "10ms,150ms")]
+    #[arg(
+        long,
+        value_name = "T,..",
+        value_parser = duration,
+        allow_hyphen_values = true,
+        value_delimiter = ',',
+        default_value = "10ms,150ms"
+    )]
     pub dead_time: Vec<Duration>,
     /// Number of seeds of the simulated noise; they count from 1
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]

@@ -47,7 +47,7 @@ pub fn run(arguments: &BenchControlArguments) -> Result<(), Failure> {
     for dead_time in &arguments.dead_time {
         expect_possible(*dead_time, &scenarios[0])?;
     }
-    for warning in check::foreign(&scenarios[0]) {
+    for warning in check::warnings(&scenarios[0]).into_iter().chain(check::unstable(&scenarios[0])) {
         eprintln!("warning: {warning}");
     }
     let output = Output::open(arguments.json.as_deref())?;
@@ -80,6 +80,7 @@ fn scenarios(arguments: &BenchControlArguments) -> Result<Vec<Machine>, Failure>
             return Err(Failure::usage(format!("{found}; allowed: scenarios without commands")));
         }
         check::deep(&machine)?;
+        check::expect_possible(&machine)?;
         machines.push(machine);
     }
     Ok(machines)

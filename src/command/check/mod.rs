@@ -2,6 +2,7 @@
 //!
 //! Runs once, before the loop.
 
+mod control;
 mod explain;
 mod margins;
 mod models;
@@ -22,7 +23,6 @@ use crate::{
     failure::Failure,
     report::output::show,
 };
-pub use models::foreign;
 
 /// `check`.
 #[derive(Debug, Args)]
@@ -50,8 +50,9 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     let machine = load(&arguments.machine)?;
     deep(&machine)?;
     let loops = margins::judge(&machine);
-    if !loops.problems.is_empty() {
-        return Err(Failure::usage(loops.problems.join("\n")));
+    let problems = [control::impossible(&machine), loops.problems].concat();
+    if !problems.is_empty() {
+        return Err(Failure::usage(problems.join("\n")));
     }
     if arguments.explain {
         return explain::run(arguments);
@@ -69,13 +70,49 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
         humantime::format_duration(machine.timing.period)
     );
     let mechanism = machine.mechanism.as_ref().map(|mechanism| summary(&machine, mechanism));
-    let warnings = foreign(&machine).into_iter().chain(overloads(&machine)).chain(references::excesses(&machine));
-    let warnings = warnings.chain(loops.warnings);
-    let warnings: String = warnings.map(|warning| format!("warning: {warning}\n")).collect();
+    let known = warnings(&machine).into_iter().chain(references::excesses(&machine)).chain(loops.warnings);
+    let warnings: String = known.map(|warning| format!("warning: {warning}\n")).collect();
     let notes: String = models::unknown(&machine).into_iter().map(|note| format!("note: {note}\n")).collect();
     let text =
         text + &mechanism.unwrap_or_default() + &sensors::summary(&machine) + &loops.summary + &warnings + &notes;
     Ok(show(&text)?)
+}
+
+/// What may go wrong in a run of this machine.
+pub fn warnings(machine: &Machine) -> Vec<String> {
+    [warnings_of_plant(machine), control::doubtful(machine)].concat()
+}
+
+/// What may go wrong in a run of this machine without a controller.
+pub fn warnings_of_plant(machine: &Machine) -> Vec<String> {
+    [models::foreign(machine), overloads(machine)].concat()
+}
+
+/// The loops that are unstable with the control settings of this machine.
+pub fn unstable(machine: &Machine) -> Vec<String> {
+    margins::judge(machine).problems
+}
+
+/// Refuses a machine whose loops cannot work, before a controller is simulated.
+///
+/// # Errors
+/// All values with which a loop fails at once, one on each line.
+pub fn expect_possible(machine: &Machine) -> Result<(), Failure> {
+    let problems = control::impossible(machine);
+    if problems.is_empty() { Ok(()) } else { Err(Failure::usage(problems.join("\n"))) }
+}
+
+/// Refuses a machine whose loops cannot work or are unstable, before a controller may move it.
+///
+/// # Errors
+/// All values with which a loop fails at once, and all unstable loops, one on each line.
+pub fn expect_controllable(machine: &Machine) -> Result<(), Failure> {
+    // A record has no controller.
+    if machine.source != Source::Sim {
+        return Ok(());
+    }
+    let problems = [control::impossible(machine), unstable(machine)].concat();
+    if problems.is_empty() { Ok(()) } else { Err(Failure::usage(problems.join("\n"))) }
 }
 
 /// Why no command within `command_limit` moves the axis in one of its directions, if that is so. A model measured the

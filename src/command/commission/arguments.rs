@@ -45,13 +45,13 @@ pub struct CommissionArguments {
     pub force: bool,
     /// Width of the window around the present position of an axis, m [default: 0.4 of the travel between the soft
     /// limits]
-    #[arg(long, value_name = "M", value_parser = positive)]
+    #[arg(long, value_name = "M", value_parser = positive, allow_hyphen_values = true)]
     pub travel: Option<f64>,
     /// Bound of the speed, m/s [default: a quarter of max_speed of the axis]
-    #[arg(long, value_name = "M/S", value_parser = positive)]
+    #[arg(long, value_name = "M/S", value_parser = positive, allow_hyphen_values = true)]
     pub speed: Option<f64>,
     /// Length of the experiment with each axis
-    #[arg(long, value_parser = duration, default_value = "60s")]
+    #[arg(long, value_parser = duration, allow_hyphen_values = true, default_value = "60s")]
     pub duration: Duration,
     /// Seed of the random steps and of the simulated noise
     #[arg(long, default_value_t = 1)]

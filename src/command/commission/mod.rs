@@ -12,7 +12,7 @@ use std::path::Path;
 
 use control_proc::{
     commission::{ExperimentOptions, ExperimentRecord, Phase},
-    tuning::{Baseline, smith},
+    tuning::{Baseline, LEAST_FIT, is_poor, smith},
 };
 use pipeline::{
     channel::remove_leftovers,
@@ -37,9 +37,6 @@ use file::{ModelFile, ModelFileError};
 use live::commission_live;
 pub use simulated::{SimulatedError, commission_axis, commission_simulated};
 
-/// Fit below which a model must not control, percent: the gains are tuned for plants that are slower than the model by
-/// up to 30 %, [`control_proc::tuning::PLANTS`]. A model that misses more of the motion says nothing about them.
-const POOR_FIT: f64 = 70.0;
 /// Parts of the tested openings at which the table shows the curve.
 const SHOWN: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
 
@@ -51,6 +48,7 @@ pub fn run(arguments: &CommissionArguments) -> Result<(), Failure> {
     let machine = load_bare(&arguments.machine.bare, scenario(arguments))?;
     let axes = axes(&machine, &arguments.axes)?;
     expect_possible(arguments, &machine)?;
+    expect_travel(arguments, &machine, &axes)?;
     let file = ModelFile::new(&arguments.out, arguments.force)?;
     let output = Output::open(arguments.json.as_deref())?;
     let mut report = arguments.report.as_deref().map(|path| create("--report", path)).transpose()?;
@@ -97,6 +95,21 @@ fn expect_possible(arguments: &CommissionArguments, machine: &Machine) -> Result
     Ok(())
 }
 
+/// Refuses a `--travel` that one of the axes does not have.
+fn expect_travel(arguments: &CommissionArguments, machine: &Machine, axes: &[usize]) -> Result<(), Failure> {
+    let Some(found) = arguments.travel else { return Ok(()) };
+    let travels = axes.iter().map(|index| &machine.axes[*index]).map(|axis| {
+        let (low, high) = axis.soft_limits;
+        (&axis.name, high - low)
+    });
+    match travels.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, travel)| found > *travel) {
+        None => Ok(()),
+        Some((name, travel)) => Err(Failure::usage(format!(
+            "--travel: found {found} m; allowed: up to {travel:.4} m, the travel between the soft limits of axis {name}"
+        ))),
+    }
+}
+
 /// What was found of one axis.
 struct Found<'a> {
     /// Its index.
@@ -123,7 +136,7 @@ impl<'a> Found<'a> {
 fn warn(found: &Found) {
     if is_poor(&found.model) {
         eprintln!(
-            "axis.{}: found a fit of {}; allowed: {POOR_FIT} % and more. Do not control with this model. Look at the \
+            "axis.{}: found a fit of {}; allowed: {LEAST_FIT} % and more. Do not control with this model. Look at the \
              motion in a --report, and commission again with a longer --duration or a wider --travel",
             found.name,
             percent(found.model.fit_percent)
@@ -187,11 +200,6 @@ pub fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Co
     let control = baseline.tuned(index, &axis, period)?;
     let law = if is_near { smith(index, &axis, &control, period) } else { None };
     Some(Control { law: law.map_or(Law::Predictive, Law::Smith), ..control })
-}
-
-/// Whether a model misses so much of the motion that it must not control.
-pub fn is_poor(model: &Commissioned) -> bool {
-    model.fit_percent.is_nan() || model.fit_percent < POOR_FIT
 }
 
 /// The command to type next.

@@ -35,7 +35,7 @@ pub struct IdentifyArguments {
     #[arg(long, default_value = "y")]
     pub output: String,
     /// Sample period, in seconds or with a unit such as 10ms [default: from the column `t`, s]
-    #[arg(long, value_parser = seconds)]
+    #[arg(long, value_parser = seconds, allow_hyphen_values = true)]
     pub period: Option<Duration>,
     /// Rows for offline identification, as a number or as a fraction of all rows; the other rows are the test part
     #[arg(long, default_value = "0.5")]

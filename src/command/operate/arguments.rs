@@ -61,7 +61,7 @@ pub struct OperateArguments {
     #[arg(long, conflicts_with = "duration")]
     pub leave: bool,
     /// Time in the mode, after which the axes are disarmed and the command ends [default: until Ctrl-C]
-    #[arg(long, value_parser = duration)]
+    #[arg(long, value_parser = duration, allow_hyphen_values = true)]
     pub duration: Option<Duration>,
 }
 

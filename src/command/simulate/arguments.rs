@@ -22,7 +22,7 @@ pub struct SimulateArguments {
     #[command(flatten)]
     pub machine: MachineFile,
     /// Length of the simulated time [default: 20s for a simulated machine, the whole record for a replayed one]
-    #[arg(long, value_parser = duration)]
+    #[arg(long, value_parser = duration, allow_hyphen_values = true)]
     pub duration: Option<Duration>,
     /// Simulate only the plant, under the commands of a CSV file: column `t` (s), and one column per axis with commands
     /// in [-1, 1]. Each row is held until the next one

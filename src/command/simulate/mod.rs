@@ -17,7 +17,7 @@ use pipeline::{
     stage::{Clock, StageKind},
 };
 
-use super::{check, mechanism::overloads};
+use super::check;
 use crate::{
     arguments::load,
     failure::Failure,
@@ -45,7 +45,14 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
     let is_open = arguments.open_loop.is_some() || !machine.scenario.commands.is_empty();
     expect_compatible(arguments, &machine, is_open)?;
     let rows = check::deep(&machine)?;
-    for warning in check::foreign(&machine).into_iter().chain(overloads(&machine)) {
+    let warnings = if is_open {
+        check::warnings_of_plant(&machine)
+    } else {
+        check::expect_possible(&machine)?;
+        // A study may want to see an unstable loop.
+        [check::warnings(&machine), check::unstable(&machine)].concat()
+    };
+    for warning in warnings {
         eprintln!("warning: {warning}");
     }
     if is_open {

@@ -1,6 +1,6 @@
 //! Limits of the motion: their ranges, and the values that follow from the commissioned model.
 
-use std::fs;
+use std::{fs, path::Path};
 
 use super::{
     EXCAVATOR,
@@ -84,4 +84,58 @@ fn a_command_limit_within_a_dead_band_is_refused() {
     let expected = "axis.boom.control.command_limit: found 0.2000, with which the axis never retracts; allowed: more \
                     than 0.2000, where the dead band of [axis.boom.commissioned] with half of the hysteresis ends";
     expect_refusal(folder.path(), &with_model, &[expected]);
+}
+
+#[test]
+fn values_with_which_a_run_fails_at_once_are_refused() {
+    let folder = folder_with(EXCAVATOR);
+    // The file has counts of 0.1 mm, dead bands of 0.1 and 0.08, and 1 m/s.
+    for (settings, expected) in [
+        (
+            &["axis.boom.encoder.resolution=0.05", "axis.boom.control.following_error=0.5"][..],
+            "axis.boom.encoder.resolution: found counts of 0.05 m; allowed: up to 0.008000 m: a driven axis that moves \
+             less than 5 counts in 0.4 s counts as stalled, and it moves more from 0.1 m/s on, a tenth of max_speed",
+        ),
+        (
+            &["axis.boom.control.following_error=2e-4"],
+            "axis.boom.control.following_error: found 0.0002 m; allowed: 0.000300 m or more, 3 counts of the encoder",
+        ),
+        (
+            &["axis.boom.control.command_rate=0.1"],
+            "axis.boom.control.command_rate: found 0.1 1/s, with which a command needs 1.80 s to cross the dead bands \
+             of [axis.boom.plant]; allowed: 0.1800 1/s or more, 1 s",
+        ),
+        (
+            &["axis.boom.control.kp=0", "axis.boom.control.ki=0"],
+            "axis.boom.control.kp: found 0 1/m with a ki of 0, with which the axis never moves; allowed: more than 0",
+        ),
+    ] {
+        let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
+        for command in ["check", "simulate", "run"] {
+            expect_refusal(folder.path(), &[&[command, "m.toml"], &settings[..]].concat(), &[expected]);
+        }
+    }
+    // With an integral gain it moves.
+    expect_four_axes(&success(folder.path(), &["check", "m.toml", "--set", "axis.boom.control.kp=0"]));
+}
+
+#[test]
+fn a_start_outside_the_soft_limits_is_warned_of() {
+    let check = |position| success(Path::new("."), &["check", "--set", position]);
+    let warning = "warning: axis.boom.plant.initial_position: found 0.02 m, outside the soft limits; allowed: 0.05 to \
+                   1.284 m: from there the axis is moved inwards only";
+    assert!(check("axis.boom.plant.initial_position=0.02").contains(warning));
+    assert!(!check("axis.boom.plant.initial_position=0.05").contains("initial_position"));
+}
+
+#[test]
+fn a_model_with_a_poor_fit_is_warned_of() {
+    let folder = folder_with(EXCAVATOR);
+    let check = ["check", "m.toml", "--model", "model.toml"];
+    let warning = "warning: axis.boom.commissioned.fit_percent: found 69.90 %; allowed: 70 % and more. Do not control \
+                   with this model";
+    for (fit, is_warned) in [("69.9", true), ("70.0", false)] {
+        fs::write(folder.path().join("model.toml"), MODEL.replace("97.5", fit)).unwrap();
+        assert_eq!(success(folder.path(), &check).contains(warning), is_warned, "{fit}");
+    }
 }

@@ -4,7 +4,7 @@ use std::fs;
 
 use super::{
     EXCAVATOR,
-    cli::{expect_refusal, success},
+    cli::{expect_refusal, run, success},
     folder_with,
     model_files::MODEL,
 };
@@ -27,4 +27,22 @@ fn a_loop_that_falls_short_is_a_warning_and_an_unstable_one_a_problem() {
     assert!(steep.contains("warning: axis.boom.control.kp: found 60.000 1/m, a gain margin of 0.9"), "{steep}");
     let expected = ["axis.boom.control.kp: found 100.000 1/m, with which the loop", "allowed: up to 63.025 1/m"];
     expect_refusal(folder.path(), &with("axis.boom.control.kp=100"), &expected);
+}
+
+#[test]
+fn an_unstable_loop_is_not_run_and_is_simulated_with_a_warning() {
+    let folder = folder_with(EXCAVATOR);
+    fs::write(folder.path().join("model.toml"), MODEL).unwrap();
+    let with = |command: &[&'static str]| {
+        [command, &["m.toml", "--model", "model.toml", "--set", "axis.boom.control.kp=100"]].concat()
+    };
+    let problem = "axis.boom.control.kp: found 100.000 1/m, with which the loop of the commissioned model is unstable \
+                   at the mean slope of its curve; allowed: up to 63.025 1/m, with the integral gain in proportion";
+    for command in [&["run"][..], &["run", "--off", "--lockstep"], &["control-proc", "--prefix", "unstable"]] {
+        expect_refusal(folder.path(), &with(command), &[problem]);
+    }
+    // A simulation moves nothing real.
+    let output = run(folder.path(), &with(&["simulate", "--duration", "10ms"]));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && said.contains(&format!("warning: {problem}\n")), "{said}");
 }

@@ -4,7 +4,7 @@ use std::fs;
 
 use super::{
     EXCAVATOR,
-    cli::{expect_refusal, run, success},
+    cli::{expect_refusal, refusal, run, success},
     expect_four_axes, folder_with,
 };
 
@@ -20,11 +20,15 @@ fn a_model_file_adds_to_the_machine_file_and_is_judged_like_it() {
     expect_four_axes(&success(folder.path(), &["check", "m.toml", "--model", "model.toml"]));
     fs::write(folder.path().join("model.toml"), MODEL.replace("[0.1, 0.3]", "[0.3, 0.1]")).unwrap();
     let line = 1 + MODEL[..MODEL.find("openings").unwrap()].matches('\n').count();
-    let found = format!("axis.boom.commissioned.openings: found [0.3, 0.1] (from the model file, line {line})");
-    let expected = [found.as_str(), "allowed: 1 to 16 rising numbers greater than 0"];
+    let found =
+        format!("model.toml:{line}: axis.boom.commissioned.openings: found [0.3, 0.1]; allowed: 1 to 16 rising");
+    let expected = [found.as_str()];
     expect_refusal(folder.path(), &["check", "m.toml", "--model", "model.toml"], &expected);
     fs::write(folder.path().join("model.toml"), MODEL.replace("dead_time", "deadtime")).unwrap();
-    let expected = ["axis.boom.commissioned.deadtime", "found an unknown key"];
+    let expected = [
+        "model.toml: axis.boom.commissioned.dead_time: found nothing; allowed: a number from 0 to 5 s\n",
+        "model.toml:2: axis.boom.commissioned.deadtime: found an unknown key",
+    ];
     expect_refusal(folder.path(), &["check", "m.toml", "--model", "model.toml"], &expected);
     let expected = ["no.toml: found a file that cannot be read", "allowed: a model file"];
     expect_refusal(folder.path(), &["check", "m.toml", "--model", "no.toml"], &expected);
@@ -56,4 +60,73 @@ fn a_model_of_another_machine_is_warned_of_with_both_machines() {
     measured_on(here);
     let text = success(folder.path(), &check);
     assert!(!text.contains("measured_on"), "{text}");
+}
+
+/// Expects that this text is refused as the model of a machine, with exactly these lines.
+fn expect_refused_model(text: &str, lines: &[&str]) {
+    let folder = folder_with(EXCAVATOR);
+    fs::write(folder.path().join("model.toml"), text).unwrap();
+    let said = refusal(folder.path(), &["check", "m.toml", "--model", "model.toml"]);
+    let found: Vec<&str> = said.lines().collect();
+    assert_eq!(found.len(), lines.len(), "{said}");
+    for (found, line) in found.iter().zip(lines) {
+        assert!(found.starts_with(line), "no {line:?} in\n{said}");
+    }
+}
+
+#[test]
+fn a_model_file_changes_nothing_but_the_models_and_how_they_are_used() {
+    // What commissioning writes, and settings of a controller that a user tries.
+    let folder = folder_with(EXCAVATOR);
+    let more = "[axis.boom.identification]\nestimator = \"grey-box\"\n\
+                [axis.boom.control]\nkp = 3.0\nmodel = \"adaptive\"\nhorizon = 10\n";
+    fs::write(folder.path().join("model.toml"), format!("{MODEL}{more}")).unwrap();
+    expect_four_axes(&success(folder.path(), &["check", "m.toml", "--model", "model.toml"]));
+
+    let text = format!(
+        "name = \"other\"\n[timing]\nperiod = \"5ms\"\nfeedback_timeout = \"50ms\"\n{MODEL}\
+         [axis.boom]\nstroke = 9.0\nsoft_limits = [0.1, 8.0]\n[axis.boom.plant]\nmass = 1.0\n\
+         [axis.boom.control]\nkp = 3.0\ncommand_limit = 0.9\n"
+    );
+    let belongs = "found a key that a model file does not have; allowed: only the tables commissioned, control \
+                   and identification of an axis, without the limits of its machine; this key belongs into the machine \
+                   file";
+    let keys = ["1: name", "3: timing", "15: axis.boom.stroke", "16: axis.boom.soft_limits", "18: axis.boom.plant"];
+    let lines: Vec<String> = keys
+        .iter()
+        .chain(&["21: axis.boom.control.command_limit"])
+        .map(|key| format!("model.toml:{key}: {belongs}"))
+        .collect();
+    expect_refused_model(&text, &lines.iter().map(String::as_str).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_model_of_an_axis_that_the_machine_does_not_have_is_refused_in_one_line() {
+    let name = pipeline::machine::Machine::four_axes(&[]).unwrap().name;
+    let line = format!(
+        "model.toml: found a model of axis rig; allowed: a model of the machine \"{name}\", which has boom, arm, \
+         telescope, bucket"
+    );
+    expect_refused_model(&MODEL.replace("boom", "rig"), &[&line]);
+}
+
+#[test]
+fn a_model_file_without_a_model_is_refused_with_what_writes_one() {
+    let allowed = "found nothing; allowed: a table with the model of the axis; `hydraxis commission MACHINE.toml --out \
+                   FILE` measures it";
+    expect_refused_model("", &[&format!("model.toml: axis.NAME.commissioned: {allowed}")]);
+    let control = "[axis.boom.control]\nkp = 3.0\n";
+    expect_refused_model(control, &[&format!("model.toml: axis.boom.commissioned: {allowed}")]);
+}
+
+#[test]
+fn a_model_file_in_the_place_of_a_machine_file_is_recognised() {
+    let folder = folder_with(&fs::read_to_string("examples/excavator-model.toml").unwrap());
+    for command in ["check", "simulate"] {
+        assert_eq!(
+            refusal(folder.path(), &[command, "m.toml"]),
+            "m.toml: found a model file, such as `hydraxis commission` writes, in the place of a machine file; \
+             allowed: a machine file, and this file with --model\n"
+        );
+    }
 }

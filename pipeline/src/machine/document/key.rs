@@ -62,12 +62,12 @@ impl Key<'_, '_, '_> {
 
     fn find<T>(&mut self, allowed: &str, parse: impl Fn(&DeValue) -> Option<T>) -> Found<T> {
         let name = self.name;
-        let (parsed, shown, line, origin) = match self.section.take(name) {
+        let (parsed, shown, place, origin) = match self.section.take(name) {
             None => return Found::Absent,
             Some(Value::File(value)) => {
                 let line = self.section.line_of(name);
                 let origin = Origin::MachineFile { line: line.unwrap_or_default() };
-                (parse(value.get_ref()), show(value.get_ref()), line, origin)
+                (parse(value.get_ref()), show(value.get_ref()), line.into(), origin)
             }
             Some(Value::Setting(text, origin)) => {
                 // A setting is TOML where it can be, else a plain string, as in `--set scenario=payload`.
@@ -77,13 +77,13 @@ impl Key<'_, '_, '_> {
                 // Other texts are plain strings, or durations.
                 let is_broken = as_toml.is_err() && text.starts_with(['[', '{', '.', '+', '-']);
                 let shown = if is_broken { format!("{text}, which is no TOML") } else { text };
-                (parsed, origin.of(shown), None, origin)
+                (parsed, origin.of(shown), origin.place(), origin)
             }
         };
         match parsed {
             Some(value) => Found::Given(value, origin),
             None => {
-                self.section.document.problem(line, self.section.path_of(name), shown, allowed);
+                self.section.document.problem(place, self.section.path_of(name), shown, allowed);
                 Found::Refused
             }
         }

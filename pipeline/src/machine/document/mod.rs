@@ -19,6 +19,7 @@ use std::cell::RefCell;
 
 use toml::de::DeTable;
 
+pub(super) use record::Place;
 pub use record::{DefaultValue, EffectiveValue, Origin};
 pub(super) use section::Section;
 pub(super) use value::Shown;
@@ -89,7 +90,13 @@ impl<'i> Document<'i> {
                 None => (None, String::new()),
             };
             let found = format!("{}{at}", error.message());
-            document.grammar.push(Problem { line, key: String::new(), found, allowed: "valid TOML".to_owned() });
+            document.grammar.push(Problem {
+                file: None,
+                line,
+                key: String::new(),
+                found,
+                allowed: "valid TOML".to_owned(),
+            });
         }
         document
     }
@@ -97,6 +104,23 @@ impl<'i> Document<'i> {
     /// The top of the document.
     pub fn root(&self) -> Section<'_, 'i> {
         Section::new(self, Some(&self.root), String::new(), None)
+    }
+
+    /// Adds settings that rank before those that are there.
+    pub fn prepend(&self, settings: Vec<Setting>) {
+        self.settings.borrow_mut().splice(0..0, settings);
+    }
+
+    /// Names of the keys of a table of the text, in its order; none of a table that is not there.
+    pub fn names(&self, table: &str) -> Vec<String> {
+        let mut parts = table.split('.').filter(|part| !part.is_empty());
+        let found = parts.try_fold(&self.root, |table, part| table.get(part)?.get_ref().as_table());
+        found.into_iter().flat_map(|table| table.keys()).map(|key| key.get_ref().to_string()).collect()
+    }
+
+    /// The machine's name.
+    pub fn name(&self) -> Option<&str> {
+        self.root.get("name")?.get_ref().as_str()
     }
 
     /// Notes the effective value of a key, and what the table of all keys says is allowed where that differs.
@@ -119,12 +143,14 @@ impl<'i> Document<'i> {
     /// Notes a problem.
     pub fn problem(
         &self,
-        line: Option<usize>,
+        place: impl Into<Place>,
         key: impl Into<String>,
         found: impl Into<String>,
         allowed: impl Into<String>,
     ) {
+        let Place { file, line } = place.into();
         self.problems.borrow_mut().push(Problem {
+            file,
             line,
             key: key.into(),
             found: found.into(),
@@ -146,11 +172,11 @@ impl<'i> Document<'i> {
             };
             // A whole table that is unknown is one problem.
             if !self.problems.borrow().iter().any(|problem| problem.key == key) {
-                self.problem(None, key, found, allowed);
+                self.problem(setting.origin.place(), key, found, allowed);
             }
         }
         let mut problems = self.problems.into_inner();
-        problems.sort_by_key(|problem| problem.line.unwrap_or(usize::MAX));
+        problems.sort_by_key(|problem| (problem.file.is_some(), problem.line.unwrap_or(usize::MAX)));
         if problems.is_empty() { Ok(value) } else { Err(MachineError { file: file.to_owned(), problems }) }
     }
 
@@ -180,17 +206,17 @@ impl<'i> Document<'i> {
     /// Every value of the document with its full key and its line, as settings for another document.
     pub fn into_settings(self, file: &str) -> Result<Vec<Setting>, MachineError> {
         let mut settings = Vec::new();
-        self.collect("", &self.root, &mut settings);
+        self.collect(file, "", &self.root, &mut settings);
         self.into_result(file, settings)
     }
 
-    fn collect(&self, prefix: &str, table: &DeTable, settings: &mut Vec<Setting>) {
+    fn collect(&self, file: &str, prefix: &str, table: &DeTable, settings: &mut Vec<Setting>) {
         for (key, value) in table {
             let path = format!("{prefix}{}", key.get_ref());
             match value.get_ref().as_table() {
-                Some(table) => self.collect(&format!("{path}."), table, settings),
+                Some(table) => self.collect(file, &format!("{path}."), table, settings),
                 None => {
-                    let origin = Origin::ModelFile { line: self.line(value.span().start) };
+                    let origin = Origin::ModelFile { file: file.to_owned(), line: self.line(value.span().start) };
                     settings.push(Setting::new(path, show(value.get_ref()), origin));
                 }
             }

@@ -32,6 +32,8 @@ pub enum Origin {
     },
     /// The model file of `--model`.
     ModelFile {
+        /// Name of the file.
+        file: String,
         /// Line of the value.
         line: usize,
     },
@@ -46,12 +48,36 @@ pub enum Origin {
     },
 }
 
+/// Where a problem is.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(in crate::machine) struct Place {
+    /// Name of the file, where it is another one than the machine file.
+    pub file: Option<String>,
+    /// Line of the file.
+    pub line: Option<usize>,
+}
+
+impl From<Option<usize>> for Place {
+    fn from(line: Option<usize>) -> Self {
+        Self { file: None, line }
+    }
+}
+
 impl Origin {
-    /// A value that was found, with the place that it comes from where that is not the machine file.
+    /// A value that was found, with the place that it comes from where that is no file.
     pub(super) fn of(&self, found: String) -> String {
         match self {
-            Self::ModelFile { .. } | Self::CommandLine => format!("{found} (from the {self})"),
-            Self::MachineFile { .. } | Self::Default | Self::Derived { .. } => found,
+            Self::CommandLine => format!("{found} (from the {self})"),
+            Self::ModelFile { .. } | Self::MachineFile { .. } | Self::Default | Self::Derived { .. } => found,
+        }
+    }
+
+    /// Where a problem with the value is.
+    pub(in crate::machine) fn place(&self) -> Place {
+        match self {
+            Self::MachineFile { line } => Place { file: None, line: Some(*line) },
+            Self::ModelFile { file, line } => Place { file: Some(file.clone()), line: Some(*line) },
+            Self::CommandLine | Self::Default | Self::Derived { .. } => Place::default(),
         }
     }
 }
@@ -60,7 +86,7 @@ impl fmt::Display for Origin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::MachineFile { line } => write!(f, "machine file, line {line}"),
-            Self::ModelFile { line } => write!(f, "model file, line {line}"),
+            Self::ModelFile { line, .. } => write!(f, "model file, line {line}"),
             Self::CommandLine => f.write_str("command line"),
             Self::Default => f.write_str("default"),
             Self::Derived { rule } => write!(f, "derived: {rule}"),

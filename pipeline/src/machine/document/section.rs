@@ -9,7 +9,7 @@ use toml::{
 
 use super::{
     Document,
-    record::{EffectiveValue, Origin},
+    record::{EffectiveValue, Origin, Place},
     value::show,
 };
 
@@ -68,6 +68,19 @@ impl<'d, 'i> Section<'d, 'i> {
         found.or(self.line)
     }
 
+    /// Where a key of this table is, or should be. A table that only the model file gives is in the model file.
+    fn place_of(&self, key: &str) -> Place {
+        let prefix = format!("{}.", self.path);
+        let settings = self.document.settings.borrow();
+        let inside = settings.iter().find(|setting| setting.path.starts_with(&prefix));
+        match inside.map(|setting| &setting.origin) {
+            Some(Origin::ModelFile { file, .. }) if self.table.is_none() => {
+                Place { file: Some(file.clone()), line: None }
+            }
+            _ => self.line_of(key).into(),
+        }
+    }
+
     /// The effective values of all keys of the document that were read so far.
     pub fn values(&self) -> Vec<EffectiveValue> {
         self.document.values().into_iter().map(|(value, _)| value).collect()
@@ -101,11 +114,11 @@ impl<'d, 'i> Section<'d, 'i> {
 
     /// Notes a problem with a key of this table.
     pub fn refuse(&self, key: &str, found: impl Into<String>, allowed: impl Into<String>) {
-        let (line, found) = match self.origin_of_setting(key) {
-            Some(origin) => (None, origin.of(found.into())),
-            None => (self.line_of(key), found.into()),
+        let (place, found) = match self.origin_of_setting(key) {
+            Some(origin) => (origin.place(), origin.of(found.into())),
+            None => (self.place_of(key), found.into()),
         };
-        self.document.problem(line, self.path_of(key), found, allowed);
+        self.document.problem(place, self.path_of(key), found, allowed);
     }
 
     /// Takes the value of a key, if there is one, and notes that the key was asked for.
@@ -165,9 +178,9 @@ impl<'d, 'i> Section<'d, 'i> {
     /// Refuses the old name of a key and says the new one, `to`, which is relative to this table.
     pub fn renamed(&mut self, key: &'static str, to: &str) {
         if self.take(key).is_some() {
-            let line = if self.is_set(key) { None } else { self.line_of(key) };
+            let place = self.origin_of_setting(key).map_or_else(|| self.line_of(key).into(), |origin| origin.place());
             let allowed = format!("{}, its new name", self.path_of(to));
-            self.document.problem(line, self.path_of(key), "a key that has been renamed", allowed);
+            self.document.problem(place, self.path_of(key), "a key that has been renamed", allowed);
         }
         self.asked.remove(key);
         self.renamed.insert(key);

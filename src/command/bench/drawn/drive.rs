@@ -7,6 +7,7 @@
 use control_proc::{
     commission::{Abort, ExperimentOptions},
     trajectory_file::read_references,
+    tuning::is_poor,
 };
 use pipeline::{
     machine::{Commissioned, Control, Machine, ModelChoice, model_settings_in},
@@ -22,7 +23,7 @@ use super::{
 };
 use crate::{
     command::{
-        commission::{SimulatedError, commission_axis, is_poor, model_text, tuned},
+        commission::{SimulatedError, commission_axis, model_text, tuned},
         simulate::closed_loop,
     },
     failure::Failure,

@@ -50,8 +50,9 @@ impl AxisController {
         let shadow = self.shadowed(deviation.error, &last, &limits);
         let admission = self.gate.admit(answer, &deviation, shadow, last.by == ControlMode::Model, at_limit);
 
+        let comes_back = admission.command.is_some() && self.law.comes_back();
         let positions = self.references.positions();
-        let stand = self.standstill.update(input.elapsed, deviation.error, positions, last.command);
+        let stand = self.standstill.update(input.elapsed, deviation.error, positions, last.command, comes_back);
         let commander = Commander::choose(admission.command, stand);
         if !matches!(commander, Commander::Model(_)) {
             self.law.discard().into_iter().for_each(|memory| self.fallback.restore(memory));

@@ -46,6 +46,11 @@ impl ModelLaw {
         }
     }
 
+    /// Whether an axis that has left its set point comes back under the law by itself, and soon.
+    pub fn comes_back(&self) -> bool {
+        matches!(self, Self::Predictive(_))
+    }
+
     /// Forgets the past: the axis begins to follow, from rest.
     pub fn begin(&mut self) {
         if let Self::Smith { controller, shadow } = self {

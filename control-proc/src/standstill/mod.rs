@@ -8,6 +8,7 @@
 //! follows -> rests      |e| <= e_rest, or the axis stands and |e| <= e_wake
 //! follows -> creeps     the axis stands and |e| > e_wake
 //! rests   -> creeps     |m| > e_wake, 2 L + 0.3 s or more after the valve was shut
+//! rests   -> follows    |e| > e_wake under a controller that comes back, which never creeps
 //! creeps  -> rests      the pulse is over
 //! all     -> follows    a reference moves, or |e| has grown by e_far
 //! e_wake = e_rest + max(min(e_rest, 0.25 mm), c/2), half as much again after every pulse that has overshot,
@@ -176,8 +177,9 @@ impl Standstill {
     }
 
     /// What the axis is to do at this tick, `elapsed` ticks after the last one, with a following error of `error` m and
-    /// these references (m), the present one first. `last` is the command on the valve.
-    pub fn update(&mut self, elapsed: u64, error: f64, references: &[f64], last: f64) -> Stand {
+    /// these references (m), the present one first. `last` is the command on the valve; `comes_back`: the controller
+    /// that would command comes back by itself, and soon.
+    pub fn update(&mut self, elapsed: u64, error: f64, references: &[f64], last: f64, comes_back: bool) -> Stand {
         self.watch(elapsed, error, references);
         let is_still = self.watched.still >= self.still_ticks && error.is_finite();
         if self.stays_open {
@@ -191,13 +193,14 @@ impl Standstill {
         if !is_still {
             (self.is_left, self.wake.2) = (false, self.wake.0);
         }
-        let stands = self.watched.stands >= self.settled_ticks.0;
+        let stands = self.watched.stands >= self.settled_ticks.0 && !comes_back;
         match self.phase {
             Phase::Follows if !is_still || self.is_left => Stand::Follow,
             Phase::Follows if distance <= self.bound => self.rest(),
             Phase::Follows if stands && self.watched.smooth.abs() <= self.wake.2 => self.rest(),
             Phase::Follows if stands => self.creep(self.watched.smooth, 0.0, last),
             Phase::Follows => Stand::Follow,
+            Phase::Rests(_) if comes_back && distance > self.wake.0 => self.follow(),
             Phase::Rests(since) => self.rest_on(since, error, last),
             Phase::Creeps => self.step(),
         }
@@ -303,7 +306,7 @@ mod tests {
     /// What an axis with these errors and references does at its ticks.
     fn stands(errors: impl Fn(usize) -> f64, references: impl Fn(usize) -> [f64; 2]) -> Vec<Stand> {
         let mut standstill = Standstill::new(&axis(), PERIOD);
-        (0..200).map(|k| standstill.update(1, errors(k), &references(k), 0.0)).collect()
+        (0..200).map(|k| standstill.update(1, errors(k), &references(k), 0.0, false)).collect()
     }
 
     /// The ticks at which it rests.
@@ -327,7 +330,7 @@ mod tests {
             let mut axis = axis();
             (axis.control.limits.rest_band, axis.encoder.resolution) = (band, resolution);
             let mut standstill = Standstill::new(&axis, PERIOD);
-            (0..32).any(|_| standstill.update(1, error, &[0.5; 2], 0.0) == Stand::Rest)
+            (0..32).any(|_| standstill.update(1, error, &[0.5; 2], 0.0, false) == Stand::Rest)
         };
         assert!(rests_at(240e-6, None, 1e-6) && !rests_at(260e-6, None, 1e-6));
         // A servo that is to stand within 10 um.
@@ -355,6 +358,15 @@ mod tests {
     }
 
     #[test]
+    fn a_controller_that_comes_back_is_left_to_do_so() {
+        let mut standstill = Standstill::new(&axis(), PERIOD);
+        let error = |k: usize| if k < 100 { 0.0 } else { 6e-4 };
+        let stands: Vec<Stand> = (0..200).map(|k| standstill.update(1, error(k), &[0.5; 2], 0.0, true)).collect();
+        assert!(stands[30..100].iter().all(|stand| *stand == Stand::Rest));
+        assert!(stands[100..].iter().all(|stand| *stand == Stand::Follow));
+    }
+
+    #[test]
     fn noise_of_the_encoder_is_no_motion() {
         let noise = |k: usize| 1e-4 * [0.0, 1.0, -1.0, 0.0, 1.0, -1.0, -1.0, 1.0][(k * k + 3 * k) % 8];
         let stands = stands(|k| 2e-3 + noise(k), |_| [0.5; 2]);
@@ -369,7 +381,7 @@ mod tests {
         let (mut position, mut command, mut slipped) = (reference - 0.7e-3, 0.0f64, true);
         let update = |_| {
             let error = reference - position;
-            let stand = standstill.update(1, error, &[reference; 40], command);
+            let stand = standstill.update(1, error, &[reference; 40], command, false);
             command = if let Stand::Creep(command) = stand { command } else { 0.0 };
             if command.abs() > 0.11 && !slipped {
                 position += 1.2e-3 * command.signum();
@@ -388,7 +400,7 @@ mod tests {
         assert_eq!((slips(&seen), seen[5999].1), (1, Stand::Rest));
         assert!(standstill.wake.2 > standstill.wake.0);
         // A reference that moves ends the wider band.
-        standstill.update(1, 0.0, &[0.6; 40], 0.0);
+        standstill.update(1, 0.0, &[0.6; 40], 0.0, false);
         assert_eq!(standstill.wake.2, standstill.wake.0);
     }
 
@@ -400,7 +412,7 @@ mod tests {
         for k in 0..12_000 {
             let error = 0.5 - (plant.position * 1e4).round() * 1e-4;
             let last = command;
-            let stand = standstill.update(1, error, &[0.5; 40], command);
+            let stand = standstill.update(1, error, &[0.5; 40], command, false);
             command = if let Stand::Creep(command) = stand { command } else { 0.0 };
             if last != 0.0 && command > last {
                 rates.push(command - last);
@@ -424,7 +436,7 @@ mod tests {
             (model.dead_band.extend, model.dead_band.retract) = (0.08, 0.04);
         }
         let mut standstill = Standstill::new(&axis, PERIOD);
-        let stands: Vec<Stand> = (0..100).map(|_| standstill.update(1, 1e-4, &[0.5; 2], 0.0)).collect();
+        let stands: Vec<Stand> = (0..100).map(|_| standstill.update(1, 1e-4, &[0.5; 2], 0.0, false)).collect();
         assert_eq!((stands[29], stands[31], stands[99]), (Stand::Follow, Stand::Regulate, Stand::Regulate));
     }
 
@@ -455,7 +467,7 @@ mod tests {
             for k in 0..6000 {
                 let error = 0.5 - (plant.position * 1e4).round() * 1e-4;
                 // Nobody follows: the axis stands until it is crept.
-                command = match standstill.update(1, error, &[0.5; 40], command) {
+                command = match standstill.update(1, error, &[0.5; 40], command, false) {
                     Stand::Creep(command) => command,
                     Stand::Follow | Stand::Regulate | Stand::Rest => 0.0,
                 };

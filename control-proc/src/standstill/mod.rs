@@ -12,16 +12,15 @@
 //! creeps  -> rests      the pulse is over
 //! all     -> follows    a reference moves, or |e| has grown by e_far
 //! e_wake = e_rest + max(min(e_rest, 0.25 mm), c/2), half as much again after every pulse that has overshot,
-//!          up to min(3 e_rest, 0.75 mm), until a reference moves
+//!          up to min(2.5 e_rest, 0.625 mm), until a reference moves
 //! ```
 //!
 //! e following error m, m its mean over the last 0.5 s at most since the axis came to rest, c one count of the encoder
 //! m, e_rest `rest_band` m, e_far and e_drift m, L dead time and lag in s. All but a moving reference need references
 //! that have stood still for 0.3 s. An axis stands when it has moved by less than a quarter of e in 0.3 s + L. While
-//! the axis rests, the valve is shut and the oil holds the load. While it creeps, a pulse brings it closer. An axis that
-//! has drifted out of its band is put beyond its set point by a half of the first e_wake: it drifts back. When pulses do
-//! not help, the axis is left to its controller until a reference moves: the last pulse has given up, or the axis drifts
-//! by more than e_drift in 2 L + 0.3 s.
+//! the axis rests, the valve is shut and the oil holds the load. While it creeps, a pulse brings it closer. When
+//! pulses do not help, the axis is left to its controller until a reference moves: the last pulse has given up, or the
+//! axis drifts by more than e_drift in 2 L + 0.3 s.
 //!
 //! A valve whose hysteresis is wider than its dead band does not shut at neutral, as its spool stays beside the middle.
 //! Such an axis neither rests nor creeps: the fallback regulates it, which knows the hysteresis.
@@ -43,7 +42,7 @@ const WAKE: f64 = 0.25e-3;
 /// Ratio of e_wake after a pulse that has overshot to the one before.
 const WIDER: f64 = 1.5;
 /// Widest e_wake in parts of e_rest and in m, unless the first one is wider.
-const WIDEST: (f64, f64) = (3.0, 0.75e-3);
+const WIDEST: (f64, f64) = (2.5, 0.625e-3);
 /// Ratio of e_far to e_rest: by then the load has changed, or somebody pushes.
 const FAR_RATIO: f64 = 20.0;
 /// Ratio of e_drift to e_rest: more than an axis that slips moves at once.
@@ -60,8 +59,6 @@ const SMOOTH_PART: f64 = 0.25;
 const SMOOTH_TICKS: f64 = 4.0;
 /// Memory of the mean error of an axis that rests, s.
 const MEAN_TIME: f64 = 0.5;
-/// Distance beyond the set point to which an axis that drifts is put, in parts of the first e_wake.
-const AHEAD: f64 = 0.5;
 
 /// What the axis is to do at a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -198,7 +195,7 @@ impl Standstill {
             Phase::Follows if !is_still || self.is_left => Stand::Follow,
             Phase::Follows if distance <= self.bound => self.rest(),
             Phase::Follows if stands && self.watched.smooth.abs() <= self.wake.2 => self.rest(),
-            Phase::Follows if stands => self.creep(self.watched.smooth, 0.0, last),
+            Phase::Follows if stands => self.creep(self.watched.smooth, last),
             Phase::Follows => Stand::Follow,
             Phase::Rests(_) if comes_back && distance > self.wake.0 => self.follow(),
             Phase::Rests(since) => self.rest_on(since, error, last),
@@ -242,8 +239,7 @@ impl Standstill {
         if drift > DRIFT_RATIO * self.bound {
             return self.leave();
         }
-        let has_drifted = shut.abs() <= self.wake.2;
-        self.creep(mean, if has_drifted { AHEAD * self.wake.0 } else { 0.0 }, last)
+        self.creep(mean, last)
     }
 
     fn rest(&mut self) -> Stand {
@@ -251,10 +247,9 @@ impl Standstill {
         Stand::Rest
     }
 
-    /// Begins a pulse against an error of `error` m, which is to end `ahead` m beyond the set point.
-    fn creep(&mut self, error: f64, ahead: f64, last: f64) -> Stand {
+    fn creep(&mut self, error: f64, last: f64) -> Stand {
         (self.phase, self.begin) = (Phase::Creeps, error.abs());
-        self.pulses.begin(error, ahead, last);
+        self.pulses.begin(error, last);
         self.step()
     }
 

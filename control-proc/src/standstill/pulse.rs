@@ -6,11 +6,11 @@
 //! over when s e <= s v L + g r L^2 / 2 after the axis has begun to move, given up when l is d + 0.075 for long
 //! ```
 //!
-//! s sign at the begin of the following error, e that error without its noise and, where the pulse is to end beyond the
-//! set point, with that distance (m), l level of the command, T period in s, v speed in m/s, L dead time, lag and the
-//! time by which e is smoothed in s, g slope of the static curve at the dead band d in m/s, e_rest as in [`super`]. What
-//! is on its way through dead time and lag moves the axis by v L + g r L^2 / 2 after the valve is shut; with this rate a
-//! pulse that is shut at once moves it by half of the error. Source: inching by hand.
+//! s sign at the begin of the following error, e that error without its noise m, l level of the command, T period in s,
+//! v speed in m/s, L dead time, lag and the time by which e is smoothed in s, g slope of the static curve at the dead
+//! band d in m/s, e_rest as in [`super`]. What is on its way through dead time and lag moves the axis by
+//! v L + g r L^2 / 2 after the valve is shut; with this rate a pulse that is shut at once moves it by half of the error.
+//! Source: inching by hand.
 //!
 //! Two things are learned for each direction. The level at which the axis begins to move: the next pulse begins a
 //! little below it. And g: a pulse that overshoots doubles it, so that the next ones are gentler, and one that falls
@@ -87,8 +87,6 @@ impl Direction {
 struct Pulse {
     /// s.
     sign: f64,
-    /// Distance beyond the set point at which it is to end, m.
-    ahead: f64,
     /// l.
     level: f64,
     /// r, 1/s.
@@ -174,24 +172,22 @@ impl Pulses {
     /// that have not moved the axis are not judged.
     pub fn judge(&mut self, error: f64) -> bool {
         let Some(last) = self.last.take().filter(|last| last.moves) else { return false };
-        let after = last.sign * error + last.ahead;
+        let after = last.sign * error;
         self.direction(last.sign).learn(last.error, after);
         after < 0.0
     }
 
-    /// Begins a pulse against an error of `error` m, which is to end `ahead` m beyond the set point, after the command
-    /// `last`.
-    pub fn begin(&mut self, error: f64, ahead: f64, last: f64) {
+    /// Begins a pulse against an error of `error` m, after the command `last`.
+    pub fn begin(&mut self, error: f64, last: f64) {
         let sign = error.signum();
         let direction = *self.direction(sign);
-        let back = BACK.min(BACK_TIME * self.rate(&direction, error.abs() + ahead));
+        let back = BACK.min(BACK_TIME * self.rate(&direction, error.abs()));
         let first = direction.breakaway.map_or(direction.dead_band - FIRST, |breakaway| breakaway - back);
         self.pulse = Some(Pulse {
             sign,
-            ahead,
             level: first.max(sign * last).clamp(0.0, direction.dead_band + HIGHEST),
             rate: 0.0,
-            error: error.abs() + ahead,
+            error: error.abs(),
             moves: false,
             least: f64::INFINITY,
             at_highest: 0,
@@ -207,7 +203,7 @@ impl Pulses {
     pub fn step(&mut self, error: f64, speed: f64) -> Step {
         let Some(mut pulse) = self.pulse else { return Step::Arrives };
         let (delay, motion, period) = (self.delay, self.motion, self.period);
-        let (left, toward) = (pulse.sign * error + pulse.ahead, pulse.sign * speed);
+        let (left, toward) = (pulse.sign * error, pulse.sign * speed);
         if !pulse.moves {
             // The load may have moved the axis away since the begin.
             pulse.error = pulse.error.max(left);

@@ -175,16 +175,8 @@ const MODEL_DEFECTS: [&str; 6] = [
 ];
 
 /// Axes that are not steady under the fallback.
-const FALLBACK_DEFECTS: [&str; 8] = [
-    "payload boom",
-    "dead-band-drift telescope",
-    "valve-wear boom",
-    "valve-wear arm",
-    "valve-wear telescope",
-    "valve-wear bucket",
-    "everything boom",
-    "everything bucket",
-];
+const FALLBACK_DEFECTS: [&str; 5] =
+    ["payload boom", "valve-wear arm", "valve-wear bucket", "everything boom", "everything bucket"];
 
 /// A known defect: with grown dead bands and worn valves, axes under the model are not steady.
 #[test]
@@ -193,18 +185,8 @@ fn the_model_is_not_steady_yet_where_the_valve_changes() {
 }
 
 /// Axes that are not steady under the Smith predictor.
-const SMITH_DEFECTS: [&str; 10] = [
-    "dead-band-drift arm",       // 84 %, within 0.40 mm; the fallback 100 %
-    "dead-band-drift telescope", // 72 %, 0.45 mm
-    "dead-band-drift bucket",    // 68 %, 0.66 mm
-    "valve-wear boom",           // 97 %, 0.70 mm, 20 reversals
-    "valve-wear arm",            // 73 %, 1.96 mm, 48 reversals; the fallback 73 %, 1.88 mm, 20
-    "valve-wear telescope",      // 54 %, 1.39 mm, 94 reversals; the fallback 54 %, 1.75 mm, 38
-    "valve-wear bucket",         // 61 %, 2.28 mm, 16 reversals; the fallback 58 %, 2.13 mm, 28
-    "everything boom",           // 72 %, 0.62 mm
-    "everything arm",            // 90 %, 0.53 mm; the fallback 100 %
-    "everything bucket",         // 49 %, 0.64 mm
-];
+const SMITH_DEFECTS: [&str; 5] =
+    ["valve-wear arm", "valve-wear telescope", "valve-wear bucket", "everything boom", "everything bucket"];
 
 /// A known defect: with grown dead bands and worn valves, axes under the Smith predictor are not steady.
 #[test]

@@ -238,8 +238,8 @@ mod tests {
         supervision
     }
 
-    /// Whether a model is trusted that has this error in m at every tick of so many, where the shadow has the other one,
-    /// and the fallback in control the last one; as (seconds, trusted) of the changes.
+    /// Whether a model is trusted that has this error in m at every tick of so many, where the shadow has the other
+    /// one, and the fallback in control the last one; as (seconds, trusted) of the changes.
     fn changes(supervision: &mut Supervision, ticks: u32, error: f64, shadow: f64, fallback: f64) -> Vec<(f64, bool)> {
         let mut changes = vec![(0.0, supervision.trusts())];
         for tick in 0..ticks {

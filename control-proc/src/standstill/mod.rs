@@ -80,6 +80,8 @@ enum Phase {
     /// The valve was shut so many ticks ago.
     Rests(u32),
     Creeps,
+    /// The axis is left to its controller until a reference moves.
+    Left,
 }
 
 /// Whether an axis rests or creeps.
@@ -104,8 +106,6 @@ pub struct Standstill {
     begin: f64,
     /// m, and the one at 2 L + 0.3 s after the valve was shut, m.
     mean: (f64, f64),
-    /// The axis is left to its controller until a reference moves.
-    is_left: bool,
 }
 
 /// What is watched of references and axis.
@@ -162,14 +162,12 @@ impl Standstill {
             phase: Phase::Follows,
             begin: 0.0,
             mean: (0.0, 0.0),
-            is_left: false,
         }
     }
 
     /// Neither rests nor creeps any more: the axis begins to follow.
     pub fn reset(&mut self) {
         self.watched = Watched::NOTHING;
-        self.is_left = false;
         self.follow();
     }
 
@@ -183,16 +181,18 @@ impl Standstill {
             return if is_still { Stand::Regulate } else { Stand::Follow };
         }
         let distance = error.abs();
-        let is_far = self.phase != Phase::Follows && distance > self.begin + FAR_RATIO * self.bound;
+        let is_held = matches!(self.phase, Phase::Rests(_) | Phase::Creeps);
+        let is_far = is_held && distance > self.begin + FAR_RATIO * self.bound;
         if !is_still || is_far {
             self.follow();
         }
         if !is_still {
-            (self.is_left, self.wake.2) = (false, self.wake.0);
+            self.wake.2 = self.wake.0;
         }
         let stands = self.watched.stands >= self.settled_ticks.0 && !comes_back;
         match self.phase {
-            Phase::Follows if !is_still || self.is_left => Stand::Follow,
+            Phase::Left => Stand::Follow,
+            Phase::Follows if !is_still => Stand::Follow,
             Phase::Follows if distance <= self.bound => self.rest(),
             Phase::Follows if stands && self.watched.smooth.abs() <= self.wake.2 => self.rest(),
             Phase::Follows if stands => self.creep(self.watched.smooth, last),
@@ -212,8 +212,9 @@ impl Standstill {
 
     /// Leaves the axis to its controller until a reference moves.
     fn leave(&mut self) -> Stand {
-        self.is_left = true;
-        self.follow()
+        self.follow();
+        self.phase = Phase::Left;
+        Stand::Follow
     }
 
     /// A tick at rest, `since` ticks after the valve was shut.

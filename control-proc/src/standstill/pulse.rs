@@ -9,8 +9,8 @@
 //! s sign at the begin of the following error, e that error without its noise m, l level of the command, T period in s,
 //! v speed in m/s, L dead time, lag and the time by which e is smoothed in s, g slope of the static curve at the dead
 //! band d in m/s, e_rest as in [`super`]. What is on its way through dead time and lag moves the axis by
-//! v L + g r L^2 / 2 after the valve is shut; with this rate a pulse that is shut at once moves it by half of the error.
-//! Source: inching by hand.
+//! v L + g r L^2 / 2 after the valve is shut. With this rate a pulse that is shut at once moves it by half of the
+//! error. Source: inching by hand.
 //!
 //! Two things are learned for each direction. The level at which the axis begins to move: the next pulse begins a
 //! little below it. And g: a pulse that overshoots doubles it, so that the next ones are gentler, and one that falls

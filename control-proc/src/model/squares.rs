@@ -30,8 +30,8 @@ impl Squares {
         self.time += time;
     }
 
-    /// E where V is `speed`, m2: in proportion to V where that is higher. Infinite or NaN where V was 0.
-    pub fn for_speed(&self, speed: f64) -> f64 {
-        self.error * (speed / self.speed).max(1.0)
+    /// E where V is `speed`, m2: in proportion to V, but at least the part `least` of E. Infinite or NaN where V was 0.
+    pub fn for_speed(&self, speed: f64, least: f64) -> f64 {
+        self.error * (speed / self.speed).max(least)
     }
 }

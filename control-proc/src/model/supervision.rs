@@ -84,7 +84,7 @@ impl Look {
     /// Whether the model is suspect, beside a fallback of `fallback`.
     fn is_worse(&self, fallback: &Squares) -> bool {
         // `min` leaves out what is not a number: a fallback that has never moved.
-        let bound = self.shadow.error.min(EXCUSED * fallback.for_speed(self.model.speed));
+        let bound = self.shadow.error.min(EXCUSED * fallback.for_speed(self.model.speed, 1.0));
         self.model.time > 2.0 * self.memory && self.model.error > self.worse * bound + self.floor
     }
 }
@@ -202,7 +202,7 @@ impl Supervision {
             return;
         }
         self.phase = Phase::Trusted;
-        if !is_still && self.fallback.for_speed(model.speed) >= NO_BETTER * model.error {
+        if !is_still && self.fallback.for_speed(model.speed, 1.0) >= NO_BETTER * model.error {
             self.grace = doubled(GRACE, &mut self.times[1]);
         } else {
             self.phase = Phase::Out(doubled(DISTRUST, &mut self.times[0]));

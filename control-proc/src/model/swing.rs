@@ -107,8 +107,7 @@ impl Swing {
 
     /// h, m.
     fn bound(&self) -> f64 {
-        let faster = (self.model.speed / self.fallback.speed).sqrt();
-        let usual = LARGE * self.fallback.error.sqrt() * faster.max(AT_REST);
+        let usual = LARGE * self.fallback.for_speed(self.model.speed, AT_REST * AT_REST).sqrt();
         // A fallback that has never moved says nothing.
         if usual.is_finite() { self.floor.max(usual) } else { self.floor }
     }

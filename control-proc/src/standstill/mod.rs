@@ -84,14 +84,34 @@ enum Phase {
     Left,
 }
 
+/// e_wake, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Wake {
+    first: f64,
+    widest: f64,
+    now: f64,
+}
+
+impl Wake {
+    /// For this e_rest and this length of a count, m.
+    fn new(bound: f64, resolution: f64) -> Self {
+        let first = bound + (0.5 * resolution).max(bound.min(WAKE));
+        Self { first, widest: first.max((WIDEST.0 * bound).min(WIDEST.1)), now: first }
+    }
+
+    /// A pulse has overshot.
+    fn widen(&mut self) {
+        self.now = (WIDER * self.now).min(self.widest);
+    }
+}
+
 /// Whether an axis rests or creeps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Standstill {
     period: f64,
     /// e_rest, m.
     bound: f64,
-    /// e_wake, m: the first, the widest and the present one.
-    wake: (f64, f64, f64),
+    wake: Wake,
     still_ticks: u32,
     /// Ticks for which an axis does not move that stands, and after which an axis that was shut has come to rest.
     settled_ticks: (u32, u32),
@@ -146,12 +166,11 @@ impl Standstill {
         let delay = pulse::reaction(axis, period);
         let smoothing = (SMOOTH_PART * delay).max(SMOOTH_TICKS * period);
         let ticks = |time: f64| (time / period).ceil() as u32;
-        let wake = bound + (0.5 * axis.encoder.resolution).max(bound.min(WAKE));
         let stays_open = |model: &Commissioned| model.hysteresis > model.dead_band.extend.min(model.dead_band.retract);
         Self {
             period,
             bound,
-            wake: (wake, wake.max((WIDEST.0 * bound).min(WIDEST.1)), wake),
+            wake: Wake::new(bound, axis.encoder.resolution),
             still_ticks: ticks(STILL_TIME),
             settled_ticks: (ticks(STILL_TIME + delay), ticks(STILL_TIME + 2.0 * delay)),
             gains: (1.0 - (-period / smoothing).exp(), (period / MEAN_TIME).min(1.0)),
@@ -187,17 +206,17 @@ impl Standstill {
             self.follow();
         }
         if !is_still {
-            self.wake.2 = self.wake.0;
+            self.wake.now = self.wake.first;
         }
         let stands = self.watched.stands >= self.settled_ticks.0 && !comes_back;
         match self.phase {
             Phase::Left => Stand::Follow,
             Phase::Follows if !is_still => Stand::Follow,
             Phase::Follows if distance <= self.bound => self.rest(),
-            Phase::Follows if stands && self.watched.smooth.abs() <= self.wake.2 => self.rest(),
+            Phase::Follows if stands && self.watched.smooth.abs() <= self.wake.now => self.rest(),
             Phase::Follows if stands => self.creep(self.watched.smooth, last),
             Phase::Follows => Stand::Follow,
-            Phase::Rests(_) if comes_back && distance > self.wake.0 => self.follow(),
+            Phase::Rests(_) if comes_back && distance > self.wake.first => self.follow(),
             Phase::Rests(since) => self.rest_on(since, error, last),
             Phase::Creeps => self.step(),
         }
@@ -228,12 +247,12 @@ impl Standstill {
         if since == settled {
             self.mean.1 = self.mean.0;
             if self.pulses.judge(self.mean.0) {
-                self.wake.2 = (WIDER * self.wake.2).min(self.wake.1);
+                self.wake.widen();
             }
         }
         self.phase = Phase::Rests(since.saturating_add(1));
         let (mean, shut) = self.mean;
-        if since < settled || mean.abs() <= self.wake.2 {
+        if since < settled || mean.abs() <= self.wake.now {
             return Stand::Rest;
         }
         let drift = (mean - shut).abs() * f64::from(settled) / f64::from((since - settled).max(half).max(1));
@@ -394,10 +413,10 @@ mod tests {
         let seen = slips(&mut standstill, 0.5);
         let slips = |seen: &[(f64, Stand)]| seen.windows(2).filter(|pair| (pair[0].0 - pair[1].0).abs() > 1e-3).count();
         assert_eq!((slips(&seen), seen[5999].1), (1, Stand::Rest));
-        assert!(standstill.wake.2 > standstill.wake.0);
+        assert!(standstill.wake.now > standstill.wake.first);
         // A reference that moves ends the wider band.
         standstill.update(1, 0.0, &[0.6; 40], 0.0, false);
-        assert_eq!(standstill.wake.2, standstill.wake.0);
+        assert_eq!(standstill.wake.now, standstill.wake.first);
     }
 
     #[test]
@@ -478,7 +497,7 @@ mod tests {
             }
             let error = f64::abs(0.5 - plant.position);
             // The widest band and a count.
-            prop_assert!(error <= standstill.wake.1 + 1e-4, "{error}");
+            prop_assert!(error <= standstill.wake.widest + 1e-4, "{error}");
             prop_assert!(reversals <= 6, "{reversals}");
         }
     }

@@ -17,11 +17,9 @@
 //! short by more than half of its error reduces it. A pulse is judged once the axis has come to rest.
 //!
 //! Traps: a pulse that is judged at the next one, after the axis has drifted, seems to fall short each time; the pulses
-//! become ever more violent. Noise that is taken for motion ends a pulse that has not moved anything.
-//!
-//! Trap: a valve whose dead band has grown by more than the 0.075 is not followed any further. Beyond d + 0.05 a
-//! position that does not change is a fault in time ([`crate::protection::motion`]), so the command rises there by at
-//! least 0.03 in a second.
+//! become ever more violent. Noise that is taken for motion ends a pulse that has not moved anything. A valve whose
+//! dead band has grown by more than the 0.075 is not followed any further. And beyond d + 0.05 a position that does not
+//! change is a fault in time ([`crate::protection::motion`]), so the command rises there by at least 0.03 in a second.
 
 use pipeline::machine::{Axis, DeadBand};
 
@@ -41,7 +39,7 @@ const SMALL: f64 = 0.05;
 const FIRST: f64 = 0.05;
 /// Command below the level of the last begin of motion at which a pulse begins.
 const BACK: f64 = 0.01;
-/// The same as a time of the rise of the pulse, s, if that is less: a slow pulse is not to be all waiting.
+/// Longest time that the pulse takes to rise from there to that level, s: a slow pulse is not to be all waiting.
 const BACK_TIME: f64 = 0.2;
 /// Fastest rise of the command, 1/s: a pulse is slow compared with every control period.
 const FASTEST: f64 = 0.5;

@@ -233,8 +233,9 @@ impl Machine {
         let soil = Soil::read(root.section("soil"), mechanism.is_some());
         let described = Described { axes: &names, has_mechanism: mechanism.is_some(), has_soil: soil.is_some() };
         let scenario = Scenario::read(&mut root, &described);
+        let values = root.values();
         for axis in &mut axes {
-            axis.hardware = Hardware::read(&root, &names, &axis.name);
+            axis.hardware = Hardware::of(&values, &names, &axis.name);
         }
         root.finish();
         Self { name, timing, realtime, stages, source, hydraulics, mechanism, soil, scenario, axes }

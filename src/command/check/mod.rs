@@ -50,10 +50,7 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     let machine = load(&arguments.machine)?;
     deep(&machine)?;
     let loops = margins::judge(&machine);
-    let problems = [control::impossible(&machine), loops.problems].concat();
-    if !problems.is_empty() {
-        return Err(Failure::usage(problems.join("\n")));
-    }
+    verdict(&[control::impossible(&machine), loops.problems].concat())?;
     if arguments.explain {
         return explain::run(arguments);
     }
@@ -98,8 +95,7 @@ pub fn unstable(machine: &Machine) -> Vec<String> {
 /// # Errors
 /// All values with which a loop fails at once, one on each line.
 pub fn expect_possible(machine: &Machine) -> Result<(), Failure> {
-    let problems = control::impossible(machine);
-    if problems.is_empty() { Ok(()) } else { Err(Failure::usage(problems.join("\n"))) }
+    verdict(&control::impossible(machine))
 }
 
 /// Refuses a machine whose loops cannot work or are unstable, before a controller may move it.
@@ -111,7 +107,11 @@ pub fn expect_controllable(machine: &Machine) -> Result<(), Failure> {
     if machine.source != Source::Sim {
         return Ok(());
     }
-    let problems = [control::impossible(machine), unstable(machine)].concat();
+    verdict(&[control::impossible(machine), unstable(machine)].concat())
+}
+
+/// Refuses a machine with problems, one on each line.
+fn verdict(problems: &[String]) -> Result<(), Failure> {
     if problems.is_empty() { Ok(()) } else { Err(Failure::usage(problems.join("\n"))) }
 }
 
@@ -158,5 +158,5 @@ pub fn deep(machine: &Machine) -> Result<Option<u64>, Failure> {
     }
     // A file that all axes share has the same problem for each of them.
     problems.dedup();
-    if problems.is_empty() { Ok(rows) } else { Err(Failure::usage(problems.join("\n"))) }
+    verdict(&problems).map(|()| rows)
 }

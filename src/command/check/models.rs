@@ -1,10 +1,10 @@
 //! Models of the machine file and of `--model` that were measured on another machine.
 
-use pipeline::machine::Machine;
+use pipeline::machine::{Axis, Machine};
 
 /// One warning for each axis whose model was measured on another machine than this one.
 pub fn foreign(machine: &Machine) -> Vec<String> {
-    let warning = |axis: &pipeline::machine::Axis| {
+    let warning = |axis: &Axis| {
         let (name, found, here) = (&axis.name, axis.foreign_machine()?, &axis.hardware.text);
         Some(format!(
             "axis.{name}.commissioned.measured_on: found \"{found}\", and this machine is \"{here}\": `hydraxis \

@@ -16,7 +16,7 @@ use std::hash::Hasher;
 use fnv::FnvHasher;
 
 use super::Axis;
-use crate::machine::document::{Origin, Section};
+use crate::machine::document::{EffectiveValue, Origin};
 
 /// Keys of the simulated axis that its model does not depend on.
 const OTHERS: [&str; 6] =
@@ -32,8 +32,8 @@ pub struct Hardware {
 }
 
 impl Hardware {
-    /// Reads it for the axis `name` among the axes `names`, after all tables of the machine file.
-    pub(in crate::machine) fn read(root: &Section, names: &[String], name: &str) -> Self {
+    /// Finds it for the axis `name` among the axes `names`, in the values of all tables of the machine file.
+    pub(in crate::machine) fn of(values: &[EffectiveValue], names: &[String], name: &str) -> Self {
         let (stroke, period) = (format!("axis.{name}.stroke"), "timing.period");
         let tables = [&format!("axis.{name}.plant."), "supply.", "oil.", "mechanism."];
         let is_other = |key: &str| OTHERS.iter().any(|other| key.ends_with(other));
@@ -42,12 +42,12 @@ impl Hardware {
         let [mut length, mut time] = [String::new(), String::new()];
         let mut machine = FnvHasher::default();
         machine.write(names.join(" ").as_bytes());
-        for value in root.values() {
-            let (key, shown) = (value.key.as_str(), value.value.unwrap_or_default());
+        for value in values {
+            let (key, shown) = (value.key.as_str(), value.value.as_deref().unwrap_or_default());
             match value.origin {
                 Origin::Default | Origin::Derived { .. } => continue,
-                _ if key == stroke => length = shown,
-                _ if key == period => time = shown,
+                _ if key == stroke => length = shown.to_owned(),
+                _ if key == period => time = shown.to_owned(),
                 _ if is_machine(key) => machine.write(format!("\n{key} {shown}").as_bytes()),
                 _ => continue,
             }

@@ -40,8 +40,9 @@ class Header(ctypes.Structure):
         ("number", u64),  # of this message on its channel; a gap is a lost message
         ("acquired_ns", u64),  # ns of CLOCK_MONOTONIC
         ("sent_ns", u64),  # ns of CLOCK_MONOTONIC
+        ("session", u64),  # of the writer; another one is a start
         ("axis_count", u32),  # axes in use; the rest of the arrays is zero
-        ("reserved", u32),
+        ("machine", u32),  # the machine that the message is about, in all messages of a group; 0 does not say which
     ]
 
 
@@ -65,7 +66,7 @@ class EncoderReading(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.EncoderReading/3"
+        return "hydraxis.EncoderReading/4"
 
 
 class ErrorStatistics(ctypes.Structure):
@@ -100,7 +101,7 @@ class EncoderSample(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.EncoderSample/3"
+        return "hydraxis.EncoderSample/4"
 
 
 class AxisCommand(ctypes.Structure):
@@ -135,7 +136,7 @@ class ValveCommand(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.ValveCommand/5"
+        return "hydraxis.ValveCommand/6"
 
 
 class Coefficients(ctypes.Structure):
@@ -199,7 +200,7 @@ class CoefficientSnapshot(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.CoefficientSnapshot/3"
+        return "hydraxis.CoefficientSnapshot/4"
 
 
 def fingerprint(kind):
@@ -281,10 +282,12 @@ class Publisher:
     def __init__(self, group, name, message):
         self.port = open_channel(group, name, message).publisher_builder().create()
         self.number = 0
+        self.session = time.monotonic_ns()
 
     def send(self, message):
-        """Sends a message whose header is filled in but for its number."""
+        """Sends a message whose header is filled in but for its number and session."""
         message.header.number = self.number
+        message.header.session = self.session
         self.number += 1
         self.port.loan_uninit().write_payload(message).send()
 

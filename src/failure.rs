@@ -6,7 +6,10 @@
 
 use std::{error::Error, fmt, process::ExitCode};
 
-use pipeline::{channel::ChannelError, machine::MachineError};
+use pipeline::{
+    channel::{BoardError, ChannelError},
+    machine::MachineError,
+};
 use thiserror::Error as ThisError;
 
 use crate::{
@@ -155,7 +158,7 @@ impl From<OutputError> for Failure {
 impl From<OperatorError> for Failure {
     fn from(error: OperatorError) -> Self {
         match error {
-            OperatorError::OtherAxes { .. } => Self::usage(error),
+            OperatorError::Board(BoardError::OtherMachine { .. }) => Self::usage(error),
             _ => Self::run(error),
         }
     }

@@ -85,6 +85,7 @@ impl Restless {
         while let Some(command) = self.commands.read().unwrap().if_new() {
             self.seen[command.axes[0].operation as usize] = true;
             self.request.header.sequence = command.header.sequence;
+            self.request.header.machine = command.header.machine;
         }
         let turn = self.request.header.sequence / 60;
         self.request.header.axis_count = 4;
@@ -96,7 +97,7 @@ impl Restless {
             command: if turn % 7 == 6 { f64::NAN } else { 0.3 * (turn as f64).sin() },
             target: 0.6 + 0.05 * (turn as f64).sin(),
             has_target: 1,
-            reserved: 0,
+            hold_to_run: 0,
         });
         self.requests.send(&self.request).unwrap();
     }
@@ -153,7 +154,18 @@ fn allocations_with(name: &str, machine: &Machine, clock: Clock, from: u64, to: 
 
 fn options(prefix: &Prefix, clock: Clock, stop: &Arc<AtomicBool>) -> StageOptions {
     let (prefix, stop, reset) = (prefix.clone(), Arc::clone(stop), Arc::default());
-    StageOptions { prefix, clock, ticks: None, seed: 1, arm: true, first_tick: 0, warn: true, stop, reset }
+    StageOptions {
+        prefix,
+        clock,
+        ticks: None,
+        seed: 1,
+        arm: true,
+        first_tick: 0,
+        warn: true,
+        stop,
+        reset,
+        off: Arc::default(),
+    }
 }
 
 /// Allocations of two thousand notifications for which the listener waits only after the last one.

@@ -6,13 +6,15 @@
 //!
 //! y positions in m, u valve commands in [-1, 1], y_r references in m, k tick. u(k) is made from sample k and stays on
 //! the valve until sample k+1. Trap: a sample that is not newer than the last one holds no new information. A source
-//! that repeats itself is as blind as one that is silent, so the last command is repeated twice at most.
+//! that repeats itself is as blind as one that is silent, so the last command is repeated twice at most. A source that
+//! has started again, with another session in its headers, latches every armed axis and is followed after a reset.
 //!
 //! The emergency stop comes before everything else. All axes are neutral and latched with the sample that reports it.
 //! The message asks to cut off the pilot pressure until the stop is released and every axis has been reset.
 
 use pipeline::{
     MAX_AXES,
+    channel::Stop,
     machine::Machine,
     message::{
         AxisCommand, CoefficientSnapshot, EncoderSample, Header, Reference, Request, ValveCommand, control_flag,
@@ -33,6 +35,8 @@ pub struct Controller {
     axes: Vec<AxisController>,
     request: Option<Request>,
     last_sequence: Option<u64>,
+    /// Life of the source of the samples.
+    session: u64,
     /// Samples in a row that were not newer than the last.
     repeated: u64,
 }
@@ -51,6 +55,7 @@ impl Controller {
             axes,
             request: None,
             last_sequence: None,
+            session: 0,
             repeated: 0,
         })
     }
@@ -66,6 +71,30 @@ impl Controller {
         self.axes.iter_mut().for_each(AxisController::disarm);
         (self.last_sequence, self.repeated) = (None, 0);
         self.path.reset();
+    }
+
+    /// Disarms these axes, bit by bit, or latches all of them as an emergency stop does. A latched axis stays latched.
+    /// Requests that were made before have no effect on a stopped axis.
+    pub fn stop(&mut self, stop: Stop) {
+        let last = self.last_sequence;
+        for (i, axis) in self.axes.iter_mut().enumerate() {
+            if stop.emergency {
+                axis.latch(control_flag::EMERGENCY_STOP);
+            }
+            if stop.emergency || stop.axes & 1 << i != 0 {
+                axis.stop(last);
+            }
+        }
+    }
+
+    /// Whether an emergency stop has latched any axis.
+    pub fn is_emergency(&self) -> bool {
+        self.is_latched_by(control_flag::EMERGENCY_STOP)
+    }
+
+    /// The message with the present commands of all axes.
+    pub fn message(&self) -> ValveCommand {
+        self.message_of(self.last_sequence.unwrap_or_default(), AxisController::message)
     }
 
     /// Takes in the newest request, which counts from the next sample on. A request that was seen before has no effect.
@@ -95,8 +124,15 @@ impl Controller {
     ) -> ValveCommand {
         let sequence = sample.header.sequence;
         let emergency_stop = sample.emergency_stop != 0;
+        let is_new_source = std::mem::replace(&mut self.session, sample.header.session) != sample.header.session;
         let elapsed = match self.last_sequence {
             None => 1,
+            // A source that has started again counts from anew. How long it was away is unknown.
+            Some(last) if sequence <= last && is_new_source => {
+                self.feedback_lost();
+                self.path.reset();
+                1
+            }
             Some(last) if sequence > last => sequence - last,
             Some(last) => {
                 self.repeated += 1;
@@ -146,9 +182,14 @@ impl Controller {
         self.axes.iter().any(|axis| axis.cause() != 0)
     }
 
-    /// 1 while an axis is latched by an emergency stop; so at least as long as the stop is pressed.
+    /// 1 while an axis is latched by an emergency stop, so at least as long as the stop is pressed, or by motion that
+    /// nobody commanded.
     fn cut_off(&self) -> u32 {
-        u32::from(self.axes.iter().any(|axis| axis.cause() & control_flag::EMERGENCY_STOP != 0))
+        u32::from(self.is_latched_by(control_flag::CUT_OFF))
+    }
+
+    fn is_latched_by(&self, causes: u32) -> bool {
+        self.axes.iter().any(|axis| axis.cause() & causes != 0)
     }
 
     fn message_of(&self, sequence: u64, entry: impl Fn(&AxisController) -> AxisCommand) -> ValveCommand {

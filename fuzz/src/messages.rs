@@ -189,7 +189,7 @@ impl ControlLoop {
             command: value,
             target: value,
             has_target: u32::from(how >> 6 & 1),
-            reserved: 0,
+            hold_to_run: 0,
         };
         self.controller.ask(request);
     }

@@ -15,7 +15,7 @@ use crate::Identifiers;
 /// When a channel cannot be opened or used.
 pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let clock = options.clock;
-    run_stage(StageKind::IdentProc, machine, options, |group| Process::new(machine, clock, group))
+    run_stage(StageKind::IdentProc, machine, options, |group, _| Process::new(machine, clock, group))
 }
 
 struct Process {

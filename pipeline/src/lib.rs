@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | [`message`] | the plain structs that travel through shared memory | yes |
 //! | [`layout`] | the fingerprint of a message's memory layout, which two programs compare | no |
+//! | `clock` | the monotonic clock; [`stage`] exports it | yes |
 //! | [`columns`] | columns of numbers from a CSV file | no |
 //! | [`channel`] | publishers and readers of the messages, one group of channels per run | its ends |
 //! | [`hammerstein`] | the Hammerstein model: evaluate, predict, invert | yes |
@@ -16,6 +17,7 @@
 //! are nanoseconds of `CLOCK_MONOTONIC`. No code that runs in a loop allocates memory, takes a lock or reads a file.
 
 pub mod channel;
+mod clock;
 pub mod columns;
 pub mod hammerstein;
 pub mod latency;
@@ -27,3 +29,6 @@ pub mod statistics;
 
 /// Largest number of axes of one machine; messages carry fixed arrays of this length.
 pub const MAX_AXES: usize = 8;
+
+/// Longest name of an axis, bytes.
+pub const MAX_NAME: usize = 32;

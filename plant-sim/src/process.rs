@@ -27,7 +27,7 @@ const READING_PERIOD: Duration = Duration::from_millis(1);
 /// The machine cannot be simulated ([`PlantError`](crate::PlantError)), or a channel cannot be used.
 pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let setup = options.clone();
-    run_stage(StageKind::PlantSim, machine, options, |group| Process::new(machine, &setup, group))
+    run_stage(StageKind::PlantSim, machine, options, |group, _| Process::new(machine, &setup, group))
 }
 
 struct Process {

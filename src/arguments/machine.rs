@@ -100,10 +100,19 @@ pub struct UnknownAxis {
 /// # Errors
 /// A name is not that of an axis.
 pub fn axes(machine: &Machine, names: &[String]) -> Result<Vec<usize>, UnknownAxis> {
-    let known = || machine.axes.iter().map(|axis| &axis.name);
-    if let Some(name) = names.iter().find(|name| !known().any(|known| known == *name)) {
-        return Err(UnknownAxis { found: name.clone(), allowed: known().cloned().collect() });
+    axes_of(machine.axes.iter().map(|axis| axis.name.as_str()), names)
+}
+
+/// [`axes`] of a machine whose axes have the names `known`.
+///
+/// # Errors
+/// A name is not that of an axis.
+pub fn axes_of<'a>(known: impl Iterator<Item = &'a str>, names: &[String]) -> Result<Vec<usize>, UnknownAxis> {
+    let known: Vec<&str> = known.collect();
+    if let Some(name) = names.iter().find(|name| !known.contains(&name.as_str())) {
+        let allowed = known.into_iter().map(str::to_owned).collect();
+        return Err(UnknownAxis { found: name.clone(), allowed });
     }
-    let is_wanted = |name: &String| names.is_empty() || names.contains(name);
-    Ok(known().enumerate().filter(|(_, name)| is_wanted(name)).map(|(index, _)| index).collect())
+    let is_wanted = |name: &str| names.is_empty() || names.iter().any(|wanted| wanted == name);
+    Ok(known.iter().enumerate().filter(|(_, name)| is_wanted(name)).map(|(index, _)| index).collect())
 }

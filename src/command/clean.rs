@@ -5,7 +5,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use pipeline::channel::{FoundGroup, GroupState, Prefix, groups, remove_leftovers};
+use pipeline::channel::{FoundGroup, GroupState, Prefix, RemoveError, groups, remove_leftovers};
 use serde::Serialize;
 
 use crate::{
@@ -26,6 +26,7 @@ Examples:
             removed
   unknown   shared memory without a folder hydraxis.NAME. The folder may be in another TMPDIR, or the memory may belong
             to another program. Removed only with --prefix, and only while no process has it mapped
+  foreign   its folder, or one of its files, belongs to another user: never touched
 
 A group that ends by itself leaves nothing, and `hydraxis run --prefix NAME` removes what a dead group of that name has
 left before it starts. Exit codes: 0 done, 1 the group of --prefix is alive or something could not be removed.")]
@@ -64,6 +65,12 @@ pub fn run(arguments: &CleanArguments) -> Result<(), Failure> {
             "group \"{prefix}\" is alive, nothing was removed; end it first: Ctrl-C, or SIGTERM to its `hydraxis run`"
         )));
     }
+    if let Some(prefix) = &arguments.prefix
+        && found.iter().any(|group| group.state == GroupState::Foreign)
+        && let Err(error) = remove_leftovers(prefix)
+    {
+        return Err(Failure::run(format!("{error}; nothing was removed")));
+    }
     let cleaned: Vec<CleanedGroup> = found.into_iter().map(|group| clean(group, arguments)).collect();
     output.write(|| text(&cleaned, arguments), &cleaned)?;
     let left: Vec<String> =
@@ -79,7 +86,7 @@ pub fn run(arguments: &CleanArguments) -> Result<(), Failure> {
 
 fn clean(group: FoundGroup, arguments: &CleanArguments) -> CleanedGroup {
     let is_wanted = match group.state {
-        GroupState::Alive => false,
+        GroupState::Alive | GroupState::Foreign => false,
         GroupState::Dead => true,
         GroupState::Unknown => arguments.prefix.is_some(),
     };
@@ -91,6 +98,7 @@ fn clean(group: FoundGroup, arguments: &CleanArguments) -> CleanedGroup {
                 removed = files;
                 left = group.files.iter().filter(|file| file.exists()).cloned().collect();
             }
+            Err(RemoveError::Foreign { .. }) => state = GroupState::Foreign,
             // A process has joined the group since it was found.
             Err(_) => state = GroupState::Alive,
         }

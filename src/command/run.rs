@@ -11,7 +11,7 @@ use std::{
 
 use clap::Args;
 use pipeline::{
-    channel::{ChannelError, Group, Prefix, remove_leftovers},
+    channel::{ChannelError, Claim, Group, Prefix},
     machine::{Machine, Source},
     stage::{Clock, StageKind, StageOptions},
 };
@@ -22,7 +22,7 @@ use crate::{
     failure::{Failure, Failures},
     group::{
         monitor::Monitor,
-        preflight::{folders, programs, rights},
+        preflight::{PreflightError, folders, programs, rights},
         supervisor::{Launch, Supervisor},
     },
     report::{control_loop::LoopReport, output::Output},
@@ -78,7 +78,7 @@ pub struct RunArguments {
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let clock = if arguments.lockstep { Clock::LockStep } else { Clock::RealTime };
     let prefix = arguments.prefix.clone().unwrap_or_else(Prefix::of_this_process);
-    let (machine, ticks, warnings) = checked(arguments, clock, &prefix)?;
+    let Checked { machine, ticks, warnings, claim } = checked(arguments, clock, &prefix)?;
     let output = Output::open(arguments.json.as_deref())?;
     let is_simulated = machine.source == Source::Sim;
     let options = StageOptions {
@@ -92,19 +92,30 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         warn: true,
         stop: Arc::default(),
         reset: Arc::default(),
+        off: Arc::default(),
     };
     let result = run_group(&machine, arguments, &options, &warnings);
     // A client that is still attached keeps the files; the next run of this name removes them.
-    let _ = remove_leftovers(&options.prefix);
+    let _ = claim.remove_leftovers();
+    drop(claim);
     let report = result?;
     output.write(|| report.tables(&machine), &report)?;
     report.verdict().map_err(Failure::run)
 }
 
-/// The machine, the number of ticks, and warnings; or everything that is wrong, before the first process starts.
-fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<(Machine, u64, Vec<String>), Failure> {
+/// What a run needs before its first process starts.
+struct Checked {
+    machine: Machine,
+    ticks: u64,
+    warnings: Vec<String>,
+    claim: Claim,
+}
+
+/// What the run needs; or everything that is wrong, before the first process starts.
+fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Checked, Failure> {
     let mut failures = Failures::default();
-    failures.extend(folders(prefix, arguments.log_folder.as_deref()));
+    let claim = failures.take(Claim::take(prefix).map_err(PreflightError::from));
+    failures.extend(folders(prefix, claim.as_ref(), arguments.log_folder.as_deref()));
     let machine = failures.take(load(&arguments.machine));
     let (mut count, mut warnings) = (None, Vec::new());
     if let Some(machine) = &machine {
@@ -124,7 +135,8 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<(M
         warnings = others;
         warnings.extend(check::warnings(machine));
     }
-    failures.verdict(machine.zip(count)).map(|(machine, ticks)| (machine, ticks, warnings))
+    let all = machine.zip(count).zip(claim);
+    failures.verdict(all).map(|((machine, ticks), claim)| Checked { machine, ticks, warnings, claim })
 }
 
 /// The stages of a run: those that wait for input, and the one that all wait for, which is started last.

@@ -14,7 +14,7 @@ use crate::{
     failure::Failure,
     group::{
         lifeline,
-        signals::{reset_flag, stop_flag},
+        signals::{off_flag, reset_flag, stop_flag},
     },
 };
 
@@ -76,6 +76,7 @@ pub fn run(kind: StageKind, arguments: &StageArguments) -> Result<(), Failure> {
         warn: arguments.parent.is_none() || missing(&machine, clock).is_empty(),
         stop: stop_flag()?,
         reset: reset_flag()?,
+        off: off_flag()?,
     };
     if let Some(parent) = arguments.parent {
         lifeline::hold(parent, kind.name()).map_err(|error| Failure::from(error).about(kind.name()))?;

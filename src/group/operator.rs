@@ -15,8 +15,9 @@ use std::{
 };
 
 use pipeline::{
-    channel::{ChannelError, Group, Listener, Prefix, Publisher, PublisherError, Reader},
-    machine::Machine,
+    channel::{
+        Board, BoardError, ChannelError, Group, GroupMachine, Listener, Prefix, Publisher, PublisherError, Reader,
+    },
     message::{
         AxisCommand, AxisMode, AxisRequest, EncoderSample, Header, Request, ValveCommand, bit_names, control_flag,
     },
@@ -58,19 +59,9 @@ pub enum OperatorError {
     /// A channel of the group cannot be used.
     #[error(transparent)]
     Channel(#[from] ChannelError),
-    /// The machine file is not that of the group.
-    #[error(
-        "machine: found {found} axes where group \"{prefix}\" has {present}; allowed: the machine file that it was \
-         started with"
-    )]
-    OtherAxes {
-        /// The group.
-        prefix: Prefix,
-        /// Axes of the machine file.
-        found: usize,
-        /// Axes of the group.
-        present: u32,
-    },
+    /// The board of the group cannot be read.
+    #[error(transparent)]
+    Board(#[from] BoardError),
     /// The group sends no samples.
     #[error(
         "group \"{prefix}\": no sample within {}: it has ended, or its sensor has",
@@ -104,7 +95,7 @@ pub enum OperatorError {
 
 /// The operator of a group; a group has at most one.
 pub struct Operator {
-    names: Vec<String>,
+    machine: GroupMachine,
     prefix: Prefix,
     samples: Reader<EncoderSample>,
     commands: Reader<ValveCommand>,
@@ -118,22 +109,20 @@ pub struct Operator {
 }
 
 impl Operator {
-    /// Joins a group that runs `machine`, and waits until the controller takes its requests, which ask for nothing yet.
-    /// `stop` ends all waiting.
+    /// Joins a group, and waits until the controller takes its requests, which ask for nothing yet. `stop` ends all
+    /// waiting.
     ///
     /// # Errors
-    /// No such group runs, it has other axes or no controller, or another program operates it.
-    pub fn join(machine: &Machine, prefix: &Prefix, stop: Arc<AtomicBool>) -> Result<Self, OperatorError> {
-        if !prefix.folder().exists() {
-            return Err(OperatorError::NoGroup(prefix.clone()));
-        }
+    /// No such group runs, it has no controller, or another program operates it.
+    pub fn join(prefix: &Prefix, stop: Arc<AtomicBool>) -> Result<Self, OperatorError> {
+        let machine = *board(prefix)?.machine();
         let group = Group::join(prefix, "operator").map_err(ChannelError::from)?;
         // An operator that was killed would keep the only place on the channel.
         group.bury_the_dead();
         let requests = group.publisher::<Request>().map_err(|error| publisher_error(prefix, error))?;
-        let period = machine.timing.period;
+        let period = Duration::from_nanos(machine.period_ns);
         let mut operator = Self {
-            names: machine.axes.iter().map(|axis| axis.name.clone()).collect(),
+            machine,
             prefix: prefix.clone(),
             samples: group.reader().map_err(ChannelError::from)?,
             commands: group.reader().map_err(ChannelError::from)?,
@@ -145,8 +134,7 @@ impl Operator {
             stop,
             _group: group,
         };
-        operator.request.header = Header { axis_count: machine.axes.len() as u32, ..Header::default() };
-        operator.expect_same_axes(machine.axes.len())?;
+        operator.request.header = Header { axis_count: machine.axis_count as u32, ..Header::default() };
         // The controller counts the edges of `enable` from the first message that it has taken.
         let mut taken = None;
         operator.ask_until("an answer of the controller", |command| {
@@ -156,14 +144,9 @@ impl Operator {
         Ok(operator)
     }
 
-    fn expect_same_axes(&mut self, found: usize) -> Result<(), OperatorError> {
-        match self.sample()? {
-            Some(sample) if sample.header.axis_count != self.request.header.axis_count => {
-                let (prefix, present) = (self.prefix.clone(), sample.header.axis_count);
-                Err(OperatorError::OtherAxes { prefix, found, present })
-            }
-            _ => Ok(()),
-        }
+    /// The machine of the group.
+    pub fn machine(&self) -> &GroupMachine {
+        &self.machine
     }
 
     /// Whether the user wants this program to end.
@@ -241,7 +224,7 @@ impl Operator {
                 }
             }
             if Instant::now() > until {
-                let states = (0..self.names.len()).map(|axis| self.state(axis)).collect();
+                let states = (0..self.machine.axis_count as usize).map(|axis| self.state(axis)).collect();
                 return Err(OperatorError::NoAnswer {
                     wanted: wanted.to_owned(),
                     patience: self.answer_patience,
@@ -296,13 +279,28 @@ impl Operator {
 
     /// The state of an axis in words: its mode and its flags.
     pub fn state(&self, axis: usize) -> String {
-        let name = &self.names[axis];
-        let Some(last) = self.last(axis) else { return format!("axis.{name}: no command yet") };
-        let flags: Vec<&str> = bit_names(last.flags & !ABOUT_MODELS, &control_flag::NAMES).collect();
-        let flags = if flags.is_empty() { String::new() } else { format!(" ({})", flags.join(", ")) };
-        let mode = AxisMode::from_number(last.operation).map_or("unknown", AxisMode::name);
-        format!("axis.{name}: {mode}{flags}")
+        let name = self.machine.name(axis);
+        match self.last(axis) {
+            Some(last) => state(name, last.flags, last.operation),
+            None => format!("axis.{name}: no command yet"),
+        }
     }
+}
+
+/// The board of a group that runs.
+///
+/// # Errors
+/// No such group runs, or its board cannot be read.
+pub fn board(prefix: &Prefix) -> Result<Board, OperatorError> {
+    Board::find(prefix)?.ok_or_else(|| OperatorError::NoGroup(prefix.clone()))
+}
+
+/// The state of an axis in words: its mode and its flags.
+pub fn state(name: &str, flags: u32, operation: u32) -> String {
+    let flags: Vec<&str> = bit_names(flags & !ABOUT_MODELS, &control_flag::NAMES).collect();
+    let flags = if flags.is_empty() { String::new() } else { format!(" ({})", flags.join(", ")) };
+    let mode = AxisMode::from_number(operation).map_or("unknown", AxisMode::name);
+    format!("axis.{name}: {mode}{flags}")
 }
 
 /// The channel of requests has one place for a publisher. A second operator is refused.

@@ -10,7 +10,7 @@ use std::{
 };
 
 use pipeline::{
-    channel::{Prefix, RemoveError, remove_leftovers},
+    channel::{Claim, ClaimError, Prefix, RemoveError},
     machine::Machine,
     stage::{Clock, StageKind, missing},
 };
@@ -21,13 +21,16 @@ use rustix::{
 use thiserror::Error;
 
 /// Shared memory that a group may need, bytes.
-const SHARED_MEMORY: u64 = 32 << 20;
+pub const SHARED_MEMORY: u64 = 32 << 20;
 /// Space that the small files of a group need, bytes.
 const SMALL_FILES: u64 = 1 << 20;
 
 /// Why a run cannot start.
 #[derive(Debug, Error)]
 pub enum PreflightError {
+    /// Another run has the name, or something else its folder.
+    #[error(transparent)]
+    Claim(#[from] ClaimError),
     /// A group of this name runs already, or what it left cannot be removed.
     #[error(transparent)]
     Leftovers(#[from] RemoveError),
@@ -88,10 +91,11 @@ pub enum FolderError {
     },
 }
 
-/// Checks the name of the group and the folders of its files. Removes what a dead group of this name has left.
-pub fn folders(prefix: &Prefix, log_folder: Option<&Path>) -> Vec<PreflightError> {
+/// Checks the folders of the group's files. Removes what a dead group of the claimed name has left.
+pub fn folders(prefix: &Prefix, claim: Option<&Claim>, log_folder: Option<&Path>) -> Vec<PreflightError> {
     let mut errors = Vec::new();
-    errors.extend(remove_leftovers(prefix).err().map(PreflightError::from));
+    let left = claim.and_then(|claim| claim.remove_leftovers().err());
+    errors.extend(left.map(PreflightError::from));
     errors.extend(folder(Path::new("/dev/shm"), SHARED_MEMORY, "the channels").err().map(PreflightError::from));
     let own = prefix.folder();
     let temporary = own.parent().unwrap_or(Path::new("/"));

@@ -1,4 +1,4 @@
-//! Signals to this process as flags: one asks for the end, one for counting from zero.
+//! Signals to this process as flags: one asks for the end, one for counting from zero, one for neutral valves.
 
 use std::{
     io,
@@ -6,7 +6,7 @@ use std::{
 };
 
 use signal_hook::{
-    consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1},
+    consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2},
     flag::register,
 };
 use thiserror::Error;
@@ -37,7 +37,19 @@ pub fn stop_flag() -> Result<Arc<AtomicBool>, SignalError> {
 /// # Errors
 /// The system refuses a handler.
 pub fn reset_flag() -> Result<Arc<AtomicBool>, SignalError> {
-    let reset = Arc::new(AtomicBool::new(false));
-    register(SIGUSR1, Arc::clone(&reset))?;
-    Ok(reset)
+    flag(SIGUSR1)
+}
+
+/// A flag that SIGUSR2 sets. It asks control-proc to disarm all axes; the other stages go on.
+///
+/// # Errors
+/// The system refuses a handler.
+pub fn off_flag() -> Result<Arc<AtomicBool>, SignalError> {
+    flag(SIGUSR2)
+}
+
+fn flag(signal: i32) -> Result<Arc<AtomicBool>, SignalError> {
+    let flag = Arc::new(AtomicBool::new(false));
+    register(signal, Arc::clone(&flag))?;
+    Ok(flag)
 }

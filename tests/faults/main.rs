@@ -11,6 +11,7 @@ mod clock;
 mod script;
 mod table;
 
+mod computer;
 mod control;
 mod feedback;
 mod model;

@@ -33,6 +33,8 @@ pub struct Scripted {
     pub request: Option<Request>,
     /// The next tick.
     pub tick: u64,
+    /// The machine, as the commands name it.
+    machine: u32,
     // Dropped after all readers and publishers: a member that is left would keep the files of the group.
     _channels: Group,
     group: TestGroup,
@@ -60,6 +62,7 @@ impl Scripted {
             speed: 0.5,
             request: None,
             tick: 0,
+            machine: 0,
         }
     }
 
@@ -70,7 +73,8 @@ impl Scripted {
             encoder.counts = (position / RESOLUTION).round() as i64;
         }
         fault(&mut reading);
-        if let Some(request) = self.request {
+        if let Some(mut request) = self.request {
+            request.header.machine = self.machine;
             send(&self.requests, request, self.tick);
         }
         send(&self.readings, reading, self.tick);
@@ -80,6 +84,7 @@ impl Scripted {
             assert!((-1.0..=1.0).contains(&axis.command), "tick {}: {}", self.tick, axis.command);
             *position += self.speed / RATE * moving(axis.command);
         }
+        self.machine = command.header.machine;
         self.tick += 1;
         command
     }
@@ -92,6 +97,7 @@ impl Scripted {
     /// Sends references for the coming tick and those after it, equal for all axes.
     pub fn refer(&self, targets: &[f64]) {
         let mut reference = Reference { preview: targets.len() as u32, ..Reference::default() };
+        reference.header.machine = self.machine;
         reference.positions[..AXES].iter_mut().for_each(|axis| axis[..targets.len()].copy_from_slice(targets));
         send(&self.references, reference, self.tick);
     }

@@ -315,7 +315,7 @@ fn row_39_a_foreign_file_at_the_folders_path_is_named_and_left_alone() {
     let group = TestGroup::new("row-39-file");
     let (prefix, file) = (group.prefix.to_string(), group.prefix.folder());
     std::fs::write(&file, "foreign").unwrap();
-    let commands: [&[&str]; 3] = [&["run", "--duration", "1s"], &["control-proc"], &["arm"]];
+    let commands: [&[&str]; 2] = [&["run", "--duration", "1s"], &["control-proc"]];
     let outputs = commands.map(|arguments| hydraxis().args(arguments).args(["--prefix", &prefix]).output().unwrap());
     let left = std::fs::read_to_string(&file).unwrap();
     std::fs::remove_file(&file).unwrap();

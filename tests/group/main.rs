@@ -9,4 +9,5 @@ mod operation;
 mod processes;
 mod scripted_stage;
 mod status;
+mod stop;
 mod supervisor;

@@ -83,8 +83,10 @@ fn references_from_another_program_are_followed_unless_they_are_invalid() {
     let mut position = 0.6;
     // The reference holds for a second, then rises by 0.1 m/s. A message holds ten ticks of it.
     let target = |tick: u64| 0.6 + 0.001 * tick.saturating_sub(100) as f64;
+    let mut machine = 0;
     for tick in 0..400 {
         let mut reference = Reference { preview: 10, ..Reference::default() };
+        reference.header.machine = machine;
         for targets in &mut reference.positions {
             (0..10).for_each(|ahead| targets[ahead] = target(tick + ahead as u64));
         }
@@ -96,6 +98,7 @@ fn references_from_another_program_are_followed_unless_they_are_invalid() {
         reading.encoders[..AXES].iter_mut().for_each(|encoder| encoder.counts = (position / 1e-4f64).round() as i64);
         send(&readings, reading, tick);
         let command: ValveCommand = receive(&mut commands, tick, || readings.greet());
+        machine = command.header.machine;
         let axis = &command.axes[0];
         let beyond = axis.command.signum() * (axis.command.abs() - 0.1).max(0.0);
         position += 0.01 * 0.5 * beyond;

@@ -11,11 +11,12 @@ use super::wait_for;
 /// Axes of the built-in machine.
 pub const AXES: usize = 4;
 
-/// Sends a message of this tick.
+/// Sends a message of this tick, about the machine that it names already.
 pub fn send<M: Message>(publisher: &Publisher<M>, mut message: M, sequence: u64) {
     let now = monotonic_ns();
+    let machine = message.header().machine;
     *message.header_mut() =
-        Header { sequence, acquired_ns: now, sent_ns: now, axis_count: AXES as u32, ..Header::default() };
+        Header { sequence, acquired_ns: now, sent_ns: now, axis_count: AXES as u32, machine, ..Header::default() };
     publisher.send(&message).unwrap();
 }
 

@@ -14,6 +14,7 @@ use crate::{
     model::{age::Age, gate::ModelAnswer},
     protection::{following_error::Deviation, limits::Limits},
     reference::ReferenceStatus,
+    smith::LastBy,
 };
 
 /// Plans in a row without an answer of the solver that latch the axis.
@@ -79,13 +80,17 @@ impl AxisController {
     /// What the controller by a model answers with the usable model. It plans during probation too, so that it has an
     /// estimate of the noise when it takes over.
     fn plan(&mut self, sequence: u64, limits: &Limits, last: &Decision) -> Result<ModelAnswer, u32> {
+        let by = match last.by {
+            ControlMode::Model => LastBy::Law,
+            ControlMode::Fallback if !self.standstill.is_held() => LastBy::Fallback,
+            _ => LastBy::Other,
+        };
+        let references = self.references.positions();
         let (Some(model), Some(history)) = (self.gate.model(sequence), self.feedback.history()) else {
-            self.law.interrupt();
+            self.law.wait(references, (last.command, by));
             return Ok(ModelAnswer::NoModel);
         };
-        let goes_on = last.by == ControlMode::Model;
-        let references = self.references.positions();
-        let answer = self.law.update(&model, limits, history, references, (last.command, goes_on));
+        let answer = self.law.update(&model, limits, history, references, (last.command, by));
         if self.law.unsolved().1 >= UNSOLVED_LIMIT {
             return Err(control_flag::SOLVER);
         }

@@ -16,6 +16,10 @@ use crate::{
 
 /// Samples in a row without a usable position that latch the axis.
 pub const UNUSABLE_LIMIT: u64 = 3;
+/// Leaky count of unusable samples that latches the axis: 1 for each, less a leak for each usable one. Two in three
+/// latch after 14 samples, one in two after 21, one in six never.
+const LEAKY_LIMIT: f64 = 8.0;
+const LEAK: f64 = 0.25;
 /// Time over which the speed of an axis is taken, s: a count of 0.1 mm is 2.5 mm/s then.
 const SPEED_TIME: f64 = 0.04;
 
@@ -48,6 +52,8 @@ pub struct Feedback {
     blind: u64,
     /// How many of the blind ticks the model has filled.
     bridged: u64,
+    /// Unusable samples, less the leak.
+    unusable: f64,
     motion: Motion,
 }
 
@@ -62,6 +68,7 @@ impl Feedback {
             history: None,
             blind: 0,
             bridged: 0,
+            unusable: 0.0,
             motion: Motion::new(axis, timing),
         }
     }
@@ -69,7 +76,7 @@ impl Feedback {
     /// Forgets the past of the axis.
     pub fn reset(&mut self) {
         self.history = None;
-        (self.blind, self.bridged) = (0, 0);
+        (self.blind, self.bridged, self.unusable) = (0, 0, 0.0);
     }
 
     /// Takes in the sample of a tick, `elapsed` ticks after the last one; `command` has been on the valve since.
@@ -78,6 +85,8 @@ impl Feedback {
         let faults = sample.map_or(sample_fault::STALE, |sample| sample.faults);
         let position = sample.and_then(AxisSample::usable);
         let (blind, missing) = (self.blind, self.blind.saturating_sub(1));
+        self.unusable = if position.is_some() { (self.unusable - LEAK).max(0.0) } else { self.unusable + 1.0 };
+        let is_unreliable = self.unusable >= LEAKY_LIMIT;
         if let Some(position) = position {
             match &mut self.history {
                 None => self.history = Some(History::resting(position)),
@@ -89,7 +98,8 @@ impl Feedback {
             position,
             missing,
             is_out_of_range: faults & sample_fault::RANGE != 0,
-            is_lost: if position.is_some() { missing >= self.timeout_ticks } else { blind >= UNUSABLE_LIMIT },
+            is_lost: is_unreliable
+                || if position.is_some() { missing >= self.timeout_ticks } else { blind >= UNUSABLE_LIMIT },
             standing: self.motion.update(elapsed, command, position),
         }
     }

@@ -1,4 +1,5 @@
-//! The control law that an approved model drives: predictive control or a Smith predictor, as the machine file says.
+//! The control law that an approved model drives: predictive control or a Smith predictor, as the machine file says;
+//! and beside it the fallback in its shadow.
 
 use pipeline::machine::{Axis, ModelChoice};
 
@@ -7,32 +8,35 @@ use crate::{
     model::{gate::ModelAnswer, judge::Approved, shadow::Shadow},
     predictive::{Predictive, history::History},
     protection::limits::Limits,
-    smith::Smith,
+    smith::{LastBy, Smith},
 };
 
-/// The law of one axis.
+/// What commands.
 #[derive(Debug, Clone)]
-pub enum ModelLaw {
+enum Law {
     /// [`crate::predictive`].
     Predictive(Box<Predictive>),
     /// [`crate::smith`].
-    Smith {
-        /// The controller.
-        controller: Box<Smith>,
-        /// The fallback beside it.
-        shadow: Box<Shadow>,
-    },
+    Smith(Box<Smith>),
+}
+
+/// The law of one axis.
+#[derive(Debug, Clone)]
+pub struct ModelLaw {
+    law: Law,
+    /// The fallback beside it, on a commissioned axis.
+    shadow: Option<Box<Shadow>>,
 }
 
 impl ModelLaw {
     /// Of `axis`; `period` in s.
     pub fn new(axis: &Axis, period: f64) -> Self {
-        if let (Some(smith), Some(model)) = (Smith::of(axis, period), &axis.commissioned) {
-            let shadow = Box::new(Shadow::new(axis, model, period));
-            return Self::Smith { controller: Box::new(smith), shadow };
-        }
-        let plan = axis.control.plan.plan(axis.commissioned.as_ref(), period);
-        Self::Predictive(Box::new(Predictive::new(plan, axis.soft_limits, period)))
+        let commissioned = axis.commissioned.as_ref();
+        let law = Smith::of(axis, period).map(|smith| Law::Smith(Box::new(smith))).unwrap_or_else(|| {
+            let plan = axis.control.plan.plan(commissioned, period);
+            Law::Predictive(Box::new(Predictive::new(plan, axis.soft_limits, period)))
+        });
+        Self { law, shadow: commissioned.map(|model| Box::new(Shadow::new(axis, model, period))) }
     }
 
     /// Number of coming ticks whose references are used.
@@ -48,47 +52,61 @@ impl ModelLaw {
 
     /// Whether an axis that has left its set point comes back under the law by itself, and soon.
     pub fn comes_back(&self) -> bool {
-        matches!(self, Self::Predictive(_))
+        matches!(self.law, Law::Predictive(_))
     }
 
     /// Forgets the past: the axis begins to follow, from rest.
     pub fn begin(&mut self) {
-        if let Self::Smith { controller, shadow } = self {
-            controller.reset();
-            shadow.stop();
+        if let Law::Smith(smith) = &mut self.law {
+            smith.reset();
+        }
+        if let Some(shadow) = &mut self.shadow {
+            shadow.reset();
         }
     }
 
     /// Forgets what it knows from one approved model to the next: there has been no model, or no closed loop.
     pub fn interrupt(&mut self) {
-        if let Self::Predictive(controller) = self {
-            controller.reset();
+        if let Law::Predictive(predictive) = &mut self.law {
+            predictive.reset();
+        }
+    }
+
+    /// There is no model at this tick: it follows what the fallback does with these references, in m. To be called at
+    /// every tick in closed loop without a model; `last` is the last command, and who made it.
+    pub fn wait(&mut self, references: &[f64], last: (f64, LastBy)) {
+        self.interrupt();
+        if let Law::Smith(smith) = &mut self.law {
+            smith.update(None, references, last);
         }
     }
 
     /// Takes in the position of a tick, m, `elapsed` ticks after the last one; `command` has been on the valve since.
     /// To be called at every tick with a position, whoever commands.
     pub fn observe(&mut self, elapsed: u64, position: f64, command: f64) {
-        if let Self::Smith { controller, shadow } = self {
-            shadow.advance(elapsed, controller.observe(elapsed, position, command));
+        if let Law::Smith(smith) = &mut self.law {
+            smith.observe(elapsed, position, command);
+        }
+        if let Some(shadow) = &mut self.shadow {
+            shadow.advance(elapsed, command);
         }
     }
 
-    /// What it answers with `model`. To be called at every tick in closed loop, whoever commands. `goes_on`:
-    /// this law made the last command, `last`.
+    /// What it answers with `model`. To be called at every tick in closed loop, whoever commands. `last` is
+    /// the last command, and who made it.
     pub fn update(
         &mut self,
         model: &Approved<'_>,
         limits: &Limits,
         history: &History,
         references: &[f64],
-        (last, goes_on): (f64, bool),
+        last: (f64, LastBy),
     ) -> ModelAnswer {
-        let command = match self {
-            Self::Predictive(controller) => controller.update(model, limits, history, references),
-            Self::Smith { controller, .. } => {
-                controller.limit(limits.magnitude);
-                controller.update(Some(model), references, last, goes_on)
+        let command = match &mut self.law {
+            Law::Predictive(predictive) => predictive.update(model, limits, history, references),
+            Law::Smith(smith) => {
+                smith.limit(limits.magnitude);
+                smith.update(Some(model), references, last)
             }
         };
         command.map_or(ModelAnswer::NoCommand, ModelAnswer::Command)
@@ -105,38 +123,30 @@ impl ModelLaw {
         memory: Memory,
         limits: &Limits,
     ) -> Option<f64> {
-        match self {
-            Self::Predictive(_) => None,
-            Self::Smith { controller, shadow } => {
-                Some(shadow.update(error, references, (last, controller.expected()), memory, limits))
-            }
-        }
+        self.shadow.as_mut().map(|shadow| shadow.update(error, references, last, memory, limits))
     }
 
     /// The last command was not sent. What the fallback in the shadow remembers, if it ran.
     pub fn discard(&mut self) -> Option<Memory> {
-        match self {
-            Self::Predictive(_) => None,
-            Self::Smith { controller, shadow } => {
-                controller.discard();
-                shadow.stop()
-            }
+        if let Law::Smith(smith) = &mut self.law {
+            smith.discard();
         }
+        self.shadow.as_mut().and_then(|shadow| shadow.stop())
     }
 
     /// The position of a tick without one, m, where the law needs one.
     pub fn bridge(&mut self, model: &Approved<'_>, history: &History) -> Option<f64> {
-        match self {
-            Self::Predictive(controller) => controller.bridge(model, history),
-            Self::Smith { .. } => None,
+        match &mut self.law {
+            Law::Predictive(predictive) => predictive.bridge(model, history),
+            Law::Smith(_) => None,
         }
     }
 
     /// Number of unsolved plans so far, and of those in a row.
     pub fn unsolved(&self) -> (u64, u64) {
-        match self {
-            Self::Predictive(controller) => (controller.unsolved(), controller.unsolved_in_a_row()),
-            Self::Smith { .. } => (0, 0),
+        match &self.law {
+            Law::Predictive(predictive) => (predictive.unsolved(), predictive.unsolved_in_a_row()),
+            Law::Smith(_) => (0, 0),
         }
     }
 }

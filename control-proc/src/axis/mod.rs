@@ -29,10 +29,12 @@
 //! | `FOLLOWING` | a following error ([`crate::protection::following_error`]) |
 //! | `SOLVER` | [`UNSOLVED_LIMIT`] plans in a row without an answer of the solver |
 //! | `DEADLINE` | late commands ([`crate::process`]) |
+//! | `MOTION` | motion that nobody commanded, in every state ([`crate::protection::uncommanded`]) |
 //! | `EMERGENCY_STOP` | the emergency stop, in every state; not to be reset while it is pressed |
 //!
-//! The first cause stays, and an emergency stop is added to it. Trap: a latch that releases itself moves the machine
-//! while somebody looks for the reason why it stopped.
+//! The first cause stays; an emergency stop and motion that nobody commanded are added to it. Both ask for the
+//! pilot pressure to be cut off until the axis is reset. Trap: a latch that releases itself moves the machine while
+//! somebody looks for the reason why it stopped.
 //!
 //! A refused snapshot is not used. The last approved model is used until it has expired ([`crate::model::age`]); then
 //! the fallback controls, at half of the axis' speed. When a controller takes over from a direct mode, the reference
@@ -143,6 +145,7 @@ impl AxisController {
         self.take_emergency_stop(input.emergency_stop);
         self.take_request(input);
         let observation = self.feedback.observe(input.elapsed, input.sample, self.decision.command);
+        self.take_motion(input.elapsed, observation.position);
         let snapshot_flags = self.gate.take(input.sequence, input.snapshot);
         self.change_state(input, &observation);
         self.decide(input, &observation, snapshot_flags);
@@ -205,12 +208,21 @@ impl AxisController {
         if self.state.disarm() {
             self.stand(0);
             self.feedback.reset();
+            self.protection.uncommanded().reset();
             self.gate.reset();
         }
     }
 
-    /// Latches the axis at neutral for this cause, a [`control_flag`] bit. The first cause stays, and an emergency stop
-    /// is added to it.
+    /// Disarms the axis unless it is latched. Requests made at tick `sequence` or before do not arm it again.
+    pub fn stop(&mut self, sequence: Option<u64>) {
+        if self.cause() == 0 {
+            self.disarm();
+        }
+        sequence.into_iter().for_each(|sequence| self.operation.requests.stop(sequence));
+    }
+
+    /// Latches the axis at neutral for this cause, a [`control_flag`] bit. The first cause stays; an emergency
+    /// stop and motion that nobody commanded are added to it.
     pub fn latch(&mut self, cause: u32) {
         self.state.latch(cause);
         self.stand(0);
@@ -226,6 +238,13 @@ impl AxisController {
         self.state.press(is_pressed);
         if is_pressed {
             self.latch(control_flag::EMERGENCY_STOP);
+        }
+    }
+
+    /// Latches an axis that moves though nobody has commanded it.
+    fn take_motion(&mut self, elapsed: u64, position: Option<f64>) {
+        if self.protection.uncommanded().update(elapsed, self.decision.command, position, UNUSABLE_LIMIT) {
+            self.latch(control_flag::MOTION);
         }
     }
 

@@ -5,18 +5,19 @@ use pipeline::message::{AxisMode, ControlMode, control_flag};
 use super::{AxisController, AxisInput, command::Tracking, decision::Decision, requests::Accepted, state::State};
 
 impl AxisController {
-    /// Takes in the newest request. Disarms an axis in a direct mode whose requests have stopped.
+    /// Takes in the newest request. Disarms an axis that needs requests, and whose requests have stopped.
     pub(super) fn take_request(&mut self, input: &AxisInput<'_>) {
         let requests = &mut self.operation.requests;
         if let Some(accepted) = input.request.and_then(|request| requests.update(request, input.sequence)) {
             if accepted.mode == Some(AxisMode::Off) && self.state.is_pressed() {
                 requests.refuse();
             } else {
+                self.operation.ask_hold_to_run(accepted.hold_to_run);
                 self.change_mode(&accepted);
             }
         }
         let mode = self.operation.mode;
-        let needs_requests = self.state.is_armed() && mode.is_direct();
+        let needs_requests = self.state.is_armed() && self.operation.needs_requests();
         if needs_requests && self.operation.requests.command(input.sequence, mode).is_none() {
             self.disarm();
             self.state.note_stopped_requests();

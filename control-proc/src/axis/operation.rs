@@ -9,7 +9,8 @@
 //! track                  follows its reference, from the beginning of the reference on
 //! ```
 //!
-//! An axis that is armed changes its mode without being armed again.
+//! An axis that is armed changes its mode without being armed again. With `hold_to_run`, a key of the machine file or a
+//! field of the request, hold and track end as the direct modes do when requests stop.
 
 use pipeline::{
     machine::{Axis, Timing},
@@ -25,13 +26,29 @@ pub struct Operation {
     pub requests: Requests,
     /// The mode of the axis while it is armed.
     pub mode: AxisMode,
+    /// The axis is disarmed when requests stop, whatever its mode.
+    pub hold_to_run: bool,
+    /// That is the rule of the machine file.
+    is_rule: bool,
     /// Where the axis holds when it begins to follow in hold, m.
     pub set_point: Option<f64>,
 }
 
 impl Operation {
+    /// Whether the axis may go on only while requests come.
+    pub fn needs_requests(&self) -> bool {
+        self.mode.is_direct() || self.hold_to_run
+    }
+
+    /// Takes in whether the last accepted request asks for that.
+    pub fn ask_hold_to_run(&mut self, is_asked: bool) {
+        self.hold_to_run = self.is_rule || is_asked;
+    }
+
     /// Of the axis with this number, before any request.
     pub fn new(index: usize, axis: &Axis, timing: &Timing) -> Self {
-        Self { requests: Requests::new(index, axis, timing), mode: AxisMode::Track, set_point: None }
+        let is_rule = axis.control.hold_to_run;
+        let requests = Requests::new(index, axis, timing);
+        Self { requests, mode: AxisMode::Track, hold_to_run: is_rule, is_rule, set_point: None }
     }
 }

@@ -9,6 +9,8 @@
 //! edge is counted. So a message that was left in a channel never moves an axis. A controller that has been restarted
 //! is off. After a fault an axis has to be switched off and enabled again.
 //!
+//! A stop ([`Requests::stop`]) makes edges void that were made before it: the message that arms names a later sample.
+//!
 //! These messages are refused as a whole:
 //! - a mode that does not exist,
 //! - a command or a set point that is not finite,
@@ -41,6 +43,8 @@ pub struct Accepted {
     pub is_enabled: bool,
     /// Where to hold, m.
     pub set_point: Option<f64>,
+    /// The axis is to be disarmed when requests stop.
+    pub hold_to_run: bool,
 }
 
 /// A message that was looked at.
@@ -65,6 +69,8 @@ pub struct Requests {
     seen: Option<Seen>,
     /// Its number for arming; none where it has no entry for this axis.
     enable: Option<u32>,
+    /// Tick of the last stop: only a program that has seen a later sample may arm the axis.
+    stopped_at: Option<u64>,
     /// Tick of the last accepted message.
     accepted_at: Option<u64>,
     /// Command of the last accepted message.
@@ -85,6 +91,7 @@ impl Requests {
             commission_ticks: ticks(timing.feedback_timeout),
             seen: None,
             enable: None,
+            stopped_at: None,
             accepted_at: None,
             command: 0.0,
             accepted: 0,
@@ -115,7 +122,13 @@ impl Requests {
         self.accepted += 1;
         self.command = axis.command;
         let mode = Some(mode).filter(|mode| *mode != AxisMode::Unchanged);
-        Some(Accepted { mode, is_enabled, set_point: (axis.has_target == 1).then_some(axis.target) })
+        let set_point = (axis.has_target == 1).then_some(axis.target);
+        Some(Accepted { mode, is_enabled, set_point, hold_to_run: axis.hold_to_run == 1 })
+    }
+
+    /// A stop at tick `sequence`. Messages that were sent before it arm no axis.
+    pub fn stop(&mut self, sequence: u64) {
+        self.stopped_at = Some(sequence);
     }
 
     /// The command of a direct mode at tick `sequence`; none when requests have stopped.
@@ -146,8 +159,11 @@ impl Requests {
     fn take_enable(&mut self, request: &Request, before: Option<u64>) -> bool {
         let now = request.axes.get(self.axis).map(|axis| axis.enable);
         let last = std::mem::replace(&mut self.enable, now);
-        let in_a_row = before.is_some_and(|tick| request.header.sequence.abs_diff(tick) <= self.manual_ticks);
-        in_a_row && last != now
+        let sequence = request.header.sequence;
+        let in_a_row = before.is_some_and(|tick| sequence.abs_diff(tick) <= self.manual_ticks);
+        // Messages that are far from the stop are refused as too old, or their source has started again.
+        let is_after = |stop: u64| sequence > stop || sequence.abs_diff(stop) > self.manual_ticks;
+        in_a_row && last != now && self.stopped_at.is_none_or(is_after)
     }
 
     /// Mode and entry of this axis, if the message makes sense by itself.
@@ -158,6 +174,7 @@ impl Requests {
         let (low, high) = self.soft_limits;
         let is_sound = (-1.0..=1.0).contains(&axis.command)
             && axis.has_target <= 1
+            && axis.hold_to_run <= 1
             && axis.target.is_finite()
             && (axis.has_target == 0 || (low..=high).contains(&axis.target));
         is_sound.then_some((mode, axis))

@@ -5,7 +5,8 @@
 //! settling, following --fault--> latched         any state --disarm--> disarmed
 //! ```
 //!
-//! Settling begins anew with every sample that is missing or unusable. The emergency stop latches in every state.
+//! Settling begins anew with every sample that is missing or unusable. The emergency stop and motion that nobody
+//! commanded latch in every state.
 
 use std::time::Duration;
 
@@ -135,10 +136,10 @@ impl StateMachine {
         self.requests_stopped = true;
     }
 
-    /// Latches. The first cause stays, and an emergency stop is added to it.
+    /// Latches. The first cause stays, and causes that cut the pilot off are added to it.
     pub fn latch(&mut self, cause: u32) {
         let cause = match self.state {
-            State::Latched(first) => first | cause & control_flag::EMERGENCY_STOP,
+            State::Latched(first) => first | cause & control_flag::CUT_OFF,
             _ => {
                 self.latches = Latches { count: self.latches.count + 1, tick: self.tick, cause };
                 cause

@@ -138,6 +138,16 @@ impl Fallback {
             self.uncompensated(last) - self.kp * error - self.uncompensated(forward) - self.memory.integral;
     }
 
+    /// Another controller has sent `last` at a following error of `error` m: the integral comes to what it would have
+    /// to be for that, within its own time kp/ki.
+    pub fn track(&mut self, last: f64, error: f64, forward: f64) {
+        let part = 1.0 - (-self.ki_period / self.kp).exp();
+        let needed = self.uncompensated(last) - self.kp * error - self.uncompensated(forward);
+        if part.is_finite() {
+            self.memory.integral = self.bounded(self.memory.integral + part * (needed - self.memory.integral));
+        }
+    }
+
     /// The command for a following error of `error` m and `forward` as u_r, after the command `last`, within the
     /// limits.
     pub fn update(&mut self, error: f64, forward: f64, last: f64) -> f64 {

@@ -4,7 +4,11 @@ use pipeline::machine::DeadBand;
 use rand_pcg::{Pcg64, rand_core::Rng};
 
 use super::*;
-use crate::{fallback::Fallback, smith::Smith, tests::models::commissioned};
+use crate::{
+    fallback::Fallback,
+    smith::{LastBy, Smith},
+    tests::models::commissioned,
+};
 
 const GAIN: f64 = 0.8;
 
@@ -191,7 +195,7 @@ impl Running {
             Self::Fallback(fallback) => fallback.update(-position, 0.0, last),
             Self::Smith(smith) => {
                 smith.observe(1, position, last);
-                smith.update(None, &[0.0], last, true).unwrap()
+                smith.update(None, &[0.0], (last, LastBy::Law)).unwrap()
             }
         }
     }

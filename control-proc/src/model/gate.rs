@@ -11,7 +11,7 @@
 //! | [`comparison`](super::comparison) | has the adaptive model predicted better than the classical one? |
 //! | [`age`](super::age) | is the last approved model still young enough? |
 //! | [`trust`](super::trust) | was there a following error under the model? |
-//! | [`supervision`](super::supervision) | does a Smith predictor follow worse than the fallback would, or swing? |
+//! | [`supervision`](super::supervision) | is the model worse than the fallback would be, or does the axis swing? |
 //! | probation, here | has the model been usable for [`PROBATION`] without a break? |
 //!
 //! Each snapshot is judged once; its flags stay until the next one. The classical model is used until the adaptive
@@ -23,7 +23,7 @@
 use std::time::Duration;
 
 use pipeline::{
-    machine::{Axis, Estimator, Law, ModelChoice, Timing, samples_of},
+    machine::{Axis, Estimator, ModelChoice, Timing, samples_of},
     message::{AxisSnapshot, REFUSALS, control_flag},
 };
 
@@ -79,7 +79,7 @@ pub struct Gate {
     comparison: Comparison,
     last: LastApproved,
     trust: Trust,
-    /// Of a Smith predictor.
+    /// Of a commissioned axis: there is no shadow without what the commands are expected to do.
     supervision: Option<Supervision>,
     /// Ticks in a row with a command of a usable model.
     usable_ticks: u64,
@@ -92,8 +92,7 @@ impl Gate {
     pub fn new(axis: &Axis, timing: &Timing) -> Self {
         let ticks = |duration| samples_of(duration, timing.period).max(1) as u64;
         let period = timing.period.as_secs_f64();
-        let choice = axis.control.model;
-        let smiths = axis.commissioned.as_ref().filter(|_| matches!(axis.control.law, Law::Smith(_)));
+        let (choice, commissioned) = (axis.control.model, axis.commissioned.as_ref());
         Self {
             choice,
             // A grey box knows what commissioning has found, which is more than the training has shown.
@@ -103,7 +102,7 @@ impl Gate {
             comparison: Comparison::new(period),
             last: LastApproved::new(ticks(timing.model_timeout), ticks(timing.model_lifetime)),
             trust: Trust::new(axis.control.following_error, period),
-            supervision: smiths.map(|model| Supervision::new(model.reaction(), axis.encoder.resolution, period)),
+            supervision: commissioned.map(|model| Supervision::new(model.reaction(), axis.encoder.resolution, period)),
             usable_ticks: 0,
             seen: None,
             refusals: [0; REFUSALS.len()],

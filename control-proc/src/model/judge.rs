@@ -9,10 +9,10 @@
 //! sigma_adaptive <= 1.5 sigma_classical          h-step errors, in m; not for a grey box
 //! ```
 //!
-//! s(p) step response of the linear part, m per unit of x, s' its last difference, T period in s; c the commissioned
-//! curve, m/s, if there is one. A model of hinges that agrees with c may be asked for all commands, also for those it
-//! was not trained on: between and beyond its knots it is straight, and a machine that has become slow needs larger
-//! commands than were tested when it was healthy.
+//! s(p) step response of the linear part as its end continues it ([`Ramp`]), m per unit of x, s' its slope, T period in
+//! s; c the commissioned curve, m/s, if there is one. A model of hinges that agrees with c may be asked for all
+//! commands, also for those it was not trained on: between and beyond its knots it is straight, and a machine that has
+//! become slow needs larger commands than were tested when it was healthy.
 //!
 //! A prediction begins with the last increments of the encoder's counts, and a lag carries them on. At a period of 1 ms
 //! that is most of the h-step error of a model with the lag of the axis, and little of that of a classical model, which
@@ -24,11 +24,11 @@
 
 use pipeline::{
     hammerstein::{Basis, Coefficients, Structure},
-    machine::{Axis, Commissioned, Estimator, Identification, MAX_RESPONSE, ModelChoice},
+    machine::{Axis, Commissioned, Estimator, Identification, ModelChoice},
     message::{AxisSnapshot, model_fault},
 };
 
-use super::response::{Ramp, step_response};
+use super::response::Ramp;
 
 /// Largest pole radius. An identified integrator may be a little beyond 1. At 1.02 a deviation grows by half in 20
 /// samples, which feedback can still correct.
@@ -140,11 +140,9 @@ impl Judge {
             known(snapshot.command_low).clamp(-self.command_limit, 0.0),
             known(snapshot.command_high).clamp(0.0, self.command_limit),
         );
-        let mut step = [0.0; MAX_RESPONSE];
-        let step = &mut step[..self.response];
-        step_response(model, step);
-        self.judge_reach(model, step, range).map_err(Some)?;
-        let range = self.judge_speed(model, step, range).map_err(Some)?;
+        let ramp = Ramp::of(model, self.response);
+        self.judge_reach(model, &ramp, range).map_err(Some)?;
+        let range = self.judge_speed(model, &ramp, range).map_err(Some)?;
         if adaptive && self.is_compared && is_worse(snapshot) {
             return Err(Some(Refusal::Worse));
         }
@@ -159,7 +157,7 @@ impl Judge {
         *structure == expected && (na..=na + 1).contains(&structure.na) && (nb..=nb + 1).contains(&structure.nb)
     }
 
-    fn judge_reach(&self, model: &Coefficients, step: &[f64], range: (f64, f64)) -> Result<(), Refusal> {
+    fn judge_reach(&self, model: &Coefficients, ramp: &Ramp, range: (f64, f64)) -> Result<(), Refusal> {
         let nonlinearity = model.nonlinearity();
         let orientation = nonlinearity.orientation(range);
         let gain = model.b().iter().sum::<f64>() * orientation;
@@ -167,16 +165,16 @@ impl Judge {
             return Err(Refusal::Direction);
         }
         let (low, high) = nonlinearity.reachable(range);
-        let travel = step[step.len() - 1] * orientation * high.min(-low);
+        let travel = ramp.last() * orientation * high.min(-low);
         // Written so that NaN is refused too.
         if gain > 0.0 && travel >= self.least_travel && travel.is_finite() { Ok(()) } else { Err(Refusal::Unreachable) }
     }
 
     /// Compares the model's speeds with the commissioned ones. Returns the range of commands that the model may be
     /// asked for.
-    fn judge_speed(&self, model: &Coefficients, step: &[f64], learned: (f64, f64)) -> Result<(f64, f64), Refusal> {
+    fn judge_speed(&self, model: &Coefficients, ramp: &Ramp, learned: (f64, f64)) -> Result<(f64, f64), Refusal> {
         let Some(commissioned) = &self.commissioned else { return Ok(learned) };
-        let gain = Ramp::new(step).slope / self.period;
+        let gain = ramp.slope / self.period;
         let nonlinearity = model.nonlinearity();
         let ratio = |command: f64| gain * nonlinearity.evaluate(command) / commissioned.speed(command);
         let agrees = |command: f64| (1.0 / SPEED_RATIO..=SPEED_RATIO).contains(&ratio(command));
@@ -376,9 +374,7 @@ mod tests {
 
     /// The judge of an axis whose commissioned curve is `factor` times what the actuator's model says, tested to 0.6.
     fn commissioned(factor: f64) -> Judge {
-        let mut step = [0.0; 31];
-        step_response(&actuator(), &mut step);
-        let gain = factor * Ramp::new(&step).slope / 0.01;
+        let gain = factor * Ramp::of(&actuator(), 31).slope / 0.01;
         let speed = |opening: f64| gain * actuator().nonlinearity().evaluate(opening);
         let mut machine = machine(1);
         machine.axes[0].commissioned = Some(Commissioned {

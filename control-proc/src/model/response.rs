@@ -87,6 +87,14 @@ pub fn step_response(model: &Coefficients, response: &mut [f64]) {
 }
 
 /// The end of a step response of an axis: slope (p + 1 - lag).
+///
+/// A model with an integrator, A(q) = (1 - q) A~(q), has it in closed form:
+///
+/// ```text
+/// slope = B(1)/A~(1)    lag = B'(1)/B(1) - A~'(1)/A~(1)    A~(1) = -sum i a_i    A~'(1) = -sum i (i - 1) a_i/2
+/// ```
+///
+/// q = z^-1. B without its delay.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ramp {
     /// Increase per tick, m per unit of x.
@@ -97,7 +105,36 @@ pub struct Ramp {
     pub ticks: usize,
 }
 
+/// Largest A(1) of a model with an integrator.
+const INTEGRATOR: f64 = 1e-12;
+
 impl Ramp {
+    /// The end of a step response of `ticks` of `model`, at most [`MAX_RESPONSE`]: in closed form if the model has an
+    /// integrator.
+    pub fn of(model: &Coefficients, ticks: usize) -> Self {
+        if (1.0 + model.a().iter().sum::<f64>()).abs() > INTEGRATOR {
+            let mut step = [0.0; MAX_RESPONSE];
+            step_response(model, &mut step[..ticks]);
+            return Self::new(&step[..ticks]);
+        }
+        let (mut gain, mut curvature) = (0.0, 0.0);
+        for (i, a) in (1..).map(f64::from).zip(model.a()) {
+            gain -= i * a;
+            curvature -= 0.5 * i * (i - 1.0) * a;
+        }
+        let (mut sum, mut moment) = (0.0, 0.0);
+        for (j, b) in (0..).map(f64::from).zip(model.b()) {
+            sum += b;
+            moment += j * b;
+        }
+        Self { slope: sum / gain, lag: moment / sum - curvature / gain, ticks }
+    }
+
+    /// The last value of the step response, m per unit of x.
+    pub fn last(&self) -> f64 {
+        self.slope * (self.ticks as f64 - self.lag)
+    }
+
     /// The end of the step response `step`, which has to be settled by then.
     pub fn new(step: &[f64]) -> Self {
         let (last, before) = match step {
@@ -141,10 +178,29 @@ mod tests {
         let ramp = Ramp::new(&response);
         assert!((ramp.slope - 0.01).abs() < 1e-8 && (ramp.lag - 1.5).abs() < 1e-4, "{ramp:?}");
         assert_eq!(Ramp::new(&[0.5]), Ramp { slope: 0.5, lag: 0.0, ticks: 1 });
+        let closed = Ramp::of(&linear(&[-1.6, 0.6], &[0.004], 3), 31);
+        assert!((closed.slope - 0.01).abs() < 1e-15 && (closed.lag - 1.5).abs() < 1e-12, "{closed:?}");
         assert!(Ramp::new(&[]).lag.is_nan() && Ramp::new(&[0.5, 0.5]).lag == f64::NEG_INFINITY);
     }
 
     proptest! {
+        /// Two lags and zeros: the closed form is what the settled step response says.
+        #[test]
+        fn the_closed_form_is_the_end_of_the_step_response(
+            poles in prop::array::uniform2(-0.5f64..0.9),
+            b in prop::array::uniform3(0.001f64..0.02),
+            nk in 1usize..12,
+        ) {
+            let [p, q] = poles;
+            let model = linear(&[-(p + q), p * q], &b, nk).integrated();
+            let mut step = [0.0; 400];
+            step_response(&model, &mut step);
+            let (closed, ends) = (Ramp::of(&model, 400), Ramp::new(&step));
+            prop_assert!((closed.slope / ends.slope - 1.0).abs() < 1e-9, "{closed:?} {ends:?}");
+            prop_assert!((closed.lag - ends.lag).abs() < 1e-6, "{closed:?} {ends:?}");
+            prop_assert!((closed.last() / step[399] - 1.0).abs() < 1e-9, "{closed:?} {}", step[399]);
+        }
+
         /// With an offset on the output and all moves known, the differences predict exactly what (12) does.
         #[test]
         fn free_response_is_the_model_itself_with_x_held(

@@ -49,9 +49,10 @@ impl FeedbackAge {
         Self { timeout_ns, acquired_ns: None, is_lost: false }
     }
 
-    /// Whether a sample acquired at `acquired` says nothing of `now` any more, ns.
+    /// Whether a sample acquired at `acquired` says nothing of `now`, ns. A sample from the future has the time of
+    /// another clock, so its age is unknown.
     pub fn is_too_old(&self, now: u64, acquired: u64) -> bool {
-        now.saturating_sub(acquired) > self.timeout_ns
+        now.checked_sub(acquired).is_none_or(|age| age > self.timeout_ns)
     }
 
     /// Whether the samples have stopped by `now`, ns.
@@ -104,6 +105,7 @@ mod tests {
         assert!(!age.has_stopped(u64::MAX), "no sample has come yet");
         age.renew(1_000_000_000);
         assert!(!age.has_stopped(1_030_000_000) && age.has_stopped(1_030_000_001));
+        assert!(age.is_too_old(2_000_000_000, 2_000_000_001) && !age.is_too_old(2_000_000_001, 2_000_000_001));
         assert!(age.lose() && !age.lose());
         age.renew(2_000_000_000);
         assert!(age.lose());

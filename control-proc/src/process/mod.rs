@@ -11,8 +11,13 @@
 
 mod deadlines;
 
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
+
 use pipeline::{
-    channel::{Group, Publisher, Reader},
+    channel::{Board, Group, Publisher, Reader, Stop, Stops},
     machine::Machine,
     message::{
         CoefficientSnapshot, EncoderSample, Header, MachineState, MissCause, Reference, Request, ValveCommand,
@@ -32,12 +37,15 @@ use deadlines::{Deadlines, FeedbackAge};
 /// A trajectory cannot be used, or a channel cannot.
 pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let setup = options.clone();
-    run_stage(StageKind::ControlProc, machine, options, |group| Process::new(machine, &setup, group))
+    run_stage(StageKind::ControlProc, machine, options, |group, board| Process::new(machine, &setup, group, board))
 }
 
 struct Process {
     core: Controller,
     inputs: Inputs,
+    stops: Stops,
+    /// Set by a signal: all axes are to be disarmed.
+    off: Arc<AtomicBool>,
     commands: Publisher<ValveCommand>,
     states: Publisher<MachineState>,
     /// Filled in at every heartbeat; the names of the axes stay.
@@ -68,7 +76,7 @@ struct Arrival {
 }
 
 impl Process {
-    fn new(machine: &Machine, options: &StageOptions, group: &Group) -> Result<Self, StageError> {
+    fn new(machine: &Machine, options: &StageOptions, group: &Group, board: Board) -> Result<Self, StageError> {
         let mut core = Controller::new(machine).map_err(StageError::setup)?;
         if options.arm {
             core.arm();
@@ -81,6 +89,8 @@ impl Process {
                 references: group.reader()?,
                 requests: group.reader()?,
             },
+            stops: Stops::new(board),
+            off: Arc::clone(&options.off),
             commands: group.publisher()?,
             states: group.publisher()?,
             state: named(machine),
@@ -94,13 +104,17 @@ impl Process {
 
     /// Waits for a sample; none if the turn ends without one.
     fn await_sample(&mut self, turn: &mut Turn) -> Result<Option<Arrival>, StageError> {
-        let (samples, clock) = (&mut self.inputs.samples, self.clock);
+        let (samples, clock, core) = (&mut self.inputs.samples, self.clock, &mut self.core);
         let before = samples.last().map(|sample| sample.header.sequence);
         let mut count = 0;
         turn.wait_for(&self.waiter, || {
             // Only the newest sample is worth a command; the gap in the sequence tells the core what it missed.
-            while samples.read()?.if_new().is_some() {
+            while let Some(sample) = samples.read()?.if_new() {
                 count += 1;
+                // Also one between two others counts, and one that is too old to be acted on.
+                if sample.emergency_stop != 0 && clock == Clock::RealTime {
+                    core.stop(Stop { emergency: true, ..Stop::default() });
+                }
                 if clock == Clock::LockStep {
                     break;
                 }
@@ -113,6 +127,40 @@ impl Process {
             let passed = before.map_or(0, |before| header.sequence.saturating_sub(before + 1));
             Arrival { header, count, passed }
         }))
+    }
+
+    /// Does what was asked for on the board or by the signal; whether anything was.
+    fn take_stops(&mut self) -> bool {
+        let mut stop = self.stops.take();
+        if self.off.swap(false, Ordering::Relaxed) {
+            stop.axes = Stop::ALL.axes;
+        }
+        if stop.is_any() {
+            self.core.stop(stop);
+        }
+        stop.is_any()
+    }
+
+    /// Tells the board what the last command has done.
+    fn answer_stops(&self) {
+        self.stops.done(&self.last);
+        if !self.core.is_emergency() {
+            self.stops.reset();
+        }
+    }
+
+    /// Without a sample: a stop does not wait for one.
+    fn stop_at_once(&mut self) -> Result<(), StageError> {
+        if !self.take_stops() {
+            return Ok(());
+        }
+        let last = self.last.header;
+        let mut command = self.core.message();
+        command.header = Header { axis_count: command.header.axis_count, sent_ns: monotonic_ns(), ..last };
+        self.last = command;
+        self.commands.send(&command)?;
+        self.answer_stops();
+        Ok(())
     }
 
     /// Real time: makes the valves neutral once the last sample is too old, and again at every call after that.
@@ -139,7 +187,9 @@ impl Process {
         neutral.header.acquired_ns = last.acquired_ns;
         neutral.header.sent_ns = now;
         self.last = neutral;
-        Ok(self.commands.send(&neutral)?)
+        self.commands.send(&neutral)?;
+        self.answer_stops();
+        Ok(())
     }
 
     /// Takes in the snapshot for a sample. In lock-step it waits for the snapshot of the tick before. False when the
@@ -163,6 +213,7 @@ impl Process {
 
     /// The command for the newest sample. It is neutral when too many commands in a row are late.
     fn command(&mut self, header: &Header) -> Result<Option<ValveCommand>, StageError> {
+        self.take_stops();
         self.inputs.references.newest()?;
         if let Some(request) = self.inputs.requests.newest()?.if_new() {
             self.core.ask(request);
@@ -180,6 +231,7 @@ impl Process {
 impl Stage for Process {
     fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
         let Some(Arrival { header, count, passed }) = self.await_sample(turn)? else {
+            self.stop_at_once()?;
             self.watch_feedback()?;
             return Ok(Next::Waiting);
         };
@@ -190,6 +242,7 @@ impl Stage for Process {
         turn.skip(passed - unworked, newest, MissCause::LateInput);
         turn.skip(unworked, newest, MissCause::LateRelease);
         if self.is_too_old(&header) {
+            self.stop_at_once()?;
             self.watch_feedback()?;
             return Ok(if turn.is_last(header.sequence) { Next::Finished } else { Next::Waiting });
         }
@@ -200,6 +253,7 @@ impl Stage for Process {
         turn.finish(&mut command.header, header.sequence, header.acquired_ns, header.acquired_ns);
         self.commands.send(&command)?;
         self.last = command;
+        self.answer_stops();
         turn.arrive(&command.header);
         self.feedback.renew(header.acquired_ns);
         Ok(if turn.is_last(header.sequence) { Next::Finished } else { Next::Worked })

@@ -6,6 +6,7 @@
 //! | [`end_stops`] | commands near the soft limits |
 //! | [`following_error`] | the bound on the difference between reference and position |
 //! | [`motion`] | whether an axis that is driven moves |
+//! | [`uncommanded`] | whether an axis moves that nobody has commanded to move |
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
@@ -13,14 +14,16 @@ pub mod end_stops;
 pub mod following_error;
 pub mod limits;
 pub mod motion;
+pub mod uncommanded;
 
 use pipeline::machine::Axis;
 
 use end_stops::EndStops;
 use following_error::{Deviation, FollowingError};
 use limits::{Limits, half_speed};
+use uncommanded::Uncommanded;
 
-/// The protection of one axis while it follows.
+/// The protection of one axis.
 #[derive(Debug, Clone)]
 pub struct Protection {
     limits: Limits,
@@ -28,6 +31,7 @@ pub struct Protection {
     half_speed: f64,
     end_stops: EndStops,
     following_error: FollowingError,
+    uncommanded: Uncommanded,
 }
 
 impl Protection {
@@ -38,12 +42,18 @@ impl Protection {
             half_speed: half_speed(axis),
             end_stops: EndStops::new(axis, period),
             following_error: FollowingError::new(axis.control.following_error, period),
+            uncommanded: Uncommanded::new(axis, period),
         }
     }
 
     /// Begins anew: the axis begins to follow, or a controller takes over.
     pub fn reset(&mut self) {
         self.following_error.reset();
+    }
+
+    /// The watch for motion that nobody commanded, in every state.
+    pub fn uncommanded(&mut self) -> &mut Uncommanded {
+        &mut self.uncommanded
     }
 
     /// The limits of the machine file.

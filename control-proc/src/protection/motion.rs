@@ -29,7 +29,7 @@ use pipeline::machine::{Axis, Commissioned, DeadBand, Timing, samples_of};
 pub const STUCK_MARGIN: f64 = 0.05;
 /// Command beyond the dead band from which on an axis that hardly moves is a fault. A dead band that has grown by half,
 /// friction and hysteresis are within this margin.
-const STALL_MARGIN: f64 = 0.1;
+pub const STALL_MARGIN: f64 = 0.1;
 /// Time in which a driven axis has to move.
 pub const STALL_TIME: Duration = Duration::from_millis(400);
 /// Part of `max_speed` below which an axis hardly moves. The judge refuses a model that moves less than twice that.

@@ -12,10 +12,7 @@ use pipeline::machine::{Commissioned, MAX_RESPONSE};
 
 use crate::{
     fallback::feedforward::STILL,
-    model::{
-        judge::Approved,
-        response::{Ramp, step_response},
-    },
+    model::{judge::Approved, response::Ramp},
 };
 
 /// Largest shift: more is no change of a machine that may still be driven by its model.
@@ -43,10 +40,7 @@ impl AdaptedCurve {
 
     /// s for a speed in m/s; 0 for a model that does not move.
     pub fn shift(&self, adapted: &Approved<'_>, speed: f64) -> f64 {
-        let mut step = [0.0; MAX_RESPONSE];
-        let step = &mut step[..self.settled];
-        step_response(adapted.model, step);
-        let gain = Ramp::new(step).slope / self.period;
+        let gain = Ramp::of(adapted.model, self.settled).slope / self.period;
         let wanted = speed / gain;
         let command = adapted.model.nonlinearity().invert(wanted, adapted.range);
         let shift = command - self.commissioned.command(speed);

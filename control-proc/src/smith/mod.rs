@@ -21,6 +21,10 @@
 //! higher. What is wrong with the model counts as much as kp makes of it; hence the gain is one with which also plants
 //! with other gains and dead times come to rest ([`crate::tuning`]).
 //!
+//! While the fallback controls, I follows what it would have to be for the commands of the fallback
+//! ([`Fallback::track`]). An integral that is kept from the time before is wrong for a machine that has changed since,
+//! and the axis would kick when this law takes over.
+//!
 //! Trap: the speed that the model does not explain is not taken off the command. On a valve with hysteresis and a
 //! cylinder with friction that hunts around every set point. A speed that the model gets wrong is the business of the
 //! adapted curve.
@@ -37,8 +41,19 @@ use observer::Observer;
 
 use crate::{
     fallback::{Fallback, Memory},
-    model::{expected::ExpectedMotion, judge::Approved},
+    model::judge::Approved,
 };
+
+/// Who made the last command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LastBy {
+    /// This law.
+    Law,
+    /// The fallback, while the axis follows.
+    Fallback,
+    /// A request or the standstill: the command says nothing about what this law would need.
+    Other,
+}
 
 /// The Smith predictor of one axis.
 #[derive(Debug, Clone)]
@@ -88,31 +103,28 @@ impl Smith {
 
     /// Takes in the position of a tick, m, `elapsed` ticks after the last one; `command` has been on the valve since.
     /// To be called at every tick with a position, whoever controls.
-    /// The way in m that the commissioned model expected since.
-    pub fn observe(&mut self, elapsed: u64, position: f64, command: f64) -> f64 {
-        self.observer.update(elapsed, position, command)
-    }
-
-    /// What the commissioned model expects of the commands on the valve.
-    pub fn expected(&self) -> &ExpectedMotion {
-        self.observer.expected()
+    pub fn observe(&mut self, elapsed: u64, position: f64, command: f64) {
+        self.observer.update(elapsed, position, command);
     }
 
     /// The command for references in m, from this tick on, after the command `last`; with the curve of `adapted`, if
-    /// there is one. `goes_on`: this law made the last command. None where there is no finite one.
+    /// there is one. None where there is no finite one.
     pub fn update(
         &mut self,
         adapted: Option<&Approved<'_>>,
         references: &[f64],
-        last: f64,
-        goes_on: bool,
+        (last, by): (f64, LastBy),
     ) -> Option<f64> {
         self.before = self.law.memory();
         let coming = self.law.coming(references)?;
         let error = coming.position - self.observer.predicted()?;
         let shift = adapted.map_or(0.0, |model| self.curve.shift(model, coming.speed));
         let forward = coming.command + shift;
-        if !goes_on {
+        if by == LastBy::Fallback {
+            self.law.track(last, error, forward);
+            self.before = self.law.memory();
+        }
+        if by != LastBy::Law {
             self.law.resume(last, error, forward);
         }
         let command = self.law.update(error, forward, last);

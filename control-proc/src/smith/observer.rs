@@ -45,21 +45,13 @@ impl Observer {
         (self.position, self.unexplained) = (None, 0.0);
     }
 
-    /// Takes in a position in m, `elapsed` ticks after the last one; `command` has been on the valve since. The way in
-    /// m that the commissioned model expected, Y(k-n) - Y(k-n-1).
-    pub fn update(&mut self, elapsed: u64, position: f64, command: f64) -> f64 {
-        let way = self.expected.advance(elapsed, command);
-        let moved = way + elapsed as f64 * self.period * self.unexplained;
+    /// Takes in a position in m, `elapsed` ticks after the last one; `command` has been on the valve since.
+    pub fn update(&mut self, elapsed: u64, position: f64, command: f64) {
+        let moved = self.expected.advance(elapsed, command) + elapsed as f64 * self.period * self.unexplained;
         let expected = self.position.map_or(position, |last| last + moved);
         let residual = position - expected;
         self.position = Some(expected + (1.0 - self.pole * self.pole) * residual);
         self.unexplained += (1.0 - self.pole).powi(2) * residual / self.period;
-        way
-    }
-
-    /// What the commissioned model expects of the commands on the valve.
-    pub fn expected(&self) -> &ExpectedMotion {
-        &self.expected
     }
 
     /// y_p, m; none before the first position.

@@ -49,7 +49,7 @@ fn largest_error(smith: &mut Smith, plant: &mut Plant) -> f64 {
     for tick in 0..2000 {
         let references: Vec<f64> = (tick..tick + smith.ahead() + 1).map(reference).collect();
         smith.observe(1, plant.position, last);
-        last = smith.update(None, &references, last, true).unwrap();
+        last = smith.update(None, &references, (last, LastBy::Law)).unwrap();
         if tick > 500 {
             largest = largest.max((references[0] - plant.position).abs());
         }
@@ -102,7 +102,7 @@ fn taking_over_does_not_change_the_command() {
     let mut smith = Smith::new(&settings(10.0, 0.0), &commissioned(), PERIOD).unwrap();
     for last in [0.5, -0.4, 0.0] {
         smith.observe(1, 0.3, last);
-        let command = smith.update(None, &[0.302; 20], last, false).unwrap();
+        let command = smith.update(None, &[0.302; 20], (last, LastBy::Other)).unwrap();
         assert!((command - last).abs() < 1e-9, "{last}: {command}");
     }
 }
@@ -111,15 +111,15 @@ fn taking_over_does_not_change_the_command() {
 fn commands_that_are_not_sent_leave_no_trace() {
     let mut smith = Smith::new(&settings(10.0, 5.0), &commissioned(), PERIOD).unwrap();
     smith.observe(1, 0.3, 0.0);
-    let first = smith.update(None, &[0.31; 20], 0.0, true);
+    let first = smith.update(None, &[0.31; 20], (0.0, LastBy::Law));
     smith.discard();
     // A rest of a minute, 10 mm beside the reference.
     for _ in 0..6000 {
         smith.observe(1, 0.3, 0.0);
-        smith.update(None, &[0.31; 20], 0.0, true);
+        smith.update(None, &[0.31; 20], (0.0, LastBy::Law));
         smith.discard();
     }
-    assert_eq!(smith.update(None, &[0.31; 20], 0.0, true), first);
+    assert_eq!(smith.update(None, &[0.31; 20], (0.0, LastBy::Law)), first);
 }
 
 #[test]

@@ -20,7 +20,10 @@
 //! that have stood still for 0.3 s. An axis stands when it has moved by less than a quarter of e in 0.3 s + L. While
 //! the axis rests, the valve is shut and the oil holds the load. While it creeps, a pulse brings it closer. When
 //! pulses do not help, the axis is left to its controller until a reference moves: the last pulse has given up, or the
-//! axis drifts by more than e_drift in 2 L + 0.3 s.
+//! axis drifts by more than e_drift in 2 L + 0.3 s, the time from one pulse to the next. A drift that is so fast that
+//! |m| > e_wake when this time is over is seen in its second half: the axis moves away from its set point, and in the
+//! last quarter of the time by 3/4 at least of the way in the quarter before. What is still on its way through lag and
+//! oil fades more quickly.
 //!
 //! A valve whose hysteresis is wider than its dead band does not shut at neutral, as its spool stays beside the middle.
 //! Such an axis neither rests nor creeps: the fallback regulates it, which knows the hysteresis.
@@ -47,6 +50,9 @@ const WIDEST: (f64, f64) = (2.5, 0.625e-3);
 const FAR_RATIO: f64 = 20.0;
 /// Ratio of e_drift to e_rest: more than an axis that slips moves at once.
 const DRIFT_RATIO: f64 = 6.0;
+/// Part of the way in one quarter of 2 L + 0.3 s that a drift makes in the next quarter at least. What is on its way
+/// through a lag below L makes less than exp(-1/2).
+const STEADY: f64 = 0.75;
 /// Time for which the references have to stand still, s.
 const STILL_TIME: f64 = 0.3;
 /// Motion that is no noise, in parts of e_rest.
@@ -124,8 +130,18 @@ pub struct Standstill {
     phase: Phase,
     /// |e| at the begin of the phase, m.
     begin: f64,
-    /// m, and the one at 2 L + 0.3 s after the valve was shut, m.
-    mean: (f64, f64),
+    rest: Rest,
+}
+
+/// Following errors of an axis that rests, m.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Rest {
+    /// m.
+    mean: f64,
+    /// The m at 2 L + 0.3 s after the valve was shut.
+    settled: f64,
+    /// Without noise, at a half and at three quarters of this time.
+    seen: [f64; 2],
 }
 
 /// What is watched of references and axis.
@@ -180,7 +196,7 @@ impl Standstill {
             watched: Watched::NOTHING,
             phase: Phase::Follows,
             begin: 0.0,
-            mean: (0.0, 0.0),
+            rest: Rest::default(),
         }
     }
 
@@ -188,6 +204,11 @@ impl Standstill {
     pub fn reset(&mut self) {
         self.watched = Watched::NOTHING;
         self.follow();
+    }
+
+    /// Whether the axis rested or crept at the last tick.
+    pub fn is_held(&self) -> bool {
+        matches!(self.phase, Phase::Rests(_) | Phase::Creeps)
     }
 
     /// What the axis is to do at this tick, `elapsed` ticks after the last one, with a following error of `error` m and
@@ -200,8 +221,7 @@ impl Standstill {
             return if is_still { Stand::Regulate } else { Stand::Follow };
         }
         let distance = error.abs();
-        let is_held = matches!(self.phase, Phase::Rests(_) | Phase::Creeps);
-        let is_far = is_held && distance > self.begin + FAR_RATIO * self.bound;
+        let is_far = self.is_held() && distance > self.begin + FAR_RATIO * self.bound;
         if !is_still || is_far {
             self.follow();
         }
@@ -241,25 +261,38 @@ impl Standstill {
         let settled = self.settled_ticks.1;
         let half = settled / 2;
         if since <= half {
-            self.mean = (error, error);
+            self.rest = Rest { mean: error, settled: error, seen: [self.watched.smooth; 2] };
         }
-        self.mean.0 += (error - self.mean.0) * (1.0 / f64::from(since.saturating_sub(half).max(1))).max(self.gains.1);
+        if since <= settled - half / 2 {
+            self.rest.seen[1] = self.watched.smooth;
+        }
+        let part = (1.0 / f64::from(since.saturating_sub(half).max(1))).max(self.gains.1);
+        self.rest.mean += part * (error - self.rest.mean);
         if since == settled {
-            self.mean.1 = self.mean.0;
-            if self.pulses.judge(self.mean.0) {
+            self.rest.settled = self.rest.mean;
+            if self.pulses.judge(self.rest.mean) {
                 self.wake.widen();
             }
         }
         self.phase = Phase::Rests(since.saturating_add(1));
-        let (mean, shut) = self.mean;
+        let Rest { mean, settled: shut, .. } = self.rest;
         if since < settled || mean.abs() <= self.wake.now {
             return Stand::Rest;
         }
         let drift = (mean - shut).abs() * f64::from(settled) / f64::from((since - settled).max(half).max(1));
-        if drift > DRIFT_RATIO * self.bound {
+        let at_once = if since == settled { self.drift_at_once(mean.signum()) } else { 0.0 };
+        if drift.max(at_once) > DRIFT_RATIO * self.bound {
             return self.leave();
         }
         self.creep(mean, last)
+    }
+
+    /// Way in the direction `away` in 2 L + 0.3 s, m, of an axis whose valve has been shut for as long; 0 where the way
+    /// of its second half is none of a steady drift.
+    fn drift_at_once(&self, away: f64) -> f64 {
+        let [half, late] = self.rest.seen;
+        let (before, last) = (away * (late - half), away * (self.watched.smooth - late));
+        if before > 0.0 && last >= STEADY * before { 2.0 * (before + last) } else { 0.0 }
     }
 
     fn rest(&mut self) -> Stand {
@@ -441,6 +474,23 @@ mod tests {
         let most = |rates: &[f64]| rates.iter().copied().fold(0.0, f64::max);
         assert!(rates.len() > 100 && most(late) <= most(early), "{} {}", most(early), most(late));
         assert!(largest < 0.75e-3, "{largest}");
+    }
+
+    /// What an axis does whose valve is shut at the tick 30, with these errors from then on (m, over s).
+    fn stands_after_arrival(error: impl Fn(f64) -> f64) -> Vec<Stand> {
+        stands(|k| error((k as f64 - 30.0).max(0.0) * PERIOD), |_| [0.5; 2])
+    }
+
+    #[test]
+    fn an_axis_that_drifts_faster_than_pulses_is_left_to_its_controller_without_any() {
+        let creeps = |stands: &[Stand]| stands.iter().any(|stand| matches!(stand, Stand::Creep(_)));
+        // 8 mm/s make 3.9 mm in 2 L + 0.3 s, 1 mm/s 0.5 mm.
+        let fast = stands_after_arrival(|time| -8e-3 * time);
+        assert!(fast.contains(&Stand::Rest) && !creeps(&fast) && fast[199] == Stand::Follow);
+        assert!(creeps(&stands_after_arrival(|time| -1e-3 * time)));
+        // The lag and the load's swing are no drift.
+        assert!(creeps(&stands_after_arrival(|time| -6e-3 * (1.0 - (-time / 0.095).exp()))));
+        assert!(creeps(&stands_after_arrival(|time| -1e-3 - 2e-3 * (-4.0 * time).exp() * (18.0 * time).cos())));
     }
 
     #[test]

@@ -47,22 +47,25 @@ fn two_unusable_samples_are_bridged_and_the_third_latches() {
 fn an_axis_that_loses_its_reference_is_stopped_as_early_with_gaps_in_its_samples_as_without() {
     let mut machine = machine(1);
     machine.axes[0].control.following_error = 0.005;
-    let stopped = |unusable: usize| {
+    let stopped = |unusable: usize, of: usize, cause: u32| {
         let mut axis = Loop::new(&machine, 0.0);
         axis.run(300, Some(actuator()));
         let stands = axis.plant.position;
         (0..200).find(|k| {
-            let bits = if k % 3 < unusable { sample_fault::STALE } else { 0 };
+            let bits = if k % of < unusable { sample_fault::STALE } else { 0 };
             // It trembles where it stands, while the reference goes on.
             let blocked = |sample: &mut EncoderSample| {
                 sample.axes[0].position = stands + if k % 2 == 0 { 1e-3 } else { -1e-3 };
                 sample.axes[0].faults = bits;
             };
-            axis.tick_with(None, None, blocked).axes[0].flags & control_flag::FOLLOWING != 0
+            axis.tick_with(None, None, blocked).axes[0].flags & cause != 0
         })
     };
-    let (whole, gaps) = (stopped(0).expect("stopped"), stopped(2).expect("stopped with gaps"));
+    let whole = stopped(0, 4, control_flag::FOLLOWING).expect("stopped");
+    let gaps = stopped(1, 4, control_flag::FOLLOWING).expect("stopped with gaps");
     assert!(gaps.abs_diff(whole) <= 6, "{whole} ticks, with gaps {gaps}");
+    // With two unusable samples in three the feedback itself is the fault.
+    assert!(stopped(2, 3, control_flag::FEEDBACK).expect("stopped") < whole);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Faults that latch an axis, other than lost feedback; and the emergency stop.
 
-use pipeline::message::{AxisMode, ControlMode, EncoderSample, ValveCommand, control_flag, model_fault};
+use pipeline::message::{AxisMode, ControlMode, EncoderSample, ValveCommand, control_flag, model_fault, sample_fault};
 
 use super::{Loop, SINES, machine, machine_with, models::actuator, modes::Operated, snapshot};
 use crate::axis::UNSOLVED_LIMIT;
@@ -48,6 +48,45 @@ fn an_encoder_that_repeats_itself_latches_without_a_fault_bit_of_the_sample() {
     // 300 ms and the dead time of 50 ms.
     assert!((25..=35).contains(&ticks), "{ticks}");
     assert!(stays_latched(&mut axis, control_flag::FEEDBACK));
+}
+
+#[test]
+fn two_unusable_samples_in_three_latch_and_one_in_six_does_not() {
+    let latched_after = |bad: u64, of: u64| {
+        let mut axis = Loop::new(&machine_with(SINES, RAMPS), 0.05);
+        axis.run(500, Some(actuator()));
+        (0..1000).find(|k| {
+            let model = snapshot(axis.sequence - 1, actuator());
+            let is_bad = k % of < bad;
+            let command = axis.tick_with(Some(&model), None, |sample| {
+                sample.axes[0].faults = if is_bad { sample_fault::ENCODER } else { 0 };
+            });
+            command.axes[0].flags & control_flag::FEEDBACK != 0
+        })
+    };
+    assert!(latched_after(2, 3).is_some_and(|ticks| ticks < 20), "{:?}", latched_after(2, 3));
+    assert!(latched_after(1, 2).is_some_and(|ticks| ticks < 30), "{:?}", latched_after(1, 2));
+    assert_eq!((latched_after(1, 6), latched_after(2, 12)), (None, None));
+}
+
+#[test]
+fn a_source_that_has_started_again_latches_and_is_followed_after_a_reset() {
+    let mut axis = Loop::new(&machine_with(SINES, RAMPS), 0.05);
+    axis.run(500, Some(actuator()));
+    axis.sequence = 0;
+    let again = |sample: &mut EncoderSample| sample.header.session = 7;
+    let command = axis.tick_with(None, None, again);
+    assert_ne!(command.axes[0].flags & control_flag::FEEDBACK, 0);
+    assert_eq!(command.axes[0].command, 0.0);
+    for _ in 0..10 {
+        let command = axis.tick_with(None, None, again);
+        assert_ne!(command.axes[0].flags & control_flag::FEEDBACK, 0, "it stays latched");
+    }
+    axis.controller.disarm();
+    axis.controller.arm();
+    let is_followed = |command: ValveCommand| command.axes[0].mode == ControlMode::Fallback as u32;
+    let follows = (0..200).any(|_| is_followed(axis.tick_with(None, None, again)));
+    assert!(follows, "it follows the new numbers");
 }
 
 #[test]

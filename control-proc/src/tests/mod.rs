@@ -1,6 +1,7 @@
 //! Tests of the whole core: closed loops with a small simulated axis, faults, poisoned models, bad references.
 
 mod feedback;
+mod handover;
 mod latches;
 pub mod models;
 mod modes;
@@ -10,6 +11,7 @@ mod poison;
 mod references;
 mod slowing;
 mod snapshots;
+mod supervision;
 mod table_2;
 
 use std::path::Path;

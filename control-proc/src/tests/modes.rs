@@ -1,6 +1,7 @@
 //! The modes off, manual, hold, track and commission, and the changes between them.
 
 use pipeline::{
+    channel::Stop,
     hammerstein::Coefficients,
     machine::{Commissioned, DeadBand, Law, SmithSettings},
     message::{AxisMode, AxisRequest, ControlMode, EncoderSample, Request, ValveCommand, control_flag},
@@ -25,6 +26,7 @@ pub struct Operated {
     session: u64,
     number: u64,
     pub(super) enable: u32,
+    pub(super) hold_to_run: bool,
     /// The model of the snapshots, if any come.
     model: Option<Coefficients>,
 }
@@ -44,7 +46,7 @@ impl Operated {
     fn of(machine: &pipeline::machine::Machine) -> Self {
         let mut axis = Loop::new(machine, 0.05);
         axis.controller = Controller::new(machine).unwrap();
-        Self { axis, session: 1, number: 0, enable: 0, model: None }
+        Self { axis, session: 1, number: 0, enable: 0, hold_to_run: false, model: None }
     }
 
     /// The next message of the program, made from the newest sample.
@@ -60,7 +62,7 @@ impl Operated {
             command,
             target: target.unwrap_or(0.0),
             has_target: u32::from(target.is_some()),
-            reserved: 0,
+            hold_to_run: u32::from(self.hold_to_run),
         };
         request
     }
@@ -212,6 +214,60 @@ fn a_direct_mode_commands_within_the_limits_and_stops_with_its_program() {
         assert!(axis.asks(50, mode, 0.3, None).iter().all(|command| command.axes[0].command == 0.0));
         axis.enable(mode);
     }
+}
+
+#[test]
+fn with_hold_to_run_every_mode_ends_with_its_program() {
+    let mut ruled = machine(1);
+    ruled.axes[0].control.hold_to_run = true;
+    for mode in [AxisMode::Hold, AxisMode::Track] {
+        for (machine, asks, ends) in
+            [(machine(1), false, false), (machine(1), true, true), (ruled.clone(), false, true)]
+        {
+            let mut axis = Operated::of(&machine);
+            axis.hold_to_run = asks;
+            axis.enable(mode);
+            let before = axis.asks(100, mode, 0.0, None);
+            assert!(before.iter().all(|command| command.axes[0].operation == mode as u32), "{mode:?} goes on");
+            let after = axis.axis.run(30, None);
+            let off = after.iter().position(|command| command.axes[0].operation == AxisMode::Off as u32);
+            assert_eq!(off, ends.then_some(9), "{mode:?}, asked {asks}");
+            if ends {
+                assert_ne!(after[29].axes[0].flags & control_flag::REQUEST_STOPPED, 0);
+                let again = axis.asks(50, mode, 0.0, None);
+                assert!(again.iter().all(|command| command.axes[0].command == 0.0), "nothing arms it again");
+            }
+        }
+    }
+}
+
+/// An axis that is armed by the start of the program alone has nobody who holds it.
+#[test]
+fn under_the_rule_an_axis_does_not_move_without_a_program() {
+    let mut machine = machine_with(SINES, SINES);
+    machine.axes[0].control.hold_to_run = true;
+    let mut axis = Loop::new(&machine, 0.05);
+    assert!(axis.run(300, None).iter().all(|command| command.axes[0].command == 0.0));
+}
+
+#[test]
+fn a_stop_ends_a_mode_and_what_was_asked_before_it_arms_nothing() {
+    let mut axis = Operated::new();
+    axis.enable(AxisMode::Hold);
+    axis.asks(50, AxisMode::Hold, 0.0, None);
+    // A program that presses its lever in the moment of the stop has not seen it.
+    axis.enable += 1;
+    let late = axis.request(AxisMode::Hold, 0.0, None);
+    axis.axis.controller.stop(Stop { axes: 1, emergency: false });
+    axis.axis.controller.ask(&late);
+    assert!((0..50).all(|_| axis.tick().axes[0].operation == AxisMode::Off as u32));
+    axis.enable(AxisMode::Hold);
+    assert_eq!(axis.ask(AxisMode::Hold, 0.0, None).axes[0].operation, AxisMode::Hold as u32, "asked after the stop");
+    axis.axis.controller.stop(Stop { axes: 0, emergency: true });
+    let command = axis.ask(AxisMode::Hold, 0.0, None);
+    assert_eq!((command.cut_off, command.axes[0].command), (1, 0.0));
+    axis.axis.controller.stop(Stop::ALL);
+    assert_ne!(axis.tick().axes[0].flags & control_flag::EMERGENCY_STOP, 0, "a stop releases no latch");
 }
 
 #[test]

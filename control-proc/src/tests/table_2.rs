@@ -20,8 +20,8 @@ const LOADED: u64 = 1500;
 const TICKS: u64 = 3000;
 /// m per unit of y: the paper has no unit, and a full command makes 47 of them.
 const UNIT: f64 = 0.01;
-/// Decrease of y by the load at every tick, m: 0.28 m at rest, for the gain of 1/0.0355.
-const LOAD: f64 = -0.01;
+/// Decrease of y by the load at every tick, m: 28 mm at rest, for the gain of 1/0.0355.
+const LOAD: f64 = -0.001;
 
 /// Following error (m) and mode of each tick.
 fn errors() -> Vec<(f64, u32)> {
@@ -65,7 +65,7 @@ fn table_2_is_stable_and_without_offset_under_a_constant_load() {
             assert!(error.abs() < 0.1e-3, "{what}: {error}");
         }
     }
-    // The load acts: the error exceeds 10 mm before the controller corrects it.
+    // The load acts: the error exceeds 1 mm before the controller corrects it.
     let most = errors[LOADED as usize..].iter().fold(0.0f64, |most, (error, _)| most.max(error.abs()));
-    assert!(most > 0.01, "{most}");
+    assert!(most > 0.001, "{most}");
 }

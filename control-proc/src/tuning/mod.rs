@@ -50,7 +50,7 @@ use course::{END, TRAINING, course};
 use crate::{
     fallback::Fallback,
     margins::{Loop, Margins, mean_slope, reduced, steepest},
-    smith::Smith,
+    smith::{LastBy, Smith},
 };
 
 /// Motion at rest from which on the loop cycles, peak to peak, m.
@@ -226,7 +226,7 @@ impl Tried {
             Self::Fallback(fallback) => fallback.update(references[0] - position, fallback.forward(references), last),
             Self::Smith(smith) => {
                 smith.observe(1, position, last);
-                smith.update(None, references, last, true).unwrap_or(0.0)
+                smith.update(None, references, (last, LastBy::Law)).unwrap_or(0.0)
             }
         }
     }

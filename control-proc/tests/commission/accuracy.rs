@@ -2,7 +2,7 @@
 
 use super::*;
 use control_proc::commission::analyse;
-use pipeline::machine::{Change, Commissioned, DeadBand, Parameter, ValveCurve};
+use pipeline::machine::{Change, Commissioned, DeadBand, LoadForce, Parameter, ValveCurve};
 use std::time::Duration;
 
 /// Time constant of the valves when the oil is at 5 degrees Celsius, s: 50 ms times the root of 382.3 over 29.97 mm2/s.
@@ -57,6 +57,87 @@ fn cold_oil_is_found() {
     let cold = Change { parameter: Parameter::Temperature, axis: None, start: 0.0, end: 0.0, to: 5.0 };
     machine.scenario.changes = vec![cold];
     expect_found(&machine, COLD, 0.015, 0.2);
+}
+
+/// A test rig that extends from a command of 0.27 on and retracts from 0.083 on. A spring of 164 kN/m pulls its mass of
+/// 6.7 t to the middle.
+const SPRUNG: &str = r#"
+name = "sprung"
+[timing]
+period = "5ms"
+[source]
+kind = "sim"
+[supply]
+pressure = 19e6
+return_pressure = 3e5
+flow = 0.0036
+[oil]
+bulk_modulus = 1.4e9
+[axis.rig]
+stroke = 1.65
+max_speed = 0.43
+soft_limits = [0.083, 1.57]
+[axis.rig.encoder]
+resolution = 1e-4
+[axis.rig.identification]
+training = "8s"
+[axis.rig.control]
+kp = 1.7
+ki = 0.0
+dead_band_extend = 0.0
+dead_band_retract = 0.0
+command_limit = 1.0
+command_rate = 100.0
+following_error = 0.036
+[axis.rig.reference]
+kind = "sines"
+center = 0.77
+sines = [{ amplitude = 0.05, frequency = 0.1, phase = 0.0 }]
+[axis.rig.plant]
+initial_position = 0.77
+piston_area = 4.4e-3
+rod_area = 2.4e-3
+piston_dead_volume = 7.3e-4
+rod_dead_volume = 3.9e-4
+mass = 6700.0
+load_force = [0.0, 0.0, 0.0]
+load_stiffness = 1.64e5
+viscous_friction = 14700.0
+coulomb_friction = 3100.0
+static_friction = 3500.0
+stribeck_speed = 0.01
+bristle_damping = 11700.0
+internal_leakage = 2e-12
+rated_flow = 3.6e-4
+rated_pressure_drop = 1e6
+valve_curve = "linear"
+dead_band_extend = 0.263
+dead_band_retract = 0.076
+saturation_extend = 0.98
+saturation_retract = 0.77
+hysteresis = 0.014
+valve_time_constant = 0.0056
+dead_time = 0.111
+encoder_noise = 2.9e-5
+"#;
+
+#[test]
+fn the_dead_bands_of_axes_that_drift_under_their_load_are_found() {
+    let rig = Machine::parse(SPRUNG, "sprung", std::path::Path::new("."), &[]).unwrap();
+    let cases = [(0.0, -15e3), (0.0, 15e3), (1.64e5, -15e3), (1.64e5, 0.0)];
+    in_parallel(&cases, |case| {
+        let (stiffness, load) = *case;
+        let mut machine = rig.clone();
+        let plant = machine.axes[0].plant.as_mut().unwrap();
+        (plant.load_stiffness, plant.load_force) = (stiffness, LoadForce::constant(load));
+        let (true_band, half) = (plant.dead_band, 0.5 * plant.hysteresis);
+        let run = Run::of(&machine, 0, &ExperimentOptions::default(), 1).expect_finished();
+        let found = analyse(run.experiment.record()).unwrap();
+        let extend = found.dead_band.extend - true_band.extend - half;
+        let retract = found.dead_band.retract - true_band.retract - half;
+        println!("{case:?}: {extend:+.4} {retract:+.4}, fit {:.1} %", found.fit_percent);
+        assert!(extend.abs() <= 0.03 && retract.abs() <= 0.03, "{case:?}: {found:?}");
+    });
 }
 
 /// Expects of all axes: dead bands within `dead_band`; the dead time within 13 ms, and its sum with the lag within 5

@@ -8,6 +8,7 @@
 //! | open a notifier, a listener | [`NotifierError`], [`ListenerError`] |
 //! | send, receive | [`SendError`], [`ReceiveError`] |
 //! | notify, wait | [`NotifyError`], [`WaitError`] |
+//! | claim a name for a run | [`ClaimError`] |
 //! | remove the files of a group | [`RemoveError`] |
 //!
 //! The error of iceoryx2 is the `source()` of each of them. [`ChannelError`] holds any of them, for code that does
@@ -34,7 +35,7 @@ use iceoryx2::{
 };
 use thiserror::Error;
 
-use super::prefix::Prefix;
+use super::{folder::Foreign, prefix::Prefix};
 
 /// A channel of a group, for messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -55,18 +56,13 @@ impl fmt::Display for ChannelName {
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum JoinError {
-    /// Something else has the name of the group's folder.
-    #[error(
-        "group \"{prefix}\": found {}, which is no folder; allowed: a group's folder, or nothing: remove it, or take \
-         another --prefix", folder.display()
-    )]
-    NotAFolder {
+    /// Something else is in the place of the group's folder or of one of its files.
+    #[error("group \"{prefix}\": {source}")]
+    Foreign {
         /// The group.
         prefix: Prefix,
-        /// Where the group's folder should be.
-        folder: PathBuf,
-        /// What the operating system said.
-        source: io::Error,
+        /// What was found.
+        source: Foreign,
     },
     /// The group's folder cannot be made or written.
     #[error("group \"{prefix}\": the folder {} cannot be used: {source}", folder.display())]
@@ -408,6 +404,48 @@ pub enum RemoveError {
     Alive {
         /// The group.
         prefix: Prefix,
+    },
+    /// Something else is in the place of the group's folder or of one of its files.
+    #[error("group \"{prefix}\": {source}")]
+    Foreign {
+        /// The group.
+        prefix: Prefix,
+        /// What was found.
+        source: Foreign,
+    },
+}
+
+/// Why a name could not be claimed for a run.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ClaimError {
+    /// Another run has the name.
+    #[error(
+        "group \"{prefix}\" is running: {holder} has the name; end it by Ctrl-C or SIGTERM, or take another --prefix"
+    )]
+    Taken {
+        /// The group.
+        prefix: Prefix,
+        /// Number of the process, and since when.
+        holder: String,
+    },
+    /// Something else is in the place of the group's folder.
+    #[error("group \"{prefix}\": {source}")]
+    Foreign {
+        /// The group.
+        prefix: Prefix,
+        /// What was found.
+        source: Foreign,
+    },
+    /// The group's folder cannot be made or written.
+    #[error("group \"{prefix}\": the folder {} cannot be used: {source}", folder.display())]
+    Folder {
+        /// The group.
+        prefix: Prefix,
+        /// The group's folder.
+        folder: PathBuf,
+        /// What the operating system said.
+        source: io::Error,
     },
 }
 

@@ -12,11 +12,12 @@ use iceoryx2::{
 };
 
 use super::{
-    Listener, Notifier, Publisher, Reader,
+    Board, Listener, Notifier, Publisher, Reader,
     error::{ChannelName, JoinError, ListenerError, NotifierError, OpenError, OpenReason, PublisherError, ReaderError},
-    members,
+    folder::FolderError,
+    members, names,
     prefix::Prefix,
-    service::Service,
+    service::{OPEN_PATIENCE, Service},
 };
 use crate::message::Message;
 
@@ -24,8 +25,6 @@ use crate::message::Message;
 pub(super) const MAX_SUBSCRIBERS: usize = 16;
 /// Largest number of processes that use one channel.
 const MAX_NODES: usize = 32;
-/// How long opening is tried again while another process creates or removes the same channel.
-const OPEN_PATIENCE: Duration = Duration::from_secs(2);
 /// How long freeing the places of killed members is tried.
 const BURIAL_PATIENCE: Duration = Duration::from_millis(500);
 /// Attribute of a channel that holds the fingerprint of its message's layout.
@@ -87,11 +86,12 @@ impl Group {
         // iceoryx2 would print its own messages to the terminal from within the loop; its errors are returned here.
         set_log_level(LogLevel::Fatal);
         let folder = prefix.folder();
-        let membership = members::join(&folder).map_err(|source| match folder.metadata() {
-            Ok(found) if !found.is_dir() => {
-                JoinError::NotAFolder { prefix: prefix.clone(), folder: folder.clone(), source }
-            }
-            _ => JoinError::Folder { prefix: prefix.clone(), folder: folder.clone(), source },
+        let foreign = |source| JoinError::Foreign { prefix: prefix.clone(), source };
+        // Before the folder is made, so that nothing is left behind.
+        names::foreign_counter(prefix).map_or(Ok(()), |found| Err(foreign(found)))?;
+        let membership = members::join(&folder).map_err(|error| match error {
+            FolderError::Foreign(source) => foreign(source),
+            FolderError::System(source) => JoinError::Folder { prefix: prefix.clone(), folder: folder.clone(), source },
         })?;
         let refuse = |found: &str, source| JoinError::Name { prefix: prefix.clone(), found: found.to_owned(), source };
         let file_prefix = prefix.file_prefix();
@@ -108,7 +108,12 @@ impl Group {
             .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create()
-            .map_err(|source| JoinError::node(prefix.clone(), source))?;
+            .map_err(|source| match names::foreign(prefix) {
+                // The storage refuses a file of another user.
+                Some(found) => foreign(found),
+                None => JoinError::node(prefix.clone(), source),
+            })?;
+        names::make_private(prefix);
         Ok(Self { prefix: prefix.clone(), node, _membership: membership })
     }
 
@@ -150,7 +155,7 @@ impl Group {
     pub fn publisher<M: Message>(&self) -> Result<Publisher<M>, PublisherError> {
         let port = self.open::<M>()?.publisher_builder().max_loaned_samples(1).create();
         let refuse = |error| PublisherError::new(self.channel::<M>(), M::MAX_PUBLISHERS, error);
-        Ok(Publisher::new(port.map_err(refuse)?))
+        Ok(Publisher::new(port.map_err(refuse)?, self.machine()))
     }
 
     /// Opens the channel of `M` for reading.
@@ -159,7 +164,7 @@ impl Group {
     /// The channel cannot be opened, or has as many readers as it takes.
     pub fn reader<M: Message>(&self) -> Result<Reader<M>, ReaderError> {
         let refuse = |error| ReaderError::new(self.channel::<M>(), MAX_SUBSCRIBERS, error);
-        Reader::new(self.open::<M>()?).map_err(refuse)
+        Reader::new(self.open::<M>()?, self.machine()).map_err(refuse)
     }
 
     /// Opens the event that goes with the channel of `M`, to wake its listeners.
@@ -180,6 +185,11 @@ impl Group {
         let port = self.open_event::<M>()?.listener_builder().create();
         let refuse = |error| ListenerError::new(self.channel::<M>(), MAX_SUBSCRIBERS, error);
         Ok(Listener::new(port.map_err(refuse)?, M::CHANNEL))
+    }
+
+    /// The machine of the group as messages name it; 0 while the group has none.
+    fn machine(&self) -> u32 {
+        Board::find(&self.prefix).ok().flatten().map_or(0, |board| board.machine().fingerprint as u32)
     }
 
     fn channel<M: Message>(&self) -> ChannelName {

@@ -4,7 +4,7 @@
 //!
 //! | where | name | is ours because |
 //! |---|---|---|
-//! | folder for temporary files | `hydraxis.PREFIX/` | it holds the file `members`, which every member keeps locked |
+//! | folder for temporary files | `hydraxis.PREFIX/` | it holds `members`, which every member keeps locked, or `run` |
 //! | `/dev/shm` | `PREFIX.`, 40 hexadecimal digits, `_`, more | iceoryx2 names files so; the folder tells the prefix |
 //!
 //! A group lives as long as a process holds the lock. Trap: the folder is where `TMPDIR` points, which may be another
@@ -22,20 +22,17 @@ use std::{
 
 use super::{
     error::RemoveError,
-    members::{MEMBERS, is_still},
+    folder::{Exposed, owned},
+    members::{MEMBERS, RUN, is_still},
+    names::{BOARD, SHARED_MEMORY, entries, foreign, memory, prefix_of},
     prefix::{FOLDER, Prefix},
 };
 
-/// Folder in which shared memory has its names.
-const SHARED_MEMORY: &str = "/dev/shm";
 /// How often a lock is tried before its group counts as alive. Another process may hold the lock for a moment, only to
 /// find out whether it can be had, as [`groups`] does.
 const TRIES: usize = 10;
 /// Pause between two tries.
 const PAUSE: Duration = Duration::from_millis(1);
-/// Number of hexadecimal digits that iceoryx2 puts behind the prefix.
-const HASH_DIGITS: usize = 40;
-
 /// Whether a group lives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GroupState {
@@ -45,6 +42,8 @@ pub enum GroupState {
     Dead,
     /// There is memory without a folder, and no process has it mapped: the group is dead, or another program's.
     Unknown,
+    /// Its folder, or a file of it, belongs to another user.
+    Foreign,
 }
 
 impl GroupState {
@@ -54,6 +53,7 @@ impl GroupState {
             Self::Alive => "alive",
             Self::Dead => "dead",
             Self::Unknown => "unknown",
+            Self::Foreign => "foreign",
         }
     }
 }
@@ -80,16 +80,17 @@ pub fn groups() -> Vec<FoundGroup> {
     for path in entries(&std::env::temp_dir()) {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let prefix = name.strip_prefix(FOLDER).and_then(|rest| rest.parse::<Prefix>().ok());
-        if let Some(prefix) = prefix.filter(|_| path.join(MEMBERS).is_file()) {
+        if let Some(prefix) = prefix.filter(|_| is_group(&path)) {
             files.entry(prefix.to_string()).or_default().push(path);
         }
     }
     let one = |(prefix, mut files): (String, Vec<PathBuf>)| {
         let prefix: Prefix = prefix.parse().ok()?;
         files.sort();
-        let state = match lock(&prefix) {
+        let state = match lock(&prefix, false) {
+            _ if files.iter().any(|path| owned(path).is_err()) => GroupState::Foreign,
             Lock::Held => GroupState::Alive,
-            Lock::Taken(_) => GroupState::Dead,
+            Lock::Taken { .. } => GroupState::Dead,
             Lock::Missing if is_mapped(&files) => GroupState::Alive,
             Lock::Missing => GroupState::Unknown,
         };
@@ -98,50 +99,103 @@ pub fn groups() -> Vec<FoundGroup> {
     files.into_iter().filter_map(one).collect()
 }
 
+/// Names of the groups that have a board, alive or not, sorted.
+pub fn boards() -> Vec<Prefix> {
+    let has_board = |path: &PathBuf| path.to_string_lossy().ends_with(BOARD);
+    let mut found: Vec<Prefix> =
+        entries(Path::new(SHARED_MEMORY)).filter(has_board).filter_map(|path| prefix_of(&path)).collect();
+    found.sort();
+    found
+}
+
+/// Files and folders of groups that another user can reach, or that belong to another user, sorted.
+pub fn exposed() -> Vec<Exposed> {
+    let memory = entries(Path::new(SHARED_MEMORY)).filter(|path| prefix_of(path).is_some());
+    let is_named = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(FOLDER));
+    let mut paths: Vec<PathBuf> = memory.chain(entries(&std::env::temp_dir()).filter(is_named)).collect();
+    paths.sort();
+    paths.into_iter().filter_map(Exposed::of).collect()
+}
+
 /// Removes every file that a dead group has left behind; returns what was removed, sorted.
 ///
 /// # Errors
-/// The group is alive: its files are in use.
+/// The group is alive: its files are in use. Or one of them belongs to another user; then nothing is removed.
 pub fn remove_leftovers(prefix: &Prefix) -> Result<Vec<PathBuf>, RemoveError> {
+    remove(prefix, false)
+}
+
+/// As [`remove_leftovers`]; a process that has claimed the name keeps its claim.
+pub(super) fn remove(prefix: &Prefix, is_claimed: bool) -> Result<Vec<PathBuf>, RemoveError> {
     let alive = || Err(RemoveError::Alive { prefix: prefix.clone() });
-    let is_of = |path: &PathBuf| prefix_of(path).is_some_and(|other| other == *prefix);
-    let mut found: Vec<PathBuf> = entries(Path::new(SHARED_MEMORY)).filter(is_of).collect();
-    found.sort();
-    // The lock is held until all files are removed. A process that joins meanwhile waits, and then finds that its lock
-    // is on a file that is gone.
-    let members = match lock(prefix) {
+    if let Some(source) = foreign(prefix) {
+        return Err(RemoveError::Foreign { prefix: prefix.clone(), source });
+    }
+    let mut found = memory(prefix);
+    // The locks are held until all files are removed. A process that joins meanwhile waits, and then finds that its
+    // lock is on a file that is gone.
+    let locks = match lock(prefix, is_claimed) {
         Lock::Held => return alive(),
         Lock::Missing if is_mapped(&found) => return alive(),
-        Lock::Taken(members) => Some(members),
+        Lock::Taken(locks) => Some(locks),
         Lock::Missing => None,
     };
     found.retain(|path| std::fs::remove_file(path).is_ok());
     let folder = prefix.folder();
-    // A folder of that name without the lock belongs to another program.
-    if members.is_some() && std::fs::remove_dir_all(&folder).is_ok() {
+    // A folder of that name without the locks belongs to another program.
+    if (locks.is_some() || is_claimed) && remove_folder(&folder, is_claimed) {
         found.push(folder);
     }
     Ok(found)
 }
 
-/// The lock that every member holds.
+/// Removes the folder, or all but the claim. Returns whether the folder is gone.
+fn remove_folder(folder: &Path, is_claimed: bool) -> bool {
+    // The files with the locks go last. A process that joins before that waits for the lock.
+    for path in entries(folder).filter(|path| !path.ends_with(RUN) && !path.ends_with(MEMBERS)) {
+        let is_folder = path.symlink_metadata().is_ok_and(|found| found.is_dir());
+        // What cannot be removed keeps the folder.
+        let _ = if is_folder { std::fs::remove_dir_all(&path) } else { std::fs::remove_file(&path) };
+    }
+    let _ = std::fs::remove_file(folder.join(MEMBERS));
+    if is_claimed {
+        return false;
+    }
+    let _ = std::fs::remove_file(folder.join(RUN));
+    std::fs::remove_dir(folder).is_ok()
+}
+
+/// The locks that keep a group: that of every member, and that of its run.
 enum Lock {
-    /// Another process holds the lock.
+    /// Another process holds one of them.
     Held,
-    /// This process holds the lock until the file is dropped.
-    Taken(File),
+    /// This process holds them until the files are dropped.
+    Taken(Vec<File>),
     /// There is no folder, or no file to lock in it.
     Missing,
 }
 
-fn lock(prefix: &Prefix) -> Lock {
-    let path = prefix.folder().join(MEMBERS);
+fn lock(prefix: &Prefix, is_claimed: bool) -> Lock {
+    let names = [MEMBERS, RUN];
+    let names = if is_claimed { &names[..1] } else { &names[..] };
+    let mut taken = Vec::new();
+    for name in names {
+        match lock_file(&prefix.folder().join(name)) {
+            Lock::Held => return Lock::Held,
+            Lock::Taken(files) => taken.extend(files),
+            Lock::Missing => {}
+        }
+    }
+    if taken.is_empty() { Lock::Missing } else { Lock::Taken(taken) }
+}
+
+fn lock_file(path: &Path) -> Lock {
     for again in 0..TRIES {
         if again > 0 {
             std::thread::sleep(PAUSE);
         }
-        let members = match File::open(&path) {
-            Ok(members) => members,
+        let file = match File::open(path) {
+            Ok(file) => file,
             // A file with the name of the folder is no group either.
             Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
                 return Lock::Missing;
@@ -150,23 +204,16 @@ fn lock(prefix: &Prefix) -> Lock {
             Err(_) => return Lock::Held,
         };
         // Another process may have removed the file since, and a new group may have made one.
-        if members.try_lock().is_ok() && is_still(&members, &path) {
-            return Lock::Taken(members);
+        if file.try_lock().is_ok() && is_still(&file, path) {
+            return Lock::Taken(vec![file]);
         }
     }
     Lock::Held
 }
 
-fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
-    std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path())
-}
-
-/// The prefix of a file in shared memory, if iceoryx2 gives such names.
-fn prefix_of(path: &Path) -> Option<Prefix> {
-    let (prefix, rest) = path.file_name()?.to_str()?.split_once('.')?;
-    let (hash, rest) = rest.split_at_checked(HASH_DIGITS)?;
-    let is_hash = hash.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
-    (is_hash && rest.starts_with('_')).then(|| prefix.parse().ok()).flatten()
+/// Whether a folder is that of a group.
+fn is_group(folder: &Path) -> bool {
+    [MEMBERS, RUN].iter().any(|name| folder.join(name).is_file()) || owned(folder).is_err()
 }
 
 /// Whether a process has one of these files mapped. The processes of the same user can always be looked at.
@@ -219,7 +266,7 @@ mod tests {
             for _ in 0..4 {
                 scope.spawn(|| {
                     while !stop.load(Ordering::Relaxed) {
-                        drop(lock(&prefix));
+                        drop(lock(&prefix, false));
                         std::thread::sleep(Duration::from_micros(100));
                     }
                 });

@@ -2,20 +2,24 @@
 
 use std::{
     fs::{File, OpenOptions},
-    io::{Error, ErrorKind},
-    os::unix::fs::MetadataExt,
+    io::ErrorKind,
+    os::unix::fs::{MetadataExt, OpenOptionsExt},
     path::Path,
 };
 
+use super::folder::{self, FolderError};
+
 /// Name of the file in the group's folder.
 pub(super) const MEMBERS: &str = "members";
+/// Name of the file that `hydraxis run` keeps locked.
+pub(super) const RUN: &str = "run";
 
 /// Opens and locks the file; makes the folder if it is not there.
-pub(super) fn join(folder: &Path) -> Result<File, Error> {
+pub(super) fn join(folder: &Path) -> Result<File, FolderError> {
     loop {
-        std::fs::create_dir_all(folder)?;
+        folder::make(folder)?;
         let path = folder.join(MEMBERS);
-        let file = match OpenOptions::new().create(true).truncate(false).write(true).open(&path) {
+        let file = match OpenOptions::new().create(true).truncate(false).write(true).mode(0o600).open(&path) {
             // The last member is leaving and has removed the folder.
             Err(error) if error.kind() == ErrorKind::NotFound => continue,
             opened => opened?,

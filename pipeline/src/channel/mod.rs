@@ -13,29 +13,40 @@
 //! | file | what it holds | runs in a loop |
 //! |---|---|---|
 //! | `prefix`, `group`, `members` | joining a group and opening its channels | no |
+//! | `board` | the machine of a group, and the stops that were asked for | its stops: yes |
 //! | `publisher`, `reader`, `event` | the ends of a channel and of its event | yes: no allocation, no lock |
 //! | `service`, `recycled` | the flavour of iceoryx2, which sends without allocating | yes |
-//! | `leftovers` | files of dead groups | no |
+//! | `folder`, `claim` | the private folder of a group, and the claim of a run on it | no |
+//! | `storage` | shared memory that is allocated when it is made, and private | no |
+//! | `names`, `leftovers` | files of dead groups | no |
 //! | `error` | one error type for each operation | |
 
+mod board;
+mod claim;
 mod error;
 mod event;
+mod folder;
 mod group;
 mod leftovers;
 mod members;
+mod names;
 mod prefix;
 mod publisher;
 mod reader;
 mod recycled;
 mod service;
+mod storage;
 
+pub use board::{Board, BoardError, GroupMachine, Stop, Stops, Ticket};
+pub use claim::Claim;
 pub use error::{
-    ChannelError, ChannelName, JoinError, LibraryOpenError, ListenerError, NotifierError, NotifyError, OpenError,
-    OpenReason, PublisherError, ReaderError, ReceiveError, RemoveError, SendError, WaitError,
+    ChannelError, ChannelName, ClaimError, JoinError, LibraryOpenError, ListenerError, NotifierError, NotifyError,
+    OpenError, OpenReason, PublisherError, ReaderError, ReceiveError, RemoveError, SendError, WaitError,
 };
 pub use event::{Listener, Notifier};
+pub use folder::{Exposed, Foreign};
 pub use group::{Group, Member};
-pub use leftovers::{FoundGroup, GroupState, groups, remove_leftovers};
+pub use leftovers::{FoundGroup, GroupState, boards, exposed, groups, remove_leftovers};
 pub use prefix::{Prefix, PrefixError};
 pub use publisher::Publisher;
 pub use reader::{Read, Reader};

@@ -17,7 +17,7 @@ pub(super) const FOLDER: &str = "hydraxis.";
 /// assert!("a/b".parse::<Prefix>().is_err());
 /// # Ok::<(), pipeline::channel::PrefixError>(())
 /// ```
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Prefix(String);
 
 /// A text that is no prefix.

@@ -37,17 +37,19 @@ pub struct Reader<M: Message> {
     any: bool,
     /// The reader has attached anew, so the last message may come again.
     may_repeat: bool,
+    /// The machine of the group; 0 where the reader does not know it.
+    machine: u32,
     health: ChannelHealth,
 }
 
 impl<M: Message> Reader<M> {
     /// # Errors
     /// The channel has as many readers as it takes.
-    pub(super) fn new(factory: PortFactory<Service, M, ()>) -> Result<Self, SubscriberCreateError> {
+    pub(super) fn new(factory: PortFactory<Service, M, ()>, machine: u32) -> Result<Self, SubscriberCreateError> {
         let port = attach(&factory)?;
         let channel = CHANNELS.iter().position(|name| *name == M::CHANNEL).unwrap_or(CHANNELS.len()) as u32;
         let health = ChannelHealth { channel, ..ChannelHealth::default() };
-        Ok(Self { channel: factory, port, last: M::default(), any: false, may_repeat: false, health })
+        Ok(Self { channel: factory, port, last: M::default(), any: false, may_repeat: false, machine, health })
     }
 
     /// Attaches to the channel anew, so that all its publishers connect anew. The last message comes again if it was
@@ -79,7 +81,11 @@ impl<M: Message> Reader<M> {
                 continue;
             }
             let (before, after) = (self.last.header(), sample.payload().header());
-            if self.any && after.number > before.number {
+            if self.is_foreign(after.machine) {
+                self.health.foreign += 1;
+                continue;
+            }
+            if self.any && after.session == before.session && after.number > before.number {
                 self.health.lost += after.number - before.number - 1;
             } else if self.any {
                 self.health.restarts += 1;
@@ -93,6 +99,11 @@ impl<M: Message> Reader<M> {
             self.any = true;
             return Ok(Read::New(&self.last));
         }
+    }
+
+    /// Whether a message is about another machine than the group's, or does not say about which although it must.
+    fn is_foreign(&self, machine: u32) -> bool {
+        self.machine != 0 && machine != self.machine && (machine != 0 || M::IS_FROM_CLIENTS)
     }
 
     /// The newest message; the messages before it count as read.
@@ -137,7 +148,7 @@ impl<M: Message> Reader<M> {
         self.health.lost
     }
 
-    /// Number of messages whose number did not rise: the publisher started again.
+    /// Number of messages of another session, or whose number did not rise: the publisher started again.
     pub fn restarts(&self) -> u64 {
         self.health.restarts
     }

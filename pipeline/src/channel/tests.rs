@@ -1,7 +1,10 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::{group::MAX_SUBSCRIBERS, *};
-use crate::message::{EncoderSample, Header, Message, Reference, ValveCommand};
+use crate::{
+    machine::Machine,
+    message::{EncoderSample, Header, Message, Reference, Request, ValveCommand},
+};
 
 /// A prefix of its own for each test, with nothing left behind.
 struct Own(Prefix);
@@ -27,11 +30,14 @@ fn sample(sequence: u64) -> EncoderSample {
     EncoderSample { header: Header { sequence, ..Header::default() }, ..EncoderSample::default() }
 }
 
-/// The sample of [`sample`] as it arrives: message `number` of its channel.
-fn numbered(sequence: u64, number: u64) -> EncoderSample {
-    let mut sample = sample(sequence);
-    sample.header.number = number;
-    sample
+/// A sample that was read: whether it is new, its tick, and its number on the channel.
+fn told(read: Read<'_, EncoderSample>) -> (&'static str, u64, u64) {
+    let of = |sample: &EncoderSample| (sample.header.sequence, sample.header.number);
+    match read {
+        Read::New(sample) => ("new", of(sample).0, of(sample).1),
+        Read::Old(sample) => ("old", of(sample).0, of(sample).1),
+        Read::None => ("none", 0, 0),
+    }
 }
 
 #[test]
@@ -41,12 +47,12 @@ fn a_read_is_new_or_old_or_none() {
     let (publisher, mut reader) = (group.publisher().unwrap(), group.reader::<EncoderSample>().unwrap());
     assert_eq!(reader.read().unwrap(), Read::None);
     publisher.send(&sample(7)).unwrap();
-    assert_eq!(reader.read().unwrap(), Read::New(&numbered(7, 0)));
-    assert_eq!(reader.read().unwrap(), Read::Old(&numbered(7, 0)));
+    assert_eq!(told(reader.read().unwrap()), ("new", 7, 0));
+    assert_eq!(told(reader.read().unwrap()), ("old", 7, 0));
     publisher.send(&sample(8)).unwrap();
     publisher.send(&sample(9)).unwrap();
-    assert_eq!(reader.newest().unwrap(), Read::New(&numbered(9, 2)));
-    assert_eq!(reader.newest().unwrap(), Read::Old(&numbered(9, 2)));
+    assert_eq!(told(reader.newest().unwrap()), ("new", 9, 2));
+    assert_eq!(told(reader.newest().unwrap()), ("old", 9, 2));
     assert_eq!((reader.lost(), reader.restarts()), (0, 0));
 }
 
@@ -59,8 +65,8 @@ fn a_reader_that_attaches_anew_keeps_the_messages_that_wait() {
     publisher.send(&sample(9)).unwrap();
     reader.reattach();
     publisher.greet();
-    assert_eq!(reader.read().unwrap(), Read::New(&numbered(8, 0)));
-    assert_eq!(reader.read().unwrap(), Read::New(&numbered(9, 1)));
+    assert_eq!(told(reader.read().unwrap()), ("new", 8, 0));
+    assert_eq!(told(reader.read().unwrap()), ("new", 9, 1));
     assert_eq!((reader.lost(), reader.restarts()), (0, 0));
 }
 
@@ -116,10 +122,10 @@ fn a_late_reader_gets_the_newest_message() {
     publisher.send(&sample(4)).unwrap();
     let mut late = group.reader::<EncoderSample>().unwrap();
     publisher.greet();
-    assert_eq!(late.read().unwrap(), Read::New(&numbered(4, 1)));
+    assert_eq!(told(late.read().unwrap()), ("new", 4, 1));
     // Greeting again repeats nothing.
     publisher.greet();
-    assert_eq!(late.read().unwrap(), Read::Old(&numbered(4, 1)));
+    assert_eq!(told(late.read().unwrap()), ("old", 4, 1));
 }
 
 #[test]
@@ -131,7 +137,33 @@ fn reading_up_to_a_tick_leaves_the_later_ones() {
     (0..5).for_each(|k| publisher.send(&sample(k)).unwrap());
     assert!(reader.reach(2).unwrap() && reader.reach(1).unwrap());
     assert_eq!(reader.last().unwrap().header.sequence, 2);
-    assert_eq!(reader.read().unwrap(), Read::New(&numbered(3, 3)));
+    assert_eq!(told(reader.read().unwrap()), ("new", 3, 3));
+}
+
+#[test]
+fn a_message_about_another_machine_is_not_read_and_counted() {
+    let own = Own::new("foreign");
+    let group = own.join();
+    // These know no machine, since the group has none yet.
+    let (samples, requests) = (group.publisher::<EncoderSample>().unwrap(), group.publisher::<Request>().unwrap());
+    let machine = Machine::load(None, &[]).unwrap();
+    let board = Board::of(&own.0, &machine).unwrap();
+    let number = board.machine().fingerprint as u32;
+    let (mut read, mut asked) = (group.reader::<EncoderSample>().unwrap(), group.reader::<Request>().unwrap());
+    let mut found = Vec::new();
+    for machine in [0, number, number ^ 2] {
+        let header = Header { machine, ..Header::default() };
+        samples.send(&EncoderSample { header, ..EncoderSample::default() }).unwrap();
+        requests.send(&Request { header, ..Request::default() }).unwrap();
+        found.push((read.read().unwrap().if_new().is_some(), asked.read().unwrap().if_new().is_some()));
+    }
+    assert_eq!(found, [(true, false), (true, true), (false, false)]);
+    assert_eq!((read.health(0).foreign, asked.health(0).foreign), (1, 2));
+    // A program that comes later names the machine of the group by itself.
+    drop(requests);
+    let later = group.publisher::<Request>().unwrap();
+    later.send(&Request::default()).unwrap();
+    assert!(asked.read().unwrap().if_new().is_some());
 }
 
 #[test]
@@ -166,7 +198,7 @@ mod foreign {
 
     crate::layout::shared_struct! {
         /// A reference as another version might lay it out: same name, same size, fields swapped.
-        #[type_name("hydraxis.Reference/1")]
+        #[type_name("hydraxis.Reference/2")]
         pub struct Reference {
             /// Swapped with `positions`.
             pub preview: u32,
@@ -182,6 +214,7 @@ mod foreign {
     impl Message for Reference {
         const CHANNEL: &'static str = "reference";
         const MAX_PUBLISHERS: usize = 1;
+        const IS_FROM_CLIENTS: bool = true;
         const BUFFER: usize = 4;
         fn header(&self) -> &Header {
             &self.header
@@ -197,7 +230,7 @@ mod limits {
 
     crate::layout::shared_struct! {
         /// A reference with the layout of the real one; only the limits of its channel differ.
-        #[type_name("hydraxis.Reference/1")]
+        #[type_name("hydraxis.Reference/2")]
         pub struct Reference {
             /// As in the real one.
             pub header: Header,
@@ -213,6 +246,7 @@ mod limits {
     impl Message for Reference {
         const CHANNEL: &'static str = "reference";
         const MAX_PUBLISHERS: usize = 7;
+        const IS_FROM_CLIENTS: bool = true;
         const BUFFER: usize = 4;
         fn header(&self) -> &Header {
             &self.header
@@ -278,7 +312,7 @@ fn a_file_in_the_place_of_the_folder_is_no_running_group_and_stays() {
     std::fs::write(own.0.folder(), "foreign").unwrap();
     assert_eq!(remove_leftovers(&own.0).unwrap(), Vec::<std::path::PathBuf>::new());
     let error = Group::join(&own.0, "test").map(|_| ()).unwrap_err();
-    assert!(matches!(error, JoinError::NotAFolder { .. }), "{error:?}");
+    assert!(matches!(error, JoinError::Foreign { .. }), "{error:?}");
     let error = error.to_string();
     let left = std::fs::read_to_string(own.0.folder()).unwrap();
     std::fs::remove_file(own.0.folder()).unwrap();

@@ -60,7 +60,7 @@ pub use source::Source;
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
 
-use crate::MAX_AXES;
+use crate::{MAX_AXES, layout};
 
 /// The built-in machine, a 20 t excavator; the same text is in `examples/`.
 pub const BUILT_IN: &str = include_str!("../../../examples/excavator.toml");
@@ -176,6 +176,32 @@ impl Machine {
     /// ```
     pub fn load(file: Option<&Path>, settings: &[(String, String)]) -> Result<Self, MachineError> {
         Self::explain(file, None, settings).map(|(machine, _)| machine)
+    }
+
+    /// Number that two programs compare before they work on one machine: a hash of all that identification and control
+    /// depend on, that is of the times and of the axes in their order, without what is simulated. A trajectory counts
+    /// by where its file is, from whatever folder it is named.
+    pub fn fingerprint(&self) -> u64 {
+        let axes = self.axes.iter().map(|axis| {
+            let mut axis = Axis { plant: None, ..axis.clone() };
+            if let ReferenceSource::Trajectory { file, .. } = &mut axis.reference
+                && let Ok(absolute) = file.canonicalize()
+            {
+                *file = absolute;
+            }
+            axis
+        });
+        let text = format!("{:?} {:?}", self.timing, axes.collect::<Vec<_>>());
+        // The lower half goes into every message, where 0 means none.
+        layout::named(&text) | 1
+    }
+
+    /// Number that tells whether two programs mean the same axes: a hash of period, names, strokes, limits and sensors
+    /// in their order. Models, gains and references are not in it.
+    pub fn hardware(&self) -> u64 {
+        let axes =
+            self.axes.iter().map(|axis| (&axis.name, axis.stroke, axis.max_speed, axis.soft_limits, &axis.encoder));
+        layout::named(&format!("{:?} {:?}", self.timing.period, axes.collect::<Vec<_>>()))
     }
 
     /// The machine of [`FOUR_AXES`], with `settings` as in [`Self::load`].

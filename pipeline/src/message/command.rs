@@ -111,11 +111,15 @@ pub mod control_flag {
 
     /// The reference goes on more slowly: it asks for more than an axis can give.
     pub const SLOWED: u32 = 131_072;
+    /// The axis moved though nobody had commanded it; latched, with the pilot pressure cut off.
+    pub const MOTION: u32 = 262_144;
 
     /// The bits of faults that keep the axis neutral until it is disarmed and armed again.
-    pub const LATCHED: u32 = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | EMERGENCY_STOP;
+    pub const LATCHED: u32 = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | CUT_OFF;
+    /// Those of them that ask for the pilot pressure to be cut off.
+    pub const CUT_OFF: u32 = EMERGENCY_STOP | MOTION;
     /// Names of the bits, lowest first.
-    pub const NAMES: [&str; 18] = [
+    pub const NAMES: [&str; 19] = [
         "disarmed",
         "settling",
         "feedback",
@@ -134,12 +138,13 @@ pub mod control_flag {
         "half-speed",
         "model-worse",
         "slowed",
+        "motion",
     ];
 }
 
 shared_struct! {
     /// The valve commands of one tick: control-proc (or a recording) to plant-sim and ident-proc.
-    #[type_name("hydraxis.ValveCommand/5")]
+    #[type_name("hydraxis.ValveCommand/6")]
     pub struct ValveCommand {
         /// `sequence` names the sample that the command was made from.
         pub header: Header,

@@ -29,7 +29,7 @@ shared_struct! {
 
 shared_struct! {
     /// Raw values of all sensors at one time, before any check: plant-sim (or a bus) to sensor-proc.
-    #[type_name("hydraxis.EncoderReading/3")]
+    #[type_name("hydraxis.EncoderReading/4")]
     pub struct EncoderReading {
         /// `sequence` counts readings; `acquired_ns` is the time of the reading.
         pub header: Header,
@@ -104,7 +104,7 @@ pub mod sample_fault {
 
 shared_struct! {
     /// The checked positions and pressures of one tick: sensor-proc to ident-proc and control-proc.
-    #[type_name("hydraxis.EncoderSample/3")]
+    #[type_name("hydraxis.EncoderSample/4")]
     pub struct EncoderSample {
         /// `sequence` is the index of the tick.
         pub header: Header,

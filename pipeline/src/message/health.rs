@@ -14,7 +14,7 @@ const MAX_CHANNELS: usize = 4;
 
 shared_struct! {
     /// State of a channel at one of its readers.
-    #[type_name("hydraxis.ChannelHealth/1")]
+    #[type_name("hydraxis.ChannelHealth/2")]
     pub struct ChannelHealth {
         /// Which channel, its index in [`CHANNELS`].
         pub channel: u32,
@@ -26,6 +26,8 @@ shared_struct! {
         pub lost: u64,
         /// Number of restarts of its publisher.
         pub restarts: u64,
+        /// Number of messages about another machine, which were not read.
+        pub foreign: u64,
         /// Age of the newest message's sample at this heartbeat, ns.
         pub age_ns: u64,
         /// Longest time between the samples of two messages in a row, ns.
@@ -100,7 +102,7 @@ impl MissedDeadlines {
 
 shared_struct! {
     /// Heartbeat of one stage.
-    #[type_name("hydraxis.StageHealth/2")]
+    #[type_name("hydraxis.StageHealth/3")]
     pub struct StageHealth {
         /// `sequence` is the last tick worked; `sent_ns` is the heartbeat.
         pub header: Header,

@@ -40,6 +40,9 @@ pub trait Message: ZeroCopySend + Layout + Copy + Default + std::fmt::Debug + 's
     const MAX_PUBLISHERS: usize;
     /// Number of messages that a reader can fall behind before it loses the oldest one.
     const BUFFER: usize;
+    /// Whether programs that the supervisor has not started send it. It is refused when it does not say for which
+    /// machine it is.
+    const IS_FROM_CLIENTS: bool;
 
     /// The header: which sample caused the message, and when.
     fn header(&self) -> &Header;
@@ -49,10 +52,17 @@ pub trait Message: ZeroCopySend + Layout + Copy + Default + std::fmt::Debug + 's
 
 macro_rules! message {
     ($name:ident, $channel:literal, publishers $publishers:literal, buffer $buffer:literal) => {
+        message!($name, $channel, publishers $publishers, buffer $buffer, from clients false);
+    };
+    (
+        $name:ident, $channel:literal, publishers $publishers:literal, buffer $buffer:literal,
+        from clients $is_from_clients:literal
+    ) => {
         impl Message for $name {
             const CHANNEL: &'static str = $channel;
             const MAX_PUBLISHERS: usize = $publishers;
             const BUFFER: usize = $buffer;
+            const IS_FROM_CLIENTS: bool = $is_from_clients;
             fn header(&self) -> &Header {
                 &self.header
             }
@@ -81,7 +91,7 @@ pub use snapshot::{AxisSnapshot, CoefficientSnapshot, ModelErrors, model_fault};
 
 shared_struct! {
     /// The first field of every message.
-    #[type_name("hydraxis.Header/1")]
+    #[type_name("hydraxis.Header/2")]
     pub struct Header {
         /// Number of the sample that caused the message: the index of its tick since the start of the source.
         /// An [`EncoderReading`] counts its own readings. A gap in the numbers is a tick that no stage worked.
@@ -92,10 +102,14 @@ shared_struct! {
         pub acquired_ns: u64,
         /// Time of sending this message, ns of `CLOCK_MONOTONIC`.
         pub sent_ns: u64,
+        /// Number of the life of the publisher, which no publisher before had; the publisher fills it in. Another one
+        /// tells a start from a repetition.
+        pub session: u64,
         /// Number of axes in the arrays; the entries beyond it are zero.
         pub axis_count: u32,
-        /// Zero.
-        pub reserved: u32,
+        /// The machine that the message is about: the lower half of its fingerprint, which is never 0. 0 does not say
+        /// which. The publisher fills it in.
+        pub machine: u32,
     }
 }
 

@@ -10,7 +10,7 @@ pub const MAX_PREVIEW: usize = 32;
 
 shared_struct! {
     /// References for this tick and the coming ones (the preview), from any program to control-proc.
-    #[type_name("hydraxis.Reference/1")]
+    #[type_name("hydraxis.Reference/2")]
     pub struct Reference {
         /// `sequence` is the tick that the first reference is meant for; it must not go back.
         pub header: Header,
@@ -22,4 +22,4 @@ shared_struct! {
         pub reserved: u32,
     }
 }
-message!(Reference, "reference", publishers 1, buffer 4);
+message!(Reference, "reference", publishers 1, buffer 4, from clients true);

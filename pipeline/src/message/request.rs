@@ -7,7 +7,7 @@ use crate::{MAX_AXES, layout::shared_struct};
 
 shared_struct! {
     /// One axis of a [`Request`].
-    #[type_name("hydraxis.AxisRequest/1")]
+    #[type_name("hydraxis.AxisRequest/2")]
     pub struct AxisRequest {
         /// Mode that is asked for, an [`AxisMode`] as number.
         pub mode: u32,
@@ -20,8 +20,9 @@ shared_struct! {
         pub target: f64,
         /// 1 when there is a set point; with 0 the axis holds the position at which it comes to a stand.
         pub has_target: u32,
-        /// Zero.
-        pub reserved: u32,
+        /// 1 to disarm the axis when the messages of this session stop, in every mode; 0 only in the modes manual and
+        /// commission.
+        pub hold_to_run: u32,
     }
 }
 
@@ -66,7 +67,7 @@ impl AxisMode {
 shared_struct! {
     /// Asks for the modes of the axes, from any program to control-proc. A program that gives valve commands sends one
     /// request for every sample.
-    #[type_name("hydraxis.Request/1")]
+    #[type_name("hydraxis.Request/2")]
     pub struct Request {
         /// `sequence` is the newest sample that the program has read; it shows how old the request is.
         pub header: Header,
@@ -76,4 +77,4 @@ shared_struct! {
         pub axes: [AxisRequest; MAX_AXES],
     }
 }
-message!(Request, "request", publishers 1, buffer 64);
+message!(Request, "request", publishers 1, buffer 64, from clients true);

@@ -119,7 +119,7 @@ pub mod model_fault {
 
 shared_struct! {
     /// The models after one sample: ident-proc to control-proc. Only the newest snapshot counts.
-    #[type_name("hydraxis.CoefficientSnapshot/3")]
+    #[type_name("hydraxis.CoefficientSnapshot/4")]
     pub struct CoefficientSnapshot {
         /// `sequence` names the last sample that updated the coefficients.
         pub header: Header,

@@ -11,7 +11,7 @@
 //! worked counts as missed too. Trap: measured from the time at which a timer really fired, a loop that is always late
 //! looks punctual. So jitter and deadline are measured from the intended time.
 
-use super::clock::monotonic_ns;
+use super::monotonic_ns;
 use crate::{
     channel::Reader,
     latency::LatencyRecorder,

@@ -14,12 +14,11 @@
 //! | file | what it holds | runs in the loop |
 //! |---|---|---|
 //! | `run`, `turn`, `channels` | the loop, one turn of it, the channels that a stage reads | yes |
-//! | `accounting`, `clock` | counters and latencies; the clock | yes |
+//! | `accounting` | counters and latencies | yes |
 //! | `rights` | core, priority, locked memory | no: before the loop |
 
 mod accounting;
 mod channels;
-mod clock;
 mod rights;
 mod run;
 mod turn;
@@ -28,16 +27,18 @@ use std::sync::{Arc, atomic::AtomicBool};
 
 pub use accounting::Accounting;
 pub use channels::Channels;
-pub use clock::{monotonic_ns, sleep_until};
 pub use rights::{Missing, RightError, lock_memory, missing, pin, schedule};
 pub use run::{Stage, run};
 pub use turn::{Next, Turn, Waiter};
 
-pub use crate::machine::StageKind;
+pub use crate::{
+    clock::{monotonic_ns, sleep_until},
+    machine::StageKind,
+};
 
 use crate::channel::{
-    ChannelError, JoinError, ListenerError, NotifierError, NotifyError, Prefix, PublisherError, ReaderError,
-    ReceiveError, SendError, WaitError,
+    BoardError, ChannelError, JoinError, ListenerError, NotifierError, NotifyError, Prefix, PublisherError,
+    ReaderError, ReceiveError, SendError, WaitError,
 };
 
 /// What releases a tick.
@@ -71,6 +72,8 @@ pub struct StageOptions {
     pub stop: Arc<AtomicBool>,
     /// Set by a signal, cleared by the stage: all figures are counted from zero again.
     pub reset: Arc<AtomicBool>,
+    /// Set by a signal, cleared by control-proc: all axes are disarmed.
+    pub off: Arc<AtomicBool>,
 }
 
 /// Why a stage ended before its time.
@@ -83,6 +86,9 @@ pub enum StageError {
     /// A right that the machine file is strict about cannot be had.
     #[error("{0} (the machine file is strict)")]
     Rights(#[source] RightError),
+    /// The group runs another machine.
+    #[error(transparent)]
+    Board(#[from] BoardError),
     /// The stage cannot be set up from its machine file.
     #[error(transparent)]
     Setup(Box<dyn std::error::Error + Send + Sync>),

@@ -1,7 +1,10 @@
 //! Runs a stage from start to end.
 
 use super::{Channels, Next, StageError, StageKind, StageOptions, Turn, monotonic_ns, rights};
-use crate::{channel::Group, machine::Machine};
+use crate::{
+    channel::{Board, Group},
+    machine::Machine,
+};
 
 /// A stage: it connects a core with its channels.
 pub trait Stage {
@@ -37,20 +40,21 @@ pub trait Stage {
 /// `build` opens the channels and takes all memory. Missing rights are printed before the loop begins.
 ///
 /// # Errors
-/// The stage cannot be set up or cannot continue.
+/// The group runs another machine, or the stage cannot be set up or cannot continue.
 pub fn run<S: Stage>(
     kind: StageKind,
     machine: &Machine,
     options: StageOptions,
-    build: impl FnOnce(&Group) -> Result<S, StageError>,
+    build: impl FnOnce(&Group, Board) -> Result<S, StageError>,
 ) -> Result<(), StageError> {
     let rights = rights::apply(machine, kind, options.clock)?;
     for missing in rights.missing.iter().filter(|_| options.warn) {
         eprintln!("{}: warning: {missing}", kind.name());
     }
     let group = Group::join(&options.prefix, kind.name())?;
+    let board = Board::of(&options.prefix, machine)?;
     let mut turn = Turn::new(&group, machine, kind, options)?;
-    let mut stage = build(&group)?;
+    let mut stage = build(&group, board)?;
     let ended = turns(&mut stage, &mut turn);
     // Every command becomes neutral first, whatever has happened.
     let stopped = stage.stop();

@@ -2,10 +2,7 @@
 
 use std::{sync::atomic::Ordering, time::Duration};
 
-use super::{
-    Accounting, Clock, StageError, StageKind, StageOptions,
-    clock::{monotonic_ns, sleep_until},
-};
+use super::{Accounting, Clock, StageError, StageKind, StageOptions, monotonic_ns, sleep_until};
 use crate::{
     channel::{Group, Listener, ListenerError, Publisher, PublisherError, ReceiveError, SendError},
     machine::{Machine, Wait},

@@ -1,7 +1,7 @@
 //! The stage with the source `sim`: readings come from plant-sim, or from any program that takes its place.
 
 use pipeline::{
-    channel::{Group, Reader},
+    channel::{Board, Group, Reader},
     machine::Machine,
     message::EncoderReading,
     stage::{Channels, Clock, Next, Stage, StageError, Turn, Waiter, monotonic_ns},
@@ -17,6 +17,9 @@ const FIRST_READING_POLL_NS: u64 = 1_000_000;
 pub struct Live {
     core: Acquisition,
     readings: Reader<EncoderReading>,
+    board: Board,
+    /// The newest reading says that the emergency stop is pressed.
+    is_pressed: bool,
     output: Output,
     period_ns: u64,
     /// In real time only; set by the first reading.
@@ -28,27 +31,44 @@ impl Live {
     ///
     /// # Errors
     /// A channel cannot be used.
-    pub fn new(machine: &Machine, clock: Clock, group: &Group) -> Result<Self, StageError> {
+    pub fn new(machine: &Machine, clock: Clock, group: &Group, board: Board) -> Result<Self, StageError> {
         Ok(Self {
             core: Acquisition::new(machine),
             readings: group.reader()?,
+            board,
+            is_pressed: false,
             output: Output::new(group, clock)?,
             period_ns: machine.timing.period.as_nanos() as u64,
             timer: None,
         })
     }
 
+    /// The newest reading, if one has come. An emergency stop in any of them goes onto the board, where it stays until
+    /// control-proc has acted on it: a pulse between two ticks is not lost, and neither is one whose sample is.
+    fn newest(&mut self) -> Result<bool, StageError> {
+        let mut has_come = false;
+        while let Some(reading) = self.readings.read()?.if_new() {
+            has_come = true;
+            let was_pressed = std::mem::replace(&mut self.is_pressed, reading.emergency_stop != 0);
+            if self.is_pressed && !was_pressed {
+                self.board.emergency_stop();
+            }
+        }
+        Ok(has_come)
+    }
+
     fn real_time(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
         let Some(timer) = &mut self.timer else {
             // The first tick is released after the first reading.
             turn.sleep_until(monotonic_ns() + FIRST_READING_POLL_NS);
-            if self.readings.newest()?.if_new().is_some() {
+            if self.newest()? {
                 self.timer = Some(Timer::new(self.period_ns, turn.options.first_tick));
             }
             return Ok(Next::Waiting);
         };
         let Some((tick, due_ns)) = timer.release(turn) else { return Ok(Next::Waiting) };
-        let reading = self.readings.newest()?.if_new();
+        let has_come = self.newest()?;
+        let reading = self.readings.last().filter(|_| has_come);
         let acquired_ns = reading.map_or(due_ns, |reading| reading.header.acquired_ns);
         if let Some(reading) = reading {
             turn.pick_up(reading.header.sent_ns);

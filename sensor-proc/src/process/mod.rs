@@ -27,8 +27,10 @@ use recorded::Recorded;
 pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let (clock, first_tick) = (options.clock, options.first_tick);
     match &machine.source {
-        Source::Sim => run_stage(StageKind::SensorProc, machine, options, |group| Live::new(machine, clock, group)),
-        Source::Replay(file) => run_stage(StageKind::SensorProc, machine, options, |group| {
+        Source::Sim => {
+            run_stage(StageKind::SensorProc, machine, options, |group, board| Live::new(machine, clock, group, board))
+        }
+        Source::Replay(file) => run_stage(StageKind::SensorProc, machine, options, |group, _| {
             Recorded::new(machine, file, clock, first_tick, group)
         }),
     }

@@ -15,14 +15,17 @@ use pipeline::{
     message::{AxisMode, EncoderSample, ValveCommand},
 };
 
-use crate::{failure::Failure, group::operator::Operator};
+use crate::{
+    failure::Failure,
+    group::operator::{Operator, OperatorError, board},
+};
 
 /// Commissions the axes with these indices, one at a time. All axes are disarmed before and after. Returns models and
 /// records.
 ///
 /// # Errors
-/// The group cannot be operated, an axis left its mode, a bound was met, or a record has no model. All axes are
-/// disarmed.
+/// The group runs another machine, or cannot be operated, an axis left its mode, a bound was met, or a record has no
+/// model. All axes are disarmed.
 pub fn commission_live(
     machine: &Machine,
     axes: &[usize],
@@ -31,7 +34,8 @@ pub fn commission_live(
     options: &ExperimentOptions,
     mut show: impl FnMut(usize, Phase, f64),
 ) -> Result<Vec<(Commissioned, ExperimentRecord)>, Failure> {
-    let mut operator = Operator::join(machine, prefix, stop)?;
+    board(prefix)?.expect_hardware(machine).map_err(OperatorError::from)?;
+    let mut operator = Operator::join(prefix, stop)?;
     let all: Vec<usize> = (0..machine.axes.len()).collect();
     let one = |axis: &usize| {
         commission(machine, *axis, &all, prefix, &mut operator, options, |phase, part| show(*axis, phase, part))

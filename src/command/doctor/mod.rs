@@ -16,7 +16,7 @@ mod system;
 mod tests;
 
 use pipeline::{
-    channel::groups,
+    channel::{exposed, groups},
     stage::{lock_memory, schedule},
 };
 use rustix::mm::munlockall;
@@ -66,6 +66,7 @@ pub fn run(arguments: &DoctorArguments) -> Result<(), Failure> {
     };
     let mut findings = examine(&system, &needs, &tried);
     findings.push(rights::leftovers(&groups()));
+    findings.push(rights::other_users(&exposed()));
 
     let bar = progress(2 * 10 * arguments.seconds as u64, "tenths of a second of wake-ups");
     let busy = std::thread::available_parallelism().map_or(1, usize::from);

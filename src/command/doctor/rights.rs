@@ -1,7 +1,9 @@
 //! Rights and memory: what this process may do, and whether the memory of the stages is safe.
 
-use pipeline::channel::{FoundGroup, GroupState};
+use pipeline::channel::{Exposed, FoundGroup, GroupState};
 use rustix::fs::statvfs;
+
+use crate::group::preflight::SHARED_MEMORY;
 
 use super::{
     finding::{Finding, Needs, bad, good, unknown},
@@ -12,8 +14,6 @@ use super::{
 const CAP_SYS_NICE: u32 = 23;
 /// Number of the capability to lock memory.
 const CAP_IPC_LOCK: u32 = 14;
-/// Shared memory that must be free, bytes. The files of a group have 10 MB, of which it uses a part.
-const SHARED_MEMORY_NEEDED: u64 = 16 << 20;
 /// Users below this number belong to the system; logind does not remove their shared memory.
 const FIRST_ORDINARY_USER: u32 = 1000;
 /// Where limits are set.
@@ -149,7 +149,7 @@ pub fn shared_memory(system: &System) -> Finding {
 pub fn shared_memory_of(size: u64, free: u64) -> Finding {
     const CHECK: &str = "shared memory";
     let found = format!("/dev/shm has {} of {} MB free", free >> 20, size >> 20);
-    if free >= SHARED_MEMORY_NEEDED {
+    if free >= SHARED_MEMORY {
         return good(CHECK, found);
     }
     bad(
@@ -169,6 +169,34 @@ pub fn leftovers(groups: &[FoundGroup]) -> Finding {
         (0, 0) => good(CHECK, found),
         (0, _) => unknown(CHECK, found, "hydraxis clean --dry-run"),
         _ => bad(CHECK, found, "hydraxis clean"),
+    }
+}
+
+/// Whether other users can reach files of groups, or have files where groups have theirs.
+pub fn other_users(exposed: &[Exposed]) -> Finding {
+    const CHECK: &str = "other users";
+    let list = |foreign: bool| {
+        let found: Vec<String> =
+            exposed.iter().filter(|path| path.is_foreign == foreign).map(ToString::to_string).collect();
+        found.join(", ")
+    };
+    match (list(false), list(true)) {
+        (open, foreign) if open.is_empty() && foreign.is_empty() => {
+            good(CHECK, "none has files where groups have theirs")
+        }
+        (open, foreign) if open.is_empty() => unknown(
+            CHECK,
+            format!("belongs to another user: {foreign}"),
+            "a group of that user, or in the way of one of yours: then remove it as that user or as root",
+        ),
+        (open, foreign) => bad(
+            CHECK,
+            format!(
+                "other users have rights to {open}{}",
+                if foreign.is_empty() { String::new() } else { format!("; belongs to another user: {foreign}") }
+            ),
+            "end the group, type `hydraxis clean`, remove with `rm -r` what is left, and start the group again",
+        ),
     }
 }
 

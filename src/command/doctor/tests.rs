@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path, time::Duration};
 
-use pipeline::channel::{FoundGroup, GroupState};
+use pipeline::channel::{Exposed, FoundGroup, GroupState};
 
 use super::{
     Tried, examine,
@@ -10,7 +10,7 @@ use super::{
         Finding, Needs,
         Verdict::{self, Bad, Good, Unknown},
     },
-    rights::leftovers,
+    rights::{leftovers, other_users},
     system::System,
 };
 
@@ -283,8 +283,8 @@ fn swap_logout_and_shared_memory_are_judged() {
     assert_eq!(std::fs::read_dir(fake.path("/dev/shm")).unwrap().count(), 0, "the probe is gone");
     std::fs::remove_dir(fake.path("/dev/shm")).unwrap();
     expect(&fake.finding("shared memory"), Bad, "no file can be created in /dev/shm", "chmod 1777 /dev/shm");
-    expect(&super::rights::shared_memory_of(64 << 20, 16 << 20), Good, "16 of 64 MB free", "");
-    expect(&super::rights::shared_memory_of(64 << 20, (16 << 20) - 1), Bad, "15 of 64 MB free", "remount,size=256M");
+    expect(&super::rights::shared_memory_of(64 << 20, 32 << 20), Good, "32 of 64 MB free", "");
+    expect(&super::rights::shared_memory_of(64 << 20, (32 << 20) - 1), Bad, "31 of 64 MB free", "remount,size=256M");
 }
 
 #[test]
@@ -302,4 +302,13 @@ fn dead_groups_are_bad() {
         "1 dead",
         "hydraxis clean",
     );
+}
+
+#[test]
+fn files_that_others_can_write_are_bad_and_those_of_others_unknown() {
+    let path = |path: &str, is_foreign, mode| Exposed { path: path.into(), owner: 65534, is_foreign, mode };
+    let (open, foreign) = (path("/dev/shm/a", false, 0o666), path("/tmp/hydraxis.b", true, 0o700));
+    expect(&other_users(&[]), Good, "none", "");
+    expect(&other_users(std::slice::from_ref(&foreign)), Unknown, "/tmp/hydraxis.b (user 65534, mode 0700)", "as root");
+    expect(&other_users(&[foreign, open]), Bad, "/dev/shm/a (user 65534, mode 0666)", "hydraxis clean");
 }

@@ -5,14 +5,11 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use pipeline::{channel::Prefix, message::AxisMode};
 
-use crate::arguments::{MachineFile, values::duration};
+use crate::arguments::values::duration;
 
 /// The axes of a running group.
 #[derive(Debug, Args)]
 pub struct GroupAxes {
-    /// The machine that the group was started with
-    #[command(flatten)]
-    pub machine: MachineFile,
     /// Name of the running group
     #[arg(long)]
     pub prefix: Prefix,
@@ -39,8 +36,9 @@ Modes:
 
 A disarmed axis leaves `off` only with --enable, after a fault as well. An armed axis changes between the other modes
 without it. Ctrl-C disarms the axes. In manual, the end of this program disarms them as well, within 0.1 s; an axis in
-hold or track goes on without this program. A group has one operator at a time. `hydraxis arm`, `disarm` and `reset` do
-the three usual operations with one command each, for people and for scripts.")]
+hold or track goes on without this program, unless --hold-to-run or the key control.hold_to_run ends it too. A group has
+one operator at a time. `hydraxis arm`, `disarm` and `reset` do the three usual operations with one command each, for
+people and for scripts.")]
 pub struct OperateArguments {
     /// Group and axes
     #[command(flatten)]
@@ -60,6 +58,9 @@ pub struct OperateArguments {
     /// End as soon as the axes are in the mode, and leave them in it; with --mode hold and track only
     #[arg(long, conflicts_with = "duration")]
     pub leave: bool,
+    /// Disarm the axes as well when this program dies or hangs, in every mode, within 0.1 s
+    #[arg(long, conflicts_with = "leave")]
+    pub hold_to_run: bool,
     /// Time in the mode, after which the axes are disarmed and the command ends [default: until Ctrl-C]
     #[arg(long, value_parser = duration, allow_hyphen_values = true)]
     pub duration: Option<Duration>,
@@ -130,16 +131,24 @@ impl From<ArmMode> for AxisMode {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  hydraxis disarm --prefix demo                    all axes neutral, at once
+  hydraxis disarm                                  all axes of all groups of this user neutral, at once
   hydraxis disarm --prefix demo --axis bucket
+  hydraxis disarm --emergency                      and latched, with the pilot pressure cut off
 
-The axes move again only after `hydraxis arm` or `hydraxis operate --enable`. A latched axis is neutral already and
-stays latched: `hydraxis reset` shows the fault and releases the axis. This command is no emergency stop, because it
-needs every program from here to the valve.")]
+Works while another program operates the group, hangs, or has taken the last place on a channel, and with the memory
+full: a stop has a path of its own. The axes move again only after `hydraxis arm` or `hydraxis operate --enable`, typed
+after this command. A latched axis is neutral already and stays latched: `hydraxis reset` shows the fault and releases
+the axis. This command is no emergency stop button, because it needs every program from here to the valve.")]
 pub struct DisarmArguments {
-    /// Group and axes
-    #[command(flatten)]
-    pub group: GroupAxes,
+    /// Name of the running group [default: all groups of this user]
+    #[arg(long)]
+    pub prefix: Option<Prefix>,
+    /// Only this axis; may be given several times [default: all axes]
+    #[arg(long = "axis", value_name = "NAME", requires = "prefix")]
+    pub axes: Vec<String>,
+    /// Latch all axes and cut off the pilot pressure, until `hydraxis reset`
+    #[arg(long, conflicts_with = "axes")]
+    pub emergency: bool,
 }
 
 /// `reset`.

@@ -1,36 +1,35 @@
-//! `hydraxis arm`, `disarm` and `reset`: one operation on the axes of a running group, then the end.
+//! `hydraxis arm` and `reset`: one operation on the axes of a running group, then the end.
 //!
 //! | state of an axis before | disarmed | latched by a fault | in the mode that `arm` asks for | in another mode |
 //! |---|---|---|---|---|
 //! | arm | is armed | is refused | keeps it | is refused |
-//! | disarm | stays disarmed | stays latched | is disarmed | is disarmed |
 //! | reset | stays disarmed | is disarmed | keeps it | keeps it |
 //!
 //! Trap: a request for off releases a latched axis. So each command sends requests only for the axes that it changes.
 
 use pipeline::{
-    machine::Machine,
+    channel::{GroupMachine, Prefix},
     message::{AxisMode, control_flag},
 };
 
 use super::{
-    arguments::{ArmArguments, DisarmArguments, GroupAxes, ResetArguments},
-    as_operator,
+    arguments::{ArmArguments, ResetArguments},
+    as_operator, find,
 };
-use crate::{arguments, failure::Failure, group::operator::Operator, report::output::show};
+use crate::{failure::Failure, group::operator::Operator, report::output::show};
 
 /// Arms the axes that are disarmed, and leaves them armed.
 pub fn arm(arguments: &ArmArguments) -> Result<(), Failure> {
-    let group = &arguments.group;
-    let (machine, axes) = load(group)?;
+    let prefix = &arguments.group.prefix;
+    let (_, axes) = find(&arguments.group)?;
     let mode = AxisMode::from(arguments.mode);
-    as_operator(&machine, group, |operator| {
-        refuse_to_arm(&machine, &axes, mode, group, operator)?;
+    as_operator(prefix, |operator| {
+        refuse_to_arm(&axes, mode, prefix, operator)?;
         let off: Vec<usize> = axes.iter().copied().filter(|axis| is_disarmed(operator, *axis)).collect();
         let armed = match operator.change(&off, mode) {
             Ok(false) => Err(Failure::run("stopped before the axes were armed: they are off")),
             Err(error) => {
-                let advice = advice(&machine, &off, group, operator);
+                let advice = advice(&off, prefix, operator);
                 Err(Failure::run(format!("{}{advice}", Failure::from(error))))
             }
             Ok(true) => Ok(()),
@@ -46,24 +45,11 @@ pub fn arm(arguments: &ArmArguments) -> Result<(), Failure> {
     })
 }
 
-/// Disarms all axes but the latched ones.
-pub fn disarm(arguments: &DisarmArguments) -> Result<(), Failure> {
-    let group = &arguments.group;
-    let (machine, axes) = load(group)?;
-    as_operator(&machine, group, |operator| {
-        // A signal does not stop this: a user who wants the command to end wants the axes to stand.
-        let moving: Vec<usize> = axes.iter().copied().filter(|axis| operator.latched_by(*axis).is_empty()).collect();
-        operator.disarm(&moving)?;
-        let next = next(&machine, &latched(&axes, operator), "reset", group);
-        Ok(show(&format!("{}{next}", states(&axes, operator)))?)
-    })
-}
-
 /// Disarms the latched axes, which releases them, and no others.
 pub fn reset(arguments: &ResetArguments) -> Result<(), Failure> {
-    let group = &arguments.group;
-    let (machine, axes) = load(group)?;
-    as_operator(&machine, group, |operator| {
+    let prefix = &arguments.group.prefix;
+    let (_, axes) = find(&arguments.group)?;
+    as_operator(prefix, |operator| {
         if operator.stopping() {
             return Ok(());
         }
@@ -79,14 +65,8 @@ pub fn reset(arguments: &ResetArguments) -> Result<(), Failure> {
             }
         };
         let text: String = axes.iter().zip(&causes).map(one).collect();
-        Ok(show(&format!("{text}{}", next(&machine, &released, "arm", group)))?)
+        Ok(show(&format!("{text}{}", next(operator.machine(), &released, "arm", prefix)))?)
     })
-}
-
-fn load(group: &GroupAxes) -> Result<(Machine, Vec<usize>), Failure> {
-    let machine = arguments::load(&group.machine)?;
-    let axes = arguments::axes(&machine, &group.axes)?;
-    Ok((machine, axes))
 }
 
 fn is_disarmed(operator: &Operator, axis: usize) -> bool {
@@ -98,16 +78,10 @@ fn latched(axes: &[usize], operator: &Operator) -> Vec<usize> {
 }
 
 /// Refuses to arm when an axis is latched, or armed in another mode.
-fn refuse_to_arm(
-    machine: &Machine,
-    axes: &[usize],
-    mode: AxisMode,
-    group: &GroupAxes,
-    operator: &Operator,
-) -> Result<(), Failure> {
+fn refuse_to_arm(axes: &[usize], mode: AxisMode, prefix: &Prefix, operator: &Operator) -> Result<(), Failure> {
     if !latched(axes, operator).is_empty() {
         let states = states(axes, operator);
-        return Err(Failure::run(format!("{}{}", states.trim_end(), advice(machine, axes, group, operator))));
+        return Err(Failure::run(format!("{}{}", states.trim_end(), advice(axes, prefix, operator))));
     }
     let is_other = |axis: &&usize| {
         operator.last(**axis).is_some_and(|last| last.operation != mode as u32 && !is_disarmed(operator, **axis))
@@ -117,29 +91,28 @@ fn refuse_to_arm(
         "{}; allowed: off, or {1} already; an axis changes its mode with: {2} --mode {1} --leave",
         operator.state(*axis),
         mode.name(),
-        typed(machine, &[*axis], "operate", group)
+        typed(operator.machine(), &[*axis], "operate", prefix)
     )))
 }
 
 /// A line about what to type next for the latched axes; empty when none is latched.
-fn advice(machine: &Machine, axes: &[usize], group: &GroupAxes, operator: &Operator) -> String {
+fn advice(axes: &[usize], prefix: &Prefix, operator: &Operator) -> String {
     let latched = latched(axes, operator);
     if latched.is_empty() {
         return String::new();
     }
-    format!("\nlook at why, then type: {}", typed(machine, &latched, "reset", group))
+    format!("\nlook at why, then type: {}", typed(operator.machine(), &latched, "reset", prefix))
 }
 
 /// A line with the command to type next for these axes; empty when there are none.
-fn next(machine: &Machine, axes: &[usize], command: &str, group: &GroupAxes) -> String {
-    if axes.is_empty() { String::new() } else { format!("next: {}\n", typed(machine, axes, command, group)) }
+pub(super) fn next(machine: &GroupMachine, axes: &[usize], command: &str, prefix: &Prefix) -> String {
+    if axes.is_empty() { String::new() } else { format!("next: {}\n", typed(machine, axes, command, prefix)) }
 }
 
 /// A command line for these axes of the group.
-fn typed(machine: &Machine, axes: &[usize], command: &str, group: &GroupAxes) -> String {
-    let file = group.machine.bare.machine.as_ref().map_or_else(String::new, |file| format!(" {}", file.display()));
-    let axes: String = axes.iter().map(|axis| format!(" --axis {}", machine.axes[*axis].name)).collect();
-    format!("hydraxis {command}{file} --prefix {}{axes}", group.prefix)
+fn typed(machine: &GroupMachine, axes: &[usize], command: &str, prefix: &Prefix) -> String {
+    let axes: String = axes.iter().map(|axis| format!(" --axis {}", machine.name(*axis))).collect();
+    format!("hydraxis {command} --prefix {prefix}{axes}")
 }
 
 fn states(axes: &[usize], operator: &Operator) -> String {

@@ -1,24 +1,29 @@
-//! `hydraxis operate`: a person operates the axes of a running group; and `arm`, `disarm` and `reset` in [`mod@arm`].
+//! `hydraxis operate`: a person operates the axes of a running group; `arm` and `reset` in [`mod@arm`], `disarm` in
+//! [`mod@disarm`].
 //!
-//! Runs in a process of its own, beside the loop.
+//! Names of axes are those of the group that runs. Runs in a process of its own, beside the loop.
 
 mod arguments;
 mod arm;
+mod disarm;
 
 use std::time::{Duration, Instant};
 
 use pipeline::{
-    channel::remove_leftovers,
-    machine::Machine,
+    channel::{GroupMachine, Prefix, remove_leftovers},
     message::{AxisMode, ControlMode, EncoderSample},
 };
 
-pub use arm::{arm, disarm, reset};
+pub use arm::{arm, reset};
+pub use disarm::disarm;
 
 use crate::{
-    arguments::{self as shared, load},
+    arguments::axes_of,
     failure::Failure,
-    group::{operator::Operator, signals::stop_flag},
+    group::{
+        operator::{Operator, board},
+        signals::stop_flag,
+    },
     report::output::show,
 };
 use arguments::GroupAxes;
@@ -29,30 +34,33 @@ const LINE_PERIOD: Duration = Duration::from_secs(1);
 
 /// Runs the command.
 pub fn run(arguments: &OperateArguments) -> Result<(), Failure> {
-    let machine = load(&arguments.group.machine)?;
-    let axes = shared::axes(&machine, &arguments.group.axes)?;
-    check(&machine, &axes, arguments)?;
-    as_operator(&machine, &arguments.group, |operator| operate(&machine, &axes, arguments, operator))
+    check(arguments)?;
+    let (machine, axes) = find(&arguments.group)?;
+    check_target(&machine, &axes, arguments)?;
+    as_operator(&arguments.group.prefix, |operator| operate(&axes, arguments, operator))
+}
+
+/// The machine of a running group, and the axes with these names.
+fn find(group: &GroupAxes) -> Result<(GroupMachine, Vec<usize>), Failure> {
+    let machine = *board(&group.prefix)?.machine();
+    let axes = axes_of(machine.names(), &group.axes)?;
+    Ok((machine, axes))
 }
 
 /// Does `work` as the operator of a group.
-fn as_operator(
-    machine: &Machine,
-    group: &GroupAxes,
-    work: impl FnOnce(&mut Operator) -> Result<(), Failure>,
-) -> Result<(), Failure> {
+fn as_operator(prefix: &Prefix, work: impl FnOnce(&mut Operator) -> Result<(), Failure>) -> Result<(), Failure> {
     let stop = stop_flag()?;
-    let result = match Operator::join(machine, &group.prefix, stop) {
+    let result = match Operator::join(prefix, stop) {
         Ok(mut operator) => work(&mut operator),
         Err(error) => Err(error.into()),
     };
     // The last process that leaves a group that has ended removes its files.
-    let _ = remove_leftovers(&group.prefix);
+    let _ = remove_leftovers(prefix);
     result
 }
 
-/// Refuses options that do not go together, or not with these axes.
-fn check(machine: &Machine, axes: &[usize], arguments: &OperateArguments) -> Result<(), Failure> {
+/// Refuses options that do not go together.
+fn check(arguments: &OperateArguments) -> Result<(), Failure> {
     let mode = AxisMode::from(arguments.mode);
     let refuse = |text: String| Err(Failure::usage(text));
     match (mode, arguments.command) {
@@ -68,34 +76,37 @@ fn check(machine: &Machine, axes: &[usize], arguments: &OperateArguments) -> Res
     if arguments.target.is_some() && mode != AxisMode::Hold {
         return refuse(format!("--target: found one with --mode {}; allowed: with hold", mode.name()));
     }
+    if let Some(target) = arguments.target.filter(|target| !target.is_finite()) {
+        return refuse(format!("--target: found {target}; allowed: a position in m"));
+    }
     if arguments.leave && !matches!(mode, AxisMode::Hold | AxisMode::Track) {
         return refuse(format!("--leave: found with --mode {}; allowed: with hold and track", mode.name()));
     }
-    for axis in axes.iter().map(|axis| &machine.axes[*axis]) {
-        let (low, high) = axis.soft_limits;
+    Ok(())
+}
+
+/// Refuses a set point outside the soft limits of an axis.
+fn check_target(machine: &GroupMachine, axes: &[usize], arguments: &OperateArguments) -> Result<(), Failure> {
+    for axis in axes {
+        let [low, high] = machine.soft_limits[*axis];
         if let Some(target) = arguments.target.filter(|target| !(low..=high).contains(target)) {
-            return refuse(format!(
-                "--target: found {target}; allowed: axis.{} within its soft limits, {low} to {high} m",
-                axis.name
-            ));
+            let name = machine.name(*axis);
+            return Err(Failure::usage(format!(
+                "--target: found {target}; allowed: axis.{name} within its soft limits, {low} to {high} m"
+            )));
         }
     }
     Ok(())
 }
 
-fn operate(
-    machine: &Machine,
-    axes: &[usize],
-    arguments: &OperateArguments,
-    operator: &mut Operator,
-) -> Result<(), Failure> {
+fn operate(axes: &[usize], arguments: &OperateArguments, operator: &mut Operator) -> Result<(), Failure> {
     let mode = AxisMode::from(arguments.mode);
     if operator.stopping() {
         return Ok(());
     }
     if mode == AxisMode::Off {
         operator.disarm(axes)?;
-        return Ok(show(&line(machine, axes, operator, None))?);
+        return Ok(show(&line(axes, operator, None))?);
     }
     let is_off = |axis: &usize| operator.last(*axis).is_some_and(|last| last.operation == AxisMode::Off as u32);
     let off: Vec<usize> = axes.iter().copied().filter(is_off).collect();
@@ -105,13 +116,13 @@ fn operate(
     if !off.is_empty() {
         operator.disarm(&off)?;
     }
-    let result = stream(machine, axes, mode, arguments, operator);
+    let result = stream(axes, mode, arguments, operator);
     match &result {
         Ok(()) if arguments.leave && !operator.stopping() => {}
         // For every other end, with or without a failure, the axes are disarmed.
         _ => {
             operator.disarm(axes)?;
-            show(&line(machine, axes, operator, None))?;
+            show(&line(axes, operator, None))?;
         }
     }
     result
@@ -119,7 +130,6 @@ fn operate(
 
 /// Changes the mode and sends requests until the end.
 fn stream(
-    machine: &Machine,
     axes: &[usize],
     mode: AxisMode,
     arguments: &OperateArguments,
@@ -130,10 +140,11 @@ fn stream(
         request.command = arguments.command.unwrap_or_default();
         request.target = arguments.target.unwrap_or_default();
         request.has_target = u32::from(arguments.target.is_some());
+        request.hold_to_run = u32::from(arguments.hold_to_run);
     }
     if !operator.change(axes, mode)? || arguments.leave {
         if arguments.leave {
-            show(&line(machine, axes, operator, None))?;
+            show(&line(axes, operator, None))?;
         }
         return Ok(());
     }
@@ -149,14 +160,14 @@ fn stream(
         }
         if Instant::now() >= next_line {
             next_line += LINE_PERIOD;
-            show(&line(machine, axes, operator, Some(&sample)))?;
+            show(&line(axes, operator, Some(&sample)))?;
         }
     }
     Ok(())
 }
 
 /// A line about the present state of the axes.
-fn line(machine: &Machine, axes: &[usize], operator: &Operator, sample: Option<&EncoderSample>) -> String {
+fn line(axes: &[usize], operator: &Operator, sample: Option<&EncoderSample>) -> String {
     let one = |axis: &usize| {
         let mut text = operator.state(*axis);
         if let (Some(last), Some(sample)) = (operator.last(*axis), sample) {
@@ -167,7 +178,7 @@ fn line(machine: &Machine, axes: &[usize], operator: &Operator, sample: Option<&
         }
         text
     };
-    let seconds = sample.map(|sample| sample.header.sequence as f64 * machine.timing.period.as_secs_f64());
+    let seconds = sample.map(|sample| 1e-9 * sample.header.sequence as f64 * operator.machine().period_ns as f64);
     let time = seconds.map_or_else(String::new, |seconds| format!("{seconds:8.2} s  "));
     format!("{time}{}\n", axes.iter().map(one).collect::<Vec<_>>().join("; "))
 }

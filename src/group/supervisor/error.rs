@@ -2,7 +2,7 @@
 
 use std::{io, path::PathBuf};
 
-use pipeline::channel::ChannelError;
+use pipeline::channel::{BoardError, ChannelError};
 use thiserror::Error;
 
 use super::super::{launch::LaunchError, signals::SignalError};
@@ -18,6 +18,9 @@ pub enum SupervisorError {
         /// What the system says.
         source: io::Error,
     },
+    /// The group runs another machine.
+    #[error(transparent)]
+    Board(#[from] BoardError),
     /// Signals cannot be handled.
     #[error(transparent)]
     Signals(#[from] SignalError),

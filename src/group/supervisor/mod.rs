@@ -30,7 +30,7 @@ use std::{
 };
 
 use pipeline::{
-    channel::Group,
+    channel::{Board, Group},
     machine::Machine,
     stage::{StageKind, StageOptions},
 };
@@ -92,6 +92,7 @@ impl SupervisedStage {
 pub struct Supervisor<'a> {
     launch: Launch<'a>,
     group: &'a Group,
+    board: Board,
     stages: Vec<SupervisedStage>,
     deaths: Deaths,
     interrupts: Interrupts,
@@ -106,12 +107,14 @@ impl<'a> Supervisor<'a> {
     /// The supervisor of a group without stages yet.
     ///
     /// # Errors
-    /// The file of the log cannot be created, or signals cannot be handled.
+    /// The group runs another machine, the file of the log cannot be created, or signals cannot be handled.
     pub fn new(launch: Launch<'a>, group: &'a Group, log_folder: Option<&Path>) -> Result<Self, SupervisorError> {
+        let board = Board::of(group.prefix(), launch.machine)?;
         let file = log_folder.map(|folder| log::file_name(folder, group.prefix(), SystemTime::now()));
         let supervisor = Self {
             launch,
             group,
+            board,
             stages: Vec::new(),
             deaths: Deaths::new().map_err(SupervisorError::Watch)?,
             interrupts: Interrupts::new()?,

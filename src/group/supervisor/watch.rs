@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use humantime::format_duration;
 use pipeline::{
+    MAX_AXES,
     machine::Restart,
     stage::{Clock, StageKind, StageOptions, monotonic_ns},
 };
@@ -19,6 +20,8 @@ use crate::group::monitor::Monitor;
 
 /// Longest time between two looks at the group. The end of a process is seen at once.
 const POLL: Duration = Duration::from_millis(10);
+/// Time that the controller has to disarm the axes before this process is suspended.
+const SUSPEND_PATIENCE: Duration = Duration::from_millis(200);
 /// Time in which a stage must open its channels.
 const START_PATIENCE: Duration = Duration::from_secs(10);
 /// A heartbeat older than this is not fresh: ten of them are missing.
@@ -35,6 +38,7 @@ impl Supervisor<'_> {
     /// A stage has ended and must not be started again; the error names the first cause.
     pub fn step(&mut self, monitor: &mut Monitor) -> Result<(), SupervisorError> {
         let deaths = self.deaths.wait(POLL);
+        self.suspend();
         monitor.poll()?;
         for pid in deaths {
             self.take_death(pid, monitor)?;
@@ -44,6 +48,19 @@ impl Supervisor<'_> {
             self.service_manager.alive();
         }
         self.start_again(monitor)
+    }
+
+    /// At Ctrl-Z: axes must not go on while nobody watches their stages.
+    fn suspend(&mut self) {
+        let (board, log) = (&self.board, &self.log);
+        self.interrupts.suspend(|| {
+            let ticket = board.stop(0..MAX_AXES);
+            log.say("suspended: all axes are disarmed; `hydraxis arm` arms them after `fg`");
+            let until = Instant::now() + SUSPEND_PATIENCE;
+            while !board.is_done(&ticket) && Instant::now() < until {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        });
     }
 
     /// Reaps a process that has ended. Its stage is done, or starts again, or the run ends.

@@ -122,6 +122,7 @@ impl Identified {
             acquired_ns: now,
             sent_ns: now,
             axis_count: AXES as u32,
+            machine: sample.header.machine,
             ..Header::default()
         };
         self.good.header = header;

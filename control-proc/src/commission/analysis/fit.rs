@@ -18,8 +18,27 @@ const ROW_SPACING: f64 = 0.03;
 /// Weight of bends, relative to the data: the curve is as straight as they allow. Without this weight a curve that
 /// begins flat would do without a dead band.
 const STRAIGHTNESS: f64 = 1e-4;
-/// Unknowns: the changes of slope of both directions.
-const COUNT: usize = 2 * KNOTS;
+/// Place of the drift among the unknowns, after the changes of slope of both directions: its part that is the same
+/// everywhere, and its part that rises with the position.
+const DRIFT: usize = 2 * KNOTS;
+/// Unknowns.
+const COUNT: usize = DRIFT + 2;
+
+/// How an axis moves by itself, whatever is commanded: its oil leaks under the load.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Drift {
+    /// Speed at the first position of the record, m/s.
+    speed: f64,
+    /// Rise of the speed with the position, 1/s: a load with a spring.
+    rise: f64,
+}
+
+impl Drift {
+    /// As the unknowns of [`Data::fit`] say.
+    pub fn of(unknowns: &DVector<f64>) -> Self {
+        Self { speed: unknowns[DRIFT], rise: unknowns[DRIFT + 1] }
+    }
+}
 
 /// A part of a record.
 pub(super) struct Data<'a> {
@@ -28,6 +47,8 @@ pub(super) struct Data<'a> {
     pub begin: usize,
     /// Sample after the last one.
     pub end: usize,
+    /// Whether the axis may drift.
+    pub drifts: bool,
 }
 
 /// Normal equations of the differences, as sums over the rows.
@@ -42,23 +63,26 @@ struct Normal {
 }
 
 impl Data<'_> {
-    /// Mean square error of the differences (m2), and the changes of slope that make it least.
+    /// Mean square error of the differences (m2), and the unknowns that make it least: the changes of slope and the
+    /// drift.
     pub fn fit(&self, shape: &Shape) -> (f64, DVector<f64>) {
         let Normal { matrix, right, square, rows } = self.normal(shape);
         let scale = STRAIGHTNESS * matrix[0][0].max(matrix[KNOTS][KNOTS]);
         let normal = DMatrix::from_fn(COUNT, COUNT, |i, j| {
-            let weight = if i != j || i.is_multiple_of(KNOTS) { 0.0 } else { scale };
+            let is_bend = i == j && i < DRIFT && !i.is_multiple_of(KNOTS);
+            let weight = if is_bend { scale } else { 0.0 };
             matrix[i.min(j)][i.max(j)] + weight + if i == j { f64::MIN_POSITIVE } else { 0.0 }
         });
         let right = DVector::from_row_slice(&right);
         let Some(solver) = normal.cholesky() else { return (f64::INFINITY, right) };
-        let slopes = solver.solve(&right);
-        ((square - slopes.dot(&right)) / rows.max(1) as f64, slopes)
+        let unknowns = solver.solve(&right);
+        ((square - unknowns.dot(&right)) / rows.max(1) as f64, unknowns)
     }
 
     fn normal(&self, shape: &Shape) -> Normal {
         let period = self.record.period;
         let integrals = integrate(self.record, self.end, &Dynamics::of(shape), hinges(shape));
+        let places = places(self.record, self.end);
         let mut normal = Normal { matrix: [[0.0; COUNT]; COUNT], right: [0.0; COUNT], square: 0.0, rows: 0 };
         let ahead = samples(FITTED_AHEAD, period);
         for k in (self.begin..self.end.saturating_sub(ahead)).step_by(samples(ROW_SPACING, period)) {
@@ -67,7 +91,12 @@ impl Data<'_> {
                 continue;
             }
             let [from, to] = [k, k + ahead].map(|k| delayed(&integrals, k, shape.dead_time, period));
-            let row: [f64; COUNT] = std::array::from_fn(|j| to[j] - from[j]);
+            let row: [f64; COUNT] = std::array::from_fn(|j| match j {
+                0..DRIFT => to[j] - from[j],
+                _ if !self.drifts => 0.0,
+                DRIFT => ahead as f64 * period,
+                _ => places[k + ahead] - places[k],
+            });
             for i in 0..COUNT {
                 if row[i] != 0.0 {
                     normal.right[i] += row[i] * way;
@@ -89,10 +118,11 @@ impl Data<'_> {
         (0..self.end).map(at).collect()
     }
 
-    /// How much of the motion the model explains `seconds` ahead, percent.
-    pub fn judge(&self, model: &Commissioned, seconds: f64) -> f64 {
+    /// How much of the motion the model and the drift explain `seconds` ahead, percent.
+    pub fn judge(&self, model: &Commissioned, drift: &Drift, seconds: f64) -> f64 {
         let period = self.record.period;
         let integrals = integrate(self.record, self.end, &Dynamics::of_model(model), |x| [model.spool_speed(x)]);
+        let places = places(self.record, self.end);
         let ahead = samples(seconds, period);
         let (mut error, mut motion) = (0.0, 0.0);
         for k in self.begin..self.end.saturating_sub(ahead) {
@@ -101,7 +131,8 @@ impl Data<'_> {
                 continue;
             }
             let [[from], [to]] = [k, k + ahead].map(|k| delayed(&integrals, k, model.dead_time, period));
-            error += (way - (to - from)).powi(2);
+            let drifted = drift.speed * ahead as f64 * period + drift.rise * (places[k + ahead] - places[k]);
+            error += (way - drifted - (to - from)).powi(2);
             motion += way * way;
         }
         100.0 * (1.0 - (error / motion).sqrt())
@@ -128,11 +159,11 @@ impl Dynamics {
 }
 
 /// max(0, x - d_e - q_j) and the mirrored terms, as a function of x.
-fn hinges(shape: &Shape) -> impl Fn(f64) -> [f64; COUNT] {
+fn hinges(shape: &Shape) -> impl Fn(f64) -> [f64; DRIFT] {
     let bends = BENDS.map(|part| part * shape.span);
     let dead_band = shape.dead_band;
     move |x| {
-        let mut hinges = [0.0; COUNT];
+        let mut hinges = [0.0; DRIFT];
         let (side, sign, beyond) =
             if x > 0.0 { (0, 1.0, x - dead_band.extend) } else { (1, -1.0, -x - dead_band.retract) };
         for (hinge, bend) in hinges[side * KNOTS..].iter_mut().zip(&bends) {
@@ -143,6 +174,21 @@ fn hinges(shape: &Shape) -> impl Fn(f64) -> [f64; COUNT] {
         }
         hinges
     }
+}
+
+/// The integral of the way from the first position (m s) at every sample before `end`. A position that is missing is
+/// taken to be the one before.
+fn places(record: &ExperimentRecord, end: usize) -> Vec<f64> {
+    let mut usable = record.positions[..end].iter().copied().filter(|position| position.is_finite());
+    let first = usable.next().unwrap_or_default();
+    let (mut place, mut before) = (0.0, 0.0);
+    let add = |position: &f64| {
+        let way = if position.is_finite() { position - first } else { before };
+        place += 0.5 * record.period * (before + way);
+        before = way;
+        place
+    };
+    record.positions[..end].iter().map(add).collect()
 }
 
 /// Samples of a time, at least one.

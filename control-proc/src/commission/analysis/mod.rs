@@ -12,24 +12,33 @@
 //! d2v/dt2 + 2 zeta w_0 dv/dt + w_0^2 v = w_0^2 v_c      where the load swings, v = v_c elsewhere
 //! y(k+m) - y(k) = sum_j w_j (C_j(k+m) - C_j(k)) + e    C_j(t) = integral of v up to t, v_c = max(0, x - d_e - q_j)
 //!                 - the mirrored terms with max(0, -x - d_r - q_j)
-//! min over (t_d, tau, d_e, d_r, h, w_0, zeta) of the least squares over w
+//!                 + integral of a + b (y - y_0) from k to k+m
+//! min over (t_d, tau, d_e, d_r, h, w_0, zeta) of the least squares over w, a and b
 //! ```
 //!
 //! u command, w command behind the play of the hysteresis h, and x spool position in [-1, 1], v_c speed of the curve
 //! and v that of the axis, y position m, t_d dead time s, tau time constant s, d_e and d_r dead bands, w_0 natural
 //! frequency rad/s and zeta damping of the load on its oil, q_j openings at which the curve bends, w_j changes of its
-//! slope m/s, m T = 0.2 s. For given (t_d, tau, ..) the model is linear in w. A dead time delays X exactly, so one
+//! slope m/s, m T = 0.2 s; a m/s and b 1/s drift of the axis, y_0 first position of the record m. For given
+//! (t_d, tau, ..) the model is linear in w, a and b. A dead time delays X exactly, so one
 //! response serves all of them. The search begins on a grid of (t_d, tau) with d = 0, goes on with grids of d, and then
 //! with [`simplex`] on all four. A hysteresis, and then a spring, is added where it explains clearly more
-//! (`CLEARLY_BETTER`).
+//! (`CLEARLY_BETTER`). All of this is done with a drift and without one, and the drift is kept where it explains
+//! clearly more.
+//!
+//! The drift is that of an axis whose oil leaks under its load. The spring of a load makes it depend on the position.
+//! The drift is found together with the curve and is no part of the model: the integral of a controller takes it off.
 //!
 //! The model is fitted on the first two thirds of the motion and judged on the rest: half a second ahead, with the
-//! command known. Then it is fitted once more on all of it.
+//! command and the drift known. Then it is fitted once more on all of it.
 //!
 //! Traps: t_d and tau trade off against each other where the load swings and the model does not; only their sum is
 //! certain. In the model that is written half of the hysteresis is in the dead bands and the spring's delay in the time
 //! constant: who does not know about them is right on commands that rise from neutral. Where a curve begins flat, the
-//! dead band that is found ends where motion begins to count, not where the first drop flows.
+//! dead band that is found ends where motion begins to count, not where the first drop flows. And the experiment
+//! extends most often where the axis is low and retracts where it is high. So a load that pulls it to the middle makes
+//! it drift in the direction of most commands. A model without a drift explains that by a dead band that is too narrow
+//! and a curve that begins flat.
 
 mod fit;
 mod shape;
@@ -39,7 +48,7 @@ mod spring;
 use pipeline::machine::{Commissioned, DeadBand};
 
 use super::record::ExperimentRecord;
-use fit::Data;
+use fit::{Data, Drift};
 use shape::{KNOTS, LONGEST_DEAD_TIME, Parameters, Shape};
 use simplex::minimum;
 
@@ -63,7 +72,7 @@ const AS_GOOD: f64 = 1.1;
 const SEARCH_STEPS: usize = 250;
 /// First steps of the search in dead time (s), logarithm of the time constant, and dead bands.
 const FIRST_STEPS: Parameters = [0.02, 0.4, 0.02, 0.02, 0.02, 0.0, 0.0];
-/// Mean square error, relative to that without hysteresis, from which on a hysteresis is found.
+/// Mean square error, relative to that without a hysteresis, a spring or a drift, below which there is one.
 const CLEARLY_BETTER: f64 = 0.9;
 /// First steps of the search near a solution.
 const FINE_STEPS: Parameters = [0.002, 0.05, 0.005, 0.005, 0.005, 0.0, 0.0];
@@ -106,18 +115,21 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
     }
     let split = split(record);
     let largest = record.commands.iter().fold(0.0f64, |largest, command| largest.max(command.abs()));
-    let part = Search { fitted: Data { record, begin: 0, end: split }, largest };
-    let best = part.best()?;
-    let held_out = part.beyond_flat_begin(best)?;
-    let whole = Search { fitted: Data { record, begin: 0, end: count }, largest };
-    let mut model = whole.beyond_flat_begin(whole.refined(best, first_steps(&best)))?;
-    model.fit_percent = Data { record, begin: split, end: count }.judge(&held_out, JUDGED_AHEAD);
+    let search = |end, drifts| Search { fitted: Data { record, begin: 0, end, drifts }, largest };
+    let (stands, drifts) = (search(split, false).best()?, search(split, true).best()?);
+    let is_drifting = drifts.cost < CLEARLY_BETTER * stands.cost;
+    let best = if is_drifting { drifts } else { stands };
+    let (held_out, drift) = search(split, is_drifting).beyond_flat_begin(best)?;
+    let whole = search(count, is_drifting);
+    let (mut model, _) = whole.beyond_flat_begin(whole.refined(best, first_steps(&best)))?;
+    model.fit_percent =
+        Data { record, begin: split, end: count, drifts: is_drifting }.judge(&held_out, &drift, JUDGED_AHEAD);
     Ok(model)
 }
 
 /// How far the axis has moved since the first sample, m, at every sample of a record, by a model of it.
 pub fn modelled(record: &ExperimentRecord, model: &Commissioned) -> Vec<f64> {
-    Data { record, begin: 0, end: record.positions.len() }.modelled(model)
+    Data { record, begin: 0, end: record.positions.len(), drifts: false }.modelled(model)
 }
 
 /// The sample before which [`FITTED_PART`] of the motion is.
@@ -196,9 +208,11 @@ impl Search<'_> {
         Point { at, cost }
     }
 
-    fn model_at(&self, p: &Parameters) -> Result<Commissioned, AnalysisError> {
-        let model = Shape::of(p, self.largest).and_then(|shape| shape.model(&self.fitted.fit(&shape).1));
-        model.ok_or(AnalysisError::NoMotion)
+    /// The model of this point, and the drift beside it.
+    fn model_at(&self, p: &Parameters) -> Result<(Commissioned, Drift), AnalysisError> {
+        let shape = Shape::of(p, self.largest).ok_or(AnalysisError::NoMotion)?;
+        let unknowns = self.fitted.fit(&shape).1;
+        Ok((shape.model(&unknowns).ok_or(AnalysisError::NoMotion)?, Drift::of(&unknowns)))
     }
 
     /// The best point of a grid of dead time and time constant, and then of a grid of each dead band.
@@ -229,8 +243,8 @@ impl Search<'_> {
 
     /// The model at the best point, or at one with wider dead bands. A curve that begins flat can do without a dead
     /// band and explain as much; the point with the dead band is preferred.
-    fn beyond_flat_begin(&self, best: Point) -> Result<Commissioned, AnalysisError> {
-        let mut model = self.model_at(&best.at)?;
+    fn beyond_flat_begin(&self, best: Point) -> Result<(Commissioned, Drift), AnalysisError> {
+        let (mut model, mut drift) = self.model_at(&best.at)?;
         for _ in 0..FLAT_STEPS {
             let flat = |speeds: &[f64]| {
                 let still = speeds.partition_point(|speed| *speed < FLAT * speeds[KNOTS - 1]);
@@ -249,8 +263,8 @@ impl Search<'_> {
             if cost > AS_GOOD * best.cost {
                 break;
             }
-            model = self.model_at(&p)?;
+            (model, drift) = self.model_at(&p)?;
         }
-        Ok(model)
+        Ok((model, drift))
     }
 }

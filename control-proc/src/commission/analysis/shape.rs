@@ -67,7 +67,8 @@ impl Shape {
             && self.spring.is_allowed()
     }
 
-    /// The model of this shape with these changes of slope; none where a direction does not move its way.
+    /// The model of this shape whose changes of slope come first among `slopes`; none where a direction does not move
+    /// its way.
     pub fn model(&self, slopes: &DVector<f64>) -> Option<Commissioned> {
         let openings: Vec<f64> = BENDS[1..].iter().chain(&[1.0]).map(|part| part * self.span).collect();
         let speeds = |side: usize| {

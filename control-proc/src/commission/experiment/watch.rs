@@ -16,22 +16,12 @@
 use pipeline::message::{AxisSample, sample_fault};
 
 use super::abort::{Abort, OWED_DISTANCE, UNUSABLE_LIMIT};
+pub use crate::protection::uncommanded::{AGAINST_DISTANCE, AGAINST_TIME, SWING, SWING_TIME};
 
 /// Factor of the speed bound from which on the experiment ends.
 pub const SPEED_FACTOR: f64 = 1.5;
 /// Time over which speeds are taken, s.
 pub const SPEED_TIME: f64 = 0.05;
-/// Way against the command, within four times [`SPEED_TIME`], that ends the experiment, m: a load on oil swings back
-/// when its valve shuts.
-pub const AGAINST_DISTANCE: f64 = 5e-3;
-/// Addition to that way for each m/s of the speed bound, s.
-pub const AGAINST_TIME: f64 = 0.02;
-/// Part of the way made just before by which an axis may swing back.
-pub const SWING: f64 = 0.4;
-/// Most that it may swing back for each m/s of the speed bound, s: a load that swings with 2 Hz and has the speed v
-/// when its valve shuts goes v / (2 pi 2 Hz) too far, and as much back.
-pub const SWING_TIME: f64 = 0.08;
-
 /// A position that has not changed.
 #[derive(Debug, Clone, Copy)]
 struct Still {

@@ -40,6 +40,8 @@ pub struct Control {
     pub limits: LimitSettings,
     /// Whether references that ask for more than this axis can give go on more slowly along their path.
     pub slow_references: bool,
+    /// Whether the axis is disarmed in every mode when the requests to it stop.
+    pub hold_to_run: bool,
 }
 
 /// What the control of an axis needs from the rest of the axis.
@@ -112,6 +114,13 @@ impl Control {
             law: read_law(&mut section, name, commissioned, period),
             limits: LimitSettings::default(),
             slow_references: read_slow_references(&mut section, name, commissioned),
+            hold_to_run: section
+                .key(
+                    "hold_to_run",
+                    "Whether the axis is disarmed in every mode 0.1 s after the requests to it have stopped: then it \
+                     is armed only while `hydraxis operate` runs",
+                )
+                .flag_or(false),
         };
         let (command_rate, period) = (control.command_rate, period.as_secs_f64());
         let nature = Nature { commissioned, max_speed, command_rate, resolution, period };

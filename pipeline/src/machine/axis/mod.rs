@@ -54,6 +54,7 @@ pub use sensor_errors::SensorErrors;
 use sensor_errors::Sensors;
 
 use super::{document::Section, fuzzy::Fuzzy, source::Source, timing::Timing};
+use crate::MAX_NAME;
 
 /// What the tables of the axes need from the rest of the machine file.
 pub(super) struct Shared<'a> {
@@ -101,8 +102,9 @@ pub struct Axis {
 
 impl Axis {
     pub(super) fn read(name: &str, mut section: Section, shared: &Shared) -> Self {
-        if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_') {
-            section.refuse("", format!("axis name \"{name}\""), "letters, digits, - and _");
+        let is_name = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
+        if !is_name || !(1..=MAX_NAME).contains(&name.len()) {
+            section.refuse("", format!("axis name \"{name}\""), "1 to 32 letters, digits, - and _");
         }
         let stroke =
             section.key("stroke", "Travel of the piston; positions run from 0 to it").number(1e-3..=100.0, "m");

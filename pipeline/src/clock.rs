@@ -15,7 +15,7 @@ pub fn monotonic_ns() -> u64 {
 }
 
 /// Sleeps until an absolute time, ns; returns early only for a signal. A stage's loop uses
-/// [`super::Turn::sleep_until`].
+/// [`crate::stage::Turn::sleep_until`].
 pub fn sleep_until(deadline_ns: u64) {
     let request = Timespec { tv_sec: (deadline_ns / NANOSECONDS) as i64, tv_nsec: (deadline_ns % NANOSECONDS) as i64 };
     let slept = clock_nanosleep_absolute(ClockId::Monotonic, &request);

@@ -1,0 +1,205 @@
+//! Faults 26 to 28: axes of the simulated excavator that move though nobody has commanded it.
+//!
+//! A spool that is stuck open is a valve that gets one command, whatever the controller asks for. With a valve that is
+//! reversed the axis goes the other way; with an encoder that is reversed its position does. A burst hose is leakage.
+
+use std::path::Path;
+
+use control_proc::Controller;
+use pipeline::{
+    machine::{BUILT_IN, Change, Machine, Parameter, model_settings_in},
+    message::{AxisMode, AxisRequest, Request, ValveCommand, control_flag},
+};
+use plant_sim::PlantSim;
+use sensor_proc::Acquisition;
+
+/// Of a tick, s.
+const PERIOD: f64 = 0.01;
+/// Tick at which the fault begins.
+const BEGIN: u64 = 1500;
+/// Ticks that are watched.
+const END: u64 = BEGIN + 600;
+/// Way from which on an axis has begun to move, m.
+const BEGUN: f64 = 1e-3;
+const AXES: usize = 4;
+
+/// What is wrong with all axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Fault {
+    /// Nothing.
+    None,
+    /// Spools are stuck with this part of the control edges open.
+    Stuck(f64),
+    /// Commands act the other way.
+    Valve,
+    /// Positions count the other way.
+    Encoder,
+    /// The leakage of all cylinders is this many times as large.
+    Hose(f64),
+}
+
+/// The built-in excavator, with or without its model.
+fn excavator(is_commissioned: bool) -> Machine {
+    let model = include_str!("../../../examples/excavator-model.toml");
+    let settings = if is_commissioned { model_settings_in(model, "model").unwrap() } else { Vec::new() };
+    Machine::parse(BUILT_IN, "excavator.toml", Path::new("."), &settings).unwrap()
+}
+
+/// The command of a valve whose edges are open by this part.
+fn command_of(machine: &Machine, axis: usize, opening: f64) -> f64 {
+    let plant = machine.axes[axis].plant.as_ref().unwrap();
+    // An S-shaped curve, 3 c^2 - 2 c^3: bisection.
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..40 {
+        let c: f64 = 0.5 * (low + high);
+        if c * c * (3.0 - 2.0 * c) < opening { low = c } else { high = c }
+    }
+    plant.dead_band.extend + low * (plant.saturation.extend - plant.dead_band.extend)
+}
+
+/// A request to all axes; armed from the second message on.
+fn request(tick: u64, mode: AxisMode, command: f64) -> Request {
+    let mut request = Request { session: 1, ..Request::default() };
+    request.header.axis_count = AXES as u32;
+    (request.header.sequence, request.header.number) = (tick.saturating_sub(1), tick);
+    let command = if mode == AxisMode::Manual && tick >= BEGIN { command } else { 0.0 };
+    let enable = u32::from(tick > 1);
+    request.axes.fill(AxisRequest { mode: mode as u32, enable, command, ..AxisRequest::default() });
+    request
+}
+
+/// What each axis did after the begin of the fault: time from the begin of its motion to the latch, s, its travel until
+/// then, m, and the cause. None for an axis that was not latched.
+type Seen = [Option<(f64, f64, u32)>; AXES];
+
+/// Runs the excavator in `mode`, off for no mode, with a fault from [`BEGIN`] on.
+fn watched(machine: &Machine, mode: AxisMode, fault: Fault) -> (Seen, [f64; AXES]) {
+    let mut machine = machine.clone();
+    if let Fault::Hose(factor) = fault {
+        let start = BEGIN as f64 * PERIOD;
+        machine.scenario.changes =
+            vec![Change { axis: None, parameter: Parameter::Leakage, start, end: start, to: factor }];
+    }
+    let mut plant = PlantSim::new(&machine, 1).unwrap();
+    let (mut acquisition, mut controller) = (Acquisition::new(&machine), Controller::new(&machine).unwrap());
+    let (mut seen, mut from, mut begun) = ([None; AXES], [0.0; AXES], [None; AXES]);
+    for tick in 0..END {
+        let mut reading = plant.read();
+        for (encoder, axis) in reading.encoders.iter_mut().zip(&machine.axes) {
+            if fault == Fault::Encoder {
+                encoder.counts = (axis.stroke / axis.encoder.resolution) as i64 - encoder.counts;
+            }
+        }
+        let sample = acquisition.update(tick, Some(&reading));
+        if mode != AxisMode::Off {
+            // Neutral or back where the spool is stuck; one way where something is reversed.
+            let command = if matches!(fault, Fault::Stuck(_)) { -0.6 } else { 0.6 };
+            controller.ask(&request(tick, mode, command));
+        }
+        let command = controller.update(&sample, None, None);
+        for i in 0..AXES {
+            let way = (plant.axes()[i].position - from[i]).abs();
+            if tick <= BEGIN {
+                from[i] = plant.axes()[i].position;
+            } else if way > BEGUN {
+                begun[i].get_or_insert(tick);
+            }
+            let cause = command.axes[i].flags & control_flag::LATCHED;
+            if cause & control_flag::MOTION != 0 {
+                assert_eq!(command.cut_off, 1);
+                let since = (tick - begun[i].unwrap_or(tick)) as f64 * PERIOD;
+                seen[i].get_or_insert((since, way, cause));
+            }
+        }
+        plant.command(&on_the_valve(&machine, &command, fault, tick));
+        plant.advance(machine.timing.period);
+    }
+    let ways = std::array::from_fn(|i| (plant.axes()[i].position - from[i]).abs());
+    (seen, ways)
+}
+
+/// What acts in place of `command`.
+fn on_the_valve(machine: &Machine, command: &ValveCommand, fault: Fault, tick: u64) -> ValveCommand {
+    let mut acting = *command;
+    for (i, axis) in acting.axes[..AXES].iter_mut().enumerate() {
+        match fault {
+            Fault::Stuck(opening) if tick >= BEGIN => {
+                axis.command = command_of(machine, i, opening);
+                // A spool that is stuck does not obey its springs.
+                acting.cut_off = 0;
+            }
+            Fault::Valve => axis.command = -axis.command,
+            _ => {}
+        }
+    }
+    acting
+}
+
+/// Prints a row of the table of detections, and returns it.
+fn row(is_commissioned: bool, mode: AxisMode, fault: Fault) -> (Seen, [f64; AXES]) {
+    let (seen, ways) = watched(&excavator(is_commissioned), mode, fault);
+    let told: Vec<String> = (seen.iter().zip(ways))
+        .map(|(seen, way)| match seen {
+            Some((time, travel, cause)) => format!("{:.0} ms {:.0} mm ({cause})", 1e3 * time, 1e3 * travel),
+            None => format!("- ({:.0} mm)", 1e3 * way),
+        })
+        .collect();
+    println!("{is_commissioned} {mode:?} {fault:?}: {}", told.join(", "));
+    (seen, ways)
+}
+
+/// Expects every axis to latch within 0.2 s, or 20 mm, its drift of up to 24 mm/s and two ticks, unless the cut-off of
+/// another one stops it.
+fn expect_in_time((seen, ways): (Seen, [f64; AXES])) {
+    assert!(seen.iter().any(Option::is_some));
+    for (seen, way) in seen.into_iter().zip(ways) {
+        let (time, travel, _) = seen.unwrap_or((1.0, way, 0));
+        assert!(
+            time <= 0.2 || travel <= 0.02 + 0.024 * time + BEGUN + 2.0 * PERIOD * travel / time,
+            "{time} s, {travel} m"
+        );
+    }
+}
+
+#[test]
+fn row_27_a_spool_that_is_stuck_open_latches_and_cuts_the_pilot_off_in_every_mode() {
+    for is_commissioned in [true, false] {
+        for mode in [AxisMode::Off, AxisMode::Manual, AxisMode::Hold, AxisMode::Track] {
+            for opening in [0.1, 0.3, 0.5, 1.0] {
+                let seen = row(is_commissioned, mode, Fault::Stuck(opening));
+                if opening >= 0.3 {
+                    assert!(seen.0.iter().all(Option::is_some), "{mode:?} {opening}");
+                }
+                if mode == AxisMode::Off && opening >= 0.3 {
+                    expect_in_time(seen);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn row_28_an_axis_that_moves_against_its_command_latches_and_cuts_the_pilot_off() {
+    for is_commissioned in [true, false] {
+        for mode in [AxisMode::Manual, AxisMode::Hold, AxisMode::Track] {
+            for fault in [Fault::Valve, Fault::Encoder] {
+                let seen = row(is_commissioned, mode, fault);
+                if mode == AxisMode::Manual {
+                    expect_in_time(seen);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn an_axis_whose_hose_has_burst_latches_and_one_that_leaks_does_not() {
+    for mode in [AxisMode::Off, AxisMode::Hold] {
+        for factor in [10.0, 100.0, 1000.0] {
+            let (seen, _) = row(true, mode, Fault::Hose(factor));
+            assert!(factor > 10.0 || seen.iter().all(Option::is_none));
+        }
+        let (seen, _) = row(true, mode, Fault::None);
+        assert!(seen.iter().all(Option::is_none));
+    }
+}

@@ -17,7 +17,7 @@ const SMALL: [&str; 14] = [
     "--controller",
     "pi-feedforward",
     "--controller",
-    "mpc-adaptive",
+    "smith-adaptive",
     "--scenario",
     "payload",
     "--dead-time",
@@ -41,7 +41,7 @@ fn the_figures_are_there_in_metres_and_the_same_every_time() {
     let figures: Value = serde_json::from_str(&text).unwrap();
     let rows = figures["rows"].as_array().unwrap();
     let controllers: Vec<&str> = rows.iter().map(|row| row["controller"].as_str().unwrap()).collect();
-    assert_eq!(controllers, ["pi-feedforward", "mpc-adaptive"]);
+    assert_eq!(controllers, ["pi-feedforward", "smith-adaptive"]);
     for row in rows {
         assert_eq!((row["scenario"].as_str(), row["dead_time_s"].as_f64()), (Some("payload"), Some(0.01)));
         let [rms, sigma, max] = ["rms", "sigma", "max"].map(|key| row[key].as_f64().unwrap());

@@ -132,11 +132,12 @@ class ValveCommand(ctypes.Structure):
         ("axes", AxisCommand * MAX_AXES),
         ("cut_off", u32),  # 1 asks for the pilot pressure to be cut off
         ("reserved", u32),
+        ("operator", u64),  # session of the program that operates, or did last; 0 before the first
     ]
 
     @staticmethod
     def type_name():
-        return "hydraxis.ValveCommand/6"
+        return "hydraxis.ValveCommand/7"
 
 
 class Coefficients(ctypes.Structure):

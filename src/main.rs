@@ -4,6 +4,7 @@ mod arguments;
 mod command;
 mod failure;
 mod group;
+mod recording;
 mod report;
 
 use std::{

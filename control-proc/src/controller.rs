@@ -15,14 +15,15 @@
 use pipeline::{
     MAX_AXES,
     channel::Stop,
-    machine::Machine,
+    machine::{Machine, samples_of},
     message::{
         AxisCommand, CoefficientSnapshot, EncoderSample, Header, Reference, Request, ValveCommand, control_flag,
     },
 };
 
 use crate::{
-    axis::{AxisController, AxisInput, UNUSABLE_LIMIT},
+    axis::{AxisController, AxisInput, UNUSABLE_LIMIT, requests::STREAM_TIMEOUT},
+    operators::Operators,
     reference::{generator::ReferenceGenerator, path::Path},
     trajectory_file::{ReferenceError, read_references},
 };
@@ -34,6 +35,7 @@ pub struct Controller {
     path: Path,
     axes: Vec<AxisController>,
     request: Option<Request>,
+    operators: Operators,
     last_sequence: Option<u64>,
     /// Life of the source of the samples.
     session: u64,
@@ -54,6 +56,7 @@ impl Controller {
             path: Path::new(axes.iter().map(AxisController::ahead).max().unwrap_or_default()),
             axes,
             request: None,
+            operators: Operators::new(samples_of(STREAM_TIMEOUT, machine.timing.period).max(1) as u64),
             last_sequence: None,
             session: 0,
             repeated: 0,
@@ -97,14 +100,25 @@ impl Controller {
         self.message_of(self.last_sequence.unwrap_or_default(), AxisController::message)
     }
 
-    /// Takes in the newest request, which counts from the next sample on. A request that was seen before has no effect.
+    /// Takes in a request, which counts from the next sample on unless a newer one comes before. A request that was
+    /// seen before has no effect, nor has one of another program than the one that operates.
     pub fn ask(&mut self, request: &Request) {
-        self.request = Some(*request);
+        if self.operators.admit(request, self.last_sequence.unwrap_or_default()) {
+            self.request = Some(*request);
+        } else {
+            self.axes.iter_mut().for_each(AxisController::refuse_request);
+        }
     }
 
-    /// Latches every axis at neutral because the samples have stopped, until the axes are disarmed and armed again.
+    /// Latches every axis at neutral because the samples have stopped, until the axes are disarmed and armed again. An
+    /// axis that still settles does so anew.
     pub fn feedback_lost(&mut self) {
-        self.latch(control_flag::FEEDBACK);
+        self.lose(control_flag::FEEDBACK);
+    }
+
+    /// Latches every axis at neutral for this cause, something that comes too late, except for those that still settle.
+    pub fn lose(&mut self, cause: u32) {
+        self.axes.iter_mut().for_each(|axis| axis.lose(cause));
     }
 
     /// Latches every axis at neutral for this cause, a [`control_flag`] bit, until it is disarmed and armed again.
@@ -203,6 +217,6 @@ impl Controller {
 
     fn empty(&self, sequence: u64) -> ValveCommand {
         let header = Header { sequence, axis_count: self.axes.len() as u32, ..Header::default() };
-        ValveCommand { header, ..ValveCommand::default() }
+        ValveCommand { header, operator: self.operators.session(), ..ValveCommand::default() }
     }
 }

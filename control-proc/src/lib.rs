@@ -33,6 +33,7 @@ pub mod commission;
 pub mod controller;
 pub mod fallback;
 pub mod model;
+mod operators;
 pub mod predictive;
 pub mod process;
 pub mod protection;

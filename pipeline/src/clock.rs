@@ -1,4 +1,5 @@
-//! `CLOCK_MONOTONIC`: the only clock of the project, so that setting the date disturbs nothing.
+//! `CLOCK_MONOTONIC`: the only clock of the loops, so that setting the date disturbs nothing. It stands still while the
+//! computer is suspended, which [`asleep_ns`] tells.
 
 use rustix::{
     io::Errno,
@@ -14,6 +15,15 @@ pub fn monotonic_ns() -> u64 {
     now.tv_sec as u64 * NANOSECONDS + now.tv_nsec as u64
 }
 
+/// Time for which the computer has been suspended since it started, ns; too little by what passes between two looks at
+/// the clocks, never too much.
+pub fn asleep_ns() -> u64 {
+    let since_start = clock_gettime(ClockId::Boottime);
+    let since_start_ns = since_start.tv_sec as u64 * NANOSECONDS + since_start.tv_nsec as u64;
+    // Read last: a process that is interrupted here has not slept.
+    since_start_ns.saturating_sub(monotonic_ns())
+}
+
 /// Sleeps until an absolute time, ns; returns early only for a signal. A stage's loop uses
 /// [`crate::stage::Turn::sleep_until`].
 pub fn sleep_until(deadline_ns: u64) {
@@ -25,6 +35,13 @@ pub fn sleep_until(deadline_ns: u64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_computer_that_is_awake_does_not_sleep() {
+        let before = (0..100).map(|_| asleep_ns()).max().unwrap();
+        sleep_until(monotonic_ns() + 20_000_000);
+        assert!(asleep_ns() < before + 1_000_000);
+    }
 
     #[test]
     fn sleeping_ends_at_or_after_the_deadline() {

@@ -1,13 +1,47 @@
-//! The fingerprint of a message's memory layout.
+//! What a message is made of: the fingerprint of its memory layout, its fields, and their values.
 //!
 //! iceoryx2 compares only type name, size and alignment, so it does not notice two fields of one size that have swapped
 //! places. The fingerprint folds the name, type and offset of every field into one number. The number is an attribute
 //! of the channel and is checked on opening.
+//!
+//! Names and types of the fields, and a walk over their values, let a message be written in another format without a
+//! second list of its fields.
 
-/// A type whose memory layout has a fingerprint.
+/// A type whose memory layout is known.
 pub trait Layout {
     /// FNV-1a hash over name, type and offset of every field, nested types included.
     const LAYOUT: u64;
+    /// What it is made of.
+    const SHAPE: Shape;
+
+    /// Gives all its numbers to `sink`, in the order of the fields.
+    fn walk(&self, sink: &mut impl Sink);
+}
+
+/// What a type is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shape {
+    /// A number, with the name of its type.
+    Number(&'static str),
+    /// So many of one shape.
+    Array(&'static Shape, usize),
+    /// A struct with its fields.
+    Struct(&'static str, &'static [Field]),
+}
+
+/// A field of a struct.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Field {
+    /// Its name.
+    pub name: &'static str,
+    /// What it is made of.
+    pub shape: Shape,
+}
+
+/// Takes numbers.
+pub trait Sink {
+    /// Takes one number as little-endian bytes.
+    fn number<const N: usize>(&mut self, bytes: [u8; N]);
 }
 
 const FNV_OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
@@ -41,12 +75,26 @@ pub const fn with_number(mut hash: u64, number: u64) -> u64 {
 }
 
 macro_rules! primitive {
-    ($($ty:ident),*) => { $(impl Layout for $ty { const LAYOUT: u64 = named(stringify!($ty)); })* };
+    ($($ty:ident),*) => {
+        $(impl Layout for $ty {
+            const LAYOUT: u64 = named(stringify!($ty));
+            const SHAPE: Shape = Shape::Number(stringify!($ty));
+
+            fn walk(&self, sink: &mut impl Sink) {
+                sink.number(self.to_le_bytes());
+            }
+        })*
+    };
 }
 primitive!(u8, u32, u64, i64, f64);
 
 impl<T: Layout, const N: usize> Layout for [T; N] {
     const LAYOUT: u64 = with_number(with_name(T::LAYOUT, "array"), N as u64);
+    const SHAPE: Shape = Shape::Array(&T::SHAPE, N);
+
+    fn walk(&self, sink: &mut impl Sink) {
+        self.iter().for_each(|item| item.walk(sink));
+    }
 }
 
 /// Declares a struct for shared memory: `repr(C)`, `Copy`, with a [`Layout`] that is derived from the listed fields.
@@ -68,6 +116,16 @@ macro_rules! shared_struct {
                 )*
                 hash
             };
+            const SHAPE: $crate::layout::Shape = $crate::layout::Shape::Struct(stringify!($name), &[$(
+                $crate::layout::Field {
+                    name: stringify!($field),
+                    shape: <$ty as $crate::layout::Layout>::SHAPE,
+                },
+            )*]);
+
+            fn walk(&self, sink: &mut impl $crate::layout::Sink) {
+                $($crate::layout::Layout::walk(&self.$field, sink);)*
+            }
         }
     };
 }
@@ -75,7 +133,7 @@ pub(crate) use shared_struct;
 
 #[cfg(test)]
 mod tests {
-    use super::Layout;
+    use super::{Field, Layout, Shape, Sink};
 
     mod one {
         use iceoryx2::prelude::ZeroCopySend;
@@ -99,5 +157,22 @@ mod tests {
         assert_eq!(size_of::<one::Pair>(), size_of::<swapped::Pair>());
         assert_ne!(one::Pair::LAYOUT, swapped::Pair::LAYOUT);
         assert_ne!(<[f64; 4]>::LAYOUT, <[f64; 5]>::LAYOUT);
+    }
+
+    #[test]
+    fn fields_and_values_come_in_order() {
+        struct Bytes(Vec<u8>);
+        impl Sink for Bytes {
+            fn number<const N: usize>(&mut self, bytes: [u8; N]) {
+                self.0.extend(bytes);
+            }
+        }
+        const NUMBER: Shape = Shape::Number("f64");
+        const FIELDS: [Field; 2] = [Field { name: "position", shape: NUMBER }, Field { name: "speed", shape: NUMBER }];
+        assert_eq!(one::Pair::SHAPE, Shape::Struct("Pair", &FIELDS));
+        assert_eq!(<[u32; 3]>::SHAPE, Shape::Array(&Shape::Number("u32"), 3));
+        let mut bytes = Bytes(Vec::new());
+        [one::Pair { position: 1.0, speed: 2.0 }].walk(&mut bytes);
+        assert_eq!(bytes.0, [1.0f64.to_le_bytes(), 2.0f64.to_le_bytes()].concat());
     }
 }

@@ -25,6 +25,7 @@ use crate::{
         preflight::{PreflightError, folders, programs, rights},
         supervisor::{Launch, Supervisor},
     },
+    recording::black_box::default_folder,
     report::{control_loop::LoopReport, output::Output},
 };
 
@@ -72,6 +73,14 @@ pub struct RunArguments {
     /// Also write the output of supervisor and stages, with times, to a new file in this folder
     #[arg(long, value_name = "DIR")]
     pub log_folder: Option<PathBuf>,
+    /// Folder for the black box, a file with the last 10 s of all channels that is written when a fault latches an axis
+    /// or a stage dies; the newest 20 are kept [default: $STATE_DIRECTORY, $XDG_STATE_HOME/hydraxis or
+    /// ~/.local/state/hydraxis]
+    #[arg(long, value_name = "DIR")]
+    pub black_box: Option<PathBuf>,
+    /// Write no black box; a run in lock-step writes none, since it can be repeated
+    #[arg(long, conflicts_with = "black_box")]
+    pub no_black_box: bool,
 }
 
 /// Runs the command.
@@ -157,34 +166,51 @@ fn run_group(
     warnings: &[String],
 ) -> Result<LoopReport, Failure> {
     let group = Group::join(&options.prefix, "supervisor").map_err(ChannelError::from)?;
-    let mut monitor = Monitor::new(&group)?;
+    let has_black_box = options.clock == Clock::RealTime && !arguments.no_black_box;
+    let black_boxes = has_black_box.then(|| arguments.black_box.clone().unwrap_or_else(default_folder));
+    let mut monitor = Monitor::new(&group, has_black_box)?;
     let launch = Launch { machine, arguments: &arguments.machine, options };
-    let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref())?;
+    let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref(), black_boxes.as_deref())?;
     let scenario = &machine.scenario.name;
     let scenario = if machine.source == Source::Sim { format!(", scenario \"{scenario}\"") } else { String::new() };
     supervisor.say(format!("{}{scenario}: group \"{}\", Ctrl-C ends it", machine.name, options.prefix));
     for warning in warnings {
         supervisor.say(format!("warning: {warning}"));
     }
-    let (followers, head) = stages(machine, options.clock);
+    let watched = start_and_watch(machine, options.clock, &mut monitor, &mut supervisor);
+    // A stage that does not end as it was asked to is a failure of the run as well.
+    let stopped = supervisor.stop().map_or(Ok(()), Err);
+    let polled = monitor.poll();
+    supervisor.watch_faults(&mut monitor, true);
+    let wall_s = watched?;
+    stopped?;
+    polled?;
+    Ok(LoopReport::new(machine, &monitor.into_last(supervisor.restart_causes()), options.clock, wall_s))
+}
+
+/// Starts the stages, the one that all others wait for last, and supervises them until their end. The time since the
+/// last one was started, s.
+fn start_and_watch(
+    machine: &Machine,
+    clock: Clock,
+    monitor: &mut Monitor,
+    supervisor: &mut Supervisor,
+) -> Result<f64, Failure> {
+    let (followers, head) = stages(machine, clock);
     for kind in &followers {
         supervisor.start(*kind)?;
     }
     for kind in &followers {
-        while !supervisor.is_ready(*kind, &monitor) && !supervisor.is_interrupted() {
-            supervisor.step(&mut monitor)?;
+        while !supervisor.is_ready(*kind, monitor) && !supervisor.is_interrupted() {
+            supervisor.step(monitor)?;
         }
     }
     let started = Instant::now();
     if !supervisor.is_interrupted() {
         supervisor.start(head)?;
-        watch(machine, head, &mut monitor, &mut supervisor)?;
+        watch(machine, head, monitor, supervisor)?;
     }
-    let wall_s = started.elapsed().as_secs_f64();
-    // A stage that does not end as it was asked to is a failure of the run as well.
-    supervisor.stop().map_or(Ok(()), Err)?;
-    monitor.poll()?;
-    Ok(LoopReport::new(machine, &monitor.into_last(supervisor.restart_causes()), options.clock, wall_s))
+    Ok(started.elapsed().as_secs_f64())
 }
 
 /// Supervises until the last tick, a signal, or a failure.

@@ -5,27 +5,23 @@
 use std::time::{Duration, Instant};
 
 use pipeline::{
-    channel::{ChannelError, Group, Reader},
+    channel::{ChannelError, Group},
     machine::Machine,
-    message::{
-        AxisMode, CoefficientSnapshot, ControlMode, EncoderSample, StageHealth, StageState, ValveCommand, bit_names,
-        control_flag, model_fault,
-    },
-    stage::StageKind,
+    message::{AxisMode, ControlMode, StageState, ValveCommand, bit_names, control_flag, model_fault},
+    stage::{StageKind, monotonic_ns},
 };
 
-use crate::report::control_loop::LastMessages;
+use crate::{recording::black_box::Tapes, report::control_loop::LastMessages};
 
 /// Time between two lines.
 const LINE_PERIOD: Duration = Duration::from_secs(1);
 
 /// Reads the messages of a group.
 pub struct Monitor {
-    health: Reader<StageHealth>,
-    samples: Reader<EncoderSample>,
-    commands: Reader<ValveCommand>,
-    snapshots: Reader<CoefficientSnapshot>,
+    tapes: Tapes,
     last: LastMessages,
+    /// Session of the program that operates the group.
+    operator: u64,
     /// When the last heartbeat of each stage came; none before the first one of its process.
     heartbeats: [Option<Instant>; 4],
     next_line: Instant,
@@ -34,18 +30,16 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// Attaches to the group's channels.
+    /// Attaches to the group's channels. `keeps`: the messages are kept for a black box.
     ///
     /// # Errors
     /// A channel cannot be opened.
-    pub fn new(group: &Group) -> Result<Self, ChannelError> {
+    pub fn new(group: &Group, keeps: bool) -> Result<Self, ChannelError> {
         let now = Instant::now();
         Ok(Self {
-            health: group.reader()?,
-            samples: group.reader()?,
-            commands: group.reader()?,
-            snapshots: group.reader()?,
+            tapes: Tapes::new(group, keeps)?,
             last: LastMessages::default(),
+            operator: 0,
             heartbeats: [None; 4],
             next_line: now + LINE_PERIOD,
             progress: 0,
@@ -58,20 +52,21 @@ impl Monitor {
     /// # Errors
     /// A channel cannot be read.
     pub fn poll(&mut self) -> Result<(), ChannelError> {
-        while let Some(health) = self.health.read()?.if_new() {
+        let (tapes, now) = (&mut self.tapes, monotonic_ns());
+        while let Some(health) = tapes.health.read(now)? {
             let Some(slot) = self.last.health.get_mut(health.stage as usize) else { continue };
             self.heartbeats[health.stage as usize] = Some(Instant::now());
-            let before = slot.replace(*health);
+            let before = slot.replace(health);
             // A new process counts from 0 again, so the last counts of the former one are kept.
             self.last.former.extend(before.filter(|before| before.pid != health.pid));
         }
-        self.samples.newest()?;
-        if let Some(command) = self.commands.newest()?.if_new() {
-            self.last.command = Some(*command);
-        }
-        if let Some(snapshot) = self.snapshots.newest()?.if_new() {
-            self.last.snapshot = Some(*snapshot);
-        }
+        tapes.readings.newest(now)?;
+        tapes.samples.newest(now)?;
+        tapes.references.newest(now)?;
+        tapes.requests.newest(now)?;
+        tapes.states.newest(now)?;
+        self.last.command = tapes.commands.newest(now)?.or(self.last.command);
+        self.last.snapshot = tapes.snapshots.newest(now)?.or(self.last.snapshot);
         let all = self.last.health.iter().flatten().chain(&self.last.former);
         let progress = all.map(|health| health.samples).sum();
         if progress != self.progress {
@@ -98,7 +93,25 @@ impl Monitor {
 
     /// Number of the newest sample, and when it was acquired, ns of `CLOCK_MONOTONIC`.
     pub fn last_sample(&self) -> Option<(u64, u64)> {
-        self.samples.last().map(|sample| (sample.header.sequence, sample.header.acquired_ns))
+        self.tapes.samples.last().map(|sample| (sample.header.sequence, sample.header.acquired_ns))
+    }
+
+    /// The last command, if there has been one.
+    pub fn last_command(&self) -> Option<&ValveCommand> {
+        self.last.command.as_ref()
+    }
+
+    /// Whether a program has taken over from another one since the last call.
+    pub fn was_taken_over(&mut self) -> bool {
+        let Some(command) = &self.last.command else { return false };
+        let before = std::mem::replace(&mut self.operator, command.operator);
+        let takes_over = self.tapes.requests.last().is_some_and(|request| request.takes_over == 1);
+        before != 0 && command.operator != 0 && before != command.operator && takes_over
+    }
+
+    /// What the black box writes.
+    pub fn tapes(&mut self) -> &mut Tapes {
+        &mut self.tapes
     }
 
     /// Time since a stage last worked a tick.

@@ -15,9 +15,7 @@ use std::{
 };
 
 use pipeline::{
-    channel::{
-        Board, BoardError, ChannelError, Group, GroupMachine, Listener, Prefix, Publisher, PublisherError, Reader,
-    },
+    channel::{Board, BoardError, ChannelError, Group, GroupMachine, Listener, Prefix, Publisher, Reader},
     message::{
         AxisCommand, AxisMode, AxisRequest, EncoderSample, Header, Request, ValveCommand, bit_names, control_flag,
     },
@@ -48,14 +46,16 @@ pub enum OperatorError {
     NoGroup(Prefix),
     /// The group has an operator already.
     #[error(
-        "another program operates group \"{prefix}\"; end that one first (`hydraxis status --prefix {prefix}` names it)"
+        "another program operates group \"{prefix}\"; end that one first (`hydraxis status --prefix {prefix}` names it), \
+         or take its place with --take-over"
     )]
     Taken {
         /// The group.
         prefix: Prefix,
-        /// What the channel says.
-        source: PublisherError,
     },
+    /// Another program has taken over.
+    #[error("another program has taken over the operation of group \"{0}\"; this one has no effect any more")]
+    Replaced(Prefix),
     /// A channel of the group cannot be used.
     #[error(transparent)]
     Channel(#[from] ChannelError),
@@ -102,6 +102,8 @@ pub struct Operator {
     requests: Publisher<Request>,
     listener: Listener,
     request: Request,
+    /// The controller has taken a request of this program.
+    is_current: bool,
     sample_patience: Duration,
     answer_patience: Duration,
     stop: Arc<AtomicBool>,
@@ -110,16 +112,19 @@ pub struct Operator {
 
 impl Operator {
     /// Joins a group, and waits until the controller takes its requests, which ask for nothing yet. `stop` ends all
-    /// waiting.
+    /// waiting. `takes_over`: in the place of a program that operates the group now.
     ///
     /// # Errors
     /// No such group runs, it has no controller, or another program operates it.
-    pub fn join(prefix: &Prefix, stop: Arc<AtomicBool>) -> Result<Self, OperatorError> {
+    pub fn join(prefix: &Prefix, takes_over: bool, stop: Arc<AtomicBool>) -> Result<Self, OperatorError> {
         let machine = *board(prefix)?.machine();
         let group = Group::join(prefix, "operator").map_err(ChannelError::from)?;
         // An operator that was killed would keep the only place on the channel.
         group.bury_the_dead();
-        let requests = group.publisher::<Request>().map_err(|error| publisher_error(prefix, error))?;
+        let requests = group.publisher::<Request>().map_err(ChannelError::from)?;
+        if !takes_over && group.publishers::<Request>().map_err(ChannelError::from)? > 1 {
+            return Err(OperatorError::Taken { prefix: prefix.clone() });
+        }
         let period = Duration::from_nanos(machine.period_ns);
         let mut operator = Self {
             machine,
@@ -128,7 +133,8 @@ impl Operator {
             commands: group.reader().map_err(ChannelError::from)?,
             listener: group.listener::<EncoderSample>().map_err(ChannelError::from)?,
             requests,
-            request: Request { session: monotonic_ns(), ..Request::default() },
+            request: Request { session: monotonic_ns(), takes_over: u32::from(takes_over), ..Request::default() },
+            is_current: false,
             sample_patience: SAMPLE_PATIENCE.max(period * SAMPLE_PERIODS),
             answer_patience: ANSWER_PATIENCE.max(period * ANSWER_PERIODS),
             stop,
@@ -136,11 +142,12 @@ impl Operator {
         };
         operator.request.header = Header { axis_count: machine.axis_count as u32, ..Header::default() };
         // The controller counts the edges of `enable` from the first message that it has taken.
-        let mut taken = None;
+        let (session, mut taken) = (operator.request.session, None);
         operator.ask_until("an answer of the controller", |command| {
             let now = command.axes[0].taken_requests;
-            now > *taken.get_or_insert(now)
+            command.operator == session && now > *taken.get_or_insert(now)
         })?;
+        operator.is_current = true;
         Ok(operator)
     }
 
@@ -182,9 +189,16 @@ impl Operator {
     /// The next command of the controller, in order, if one has come.
     ///
     /// # Errors
-    /// The channel cannot be read.
+    /// The channel cannot be read, or another program has taken over.
     pub fn command(&mut self) -> Result<Option<ValveCommand>, OperatorError> {
-        Ok(self.commands.read().map_err(ChannelError::from)?.if_new().copied())
+        let command = self.commands.read().map_err(ChannelError::from)?.if_new().copied();
+        // A controller that has been started again does not know of any program yet.
+        if command.is_some_and(|command| command.operator != 0 && command.operator != self.request.session)
+            && self.is_current
+        {
+            return Err(OperatorError::Replaced(self.prefix.clone()));
+        }
+        Ok(command)
     }
 
     /// The controller's last command of an axis, if there has been one.
@@ -301,12 +315,4 @@ pub fn state(name: &str, flags: u32, operation: u32) -> String {
     let flags = if flags.is_empty() { String::new() } else { format!(" ({})", flags.join(", ")) };
     let mode = AxisMode::from_number(operation).map_or("unknown", AxisMode::name);
     format!("axis.{name}: {mode}{flags}")
-}
-
-/// The channel of requests has one place for a publisher. A second operator is refused.
-fn publisher_error(prefix: &Prefix, error: PublisherError) -> OperatorError {
-    match error {
-        PublisherError::TooManyPublishers { .. } => OperatorError::Taken { prefix: prefix.clone(), source: error },
-        other => OperatorError::Channel(other.into()),
-    }
 }

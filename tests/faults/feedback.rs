@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use pipeline::{
-    channel::Reader,
+    channel::{Notifier, Publisher, Reader},
     message::{AxisMode, EncoderReading, EncoderSample, StageHealth, ValveCommand, control_flag},
     stage::{StageKind, monotonic_ns},
 };
@@ -151,45 +151,74 @@ fn row_03_a_long_stop_of_the_acquisition_latches() {
     moving.expect_latched(control_flag::FEEDBACK, Duration::from_millis(500));
 }
 
+/// Plays the acquisition for a control-proc in real time.
+struct Acquisition {
+    samples: Publisher<EncoderSample>,
+    notifier: Notifier,
+    commands: Reader<ValveCommand>,
+    sequence: u64,
+}
+
+impl Acquisition {
+    /// Starts the controller, armed, with a feedback time-out of 300 ms, and sends samples until its axes follow.
+    fn start(group: &mut TestGroup) -> Self {
+        let channels = group.join();
+        let samples = channels.publisher().unwrap();
+        let (notifier, commands) = (channels.notifier::<EncoderSample>().unwrap(), channels.reader().unwrap());
+        group.start(StageKind::ControlProc, &["--arm", "--set", "timing.feedback_timeout=300ms"]);
+        let mut acquisition = Self { samples, notifier, commands, sequence: 0 };
+        wait_for("an axis that follows", || {
+            acquisition.sample(0).filter(|command| command.axes[0].flags & control_flag::SETTLING == 0)
+        });
+        acquisition
+    }
+
+    /// Sends a sample that was acquired so many ns from now. The last command 10 ms later.
+    fn sample(&mut self, from_now: i64) -> Option<ValveCommand> {
+        self.sequence += 1;
+        let mut sample = EncoderSample::default();
+        sample.header.sequence = self.sequence;
+        sample.header.axis_count = AXES as u32;
+        sample.header.acquired_ns = monotonic_ns().checked_add_signed(from_now).unwrap();
+        sample.header.sent_ns = monotonic_ns();
+        let positions = [0.65, 0.75, 0.6, 0.55];
+        sample.axes.iter_mut().zip(positions).for_each(|(axis, position)| axis.position = position);
+        self.samples.send(&sample).unwrap();
+        self.notifier.notify().unwrap();
+        std::thread::sleep(Duration::from_millis(10));
+        self.commands.newest().unwrap();
+        self.commands.last().copied()
+    }
+
+    /// Expects that samples of now do not release the latch.
+    fn expect_latched(&mut self) {
+        for _ in 0..20 {
+            assert!(all_latched(&self.sample(0).unwrap()), "latched for good");
+        }
+    }
+}
+
 /// Row 3: a sample that is older than the feedback time-out latches, and newer ones do not release.
 #[test]
 fn row_03_a_sample_from_before_a_stop_moves_nothing() {
     let _cores = shared();
     let mut group = TestGroup::new("row-03-late");
-    let channels = group.join();
-    let samples = channels.publisher::<EncoderSample>().unwrap();
-    let notifier = channels.notifier::<EncoderSample>().unwrap();
-    let mut commands = channels.reader::<ValveCommand>().unwrap();
-    group.start(StageKind::ControlProc, &["--arm", "--set", "timing.feedback_timeout=300ms"]);
-    let mut sample = |sequence: u64, age: u64| {
-        let mut sample = EncoderSample::default();
-        sample.header.sequence = sequence;
-        sample.header.axis_count = AXES as u32;
-        sample.header.acquired_ns = monotonic_ns() - age;
-        sample.header.sent_ns = monotonic_ns();
-        let positions = [0.65, 0.75, 0.6, 0.55];
-        sample.axes.iter_mut().zip(positions).for_each(|(axis, position)| axis.position = position);
-        samples.send(&sample).unwrap();
-        notifier.notify().unwrap();
-        std::thread::sleep(Duration::from_millis(10));
-        commands.newest().unwrap();
-        commands.last().copied()
-    };
-    let mut sequence = 0;
-    wait_for("an axis that follows", || {
-        sequence += 1;
-        sample(sequence, 0).filter(|command| command.axes[0].flags & control_flag::SETTLING == 0)
-    });
+    let mut acquisition = Acquisition::start(&mut group);
     // A sample that is a second old, as after SIGCONT.
-    let command = wait_for("the latch", || {
-        sequence += 1;
-        sample(sequence, 1_000_000_000).filter(all_latched)
-    });
-    assert!(all_latched(&command));
-    for _ in 0..20 {
-        sequence += 1;
-        assert!(all_latched(&sample(sequence, 0).unwrap()), "latched for good");
-    }
+    wait_for("the latch", || acquisition.sample(-1_000_000_000).filter(all_latched));
+    acquisition.expect_latched();
+}
+
+/// Row 48: a sample with a time that is still to come, as of a driver with another clock.
+#[test]
+fn row_48_a_sample_of_another_clock_latches() {
+    let _cores = shared();
+    let mut group = TestGroup::new("row-48");
+    let mut acquisition = Acquisition::start(&mut group);
+    let is_told = |command: &ValveCommand| command.axes[0].flags & control_flag::CLOCK != 0;
+    let command = wait_for("the latch", || acquisition.sample(1_000_000_000_000).filter(is_told));
+    assert!(command.axes[..AXES].iter().all(|axis| axis.command == 0.0));
+    acquisition.expect_latched();
 }
 
 /// Row 4: positions that repeat while the valve is driven are found stuck.

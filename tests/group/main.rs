@@ -1,6 +1,7 @@
 //! Groups of real processes: how they start, are operated, are looked at, fail and end.
 
 mod arming;
+mod black_box;
 mod clean;
 #[path = "../harness/mod.rs"]
 mod harness;

@@ -6,7 +6,11 @@ use std::{
 };
 
 use crate::harness::{
-    Cores, FOUR_AXES, TestGroup, channel::await_message, hydraxis, running::Running, shared, signal, succeed, wait_for,
+    Cores, FOUR_AXES, TestGroup,
+    channel::await_message,
+    hydraxis,
+    running::{Running, Said},
+    shared, signal, succeed, wait_for,
 };
 use control_proc::commission::{Experiment, ExperimentOptions, ExperimentRecord, Outcome, analyse};
 use pipeline::{
@@ -72,9 +76,14 @@ impl Operated {
 
     /// Ends the group. Returns its report.
     fn end(self) -> String {
+        self.end_with_log().stdout
+    }
+
+    /// Ends the group. Returns its report and its log.
+    fn end_with_log(self) -> Said {
         let Self { mut running, commands, channels, _cores } = self;
         drop((commands, channels));
-        running.interrupt().stdout
+        running.interrupt()
     }
 }
 
@@ -111,6 +120,36 @@ fn a_person_moves_one_axis_and_ctrl_c_makes_it_neutral() {
     assert!(status.success(), "{status}");
     let report = running.end();
     assert!(report.contains("boom: off after "), "{report}");
+}
+
+#[test]
+fn a_program_takes_over_from_one_that_hangs_which_moves_nothing_after_that() {
+    let mut running = Operated::start("take-over");
+    let arguments = ["--axis", "boom", "--mode", "hold", "--enable"];
+    let mut tool = running.operate(&arguments).stderr(Stdio::piped()).spawn().unwrap();
+    let before = running.wait_until("the boom to hold", |command| command.axes[0].operation == AxisMode::Hold as u32);
+    signal(tool.id(), Signal::STOP);
+    let refused = running.operated(&["--axis", "arm", "--mode", "hold", "--enable", "--leave"]);
+    assert!(text(&refused.stderr).contains("or take its place with --take-over"), "{}", text(&refused.stderr));
+    let taken = running.operated(&["--axis", "arm", "--mode", "hold", "--enable", "--leave", "--take-over"]);
+    assert!(taken.status.success(), "{}", text(&taken.stderr));
+    let after = running.wait_until("the arm to hold", |command| command.axes[1].operation == AxisMode::Hold as u32);
+    assert_ne!(after.operator, before.operator);
+    // The one that hung goes on: it asks for the same again, and for off at its end.
+    signal(tool.id(), Signal::CONT);
+    let status = wait_for("the tool to end", || tool.try_wait().unwrap());
+    assert_eq!(status.code(), Some(1));
+    let mut said = String::new();
+    tool.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert!(said.contains("another program has taken over the operation of group"), "{said}");
+    let now = running.wait_until("a command", |_| true);
+    assert_eq!(now.operator, after.operator);
+    assert!(now.axes[..2].iter().all(|axis| axis.operation == AxisMode::Hold as u32), "both hold on");
+    // The place is free, and a session that has been silent needs no --take-over.
+    let off = running.operated(&["--mode", "off"]);
+    assert!(off.status.success(), "{}", text(&off.stderr));
+    let said = running.end_with_log().stderr;
+    assert!(said.contains("a program has taken over the operation of the group"), "{said}");
 }
 
 #[test]

@@ -221,11 +221,24 @@ impl AxisController {
         sequence.into_iter().for_each(|sequence| self.operation.requests.stop(sequence));
     }
 
+    /// A request was refused for all axes.
+    pub fn refuse_request(&mut self) {
+        self.operation.requests.count_refused();
+    }
+
     /// Latches the axis at neutral for this cause, a [`control_flag`] bit. The first cause stays; an emergency
     /// stop and motion that nobody commanded are added to it.
     pub fn latch(&mut self, cause: u32) {
         self.state.latch(cause);
         self.stand(0);
+    }
+
+    /// Latches the axis for this cause, because its samples or commands come too late; one that still settles has not
+    /// moved, and settles anew.
+    pub fn lose(&mut self, cause: u32) {
+        if !self.state.settle_anew() {
+            self.latch(cause);
+        }
     }
 
     /// Why the axis is latched, [`control_flag`] bits; 0 while it is not.

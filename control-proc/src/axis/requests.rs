@@ -144,6 +144,11 @@ impl Requests {
         self.is_refused = true;
     }
 
+    /// Counts a message that was not looked at.
+    pub fn count_refused(&mut self) {
+        self.refused = self.refused.saturating_add(1);
+    }
+
     /// Numbers of accepted and of refused messages so far.
     pub fn counts(&self) -> (u64, u32) {
         (self.accepted, self.refused)

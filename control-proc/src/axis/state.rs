@@ -123,6 +123,15 @@ impl StateMachine {
         is_disarmed
     }
 
+    /// Begins to settle anew. False without effect where the axis does not settle.
+    pub fn settle_anew(&mut self) -> bool {
+        let settles = matches!(self.state, State::Settling(_));
+        if settles {
+            self.state = State::Settling(0);
+        }
+        settles
+    }
+
     /// Disarms. False without effect while the emergency stop is pressed.
     pub fn disarm(&mut self) -> bool {
         if !self.is_pressed {

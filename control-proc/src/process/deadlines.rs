@@ -1,9 +1,15 @@
-//! Late commands and late samples of the stage, in real time.
+//! Late commands and late samples of the stage, in real time, and clocks that cannot be trusted.
 
-use pipeline::machine::{Machine, samples_of};
+use pipeline::{
+    machine::{Machine, samples_of},
+    stage::asleep_ns,
+};
 
 /// Late commands in a row that latch the axes at the least: a single one is due to the scheduler, two are a trend.
 const LEAST_LATE: usize = 2;
+
+/// Least time of a suspend, ns. No computer is back sooner.
+const LEAST_SLEEP: u64 = 100_000_000;
 
 /// Counts commands that are late: that go out more than a period after their samples were acquired.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,8 +55,7 @@ impl FeedbackAge {
         Self { timeout_ns, acquired_ns: None, is_lost: false }
     }
 
-    /// Whether a sample acquired at `acquired` says nothing of `now`, ns. A sample from the future has the time of
-    /// another clock, so its age is unknown.
+    /// Whether a sample acquired at `acquired` says nothing of `now`, ns. One from the future is as useless.
     pub fn is_too_old(&self, now: u64, acquired: u64) -> bool {
         now.checked_sub(acquired).is_none_or(|age| age > self.timeout_ns)
     }
@@ -68,6 +73,29 @@ impl FeedbackAge {
     /// Notes a sample that was acted on, acquired at `acquired`, ns.
     pub fn renew(&mut self, acquired: u64) {
         (self.acquired_ns, self.is_lost) = (Some(acquired), false);
+    }
+}
+
+/// Whether the computer has been suspended. Then the machine may have moved, or have been moved, and no clock of the
+/// loops knows.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Sleep {
+    /// The longest time seen, ns.
+    asleep_ns: u64,
+}
+
+impl Sleep {
+    /// From now on.
+    pub fn new() -> Self {
+        // A single look may be far too little.
+        Self { asleep_ns: (0..100).map(|_| asleep_ns()).max().unwrap_or_default() }
+    }
+
+    /// Whether the computer has been suspended since the last call; `asleep` is [`asleep_ns`].
+    pub fn was_suspended(&mut self, asleep: u64) -> bool {
+        let slept = asleep > self.asleep_ns.saturating_add(LEAST_SLEEP);
+        self.asleep_ns = self.asleep_ns.max(asleep);
+        slept
     }
 }
 
@@ -109,5 +137,14 @@ mod tests {
         assert!(age.lose() && !age.lose());
         age.renew(2_000_000_000);
         assert!(age.lose());
+    }
+
+    #[test]
+    fn a_suspend_is_told_once() {
+        let mut sleep = Sleep { asleep_ns: 5_000_000_000 };
+        // Looks that were interrupted tell too little.
+        let looks = [5_000_000_000, 4_200_000_000, 5_099_000_000, 5_900_000_000, 5_900_000_000, 5_000_000_000];
+        assert_eq!(looks.map(|asleep| sleep.was_suspended(asleep)), [false, false, false, true, false, false]);
+        assert!(!Sleep::new().was_suspended(asleep_ns()));
     }
 }

@@ -7,6 +7,9 @@
 //! - A command that goes out more than a period after its sample was acquired is late. It is made with the newest data.
 //!   As many late commands in a row as periods fit into `feedback_timeout`, at least two, latch the axes.
 //!
+//! Neither can be told by clocks that are wrong. A sample with a time that is still to come latches the axes, and so does
+//! a computer that has been suspended.
+//!
 //! In lock-step the command of tick k is made with the snapshot of tick k-1, and the stage waits for that.
 
 mod deadlines;
@@ -24,12 +27,13 @@ use pipeline::{
         control_flag,
     },
     stage::{
-        Channels, Clock, Next, Stage, StageError, StageKind, StageOptions, Turn, Waiter, monotonic_ns, run as run_stage,
+        Channels, Clock, Next, Stage, StageError, StageKind, StageOptions, Turn, Waiter, asleep_ns, monotonic_ns,
+        run as run_stage,
     },
 };
 
 use crate::Controller;
-use deadlines::{Deadlines, FeedbackAge};
+use deadlines::{Deadlines, FeedbackAge, Sleep};
 
 /// Runs the stage until its last tick or a signal; the last command is neutral.
 ///
@@ -56,6 +60,7 @@ struct Process {
     clock: Clock,
     feedback: FeedbackAge,
     deadlines: Deadlines,
+    sleep: Sleep,
 }
 
 /// The channels that the stage reads.
@@ -99,6 +104,7 @@ impl Process {
             clock: options.clock,
             feedback: FeedbackAge::new(machine),
             deadlines: Deadlines::new(machine),
+            sleep: Sleep::new(),
         })
     }
 
@@ -181,10 +187,27 @@ impl Process {
         self.clock == Clock::RealTime && self.feedback.is_too_old(monotonic_ns(), sample.acquired_ns)
     }
 
+    /// Real time: latches where the clocks say nothing of the age of a sample. `acquired` is the time of the newest one,
+    /// if one has come, ns.
+    fn watch_clocks(&mut self, acquired: Option<u64>) -> Result<(), StageError> {
+        if self.clock != Clock::RealTime {
+            return Ok(());
+        }
+        if self.sleep.was_suspended(asleep_ns()) {
+            self.core.latch(control_flag::CLOCK);
+        }
+        let now = monotonic_ns();
+        if acquired.is_some_and(|acquired| acquired > now) {
+            self.core.latch(control_flag::CLOCK);
+            self.send_neutral(now)?;
+        }
+        Ok(())
+    }
+
     fn send_neutral(&mut self, now: u64) -> Result<(), StageError> {
         let last = self.inputs.samples.last().map(|sample| sample.header).unwrap_or_default();
         let mut neutral = self.core.neutral(last.sequence);
-        neutral.header.acquired_ns = last.acquired_ns;
+        neutral.header.acquired_ns = last.acquired_ns.min(now);
         neutral.header.sent_ns = now;
         self.last = neutral;
         self.commands.send(&neutral)?;
@@ -215,13 +238,13 @@ impl Process {
     fn command(&mut self, header: &Header) -> Result<Option<ValveCommand>, StageError> {
         self.take_stops();
         self.inputs.references.newest()?;
-        if let Some(request) = self.inputs.requests.newest()?.if_new() {
+        while let Some(request) = self.inputs.requests.read()?.if_new() {
             self.core.ask(request);
         }
         let Some(sample) = self.inputs.samples.last() else { return Ok(None) };
         let command = self.core.update(sample, self.inputs.snapshots.last(), self.inputs.references.last());
         if self.clock == Clock::RealTime && self.deadlines.are_missed(monotonic_ns(), header.acquired_ns) {
-            self.core.latch(control_flag::DEADLINE);
+            self.core.lose(control_flag::DEADLINE);
             return Ok(Some(self.core.neutral(header.sequence)));
         }
         Ok(Some(command))
@@ -230,7 +253,9 @@ impl Process {
 
 impl Stage for Process {
     fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
-        let Some(Arrival { header, count, passed }) = self.await_sample(turn)? else {
+        let arrival = self.await_sample(turn)?;
+        self.watch_clocks(arrival.as_ref().map(|arrival| arrival.header.acquired_ns))?;
+        let Some(Arrival { header, count, passed }) = arrival else {
             self.stop_at_once()?;
             self.watch_feedback()?;
             return Ok(Next::Waiting);

@@ -250,3 +250,24 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn an_axis_that_settles_begins_anew_when_samples_or_commands_come_too_late() {
+    let mut axis = Loop::new(&machine(1), 0.05);
+    axis.controller.disarm();
+    axis.tick(None);
+    axis.controller.arm();
+    let settles = |axis: &mut Loop| axis.tick(None).axes[0].flags & control_flag::SETTLING != 0;
+    let first = (0..100).take_while(|_| settles(&mut axis)).count();
+    axis.controller.disarm();
+    axis.tick(None);
+    axis.controller.arm();
+    for cause in [control_flag::FEEDBACK, control_flag::DEADLINE] {
+        assert!((0..first - 1).all(|_| settles(&mut axis)));
+        axis.controller.lose(cause);
+        assert!(!axis.controller.is_latched());
+    }
+    assert_eq!((0..100).take_while(|_| settles(&mut axis)).count(), first, "all of it again");
+    axis.controller.lose(control_flag::DEADLINE);
+    assert!(axis.controller.is_latched(), "it follows now");
+}

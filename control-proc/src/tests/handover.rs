@@ -1,13 +1,13 @@
 //! The Smith predictor takes over from the fallback.
 
 use pipeline::{
-    machine::{Commissioned, DeadBand, Law, SmithSettings},
+    machine::{Law, SmithSettings},
     message::{ControlMode, ValveCommand},
 };
 
 use super::{
     Loop, SINES, machine_with,
-    models::{actuator, commissioned},
+    models::{actuator, commission_without_dead_band},
 };
 
 /// Ticks by the fallback on a ramp: its integral has half of the command.
@@ -19,15 +19,7 @@ fn a_smith_predictor_takes_over_an_axis_that_has_changed_without_a_kick() {
     let mut machine = machine_with(SINES, ramp);
     let axis = &mut machine.axes[0];
     // Half as fast as the plant.
-    let (none, speeds) = (DeadBand { extend: 0.0, retract: 0.0 }, vec![0.03, 0.3]);
-    axis.commissioned = Some(Commissioned {
-        dead_band: none,
-        openings: vec![0.1, 1.0],
-        speeds_extend: speeds.clone(),
-        speeds_retract: speeds,
-        ..commissioned()
-    });
-    (axis.control.dead_band, axis.control.feedforward) = (none, true);
+    commission_without_dead_band(axis, [0.03, 0.3]);
     (axis.control.kp, axis.control.ki) = (4.0, 8.0);
     axis.control.law = Law::Smith(SmithSettings { kp: 4.0, ki: 8.0, observer_time: 0.1 });
     let mut as_commissioned = actuator();

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use pipeline::{
     hammerstein::{Coefficients, Structure},
-    machine::{Commissioned, DeadBand},
+    machine::{Axis, Commissioned, DeadBand},
 };
 
 /// A linear model, N(u) = u.
@@ -60,4 +60,18 @@ pub fn commissioned() -> Commissioned {
         speeds_retract: vec![0.07, 0.6],
         fit_percent: 100.0,
     }
+}
+
+/// Gives an axis a commissioned model without a dead band, with these speeds in m/s at a tenth of the command and at
+/// all of it, either way; and feed-forward by it.
+pub fn commission_without_dead_band(axis: &mut Axis, speeds: [f64; 2]) {
+    let none = DeadBand { extend: 0.0, retract: 0.0 };
+    axis.commissioned = Some(Commissioned {
+        dead_band: none,
+        openings: vec![0.1, 1.0],
+        speeds_extend: speeds.to_vec(),
+        speeds_retract: speeds.to_vec(),
+        ..commissioned()
+    });
+    (axis.control.dead_band, axis.control.feedforward) = (none, true);
 }

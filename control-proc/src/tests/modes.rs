@@ -3,14 +3,14 @@
 use pipeline::{
     channel::Stop,
     hammerstein::Coefficients,
-    machine::{Commissioned, DeadBand, Law, SmithSettings},
+    machine::{Law, SmithSettings},
     message::{AxisMode, AxisRequest, ControlMode, EncoderSample, Request, ValveCommand, control_flag},
 };
 use proptest::prelude::*;
 
 use super::{
     Loop, SINES, machine, machine_with,
-    models::{actuator, commissioned},
+    models::{actuator, commission_without_dead_band},
     sample, snapshot,
 };
 use crate::Controller;
@@ -419,16 +419,7 @@ fn a_smith_predictor_has_seen_the_motion_in_manual() {
     let mut machine = machine_with(SINES, "kind = \"hold\"\n");
     let axis = &mut machine.axes[0];
     // The plant of `modelled`, which has no dead band.
-    let (none, speeds) = (DeadBand { extend: 0.0, retract: 0.0 }, vec![0.06, 0.6]);
-    axis.commissioned = Some(Commissioned {
-        dead_band: none,
-        openings: vec![0.1, 1.0],
-        speeds_extend: speeds.clone(),
-        speeds_retract: speeds,
-        ..commissioned()
-    });
-    axis.control.dead_band = none;
-    axis.control.feedforward = true;
+    commission_without_dead_band(axis, [0.06, 0.6]);
     axis.control.law = Law::Smith(SmithSettings { kp: 12.0, ki: 0.0, observer_time: 0.1 });
     let mut operated = Operated { model: Some(actuator()), ..Operated::of(&machine) };
     operated.axis.plant = super::plant::Actuator::new(0.3, 0.0);

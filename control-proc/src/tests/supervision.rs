@@ -2,13 +2,13 @@
 
 use pipeline::{
     hammerstein::Coefficients,
-    machine::{Commissioned, DeadBand, Machine},
+    machine::Machine,
     message::{ControlMode, control_flag},
 };
 
 use super::{
     Loop, machine,
-    models::{actuator, commissioned},
+    models::{actuator, commission_without_dead_band},
 };
 
 /// Ticks of a run, and the first that counts.
@@ -32,15 +32,7 @@ struct Run {
 fn rig(delay: usize) -> Machine {
     let mut machine = machine(1);
     let axis = &mut machine.axes[0];
-    let (none, speeds) = (DeadBand { extend: 0.0, retract: 0.0 }, vec![0.06, 0.6]);
-    axis.commissioned = Some(Commissioned {
-        dead_band: none,
-        openings: vec![0.1, 1.0],
-        speeds_extend: speeds.clone(),
-        speeds_retract: speeds,
-        ..commissioned()
-    });
-    (axis.control.dead_band, axis.control.feedforward) = (none, true);
+    commission_without_dead_band(axis, [0.06, 0.6]);
     axis.identification.structure.nk = delay;
     machine
 }

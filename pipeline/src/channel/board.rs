@@ -129,7 +129,7 @@ pub enum BoardError {
         prefix: Prefix,
         /// What is different of the machine of the group.
         present: String,
-        /// The same of that of this program.
+        /// What is different of the machine of this program.
         own: String,
     },
     /// The shared memory cannot be had.

@@ -158,6 +158,14 @@ impl Group {
         Ok(Publisher::new(port.map_err(refuse)?, self.machine()))
     }
 
+    /// Number of publishers on the channel of `M` now.
+    ///
+    /// # Errors
+    /// The channel cannot be opened.
+    pub fn publishers<M: Message>(&self) -> Result<usize, PublisherError> {
+        Ok(self.open::<M>()?.dynamic_config().number_of_publishers())
+    }
+
     /// Opens the channel of `M` for reading.
     ///
     /// # Errors

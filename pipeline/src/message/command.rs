@@ -113,13 +113,16 @@ pub mod control_flag {
     pub const SLOWED: u32 = 131_072;
     /// The axis moved though nobody had commanded it; latched, with the pilot pressure cut off.
     pub const MOTION: u32 = 262_144;
+    /// The computer has been suspended, or a sample has a time that is still to come, so that nobody knows how old it
+    /// is.
+    pub const CLOCK: u32 = 524_288;
 
     /// The bits of faults that keep the axis neutral until it is disarmed and armed again.
-    pub const LATCHED: u32 = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | CUT_OFF;
+    pub const LATCHED: u32 = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | CLOCK | CUT_OFF;
     /// Those of them that ask for the pilot pressure to be cut off.
     pub const CUT_OFF: u32 = EMERGENCY_STOP | MOTION;
     /// Names of the bits, lowest first.
-    pub const NAMES: [&str; 19] = [
+    pub const NAMES: [&str; 20] = [
         "disarmed",
         "settling",
         "feedback",
@@ -139,12 +142,13 @@ pub mod control_flag {
         "model-worse",
         "slowed",
         "motion",
+        "clock",
     ];
 }
 
 shared_struct! {
     /// The valve commands of one tick: control-proc (or a recording) to plant-sim and ident-proc.
-    #[type_name("hydraxis.ValveCommand/6")]
+    #[type_name("hydraxis.ValveCommand/7")]
     pub struct ValveCommand {
         /// `sequence` names the sample that the command was made from.
         pub header: Header,
@@ -154,6 +158,8 @@ shared_struct! {
         pub cut_off: u32,
         /// Zero.
         pub reserved: u32,
+        /// Session of the [`Request`](super::Request)s that count, or counted last; 0 before the first.
+        pub operator: u64,
     }
 }
 message!(ValveCommand, "valve-command", publishers 1, buffer 256);

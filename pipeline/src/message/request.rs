@@ -67,14 +67,18 @@ impl AxisMode {
 shared_struct! {
     /// Asks for the modes of the axes, from any program to control-proc. A program that gives valve commands sends one
     /// request for every sample.
-    #[type_name("hydraxis.Request/2")]
+    #[type_name("hydraxis.Request/3")]
     pub struct Request {
         /// `sequence` is the newest sample that the program has read; it shows how old the request is.
         pub header: Header,
         /// Number that differs from those of all programs before, such as the time of the program's start, ns.
         pub session: u64,
+        /// 1 to take the place of a program that operates now. That one's requests have no effect any more.
+        pub takes_over: u32,
+        /// 0.
+        pub reserved: u32,
         /// One entry per axis; an entry of zeros asks for nothing.
         pub axes: [AxisRequest; MAX_AXES],
     }
 }
-message!(Request, "request", publishers 1, buffer 64, from clients true);
+message!(Request, "request", publishers 4, buffer 64, from clients true);

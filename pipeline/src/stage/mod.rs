@@ -32,7 +32,7 @@ pub use run::{Stage, run};
 pub use turn::{Next, Turn, Waiter};
 
 pub use crate::{
-    clock::{monotonic_ns, sleep_until},
+    clock::{asleep_ns, monotonic_ns, sleep_until},
     machine::StageKind,
 };
 

@@ -35,7 +35,7 @@ pub fn commission_live(
     mut show: impl FnMut(usize, Phase, f64),
 ) -> Result<Vec<(Commissioned, ExperimentRecord)>, Failure> {
     board(prefix)?.expect_hardware(machine).map_err(OperatorError::from)?;
-    let mut operator = Operator::join(prefix, stop)?;
+    let mut operator = Operator::join(prefix, false, stop)?;
     let all: Vec<usize> = (0..machine.axes.len()).collect();
     let one = |axis: &usize| {
         commission(machine, *axis, &all, prefix, &mut operator, options, |phase, part| show(*axis, phase, part))

@@ -16,6 +16,9 @@ pub struct GroupAxes {
     /// Only this axis; may be given several times [default: all axes]
     #[arg(long = "axis", value_name = "NAME")]
     pub axes: Vec<String>,
+    /// Take the place of a program that operates the group now: its requests have no effect any more
+    #[arg(long)]
+    pub take_over: bool,
 }
 
 /// `operate`.
@@ -27,6 +30,7 @@ Examples:
   hydraxis operate --prefix demo --axis boom --mode hold --target 0.8 --enable
   hydraxis operate --prefix demo --mode hold --leave    all axes stop, and hold the positions at which they stop
   hydraxis operate --prefix demo --mode off
+  hydraxis operate --prefix demo --take-over --mode hold --enable    although another program operates the group
 
 Modes:
   off     disarmed: neutral at once. Also resets a latched fault. The axis moves again only with --enable
@@ -37,7 +41,7 @@ Modes:
 A disarmed axis leaves `off` only with --enable, after a fault as well. An armed axis changes between the other modes
 without it. Ctrl-C disarms the axes. In manual, the end of this program disarms them as well, within 0.1 s; an axis in
 hold or track goes on without this program, unless --hold-to-run or the key control.hold_to_run ends it too. A group has
-one operator at a time. `hydraxis arm`, `disarm` and `reset` do the three usual operations with one command each, for
+one operator at a time; --take-over replaces it, and the supervisor logs it. `hydraxis arm`, `disarm` and `reset` do the three usual operations with one command each, for
 people and for scripts.")]
 pub struct OperateArguments {
     /// Group and axes

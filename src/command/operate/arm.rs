@@ -23,7 +23,7 @@ pub fn arm(arguments: &ArmArguments) -> Result<(), Failure> {
     let prefix = &arguments.group.prefix;
     let (_, axes) = find(&arguments.group)?;
     let mode = AxisMode::from(arguments.mode);
-    as_operator(prefix, |operator| {
+    as_operator(&arguments.group, |operator| {
         refuse_to_arm(&axes, mode, prefix, operator)?;
         let off: Vec<usize> = axes.iter().copied().filter(|axis| is_disarmed(operator, *axis)).collect();
         let armed = match operator.change(&off, mode) {
@@ -49,7 +49,7 @@ pub fn arm(arguments: &ArmArguments) -> Result<(), Failure> {
 pub fn reset(arguments: &ResetArguments) -> Result<(), Failure> {
     let prefix = &arguments.group.prefix;
     let (_, axes) = find(&arguments.group)?;
-    as_operator(prefix, |operator| {
+    as_operator(&arguments.group, |operator| {
         if operator.stopping() {
             return Ok(());
         }

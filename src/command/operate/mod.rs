@@ -10,7 +10,7 @@ mod disarm;
 use std::time::{Duration, Instant};
 
 use pipeline::{
-    channel::{GroupMachine, Prefix, remove_leftovers},
+    channel::{GroupMachine, remove_leftovers},
     message::{AxisMode, ControlMode, EncoderSample},
 };
 
@@ -37,7 +37,7 @@ pub fn run(arguments: &OperateArguments) -> Result<(), Failure> {
     check(arguments)?;
     let (machine, axes) = find(&arguments.group)?;
     check_target(&machine, &axes, arguments)?;
-    as_operator(&arguments.group.prefix, |operator| operate(&axes, arguments, operator))
+    as_operator(&arguments.group, |operator| operate(&axes, arguments, operator))
 }
 
 /// The machine of a running group, and the axes with these names.
@@ -48,14 +48,14 @@ fn find(group: &GroupAxes) -> Result<(GroupMachine, Vec<usize>), Failure> {
 }
 
 /// Does `work` as the operator of a group.
-fn as_operator(prefix: &Prefix, work: impl FnOnce(&mut Operator) -> Result<(), Failure>) -> Result<(), Failure> {
+fn as_operator(group: &GroupAxes, work: impl FnOnce(&mut Operator) -> Result<(), Failure>) -> Result<(), Failure> {
     let stop = stop_flag()?;
-    let result = match Operator::join(prefix, stop) {
+    let result = match Operator::join(&group.prefix, group.take_over, stop) {
         Ok(mut operator) => work(&mut operator),
         Err(error) => Err(error.into()),
     };
     // The last process that leaves a group that has ended removes its files.
-    let _ = remove_leftovers(prefix);
+    let _ = remove_leftovers(&group.prefix);
     result
 }
 

@@ -74,6 +74,8 @@ struct StageFigures {
 struct ChannelFigures {
     received: u64,
     lost: u64,
+    /// Messages about another machine, or that do not say about which: not read.
+    foreign: u64,
     writer_restarts: u64,
     age_ns: Option<u64>,
     longest_gap_ns: u64,
@@ -180,13 +182,14 @@ impl StatusReport {
                     format!("{name} <- {channel}"),
                     figures.received.to_string(),
                     figures.lost.to_string(),
+                    figures.foreign.to_string(),
                     figures.writer_restarts.to_string(),
                     figures.age_ns.map_or_else(|| "-".to_owned(), nanoseconds),
                     if figures.received > 1 { nanoseconds(figures.longest_gap_ns) } else { "-".to_owned() },
                 ]
             })
         });
-        let header = ["channel", "read", "lost", "writer restarts", "age", "longest gap"];
+        let header = ["channel", "read", "lost", "foreign", "writer restarts", "age", "longest gap"];
         format!("{}\n\n", table(&header, rows.collect()))
     }
 
@@ -295,6 +298,7 @@ impl StageFigures {
                     let figures = ChannelFigures {
                         received: channel.received,
                         lost: channel.lost,
+                        foreign: channel.foreign,
                         writer_restarts: channel.restarts,
                         age_ns: (channel.any != 0).then_some(channel.age_ns),
                         longest_gap_ns: channel.longest_gap_ns,

@@ -36,7 +36,7 @@ use pipeline::{
 };
 
 use super::{launch::command, monitor::Monitor};
-use crate::arguments::MachineFile;
+use crate::{arguments::MachineFile, recording::black_box::BlackBox};
 use deaths::Deaths;
 pub use error::SupervisorError;
 use interrupts::Interrupts;
@@ -101,17 +101,23 @@ pub struct Supervisor<'a> {
     /// The first failure while the stages were being ended.
     failure: Option<SupervisorError>,
     log: Log,
+    black_box: Option<BlackBox>,
 }
 
 impl<'a> Supervisor<'a> {
-    /// The supervisor of a group without stages yet.
+    /// The supervisor of a group without stages yet. With a folder for black boxes it has one.
     ///
     /// # Errors
     /// The group runs another machine, the file of the log cannot be created, or signals cannot be handled.
-    pub fn new(launch: Launch<'a>, group: &'a Group, log_folder: Option<&Path>) -> Result<Self, SupervisorError> {
+    pub fn new(
+        launch: Launch<'a>,
+        group: &'a Group,
+        log_folder: Option<&Path>,
+        black_boxes: Option<&Path>,
+    ) -> Result<Self, SupervisorError> {
         let board = Board::of(group.prefix(), launch.machine)?;
         let file = log_folder.map(|folder| log::file_name(folder, group.prefix(), SystemTime::now()));
-        let supervisor = Self {
+        let mut supervisor = Self {
             launch,
             group,
             board,
@@ -122,9 +128,19 @@ impl<'a> Supervisor<'a> {
             is_stopping: false,
             failure: None,
             log: Log::start(file.as_deref())?,
+            black_box: None,
         };
         if let Some(file) = file {
             supervisor.say(format!("log: {}", file.display()));
+        }
+        if let Some(folder) = black_boxes {
+            match BlackBox::new(folder.to_owned(), group.prefix(), supervisor.launch.machine) {
+                Ok(black_box) => supervisor.black_box = Some(black_box),
+                Err(error) => supervisor.say(format!(
+                    "warning: no black box: {}: {error}; --black-box FOLDER names another folder",
+                    folder.display()
+                )),
+            }
         }
         Ok(supervisor)
     }
@@ -160,6 +176,18 @@ impl<'a> Supervisor<'a> {
             program,
             source,
         })
+    }
+
+    /// Looks for faults in the last command, and writes the black box when it is due, or when the run `ends`.
+    pub fn watch_faults(&mut self, monitor: &mut Monitor, ends: bool) {
+        let Some(black_box) = &mut self.black_box else { return };
+        monitor.last_command().into_iter().for_each(|command| black_box.look(command));
+        // The writer may be at work on an older fault when the run ends.
+        for _ in 0..if ends { 2 } else { 1 } {
+            if let Some(said) = black_box.step(monitor.tapes(), ends) {
+                self.log.say(said);
+            }
+        }
     }
 
     /// Tells the service manager, once, that all stages are ready.

@@ -43,6 +43,10 @@ impl Supervisor<'_> {
         for pid in deaths {
             self.take_death(pid, monitor)?;
         }
+        self.watch_faults(monitor, false);
+        if monitor.was_taken_over() {
+            self.say("a program has taken over the operation of the group from another one");
+        }
         self.judge_heartbeats(monitor);
         if self.stages.iter().all(|stage| self.is_attended(stage, monitor)) {
             self.service_manager.alive();
@@ -81,6 +85,9 @@ impl Supervisor<'_> {
             return Ok(());
         }
         let cause = killed_for.unwrap_or_else(|| cause(status));
+        if let Some(black_box) = &mut self.black_box {
+            black_box.note(format!("{} {cause}", kind.name()));
+        }
         let has_lived = was_ready || !self.stages[index].causes.is_empty();
         if has_lived && !is_over && self.may_restart(kind) {
             return self.plan_restart(index, cause, age);

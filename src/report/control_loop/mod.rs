@@ -145,6 +145,8 @@ struct MissedByCause {
 struct ChannelReport {
     received: u64,
     lost: u64,
+    /// Messages about another machine, or that do not say about which: not read.
+    foreign: u64,
     longest_gap_ns: u64,
 }
 
@@ -247,8 +249,8 @@ impl MissedByCause {
 
 impl ChannelReport {
     fn new(channel: &ChannelHealth) -> Self {
-        let ChannelHealth { received, lost, longest_gap_ns, .. } = *channel;
-        Self { received, lost, longest_gap_ns }
+        let ChannelHealth { received, lost, foreign, longest_gap_ns, .. } = *channel;
+        Self { received, lost, foreign, longest_gap_ns }
     }
 }
 

@@ -17,6 +17,7 @@ impl LoopReport {
             self.stage_table(),
             self.latency_table(),
             self.restarts(),
+            self.foreign(),
             self.operations(machine),
             self.training_hints(machine),
         ];
@@ -43,6 +44,20 @@ impl LoopReport {
             Some(format!("axis.{}: LATCHED{times} by {latch}; {since}.\n", axis.name))
         };
         machine.axes.iter().filter_map(line).collect()
+    }
+
+    /// A line for each channel with messages that were not read.
+    fn foreign(&self) -> String {
+        let channels = self.stages.iter().flat_map(|(stage, report)| {
+            report.channels.iter().map(move |(channel, figures)| (stage, channel, figures.foreign))
+        });
+        let line = |(stage, channel, count): (&&str, &&str, u64)| {
+            format!(
+                "{stage} <- {channel}: {count} messages not read, because they are about another machine or do not say \
+                 about which.\n"
+            )
+        };
+        channels.filter(|(.., count)| *count > 0).map(line).collect()
     }
 
     fn axis_table(&self, machine: &Machine) -> String {

@@ -1,0 +1,303 @@
+//! The black box of a group: the last seconds of all channels, in a file, when a fault latches an axis or a stage dies.
+//!
+//! The messages are in the memory of the supervisor until then, and are lost with it. A thread of its own writes the
+//! file, because the supervisor has other things to watch. A file holds what came before the fault and [`AFTER`] of
+//! what came after it; further faults within the span share it.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+    thread::JoinHandle,
+    time::{Duration, SystemTime},
+};
+
+use pipeline::{
+    MAX_AXES,
+    channel::{ChannelError, Group, Prefix},
+    machine::Machine,
+    message::{
+        CoefficientSnapshot, EncoderReading, EncoderSample, MachineState, Reference, Request, StageHealth,
+        ValveCommand, bit_names, control_flag,
+    },
+    stage::monotonic_ns,
+};
+
+use super::{
+    file::{self, Facts, Messages},
+    tape::Tape,
+};
+
+/// What a file holds.
+pub const SPAN: Duration = Duration::from_secs(10);
+/// Part of it that comes after the fault.
+const AFTER: Duration = Duration::from_secs(1);
+/// Least time between two snapshots: a snapshot is by far the largest message.
+const SNAPSHOTS_APART: Duration = Duration::from_millis(50);
+/// Files that are kept in a folder.
+pub const MOST_FILES: usize = 20;
+/// Beginning and end of their names.
+const NAME: (&str, &str) = ("fault-", ".mcap");
+
+/// All channels of a group, read by one reader each.
+pub struct Tapes {
+    pub readings: Tape<EncoderReading>,
+    pub samples: Tape<EncoderSample>,
+    pub commands: Tape<ValveCommand>,
+    pub snapshots: Tape<CoefficientSnapshot>,
+    pub references: Tape<Reference>,
+    pub requests: Tape<Request>,
+    pub health: Tape<StageHealth>,
+    pub states: Tape<MachineState>,
+}
+
+impl Tapes {
+    /// Attaches to the channels of `group`. `keeps`: what is read is kept for [`SPAN`].
+    ///
+    /// # Errors
+    /// A channel cannot be opened.
+    pub fn new(group: &Group, keeps: bool) -> Result<Self, ChannelError> {
+        let span = if keeps { SPAN.as_nanos() as u64 } else { 0 };
+        Ok(Self {
+            readings: Tape::new(group, span, 0)?,
+            samples: Tape::new(group, span, 0)?,
+            commands: Tape::new(group, span, 0)?,
+            snapshots: Tape::new(group, span, SNAPSHOTS_APART.as_nanos() as u64)?,
+            references: Tape::new(group, span, 0)?,
+            requests: Tape::new(group, span, 0)?,
+            health: Tape::new(group, span, 0)?,
+            states: Tape::new(group, span, 0)?,
+        })
+    }
+
+    fn take(&mut self) -> Vec<Box<dyn Messages>> {
+        vec![
+            Box::new(self.readings.take()),
+            Box::new(self.samples.take()),
+            Box::new(self.commands.take()),
+            Box::new(self.snapshots.take()),
+            Box::new(self.references.take()),
+            Box::new(self.requests.take()),
+            Box::new(self.health.take()),
+            Box::new(self.states.take()),
+        ]
+    }
+}
+
+/// A fault that is to be written.
+struct Fault {
+    /// When, ns.
+    at: u64,
+    cause: String,
+}
+
+/// The black box of one run.
+pub struct BlackBox {
+    folder: PathBuf,
+    prefix: Prefix,
+    machine: String,
+    axes: Vec<String>,
+    /// Latches of each axis so far, as its commands count them.
+    latches: [u64; MAX_AXES],
+    /// The first fault that is not in a file yet.
+    fault: Option<Fault>,
+    /// When the last file was begun, ns.
+    last: Option<u64>,
+    writer: Option<JoinHandle<String>>,
+}
+
+impl BlackBox {
+    /// Of a group that runs this machine, with files in `folder`, which is made.
+    ///
+    /// # Errors
+    /// The folder cannot be made.
+    pub fn new(folder: PathBuf, prefix: &Prefix, machine: &Machine) -> io::Result<Self> {
+        fs::create_dir_all(&folder)?;
+        Ok(Self {
+            folder,
+            prefix: prefix.clone(),
+            machine: machine.name.clone(),
+            axes: machine.axes.iter().map(|axis| axis.name.clone()).collect(),
+            latches: [0; MAX_AXES],
+            fault: None,
+            last: None,
+            writer: None,
+        })
+    }
+
+    /// Notes that something has failed.
+    pub fn note(&mut self, cause: impl Into<String>) {
+        self.fault.get_or_insert_with(|| Fault { at: monotonic_ns(), cause: cause.into() });
+    }
+
+    /// Looks at a command: whether a fault has latched axes.
+    pub fn look(&mut self, command: &ValveCommand) {
+        let mut latched = Vec::new();
+        for ((axis, name), before) in command.axes.iter().zip(&self.axes).zip(&mut self.latches) {
+            // A controller that is started again counts from 0.
+            if axis.latches > std::mem::replace(before, axis.latches) {
+                let faults: Vec<&str> = bit_names(axis.latched_by, &control_flag::NAMES).collect();
+                latched.push(format!("axis.{name} latched by {}", faults.join(", ")));
+            }
+        }
+        if !latched.is_empty() {
+            self.note(latched.join("; "));
+        }
+    }
+
+    /// Begins a file if one is due; `ends`: there will be no more messages. What is to be said to a person, if
+    /// anything.
+    pub fn step(&mut self, tapes: &mut Tapes, ends: bool) -> Option<String> {
+        if self.writer.is_some() {
+            return self.written(ends);
+        }
+        let now = monotonic_ns();
+        let due = self.due()?;
+        if now < due && !ends {
+            return None;
+        }
+        let fault = self.fault.take()?;
+        self.last = Some(now);
+        let path = self.folder.join(self.file_name(SystemTime::now()));
+        let (channels, facts) = (tapes.take(), self.facts(&fault));
+        let (folder, clock_ns) = (self.folder.clone(), clock_ns());
+        self.writer = Some(std::thread::spawn(move || {
+            let said = match file::write(&path, facts, clock_ns, &channels) {
+                Ok(()) => format!("black box: {}: {}", fault.cause, path.display()),
+                Err(error) => format!("warning: no black box of \"{}\": {}: {error}", fault.cause, path.display()),
+            };
+            match remove_oldest(&folder) {
+                Ok(()) => said,
+                Err(error) => format!("{said}; older files could not be removed: {error}"),
+            }
+        }));
+        self.written(ends)
+    }
+
+    /// When the next file is due, ns; none without a fault.
+    fn due(&self) -> Option<u64> {
+        let after = |time: u64, wait: Duration| time.saturating_add(wait.as_nanos() as u64);
+        let fault = after(self.fault.as_ref()?.at, AFTER);
+        Some(self.last.map_or(fault, |last| fault.max(after(last, SPAN - AFTER))))
+    }
+
+    /// What the writer says once it has ended; `waits` for it.
+    fn written(&mut self, waits: bool) -> Option<String> {
+        let writer = self.writer.take_if(|writer| waits || writer.is_finished())?;
+        Some(writer.join().unwrap_or_else(|_| "warning: the black box could not be written".to_owned()))
+    }
+
+    fn file_name(&self, now: SystemTime) -> String {
+        let now = humantime::format_rfc3339_millis(now).to_string().replace(':', "-");
+        format!("{}{now}-{}{}", NAME.0, self.prefix, NAME.1)
+    }
+
+    fn facts(&self, fault: &Fault) -> Facts {
+        [
+            ("version", env!("CARGO_PKG_VERSION").to_owned()),
+            ("group", self.prefix.to_string()),
+            ("machine", self.machine.clone()),
+            ("axes", self.axes.join(" ")),
+            ("cause", fault.cause.clone()),
+            ("cause_monotonic_ns", fault.at.to_string()),
+            ("realtime_minus_monotonic_ns", clock_ns().to_string()),
+        ]
+        .map(|(name, fact)| (name.to_owned(), fact))
+        .into()
+    }
+}
+
+/// What is to be added to `CLOCK_MONOTONIC` for the time since 1970, ns.
+fn clock_ns() -> i64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    since.as_nanos() as i64 - monotonic_ns() as i64
+}
+
+/// Where black boxes are kept unless the user says otherwise: where a service or a user keeps state.
+pub fn default_folder() -> PathBuf {
+    let variable = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    if let Some(folder) = variable("STATE_DIRECTORY") {
+        return folder;
+    }
+    let state = variable("XDG_STATE_HOME").or_else(|| Some(variable("HOME")?.join(".local/state")));
+    state.unwrap_or_else(std::env::temp_dir).join("hydraxis")
+}
+
+/// Removes the oldest black boxes of a folder until [`MOST_FILES`] are left. Their names begin with the time.
+fn remove_oldest(folder: &Path) -> io::Result<()> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().and_then(|name| name.to_str());
+        if name.is_some_and(|name| name.starts_with(NAME.0) && name.ends_with(NAME.1)) {
+            files.push(path);
+        }
+    }
+    files.sort();
+    let surplus = files.len().saturating_sub(MOST_FILES);
+    files[..surplus].iter().map(fs::remove_file).try_for_each(|removed| match removed {
+        // Another run has removed it.
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        other => other,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn black_box(folder: &Path) -> BlackBox {
+        let machine = Machine::load(None, &[]).unwrap();
+        BlackBox::new(folder.to_owned(), &"t-box".parse().unwrap(), &machine).unwrap()
+    }
+
+    #[test]
+    fn a_latch_is_noted_once_and_again_after_a_restart_of_the_controller() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut black_box = black_box(folder.path());
+        let mut command = ValveCommand::default();
+        black_box.look(&command);
+        assert!(black_box.fault.is_none());
+        for axis in &mut command.axes[1..3] {
+            (axis.latches, axis.latched_by) = (1, control_flag::STALL);
+        }
+        black_box.look(&command);
+        let causes = |fault: Option<Fault>| fault.map(|fault| fault.cause);
+        assert_eq!(
+            causes(black_box.fault.take()).unwrap(),
+            "axis.arm latched by stall; axis.telescope latched by stall"
+        );
+        black_box.look(&command);
+        assert!(black_box.fault.is_none());
+        black_box.look(&ValveCommand::default());
+        black_box.look(&command);
+        assert!(black_box.fault.is_some());
+    }
+
+    #[test]
+    fn a_file_is_due_a_second_after_the_first_fault_and_not_sooner_than_its_span_after_the_last_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut black_box = black_box(folder.path());
+        assert_eq!(black_box.due(), None);
+        black_box.fault = Some(Fault { at: 5_000_000_000, cause: String::new() });
+        black_box.note("a second one, which shares the file");
+        assert_eq!(black_box.due(), Some(6_000_000_000));
+        black_box.last = Some(4_000_000_000);
+        assert_eq!(black_box.due(), Some(13_000_000_000));
+    }
+
+    #[test]
+    fn the_oldest_files_go_and_foreign_ones_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        for i in 0..MOST_FILES + 3 {
+            fs::write(folder.path().join(format!("fault-2026-01-{i:02}.mcap")), "").unwrap();
+        }
+        let foreign = ["a-first.mcap", "fault-0000.txt"].map(|name| folder.path().join(name));
+        foreign.iter().for_each(|path| fs::write(path, "").unwrap());
+        remove_oldest(folder.path()).unwrap();
+        assert!(foreign.iter().all(|path| path.exists()));
+        let left: Vec<_> = fs::read_dir(folder.path()).unwrap().collect();
+        assert_eq!(left.len(), MOST_FILES + 2);
+        assert!(!folder.path().join("fault-2026-01-02.mcap").exists());
+        assert!(folder.path().join("fault-2026-01-03.mcap").exists());
+    }
+}

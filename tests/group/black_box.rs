@@ -1,0 +1,100 @@
+//! The black box: the last seconds of all channels, in a file, after a fault.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    os::unix::fs::PermissionsExt,
+    path::{Path, PathBuf},
+};
+
+use mcap::{MessageStream, Summary, read};
+use pipeline::{message::CHANNELS, stage::StageKind};
+use rustix::process::Signal;
+
+use crate::harness::{hydraxis, running::Running, shared, signal, wait_for};
+
+/// Black boxes in a folder, the oldest first.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> =
+        fs::read_dir(folder).into_iter().flatten().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    files
+}
+
+/// Numbers in the schema of a message, and the first of them as it is in a message.
+fn is_number(line: &str) -> bool {
+    ["uint8", "uint32", "uint64", "int64", "float64"].iter().any(|name| line.starts_with(name))
+}
+
+#[test]
+fn a_killed_acquisition_leaves_a_file_with_what_came_before_and_after() {
+    let _cores = shared();
+    let folder = tempfile::tempdir().unwrap();
+    let boxes = folder.path().join("boxes");
+    let mut running = Running::start_with("black-box", &["--duration", "60s", "--black-box", boxes.to_str().unwrap()]);
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    let was_at = signalled(&running);
+    let file =
+        wait_for("a black box", || files(&boxes).pop().filter(|file| Summary::read(&fs::read(file).unwrap()).is_ok()));
+    assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, 0o600);
+    let said = running.interrupt().stderr;
+    assert!(said.contains(&format!("black box: sensor-proc killed by SIGKILL: {}", file.display())), "{said}");
+
+    let bytes = fs::read(&file).unwrap();
+    let summary = Summary::read(&bytes).unwrap().unwrap();
+    let facts = read::metadata(&bytes, &summary.metadata_indexes[0]).unwrap().metadata;
+    assert_eq!((&*facts["cause"], &*facts["axes"]), ("sensor-proc killed by SIGKILL", "boom arm telescope bucket"));
+    assert_eq!(facts["valve-command lost"], "0");
+    let cause: u64 = facts["cause_monotonic_ns"].parse().unwrap();
+    let to_utc: u64 = facts["realtime_minus_monotonic_ns"].parse().unwrap();
+    assert!(cause.abs_diff(was_at) < 1_000_000_000, "{cause} {was_at}");
+
+    let mut channels: BTreeMap<String, Vec<(u64, u64)>> = BTreeMap::new();
+    for message in MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        let schema = message.channel.schema.clone().unwrap();
+        assert_eq!((&*message.channel.message_encoding, &*schema.encoding), ("cdr", "ros2msg"));
+        assert!(std::str::from_utf8(&schema.data).unwrap().lines().any(is_number));
+        // Behind the four bytes that begin CDR comes the header, which begins with the number of the sample.
+        let sequence = u64::from_le_bytes(message.data[4..12].try_into().unwrap());
+        channels.entry(message.channel.topic.clone()).or_default().push((message.log_time - to_utc, sequence));
+    }
+    // Nobody has written a reference or a request.
+    let expected = CHANNELS.iter().filter(|name| !["reference", "request"].contains(name));
+    assert!(expected.clone().all(|name| channels.contains_key(*name)), "{:?}", channels.keys());
+    assert_eq!(channels.len(), expected.count());
+    let commands = &channels["valve-command"];
+    assert!(commands.windows(2).all(|pair| pair[0].0 <= pair[1].0 && pair[0].1 <= pair[1].1));
+    let (first, last) = (commands[0].0, commands[commands.len() - 1].0);
+    assert!(first + 1_500_000_000 < cause && last > cause + 500_000_000, "{first} {cause} {last}");
+}
+
+/// Kills the acquisition. The time, ns.
+fn signalled(running: &Running) -> u64 {
+    signal(running.pid(StageKind::SensorProc), Signal::KILL);
+    pipeline::stage::monotonic_ns()
+}
+
+#[test]
+fn a_run_writes_no_black_box_without_a_fault_nor_where_none_is_wanted() {
+    let _cores = shared();
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        let prefix = format!("t{}-no-box", std::process::id());
+        let common = ["run", "--prefix", &prefix, "--duration", "500ms", "--off"];
+        let mut command = hydraxis();
+        command.args(common).args(arguments).env("XDG_STATE_HOME", folder.path());
+        let said = command.output().unwrap();
+        assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+        String::from_utf8(said.stderr).unwrap()
+    };
+    run(&["--no-black-box"]);
+    assert!(files(folder.path()).is_empty());
+    run(&[]);
+    assert!(files(&folder.path().join("hydraxis")).is_empty() && folder.path().join("hydraxis").exists());
+    // A folder that cannot be made is a warning: the machine is not to stand still for it.
+    let file = folder.path().join("file");
+    fs::write(&file, "").unwrap();
+    let said = run(&["--black-box", file.to_str().unwrap()]);
+    assert!(said.contains("warning: no black box: ") && said.contains("--black-box"), "{said}");
+}

@@ -46,8 +46,8 @@ pub enum OperatorError {
     NoGroup(Prefix),
     /// The group has an operator already.
     #[error(
-        "another program operates group \"{prefix}\"; end that one first (`hydraxis status --prefix {prefix}` names it), \
-         or take its place with --take-over"
+        "another program operates group \"{prefix}\" (`hydraxis status --prefix {prefix}` names it); end that one \
+         first, or take its place with --take-over"
     )]
     Taken {
         /// The group.

@@ -134,7 +134,7 @@ mod tests {
         assert_eq!(bytes[bytes.len() - 8..], [1, 0, 0, 0, 0, 0, 0, 0]);
         let mut bytes = Bytes(&mut bytes);
         bytes.0.truncate(4);
-        (1u8.to_le_bytes(), 2u64.to_le_bytes()).0.map(|byte| bytes.number([byte]));
+        bytes.number(1u8.to_le_bytes());
         bytes.number(2u64.to_le_bytes());
         assert_eq!(bytes.0[4..], [1, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0]);
     }

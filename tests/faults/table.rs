@@ -69,7 +69,8 @@ fn every_row_names_tests_that_exist_or_says_that_it_has_none() {
         assert_eq!(named(cell).count() == 0, cell.starts_with(UNCOVERED), "row {number}: {cell}");
         for (file, function) in named(cell) {
             let text = read(file);
-            let test = text.split("#[test]\n").skip(1).find(|rest| rest.trim_start().starts_with(&format!("fn {function}(")));
+            let is_it = |rest: &&str| rest.trim_start().starts_with(&format!("fn {function}("));
+            let test = text.split("#[test]\n").skip(1).find(is_it);
             assert!(test.is_some(), "row {number}: {file} has no test {function}");
         }
     }

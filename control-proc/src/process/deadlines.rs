@@ -46,13 +46,19 @@ pub(super) struct FeedbackAge {
     acquired_ns: Option<u64>,
     /// The controller has been told that the samples have stopped.
     is_lost: bool,
+    sleep: Sleep,
 }
 
 impl FeedbackAge {
     /// Before the first sample.
     pub fn new(machine: &Machine) -> Self {
         let timeout_ns = machine.timing.feedback_timeout.as_nanos() as u64;
-        Self { timeout_ns, acquired_ns: None, is_lost: false }
+        Self { timeout_ns, acquired_ns: None, is_lost: false, sleep: Sleep::new() }
+    }
+
+    /// Whether the computer has been suspended since the last call; `asleep` is [`asleep_ns`].
+    pub fn was_suspended(&mut self, asleep: u64) -> bool {
+        self.sleep.was_suspended(asleep)
     }
 
     /// Whether a sample acquired at `acquired` says nothing of `now`, ns. One from the future is as useless.
@@ -79,7 +85,7 @@ impl FeedbackAge {
 /// Whether the computer has been suspended. Then the machine may have moved, or have been moved, and no clock of the
 /// loops knows.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Sleep {
+struct Sleep {
     /// The longest time seen, ns.
     asleep_ns: u64,
 }

@@ -7,8 +7,8 @@
 //! - A command that goes out more than a period after its sample was acquired is late. It is made with the newest data.
 //!   As many late commands in a row as periods fit into `feedback_timeout`, at least two, latch the axes.
 //!
-//! Neither can be told by clocks that are wrong. A sample with a time that is still to come latches the axes, and so does
-//! a computer that has been suspended.
+//! Neither can be told by clocks that are wrong. A sample with a time that is still to come latches the axes, and so
+//! does a computer that has been suspended.
 //!
 //! In lock-step the command of tick k is made with the snapshot of tick k-1, and the stage waits for that.
 
@@ -33,7 +33,7 @@ use pipeline::{
 };
 
 use crate::Controller;
-use deadlines::{Deadlines, FeedbackAge, Sleep};
+use deadlines::{Deadlines, FeedbackAge};
 
 /// Runs the stage until its last tick or a signal; the last command is neutral.
 ///
@@ -60,7 +60,6 @@ struct Process {
     clock: Clock,
     feedback: FeedbackAge,
     deadlines: Deadlines,
-    sleep: Sleep,
 }
 
 /// The channels that the stage reads.
@@ -104,7 +103,6 @@ impl Process {
             clock: options.clock,
             feedback: FeedbackAge::new(machine),
             deadlines: Deadlines::new(machine),
-            sleep: Sleep::new(),
         })
     }
 
@@ -187,13 +185,13 @@ impl Process {
         self.clock == Clock::RealTime && self.feedback.is_too_old(monotonic_ns(), sample.acquired_ns)
     }
 
-    /// Real time: latches where the clocks say nothing of the age of a sample. `acquired` is the time of the newest one,
-    /// if one has come, ns.
+    /// Real time: latches where the clocks say nothing of the age of a sample. `acquired` is the time of the newest
+    /// one, if one has come, ns.
     fn watch_clocks(&mut self, acquired: Option<u64>) -> Result<(), StageError> {
         if self.clock != Clock::RealTime {
             return Ok(());
         }
-        if self.sleep.was_suspended(asleep_ns()) {
+        if self.feedback.was_suspended(asleep_ns()) {
             self.core.latch(control_flag::CLOCK);
         }
         let now = monotonic_ns();

@@ -15,7 +15,10 @@ use std::{
 };
 
 use pipeline::stage::StageKind;
-use rustix::process::{Signal, geteuid};
+use rustix::{
+    fs::FallocateFlags,
+    process::{Signal, geteuid},
+};
 
 use crate::harness::{
     FOUR_AXES, TestGroup, hydraxis, processes,
@@ -275,6 +278,43 @@ impl Drop for Confined {
         let _ = self.run.wait();
         wait_for("the end of its stages", || processes(&self.group.prefix).is_empty().then_some(()));
     }
+}
+
+/// Row 43: when a stage could not start again with the room that is left, log and `status` say so, once.
+#[test]
+fn row_43_the_log_says_once_that_a_stage_could_not_start_again() {
+    let _cores = shared();
+    let Some(mut confined) = Confined::start("row-43-room") else { return };
+    wait_for("running stages", || confined.stages());
+    let fill = OpenOptions::new().create_new(true).write(true).open(confined.memory().join("fill")).unwrap();
+    let left = || {
+        let space = rustix::fs::statvfs(confined.memory()).unwrap();
+        space.f_bavail * space.f_frsize
+    };
+    let leave = |bytes: u64| {
+        let used = fill.metadata().unwrap().blocks() * 512;
+        rustix::fs::fallocate(&fill, FallocateFlags::empty(), 0, used + left() - bytes).unwrap();
+    };
+    let warnings = || confined.status()["warnings"].as_array().cloned().unwrap_or_default();
+    let count = |what: &str| confined.said().matches(what).count();
+    let (short, enough) = ("MB to start again: it cannot", "MB to start again: it can\n");
+    // The largest stage has 7 MB.
+    leave(13 << 20);
+    thread::sleep(Duration::from_millis(2500));
+    assert_eq!((warnings().len(), count(short)), (0, 0), "{}", confined.said());
+    leave(6 << 20);
+    wait_for("the warning", || (count(short) > 0).then_some(()));
+    let found = warnings();
+    assert!(found.len() == 1 && found[0].as_str().unwrap().ends_with(short), "{found:?}");
+    thread::sleep(Duration::from_millis(2500));
+    fill.set_len(0).unwrap();
+    wait_for("the line that takes it back", || (count("to start again: it can") > 1).then_some(()));
+    assert_eq!(warnings().len(), 0);
+    signal(confined.run.id(), Signal::INT);
+    let status = wait_for("the end", || confined.run.try_wait().unwrap());
+    assert!(is_orderly(status, &confined.said()), "{status}: {}", confined.said());
+    let said = confined.said() + "\n";
+    assert_eq!((said.matches(short).count(), said.matches(enough).count()), (1, 1), "{said}");
 }
 
 /// Row 43: with shared memory full, a stage that dies cannot start again, and its neighbours go on; with room it can.

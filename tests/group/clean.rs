@@ -181,3 +181,42 @@ fn memory_whose_folder_is_elsewhere_goes_only_by_name_and_when_nobody_has_it_map
     printed(&clean(here.path(), &["--prefix", &name]));
     assert!(member.files().is_empty());
 }
+
+/// The kernel hides the maps of a process with a capability from other processes of its user.
+#[test]
+fn memory_of_a_process_that_hides_its_maps_is_not_removed() {
+    if !rustix::process::geteuid().is_root() {
+        eprintln!("skipped: only root can give a capability to another user");
+        return;
+    }
+    let (here, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    for folder in [&here, &elsewhere] {
+        std::os::unix::fs::chown(folder.path(), Some(65534), Some(65534)).unwrap();
+    }
+    let group = TestGroup::new("hidden");
+    let copy = elsewhere.path().join("hydraxis");
+    std::fs::copy(hydraxis().get_program(), &copy).unwrap();
+    let nobody = |capabilities: &[&str], folder: &Path| {
+        let mut command = std::process::Command::new("setpriv");
+        command.args(["--reuid", "65534", "--regid", "65534", "--clear-groups"]).args(capabilities).arg(&copy);
+        command.env("TMPDIR", folder).stdin(Stdio::null());
+        command
+    };
+    let prefix = group.prefix.to_string();
+    let mut process = nobody(&["--inh-caps", "+sys_nice", "--ambient-caps", "+sys_nice"], elsewhere.path())
+        .args(["control-proc", "--prefix", &prefix])
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    wait_for("its memory", || (files(&group.prefix).len() > 5).then_some(()));
+    let before = files(&group.prefix);
+    let output = nobody(&[], here.path()).args(["clean", "--prefix", &prefix]).output().unwrap();
+    let after = files(&group.prefix);
+    process.kill().unwrap();
+    process.wait().unwrap();
+    let cleaned = nobody(&[], here.path()).args(["clean", "--prefix", &prefix]).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(1) && said.contains("is alive, nothing was removed"), "{said}");
+    assert!(before.iter().all(|path| after.contains(path)), "{before:?}, {after:?}");
+    assert!(cleaned.status.success() && files(&group.prefix).is_empty(), "{cleaned:?}");
+}

@@ -20,6 +20,8 @@ use std::{
     time::Duration,
 };
 
+use rustix::process::geteuid;
+
 use super::{
     error::RemoveError,
     folder::{Exposed, owned},
@@ -33,6 +35,9 @@ use super::{
 const TRIES: usize = 10;
 /// Pause between two tries.
 const PAUSE: Duration = Duration::from_millis(1);
+/// Name of the process of a stage and of the supervisor.
+const PROGRAM: &str = "hydraxis";
+
 /// Whether a group lives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GroupState {
@@ -216,14 +221,28 @@ fn is_group(folder: &Path) -> bool {
     [MEMBERS, RUN].iter().any(|name| folder.join(name).is_file()) || owned(folder).is_err()
 }
 
-/// Whether a process has one of these files mapped. The processes of the same user can always be looked at.
+/// Whether a process has one of these files mapped, or may have.
+///
+/// Trap: the kernel hides the maps of a process of the same user that has a capability, or that is in a user namespace
+/// of its own. A program of Hydraxis that hides them may be one of this group.
 fn is_mapped(files: &[PathBuf]) -> bool {
-    let maps = entries(Path::new("/proc")).filter_map(|process| std::fs::read_to_string(process.join("maps")).ok());
     let is_ours = |line: &str| {
         // The mapped file stands at the end of the line, with its absolute path.
         line.find('/').is_some_and(|begin| files.iter().any(|file| file.as_os_str() == &line[begin..]))
     };
-    !files.is_empty() && maps.into_iter().any(|maps| maps.lines().any(is_ours))
+    let has_mapped = |process: PathBuf| match std::fs::read_to_string(process.join("maps")) {
+        Ok(maps) => maps.lines().any(is_ours),
+        Err(error) => error.kind() == ErrorKind::PermissionDenied && is_member_program(&process),
+    };
+    !files.is_empty() && entries(Path::new("/proc")).any(has_mapped)
+}
+
+/// Whether a process in `/proc` is a program of Hydraxis of the user of this process.
+fn is_member_program(process: &Path) -> bool {
+    let status = std::fs::read_to_string(process.join("status")).unwrap_or_default();
+    let value = |name: &str| status.lines().find_map(|line| line.strip_prefix(name));
+    let user = value("Uid:").and_then(|ids| ids.split_whitespace().nth(1)?.parse::<u32>().ok());
+    user == Some(geteuid().as_raw()) && value("Name:").is_some_and(|name| name.trim() == PROGRAM)
 }
 
 #[cfg(test)]

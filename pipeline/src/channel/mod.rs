@@ -19,6 +19,7 @@
 //! | `folder`, `claim` | the private folder of a group, and the claim of a run on it | no |
 //! | `storage` | shared memory that is allocated when it is made, and private | no |
 //! | `names`, `leftovers` | files of dead groups | no |
+//! | `room` | room for a stage that starts again | no |
 //! | `error` | one error type for each operation | |
 
 mod board;
@@ -34,6 +35,7 @@ mod prefix;
 mod publisher;
 mod reader;
 mod recycled;
+mod room;
 mod service;
 mod storage;
 
@@ -50,6 +52,7 @@ pub use leftovers::{FoundGroup, GroupState, boards, exposed, groups, remove_left
 pub use prefix::{Prefix, PrefixError};
 pub use publisher::Publisher;
 pub use reader::{Read, Reader};
+pub use room::{MARGIN as ROOM_MARGIN, Room, rooms};
 
 #[cfg(test)]
 mod tests;

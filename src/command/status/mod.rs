@@ -15,7 +15,7 @@ use std::{
 };
 
 use pipeline::{
-    channel::{ChannelError, Group, GroupState, Member, Prefix, Reader, groups},
+    channel::{ChannelError, Group, GroupState, Member, Prefix, Reader, Room, groups, rooms},
     message::{MachineState, StageHealth, StageState},
     stage::{StageKind, monotonic_ns},
 };
@@ -47,6 +47,8 @@ struct Collected {
     state: Option<MachineState>,
     /// The processes of the group.
     members: Vec<Member>,
+    /// The room for a stage that starts again.
+    rooms: Vec<Room>,
     now_ns: u64,
 }
 
@@ -146,7 +148,8 @@ impl StatusReader {
         }
         let own = std::process::id();
         let members = self.group.members().into_iter().filter(|member| member.pid != own).collect();
-        Ok(Collected { prefix: self.prefix.clone(), stages, state, members, now_ns })
+        let rooms = rooms(&self.prefix);
+        Ok(Collected { prefix: self.prefix.clone(), stages, state, members, rooms, now_ns })
     }
 }
 

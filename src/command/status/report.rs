@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use pipeline::{
+    channel::Room,
     latency::Percentiles,
     message::{
         AxisMode, AxisState, ControlMode, MissCause, StageHealth, StageState, bit_names, control_flag, model_fault,
@@ -23,6 +24,8 @@ pub struct StatusReport {
     axes: BTreeMap<String, AxisFigures>,
     /// The processes of the group that have sent no heartbeat.
     others: Vec<OtherProcess>,
+    /// What keeps a stage that dies from starting again.
+    warnings: Vec<String>,
     /// Names of the stages in the order in which the data goes through them.
     #[serde(skip)]
     order: Vec<&'static str>,
@@ -121,6 +124,7 @@ impl StatusReport {
         });
         Self {
             others: others.collect(),
+            warnings: collected.rooms.iter().filter(|room| room.is_short()).map(Room::to_string).collect(),
             group: collected.prefix.to_string(),
             order: stages.iter().map(|(name, _)| *name).collect(),
             names: axes.iter().map(|(name, _)| name.clone()).collect(),
@@ -147,6 +151,7 @@ impl StatusReport {
             self.channel_table(),
             self.latency_table(),
             self.others(),
+            self.warnings.iter().map(|warning| format!("\nwarning: {warning}\n")).collect(),
             self.axis_table(),
         ];
         parts.concat()

@@ -20,6 +20,7 @@ mod interrupts;
 mod life;
 mod log;
 mod restarts;
+mod room;
 mod service_manager;
 mod stop;
 mod watch;
@@ -43,6 +44,7 @@ use interrupts::Interrupts;
 use life::Life;
 use log::Log;
 use restarts::RestartHistory;
+use room::RoomWatch;
 use service_manager::ServiceManager;
 
 /// Time after which a foreign program in a stage's place counts as started. It may have no heartbeat at all.
@@ -97,6 +99,7 @@ pub struct Supervisor<'a> {
     deaths: Deaths,
     interrupts: Interrupts,
     service_manager: ServiceManager,
+    room: RoomWatch,
     is_stopping: bool,
     /// The first failure while the stages were being ended.
     failure: Option<SupervisorError>,
@@ -125,6 +128,7 @@ impl<'a> Supervisor<'a> {
             deaths: Deaths::new().map_err(SupervisorError::Watch)?,
             interrupts: Interrupts::new()?,
             service_manager: ServiceManager::new(),
+            room: RoomWatch::new(group.prefix()),
             is_stopping: false,
             failure: None,
             log: Log::start(file.as_deref())?,

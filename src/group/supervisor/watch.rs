@@ -1,5 +1,6 @@
 //! What the supervisor does about its stages while a run lasts: it reaps processes that have ended, kills stages
-//! without a heartbeat, feeds the watchdog of the service manager, and starts stages again.
+//! without a heartbeat, feeds the watchdog of the service manager, says when there is no room left, and starts stages
+//! again.
 
 use std::time::{Duration, Instant};
 
@@ -50,6 +51,9 @@ impl Supervisor<'_> {
         self.judge_heartbeats(monitor);
         if self.stages.iter().all(|stage| self.is_attended(stage, monitor)) {
             self.service_manager.alive();
+        }
+        for line in self.room.look() {
+            self.say(line);
         }
         self.start_again(monitor)
     }

@@ -6,8 +6,8 @@
 //! ```
 //!
 //! A stage that starts again takes its memory a second time: the memory of the dead process is freed only after its
-//! readers have let it go. Which process has made a file is in the file's name. iceoryx2 puts numbers of 128 bits there,
-//! in decimal digits: from the highest bits on a counter, the process, ns and s of its clock, 32 bits each.
+//! readers have let it go. The name of a file tells which process has made it. iceoryx2 puts numbers of 128 bits into
+//! the name, in decimal digits: from the highest bits on a counter, the process, ns and s of its clock, 32 bits each.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

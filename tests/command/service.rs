@@ -14,8 +14,8 @@ const PROGRAM: &str = "/usr/local/bin/hydraxis";
 /// Largest exposure that `systemd-analyze security` may find, in tenths; its scale ends at 100. It finds 11.
 const EXPOSURE: &str = "--threshold=11";
 
-/// What systemd may hold against the unit. The unit says why for each but the first, which a package decides, and
-/// `PrivateMounts=`, which the private `/tmp` brings.
+/// What systemd may hold against the unit. The unit gives the reasons, but for these: who installs the program chooses
+/// a root directory, a private `/tmp` brings private mounts, and without a network there are no addresses to deny.
 const EXPOSED: [&str; 11] = [
     "RootDirectory=/RootImage=",
     "PrivateMounts=",

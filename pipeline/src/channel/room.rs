@@ -108,7 +108,8 @@ mod tests {
             let name = format!("/dev/shm/demo.{}_{rest}", "0354a209029e7d094a819e2d4030ea331e6caaf0");
             makers(Path::new(&name)).into_iter().collect::<Vec<_>>()
         };
-        let number = |process: u128, counter: u128| (counter << 96 | process << 64 | 12345 << 32 | 678).to_string();
+        let number =
+            |process: u128, counter: u128| ((counter << 96) | (process << 64) | (12345 << 32) | 678).to_string();
         assert_eq!(of(&format!("{}.data", number(4321, 7))), [4321]);
         assert_eq!(of(&format!("{}_{}.connection", number(4321, 7), number(99, 1))), [99, 4321]);
         assert_eq!(of(&format!("{}_{}.connection", number(99, 7), number(99, 1))), [99]);

@@ -15,6 +15,7 @@ use std::{
 };
 
 use pipeline::{
+    MAX_AXES,
     channel::{Board, BoardError, ChannelError, Group, GroupMachine, Listener, Prefix, Publisher, Reader},
     message::{
         AxisCommand, AxisMode, AxisRequest, EncoderSample, Header, Request, ValveCommand, bit_names, control_flag,
@@ -83,6 +84,15 @@ pub enum OperatorError {
         /// The states of all axes.
         states: Vec<String>,
     },
+    /// A stop was asked for while this program was on its way to arm axes.
+    #[error(
+        "group \"{prefix}\": a stop was asked for after this command was typed, so it arms nothing; when the machine \
+         may move, type it again"
+    )]
+    Stopped {
+        /// The group.
+        prefix: Prefix,
+    },
     /// A fault latched an axis on its way to a mode.
     #[error("{state}: not {wanted}, a fault has latched it")]
     Latched {
@@ -97,6 +107,11 @@ pub enum OperatorError {
 pub struct Operator {
     machine: GroupMachine,
     prefix: Prefix,
+    board: Board,
+    /// Stops that were asked for before this program began.
+    stops: [u32; MAX_AXES + 1],
+    /// The stops that matter to the present requests: those of the axes that they arm, and of all.
+    arming: [bool; MAX_AXES + 1],
     samples: Reader<EncoderSample>,
     commands: Reader<ValveCommand>,
     requests: Publisher<Request>,
@@ -117,7 +132,8 @@ impl Operator {
     /// # Errors
     /// No such group runs, it has no controller, or another program operates it.
     pub fn join(prefix: &Prefix, takes_over: bool, stop: Arc<AtomicBool>) -> Result<Self, OperatorError> {
-        let machine = *board(prefix)?.machine();
+        let board = board(prefix)?;
+        let (machine, stops) = (*board.machine(), board.asked());
         let group = Group::join(prefix, "operator").map_err(ChannelError::from)?;
         // An operator that was killed would keep the only place on the channel.
         group.bury_the_dead();
@@ -129,6 +145,9 @@ impl Operator {
         let mut operator = Self {
             machine,
             prefix: prefix.clone(),
+            board,
+            stops,
+            arming: [false; MAX_AXES + 1],
             samples: group.reader().map_err(ChannelError::from)?,
             commands: group.reader().map_err(ChannelError::from)?,
             listener: group.listener::<EncoderSample>().map_err(ChannelError::from)?,
@@ -143,7 +162,7 @@ impl Operator {
         operator.request.header = Header { axis_count: machine.axis_count as u32, ..Header::default() };
         // The controller counts the edges of `enable` from the first message that it has taken.
         let (session, mut taken) = (operator.request.session, None);
-        operator.ask_until("an answer of the controller", |command| {
+        operator.ask_until("an answer of the controller", |command, _| {
             let now = command.axes[0].taken_requests;
             command.operator == session && now > *taken.get_or_insert(now)
         })?;
@@ -213,9 +232,16 @@ impl Operator {
 
     /// Sends the requests of all axes as an answer to this sample.
     ///
+    /// A program that was suspended goes on where it was, also after a stop. The controller takes no request that arms
+    /// and names a sample from before the stop. So it is enough to look for a stop after the sample was read.
+    ///
     /// # Errors
-    /// The message cannot be sent.
+    /// The message cannot be sent, or arms an axis after a stop.
     pub fn ask(&mut self, sample: &EncoderSample) -> Result<(), OperatorError> {
+        let asked = self.board.asked();
+        if (0..=MAX_AXES).any(|i| self.arming[i] && asked[i] != self.stops[i]) {
+            return Err(OperatorError::Stopped { prefix: self.prefix.clone() });
+        }
         self.request.header.sequence = sample.header.sequence;
         self.request.header.acquired_ns = sample.header.acquired_ns;
         self.request.header.sent_ns = monotonic_ns();
@@ -223,20 +249,23 @@ impl Operator {
     }
 
     /// Answers samples until `is_done` accepts a command of the controller; false when the program is to end before.
+    /// `is_done` may change the request: commands that have come are looked at before the next request is sent.
     fn ask_until(
         &mut self,
         wanted: &str,
-        mut is_done: impl FnMut(&ValveCommand) -> bool,
+        mut is_done: impl FnMut(&ValveCommand, &mut Request) -> bool,
     ) -> Result<bool, OperatorError> {
         let until = Instant::now() + self.answer_patience;
+        let mut has_asked = false;
         loop {
             let Some(sample) = self.sample()? else { return Ok(false) };
-            self.ask(&sample)?;
             while let Some(command) = self.command()? {
-                if is_done(&command) {
+                if is_done(&command, &mut self.request) && has_asked {
                     return Ok(true);
                 }
             }
+            self.ask(&sample)?;
+            has_asked = true;
             if Instant::now() > until {
                 let states = (0..self.machine.axis_count as usize).map(|axis| self.state(axis)).collect();
                 return Err(OperatorError::NoAnswer {
@@ -248,17 +277,54 @@ impl Operator {
         }
     }
 
-    /// Disarms axes, latched ones as well, and waits until the controller says that they are disarmed.
+    /// Disarms axes that are not latched, and waits until the controller says that they are. A latched axis stays
+    /// latched, also one that is latched meanwhile: only a person releases it.
     ///
     /// # Errors
     /// The controller does not say so in time.
     pub fn disarm(&mut self, axes: &[usize]) -> Result<(), OperatorError> {
+        let is_latched = |command: &ValveCommand, axis: usize| command.axes[axis].flags & control_flag::LATCHED != 0;
+        let ask = |command: &ValveCommand, request: &mut Request| {
+            for axis in axes {
+                let mode = if is_latched(command, *axis) { AxisMode::Unchanged } else { AxisMode::Off };
+                request.axes[*axis].mode = mode as u32;
+            }
+        };
+        ask(&self.commands.last().copied().unwrap_or_default(), &mut self.request);
+        self.switch_off(|command, request| {
+            ask(command, request);
+            let is_disarmed = |axis: usize| command.axes[axis].flags & control_flag::DISARMED != 0;
+            axes.iter().all(|axis| is_disarmed(*axis) || is_latched(command, *axis))
+        })
+    }
+
+    /// Disarms axes, latched ones as well, and waits until the controller says that they are disarmed. What has latched
+    /// them is what a person has seen and acknowledges.
+    ///
+    /// # Errors
+    /// Another fault latches one of them meanwhile, or the controller does not say so in time.
+    pub fn release(&mut self, axes: &[usize]) -> Result<(), OperatorError> {
+        let causes = |command: &ValveCommand, axis: usize| command.axes[axis].flags & control_flag::LATCHED;
+        let seen = self.commands.last().copied().unwrap_or_default();
+        let mut latched = None;
+        axes.iter().for_each(|axis| self.axis(*axis).mode = AxisMode::Off as u32);
+        self.switch_off(|command, request| {
+            latched = axes.iter().copied().find(|axis| causes(command, *axis) & !causes(&seen, *axis) != 0);
+            if latched.is_some() {
+                axes.iter().for_each(|axis| request.axes[*axis].mode = AxisMode::Unchanged as u32);
+            }
+            latched.is_some() || axes.iter().all(|axis| command.axes[*axis].flags & control_flag::DISARMED != 0)
+        })?;
+        match latched {
+            Some(axis) => Err(OperatorError::Latched { state: self.state(axis), wanted: "released" }),
+            None => Ok(()),
+        }
+    }
+
+    fn switch_off(&mut self, is_done: impl FnMut(&ValveCommand, &mut Request) -> bool) -> Result<(), OperatorError> {
         // The stop flag does not count here: when the program is to end, the axes must be disarmed all the more.
         let stop = std::mem::take(&mut self.stop);
-        axes.iter().for_each(|axis| self.axis(*axis).mode = AxisMode::Off as u32);
-        let off = self.ask_until("off", |command| {
-            axes.iter().all(|axis| command.axes[*axis].flags & control_flag::DISARMED != 0)
-        });
+        let off = self.ask_until("off", is_done);
         self.stop = stop;
         off.map(|_| ())
     }
@@ -272,16 +338,19 @@ impl Operator {
         for axis in axes {
             self.axis(*axis).mode = mode as u32;
             self.axis(*axis).enable += 1;
+            self.arming[*axis] = true;
         }
+        self.arming[MAX_AXES] = true;
         let mut latched = None;
-        let is_changed = self.ask_until(mode.name(), |command| {
+        let is_changed = self.ask_until(mode.name(), |command, _| {
             let is_in = |axis: &AxisCommand| axis.operation == mode as u32 && axis.flags & control_flag::SETTLING == 0;
             latched = axes.iter().copied().find(|axis| command.axes[*axis].flags & control_flag::LATCHED != 0);
             latched.is_some() || axes.iter().all(|axis| is_in(&command.axes[*axis]))
-        })?;
+        });
+        self.arming = [false; MAX_AXES + 1];
         match latched {
             Some(axis) => Err(OperatorError::Latched { state: self.state(axis), wanted: mode.name() }),
-            None => Ok(is_changed),
+            None => is_changed,
         }
     }
 

@@ -14,7 +14,11 @@ use pipeline::{
 use rustix::process::Signal;
 
 use crate::harness::{
-    FOUR_AXES, TestGroup, channel::await_message, hydraxis, running::Running, shared, signal, wait_for,
+    FOUR_AXES, TestGroup,
+    channel::await_message,
+    hydraxis,
+    running::{Running, text},
+    shared, signal, wait_for,
 };
 
 /// A time that a busy computer meets, and far below what a person would call late.
@@ -50,6 +54,12 @@ impl Tracking {
 
     fn wait_until(&mut self, what: &str, is_it: impl Fn(&ValveCommand) -> bool) -> ValveCommand {
         await_message(&mut self.commands, what, is_it)
+    }
+
+    /// The next command; those that have come before count as read.
+    fn next(&mut self) -> ValveCommand {
+        while self.commands.read().unwrap().if_new().is_some() {}
+        self.wait_until("a command", |_| true)
     }
 
     /// Runs a command that has to succeed. Returns what it prints, and how long it took.
@@ -96,6 +106,66 @@ fn a_stop_works_while_an_operator_hangs() {
     tracking.end();
 }
 
+/// An operator that ends because of an emergency stop acknowledges nothing.
+#[test]
+fn the_end_of_an_operator_releases_no_emergency_stop() {
+    let _cores = shared();
+    let mut tracking = Tracking::start("stop-end");
+    let prefix = tracking.prefix();
+    let mut operator = hydraxis()
+        .args(["operate", "--prefix", &prefix, "--mode", "hold"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    tracking.wait_until("hold", |command| all(command, |axis| axis.operation == 3));
+    tracking.succeed(&["disarm", "--emergency"]);
+    let status = wait_for("the operator to end", || operator.try_wait().unwrap());
+    assert_eq!(status.code(), Some(1));
+    let said = text(operator.stdout.take());
+    assert!(said.contains("axis.boom: off (emergency-stop)"), "{said}");
+    for _ in 0..5 {
+        let command = tracking.next();
+        assert_eq!(command.cut_off, 1);
+        assert!(all(&command, |axis| axis.flags & control_flag::EMERGENCY_STOP != 0), "{:?}", command.axes[0]);
+    }
+    tracking.succeed(&["reset"]);
+    tracking.wait_until("the release", |command| command.cut_off == 0 && all(command, is_disarmed));
+    tracking.end();
+}
+
+/// A person typed `arm` before the stop, and the program was suspended meanwhile.
+#[test]
+fn an_arm_that_was_typed_before_a_stop_and_suspended_arms_nothing_after_it() {
+    let _cores = shared();
+    let mut tracking = Tracking::start("stop-arm");
+    let prefix = tracking.prefix();
+    tracking.succeed(&["disarm"]);
+    let mut suspended = 0;
+    for _ in 0..4 {
+        let taken = tracking.next().axes[0].taken_requests;
+        let mut arm = hydraxis();
+        arm.args(["arm", "--prefix", &prefix]).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut arm = arm.spawn().unwrap();
+        // Its first request asks for nothing; the ones that arm come after it.
+        tracking.wait_until("a request", |command| command.axes[0].taken_requests > taken);
+        signal(arm.id(), Signal::STOP);
+        tracking.succeed(&["disarm"]);
+        // So many samples that the suspended program has lost those from before the stop.
+        let until = tracking.next().header.sequence + 270;
+        tracking.wait_until("later samples", |command| command.header.sequence > until);
+        signal(arm.id(), Signal::CONT);
+        let status = wait_for("arm to end", || arm.try_wait().unwrap());
+        let said = text(arm.stderr.take());
+        assert_eq!(status.code(), Some(1), "{said}");
+        suspended += u32::from(said.contains("a stop was asked for after this command was typed"));
+        assert!(all(&tracking.next(), is_disarmed), "{said}");
+    }
+    println!("{suspended} of 4 were suspended before they armed");
+    tracking.succeed(&["arm"]);
+    tracking.end();
+}
+
 #[test]
 fn a_stop_works_when_all_places_on_the_channels_are_taken() {
     let _cores = shared();
@@ -131,8 +201,7 @@ fn an_emergency_stop_latches_also_a_controller_that_is_started_again_until_a_per
             && health.pid != before
             && health.state == StageState::Running as u32
     });
-    while tracking.commands.read().unwrap().if_new().is_some() {}
-    let command = tracking.wait_until("a command", |_| true);
+    let command = tracking.next();
     assert!(is_cut_off(&command) && all(&command, |axis| axis.flags & control_flag::EMERGENCY_STOP != 0));
     tracking.succeed(&["reset"]);
     tracking.wait_until("the release", |command| command.cut_off == 0 && all(command, is_disarmed));

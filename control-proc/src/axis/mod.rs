@@ -143,6 +143,9 @@ impl AxisController {
         self.state.begin_tick(input.sequence);
         self.feedback.hold_command(input.elapsed.saturating_sub(1));
         self.take_emergency_stop(input.emergency_stop);
+        if input.emergency_stop {
+            self.operation.requests.stop(input.sequence);
+        }
         self.take_request(input);
         let observation = self.feedback.observe(input.elapsed, input.sample, self.decision.command);
         self.take_motion(input.elapsed, observation.position);

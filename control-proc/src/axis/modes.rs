@@ -9,7 +9,8 @@ impl AxisController {
     pub(super) fn take_request(&mut self, input: &AxisInput<'_>) {
         let requests = &mut self.operation.requests;
         if let Some(accepted) = input.request.and_then(|request| requests.update(request, input.sequence)) {
-            if accepted.mode == Some(AxisMode::Off) && self.state.is_pressed() {
+            let is_kept = self.state.is_pressed() || (self.state.cause() != 0 && !accepted.can_release);
+            if accepted.mode == Some(AxisMode::Off) && is_kept {
                 requests.refuse();
             } else {
                 self.operation.ask_hold_to_run(accepted.hold_to_run);

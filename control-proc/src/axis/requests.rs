@@ -11,6 +11,10 @@
 //!
 //! A stop ([`Requests::stop`]) makes edges void that were made before it: the message that arms names a later sample.
 //!
+//! Releasing a latch is an edge as well: off, after a message of the same session that asked for something else, and
+//! for a later sample than the stop. So neither a program that asks for off all the time nor one that has not seen the
+//! stop yet releases what a person has to acknowledge.
+//!
 //! These messages are refused as a whole:
 //! - a mode that does not exist,
 //! - a command or a set point that is not finite,
@@ -19,7 +23,7 @@
 //! - a message for another time, or one that goes back in time.
 //!
 //! After a refusal the axis does what it did before; a mode that needs requests has not had one. Off is refused while
-//! the emergency stop is pressed, since it would reset the latch.
+//! the emergency stop is pressed, since it would reset the latch, and where it has no edge that releases the latch.
 //!
 //! Trap: if the last message simply counted, a machine would go on after its operator's program has died.
 
@@ -45,6 +49,8 @@ pub struct Accepted {
     pub set_point: Option<f64>,
     /// The axis is to be disarmed when requests stop.
     pub hold_to_run: bool,
+    /// Off releases a latched axis.
+    pub can_release: bool,
 }
 
 /// A message that was looked at.
@@ -54,6 +60,25 @@ struct Seen {
     number: u64,
     /// Newest sample that the program had seen.
     sequence: u64,
+}
+
+/// What a message asked of this axis, as far as edges are counted from it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Entry {
+    /// Its number for arming; none where it has no entry for this axis.
+    enable: Option<u32>,
+    /// It asked for off.
+    is_off: bool,
+}
+
+impl Entry {
+    fn new(request: &Request, axis: usize) -> Self {
+        let entry = request.axes.get(axis);
+        Self {
+            enable: entry.map(|axis| axis.enable),
+            is_off: entry.is_some_and(|axis| axis.mode == AxisMode::Off as u32),
+        }
+    }
 }
 
 /// The requests to one axis.
@@ -67,8 +92,8 @@ pub struct Requests {
     commission_ticks: u64,
     /// The last message that was looked at, accepted or not.
     seen: Option<Seen>,
-    /// Its number for arming; none where it has no entry for this axis.
-    enable: Option<u32>,
+    /// What it asked for.
+    entry: Entry,
     /// Tick of the last stop: only a program that has seen a later sample may arm the axis.
     stopped_at: Option<u64>,
     /// Tick of the last accepted message.
@@ -90,7 +115,7 @@ impl Requests {
             manual_ticks: ticks(STREAM_TIMEOUT),
             commission_ticks: ticks(timing.feedback_timeout),
             seen: None,
-            enable: None,
+            entry: Entry::default(),
             stopped_at: None,
             accepted_at: None,
             command: 0.0,
@@ -109,7 +134,13 @@ impl Requests {
             return None;
         }
         let before = self.seen.replace(this).filter(|before| before.session == this.session);
-        let is_enabled = self.take_enable(request, before.map(|before| before.sequence));
+        let entry = Entry::new(request, self.axis);
+        let last = std::mem::replace(&mut self.entry, entry);
+        let is_after_stop = self.is_after_stop(this.sequence);
+        let in_a_row = before.is_some_and(|before| this.sequence.abs_diff(before.sequence) <= self.manual_ticks);
+        // The edge of a message that is refused is lost.
+        let is_enabled = in_a_row && last.enable != entry.enable && is_after_stop;
+        let can_release = before.is_some() && !last.is_off && is_after_stop;
         let goes_back = before.is_some_and(|before| this.number <= before.number || this.sequence < before.sequence);
         let is_in_time = sequence.abs_diff(this.sequence) <= self.manual_ticks;
         let sound = self.sound(request).filter(|_| is_in_time && !goes_back);
@@ -123,7 +154,7 @@ impl Requests {
         self.command = axis.command;
         let mode = Some(mode).filter(|mode| *mode != AxisMode::Unchanged);
         let set_point = (axis.has_target == 1).then_some(axis.target);
-        Some(Accepted { mode, is_enabled, set_point, hold_to_run: axis.hold_to_run == 1 })
+        Some(Accepted { mode, is_enabled, set_point, hold_to_run: axis.hold_to_run == 1, can_release })
     }
 
     /// A stop at tick `sequence`. Messages that were sent before it arm no axis.
@@ -159,16 +190,10 @@ impl Requests {
         self.is_refused
     }
 
-    /// Whether there is an edge, counted from a message of tick `before`. The edge of a message that is refused is
-    /// lost.
-    fn take_enable(&mut self, request: &Request, before: Option<u64>) -> bool {
-        let now = request.axes.get(self.axis).map(|axis| axis.enable);
-        let last = std::mem::replace(&mut self.enable, now);
-        let sequence = request.header.sequence;
-        let in_a_row = before.is_some_and(|tick| sequence.abs_diff(tick) <= self.manual_ticks);
-        // Messages that are far from the stop are refused as too old, or their source has started again.
-        let is_after = |stop: u64| sequence > stop || sequence.abs_diff(stop) > self.manual_ticks;
-        in_a_row && last != now && self.stopped_at.is_none_or(is_after)
+    /// Whether a message that names this sample was made after the last stop. Messages that are far from the stop are
+    /// refused as too old, or their source has started again.
+    fn is_after_stop(&self, sequence: u64) -> bool {
+        self.stopped_at.is_none_or(|stop| sequence > stop || sequence.abs_diff(stop) > self.manual_ticks)
     }
 
     /// Mode and entry of this axis, if the message makes sense by itself.

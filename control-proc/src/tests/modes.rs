@@ -270,6 +270,29 @@ fn a_stop_ends_a_mode_and_what_was_asked_before_it_arms_nothing() {
     assert_ne!(axis.tick().axes[0].flags & control_flag::EMERGENCY_STOP, 0, "a stop releases no latch");
 }
 
+/// A program that asks for off when it ends, or all the time, acknowledges no fault.
+#[test]
+fn an_emergency_stop_is_released_only_by_an_off_that_begins_after_it() {
+    let is_kept =
+        |command: ValveCommand| command.cut_off == 1 && command.axes[0].flags & control_flag::EMERGENCY_STOP != 0;
+    let mut axis = Operated::new();
+    axis.enable(AxisMode::Manual);
+    axis.asks(20, AxisMode::Manual, 0.3, None);
+    // An off that was on its way.
+    let late = axis.request(AxisMode::Off, 0.0, None);
+    axis.axis.controller.stop(Stop { axes: 0, emergency: true });
+    axis.axis.controller.ask(&late);
+    assert!((0..5).all(|_| is_kept(axis.tick())));
+    assert!(axis.asks(20, AxisMode::Off, 0.0, None).into_iter().all(is_kept), "it has begun before the stop");
+    axis.ask(AxisMode::Unchanged, 0.0, None);
+    assert!(!is_kept(axis.ask(AxisMode::Off, 0.0, None)), "it has begun after the stop");
+    axis.axis.controller.stop(Stop { axes: 0, emergency: true });
+    assert!(axis.asks(20, AxisMode::Off, 0.0, None).into_iter().all(is_kept), "it goes on all the time");
+    // Another program, whose first message counts for nothing.
+    axis.session += 1;
+    assert!(axis.asks(20, AxisMode::Off, 0.0, None).into_iter().all(is_kept));
+}
+
 #[test]
 fn a_soft_limit_is_not_overrun_in_manual() {
     for (command, limit) in [(1.0, 1.284), (-1.0, 0.05)] {

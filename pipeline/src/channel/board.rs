@@ -235,6 +235,12 @@ impl Board {
         (page.flags[axis].load(Ordering::Acquire), page.operation[axis].load(Ordering::Acquire))
     }
 
+    /// Numbers of stops that were asked for so far: of each axis, and of all with cut-off.
+    pub fn asked(&self) -> [u32; MAX_AXES + 1] {
+        let page = self.page.get();
+        std::array::from_fn(|i| page.off.get(i).unwrap_or(&page.emergency).load(Ordering::Acquire))
+    }
+
     /// Asks to disarm these axes. A latched axis stays latched.
     pub fn stop(&self, axes: impl IntoIterator<Item = usize>) -> Ticket {
         let mut ticket = Ticket { off: [None; MAX_AXES], emergency: None };
@@ -381,12 +387,14 @@ mod tests {
         let client = Board::find(&own.0).unwrap().unwrap();
         let (first, second) = (client.stop([1]), client.stop([0, 1]));
         assert!(!client.is_done(&first));
+        assert_eq!(client.asked()[..3], [1, 2, 0]);
         assert_eq!(stops.take(), Stop { axes: 0b11, emergency: false });
         assert_eq!(stops.take(), Stop::default());
         assert!(!client.is_done(&first));
         stops.done(&ValveCommand::default());
         assert!(client.is_done(&first) && client.is_done(&second));
         let ticket = client.emergency_stop();
+        assert_eq!(client.asked()[MAX_AXES], 1);
         assert_eq!(stops.take(), Stop { axes: 0, emergency: true });
         stops.done(&ValveCommand::default());
         assert!(client.is_done(&ticket));

@@ -41,7 +41,8 @@ shared_struct! {
         pub reserved: u32,
     }
 }
-message!(EncoderReading, "encoder-reading", publishers 1, buffer 64);
+// Readings of 256 ms, so that no reading of a short emergency stop is lost while sensor-proc is late.
+message!(EncoderReading, "encoder-reading", publishers 1, buffer 256);
 
 shared_struct! {
     /// One axis of an [`EncoderSample`].

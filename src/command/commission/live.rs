@@ -59,7 +59,7 @@ fn commission(
 ) -> Result<(Commissioned, ExperimentRecord), Failure> {
     let name = &machine.axes[axis].name;
     let ended = |reason: String| Failure::run(format!("axis.{name}: ended, valve neutral: {reason}"));
-    operator.disarm(all)?;
+    operator.release(all)?;
     operator.axis(axis).command = 0.0;
     let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
     let mut record = Applied::new(axis, machine.timing.period.as_secs_f64());

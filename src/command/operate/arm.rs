@@ -37,8 +37,7 @@ pub fn arm(arguments: &ArmArguments) -> Result<(), Failure> {
         if armed.is_err() {
             // Either all axes are armed or none. An axis that has latched meanwhile stays latched, so that its fault is
             // seen.
-            let armed_axes: Vec<usize> = off.into_iter().filter(|axis| operator.latched_by(*axis).is_empty()).collect();
-            operator.disarm(&armed_axes)?;
+            operator.disarm(&off)?;
         }
         armed?;
         Ok(show(&states(&axes, operator))?)
@@ -55,7 +54,7 @@ pub fn reset(arguments: &ResetArguments) -> Result<(), Failure> {
         }
         let released = latched(&axes, operator);
         let causes: Vec<String> = axes.iter().map(|axis| operator.latched_by(*axis)).collect();
-        operator.disarm(&released)?;
+        operator.release(&released)?;
         let one = |(axis, cause): (&usize, &String)| {
             let state = operator.state(*axis);
             if cause.is_empty() {

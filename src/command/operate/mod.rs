@@ -105,7 +105,7 @@ fn operate(axes: &[usize], arguments: &OperateArguments, operator: &mut Operator
         return Ok(());
     }
     if mode == AxisMode::Off {
-        operator.disarm(axes)?;
+        operator.release(axes)?;
         return Ok(show(&line(axes, operator, None))?);
     }
     let is_off = |axis: &usize| operator.last(*axis).is_some_and(|last| last.operation == AxisMode::Off as u32);
@@ -114,12 +114,12 @@ fn operate(axes: &[usize], arguments: &OperateArguments, operator: &mut Operator
         return Err(Failure::usage(format!("{}; allowed: with --enable, and then it may move", operator.state(*axis))));
     }
     if !off.is_empty() {
-        operator.disarm(&off)?;
+        operator.release(&off)?;
     }
     let result = stream(axes, mode, arguments, operator);
     match &result {
         Ok(()) if arguments.leave && !operator.stopping() => {}
-        // For every other end, with or without a failure, the axes are disarmed.
+        // For every other end, with or without a failure, the axes are disarmed; what a fault has latched stays so.
         _ => {
             operator.disarm(axes)?;
             show(&line(axes, operator, None))?;

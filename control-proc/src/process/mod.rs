@@ -265,6 +265,7 @@ impl Stage for Process {
         turn.skip(passed - unworked, newest, MissCause::LateInput);
         turn.skip(unworked, newest, MissCause::LateRelease);
         if self.is_too_old(&header) {
+            turn.skip(1, header.sequence, MissCause::LateRelease);
             self.stop_at_once()?;
             self.watch_feedback()?;
             return Ok(if turn.is_last(header.sequence) { Next::Finished } else { Next::Waiting });

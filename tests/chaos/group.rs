@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    path::PathBuf,
     process::{Child, Stdio},
     time::{Duration, Instant},
 };
@@ -10,9 +11,8 @@ use pipeline::{channel::Prefix, stage::StageKind};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::{
-    dice::Dice,
     harness::{
-        PATIENCE, files, hydraxis, is_running, processes,
+        Dice, PATIENCE, files, hydraxis, is_running, processes,
         running::{Running, Said},
         signal, succeed,
     },
@@ -33,6 +33,14 @@ pub struct Tally {
     pub restarts: u64,
     pub published: u64,
     pub lost: u64,
+    /// Stops of the axes, by a command, a signal or the board.
+    pub axis_stops: u64,
+    /// Starts of a name that runs already.
+    pub other_starts: u64,
+    pub foreign_files: u64,
+    pub full_memory: u64,
+    /// Travel of an axis at rest after a stop, mm, and its speed, mm/s; the largest ones.
+    pub drift: (f64, f64),
     /// Number of groups by the way in which they ended.
     pub ends: BTreeMap<String, u64>,
     /// Reaction times by the kind of disturbance, ms.
@@ -53,6 +61,11 @@ impl Tally {
              messages, of which this reader has lost {lost}; {:.0} s",
             wall.as_secs_f64()
         );
+        println!(
+            "{} stops of axes, {} other starts of a running name, {} foreign files, memory full {} times; after a \
+             stop no axis drifted by more than {:.2} mm, {:.2} mm/s",
+            self.axis_stops, self.other_starts, self.foreign_files, self.full_memory, self.drift.0, self.drift.1
+        );
         for (end, count) in &self.ends {
             println!("{count:5} x {end}");
         }
@@ -72,14 +85,19 @@ pub struct Chaos {
     pub stopped: Vec<u32>,
     /// Stages that were disturbed.
     pub disturbed: [bool; 4],
+    /// Files that are not of this group, with names that begin like its own.
+    pub foreign: Vec<PathBuf>,
 }
+
+/// What is in a foreign file.
+pub const FOREIGN: &str = "foreign";
 
 impl Chaos {
     pub fn start(test: &str, arguments: &[&str], tally: &mut Tally) -> Self {
         tally.groups += 1;
         let running = Running::start_with(test, arguments);
         let watch = Some(Watch::new(&running.group.prefix, running.pids));
-        Self { running, watch, stopped: Vec::new(), disturbed: [false; 4] }
+        Self { running, watch, stopped: Vec::new(), disturbed: [false; 4], foreign: Vec::new() }
     }
 
     pub fn prefix(&self) -> &Prefix {
@@ -166,6 +184,7 @@ impl Chaos {
 
     /// Leaves the channels, after a check of the message counts.
     fn look_away(&mut self, tally: &mut Tally) {
+        crate::stops::allow_motion(self, tally);
         if let Some(mut watch) = self.watch.take() {
             let (published, lost) = watch.check_numbers();
             tally.published += published;
@@ -244,16 +263,23 @@ impl Chaos {
         verdict
     }
 
-    /// Expects that neither a process nor a file of the group is left.
-    fn expect_nothing(&self) {
+    /// Expects that neither a process nor a file of the group is left, and that foreign files are as they were.
+    fn expect_nothing(&mut self) {
+        for path in self.foreign.drain(..) {
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), FOREIGN, "{}", path.display());
+            std::fs::remove_file(path).unwrap();
+        }
         assert_eq!(processes(self.prefix()), Vec::<String>::new());
-        assert_eq!(files(self.prefix()), Vec::<std::path::PathBuf>::new());
+        assert_eq!(files(self.prefix()), Vec::<PathBuf>::new());
     }
 }
 
 impl Drop for Chaos {
     fn drop(&mut self) {
         self.release();
+        for path in &self.foreign {
+            let _ = std::fs::remove_file(path);
+        }
     }
 }
 

@@ -7,21 +7,21 @@ use pipeline::message::{AxisCommand, control_flag};
 /// Message numbers of one channel.
 #[derive(Default)]
 pub struct Numbers {
-    /// First and last number that were seen of every life, the present life last.
-    lives: Vec<(u64, u64)>,
+    /// Session, first and last number that were seen of every life, the present life last.
+    lives: Vec<(u64, u64, u64)>,
 }
 
 impl Numbers {
-    pub fn take(&mut self, number: u64) {
-        match self.lives.last_mut().filter(|(_, last)| number > *last) {
-            Some((_, last)) => *last = number,
-            None => self.lives.push((number, number)),
+    pub fn take(&mut self, session: u64, number: u64) {
+        match self.lives.last_mut().filter(|(same, _, last)| session == *same && number > *last) {
+            Some((_, _, last)) => *last = number,
+            None => self.lives.push((session, number, number)),
         }
     }
 
     /// Number of messages from the first to the last one that was seen, summed over all lives.
     pub fn published(&self) -> u64 {
-        self.lives.iter().map(|(first, last)| last - first + 1).sum()
+        self.lives.iter().map(|(_, first, last)| last - first + 1).sum()
     }
 
     pub fn restarts(&self) -> u64 {
@@ -49,7 +49,7 @@ impl Controller {
         }
         self.enabled |= self.at_levers;
         for (i, axis) in axes.iter().enumerate() {
-            let is_off = axis.flags & (control_flag::DISARMED | control_flag::FEEDBACK) != 0;
+            let is_off = axis.flags & (control_flag::DISARMED | control_flag::LATCHED) != 0;
             assert!(is_off || self.enabled || !self.started_again, "axis {i} moves and was not armed: {axis:?}");
             let is_latched = axis.flags & control_flag::LATCHED != 0;
             assert!(

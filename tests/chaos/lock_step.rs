@@ -6,9 +6,9 @@ use pipeline::stage::StageKind;
 use rustix::process::Signal;
 
 use crate::{
-    dice::Dice,
+    MANY_KILLS, dice,
     group::{Chaos, LONGEST, SHORTEST, Tally},
-    harness::{FOUR_AXES, report, shared, strip_times},
+    harness::{Dice, FOUR_AXES, report, shared, strip_times},
     kills,
 };
 
@@ -19,9 +19,19 @@ const DELAYED: u64 = 8;
 
 #[test]
 fn in_lock_step_a_kill_ends_the_run_and_a_stop_only_delays_it() {
+    run(kills());
+}
+
+#[test]
+#[ignore = "takes ten minutes"]
+fn of_many_runs_in_lock_step_a_kill_ends_each_and_a_stop_only_delays_it() {
+    run(MANY_KILLS);
+}
+
+fn run(kills: u64) {
     let _cores = shared();
-    let (kills, mut tally) = (kills(), Tally::default());
-    let mut dice = Dice::new("lock-step", kills);
+    let mut tally = Tally::default();
+    let mut dice = dice("lock-step", kills);
     let undisturbed = report(&["run", FOUR_AXES, "--lockstep", "--duration", DURATION, "--seed", "3"]);
     for i in 0..kills {
         if i % DELAYED == 0 {

@@ -10,10 +10,10 @@ use pipeline::stage::{StageKind, monotonic_ns};
 use rustix::process::Signal;
 
 use crate::{
-    dice::Dice,
+    MANY_KILLS, dice,
     group::{Chaos, LONGEST, SHORTEST, Tally, client},
-    harness::{is_running, shared},
-    kills,
+    harness::{Dice, is_running, place::in_own_place, shared},
+    kills, stops,
 };
 
 /// Time for which the machine is observed after the controller or the acquisition has failed.
@@ -24,23 +24,35 @@ const STANDS_WITHIN_MS: f64 = 2000.0;
 
 #[test]
 fn in_real_time_no_disarmed_axis_moves_and_every_group_ends() {
-    let _cores = shared();
-    let (kills, mut tally) = (kills(), Tally::default());
-    let mut dice = Dice::new("real time", kills);
-    while tally.kills < kills {
-        group(&mut dice, &mut tally, kills);
-    }
-    tally.print(dice.elapsed());
+    run("real_time::in_real_time_no_disarmed_axis_moves_and_every_group_ends", kills());
 }
 
-fn group(dice: &mut Dice, tally: &mut Tally, kills: u64) {
+#[test]
+#[ignore = "takes twenty minutes"]
+fn in_real_time_for_long_no_disarmed_axis_moves_and_every_group_ends() {
+    run("real_time::in_real_time_for_long_no_disarmed_axis_moves_and_every_group_ends", MANY_KILLS);
+}
+
+fn run(test: &str, kills: u64) {
+    let _cores = shared();
+    in_own_place(test, |is_private| {
+        let mut tally = Tally::default();
+        let mut dice = dice("real time", kills);
+        while tally.kills < kills {
+            group(&mut dice, &mut tally, kills, is_private);
+        }
+        tally.print(dice.elapsed());
+    });
+}
+
+fn group(dice: &mut Dice, tally: &mut Tally, kills: u64, is_private: bool) {
     let mut chaos = Chaos::start("chaos-real", &["--duration", "1h"], tally);
     dice.note("a group");
     while tally.kills < kills {
         if dice.below(4) > 0 {
             arm(&mut chaos, dice, tally);
         }
-        match dice.below(18) {
+        match dice.below(30) {
             0..8 => kill(&mut chaos, dice, tally),
             8..12 => stop(&mut chaos, dice, tally),
             12..14 => chaos.visit(dice, tally),
@@ -51,6 +63,11 @@ fn group(dice: &mut Dice, tally: &mut Tally, kills: u64) {
                 chaos.signal(kind, Signal::USR1);
             }
             16 => hogs(&mut chaos, dice),
+            17..23 => stops::stop(&mut chaos, dice, tally),
+            23..26 => stops::stop_with_hung_operator(&mut chaos, dice, tally),
+            26 => stops::start_again(&mut chaos, dice, tally),
+            27 => stops::plant_foreign_files(&mut chaos, dice, tally),
+            28 if is_private => stops::fill_memory(&mut chaos, dice, tally),
             _ => return chaos.orphan(dice, tally),
         }
         if chaos.has_ended() {
@@ -69,6 +86,7 @@ fn arm(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
     }
     let prefix = chaos.prefix().to_string();
     dice.note("reset, arm");
+    stops::allow_motion(chaos, tally);
     for lever in ["reset", "disarm", "arm"] {
         tally.clients += 1;
         chaos.watch().controller.at_levers = true;
@@ -144,6 +162,7 @@ fn measure(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally, kind: StageKin
 /// Kills a program while it moves an axis in manual mode.
 fn operate(chaos: &mut Chaos, dice: &mut Dice, tally: &mut Tally) {
     dice.note("operate by hand, killed");
+    stops::allow_motion(chaos, tally);
     tally.clients += 1;
     let prefix = chaos.prefix().to_string();
     chaos.watch().controller.at_levers = true;

@@ -16,7 +16,10 @@ use pipeline::{
     stage::{StageKind, monotonic_ns},
 };
 
-use crate::lives::{Controller, Numbers};
+use crate::{
+    lives::{Controller, Numbers},
+    stops::Stopped,
+};
 
 /// Time over which a speed is measured, ns.
 const WINDOW_NS: u64 = 50_000_000;
@@ -42,6 +45,8 @@ pub struct Watch {
     track: VecDeque<(u64, [i64; AXES])>,
     pub pids: [u32; 4],
     pub controller: Controller,
+    /// The stop after which nothing may move; none after axes were armed.
+    pub stopped: Option<Stopped>,
     /// First tick of the present life of sensor-proc and control-proc, and the time at which it was sent.
     first: [Option<(u64, u64)>; 4],
     last_sample: Option<u64>,
@@ -67,7 +72,7 @@ impl<M: Message> Counted<M> {
 
     fn next(&mut self) -> Option<M> {
         let message = self.reader.read().unwrap().if_new().copied()?;
-        self.numbers.take(message.header().number);
+        self.numbers.take(message.header().session, message.header().number);
         Some(message)
     }
 
@@ -96,6 +101,7 @@ impl Watch {
             track: VecDeque::new(),
             pids,
             controller: Controller::default(),
+            stopped: None,
             first: [None; 4],
             last_sample: None,
             last_moving_ns: 0,
@@ -147,6 +153,9 @@ impl Watch {
             let is_off = axis.flags & NEUTRAL != 0 || axis.operation == AxisMode::Off as u32;
             assert!(!is_off || (u == 0.0 && axis.mode == ControlMode::Neutral as u32), "axis {i}: {axis:?}");
             self.last[i] = *axis;
+        }
+        if let Some(stopped) = &mut self.stopped {
+            stopped.take(command);
         }
         let moves = self.last.iter().any(|axis| axis.command != 0.0);
         if moves {
@@ -205,6 +214,11 @@ impl Watch {
             }
         }
         last
+    }
+
+    /// The newest positions, counts, with their time.
+    pub fn positions(&self) -> Option<(u64, [i64; AXES])> {
+        self.track.back().copied()
     }
 
     /// Whether an axis was commanded and has moved within the last 0.1 s.

@@ -16,4 +16,5 @@ mod control;
 mod feedback;
 mod model;
 mod motion;
+mod pulses;
 mod system;

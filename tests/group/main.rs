@@ -2,6 +2,7 @@
 
 mod arming;
 mod black_box;
+mod campaign;
 mod clean;
 #[path = "../harness/mod.rs"]
 mod harness;

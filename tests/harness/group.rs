@@ -29,15 +29,18 @@ impl TestGroup {
         Group::join(&self.prefix, "test").unwrap()
     }
 
-    /// Starts one stage as a process of its own.
-    pub fn start(&mut self, kind: StageKind, arguments: &[&str]) {
+    /// Starts one stage as a process of its own. Returns its pid.
+    pub fn start(&mut self, kind: StageKind, arguments: &[&str]) -> u32 {
         let child = hydraxis()
             .arg(kind.name())
             .args(["--prefix", &self.prefix.to_string()])
             .args(with_machine(arguments))
             .stderr(Stdio::piped())
-            .spawn();
-        self.children.push(child.unwrap());
+            .spawn()
+            .unwrap();
+        let pid = child.id();
+        self.children.push(child);
+        pid
     }
 
     /// Starts all stages but one, whose part the test plays.

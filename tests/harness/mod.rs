@@ -4,14 +4,17 @@
 pub mod channel;
 pub mod cli;
 mod cores;
+mod dice;
 mod group;
 pub mod mechanism;
+pub mod place;
 pub mod records;
 pub mod replay;
 mod report;
 pub mod running;
 
 pub use cores::{Cores, alone, is_strict, shared};
+pub use dice::Dice;
 pub use group::{TestGroup, files, processes};
 pub use report::{report, strip_times, succeed};
 

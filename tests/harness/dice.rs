@@ -1,4 +1,4 @@
-//! Random order, kind and time of the faults. The seed and every fault are printed.
+//! Random order, kind and time of what is done to a group. The seed and every step are printed.
 
 use std::time::{Duration, Instant};
 
@@ -8,7 +8,7 @@ use rand_pcg::{
     rand_core::{Rng, SeedableRng},
 };
 
-use crate::harness::variable;
+use super::variable;
 
 pub struct Dice {
     random: Pcg64,
@@ -17,9 +17,10 @@ pub struct Dice {
 }
 
 impl Dice {
-    pub fn new(test: &'static str, kills: u64) -> Self {
-        let seed = variable("HYDRAXIS_CHAOS_SEED", 1);
-        println!("{test}: HYDRAXIS_CHAOS_SEED={seed} HYDRAXIS_CHAOS_KILLS={kills}");
+    /// With the seed of this environment variable, 1 without it. `told` is printed beside the seed.
+    pub fn new(test: &'static str, variable_of_seed: &str, told: &str) -> Self {
+        let seed = variable(variable_of_seed, 1);
+        println!("{test}: {variable_of_seed}={seed} {told}");
         Self { random: Pcg64::seed_from_u64(seed), started: Instant::now(), test }
     }
 
@@ -33,8 +34,13 @@ impl Dice {
         self.below(times) == 0
     }
 
+    /// One of these.
+    pub fn one_of<T: Copy>(&mut self, choices: &[T]) -> T {
+        choices[self.below(choices.len() as u64) as usize]
+    }
+
     pub fn stage(&mut self) -> StageKind {
-        StageKind::ALL[self.below(4) as usize]
+        self.one_of(&StageKind::ALL)
     }
 
     /// A random time between two durations. Each order of magnitude is equally likely.
@@ -43,7 +49,7 @@ impl Dice {
         shortest.mul_f64((longest.as_secs_f64() / shortest.as_secs_f64()).powf(part))
     }
 
-    /// Prints the next fault with its time.
+    /// Prints the next step with its time.
     pub fn note(&self, what: &str) {
         println!("{} {:8.3} s: {what}", self.test, self.started.elapsed().as_secs_f64());
     }

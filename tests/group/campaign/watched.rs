@@ -51,6 +51,8 @@ pub struct Watched {
     last: Option<ValveCommand>,
     kept: [Kept; AXES],
     asked: Option<Asked>,
+    /// When the last stop was asked for.
+    asked_ns: u64,
     /// When the first command was sent that does what was asked.
     answered_ns: Option<u64>,
     /// The counters on the board before the stop, and when they were first seen to be raised.
@@ -75,6 +77,7 @@ impl Watched {
             last: None,
             kept: [Kept::Free; AXES],
             asked: None,
+            asked_ns: 0,
             answered_ns: None,
             counters: [0; MAX_AXES + 1],
             raised_ns: None,
@@ -187,17 +190,16 @@ impl Watched {
     /// From now on a stop is looked for in the commands.
     pub fn expect(&mut self, asked: Asked) {
         self.poll();
-        (self.asked, self.answered_ns) = (Some(asked), None);
+        (self.asked, self.asked_ns, self.answered_ns) = (Some(asked), asked.at_ns, None);
         (self.counters, self.raised_ns) = (self.board.asked(), None);
     }
 
     /// Waits for the first command that does what was asked. Returns the ms from the stop, and from the counter on the
     /// board as this process has seen it raised, to that command; none where none comes.
     pub fn answer(&mut self) -> Option<(f64, Option<f64>)> {
-        let at_ns = self.asked.map_or(0, |asked| asked.at_ns);
         self.look_until(|watched| watched.answered_ns.is_some());
         let since = |from: u64| self.answered_ns.map(|answered| answered.saturating_sub(from) as f64 * 1e-6);
-        Some((since(at_ns)?, self.raised_ns.and_then(since)))
+        Some((since(self.asked_ns)?, self.raised_ns.and_then(since)))
     }
 
     /// Resets what is latched, and arms all axes.

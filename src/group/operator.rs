@@ -135,7 +135,7 @@ impl Operator {
         let board = board(prefix)?;
         let (machine, stops) = (*board.machine(), board.asked());
         let group = Group::join(prefix, "operator").map_err(ChannelError::from)?;
-        // An operator that was killed would keep the only place on the channel.
+        // An operator that was killed would count as one that operates.
         group.bury_the_dead();
         let requests = group.publisher::<Request>().map_err(ChannelError::from)?;
         if !takes_over && group.publishers::<Request>().map_err(ChannelError::from)? > 1 {

@@ -116,13 +116,12 @@ impl Watched {
                 (self.asked, self.answered_ns) = (None, Some(command.header.sent_ns));
             }
         }
-        for axis in 0..AXES {
+        for (axis, name) in NAMES.iter().enumerate().take(AXES) {
             let (kept, found) = (self.kept[axis], command.axes[axis]);
             assert!(
                 is_kept(command, axis, kept),
-                "{}: {} is no longer {kept:?}: command {}, operation {}, flags {:#x}, cut off {}, tick {}",
+                "{}: {name} is no longer {kept:?}: command {}, operation {}, flags {:#x}, cut off {}, tick {}",
                 self.step,
-                NAMES[axis],
                 found.command,
                 found.operation,
                 found.flags,

@@ -8,7 +8,7 @@ use pipeline::{
     channel::{ChannelError, Group},
     machine::Machine,
     message::{AxisMode, ControlMode, StageState, ValveCommand, bit_names, control_flag, model_fault},
-    stage::{StageKind, monotonic_ns},
+    stage::StageKind,
 };
 
 use crate::{recording::black_box::Tapes, report::control_loop::LastMessages};
@@ -52,21 +52,21 @@ impl Monitor {
     /// # Errors
     /// A channel cannot be read.
     pub fn poll(&mut self) -> Result<(), ChannelError> {
-        let (tapes, now) = (&mut self.tapes, monotonic_ns());
-        while let Some(health) = tapes.health.read(now)? {
+        let tapes = &mut self.tapes;
+        while let Some(health) = tapes.health.read()? {
             let Some(slot) = self.last.health.get_mut(health.stage as usize) else { continue };
             self.heartbeats[health.stage as usize] = Some(Instant::now());
             let before = slot.replace(health);
             // A new process counts from 0 again, so the last counts of the former one are kept.
             self.last.former.extend(before.filter(|before| before.pid != health.pid));
         }
-        tapes.readings.newest(now)?;
-        tapes.samples.newest(now)?;
-        tapes.references.newest(now)?;
-        tapes.requests.newest(now)?;
-        tapes.states.newest(now)?;
-        self.last.command = tapes.commands.newest(now)?.or(self.last.command);
-        self.last.snapshot = tapes.snapshots.newest(now)?.or(self.last.snapshot);
+        tapes.readings.newest()?;
+        tapes.samples.newest()?;
+        tapes.references.newest()?;
+        tapes.requests.newest()?;
+        tapes.states.newest()?;
+        self.last.command = tapes.commands.newest()?.or(self.last.command);
+        self.last.snapshot = tapes.snapshots.newest()?.or(self.last.snapshot);
         let all = self.last.health.iter().flatten().chain(&self.last.former);
         let progress = all.map(|health| health.samples).sum();
         if progress != self.progress {

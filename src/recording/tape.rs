@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use pipeline::{
     channel::{ChannelError, Group, Reader},
     message::Message,
+    stage::monotonic_ns,
 };
 
 /// Most messages that a tape holds: twice those of 1 kHz in the longest span.
@@ -37,13 +38,13 @@ impl<M: Message> Tape<M> {
         Ok(Self { reader: group.reader()?, span_ns, apart_ns, kept: VecDeque::new() })
     }
 
-    /// The next message in order, if one has come; kept at the time `now`, ns.
+    /// The next message in order, if one has come; kept with the time at which it was read.
     ///
     /// # Errors
     /// The channel cannot be read.
-    pub fn read(&mut self, now: u64) -> Result<Option<M>, ChannelError> {
+    pub fn read(&mut self) -> Result<Option<M>, ChannelError> {
         let Some(message) = self.reader.read()?.if_new().copied() else { return Ok(None) };
-        keep(&mut self.kept, (now, message), self.span_ns, self.apart_ns);
+        keep(&mut self.kept, (monotonic_ns(), message), self.span_ns, self.apart_ns);
         Ok(Some(message))
     }
 
@@ -51,9 +52,9 @@ impl<M: Message> Tape<M> {
     ///
     /// # Errors
     /// The channel cannot be read.
-    pub fn newest(&mut self, now: u64) -> Result<Option<M>, ChannelError> {
+    pub fn newest(&mut self) -> Result<Option<M>, ChannelError> {
         let mut newest = None;
-        while let Some(message) = self.read(now)? {
+        while let Some(message) = self.read()? {
             newest = Some(message);
         }
         Ok(newest)

@@ -27,5 +27,5 @@ fn kills() -> u64 {
     harness::variable::<u64>("HYDRAXIS_CHAOS_KILLS", 16).div_ceil(2)
 }
 
-/// The same of the long form.
+/// Processes that each test of the long form kills.
 const MANY_KILLS: u64 = 250;

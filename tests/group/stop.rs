@@ -2,7 +2,7 @@
 
 use std::{
     path::Path,
-    process::{Command, Stdio},
+    process::{Child, Command, Stdio},
     time::{Duration, Instant},
 };
 
@@ -72,6 +72,15 @@ impl Tracking {
         (String::from_utf8(output.stdout).unwrap(), took)
     }
 
+    /// Starts `operate`, and waits until all axes hold.
+    fn hold(&mut self) -> Child {
+        let mut operator = hydraxis();
+        operator.args(["operate", "--prefix", &self.prefix(), "--mode", "hold"]);
+        let operator = operator.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        self.wait_until("hold", |command| all(command, |axis| axis.operation == 3));
+        operator
+    }
+
     fn end(self) {
         let Self { mut running, commands, _channels } = self;
         drop((commands, _channels));
@@ -79,19 +88,12 @@ impl Tracking {
     }
 }
 
-/// A stopped operator keeps the only place on the channel of requests.
+/// A stopped operator keeps its place on the channel of requests, and its session.
 #[test]
 fn a_stop_works_while_an_operator_hangs() {
     let _cores = shared();
     let mut tracking = Tracking::start("stop-hung");
-    let prefix = tracking.prefix();
-    let mut operator = hydraxis()
-        .args(["operate", "--prefix", &prefix, "--mode", "hold"])
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    tracking.wait_until("hold", |command| all(command, |axis| axis.operation == 3));
+    let mut operator = tracking.hold();
     signal(operator.id(), Signal::STOP);
     let (said, took) = tracking.succeed(&["disarm"]);
     println!("disarm while an operator hangs: {took:?}");
@@ -112,14 +114,7 @@ fn a_stop_works_while_an_operator_hangs() {
 fn the_end_of_an_operator_releases_no_emergency_stop() {
     let _cores = shared();
     let mut tracking = Tracking::start("stop-end");
-    let prefix = tracking.prefix();
-    let mut operator = hydraxis()
-        .args(["operate", "--prefix", &prefix, "--mode", "hold"])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    tracking.wait_until("hold", |command| all(command, |axis| axis.operation == 3));
+    let mut operator = tracking.hold();
     tracking.succeed(&["disarm", "--emergency"]);
     let status = wait_for("the operator to end", || operator.try_wait().unwrap());
     assert_eq!(status.code(), Some(1));

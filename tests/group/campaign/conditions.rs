@@ -22,7 +22,8 @@ use crate::harness::{
 /// Time between two kills of the same stage. The supervisor waits for longer and longer before it starts a stage again
 /// that has not lived for 10 s, and gives up after six deaths within 30 s.
 const BETWEEN_KILLS: Duration = Duration::from_secs(11);
-/// The same where one of them is with full memory, in which a stage that starts again ends several times.
+/// Time between two kills of one stage, one of them with full memory, in which a stage that starts again ends several
+/// times.
 const BETWEEN_KILLS_WHEN_FULL: Duration = Duration::from_secs(31);
 const KILLED: [StageKind; 3] = [StageKind::ControlProc, StageKind::SensorProc, StageKind::IdentProc];
 

@@ -14,7 +14,7 @@ use std::{
 
 use super::{
     error::{ClaimError, RemoveError},
-    folder::{self, FolderError},
+    folder::{self, UnusableFolder},
     leftovers,
     members::{MEMBERS, RUN, is_still},
     prefix::Prefix,
@@ -41,25 +41,23 @@ impl Claim {
     pub fn take(prefix: &Prefix) -> Result<Self, ClaimError> {
         let (folder, path) = (prefix.folder(), prefix.folder().join(RUN));
         let until = Instant::now() + PATIENCE;
-        let unusable = |source| ClaimError::Folder { prefix: prefix.clone(), folder: folder.clone(), source };
+        let unusable = |source| ClaimError::Folder { prefix: prefix.clone(), source };
+        let refused = |error| unusable(UnusableFolder::refused(&folder)(error));
         loop {
-            folder::make(&folder).map_err(|error| match error {
-                FolderError::Foreign(source) => ClaimError::Foreign { prefix: prefix.clone(), source },
-                FolderError::System(source) => unusable(source),
-            })?;
+            folder::make(&folder).map_err(unusable)?;
             let mut options = OpenOptions::new();
             options.create(true).truncate(false).read(true).write(true).mode(0o600);
             let mut file = match options.open(&path) {
                 // The group before has just been removed with its folder.
                 Err(error) if error.kind() == ErrorKind::NotFound => continue,
-                opened => opened.map_err(unusable)?,
+                opened => opened.map_err(refused)?,
             };
             let is_locked = file.try_lock().is_ok();
             if is_locked && is_still(&file, &path) {
                 let since = humantime::format_rfc3339_seconds(SystemTime::now());
                 let written =
                     file.set_len(0).and_then(|()| write!(file, "process {} since {since}", std::process::id()));
-                written.map_err(unusable)?;
+                written.map_err(refused)?;
                 return Ok(Self { prefix: prefix.clone(), _file: file });
             }
             if !is_locked && Instant::now() > until {

@@ -14,7 +14,7 @@
 //! The error of iceoryx2 is the `source()` of each of them. [`ChannelError`] holds any of them, for code that does
 //! several of these operations.
 
-use std::{fmt, io, path::PathBuf};
+use std::fmt;
 
 use iceoryx2::{
     node::NodeCreationFailure,
@@ -35,7 +35,10 @@ use iceoryx2::{
 };
 use thiserror::Error;
 
-use super::{folder::Foreign, prefix::Prefix};
+use super::{
+    folder::{Foreign, UnusableFolder},
+    prefix::Prefix,
+};
 
 /// A channel of a group, for messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,23 +59,13 @@ impl fmt::Display for ChannelName {
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum JoinError {
-    /// Something else is in the place of the group's folder or of one of its files.
+    /// The group's folder, or a file of the group, cannot be used.
     #[error("group \"{prefix}\": {source}")]
-    Foreign {
-        /// The group.
-        prefix: Prefix,
-        /// What was found.
-        source: Foreign,
-    },
-    /// The group's folder cannot be made or written.
-    #[error("group \"{prefix}\": the folder {} cannot be used: {source}", folder.display())]
     Folder {
         /// The group.
         prefix: Prefix,
-        /// The group's folder.
-        folder: PathBuf,
-        /// What the operating system said.
-        source: io::Error,
+        /// Why.
+        source: UnusableFolder,
     },
     /// The name of the member, or the path of the folder, is none that iceoryx2 takes.
     #[error("group \"{prefix}\": \"{found}\" is too long or has characters that cannot be used")]
@@ -429,23 +422,13 @@ pub enum ClaimError {
         /// Number of the process, and since when.
         holder: String,
     },
-    /// Something else is in the place of the group's folder.
+    /// The group's folder, or a file of the group, cannot be used.
     #[error("group \"{prefix}\": {source}")]
-    Foreign {
-        /// The group.
-        prefix: Prefix,
-        /// What was found.
-        source: Foreign,
-    },
-    /// The group's folder cannot be made or written.
-    #[error("group \"{prefix}\": the folder {} cannot be used: {source}", folder.display())]
     Folder {
         /// The group.
         prefix: Prefix,
-        /// The group's folder.
-        folder: PathBuf,
-        /// What the operating system said.
-        source: io::Error,
+        /// Why.
+        source: UnusableFolder,
     },
 }
 

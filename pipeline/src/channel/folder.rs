@@ -63,28 +63,41 @@ pub enum Foreign {
     },
 }
 
-/// Why the folder cannot be used.
+/// Why the folder of a group, or a file of the group, cannot be used.
 #[derive(Debug, Error)]
-pub(super) enum FolderError {
+#[non_exhaustive]
+pub enum UnusableFolder {
     /// Something else is there.
     #[error(transparent)]
     Foreign(#[from] Foreign),
+    /// It cannot be made or written.
+    #[error("the folder {} cannot be used: {source}", folder.display())]
+    System {
+        /// The group's folder.
+        folder: PathBuf,
+        /// What the operating system said.
+        source: Error,
+    },
+}
+
+impl UnusableFolder {
     /// The operating system refuses.
-    #[error(transparent)]
-    System(#[from] Error),
+    pub(super) fn refused(folder: &Path) -> impl Fn(Error) -> Self {
+        |source| Self::System { folder: folder.to_owned(), source }
+    }
 }
 
 /// Makes the folder if it is not there; refuses one that is not private.
-pub(super) fn make(folder: &Path) -> Result<(), FolderError> {
+pub(super) fn make(folder: &Path) -> Result<(), UnusableFolder> {
     if let Some(parent) = folder.parent() {
-        std::fs::create_dir_all(parent)?;
+        std::fs::create_dir_all(parent).map_err(UnusableFolder::refused(folder))?;
     }
     match DirBuilder::new().mode(MODE).create(folder) {
         Ok(()) => {}
         Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-        Err(error) => return Err(error.into()),
+        Err(error) => return Err(UnusableFolder::refused(folder)(error)),
     }
-    examine(folder).map_err(FolderError::from)
+    examine(folder).map_err(UnusableFolder::from)
 }
 
 /// Refuses a folder that is not private. One that is not there is no fault.

@@ -14,7 +14,6 @@ use iceoryx2::{
 use super::{
     Board, Listener, Notifier, Publisher, Reader,
     error::{ChannelName, JoinError, ListenerError, NotifierError, OpenError, OpenReason, PublisherError, ReaderError},
-    folder::FolderError,
     members, names,
     prefix::Prefix,
     service::{OPEN_PATIENCE, Service},
@@ -86,13 +85,10 @@ impl Group {
         // iceoryx2 would print its own messages to the terminal from within the loop; its errors are returned here.
         set_log_level(LogLevel::Fatal);
         let folder = prefix.folder();
-        let foreign = |source| JoinError::Foreign { prefix: prefix.clone(), source };
+        let unusable = |source| JoinError::Folder { prefix: prefix.clone(), source };
         // Before the folder is made, so that nothing is left behind.
-        names::foreign_counter(prefix).map_or(Ok(()), |found| Err(foreign(found)))?;
-        let membership = members::join(&folder).map_err(|error| match error {
-            FolderError::Foreign(source) => foreign(source),
-            FolderError::System(source) => JoinError::Folder { prefix: prefix.clone(), folder: folder.clone(), source },
-        })?;
+        names::foreign_counter(prefix).map_or(Ok(()), |found| Err(unusable(found.into())))?;
+        let membership = members::join(&folder).map_err(unusable)?;
         let refuse = |found: &str, source| JoinError::Name { prefix: prefix.clone(), found: found.to_owned(), source };
         let file_prefix = prefix.file_prefix();
         let mut config = Config::default();
@@ -110,7 +106,7 @@ impl Group {
             .create()
             .map_err(|source| match names::foreign(prefix) {
                 // The storage refuses a file of another user.
-                Some(found) => foreign(found),
+                Some(found) => unusable(found.into()),
                 None => JoinError::node(prefix.clone(), source),
             })?;
         names::make_private(prefix);

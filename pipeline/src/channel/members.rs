@@ -7,7 +7,7 @@ use std::{
     path::Path,
 };
 
-use super::folder::{self, FolderError};
+use super::folder::{self, UnusableFolder};
 
 /// Name of the file in the group's folder.
 pub(super) const MEMBERS: &str = "members";
@@ -15,16 +15,16 @@ pub(super) const MEMBERS: &str = "members";
 pub(super) const RUN: &str = "run";
 
 /// Opens and locks the file; makes the folder if it is not there.
-pub(super) fn join(folder: &Path) -> Result<File, FolderError> {
+pub(super) fn join(folder: &Path) -> Result<File, UnusableFolder> {
     loop {
         folder::make(folder)?;
         let path = folder.join(MEMBERS);
         let file = match OpenOptions::new().create(true).truncate(false).write(true).mode(0o600).open(&path) {
             // The last member is leaving and has removed the folder.
             Err(error) if error.kind() == ErrorKind::NotFound => continue,
-            opened => opened?,
+            opened => opened.map_err(UnusableFolder::refused(folder))?,
         };
-        file.lock_shared()?;
+        file.lock_shared().map_err(UnusableFolder::refused(folder))?;
         // The file may have been removed between opening and locking: then no other process sees the lock.
         if is_still(&file, &path) {
             return Ok(file);

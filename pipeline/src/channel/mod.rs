@@ -46,7 +46,7 @@ pub use error::{
     OpenError, OpenReason, PublisherError, ReaderError, ReceiveError, RemoveError, SendError, WaitError,
 };
 pub use event::{Listener, Notifier};
-pub use folder::{Exposed, Foreign};
+pub use folder::{Exposed, Foreign, UnusableFolder};
 pub use group::{Group, Member};
 pub use leftovers::{FoundGroup, GroupState, boards, exposed, groups, remove_leftovers};
 pub use prefix::{Prefix, PrefixError};

@@ -312,7 +312,7 @@ fn a_file_in_the_place_of_the_folder_is_no_running_group_and_stays() {
     std::fs::write(own.0.folder(), "foreign").unwrap();
     assert_eq!(remove_leftovers(&own.0).unwrap(), Vec::<std::path::PathBuf>::new());
     let error = Group::join(&own.0, "test").map(|_| ()).unwrap_err();
-    assert!(matches!(error, JoinError::Foreign { .. }), "{error:?}");
+    assert!(matches!(error, JoinError::Folder { source: UnusableFolder::Foreign(_), .. }), "{error:?}");
     let error = error.to_string();
     let left = std::fs::read_to_string(own.0.folder()).unwrap();
     std::fs::remove_file(own.0.folder()).unwrap();

@@ -183,7 +183,7 @@ fn run_group(
     let group = Group::join(&options.prefix, "supervisor").map_err(ChannelError::from)?;
     let has_black_box = options.clock == Clock::RealTime && !arguments.no_black_box;
     let black_boxes = has_black_box.then(|| arguments.black_box.clone().unwrap_or_else(default_folder));
-    let mut monitor = Monitor::new(&group, has_black_box)?;
+    let mut monitor = Monitor::new(&group, machine, has_black_box)?;
     leave(&options.prefix, &arguments.machine)?;
     let launch = Launch { machine, arguments: &arguments.machine, options };
     let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref(), black_boxes.as_deref())?;

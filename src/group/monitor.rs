@@ -14,6 +14,7 @@ use pipeline::{
     stage::StageKind,
 };
 
+use super::events::Events;
 use crate::{recording::black_box::Tapes, report::control_loop::LastMessages};
 
 /// Time between two lines.
@@ -30,6 +31,7 @@ pub struct Monitor {
     next_line: Instant,
     progress: u64,
     progressed: Instant,
+    events: Events,
 }
 
 impl Monitor {
@@ -37,7 +39,7 @@ impl Monitor {
     ///
     /// # Errors
     /// A channel cannot be opened.
-    pub fn new(group: &Group, keeps: bool) -> Result<Self, ChannelError> {
+    pub fn new(group: &Group, machine: &Machine, keeps: bool) -> Result<Self, ChannelError> {
         let now = Instant::now();
         Ok(Self {
             tapes: Tapes::new(group, keeps)?,
@@ -47,6 +49,7 @@ impl Monitor {
             next_line: now + LINE_PERIOD,
             progress: 0,
             progressed: now,
+            events: Events::new(machine, group.prefix()),
         })
     }
 
@@ -59,6 +62,7 @@ impl Monitor {
         while let Some(health) = tapes.health.read()? {
             let Some(slot) = self.last.health.get_mut(health.stage as usize) else { continue };
             self.heartbeats[health.stage as usize] = Some(Instant::now());
+            self.events.health(&health);
             let before = slot.replace(health);
             // A new process counts from 0 again, so the last counts of the former one are kept.
             self.last.former.extend(before.filter(|before| before.pid != health.pid));
@@ -68,7 +72,10 @@ impl Monitor {
         tapes.references.newest()?;
         tapes.requests.newest()?;
         tapes.states.newest()?;
-        self.last.command = tapes.commands.newest()?.or(self.last.command);
+        while let Some(command) = tapes.commands.read()? {
+            self.events.command(&command, tapes.samples.last());
+            self.last.command = Some(command);
+        }
         self.last.snapshot = tapes.snapshots.newest()?.or(self.last.snapshot);
         let all = self.last.health.iter().flatten().chain(&self.last.former);
         let progress = all.map(|health| health.samples).sum();
@@ -135,9 +142,14 @@ impl Monitor {
         ticks.collect::<Vec<_>>().join(", ")
     }
 
+    /// What has happened to the group.
+    pub fn events(&mut self) -> &mut Events {
+        &mut self.events
+    }
+
     /// The last messages, with the reasons for which stages were started again.
     pub fn into_last(self, restart_causes: [Vec<String>; 4]) -> LastMessages {
-        LastMessages { restart_causes, ..self.last }
+        LastMessages { restart_causes, events: Some(self.events.into_list()), ..self.last }
     }
 
     /// The line of this second; none until the next one is due.

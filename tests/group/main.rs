@@ -10,6 +10,7 @@ mod lock_step;
 mod operation;
 mod processes;
 mod scripted_stage;
+mod source;
 mod status;
 mod stop;
 mod supervisor;

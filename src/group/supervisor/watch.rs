@@ -45,6 +45,9 @@ impl Supervisor<'_> {
             self.take_death(pid, monitor)?;
         }
         self.watch_faults(monitor, false);
+        for line in monitor.events().lines() {
+            self.say(line);
+        }
         if monitor.was_taken_over() {
             self.say("a program has taken over the operation of the group from another one");
         }
@@ -97,6 +100,7 @@ impl Supervisor<'_> {
             black_box.note(format!("{} {cause}", kind.name()));
         }
         let has_lived = was_ready || !self.stages[index].causes.is_empty();
+        monitor.events().restart(format!("{} {cause}", kind.name()));
         if has_lived && !is_over && self.may_restart(kind) {
             return self.plan_restart(index, cause, age);
         }

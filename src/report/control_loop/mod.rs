@@ -19,6 +19,8 @@ use pipeline::{
 use serde::Serialize;
 use thiserror::Error;
 
+use crate::group::events::Event;
+
 use super::{
     figures::{CoefficientLists, ErrorFigures, Reduction},
     table::number,
@@ -35,6 +37,12 @@ pub struct LatchedAtEnd {
 #[derive(Debug, Serialize)]
 pub struct LoopReport {
     axes: BTreeMap<String, AxisReport>,
+    /// What happened; in real time only, since a reader in lock-step does not see every command.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    events: Option<Vec<Event>>,
+    /// Events that were too many for the list.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    events_left_out: Option<u64>,
     stages: BTreeMap<&'static str, StageReport>,
     end_to_end_ns: Percentiles,
     release_jitter_ns: Percentiles,
@@ -163,6 +171,8 @@ pub struct LastMessages {
     pub former: Vec<StageHealth>,
     /// Why those processes ended, by [`StageKind`].
     pub restart_causes: [Vec<String>; 4],
+    /// What happened, and how much more than is listed.
+    pub events: Option<(Vec<Event>, u64)>,
 }
 
 impl LastMessages {
@@ -187,8 +197,11 @@ impl LoopReport {
             .filter_map(|kind| health(kind).map(|health| (kind.name(), StageReport::new(kind, health, last, clock))));
         let percentiles = |kind, of: fn(&StageHealth) -> Percentiles| health(kind).map(of).unwrap_or_default();
         let ticks = last.sum(StageKind::SensorProc, |health| health.samples);
+        let (events, events_left_out) = last.events.clone().filter(|_| clock == Clock::RealTime).unzip();
         Self {
             axes: axes.collect(),
+            events,
+            events_left_out,
             stages: stages.collect(),
             end_to_end_ns: percentiles(StageKind::ControlProc, |health| health.end_to_end),
             release_jitter_ns: percentiles(StageKind::SensorProc, |health| health.release_jitter),

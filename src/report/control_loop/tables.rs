@@ -5,8 +5,13 @@ use pipeline::{
     stage::StageKind,
 };
 
+use crate::group::events::Event;
+
 use super::{AxisReport, LoopReport, Operation};
 use crate::report::table::{nanoseconds, number, percent, table};
+
+/// Events that the tables show.
+const MOST_EVENTS: usize = 10;
 
 impl LoopReport {
     /// All figures as tables.
@@ -19,6 +24,7 @@ impl LoopReport {
             self.restarts(),
             self.foreign(),
             self.operations(machine),
+            self.faults(),
             self.training_hints(machine),
         ];
         let total = format!(
@@ -136,6 +142,18 @@ impl LoopReport {
             format!("{name}: {mode} after {requests} requests, {refused_requests} more refused.\n")
         };
         operated.map(line).collect()
+    }
+
+    /// The last events that are faults; latches have lines of their own.
+    fn faults(&self) -> String {
+        let is_shown = |event: &&Event| event.is_fault && event.kind != "latch" && event.kind != "restart";
+        let faults: Vec<&Event> = self.events.iter().flatten().filter(is_shown).collect();
+        let before = faults.len().saturating_sub(MOST_EVENTS);
+        let mut text: String = faults[before..].iter().map(|event| event.line() + "\n").collect();
+        if before > 0 {
+            text = format!("{before} more events before these; --json lists them.\n{text}");
+        }
+        text
     }
 
     /// A line for each axis without a model: its run was too short, or it moved too little.

@@ -1,0 +1,245 @@
+//! Sources and drives: what a group does with readings, whoever writes them. The same tests run against the simulated
+//! machine, against a program that the supervisor starts, and against one that is started by hand. The program is
+//! plant-sim, which knows of no supervisor here.
+
+use std::{process::Child, time::Duration};
+
+use pipeline::{
+    channel::Reader,
+    message::{EncoderReading, EncoderSample, StageHealth, ValveCommand, control_flag},
+    stage::{StageKind, monotonic_ns},
+};
+use rustix::process::Signal;
+
+use crate::harness::{
+    FOUR_AXES,
+    channel::{AXES, await_message},
+    hydraxis,
+    running::{Running, Said},
+    shared, signal, wait_for,
+};
+
+/// So long that a busy computer does not latch the axes.
+const PATIENT: [&str; 4] = ["--set", "timing.feedback_timeout=1s", "--set", "timing.period=20ms"];
+const EXTERNAL: [&str; 2] = ["--set", "source.kind=external"];
+
+/// Who writes the readings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Writer {
+    PlantSim,
+    Started,
+    ByHand,
+}
+
+/// A running group with its writer.
+struct Rig {
+    running: Running,
+    by_hand: Option<Child>,
+    readings: Reader<EncoderReading>,
+    samples: Reader<EncoderSample>,
+    commands: Reader<ValveCommand>,
+    health: Reader<StageHealth>,
+}
+
+impl Rig {
+    fn start(test: &str, writer: Writer) -> Self {
+        let program = format!("source.command=[\"{}\", \"plant-sim\"]", env!("CARGO_BIN_EXE_hydraxis"));
+        let mut arguments = PATIENT.to_vec();
+        match writer {
+            Writer::PlantSim => arguments.extend(["--off", "--duration", "10min"]),
+            Writer::Started => arguments.extend([EXTERNAL[0], EXTERNAL[1], "--set", &program]),
+            Writer::ByHand => arguments.extend(EXTERNAL),
+        }
+        let kinds = [StageKind::SensorProc, StageKind::IdentProc, StageKind::ControlProc];
+        let running = Running::spawn(test, &arguments, &kinds, |_| ());
+        let channels = running.group.join();
+        let mut rig = Self {
+            by_hand: None,
+            readings: channels.reader().unwrap(),
+            samples: channels.reader().unwrap(),
+            commands: channels.reader().unwrap(),
+            health: channels.reader().unwrap(),
+            running,
+        };
+        if writer == Writer::ByHand {
+            rig.write_by_hand();
+        }
+        rig.command("a first command", |_| true);
+        rig
+    }
+
+    fn write_by_hand(&mut self) {
+        let mut command = hydraxis();
+        let prefix = self.running.group.prefix.to_string();
+        command.args(["plant-sim", FOUR_AXES, "--prefix", &prefix]).args(PATIENT);
+        self.by_hand = Some(command.spawn().unwrap());
+    }
+
+    /// The process that writes.
+    fn writer(&mut self) -> u32 {
+        if let Some(child) = &self.by_hand {
+            return child.id();
+        }
+        let health =
+            await_message(&mut self.health, "a heartbeat", |health| health.stage == StageKind::PlantSim as u32);
+        health.pid
+    }
+
+    fn command(&mut self, what: &str, is_it: impl FnMut(&ValveCommand) -> bool) -> ValveCommand {
+        await_message(&mut self.commands, what, is_it)
+    }
+
+    /// `hydraxis` with the group's prefix.
+    fn type_in(&self, words: &[&str]) -> String {
+        let prefix = self.running.group.prefix.to_string();
+        let output = hydraxis().args(words).args(["--prefix", &prefix]).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{words:?}: {text}");
+        text
+    }
+
+    fn end(mut self) -> Said {
+        if let Some(mut child) = self.by_hand.take() {
+            signal(child.id(), Signal::INT);
+            child.wait().unwrap();
+        }
+        self.running.interrupt()
+    }
+}
+
+impl Drop for Rig {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.by_hand {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+fn all(command: &ValveCommand, is_so: impl Fn(u32) -> bool) -> bool {
+    command.axes[..AXES].iter().all(|axis| is_so(axis.flags))
+}
+
+/// Rate, times, losses, arming, time-out, restart and emergency stop.
+fn conform(test: &str, writer: Writer) -> Said {
+    let _cores = shared();
+    let mut rig = Rig::start(test, writer);
+
+    // Nothing moves before it is armed.
+    let command = rig.command("a command", |_| true);
+    assert!(all(&command, |flags| flags & control_flag::DISARMED != 0));
+    assert!(command.axes[..AXES].iter().all(|axis| axis.command == 0.0));
+
+    // One sample for each period, but for those that a busy computer has skipped; none lost; times go on and are not
+    // those of the future.
+    let (mut last, mut count) = (0, 0);
+    rig.samples.newest().unwrap();
+    let first = rig.samples.last().copied().unwrap();
+    let newest = await_message(&mut rig.samples, "samples of two seconds", |sample| {
+        assert!(sample.header.acquired_ns >= last && sample.header.acquired_ns <= monotonic_ns());
+        assert!(sample.header.sent_ns >= sample.header.acquired_ns);
+        last = sample.header.acquired_ns;
+        count += 1;
+        sample.header.sequence >= first.header.sequence + 100
+    });
+    let took = newest.header.acquired_ns.saturating_sub(first.header.acquired_ns);
+    assert!((1_900_000_000..2_300_000_000).contains(&took), "{took} ns for 100 samples");
+    assert!(rig.samples.lost() == 0 && (50..=101).contains(&count), "{} lost, {count} read", rig.samples.lost());
+    rig.readings.newest().unwrap();
+    assert!(rig.readings.last().is_some_and(|reading| reading.header.axis_count as usize == AXES));
+
+    // Armed, it follows.
+    rig.type_in(&["arm", "--mode", "hold"]);
+    rig.command("axes that hold", |command| all(command, |flags| flags & control_flag::DISARMED == 0));
+
+    // A writer that stops latches, and a writer that comes back releases nothing.
+    let pid = rig.writer();
+    signal(pid, Signal::STOP);
+    let is_latched = |flags: u32| flags & control_flag::FEEDBACK != 0;
+    rig.command("a latch", |command| all(command, is_latched));
+    std::thread::sleep(Duration::from_millis(1500));
+    signal(pid, Signal::CONT);
+    let until = monotonic_ns() + 500_000_000;
+    rig.command("half a second after it", |command| {
+        assert!(all(command, is_latched));
+        command.header.sent_ns > until
+    });
+    let text = rig.type_in(&["reset"]);
+    assert_eq!(text.matches("was latched by feedback").count(), AXES, "{text}");
+
+    // An emergency stop latches at once.
+    rig.type_in(&["arm", "--mode", "hold"]);
+    rig.type_in(&["disarm", "--emergency"]);
+    rig.command("an emergency stop", |command| {
+        command.cut_off == 1 && all(command, |flags| flags & control_flag::EMERGENCY_STOP != 0)
+    });
+    rig.type_in(&["reset"]);
+
+    // Another life of the writer: readings come again, and the axes may be armed again. plant-sim under its own name
+    // ends the run, because a simulated machine would jump.
+    if writer != Writer::PlantSim {
+        signal(pid, Signal::KILL);
+        if let Some(mut child) = rig.by_hand.take() {
+            child.wait().unwrap();
+            rig.write_by_hand();
+        }
+        wait_for("healthy samples", || {
+            let sample = rig.samples.newest().unwrap().if_new()?;
+            let is_healthy = sample.axes[..AXES].iter().all(|axis| axis.usable().is_some());
+            (is_healthy && rig.readings.newest().unwrap().if_new().is_some()).then_some(())
+        });
+        rig.type_in(&["reset"]);
+        rig.type_in(&["arm", "--mode", "hold"]);
+    }
+    rig.end()
+}
+
+#[test]
+fn the_simulated_machine_conforms() {
+    let said = conform("conform-sim", Writer::PlantSim);
+    assert!(!said.stderr.contains("source ("), "{}", said.stderr);
+}
+
+#[test]
+fn a_program_that_the_supervisor_starts_conforms() {
+    let said = conform("conform-started", Writer::Started);
+    assert!(said.stderr.contains("plant-sim): no reading for the feedback time-out"), "{}", said.stderr);
+    assert!(said.stderr.contains("plant-sim: started again"), "{}", said.stderr);
+}
+
+#[test]
+fn a_program_that_is_started_by_hand_conforms() {
+    let said = conform("conform-by-hand", Writer::ByHand);
+    let name = "source (a program that is started by hand)";
+    assert!(said.stderr.contains(&format!("{name}: no reading for the feedback time-out")), "{}", said.stderr);
+    assert!(said.stderr.contains(&format!("{name}: well: ")), "{}", said.stderr);
+}
+
+#[test]
+fn what_happens_is_told_with_time_axis_and_next_step() {
+    let said = conform("conform-events", Writer::ByHand);
+    for part in [
+        " s axis.boom: mode: hold, after off",
+        " s axis.boom: latch: feedback: found samples that are stale",
+        "look at why, then type: hydraxis reset --prefix ",
+        " s axis.boom: release: ",
+        " s axis.boom: latch: emergency-stop: ",
+    ] {
+        assert!(said.stderr.contains(part), "{part}\n{}", said.stderr);
+    }
+}
+
+#[test]
+fn without_a_drive_no_controller_runs() {
+    let _cores = shared();
+    let program = format!("source.command=[\"{}\", \"plant-sim\"]", env!("CARGO_BIN_EXE_hydraxis"));
+    let arguments = [&EXTERNAL[..], &["--set", "drive.kind=none", "--set", &program], &PATIENT].concat();
+    let mut running = Running::spawn("no-drive", &arguments, &[StageKind::SensorProc, StageKind::IdentProc], |_| ());
+    let channels = running.group.join();
+    let mut samples: Reader<EncoderSample> = channels.reader().unwrap();
+    await_message(&mut samples, "samples", |sample| sample.header.sequence > 20);
+    assert_eq!(running.pid(StageKind::ControlProc), 0);
+    drop((samples, channels));
+    let said = running.interrupt();
+    assert!(!said.stderr.contains("hydraxis arm"), "{}", said.stderr);
+}

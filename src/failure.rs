@@ -15,8 +15,8 @@ use thiserror::Error as ThisError;
 use crate::{
     arguments::UnknownAxis,
     group::{
-        lifeline::LifelineError, operator::OperatorError, preflight::PreflightError, signals::SignalError,
-        supervisor::SupervisorError,
+        lifeline::LifelineError, operator::OperatorError, preflight::PreflightError, running::UnknownGroup,
+        signals::SignalError, supervisor::SupervisorError,
     },
     report::output::OutputError,
 };
@@ -205,5 +205,14 @@ mod tests {
         failures.extend([Failure::run("a"), Failure::usage("b")]);
         let all = failures.verdict(Some(())).unwrap_err();
         assert_eq!((all.to_string().as_str(), all.cause), ("a\nb", Cause::Usage));
+    }
+}
+
+impl From<UnknownGroup> for Failure {
+    fn from(error: UnknownGroup) -> Self {
+        match error {
+            UnknownGroup::None => Self::run(error),
+            UnknownGroup::Several(_) | UnknownGroup::Machine { .. } => Self::usage(error),
+        }
     }
 }

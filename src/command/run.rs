@@ -141,8 +141,8 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Ch
         failures.take(check::expect_controllable(machine));
         if machine.source == Source::External && clock == Clock::LockStep {
             failures.extend([Failure::usage(
-                "--lockstep: found a machine with source.kind \"external\", whose time nobody can hold; allowed: \"sim\", \
-                 with stage.plant-sim.command for a program that simulates in lock-step",
+                "--lockstep: found a machine with source.kind \"external\", whose time nobody can hold; allowed: \
+                 \"sim\", with stage.plant-sim.command for a program that simulates in lock-step",
             )]);
         }
         count = match (&machine.source, arguments.duration) {

@@ -5,7 +5,6 @@
 //! never waits for, and none of their code runs in a stage. Two files are exceptions: [`lifeline`] and [`signals`] also
 //! run in the process of a stage, on threads and handlers of their own, outside its loop.
 
-pub mod events;
 mod launch;
 pub mod lifeline;
 pub mod monitor;

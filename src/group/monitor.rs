@@ -14,8 +14,10 @@ use pipeline::{
     stage::StageKind,
 };
 
-use super::events::Events;
-use crate::{recording::black_box::Tapes, report::control_loop::LastMessages};
+use crate::{
+    recording::black_box::Tapes,
+    report::{control_loop::LastMessages, events::Events},
+};
 
 /// Time between two lines.
 const LINE_PERIOD: Duration = Duration::from_secs(1);

@@ -10,14 +10,34 @@ use pipeline::{
     machine::MachineError,
 };
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
-use crate::{
-    arguments::{BareMachine, MachineFile},
-    failure::Failure,
-};
+use crate::arguments::{BareMachine, MachineFile};
 
 /// Name of the file in the group's folder.
 const FILE: &str = "machine.json";
+
+/// Why it is not known which group is meant, or which machine it runs.
+#[derive(Debug, Error)]
+pub enum UnknownGroup {
+    /// None runs.
+    #[error("no group runs; start one with: hydraxis run")]
+    None,
+    /// Several run, and none was named.
+    #[error("--prefix: found none; allowed: one of {}", .0.iter().map(Prefix::to_string).collect::<Vec<_>>().join(", "))]
+    Several(Vec<Prefix>),
+    /// It has left nothing about its machine.
+    #[error(
+        "MACHINE.toml: found none, and nothing about the machine of group \"{prefix}\" ({source}); allowed: the machine \
+         file that the group runs"
+    )]
+    Machine {
+        /// The group.
+        prefix: Prefix,
+        /// What reading said.
+        source: io::Error,
+    },
+}
 
 /// What the group was started with.
 #[derive(Debug, Serialize, Deserialize)]
@@ -32,18 +52,18 @@ struct Started {
 ///
 /// # Errors
 /// None is named, and none or several run.
-pub fn meant(named: Option<&Prefix>) -> Result<Prefix, Failure> {
+pub fn meant(named: Option<&Prefix>) -> Result<Prefix, UnknownGroup> {
     if let Some(prefix) = named {
         return Ok(prefix.clone());
     }
-    let living: Vec<Prefix> =
+    let mut living: Vec<Prefix> =
         groups().into_iter().filter(|group| group.state == GroupState::Alive).map(|group| group.prefix).collect();
-    match living.as_slice() {
-        [] => Err(Failure::run("no group runs; start one with: hydraxis run")),
-        [one] => Ok(one.clone()),
-        several => {
-            let names: Vec<String> = several.iter().map(Prefix::to_string).collect();
-            Err(Failure::usage(format!("--prefix: found none; allowed: one of {}", names.join(", "))))
+    match (living.pop(), living.is_empty()) {
+        (None, _) => Err(UnknownGroup::None),
+        (Some(one), true) => Ok(one),
+        (Some(last), false) => {
+            living.push(last);
+            Err(UnknownGroup::Several(living))
         }
     }
 }
@@ -66,15 +86,11 @@ pub fn leave(prefix: &Prefix, machine: &MachineFile) -> Result<(), MachineError>
 ///
 /// # Errors
 /// The group has left nothing about its machine.
-pub fn machine_of(prefix: &Prefix, settings: &[(String, String)]) -> Result<BareMachine, Failure> {
+pub fn machine_of(prefix: &Prefix, settings: &[(String, String)]) -> Result<BareMachine, UnknownGroup> {
     let path = prefix.folder().join(FILE);
     let read = || serde_json::from_slice::<Started>(&fs::read(&path)?).map_err(io::Error::from);
-    let Started { file, settings: mut all } = read().map_err(|error| {
-        Failure::usage(format!(
-            "MACHINE.toml: found none, and nothing about the machine of group \"{prefix}\" ({error}); allowed: the \
-             machine file that the group runs"
-        ))
-    })?;
+    let Started { file, settings: mut all } =
+        read().map_err(|source| UnknownGroup::Machine { prefix: prefix.clone(), source })?;
     all.extend_from_slice(settings);
     Ok(BareMachine { machine: file, settings: all, model: None })
 }

@@ -4,7 +4,9 @@
 
 pub mod chart;
 pub mod control_loop;
+pub mod events;
 pub mod figures;
 pub mod margins;
 pub mod output;
 pub mod table;
+pub mod why;

@@ -98,6 +98,12 @@ impl Rig {
         text
     }
 
+    /// All axes hold.
+    fn arm(&mut self) {
+        self.type_in(&["arm", "--mode", "hold"]);
+        self.command("axes that hold", |command| all(command, |flags| flags & control_flag::DISARMED == 0));
+    }
+
     fn end(mut self) -> Said {
         if let Some(mut child) = self.by_hand.take() {
             signal(child.id(), Signal::INT);
@@ -120,18 +126,16 @@ fn all(command: &ValveCommand, is_so: impl Fn(u32) -> bool) -> bool {
     command.axes[..AXES].iter().all(|axis| is_so(axis.flags))
 }
 
-/// Rate, times, losses, arming, time-out, restart and emergency stop.
-fn conform(test: &str, writer: Writer) -> Said {
-    let _cores = shared();
-    let mut rig = Rig::start(test, writer);
-
-    // Nothing moves before it is armed.
+/// Nothing moves before it is armed.
+fn expect_disarmed(rig: &mut Rig) {
     let command = rig.command("a command", |_| true);
     assert!(all(&command, |flags| flags & control_flag::DISARMED != 0));
     assert!(command.axes[..AXES].iter().all(|axis| axis.command == 0.0));
+}
 
-    // One sample for each period, but for those that a busy computer has skipped; none lost; times go on and are not
-    // those of the future.
+/// One sample for each period, but for those that a busy computer has skipped; none lost; times go on and are not those
+/// of the future.
+fn expect_samples(rig: &mut Rig) {
     let (mut last, mut count) = (0, 0);
     rig.samples.newest().unwrap();
     let first = rig.samples.last().copied().unwrap();
@@ -147,18 +151,15 @@ fn conform(test: &str, writer: Writer) -> Said {
     assert!(rig.samples.lost() == 0 && (50..=101).contains(&count), "{} lost, {count} read", rig.samples.lost());
     rig.readings.newest().unwrap();
     assert!(rig.readings.last().is_some_and(|reading| reading.header.axis_count as usize == AXES));
+}
 
-    // Armed, it follows.
-    rig.type_in(&["arm", "--mode", "hold"]);
-    rig.command("axes that hold", |command| all(command, |flags| flags & control_flag::DISARMED == 0));
-
-    // A writer that stops latches, and a writer that comes back releases nothing.
-    let pid = rig.writer();
-    signal(pid, Signal::STOP);
+/// A writer that stops latches, and a writer that goes on releases nothing.
+fn expect_timeout(rig: &mut Rig, writer: u32) {
+    signal(writer, Signal::STOP);
     let is_latched = |flags: u32| flags & control_flag::FEEDBACK != 0;
     rig.command("a latch", |command| all(command, is_latched));
     std::thread::sleep(Duration::from_millis(1500));
-    signal(pid, Signal::CONT);
+    signal(writer, Signal::CONT);
     let until = monotonic_ns() + 500_000_000;
     rig.command("half a second after it", |command| {
         assert!(all(command, is_latched));
@@ -166,30 +167,46 @@ fn conform(test: &str, writer: Writer) -> Said {
     });
     let text = rig.type_in(&["reset"]);
     assert_eq!(text.matches("was latched by feedback").count(), AXES, "{text}");
+}
 
-    // An emergency stop latches at once.
-    rig.type_in(&["arm", "--mode", "hold"]);
+fn expect_emergency_stop(rig: &mut Rig) {
     rig.type_in(&["disarm", "--emergency"]);
     rig.command("an emergency stop", |command| {
         command.cut_off == 1 && all(command, |flags| flags & control_flag::EMERGENCY_STOP != 0)
     });
     rig.type_in(&["reset"]);
+}
 
-    // Another life of the writer: readings come again, and the axes may be armed again. plant-sim under its own name
-    // ends the run, because a simulated machine would jump.
+/// Another life of the writer: readings come again, and the axes may be armed again.
+fn expect_another_life(rig: &mut Rig, writer: u32) {
+    signal(writer, Signal::KILL);
+    if let Some(mut child) = rig.by_hand.take() {
+        child.wait().unwrap();
+        rig.write_by_hand();
+    }
+    wait_for("healthy samples", || {
+        let sample = rig.samples.newest().unwrap().if_new()?;
+        let is_healthy = sample.axes[..AXES].iter().all(|axis| axis.usable().is_some());
+        (is_healthy && rig.readings.newest().unwrap().if_new().is_some()).then_some(())
+    });
+    rig.type_in(&["reset"]);
+    rig.arm();
+}
+
+/// Rate, times, losses, arming, time-out, emergency stop and restart.
+fn conform(test: &str, writer: Writer) -> Said {
+    let _cores = shared();
+    let mut rig = Rig::start(test, writer);
+    expect_disarmed(&mut rig);
+    expect_samples(&mut rig);
+    rig.arm();
+    let pid = rig.writer();
+    expect_timeout(&mut rig, pid);
+    rig.arm();
+    expect_emergency_stop(&mut rig);
+    // plant-sim under its own name ends the run, because a simulated machine would jump.
     if writer != Writer::PlantSim {
-        signal(pid, Signal::KILL);
-        if let Some(mut child) = rig.by_hand.take() {
-            child.wait().unwrap();
-            rig.write_by_hand();
-        }
-        wait_for("healthy samples", || {
-            let sample = rig.samples.newest().unwrap().if_new()?;
-            let is_healthy = sample.axes[..AXES].iter().all(|axis| axis.usable().is_some());
-            (is_healthy && rig.readings.newest().unwrap().if_new().is_some()).then_some(())
-        });
-        rig.type_in(&["reset"]);
-        rig.type_in(&["arm", "--mode", "hold"]);
+        expect_another_life(&mut rig, pid);
     }
     rig.end()
 }

@@ -14,7 +14,10 @@ use pipeline::{
 use serde::Serialize;
 
 use super::{Collected, SILENT_NS};
-use crate::report::table::{nanoseconds, number, table};
+use crate::report::{
+    table::{nanoseconds, number, table},
+    why::why_fallback,
+};
 
 /// The figures of a group, as JSON has them.
 #[derive(Debug, Serialize)]
@@ -105,6 +108,8 @@ struct AxisFigures {
     unsolved_plans: u64,
     slowed_ticks: u32,
     refused_requests: u32,
+    /// Why the fallback controls the axis.
+    why_fallback: Option<String>,
 }
 
 impl StatusReport {
@@ -237,7 +242,11 @@ impl StatusReport {
         }
         let rows = self.names.iter().map(|name| axis_row(name, &self.axes[name]));
         let header = ["axis", "mode", "command", "by", "position", "error", "model age", "sigma", "flags"];
-        format!("\n{}\n", table(&header, rows.collect()))
+        let whys = self.names.iter().filter_map(|name| {
+            let why = self.axes[name].why_fallback.as_ref()?;
+            Some(format!("{name}: by the fallback: {why}\n"))
+        });
+        format!("\n{}\n{}", table(&header, rows.collect()), whys.collect::<String>())
     }
 }
 
@@ -342,6 +351,7 @@ impl AxisFigures {
             unsolved_plans: command.unsolved_plans,
             slowed_ticks: command.slowed_ticks,
             refused_requests: command.refused_requests,
+            why_fallback: why_fallback(axis.name(), None, command, axis.model_faults),
         }
     }
 }

@@ -8,7 +8,7 @@ use std::{collections::BTreeMap, fmt, time::Duration};
 
 use pipeline::{
     latency::Percentiles,
-    machine::Machine,
+    machine::{Axis, Machine},
     message::{
         AxisCommand, AxisMode, AxisSnapshot, ChannelHealth, CoefficientSnapshot, MissedDeadlines, ModelErrors,
         REFUSALS, StageHealth, ValveCommand, bit_names, control_flag,
@@ -19,11 +19,11 @@ use pipeline::{
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::group::events::Event;
-
 use super::{
+    events::Event,
     figures::{CoefficientLists, ErrorFigures, Reduction},
     table::number,
+    why::why_fallback,
 };
 
 /// A run that ended with axes that a fault has latched.
@@ -70,6 +70,9 @@ struct AxisReport {
     /// Present when a program has operated the axis.
     #[serde(skip_serializing_if = "Option::is_none")]
     operation: Option<Operation>,
+    /// Why the fallback controlled the axis at the end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    why_fallback: Option<String>,
     identification: Identification,
 }
 
@@ -190,7 +193,7 @@ impl LoopReport {
         let axes = machine.axes.iter().enumerate().map(|(i, axis)| {
             let command = last.command.map(|command| command.axes[i]).unwrap_or_default();
             let snapshot = last.snapshot.map(|snapshot| snapshot.axes[i]).unwrap_or_default();
-            (axis.name.clone(), AxisReport::new(&command, &snapshot, machine.timing.period))
+            (axis.name.clone(), AxisReport::new(axis, &command, &snapshot, machine.timing.period))
         });
         let stages = StageKind::ALL
             .into_iter()
@@ -303,7 +306,7 @@ impl Operation {
 }
 
 impl AxisReport {
-    fn new(command: &AxisCommand, snapshot: &AxisSnapshot, period: Duration) -> Self {
+    fn new(axis: &Axis, command: &AxisCommand, snapshot: &AxisSnapshot, period: Duration) -> Self {
         let (classical, adaptive) = (&snapshot.classical_errors, &snapshot.adaptive_errors);
         let model = |errors: &ModelErrors, coefficients| {
             let figures = |error: &ErrorStatistics| ErrorFigures::new(error, &snapshot.output);
@@ -322,6 +325,7 @@ impl AxisReport {
             unsolved_plans: command.unsolved_plans,
             slowed_ticks: command.slowed_ticks,
             operation: Operation::new(command),
+            why_fallback: why_fallback(&axis.name, Some(axis.control.model), command, snapshot.faults),
             identification: Identification {
                 classical: model(classical, &snapshot.classical),
                 adaptive: model(adaptive, &snapshot.adaptive),

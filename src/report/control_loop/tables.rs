@@ -5,10 +5,11 @@ use pipeline::{
     stage::StageKind,
 };
 
-use crate::group::events::Event;
-
 use super::{AxisReport, LoopReport, Operation};
-use crate::report::table::{nanoseconds, number, percent, table};
+use crate::report::{
+    events::Event,
+    table::{nanoseconds, number, percent, table},
+};
 
 /// Events that the tables show.
 const MOST_EVENTS: usize = 10;
@@ -26,6 +27,7 @@ impl LoopReport {
             self.operations(machine),
             self.faults(),
             self.training_hints(machine),
+            self.fallbacks(machine),
         ];
         let total = format!(
             "{} ticks, {} s of the machine in {} s: {} lost.\n",
@@ -142,6 +144,17 @@ impl LoopReport {
             format!("{name}: {mode} after {requests} requests, {refused_requests} more refused.\n")
         };
         operated.map(line).collect()
+    }
+
+    /// Why the fallback controls, for each axis that no model has controlled, and of which the other lines say nothing.
+    fn fallbacks(&self, machine: &Machine) -> String {
+        let line = |axis: &Axis| {
+            let report = &self.axes[&axis.name];
+            let is_told = report.tracking_by_model.count > 0 || report.identification.updates == 0;
+            let why = report.why_fallback.as_ref().filter(|_| !is_told)?;
+            Some(format!("{}: by the fallback: {why}.\n", axis.name))
+        };
+        machine.axes.iter().filter_map(line).collect()
     }
 
     /// The last events that are faults; latches have lines of their own.

@@ -117,9 +117,9 @@ def _found(prefix, message):
     try:
         details = iox2.Service.details(service, config_of(prefix), iox2.MessagingPattern.PublishSubscribe,
                                        iox2.ServiceType.Ipc)
-    except (iox2.ServiceDetailsError, AttributeError):
+    except iox2.ServiceDetailsError:
         return None
-    return _layout(details.attributes) if details is not None else None
+    return _layout(details.attributes()) if details is not None else None
 
 
 def _layout(attributes):

@@ -63,10 +63,11 @@ def _report(path):
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
-def _table(figures):
+def _table(figures, order=()):
     """Figures by axis as a data frame: one row per axis, names of figures with dots."""
-    table = pandas().json_normalize(list(figures.values()))
-    table.index = list(figures)
+    names = sorted(figures, key=lambda name: order.index(name) if name in order else len(order))
+    table = pandas().json_normalize([figures[name] for name in names])
+    table.index = names
     return table
 
 
@@ -112,7 +113,9 @@ def simulate(machine=None, *, duration=None, scenario=None, seed=1, model=None, 
         report = _report(figures)
         result = None
         if path.exists() and (report is not None or code == 0):
-            result = Simulation(report, _table(report["axes"]) if report else None, read_csv(path))
+            trajectory = read_csv(path)
+            order = [column.partition(".")[0] for column in trajectory.columns]
+            result = Simulation(report, _table(report["axes"], order) if report else None, trajectory)
         if code != 0:
             raise CommandFailed(said, code, result)
         return result
@@ -160,8 +163,9 @@ def _errors(report):
 class Commissioning:
     """Models that were found by an experiment."""
 
-    report: dict  # figures, as --json gives them
-    axes: object  # data frame: one row of figures per axis
+    report: list  # figures of every axis, as --json gives them
+    axes: object  # data frame: one row per axis: dead time, dead bands, fit
+    loops: object  # data frame: margins, one row per axis and controller
     model: Path  # the model file: simulate(model=..), hydraxis run --model
 
 
@@ -187,4 +191,8 @@ def commission(machine=None, *, out="model.toml", overwrite=False, axes=None, du
         if code != 0:
             raise CommandFailed(said, code)
         found = _report(figures)
-        return Commissioning(found, _table(found["axes"]), Path(out))
+        loops = [loop for axis in found for loop in axis["loops"]]
+        axes = [{name: value for name, value in axis.items() if name != "loops"} for axis in found]
+        frame = pandas().DataFrame
+        return Commissioning(found, frame(axes).set_index("axis"), frame(loops).set_index(["axis", "controller"]),
+                             Path(out))

@@ -29,10 +29,10 @@ _count = 0
 class Running:
     """A group in real time, in a `with` statement."""
 
-    def __init__(self, *arguments, machine=None, patient=True):
+    def __init__(self, *arguments, machine=None, prefix=None, patient=True):
         global _count
         _count += 1
-        self.prefix = f"py{os.getpid()}-{_count}"
+        self.prefix = prefix or f"py{os.getpid()}-{_count}"
         self.folder = tempfile.TemporaryDirectory()
         self.log = open(Path(self.folder.name) / "log.txt", "w+")
         command = [executable(), "run", *([str(machine)] if machine else []), "--prefix", self.prefix,

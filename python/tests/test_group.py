@@ -129,15 +129,15 @@ class End(unittest.TestCase):
                     readers.next()
             running.end()
             self.assertEqual(reading.stdout.readline(), "ended\n")
-        again = Running("--off")
-        again_prefix = running.prefix
-        again.__enter__()
-        try:
-            self.assertNotEqual(again.prefix, again_prefix)
-        finally:
-            again.__exit__()
-        reading.communicate("")
-        self.assertEqual(reading.returncode, 0)
+        with Running("--off", prefix=running.prefix) as again, again.group() as group:
+            samples = group.samples()
+            samples.next()
+            reading.communicate("")
+            self.assertEqual(reading.returncode, 0)
+            for _ in range(50):
+                samples.next()
+            with again.group() as other:
+                other.commands().next()
 
 
 class Rate(unittest.TestCase):

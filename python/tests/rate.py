@@ -6,6 +6,7 @@ usage: rate.py SECONDS
 
 import json
 import math
+import os
 import sys
 import time
 
@@ -56,9 +57,11 @@ def exchange(group, seconds):
     place = list(hydraxis.MESSAGES).index("reference")
     channel = [entry for entry in read[-1].channels[:read[-1].channel_count] if entry.channel == place][0]
     return {
-        "seconds": seconds, "samples": samples.received, "samples_lost": samples.lost, "commands": commanded,
+        "seconds": seconds, "ticks": samples.last.header.sequence - first.header.sequence + 1,
+        "samples": samples.received, "samples_lost": samples.lost, "commands": commanded,
         "commands_lost": commands.lost, "references_sent": writer.sent, "references_received": channel.received,
         "references_lost": channel.lost, "commands_with_refused_reference": refused,
+        "load_average": os.getloadavg(),
         "ms_from_sent_sample_to_python": percentiles(ages),
         "ms_from_acquired_sample_to_sent_reference": percentiles(delays),
     }

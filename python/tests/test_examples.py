@@ -10,7 +10,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from support import CHANNEL_REFERENCES, EXAMPLES, ROOT, Running, executable, hydraxis, needs
+from support import CHANNEL_REFERENCES, EXAMPLES, ROOT, Running, executable, hydraxis, needs, retried
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "MPLBACKEND": "Agg"}
 
@@ -24,6 +24,7 @@ def program(name, *arguments):
 
 
 class Programs(unittest.TestCase):
+    @retried
     def test_samples_and_commands_are_watched_and_logged(self):
         with Running() as running, tempfile.TemporaryDirectory() as folder:
             shown, said = program("watch.py", "--prefix", running.prefix, "--count", "2")
@@ -37,6 +38,7 @@ class Programs(unittest.TestCase):
             self.assertGreater(len(lines), 200)
             self.assertTrue(all(line.count(",") == lines[0].count(",") for line in lines))
 
+    @retried
     def test_references_are_written(self):
         with Running(*CHANNEL_REFERENCES, machine=EXAMPLES / "four-axes.toml") as running, running.group() as group:
             commands = group.commands()

@@ -79,7 +79,7 @@ class Recordings(unittest.TestCase):
 
     @needs("mcap", "mcap_ros2")
     def test_a_black_box_is_read(self):
-        with Running() as running:
+        with Running("--off") as running:
             time.sleep(2.0)
             command("disarm", "--prefix", running.prefix, "--emergency")
             until = time.monotonic() + 20.0

@@ -6,7 +6,7 @@ import sys
 import time
 import unittest
 
-from support import AXES, EXAMPLES, TRIES, Running, hydraxis
+from support import AXES, TRIES, Running, hydraxis
 from hydraxis import messages
 from hydraxis.channels import Publisher, Reader
 
@@ -60,7 +60,7 @@ class Group(unittest.TestCase):
         with self.running.group() as group:
             reader = group.readings()
             first = reader.next()
-            time.sleep(1.0)  # the channel keeps 256 readings, the plant makes 500 a second
+            time.sleep(1.0)  # the channel keeps 256 readings, plant-sim makes 1000 a second
             found = reader.all()
             self.assertGreater(reader.lost, 0)
             self.assertEqual(found[-1].header.number - first.header.number, len(found) + reader.lost)

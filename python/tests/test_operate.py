@@ -3,7 +3,7 @@
 import time
 import unittest
 
-from support import CHANNEL_REFERENCES, EXAMPLES, Running, command, hydraxis
+from support import CHANNEL_REFERENCES, EXAMPLES, Running, command, hydraxis, retried
 from hydraxis import AxisMode, ControlFlag
 
 
@@ -20,6 +20,7 @@ class Operate(unittest.TestCase):
         self.group.close()
         self.running.__exit__()
 
+    @retried
     def test_an_axis_goes_to_its_set_point_and_is_off_at_the_end(self):
         begin = self.group.samples().next().axes[0].position
         with self.group.request() as operator:
@@ -32,6 +33,7 @@ class Operate(unittest.TestCase):
             self.assertTrue(flags[1].flags & ControlFlag.DISARMED)
         self.assertTrue(last(self.group).axes[0].flags & ControlFlag.DISARMED)
 
+    @retried
     def test_commands_by_hand_move_an_axis_both_ways(self):
         with self.group.request() as operator:
             operator.manual("boom")
@@ -50,6 +52,7 @@ class Operate(unittest.TestCase):
             with self.assertRaisesRegex(hydraxis.HydraxisError, "allowed: after manual"):
                 operator.command("arm", 0.1)
 
+    @retried
     def test_a_program_that_hangs_moves_nothing(self):
         with self.group.request() as operator:
             operator.hold("boom")
@@ -60,6 +63,7 @@ class Operate(unittest.TestCase):
             command = last(self.group).axes[0]
             self.assertTrue(command.flags & ControlFlag.REQUEST_STOPPED, hydraxis.names_of(command.flags, ControlFlag))
 
+    @retried
     def test_axes_that_are_left_go_on_without_the_program(self):
         with self.group.request(hold_to_run=False) as operator:
             operator.hold("boom")
@@ -69,12 +73,14 @@ class Operate(unittest.TestCase):
         axes = last(self.group).axes
         self.assertEqual((axes[0].operation, axes[1].operation), (AxisMode.HOLD, AxisMode.OFF))
 
+    @retried
     def test_a_set_point_outside_the_soft_limits_is_refused(self):
         with self.group.request() as operator:
             with self.assertRaisesRegex(hydraxis.HydraxisError, "refuses the request; allowed: a set point within"):
                 operator.hold("boom", 50.0)
             self.assertTrue(last(self.group).axes[0].flags & ControlFlag.DISARMED)
 
+    @retried
     def test_one_program_operates_at_a_time(self):
         with self.group.request() as first:
             first.hold("boom")
@@ -105,6 +111,7 @@ class Operate(unittest.TestCase):
             printed, _ = other.communicate(timeout=30)
         return printed
 
+    @retried
     def test_a_latched_axis_is_told_and_released_only_by_a_reset(self):
         with self.group.request() as operator:
             operator.hold("boom")
@@ -122,6 +129,7 @@ class Operate(unittest.TestCase):
             operator.hold("boom")
             self.assertEqual(operator.state("boom"), "axis.boom: hold")
 
+    @retried
     def test_a_stop_beside_is_told(self):
         with self.group.request() as operator:
             operator.hold("boom")
@@ -132,6 +140,7 @@ class Operate(unittest.TestCase):
 
 
 class References(unittest.TestCase):
+    @retried
     def test_an_axis_follows_the_references_of_a_program(self):
         arguments = ["--off", *CHANNEL_REFERENCES]
         with Running(*arguments, machine=EXAMPLES / "four-axes.toml") as running, running.group() as group:

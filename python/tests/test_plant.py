@@ -8,7 +8,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from support import EXAMPLES, ROOT, executable, hydraxis
+from support import EXAMPLES, ROOT, executable, hydraxis, retried
 from hydraxis.plant import seconds
 
 PLANT = f'stage.plant-sim.command=["{sys.executable}","examples/plant.py"]'
@@ -33,6 +33,7 @@ class Plants(unittest.TestCase):
             self.assertLess(axis["tracking"]["rmse"], 0.05, name)
             self.assertEqual(axis["tracking"], reports[1]["axes"][name]["tracking"])
 
+    @retried
     def test_axes_of_the_plant_move_in_real_time(self):
         report = run("--duration", "5s", "--set", "timing.feedback_timeout=2s")
         self.assertGreater(report["ticks"], 100)

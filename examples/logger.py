@@ -21,12 +21,14 @@ import time
 
 import hydraxis
 
+COLUMNS = ("command", "position", "reference")  # of every axis
+
 
 def log(group, file, seconds):
     """Writes rows until the time is over or the group has ended; returns the numbers of rows and of lost messages."""
     samples, commands = group.samples(), group.commands()
     writer = csv.writer(file)
-    writer.writerow(["t"] + [f"{axis}.{column}" for axis in group.axes for column in ("command", "position", "reference")])
+    writer.writerow(["t"] + [f"{axis}.{column}" for axis in group.axes for column in COLUMNS])
     waiting, first_ns, rows = {}, None, 0
     until = time.monotonic() + seconds
     try:

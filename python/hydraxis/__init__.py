@@ -24,4 +24,11 @@ from .plant import Plant, load_machine
 from .reference import ReferenceWriter
 
 __version__ = "0.1.0"
-__all__ = [name for name in dir() if not name.startswith("_")]
+__all__ = [
+    "AxisMode", "BlackBox", "CommandFailed", "commission", "Commissioning", "ControlFlag", "ControlMode", "Disarmed",
+    "EncoderValue", "frame", "Group", "GroupEnded", "HydraxisError", "Identification", "identify", "is_running",
+    "Latched", "load_machine", "Machine", "MAX_AXES", "MAX_PREVIEW", "MESSAGES", "MissCause", "MissingPackage",
+    "ModelFault", "names_of", "NoAnswer", "NoChannel", "NoGroup", "Operator", "OtherLayout", "Plant", "read_black_box",
+    "read_csv", "Reader", "ReferenceWriter", "REFUSALS", "Replaced", "running_groups", "SampleFault", "simulate",
+    "Simulation", "STAGES", "StageState", "Taken", "text_of", "Timeout",
+]

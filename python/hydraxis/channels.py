@@ -66,6 +66,8 @@ class Membership:
 
     def is_removed(self):
         """Whether the group has ended and removed its files, or a new group of the same name has replaced them."""
+        if self.node is None:
+            return True
         try:
             return not os.path.samestat(os.fstat(self._opened), os.stat(self._folder))
         except FileNotFoundError:
@@ -198,28 +200,41 @@ class Reader:
 
         received    messages read
         lost        messages that were sent and not read: this program is too slow for them
-        restarts    starts of the writer
+        restarts    starts of writers, beyond the first one of each place on the channel
         foreign     messages about another machine, which are not given out
         last        the newest message that was read, or None
     """
 
     def __init__(self, membership, message, timeout=2.0):
-        iox2 = library()
         self._membership, self._message = membership, message
-        service = open_channel(membership, message)
-        buffer = min(message.BUFFER, service.static_config.subscriber_max_buffer_size)
-        try:
-            self._port = service.subscriber_builder().buffer_size(buffer).create()
-        except iox2.SubscriberCreateError as error:
-            raise NoChannel(f'channel "{message.CHANNEL}" of group "{membership.prefix}" has no place for another '
-                            f"reader ({error}); end one of the readers first") from None
-        self._service = service
-        membership.keep(service, self._port)
+        self._service = open_channel(membership, message)
+        self._port = self._attach()
+        membership.keep(self._service, self._port)
         self.timeout = timeout
         self.received = self.lost = self.restarts = self.foreign = 0
         self.last = None
         self.machine = 0  # number of the group's machine; 0 while it is not known
         self._numbers = {}  # newest number of every session
+
+    def _attach(self):
+        iox2, message = library(), self._message
+        buffer = min(message.BUFFER, self._service.static_config.subscriber_max_buffer_size)
+        try:
+            return self._service.subscriber_builder().buffer_size(buffer).create()
+        except iox2.SubscriberCreateError as error:
+            raise NoChannel(f'channel "{message.CHANNEL}" of group "{self._membership.prefix}" has no place for '
+                            f"another reader ({error}); end one of the readers first") from None
+
+    def _reattach(self):
+        """Attaches anew where nothing comes: the library gives up a connection that it could not make at once."""
+        if self._port.has_samples():
+            return
+        try:
+            before, self._port = self._port, self._attach()
+        except NoChannel:
+            return  # without a second place on the channel the reader keeps the one it has
+        self._membership.keep(self._port)
+        self._membership.drop(before)
 
     @property
     def channel(self):
@@ -237,9 +252,11 @@ class Reader:
             if self.machine and header.machine not in (0, self.machine):
                 self.foreign += 1
                 continue
-            self._count(header)
-            self.last = message
-            return message
+            # A reader that has attached anew gets the last message again.
+            if self._numbers.get(header.session) != header.number:
+                self._count(header)
+                self.last = message
+                return message
         return None
 
     def _count(self, header):
@@ -273,6 +290,7 @@ class Reader:
         """
         patience = self.timeout if timeout is None else timeout
         begin = looked = time.monotonic()
+        is_new = True
         while True:
             message = self.read()
             if message is not None:
@@ -285,6 +303,9 @@ class Reader:
                 if now - begin >= patience:
                     raise Timeout(f'group "{self._membership.prefix}" has sent nothing on channel "{self.channel}" for '
                                   f"{patience} s; look with: hydraxis status --prefix {self._membership.prefix}")
+                if is_new and now - begin >= patience / 2:
+                    is_new = False
+                    self._reattach()
             time.sleep(POLL_S)
 
     def close(self):

@@ -29,7 +29,8 @@ def executable():
 
 def run(*arguments):
     """Runs the command; returns its exit code, what it printed, and its messages. Bad usage raises CommandFailed."""
-    done = subprocess.run([executable(), *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    words = [executable(), *map(str, arguments)]
+    done = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, text=True)
     if done.returncode not in (0, 1):
         raise CommandFailed(done.stderr.strip(), done.returncode)
     return done.returncode, done.stdout, done.stderr.strip()

@@ -8,6 +8,7 @@ import ctypes
 from dataclasses import dataclass
 
 from .errors import HydraxisError, MissingPackage
+from .messages import MAX_AXES
 
 
 def pandas():
@@ -29,7 +30,7 @@ def _flatten(value, name, row):
         row[name] = value
     elif isinstance(value, ctypes.Structure) or hasattr(value, "__slots__") and not hasattr(value, "__len__"):
         for field in _fields(value):
-            if field != "reserved":
+            if field not in ("reserved", "name"):
                 _flatten(getattr(value, field), f"{name}.{field}" if name else field, row)
     else:
         for i, item in enumerate(value):
@@ -43,10 +44,10 @@ def _row(message, axes):
         value = getattr(message, field)
         if field in ("axes", "encoders", "positions"):
             # The decoder of MCAP has one array in place of an array of arrays.
-            rows = len(value) // 8 if field == "positions" and len(value) > 8 else 1
+            width = len(value) // MAX_AXES
             for i, axis in enumerate(axes):
-                part = value[i] if rows == 1 else value[i * rows:(i + 1) * rows]
-                _flatten(part, axis if field != "positions" else f"{axis}.position", row)
+                part = value[i] if width == 1 else value[i * width:(i + 1) * width]
+                _flatten(part, f"{axis}.position" if field == "positions" else axis, row)
         elif field not in ("header", "reserved"):
             _flatten(value, field, row)
     return row

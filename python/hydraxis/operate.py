@@ -14,7 +14,6 @@ from .errors import Disarmed, GroupEnded, HydraxisError, Latched, NoAnswer, Repl
 from .messages import AxisMode, ControlFlag, Request
 
 ANSWER_PATIENCE_S = 5.0  # for what the controller is asked, settling included
-OFF_PATIENCE_S = 1.0  # for the axes to be off at the end
 FLAGS_OF_MODELS = (ControlFlag.NO_MODEL | ControlFlag.MODEL_STALE | ControlFlag.MODEL_REFUSED
                    | ControlFlag.MODEL_WORSE)
 
@@ -34,7 +33,7 @@ class Operator:
 
     def __init__(self, group, take_over=False, hold_to_run=True):
         self.machine = group.machine
-        self._group, self._hold_to_run = group, hold_to_run
+        self._group = group
         self._samples, self._commands = group.samples(), group.commands()
         self._publisher = group._publisher(Request)
         self._request = Request()
@@ -45,7 +44,11 @@ class Operator:
             axis.hold_to_run = int(hold_to_run)
         self._mine = set()  # axes that this program keeps in a mode
         self._is_current = False
-        self._join()
+        try:
+            self._join()
+        except BaseException:
+            self._close()
+            raise
 
     def __enter__(self):
         return self
@@ -109,8 +112,8 @@ class Operator:
             return all(self._flags(axis, command) & (ControlFlag.LATCHED | ControlFlag.DISARMED) for axis in chosen)
 
         self._mine -= set(chosen)
-        if self._commands.last is not None:
-            is_off(self._commands.last)
+        self._look()
+        is_off(self._commands.last)
         self._until(is_off, "off", ANSWER_PATIENCE_S)
         self._forget(chosen)
 
@@ -119,7 +122,7 @@ class Operator:
         chosen = self.machine.choose(axes)
         self._mine -= set(chosen)
         self._forget(chosen)
-        self.step()  # off releases only after a request for something else
+        self._be_heard()  # off releases only after a request for something else
         for axis in chosen:
             self._of(axis).mode = AxisMode.OFF
         try:
@@ -131,20 +134,24 @@ class Operator:
     def leave(self):
         """Lets axes in hold and track go on after the end of this program; those in manual are switched off."""
         self.off([axis for axis in self._mine if self._of(axis).mode == AxisMode.MANUAL])
-        taken = self._commands.last.axes[0].taken_requests
         for axis in self._request.axes:
             axis.hold_to_run = 0
-        self._until(lambda command: command.axes[0].taken_requests > taken + 1, "leaving", ANSWER_PATIENCE_S)
+        self._be_heard()
+        self._be_heard()
         self._mine.clear()
 
     def end(self):
         """Switches off the axes that this program has armed. Latched ones stay latched."""
         mine, self._mine = self._mine, set()
-        if mine and not self._group.has_ended:
-            self.off(sorted(mine))
-        self._samples.close()
-        self._commands.close()
-        self._publisher.close()
+        try:
+            if mine and not self._group.has_ended:
+                self.off(sorted(mine))
+        finally:
+            self._close()
+
+    def _close(self):
+        for end in (self._samples, self._commands, self._publisher):
+            end.close()
 
     # ------------------------------------------------------------------------------------------------ every sample
 
@@ -193,14 +200,23 @@ class Operator:
             self._of(axis).mode = AxisMode.UNCHANGED
             self._of(axis).has_target, self._of(axis).command = 0, 0.0
 
+    def _be_heard(self):
+        """Waits until the controller takes a request as it is now: an edge counts from the message before only while
+        that one is younger than 0.1 s, and this program may have paused."""
+        taken = self._commands.last.axes[0].taken_requests
+        self._until(lambda command: command.axes[0].taken_requests > taken, "an answer of the controller",
+                    ANSWER_PATIENCE_S)
+
     def _change(self, axes, mode, target=None, command=0.0):
         chosen = self.machine.choose(axes)
         command = in_range(command)
+        self._look()
+        self._be_heard()
         last = self._commands.last
         for axis in chosen:
-            if last is not None and self._flags(axis, last) & ControlFlag.LATCHED:
+            if self._flags(axis, last) & ControlFlag.LATCHED:
                 raise Latched(f'{self.state(axis)}: look at why, then call reset("{axis}")')
-        refused = [last.axes[self.machine.index(axis)].refused_requests for axis in chosen] if last else None
+        refused = [last.axes[self.machine.index(axis)].refused_requests for axis in chosen]
         for axis in chosen:
             entry = self._of(axis)
             entry.mode, entry.enable = mode, (entry.enable + 1) % 2**32
@@ -213,7 +229,7 @@ class Operator:
                 if entry.flags & ControlFlag.LATCHED:
                     self._forget(chosen)
                     raise Latched(f"{self.state(axis)}: not {mode.name.lower()}, a fault has latched it")
-                if entry.flags & ControlFlag.REQUEST and refused and entry.refused_requests > refused[i] + 2:
+                if entry.flags & ControlFlag.REQUEST and entry.refused_requests > refused[i] + 2:
                     self._forget(chosen)
                     raise HydraxisError(f"{self.state(axis)}: the controller refuses the request; allowed: a set point "
                                         "within the soft limits of the axis")

@@ -5,6 +5,14 @@ import math
 from .messages import MAX_PREVIEW, Reference
 
 
+def as_list(positions):
+    """Positions of one axis; a number is that position for as long as a message can."""
+    try:
+        return [float(positions)] * MAX_PREVIEW
+    except TypeError:
+        return [float(position) for position in positions]
+
+
 class ReferenceWriter:
     """Writes references.
 
@@ -35,7 +43,7 @@ class ReferenceWriter:
             raise ValueError(f"tick: found {tick} after {self._newest}; allowed: ticks that do not go back")
         if not positions:
             raise ValueError("positions: found none; allowed: at least those of one axis")
-        lists = {axis: [at] * MAX_PREVIEW if isinstance(at, (int, float)) else list(at) for axis, at in positions.items()}
+        lists = {axis: as_list(at) for axis, at in positions.items()}
         lengths = {len(at) for at in lists.values()}
         if len(lengths) != 1 or not 1 <= min(lengths) <= MAX_PREVIEW:
             raise ValueError(f"positions: found {sorted(lengths)} per axis; allowed: equally many of every axis, "

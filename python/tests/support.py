@@ -75,13 +75,16 @@ class Running:
             self.process.wait()
             raise
 
-    def __exit__(self, *_):
+    def __exit__(self, kind=None, *_):
+        code = self.process.poll()
         try:
             self.end()
         finally:
             self.log.seek(0)
             self.said = self.log.read()
             self.log.close()
+            if kind is not None:
+                print(f"the group ({code}) said:\n{self.said}", file=sys.stderr)
             self.folder.cleanup()
         left = list(Path("/dev/shm").glob(f"{self.prefix}.*"))
         assert not left, f"left behind: {left}"

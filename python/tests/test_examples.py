@@ -74,8 +74,9 @@ class Book(unittest.TestCase):
         for page in (ROOT / "docs" / "src").glob("**/*.md"):
             for block in re.findall(r"^```python\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL):
                 count += 1
-                for node in ast.walk(ast.parse(block, str(page))):
-                    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "hydraxis":
+                nodes = [node for node in ast.walk(ast.parse(block, str(page))) if isinstance(node, ast.Attribute)]
+                for node in nodes:
+                    if isinstance(node.value, ast.Name) and node.value.id == "hydraxis":
                         self.assertTrue(hasattr(hydraxis, node.attr), f"{page}: hydraxis.{node.attr}")
         self.assertGreater(count, 3)
 

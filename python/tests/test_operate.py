@@ -67,6 +67,7 @@ class Operate(unittest.TestCase):
     def test_axes_that_are_left_go_on_without_the_program(self):
         with self.group.request(hold_to_run=False) as operator:
             operator.hold("boom")
+            time.sleep(0.5)  # an edge counts also after a pause
             operator.manual("arm")
             operator.leave()
         time.sleep(0.5)
@@ -173,8 +174,9 @@ class References(unittest.TestCase):
                 self.sent += 1
 
         writer = hydraxis.ReferenceWriter(Nothing(), hydraxis.Machine(7, ("boom", "arm")))
-        for positions, said in [({}, "found none"), ({"boom": float("nan")}, "not finite"), ({"boom": [0.1] * 33}, "33"),
-                                ({"boom": [0.1], "arm": [0.1, 0.2]}, "equally many"), ({"boom": []}, "allowed: equally")]:
+        for positions, said in [({}, "found none"), ({"boom": float("nan")}, "not finite"),
+                                ({"boom": [0.1] * 33}, "33"), ({"boom": [0.1], "arm": [0.1, 0.2]}, "equally many"),
+                                ({"boom": []}, "allowed: equally")]:
             with self.assertRaisesRegex(ValueError, said):
                 writer.send(5, positions)
         with self.assertRaises(KeyError):

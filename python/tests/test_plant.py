@@ -41,7 +41,8 @@ class Plants(unittest.TestCase):
     def test_a_machine_file_is_read_with_its_settings(self):
         settings = ["axis.boom.stroke=1.5", "axis.boom.reference.kind=hold", "timing.period=5ms"]
         machine = hydraxis.load_machine(EXAMPLES / "four-axes.toml", settings)
-        self.assertEqual((machine["axis"]["boom"]["stroke"], machine["axis"]["boom"]["reference"]["kind"]), (1.5, "hold"))
+        boom = machine["axis"]["boom"]
+        self.assertEqual((boom["stroke"], boom["reference"]["kind"]), (1.5, "hold"))
         self.assertEqual(seconds(machine["timing"]["period"]), 0.005)
         with self.assertRaisesRegex(ValueError, 'found "soon"'):
             seconds("soon")

@@ -5,6 +5,7 @@ Trap: a message is lent by the library only until the next one, so every message
 
 import atexit
 import ctypes
+import functools
 import os
 import time
 import weakref
@@ -19,6 +20,7 @@ LAYOUT = "hydraxis.layout"
 MEMBERSHIPS = weakref.WeakSet()  # those that the end of the program has to leave
 
 
+@functools.lru_cache(maxsize=None)
 def library():
     """The package iceoryx2; it is imported only by what needs it."""
     try:
@@ -180,7 +182,12 @@ class Publisher:
         header.number, header.session, header.sent_ns = self.sent, self.session, time.monotonic_ns()
         if self._machine:
             header.machine = self._machine
-        self._port.loan_uninit().write_payload(message).send()
+        iox2 = library()
+        try:
+            self._port.loan_uninit().write_payload(message).send()
+        except (iox2.LoanError, iox2.SendError) as error:
+            raise NoChannel(f'channel "{message.CHANNEL}" of group "{self._membership.prefix}" cannot be written: '
+                            f"{error}") from None
         self.sent += 1
 
     def greet(self):
@@ -245,7 +252,7 @@ class Reader:
         """The next message, or None. Never waits."""
         if self._membership.node is None:
             raise GroupEnded(f'group "{self._membership.prefix}" was closed by this program')
-        while (sample := self._port.receive()) is not None:
+        while (sample := self._receive()) is not None:
             message = self._message.from_buffer_copy(sample.payload().contents)
             sample.delete()  # the channel lends one message at a time
             header = message.header
@@ -258,6 +265,13 @@ class Reader:
                 self.last = message
                 return message
         return None
+
+    def _receive(self):
+        try:
+            return self._port.receive()
+        except library().ReceiveError as error:
+            raise NoChannel(f'channel "{self.channel}" of group "{self._membership.prefix}" cannot be read: '
+                            f"{error}") from None
 
     def _count(self, header):
         self.received += 1

@@ -50,7 +50,8 @@ def exchange(group, seconds):
             sample = samples.newest() or sample
             writer.send(sample, references(begins, sample.header.sequence - first.header.sequence))
             delays.append(time.monotonic_ns() - sample.header.acquired_ns)
-            due = max(due + 1 / RATE, time.monotonic() - 1 / RATE)
+            # A reference that is late is not made up for: two at once tell the controller nothing.
+            due = max(due + 1 / RATE, time.monotonic() + 0.5 / RATE)
         read += [beat for beat in health.all() if hydraxis.STAGES[beat.stage] == "control-proc"]
     time.sleep(0.5)
     read += [beat for beat in health.all() if hydraxis.STAGES[beat.stage] == "control-proc"]

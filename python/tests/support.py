@@ -108,6 +108,8 @@ def retried(test):
                 if last:
                     raise
                 print(f"{test.__name__}: again, after: {error}", file=sys.stderr)
+                self.tearDown()
+                self.setUp()
     return again
 
 

@@ -25,7 +25,7 @@ pub enum Shape {
     Number(&'static str),
     /// So many of one shape.
     Array(&'static Shape, usize),
-    /// A struct with its fields.
+    /// A struct with its name and its fields.
     Struct(&'static str, &'static [Field]),
 }
 
@@ -34,6 +34,8 @@ pub enum Shape {
 pub struct Field {
     /// Its name.
     pub name: &'static str,
+    /// Its documentation, one line of the source after the other.
+    pub doc: &'static str,
     /// What it is made of.
     pub shape: Shape,
 }
@@ -100,11 +102,11 @@ impl<T: Layout, const N: usize> Layout for [T; N] {
 /// Declares a struct for shared memory: `repr(C)`, `Copy`, with a [`Layout`] that is derived from the listed fields.
 /// `ZeroCopySend` must be in scope, as for its derive.
 macro_rules! shared_struct {
-    ($(#[$meta:meta])* pub struct $name:ident { $($(#[$field_meta:meta])* pub $field:ident: $ty:ty,)* }) => {
+    ($(#[$meta:meta])* pub struct $name:ident { $($(#[doc = $doc:literal])* pub $field:ident: $ty:ty,)* }) => {
         #[repr(C)]
         #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
         $(#[$meta])*
-        pub struct $name { $($(#[$field_meta])* pub $field: $ty,)* }
+        pub struct $name { $($(#[doc = $doc])* pub $field: $ty,)* }
 
         impl $crate::layout::Layout for $name {
             const LAYOUT: u64 = {
@@ -119,6 +121,7 @@ macro_rules! shared_struct {
             const SHAPE: $crate::layout::Shape = $crate::layout::Shape::Struct(stringify!($name), &[$(
                 $crate::layout::Field {
                     name: stringify!($field),
+                    doc: concat!($($doc, "\n",)*),
                     shape: <$ty as $crate::layout::Layout>::SHAPE,
                 },
             )*]);
@@ -140,7 +143,11 @@ mod tests {
 
         crate::layout::shared_struct! {
             /// A pair.
-            pub struct Pair { pub position: f64, pub speed: f64, }
+            pub struct Pair {
+                /// Where, m.
+                pub position: f64,
+                pub speed: f64,
+            }
         }
     }
     mod swapped {
@@ -168,7 +175,10 @@ mod tests {
             }
         }
         const NUMBER: Shape = Shape::Number("f64");
-        const FIELDS: [Field; 2] = [Field { name: "position", shape: NUMBER }, Field { name: "speed", shape: NUMBER }];
+        const FIELDS: [Field; 2] = [
+            Field { name: "position", doc: " Where, m.\n", shape: NUMBER },
+            Field { name: "speed", doc: "", shape: NUMBER },
+        ];
         assert_eq!(one::Pair::SHAPE, Shape::Struct("Pair", &FIELDS));
         assert_eq!(<[u32; 3]>::SHAPE, Shape::Array(&Shape::Number("u32"), 3));
         let mut bytes = Bytes(Vec::new());

@@ -6,7 +6,10 @@ use std::path::Path;
 
 use pipeline::machine::{Change, Key, Parameter, Scenario, Target, keys};
 
-use super::pages::{Page, is_overwriting, root};
+use super::{
+    languages,
+    pages::{Page, is_overwriting, root},
+};
 
 /// The page's text with another content of a generated part.
 fn with_part(text: &str, name: &str, content: &str) -> String {
@@ -94,4 +97,9 @@ fn the_book_lists_every_key_of_the_machine_file() {
         }
     }
     check("docs/src/machine.md", "keys", tables.trim_start());
+}
+
+#[test]
+fn the_book_lists_every_channel_with_its_type() {
+    check("docs/src/messages.md", "channels", &languages::table());
 }

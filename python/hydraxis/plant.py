@@ -1,0 +1,184 @@
+"""A plant in the place of plant-sim: valve commands in, readings of the sensors out.
+
+    class Machine(hydraxis.Plant):
+        def __init__(self, machine):                # the machine file as a dict
+            ...
+        def advance(self, commands, seconds):       # moves on by so many seconds; one command per axis, in [-1, 1]
+            ...
+        def read(self):                             # counts of the encoders, one per axis
+            return [...]
+
+    Machine.main()
+
+The supervisor starts such a program, in real time or in lock-step:
+
+    hydraxis run machine.toml --set stage.plant-sim.command='["python3","my_plant.py"]'
+
+In real time the commands go to neutral when they have stopped for `timing.drive_timeout`, as a valve's drive does it.
+"""
+
+import argparse
+import os
+import re
+import select
+import signal
+import stat
+import sys
+import time
+from pathlib import Path
+
+from .channels import Membership, Publisher, Reader
+from .errors import HydraxisError
+from .messages import CoefficientSnapshot, EncoderReading, EncoderValue, ValveCommand
+
+POLL_S = 50e-6  # between two looks at the channels in lock-step
+
+
+class Plant:
+    """Base of a plant; a program makes a class of it with `__init__`, `advance` and `read`, and calls `main`."""
+
+    reading_period = 0.002  # s, between two readings in real time
+    built_in = None  # machine file where the supervisor names none
+    emergency_stop = False  # whether the emergency stop of the machine is pressed
+
+    def advance(self, commands, seconds):
+        """Moves on under these commands, one per axis in [-1, 1]; all 0 while the pilot pressure is cut off."""
+        raise NotImplementedError
+
+    def read(self):
+        """Counts of the encoders, one per axis; an EncoderValue in place of a number has pressures or an error."""
+        raise NotImplementedError
+
+    @classmethod
+    def main(cls):
+        """Runs the plant as the supervisor asks for it, until it is to end."""
+        arguments = _arguments()
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # leave the group in order, as at Ctrl-C
+        try:
+            machine = load_machine(arguments.machine or cls.built_in, arguments.set)
+            _Process(cls(machine), machine, arguments).run()
+        except KeyboardInterrupt:
+            pass
+        except (HydraxisError, OSError, KeyError, ValueError) as error:
+            sys.exit(f"{type(error).__name__}: {error}")
+
+
+class _Process:
+    """The channels of a plant, and its two clocks."""
+
+    def __init__(self, plant, machine, arguments):
+        self.plant, self.arguments = plant, arguments
+        self.axes = len(machine["axis"])
+        self.period = seconds(machine["timing"]["period"])
+        self.drive_timeout = seconds(machine["timing"].get("drive_timeout", "50ms"))
+        self.neutral = [0.0] * self.axes
+        self.membership = Membership(arguments.prefix, "plant-sim")
+        self.readings = Publisher(self.membership, EncoderReading)
+        self.commands = Reader(self.membership, ValveCommand)
+        self.snapshots = Reader(self.membership, CoefficientSnapshot) if arguments.lockstep else None
+
+    def run(self):
+        self.lock_step() if self.arguments.lockstep else self.real_time()
+        self.membership.close()
+
+    def is_last(self, tick):
+        return self.arguments.ticks is not None and tick + 1 >= self.arguments.ticks
+
+    def send(self, sequence):
+        reading = EncoderReading()
+        values = self.plant.read()
+        if len(values) != self.axes:
+            raise ValueError(f"read(): found {len(values)} values; allowed: one for each of the {self.axes} axes")
+        for entry, value in zip(range(self.axes), values):
+            reading.encoders[entry] = value if isinstance(value, EncoderValue) else EncoderValue(counts=round(value))
+        reading.emergency_stop = int(self.plant.emergency_stop)
+        reading.header.axis_count, reading.header.sequence = self.axes, sequence
+        reading.header.acquired_ns = time.monotonic_ns()
+        self.readings.send(reading)
+
+    def valves(self):
+        """The commands of the newest message, neutral where the pilot pressure is cut off."""
+        last = self.commands.last
+        if last is None or last.cut_off:
+            return self.neutral
+        return [last.axes[i].command for i in range(self.axes)]
+
+    def real_time(self):
+        sequence, release, heard, valves = 0, time.monotonic(), time.monotonic(), self.neutral
+        while not is_orphan():
+            if self.commands.newest() is not None:
+                heard, valves = time.monotonic(), self.valves()
+                if self.is_last(self.commands.last.header.sequence):
+                    return
+            elif time.monotonic() - heard > self.drive_timeout:
+                valves = self.neutral
+            self.send(sequence)
+            self.readings.greet()
+            sequence += 1
+            release += self.plant.reading_period
+            time.sleep(max(0.0, release - time.monotonic()))
+            self.plant.advance(valves, self.plant.reading_period)
+
+    def lock_step(self):
+        """Sends the next reading when command and snapshot of the last one have come."""
+        tick = 0
+        while True:
+            self.send(tick)
+            answers = (self.commands, self.snapshots)
+            while not all(answer.last and answer.last.header.sequence >= tick for answer in answers):
+                if is_orphan():
+                    return
+                self.readings.greet()
+                time.sleep(POLL_S)
+                self.commands.newest()
+                self.snapshots.newest()
+            if self.is_last(tick):
+                return
+            self.plant.advance(self.valves(), self.period)
+            tick += 1
+
+
+def _arguments():
+    parser = argparse.ArgumentParser(description="A plant in the place of plant-sim, started by `hydraxis run`.")
+    parser.add_argument("machine", nargs="?", help="machine file")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    parser.add_argument("--prefix", required=True, help="name of the group")
+    parser.add_argument("--lockstep", action="store_true")
+    parser.add_argument("--ticks", type=int, help="end after so many ticks")
+    return parser.parse_known_args()[0]
+
+
+def seconds(text):
+    """A duration of the machine file, such as "10ms", in s."""
+    found = re.fullmatch(r"([\d.]+) ?(us|ms|s)", text)
+    if not found:
+        raise ValueError(f'found "{text}"; allowed: a duration such as "10ms"')
+    return float(found[1]) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[found[2]]
+
+
+def load_machine(path, settings=()):
+    """The machine file as a dict, with settings KEY=VALUE as `hydraxis --set` takes them."""
+    try:
+        import tomllib
+    except ImportError:
+        import tomli as tomllib  # Python 3.10 and older
+    if path is None:
+        raise ValueError("the plant needs a machine file: hydraxis run MACHINE.toml ..")
+    machine = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    for setting in settings:
+        key, _, text = setting.partition("=")
+        *tables, last = key.split(".")
+        table = machine
+        for name in tables:
+            table = table.setdefault(name, {})
+        try:
+            table[last] = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            table[last] = text  # a text may stand without quotation marks
+    return machine
+
+
+def is_orphan():
+    """Whether the supervisor is gone: it holds the other end of standard input."""
+    is_pipe = stat.S_ISFIFO(os.fstat(sys.stdin.fileno()).st_mode)
+    return is_pipe and bool(select.select([sys.stdin], [], [], 0)[0]) and not os.read(sys.stdin.fileno(), 1)

@@ -182,6 +182,15 @@ impl From<PreflightError> for Failure {
     }
 }
 
+impl From<UnknownGroup> for Failure {
+    fn from(error: UnknownGroup) -> Self {
+        match error {
+            UnknownGroup::None => Self::run(error),
+            UnknownGroup::Several(_) | UnknownGroup::Machine { .. } => Self::usage(error),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -205,14 +214,5 @@ mod tests {
         failures.extend([Failure::run("a"), Failure::usage("b")]);
         let all = failures.verdict(Some(())).unwrap_err();
         assert_eq!((all.to_string().as_str(), all.cause), ("a\nb", Cause::Usage));
-    }
-}
-
-impl From<UnknownGroup> for Failure {
-    fn from(error: UnknownGroup) -> Self {
-        match error {
-            UnknownGroup::None => Self::run(error),
-            UnknownGroup::Several(_) | UnknownGroup::Machine { .. } => Self::usage(error),
-        }
     }
 }

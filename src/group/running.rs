@@ -24,12 +24,12 @@ pub enum UnknownGroup {
     #[error("no group runs; start one with: hydraxis run")]
     None,
     /// Several run, and none was named.
-    #[error("--prefix: found none; allowed: one of {}", .0.iter().map(Prefix::to_string).collect::<Vec<_>>().join(", "))]
-    Several(Vec<Prefix>),
+    #[error("--prefix: found none; allowed: one of {}", .0.join(", "))]
+    Several(Vec<String>),
     /// It has left nothing about its machine.
     #[error(
-        "MACHINE.toml: found none, and nothing about the machine of group \"{prefix}\" ({source}); allowed: the machine \
-         file that the group runs"
+        "MACHINE.toml: found none, and nothing about the machine of group \"{prefix}\" ({source}); allowed: the \
+         machine file that the group runs"
     )]
     Machine {
         /// The group.
@@ -56,15 +56,12 @@ pub fn meant(named: Option<&Prefix>) -> Result<Prefix, UnknownGroup> {
     if let Some(prefix) = named {
         return Ok(prefix.clone());
     }
-    let mut living: Vec<Prefix> =
-        groups().into_iter().filter(|group| group.state == GroupState::Alive).map(|group| group.prefix).collect();
-    match (living.pop(), living.is_empty()) {
-        (None, _) => Err(UnknownGroup::None),
-        (Some(one), true) => Ok(one),
-        (Some(last), false) => {
-            living.push(last);
-            Err(UnknownGroup::Several(living))
-        }
+    let living = groups().into_iter().filter(|group| group.state == GroupState::Alive).map(|group| group.prefix);
+    let living: Vec<Prefix> = living.collect();
+    match living.as_slice() {
+        [] => Err(UnknownGroup::None),
+        [one] => Ok(one.clone()),
+        several => Err(UnknownGroup::Several(several.iter().map(Prefix::to_string).collect())),
     }
 }
 

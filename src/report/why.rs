@@ -29,7 +29,7 @@ pub fn why_fallback(
     let again = format!("type: hydraxis commission --enable --axis {name}");
     Some(if choice == Some(ModelChoice::None) {
         format!(
-            "no model is to control it (axis.{name}.control.model); commissioning leaves an axis so that none controls better"
+            "no model is to control it (axis.{name}.control.model); commissioning says so where none would be better"
         )
     } else if has(control_flag::NO_MODEL) && model_faults & model_fault::TRAINING != 0 {
         format!(
@@ -40,7 +40,8 @@ pub fn why_fallback(
         "no model has come from ident-proc; hydraxis status shows whether it works".to_owned()
     } else if has(control_flag::MODEL_WORSE) {
         format!(
-            "the model followed worse than the fallback would, or swung; it is tried again later. If this comes back, {again}"
+            "the model followed worse than the fallback would, or swung; it is tried again later. If this comes \
+             back, {again}"
         )
     } else if has(control_flag::MODEL_STALE) {
         "the last model is too old; hydraxis status shows whether ident-proc works".to_owned()
@@ -51,9 +52,7 @@ pub fn why_fallback(
             if reasons.is_empty() { "the axis lagged behind under it".to_owned() } else { reasons.join(", ") };
         format!("the model was refused: {reasons}; let the axis move more, or {again}")
     } else {
-        format!(
-            "the machine or model file leaves the axis to the fallback (axis.{name}.control.model), or a model has just come and is on probation"
-        )
+        format!("a model has just come and is on probation, or axis.{name}.control.model is \"none\"")
     })
 }
 

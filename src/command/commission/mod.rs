@@ -96,7 +96,7 @@ fn running(arguments: &CommissionArguments) -> Result<Option<Prefix>, Failure> {
              all axes and then moves one after the other"
         )));
     }
-    arguments.enable.then(|| meant(arguments.prefix.as_ref())).transpose()
+    Ok(arguments.enable.then(|| meant(arguments.prefix.as_ref())).transpose()?)
 }
 
 /// The machine that is commissioned, and the path of its file: that of the command line, or that of the group.

@@ -1,7 +1,7 @@
 //! The names that a mistyped name may have meant.
 //!
 //! ```text
-//! d(typed, name) <= max(1, n / 3)
+//! d(typed, name) <= max(1, n / 3)        0 for a single letter
 //! ```
 //!
 //! d distance of Damerau and Levenshtein: letters that were left out, added, exchanged with another one, or swapped with
@@ -23,7 +23,8 @@ pub fn nearest<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Vec
     let distances: Vec<(usize, &str)> =
         known.into_iter().map(|name| (damerau_levenshtein(&typed, &plain(name)), name)).collect();
     let Some(least) = distances.iter().map(|(distance, _)| *distance).min() else { return Vec::new() };
-    if least > 1.max(typed.chars().count() / WRONG_PART) {
+    let letters = typed.chars().count();
+    if least > if letters > 1 { 1.max(letters / WRONG_PART) } else { 0 } {
         return Vec::new();
     }
     let mut names: Vec<&str> = Vec::new();
@@ -65,7 +66,7 @@ mod tests {
         assert_eq!(nearest("sotrke", keys), ["stroke"]);
         assert_eq!(nearest("kd", keys), ["kp", "ki"]);
         assert_eq!(nearest("pressure", keys), Vec::<&str>::new());
-        assert_eq!(nearest("x", []), Vec::<&str>::new());
+        assert_eq!((nearest("x", []), nearest("x", ["y"])), (Vec::new(), Vec::new()));
         assert_eq!(did_you_mean("kd", keys), "; did you mean `kp` or `ki`?");
     }
 }

@@ -75,6 +75,18 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     Ok(show(&text)?)
 }
 
+/// All problems and warnings of a machine that its file is to blame for.
+///
+/// # Errors
+/// The machine has problems that leave nothing to judge.
+pub fn findings(machine: &Machine) -> Result<Vec<String>, Failure> {
+    deep(machine)?;
+    let loops = margins::judge(machine);
+    let problems = [control::impossible(machine), loops.problems];
+    let doubts = [warnings(machine), references::excesses(machine), loops.warnings];
+    Ok(problems.into_iter().chain(doubts).flatten().collect())
+}
+
 /// What may go wrong in a run of this machine.
 pub fn warnings(machine: &Machine) -> Vec<String> {
     [warnings_of_plant(machine), control::doubtful(machine)].concat()

@@ -183,6 +183,8 @@ fn run(examples: &[Example], group: &str, is_patient: bool) -> Vec<Vec<String>> 
         .current_dir(folder.path())
         .env("PATH", format!("{programs}:{}", std::env::var("PATH").unwrap_or_default()))
         .env("TMPDIR", folder.path())
+        .env("XDG_STATE_HOME", folder.path())
+        .env_remove("STATE_DIRECTORY")
         .stdin(Stdio::null())
         .stdout(file.try_clone().unwrap())
         .stderr(file)

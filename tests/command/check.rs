@@ -7,6 +7,7 @@ mod limits;
 mod machine_files;
 mod margins;
 mod model_files;
+mod plausible;
 mod references;
 mod replay;
 mod settings;

@@ -30,12 +30,12 @@ const STATIC: f64 = 1.5;
 const FRICTION: (f64, f64) = (0.02, 0.03);
 /// Part of the viscous friction for the bristles: with twice of it friction would become a source of energy.
 const BRISTLE_DAMPING: f64 = 0.8;
-/// Volumes of hoses and ports, as a part of the displacement; and the least of them, m3.
-const DEAD_VOLUME: (f64, f64) = (0.1, 1e-5);
+/// Volumes of hoses and ports: as a part of the displacement, as a length of the cylinder m, and the least of them m3.
+const DEAD_VOLUME: (f64, f64, f64) = (0.1, 0.02, 1e-5);
 /// Part of the stroke between an end stop and its soft limit.
 const MARGIN: f64 = 0.05;
-/// Part of the largest speed that the reference asks for.
-const REFERENCE_SPEED: f64 = 0.3;
+/// Part of the largest speed that the reference asks for. Commissioning measures the axis up to about a quarter of it.
+const REFERENCE_SPEED: f64 = 0.2;
 /// Part of the force of the weaker direction with which the reference accelerates the mass.
 const REFERENCE_FORCE: f64 = 0.1;
 /// Part of the travel between the soft limits that the reference uses on either side of the middle.
@@ -90,8 +90,9 @@ impl Rig {
     /// Volumes of both sides that the piston does not displace, m3.
     pub fn dead_volumes(&self) -> (f64, f64) {
         let (piston, rod) = self.areas();
-        let (part, least) = DEAD_VOLUME;
-        ((part * piston * self.stroke).max(least), (part * rod * self.stroke).max(least))
+        let (part, length, least) = DEAD_VOLUME;
+        let volume = |area: f64| (area * length.max(part * self.stroke)).max(least);
+        (volume(piston), volume(rod))
     }
 
     /// tau_v, s.

@@ -304,6 +304,7 @@ macro_rules! pages {
 pages! {
     readme: "README.md",
     start: "docs/src/start.md",
+    command_init: "docs/src/commands/init.md",
     command_run: "docs/src/commands/run.md",
     command_simulate: "docs/src/commands/simulate.md",
     command_commission: "docs/src/commands/commission.md",

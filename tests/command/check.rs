@@ -12,6 +12,7 @@ mod references;
 mod replay;
 mod settings;
 mod trajectories;
+mod units;
 
 use std::fs;
 

@@ -161,7 +161,7 @@ fn a_twin_follows_and_follows_better_when_it_is_commissioned() {
         let after = tracking(folder, &["--model", "model.toml"]);
         for ((axis, before), (_, after)) in before.into_iter().zip(after) {
             println!("{axis}: {before} mm, commissioned {after} mm");
-            assert!(before < 15.0 && after < 2.5 && after < before, "{axis}: {before} mm, then {after} mm");
+            assert!(before < 40.0 && after < 1.0 && after < 0.1 * before, "{axis}: {before} mm, then {after} mm");
         }
     }
 }

@@ -56,7 +56,7 @@ pub use error::{MachineError, Problem};
 pub use explain::{Key, keys};
 pub use fuzzy::{Fuzzy, Level};
 pub use hydraulics::{Hydraulics, Oil, Supply, SupplyKind};
-pub use quantity::{allowed_units, quantity};
+pub use quantity::{allowed_units, quantity, units};
 use scenario::Described;
 pub use scenario::{Change, CommandSine, Parameter, Scenario, Target};
 pub use soil::Soil;

@@ -76,6 +76,11 @@ pub fn allowed_units(unit: &str) -> String {
     symbols.join(", ")
 }
 
+/// Units of keys, the empty one for a number without unit, each with the units that a text may have.
+pub fn units() -> impl Iterator<Item = (&'static str, String)> {
+    UNITS.iter().map(|(unit, _)| (*unit, allowed_units(unit)))
+}
+
 /// Number and unit of a text. Exponents of units may be raised digits or follow a `^`.
 fn split(text: &str) -> Option<(f64, String)> {
     let text = text.trim();

@@ -200,6 +200,8 @@ impl<'i> Document<'i> {
         let has_name = |key: &&str| is_inside(key) && key.rsplit('.').next() == Some(end);
         let others: Vec<&str> = values.iter().map(|(value, _)| value.key.as_str()).filter(has_name).collect();
         let others = match (did_you_mean(name, known.iter().map(String::as_str)), &others[..]) {
+            // A table that is mistyped.
+            (hint, _) if !hint.is_empty() && name != rest => hint,
             (hint, []) if hint.is_empty() && name == rest => {
                 // A key that is mistyped, and that another table has.
                 let inside = || values.iter().map(|(value, _)| value.key.as_str()).filter(|key| is_inside(key));

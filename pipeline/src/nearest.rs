@@ -4,8 +4,8 @@
 //! d(typed, name) <= max(1, n / 3)        0 for a single letter
 //! ```
 //!
-//! d distance of Damerau and Levenshtein: letters that were left out, added, exchanged with another one, or swapped with
-//! their neighbour; n number of letters that were typed. Capitals count as small letters, and `-` as `_`.
+//! d distance of Damerau and Levenshtein: letters that were left out, added, exchanged with another one, or swapped
+//! with their neighbour; n number of letters that were typed. Capitals count as small letters, and `-` as `_`.
 //!
 //! Runs where a file or a command line is refused, never in a loop.
 

@@ -1,4 +1,4 @@
-//! Values that are allowed and hardly meant: times, delays and counts that do not fit to each other or to this computer.
+//! Values that are allowed and hardly meant: times, delays and counts that do not fit to each other, or to the computer.
 //!
 //! ```text
 //! t_d > (n_k + n_b - 1) T          the model's inputs end before the axis reacts
@@ -10,8 +10,8 @@
 //! ```
 //!
 //! t_d dead time s; T period s; n_k and n_b of the model's structure; t_f `feedback_timeout` s; r length of a count m;
-//! v_max `max_speed` m/s; b `tolerance` m; e `rest_band` and e_f `following_error` m; J_99.9 and J the 99.9th percentile
-//! and the largest of the wake-ups that `hydraxis doctor` measured last, s.
+//! v_max `max_speed` m/s; b `tolerance` m; e `rest_band` and e_f `following_error` m; J_99.9 and J the 99.9th
+//! percentile and the largest lateness of the wake-ups that `hydraxis doctor` measured last, s.
 //!
 //! All of them are warnings: such a machine runs.
 
@@ -55,8 +55,8 @@ fn late(axis: &Axis, timing: &Timing) -> Option<String> {
     let least = (dead_time / period).floor() as usize + 1;
     (dead_time > horizon).then(|| {
         format!(
-            "axis.{name}.identification.nk: found {}, and nb {}: the inputs of the model end {} ms before a sample, and \
-             axis.{name}.{table}.dead_time is {} ms; asked for: nk of {least} or more, or a longer timing.period",
+            "axis.{name}.identification.nk: found {}, and nb {}: the inputs of the model end {} ms before a sample, \
+             and axis.{name}.{table}.dead_time is {} ms; asked for: nk of {least} or more, or a longer timing.period",
             structure.nk,
             structure.nb,
             millis(horizon),
@@ -90,8 +90,8 @@ fn narrow(axis: &Axis) -> Option<String> {
     let least = LEAST_COUNTS * encoder.resolution;
     (encoder.tolerance < least).then(|| {
         format!(
-            "axis.{name}.encoder.tolerance: found {} mm, and a count is {} mm: noise at an end of the stroke would make \
-             a good position implausible; asked for: {} mm or more, {LEAST_COUNTS} counts",
+            "axis.{name}.encoder.tolerance: found {} mm, and a count is {} mm: noise at an end of the stroke would \
+             make a good position implausible; asked for: {} mm or more, {LEAST_COUNTS} counts",
             millis(encoder.tolerance),
             millis(encoder.resolution),
             millis(least)
@@ -150,8 +150,8 @@ fn too_strict(timing: &Timing, kept: &Kept) -> Option<String> {
     let least = timing.period + Duration::from_nanos(kept.max_ns);
     (timing.feedback_timeout < least).then(|| {
         format!(
-            "timing.feedback_timeout: found {} ms, and this computer woke a thread {} ms late ({}), with a period of {} \
-             ms: the axes would have stopped; asked for: {} ms or more, or a computer that `hydraxis doctor` finds fit",
+            "timing.feedback_timeout: found {} ms, and this computer woke a thread {} ms late ({}), with a period of \
+             {} ms: the axes would have stopped; asked for: {} ms or more, or a computer that `hydraxis doctor` finds fit",
             millis(timing.feedback_timeout.as_secs_f64()),
             millis(1e-9 * kept.max_ns as f64),
             kept.when(),

@@ -10,7 +10,8 @@
 //! A_1 and A_2 areas of piston and rod side m2; p_s and p_0 pressures of pump and return line Pa; F load against
 //! extension N, F_f friction N; v largest speed of the slower direction m/s; V_1 and V_2 volumes of the chambers in the
 //! middle of the stroke m3; beta bulk modulus Pa; m mass kg; t_r time from a command to its motion s: dead time, lag of
-//! the valve and a period. The flow passes two edges of the valve at the balance of forces of a piston in steady motion.
+//! the valve and a period. The flow passes two edges of the valve at the balance of forces of a piston in steady
+//! motion.
 //!
 //! Trap: the gain is for a machine that nobody has measured. Commissioning finds a better one.
 

@@ -106,7 +106,9 @@ fn head(page: &mut Page, machine: &Machine) {
 /// Where readings come from and where commands go to.
 fn source(page: &mut Page) {
     page.line("");
-    page.line("# A real rig comes in here: [source] says where encoder readings come from, [drive] where valve commands go to.");
+    page.line(
+        "# A real rig comes in here: [source] says where encoder readings come from, [drive] where valve commands go.",
+    );
     page.line("# With \"sim\" both ends are the simulated machine of [supply], [oil] and [axis.NAME.plant] below.");
     page.line("[source]");
     page.key("kind", "\"sim\"", "the simulated twin of the rig");

@@ -7,8 +7,8 @@
 //! Every key has one unit, of the SI with few exceptions. [`UNITS`] lists for each of them the units that a text may
 //! have. A text without a unit is refused, as a duration without a unit is.
 //!
-//! Trap: 50 times 0.001 is not always the number that is nearest to 0.05. With the divisor b the quotient is rounded
-//! once only, so `"50mm"` is the same number as `0.05`.
+//! Trap: 1.3 divided by 100 is not the number that is nearest to 0.013, because 1.3 itself is rounded. Where a/b is a
+//! power of ten, the decimal point is moved, so `"1.3cm"` is the same number as `0.013`.
 
 use std::f64::consts::PI;
 
@@ -67,7 +67,23 @@ pub fn quantity(text: &str, unit: &str) -> Option<f64> {
     let (number, typed) = split(text)?;
     let symbols = symbols(unit);
     let (_, numerator, denominator) = symbols.iter().find(|(symbol, ..)| *symbol == typed)?;
-    Some(number * numerator / denominator)
+    Some(scaled(number, *numerator, *denominator))
+}
+
+/// n a / b.
+fn scaled(number: f64, numerator: f64, denominator: f64) -> f64 {
+    let power = (numerator / denominator).log10();
+    let whole = power.round() as i32;
+    if 10f64.powi(whole) * denominator == numerator || 10f64.powi(-whole) * numerator == denominator {
+        let shown = format!("{number:e}");
+        let moved = shown.split_once('e').and_then(|(digits, exponent)| {
+            let exponent: i32 = exponent.parse().ok()?;
+            format!("{digits}e{}", exponent + whole).parse().ok()
+        });
+        // A number that is not finite has no digits.
+        return moved.unwrap_or(number);
+    }
+    number * numerator / denominator
 }
 
 /// The units that a text for a key with this unit may have, in words; empty where it must be a plain number.

@@ -1,4 +1,4 @@
-//! Values that are allowed and hardly meant: times, delays and counts that do not fit to each other, or to the computer.
+//! Values that are allowed and hardly meant: times, delays and counts that do not fit to each other or to the computer.
 //!
 //! ```text
 //! t_d > (n_k + n_b - 1) T          the model's inputs end before the axis reacts
@@ -151,7 +151,8 @@ fn too_strict(timing: &Timing, kept: &Kept) -> Option<String> {
     (timing.feedback_timeout < least).then(|| {
         format!(
             "timing.feedback_timeout: found {} ms, and this computer woke a thread {} ms late ({}), with a period of \
-             {} ms: the axes would have stopped; asked for: {} ms or more, or a computer that `hydraxis doctor` finds fit",
+             {} ms: the axes would have stopped; asked for: {} ms or more, or a computer that `hydraxis doctor` finds \
+             fit",
             millis(timing.feedback_timeout.as_secs_f64()),
             millis(1e-9 * kept.max_ns as f64),
             kept.when(),

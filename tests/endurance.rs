@@ -214,8 +214,8 @@ fn memory_is_constant_to_the_page_in_lock_step() {
 fn memory_is_constant_to_the_page_in_real_time() {
     let _cores = shared();
     let minutes = variable("HYDRAXIS_ENDURANCE_MINUTES", 1.0 / 6.0);
-    // The black box of the supervisor holds 10 s, in memory that it has gone through after twice that time at most.
-    expect_constant("constant-real", &[], 2100, 2100 + (6000.0 * minutes) as u64);
+    // The memory of a black box is bounded, but grows while a busy computer makes its messages come in bursts.
+    expect_constant("constant-real", &["--no-black-box"], 600, 600 + (6000.0 * minutes) as u64);
 }
 
 /// Minor and major page faults of a process' main thread.

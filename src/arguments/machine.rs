@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use pipeline::{
-    machine::{Machine, MachineError, Scenario, model_settings},
+    machine::{Machine, MachineError, Scenario, Source, model_settings},
     nearest::did_you_mean,
 };
 use thiserror::Error;
@@ -88,6 +88,17 @@ pub fn load_bare(arguments: &BareMachine, scenario: Option<&str>) -> Result<Mach
     settings.extend(scenario.map(|name| ("scenario".to_owned(), name.to_owned())));
     let (machine, _) = Machine::explain(arguments.machine.as_deref(), arguments.model.as_deref(), &settings)?;
     Ok(machine)
+}
+
+/// What can be simulated, for a refusal of `machine`, whose source is another one.
+pub fn simulated_only(machine: &Machine) -> String {
+    let found = machine.source.kind();
+    let twin = if machine.source == Source::External {
+        ", or tables [axis.NAME.plant], [supply] and [oil] for a twin of the machine"
+    } else {
+        ""
+    };
+    format!("source.kind: found \"{found}\"; allowed: \"sim\"{twin}")
 }
 
 /// A name that no axis of the machine has.

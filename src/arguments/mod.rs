@@ -5,4 +5,6 @@
 mod machine;
 pub mod values;
 
-pub use machine::{BareMachine, MachineFile, UnknownAxis, axes, axes_of, load, load_bare, with_scenarios};
+pub use machine::{
+    BareMachine, MachineFile, UnknownAxis, axes, axes_of, load, load_bare, simulated_only, with_scenarios,
+};

@@ -12,7 +12,7 @@ use std::{
 use clap::Args;
 use pipeline::{
     channel::{ChannelError, Claim, Group, Prefix},
-    machine::{Machine, Source},
+    machine::{Drive, Machine, Source},
     stage::{Clock, StageKind, StageOptions},
 };
 
@@ -23,6 +23,7 @@ use crate::{
     group::{
         monitor::Monitor,
         preflight::{PreflightError, folders, programs, rights},
+        running::leave,
         supervisor::{Launch, Supervisor},
     },
     recording::black_box::default_folder,
@@ -52,7 +53,8 @@ pub struct RunArguments {
     /// The machine
     #[command(flatten)]
     pub machine: MachineFile,
-    /// Length of the run [default: 20s for a simulated machine, the whole record for a replayed one]
+    /// Length of the run [default: 20s for a simulated machine, the whole record for a replayed one, without end for an
+    /// external one]
     #[arg(long, value_parser = duration, allow_hyphen_values = true)]
     pub duration: Option<Duration>,
     /// Lock-step instead of real time: the next tick begins when all stages have answered the last one
@@ -93,7 +95,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let options = StageOptions {
         prefix,
         clock,
-        ticks: Some(ticks),
+        ticks,
         seed: arguments.seed,
         // Only a simulated machine moves without being armed by a person.
         arm: is_simulated && !arguments.off,
@@ -115,7 +117,8 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
 /// What a run needs before its first process starts.
 struct Checked {
     machine: Machine,
-    ticks: u64,
+    /// None runs until a signal.
+    ticks: Option<u64>,
     warnings: Vec<String>,
     claim: Claim,
 }
@@ -136,7 +139,16 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Ch
         }
         let rows = failures.take(check::deep(machine));
         failures.take(check::expect_controllable(machine));
-        count = rows.and_then(|rows| failures.take(ticks(machine, rows, arguments.duration)));
+        if machine.source == Source::External && clock == Clock::LockStep {
+            failures.extend([Failure::usage(
+                "--lockstep: found a machine with source.kind \"external\", whose time nobody can hold; allowed: \"sim\", \
+                 with stage.plant-sim.command for a program that simulates in lock-step",
+            )]);
+        }
+        count = match (&machine.source, arguments.duration) {
+            (Source::External, None) => Some(None),
+            (_, duration) => rows.and_then(|rows| failures.take(ticks(machine, rows, duration))).map(Some),
+        };
         let (followers, head) = stages(machine, clock);
         failures.extend(programs(machine, followers.into_iter().chain([head])));
         let (missing, others) = rights(machine, clock);
@@ -151,10 +163,13 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Ch
 /// The stages of a run: those that wait for input, and the one that all wait for, which is started last.
 fn stages(machine: &Machine, clock: Clock) -> (Vec<StageKind>, StageKind) {
     use StageKind::{ControlProc, IdentProc, PlantSim, SensorProc};
-    match (&machine.source, clock) {
-        (Source::Replay(_), _) => (vec![IdentProc], SensorProc),
-        (Source::Sim, Clock::LockStep) => (vec![SensorProc, IdentProc, ControlProc], PlantSim),
-        (Source::Sim, Clock::RealTime) => (vec![PlantSim, IdentProc, ControlProc], SensorProc),
+    let program = machine.stage(PlantSim).command.iter().map(|_| PlantSim);
+    match (&machine.source, machine.drive, clock) {
+        (Source::Replay(_), ..) => (vec![IdentProc], SensorProc),
+        (Source::External, Drive::None, _) => (program.chain([IdentProc]).collect(), SensorProc),
+        (Source::External, ..) => (program.chain([IdentProc, ControlProc]).collect(), SensorProc),
+        (Source::Sim, _, Clock::LockStep) => (vec![SensorProc, IdentProc, ControlProc], PlantSim),
+        (Source::Sim, _, Clock::RealTime) => (vec![PlantSim, IdentProc, ControlProc], SensorProc),
     }
 }
 
@@ -169,11 +184,15 @@ fn run_group(
     let has_black_box = options.clock == Clock::RealTime && !arguments.no_black_box;
     let black_boxes = has_black_box.then(|| arguments.black_box.clone().unwrap_or_else(default_folder));
     let mut monitor = Monitor::new(&group, has_black_box)?;
+    leave(&options.prefix, &arguments.machine)?;
     let launch = Launch { machine, arguments: &arguments.machine, options };
     let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref(), black_boxes.as_deref())?;
     let scenario = &machine.scenario.name;
     let scenario = if machine.source == Source::Sim { format!(", scenario \"{scenario}\"") } else { String::new() };
     supervisor.say(format!("{}{scenario}: group \"{}\", Ctrl-C ends it", machine.name, options.prefix));
+    if machine.drive == Drive::External {
+        supervisor.say(format!("no axis moves before: hydraxis arm --prefix {}", options.prefix));
+    }
     for warning in warnings {
         supervisor.say(format!("warning: {warning}"));
     }
@@ -236,8 +255,10 @@ fn watch(
                 break;
             }
         }
-        // While a stage starts again, the others wait for it; that is no stall.
-        if monitor.stalled_for() > patience && supervisor.all_up(monitor) {
+        // While a stage starts again, the others wait for it, and all wait for the first reading of an external
+        // program; that is no stall.
+        let waits = machine.source == Source::External && monitor.last_sample().is_none();
+        if monitor.stalled_for() > patience && supervisor.all_up(monitor) && !waits {
             return Err(Failure::run(format!(
                 "no stage has worked for {}; the last ticks are: {}",
                 humantime::format_duration(patience),

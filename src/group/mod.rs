@@ -10,5 +10,6 @@ pub mod lifeline;
 pub mod monitor;
 pub mod operator;
 pub mod preflight;
+pub mod running;
 pub mod signals;
 pub mod supervisor;

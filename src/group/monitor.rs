@@ -7,7 +7,10 @@ use std::time::{Duration, Instant};
 use pipeline::{
     channel::{ChannelError, Group},
     machine::Machine,
-    message::{AxisMode, ControlMode, StageState, ValveCommand, bit_names, control_flag, model_fault},
+    message::{
+        AxisMode, ChannelHealth, ControlMode, EncoderReading, StageState, ValveCommand, bit_names, control_flag,
+        model_fault,
+    },
     stage::StageKind,
 };
 
@@ -99,6 +102,11 @@ impl Monitor {
     /// The last command, if there has been one.
     pub fn last_command(&self) -> Option<&ValveCommand> {
         self.last.command.as_ref()
+    }
+
+    /// Counts of the readings, and the last one.
+    pub fn readings(&self) -> (ChannelHealth, Option<&EncoderReading>) {
+        (self.tapes.readings.health(), self.tapes.readings.last())
     }
 
     /// Whether a program has taken over from another one since the last call.

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use pipeline::{
     channel::{ChannelError, Group, Reader},
-    message::Message,
+    message::{ChannelHealth, Message},
     stage::monotonic_ns,
 };
 
@@ -63,6 +63,11 @@ impl<M: Message> Tape<M> {
     /// The last message that was read.
     pub fn last(&self) -> Option<&M> {
         self.reader.last()
+    }
+
+    /// Counts of the channel.
+    pub fn health(&self) -> ChannelHealth {
+        self.reader.health(monotonic_ns())
     }
 
     /// Takes all that is kept.

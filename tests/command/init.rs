@@ -106,6 +106,7 @@ fn the_bounds_of_what_is_asked_for_have_files_without_problems_too() {
         &["--resolution", "0.5mm"],
         &["--dead-band", "0"],
         &["--dead-band", "60%"],
+        &["--source", "external"],
         &["--name", "a \"rig\" in hall 3"],
     ] {
         init(folder.path(), &[&RIG[..], optional].concat());
@@ -219,7 +220,7 @@ fn a_file_that_is_there_is_overwritten_with_force_only() {
     assert_eq!(fs::read_to_string(&file).unwrap(), "mine");
     let told = init(folder.path(), &RIG);
     assert!(told.contains("written: machine.toml") && told.contains("hydraxis check machine.toml"), "{told}");
-    assert!(fs::read_to_string(&file).unwrap().contains("[source] says where encoder readings come from"));
+    assert!(fs::read_to_string(&file).unwrap().contains("# Where encoder readings come from"));
 }
 
 #[test]

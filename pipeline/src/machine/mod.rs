@@ -60,7 +60,7 @@ pub use quantity::{allowed_units, quantity, units};
 use scenario::Described;
 pub use scenario::{Change, CommandSine, Parameter, Scenario, Target};
 pub use soil::Soil;
-pub use source::Source;
+pub use source::{Drive, Source};
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
 
@@ -88,6 +88,8 @@ pub struct Machine {
     pub stages: [StageSettings; 4],
     /// Where samples come from.
     pub source: Source,
+    /// Where commands go.
+    pub drive: Drive,
     /// Pump and oil of the simulated axes, if there are any.
     pub hydraulics: Option<Hydraulics>,
     /// Pins, lengths and masses of the excavator that the first four axes move, if there is one.
@@ -230,10 +232,15 @@ impl Machine {
         let name = root.key("name", "Name of the machine, shown in reports").text("a text that names the machine");
         let timing = Timing::read(root.section("timing"));
         let realtime = Realtime::read(root.section("realtime"));
+        let (source, program) = Source::read(root.section("source"), folder);
+        let drive = Drive::read(root.section("drive"), &source);
         let mut stage = root.section("stage");
-        let stages = StageKind::ALL.map(|kind| StageSettings::read(stage.section(kind.name()), kind));
+        let mut stages = StageKind::ALL
+            .map(|kind| StageSettings::read(stage.section(kind.name()), kind, source == Source::External));
         stage.finish();
-        let source = Source::read(root.section("source"), folder);
+        if source == Source::External {
+            stages[StageKind::PlantSim as usize].command = program;
+        }
         let fuzzy = Fuzzy::read(root.section("fuzzy"));
 
         let mut table = root.section("axis");
@@ -268,7 +275,19 @@ impl Machine {
             axis.hardware = Hardware::of(&values, &names, &axis.name);
         }
         root.finish();
-        Self { name, timing, realtime, stages, source, hydraulics, mechanism, soil, scenario, axes }
+        Self { name, timing, realtime, stages, source, drive, hydraulics, mechanism, soil, scenario, axes }
+    }
+
+    /// The twin of a machine whose source is external: the same machine, simulated by its tables `plant`, `supply` and
+    /// `oil`. A machine without them, or with another source, stays as it is.
+    #[must_use]
+    pub fn into_twin(mut self) -> Self {
+        let has_plants = self.hydraulics.is_some() && self.axes.iter().all(|axis| axis.plant.is_some());
+        if self.source == Source::External && has_plants {
+            (self.source, self.drive) = (Source::Sim, Drive::Sim);
+            self.stages[StageKind::PlantSim as usize].command = None;
+        }
+        self
     }
 
     /// Settings of one stage.

@@ -1,4 +1,4 @@
-//! Where samples come from: `[source]`.
+//! Where samples come from and where commands go: `[source]` and `[drive]`.
 
 use std::path::{Path, PathBuf};
 
@@ -11,21 +11,93 @@ pub enum Source {
     Sim,
     /// A CSV record, with the columns of [`Axis::columns`](super::Axis::columns).
     Replay(PathBuf),
+    /// A program that writes [`EncoderReading`](crate::message::EncoderReading)s: a driver of real encoders.
+    External,
 }
 
+/// Where commands go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Drive {
+    /// The simulated machine, plant-sim.
+    Sim,
+    /// A program that reads [`ValveCommand`](crate::message::ValveCommand)s: a driver of real valves.
+    External,
+    /// Nowhere. No controller runs. The commands of the controller that the machine has may come as
+    /// [`ValveCommand`](crate::message::ValveCommand)s, so that models are identified.
+    None,
+}
+
+const SIM: &str = "sim";
+const REPLAY: &str = "replay";
+const EXTERNAL: &str = "external";
+const NONE: &str = "none";
+
 impl Source {
-    pub(super) fn read(mut section: Section, folder: &Path) -> Self {
-        let replay = section
-            .key("kind", "Where samples come from: the simulated machine, or a record that is replayed")
-            .choice(&[("sim", false), ("replay", true)])
-            == Some(true);
-        let source = if replay {
-            let file = section.key("file", "The record to replay, with kind = \"replay\"");
-            Self::Replay(folder.join(file.text("the path of a CSV record, relative to the machine file")))
-        } else {
-            Self::Sim
+    /// The source, and the program that `run` starts for it.
+    pub(super) fn read(mut section: Section, folder: &Path) -> (Self, Option<Vec<String>>) {
+        let kind = section
+            .key(
+                "kind",
+                "Where samples come from: the simulated machine, a record that is replayed, or a program that writes \
+                 encoder-reading",
+            )
+            .choice(&[(SIM, SIM), (REPLAY, REPLAY), (EXTERNAL, EXTERNAL)]);
+        let mut command = None;
+        let source = match kind {
+            Some(REPLAY) => {
+                let file = section.key("file", "The record to replay, with kind = \"replay\"");
+                Self::Replay(folder.join(file.text("the path of a CSV record, relative to the machine file")))
+            }
+            Some(EXTERNAL) => {
+                command = section
+                    .key(
+                        "command",
+                        "The program that writes encoder-reading and reads valve-command, with kind = \"external\"; \
+                         without it the program is started by hand",
+                    )
+                    .optional_texts("a program and its arguments, such as [\"python3\", \"rig.py\"]");
+                if command.as_ref().is_some_and(Vec::is_empty) {
+                    section.refuse("command", "an empty list", "a program and its arguments");
+                }
+                Self::External
+            }
+            _ => Self::Sim,
         };
         section.finish();
-        source
+        (source, command)
+    }
+
+    /// Its name in the machine file.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Sim => SIM,
+            Self::Replay(_) => REPLAY,
+            Self::External => EXTERNAL,
+        }
+    }
+
+    /// The drives that go with the source, its own first.
+    fn drives(&self) -> &'static [(&'static str, Drive)] {
+        match self {
+            Self::Sim => &[(SIM, Drive::Sim)],
+            Self::Replay(_) => &[(NONE, Drive::None)],
+            Self::External => &[(EXTERNAL, Drive::External), (NONE, Drive::None)],
+        }
+    }
+}
+
+impl Drive {
+    pub(super) fn read(mut section: Section, source: &Source) -> Self {
+        let choices = source.drives();
+        let drive = section
+            .key(
+                "kind",
+                "Where commands go: the simulated machine, a program that reads valve-command, or nowhere, so that no \
+                 controller runs",
+            )
+            .rule("as the source; \"none\" with source.kind = \"replay\"")
+            .choice_or(choices[0].1, choices);
+        section.finish();
+        drive
     }
 }

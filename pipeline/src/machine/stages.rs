@@ -125,14 +125,19 @@ impl Realtime {
 }
 
 impl StageSettings {
-    pub(super) fn read(mut section: Section, kind: StageKind) -> Self {
+    /// `is_external`: the source is a program of the user, which stands in the place of plant-sim.
+    pub(super) fn read(mut section: Section, kind: StageKind, is_external: bool) -> Self {
+        let is_rig = is_external && kind == StageKind::PlantSim;
         // A simulated machine that starts again would jump to its initial position.
-        let restart = if kind == StageKind::PlantSim { Restart::Never } else { Restart::OnFailure };
+        let restart = if kind == StageKind::PlantSim && !is_rig { Restart::Never } else { Restart::OnFailure };
         let command = section
             .key("command", "Another program that runs in the stage's place, with its arguments")
             .optional_texts("a program and its arguments, such as [\"python3\", \"my_plant.py\"]");
         if command.as_ref().is_some_and(Vec::is_empty) {
             section.refuse("command", "an empty list", "a program and its arguments");
+        }
+        if is_rig && command.is_some() {
+            section.refuse("command", "a program", "source.command, with source.kind = \"external\"");
         }
         let spin = section
             .key("spin", "How long wait = \"spin-then-event\" polls before it sleeps; 200us without this key")
@@ -161,7 +166,7 @@ impl StageSettings {
                     "restart",
                     "What happens when the stage ends before its time: it is started again, or the run ends",
                 )
-                .rule("\"on-failure\"; \"never\" for plant-sim")
+                .rule("\"on-failure\"; \"never\" for a simulated machine")
                 .choice_or(restart, &[("on-failure", Restart::OnFailure), ("never", Restart::Never)]),
         };
         section.finish();

@@ -21,7 +21,11 @@ use pipeline::{
 };
 
 use super::check;
-use crate::{arguments::load_bare, failure::Failure, report::output::Output};
+use crate::{
+    arguments::{load_bare, simulated_only},
+    failure::Failure,
+    report::output::Output,
+};
 pub use arguments::{Bench, BenchControlArguments};
 use contest::{Case, Contest, ControllerKind};
 use drawn::Choice;
@@ -71,9 +75,9 @@ fn scenarios(arguments: &BenchControlArguments) -> Result<Vec<Machine>, Failure>
     }
     let mut machines = Vec::new();
     for name in names {
-        let machine = load_bare(&arguments.machine, Some(&name))?;
+        let machine = load_bare(&arguments.machine, Some(&name))?.into_twin();
         if machine.source != Source::Sim {
-            return Err(Failure::usage("source.kind: found \"replay\"; allowed: \"sim\", to be controlled"));
+            return Err(Failure::usage(format!("{}, to be controlled", simulated_only(&machine))));
         }
         if !machine.scenario.commands.is_empty() {
             let found = format!("--scenario: found \"{name}\", which commands the valves itself");

@@ -6,7 +6,7 @@ use control_proc::{
     protection::motion::{NOISE_COUNTS, STALL_TIME},
     tuning::{LEAST_FIT, is_poor},
 };
-use pipeline::machine::{Axis, DeadBand, Machine, ModelChoice, Source};
+use pipeline::machine::{Axis, DeadBand, Drive, Machine, ModelChoice, Source};
 
 use crate::report::table::percent;
 
@@ -18,9 +18,9 @@ const SLOWEST_SEEN: f64 = 0.1;
 /// Longest time for a command to cross both dead bands. The axis stands meanwhile and the reference goes on.
 const LONGEST_CROSSING: Duration = Duration::from_secs(1);
 
-/// One problem for each value with which no loop of the simulated machine can work.
+/// One problem for each value with which no loop of the machine can work.
 pub fn impossible(machine: &Machine) -> Vec<String> {
-    if machine.source != Source::Sim {
+    if machine.drive == Drive::None {
         return Vec::new();
     }
     let checks = [coarse, tight, slow, idle];

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use control_proc::Controller;
-use pipeline::machine::{Axis, DeadBand, Machine, Source};
+use pipeline::machine::{Axis, DeadBand, Drive, Machine, Source, StageKind};
 use plant_sim::PlantSim;
 use sensor_proc::{Recording, Replay};
 
@@ -62,6 +62,10 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     let source = match &machine.source {
         Source::Sim => "simulated".to_owned(),
         Source::Replay(file) => format!("replayed from {}", file.display()),
+        Source::External => match machine.stage(StageKind::PlantSim).command.as_deref() {
+            Some(words) => format!("read by {}", words.join(" ")),
+            None => "read by a program that is started by hand".to_owned(),
+        },
     };
     let text = format!(
         "{}: {} axes ({}), every {}, {source}: no problem found.\n",
@@ -123,8 +127,7 @@ pub fn expect_possible(machine: &Machine) -> Result<(), Failure> {
 /// # Errors
 /// All values with which a loop fails at once, and all unstable loops, one on each line.
 pub fn expect_controllable(machine: &Machine) -> Result<(), Failure> {
-    // A record has no controller.
-    if machine.source != Source::Sim {
+    if machine.drive == Drive::None {
         return Ok(());
     }
     verdict(&[control::impossible(machine), unstable(machine)].concat())
@@ -174,6 +177,7 @@ pub fn deep(machine: &Machine) -> Result<Option<u64>, Failure> {
                 Ok(recordings) => rows = Some(Replay::new(&alone, recordings).len()),
                 Err(error) => problems.push(format!("source.file: {error}")),
             },
+            Source::External => {}
         }
     }
     // A file that all axes share has the same problem for each of them.

@@ -17,7 +17,8 @@ use crate::arguments::{
 Examples:
   hydraxis commission                                  all axes of the built-in excavator, one after another
   hydraxis commission my.toml --axis boom --out boom.toml --travel 0.3 --speed 0.15
-  hydraxis commission my.toml --prefix demo --enable   the machine of the group that `hydraxis run --prefix demo` runs
+  hydraxis commission --enable                         the machine of the group that runs, by its own machine file
+  hydraxis commission --prefix demo --enable           the same where several groups run
   hydraxis run my.toml --model model.toml              the next command: control with the models that were found
 
 Moves one axis after the other by small random steps within a window of travel and a bound of speed. From the motion it
@@ -28,11 +29,12 @@ pub struct CommissionArguments {
     /// The machine
     #[command(flatten)]
     pub machine: MachineFile,
-    /// Commission the machine of this running group, over its channels [default: a simulated machine, in one process]
+    /// Name of the running group, with --enable [default: the only group that runs]
     #[arg(long)]
     pub prefix: Option<Prefix>,
-    /// Arm the axes of the running group, one after the other; all others are disarmed meanwhile
-    #[arg(long, requires = "prefix")]
+    /// Commission the machine of a running group, over its channels: arm its axes, one after the other; all others are
+    /// disarmed meanwhile [default: a simulated machine, in one process]
+    #[arg(long)]
     pub enable: bool,
     /// Only this axis; may be given several times [default: all axes]
     #[arg(long = "axis", value_name = "NAME")]

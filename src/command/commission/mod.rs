@@ -8,14 +8,14 @@ mod live;
 mod report;
 mod simulated;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use control_proc::{
     commission::{ExperimentOptions, ExperimentRecord, Phase},
     tuning::{Baseline, LEAST_FIT, is_poor, smith},
 };
 use pipeline::{
-    channel::remove_leftovers,
+    channel::{Prefix, remove_leftovers},
     hammerstein::MAX_DELAY,
     machine::{Axis, Commissioned, Control, Law, Machine, Scenario, Source},
 };
@@ -23,9 +23,13 @@ use serde::Serialize;
 
 use super::check;
 use crate::{
-    arguments::{axes, load_bare},
+    arguments::{axes, load_bare, simulated_only},
     failure::Failure,
-    group::signals::stop_flag,
+    group::{
+        operator::board,
+        running::{machine_of, meant},
+        signals::stop_flag,
+    },
     report::{
         margins::LoopMargins,
         output::{Output, create, is_stdout},
@@ -45,17 +49,24 @@ const STEPS_PER_AXIS: u64 = 1000;
 
 /// Runs the command.
 pub fn run(arguments: &CommissionArguments) -> Result<(), Failure> {
-    let machine = load_bare(&arguments.machine.bare, scenario(arguments))?;
+    let group = running(arguments)?;
+    let (machine, typed) = machine(arguments, group.as_ref())?;
     let axes = axes(&machine, &arguments.axes)?;
-    expect_possible(arguments, &machine)?;
+    if group.is_none() && machine.source != Source::Sim {
+        return Err(Failure::usage(format!(
+            "{}, or --enable for the machine of a running group",
+            simulated_only(&machine)
+        )));
+    }
+    check::deep(&machine)?;
     expect_travel(arguments, &machine, &axes)?;
     let file = ModelFile::new(&arguments.out, arguments.force)?;
     let output = Output::open(arguments.json.as_deref())?;
     let mut report = arguments.report.as_deref().map(|path| create("--report", path)).transpose()?;
-    let found = experiment(arguments, &machine, &axes)?;
+    let found = experiment(arguments, group.as_ref(), &machine, &axes)?;
     file.write(&model_text(&machine, found.iter().map(|found| (found.axis, &found.model, found.control))))?;
     found.iter().for_each(warn);
-    if arguments.prefix.is_none() && !machine.scenario.changes.is_empty() {
+    if group.is_none() && !machine.scenario.changes.is_empty() {
         let Scenario { name, summary, .. } = &machine.scenario;
         eprintln!("measured under the scenario \"{name}\": {summary}. Without --scenario nothing changes");
     }
@@ -66,7 +77,7 @@ pub fn run(arguments: &CommissionArguments) -> Result<(), Failure> {
     output.write(|| tables(&found, &arguments.out), &figures)?;
     let is_good = !found.iter().any(|found| is_poor(&found.model));
     if is_good && !arguments.json.as_deref().is_some_and(is_stdout) {
-        eprintln!("{}", next(arguments));
+        eprintln!("{}", next(typed.as_deref(), &arguments.out));
     }
     Ok(())
 }
@@ -77,22 +88,30 @@ fn scenario(arguments: &CommissionArguments) -> Option<&str> {
     arguments.machine.scenario.as_deref().or((!is_set).then_some(Scenario::NOMINAL))
 }
 
-/// Refuses a record, a running group without `--enable`, and a machine file with problems.
-fn expect_possible(arguments: &CommissionArguments, machine: &Machine) -> Result<(), Failure> {
-    if arguments.prefix.is_none() && machine.source != Source::Sim {
-        return Err(Failure::usage(
-            "source.kind: found \"replay\"; allowed: \"sim\", or the --prefix of a running group: a record cannot be \
-             experimented with",
-        ));
-    }
+/// The running group whose machine is commissioned; none for a simulated machine.
+fn running(arguments: &CommissionArguments) -> Result<Option<Prefix>, Failure> {
     if let Some(prefix) = arguments.prefix.as_ref().filter(|_| !arguments.enable) {
         return Err(Failure::usage(format!(
             "--prefix: found \"{prefix}\", a running group, without --enable; allowed: with --enable, which disarms \
              all axes and then moves one after the other"
         )));
     }
-    check::deep(machine)?;
-    Ok(())
+    arguments.enable.then(|| meant(arguments.prefix.as_ref())).transpose()
+}
+
+/// The machine that is commissioned, and the path of its file: that of the command line, or that of the group.
+fn machine(arguments: &CommissionArguments, group: Option<&Prefix>) -> Result<(Machine, Option<PathBuf>), Failure> {
+    let bare = &arguments.machine.bare;
+    let Some(prefix) = group else {
+        let machine = load_bare(bare, scenario(arguments))?.into_twin();
+        return Ok((machine, bare.machine.clone()));
+    };
+    if bare.machine.is_some() || bare.model.is_some() {
+        return Ok((load_bare(bare, scenario(arguments))?, bare.machine.clone()));
+    }
+    board(prefix)?;
+    let bare = machine_of(prefix, &bare.settings)?;
+    Ok((load_bare(&bare, None)?, bare.machine))
 }
 
 /// Refuses a `--travel` that one of the axes does not have.
@@ -147,6 +166,7 @@ fn warn(found: &Found) {
 /// Does the experiments, with a progress bar. Returns what was found in the order of `axes`.
 fn experiment<'a>(
     arguments: &CommissionArguments,
+    group: Option<&Prefix>,
     machine: &'a Machine,
     axes: &[usize],
 ) -> Result<Vec<Found<'a>>, Failure> {
@@ -165,7 +185,7 @@ fn experiment<'a>(
             bar.set_message(format!("{}: {}", machine.axes[axis].name, phase.name()));
         }
     };
-    let models = match &arguments.prefix {
+    let models = match group {
         None => commission_simulated(machine, axes, arguments.seed, &options, show),
         Some(prefix) => {
             let found = commission_live(machine, axes, prefix, stop_flag()?, &options, show);
@@ -203,9 +223,9 @@ pub fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Co
 }
 
 /// The command to type next.
-fn next(arguments: &CommissionArguments) -> String {
-    let machine = arguments.machine.bare.machine.iter().map(|machine| format!(" {}", machine.display()));
-    format!("next: hydraxis run{} --model {}", machine.collect::<String>(), arguments.out.display())
+fn next(machine: Option<&Path>, out: &Path) -> String {
+    let machine = machine.map(|machine| format!(" {}", machine.display())).unwrap_or_default();
+    format!("next: hydraxis run{machine} --model {}", out.display())
 }
 
 /// The models as tables.

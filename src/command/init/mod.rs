@@ -48,7 +48,8 @@ pub fn run(arguments: &InitArguments) -> Result<(), Failure> {
     let [Rig { pressure, period, .. }, ..] = rigs[..] else {
         return Err(Failure::usage("--axes: found no axis; allowed: one name or more"));
     };
-    let text = template::text(&template::Machine { name: &name, period, pressure, rigs: &rigs });
+    let text =
+        template::text(&template::Machine { name: &name, period, pressure, rigs: &rigs, source: &arguments.source });
     expect_sound(&text, &arguments.output)?;
     write(arguments, &text)?;
     let file = arguments.output.display();

@@ -22,6 +22,8 @@ pub struct Machine<'a> {
     /// Pressure of the pump, Pa.
     pub pressure: f64,
     pub rigs: &'a [Rig],
+    /// `sim` or `external`.
+    pub source: &'a str,
 }
 
 /// A text that grows line by line.
@@ -76,7 +78,7 @@ fn duration(seconds: f64) -> String {
 pub fn text(machine: &Machine) -> String {
     let mut page = Page(String::new());
     head(&mut page, machine);
-    source(&mut page);
+    source(&mut page, machine.source);
     hydraulics(&mut page, machine);
     for rig in machine.rigs {
         axis(&mut page, rig);
@@ -104,14 +106,21 @@ fn head(page: &mut Page, machine: &Machine) {
 }
 
 /// Where readings come from and where commands go to.
-fn source(page: &mut Page) {
+fn source(page: &mut Page, kind: &str) {
+    let meaning = if kind == "sim" { "the simulated twin of the rig" } else { "a program of yours" };
     page.line("");
     page.line(
-        "# A real rig comes in here: [source] says where encoder readings come from, [drive] where valve commands go.",
+        "# Where encoder readings come from: \"sim\" is the twin of [supply], [oil] and [axis.NAME.plant] below.",
     );
-    page.line("# With \"sim\" both ends are the simulated machine of [supply], [oil] and [axis.NAME.plant] below.");
+    page.line(
+        "# \"external\" is a real rig: any program that writes encoder-reading. The twin can still be simulated.",
+    );
     page.line("[source]");
-    page.key("kind", "\"sim\"", "the simulated twin of the rig");
+    page.key("kind", &format!("{kind:?}"), meaning);
+    page.line("");
+    page.line("# Where commands go: to the twin, or to any program that reads valve-command.");
+    page.line("[drive]");
+    page.key("kind", &format!("{kind:?}"), "as the source");
 }
 
 fn hydraulics(page: &mut Page, machine: &Machine) {

@@ -10,9 +10,9 @@ use crate::arguments::values::duration;
 /// The axes of a running group.
 #[derive(Debug, Args)]
 pub struct GroupAxes {
-    /// Name of the running group
+    /// Name of the group [default: the only group that runs]
     #[arg(long)]
-    pub prefix: Prefix,
+    pub prefix: Option<Prefix>,
     /// Only this axis; may be given several times [default: all axes]
     #[arg(long = "axis", value_name = "NAME")]
     pub axes: Vec<String>,

@@ -20,10 +20,9 @@ use crate::{failure::Failure, group::operator::Operator, report::output::show};
 
 /// Arms the axes that are disarmed, and leaves them armed.
 pub fn arm(arguments: &ArmArguments) -> Result<(), Failure> {
-    let prefix = &arguments.group.prefix;
-    let (_, axes) = find(&arguments.group)?;
-    let mode = AxisMode::from(arguments.mode);
-    as_operator(&arguments.group, |operator| {
+    let (prefix, _, axes) = find(&arguments.group)?;
+    let (prefix, mode) = (&prefix, AxisMode::from(arguments.mode));
+    as_operator(prefix, &arguments.group, |operator| {
         refuse_to_arm(&axes, mode, prefix, operator)?;
         let off: Vec<usize> = axes.iter().copied().filter(|axis| is_disarmed(operator, *axis)).collect();
         let armed = match operator.change(&off, mode) {
@@ -46,9 +45,9 @@ pub fn arm(arguments: &ArmArguments) -> Result<(), Failure> {
 
 /// Disarms the latched axes, which releases them, and no others.
 pub fn reset(arguments: &ResetArguments) -> Result<(), Failure> {
-    let prefix = &arguments.group.prefix;
-    let (_, axes) = find(&arguments.group)?;
-    as_operator(&arguments.group, |operator| {
+    let (prefix, _, axes) = find(&arguments.group)?;
+    let prefix = &prefix;
+    as_operator(prefix, &arguments.group, |operator| {
         if operator.stopping() {
             return Ok(());
         }

@@ -10,7 +10,7 @@ mod disarm;
 use std::time::{Duration, Instant};
 
 use pipeline::{
-    channel::{GroupMachine, remove_leftovers},
+    channel::{GroupMachine, Prefix, remove_leftovers},
     message::{AxisMode, ControlMode, EncoderSample},
 };
 
@@ -22,6 +22,7 @@ use crate::{
     failure::Failure,
     group::{
         operator::{Operator, board},
+        running::meant,
         signals::stop_flag,
     },
     report::output::show,
@@ -35,27 +36,32 @@ const LINE_PERIOD: Duration = Duration::from_secs(1);
 /// Runs the command.
 pub fn run(arguments: &OperateArguments) -> Result<(), Failure> {
     check(arguments)?;
-    let (machine, axes) = find(&arguments.group)?;
+    let (prefix, machine, axes) = find(&arguments.group)?;
     check_target(&machine, &axes, arguments)?;
-    as_operator(&arguments.group, |operator| operate(&axes, arguments, operator))
+    as_operator(&prefix, &arguments.group, |operator| operate(&axes, arguments, operator))
 }
 
-/// The machine of a running group, and the axes with these names.
-fn find(group: &GroupAxes) -> Result<(GroupMachine, Vec<usize>), Failure> {
-    let machine = *board(&group.prefix)?.machine();
+/// A running group, its machine, and the axes with these names.
+fn find(group: &GroupAxes) -> Result<(Prefix, GroupMachine, Vec<usize>), Failure> {
+    let prefix = meant(group.prefix.as_ref())?;
+    let machine = *board(&prefix)?.machine();
     let axes = axes_of(machine.names(), &group.axes)?;
-    Ok((machine, axes))
+    Ok((prefix, machine, axes))
 }
 
 /// Does `work` as the operator of a group.
-fn as_operator(group: &GroupAxes, work: impl FnOnce(&mut Operator) -> Result<(), Failure>) -> Result<(), Failure> {
+fn as_operator(
+    prefix: &Prefix,
+    group: &GroupAxes,
+    work: impl FnOnce(&mut Operator) -> Result<(), Failure>,
+) -> Result<(), Failure> {
     let stop = stop_flag()?;
-    let result = match Operator::join(&group.prefix, group.take_over, stop) {
+    let result = match Operator::join(prefix, group.take_over, stop) {
         Ok(mut operator) => work(&mut operator),
         Err(error) => Err(error.into()),
     };
     // The last process that leaves a group that has ended removes its files.
-    let _ = remove_leftovers(&group.prefix);
+    let _ = remove_leftovers(prefix);
     result
 }
 

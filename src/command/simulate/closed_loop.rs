@@ -15,7 +15,7 @@ use pipeline::{
 use plant_sim::PlantSim;
 use sensor_proc::{Acquisition, Recording, Replay, is_implausible};
 
-use crate::{failure::Failure, report::control_loop::LastMessages};
+use crate::{arguments::simulated_only, failure::Failure, report::control_loop::LastMessages};
 
 /// One tick, after the controller.
 pub struct Tick<'a> {
@@ -82,6 +82,7 @@ impl Ends {
                 let recordings = Recording::read_all(machine, file).map_err(Failure::usage)?;
                 Ok(Self::Recorded(Replay::new(machine, recordings)))
             }
+            Source::External => Err(Failure::usage(simulated_only(machine))),
         }
     }
 

@@ -19,7 +19,7 @@ use pipeline::{
 
 use super::check;
 use crate::{
-    arguments::load,
+    arguments::{load, simulated_only},
     failure::Failure,
     report::{
         control_loop::LoopReport,
@@ -35,7 +35,7 @@ pub const DEFAULT_DURATION: Duration = Duration::from_secs(20);
 
 /// Runs the command.
 pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
-    let machine = load(&arguments.machine)?;
+    let machine = load(&arguments.machine)?.into_twin();
     if let Some(kind) = StageKind::ALL.into_iter().find(|kind| machine.stage(*kind).command.is_some()) {
         return Err(Failure::usage(format!(
             "stage.{}.command: another program cannot run inside `simulate`; use `run --lockstep`",
@@ -89,11 +89,12 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
 fn expect_compatible(arguments: &SimulateArguments, machine: &Machine, is_open: bool) -> Result<(), Failure> {
     let recording = &arguments.recording;
     let refuse = |text: &str| Err(Failure::usage(text));
+    if machine.source == Source::External {
+        return refuse(&simulated_only(machine));
+    }
     if machine.source != Source::Sim && (is_open || recording.trajectory.is_some() || recording.plot.is_some()) {
-        return refuse(
-            "source.kind: found \"replay\"; allowed: \"sim\" for an open loop, --trajectory and --plot, which show a \
-             simulated plant",
-        );
+        let allowed = simulated_only(machine);
+        return refuse(&format!("{allowed} for an open loop, --trajectory and --plot, which show a simulated plant"));
     }
     if is_open && arguments.json.is_some() {
         return refuse("--json: found an open loop, which has no figures; allowed: --trajectory and --plot");

@@ -23,7 +23,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use crate::{
     failure::Failure,
-    group::signals::stop_flag,
+    group::{running::meant, signals::stop_flag},
     report::output::{Output, show_to_reader},
 };
 pub use arguments::StatusArguments;
@@ -55,10 +55,7 @@ struct Collected {
 /// Runs the command.
 pub fn run(arguments: &StatusArguments) -> Result<(), Failure> {
     let output = Output::open(arguments.json.as_deref())?;
-    let prefix = match &arguments.prefix {
-        Some(prefix) => prefix.clone(),
-        None => the_only_group()?,
-    };
+    let prefix = meant(arguments.prefix.as_ref())?;
     let stop = stop_flag()?;
     let mut reader = StatusReader::join(&prefix)?;
     if arguments.watch {
@@ -80,20 +77,6 @@ pub fn run(arguments: &StatusArguments) -> Result<(), Failure> {
     match report.silent() {
         names if names.is_empty() => Ok(()),
         names => Err(Failure::run(format!("group \"{prefix}\": silent for more than a second: {}", names.join(", ")))),
-    }
-}
-
-/// The prefix of the group that runs, if it is the only one.
-fn the_only_group() -> Result<Prefix, Failure> {
-    let living: Vec<Prefix> =
-        groups().into_iter().filter(|group| group.state == GroupState::Alive).map(|group| group.prefix).collect();
-    match living.as_slice() {
-        [] => Err(Failure::run("no group runs; start one with: hydraxis run")),
-        [one] => Ok(one.clone()),
-        several => {
-            let names: Vec<String> = several.iter().map(Prefix::to_string).collect();
-            Err(Failure::usage(format!("--prefix: found none; allowed: one of {}", names.join(", "))))
-        }
     }
 }
 

@@ -22,6 +22,7 @@ mod log;
 mod restarts;
 mod room;
 mod service_manager;
+mod source;
 mod stop;
 mod watch;
 
@@ -46,6 +47,7 @@ use log::Log;
 use restarts::RestartHistory;
 use room::RoomWatch;
 use service_manager::ServiceManager;
+use source::SourceWatch;
 
 /// Time after which a foreign program in a stage's place counts as started. It may have no heartbeat at all.
 const FOREIGN_START: Duration = Duration::from_secs(1);
@@ -100,6 +102,7 @@ pub struct Supervisor<'a> {
     interrupts: Interrupts,
     service_manager: ServiceManager,
     room: RoomWatch,
+    source: Option<SourceWatch>,
     is_stopping: bool,
     /// The first failure while the stages were being ended.
     failure: Option<SupervisorError>,
@@ -119,6 +122,7 @@ impl<'a> Supervisor<'a> {
         black_boxes: Option<&Path>,
     ) -> Result<Self, SupervisorError> {
         let board = Board::of(group.prefix(), launch.machine)?;
+        let source = SourceWatch::new(launch.machine, group.prefix());
         let file = log_folder.map(|folder| log::file_name(folder, group.prefix(), SystemTime::now()));
         let mut supervisor = Self {
             launch,
@@ -129,6 +133,7 @@ impl<'a> Supervisor<'a> {
             interrupts: Interrupts::new()?,
             service_manager: ServiceManager::new(),
             room: RoomWatch::new(group.prefix()),
+            source,
             is_stopping: false,
             failure: None,
             log: Log::start(file.as_deref())?,

@@ -55,6 +55,10 @@ impl Supervisor<'_> {
         for line in self.room.look() {
             self.say(line);
         }
+        let (health, last) = monitor.readings();
+        if let Some(line) = self.source.as_mut().and_then(|source| source.look(Instant::now(), &health, last)) {
+            self.say(line);
+        }
         self.start_again(monitor)
     }
 

@@ -1,0 +1,80 @@
+//! Groups that run now, for programs that come later: which one is meant, and which machine it runs.
+//!
+//! The supervisor leaves the machine file's path and the values that replace those of the file in the group's folder.
+//! The file goes with the group.
+
+use std::{fs, io, path::PathBuf};
+
+use pipeline::{
+    channel::{GroupState, Prefix, groups},
+    machine::MachineError,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    arguments::{BareMachine, MachineFile},
+    failure::Failure,
+};
+
+/// Name of the file in the group's folder.
+const FILE: &str = "machine.json";
+
+/// What the group was started with.
+#[derive(Debug, Serialize, Deserialize)]
+struct Started {
+    /// The machine file; none for the built-in machine.
+    file: Option<PathBuf>,
+    /// Values that replace those of the file.
+    settings: Vec<(String, String)>,
+}
+
+/// The group that is meant: the one that is named, else the only one that runs.
+///
+/// # Errors
+/// None is named, and none or several run.
+pub fn meant(named: Option<&Prefix>) -> Result<Prefix, Failure> {
+    if let Some(prefix) = named {
+        return Ok(prefix.clone());
+    }
+    let living: Vec<Prefix> =
+        groups().into_iter().filter(|group| group.state == GroupState::Alive).map(|group| group.prefix).collect();
+    match living.as_slice() {
+        [] => Err(Failure::run("no group runs; start one with: hydraxis run")),
+        [one] => Ok(one.clone()),
+        several => {
+            let names: Vec<String> = several.iter().map(Prefix::to_string).collect();
+            Err(Failure::usage(format!("--prefix: found none; allowed: one of {}", names.join(", "))))
+        }
+    }
+}
+
+/// Leaves in the group's folder what the group is started with.
+///
+/// # Errors
+/// The model file cannot be read.
+pub fn leave(prefix: &Prefix, machine: &MachineFile) -> Result<(), MachineError> {
+    let file = machine.bare.machine.as_ref().map(|file| file.canonicalize().unwrap_or_else(|_| file.clone()));
+    let started = Started { file, settings: machine.settings()? };
+    // Without the file a later program asks for the machine file.
+    if let Ok(text) = serde_json::to_vec(&started) {
+        let _ = fs::write(prefix.folder().join(FILE), text);
+    }
+    Ok(())
+}
+
+/// The machine that a running group was started with, with `settings` of the user's own.
+///
+/// # Errors
+/// The group has left nothing about its machine.
+pub fn machine_of(prefix: &Prefix, settings: &[(String, String)]) -> Result<BareMachine, Failure> {
+    let path = prefix.folder().join(FILE);
+    let read = || serde_json::from_slice::<Started>(&fs::read(&path)?).map_err(io::Error::from);
+    let Started { file, settings: mut all } = read().map_err(|error| {
+        Failure::usage(format!(
+            "MACHINE.toml: found none, and nothing about the machine of group \"{prefix}\" ({error}); allowed: the \
+             machine file that the group runs"
+        ))
+    })?;
+    all.extend_from_slice(settings);
+    Ok(BareMachine { machine: file, settings: all, model: None })
+}

@@ -9,6 +9,7 @@
 //! | [`channel`] | publishers and readers of the messages, one group of channels per run | its ends |
 //! | [`hammerstein`] | the Hammerstein model: evaluate, predict, invert | yes |
 //! | [`machine`] | the machine file | no |
+//! | [`nearest`] | the names that a mistyped name may have meant | no |
 //! | [`stage`] | the loop that every stage runs, in real time and in lock-step | yes |
 //! | [`latency`] | latency histograms | yes |
 //! | [`statistics`] | running error statistics | yes |
@@ -24,6 +25,7 @@ pub mod latency;
 pub mod layout;
 pub mod machine;
 pub mod message;
+pub mod nearest;
 pub mod stage;
 pub mod statistics;
 

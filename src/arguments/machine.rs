@@ -3,7 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use pipeline::machine::{Machine, MachineError, Scenario, Source, model_settings};
+use pipeline::{
+    machine::{Machine, MachineError, Scenario, Source, model_settings},
+    nearest::did_you_mean,
+};
 use thiserror::Error;
 
 use super::values::setting;
@@ -100,10 +103,15 @@ pub fn simulated_only(machine: &Machine) -> String {
 
 /// A name that no axis of the machine has.
 #[derive(Debug, Error)]
-#[error("--axis: found \"{found}\"; allowed: one of {}", .allowed.join(", "))]
+#[error("--axis: found \"{found}\"; allowed: one of {}{}", .allowed.join(", "), hint(.found, .allowed))]
 pub struct UnknownAxis {
     found: String,
     allowed: Vec<String>,
+}
+
+/// The nearest names of axes, as a question.
+fn hint(found: &str, axes: &[String]) -> String {
+    did_you_mean(found, axes.iter().map(String::as_str))
 }
 
 /// Indices of the axes with these names, in the order of the machine; all axes when `names` is empty.

@@ -6,6 +6,7 @@
 //! | [`run`], [`operate`], [`status`] | beside the loop, in a process of its own |
 //! | [`commission`] | beside the loop, or on a simulated machine in this process |
 //! | [`simulate`], [`mod@bench`], [`identify`] | without a loop in real time, in this process |
+//! | [`init`], [`example`] | before there is a machine file |
 //! | [`check`], [`mechanism`], [`doctor`], [`clean`] | before or after a run |
 
 mod bench;
@@ -13,7 +14,9 @@ mod check;
 mod clean;
 mod commission;
 mod doctor;
+mod example;
 mod identify;
+mod init;
 mod mechanism;
 mod operate;
 mod run;
@@ -32,7 +35,9 @@ use check::CheckArguments;
 use clean::CleanArguments;
 use commission::CommissionArguments;
 use doctor::DoctorArguments;
+use example::ExampleArguments;
 use identify::IdentifyArguments;
+use init::InitArguments;
 use operate::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
 use run::RunArguments;
 use simulate::SimulateArguments;
@@ -55,6 +60,10 @@ pub struct Arguments {
 /// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Write a commented machine file for a rig, from flags or from a few questions
+    Init(Box<InitArguments>),
+    /// Write an example file: machine files, programs in Python and Rust
+    Example(ExampleArguments),
     /// Run a machine: one process for each stage, connected by shared memory
     Run(RunArguments),
     /// Simulate the loop in one process without shared memory, or the machine without a controller
@@ -101,6 +110,8 @@ impl Command {
     /// The subcommand fails; the failure has the exit code.
     pub fn run(&self) -> Result<(), Failure> {
         match self {
+            Self::Init(arguments) => init::run(arguments),
+            Self::Example(arguments) => example::run(arguments),
             Self::Run(arguments) => run::run(arguments),
             Self::Simulate(arguments) => simulate::run(arguments),
             Self::Commission(arguments) => commission::run(arguments),

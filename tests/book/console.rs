@@ -178,6 +178,8 @@ fn run(examples: &[Example], group: &str) -> Vec<Vec<String>> {
         .current_dir(folder.path())
         .env("PATH", format!("{programs}:{}", std::env::var("PATH").unwrap_or_default()))
         .env("TMPDIR", folder.path())
+        .env("XDG_STATE_HOME", folder.path())
+        .env_remove("STATE_DIRECTORY")
         .stdin(Stdio::null())
         .stdout(file.try_clone().unwrap())
         .stderr(file)
@@ -298,6 +300,7 @@ macro_rules! pages {
 pages! {
     readme: "README.md",
     start: "docs/src/start.md",
+    command_init: "docs/src/commands/init.md",
     command_run: "docs/src/commands/run.md",
     command_simulate: "docs/src/commands/simulate.md",
     command_commission: "docs/src/commands/commission.md",

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use pipeline::machine::{Change, Key, Parameter, Scenario, Target, keys};
+use pipeline::machine::{Change, Key, Parameter, Scenario, Target, keys, units};
 
 use super::{
     languages,
@@ -40,6 +40,15 @@ fn told(change: &Change) -> String {
     };
     let when = if start == end { format!("at {start} s") } else { format!("{start} to {end} s") };
     format!("`{}` {goal}, {when}", parameter.name())
+}
+
+#[test]
+fn the_book_lists_the_units_of_a_text() {
+    let mut table = "| unit of the key | units of a text |\n|---|---|\n".to_owned();
+    for (unit, allowed) in units() {
+        table += &format!("| {} | {allowed} |\n", if unit.is_empty() { "none" } else { unit });
+    }
+    check("docs/src/machine.md", "units", &table);
 }
 
 #[test]

@@ -7,10 +7,12 @@ mod limits;
 mod machine_files;
 mod margins;
 mod model_files;
+mod plausible;
 mod references;
 mod replay;
 mod settings;
 mod trajectories;
+mod units;
 
 use std::fs;
 

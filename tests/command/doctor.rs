@@ -10,6 +10,7 @@ fn every_check_and_latency_is_printed_and_a_bad_check_fails() {
     let output = hydraxis()
         .args(["doctor", FOUR_AXES, "--seconds", "1", "--json", file.to_str().unwrap()])
         .args(settings)
+        .env("XDG_STATE_HOME", folder.path())
         .output()
         .unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
@@ -31,6 +32,13 @@ fn every_check_and_latency_is_printed_and_a_bad_check_fails() {
     for check in ["preemption", "SCHED_FIFO", "leftovers", "wake-up", "wake-up under load"] {
         assert!(findings.iter().any(|finding| finding["check"] == check), "{check}");
     }
+
+    // `check` compares with the last figures.
+    let kept = std::fs::read_to_string(folder.path().join("hydraxis/doctor.json")).unwrap();
+    let kept: serde_json::Value = serde_json::from_str(&kept).unwrap();
+    let largest = |figure: &str| report["latency"].as_array().unwrap().iter().map(|of| of[figure].as_u64()).max();
+    assert_eq!(largest("max"), Some(kept["max_ns"].as_u64()));
+    assert_eq!(largest("p99_9"), Some(kept["p99_9_ns"].as_u64()));
 
     let [alone, loaded] = [&report["latency"][0], &report["latency"][1]];
     assert_eq!(alone["load"], 0);

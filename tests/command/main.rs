@@ -7,6 +7,7 @@ mod doctor;
 #[path = "../harness/mod.rs"]
 mod harness;
 mod identify;
+mod init;
 mod mechanism;
 mod service;
 mod simulate;

@@ -1,6 +1,7 @@
 //! The machine file: what the machine is, how it is identified and controlled, and on what it runs.
 //!
-//! A machine file is TOML with SI units; durations are texts with their unit (`"10ms"`). A key that decides how the
+//! A machine file is TOML. Numbers are in SI units, or texts with their unit (`"50mm"`); durations are texts with their
+//! unit (`"10ms"`). A key that decides how the
 //! machine moves has no default. An unknown key, a wrong type, NaN, or a value out of range is refused. All problems
 //! are reported at once, each with file, line, key, what was found and what is allowed.
 //!
@@ -11,6 +12,7 @@
 //! | `count_length` | length of one count of a sensor at a joint |
 //! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |
 //! | `document/` | the reader: keys with meaning, allowed values, default and origin |
+//! | `quantity` | numbers as texts with their unit |
 //! | `explain` | effective values with their origin, and the table of all keys |
 //! | `model_file` | what may stand in a model file |
 //! | `error` | what is wrong with a machine file |
@@ -26,6 +28,7 @@ mod fuzzy;
 mod hydraulics;
 mod mechanism;
 mod model_file;
+mod quantity;
 mod scenario;
 mod soil;
 mod source;
@@ -53,6 +56,7 @@ pub use error::{MachineError, Problem};
 pub use explain::{Key, keys};
 pub use fuzzy::{Fuzzy, Level};
 pub use hydraulics::{Hydraulics, Oil, Supply, SupplyKind};
+pub use quantity::{allowed_units, quantity, units};
 use scenario::Described;
 pub use scenario::{Change, CommandSine, Parameter, Scenario, Target};
 pub use soil::Soil;

@@ -7,6 +7,8 @@ use std::ops::RangeInclusive;
 
 use mechanism::AXES;
 
+use crate::nearest::did_you_mean;
+
 use super::{
     document::{Document, Section},
     error::MachineError,
@@ -321,7 +323,8 @@ impl Change {
         let axis = axis.and_then(|name| {
             let index = axes.iter().position(|axis| *axis == name);
             if index.is_none() {
-                section.refuse("axis", format!("\"{name}\""), format!("one of the axes {}", axes.join(", ")));
+                let hint = did_you_mean(&name, axes.iter().map(String::as_str));
+                section.refuse("axis", format!("\"{name}\""), format!("one of the axes {}{hint}", axes.join(", ")));
             } else if parameter.is_some_and(Parameter::is_shared) {
                 section.refuse("axis", format!("\"{name}\""), "no axis: all axes share this parameter");
             }

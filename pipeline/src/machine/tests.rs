@@ -48,7 +48,8 @@ fn every_kind_of_wrong_value_names_key_found_and_allowed() {
         ("stroke = 1.334", "stroke = -1.3", "axis.boom.stroke: found -1.3; allowed: a number from 0.001 to 100 m"),
         ("stroke = 1.334", "stroke = nan", "axis.boom.stroke: found nan; allowed: a number"),
         ("stroke = 1.334", "stroke = +inf", "axis.boom.stroke: found +inf; allowed: a number"),
-        ("stroke = 1.334", "stroke = \"1.3 m\"", "axis.boom.stroke: found \"1.3 m\"; allowed: a number"),
+        ("stroke = 1.334", "stroke = \"1.3\"", "axis.boom.stroke: found \"1.3\"; allowed: a number"),
+        ("stroke = 1.334", "stroke = \"1.3 s\"", "axis.boom.stroke: found \"1.3 s\"; allowed: a number"),
         ("period = \"10ms\"", "period = 10", "timing.period: found 10; allowed: a duration with its unit"),
         (
             "period = \"10ms\"",

@@ -6,6 +6,7 @@ mod control;
 mod explain;
 mod margins;
 mod models;
+mod plausible;
 mod references;
 mod sensors;
 
@@ -17,7 +18,10 @@ use pipeline::machine::{Axis, DeadBand, Drive, Machine, Source, StageKind};
 use plant_sim::PlantSim;
 use sensor_proc::{Recording, Replay};
 
-use super::mechanism::{overloads, summary};
+use super::{
+    doctor::Kept,
+    mechanism::{overloads, summary},
+};
 use crate::{
     arguments::{MachineFile, load},
     failure::Failure,
@@ -71,12 +75,28 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
         humantime::format_duration(machine.timing.period)
     );
     let mechanism = machine.mechanism.as_ref().map(|mechanism| summary(&machine, mechanism));
-    let known = warnings(&machine).into_iter().chain(references::excesses(&machine)).chain(loops.warnings);
+    let known = [warnings(&machine), plausible::doubtful(&machine), references::excesses(&machine), loops.warnings];
+    // A record is replayed as fast as it can be.
+    let kept = Kept::last().filter(|_| !matches!(machine.source, Source::Replay(_)));
+    let of_computer = kept.map(|kept| plausible::beyond_computer(&machine.timing, &kept)).unwrap_or_default();
+    let known = known.into_iter().flatten().chain(of_computer);
     let warnings: String = known.map(|warning| format!("warning: {warning}\n")).collect();
     let notes: String = models::unknown(&machine).into_iter().map(|note| format!("note: {note}\n")).collect();
     let text =
         text + &mechanism.unwrap_or_default() + &sensors::summary(&machine) + &loops.summary + &warnings + &notes;
     Ok(show(&text)?)
+}
+
+/// All problems and warnings of a machine that its file is to blame for.
+///
+/// # Errors
+/// The machine has problems that leave nothing to judge.
+pub fn findings(machine: &Machine) -> Result<Vec<String>, Failure> {
+    deep(machine)?;
+    let loops = margins::judge(machine);
+    let problems = [control::impossible(machine), loops.problems];
+    let doubts = [warnings(machine), plausible::doubtful(machine), references::excesses(machine), loops.warnings];
+    Ok(problems.into_iter().chain(doubts).flatten().collect())
 }
 
 /// What may go wrong in a run of this machine.

@@ -17,7 +17,8 @@ Examples:
 Shows a line for each property of this computer that can delay a control loop: good, bad or unknown, what was found, and
 after an arrow what to do. Then it measures how late a sleeping thread wakes up, alone and beside one busy thread per
 core. The result is bad when the 99.9th percentile is more than a quarter of the period of the machine. The command
-changes nothing. The measurement keeps all cores busy for --seconds: do not run it beside a machine that moves.
+changes nothing but doctor.json in the folder for black boxes, where it keeps its figures for `hydraxis check`. The
+measurement keeps all cores busy for --seconds: do not run it beside a machine that moves.
 
 Exit codes: 0 nothing is bad, 1 something is bad, 2 bad usage or a bad file. You decide about lines that are unknown.")]
 pub struct DoctorArguments {

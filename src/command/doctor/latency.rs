@@ -34,7 +34,7 @@ const LONGEST_INTERVAL: Duration = Duration::from_millis(1);
 const PRIORITY: u8 = 50;
 /// The 99.9th percentile of the latency must be at most the period divided by this number: a tick wakes four stages one
 /// after the other, and their work and the drive of the valve need time as well.
-const LARGEST_PART: u32 = 4;
+pub const LARGEST_PART: u32 = 4;
 /// Numbers that a busy thread changes: more than the caches of a core hold, so that memory is busy too.
 const LOAD_NUMBERS: usize = 1 << 20;
 

@@ -8,6 +8,7 @@
 mod arguments;
 mod cores;
 mod finding;
+mod kept;
 mod kernel;
 mod latency;
 mod rights;
@@ -32,6 +33,8 @@ use crate::{
 };
 pub use arguments::DoctorArguments;
 use finding::{Finding, Needs, Verdict};
+pub use kept::Kept;
+pub use latency::LARGEST_PART;
 use latency::{WakeUpLatency, judge, measure};
 use system::System;
 
@@ -76,6 +79,7 @@ pub fn run(arguments: &DoctorArguments) -> Result<(), Failure> {
         // A failure does no harm: the end of the process unlocks the memory.
         let _ = munlockall();
     }
+    kept::keep(&latency);
     findings.extend(latency.iter().map(|latency| judge(latency, &needs)));
 
     let count = |verdict: Verdict| findings.iter().filter(|finding| finding.verdict == verdict).count();

@@ -97,7 +97,7 @@ fn a_setting_of_an_unknown_key_is_refused_with_the_keys_of_its_table() {
         ("axis.boom.control.kq", "--set axis.boom.control.kq: found an unknown key; allowed: one of command_limit,"),
         ("axis.crane.stroke", "--set axis.crane: found an unknown key; allowed: one of arm, boom, bucket, telescope"),
         ("axis.boom.reference.sines[9].phase", "--set axis.boom.reference.sines[9]: found an unknown key; allowed:"),
-        ("controler", "--set controler: found an unknown key; allowed: one of axis, fuzzy,"),
+        ("controler", "--set controler: found an unknown key; allowed: one of axis, drive, fuzzy,"),
         ("axis.boom", "--set axis.boom: found an unknown key; allowed: a key of the machine file, not a table"),
     ] {
         let error = refusal(folder.path(), &check_with(&format!("{key}=3")));

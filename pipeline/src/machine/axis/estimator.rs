@@ -2,6 +2,8 @@
 
 use std::{fmt, str::FromStr};
 
+use crate::nearest::did_you_mean;
+
 /// Algorithm that adapts the coefficients online.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Estimator {
@@ -31,6 +33,10 @@ impl Estimator {
          0.5 to below 1, \"fortescue:N0\" with N0 of 2 samples or more, \"directional:L\" with L from 0.5 to 1, \
          \"window:N\" with N from 2 to 100000 samples, or \"grey-box\"";
 
+    /// Names of the estimators, without their values.
+    pub const NAMES: [&str; 8] =
+        ["auto", "paper", "constant", "fuzzy", "fortescue", "directional", "window", "grey-box"];
+
     fn parse(text: &str) -> Option<Self> {
         let (kind, value) = text.split_once(':').unwrap_or((text, ""));
         // `contains` is false for NaN.
@@ -54,7 +60,11 @@ impl FromStr for Estimator {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        Self::parse(text).ok_or_else(|| format!("found \"{text}\"; allowed: {}", Self::ALLOWED))
+        Self::parse(text).ok_or_else(|| {
+            let name = text.split(':').next().unwrap_or_default();
+            let hint = if Self::NAMES.contains(&name) { String::new() } else { did_you_mean(name, Self::NAMES) };
+            format!("found \"{text}\"; allowed: {}{hint}", Self::ALLOWED)
+        })
     }
 }
 

@@ -118,9 +118,11 @@ impl Identification {
                     "How the products f_i b_j are separated: by alternating least squares, or by formula (17)",
                 )
                 .choice_or(Split::Als, &[("als", Split::Als), ("paper", Split::Paper)]),
-            estimator: section
-                .key("estimator", "Algorithm that adapts the coefficients online")
-                .parsed_or(Estimator::Auto, Estimator::ALLOWED),
+            estimator: section.key("estimator", "Algorithm that adapts the coefficients online").parsed_or(
+                Estimator::Auto,
+                Estimator::ALLOWED,
+                &Estimator::NAMES,
+            ),
             fuzzy,
             hysteresis,
             memory,

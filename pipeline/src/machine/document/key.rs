@@ -7,6 +7,11 @@ use std::{ops::RangeInclusive, time::Duration};
 
 use toml::{Spanned, de::DeValue};
 
+use crate::{
+    machine::quantity::{allowed_units, quantity},
+    nearest::did_you_mean,
+};
+
 use super::{
     record::{DefaultValue, EffectiveValue, Origin},
     section::{Section, Value},
@@ -26,6 +31,10 @@ pub(in crate::machine) struct Key<'s, 'd, 'i> {
     rule: Option<&'static str>,
     /// Words for the table of all keys where `allowed` depends on other keys.
     allows: Option<&'static str>,
+    /// Whether the value is made of numbers, which a text with a unit can give.
+    is_quantity: bool,
+    /// Names that the value can have, for a name that is mistyped.
+    names: Vec<String>,
 }
 
 /// What a parser has found for a key.
@@ -41,7 +50,16 @@ enum Found<T> {
 impl<'d, 'i> Section<'d, 'i> {
     /// A key of this table, with one sentence that says what it means.
     pub fn key<'s>(&'s mut self, name: &'s str, meaning: &'static str) -> Key<'s, 'd, 'i> {
-        Key { section: self, name, meaning, unit: String::new(), rule: None, allows: None }
+        Key {
+            section: self,
+            name,
+            meaning,
+            unit: String::new(),
+            rule: None,
+            allows: None,
+            is_quantity: false,
+            names: Vec::new(),
+        }
     }
 }
 
@@ -56,18 +74,37 @@ impl Key<'_, '_, '_> {
         Self { allows: Some(allows), ..self }
     }
 
+    /// Gives the names that the value can have, for a name that is mistyped.
+    fn among<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
+        Self { names: names.into_iter().map(str::to_owned).collect(), ..self }
+    }
+
+    /// Says that the value is made of numbers in this unit.
     fn unit(self, unit: &str) -> Self {
-        Self { unit: unit.to_owned(), ..self }
+        Self { unit: unit.to_owned(), is_quantity: true, ..self }
+    }
+
+    /// What is added to the allowed values for a refused text: the units that it may have, or the nearest names.
+    fn hint(&self, text: &str) -> String {
+        let text = text.trim_matches('"');
+        let has_unit =
+            text.contains(|c: char| c.is_ascii_digit()) && text.contains(|c: char| c.is_alphabetic() || c == '%');
+        let units = allowed_units(&self.unit);
+        if self.is_quantity && has_unit && !units.is_empty() && quantity(text, &self.unit).is_none() {
+            return format!(", or a text with one of the units {units}");
+        }
+        did_you_mean(text, self.names.iter().map(String::as_str))
     }
 
     fn find<T>(&mut self, allowed: &str, parse: impl Fn(&DeValue) -> Option<T>) -> Found<T> {
         let name = self.name;
-        let (parsed, shown, place, origin) = match self.section.take(name) {
+        let (parsed, typed, shown, place, origin) = match self.section.take(name) {
             None => return Found::Absent,
             Some(Value::File(value)) => {
                 let line = self.section.line_of(name);
                 let origin = Origin::MachineFile { line: line.unwrap_or_default() };
-                (parse(value.get_ref()), show(value.get_ref()), line.into(), origin)
+                let shown = show(value.get_ref());
+                (parse(value.get_ref()), shown.clone(), shown, line.into(), origin)
             }
             Some(Value::Setting(text, origin)) => {
                 // A setting is TOML where it can be, else a plain string, as in `--set scenario=payload`.
@@ -76,13 +113,14 @@ impl Key<'_, '_, '_> {
                 let parsed = parsed.or_else(|| parse(&DeValue::String(text.as_str().into())));
                 // Other texts are plain strings, or durations.
                 let is_broken = as_toml.is_err() && text.starts_with(['[', '{', '.', '+', '-']);
-                let shown = if is_broken { format!("{text}, which is no TOML") } else { text };
-                (parsed, origin.of(shown), origin.place(), origin)
+                let shown = if is_broken { format!("{text}, which is no TOML") } else { text.clone() };
+                (parsed, text, origin.of(shown), origin.place(), origin)
             }
         };
         match parsed {
             Some(value) => Found::Given(value, origin),
             None => {
+                let allowed = format!("{allowed}{}", self.hint(&typed));
                 self.section.document.problem(place, self.section.path_of(name), shown, allowed);
                 Found::Refused
             }
@@ -149,12 +187,12 @@ impl Key<'_, '_, '_> {
     pub fn number(self, range: RangeInclusive<f64>, unit: &str) -> f64 {
         let allowed = allowed_number(&range, unit);
         // In the place of a refused number the largest: then what depends on it is not refused as well.
-        self.unit(unit).required(&allowed, *range.end(), |value| number(value, &range))
+        self.unit(unit).required(&allowed, *range.end(), |value| number(value, &range, unit))
     }
 
     /// A number in `range`; without one the default.
     pub fn number_or(self, default: f64, range: RangeInclusive<f64>, unit: &str) -> f64 {
-        self.unit(unit).defaulted(&allowed_number(&range, unit), default, |value| number(value, &range))
+        self.unit(unit).defaulted(&allowed_number(&range, unit), default, |value| number(value, &range, unit))
     }
 
     /// A number in `range`; without one the value that follows from other keys; required where none follows.
@@ -167,48 +205,48 @@ impl Key<'_, '_, '_> {
 
     /// A number in `range`, or nothing.
     pub fn optional_number(self, range: RangeInclusive<f64>, unit: &str) -> Option<f64> {
-        self.unit(unit).optional(&allowed_number(&range, unit), |value| number(value, &range))
+        self.unit(unit).optional(&allowed_number(&range, unit), |value| number(value, &range, unit))
     }
 
     /// A list of numbers in `range`, of any length from `shortest` on.
     pub fn numbers(self, range: RangeInclusive<f64>, unit: &str, shortest: usize) -> Vec<f64> {
         let allowed = format!("a list of {shortest} or more numbers from {} to {} {unit}", range.start(), range.end());
         self.unit(unit).required(allowed.trim_end(), Vec::new(), |value| {
-            numbers(value, &range).filter(|numbers| numbers.len() >= shortest)
+            numbers(value, &range, unit).filter(|numbers| numbers.len() >= shortest)
         })
     }
 
     /// A list of numbers in `range`, or nothing; `allowed` says what else the list must be.
     pub fn optional_numbers(self, range: RangeInclusive<f64>, unit: &str, allowed: &str) -> Option<Vec<f64>> {
-        self.unit(unit).optional(allowed, |value| numbers(value, &range))
+        self.unit(unit).optional(allowed, |value| numbers(value, &range, unit))
     }
 
     /// Two coordinates in `range`.
     pub fn point(self, range: RangeInclusive<f64>, unit: &str) -> [f64; 2] {
         let placeholder = [*range.end(); 2];
-        self.unit(unit).required(&allowed_point(&range, unit), placeholder, |value| point(value, &range))
+        self.unit(unit).required(&allowed_point(&range, unit), placeholder, |value| point(value, &range, unit))
     }
 
     /// Two coordinates in `range`; without them the default.
     pub fn point_or(self, default: [f64; 2], range: RangeInclusive<f64>, unit: &str) -> [f64; 2] {
-        self.unit(unit).defaulted(&allowed_point(&range, unit), default, |value| point(value, &range))
+        self.unit(unit).defaulted(&allowed_point(&range, unit), default, |value| point(value, &range, unit))
     }
 
     /// Three numbers in `range`, or one that stands for all three; `names` says what the three are.
     pub fn number_or_three(self, range: RangeInclusive<f64>, unit: &str, names: &str) -> [f64; 3] {
         let allowed = format!("a number from {} to {} {unit}, or three, {names}", range.start(), range.end());
         self.unit(unit).required(&allowed, [*range.end(); 3], |value| match value.as_array() {
-            None => number(value, &range).map(|all| [all; 3]),
-            Some(_) => numbers(value, &range)?.try_into().ok(),
+            None => number(value, &range, unit).map(|all| [all; 3]),
+            Some(_) => numbers(value, &range, unit)?.try_into().ok(),
         })
     }
 
     /// Two numbers in `range`, or one that stands for both; without them the default.
     pub fn pair_or(self, default: (f64, f64), range: RangeInclusive<f64>) -> (f64, f64) {
         let allowed = format!("a number from {} to {}, or [low, high] of two", range.start(), range.end());
-        self.defaulted(&allowed, default, |value| match value.as_array() {
-            None => number(value, &range).map(|both| (both, both)),
-            Some(_) => match numbers(value, &range)?[..] {
+        self.unit("").defaulted(&allowed, default, |value| match value.as_array() {
+            None => number(value, &range, "").map(|both| (both, both)),
+            Some(_) => match numbers(value, &range, "")?[..] {
                 [low, high] => Some((low, high)),
                 _ => None,
             },
@@ -291,7 +329,8 @@ impl Key<'_, '_, '_> {
 
     /// One of the named choices; `None` when the key is absent or its value was refused.
     pub fn choice<T: Copy>(self, choices: &[(&str, T)]) -> Option<T> {
-        let chosen = self.required(&allowed_choice(choices), None, |value| {
+        let names = self.among(choices.iter().map(|(name, _)| *name));
+        let chosen = names.required(&allowed_choice(choices), None, |value| {
             choose(value, choices).map(|index| Some(Choice { names: choices, index }))
         });
         chosen.map(|choice| choice.value())
@@ -301,15 +340,18 @@ impl Key<'_, '_, '_> {
     pub fn choice_or<T: Copy + PartialEq>(self, default: T, choices: &[(&str, T)]) -> T {
         let index = choices.iter().position(|(_, choice)| *choice == default).unwrap_or_default();
         let chosen = Choice { names: choices, index };
-        self.defaulted(&allowed_choice(choices), chosen, |value| {
-            choose(value, choices).map(|index| Choice { names: choices, index })
-        })
-        .value()
+        self.among(choices.iter().map(|(name, _)| *name))
+            .defaulted(&allowed_choice(choices), chosen, |value| {
+                choose(value, choices).map(|index| Choice { names: choices, index })
+            })
+            .value()
     }
 
-    /// A text that the type parses; without one the default.
-    pub fn parsed_or<T: std::str::FromStr + std::fmt::Display>(self, default: T, allowed: &str) -> T {
-        let parsed = self.defaulted(allowed, Parsed(default), |value| value.as_str()?.parse().ok().map(Parsed));
+    /// A text that the type parses; without one the default. `names` are those that a mistyped text may have meant.
+    pub fn parsed_or<T: std::str::FromStr + std::fmt::Display>(self, default: T, allowed: &str, names: &[&str]) -> T {
+        let parsed = self
+            .among(names.iter().copied())
+            .defaulted(allowed, Parsed(default), |value| value.as_str()?.parse().ok().map(Parsed));
         parsed.0
     }
 }
@@ -349,8 +391,8 @@ fn allowed_point(range: &RangeInclusive<f64>, unit: &str) -> String {
     format!("[x, z], two numbers from {} to {} {unit}", range.start(), range.end())
 }
 
-fn point(value: &DeValue, range: &RangeInclusive<f64>) -> Option<[f64; 2]> {
-    numbers(value, range)?.try_into().ok()
+fn point(value: &DeValue, range: &RangeInclusive<f64>, unit: &str) -> Option<[f64; 2]> {
+    numbers(value, range, unit)?.try_into().ok()
 }
 
 fn allowed_integer(range: &RangeInclusive<usize>) -> String {

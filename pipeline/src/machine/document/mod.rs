@@ -26,6 +26,7 @@ pub(super) use value::Shown;
 pub use value::samples_of;
 
 use super::error::{MachineError, Problem};
+use crate::nearest::{did_you_mean, nearest, question};
 use value::show;
 
 /// A value that takes the place of one in the document.
@@ -198,7 +199,20 @@ impl<'i> Document<'i> {
         let is_inside = |key: &str| table.is_empty() || key.starts_with(&format!("{table}."));
         let has_name = |key: &&str| is_inside(key) && key.rsplit('.').next() == Some(end);
         let others: Vec<&str> = values.iter().map(|(value, _)| value.key.as_str()).filter(has_name).collect();
-        let others = if others.is_empty() { String::new() } else { format!("; or {}", others.join(", ")) };
+        let others = match (did_you_mean(name, known.iter().map(String::as_str)), &others[..]) {
+            // A table that is mistyped.
+            (hint, _) if !hint.is_empty() && name != rest => hint,
+            (hint, []) if hint.is_empty() && name == rest => {
+                // A key that is mistyped, and that another table has.
+                let inside = || values.iter().map(|(value, _)| value.key.as_str()).filter(|key| is_inside(key));
+                let last = |key: &'_ str| key.rsplit('.').next().map(str::to_owned).unwrap_or_default();
+                let lasts: Vec<String> = inside().map(last).collect();
+                let near = nearest(name, lasts.iter().map(String::as_str));
+                question(inside().filter(|key| near.contains(&last(key).as_str())))
+            }
+            (hint, []) => hint,
+            (_, others) => format!("; or {}", others.join(", ")),
+        };
         let unknown = path.len() - rest.len() + name.len();
         (path[..unknown].to_owned(), format!("one of {}{others}", known.join(", ")))
     }

@@ -7,6 +7,8 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
+use crate::nearest::did_you_mean;
+
 use super::{
     Document,
     record::{EffectiveValue, Origin, Place},
@@ -209,7 +211,8 @@ impl<'d, 'i> Section<'d, 'i> {
         for key in self.table.into_iter().flat_map(|table| table.keys()) {
             if !self.asked.contains(key.get_ref().as_ref()) && !self.renamed.contains(key.get_ref().as_ref()) {
                 let line = Some(self.document.line(key.span().start));
-                let allowed = format!("one of {}", known.join(", "));
+                let hint = did_you_mean(key.get_ref(), self.asked.iter().map(String::as_str));
+                let allowed = format!("one of {}{hint}", known.join(", "));
                 self.document.problem(line, self.path_of(key.get_ref()), "an unknown key", allowed);
             }
         }

@@ -4,21 +4,23 @@ use std::{ops::RangeInclusive, time::Duration};
 
 use toml::{Spanned, de::DeValue};
 
+use crate::machine::quantity::quantity;
+
 /// Number of samples that a duration spans, rounded to the nearest.
 pub fn samples_of(duration: Duration, period: Duration) -> usize {
     (duration.as_secs_f64() / period.as_secs_f64()).round() as usize
 }
 
-/// A number in `range`; `contains` is false for NaN, which TOML allows.
-pub(super) fn number(value: &DeValue, range: &RangeInclusive<f64>) -> Option<f64> {
-    let digits = match value {
-        DeValue::Float(float) => float.as_str(),
-        DeValue::Integer(_) => {
-            return integer(value).map(|number| number as f64).filter(|number| range.contains(number));
-        }
-        _ => return None,
+/// A number in `range` and in `unit`, or a text with another unit of the same dimension.
+pub(super) fn number(value: &DeValue, range: &RangeInclusive<f64>, unit: &str) -> Option<f64> {
+    let number = match value {
+        DeValue::Float(float) => float.as_str().parse().ok(),
+        DeValue::Integer(_) => integer(value).map(|number| number as f64),
+        DeValue::String(text) => quantity(text, unit),
+        _ => None,
     };
-    digits.parse().ok().filter(|number| range.contains(number))
+    // `contains` is false for NaN, which TOML allows.
+    number.filter(|number| range.contains(number))
 }
 
 /// A whole number in any base.
@@ -31,9 +33,9 @@ pub(super) fn count(value: &DeValue) -> Option<usize> {
     usize::try_from(integer(value)?).ok()
 }
 
-/// A list of numbers in `range`.
-pub(super) fn numbers(value: &DeValue, range: &RangeInclusive<f64>) -> Option<Vec<f64>> {
-    value.as_array()?.iter().map(|item| number(item.get_ref(), range)).collect()
+/// A list of numbers as [`number`] takes them.
+pub(super) fn numbers(value: &DeValue, range: &RangeInclusive<f64>, unit: &str) -> Option<Vec<f64>> {
+    value.as_array()?.iter().map(|item| number(item.get_ref(), range, unit)).collect()
 }
 
 /// A list of texts.

@@ -115,7 +115,7 @@ fn the_file_of_a_drawn_machine_is_one_that_the_other_commands_read() {
     for file in files {
         let file = format!("rigs/{}", file.to_str().unwrap());
         let shown = success(folder.path(), &["check", &file, "--scenario", "change"]);
-        assert!(shown.starts_with("machine 3: 1 axes (rig)"), "{shown}");
+        assert!(shown.starts_with("machine 3: 1 axis (rig)"), "{shown}");
     }
     success(folder.path(), &["simulate", "rigs/3-hold.toml", "--duration", "1s"]);
 }

@@ -10,8 +10,8 @@ use pipeline::{
     latency::Percentiles,
     machine::{Axis, Machine},
     message::{
-        AxisCommand, AxisMode, AxisSnapshot, ChannelHealth, CoefficientSnapshot, MissedDeadlines, ModelErrors,
-        REFUSALS, StageHealth, ValveCommand, bit_names, control_flag,
+        AxisCommand, AxisMode, AxisSnapshot, ChannelHealth, CoefficientSnapshot, ControlMode, MissedDeadlines,
+        ModelErrors, REFUSALS, StageHealth, ValveCommand, bit_names, control_flag, model_fault,
     },
     stage::{Clock, StageKind},
     statistics::ErrorStatistics,
@@ -70,7 +70,7 @@ struct AxisReport {
     /// Present when a program has operated the axis.
     #[serde(skip_serializing_if = "Option::is_none")]
     operation: Option<Operation>,
-    /// Why the fallback controlled the axis at the end.
+    /// Present when no model has controlled the axis although it followed: why.
     #[serde(skip_serializing_if = "Option::is_none")]
     why_fallback: Option<String>,
     identification: Identification,
@@ -277,6 +277,21 @@ impl Tracking {
     }
 }
 
+/// Why no model has controlled an axis that followed. The last command of a run is neutral, so its flags say nothing.
+fn why_never_by_model(axis: &Axis, command: &AxisCommand, snapshot: &AxisSnapshot) -> Option<String> {
+    if command.tracking.count == 0 || command.model_tracking.count > 0 {
+        return None;
+    }
+    let is_refused = command.rejected_snapshots.iter().any(|count| *count > 0);
+    let flags = match (snapshot.faults & model_fault::TRAINING != 0, is_refused) {
+        (true, _) => control_flag::NO_MODEL,
+        (false, true) => control_flag::MODEL_REFUSED,
+        (false, false) => 0,
+    };
+    let last = AxisCommand { mode: ControlMode::Fallback as u32, flags, ..*command };
+    why_fallback(&axis.name, Some(axis.control.model), &last, snapshot.faults)
+}
+
 /// Refused snapshots by reason; reasons that did not occur are left out.
 fn rejected(command: &AxisCommand) -> BTreeMap<&'static str, u64> {
     REFUSALS.into_iter().zip(command.rejected_snapshots).filter(|(_, count)| *count > 0).collect()
@@ -325,7 +340,7 @@ impl AxisReport {
             unsolved_plans: command.unsolved_plans,
             slowed_ticks: command.slowed_ticks,
             operation: Operation::new(command),
-            why_fallback: why_fallback(&axis.name, Some(axis.control.model), command, snapshot.faults),
+            why_fallback: why_never_by_model(axis, command, snapshot),
             identification: Identification {
                 classical: model(classical, &snapshot.classical),
                 adaptive: model(adaptive, &snapshot.adaptive),

@@ -146,12 +146,11 @@ impl LoopReport {
         operated.map(line).collect()
     }
 
-    /// Why the fallback controls, for each axis that no model has controlled, and of which the other lines say nothing.
+    /// Why the fallback controls, for each axis that no model has controlled; of one without a model other lines say it.
     fn fallbacks(&self, machine: &Machine) -> String {
         let line = |axis: &Axis| {
             let report = &self.axes[&axis.name];
-            let is_told = report.tracking_by_model.count > 0 || report.identification.updates == 0;
-            let why = report.why_fallback.as_ref().filter(|_| !is_told)?;
+            let why = report.why_fallback.as_ref().filter(|_| report.identification.updates > 0)?;
             Some(format!("{}: by the fallback: {why}.\n", axis.name))
         };
         machine.axes.iter().filter_map(line).collect()

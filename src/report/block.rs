@@ -65,19 +65,26 @@ fn drawing(drawn: &[usize], above: &str, lines: &[String], (rows, columns): (usi
     let (rows, columns) = (rows.max(2), columns.max(1));
     let used: usize = drawn.iter().map(|width| width.div_ceil(columns).max(1)).sum();
     let mut text = String::new();
+    // No row above the screen can be reached.
     if used > 0 {
-        // To the first of these rows, and all rows from there on away. No row above the screen can be reached.
-        text += &format!("\r\x1b[{}A\x1b[J", used.min(rows - 1));
+        text += &format!("\r\x1b[{}A", used.min(rows - 1));
     }
-    text += above;
+    let (erase_line, erase_rest) = if used > 0 { ("\x1b[K", "\x1b[J") } else { ("", "") };
+    if !above.is_empty() {
+        text += erase_rest;
+        text += above;
+    }
     // The row below the block is that of the cursor.
     let fitting = lines.iter().take(rows - 1).map(|line| truncate_str(line, columns, CUT));
     let mut widths = Vec::new();
     for line in fitting {
         widths.push(measure_text_width(&line));
+        // Row by row, so that nothing flickers.
+        text += erase_line;
         text += &line;
         text.push('\n');
     }
+    text += erase_rest;
     Drawing { text, widths }
 }
 
@@ -96,7 +103,7 @@ mod tests {
         let first = drawing(&[], "", &lines(&["a", ""]), TERMINAL);
         assert_eq!((first.text.as_str(), &first.widths[..]), ("a\n\n", &[1, 0][..]));
         let second = drawing(&first.widths, "log\n", &lines(&["b"]), TERMINAL);
-        assert_eq!(second.text, "\r\x1b[2A\x1b[Jlog\nb\n");
+        assert_eq!(second.text, "\r\x1b[2A\x1b[Jlog\n\x1b[Kb\n\x1b[J");
         assert_eq!(drawing(&second.widths, "", &[], TERMINAL).text, "\r\x1b[1A\x1b[J");
         assert_eq!(drawing(&[], "log\n", &[], TERMINAL).text, "log\n");
     }

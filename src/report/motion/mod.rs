@@ -6,7 +6,7 @@
 //! | upper | valve commands |
 //! | middle | positions, and the references as thin dashed lines above them |
 //! | lower | following errors |
-//! | bars | for each axis, who commands it; for a single axis the panels are shaded as well |
+//! | bars | who commands each axis; of a single axis the background of the panels says it |
 //!
 //! Without a controller there are only commands and positions.
 
@@ -210,9 +210,14 @@ impl Plot {
         HEAD + if self.is_controlled { SECOND_ROW } else { 0 }
     }
 
+    /// Whether there is a bar for each axis. Of a single axis the background of the panels says the same.
+    fn has_bars(&self) -> bool {
+        self.is_controlled && self.axes.len() > 1
+    }
+
     /// Height of the bars.
     fn bars(&self) -> u32 {
-        if self.is_controlled { BARS_HEAD + BAR * self.axes.len() as u32 + 10 } else { 0 }
+        if self.has_bars() { BARS_HEAD + BAR * self.axes.len() as u32 + 10 } else { 0 }
     }
 
     fn draw<B: DrawingBackend>(self, area: &DrawingArea<B, Shift>) -> Drawn
@@ -230,7 +235,7 @@ impl Plot {
             (self.axes.iter()).map(|axis| (axis.name.clone(), axis.mode.all().to_vec())).unzip();
         // Several axes would have to share the background.
         let shades = if modes.len() == 1 { modes[0].clone() } else { Vec::new() };
-        let is_controlled = self.is_controlled;
+        let has_bars = self.has_bars();
         let drawn = self.panels();
         let all = || drawn.iter().flat_map(|panel| &panel.lines).flat_map(|line| &line.points);
         let (begin, end) = range(all().map(|point| point.0), 0.0, 0.0);
@@ -242,7 +247,7 @@ impl Plot {
             panel.draw(&upper, time, &shades)?;
             rest = lower;
         }
-        if is_controlled { draw_bars(&rest, time, &names, &modes) } else { Ok(()) }
+        if has_bars { draw_bars(&rest, time, &names, &modes) } else { Ok(()) }
     }
 
     /// The panels from the upper one to the lower one.

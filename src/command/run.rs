@@ -46,8 +46,8 @@ Examples:
   hydraxis run my.toml --set axis.boom.identification.estimator=constant:0.995 --json out.json
 
 Starts plant-sim, sensor-proc, ident-proc and control-proc as processes of their own, shows a line for each axis
-on a terminal, and ends with tables of tracking errors, identification errors, losses and latencies. Ctrl-C ends the run in
-order, with neutral valves. A real machine does not move before `hydraxis arm`."))]
+on a terminal, and ends with tables of tracking errors, identification errors, losses and latencies. Ctrl-C ends the
+run in order, with neutral valves. A real machine does not move before `hydraxis arm`."))]
 pub struct RunArguments {
     /// The machine
     #[command(flatten)]

@@ -1,8 +1,8 @@
 //! Lines at the lower end of a terminal that are redrawn in place. Other lines scroll above them.
 //!
 //! A line is cut at the width of the terminal, because a wrapped line takes more rows than are erased before the next
-//! drawing. When the terminal has been made narrower since, it has wrapped the lines itself; [`Block`] counts their rows
-//! by the width of now.
+//! drawing. When the terminal has been made narrower since, it has wrapped the lines itself; [`Block`] counts their
+//! rows by the width of now.
 //!
 //! Trap: everything that is written to the terminal while a block stands there must go through it. Otherwise the block
 //! erases lines of others.

@@ -23,6 +23,17 @@ pub enum OutputError {
         /// What the system says.
         source: io::Error,
     },
+    /// The file that an option names has no ending of a picture.
+    #[error(
+        "{option}: found \"{}\"; allowed: a file that ends with .svg or .png, or - for SVG on standard output",
+        .path.display()
+    )]
+    NoPicture {
+        /// The option.
+        option: &'static str,
+        /// Its file.
+        path: PathBuf,
+    },
     /// The file was created and cannot be written.
     #[error("{option}: {} cannot be written", .path.display())]
     Write {

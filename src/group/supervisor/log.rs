@@ -93,8 +93,8 @@ impl Log {
         }
     }
 
-    /// Shows these lines below all others on a terminal, in place of those that stand there. A log that is not written to
-    /// a terminal passes over them.
+    /// Shows these lines below all others on a terminal, in place of those that stand there. A log that is not written
+    /// to a terminal passes over them.
     pub fn show(&self, lines: Vec<String>) {
         if let Some(entrance) = &self.entrance {
             // The next second brings new lines.

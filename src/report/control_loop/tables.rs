@@ -18,7 +18,8 @@ const MOST_EVENTS: usize = 10;
 
 /// Below the table of the axes where a reduction is negative.
 const NEGATIVE_REDUCTION: &str = " A negative reduction: the classical model predicted these samples better than the \
-    adaptive one, as where little changes after\n the training. It is no figure of the tracking.\n";
+    adaptive one, as where little changes\n \
+    after the training. It is no figure of the tracking.\n";
 /// Time for which the model and the fallback must each have controlled an axis before their errors are compared. Shorter
 /// parts of the motion have little in common.
 const LEAST_COMPARED: Duration = Duration::from_secs(5);

@@ -29,12 +29,9 @@ use plotters::{
     series::LineSeries,
 };
 
-use crate::{
-    failure::Failure,
-    report::{
-        chart::{COLOURS, FONT, range, register_font, tick},
-        output::is_stdout,
-    },
+use super::{
+    chart::{COLOURS, FONT, range, register_font, tick},
+    output::{OutputError, is_stdout},
 };
 use curve::{Curve, Spans, held, stretch};
 use poses::Poses;
@@ -84,17 +81,14 @@ impl Format {
     ///
     /// # Errors
     /// The ending is another one.
-    pub fn of(option: &str, path: &Path) -> Result<Self, Failure> {
+    pub fn of(option: &'static str, path: &Path) -> Result<Self, OutputError> {
         if is_stdout(path) {
             return Ok(Self::Svg);
         }
         match path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).as_deref() {
             Some("svg") => Ok(Self::Svg),
             Some("png") => Ok(Self::Png),
-            _ => Err(Failure::usage(format!(
-                "{option}: found \"{}\"; allowed: a file that ends with .svg or .png, or - for SVG on standard output",
-                path.display()
-            ))),
+            _ => Err(OutputError::NoPicture { option, path: path.to_owned() }),
         }
     }
 }

@@ -20,8 +20,8 @@ const MOST_EVENTS: usize = 10;
 const NEGATIVE_REDUCTION: &str = " A negative reduction: the classical model predicted these samples better than the \
     adaptive one, as where little changes\n \
     after the training. It is no figure of the tracking.\n";
-/// Time for which the model and the fallback must each have controlled an axis before their errors are compared. Shorter
-/// parts of the motion have little in common.
+/// Time for which the model and the fallback must each have controlled an axis before their errors are compared.
+/// Shorter parts of the motion have little in common.
 const LEAST_COMPARED: Duration = Duration::from_secs(5);
 /// Above the comparison of the model with the fallback.
 const GAINS: &str = "Tracking error in this run (rms, each over the ticks in which it controlled):\n";

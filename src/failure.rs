@@ -149,7 +149,7 @@ impl From<SignalError> for Failure {
 impl From<OutputError> for Failure {
     fn from(error: OutputError) -> Self {
         match error {
-            OutputError::Create { .. } => Self::usage(error),
+            OutputError::Create { .. } | OutputError::NoPicture { .. } => Self::usage(error),
             _ => Self::run(error),
         }
     }

@@ -7,7 +7,7 @@
 //! | [`commission`] | beside the loop, or on a simulated machine in this process |
 //! | [`simulate`], [`mod@bench`], [`identify`] | without a loop in real time, in this process |
 //! | [`init`], [`example`] | before there is a machine file |
-//! | [`check`], [`mechanism`], [`doctor`], [`clean`] | before or after a run |
+//! | [`check`], [`mechanism`], [`doctor`], [`clean`], [`mod@plot`] | before or after a run |
 
 mod bench;
 mod check;
@@ -19,6 +19,7 @@ mod identify;
 mod init;
 mod mechanism;
 mod operate;
+mod plot;
 mod run;
 mod simulate;
 mod stage;
@@ -39,6 +40,7 @@ use example::ExampleArguments;
 use identify::IdentifyArguments;
 use init::InitArguments;
 use operate::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
+use plot::PlotArguments;
 use run::RunArguments;
 use simulate::SimulateArguments;
 use stage::StageArguments;
@@ -68,6 +70,8 @@ pub enum Command {
     Run(RunArguments),
     /// Simulate the loop in one process without shared memory, or the machine without a controller
     Simulate(SimulateArguments),
+    /// Draw a trajectory that `simulate` has written
+    Plot(PlotArguments),
     /// Find the model of each axis by a bounded experiment, and write it to a file
     Commission(CommissionArguments),
     /// Operate the axes of a running group: off, manual, hold, track
@@ -114,6 +118,7 @@ impl Command {
             Self::Example(arguments) => example::run(arguments),
             Self::Run(arguments) => run::run(arguments),
             Self::Simulate(arguments) => simulate::run(arguments),
+            Self::Plot(arguments) => plot::run(arguments),
             Self::Commission(arguments) => commission::run(arguments),
             Self::Operate(arguments) => operate::run(arguments),
             Self::Arm(arguments) => operate::arm(arguments),

@@ -3,7 +3,6 @@
 //! This process runs beside the loop. It reads channels that no stage waits for.
 
 use std::{
-    io::IsTerminal,
     path::PathBuf,
     sync::Arc,
     time::{Duration, Instant},
@@ -46,9 +45,9 @@ Examples:
   hydraxis run --scenario payload                     with a load that grows during the run
   hydraxis run my.toml --set axis.boom.identification.estimator=constant:0.995 --json out.json
 
-Starts plant-sim, sensor-proc, ident-proc and control-proc as processes of their own, shows a line per second on a
-terminal, and ends with tables of tracking errors, identification errors, losses and latencies. Ctrl-C ends the run in
-order, with neutral valves. A real machine does not move before `hydraxis arm`."))]
+Starts plant-sim, sensor-proc, ident-proc and control-proc as processes of their own, shows a line for each axis
+on a terminal, and ends with tables of tracking errors, identification errors, losses and latencies. Ctrl-C ends the
+run in order, with neutral valves. A real machine does not move before `hydraxis arm`."))]
 pub struct RunArguments {
     /// The machine
     #[command(flatten)]
@@ -109,8 +108,8 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     // A client that is still attached keeps the files; the next run of this name removes them.
     let _ = claim.remove_leftovers();
     drop(claim);
-    let report = result?;
-    output.write(|| report.tables(&machine), &report)?;
+    let Ended { report, is_interrupted } = result?;
+    output.write_or_keep(|| report.tables(&machine), &report, is_interrupted)?;
     report.verdict().map_err(Failure::run)
 }
 
@@ -173,13 +172,20 @@ fn stages(machine: &Machine, clock: Clock) -> (Vec<StageKind>, StageKind) {
     }
 }
 
+/// A run that has ended.
+struct Ended {
+    report: LoopReport,
+    /// A signal has ended it.
+    is_interrupted: bool,
+}
+
 /// Runs the group from its first process to its last message.
 fn run_group(
     machine: &Machine,
     arguments: &RunArguments,
     options: &StageOptions,
     warnings: &[String],
-) -> Result<LoopReport, Failure> {
+) -> Result<Ended, Failure> {
     let group = Group::join(&options.prefix, "supervisor").map_err(ChannelError::from)?;
     let has_black_box = options.clock == Clock::RealTime && !arguments.no_black_box;
     let black_boxes = has_black_box.then(|| arguments.black_box.clone().unwrap_or_else(default_folder));
@@ -204,7 +210,9 @@ fn run_group(
     let wall_s = watched?;
     stopped?;
     polled?;
-    Ok(LoopReport::new(machine, &monitor.into_last(supervisor.restart_causes()), options.clock, wall_s))
+    let last = monitor.into_last(supervisor.restart_causes());
+    let report = LoopReport::new(machine, &last, options.clock, wall_s);
+    Ok(Ended { report, is_interrupted: supervisor.is_interrupted() })
 }
 
 /// Starts the stages, the one that all others wait for last, and supervises them until their end. The time since the
@@ -239,14 +247,13 @@ fn watch(
     monitor: &mut Monitor,
     supervisor: &mut Supervisor,
 ) -> Result<(), Failure> {
-    let show = std::io::stderr().is_terminal();
     let patience = stall_patience(machine.timing.period);
     let mut end = None;
     while !supervisor.all_done() && !supervisor.is_interrupted() {
         supervisor.step(monitor)?;
         supervisor.announce(monitor);
-        if let Some(line) = monitor.line(machine) {
-            supervisor.report(&line, show);
+        if let Some(second) = monitor.second(machine) {
+            supervisor.report(second);
         }
         // The last tick is out when its source has ended. The other stages then end by themselves.
         if supervisor.is_done(head) {

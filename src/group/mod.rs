@@ -5,6 +5,7 @@
 //! never waits for, and none of their code runs in a stage. Two files are exceptions: [`lifeline`] and [`signals`] also
 //! run in the process of a stage, on threads and handlers of their own, outside its loop.
 
+mod glance;
 mod launch;
 pub mod lifeline;
 pub mod monitor;

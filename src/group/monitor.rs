@@ -1,4 +1,4 @@
-//! The last messages of a running group, and a line per second for a person.
+//! The last messages of a running group, and what a person sees of them once a second.
 //!
 //! Runs in the supervisor, beside the loop. No stage waits for the monitor.
 
@@ -7,20 +7,26 @@ use std::time::{Duration, Instant};
 use pipeline::{
     channel::{ChannelError, Group},
     machine::Machine,
-    message::{
-        AxisMode, ChannelHealth, ControlMode, EncoderReading, StageState, ValveCommand, bit_names, control_flag,
-        model_fault,
-    },
+    message::{ChannelHealth, EncoderReading, StageState, ValveCommand},
     stage::StageKind,
 };
 
+use super::glance;
 use crate::{
     recording::black_box::Tapes,
     report::{control_loop::LastMessages, events::Events},
 };
 
-/// Time between two lines.
-const LINE_PERIOD: Duration = Duration::from_secs(1);
+/// Time between two outputs for a person.
+const SECOND: Duration = Duration::from_secs(1);
+
+/// What a person sees of the group at one time.
+pub struct Second {
+    /// All axes in one line.
+    pub line: String,
+    /// A line for each axis, below a line with the time and a header.
+    pub lines: Vec<String>,
+}
 
 /// Reads the messages of a group.
 pub struct Monitor {
@@ -30,7 +36,7 @@ pub struct Monitor {
     operator: u64,
     /// When the last heartbeat of each stage came; none before the first one of its process.
     heartbeats: [Option<Instant>; 4],
-    next_line: Instant,
+    next_second: Instant,
     progress: u64,
     progressed: Instant,
     events: Events,
@@ -48,7 +54,7 @@ impl Monitor {
             last: LastMessages::default(),
             operator: 0,
             heartbeats: [None; 4],
-            next_line: now + LINE_PERIOD,
+            next_second: now + SECOND,
             progress: 0,
             progressed: now,
             events: Events::new(machine, group.prefix()),
@@ -154,46 +160,12 @@ impl Monitor {
         LastMessages { restart_causes, events: Some(self.events.into_list()), ..self.last }
     }
 
-    /// The line of this second; none until the next one is due.
-    pub fn line(&mut self, machine: &Machine) -> Option<String> {
-        if Instant::now() < self.next_line {
+    /// What a person sees of this second; none until the next one is due.
+    pub fn second(&mut self, machine: &Machine) -> Option<Second> {
+        if Instant::now() < self.next_second {
             return None;
         }
-        self.next_line += LINE_PERIOD;
-        let sensor = self.last.health[StageKind::SensorProc as usize]?;
-        let seconds = sensor.header.sequence as f64 * machine.timing.period.as_secs_f64();
-        let mut line = format!("{seconds:6.1} s");
-        for (i, axis) in machine.axes.iter().enumerate() {
-            line += &format!(" | {}", axis.name);
-            if let Some(command) = self.last.command.map(|command| command.axes[i])
-                && command.mode != ControlMode::Replay as u32
-            {
-                line += &format!(" {:+.1} mm {}", 1e3 * command.error, ControlMode::name(command.mode));
-                if command.operation == AxisMode::Hold as u32 {
-                    line += " hold";
-                }
-                let fault = control_flag::LATCHED
-                    | control_flag::REFERENCE
-                    | control_flag::REQUEST
-                    | control_flag::REQUEST_STOPPED
-                    | control_flag::SOFT_LIMIT
-                    | control_flag::HALF_SPEED
-                    | control_flag::MODEL_WORSE
-                    | control_flag::SLOWED;
-                for flag in bit_names(command.flags & fault, &control_flag::NAMES) {
-                    line += &format!(" {}!", flag.to_uppercase());
-                }
-            }
-            if let Some(snapshot) = self.last.snapshot.map(|snapshot| snapshot.axes[i]) {
-                if snapshot.faults & model_fault::TRAINING != 0 {
-                    line += " training";
-                } else {
-                    line += &format!(" L{:.3}", snapshot.forgetting_factor);
-                }
-            }
-        }
-        let (lost, late) = (self.last.health.iter().flatten())
-            .fold((0, 0), |(lost, late), health| (lost + health.lost(), late + health.missed.total()));
-        Some(line + &format!(" | lost {lost} late {late}"))
+        self.next_second += SECOND;
+        Some(Second { line: glance::line(machine, &self.last)?, lines: glance::lines(machine, &self.last)? })
     }
 }

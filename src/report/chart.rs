@@ -5,11 +5,11 @@ use std::error::Error;
 use plotters::{
     chart::ChartBuilder,
     element::{Circle, PathElement, Text},
-    prelude::{Color, IntoDrawingArea, IntoFont, RGBAColor, RGBColor, SVGBackend, WHITE},
+    prelude::{Color, FontStyle, IntoDrawingArea, IntoFont, RGBAColor, RGBColor, SVGBackend, WHITE},
     series::LineSeries,
 };
 
-/// Font of all pictures.
+/// Name of the font of all pictures. A program that shows an SVG takes a font of its own by this name.
 pub const FONT: &str = "sans-serif";
 /// Colours that colour-blind readers can tell apart (Okabe and Ito), one for each axis that a machine can have.
 pub const COLOURS: [RGBColor; 8] = [
@@ -70,12 +70,20 @@ pub struct Chart {
     pub notes: Vec<((f64, f64), String)>,
 }
 
+/// Gives the library the font by which it measures texts and draws them on bitmaps. To be called before a picture is
+/// drawn.
+pub fn register_font() {
+    // It fails for bytes that are no font, which these are.
+    let _ = plotters::style::register_font(FONT, FontStyle::Normal, dejavu::sans::regular());
+}
+
 impl Chart {
     /// The chart as SVG.
     ///
     /// # Errors
     /// The library cannot draw it.
     pub fn svg(&self) -> Result<String, Box<dyn Error + Send + Sync>> {
+        register_font();
         let mut text = String::new();
         let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
         area.fill(&WHITE)?;

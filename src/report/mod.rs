@@ -2,11 +2,13 @@
 //!
 //! Nothing here runs beside the loop or in a stage. A command fills a report after its work is done.
 
+pub mod block;
 pub mod chart;
 pub mod control_loop;
 pub mod events;
 pub mod figures;
 pub mod margins;
+pub mod motion;
 pub mod output;
 pub mod table;
 pub mod why;

@@ -23,6 +23,17 @@ pub enum OutputError {
         /// What the system says.
         source: io::Error,
     },
+    /// The file that an option names has no ending of a picture.
+    #[error(
+        "{option}: found \"{}\"; allowed: a file that ends with .svg or .png, or - for SVG on standard output",
+        .path.display()
+    )]
+    NoPicture {
+        /// The option.
+        option: &'static str,
+        /// Its file.
+        path: PathBuf,
+    },
     /// The file was created and cannot be written.
     #[error("{option}: {} cannot be written", .path.display())]
     Write {
@@ -75,12 +86,37 @@ impl Output {
     /// # Errors
     /// One of them cannot be written.
     pub fn write(self, tables: impl FnOnce() -> String, figures: &impl Serialize) -> Result<(), OutputError> {
+        self.write_or_keep(tables, figures, false)
+    }
+
+    /// Like [`Output::write`]. With `keep`, figures for standard output whose reader has ended go to standard error:
+    /// Ctrl-C ends the reader of a pipe together with the run.
+    ///
+    /// # Errors
+    /// One of them cannot be written.
+    pub fn write_or_keep(
+        self,
+        tables: impl FnOnce() -> String,
+        figures: &impl Serialize,
+        keep: bool,
+    ) -> Result<(), OutputError> {
+        let show = |text: &str| {
+            let is_read = show_to_reader(text)?;
+            if keep && !is_read {
+                // Nobody else is left to read them.
+                let _ = io::stderr().write_all(text.as_bytes());
+            }
+            Ok(())
+        };
         if self.tables {
             show(&tables())?;
         }
         let Some((path, mut file)) = self.json else { return Ok(()) };
         let mut text = serde_json::to_string_pretty(figures).map_err(OutputError::Json)?;
         text.push('\n');
+        if is_stdout(&path) {
+            return show(&text);
+        }
         let written = file.write_all(text.as_bytes()).and_then(|()| file.flush());
         written.map_err(|source| OutputError::Write { option: "--json", path, source })
     }

@@ -1,6 +1,7 @@
 //! `hydraxis simulate`: scenarios, the plant under given commands, trajectories, pictures and refusals.
 
 mod excavator;
+mod figures;
 mod open_loop;
 mod recording;
 mod refusals;

@@ -291,3 +291,14 @@ fn without_a_name_all_groups_are_stopped() {
     }
     assert!(said.contains("two: 0"), "{said}\n{errors}");
 }
+
+#[test]
+fn figures_of_an_interrupted_run_are_kept_when_the_reader_of_its_pipe_has_ended() {
+    let _cores = shared();
+    let mut running = Running::start_with("stop-pipe", &["--duration", "120s"]);
+    // Ctrl-C ends `cat` in `hydraxis run | cat` as well.
+    drop(running.supervisor.stdout.take());
+    let said = running.interrupt();
+    assert!(said.stderr.contains("Tracking error, mm") && said.stderr.contains(" control-proc "), "{}", said.stderr);
+    assert!(!said.stderr.contains("panicked") && !said.stderr.contains('\x1b'), "{}", said.stderr);
+}

@@ -45,9 +45,9 @@ pub struct RecordingArguments {
     /// Write commands and true states as CSV to a file, or to standard output with -
     #[arg(long, value_name = "FILE.csv")]
     pub trajectory: Option<PathBuf>,
-    /// Draw commands and positions over time, and a machine with a mechanism in a few poses, into an SVG file, or to
-    /// standard output with -
-    #[arg(long, value_name = "FILE.svg")]
+    /// Draw commands, positions and errors over time, and a machine with a mechanism in a few poses, into a file that
+    /// ends with .svg or .png, or as SVG to standard output with -
+    #[arg(long, value_name = "FILE")]
     pub plot: Option<PathBuf>,
     /// Only this axis in trajectory and picture; may be given several times [default: all axes]
     #[arg(long = "axis", value_name = "NAME")]

@@ -7,7 +7,6 @@ mod arguments;
 pub mod closed_loop;
 mod commands;
 mod open_loop;
-mod plot;
 mod recorder;
 
 use std::time::{Duration, Instant};

@@ -8,10 +8,13 @@ use std::{
 use pipeline::{machine::Machine, message::ValveCommand};
 use plant_sim::PlantSim;
 
-use super::{arguments::RecordingArguments, commands::Commands, plot::Plot};
+use super::{arguments::RecordingArguments, commands::Commands};
 use crate::{
     failure::Failure,
-    report::output::{OutputError, create},
+    report::{
+        motion::{AxisPoint, Format, Plot},
+        output::{OutputError, create},
+    },
 };
 
 /// Columns of every axis: its command, then the true state of the plant; SI units.
@@ -26,8 +29,16 @@ pub struct Recorder {
     /// Indices of the axes in the trajectory.
     axes: Vec<usize>,
     trajectory: Option<TrajectoryFile>,
-    plot: Option<(PathBuf, Box<dyn Write>, Plot)>,
+    plot: Option<Picture>,
     row: Vec<f64>,
+}
+
+/// The file of the picture.
+struct Picture {
+    path: PathBuf,
+    file: Box<dyn Write>,
+    format: Format,
+    plot: Plot,
 }
 
 /// The CSV file of the trajectory.
@@ -78,7 +89,8 @@ impl Recorder {
         if let Some(path) = asked.plot.as_deref() {
             let title = format!("{}, scenario {}", machine.name, machine.scenario.name);
             let plot = Plot::new(title, drawn, is_controlled, duration, machine.mechanism.as_ref());
-            recorder.plot = Some((path.to_owned(), create("--plot", path)?, plot));
+            let format = Format::of("--plot", path)?;
+            recorder.plot = Some(Picture { path: path.to_owned(), file: create("--plot", path)?, format, plot });
         }
         if let Some(path) = trajectory {
             let writer = csv::WriterBuilder::new().has_headers(false).from_writer(create("--trajectory", path)?);
@@ -127,9 +139,17 @@ impl Recorder {
 
     /// Records the state and the command for the picture only.
     pub fn draw(&mut self, t: f64, plant: &PlantSim, command: &ValveCommand) {
-        if let Some((_, _, plot)) = &mut self.plot {
-            plot.row(t, plant.axes(), command);
-        }
+        let Some(Picture { plot, .. }) = &mut self.plot else { return };
+        plot.row(t, |axis| {
+            let (state, control) = (&plant.axes()[axis], &command.axes[axis]);
+            AxisPoint {
+                command: control.command,
+                position: state.position,
+                reference: control.reference,
+                error: control.error,
+                mode: control.mode,
+            }
+        });
     }
 
     /// Whether a reader of the records is left.
@@ -140,9 +160,9 @@ impl Recorder {
     /// Writes everything that is not written yet.
     pub fn finish(mut self) -> Result<(), Failure> {
         self.write(|writer| Ok(writer.flush()?))?;
-        let Some((path, mut file, plot)) = self.plot else { return Ok(()) };
-        let text = plot.svg().map_err(|error| Failure::run(error).about("--plot"))?;
-        match file.write_all(text.as_bytes()).and_then(|()| file.flush()) {
+        let Some(Picture { path, mut file, format, plot }) = self.plot else { return Ok(()) };
+        let bytes = plot.file(format).map_err(|error| Failure::run(error).about("--plot"))?;
+        match file.write_all(&bytes).and_then(|()| file.flush()) {
             Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
                 Err(OutputError::Write { option: "--plot", path, source: error }.into())
             }

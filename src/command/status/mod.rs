@@ -10,6 +10,7 @@ mod arguments;
 mod report;
 
 use std::{
+    sync::atomic::{AtomicBool, Ordering},
     thread::sleep,
     time::{Duration, Instant},
 };
@@ -24,7 +25,10 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::{
     failure::Failure,
     group::{running::meant, signals::stop_flag},
-    report::output::{Output, show_to_reader},
+    report::{
+        block::Block,
+        output::{Output, show_to_reader},
+    },
 };
 pub use arguments::StatusArguments;
 
@@ -59,14 +63,7 @@ pub fn run(arguments: &StatusArguments) -> Result<(), Failure> {
     let stop = stop_flag()?;
     let mut reader = StatusReader::join(&prefix)?;
     if arguments.watch {
-        while !stop.load(std::sync::atomic::Ordering::Relaxed) {
-            let collected = reader.collect()?;
-            if !show_to_reader(&format!("{}\n", StatusReport::new(&collected).tables()))? {
-                break;
-            }
-            sleep(WATCH_PERIOD.saturating_sub(LISTEN));
-        }
-        return Ok(());
+        return watch(&mut reader, &stop);
     }
     let collected = reader.collect()?;
     let report = StatusReport::new(&collected);
@@ -78,6 +75,24 @@ pub fn run(arguments: &StatusArguments) -> Result<(), Failure> {
         names if names.is_empty() => Ok(()),
         names => Err(Failure::run(format!("group \"{prefix}\": silent for more than a second: {}", names.join(", ")))),
     }
+}
+
+/// Shows the state every second until a signal, or until nobody reads it any more. A terminal shows one state, which is
+/// redrawn in place.
+fn watch(reader: &mut StatusReader, stop: &AtomicBool) -> Result<(), Failure> {
+    let mut block = Block::on_stdout();
+    while !stop.load(Ordering::Relaxed) {
+        let report = StatusReport::new(&reader.collect()?);
+        let text = match &mut block {
+            Some(block) => block.show(report.watched().lines().map(str::to_owned).collect()),
+            None => format!("{}\n", report.tables()),
+        };
+        if !show_to_reader(&text)? {
+            break;
+        }
+        sleep(WATCH_PERIOD.saturating_sub(LISTEN));
+    }
+    Ok(())
 }
 
 /// Reads the channels about the state of a group.

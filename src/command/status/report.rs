@@ -162,6 +162,21 @@ impl StatusReport {
         parts.concat()
     }
 
+    /// The same tables for a terminal that may be too low for all of them: axes before channels and latencies.
+    pub fn watched(&self) -> String {
+        let parts = [
+            format!("Group \"{}\"\n", self.group),
+            self.stage_table(),
+            self.axis_table().trim_start_matches('\n').to_owned(),
+            self.warnings.iter().map(|warning| format!("warning: {warning}\n")).collect(),
+            self.others(),
+            "\n".to_owned(),
+            self.channel_table(),
+            self.latency_table(),
+        ];
+        parts.concat()
+    }
+
     fn stages(&self) -> impl Iterator<Item = (&'static str, &StageFigures)> {
         self.order.iter().map(|name| (*name, &self.stages[name]))
     }

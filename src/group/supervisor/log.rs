@@ -3,6 +3,8 @@
 //! Two threads for each stage read its pipes; one thread writes all lines. A queue of bounded length connects them.
 //! When the reader of standard error or the disk is slow, lines are left out and counted, and no stage waits.
 //!
+//! On a terminal, lines that are redrawn in place stand below all others. The same thread writes them.
+//!
 //! Trap: a stage that writes into a full pipe stops and leaves the valves as they are. So the reading threads must
 //! never stop.
 
@@ -23,6 +25,7 @@ use std::{
 use pipeline::{channel::Prefix, stage::StageKind};
 
 use super::SupervisorError;
+use crate::report::block::Block;
 
 /// Lines that the queue between readers and writer holds.
 const QUEUE: usize = 1024;
@@ -41,10 +44,17 @@ struct LogLine {
     text: String,
 }
 
+/// What goes through the queue.
+enum Entry {
+    Line(LogLine),
+    /// The lines of the block on a terminal; none erase it.
+    Block(Vec<String>),
+}
+
 /// Where lines enter the log. Clones share one queue.
 #[derive(Clone)]
 struct Entrance {
-    queue: SyncSender<LogLine>,
+    queue: SyncSender<Entry>,
     left_out: Arc<AtomicU64>,
     kept: Arc<[Mutex<VecDeque<String>>; 4]>,
 }
@@ -80,6 +90,15 @@ impl Log {
     pub fn say(&self, text: impl Into<String>) {
         if let Some(entrance) = &self.entrance {
             entrance.take(None, text.into());
+        }
+    }
+
+    /// Shows these lines below all others on a terminal, in place of those that stand there. A log that is not written
+    /// to a terminal passes over them.
+    pub fn show(&self, lines: Vec<String>) {
+        if let Some(entrance) = &self.entrance {
+            // The next second brings new lines.
+            let _ = entrance.queue.try_send(Entry::Block(lines));
         }
     }
 
@@ -125,7 +144,7 @@ impl Entrance {
             }
             kept.push_back(text.clone());
         }
-        if self.queue.try_send(LogLine { from, at: SystemTime::now(), text }).is_err() {
+        if self.queue.try_send(Entry::Line(LogLine { from, at: SystemTime::now(), text })).is_err() {
             self.left_out.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -136,9 +155,18 @@ fn create(path: &Path) -> Result<File, SupervisorError> {
     folder.and_then(|()| File::create(path)).map_err(|source| SupervisorError::Log { path: path.to_owned(), source })
 }
 
-/// Writes lines until all entrances are dropped.
-fn write(lines: &Receiver<LogLine>, mut file: Option<File>, left_out: &AtomicU64) {
-    for line in lines {
+/// Writes lines until all entrances are dropped. The block is gone by then.
+fn write(entries: &Receiver<Entry>, mut file: Option<File>, left_out: &AtomicU64) {
+    let mut block = Block::on_stderr();
+    for entry in entries {
+        let line = match (entry, &mut block) {
+            (Entry::Line(line), _) => line,
+            (Entry::Block(lines), Some(block)) => {
+                let _ = stderr().write_all(block.show(lines).as_bytes());
+                continue;
+            }
+            (Entry::Block(_), None) => continue,
+        };
         let missing = left_out.swap(0, Ordering::Relaxed);
         let missing = (missing > 0).then(|| LogLine {
             from: None,
@@ -147,16 +175,25 @@ fn write(lines: &Receiver<LogLine>, mut file: Option<File>, left_out: &AtomicU64
         });
         for LogLine { from, at, text } in missing.into_iter().chain([line]) {
             let shown = from.map_or_else(|| format!("{text}\n"), |kind| format!("{} | {text}\n", kind.name()));
-            // The reader of standard error may have ended; the file is written all the same.
-            let _ = stderr().write_all(shown.as_bytes());
+            print(&shown, &mut block);
             let Some(open) = &mut file else { continue };
             let (at, from) = (humantime::format_rfc3339_millis(at), from.map_or("hydraxis", StageKind::name));
             if let Err(error) = open.write_all(format!("{at} {from} | {text}\n").as_bytes()) {
-                let _ = writeln!(stderr(), "warning: the log file takes no more lines: {error}");
+                print(&format!("warning: the log file takes no more lines: {error}\n"), &mut block);
                 file = None;
             }
         }
     }
+    if let Some(block) = &mut block {
+        let _ = stderr().write_all(block.show(Vec::new()).as_bytes());
+    }
+}
+
+/// Writes text to standard error, above the block if there is one.
+fn print(text: &str, block: &mut Option<Block>) {
+    let shown = block.as_mut().map_or_else(|| text.to_owned(), |block| block.above(text));
+    // The reader of standard error may have ended; the file is written all the same.
+    let _ = stderr().write_all(shown.as_bytes());
 }
 
 #[cfg(test)]

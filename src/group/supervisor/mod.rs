@@ -37,7 +37,10 @@ use pipeline::{
     stage::{StageKind, StageOptions},
 };
 
-use super::{launch::command, monitor::Monitor};
+use super::{
+    launch::command,
+    monitor::{Monitor, Second},
+};
 use crate::{arguments::MachineFile, recording::black_box::BlackBox};
 use deaths::Deaths;
 pub use error::SupervisorError;
@@ -159,12 +162,10 @@ impl<'a> Supervisor<'a> {
         self.log.say(text);
     }
 
-    /// Sends the line of this second to the service manager, and to the log where `show` is set.
-    pub fn report(&self, line: &str, show: bool) {
-        self.service_manager.status(line);
-        if show {
-            self.say(line);
-        }
+    /// Sends the line of this second to the service manager, and its lines to the terminal, if there is one.
+    pub fn report(&self, second: Second) {
+        self.service_manager.status(&second.line);
+        self.log.show(second.lines);
     }
 
     /// Starts a stage for the first time.

@@ -41,6 +41,7 @@ impl Supervisor<'_> {
     pub fn stop(&mut self) -> Option<SupervisorError> {
         if !self.is_stopping {
             self.is_stopping = true;
+            self.log.show(Vec::new());
             self.service_manager.stopping();
             // Signals that have come so far are the reason for this stop; only later ones hurry it.
             self.interrupts.any();

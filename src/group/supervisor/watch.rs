@@ -70,6 +70,8 @@ impl Supervisor<'_> {
         let (board, log) = (&self.board, &self.log);
         self.interrupts.suspend(|| {
             let ticket = board.stop(0..MAX_AXES);
+            // The shell writes to the terminal until the process goes on.
+            log.show(Vec::new());
             log.say("suspended: all axes are disarmed; `hydraxis arm` arms them after `fg`");
             let until = Instant::now() + SUSPEND_PATIENCE;
             while !board.is_done(&ticket) && Instant::now() < until {

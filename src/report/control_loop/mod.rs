@@ -61,6 +61,9 @@ struct AxisReport {
     latch: Option<Latch>,
     tracking: Tracking,
     tracking_by_model: Tracking,
+    /// Over the ticks in which the fallback controlled; absent without such ticks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rmse_by_fallback: Option<f64>,
     /// Refused snapshots, by reason.
     rejected_snapshots: BTreeMap<&'static str, u64>,
     /// Plans that the solver did not solve.
@@ -292,6 +295,14 @@ fn why_never_by_model(axis: &Axis, command: &AxisCommand, snapshot: &AxisSnapsho
     why_fallback(&axis.name, Some(axis.control.model), &last, snapshot.faults)
 }
 
+/// Root mean square of the values of `all` that are not among those of `part`; none without such values.
+fn rmse_of_rest(all: &ErrorStatistics, part: &ErrorStatistics) -> Option<f64> {
+    let squares =
+        |error: &ErrorStatistics| if error.count == 0 { 0.0 } else { error.count as f64 * error.rmse().powi(2) };
+    let count = all.count.checked_sub(part.count).filter(|count| *count > 0)?;
+    Some(((squares(all) - squares(part)).max(0.0) / count as f64).sqrt())
+}
+
 /// Refused snapshots by reason; reasons that did not occur are left out.
 fn rejected(command: &AxisCommand) -> BTreeMap<&'static str, u64> {
     REFUSALS.into_iter().zip(command.rejected_snapshots).filter(|(_, count)| *count > 0).collect()
@@ -336,6 +347,7 @@ impl AxisReport {
             latch: Latch::new(command, period),
             tracking: Tracking::new(&command.tracking),
             tracking_by_model: Tracking::new(&command.model_tracking),
+            rmse_by_fallback: rmse_of_rest(&command.tracking, &command.model_tracking),
             rejected_snapshots: rejected(command),
             unsolved_plans: command.unsolved_plans,
             slowed_ticks: command.slowed_ticks,
@@ -350,5 +362,24 @@ impl AxisReport {
                 skipped: snapshot.skipped,
             },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rest_of_errors_has_the_root_mean_square_of_its_own_values() {
+        let of = |values: &[f64]| {
+            let mut statistics = ErrorStatistics::default();
+            values.iter().for_each(|value| statistics.push(*value));
+            statistics
+        };
+        let (part, rest) = (of(&[1.0, -2.0, 5.0]), of(&[3.0, 4.0]));
+        let all = of(&[1.0, 3.0, -2.0, 4.0, 5.0]);
+        assert!((rmse_of_rest(&all, &part).unwrap() - rest.rmse()).abs() < 1e-12);
+        assert_eq!(rmse_of_rest(&all, &of(&[])), Some(all.rmse()));
+        assert_eq!(rmse_of_rest(&all, &all), None);
     }
 }

@@ -1,5 +1,7 @@
 //! The report of `run` and `simulate` as tables for people: axes, stages, latencies, and lines about what was unusual.
 
+use std::time::Duration;
+
 use pipeline::{
     machine::{Axis, IdentifiedOutput, Machine, Source},
     stage::StageKind,
@@ -13,6 +15,16 @@ use crate::report::{
 
 /// Events that the tables show.
 const MOST_EVENTS: usize = 10;
+
+/// Below the table of the axes where a reduction is negative.
+const NEGATIVE_REDUCTION: &str = " A negative reduction: the classical model predicted these samples better than the \
+    adaptive one, as where little changes\n \
+    after the training. It is no figure of the tracking.\n";
+/// Time for which the model and the fallback must each have controlled an axis before their errors are compared.
+/// Shorter parts of the motion have little in common.
+const LEAST_COMPARED: Duration = Duration::from_secs(5);
+/// Above the comparison of the model with the fallback.
+const GAINS: &str = "Tracking error in this run (rms, each over the ticks in which it controlled):\n";
 
 impl LoopReport {
     /// All figures as tables.
@@ -28,6 +40,7 @@ impl LoopReport {
             self.faults(),
             self.training_hints(machine),
             self.fallbacks(machine),
+            self.gains(machine),
         ];
         let total = format!(
             "{} ticks, {} s of the machine in {} s: {} lost.\n",
@@ -89,7 +102,27 @@ impl LoopReport {
             "adaptive",
             "reduction",
         ];
-        text + &format!("{}\n\n", table(&header, rows.collect()))
+        text += &format!("{}\n", table(&header, rows.collect()));
+        let reductions = self.axes.values().map(|axis| &axis.identification.reduction_percent);
+        if reductions.into_iter().any(|reduction| reduction.h_step < 0.0 || reduction.one_step < 0.0) {
+            text += NEGATIVE_REDUCTION;
+        }
+        text + "\n"
+    }
+
+    /// Tracking by the model against tracking by the fallback, for each axis that both have controlled for long enough.
+    fn gains(&self, machine: &Machine) -> String {
+        let least = LEAST_COMPARED.as_secs_f64() / machine.timing.period.as_secs_f64();
+        let line = |axis: &Axis| {
+            let AxisReport { tracking, tracking_by_model: by_model, rmse_by_fallback, .. } = &self.axes[&axis.name];
+            let by_fallback = rmse_by_fallback.as_ref()?;
+            let shorter = by_model.count.min(tracking.count - by_model.count);
+            let is_ground = shorter as f64 >= least && by_model.rmse.is_finite() && by_fallback.is_finite();
+            let [model, fallback] = [by_model.rmse, *by_fallback].map(|rmse| 1e3 * rmse);
+            is_ground.then(|| format!(" {}: model {model:.1} mm, fallback {fallback:.1} mm\n", axis.name))
+        };
+        let lines: String = machine.axes.iter().filter_map(line).collect();
+        if lines.is_empty() { lines } else { format!("{GAINS}{lines}") }
     }
 
     fn stage_table(&self) -> String {

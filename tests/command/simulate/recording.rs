@@ -4,7 +4,7 @@ use std::fs;
 
 use super::{
     Trajectory,
-    cli::success,
+    cli::{expect_refusal, success},
     folder_with,
     harness::{FOUR_AXES, report},
     trajectory,
@@ -67,6 +67,62 @@ fn a_picture_names_axes_and_units_and_needs_nothing_from_elsewhere() {
     assert!(picture.contains("20 t excavator, scenario nominal"));
     assert_eq!(picture.matches("http").count(), 1, "the name space of SVG alone");
     assert!(picture.trim_end().ends_with("</svg>"));
+}
+
+/// Width and height of a PNG file, which has them at the begin of its first chunk.
+fn size_of_png(bytes: &[u8]) -> (u32, u32) {
+    assert_eq!(&bytes[..8], b"\x89PNG\r\n\x1a\n");
+    let number = |at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
+    (number(16), number(20))
+}
+
+#[test]
+fn a_closed_loop_is_drawn_with_its_errors_and_who_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = success(folder.path(), &["simulate", "--duration", "1s", "--plot", "-"]);
+    for text in ["following error, mm", "commanded by", "neutral or latched", "fallback", "model"] {
+        assert!(picture.contains(&format!("\n{text}\n")), "{text}");
+    }
+}
+
+#[test]
+fn a_trajectory_is_drawn_as_simulate_draws_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["--duration", "3s", "--axis", "arm", "--trajectory", "y.csv", "--plot", "y.svg"];
+    success(folder.path(), &[&["simulate", FOUR_AXES][..], &arguments].concat());
+    let drawn = success(folder.path(), &["plot", "y.csv", "--output", "-"]);
+    let curves = |picture: &str| {
+        let curves = picture.lines().filter(|line| line.starts_with("<polyline") && line.len() > 500);
+        let points = curves.filter_map(|line| line.split("points=").nth(1).map(str::to_owned));
+        points.collect::<Vec<_>>()
+    };
+    let simulated = fs::read_to_string(folder.path().join("y.svg")).unwrap();
+    assert!(curves(&simulated).len() >= 3 && curves(&drawn) == curves(&simulated), "{drawn}");
+    assert!(drawn.contains("\ny.csv\n") && drawn.contains("\narm\n"));
+
+    success(folder.path(), &["plot", "y.csv", "--output", "y.png"]);
+    let (width, height) = size_of_png(&fs::read(folder.path().join("y.png")).unwrap());
+    assert!(width == 1600 && height > 1000, "{width} {height}");
+}
+
+#[test]
+fn a_trajectory_without_a_controller_has_commands_and_positions() {
+    let folder = folder_with("y.csv", "t,lift.command,lift.position\n0,0,0.1\n1,0.5,0.1\n2,0.5,0.2\n");
+    let picture = success(folder.path(), &["plot", "y.csv", "--output", "-"]);
+    assert!(picture.contains("\nlift\n") && picture.contains("\n200\n") && !picture.contains("reference"), "{picture}");
+}
+
+#[test]
+fn what_is_no_picture_or_no_trajectory_is_refused() {
+    let folder = folder_with("u.csv", "t,boom\n0,0\n");
+    expect_refusal(folder.path(), &["simulate", "--plot", "y.pdf"], &["--plot", "y.pdf", ".svg", ".png"]);
+    expect_refusal(folder.path(), &["plot", "u.csv", "--output", "y"], &["--output", "\"y\"", ".svg", ".png"]);
+    expect_refusal(folder.path(), &["plot", "u.csv", "--output", "y.svg"], &["u.csv", "AXIS.position", "--trajectory"]);
+    let folder = folder_with("y.csv", "t,arm.command,arm.position\n");
+    expect_refusal(folder.path(), &["plot", "y.csv", "--output", "y.svg"], &["y.csv", "one row or more"]);
+    let other = ["plot", "y.csv", "--output", "y.svg", "--axis", "boom"];
+    expect_refusal(folder.path(), &other, &["--axis", "\"boom\"", "arm"]);
+    assert!(!folder.path().join("y.svg").exists());
 }
 
 #[test]

@@ -7,11 +7,12 @@ use std::error::Error;
 use mechanism::{AXES, Mechanism, Pose, PreparedMechanism, Vector};
 use plotters::{
     chart::ChartBuilder,
+    coord::Shift,
     element::{Circle, PathElement, Polygon, Text},
-    prelude::{Color, IntoFont, RGBColor},
+    prelude::{Color, DrawingArea, DrawingBackend, IntoFont, RGBColor},
 };
 
-use super::{Area, FONT, WHITE, tick};
+use super::{FONT, WHITE, tick};
 
 /// Number of poses, evenly spread over time from the first row to the last.
 const DRAWN: usize = 4;
@@ -56,7 +57,10 @@ impl Poses {
     }
 
     /// Draws poses and path.
-    pub fn draw(&self, area: &Area) -> Result<(), Box<dyn Error + Send + Sync>> {
+    pub fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<(), Box<dyn Error + Send + Sync>>
+    where
+        B::ErrorType: 'static,
+    {
         let rows: Vec<_> = self.rows.iter().chain(&self.last).copied().collect();
         let Some(end) = rows.len().checked_sub(1) else { return Ok(()) };
         let path: Vec<Vector> = rows.iter().map(|(_, positions)| self.prepared.pose(positions).tip).collect();
@@ -68,7 +72,7 @@ impl Poses {
         let poses: Vec<(f64, Drawn)> = shown.map(|(t, positions)| (t, self.drawn(&positions))).collect();
         let all = || poses.iter().flat_map(|(_, drawn)| drawn.points()).chain(&path);
 
-        let (x, z) = self.ranges(area, all());
+        let (x, z) = self.ranges(area.dim_in_pixel(), all());
         let mut chart = ChartBuilder::on(area)
             .margin_right(40)
             .margin_bottom(10)
@@ -114,12 +118,15 @@ impl Poses {
     }
 
     /// Ranges of x and z that hold all points and the ground at the centre of swing, with one scale for both.
-    fn ranges<'a>(&self, area: &Area, points: impl Iterator<Item = &'a Vector>) -> ((f64, f64), (f64, f64)) {
+    fn ranges<'a>(
+        &self,
+        (width, height): (u32, u32),
+        points: impl Iterator<Item = &'a Vector>,
+    ) -> ((f64, f64), (f64, f64)) {
         let start = (Vector::default(), Vector::default());
         let (low, high) = points.fold(start, |(low, high), at| {
             (Vector::new(low.x.min(at.x), low.z.min(at.z)), Vector::new(high.x.max(at.x), high.z.max(at.z)))
         });
-        let (width, height) = area.dim_in_pixel();
         // The labels take about as much on both sides.
         let (width, height) = (f64::from(width.saturating_sub(130)), f64::from(height.saturating_sub(90)));
         let span = high - low + Vector::new(2.0 * MARGIN, 2.0 * MARGIN);

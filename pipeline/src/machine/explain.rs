@@ -29,6 +29,24 @@ pub struct Key {
     pub forms: Vec<ValueForm>,
 }
 
+impl Key {
+    /// Adds a form that the value can have under other settings. Choices of several settings become one.
+    fn extend(&mut self, form: ValueForm) {
+        if self.forms.contains(&form) {
+            return;
+        }
+        if let [ValueForm::Choice { names: known }] = &mut self.forms[..]
+            && let ValueForm::Choice { names } = form
+        {
+            known.extend(names.into_iter().filter(|name| !known.contains(name)).collect::<Vec<_>>());
+            let quoted: Vec<String> = known.iter().map(|name| format!("\"{name}\"")).collect();
+            self.allowed = quoted.join(" or ");
+        } else {
+            self.forms.push(form);
+        }
+    }
+}
+
 /// A file in which every table is given, so that the reader asks for all keys. Its values are of no interest.
 const SPECIMEN: &str = r#"
     [scenarios.NAME]
@@ -75,9 +93,7 @@ pub fn keys() -> Vec<Key> {
             let path = pattern(&key);
             match keys.iter().position(|known| known.path == path) {
                 Some(known) => {
-                    let known_forms = &mut keys[known].forms;
-                    let others: Vec<ValueForm> = forms.into_iter().filter(|form| !known_forms.contains(form)).collect();
-                    known_forms.extend(others);
+                    forms.into_iter().for_each(|form| keys[known].extend(form));
                     place = known + 1;
                 }
                 None => {

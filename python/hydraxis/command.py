@@ -20,11 +20,20 @@ INPUT = "input.csv"
 
 def executable():
     """Path of the command."""
-    found = os.environ.get("HYDRAXIS") or shutil.which("hydraxis")
+    found = os.environ.get("HYDRAXIS") or _parent() or shutil.which("hydraxis")
     if not found:
         raise HydraxisError("the command hydraxis is not on the path; install it with: cargo install --path . in the "
                             "folder of Hydraxis, or name it by the variable HYDRAXIS")
     return found
+
+
+def _parent():
+    """The supervisor that has started this program, if there is one."""
+    try:
+        parent = os.readlink(f"/proc/{os.getppid()}/exe")
+    except OSError:
+        return None
+    return parent if os.path.basename(parent) == "hydraxis" else None
 
 
 def run(*arguments):

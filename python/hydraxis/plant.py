@@ -10,14 +10,17 @@
 
     Machine.main()
 
-The supervisor starts such a program, in real time or in lock-step:
+The supervisor starts such a program, in real time or in lock-step, or you start it by hand beside a group whose machine
+file has source.kind = "external":
 
     hydraxis run machine.toml --set stage.plant-sim.command='["python3","my_plant.py"]'
+    python3 my_plant.py machine.toml --prefix NAME
 
 In real time the commands go to neutral when they have stopped for `timing.drive_timeout`, as a valve's drive does it.
 """
 
 import argparse
+import json
 import os
 import re
 import select
@@ -25,9 +28,9 @@ import signal
 import stat
 import sys
 import time
-from pathlib import Path
 
 from .channels import Membership, Publisher, Reader
+from .command import run
 from .errors import HydraxisError
 from .messages import CoefficientSnapshot, EncoderReading, EncoderValue, ValveCommand
 
@@ -72,7 +75,7 @@ class _Process:
         self.period = seconds(machine["timing"]["period"])
         self.drive_timeout = seconds(machine["timing"].get("drive_timeout", "50ms"))
         self.neutral = [0.0] * self.axes
-        self.membership = Membership(arguments.prefix, "plant-sim")
+        self.membership = Membership(arguments.prefix, "plant")
         self.readings = Publisher(self.membership, EncoderReading)
         self.commands = Reader(self.membership, ValveCommand)
         self.snapshots = Reader(self.membership, CoefficientSnapshot) if arguments.lockstep else None
@@ -157,24 +160,25 @@ def seconds(text):
 
 
 def load_machine(path, settings=()):
-    """The machine file as a dict, with settings KEY=VALUE as `hydraxis --set` takes them."""
+    """The machine file with settings KEY=VALUE as a dict of tables: every effective value, in SI units, as
+    `hydraxis check --explain` shows them. Durations are texts, such as "10ms"."""
     try:
         import tomllib
     except ImportError:
         import tomli as tomllib  # Python 3.10 and older
     if path is None:
         raise ValueError("the plant needs a machine file: hydraxis run MACHINE.toml ..")
-    machine = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    for setting in settings:
-        key, _, text = setting.partition("=")
-        *tables, last = key.split(".")
+    options = [word for setting in settings for word in ("--set", setting)]
+    _, text, _ = run("check", path, *options, "--explain", "--json", "-")
+    machine = {}
+    for value in json.loads(text):
+        if value["value"] is None or "[" in value["key"]:
+            continue  # without a value, or in a list of tables
+        *tables, last = value["key"].split(".")
         table = machine
         for name in tables:
             table = table.setdefault(name, {})
-        try:
-            table[last] = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            table[last] = text  # a text may stand without quotation marks
+        table[last] = tomllib.loads(f"value = {value['value']}")["value"]
     return machine
 
 

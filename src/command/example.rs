@@ -39,22 +39,14 @@ struct Example {
     /// What it is, in one line.
     summary: &'static str,
     text: &'static str,
-    /// Another example that it needs beside it.
-    needs: Option<&'static str>,
 }
 
 /// A file of the folder `examples`, with a line that says what it is.
 macro_rules! example {
     ($name:literal, $summary:literal) => {
-        example!($name, $summary, None)
-    };
-    ($name:literal, $summary:literal, $needs:expr) => {
-        Example { name: $name, summary: $summary, text: include_str!(concat!("../../examples/", $name)), needs: $needs }
+        Example { name: $name, summary: $summary, text: include_str!(concat!("../../examples/", $name)) }
     };
 }
-
-/// The module that the programs in Python import.
-const MODULE: Option<&str> = Some("hydraxis.py");
 
 const EXAMPLES: &[Example] = &[
     example!("excavator.toml", "machine file: a 20 t excavator with pilot-operated valves, the built-in machine"),
@@ -62,9 +54,11 @@ const EXAMPLES: &[Example] = &[
     example!("excavator-servo.toml", "machine file: the same excavator with servo valves"),
     example!("four-axes.toml", "machine file: four independent cylinders with fast valves"),
     example!("mechanism.toml", "tables for a machine file: the linkage of the excavator"),
-    example!("hydraxis.py", "Python: the messages and channels, a module for programs of your own"),
-    example!("plant.py", "Python: a plant in the place of plant-sim", MODULE),
-    example!("watch.py", "Python: watches a running group", MODULE),
+    example!("plant.py", "Python: a plant in the place of plant-sim, or of a rig"),
+    example!("watch.py", "Python: watches a running group"),
+    example!("logger.py", "Python: writes what a running group measures and commands to a CSV file"),
+    example!("reference.py", "Python: gives the references of a running group"),
+    example!("commission.ipynb", "notebook: commissions an axis and draws what was found"),
     example!("watch.rs", "Rust: watches a running group"),
     example!("hydraxis.service", "a unit of systemd that runs a machine as a service"),
 ];
@@ -83,16 +77,12 @@ pub fn run(arguments: &ExampleArguments) -> Result<(), Failure> {
         Some(file) => file.to_owned(),
     };
     write(&path, example, arguments.force)?;
-    let mut text = format!("written: {}\n", path.display());
-    for needed in EXAMPLES.iter().filter(|other| example.needs == Some(other.name)) {
-        let beside = path.with_file_name(needed.name);
-        if beside.exists() {
-            continue; // a program of the user may have changed it
-        }
-        write(&beside, needed, false)?;
-        text += &format!("written: {}, which it needs\n", beside.display());
-    }
-    Ok(show(&text)?)
+    let needs = if [".py", ".ipynb"].iter().any(|ending| example.name.ends_with(ending)) {
+        "it needs the Python package: pip install ./python in the folder of Hydraxis\n"
+    } else {
+        ""
+    };
+    Ok(show(&format!("written: {}\n{needs}", path.display()))?)
 }
 
 /// The example with this name.
@@ -141,6 +131,5 @@ mod tests {
         let mut names: Vec<&str> = EXAMPLES.iter().map(|example| example.name).collect();
         names.sort_unstable();
         assert_eq!(files, names);
-        assert!(EXAMPLES.iter().all(|example| example.needs.is_none_or(|needed| names.contains(&needed))));
     }
 }

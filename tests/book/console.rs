@@ -300,6 +300,7 @@ macro_rules! pages {
 pages! {
     readme: "README.md",
     start: "docs/src/start.md",
+    rig: "docs/src/rig.md",
     command_init: "docs/src/commands/init.md",
     command_run: "docs/src/commands/run.md",
     command_simulate: "docs/src/commands/simulate.md",

@@ -76,9 +76,10 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
         },
     };
     let text = format!(
-        "{}: {} axes ({}), every {}, {source}: no problem found.\n",
+        "{}: {} {} ({}), every {}, {source}: no problem found.\n",
         machine.name,
         names.len(),
+        if names.len() == 1 { "axis" } else { "axes" },
         names.join(", "),
         humantime::format_duration(machine.timing.period)
     );

@@ -101,15 +101,15 @@ impl SourceWatch {
         if passed < WINDOW.max(self.period * WINDOW_PERIODS) {
             return None;
         }
-        let count = (health.received - self.before.received) as f64;
+        let new = (health.received - self.before.received) as f64;
         let foreign = health.foreign - self.before.foreign;
-        let (rate, wanted) = (count / passed.as_secs_f64(), 1.0 / self.period.as_secs_f64());
+        let (rate, wanted) = (new / passed.as_secs_f64(), 1.0 / self.period.as_secs_f64());
         let (axes, found, age_ns) = (self.axes, last.map_or(0, |last| last.header.axis_count), self.age_ns);
         let timeout = self.timeout;
         (self.window, self.before, self.age_ns) = (now, *health, 0);
         if found != axes {
             return self.tell(Some(Fault::Axes), || {
-                format!("found {found} axes in a reading; the machine has {axes}: no such reading is used")
+                format!("found a reading with {}; the machine has {axes}: no such reading is used", count(found))
             });
         }
         if foreign > 0 {
@@ -153,7 +153,8 @@ impl SourceWatch {
         self.tell(Some(Fault::None), || {
             format!(
                 "no reading yet{foreign}: it has to write channel encoder-reading of group \"{group}\" at least every \
-                 {period}, with {axes} axes"
+                 {period}, with {}",
+                count(axes)
             )
         })
     }
@@ -164,6 +165,10 @@ impl SourceWatch {
         let weight = if fault.is_some() { "warning: " } else { "" };
         (before != fault).then(|| format!("{weight}source ({}): {}", self.program, what()))
     }
+}
+
+fn count(axes: u32) -> String {
+    if axes == 1 { "1 axis".to_owned() } else { format!("{axes} axes") }
 }
 
 #[cfg(test)]
@@ -249,7 +254,7 @@ mod tests {
         assert!(bench.line(300, |_| 1).contains("20ms old when they are sent; timing.feedback_timeout is 30ms"));
         bench.reading.header.acquired_ns = 90_000_000;
         bench.reading.header.axis_count = 3;
-        assert!(bench.line(110, |_| 1).contains("found 3 axes in a reading; the machine has 4"));
+        assert!(bench.line(110, |_| 1).contains("found a reading with 3 axes; the machine has 4"));
         bench.reading.header.axis_count = 4;
         bench.health.foreign = 5;
         assert!(bench.line(110, |_| 1).contains("5 readings not read"));

@@ -7,7 +7,7 @@
 //! | release, in sources without a repository | `0.1.0` |
 //! | debug | `0.1.0 (debug)` |
 //!
-//! Nothing else of the computer or of the time gets into the program, so the same commit gives the same version. A debug
+//! Nothing else of the computer or of the time gets into the version, so the same commit gives the same one. A debug
 //! build does not name its commit: each commit would compile the command and all of its tests anew.
 
 use std::{env, path::Path, process::Command};

@@ -52,7 +52,7 @@ fn write(command: &Command, folder: &Path) -> io::Result<usize> {
     Ok(number)
 }
 
-/// The page of one command. What its help says after the options keeps its lines, because these are examples and tables.
+/// The page of one command. What its help says after the options keeps its lines: these are examples and tables.
 fn page(command: &Command) -> io::Result<Vec<u8>> {
     let mut page = Vec::new();
     let man = Man::new(command.clone()).manual("Hydraxis").source(concat!("hydraxis ", env!("CARGO_PKG_VERSION")));

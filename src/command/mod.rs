@@ -8,15 +8,18 @@
 //! | [`simulate`], [`mod@bench`], [`identify`] | without a loop in real time, in this process |
 //! | [`init`], [`example`] | before there is a machine file |
 //! | [`check`], [`mechanism`], [`doctor`], [`clean`], [`mod@plot`] | before or after a run |
+//! | [`completions`], [`manual`] | when the command is installed |
 
 mod bench;
 mod check;
 mod clean;
 mod commission;
+mod completions;
 mod doctor;
 mod example;
 mod identify;
 mod init;
+mod manual;
 mod mechanism;
 mod operate;
 mod plot;
@@ -35,10 +38,12 @@ use bench::Bench;
 use check::CheckArguments;
 use clean::CleanArguments;
 use commission::CommissionArguments;
+use completions::CompletionsArguments;
 use doctor::DoctorArguments;
 use example::ExampleArguments;
 use identify::IdentifyArguments;
 use init::InitArguments;
+use manual::ManualArguments;
 use operate::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
 use plot::PlotArguments;
 use run::RunArguments;
@@ -48,7 +53,7 @@ use status::StatusArguments;
 
 /// Identifies and controls the electrohydraulic axes of a machine.
 #[derive(Debug, Parser)]
-#[command(name = "hydraxis", version, max_term_width = 110)]
+#[command(name = "hydraxis", version = env!("HYDRAXIS_VERSION"), max_term_width = 110)]
 #[command(after_help = "\
 Start with `hydraxis run`: it needs no file, simulates the built-in excavator, and moves nothing real.
 Each subcommand has examples: `hydraxis run --help`.
@@ -105,6 +110,10 @@ pub enum Command {
     IdentProc(StageArguments),
     /// Run the controller alone, in the foreground
     ControlProc(StageArguments),
+    /// Write the script by which a shell completes subcommands and options
+    Completions(CompletionsArguments),
+    /// Write the help as manual pages
+    Man(ManualArguments),
 }
 
 impl Command {
@@ -135,6 +144,8 @@ impl Command {
             Self::SensorProc(arguments) => stage::run(StageKind::SensorProc, arguments),
             Self::IdentProc(arguments) => stage::run(StageKind::IdentProc, arguments),
             Self::ControlProc(arguments) => stage::run(StageKind::ControlProc, arguments),
+            Self::Completions(arguments) => completions::run(arguments),
+            Self::Man(arguments) => manual::run(arguments),
         }
     }
 }

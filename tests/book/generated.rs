@@ -7,6 +7,7 @@ use std::path::Path;
 use pipeline::machine::{Change, Key, Parameter, Scenario, Target, keys, units};
 
 use super::{
+    harness::hydraxis,
     languages,
     pages::{Page, is_overwriting, root},
 };
@@ -106,6 +107,18 @@ fn the_book_lists_every_key_of_the_machine_file() {
         }
     }
     check("docs/src/machine.md", "keys", tables.trim_start());
+}
+
+#[test]
+fn the_json_schema_of_the_project_is_that_of_the_program() {
+    let output = hydraxis().args(["check", "--schema"]).output().unwrap();
+    let (path, schema) = (root().join("docs/machine.schema.json"), String::from_utf8(output.stdout).unwrap());
+    if is_overwriting() {
+        std::fs::write(path, schema).unwrap();
+    } else {
+        let kept = std::fs::read_to_string(path).unwrap();
+        assert_eq!(kept, schema, "HYDRAXIS_BOOK=overwrite cargo test --test book writes docs/machine.schema.json anew");
+    }
 }
 
 #[test]

@@ -7,13 +7,13 @@ use std::path::Path;
 
 use super::{
     Machine, MachineFile,
-    document::{DefaultValue, Document, EffectiveValue, Setting},
+    document::{DefaultValue, Document, EffectiveValue, Entry, Setting, ValueForm},
     error::MachineError,
     model_file,
 };
 
 /// One key that a machine file can have.
-#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Key {
     /// Full dotted name with patterns: `axis.NAME.control.kp`, `axis.NAME.reference.sines[].amplitude`.
     pub path: String,
@@ -25,6 +25,26 @@ pub struct Key {
     pub default: DefaultValue,
     /// What the key means, in one sentence.
     pub meaning: &'static str,
+    /// Forms that the value can have, for programs that check a file without this reader.
+    pub forms: Vec<ValueForm>,
+}
+
+impl Key {
+    /// Adds a form that the value can have under other settings. Choices of several settings become one.
+    fn extend(&mut self, form: ValueForm) {
+        if self.forms.contains(&form) {
+            return;
+        }
+        if let [ValueForm::Choice { names: known }] = &mut self.forms[..]
+            && let ValueForm::Choice { names } = form
+        {
+            known.extend(names.into_iter().filter(|name| !known.contains(name)).collect::<Vec<_>>());
+            let quoted: Vec<String> = known.iter().map(|name| format!("\"{name}\"")).collect();
+            self.allowed = quoted.join(" or ");
+        } else {
+            self.forms.push(form);
+        }
+    }
 }
 
 /// A file in which every table is given, so that the reader asks for all keys. Its values are of no interest.
@@ -68,14 +88,17 @@ pub fn keys() -> Vec<Key> {
         // The specimen is no valid machine; only what the reader asks for is of interest.
         let _ = Machine::read(document.root(), Path::new("."));
         let mut place = 0;
-        for (value, allows) in document.values() {
+        for Entry { value, allows, forms } in document.entries() {
             let EffectiveValue { key, unit, allowed, default, meaning, .. } = value;
             let path = pattern(&key);
             match keys.iter().position(|known| known.path == path) {
-                Some(known) => place = known + 1,
+                Some(known) => {
+                    forms.into_iter().for_each(|form| keys[known].extend(form));
+                    place = known + 1;
+                }
                 None => {
                     let allowed = allows.unwrap_or(allowed);
-                    keys.insert(place, Key { path, allowed, unit, default, meaning });
+                    keys.insert(place, Key { path, allowed, unit, default, meaning, forms });
                     place += 1;
                 }
             }
@@ -131,7 +154,7 @@ impl Machine {
         }
         document.prepend(built_in);
         let machine = Self::read(document.root(), &folder);
-        let values = document.values().into_iter().map(|(value, _)| value).collect();
+        let values = document.values();
         document.into_result(&name, (machine, values))
     }
 }
@@ -152,6 +175,7 @@ mod tests {
         for key in &keys {
             assert!(key.meaning.len() > 5 && !key.meaning.ends_with('.'), "{}: {}", key.path, key.meaning);
             assert!(!key.allowed.is_empty(), "{}", key.path);
+            assert!(!key.forms.is_empty(), "{}", key.path);
         }
     }
 

@@ -51,7 +51,7 @@ pub use axis::{
     Plant, Ports, PressureTransducers, ReferenceSource, SMITH_MEMORY, SensorErrors, Sine, SmithSettings, Split,
     ValveCurve, shortest_training,
 };
-pub use document::{DefaultValue, EffectiveValue, Origin, samples_of};
+pub use document::{DefaultValue, EffectiveValue, Origin, ValueForm, samples_of};
 pub use error::{MachineError, Problem};
 pub use explain::{Key, keys};
 pub use fuzzy::{Fuzzy, Level};

@@ -8,6 +8,7 @@ mod margins;
 mod models;
 mod plausible;
 mod references;
+mod schema;
 mod sensors;
 
 use std::path::PathBuf;
@@ -35,6 +36,7 @@ Examples:
   hydraxis check my.toml                               everything that is wrong with the file
   hydraxis check my.toml --model model.toml --explain  every value, where it comes from, and what is allowed
   hydraxis check --explain --json - | jq '.[] | select(.key == \"axis.boom.identification.nk\")'
+  hydraxis check --schema > machine.schema.json        for an editor that knows JSON schemas
 
 Reads the machine file and every file that it names, and starts nothing. Exit codes: 0 no problem found, 2 a problem.")]
 pub struct CheckArguments {
@@ -47,10 +49,16 @@ pub struct CheckArguments {
     /// With --explain, write the effective values as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE", requires = "explain")]
     pub json: Option<PathBuf>,
+    /// Write the JSON schema of machine files to standard output, for editors
+    #[arg(long, exclusive = true)]
+    pub schema: bool,
 }
 
 /// Checks a machine file and shows in a few lines what it describes, or all of its values.
 pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
+    if arguments.schema {
+        return schema::run();
+    }
     let machine = load(&arguments.machine)?;
     deep(&machine)?;
     let loops = margins::judge(&machine);

@@ -179,7 +179,7 @@ impl LoopReport {
         operated.map(line).collect()
     }
 
-    /// Why the fallback controls, for each axis that no model has controlled; of one without a model other lines say it.
+    /// Why the fallback controls, for each axis that no model has controlled; other lines tell of one without a model.
     fn fallbacks(&self, machine: &Machine) -> String {
         let line = |axis: &Axis| {
             let report = &self.axes[&axis.name];

@@ -13,6 +13,8 @@ use crate::{
 };
 
 use super::{
+    Entry,
+    form::ValueForm,
     record::{DefaultValue, EffectiveValue, Origin},
     section::{Section, Value},
     value::{
@@ -35,6 +37,8 @@ pub(in crate::machine) struct Key<'s, 'd, 'i> {
     is_quantity: bool,
     /// Names that the value can have, for a name that is mistyped.
     names: Vec<String>,
+    /// Forms that the value can have.
+    forms: Vec<ValueForm>,
 }
 
 /// What a parser has found for a key.
@@ -59,6 +63,7 @@ impl<'d, 'i> Section<'d, 'i> {
             allows: None,
             is_quantity: false,
             names: Vec::new(),
+            forms: Vec::new(),
         }
     }
 }
@@ -82,6 +87,29 @@ impl Key<'_, '_, '_> {
     /// Says that the value is made of numbers in this unit.
     fn unit(self, unit: &str) -> Self {
         Self { unit: unit.to_owned(), is_quantity: true, ..self }
+    }
+
+    /// Says which form the value can have, beside those that were said before.
+    fn form(mut self, form: ValueForm) -> Self {
+        self.forms.push(form);
+        self
+    }
+
+    /// Says that the value can be a number in `range` and `unit`.
+    fn one(self, range: &RangeInclusive<f64>, unit: &str) -> Self {
+        let range = Some((*range.start(), *range.end()));
+        self.unit(unit).form(ValueForm::Number { range, unit: Some(unit.to_owned()) })
+    }
+
+    /// Says that the value can be a list of such numbers, with a length from `shortest` to `longest`.
+    fn list(self, range: &RangeInclusive<f64>, unit: &str, shortest: usize, longest: Option<usize>) -> Self {
+        let (range, length) = (Some((*range.start(), *range.end())), (shortest, longest));
+        self.unit(unit).form(ValueForm::Numbers { range, unit: Some(unit.to_owned()), length })
+    }
+
+    /// Says that the value can be a whole number in `range`.
+    fn whole(self, range: &RangeInclusive<usize>) -> Self {
+        self.form(ValueForm::Integer { range: Some((*range.start(), *range.end())) })
     }
 
     /// What is added to the allowed values for a refused text: the units that it may have, or the nearest names.
@@ -135,9 +163,11 @@ impl Key<'_, '_, '_> {
         };
         let default = self.rule.map_or(default, DefaultValue::Rule);
         let allows = self.allows.map(str::to_owned);
+        let loosened = |form: ValueForm| if self.allows.is_some() { form.loose() } else { form };
+        let forms = self.forms.into_iter().map(loosened).collect();
         let allowed = allowed.to_owned();
         let value = EffectiveValue { key, value, unit: self.unit, origin, allowed, default, meaning: self.meaning };
-        document.record(value, allows);
+        document.record(Entry { value, allows, forms });
     }
 
     /// Reads a required key by `parse`; `placeholder` takes the place of a value that is absent or refused.
@@ -187,12 +217,12 @@ impl Key<'_, '_, '_> {
     pub fn number(self, range: RangeInclusive<f64>, unit: &str) -> f64 {
         let allowed = allowed_number(&range, unit);
         // In the place of a refused number the largest: then what depends on it is not refused as well.
-        self.unit(unit).required(&allowed, *range.end(), |value| number(value, &range, unit))
+        self.one(&range, unit).required(&allowed, *range.end(), |value| number(value, &range, unit))
     }
 
     /// A number in `range`; without one the default.
     pub fn number_or(self, default: f64, range: RangeInclusive<f64>, unit: &str) -> f64 {
-        self.unit(unit).defaulted(&allowed_number(&range, unit), default, |value| number(value, &range, unit))
+        self.one(&range, unit).defaulted(&allowed_number(&range, unit), default, |value| number(value, &range, unit))
     }
 
     /// A number in `range`; without one the value that follows from other keys; required where none follows.
@@ -205,37 +235,41 @@ impl Key<'_, '_, '_> {
 
     /// A number in `range`, or nothing.
     pub fn optional_number(self, range: RangeInclusive<f64>, unit: &str) -> Option<f64> {
-        self.unit(unit).optional(&allowed_number(&range, unit), |value| number(value, &range, unit))
+        self.one(&range, unit).optional(&allowed_number(&range, unit), |value| number(value, &range, unit))
     }
 
     /// A list of numbers in `range`, of any length from `shortest` on.
     pub fn numbers(self, range: RangeInclusive<f64>, unit: &str, shortest: usize) -> Vec<f64> {
         let allowed = format!("a list of {shortest} or more numbers from {} to {} {unit}", range.start(), range.end());
-        self.unit(unit).required(allowed.trim_end(), Vec::new(), |value| {
+        self.list(&range, unit, shortest, None).required(allowed.trim_end(), Vec::new(), |value| {
             numbers(value, &range, unit).filter(|numbers| numbers.len() >= shortest)
         })
     }
 
     /// A list of numbers in `range`, or nothing; `allowed` says what else the list must be.
     pub fn optional_numbers(self, range: RangeInclusive<f64>, unit: &str, allowed: &str) -> Option<Vec<f64>> {
-        self.unit(unit).optional(allowed, |value| numbers(value, &range, unit))
+        self.list(&range, unit, 0, None).optional(allowed, |value| numbers(value, &range, unit))
     }
 
     /// Two coordinates in `range`.
     pub fn point(self, range: RangeInclusive<f64>, unit: &str) -> [f64; 2] {
         let placeholder = [*range.end(); 2];
-        self.unit(unit).required(&allowed_point(&range, unit), placeholder, |value| point(value, &range, unit))
+        self.list(&range, unit, 2, Some(2))
+            .required(&allowed_point(&range, unit), placeholder, |value| point(value, &range, unit))
     }
 
     /// Two coordinates in `range`; without them the default.
     pub fn point_or(self, default: [f64; 2], range: RangeInclusive<f64>, unit: &str) -> [f64; 2] {
-        self.unit(unit).defaulted(&allowed_point(&range, unit), default, |value| point(value, &range, unit))
+        self.list(&range, unit, 2, Some(2))
+            .defaulted(&allowed_point(&range, unit), default, |value| point(value, &range, unit))
     }
 
     /// Three numbers in `range`, or one that stands for all three; `names` says what the three are.
     pub fn number_or_three(self, range: RangeInclusive<f64>, unit: &str, names: &str) -> [f64; 3] {
         let allowed = format!("a number from {} to {} {unit}, or three, {names}", range.start(), range.end());
-        self.unit(unit).required(&allowed, [*range.end(); 3], |value| match value.as_array() {
+        self.one(&range, unit).list(&range, unit, 3, Some(3)).required(&allowed, [*range.end(); 3], |value| match value
+            .as_array()
+        {
             None => number(value, &range, unit).map(|all| [all; 3]),
             Some(_) => numbers(value, &range, unit)?.try_into().ok(),
         })
@@ -244,7 +278,7 @@ impl Key<'_, '_, '_> {
     /// Two numbers in `range`, or one that stands for both; without them the default.
     pub fn pair_or(self, default: (f64, f64), range: RangeInclusive<f64>) -> (f64, f64) {
         let allowed = format!("a number from {} to {}, or [low, high] of two", range.start(), range.end());
-        self.unit("").defaulted(&allowed, default, |value| match value.as_array() {
+        self.one(&range, "").list(&range, "", 2, Some(2)).defaulted(&allowed, default, |value| match value.as_array() {
             None => number(value, &range, "").map(|both| (both, both)),
             Some(_) => match numbers(value, &range, "")?[..] {
                 [low, high] => Some((low, high)),
@@ -255,27 +289,30 @@ impl Key<'_, '_, '_> {
 
     /// A whole number in `range`; without one the default.
     pub fn integer_or(self, default: usize, range: RangeInclusive<usize>) -> usize {
-        self.defaulted(&allowed_integer(&range), default, |value| count(value).filter(|number| range.contains(number)))
+        self.whole(&range)
+            .defaulted(&allowed_integer(&range), default, |value| count(value).filter(|number| range.contains(number)))
     }
 
     /// A whole number in `range`, or nothing.
     pub fn optional_integer(self, range: RangeInclusive<usize>) -> Option<usize> {
-        self.optional(&allowed_integer(&range), |value| count(value).filter(|number| range.contains(number)))
+        self.whole(&range)
+            .optional(&allowed_integer(&range), |value| count(value).filter(|number| range.contains(number)))
     }
 
     /// A duration with its unit, such as `"10ms"`, in `range`.
     pub fn duration(self, range: RangeInclusive<Duration>) -> Duration {
-        self.required(&allowed_duration(&range), *range.start(), |value| duration(value, &range))
+        self.form(ValueForm::Duration)
+            .required(&allowed_duration(&range), *range.start(), |value| duration(value, &range))
     }
 
     /// A duration in `range`; without one the default.
     pub fn duration_or(self, default: Duration, range: RangeInclusive<Duration>) -> Duration {
-        self.defaulted(&allowed_duration(&range), default, |value| duration(value, &range))
+        self.form(ValueForm::Duration).defaulted(&allowed_duration(&range), default, |value| duration(value, &range))
     }
 
     /// A duration in `range`, or nothing.
     pub fn optional_duration(self, range: RangeInclusive<Duration>) -> Option<Duration> {
-        self.optional(&allowed_duration(&range), |value| duration(value, &range))
+        self.form(ValueForm::Duration).optional(&allowed_duration(&range), |value| duration(value, &range))
     }
 
     /// Samples, given as a whole number or as a duration that is divided by `period`; without them the default.
@@ -286,7 +323,7 @@ impl Key<'_, '_, '_> {
             range.end(),
             humantime::format_duration(period)
         );
-        self.unit("samples").defaulted(&allowed, default, |value| {
+        self.unit("samples").whole(&range).form(ValueForm::Duration).defaulted(&allowed, default, |value| {
             let samples = match value.as_str() {
                 Some(text) => samples_of(humantime::parse_duration(text).ok()?, period),
                 None => count(value)?,
@@ -297,39 +334,40 @@ impl Key<'_, '_, '_> {
 
     /// Any text.
     pub fn text(self, allowed: &str) -> String {
-        self.required(allowed, String::new(), |value| value.as_str().map(str::to_owned))
+        self.form(ValueForm::Text).required(allowed, String::new(), |value| value.as_str().map(str::to_owned))
     }
 
     /// Any text, or nothing.
     pub fn optional_text(self) -> Option<String> {
-        self.optional("a text", |value| value.as_str().map(str::to_owned))
+        self.form(ValueForm::Text).optional("a text", |value| value.as_str().map(str::to_owned))
     }
 
     /// Any text; without one the default.
     pub fn text_or(self, default: &str) -> String {
-        self.defaulted("a text", default.to_owned(), |value| value.as_str().map(str::to_owned))
+        self.form(ValueForm::Text).defaulted("a text", default.to_owned(), |value| value.as_str().map(str::to_owned))
     }
 
     /// A list of texts, or nothing.
     pub fn optional_texts(self, allowed: &str) -> Option<Vec<String>> {
-        self.optional(allowed, texts)
+        self.form(ValueForm::Texts).optional(allowed, texts)
     }
 
     /// A list of lists of texts, or nothing.
     pub fn optional_text_table(self, allowed: &str) -> Option<Vec<Vec<String>>> {
-        self.optional(allowed, |value| {
+        self.form(ValueForm::TextTable).optional(allowed, |value| {
             value.as_array()?.iter().map(|row: &Spanned<DeValue>| texts(row.get_ref())).collect()
         })
     }
 
     /// `true` or `false`; without either the default.
     pub fn flag_or(self, default: bool) -> bool {
-        self.defaulted("true or false", default, |value| value.as_bool())
+        self.form(ValueForm::Flag).defaulted("true or false", default, |value| value.as_bool())
     }
 
     /// One of the named choices; `None` when the key is absent or its value was refused.
     pub fn choice<T: Copy>(self, choices: &[(&str, T)]) -> Option<T> {
         let names = self.among(choices.iter().map(|(name, _)| *name));
+        let names = names.form(form_of(choices));
         let chosen = names.required(&allowed_choice(choices), None, |value| {
             choose(value, choices).map(|index| Some(Choice { names: choices, index }))
         });
@@ -340,7 +378,8 @@ impl Key<'_, '_, '_> {
     pub fn choice_or<T: Copy + PartialEq>(self, default: T, choices: &[(&str, T)]) -> T {
         let index = choices.iter().position(|(_, choice)| *choice == default).unwrap_or_default();
         let chosen = Choice { names: choices, index };
-        self.among(choices.iter().map(|(name, _)| *name))
+        self.form(form_of(choices))
+            .among(choices.iter().map(|(name, _)| *name))
             .defaulted(&allowed_choice(choices), chosen, |value| {
                 choose(value, choices).map(|index| Choice { names: choices, index })
             })
@@ -349,9 +388,10 @@ impl Key<'_, '_, '_> {
 
     /// A text that the type parses; without one the default. `names` are those that a mistyped text may have meant.
     pub fn parsed_or<T: std::str::FromStr + std::fmt::Display>(self, default: T, allowed: &str, names: &[&str]) -> T {
-        let parsed = self
-            .among(names.iter().copied())
-            .defaulted(allowed, Parsed(default), |value| value.as_str()?.parse().ok().map(Parsed));
+        let parsed =
+            self.form(ValueForm::Text)
+                .among(names.iter().copied())
+                .defaulted(allowed, Parsed(default), |value| value.as_str()?.parse().ok().map(Parsed));
         parsed.0
     }
 }
@@ -381,6 +421,10 @@ impl<T: std::fmt::Display> Shown for Parsed<T> {
     fn shown(&self) -> String {
         quoted(&self.0.to_string())
     }
+}
+
+fn form_of<T>(choices: &[(&str, T)]) -> ValueForm {
+    ValueForm::Choice { names: choices.iter().map(|(name, _)| (*name).to_owned()).collect() }
 }
 
 fn allowed_number(range: &RangeInclusive<f64>, unit: &str) -> String {

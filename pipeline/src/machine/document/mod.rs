@@ -4,12 +4,14 @@
 //! |---|---|
 //! | `section` | one table: its keys, the tables inside it, what is unknown |
 //! | `key` | one key: meaning, allowed values, default, and the reading of its value |
+//! | `form` | what form a value has, for editors |
 //! | `value` | TOML values as numbers, durations and choices, and back to text |
 //! | `record` | the effective value of a key, and where the value comes from |
 //!
 //! Each key is asked for once, with its meaning, what is allowed and its default. A key that was never asked for is
 //! unknown. Settings, from a model file or the command line (`--set a.b=c`), take the place of values in the document.
 
+mod form;
 mod key;
 mod record;
 mod section;
@@ -19,6 +21,7 @@ use std::cell::RefCell;
 
 use toml::de::DeTable;
 
+pub use form::ValueForm;
 pub(super) use record::Place;
 pub use record::{DefaultValue, EffectiveValue, Origin};
 pub(super) use section::Section;
@@ -54,6 +57,17 @@ impl Setting {
     }
 }
 
+/// What was read for one key.
+#[derive(Debug, Clone)]
+pub(super) struct Entry {
+    /// The effective value.
+    pub value: EffectiveValue,
+    /// Words of the table of all keys for what is allowed, where that depends on other keys.
+    pub allows: Option<String>,
+    /// Forms that the value can have.
+    pub forms: Vec<ValueForm>,
+}
+
 /// A parsed document with its settings, and what has been found while it was read.
 pub(super) struct Document<'i> {
     root: DeTable<'i>,
@@ -62,8 +76,8 @@ pub(super) struct Document<'i> {
     /// Where the text is no TOML.
     grammar: Vec<Problem>,
     problems: RefCell<Vec<Problem>>,
-    /// What was read, with words for what is allowed where that depends on other keys.
-    values: RefCell<Vec<(EffectiveValue, Option<String>)>>,
+    /// What was read, in the order of asking.
+    entries: RefCell<Vec<Entry>>,
     /// Path and known keys of each table that was read.
     tables: RefCell<Vec<(String, Vec<String>)>>,
 }
@@ -78,7 +92,7 @@ impl<'i> Document<'i> {
             settings: RefCell::new(settings),
             grammar: Vec::new(),
             problems: RefCell::default(),
-            values: RefCell::default(),
+            entries: RefCell::default(),
             tables: RefCell::default(),
         };
         for error in errors {
@@ -124,21 +138,27 @@ impl<'i> Document<'i> {
         self.root.get("name")?.get_ref().as_str()
     }
 
-    /// Notes the effective value of a key, and what the table of all keys says is allowed where that differs.
-    pub fn record(&self, value: EffectiveValue, allows: Option<String>) {
-        self.values.borrow_mut().push((value, allows));
+    /// Notes what was read for a key.
+    pub fn record(&self, entry: Entry) {
+        self.entries.borrow_mut().push(entry);
     }
 
     /// Notes that the effective value of a key follows from other keys, whatever was read for it.
     pub fn derive(&self, key: &str, value: String, rule: &str) {
-        if let Some((known, _)) = self.values.borrow_mut().iter_mut().find(|(known, _)| known.key == key) {
+        let mut entries = self.entries.borrow_mut();
+        if let Some(Entry { value: known, .. }) = entries.iter_mut().find(|entry| entry.value.key == key) {
             (known.value, known.origin) = (Some(value), Origin::Derived { rule: rule.to_owned() });
         }
     }
 
+    /// What was read for all keys that were asked for, in the order of asking.
+    pub fn entries(&self) -> Vec<Entry> {
+        self.entries.borrow().clone()
+    }
+
     /// The effective values of all keys that were asked for, in the order of asking.
-    pub fn values(&self) -> Vec<(EffectiveValue, Option<String>)> {
-        self.values.borrow().clone()
+    pub fn values(&self) -> Vec<EffectiveValue> {
+        self.entries.borrow().iter().map(|entry| entry.value.clone()).collect()
     }
 
     /// Notes a problem.
@@ -195,16 +215,16 @@ impl<'i> Document<'i> {
             return whole();
         }
         let end = path.rsplit('.').next().unwrap_or_default();
-        let values = self.values.borrow();
+        let entries = self.entries.borrow();
         let is_inside = |key: &str| table.is_empty() || key.starts_with(&format!("{table}."));
         let has_name = |key: &&str| is_inside(key) && key.rsplit('.').next() == Some(end);
-        let others: Vec<&str> = values.iter().map(|(value, _)| value.key.as_str()).filter(has_name).collect();
+        let others: Vec<&str> = entries.iter().map(|entry| entry.value.key.as_str()).filter(has_name).collect();
         let others = match (did_you_mean(name, known.iter().map(String::as_str)), &others[..]) {
             // A table that is mistyped.
             (hint, _) if !hint.is_empty() && name != rest => hint,
             (hint, []) if hint.is_empty() && name == rest => {
                 // A key that is mistyped, and that another table has.
-                let inside = || values.iter().map(|(value, _)| value.key.as_str()).filter(|key| is_inside(key));
+                let inside = || entries.iter().map(|entry| entry.value.key.as_str()).filter(|key| is_inside(key));
                 let last = |key: &'_ str| key.rsplit('.').next().map(str::to_owned).unwrap_or_default();
                 let lasts: Vec<String> = inside().map(last).collect();
                 let near = nearest(name, lasts.iter().map(String::as_str));

@@ -85,7 +85,7 @@ impl<'d, 'i> Section<'d, 'i> {
 
     /// The effective values of all keys of the document that were read so far.
     pub fn values(&self) -> Vec<EffectiveValue> {
-        self.document.values().into_iter().map(|(value, _)| value).collect()
+        self.document.values()
     }
 
     /// Whether no problem has been found in the document so far.

@@ -47,6 +47,14 @@ struct About {
     source: AnyError,
 }
 
+/// An error and what to do about it.
+#[derive(Debug, ThisError)]
+#[error("{source}{advice}")]
+struct Advised {
+    advice: String,
+    source: AnyError,
+}
+
 impl Failure {
     /// The command line or a file is wrong.
     pub fn usage(error: impl Into<AnyError>) -> Self {
@@ -62,6 +70,12 @@ impl Failure {
     pub fn about(self, subject: impl Into<String>) -> Self {
         let Self { cause, error } = self;
         Self { cause, error: About { subject: subject.into(), source: error }.into() }
+    }
+
+    /// Puts what to do after the message.
+    pub fn advising(self, advice: impl Into<String>) -> Self {
+        let Self { cause, error } = self;
+        Self { cause, error: Advised { advice: advice.into(), source: error }.into() }
     }
 
     /// 1 or 2.

@@ -21,6 +21,8 @@ In real time the commands go to neutral when they have stopped for `timing.drive
 
 import argparse
 import json
+import math
+import numbers
 import os
 import re
 import select
@@ -31,7 +33,7 @@ import time
 
 from .channels import Membership, Publisher, Reader
 from .command import run
-from .errors import HydraxisError
+from .errors import GroupEnded, HydraxisError
 from .messages import CoefficientSnapshot, EncoderReading, EncoderValue, ValveCommand
 
 POLL_S = 50e-6  # between two looks at the channels in lock-step
@@ -45,7 +47,11 @@ class Plant:
     emergency_stop = False  # whether the emergency stop of the machine is pressed
 
     def advance(self, commands, seconds):
-        """Moves on under these commands, one per axis in [-1, 1]; all 0 while the pilot pressure is cut off."""
+        """Moves on under these commands, one per axis in [-1, 1]; all 0 while the pilot pressure is cut off.
+
+        The last call has commands of 0 and 0 seconds, whatever ends the program but a kill and a loss of power. Let the
+        output of a real valve have a time-out of its own as well.
+        """
         raise NotImplementedError
 
     def read(self):
@@ -59,7 +65,12 @@ class Plant:
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # leave the group in order, as at Ctrl-C
         try:
             machine = load_machine(arguments.machine or cls.built_in, arguments.set)
-            _Process(cls(machine), machine, arguments).run()
+            plant = cls(machine)
+            try:
+                _Process(plant, machine, arguments).run()
+            finally:
+                # Whatever has ended the program: a valve that keeps its last command would stay open.
+                plant.advance([0.0] * len(machine["axis"]), 0.0)
         except KeyboardInterrupt:
             pass
         except (HydraxisError, OSError, KeyError, ValueError) as error:
@@ -81,8 +92,10 @@ class _Process:
         self.snapshots = Reader(self.membership, CoefficientSnapshot) if arguments.lockstep else None
 
     def run(self):
-        self.lock_step() if self.arguments.lockstep else self.real_time()
-        self.membership.close()
+        try:
+            self.lock_step() if self.arguments.lockstep else self.real_time()
+        finally:
+            self.membership.close()
 
     def is_last(self, tick):
         return self.arguments.ticks is not None and tick + 1 >= self.arguments.ticks
@@ -92,8 +105,9 @@ class _Process:
         values = self.plant.read()
         if len(values) != self.axes:
             raise ValueError(f"read(): found {len(values)} values; allowed: one for each of the {self.axes} axes")
-        for entry, value in zip(range(self.axes), values):
-            reading.encoders[entry] = value if isinstance(value, EncoderValue) else EncoderValue(counts=round(value))
+        for axis, value in zip(range(self.axes), values):
+            is_whole = isinstance(value, EncoderValue)
+            reading.encoders[axis] = value if is_whole else EncoderValue(counts=counts(value, axis))
         reading.emergency_stop = int(self.plant.emergency_stop)
         reading.header.axis_count, reading.header.sequence = self.axes, sequence
         reading.header.acquired_ns = time.monotonic_ns()
@@ -115,6 +129,10 @@ class _Process:
                     return
             elif time.monotonic() - heard > self.drive_timeout:
                 valves = self.neutral
+                # No command may also mean that there is no group any more.
+                if self.membership.is_removed():
+                    raise GroupEnded(f'group "{self.arguments.prefix}" has ended; start this program again after the '
+                                     "next `hydraxis run`")
             self.send(sequence)
             self.readings.greet()
             sequence += 1
@@ -149,6 +167,14 @@ def _arguments():
     parser.add_argument("--lockstep", action="store_true")
     parser.add_argument("--ticks", type=int, help="end after so many ticks")
     return parser.parse_known_args()[0]
+
+
+def counts(value, axis):
+    """What a sensor has read, as a whole number."""
+    if not isinstance(value, numbers.Real) or not math.isfinite(value):
+        raise ValueError(f"read(): found {value!r} for axis {axis}, counted from 0; allowed: counts, or "
+                         "EncoderValue(error=1) where the sensor gives none")
+    return round(value)
 
 
 def seconds(text):

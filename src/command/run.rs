@@ -202,7 +202,7 @@ fn run_group(
     for warning in warnings {
         supervisor.say(format!("warning: {warning}"));
     }
-    let watched = start_and_watch(machine, options.clock, &mut monitor, &mut supervisor);
+    let watched = start_and_watch(machine, options, &mut monitor, &mut supervisor);
     // A stage that does not end as it was asked to is a failure of the run as well.
     let stopped = supervisor.stop().map_or(Ok(()), Err);
     let polled = monitor.poll();
@@ -219,11 +219,11 @@ fn run_group(
 /// last one was started, s.
 fn start_and_watch(
     machine: &Machine,
-    clock: Clock,
+    options: &StageOptions,
     monitor: &mut Monitor,
     supervisor: &mut Supervisor,
 ) -> Result<f64, Failure> {
-    let (followers, head) = stages(machine, clock);
+    let (followers, head) = stages(machine, options.clock);
     for kind in &followers {
         supervisor.start(*kind)?;
     }
@@ -235,7 +235,7 @@ fn start_and_watch(
     let started = Instant::now();
     if !supervisor.is_interrupted() {
         supervisor.start(head)?;
-        watch(machine, head, monitor, supervisor)?;
+        watch(machine, head, options.ticks, monitor, supervisor)?;
     }
     Ok(started.elapsed().as_secs_f64())
 }
@@ -244,11 +244,14 @@ fn start_and_watch(
 fn watch(
     machine: &Machine,
     head: StageKind,
+    ticks: Option<u64>,
     monitor: &mut Monitor,
     supervisor: &mut Supervisor,
 ) -> Result<(), Failure> {
     let patience = stall_patience(machine.timing.period);
+    let duration = ticks.map(|ticks| machine.timing.period.mul_f64(ticks as f64));
     let mut end = None;
+    let started = Instant::now();
     while !supervisor.all_done() && !supervisor.is_interrupted() {
         supervisor.step(monitor)?;
         supervisor.announce(monitor);
@@ -265,6 +268,9 @@ fn watch(
         // While a stage starts again, the others wait for it, and all wait for the first reading of an external
         // program; that is no stall.
         let waits = machine.source == Source::External && monitor.last_sample().is_none();
+        if waits && duration.is_some_and(|duration| started.elapsed() > duration) {
+            break;
+        }
         if monitor.stalled_for() > patience && supervisor.all_up(monitor) && !waits {
             return Err(Failure::run(format!(
                 "no stage has worked for {}; the last ticks are: {}",

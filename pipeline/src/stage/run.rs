@@ -52,6 +52,8 @@ pub fn run<S: Stage>(
         eprintln!("{}: warning: {missing}", kind.name());
     }
     let group = Group::join(&options.prefix, kind.name())?;
+    // A process that was killed in this place still holds its place on the channels.
+    group.bury_the_dead();
     let board = Board::of(&options.prefix, machine)?;
     let mut turn = Turn::new(&group, machine, kind, options)?;
     let mut stage = build(&group, board)?;

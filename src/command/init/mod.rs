@@ -57,18 +57,30 @@ pub fn run(arguments: &InitArguments) -> Result<(), Failure> {
         let [stroke, bore, rod] = [(STROKE, *stroke), (BORE, *bore), (ROD, *rod)].map(|(of, value)| of.number(value));
         format!("  {name}: stroke {stroke} mm, bore {bore} mm, rod {rod} mm, up to {}\n", SPEED.text(*speed))
     });
-    let next = [
-        (format!("check {file}"), "what the file describes"),
-        (format!("simulate {file}"), "the twin with its fallback controller"),
-        (format!("commission {file}"), "finds its model and better gains, into model.toml"),
-        (format!("run {file} --model model.toml"), "in real time, with that model"),
-    ];
+    let next = if arguments.source == EXTERNAL {
+        [
+            (format!("check {file}"), "what the file describes"),
+            (format!("simulate {file}"), "the twin with its fallback controller"),
+            (format!("run {file}"), "waits for your program, which reads sensors and moves valves"),
+            ("commission --enable".to_owned(), "while it runs: finds model and gains of the rig, into model.toml"),
+        ]
+    } else {
+        [
+            (format!("check {file}"), "what the file describes"),
+            (format!("simulate {file}"), "the twin with its fallback controller"),
+            (format!("commission {file}"), "finds its model and better gains, into model.toml"),
+            (format!("run {file} --model model.toml"), "in real time, with that model"),
+        ]
+    };
     let width = next.iter().map(|(command, _)| command.len()).max().unwrap_or_default();
     let next = next.iter().map(|(command, words)| format!("  hydraxis {command:width$}  {words}\n"));
     let text =
         format!("written: {file}, a twin of the rig\n{}next:\n{}", sizes.collect::<String>(), next.collect::<String>());
     Ok(show(&text)?)
 }
+
+/// `--source` of a rig with a program of the user.
+const EXTERNAL: &str = "external";
 
 /// Refuses a file that exists, before anything is asked.
 fn expect_new(arguments: &InitArguments) -> Result<(), Failure> {

@@ -94,7 +94,7 @@ fn refuse_to_arm(axes: &[usize], mode: AxisMode, prefix: &Prefix, operator: &Ope
 }
 
 /// A line about what to type next for the latched axes; empty when none is latched.
-fn advice(axes: &[usize], prefix: &Prefix, operator: &Operator) -> String {
+pub(super) fn advice(axes: &[usize], prefix: &Prefix, operator: &Operator) -> String {
     let latched = latched(axes, operator);
     if latched.is_empty() {
         return String::new();

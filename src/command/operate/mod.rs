@@ -30,6 +30,8 @@ use crate::{
 use arguments::GroupAxes;
 pub use arguments::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
 
+/// Least travel that counts as motion, m.
+const MOVED: f64 = 1e-3;
 /// Time between two lines.
 const LINE_PERIOD: Duration = Duration::from_secs(1);
 
@@ -38,7 +40,9 @@ pub fn run(arguments: &OperateArguments) -> Result<(), Failure> {
     check(arguments)?;
     let (prefix, machine, axes) = find(&arguments.group)?;
     check_target(&machine, &axes, arguments)?;
-    as_operator(&prefix, &arguments.group, |operator| operate(&axes, arguments, operator))
+    as_operator(&prefix, &arguments.group, |operator| {
+        operate(&axes, arguments, operator).map_err(|failure| failure.advising(arm::advice(&axes, &prefix, operator)))
+    })
 }
 
 /// A running group, its machine, and the axes with these names.
@@ -156,8 +160,10 @@ fn stream(
     }
     let begin = Instant::now();
     let mut next_line = begin;
+    let mut travel: Option<(EncoderSample, EncoderSample)> = None;
     while arguments.duration.is_none_or(|duration| begin.elapsed() < duration) {
         let Some(sample) = operator.sample()? else { break };
+        travel = Some((travel.map_or(sample, |(first, _)| first), sample));
         operator.ask(&sample)?;
         while operator.command()?.is_some() {}
         let has_left = |axis: &&usize| operator.last(**axis).is_some_and(|last| last.operation != mode as u32);
@@ -169,7 +175,34 @@ fn stream(
             show(&line(axes, operator, Some(&sample)))?;
         }
     }
-    Ok(())
+    match (arguments.command, travel) {
+        (Some(command), Some((first, last))) => expect_direction(axes, command, &first, &last, operator),
+        _ => Ok(()),
+    }
+}
+
+/// Shows how far the axes have moved under a command; fails where one has moved against it.
+fn expect_direction(
+    axes: &[usize],
+    command: f64,
+    first: &EncoderSample,
+    last: &EncoderSample,
+    operator: &Operator,
+) -> Result<(), Failure> {
+    let mut against = Vec::new();
+    for axis in axes {
+        let name = operator.machine().name(*axis);
+        let moved = last.axes[*axis].position - first.axes[*axis].position;
+        let text = format!("axis.{name}: moved {:+.1} mm under the command {command:+}", 1e3 * moved);
+        if moved.abs() < MOVED && command != 0.0 {
+            show(&format!("{text}: the command may be within the dead band of the valve\n"))?;
+        } else if moved * command < 0.0 {
+            against.push(format!("{text}; allowed: the same direction: are valve and encoder of the same sign?"));
+        } else {
+            show(&format!("{text}\n"))?;
+        }
+    }
+    if against.is_empty() { Ok(()) } else { Err(Failure::run(against.join("\n"))) }
 }
 
 /// A line about the present state of the axes.

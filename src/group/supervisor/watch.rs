@@ -61,6 +61,8 @@ impl Supervisor<'_> {
         let (health, last) = monitor.readings();
         if let Some(line) = self.source.as_mut().and_then(|source| source.look(Instant::now(), &health, last)) {
             self.say(line);
+            // A program that was killed still holds its place, which it needs when it is started again.
+            self.group.bury_the_dead();
         }
         self.start_again(monitor)
     }

@@ -45,7 +45,8 @@ impl Supervisor<'_> {
             self.take_death(pid, monitor)?;
         }
         self.watch_faults(monitor, false);
-        for line in monitor.events().lines() {
+        // A reader in lock-step does not see every command.
+        for line in monitor.events().lines().into_iter().filter(|_| self.launch.options.clock == Clock::RealTime) {
             self.say(line);
         }
         if monitor.was_taken_over() {

@@ -225,7 +225,7 @@ fn latch(machine: &Machine, axis: &Axis, now: &AxisCommand, faults: u32) -> Stri
             let found = if found.is_empty() { "stale".to_owned() } else { found.join(", ") };
             format!(
                 "found samples that are {found}; allowed: fewer than 3 in a row, and none missing for \
-                 timing.feedback_timeout, {timeout}"
+                 timing.feedback_timeout, {timeout} (`hydraxis doctor` shows whether the computer is to blame)"
             )
         }
         control_flag::DEADLINE => format!("commands came late for timing.feedback_timeout, {timeout}"),
@@ -244,7 +244,9 @@ fn latch(machine: &Machine, axis: &Axis, now: &AxisCommand, faults: u32) -> Stri
             "the emergency stop was pressed, or asked for; the pilot pressure is cut off".to_owned()
         }
         control_flag::MOTION => {
-            "the axis moved though nobody had commanded it; the pilot pressure is cut off".to_owned()
+            "the axis moved though nobody had commanded it, or against its command: are valve and encoder of the same \
+             sign? The pilot pressure is cut off"
+                .to_owned()
         }
         _ => "a sample had a time that is still to come, or the computer was suspended".to_owned(),
     };

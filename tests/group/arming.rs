@@ -218,16 +218,18 @@ fn a_fault_on_the_way_ends_the_arming_of_all_and_stays_latched() {
 
 #[test]
 fn without_a_group_or_with_another_axis_nothing_is_asked() {
-    for command in ["arm", "disarm", "reset"] {
-        for (arguments, code, expected) in [
-            (&["--prefix", "nobody"][..], 1, "no group \"nobody\" runs; start one with: hydraxis run --prefix nobody"),
-            (&["--axis", "boom"][..], 2, "--prefix <PREFIX>"),
-        ] {
-            let output = hydraxis().arg(command).args(arguments).output().unwrap();
-            let said = String::from_utf8(output.stderr).unwrap();
-            assert_eq!(output.status.code(), Some(code), "{command} {arguments:?}\n{said}");
-            assert!(said.contains(expected), "{command} {arguments:?}\n{said}");
-        }
+    // Without --prefix, `arm` and `reset` would take the group of a test beside this one.
+    let nobody = "no group \"nobody\" runs; start one with: hydraxis run --prefix nobody";
+    for (arguments, code, expected) in [
+        (&["arm", "--prefix", "nobody"][..], 1, nobody),
+        (&["reset", "--prefix", "nobody"], 1, nobody),
+        (&["disarm", "--prefix", "nobody"], 1, nobody),
+        (&["disarm", "--axis", "boom"], 2, "--prefix <PREFIX>"),
+    ] {
+        let output = hydraxis().args(arguments).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}\n{said}");
+        assert!(said.contains(expected), "{arguments:?}\n{said}");
     }
     let played = Played::start("unknown-axis");
     for command in ["arm", "disarm", "reset"] {

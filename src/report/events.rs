@@ -222,7 +222,8 @@ fn latch(machine: &Machine, axis: &Axis, now: &AxisCommand, faults: u32) -> Stri
     let one = |flag: u32| match flag {
         control_flag::FEEDBACK => {
             let found: Vec<&str> = bit_names(faults, &sample_fault::NAMES).collect();
-            let found = if found.is_empty() { "stale".to_owned() } else { found.join(", ") };
+            let found =
+                if found.is_empty() { "stale, or stand while the axis is driven".to_owned() } else { found.join(", ") };
             format!(
                 "found samples that are {found}; allowed: fewer than 3 in a row, and none missing for \
                  timing.feedback_timeout, {timeout} (`hydraxis doctor` shows whether the computer is to blame)"

@@ -22,6 +22,10 @@ use serde::Serialize;
 
 /// Least time between two events of one kind and axis that are told, s of the machine.
 const APART_S: f64 = 1.0;
+/// Kind of a latch.
+pub const LATCH: &str = "latch";
+/// Kind of a death, which the supervisor tells itself.
+pub const RESTART: &str = "restart";
 /// Events that are listed. Later ones are counted.
 const MOST: usize = 1000;
 /// Flags that are events when they come, but latch nothing.
@@ -138,7 +142,7 @@ impl Events {
         if now.latches > before.latches || (now.latches > 0 && now.latches < before.latches) {
             let text = latch(&self.machine, &self.machine.axes[index], now, faults);
             let next = format!("look at why, then type: hydraxis reset --prefix {} --axis {name}", self.prefix);
-            self.add("latch", Some(index), &text, &next, true);
+            self.add(LATCH, Some(index), &text, &next, true);
         } else if before.flags & control_flag::LATCHED != 0 && !is_latched {
             self.add("release", Some(index), "the latch was released", "", false);
         }
@@ -174,9 +178,8 @@ impl Events {
 
     /// Notes a death, which the supervisor has told.
     pub fn restart(&mut self, text: String) {
-        let (time_s, kind) = (self.time_s, "restart");
+        let (time_s, kind) = (self.time_s, RESTART);
         self.keep(Event { time_s, axis: None, kind, text, next: String::new(), is_fault: true, more: 0 });
-        self.taken = self.list.len();
     }
 
     fn add(&mut self, kind: &'static str, axis: Option<usize>, text: &str, next: &str, is_fault: bool) {
@@ -203,9 +206,9 @@ impl Events {
         }
     }
 
-    /// The lines about what has happened since the last call.
+    /// The lines about what has happened since the last call, without deaths.
     pub fn lines(&mut self) -> Vec<String> {
-        let new = self.list[self.taken..].iter().map(Event::line).collect();
+        let new = self.list[self.taken..].iter().filter(|event| event.kind != RESTART).map(Event::line).collect();
         self.taken = self.list.len();
         new
     }
@@ -399,6 +402,18 @@ mod tests {
         (health.pid, health.channels[0].lost) = (8, 2);
         events.health(&health);
         assert!(events.lines().is_empty());
+    }
+
+    #[test]
+    fn a_death_hides_no_event_before_it() {
+        let mut events = events();
+        let mut command = at(100);
+        command.axes[0].flags = control_flag::REFERENCE;
+        events.command(&command, None);
+        events.restart("ident-proc killed by SIGKILL".to_owned());
+        let lines = events.lines();
+        assert!(lines.len() == 1 && lines[0].contains("axis.boom: reference"), "{lines:?}");
+        assert_eq!(events.into_list().0.len(), 2);
     }
 
     #[test]

@@ -162,7 +162,7 @@ impl StatusReport {
         parts.concat()
     }
 
-    /// The same tables for a terminal that may be too low for all of them: axes before channels and latencies.
+    /// All tables for a terminal that may be too low for them: axes stand before channels and latencies.
     pub fn watched(&self) -> String {
         let parts = [
             format!("Group \"{}\"\n", self.group),

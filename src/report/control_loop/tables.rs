@@ -9,7 +9,7 @@ use pipeline::{
 
 use super::{AxisReport, LoopReport, Operation};
 use crate::report::{
-    events::Event,
+    events::{Event, LATCH, RESTART},
     table::{nanoseconds, number, percent, table},
 };
 
@@ -191,7 +191,7 @@ impl LoopReport {
 
     /// The last events that are faults; latches have lines of their own.
     fn faults(&self) -> String {
-        let is_shown = |event: &&Event| event.is_fault && event.kind != "latch" && event.kind != "restart";
+        let is_shown = |event: &&Event| event.is_fault && ![LATCH, RESTART].contains(&event.kind);
         let faults: Vec<&Event> = self.events.iter().flatten().filter(is_shown).collect();
         let before = faults.len().saturating_sub(MOST_EVENTS);
         let mut text: String = faults[before..].iter().map(|event| event.line() + "\n").collect();

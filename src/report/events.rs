@@ -224,13 +224,18 @@ fn latch(machine: &Machine, axis: &Axis, now: &AxisCommand, faults: u32) -> Stri
     let timeout = humantime::format_duration(machine.timing.feedback_timeout);
     let one = |flag: u32| match flag {
         control_flag::FEEDBACK => {
-            let found: Vec<&str> = bit_names(faults, &sample_fault::NAMES).collect();
-            let found =
-                if found.is_empty() { "stale, or stand while the axis is driven".to_owned() } else { found.join(", ") };
-            format!(
-                "found samples that are {found}; allowed: fewer than 3 in a row, and none missing for \
-                 timing.feedback_timeout, {timeout} (`hydraxis doctor` shows whether the computer is to blame)"
-            )
+            let found: Vec<&str> = bit_names(faults & !sample_fault::STALE, &sample_fault::NAMES).collect();
+            if found.is_empty() {
+                format!(
+                    "found samples that are stale, or stand while the axis is driven; allowed: none missing for \
+                     timing.feedback_timeout, {timeout} (`hydraxis doctor` shows whether the computer is to blame)"
+                )
+            } else {
+                format!(
+                    "found samples that are {}; allowed: fewer than 3 in a row, and none out of range",
+                    found.join(", ")
+                )
+            }
         }
         control_flag::DEADLINE => format!("commands came late for timing.feedback_timeout, {timeout}"),
         control_flag::SOLVER => "the predictive controller found no plan several times in a row".to_owned(),

@@ -111,8 +111,8 @@ fn row_01_a_killed_acquisition_makes_the_valves_neutral_and_latches() {
     moving.expect_latched(control_flag::FEEDBACK, Duration::from_millis(500));
 }
 
-/// The time-out of rows 2 and 3. It is ten times the usual one, so that delays of the computer are small beside it.
-const LONGER: [&str; 2] = ["--set", "timing.feedback_timeout=300ms"];
+/// The time-out of rows 2 and 3. It is far longer than the usual one, so that delays of the computer are small beside it.
+const LONGER: [&str; 2] = ["--set", "timing.feedback_timeout=1s"];
 
 /// Row 2: a stop of `sensor-proc` that is shorter than the feedback time-out is no fault.
 #[test]
@@ -121,8 +121,8 @@ fn row_02_a_short_stop_of_the_acquisition_is_bridged() {
     let pid = moving.running.pid(StageKind::SensorProc);
     for _ in 0..3 {
         signal(pid, Signal::STOP);
-        // 150 ms of a time-out of 300 ms. With the usual time-out of 30 ms it would be 15 ms.
-        std::thread::sleep(Duration::from_millis(150));
+        // Half of the time-out.
+        std::thread::sleep(Duration::from_millis(500));
         signal(pid, Signal::CONT);
         let begin = monotonic_ns();
         let mut last = f64::NAN;
@@ -146,7 +146,7 @@ fn row_03_a_long_stop_of_the_acquisition_latches() {
     signal(pid, Signal::STOP);
     let neutral = moving.await_command("neutral", all_latched);
     let took = Duration::from_nanos(neutral.header.sent_ns.saturating_sub(stopped));
-    judge("row 3", "stop to neutral command", took, Duration::from_millis(310));
+    judge("row 3", "stop to neutral command", took, Duration::from_millis(1010));
     signal(pid, Signal::CONT);
     moving.expect_latched(control_flag::FEEDBACK, Duration::from_millis(500));
 }

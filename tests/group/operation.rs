@@ -233,7 +233,7 @@ fn expect_close(live: &Commissioned, single: &Commissioned) {
 fn in_one_process(machine: &Machine, axis: usize, options: &ExperimentOptions) -> Commissioned {
     let mut plant = PlantSim::new(machine, 1).unwrap();
     let mut acquisition = Acquisition::new(machine);
-    let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
+    let mut experiment = Experiment::new(&machine.axes[axis], &machine.timing, options);
     let mut command = ValveCommand::default();
     for tick in 0.. {
         let sample = acquisition.update(tick, Some(&plant.read()));
@@ -263,7 +263,7 @@ fn an_axis_is_commissioned_over_the_channels_as_in_one_process() {
     let arguments = ["--lockstep", "--scenario", "nominal", "--ticks", &ticks.to_string()];
     group.start_all_but(StageKind::IdentProc, &arguments);
 
-    let mut experiment = Experiment::new(&machine.axes[AXIS], machine.timing.period, &options);
+    let mut experiment = Experiment::new(&machine.axes[AXIS], &machine.timing, &options);
     let mut record = ExperimentRecord { period: 0.01, commands: Vec::new(), positions: Vec::new() };
     for tick in 0..ticks {
         let sample: EncoderSample = wait_for("a sample", || {

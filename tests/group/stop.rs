@@ -267,7 +267,8 @@ fn without_a_name_all_groups_are_stopped() {
     let script = format!(
         "mount -t tmpfs tmpfs /dev/shm || exit 77; H={}
         $H disarm; echo none: $?
-        $H run {FOUR_AXES} --prefix a --duration 20s & $H run {FOUR_AXES} --prefix b --duration 20s & sleep 3
+        $H run {FOUR_AXES} --prefix a --duration 60s & $H run {FOUR_AXES} --prefix b --duration 60s &
+        for group in a b; do for i in $(seq 200); do $H status --prefix $group > /dev/null && break; sleep 0.1; done; done
         $H disarm; echo two: $?
         kill -INT %1 %2; wait",
         env!("CARGO_BIN_EXE_hydraxis")

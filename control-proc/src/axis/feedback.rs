@@ -2,7 +2,10 @@
 //!
 //! A tick without a usable position is blind. While the axis follows, the position that the model expects is put in the
 //! place of a blind tick (bridged). When a position comes again, only the blind ticks that are not bridged are filled
-//! by a straight line ([`History::push_output`]).
+//! by a straight line ([`History::push_output`]). From the third blind tick on the command is neutral.
+//!
+//! An axis is blind for as long as `feedback_timeout` where nothing was read, but for two ticks where what was read is
+//! implausible.
 
 use pipeline::{
     machine::{Axis, Timing, samples_of},
@@ -14,10 +17,11 @@ use crate::{
     protection::motion::{Motion, Standing},
 };
 
-/// Samples in a row without a usable position that latch the axis.
+/// Implausible samples in a row that latch the axis; blind ticks in a row from which on it is neutral.
 pub const UNUSABLE_LIMIT: u64 = 3;
 /// Leaky count of unusable samples that latches the axis: 1 for each, less a leak for each usable one. Two in three
-/// latch after 14 samples, one in two after 21, one in six never.
+/// latch after 14 samples, one in two after 21, one in six never. A stale one counts for less where `feedback_timeout`
+/// is longer than three periods, so that three and a time-out without readings count the same.
 const LEAKY_LIMIT: f64 = 8.0;
 const LEAK: f64 = 0.25;
 /// Time over which the speed of an axis is taken, s: a count of 0.1 mm is 2.5 mm/s then.
@@ -50,6 +54,8 @@ pub struct Feedback {
     history: Option<History>,
     /// Ticks since the last usable position.
     blind: u64,
+    /// Implausible samples since the last usable position.
+    implausible: u64,
     /// How many of the blind ticks the model has filled.
     bridged: u64,
     /// Unusable samples, less the leak.
@@ -67,6 +73,7 @@ impl Feedback {
             timeout_ticks: samples_of(timing.feedback_timeout, timing.period).max(1) as u64,
             history: None,
             blind: 0,
+            implausible: 0,
             bridged: 0,
             unusable: 0.0,
             motion: Motion::new(axis, timing),
@@ -76,30 +83,35 @@ impl Feedback {
     /// Forgets the past of the axis.
     pub fn reset(&mut self) {
         self.history = None;
-        (self.blind, self.bridged, self.unusable) = (0, 0, 0.0);
+        (self.blind, self.implausible, self.bridged, self.unusable) = (0, 0, 0, 0.0);
     }
 
     /// Takes in the sample of a tick, `elapsed` ticks after the last one; `command` has been on the valve since.
     pub fn observe(&mut self, elapsed: u64, sample: Option<&AxisSample>, command: f64) -> Observation {
         self.blind = self.blind.saturating_add(elapsed);
-        let faults = sample.map_or(sample_fault::STALE, |sample| sample.faults);
         let position = sample.and_then(AxisSample::usable);
+        let is_stale = position.is_none() && sample.is_some_and(AxisSample::is_stale);
         let (blind, missing) = (self.blind, self.blind.saturating_sub(1));
-        self.unusable = if position.is_some() { (self.unusable - LEAK).max(0.0) } else { self.unusable + 1.0 };
+        self.unusable = match position {
+            Some(_) => (self.unusable - LEAK).max(0.0),
+            None if is_stale => self.unusable + (UNUSABLE_LIMIT as f64 / self.timeout_ticks as f64).min(1.0),
+            None => self.unusable + 1.0,
+        };
+        self.implausible += u64::from(position.is_none() && !is_stale);
         let is_unreliable = self.unusable >= LEAKY_LIMIT;
         if let Some(position) = position {
             match &mut self.history {
                 None => self.history = Some(History::resting(position)),
                 Some(history) => history.push_output(position, missing.saturating_sub(self.bridged)),
             }
-            (self.blind, self.bridged) = (0, 0);
+            (self.blind, self.implausible, self.bridged) = (0, 0, 0);
         }
+        let is_blind = blind >= self.timeout_ticks || self.implausible >= UNUSABLE_LIMIT;
         Observation {
             position,
             missing,
-            is_out_of_range: faults & sample_fault::RANGE != 0,
-            is_lost: is_unreliable
-                || if position.is_some() { missing >= self.timeout_ticks } else { blind >= UNUSABLE_LIMIT },
+            is_out_of_range: sample.is_some_and(|sample| sample.faults & sample_fault::RANGE != 0),
+            is_lost: is_unreliable || if position.is_some() { missing >= self.timeout_ticks } else { is_blind },
             standing: self.motion.update(elapsed, command, position),
         }
     }

@@ -194,8 +194,14 @@ impl AxisController {
                     Err(cause) => self.latch(cause),
                 }
             }
-            // The last command stays until the position is back or given up.
-            (State::Following, None) => self.bridge(input.sequence),
+            // The last command stays for a moment, so that a single sample makes no difference. Then the axis waits at
+            // neutral until the position is back or given up.
+            (State::Following, None) => {
+                if observation.missing + 1 >= UNUSABLE_LIMIT {
+                    self.stand(snapshot_flags);
+                }
+                self.bridge(input.sequence);
+            }
             _ => self.stand(snapshot_flags),
         }
     }

@@ -44,6 +44,41 @@ fn two_unusable_samples_are_bridged_and_the_third_latches() {
 }
 
 #[test]
+fn an_axis_waits_at_neutral_for_readings_that_fail_to_come_until_the_time_out() {
+    let mut machine = machine(1);
+    machine.timing.feedback_timeout = 10 * machine.timing.period;
+    let moving = || {
+        let mut axis = Loop::new(&machine, 0.0);
+        axis.run(300, Some(actuator()));
+        axis
+    };
+    let mut axis = moving();
+    for _ in 0..20 {
+        let before = axis.tick(Some(&snapshot(axis.sequence - 1, actuator()))).axes[0].command;
+        for blind in 1..10 {
+            let command = axis.tick_with(None, None, fault(sample_fault::STALE)).axes[0];
+            assert_eq!(command.command, if blind < 3 { before } else { 0.0 }, "blind {blind}");
+            assert_eq!(command.flags & control_flag::LATCHED, 0, "blind {blind}");
+        }
+        let commands = axis.run(100, Some(actuator()));
+        assert!(commands.iter().all(|command| command.axes[0].flags & control_flag::LATCHED == 0));
+        assert!(commands[99].axes[0].error.abs() < 0.01, "{}", commands[99].axes[0].error);
+    }
+    for _ in 0..9 {
+        axis.tick_with(None, None, fault(sample_fault::STALE));
+    }
+    let command = axis.tick_with(None, None, fault(sample_fault::STALE)).axes[0];
+    assert_ne!(command.flags & control_flag::FEEDBACK, 0);
+    assert!(stays_latched(&mut axis));
+    // What is implausible is not waited for.
+    let mut axis = moving();
+    for bit in [sample_fault::SPEED, sample_fault::STALE, sample_fault::SPEED, sample_fault::STALE] {
+        assert_eq!(axis.tick_with(None, None, fault(bit)).axes[0].flags & control_flag::LATCHED, 0);
+    }
+    assert_ne!(axis.tick_with(None, None, fault(sample_fault::SPEED)).axes[0].flags & control_flag::FEEDBACK, 0);
+}
+
+#[test]
 fn an_axis_that_loses_its_reference_is_stopped_as_early_with_gaps_in_its_samples_as_without() {
     let mut machine = machine(1);
     machine.axes[0].control.following_error = 0.005;

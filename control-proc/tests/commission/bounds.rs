@@ -9,8 +9,6 @@ use pipeline::{
 };
 use std::time::Duration;
 
-const PERIOD: Duration = Duration::from_millis(10);
-
 /// An axis with dead band 0.1, dead time 50 ms, lag 50 ms and 1 m/s at full opening, and with possible faults.
 struct Servo {
     position: f64,
@@ -49,7 +47,7 @@ fn abort(
     mut change: impl FnMut(Phase, &mut Servo, &mut AxisSample),
 ) -> (Abort, Experiment) {
     let mut servo = Servo::new();
-    let mut experiment = Experiment::new(&boom(), PERIOD, options);
+    let mut experiment = Experiment::new(&boom(), &under("nominal").timing, options);
     for _ in 0..10_000 {
         let mut sample = servo.sample();
         change(experiment.phase(), &mut servo, &mut sample);
@@ -72,9 +70,39 @@ fn abort(
 }
 
 #[test]
+fn readings_that_fail_to_come_are_waited_for_at_neutral_until_the_time_out() {
+    let commissioned = |gap: usize| {
+        let mut machine = under("nominal");
+        machine.timing.feedback_timeout = Duration::from_millis(300);
+        let mut servo = Servo::new();
+        let mut experiment = Experiment::new(&boom(), &machine.timing, &ExperimentOptions::default());
+        for tick in 0.. {
+            let mut sample = servo.sample();
+            let missing = tick % 1000;
+            if tick > 1000 && missing < gap {
+                sample.faults = sample_fault::STALE;
+            }
+            let command = experiment.update(Some(&sample));
+            servo.step(command);
+            assert!(tick <= 1000 || !(2..gap).contains(&missing) || command == 0.0, "tick {tick}: {command}");
+            if let Some(outcome) = experiment.outcome() {
+                return (outcome, experiment);
+            }
+        }
+        unreachable!()
+    };
+    let (outcome, experiment) = commissioned(20);
+    assert_eq!(outcome, Outcome::Finished);
+    let found = control_proc::commission::analyse(experiment.record()).unwrap();
+    assert!((found.dead_time - 0.05).abs() < 0.01 && (found.time_constant - 0.05).abs() < 0.01, "{found:?}");
+    let faults = sample_fault::STALE;
+    assert_eq!(commissioned(30).0, Outcome::Aborted(Abort::Feedback { faults }));
+}
+
+#[test]
 fn the_servo_itself_is_commissioned() {
     let mut servo = Servo::new();
-    let mut experiment = Experiment::new(&boom(), PERIOD, &ExperimentOptions::default());
+    let mut experiment = Experiment::new(&boom(), &under("nominal").timing, &ExperimentOptions::default());
     while experiment.outcome().is_none() {
         servo.step(experiment.update(Some(&servo.sample())));
     }
@@ -192,7 +220,7 @@ fn lost_feedback_ends_the_experiment_after_three_samples() {
 #[test]
 fn one_or_two_missing_samples_are_bridged() {
     let mut servo = Servo::new();
-    let mut experiment = Experiment::new(&boom(), PERIOD, &ExperimentOptions::default());
+    let mut experiment = Experiment::new(&boom(), &under("nominal").timing, &ExperimentOptions::default());
     let mut tick = 0;
     while experiment.outcome().is_none() {
         let sample = servo.sample();
@@ -217,7 +245,7 @@ fn a_window_that_is_too_small_and_a_time_that_is_too_short_are_refused() {
 #[test]
 fn the_experiment_can_be_stopped_at_any_time() {
     let mut servo = Servo::new();
-    let mut experiment = Experiment::new(&boom(), PERIOD, &ExperimentOptions::default());
+    let mut experiment = Experiment::new(&boom(), &under("nominal").timing, &ExperimentOptions::default());
     while experiment.phase() != Phase::Random {
         servo.step(experiment.update(Some(&servo.sample())));
     }

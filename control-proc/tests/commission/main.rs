@@ -35,7 +35,7 @@ impl Run {
     fn of(machine: &Machine, axis: usize, options: &ExperimentOptions, seed: u64) -> Self {
         let mut plant = PlantSim::new(machine, seed).unwrap();
         let mut acquisition = Acquisition::new(machine);
-        let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
+        let mut experiment = Experiment::new(&machine.axes[axis], &machine.timing, options);
         let (mut tick, mut beyond) = (0, f64::NEG_INFINITY);
         // The loop goes on for a second after the end.
         let mut rest = 100;

@@ -75,6 +75,11 @@ impl AxisSample {
         (self.position.is_finite() && self.faults & sample_fault::UNUSABLE == 0).then_some(self.position)
     }
 
+    /// Whether nothing was read: the position is missing, not implausible.
+    pub fn is_stale(&self) -> bool {
+        self.faults & sample_fault::UNUSABLE == sample_fault::STALE
+    }
+
     /// Pressures of piston side and rod side, Pa, or `None` when they are unknown.
     pub fn pressures(&self) -> Option<(f64, f64)> {
         (self.has_pressures != 0).then_some((self.piston_pressure, self.rod_pressure))

@@ -61,7 +61,7 @@ fn commission(
     let ended = |reason: String| Failure::run(format!("axis.{name}: ended, valve neutral: {reason}"));
     operator.release(all)?;
     operator.axis(axis).command = 0.0;
-    let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
+    let mut experiment = Experiment::new(&machine.axes[axis], &machine.timing, options);
     let mut record = Applied::new(axis, machine.timing.period.as_secs_f64());
     if operator.change(&[axis], AxisMode::Commission)? {
         while experiment.outcome().is_none() {

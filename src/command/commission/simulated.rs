@@ -63,7 +63,7 @@ pub fn commission_axis(
 ) -> Result<(Commissioned, ExperimentRecord), SimulatedError> {
     let mut plant = PlantSim::new(machine, seed)?;
     let mut acquisition = Acquisition::new(machine);
-    let mut experiment = Experiment::new(&machine.axes[axis], machine.timing.period, options);
+    let mut experiment = Experiment::new(&machine.axes[axis], &machine.timing, options);
     let mut command = ValveCommand::default();
     for tick in 0.. {
         let sample = acquisition.update(tick, Some(&plant.read()));

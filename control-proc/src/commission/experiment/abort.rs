@@ -6,8 +6,8 @@ use pipeline::message::{bit_names, sample_fault};
 
 /// Way that the axis should have gone while its encoder stood still that ends the experiment, m.
 pub const OWED_DISTANCE: f64 = 0.02;
-/// Samples in a row without a usable position that end the experiment.
-pub const UNUSABLE_LIMIT: u64 = crate::axis::UNUSABLE_LIMIT;
+/// Implausible samples in a row that end the experiment; without a reading it waits at neutral from the same number on.
+pub const UNUSABLE_LIMIT: usize = crate::axis::UNUSABLE_LIMIT as usize;
 
 /// Why the experiment was ended. The valve has been neutral since.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,6 +83,11 @@ impl fmt::Display for Abort {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::Stopped => write!(f, "stopped"),
+            Self::Feedback { faults: sample_fault::STALE } => write!(
+                f,
+                "feedback: found no reading for timing.feedback_timeout: does the program that reads the sensor run? \
+                 `hydraxis doctor` shows whether this computer gives it no time"
+            ),
             Self::Feedback { faults } => {
                 let names = bit_names(faults, &sample_fault::NAMES).collect::<Vec<_>>().join(", ");
                 write!(

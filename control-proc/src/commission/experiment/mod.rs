@@ -45,7 +45,7 @@ pub use pulses::PULSE_LIMIT;
 use std::time::Duration;
 
 use pipeline::{
-    machine::{Axis, samples_of},
+    machine::{Axis, Timing, samples_of},
     message::AxisSample,
 };
 
@@ -126,8 +126,9 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    /// An experiment with an axis that is sampled every `period`. Nothing is allocated after this.
-    pub fn new(axis: &Axis, period: Duration, options: &ExperimentOptions) -> Self {
+    /// An experiment with an axis that is sampled as `timing` says. Nothing is allocated after this.
+    pub fn new(axis: &Axis, timing: &Timing, options: &ExperimentOptions) -> Self {
+        let period = timing.period;
         let seconds = period.as_secs_f64();
         let total = samples_of(options.duration, period);
         let resolution = axis.encoder.resolution;
@@ -135,7 +136,7 @@ impl Experiment {
         Self {
             limits: Limits::new(&axis.control, seconds),
             window: Window::new(axis, options),
-            watch: Watch::new(seconds, memory, EQUAL_COUNTS * resolution),
+            watch: Watch::new(timing, memory, EQUAL_COUNTS * resolution),
             found: Found {
                 directions: [Direction::new(), Direction::new()],
                 is_searched_again: [false; 2],
@@ -226,7 +227,9 @@ impl Experiment {
     fn act(&mut self, sample: Option<&AxisSample>) -> Result<f64, Abort> {
         let usable = self.watch.take(sample)?;
         self.tick += 1;
-        let Some(position) = usable else { return Ok(self.watch.command()) };
+        let Some(position) = usable else {
+            return Ok(if self.watch.is_waiting() { 0.0 } else { self.watch.command() });
+        };
         if self.step.from.is_nan() {
             self.window.place(position)?;
             self.step = Step::begin(position, 0.0, 0);

@@ -13,7 +13,10 @@
 //! not where the axis stops. A load on oil swings back when its valve shuts: by r and less, which is no motion against
 //! the command.
 
-use pipeline::message::{AxisSample, sample_fault};
+use pipeline::{
+    machine::{Timing, samples_of},
+    message::{AxisSample, sample_fault},
+};
 
 use super::abort::{Abort, OWED_DISTANCE, UNUSABLE_LIMIT};
 pub use crate::protection::uncommanded::{AGAINST_DISTANCE, AGAINST_TIME, SWING, SWING_TIME};
@@ -47,36 +50,59 @@ pub struct Watch {
     /// Change of a position that is none, m.
     band: f64,
     /// Ticks since the last usable position.
-    blind: u64,
+    blind: usize,
+    /// Implausible samples since the last usable position.
+    implausible: usize,
+    /// Blind ticks without a reading that are too many.
+    timeout: usize,
 }
 
 impl Watch {
     /// Looks back `memory` ticks; positions within `band` m count as equal.
-    pub fn new(period: f64, memory: usize, band: f64) -> Self {
+    pub fn new(timing: &Timing, memory: usize, band: f64) -> Self {
+        let period = timing.period.as_secs_f64();
         let speed_ticks = ((SPEED_TIME / period).round() as usize).max(1);
         let memory = memory.max(4 * speed_ticks) + 1;
         let (positions, commands) = (vec![f64::NAN; memory], vec![0.0; memory]);
         let still = Still { at: f64::NAN, ticks: 0, owed: 0.0 };
-        Self { period, speed_ticks, positions, commands, still, band, blind: 0 }
+        let timeout = samples_of(timing.feedback_timeout, timing.period).max(1);
+        Self { period, speed_ticks, positions, commands, still, band, blind: 0, implausible: 0, timeout }
     }
 
-    /// Takes in the sample of a tick, and returns its position (m) if that is usable. Otherwise the last one is held.
+    /// Takes in the sample of a tick, and returns its position (m) if that is usable. Otherwise the last one is held
+    /// until the next one, and then replaced by a straight line.
     pub fn take(&mut self, sample: Option<&AxisSample>) -> Result<Option<f64>, Abort> {
         let faults = sample.map_or(sample_fault::STALE, |sample| sample.faults);
         let position = sample.and_then(AxisSample::usable);
-        self.blind = if position.is_some() { 0 } else { self.blind + 1 };
-        if self.blind >= UNUSABLE_LIMIT || faults & sample_fault::RANGE != 0 {
-            return Err(Abort::Feedback { faults });
-        }
-        if self.positions.last().is_some_and(|last| last.is_nan())
+        let newest = self.positions.len() - 1;
+        if self.positions[newest].is_nan()
             && let Some(position) = position
         {
             self.positions.fill(position);
         }
         self.positions.rotate_left(1);
-        let newest = self.positions.len() - 1;
-        self.positions[newest] = position.unwrap_or(self.positions[newest - 1]);
+        let last = self.positions[newest - 1];
+        self.positions[newest] = position.unwrap_or(last);
+        if let Some(position) = position {
+            let ticks = self.blind + 1;
+            for back in 1..ticks.min(newest) {
+                self.positions[newest - back] = position + (last - position) * back as f64 / ticks as f64;
+            }
+            (self.blind, self.implausible) = (0, 0);
+        } else {
+            self.blind += 1;
+            self.implausible += usize::from(!sample.is_some_and(AxisSample::is_stale));
+        }
+        let is_lost = self.implausible >= UNUSABLE_LIMIT || self.blind >= self.timeout;
+        if is_lost || faults & sample_fault::RANGE != 0 {
+            return Err(Abort::Feedback { faults });
+        }
         Ok(position)
+    }
+
+    /// Whether positions have been missing for so long that the axis waits for them at neutral.
+    pub fn is_waiting(&self) -> bool {
+        self.blind >= UNUSABLE_LIMIT
     }
 
     /// Takes in the command of this tick.

@@ -19,7 +19,9 @@ impl Identifiers {
     /// Allocates all memory that it will ever use.
     pub fn new(machine: &Machine) -> Self {
         let axes = machine.axes.iter();
-        let identifier = |axis: &Axis| Identifier::commissioned(&axis.identification, axis.commissioned.as_ref());
+        let identifier = |axis: &Axis| {
+            Identifier::commissioned(&axis.identification, axis.commissioned.as_ref()).waiting_for_motion()
+        };
         Self { axes: axes.map(identifier).collect(), last: None }
     }
 

@@ -4,7 +4,8 @@
 //! |poles of 1/A| < 1.02                          the step response stays near what was identified
 //! (sum b) N(u) > 0 for u > 0, < 0 for u < 0      a positive command extends
 //! |s(end)| |N| >= 1 % of max_speed * time        over the judged time, on both branches
-//! u_low <= u <= u_high                           commands that N was learned from, within command_limit
+//! u_low <= u <= u_high                           commands that N was learned from, within command_limit; of a grey box
+//!                                                also those of commissioning
 //! 1/5 <= s'(end) N(u)/(T c(u)) <= 5              at half and all of the commands tested while commissioning
 //! sigma_adaptive <= 1.5 sigma_classical          h-step errors, in m; not for a grey box
 //! ```
@@ -122,7 +123,9 @@ impl Judge {
     }
 
     fn judge_one<'a>(&self, snapshot: &'a AxisSnapshot, adaptive: bool) -> Result<Approved<'a>, Option<Refusal>> {
-        if snapshot.faults & model_fault::TRAINING != 0 || self.choice == ModelChoice::None {
+        // A grey box has its adaptive model before the training ends.
+        let is_known = snapshot.faults & model_fault::TRAINING == 0 || (adaptive && !self.is_compared);
+        if !is_known || self.choice == ModelChoice::None {
             return Err(None);
         }
         let model = if adaptive { &snapshot.adaptive } else { &snapshot.classical };
@@ -136,9 +139,11 @@ impl Judge {
             return Err(Some(Refusal::Unstable));
         }
         let known = |bound: f64| if bound.is_finite() { bound } else { 0.0 };
+        // A grey box has learned from the commands of commissioning, too.
+        let tested = self.commissioned.as_ref().filter(|_| !self.is_compared).map_or((0.0, 0.0), Commissioned::tested);
         let range = (
-            known(snapshot.command_low).clamp(-self.command_limit, 0.0),
-            known(snapshot.command_high).clamp(0.0, self.command_limit),
+            known(snapshot.command_low).min(tested.0).clamp(-self.command_limit, 0.0),
+            known(snapshot.command_high).max(tested.1).clamp(0.0, self.command_limit),
         );
         let ramp = Ramp::of(model, self.response);
         self.judge_reach(model, &ramp, range).map_err(Some)?;

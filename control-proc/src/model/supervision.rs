@@ -45,6 +45,8 @@ const TRIALS: f64 = 4.0;
 const MOTION: f64 = 0.25;
 /// Time for which the errors after the model are not the fallback's, in s and in reactions of the axis.
 const TRANSIENT: (f64, f64) = (1.0, 6.0);
+/// Least time of the fallback in control that says something of it, in s and in reactions of the axis.
+pub const MEASURED: (f64, f64) = (2.0, 6.0);
 /// E_f in parts of E_m that acquits.
 const NO_BETTER: f64 = 0.8;
 /// First time of trust after an acquittal, and of distrust, s, and how often they are doubled at most.
@@ -82,9 +84,10 @@ impl Look {
     }
 
     /// Whether the model is suspect, beside a fallback of `fallback`.
-    fn is_worse(&self, fallback: &Squares) -> bool {
+    fn is_worse(&self, fallback: Option<&Squares>) -> bool {
         // `min` leaves out what is not a number: a fallback that has never moved.
-        let bound = self.shadow.error.min(EXCUSED * fallback.for_speed(self.model.speed, 1.0));
+        let measured = fallback.map_or(f64::NAN, |fallback| EXCUSED * fallback.for_speed(self.model.speed, 1.0));
+        let bound = self.shadow.error.min(measured);
         self.model.time > 2.0 * self.memory && self.model.error > self.worse * bound + self.floor
     }
 }
@@ -95,6 +98,8 @@ pub struct Supervision {
     period: f64,
     /// Length of a trial and of its first part, which does not count, s.
     trial: (f64, f64),
+    /// Least time of the fallback in control that counts, s.
+    measured: f64,
     looks: [Look; LOOKS.len()],
     swing: Swing,
     fallback: Squares,
@@ -123,6 +128,7 @@ impl Supervision {
         Self {
             period,
             trial: (longer(TRIAL), longer(TRANSIENT)),
+            measured: longer(MEASURED),
             looks,
             swing: Swing::new(reaction, resolution, period),
             fallback: Squares::default(),
@@ -185,7 +191,8 @@ impl Supervision {
     /// Begins a trial if there is a cause.
     fn suspect(&mut self, swings: bool, time: f64) {
         self.grace = (self.grace - time).max(0.0);
-        let [last, many] = self.looks.map(|look| look.is_worse(&self.fallback));
+        let fallback = Some(&self.fallback).filter(|fallback| fallback.time >= self.measured);
+        let [last, many] = self.looks.map(|look| look.is_worse(fallback));
         let model = if many { self.looks[1].model } else { self.looks[0].model };
         if swings || last || (many && self.grace == 0.0) {
             self.phase = Phase::Trial(model, 0.0);

@@ -3,7 +3,7 @@
 //! ```text
 //! l(k) = l(k-1) + (1 - exp(-n T/tau_l)) (e(k) - l(k-1))          s(k) = e(k) - l(k)          tau_l = max(0.3 s, 2 L)
 //! a flip      s passes +h after it has been below -h, or -h after it has been above +h
-//! h           = max(e_h, 2 S_f max(V/V_f, 1/4))
+//! h           = max(e_h, 2 S_f max(V/V_f, 1/4)); max(e_h, 0.2 V L) before the fallback has controlled for max(2 s, 6 L)
 //! c(k) = exp(-n T/W) c(k-1), 1 more at a flip, 2 less when the reference turns, 0 at least          W = max(3 s, 12 L)
 //! swings      c > 4 while the model controls
 //! ```
@@ -16,7 +16,7 @@
 //! Trap: the swing is in the shadow of the fallback, too, which takes the measured motion for a disturbance. Comparing
 //! the two says nothing about it.
 
-use super::squares::Squares;
+use super::{squares::Squares, supervision::MEASURED};
 use crate::protection::following_error::Deviation;
 
 /// tau_l and W in s and in reactions of the axis.
@@ -26,6 +26,8 @@ const WINDOW: (f64, f64) = (3.0, 12.0);
 const FLOOR: (f64, f64) = (0.5e-3, 2.0);
 /// h in parts of S_f.
 const LARGE: f64 = 2.0;
+/// h before S_f is known, in parts of the way at the reference's speed within the reaction.
+const UNKNOWN: f64 = 0.2;
 /// h of an axis whose reference stands, in parts of the one at the fallback's speed.
 const AT_REST: f64 = 0.25;
 /// c of a swing, and what a turn of the reference takes off.
@@ -36,6 +38,8 @@ const TURN: f64 = 2.0;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Swing {
     period: f64,
+    /// L, s.
+    reaction: f64,
     /// tau_l, s.
     slow_time: f64,
     /// W, s.
@@ -58,6 +62,7 @@ impl Swing {
     pub fn new(reaction: f64, resolution: f64, period: f64) -> Self {
         Self {
             period,
+            reaction,
             slow_time: SLOW.0.max(SLOW.1 * reaction),
             window: WINDOW.0.max(WINDOW.1 * reaction),
             floor: FLOOR.0.max(FLOOR.1 * resolution),
@@ -108,8 +113,9 @@ impl Swing {
     /// h, m.
     fn bound(&self) -> f64 {
         let usual = LARGE * self.fallback.for_speed(self.model.speed, AT_REST * AT_REST).sqrt();
-        // A fallback that has never moved says nothing.
-        if usual.is_finite() { self.floor.max(usual) } else { self.floor }
+        // A fallback that has never moved says nothing, nor does one that has hardly begun.
+        let is_known = usual.is_finite() && self.fallback.time >= MEASURED.0.max(MEASURED.1 * self.reaction);
+        self.floor.max(if is_known { usual } else { UNKNOWN * self.model.speed.sqrt() * self.reaction })
     }
 }
 

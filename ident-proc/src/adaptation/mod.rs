@@ -9,7 +9,7 @@
 //! [`Adaptation`] is the one place that tells them apart. Its calls at each sample are, in this order,
 //!
 //! ```text
-//! training:        collect | pass | interrupt -> settle        at its end start, for a bank also before
+//! training:        collect | wait | pass | interrupt -> settle        at its end start, for a bank also before
 //! after training:  learn   | pass | interrupt -> settle -> model
 //! ```
 //!
@@ -97,6 +97,25 @@ impl Adaptation {
             Self::GreyBox(grey_box) => {
                 grey_box.learn(y, row);
             }
+        }
+    }
+
+    /// Takes in y(k) and the row of a sample that the training leaves out because the axis is not driven.
+    pub fn wait(&mut self, y: f64, row: &RegressorRow) {
+        match self {
+            Self::Single(_) => {}
+            Self::Bank(bank) => bank.pass(row),
+            Self::GreyBox(grey_box) => {
+                grey_box.learn(y, row);
+            }
+        }
+    }
+
+    /// The model that is known before the training ends: that of the grey box, which was commissioned.
+    pub fn known_model(&self) -> Option<Coefficients> {
+        match self {
+            Self::GreyBox(grey_box) => Some(grey_box.model()),
+            Self::Single(_) | Self::Bank(_) => None,
         }
     }
 

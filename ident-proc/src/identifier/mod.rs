@@ -20,6 +20,7 @@ use crate::{
 ///
 /// The first `training` samples are for offline identification. From then on the adaptive model is updated at every
 /// sample, and the classical model stays as it is. The errors of both are counted from the first sample after training.
+/// The grey box has an adaptive model from the first sample on.
 ///
 /// ```
 /// use ident_proc::Identifier;
@@ -41,6 +42,10 @@ use crate::{
 #[derive(Debug, Clone)]
 pub struct Identifier {
     settings: Identification,
+    /// Whether the training leaves out samples of an axis that is not driven.
+    waits: bool,
+    /// Samples since a command last opened the valve.
+    neutral: usize,
     /// Commands go through the play of the valve.
     play: Play,
     past: Past,
@@ -70,8 +75,12 @@ impl Identifier {
         let adaptation = Adaptation::new(settings, commissioned);
         let row = adaptation.row_structure(structure);
         let past = Past::new(settings, row);
+        let mut models = Models::new(structure);
+        models.adaptive = adaptation.known_model().unwrap_or(models.adaptive);
         Self {
             settings: settings.clone(),
+            waits: false,
+            neutral: 0,
             play: Play::new(settings.hysteresis),
             gate: OutlierGate::default(),
             rest: RestDetection::new(settings.horizon),
@@ -79,20 +88,26 @@ impl Identifier {
             adaptation,
             comparison: Comparison::new(&past, settings.horizon),
             health: Health::new(settings.horizon),
-            models: Models::new(structure),
+            models,
             figures: Figures::default(),
             faults: Faults::new(model_fault::TRAINING),
             past,
         }
     }
 
+    /// The training counts samples with motion only: while no command has opened the valve for longer than the horizon,
+    /// it waits. A running machine may stand for hours before it is used, and its rest says nothing of its motion.
+    pub fn waiting_for_motion(self) -> Self {
+        Self { waits: true, ..self }
+    }
+
     /// Takes in sample k. `output` is the measured position, `None` when it is not to be used. `applied` is u(k-1), the
     /// command that was applied since the sample before, `None` when it is not known: at the very first sample, and
     /// after a gap.
     pub fn update(&mut self, output: Option<f64>, applied: Option<f64>) {
-        self.training.count_sample();
         self.figures.begin_sample();
         self.faults.begin_sample();
+        self.neutral = self.neutral.saturating_add(1);
         match applied.filter(|u| u.is_finite()) {
             Some(u) => {
                 let acting = self.play.acting(u);
@@ -102,6 +117,9 @@ impl Identifier {
                 self.past.interrupt_commands();
                 self.interrupt();
             }
+        }
+        if !self.is_waiting() {
+            self.training.count_sample();
         }
         match self.past.identified(output.filter(|y| y.is_finite())) {
             Some(y) => self.take_output(y),
@@ -115,8 +133,16 @@ impl Identifier {
         }
     }
 
+    /// Whether the training waits for motion.
+    fn is_waiting(&self) -> bool {
+        self.waits && self.neutral > self.settings.horizon
+    }
+
     fn take_command(&mut self, u: f64) {
         self.past.push_command(u);
+        if self.settings.structure.input.opening(u) != 0.0 {
+            self.neutral = 0;
+        }
         if !self.training.is_over() || self.adaptation.learns_nonlinearity() {
             self.figures.take_command(u);
         }
@@ -190,6 +216,10 @@ impl Identifier {
 
     /// A training sample.
     fn collect(&mut self, y: f64, resting: bool) {
+        if self.is_waiting() {
+            self.adaptation.wait(y, self.past.row());
+            return;
+        }
         if !self.training.collect(y, self.past.row()) {
             self.adaptation.pass(self.past.row());
             return;
@@ -248,7 +278,9 @@ impl Identifier {
                 let offline = self.training.solve();
                 self.adaptation.start(self.training.batch(), &offline);
             }
-            Progress::LastQuarter | Progress::Collecting => {}
+            Progress::LastQuarter | Progress::Collecting => {
+                self.models.adaptive = self.adaptation.known_model().unwrap_or(self.models.adaptive);
+            }
         }
     }
 
@@ -347,6 +379,33 @@ impl Identifier {
 mod tests {
     use super::*;
     use pipeline::machine::{Estimator, Form, Machine};
+
+    #[test]
+    fn a_running_machine_is_not_trained_on_the_rest_before_its_motion() {
+        let mut settings = Machine::four_axes(&[]).unwrap().axes[0].identification.clone();
+        (settings.estimator, settings.form) = (Estimator::Paper, Form::Linear);
+        (settings.training, settings.horizon) = (200, 10);
+        let run = |mut identifier: Identifier, rest: u32| {
+            let (mut y, mut u) = (0.5, 0.0);
+            for k in 0..rest + 1000 {
+                y += 0.001 * u;
+                // The encoder trembles by a count.
+                identifier.update(Some(y + 1e-5 * f64::from(k % 2)), Some(u));
+                let k = f64::from(k) - f64::from(rest);
+                u = if k < 0.0 { 0.0 } else { 0.3 * (0.1 * k).sin() + 0.3 * (0.031 * k).cos() };
+            }
+            identifier.snapshot()
+        };
+        let waited = run(Identifier::new(&settings).waiting_for_motion(), 5000);
+        assert_eq!(waited.faults & model_fault::RANK_DEFICIENT, 0);
+        // The rest counts for as long as the horizon; the first command acts a sample later.
+        assert_eq!(waited.updates, 1000 - 1 - 200 + 10);
+        let at_once = run(Identifier::new(&settings).waiting_for_motion(), 0);
+        let sigma = waited.adaptive_errors.h_step.sigma();
+        assert!(sigma < 1.1 * at_once.adaptive_errors.h_step.sigma(), "{sigma}");
+        // A record is trained on as it is.
+        assert_ne!(run(Identifier::new(&settings), 5000).faults & model_fault::RANK_DEFICIENT, 0);
+    }
 
     #[test]
     fn an_input_that_never_moves_leaves_a_finite_model() {

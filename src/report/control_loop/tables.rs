@@ -208,6 +208,12 @@ impl LoopReport {
             let ticks = axis.identification.training as u64;
             let training = number(ticks as f64 * machine.timing.period.as_secs_f64());
             let report = &self.axes[&axis.name];
+            if report.tracking_by_model.count > 0 {
+                return format!(
+                    "{}: errors of models are counted after {training} s of motion (axis.{}.identification.training).\n",
+                    axis.name, axis.name
+                );
+            }
             let has_followed = report.tracking.count > 0 || machine.source != Source::Sim;
             let why = if report.latch.is_some() {
                 "a fault latched the axis before it had moved enough to be identified".to_owned()
@@ -215,10 +221,10 @@ impl LoopReport {
                 "the axis has not followed its reference: it was not armed, or never had 0.2 s of healthy samples"
                     .to_owned()
             } else if self.ticks > ticks {
-                format!("the axis moved too little in the {training} s of its training; let it move more")
+                format!("training takes {training} s of motion, and the axis has moved for less; let it move more")
             } else {
                 format!(
-                    "training takes {training} s (axis.{}.identification.training); use a longer --duration",
+                    "training takes {training} s of motion (axis.{}.identification.training); use a longer --duration",
                     axis.name
                 )
             };

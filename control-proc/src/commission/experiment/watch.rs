@@ -91,7 +91,7 @@ impl Watch {
             (self.blind, self.implausible) = (0, 0);
         } else {
             self.blind += 1;
-            self.implausible += usize::from(!sample.is_some_and(AxisSample::is_stale));
+            self.implausible += usize::from(sample.is_some_and(|sample| !sample.is_stale()));
         }
         let is_lost = self.implausible >= UNUSABLE_LIMIT || self.blind >= self.timeout;
         if is_lost || faults & sample_fault::RANGE != 0 {

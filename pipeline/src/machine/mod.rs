@@ -286,6 +286,9 @@ impl Machine {
         if self.source == Source::External && has_plants {
             (self.source, self.drive) = (Source::Sim, Drive::Sim);
             self.stages[StageKind::PlantSim as usize].command = None;
+            for axis in &mut self.axes {
+                axis.hardware = std::mem::take(&mut axis.hardware).into_twin();
+            }
         }
         self
     }

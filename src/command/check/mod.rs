@@ -62,7 +62,7 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     let machine = load(&arguments.machine)?;
     deep(&machine)?;
     let loops = margins::judge(&machine);
-    verdict(&[control::impossible(&machine), loops.problems].concat())?;
+    verdict(&[models::refused(&machine), control::impossible(&machine), loops.problems].concat())?;
     if arguments.explain {
         return explain::run(arguments);
     }
@@ -103,7 +103,7 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
 pub fn findings(machine: &Machine) -> Result<Vec<String>, Failure> {
     deep(machine)?;
     let loops = margins::judge(machine);
-    let problems = [control::impossible(machine), loops.problems];
+    let problems = [models::refused(machine), control::impossible(machine), loops.problems];
     let doubts = [warnings(machine), plausible::doubtful(machine), references::excesses(machine), loops.warnings];
     Ok(problems.into_iter().chain(doubts).flatten().collect())
 }
@@ -115,7 +115,7 @@ pub fn warnings(machine: &Machine) -> Vec<String> {
 
 /// What may go wrong in a run of this machine without a controller.
 pub fn warnings_of_plant(machine: &Machine) -> Vec<String> {
-    [models::foreign(machine), overloads(machine)].concat()
+    [models::doubtful(machine), overloads(machine)].concat()
 }
 
 /// The loops that are unstable with the control settings of this machine.
@@ -131,15 +131,16 @@ pub fn expect_possible(machine: &Machine) -> Result<(), Failure> {
     verdict(&control::impossible(machine))
 }
 
-/// Refuses a machine whose loops cannot work or are unstable, before a controller may move it.
+/// Refuses a machine whose loops cannot work or are unstable, or whose models are not its own, before a controller may
+/// move it.
 ///
 /// # Errors
-/// All values with which a loop fails at once, and all unstable loops, one on each line.
+/// All models of other machines, all values with which a loop fails at once, and all unstable loops, one on each line.
 pub fn expect_controllable(machine: &Machine) -> Result<(), Failure> {
     if machine.drive == Drive::None {
         return Ok(());
     }
-    verdict(&[control::impossible(machine), unstable(machine)].concat())
+    verdict(&[models::refused(machine), control::impossible(machine), unstable(machine)].concat())
 }
 
 /// Refuses a machine with problems, one on each line.

@@ -62,6 +62,32 @@ fn a_model_of_another_machine_is_warned_of_with_both_machines() {
     assert!(!text.contains("measured_on"), "{text}");
 }
 
+#[test]
+fn a_real_machine_takes_no_model_of_its_twin_or_of_another_stroke() {
+    let folder = folder_with(&EXCAVATOR.replacen("kind = \"sim\"", "kind = \"external\"", 1));
+    let measured_on = |text: &str| {
+        let model = MODEL.replace("dead_time", &format!("measured_on = \"{text}\"\ndead_time"));
+        fs::write(folder.path().join("model.toml"), model).unwrap();
+    };
+    for foreign in ["stroke 1.334 m, period 10ms, machine 00000000", "stroke 1 m, period 10ms, rig 00000000"] {
+        measured_on(foreign);
+        for command in ["check", "run"] {
+            let expected = [
+                &format!("axis.boom.commissioned.measured_on: found \"{foreign}\"")[..],
+                "leave this model out of the run, and measure its own with `hydraxis commission`",
+            ];
+            expect_refusal(folder.path(), &[command, "m.toml", "--model", "model.toml"], &expected);
+        }
+    }
+    let said = refusal(folder.path(), &["check", "m.toml", "--model", "model.toml"]);
+    let (_, rest) = said.split_once("and this machine is \"").unwrap();
+    measured_on(rest.split('"').next().unwrap());
+    success(folder.path(), &["check", "m.toml", "--model", "model.toml"]);
+    // Its twin takes it, too.
+    let said = run(folder.path(), &["simulate", "m.toml", "--model", "model.toml", "--duration", "1s"]);
+    assert!(said.status.success() && !String::from_utf8(said.stderr).unwrap().contains("measured_on"));
+}
+
 /// Expects that this text is refused as the model of a machine, with exactly these lines.
 fn expect_refused_model(text: &str, lines: &[&str]) {
     let folder = folder_with(EXCAVATOR);

@@ -4,6 +4,7 @@ mod arming;
 mod black_box;
 mod campaign;
 mod clean;
+mod events;
 #[path = "../harness/mod.rs"]
 mod harness;
 mod lock_step;

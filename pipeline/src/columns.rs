@@ -8,6 +8,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use crate::nearest::did_you_mean;
+
 /// Number of problems that are kept; a file that is no CSV file has one in every row.
 const MAX_PROBLEMS: usize = 20;
 
@@ -157,7 +159,10 @@ impl Table {
             (None, _) => {
                 let found = format!("no column \"{column}\"; the columns are: {}", self.header.join(", "));
                 let separated = self.header.len() == 1 && self.header[0].contains([';', '\t']);
-                let hint = if separated { ", separated by commas" } else { "" };
+                let hint = match separated {
+                    true => ", separated by commas".to_owned(),
+                    false => did_you_mean(column, self.names()),
+                };
                 Err(problem(found, format!("a header with \"{column}\"{hint}")))
             }
         }

@@ -219,7 +219,7 @@ fn a_fault_on_the_way_ends_the_arming_of_all_and_stays_latched() {
 #[test]
 fn without_a_group_or_with_another_axis_nothing_is_asked() {
     // Without --prefix, `arm` and `reset` would take the group of a test beside this one.
-    let nobody = "no group \"nobody\" runs; start one with: hydraxis run --prefix nobody";
+    let nobody = "no group \"nobody\" runs; start one with: hydraxis run MACHINE.toml --prefix nobody";
     for (arguments, code, expected) in [
         (&["arm", "--prefix", "nobody"][..], 1, nobody),
         (&["reset", "--prefix", "nobody"], 1, nobody),

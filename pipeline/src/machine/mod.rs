@@ -64,7 +64,7 @@ pub use source::{Drive, Source};
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
 
-use crate::{MAX_AXES, layout};
+use crate::{MAX_AXES, layout, nearest::did_you_mean};
 
 /// The built-in machine, a 20 t excavator; the same text is in `examples/`.
 pub const BUILT_IN: &str = include_str!("../../../examples/excavator.toml");
@@ -103,16 +103,22 @@ pub struct Machine {
 }
 
 fn read_file(path: &Path, allowed: &str) -> Result<String, MachineError> {
-    std::fs::read_to_string(path).map_err(|error| MachineError {
-        file: path.display().to_string(),
-        problems: vec![Problem {
-            file: None,
-            line: None,
-            key: String::new(),
-            found: format!("a file that cannot be read ({error})"),
-            allowed: allowed.to_owned(),
-        }],
+    std::fs::read_to_string(path).map_err(|error| {
+        let found = format!("a file that cannot be read ({error})");
+        MachineError::of_file(path.display().to_string(), found, format!("{allowed}{}", other_files(path)))
     })
+}
+
+/// The files beside `path` whose names are nearest to its own, as a question; nothing where `path` exists.
+fn other_files(path: &Path) -> String {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let (false, Some(name), Ok(entries)) = (path.exists(), path.file_name(), folder.read_dir()) else {
+        return String::new();
+    };
+    let files = entries.flatten().filter(|entry| entry.path().is_file());
+    let mut names: Vec<String> = files.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    names.sort_unstable();
+    did_you_mean(&name.to_string_lossy(), names.iter().map(String::as_str))
 }
 
 /// The values of a model file, such as `commission` writes, as settings that take the place of values in a machine
@@ -153,7 +159,7 @@ impl MachineFile {
             let model = model_file::parse(BUILT_IN_MODEL, "built-in model")?;
             return Ok(Self { text, model, name, folder: PathBuf::from(".") });
         };
-        let text = read_file(path, "a machine file in TOML; without one the built-in machine is used")?;
+        let text = read_file(path, "a machine file in TOML, such as `hydraxis init` writes; without one the built-in machine is used")?;
         let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
         Ok(Self { text: Cow::Owned(text), model: Vec::new(), name: path.display().to_string(), folder })
     }
@@ -244,7 +250,7 @@ impl Machine {
         let fuzzy = Fuzzy::read(root.section("fuzzy"));
 
         let mut table = root.section("axis");
-        let names = table.names();
+        let names = axis::names(&table);
         if names.is_empty() || names.len() > MAX_AXES {
             let allowed = format!("1 to {MAX_AXES} axes, each a table [axis.NAME]");
             root.refuse("axis", format!("{} axes", names.len()), allowed);
@@ -288,6 +294,14 @@ impl Machine {
             self.stages[StageKind::PlantSim as usize].command = None;
         }
         self
+    }
+
+    /// The key with the program that runs in a stage's place: that of the stage, or of an external source.
+    pub fn command_key(&self, kind: StageKind) -> String {
+        match kind {
+            StageKind::PlantSim if self.source == Source::External => "source.command".to_owned(),
+            kind => format!("stage.{}.command", kind.name()),
+        }
     }
 
     /// Settings of one stage.

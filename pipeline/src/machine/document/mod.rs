@@ -32,6 +32,11 @@ use super::error::{MachineError, Problem};
 use crate::nearest::{did_you_mean, nearest, question};
 use value::show;
 
+/// Most broken lines that are shown one by one where most lines of a file are broken.
+const MOST_BROKEN: usize = 2;
+/// What was found in the place of a key that is absent.
+const NOTHING: &str = "nothing";
+
 /// A value that takes the place of one in the document.
 #[derive(Debug, Clone)]
 pub(super) struct Setting {
@@ -80,6 +85,8 @@ pub(super) struct Document<'i> {
     entries: RefCell<Vec<Entry>>,
     /// Path and known keys of each table that was read.
     tables: RefCell<Vec<(String, Vec<String>)>>,
+    /// Unknown keys, each with a known one that it may have meant; full dotted names.
+    mistyped: RefCell<Vec<(String, String)>>,
 }
 
 impl<'i> Document<'i> {
@@ -94,6 +101,7 @@ impl<'i> Document<'i> {
             problems: RefCell::default(),
             entries: RefCell::default(),
             tables: RefCell::default(),
+            mistyped: RefCell::default(),
         };
         for error in errors {
             let (line, at) = match error.span() {
@@ -110,10 +118,45 @@ impl<'i> Document<'i> {
                 line,
                 key: String::new(),
                 found,
-                allowed: "valid TOML".to_owned(),
+                allowed: format!("valid TOML{}", comma_hint(line, text)),
             });
         }
+        document.expect_toml();
         document
+    }
+
+    /// One problem in the place of those of all lines, where most lines are no TOML: another file is meant then.
+    fn expect_toml(&mut self) {
+        let lines = self.text.lines().filter(|line| !line.trim().is_empty()).count();
+        let first = self.text.lines().next().unwrap_or_default();
+        if self.grammar.len() > MOST_BROKEN && 2 * self.grammar.len() > lines {
+            let line = Some(1);
+            let found = format!("a file that is no TOML: most of its lines are like \"{}\"", first.trim());
+            let allowed = "a file in TOML, such as `hydraxis init` and `hydraxis commission` write".to_owned();
+            self.grammar = vec![Problem { file: None, line, key: String::new(), found, allowed }];
+        }
+    }
+
+    /// Whether the text has no key at all.
+    pub fn is_empty(&self) -> bool {
+        self.grammar.is_empty() && self.root.is_empty()
+    }
+
+    /// Notes that an unknown key may have meant a known one; full dotted names.
+    pub fn mistyped(&self, key: String, meant: String) {
+        self.mistyped.borrow_mut().push((key, meant));
+    }
+
+    /// Whether a problem says that a key is missing which a mistyped table has.
+    fn is_in_mistyped(&self, problem: &Problem) -> bool {
+        let has = |path: String| {
+            let (table, key) = path.rsplit_once('.').unwrap_or(("", &path));
+            self.names(table).iter().any(|name| name == key)
+        };
+        let within = |(typed, meant): &(String, String)| {
+            problem.key.strip_prefix(meant.as_str()).is_some_and(|rest| rest.starts_with('.') && has(format!("{typed}{rest}")))
+        };
+        problem.found == NOTHING && self.mistyped.borrow().iter().any(within)
     }
 
     /// The top of the document.
@@ -196,7 +239,8 @@ impl<'i> Document<'i> {
                 self.problem(setting.origin.place(), key, found, allowed);
             }
         }
-        let mut problems = self.problems.into_inner();
+        let mut problems = self.problems.take();
+        problems.retain(|problem| !self.is_in_mistyped(problem));
         problems.sort_by_key(|problem| (problem.file.is_some(), problem.line.unwrap_or(usize::MAX)));
         if problems.is_empty() { Ok(value) } else { Err(MachineError { file: file.to_owned(), problems }) }
     }
@@ -260,4 +304,14 @@ impl<'i> Document<'i> {
     fn line(&self, offset: usize) -> usize {
         1 + self.text[..offset.min(self.text.len())].matches('\n').count()
     }
+}
+
+/// What is added for a broken line with a comma between two digits, as some languages write a number.
+fn comma_hint(line: Option<usize>, text: &str) -> String {
+    let broken = line.and_then(|line| text.lines().nth(line - 1)).unwrap_or_default();
+    let value = broken.split('#').next().unwrap_or_default();
+    let is_digit = |c: Option<&u8>| c.is_some_and(u8::is_ascii_digit);
+    let bytes = value.as_bytes();
+    let has = (1..bytes.len()).any(|i| bytes[i] == b',' && is_digit(bytes.get(i - 1)) && is_digit(bytes.get(i + 1)));
+    if has { ", in which a number has a decimal point, such as 0.5".to_owned() } else { String::new() }
 }

@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::nearest::did_you_mean;
+use crate::nearest::{did_you_mean, did_you_mean_file};
 
 /// Number of problems that are kept; a file that is no CSV file has one in every row.
 const MAX_PROBLEMS: usize = 20;
@@ -84,8 +84,11 @@ impl Table {
             file: file.to_owned(),
             problems: vec![TableProblem { line: None, field: None, found, allowed: allowed.to_owned() }],
         };
-        let text =
-            std::fs::read_to_string(file).map_err(|error| refuse(format!("a file that cannot be read ({error})")))?;
+        let text = std::fs::read_to_string(file).map_err(|error| {
+            let mut refused = refuse(format!("a file that cannot be read ({error})"));
+            refused.problems[0].allowed += &did_you_mean_file(file);
+            refused
+        })?;
         let header = reader(&text).headers().map_err(|error| refuse(error.to_string()))?.clone();
         if header.iter().all(str::is_empty) {
             return Err(refuse("an empty file".to_owned()));

@@ -6,7 +6,7 @@ use clap::{
     Arg, Command, Error,
     error::{ContextKind, ContextValue, ErrorKind},
 };
-use pipeline::nearest::did_you_mean;
+use pipeline::nearest::{nearest, question};
 
 /// The text about a command line that clap has refused; none for help and version, which clap shows. `typed` is the
 /// command line without the program.
@@ -70,7 +70,8 @@ impl Refused<'_> {
     /// An unknown subcommand.
     fn subcommand(&self) -> String {
         let found = one(self.error, ContextKind::InvalidSubcommand).unwrap_or_default();
-        format!("command: found \"{found}\"; allowed: {}{}", self.commands(), did_you_mean(found, self.command_names()))
+        let names: Vec<&str> = self.command_names().collect();
+        format!("command: found \"{found}\"; allowed: {}{}", self.commands(), hint(found, &names))
     }
 
     fn command_names(&self) -> impl Iterator<Item = &str> {
@@ -89,27 +90,27 @@ impl Refused<'_> {
             return format!("{place}: found an option before the command; allowed: first {}", self.commands());
         }
         if place.starts_with('-') {
-            let hint = did_you_mean(place, options.iter().copied());
+            let hint = hint(place, &options);
             return format!("{place}: found an unknown option; allowed: one of {}{hint}", options.join(", "));
         }
         let names: Vec<String> = self.arguments().filter(|argument| argument.is_positional()).map(shown).collect();
-        let allowed = if names.is_empty() { "options only".to_owned() } else { format!("only {}", names.join(" ")) };
-        format!("{place}: found one argument too many; allowed: {allowed}, and the options {}", options.join(", "))
+        let allowed: Vec<&str> = names.iter().map(String::as_str).chain(options).collect();
+        format!("{place}: found one argument too many; allowed: only {}", allowed.join(", "))
     }
 
     /// An argument, or the value of an option, that is missing.
     fn nothing(&self, place: &str) -> String {
-        let allowed = match self.argument(name(place)) {
-            Some(argument) => {
-                let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
-                match choices(argument) {
-                    names if names.is_empty() => format!("{}: {help}", shown(argument)),
-                    names => format!("one of {}", names.join(", ")),
-                }
+        let place = name(place);
+        let Some(argument) = self.argument(place) else { return format!("{place}: found nothing; allowed: a value") };
+        let is_needed = self.error.kind() == ErrorKind::MissingRequiredArgument && !argument.is_required_set();
+        let needed = if is_needed { ", and another option here needs it" } else { "" };
+        let allowed = match choices(argument) {
+            names if names.is_empty() => {
+                format!("{} ({})", shown(argument), argument.get_help().map(ToString::to_string).unwrap_or_default())
             }
-            None => place.to_owned(),
+            names => format!("one of {}", names.join(", ")),
         };
-        format!("{}: found nothing; allowed: {allowed}", name(place))
+        format!("{place}: found nothing{needed}; allowed: {allowed}")
     }
 
     /// A value that its option, or its place, does not have.
@@ -120,7 +121,7 @@ impl Refused<'_> {
             return self.nothing(whole);
         }
         if !names.is_empty() {
-            let hint = did_you_mean(found, names.iter().copied());
+            let hint = hint(found, &names);
             return format!("{place}: found \"{found}\"; allowed: one of {}{hint}", names.join(", "));
         }
         let said = std::error::Error::source(self.error).map(ToString::to_string).unwrap_or_default();
@@ -144,8 +145,20 @@ impl Refused<'_> {
     }
 }
 
+/// The nearest names as a question; where none is near, those that begin with what was typed.
+fn hint(typed: &str, names: &[&str]) -> String {
+    let near = nearest(typed, names.iter().copied());
+    if near.is_empty() && typed.len() > 1 {
+        return question(names.iter().copied().filter(|name| name.starts_with(typed)));
+    }
+    question(near)
+}
+
 /// Names of the values that an argument can have; none where it has no such names.
 fn choices(argument: &Arg) -> Vec<String> {
+    if !argument.get_action().takes_values() {
+        return Vec::new();
+    }
     let values = argument.get_possible_values().into_iter().filter(|value| !value.is_hide_set());
     values.map(|value| value.get_name().to_owned()).collect()
 }
@@ -158,7 +171,11 @@ fn value_name(argument: &Arg) -> String {
 /// An argument as the help shows it, such as `--mode MODE`.
 fn shown(argument: &Arg) -> String {
     let value = value_name(argument);
-    argument.get_long().map_or(value.clone(), |long| format!("--{long} {value}"))
+    match argument.get_long() {
+        Some(long) if argument.get_action().takes_values() => format!("--{long} {value}"),
+        Some(long) => format!("--{long}"),
+        None => value,
+    }
 }
 
 /// The name of an argument of which clap shows `--mode <MODE>`, `<SHELL>` or `[MACHINE.toml]`.

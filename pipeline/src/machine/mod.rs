@@ -64,7 +64,7 @@ pub use source::{Drive, Source};
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
 
-use crate::{MAX_AXES, layout, nearest::did_you_mean};
+use crate::{MAX_AXES, layout, nearest::did_you_mean_file};
 
 /// The built-in machine, a 20 t excavator; the same text is in `examples/`.
 pub const BUILT_IN: &str = include_str!("../../../examples/excavator.toml");
@@ -105,20 +105,8 @@ pub struct Machine {
 fn read_file(path: &Path, allowed: &str) -> Result<String, MachineError> {
     std::fs::read_to_string(path).map_err(|error| {
         let found = format!("a file that cannot be read ({error})");
-        MachineError::of_file(path.display().to_string(), found, format!("{allowed}{}", other_files(path)))
+        MachineError::of_file(path.display().to_string(), found, format!("{allowed}{}", did_you_mean_file(path)))
     })
-}
-
-/// The files beside `path` whose names are nearest to its own, as a question; nothing where `path` exists.
-fn other_files(path: &Path) -> String {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let (false, Some(name), Ok(entries)) = (path.exists(), path.file_name(), folder.read_dir()) else {
-        return String::new();
-    };
-    let files = entries.flatten().filter(|entry| entry.path().is_file());
-    let mut names: Vec<String> = files.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
-    names.sort_unstable();
-    did_you_mean(&name.to_string_lossy(), names.iter().map(String::as_str))
 }
 
 /// The values of a model file, such as `commission` writes, as settings that take the place of values in a machine

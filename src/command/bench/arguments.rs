@@ -44,7 +44,7 @@ pub struct BenchControlArguments {
     )]
     pub dead_time: Vec<Duration>,
     /// Number of seeds of the simulated noise; they count from 1
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = in_range(1, 1000), allow_hyphen_values = true)]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = in_range(1_u64, 1000), allow_hyphen_values = true)]
     pub seeds: u64,
     /// Only this scenario; may be given several times [default: every built-in scenario with a controller]
     #[arg(long = "scenario", value_name = "NAME")]
@@ -57,7 +57,7 @@ pub struct BenchControlArguments {
     pub json: Option<PathBuf>,
     /// Drawn machines instead of a machine file: this many test rigs of one axis, each commissioned and then driven by
     /// its fallback and by its model
-    #[arg(long, value_name = "N", value_parser = in_range(1, 100_000), allow_hyphen_values = true,
+    #[arg(long, value_name = "N", value_parser = in_range(1_u64, 100_000), allow_hyphen_values = true,
           conflicts_with_all = ["machine", "settings", "model", "dead_time", "seeds", "scenarios", "controllers"])]
     pub machines: Option<u64>,
     /// Seed of the drawn machines
@@ -77,6 +77,6 @@ pub struct BenchControlArguments {
     #[arg(long, value_name = "FOLDER", requires = "machines", conflicts_with = "json")]
     pub write: Option<PathBuf>,
     /// Number of threads [default: one for each core]
-    #[arg(long, value_name = "N", value_parser = in_range(1, 65_535), allow_hyphen_values = true)]
+    #[arg(long, value_name = "N", value_parser = in_range(1_u16, u16::MAX), allow_hyphen_values = true)]
     pub threads: Option<u16>,
 }

@@ -38,11 +38,12 @@ Modes:
   hold    moves to --target, bounded in speed, acceleration and jerk, and stays there
   track   follows its reference: the generator of the machine file, or the reference channel
 
-A disarmed axis leaves `off` only with --enable, after a fault as well. An armed axis changes between the other modes
-without it. Ctrl-C disarms the axes. In manual, the end of this program disarms them as well, within 0.1 s; an axis in
-hold or track goes on without this program, unless --hold-to-run or the key control.hold_to_run ends it too. A group has
-one operator at a time; --take-over replaces it, and the supervisor logs it. `hydraxis arm`, `disarm` and `reset` do the
-three usual operations with one command each, for people and for scripts.")]
+A disarmed axis leaves `off` only with --enable, after a fault as well. A latch that --enable or `off` releases is shown
+with its cause. An armed axis changes between the other modes without --enable. Ctrl-C disarms the axes. In manual, the
+end of this program disarms them as well, within 0.1 s; an axis in hold or track goes on without this program, unless
+--hold-to-run or the key control.hold_to_run ends it too. A group has one operator at a time; --take-over replaces it,
+and the supervisor logs it. `hydraxis arm`, `disarm` and `reset` do the three usual operations with one command each,
+for people and for scripts.")]
 pub struct OperateArguments {
     /// Group and axes
     #[command(flatten)]

@@ -14,6 +14,7 @@ use pipeline::{
     message::{AxisMode, ControlMode, EncoderSample},
 };
 
+use arm::Causes;
 pub use arm::{arm, reset};
 pub use disarm::disarm;
 
@@ -109,8 +110,9 @@ fn operate(axes: &[usize], arguments: &OperateArguments, operator: &mut Operator
         return Ok(());
     }
     if mode == AxisMode::Off {
+        let causes = Causes::of(axes, operator);
         operator.release(axes)?;
-        return Ok(show(&line(axes, operator, None))?);
+        return Ok(show(&format!("{}{}", causes.text(operator, ""), line(axes, operator, None)))?);
     }
     let is_off = |axis: &usize| operator.last(*axis).is_some_and(|last| last.operation == AxisMode::Off as u32);
     let off: Vec<usize> = axes.iter().copied().filter(is_off).collect();
@@ -118,7 +120,9 @@ fn operate(axes: &[usize], arguments: &OperateArguments, operator: &mut Operator
         return Err(Failure::usage(format!("{}; allowed: with --enable, and then it may move", operator.state(*axis))));
     }
     if !off.is_empty() {
+        let causes = Causes::of(&off, operator);
         operator.release(&off)?;
+        show(&causes.text(operator, ""))?;
     }
     let result = stream(axes, mode, arguments, operator);
     match &result {

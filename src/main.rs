@@ -19,8 +19,11 @@ fn main() -> ExitCode {
     let arguments = match command::Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => {
-            let typed: Vec<String> = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
-            let Some(refusal) = arguments::refusal(&error, &command::Arguments::command(), &typed) else { error.exit() };
+            let typed: Vec<String> =
+                std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
+            let Some(refusal) = arguments::refusal(&error, &command::Arguments::command(), &typed) else {
+                error.exit()
+            };
             return refused(&Failure::usage(refusal));
         }
     };

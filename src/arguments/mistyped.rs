@@ -52,8 +52,11 @@ impl Refused<'_> {
                 lines.join("\n")
             }
             ErrorKind::ArgumentConflict => {
-                let others: Vec<&str> =
-                    all(self.error, ContextKind::PriorArg).into_iter().map(name).filter(|other| *other != place).collect();
+                let others: Vec<&str> = all(self.error, ContextKind::PriorArg)
+                    .into_iter()
+                    .map(name)
+                    .filter(|other| *other != place)
+                    .collect();
                 if others.is_empty() {
                     format!("{place}: found more than once; allowed: once")
                 } else {

@@ -17,7 +17,11 @@ use pipeline::{
 
 use super::{check, simulate::ticks};
 use crate::{
-    arguments::{MachineFile, load, values::{duration, whole}, with_scenarios},
+    arguments::{
+        MachineFile, load,
+        values::{duration, whole},
+        with_scenarios,
+    },
     failure::{Failure, Failures},
     group::{
         monitor::Monitor,

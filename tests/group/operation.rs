@@ -190,7 +190,11 @@ fn an_axis_is_brought_to_a_target_and_left_there() {
 #[test]
 fn invalid_requests_are_refused() {
     for (arguments, code, expected) in [
-        (&["--prefix", "nobody", "--mode", "off"][..], 1, "no group \"nobody\" runs; start one with: hydraxis run MACHINE.toml"),
+        (
+            &["--prefix", "nobody", "--mode", "off"][..],
+            1,
+            "no group \"nobody\" runs; start one with: hydraxis run MACHINE.toml",
+        ),
         (&["--prefix", "x", "--mode", "manual"][..], 2, "--command: found none; allowed: a valve command in [-1, 1]"),
         (&["--prefix", "x", "--mode", "manual", "--command", "NaN"][..], 2, "--command: found \"NaN\""),
         (&["--prefix", "x", "--mode", "manual", "--command", "1.1"][..], 2, "--command: found \"1.1\""),

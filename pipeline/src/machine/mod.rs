@@ -147,7 +147,10 @@ impl MachineFile {
             let model = model_file::parse(BUILT_IN_MODEL, "built-in model")?;
             return Ok(Self { text, model, name, folder: PathBuf::from(".") });
         };
-        let text = read_file(path, "a machine file in TOML, such as `hydraxis init` writes; without one the built-in machine is used")?;
+        let text = read_file(
+            path,
+            "a machine file in TOML, such as `hydraxis init` writes; without one the built-in machine is used",
+        )?;
         let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
         Ok(Self { text: Cow::Owned(text), model: Vec::new(), name: path.display().to_string(), folder })
     }

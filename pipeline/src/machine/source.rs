@@ -66,9 +66,10 @@ impl Source {
             }
             _ => Self::Sim,
         };
-        // It is not known which keys belong to an unknown kind.
-        if kind.is_some() {
-            section.finish();
+        match kind {
+            Some(_) => section.finish(),
+            // It is not known which keys belong to an unknown kind.
+            None => section.pass_over(&["file", "command"]),
         }
         (source, command)
     }

@@ -5,7 +5,10 @@ use std::{path::PathBuf, time::Duration};
 use clap::{Args, Subcommand};
 
 use super::{contest::ControllerKind, drawn::Half};
-use crate::arguments::{BareMachine, values::{duration, in_range, whole}};
+use crate::arguments::{
+    BareMachine,
+    values::{duration, in_range, whole},
+};
 
 /// `bench`.
 #[derive(Debug, Subcommand)]

@@ -75,7 +75,9 @@ fn check(arguments: &OperateArguments) -> Result<(), Failure> {
     let mode = AxisMode::from(arguments.mode);
     let refuse = |text: String| Err(Failure::usage(text));
     match (mode, arguments.command) {
-        (AxisMode::Manual, None) => return refuse("--command: found none; allowed: a valve command in [-1, 1], such as 0.2 or 20%".into()),
+        (AxisMode::Manual, None) => {
+            return refuse("--command: found none; allowed: a valve command in [-1, 1], such as 0.2 or 20%".into());
+        }
         (AxisMode::Manual, _) | (_, None) => {}
         (_, Some(_)) => {
             return refuse(format!("--command: found one with --mode {}; allowed: with manual", mode.name()));

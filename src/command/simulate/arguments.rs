@@ -4,7 +4,11 @@ use std::{path::PathBuf, time::Duration};
 
 use clap::Args;
 
-use crate::arguments::{MachineFile, values::{duration, whole}, with_scenarios};
+use crate::arguments::{
+    MachineFile,
+    values::{duration, whole},
+    with_scenarios,
+};
 
 /// `simulate`.
 #[derive(Debug, Args)]

@@ -5,6 +5,7 @@
 //! | `section` | one table: its keys, the tables inside it, what is unknown |
 //! | `key` | one key: meaning, allowed values, default, and the reading of its value |
 //! | `form` | what form a value has, for editors |
+//! | `grammar` | where the text is no TOML |
 //! | `value` | TOML values as numbers, durations and choices, and back to text |
 //! | `record` | the effective value of a key, and where the value comes from |
 //!
@@ -12,6 +13,7 @@
 //! unknown. Settings, from a model file or the command line (`--set a.b=c`), take the place of values in the document.
 
 mod form;
+mod grammar;
 mod key;
 mod record;
 mod section;
@@ -32,8 +34,6 @@ use super::error::{MachineError, Problem};
 use crate::nearest::{did_you_mean, nearest, question};
 use value::show;
 
-/// Most broken lines that are shown one by one where most lines of a file are broken.
-const MOST_BROKEN: usize = 2;
 /// What was found in the place of a key that is absent.
 const NOTHING: &str = "nothing";
 
@@ -93,47 +93,15 @@ impl<'i> Document<'i> {
     /// Parses `text`; grammar errors are collected like all others.
     pub fn parse(text: &'i str, settings: Vec<Setting>) -> Self {
         let (root, errors) = DeTable::parse_recoverable(text);
-        let mut document = Self {
+        Self {
             root: root.into_inner(),
             text,
             settings: RefCell::new(settings),
-            grammar: Vec::new(),
+            grammar: grammar::problems(text, &errors),
             problems: RefCell::default(),
             entries: RefCell::default(),
             tables: RefCell::default(),
             mistyped: RefCell::default(),
-        };
-        for error in errors {
-            let (line, at) = match error.span() {
-                Some(span) => {
-                    let line = document.line(span.start);
-                    let shown = text.lines().nth(line - 1).unwrap_or_default().trim();
-                    (Some(line), format!(" in \"{shown}\""))
-                }
-                None => (None, String::new()),
-            };
-            let found = format!("{}{at}", error.message());
-            document.grammar.push(Problem {
-                file: None,
-                line,
-                key: String::new(),
-                found,
-                allowed: format!("valid TOML{}", comma_hint(line, text)),
-            });
-        }
-        document.expect_toml();
-        document
-    }
-
-    /// One problem in the place of those of all lines, where most lines are no TOML: another file is meant then.
-    fn expect_toml(&mut self) {
-        let lines = self.text.lines().filter(|line| !line.trim().is_empty()).count();
-        let first = self.text.lines().next().unwrap_or_default();
-        if self.grammar.len() > MOST_BROKEN && 2 * self.grammar.len() > lines {
-            let line = Some(1);
-            let found = format!("a file that is no TOML: most of its lines are like \"{}\"", first.trim());
-            let allowed = "a file in TOML, such as `hydraxis init` and `hydraxis commission` write".to_owned();
-            self.grammar = vec![Problem { file: None, line, key: String::new(), found, allowed }];
         }
     }
 
@@ -154,7 +122,10 @@ impl<'i> Document<'i> {
             self.names(table).iter().any(|name| name == key)
         };
         let within = |(typed, meant): &(String, String)| {
-            problem.key.strip_prefix(meant.as_str()).is_some_and(|rest| rest.starts_with('.') && has(format!("{typed}{rest}")))
+            problem
+                .key
+                .strip_prefix(meant.as_str())
+                .is_some_and(|rest| rest.starts_with('.') && has(format!("{typed}{rest}")))
         };
         problem.found == NOTHING && self.mistyped.borrow().iter().any(within)
     }
@@ -304,14 +275,4 @@ impl<'i> Document<'i> {
     fn line(&self, offset: usize) -> usize {
         1 + self.text[..offset.min(self.text.len())].matches('\n').count()
     }
-}
-
-/// What is added for a broken line with a comma between two digits, as some languages write a number.
-fn comma_hint(line: Option<usize>, text: &str) -> String {
-    let broken = line.and_then(|line| text.lines().nth(line - 1)).unwrap_or_default();
-    let value = broken.split('#').next().unwrap_or_default();
-    let is_digit = |c: Option<&u8>| c.is_some_and(u8::is_ascii_digit);
-    let bytes = value.as_bytes();
-    let has = (1..bytes.len()).any(|i| bytes[i] == b',' && is_digit(bytes.get(i - 1)) && is_digit(bytes.get(i + 1)));
-    if has { ", in which a number has a decimal point, such as 0.5".to_owned() } else { String::new() }
 }

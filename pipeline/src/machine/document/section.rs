@@ -134,6 +134,13 @@ impl<'d, 'i> Section<'d, 'i> {
         }
     }
 
+    /// Takes keys as read, whatever they are.
+    pub fn pass_over(&mut self, keys: &[&str]) {
+        for key in keys {
+            self.take(key);
+        }
+    }
+
     /// Notes a problem with a key of this table.
     pub fn refuse(&self, key: &str, found: impl Into<String>, allowed: impl Into<String>) {
         let (place, found) = match self.origin_of_setting(key) {

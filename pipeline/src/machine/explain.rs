@@ -147,7 +147,8 @@ impl Machine {
         let given = model.map_or(Ok(Vec::new()), model_file::read)?;
         let document = Document::parse(&text, Setting::typed(settings));
         if document.is_empty() {
-            let allowed = "a machine file, such as `hydraxis init` writes";
+            let allowed =
+                "a machine file with name, [timing], [source] and [axis.NAME], such as `hydraxis init` writes";
             return Err(MachineError::of_file(name, "a file without a key", allowed));
         }
         if model_file::is_model(&document) {

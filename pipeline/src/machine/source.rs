@@ -58,8 +58,8 @@ impl Source {
             Some(EXTERNAL) => {
                 command = program(
                     &mut section,
-                    "The program that writes encoder-reading and reads valve-command, with kind = \"external\"; without \
-                     it the program is started by hand",
+                    "The program that writes encoder-reading and reads valve-command, with kind = \"external\"; \
+                     without it the program is started by hand",
                     "a program and its arguments, such as [\"python3\", \"rig.py\"]",
                 );
                 Self::External

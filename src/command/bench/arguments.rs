@@ -47,7 +47,13 @@ pub struct BenchControlArguments {
     )]
     pub dead_time: Vec<Duration>,
     /// Number of seeds of the simulated noise; they count from 1
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = in_range(1_u64, 1000), allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 5,
+        value_parser = in_range(1_u64, 1000),
+        allow_hyphen_values = true,
+    )]
     pub seeds: u64,
     /// Only this scenario; may be given several times [default: every built-in scenario with a controller]
     #[arg(long = "scenario", value_name = "NAME")]
@@ -64,7 +70,14 @@ pub struct BenchControlArguments {
           conflicts_with_all = ["machine", "settings", "model", "dead_time", "seeds", "scenarios", "controllers"])]
     pub machines: Option<u64>,
     /// Seed of the drawn machines
-    #[arg(long, value_name = "S", default_value_t = 1, value_parser = whole, allow_hyphen_values = true, requires = "machines")]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 1,
+        value_parser = whole,
+        allow_hyphen_values = true,
+        requires = "machines",
+    )]
     pub seed: u64,
     /// Only one half of the drawn machines
     #[arg(long, value_enum, requires = "machines")]

@@ -45,8 +45,8 @@ pub struct CommissionArguments {
     /// Overwrite the model file if it exists
     #[arg(long)]
     pub force: bool,
-    /// Width of the window around the present position of an axis, in m or with its unit, such as 300mm [default: 0.4 of
-    /// the travel between the soft limits]
+    /// Width of the window around the present position of an axis, in m or with its unit, such as 300mm [default: 0.4
+    /// of the travel between the soft limits]
     #[arg(long, value_name = "LENGTH", value_parser = positive_in("m"), allow_hyphen_values = true)]
     pub travel: Option<f64>,
     /// Bound of the speed, in m/s or with its unit, such as 50mm/s [default: a quarter of max_speed of the axis]

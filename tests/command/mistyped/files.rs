@@ -22,7 +22,7 @@ const ROWS: &[Row] = &[
     ("bench control missing.toml", &["missing.toml", UNREADABLE, MACHINE]),
     ("check folder", &["folder", UNREADABLE, "Is a directory", MACHINE]),
     ("check binary.toml", &["binary.toml", UNREADABLE, "UTF-8", MACHINE]),
-    ("check empty.toml", &["empty.toml: found a file without a key; allowed: a machine file, such as `hydraxis init`"]),
+    ("check empty.toml", &["empty.toml: found a file without a key; allowed: a machine file with name"]),
     ("check record.csv", &["record.csv: ", NO_TOML, "`hydraxis init`"]),
     ("check model.toml", &["model.toml: found a model file", "allowed: a machine file, and this file with --model"]),
     (

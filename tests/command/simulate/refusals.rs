@@ -156,7 +156,7 @@ fn options_that_do_not_go_together_are_refused() {
         (&["--plot", "none/y.svg"], "--plot: none/y.svg cannot be written: No such file"),
         (&["--trajectory", "none/y.csv"], "--trajectory: none/y.csv cannot be written: No such file"),
         (&["--trajectory", "none/y.csv"], "; allowed: a file in a folder that exists, and none does not"),
-        (&["--duration", "-3s"], "'-3s' for '--duration <DURATION>': allowed: a duration greater than 0 with its unit"),
+        (&["--duration", "-3s"], "--duration: found \"-3s\"; allowed: a duration greater than 0 with its unit"),
     ] {
         expect_refusal(folder.path(), &[&["simulate"], arguments].concat(), &[expected]);
     }

@@ -208,6 +208,7 @@ fn reset_names_and_releases_what_is_latched_and_touches_nothing_else() {
 fn operate_shows_what_had_latched_an_axis_that_it_enables_or_switches_off() {
     let mut played = Played::start("operate-latched");
     let hold = ["--axis", "boom", "--mode", "hold", "--leave"];
+    played.succeed("arm", &["--axis", "boom"]);
     played.latch(0);
     let output = played.run("operate", &hold);
     let said = String::from_utf8(output.stderr).unwrap();
@@ -243,7 +244,7 @@ fn without_a_group_or_with_another_axis_nothing_is_asked() {
         (&["arm", "--prefix", "nobody"][..], 1, nobody),
         (&["reset", "--prefix", "nobody"], 1, nobody),
         (&["disarm", "--prefix", "nobody"], 1, nobody),
-        (&["disarm", "--axis", "boom"], 2, "--prefix <PREFIX>"),
+        (&["disarm", "--axis", "boom"], 2, "--prefix: found nothing, and another option here needs it"),
     ] {
         let output = hydraxis().args(arguments).output().unwrap();
         let said = String::from_utf8(output.stderr).unwrap();

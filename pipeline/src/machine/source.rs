@@ -32,7 +32,7 @@ const SIM: &str = "sim";
 const REPLAY: &str = "replay";
 const EXTERNAL: &str = "external";
 const NONE: &str = "none";
-const ALL_DRIVES: [(&str, Drive); 3] = [(SIM, Drive::Sim), (EXTERNAL, Drive::External), (NONE, Drive::None)];
+const ALL_DRIVES: [(&str, Drive); 3] = [(SIM, Drive::Sim), (NONE, Drive::None), (EXTERNAL, Drive::External)];
 
 impl Source {
     /// The source, and the program that `run` starts for it.

@@ -217,6 +217,7 @@ fn operate_shows_what_had_latched_an_axis_that_it_enables_or_switches_off() {
 
     let said = played.succeed("operate", &[&hold[..], &["--enable"]].concat());
     assert_eq!(said, "axis.boom: off (disarmed): was latched by feedback\naxis.boom: hold\n");
+    assert_eq!(played.modes(), [Hold, Off, Off, Off]);
     played.latch(0);
     let said = played.succeed("operate", &["--axis", "boom", "--mode", "off"]);
     assert!(said.starts_with("axis.boom: off (disarmed): was latched by feedback\n"), "{said}");

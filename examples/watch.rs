@@ -23,7 +23,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let prefix: Prefix = arguments.next().ok_or("name the group: watch PREFIX [PRINTS]")?.parse()?;
     let prints: usize = arguments.next().map_or(Ok(usize::MAX), |count| count.parse())?;
     if !is_alive(&prefix) {
-        return Err(format!("no group \"{prefix}\" is running; start one with: hydraxis run --prefix {prefix}").into());
+        return Err(format!(
+            "no group \"{prefix}\" is running; start one with: hydraxis run MACHINE.toml --prefix {prefix}"
+        )
+        .into());
     }
     let group = Group::join(&prefix, "watch")?;
     let mut samples: Reader<EncoderSample> = group.reader()?;

@@ -12,15 +12,30 @@ use std::{
     process::ExitCode,
 };
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
+use failure::Failure;
 
 fn main() -> ExitCode {
-    match command::Arguments::parse().command.run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            // The reader of standard error may have ended.
-            let _ = writeln!(stderr(), "{failure}");
-            failure.exit_code()
+    let arguments = match command::Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            let typed: Vec<String> =
+                std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
+            let Some(refusal) = arguments::refusal(&error, &command::Arguments::command(), &typed) else {
+                error.exit()
+            };
+            return refused(&Failure::usage(refusal));
         }
+    };
+    match arguments.command.run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => refused(&failure),
     }
+}
+
+/// Says why the command failed.
+fn refused(failure: &Failure) -> ExitCode {
+    // The reader of standard error may have ended.
+    let _ = writeln!(stderr(), "{failure}");
+    failure.exit_code()
 }

@@ -8,6 +8,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use crate::nearest::{did_you_mean, did_you_mean_file};
+
 /// Number of problems that are kept; a file that is no CSV file has one in every row.
 const MAX_PROBLEMS: usize = 20;
 
@@ -82,8 +84,11 @@ impl Table {
             file: file.to_owned(),
             problems: vec![TableProblem { line: None, field: None, found, allowed: allowed.to_owned() }],
         };
-        let text =
-            std::fs::read_to_string(file).map_err(|error| refuse(format!("a file that cannot be read ({error})")))?;
+        let text = std::fs::read_to_string(file).map_err(|error| {
+            let mut refused = refuse(format!("a file that cannot be read ({error})"));
+            refused.problems[0].allowed += &did_you_mean_file(file);
+            refused
+        })?;
         let header = reader(&text).headers().map_err(|error| refuse(error.to_string()))?.clone();
         if header.iter().all(str::is_empty) {
             return Err(refuse("an empty file".to_owned()));
@@ -157,7 +162,10 @@ impl Table {
             (None, _) => {
                 let found = format!("no column \"{column}\"; the columns are: {}", self.header.join(", "));
                 let separated = self.header.len() == 1 && self.header[0].contains([';', '\t']);
-                let hint = if separated { ", separated by commas" } else { "" };
+                let hint = match separated {
+                    true => ", separated by commas".to_owned(),
+                    false => did_you_mean(column, self.names()),
+                };
                 Err(problem(found, format!("a header with \"{column}\"{hint}")))
             }
         }

@@ -9,6 +9,8 @@
 //!
 //! Runs where a file or a command line is refused, never in a loop.
 
+use std::path::Path;
+
 use strsim::damerau_levenshtein;
 
 /// Most names that are proposed.
@@ -46,6 +48,18 @@ pub fn nearest<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Vec
 /// ```
 pub fn did_you_mean<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     question(nearest(typed, known))
+}
+
+/// [`did_you_mean`] of the files beside `path`; nothing where `path` exists.
+pub fn did_you_mean_file(path: &Path) -> String {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let (false, Some(name), Ok(entries)) = (path.exists(), path.file_name(), folder.read_dir()) else {
+        return String::new();
+    };
+    let files = entries.flatten().filter(|entry| entry.path().is_file());
+    let mut names: Vec<String> = files.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    names.sort_unstable();
+    did_you_mean(&name.to_string_lossy(), names.iter().map(String::as_str))
 }
 
 /// The question of [`did_you_mean`] with these names, as many of them as are proposed; nothing without names.

@@ -58,11 +58,11 @@ def choose(prefix):
         if not PREFIX.fullmatch(prefix):
             raise NoGroup(f'prefix: found "{prefix}"; allowed: 1 to 32 letters, digits, - and _')
         if not is_running(prefix):
-            raise NoGroup(f'no group "{prefix}" runs; start one with: hydraxis run --prefix {prefix}')
+            raise NoGroup(f'no group "{prefix}" runs; start one with: hydraxis run MACHINE.toml --prefix {prefix}')
         return prefix
     found = running_groups()
     if not found:
-        raise NoGroup("no group runs; start one with: hydraxis run --prefix demo")
+        raise NoGroup("no group runs; start one with: hydraxis run MACHINE.toml --prefix demo")
     if len(found) > 1:
         raise NoGroup(f"several groups run; choose one by its prefix: {', '.join(found)}")
     return found[0]

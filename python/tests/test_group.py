@@ -98,7 +98,7 @@ class Group(unittest.TestCase):
 
 class Absent(unittest.TestCase):
     def test_a_group_that_does_not_run_is_told_with_what_to_type(self):
-        with self.assertRaisesRegex(hydraxis.NoGroup, "hydraxis run --prefix py-nobody"):
+        with self.assertRaisesRegex(hydraxis.NoGroup, "hydraxis run MACHINE.toml --prefix py-nobody"):
             hydraxis.Group("py-nobody")
         with self.assertRaisesRegex(hydraxis.NoGroup, "allowed: 1 to 32 letters"):
             hydraxis.Group("a/b")

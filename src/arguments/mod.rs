@@ -3,8 +3,10 @@
 //! Subcommands use this folder; nothing here uses a subcommand. Nothing here runs beside the loop.
 
 mod machine;
+mod mistyped;
 pub mod values;
 
 pub use machine::{
     BareMachine, MachineFile, UnknownAxis, axes, axes_of, load, load_bare, simulated_only, with_scenarios,
 };
+pub use mistyped::refusal;

@@ -1,10 +1,10 @@
 //! Values as a user types them.
 
-use std::{str::FromStr, time::Duration};
+use std::{fmt::Display, str::FromStr, time::Duration};
 
 use pipeline::{
     hammerstein::{Basis, MAX_ORDER},
-    machine::{Estimator, samples_of},
+    machine::{Estimator, allowed_units, quantity, samples_of},
 };
 
 /// `--train`: a number of rows, or a part of all rows.
@@ -129,11 +129,48 @@ pub fn estimator(text: &str) -> Result<Estimator, String> {
 }
 
 /// A whole number in a range.
-pub fn in_range(low: usize, high: usize) -> impl Fn(&str) -> Result<usize, String> + Clone {
+pub fn in_range<N>(low: N, high: N) -> impl Fn(&str) -> Result<N, String> + Clone
+where
+    N: FromStr + PartialOrd + Display + Copy,
+{
     move |text| match text.parse() {
         Ok(number) if (low..=high).contains(&number) => Ok(number),
         _ => Err(format!("allowed: a whole number from {low} to {high}")),
     }
+}
+
+/// A whole number of 0 or more.
+pub fn whole(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| "allowed: a whole number of 0 or more, below 1.8e19".to_owned())
+}
+
+/// The value of a plain number, which is in `unit`, or of a text with its unit; none for another text, or a number that
+/// is not finite.
+pub fn in_unit(text: &str, unit: &str) -> Option<f64> {
+    let number = text.trim().parse().ok().filter(|number: &f64| number.is_finite());
+    number.or_else(|| quantity(text, unit)).filter(|value| value.is_finite())
+}
+
+/// What a text for [`in_unit`] may be, in words.
+pub fn allowed_in(unit: &str) -> String {
+    format!("a number in {unit} or with one of the units {}", allowed_units(unit))
+}
+
+/// A position, m.
+pub fn position(text: &str) -> Result<f64, String> {
+    in_unit(text, "m").ok_or_else(|| format!("allowed: {}", allowed_in("m")))
+}
+
+/// A length or a speed greater than 0 in `unit`.
+pub fn positive_in(unit: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    let allowed = move || format!("allowed: more than 0 {unit}, as {}", allowed_in(unit));
+    move |text| in_unit(text, unit).filter(|value| *value > 0.0).ok_or_else(allowed)
+}
+
+/// A valve command: a number, or a percentage of the largest one.
+pub fn valve_command(text: &str) -> Result<f64, String> {
+    let command = in_unit(text, "").filter(|command| (-1.0..=1.0).contains(command));
+    command.ok_or_else(|| "allowed: a valve command in [-1, 1], such as 0.2 or 20%".to_owned())
 }
 
 /// A number greater than 0.
@@ -155,5 +192,29 @@ pub fn setting(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((key, value)) if !key.trim().is_empty() => Ok((key.trim().to_owned(), value.trim().to_owned())),
         _ => Err("allowed: KEY=VALUE with a key of the machine file, such as axis.boom.control.kp=3".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plain_number_is_in_si_and_a_text_has_its_unit() {
+        assert_eq!(["0.3", "300mm", "30 cm", "0.3m"].map(position), [Ok(0.3), Ok(0.3), Ok(0.3), Ok(0.3)]);
+        assert_eq!(position("-300mm"), Ok(-0.3));
+        assert_eq!(["0.05", "50mm/s", "3m/min"].map(positive_in("m/s")), [Ok(0.05), Ok(0.05), Ok(0.05)]);
+        assert_eq!(["0.2", "20%", "-100%"].map(valve_command), [Ok(0.2), Ok(0.2), Ok(-1.0)]);
+    }
+
+    #[test]
+    fn other_texts_are_refused_with_what_is_allowed() {
+        for wrong in ["", "x", "5kg", "nan", "inf", "1e999", "0,3"] {
+            assert!(position(wrong).unwrap_err().ends_with("m, mm, cm, um, in"), "{wrong}");
+            assert!(positive_in("m/s")(wrong).unwrap_err().contains("more than 0 m/s"), "{wrong}");
+            assert!(valve_command(wrong).unwrap_err().contains("[-1, 1]"), "{wrong}");
+        }
+        assert!(positive_in("m")("0mm").is_err() && positive_in("m")("-1").is_err() && valve_command("101%").is_err());
+        assert!(whole("-1").is_err() && whole("1.5").is_err() && whole("7") == Ok(7));
     }
 }

@@ -3,7 +3,7 @@
 use std::{io::Write, path::PathBuf};
 
 use clap::Args;
-use pipeline::{columns::Table, message::ControlMode};
+use pipeline::{columns::Table, message::ControlMode, nearest::did_you_mean};
 
 use crate::{
     failure::Failure,
@@ -67,7 +67,8 @@ fn read(arguments: &PlotArguments) -> Result<Plot, Failure> {
         )));
     }
     if let Some(unknown) = arguments.axes.iter().find(|axis| !all.contains(&axis.as_str())) {
-        return Err(Failure::usage(format!("--axis: found \"{unknown}\"; allowed: one of {}", all.join(", "))));
+        let allowed = format!("{}{}", all.join(", "), did_you_mean(unknown, all.iter().copied()));
+        return Err(Failure::usage(format!("--axis: found \"{unknown}\"; allowed: one of {allowed}")));
     }
     let is_asked =
         |(_, name): &(usize, &str)| arguments.axes.is_empty() || arguments.axes.iter().any(|axis| axis == name);

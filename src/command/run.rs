@@ -17,7 +17,11 @@ use pipeline::{
 
 use super::{check, simulate::ticks};
 use crate::{
-    arguments::{MachineFile, load, values::duration, with_scenarios},
+    arguments::{
+        MachineFile, load,
+        values::{duration, whole},
+        with_scenarios,
+    },
     failure::{Failure, Failures},
     group::{
         monitor::Monitor,
@@ -60,7 +64,7 @@ pub struct RunArguments {
     #[arg(long)]
     pub lockstep: bool,
     /// Seed of the simulated noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = whole, allow_hyphen_values = true)]
     pub seed: u64,
     /// Name of the group and of its channels [default: a name that no other run has]
     #[arg(long)]

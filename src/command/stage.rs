@@ -10,7 +10,7 @@ use pipeline::{
 
 use super::check;
 use crate::{
-    arguments::{MachineFile, load},
+    arguments::{MachineFile, load, values::whole},
     failure::Failure,
     group::{
         lifeline,
@@ -44,7 +44,7 @@ pub struct StageArguments {
     #[arg(long)]
     pub ticks: Option<u64>,
     /// Seed of the simulated noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = whole, allow_hyphen_values = true)]
     pub seed: u64,
     /// Let control-proc move the machine
     #[arg(long)]

@@ -16,10 +16,13 @@ use std::{
 
 use pipeline::{
     MAX_AXES,
-    channel::{Board, BoardError, ChannelError, Group, GroupMachine, Listener, Prefix, Publisher, Reader},
+    channel::{
+        Board, BoardError, ChannelError, Group, GroupMachine, GroupState, Listener, Prefix, Publisher, Reader, groups,
+    },
     message::{
         AxisCommand, AxisMode, AxisRequest, EncoderSample, Header, Request, ValveCommand, bit_names, control_flag,
     },
+    nearest::did_you_mean,
     stage::monotonic_ns,
 };
 use thiserror::Error;
@@ -43,7 +46,7 @@ const ABOUT_MODELS: u32 =
 #[derive(Debug, Error)]
 pub enum OperatorError {
     /// No group of this name runs.
-    #[error("no group \"{0}\" runs; start one with: hydraxis run --prefix {0}")]
+    #[error("no group \"{0}\" runs; start one with: hydraxis run MACHINE.toml --prefix {0}{hint}", hint = near(.0))]
     NoGroup(Prefix),
     /// The group has an operator already.
     #[error(
@@ -101,6 +104,13 @@ pub enum OperatorError {
         /// The mode that was asked for.
         wanted: &'static str,
     },
+}
+
+/// The nearest names of groups that run, as a question.
+fn near(prefix: &Prefix) -> String {
+    let alive = groups().into_iter().filter(|group| group.state == GroupState::Alive);
+    let names: Vec<String> = alive.map(|group| group.prefix.to_string()).collect();
+    did_you_mean(&prefix.to_string(), names.iter().map(String::as_str))
 }
 
 /// The operator of a group; a group has at most one.

@@ -42,13 +42,13 @@ pub enum PreflightError {
     LogFolder(FolderError),
     /// The program that replaces a stage cannot be executed.
     #[error(
-        "stage.{stage}.command: found \"{program}\", which cannot be executed; allowed: a program by its path, or by \
+        "{key}: found \"{program}\", which cannot be executed; allowed: a program by its path, or by \
          its name in one of the folders of PATH"
     )]
     Program {
-        /// The stage.
-        stage: &'static str,
-        /// Its program.
+        /// The key of the machine file.
+        key: String,
+        /// The program.
         program: String,
     },
     /// The machine file demands a right that this process does not have.
@@ -113,7 +113,7 @@ pub fn programs(machine: &Machine, kinds: impl IntoIterator<Item = StageKind>) -
     let broken = kinds.into_iter().filter_map(|kind| {
         let program = machine.stage(kind).command.as_ref().and_then(|words| words.first());
         let program = program.filter(|program| !is_executable(program))?;
-        Some(PreflightError::Program { stage: kind.name(), program: program.clone() })
+        Some(PreflightError::Program { key: machine.command_key(kind), program: program.clone() })
     });
     broken.collect()
 }

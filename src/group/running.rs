@@ -21,10 +21,10 @@ const FILE: &str = "machine.json";
 #[derive(Debug, Error)]
 pub enum UnknownGroup {
     /// None runs.
-    #[error("no group runs; start one with: hydraxis run")]
+    #[error("no group runs; start one with: hydraxis run MACHINE.toml")]
     None,
     /// Several run, and none was named.
-    #[error("--prefix: found none; allowed: one of {}", .0.join(", "))]
+    #[error("--prefix: found none, and several groups run; allowed: one of {}", .0.join(", "))]
     Several(Vec<String>),
     /// It has left nothing about its machine.
     #[error(

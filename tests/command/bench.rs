@@ -126,7 +126,7 @@ fn invalid_options_of_drawn_machines_are_refused() {
     let refuse = |arguments: &[&str], expected: &[&str]| {
         expect_refusal(folder.path(), &[&["bench", "control"], arguments].concat(), expected);
     };
-    refuse(&["--machines", "0"], &["--machines", "1..=100000"]);
+    refuse(&["--machines", "0"], &["--machines", "from 1 to 100000"]);
     refuse(&["--machines", "5", "--only", "5"], &["--only: found 5; allowed: 0 to 4"]);
     refuse(&["--machines", "5", "--half", "judge", "--only", "2"], &["--only, --half: found no machine"]);
     refuse(&["--machines", "5", "--half", "third"], &["third", "design", "judge"]);
@@ -151,7 +151,7 @@ fn invalid_options_are_refused() {
     refuse(&["--scenario", "open-loop"], &["found \"open-loop\"", "allowed: scenarios without commands"]);
     refuse(&["--dead-time", "10ms,700ms"], &["--dead-time: found 700ms; allowed: up to 500ms"]);
     refuse(&["--dead-time", "fast"], &["--dead-time", "allowed: a duration"]);
-    refuse(&["--seeds", "0"], &["--seeds", "1..=1000"]);
+    refuse(&["--seeds", "0"], &["--seeds", "from 1 to 1000"]);
     refuse(&["--json", "no/such/folder.json", "--scenario", "nominal"], &["--json: no/such/folder.json"]);
     let record = "t,u,y\n0,0,0\n";
     fs::write(folder.path().join("r.csv"), record).unwrap();

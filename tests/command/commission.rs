@@ -128,9 +128,9 @@ fn invalid_options_are_refused() {
     for (arguments, expected) in [
         (&["--axis", "blade"][..], "--axis: found \"blade\"; allowed: one of boom, arm, telescope, bucket"),
         (&["--out", "nowhere/model.toml"][..], "allowed: a file in a folder that exists, and nowhere does not"),
-        (&["--speed", "0"][..], "allowed: a number greater than 0"),
-        (&["--travel", "-40"][..], "'-40' for '--travel <M>': allowed: a number greater than 0"),
-        (&["--duration", "-3s"][..], "'-3s' for '--duration <DURATION>': allowed: a duration greater than 0"),
+        (&["--speed", "0"][..], "allowed: more than 0 m/s"),
+        (&["--travel", "-40"][..], "--travel: found \"-40\"; allowed: more than 0 m"),
+        (&["--duration", "-3s"][..], "--duration: found \"-3s\"; allowed: a duration greater than 0"),
         // The bucket travels 1.02 m, the least of all axes.
         (&["--travel", "40"][..], "--travel: found 40 m; allowed: up to "),
         (&["--travel", "1.3"][..], "the travel between the soft limits of axis "),

@@ -9,5 +9,6 @@ mod harness;
 mod identify;
 mod init;
 mod mechanism;
+mod mistyped;
 mod service;
 mod simulate;

@@ -263,7 +263,7 @@ fn wrong_states_are_refused_with_their_place() {
     expect_states_refused(folder.path(), "[]", "states: found nothing; allowed: a list of one or more states");
     expect_states_refused(folder.path(), "{\"states\": [3]}", "states[0]: found 3; allowed: an object");
     let arguments = ["mechanism", "m.toml", "--states", "none.json"];
-    expect_refusal(folder.path(), &arguments, &["--states: none.json: found a file that cannot be read: No such file"]);
+    expect_refusal(folder.path(), &arguments, &["--states: none.json: found a file that cannot be read (No such file"]);
 }
 
 #[test]

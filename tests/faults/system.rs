@@ -274,7 +274,7 @@ fn row_39_the_next_run_removes_the_files_of_a_killed_group() {
 fn row_39_without_a_group_a_command_says_what_to_type() {
     let group = TestGroup::new("row-39-none");
     let prefix = group.prefix.to_string();
-    let expected = format!("no group \"{prefix}\" runs; start one with: hydraxis run --prefix {prefix}");
+    let expected = format!("no group \"{prefix}\" runs; start one with: hydraxis run MACHINE.toml --prefix {prefix}");
     let commands: [&[&str]; 5] = [&["status"], &["operate", "--mode", "hold"], &["arm"], &["disarm"], &["reset"]];
     for arguments in commands {
         let started = Instant::now();

@@ -205,6 +205,27 @@ fn reset_names_and_releases_what_is_latched_and_touches_nothing_else() {
 }
 
 #[test]
+fn operate_shows_what_had_latched_an_axis_that_it_enables_or_switches_off() {
+    let mut played = Played::start("operate-latched");
+    let hold = ["--axis", "boom", "--mode", "hold", "--leave"];
+    played.succeed("arm", &["--axis", "boom"]);
+    played.latch(0);
+    let output = played.run("operate", &hold);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("axis.boom: off (feedback); allowed: with --enable"), "{said}");
+    assert!(said.contains(&format!("type: hydraxis reset --prefix {} --axis boom", played.group.prefix)), "{said}");
+
+    let said = played.succeed("operate", &[&hold[..], &["--enable"]].concat());
+    assert_eq!(said, "axis.boom: off (disarmed): was latched by feedback\naxis.boom: hold\n");
+    assert_eq!(played.modes(), [Hold, Off, Off, Off]);
+    played.latch(0);
+    let said = played.succeed("operate", &["--axis", "boom", "--mode", "off"]);
+    assert!(said.starts_with("axis.boom: off (disarmed): was latched by feedback\n"), "{said}");
+    let said = played.succeed("operate", &[&hold[..], &["--enable"]].concat());
+    assert_eq!(said, "axis.boom: hold\n", "nothing was latched");
+}
+
+#[test]
 fn a_fault_on_the_way_ends_the_arming_of_all_and_stays_latched() {
     let mut played = Played::start("arm-fault");
     played.set_fault(2, sample_fault::RANGE);
@@ -219,12 +240,12 @@ fn a_fault_on_the_way_ends_the_arming_of_all_and_stays_latched() {
 #[test]
 fn without_a_group_or_with_another_axis_nothing_is_asked() {
     // Without --prefix, `arm` and `reset` would take the group of a test beside this one.
-    let nobody = "no group \"nobody\" runs; start one with: hydraxis run --prefix nobody";
+    let nobody = "no group \"nobody\" runs; start one with: hydraxis run MACHINE.toml --prefix nobody";
     for (arguments, code, expected) in [
         (&["arm", "--prefix", "nobody"][..], 1, nobody),
         (&["reset", "--prefix", "nobody"], 1, nobody),
         (&["disarm", "--prefix", "nobody"], 1, nobody),
-        (&["disarm", "--axis", "boom"], 2, "--prefix <PREFIX>"),
+        (&["disarm", "--axis", "boom"], 2, "--prefix: found nothing, and another option here needs it"),
     ] {
         let output = hydraxis().args(arguments).output().unwrap();
         let said = String::from_utf8(output.stderr).unwrap();

@@ -190,15 +190,19 @@ fn an_axis_is_brought_to_a_target_and_left_there() {
 #[test]
 fn invalid_requests_are_refused() {
     for (arguments, code, expected) in [
-        (&["--prefix", "nobody", "--mode", "off"][..], 1, "no group \"nobody\" runs; start one with: hydraxis run"),
+        (
+            &["--prefix", "nobody", "--mode", "off"][..],
+            1,
+            "no group \"nobody\" runs; start one with: hydraxis run MACHINE.toml",
+        ),
         (&["--prefix", "x", "--mode", "manual"][..], 2, "--command: found none; allowed: a valve command in [-1, 1]"),
-        (&["--prefix", "x", "--mode", "manual", "--command", "NaN"][..], 2, "--command: found NaN"),
-        (&["--prefix", "x", "--mode", "manual", "--command", "1.1"][..], 2, "--command: found 1.1"),
+        (&["--prefix", "x", "--mode", "manual", "--command", "NaN"][..], 2, "--command: found \"NaN\""),
+        (&["--prefix", "x", "--mode", "manual", "--command", "1.1"][..], 2, "--command: found \"1.1\""),
         (&["--prefix", "x", "--mode", "hold", "--command", "0.1"][..], 2, "found one with --mode hold; allowed: with"),
-        (&["--prefix", "x", "--mode", "hold", "--target", "NaN"][..], 2, "--target: found NaN"),
+        (&["--prefix", "x", "--mode", "hold", "--target", "NaN"][..], 2, "--target: found \"NaN\""),
         (&["--prefix", "x", "--mode", "track", "--target", "0.6"][..], 2, "--target: found one with --mode track"),
         (&["--prefix", "x", "--mode", "off", "--leave"][..], 2, "--leave: found with --mode off"),
-        (&["--prefix", "x", "--mode", "fly"][..], 2, "possible values: off, manual, hold, track"),
+        (&["--prefix", "x", "--mode", "fly"][..], 2, "--mode: found \"fly\"; allowed: one of off, manual, hold, track"),
     ] {
         let output = hydraxis().arg("operate").args(arguments).output().unwrap();
         assert_eq!(output.status.code(), Some(code), "{arguments:?}");

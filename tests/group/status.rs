@@ -124,7 +124,10 @@ fn without_a_group_status_says_so_and_makes_none() {
         let output = hydraxis().args(["status", "--prefix", &prefix]).args(option).output().unwrap();
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(1));
-        assert!(text.contains("no group") && text.contains(&format!("hydraxis run --prefix {prefix}")), "{text}");
+        assert!(
+            text.contains("no group") && text.contains(&format!("hydraxis run MACHINE.toml --prefix {prefix}")),
+            "{text}"
+        );
     }
     assert_eq!(group.files(), Vec::<std::path::PathBuf>::new());
 }

@@ -29,6 +29,15 @@ pub struct MachineError {
     pub problems: Vec<Problem>,
 }
 
+impl MachineError {
+    /// One problem of a file as a whole.
+    pub(super) fn of_file(file: String, found: impl Into<String>, allowed: impl Into<String>) -> Self {
+        let problem =
+            Problem { file: None, line: None, key: String::new(), found: found.into(), allowed: allowed.into() };
+        Self { file, problems: vec![problem] }
+    }
+}
+
 impl fmt::Display for MachineError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, problem) in self.problems.iter().take(MAX_SHOWN).enumerate() {

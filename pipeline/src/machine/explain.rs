@@ -146,8 +146,14 @@ impl Machine {
         let MachineFile { text, model: built_in, name, folder } = MachineFile::open(file)?;
         let given = model.map_or(Ok(Vec::new()), model_file::read)?;
         let document = Document::parse(&text, Setting::typed(settings));
-        if let Some(problem) = model_file::in_place_of_machine(&document) {
-            return Err(MachineError { file: name, problems: vec![problem] });
+        if document.is_empty() {
+            let allowed =
+                "a machine file with name, [timing], [source] and [axis.NAME], such as `hydraxis init` writes";
+            return Err(MachineError::of_file(name, "a file without a key", allowed));
+        }
+        if model_file::is_model(&document) {
+            let found = "a model file, such as `hydraxis commission` writes, in the place of a machine file";
+            return Err(MachineError::of_file(name, found, "a machine file, and this file with --model"));
         }
         if let Some(path) = model {
             document.prepend(model_file::expect_model(given, &path.display().to_string(), &document));

@@ -64,7 +64,7 @@ pub use source::{Drive, Source};
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
 
-use crate::{MAX_AXES, layout};
+use crate::{MAX_AXES, layout, nearest::did_you_mean_file};
 
 /// The built-in machine, a 20 t excavator; the same text is in `examples/`.
 pub const BUILT_IN: &str = include_str!("../../../examples/excavator.toml");
@@ -103,15 +103,9 @@ pub struct Machine {
 }
 
 fn read_file(path: &Path, allowed: &str) -> Result<String, MachineError> {
-    std::fs::read_to_string(path).map_err(|error| MachineError {
-        file: path.display().to_string(),
-        problems: vec![Problem {
-            file: None,
-            line: None,
-            key: String::new(),
-            found: format!("a file that cannot be read ({error})"),
-            allowed: allowed.to_owned(),
-        }],
+    std::fs::read_to_string(path).map_err(|error| {
+        let found = format!("a file that cannot be read ({error})");
+        MachineError::of_file(path.display().to_string(), found, format!("{allowed}{}", did_you_mean_file(path)))
     })
 }
 
@@ -153,7 +147,10 @@ impl MachineFile {
             let model = model_file::parse(BUILT_IN_MODEL, "built-in model")?;
             return Ok(Self { text, model, name, folder: PathBuf::from(".") });
         };
-        let text = read_file(path, "a machine file in TOML; without one the built-in machine is used")?;
+        let text = read_file(
+            path,
+            "a machine file in TOML, such as `hydraxis init` writes; without one the built-in machine is used",
+        )?;
         let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
         Ok(Self { text: Cow::Owned(text), model: Vec::new(), name: path.display().to_string(), folder })
     }
@@ -244,7 +241,7 @@ impl Machine {
         let fuzzy = Fuzzy::read(root.section("fuzzy"));
 
         let mut table = root.section("axis");
-        let names = table.names();
+        let names = axis::names(&table);
         if names.is_empty() || names.len() > MAX_AXES {
             let allowed = format!("1 to {MAX_AXES} axes, each a table [axis.NAME]");
             root.refuse("axis", format!("{} axes", names.len()), allowed);
@@ -291,6 +288,14 @@ impl Machine {
             }
         }
         self
+    }
+
+    /// The key with the program that runs in a stage's place: that of the stage, or of an external source.
+    pub fn command_key(&self, kind: StageKind) -> String {
+        match kind {
+            StageKind::PlantSim if self.source == Source::External => "source.command".to_owned(),
+            kind => format!("stage.{}.command", kind.name()),
+        }
     }
 
     /// Settings of one stage.

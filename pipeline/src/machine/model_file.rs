@@ -8,7 +8,6 @@
 use std::{collections::BTreeSet, path::Path};
 
 use super::{
-    Problem,
     document::{Document, Place, Setting},
     error::MachineError,
     read_file,
@@ -23,9 +22,16 @@ const LIMITS: [&str; 7] =
 /// The values of a model file with this text, and `file`, its name for messages.
 ///
 /// # Errors
-/// The text is not TOML.
+/// The text is not TOML, or that of a machine file.
 pub(super) fn parse(text: &str, file: &str) -> Result<Vec<Setting>, MachineError> {
-    Document::parse(text, Vec::new()).into_settings(file)
+    let document = Document::parse(text, Vec::new());
+    if is_machine(&document) {
+        let allowed = "a model file, such as `hydraxis commission MACHINE.toml --out FILE` writes, and this file as \
+                       MACHINE.toml";
+        let found = "a machine file in the place of a model file";
+        return Err(MachineError::of_file(file.to_owned(), found, allowed));
+    }
+    document.into_settings(file)
 }
 
 /// The values of the model file at `path`.
@@ -98,18 +104,17 @@ fn axis_of<'p>(path: &'p str, table: &str) -> Option<&'p str> {
     (table.is_empty() || found == table).then_some(axis)
 }
 
-/// The problem of a model file that stands in the place of a machine file.
-pub(super) fn in_place_of_machine(document: &Document) -> Option<Problem> {
+/// Whether the text is that of a model file.
+pub(super) fn is_model(document: &Document) -> bool {
     let axes = document.names("axis");
     let tables: Vec<String> = axes.iter().flat_map(|name| document.names(&format!("axis.{name}"))).collect();
-    let is_model = document.names("") == ["axis"]
+    document.names("") == ["axis"]
         && tables.iter().any(|table| table == "commissioned")
-        && tables.iter().all(|table| TABLES.contains(&table.as_str()));
-    is_model.then(|| Problem {
-        file: None,
-        line: None,
-        key: String::new(),
-        found: "a model file, such as `hydraxis commission` writes, in the place of a machine file".to_owned(),
-        allowed: "a machine file, and this file with --model".to_owned(),
-    })
+        && tables.iter().all(|table| TABLES.contains(&table.as_str()))
+}
+
+/// Whether the text is that of a machine file.
+fn is_machine(document: &Document) -> bool {
+    let names = document.names("");
+    ["name", "source", "axis"].iter().all(|needed| names.iter().any(|name| name == needed))
 }

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::document::Section;
+use super::{document::Section, stages::program};
+use crate::nearest::nearest;
 
 /// Where samples come from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -31,17 +32,23 @@ const SIM: &str = "sim";
 const REPLAY: &str = "replay";
 const EXTERNAL: &str = "external";
 const NONE: &str = "none";
+const ALL_DRIVES: [(&str, Drive); 3] = [(SIM, Drive::Sim), (NONE, Drive::None), (EXTERNAL, Drive::External)];
 
 impl Source {
     /// The source, and the program that `run` starts for it.
+    ///
+    /// A kind that is refused is read as the nearest one, so that only the kind is refused and not what belongs to it.
     pub(super) fn read(mut section: Section, folder: &Path) -> (Self, Option<Vec<String>>) {
+        let kinds = [SIM, REPLAY, EXTERNAL];
+        let typed = section.text_of("kind");
         let kind = section
             .key(
                 "kind",
                 "Where samples come from: the simulated machine, a record that is replayed, or a program that writes \
                  encoder-reading",
             )
-            .choice(&[(SIM, SIM), (REPLAY, REPLAY), (EXTERNAL, EXTERNAL)]);
+            .choice(&kinds.map(|kind| (kind, kind)))
+            .or_else(|| nearest(&typed?, kinds).first().copied());
         let mut command = None;
         let source = match kind {
             Some(REPLAY) => {
@@ -49,21 +56,21 @@ impl Source {
                 Self::Replay(folder.join(file.text("the path of a CSV record, relative to the machine file")))
             }
             Some(EXTERNAL) => {
-                command = section
-                    .key(
-                        "command",
-                        "The program that writes encoder-reading and reads valve-command, with kind = \"external\"; \
-                         without it the program is started by hand",
-                    )
-                    .optional_texts("a program and its arguments, such as [\"python3\", \"rig.py\"]");
-                if command.as_ref().is_some_and(Vec::is_empty) {
-                    section.refuse("command", "an empty list", "a program and its arguments");
-                }
+                command = program(
+                    &mut section,
+                    "The program that writes encoder-reading and reads valve-command, with kind = \"external\"; \
+                     without it the program is started by hand",
+                    "a program and its arguments, such as [\"python3\", \"rig.py\"]",
+                );
                 Self::External
             }
             _ => Self::Sim,
         };
-        section.finish();
+        match kind {
+            Some(_) => section.finish(),
+            // It is not known which keys belong to an unknown kind.
+            None => section.pass_over(&["file", "command"]),
+        }
         (source, command)
     }
 
@@ -88,7 +95,8 @@ impl Source {
 
 impl Drive {
     pub(super) fn read(mut section: Section, source: &Source) -> Self {
-        let choices = source.drives();
+        // A source that was refused may be any.
+        let choices = if section.is_refused("source.kind") { &ALL_DRIVES } else { source.drives() };
         let drive = section
             .key(
                 "kind",

@@ -124,18 +124,26 @@ impl Realtime {
     }
 }
 
+/// The program of the key `command`, with its arguments; an empty list is refused.
+pub(super) fn program(section: &mut Section, meaning: &'static str, allowed: &str) -> Option<Vec<String>> {
+    let words = section.key("command", meaning).optional_texts(allowed);
+    if words.as_ref().is_some_and(Vec::is_empty) {
+        section.refuse("command", "an empty list", allowed);
+    }
+    words
+}
+
 impl StageSettings {
     /// `is_external`: the source is a program of the user, which stands in the place of plant-sim.
     pub(super) fn read(mut section: Section, kind: StageKind, is_external: bool) -> Self {
         let is_rig = is_external && kind == StageKind::PlantSim;
         // A simulated machine that starts again would jump to its initial position.
         let restart = if kind == StageKind::PlantSim && !is_rig { Restart::Never } else { Restart::OnFailure };
-        let command = section
-            .key("command", "Another program that runs in the stage's place, with its arguments")
-            .optional_texts("a program and its arguments, such as [\"python3\", \"my_plant.py\"]");
-        if command.as_ref().is_some_and(Vec::is_empty) {
-            section.refuse("command", "an empty list", "a program and its arguments");
-        }
+        let command = program(
+            &mut section,
+            "Another program that runs in the stage's place, with its arguments",
+            "a program and its arguments, such as [\"python3\", \"my_plant.py\"]",
+        );
         if is_rig && command.is_some() {
             section.refuse("command", "a program", "source.command, with source.kind = \"external\"");
         }

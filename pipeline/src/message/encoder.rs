@@ -75,6 +75,13 @@ impl AxisSample {
         (self.position.is_finite() && self.faults & sample_fault::UNUSABLE == 0).then_some(self.position)
     }
 
+    /// The last plausible position, m, or `None` before the first one: a sample without any has position and velocity
+    /// zero and a fault.
+    pub fn last_plausible(&self) -> Option<f64> {
+        let is_untouched = self.position == 0.0 && self.velocity == 0.0 && self.faults & sample_fault::UNUSABLE != 0;
+        (self.position.is_finite() && !is_untouched).then_some(self.position)
+    }
+
     /// Whether nothing was read: the position is missing, not implausible.
     pub fn is_stale(&self) -> bool {
         self.faults & sample_fault::UNUSABLE == sample_fault::STALE

@@ -5,7 +5,10 @@ use std::{path::PathBuf, time::Duration};
 use clap::{Args, Subcommand};
 
 use super::{contest::ControllerKind, drawn::Half};
-use crate::arguments::{BareMachine, values::duration};
+use crate::arguments::{
+    BareMachine,
+    values::{duration, in_range, whole},
+};
 
 /// `bench`.
 #[derive(Debug, Subcommand)]
@@ -44,7 +47,13 @@ pub struct BenchControlArguments {
     )]
     pub dead_time: Vec<Duration>,
     /// Number of seeds of the simulated noise; they count from 1
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 5,
+        value_parser = in_range(1_u64, 1000),
+        allow_hyphen_values = true,
+    )]
     pub seeds: u64,
     /// Only this scenario; may be given several times [default: every built-in scenario with a controller]
     #[arg(long = "scenario", value_name = "NAME")]
@@ -57,17 +66,24 @@ pub struct BenchControlArguments {
     pub json: Option<PathBuf>,
     /// Drawn machines instead of a machine file: this many test rigs of one axis, each commissioned and then driven by
     /// its fallback and by its model
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000),
+    #[arg(long, value_name = "N", value_parser = in_range(1_u64, 100_000), allow_hyphen_values = true,
           conflicts_with_all = ["machine", "settings", "model", "dead_time", "seeds", "scenarios", "controllers"])]
     pub machines: Option<u64>,
     /// Seed of the drawn machines
-    #[arg(long, value_name = "S", default_value_t = 1, requires = "machines")]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 1,
+        value_parser = whole,
+        allow_hyphen_values = true,
+        requires = "machines",
+    )]
     pub seed: u64,
     /// Only one half of the drawn machines
     #[arg(long, value_enum, requires = "machines")]
     pub half: Option<Half>,
     /// Only the drawn machine with this number, from 0; may be given several times
-    #[arg(long, value_name = "NUMBER", requires = "machines")]
+    #[arg(long, value_name = "NUMBER", value_parser = whole, allow_hyphen_values = true, requires = "machines")]
     pub only: Vec<u64>,
     /// Give every drawn machine a wrong model in place of the commissioned one, and compare its Smith predictor with
     /// its fallback; machines that commissioning leaves to their fallback are left out
@@ -77,6 +93,6 @@ pub struct BenchControlArguments {
     #[arg(long, value_name = "FOLDER", requires = "machines", conflicts_with = "json")]
     pub write: Option<PathBuf>,
     /// Number of threads [default: one for each core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = in_range(1_u16, u16::MAX), allow_hyphen_values = true)]
     pub threads: Option<u16>,
 }

@@ -8,7 +8,7 @@ use pipeline::channel::Prefix;
 
 use crate::arguments::{
     MachineFile,
-    values::{duration, positive},
+    values::{duration, positive_in, whole},
 };
 
 /// `commission`.
@@ -16,7 +16,7 @@ use crate::arguments::{
 #[command(after_help = "\
 Examples:
   hydraxis commission                                  all axes of the built-in excavator, one after another
-  hydraxis commission my.toml --axis boom --out boom.toml --travel 0.3 --speed 0.15
+  hydraxis commission my.toml --axis boom --out boom.toml --travel 300mm --speed 0.15
   hydraxis commission --enable                         the machine of the group that runs, by its own machine file
   hydraxis commission --prefix demo --enable           the same where several groups run
   hydraxis run my.toml --model model.toml              the next command: control with the models that were found
@@ -45,18 +45,18 @@ pub struct CommissionArguments {
     /// Overwrite the model file if it exists
     #[arg(long)]
     pub force: bool,
-    /// Width of the window around the present position of an axis, m [default: 0.4 of the travel between the soft
-    /// limits]
-    #[arg(long, value_name = "M", value_parser = positive, allow_hyphen_values = true)]
+    /// Width of the window around the present position of an axis, in m or with its unit, such as 300mm [default: 0.4
+    /// of the travel between the soft limits]
+    #[arg(long, value_name = "LENGTH", value_parser = positive_in("m"), allow_hyphen_values = true)]
     pub travel: Option<f64>,
-    /// Bound of the speed, m/s [default: a quarter of max_speed of the axis]
-    #[arg(long, value_name = "M/S", value_parser = positive, allow_hyphen_values = true)]
+    /// Bound of the speed, in m/s or with its unit, such as 50mm/s [default: a quarter of max_speed of the axis]
+    #[arg(long, value_name = "SPEED", value_parser = positive_in("m/s"), allow_hyphen_values = true)]
     pub speed: Option<f64>,
     /// Length of the experiment with each axis
     #[arg(long, value_parser = duration, allow_hyphen_values = true, default_value = "60s")]
     pub duration: Duration,
     /// Seed of the random steps and of the simulated noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = whole, allow_hyphen_values = true)]
     pub seed: u64,
     /// Write a report with pictures, one HTML file that needs no other: the experiment, the model, and the loops
     #[arg(long, value_name = "FILE.html")]

@@ -17,6 +17,9 @@ pub enum ModelFileError {
     /// The file exists.
     #[error("--out: found {}, which is there already; allowed: a new file, or --force", .0.display())]
     Exists(PathBuf),
+    /// A folder has the name.
+    #[error("--out: found {}, which is a folder; allowed: a file", .0.display())]
+    Folder(PathBuf),
     /// The folder of the file does not exist.
     #[error(
         "--out: found {}; allowed: a file in a folder that exists, and {} does not",
@@ -108,8 +111,11 @@ impl ModelFile {
     /// Checks that the file can be written.
     ///
     /// # Errors
-    /// The file exists and `force` is not set, or its folder does not exist.
+    /// The file exists and `force` is not set, it is a folder, or its folder does not exist.
     pub fn new(path: &Path, force: bool) -> Result<Self, ModelFileError> {
+        if path.is_dir() {
+            return Err(ModelFileError::Folder(path.to_owned()));
+        }
         if !force && path.symlink_metadata().is_ok() {
             return Err(ModelFileError::Exists(path.to_owned()));
         }

@@ -26,7 +26,13 @@ pub struct DoctorArguments {
     #[command(flatten)]
     pub machine: BareMachine,
     /// Length of each of the two measurements, alone and under load, s
-    #[arg(long, value_name = "S", default_value = "5", value_parser = in_range(1, 86400))]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value = "5",
+        value_parser = in_range(1_usize, 86400),
+        allow_hyphen_values = true,
+    )]
     pub seconds: usize,
     /// Write the findings as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]

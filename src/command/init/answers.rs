@@ -93,9 +93,10 @@ impl<'d> Answers<'d> {
     ) -> Result<f64, Failure> {
         if let Some(typed) = typed {
             let Some(text) = self.of_axis(quantity.flag, typed, axis, axes) else { return Ok(default) };
-            let value = quantity.of_flag(text).filter(|value| range.contains(value));
+            let found = quantity.of_flag(text);
+            let value = found.filter(|value| range.contains(value));
             if value.is_none() {
-                self.refuse(quantity.flag, text, quantity.allowed(&range, quantity.unit));
+                self.refuse(quantity.flag, text, quantity.allowed(&range, found, quantity.unit));
             }
             return Ok(value.unwrap_or(default));
         }
@@ -103,8 +104,9 @@ impl<'d> Answers<'d> {
             let of = axis.filter(|_| axes.len() > 1).map(|axis| format!("{axis}: ")).unwrap_or_default();
             let question = format!("{of}{}, {}", quantity.words, quantity.shown);
             let parse = |answer: &str| {
-                let value = quantity.of_answer(answer).filter(|value| range.contains(value));
-                value.ok_or_else(|| quantity.allowed(&range, quantity.shown))
+                let found = quantity.of_answer(answer);
+                let value = found.filter(|value| range.contains(value));
+                value.ok_or_else(|| quantity.allowed(&range, found, quantity.shown))
             };
             let asked = self.ask(&question, &quantity.number(default), parse)?;
             return Ok(asked.unwrap_or(default));

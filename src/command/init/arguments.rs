@@ -22,40 +22,40 @@ pub struct InitArguments {
     #[arg(long, value_name = "NAME,..")]
     pub axes: Option<String>,
     /// Travel of the piston
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
     pub stroke: Option<String>,
     /// Bore of the cylinder
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
     pub bore: Option<String>,
     /// Diameter of the rod
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
     pub rod: Option<String>,
     /// Bandwidth of the valve, at which its spool lags by 45 degrees
-    #[arg(long, value_name = "FREQUENCY")]
+    #[arg(long, value_name = "FREQUENCY", allow_hyphen_values = true)]
     pub valve_hz: Option<String>,
     /// Time from a command to the first reaction of the valve
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     pub dead_time: Option<String>,
     /// Largest speed of the axis [default: the stroke in 3 s]
-    #[arg(long, value_name = "SPEED")]
+    #[arg(long, value_name = "SPEED", allow_hyphen_values = true)]
     pub speed: Option<String>,
     /// Moved mass [default: one whose weight is a fifth of the cylinder's force]
-    #[arg(long, value_name = "MASS")]
+    #[arg(long, value_name = "MASS", allow_hyphen_values = true)]
     pub mass: Option<String>,
     /// Force of the load against extension, 0 for a level cylinder [default: 0]
     #[arg(long, value_name = "FORCE", allow_hyphen_values = true)]
     pub load: Option<String>,
     /// Part of the command up to which the valve stays shut [default: 10%]
-    #[arg(long, value_name = "PART")]
+    #[arg(long, value_name = "PART", allow_hyphen_values = true)]
     pub dead_band: Option<String>,
     /// Length of one count of the position sensor [default: about a 10000th of the stroke]
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
     pub resolution: Option<String>,
     /// Pressure of the pump, one for all axes [default: 210bar]
-    #[arg(long, value_name = "PRESSURE")]
+    #[arg(long, value_name = "PRESSURE", allow_hyphen_values = true)]
     pub pressure: Option<String>,
     /// Sample and control period, one for all axes [default: 10ms, or less for fast valves]
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     pub period: Option<String>,
     /// Where encoder readings come from and valve commands go to: the simulated twin, or a program of yours
     #[arg(long, value_name = "KIND", value_parser = ["sim", "external"], default_value = "sim")]

@@ -85,6 +85,9 @@ const EXTERNAL: &str = "external";
 /// Refuses a file that exists, before anything is asked.
 fn expect_new(arguments: &InitArguments) -> Result<(), Failure> {
     let path = &arguments.output;
+    if path.is_dir() {
+        return Err(Failure::usage(format!("--output: found {}, which is a folder; allowed: a file", path.display())));
+    }
     if path.exists() && !arguments.force {
         let found = path.display();
         return Err(Failure::usage(format!(
@@ -147,6 +150,9 @@ fn rigs(arguments: &InitArguments, mut answers: Answers) -> Result<(String, Vec<
     for rig in &mut rigs {
         rig.period = significant(period, 4);
         resolve(arguments, &mut answers, rig, &axes)?;
+    }
+    if arguments.name.as_deref() == Some("") {
+        answers.refuse("--name", "", "a text that names the machine, or no --name");
     }
     answers.verdict()?;
     let name = arguments.name.clone().unwrap_or_else(|| axes.join(" and "));

@@ -4,6 +4,8 @@ use std::ops::RangeInclusive;
 
 use pipeline::machine::{allowed_units, quantity};
 
+use crate::arguments::values::in_unit;
+
 /// A quantity that a user gives by a flag or as an answer.
 #[derive(Debug, Clone, Copy)]
 pub struct Quantity {
@@ -50,23 +52,16 @@ pub const PRESSURE: Quantity = Quantity::asked("--pressure", "pressure of the pu
 pub const PERIOD: Quantity = Quantity::derived("--period", "control period", "s", "ms");
 
 impl Quantity {
-    /// Value of a number or a text, of which a plain number is in `plain`.
-    fn parse(&self, text: &str, plain: &str) -> Option<f64> {
-        let number = text.trim().parse().ok().filter(|number: &f64| number.is_finite());
-        let in_unit = |number: f64| {
-            if plain == self.unit { Some(number) } else { quantity(&format!("{number}{plain}"), self.unit) }
-        };
-        number.and_then(in_unit).or_else(|| quantity(text, self.unit))
-    }
-
     /// The value of a flag: a number in SI units, or a text with its unit.
     pub fn of_flag(&self, text: &str) -> Option<f64> {
-        self.parse(text, self.unit)
+        in_unit(text, self.unit)
     }
 
     /// The value of an answer: a number in the unit that the question shows, or a text with its unit.
     pub fn of_answer(&self, text: &str) -> Option<f64> {
-        self.parse(text, self.shown)
+        let shown = || quantity(&format!("{}{}", text.trim(), self.shown), self.unit);
+        // A text with its own unit and the shown one after it is no quantity.
+        if text.trim().parse::<f64>().is_ok() { shown() } else { in_unit(text, self.unit) }
     }
 
     /// A value as the question shows it, without its unit.
@@ -80,11 +75,13 @@ impl Quantity {
         format!("{} {}", self.number(value), self.shown)
     }
 
-    /// What is allowed, in words. `plain` is the unit of a plain number.
-    pub fn allowed(&self, range: &RangeInclusive<f64>, plain: &str) -> String {
+    /// What is allowed in the place of `found`, in words. `plain` is the unit of a plain number.
+    pub fn allowed(&self, range: &RangeInclusive<f64>, found: Option<f64>, plain: &str) -> String {
+        let is_negative = found.is_some_and(|found| found <= 0.0) && *range.start() > 0.0;
+        let greater = if is_negative { "more than 0, " } else { "" };
         let number = if plain.is_empty() { "a plain number".to_owned() } else { format!("a number in {plain}") };
         format!(
-            "{} to {}, as {number} or with one of the units {}",
+            "{greater}{} to {}, as {number} or with one of the units {}",
             self.text(*range.start()),
             self.text(*range.end()),
             allowed_units(self.unit)

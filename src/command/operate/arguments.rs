@@ -5,7 +5,7 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use pipeline::{channel::Prefix, message::AxisMode};
 
-use crate::arguments::values::duration;
+use crate::arguments::values::{duration, position, valve_command};
 
 /// The axes of a running group.
 #[derive(Debug, Args)]
@@ -27,7 +27,7 @@ pub struct GroupAxes {
 Examples:
   hydraxis run --prefix demo --off --duration 10min     a machine with all axes disarmed; then, in another terminal:
   hydraxis operate --prefix demo --axis boom --mode manual --command 0.2 --enable
-  hydraxis operate --prefix demo --axis boom --mode hold --target 0.8 --enable
+  hydraxis operate --prefix demo --axis boom --mode hold --target 800mm --enable
   hydraxis operate --prefix demo --mode hold --leave    all axes stop, and hold the positions at which they stop
   hydraxis operate --prefix demo --mode off
   hydraxis operate --prefix demo --take-over --mode hold --enable    although another program operates the group
@@ -38,11 +38,12 @@ Modes:
   hold    moves to --target, bounded in speed, acceleration and jerk, and stays there
   track   follows its reference: the generator of the machine file, or the reference channel
 
-A disarmed axis leaves `off` only with --enable, after a fault as well. An armed axis changes between the other modes
-without it. Ctrl-C disarms the axes. In manual, the end of this program disarms them as well, within 0.1 s; an axis in
-hold or track goes on without this program, unless --hold-to-run or the key control.hold_to_run ends it too. A group has
-one operator at a time; --take-over replaces it, and the supervisor logs it. `hydraxis arm`, `disarm` and `reset` do the
-three usual operations with one command each, for people and for scripts.")]
+A disarmed axis leaves `off` only with --enable, after a fault as well. A latch that --enable or `off` releases is shown
+with its cause. An armed axis changes between the other modes without --enable. Ctrl-C disarms the axes. In manual, the
+end of this program disarms them as well, within 0.1 s; an axis in hold or track goes on without this program, unless
+--hold-to-run or the key control.hold_to_run ends it too. A group has one operator at a time; --take-over replaces it,
+and the supervisor logs it. `hydraxis arm`, `disarm` and `reset` do the three usual operations with one command each,
+for people and for scripts.")]
 pub struct OperateArguments {
     /// Group and axes
     #[command(flatten)]
@@ -51,10 +52,10 @@ pub struct OperateArguments {
     #[arg(long)]
     pub mode: Mode,
     /// Valve command in [-1, 1], positive extends; with --mode manual only
-    #[arg(long, value_name = "U", allow_negative_numbers = true)]
+    #[arg(long, value_name = "U", value_parser = valve_command, allow_hyphen_values = true)]
     pub command: Option<f64>,
-    /// Position to hold, m; with --mode hold only [default: where the axis stops]
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    /// Position to hold, in m or with its unit, such as 300mm; with --mode hold only [default: where the axis stops]
+    #[arg(long, value_name = "LENGTH", value_parser = position, allow_hyphen_values = true)]
     pub target: Option<f64>,
     /// Arm the axes that are disarmed
     #[arg(long)]

@@ -52,19 +52,35 @@ pub fn reset(arguments: &ResetArguments) -> Result<(), Failure> {
             return Ok(());
         }
         let released = latched(&axes, operator);
-        let causes: Vec<String> = axes.iter().map(|axis| operator.latched_by(*axis)).collect();
+        let causes = Causes::of(&axes, operator);
         operator.release(&released)?;
-        let one = |(axis, cause): (&usize, &String)| {
-            let state = operator.state(*axis);
-            if cause.is_empty() {
-                format!("{state}: not latched\n")
-            } else {
-                format!("{state}: was latched by {cause}\n")
-            }
-        };
-        let text: String = axes.iter().zip(&causes).map(one).collect();
+        let text = causes.text(operator, "not latched");
         Ok(show(&format!("{text}{}", next(operator.machine(), &released, "arm", prefix)))?)
     })
+}
+
+/// What had latched axes before they were released.
+pub(super) struct Causes(Vec<(usize, String)>);
+
+impl Causes {
+    /// Of these axes, now.
+    pub(super) fn of(axes: &[usize], operator: &Operator) -> Self {
+        Self(axes.iter().map(|axis| (*axis, operator.latched_by(*axis))).collect())
+    }
+
+    /// A line for each axis with its state and its cause. An axis that was not latched has `without` in the place of
+    /// the cause, and no line where `without` is empty.
+    pub(super) fn text(&self, operator: &Operator, without: &str) -> String {
+        let one = |(axis, cause): &(usize, String)| {
+            let state = operator.state(*axis);
+            match (cause.as_str(), without) {
+                ("", "") => String::new(),
+                ("", without) => format!("{state}: {without}\n"),
+                (cause, _) => format!("{state}: was latched by {cause}\n"),
+            }
+        };
+        self.0.iter().map(one).collect()
+    }
 }
 
 fn is_disarmed(operator: &Operator, axis: usize) -> bool {

@@ -14,6 +14,7 @@ use pipeline::{
     message::{AxisMode, ControlMode, EncoderSample},
 };
 
+use arm::Causes;
 pub use arm::{arm, reset};
 pub use disarm::disarm;
 
@@ -74,9 +75,8 @@ fn check(arguments: &OperateArguments) -> Result<(), Failure> {
     let mode = AxisMode::from(arguments.mode);
     let refuse = |text: String| Err(Failure::usage(text));
     match (mode, arguments.command) {
-        (AxisMode::Manual, None) => return refuse("--command: found none; allowed: a valve command in [-1, 1]".into()),
-        (AxisMode::Manual, Some(command)) if !(-1.0..=1.0).contains(&command) => {
-            return refuse(format!("--command: found {command}; allowed: a valve command in [-1, 1]"));
+        (AxisMode::Manual, None) => {
+            return refuse("--command: found none; allowed: a valve command in [-1, 1], such as 0.2 or 20%".into());
         }
         (AxisMode::Manual, _) | (_, None) => {}
         (_, Some(_)) => {
@@ -85,9 +85,6 @@ fn check(arguments: &OperateArguments) -> Result<(), Failure> {
     }
     if arguments.target.is_some() && mode != AxisMode::Hold {
         return refuse(format!("--target: found one with --mode {}; allowed: with hold", mode.name()));
-    }
-    if let Some(target) = arguments.target.filter(|target| !target.is_finite()) {
-        return refuse(format!("--target: found {target}; allowed: a position in m"));
     }
     if arguments.leave && !matches!(mode, AxisMode::Hold | AxisMode::Track) {
         return refuse(format!("--leave: found with --mode {}; allowed: with hold and track", mode.name()));
@@ -102,7 +99,7 @@ fn check_target(machine: &GroupMachine, axes: &[usize], arguments: &OperateArgum
         if let Some(target) = arguments.target.filter(|target| !(low..=high).contains(target)) {
             let name = machine.name(*axis);
             return Err(Failure::usage(format!(
-                "--target: found {target}; allowed: axis.{name} within its soft limits, {low} to {high} m"
+                "--target: found {target} m; allowed: axis.{name} within its soft limits, {low} to {high} m"
             )));
         }
     }
@@ -115,8 +112,9 @@ fn operate(axes: &[usize], arguments: &OperateArguments, operator: &mut Operator
         return Ok(());
     }
     if mode == AxisMode::Off {
+        let causes = Causes::of(axes, operator);
         operator.release(axes)?;
-        return Ok(show(&line(axes, operator, None))?);
+        return Ok(show(&format!("{}{}", causes.text(operator, ""), line(axes, operator, None)))?);
     }
     let is_off = |axis: &usize| operator.last(*axis).is_some_and(|last| last.operation == AxisMode::Off as u32);
     let off: Vec<usize> = axes.iter().copied().filter(is_off).collect();
@@ -124,7 +122,9 @@ fn operate(axes: &[usize], arguments: &OperateArguments, operator: &mut Operator
         return Err(Failure::usage(format!("{}; allowed: with --enable, and then it may move", operator.state(*axis))));
     }
     if !off.is_empty() {
+        let causes = Causes::of(&off, operator);
         operator.release(&off)?;
+        show(&causes.text(operator, ""))?;
     }
     let result = stream(axes, mode, arguments, operator);
     match &result {

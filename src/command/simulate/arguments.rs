@@ -4,7 +4,11 @@ use std::{path::PathBuf, time::Duration};
 
 use clap::Args;
 
-use crate::arguments::{MachineFile, values::duration, with_scenarios};
+use crate::arguments::{
+    MachineFile,
+    values::{duration, whole},
+    with_scenarios,
+};
 
 /// `simulate`.
 #[derive(Debug, Args)]
@@ -32,7 +36,7 @@ pub struct SimulateArguments {
     #[command(flatten)]
     pub recording: RecordingArguments,
     /// Seed of the simulated noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = whole, allow_hyphen_values = true)]
     pub seed: u64,
     /// Write the figures as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]

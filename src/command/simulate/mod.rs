@@ -11,6 +11,7 @@ mod recorder;
 
 use std::time::{Duration, Instant};
 
+use humantime::format_duration;
 use pipeline::{
     machine::{Machine, Source, samples_of},
     stage::{Clock, StageKind},
@@ -37,8 +38,8 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
     let machine = load(&arguments.machine)?.into_twin();
     if let Some(kind) = StageKind::ALL.into_iter().find(|kind| machine.stage(*kind).command.is_some()) {
         return Err(Failure::usage(format!(
-            "stage.{}.command: another program cannot run inside `simulate`; use `run --lockstep`",
-            kind.name()
+            "{}: another program cannot run inside `simulate`; use `run --lockstep`",
+            machine.command_key(kind)
         )));
     }
     let is_open = arguments.open_loop.is_some() || !machine.scenario.commands.is_empty();
@@ -120,7 +121,11 @@ fn standard_outputs(arguments: &SimulateArguments) -> usize {
 pub fn ticks(machine: &Machine, rows: Option<u64>, duration: Option<Duration>) -> Result<u64, Failure> {
     let asked = duration.map(|duration| samples_of(duration, machine.timing.period) as u64);
     if asked == Some(0) {
-        return Err(Failure::usage("--duration: found less than one period of the machine file"));
+        return Err(Failure::usage(format!(
+            "--duration: found {}; allowed: {} or more, one period of the machine",
+            format_duration(duration.unwrap_or_default()),
+            format_duration(machine.timing.period)
+        )));
     }
     Ok(match rows {
         Some(rows) => asked.unwrap_or(rows).min(rows),

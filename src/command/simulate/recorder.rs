@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use pipeline::{machine::Machine, message::ValveCommand};
+use pipeline::{machine::Machine, message::ValveCommand, nearest::did_you_mean};
 use plant_sim::PlantSim;
 
 use super::{arguments::RecordingArguments, commands::Commands};
@@ -78,7 +78,7 @@ impl Recorder {
     ) -> Result<Self, Failure> {
         let names: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
         if let Some(unknown) = asked.axes.iter().find(|axis| !names.contains(&axis.as_str())) {
-            let allowed = names.join(", ");
+            let allowed = format!("{}{}", names.join(", "), did_you_mean(unknown, names.iter().copied()));
             return Err(Failure::usage(format!("--axis: found \"{unknown}\"; allowed: one of {allowed}")));
         }
         let is_asked = |index: &usize| asked.axes.is_empty() || asked.axes.iter().any(|name| name == names[*index]);

@@ -24,7 +24,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use crate::{
     failure::Failure,
-    group::{running::meant, signals::stop_flag},
+    group::{operator::OperatorError, running::meant, signals::stop_flag},
     report::{
         block::Block,
         output::{Output, show_to_reader},
@@ -107,9 +107,7 @@ impl StatusReader {
     fn join(prefix: &Prefix) -> Result<Self, Failure> {
         // To join a group that does not exist would create it.
         if !groups().iter().any(|group| group.state == GroupState::Alive && group.prefix == *prefix) {
-            return Err(Failure::run(format!(
-                "no group \"{prefix}\" runs; start one with: hydraxis run --prefix {prefix}"
-            )));
+            return Err(OperatorError::NoGroup(prefix.clone()).into());
         }
         let group = Group::join(prefix, "status").map_err(ChannelError::from)?;
         Ok(Self {

@@ -92,8 +92,9 @@ struct AxisFigures {
     mode: &'static str,
     command_by: &'static str,
     command: f64,
-    position: f64,
-    velocity: f64,
+    /// None before the first plausible position.
+    position: Option<f64>,
+    velocity: Option<f64>,
     /// Pressures of piston side and rod side, Pa, if they are measured.
     pressures: Option<(f64, f64)>,
     reference: f64,
@@ -291,7 +292,7 @@ fn axis_row(name: &str, axis: &AxisFigures) -> Vec<String> {
         axis.mode.to_owned(),
         format!("{:+.4}", axis.command),
         axis.command_by.to_owned(),
-        format!("{:.4} m", axis.position),
+        axis.position.map_or_else(|| "-".to_owned(), |position| format!("{position:.4} m")),
         format!("{:+.2} mm", 1e3 * axis.error),
         axis.model_age_ns.map_or_else(|| "-".to_owned(), nanoseconds),
         axis.h_step_sigma.map_or_else(|| "-".to_owned(), |sigma| format!("{} mm", number(1e3 * sigma))),
@@ -351,8 +352,8 @@ impl AxisFigures {
             mode: AxisMode::from_number(command.operation).map_or("unknown", AxisMode::name),
             command_by: ControlMode::name(command.mode),
             command: command.command,
-            position: sample.position,
-            velocity: sample.velocity,
+            position: sample.last_plausible(),
+            velocity: sample.last_plausible().map(|_| sample.velocity),
             pressures: sample.pressures(),
             reference: command.reference,
             error: command.error,
@@ -368,5 +369,23 @@ impl AxisFigures {
             refused_requests: command.refused_requests,
             why_fallback: why_fallback(axis.name(), None, command, axis.model_faults),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_axis_that_has_no_position_yet_shows_none() {
+        let mut axis = AxisState::default();
+        axis.sample.faults = sample_fault::STALE;
+        let figures = AxisFigures::new(&axis);
+        assert_eq!(axis_row("boom", &figures)[4], "-");
+        assert!(serde_json::to_value(&figures).unwrap()["position"].is_null());
+        axis.sample.position = 0.65;
+        assert_eq!(axis_row("boom", &AxisFigures::new(&axis))[4], "0.6500 m", "the last plausible one");
+        (axis.sample.position, axis.sample.faults) = (0.0, 0);
+        assert_eq!(axis_row("boom", &AxisFigures::new(&axis))[4], "0.0000 m", "a position of 0 is one");
     }
 }

@@ -164,7 +164,7 @@ fn values_that_a_flag_does_not_take_are_refused_with_what_it_takes() {
         ("--horizon", "x", "allowed: a whole number of samples, or a duration with its unit"),
         ("--period", "0", "allowed: seconds from 1e-9 to 1.6e7, or a duration with its unit"),
         ("--period", "nan", "allowed: seconds from 1e-9 to 1.6e7, or a duration with its unit"),
-        ("--split", "qr", "possible values: als, paper"),
+        ("--split", "qr", "allowed: one of als, paper"),
         ("--dead-band", "-0.1", "allowed: one number of at least 0 for both directions, or two, LOW,HIGH"),
         ("--dead-band", "0.1,nan", "allowed: one number of at least 0 for both directions, or two, LOW,HIGH"),
         ("--dead-band", "0.1,0.2,0.3", "allowed: one number of at least 0 for both directions, or two, LOW,HIGH"),
@@ -172,7 +172,7 @@ fn values_that_a_flag_does_not_take_are_refused_with_what_it_takes() {
         ("--knots", "0,inf", "allowed: 1 to 5 rising numbers of at least 0, K1,K2,.."),
         ("--knots", "0,1,2,3,4,5", "allowed: 1 to 5 rising numbers of at least 0, K1,K2,.."),
         ("--knots", "a", "allowed: 1 to 5 rising numbers of at least 0, K1,K2,.."),
-        ("--form", "half", "possible values: linear, full"),
+        ("--form", "half", "allowed: one of linear, full"),
     ] {
         expect_refusal(folder.path(), &["identify", "r.csv", flag, value], &[flag, allowed]);
     }

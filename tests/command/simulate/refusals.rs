@@ -150,13 +150,13 @@ fn options_that_do_not_go_together_are_refused() {
     for (arguments, expected) in [
         (&["--open-loop", "u.csv", "--json", "-"][..], "--json: found an open loop, which has no figures; allowed: "),
         (&["--scenario", "open-loop", "--json", "-"], "--json: found an open loop, which has no figures; allowed: "),
-        (&["--open-loop", "u.csv", "--duration", "3s"], "cannot be used with '--duration"),
+        (&["--open-loop", "u.csv", "--duration", "3s"], "--open-loop: found with --duration; allowed: without it"),
         (&["--axis", "boom"], "--axis: found nothing to restrict; allowed: with --trajectory or --plot"),
         (&["--json", "-", "--plot", "-"], "-: found for several of --json, --trajectory and --plot; allowed: one"),
         (&["--plot", "none/y.svg"], "--plot: none/y.svg cannot be written: No such file"),
         (&["--trajectory", "none/y.csv"], "--trajectory: none/y.csv cannot be written: No such file"),
         (&["--trajectory", "none/y.csv"], "; allowed: a file in a folder that exists, and none does not"),
-        (&["--duration", "-3s"], "'-3s' for '--duration <DURATION>': allowed: a duration greater than 0 with its unit"),
+        (&["--duration", "-3s"], "--duration: found \"-3s\"; allowed: a duration greater than 0 with its unit"),
     ] {
         expect_refusal(folder.path(), &[&["simulate"], arguments].concat(), &[expected]);
     }

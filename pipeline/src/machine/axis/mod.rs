@@ -54,7 +54,7 @@ pub use sensor_errors::SensorErrors;
 use sensor_errors::Sensors;
 
 use super::{document::Section, fuzzy::Fuzzy, source::Source, timing::Timing};
-use crate::MAX_NAME;
+use crate::{MAX_NAME, nearest::nearest};
 
 /// What the tables of the axes need from the rest of the machine file.
 pub(super) struct Shared<'a> {
@@ -98,6 +98,14 @@ pub struct Axis {
     pub plant: Option<Plant>,
     /// Columns of a record with command and position; only source `replay` needs them.
     pub columns: (String, String),
+}
+
+/// Names of the axes, in the order of the file. A table without a key of its own, with the name of another axis but for
+/// a few letters, is none: its name is mistyped.
+pub(super) fn names(axes: &Section) -> Vec<String> {
+    let (whole, parts): (Vec<String>, Vec<String>) = axes.names().into_iter().partition(|name| axes.has_values(name));
+    let is_stray = |name: &String| parts.contains(name) && !nearest(name, whole.iter().map(String::as_str)).is_empty();
+    axes.names().into_iter().filter(|name| !is_stray(name)).collect()
 }
 
 impl Axis {

@@ -13,7 +13,7 @@ use crate::{
 };
 
 use super::{
-    Entry,
+    Entry, NOTHING,
     form::ValueForm,
     record::{DefaultValue, EffectiveValue, Origin},
     section::{Section, Value},
@@ -113,10 +113,10 @@ impl Key<'_, '_, '_> {
     }
 
     /// What is added to the allowed values for a refused text: the units that it may have, or the nearest names.
-    fn hint(&self, text: &str) -> String {
-        let text = text.trim_matches('"');
-        let has_unit =
-            text.contains(|c: char| c.is_ascii_digit()) && text.contains(|c: char| c.is_alphabetic() || c == '%');
+    fn hint(&self, typed: &str) -> String {
+        let text = typed.trim_matches('"');
+        let is_text = typed.starts_with('"') || text.contains(|c: char| c.is_alphabetic() || c == '%');
+        let has_unit = text.contains(|c: char| c.is_ascii_digit()) && is_text;
         let units = allowed_units(&self.unit);
         if self.is_quantity && has_unit && !units.is_empty() && quantity(text, &self.unit).is_none() {
             return format!(", or a text with one of the units {units}");
@@ -141,7 +141,11 @@ impl Key<'_, '_, '_> {
                 let parsed = parsed.or_else(|| parse(&DeValue::String(text.as_str().into())));
                 // Other texts are plain strings, or durations.
                 let is_broken = as_toml.is_err() && text.starts_with(['[', '{', '.', '+', '-']);
-                let shown = if is_broken { format!("{text}, which is no TOML") } else { text.clone() };
+                let shown = match text.as_str() {
+                    "" => quoted(""),
+                    text if is_broken => format!("{text}, which is no TOML"),
+                    text => text.to_owned(),
+                };
                 (parsed, text, origin.of(shown), origin.place(), origin)
             }
         };
@@ -174,7 +178,7 @@ impl Key<'_, '_, '_> {
     fn required<T: Shown>(mut self, allowed: &str, placeholder: T, parse: impl Fn(&DeValue) -> Option<T>) -> T {
         let found = self.find(allowed, parse);
         if matches!(found, Found::Absent) {
-            self.section.refuse(self.name, "nothing", allowed);
+            self.section.refuse(self.name, NOTHING, allowed);
         }
         match found {
             Found::Given(value, origin) => {
@@ -332,9 +336,10 @@ impl Key<'_, '_, '_> {
         })
     }
 
-    /// Any text.
+    /// Any text but an empty one.
     pub fn text(self, allowed: &str) -> String {
-        self.form(ValueForm::Text).required(allowed, String::new(), |value| value.as_str().map(str::to_owned))
+        let some = |value: &DeValue| value.as_str().filter(|text| !text.is_empty()).map(str::to_owned);
+        self.form(ValueForm::Text).required(allowed, String::new(), some)
     }
 
     /// Any text, or nothing.

@@ -5,6 +5,7 @@
 //! | `section` | one table: its keys, the tables inside it, what is unknown |
 //! | `key` | one key: meaning, allowed values, default, and the reading of its value |
 //! | `form` | what form a value has, for editors |
+//! | `grammar` | where the text is no TOML |
 //! | `value` | TOML values as numbers, durations and choices, and back to text |
 //! | `record` | the effective value of a key, and where the value comes from |
 //!
@@ -12,6 +13,7 @@
 //! unknown. Settings, from a model file or the command line (`--set a.b=c`), take the place of values in the document.
 
 mod form;
+mod grammar;
 mod key;
 mod record;
 mod section;
@@ -31,6 +33,9 @@ pub use value::samples_of;
 use super::error::{MachineError, Problem};
 use crate::nearest::{did_you_mean, nearest, question};
 use value::show;
+
+/// What was found in the place of a key that is absent.
+const NOTHING: &str = "nothing";
 
 /// A value that takes the place of one in the document.
 #[derive(Debug, Clone)]
@@ -80,40 +85,49 @@ pub(super) struct Document<'i> {
     entries: RefCell<Vec<Entry>>,
     /// Path and known keys of each table that was read.
     tables: RefCell<Vec<(String, Vec<String>)>>,
+    /// Unknown keys, each with a known one that it may have meant; full dotted names.
+    mistyped: RefCell<Vec<(String, String)>>,
 }
 
 impl<'i> Document<'i> {
     /// Parses `text`; grammar errors are collected like all others.
     pub fn parse(text: &'i str, settings: Vec<Setting>) -> Self {
         let (root, errors) = DeTable::parse_recoverable(text);
-        let mut document = Self {
+        Self {
             root: root.into_inner(),
             text,
             settings: RefCell::new(settings),
-            grammar: Vec::new(),
+            grammar: grammar::problems(text, &errors),
             problems: RefCell::default(),
             entries: RefCell::default(),
             tables: RefCell::default(),
-        };
-        for error in errors {
-            let (line, at) = match error.span() {
-                Some(span) => {
-                    let line = document.line(span.start);
-                    let shown = text.lines().nth(line - 1).unwrap_or_default().trim();
-                    (Some(line), format!(" in \"{shown}\""))
-                }
-                None => (None, String::new()),
-            };
-            let found = format!("{}{at}", error.message());
-            document.grammar.push(Problem {
-                file: None,
-                line,
-                key: String::new(),
-                found,
-                allowed: "valid TOML".to_owned(),
-            });
+            mistyped: RefCell::default(),
         }
-        document
+    }
+
+    /// Whether the text has no key at all.
+    pub fn is_empty(&self) -> bool {
+        self.grammar.is_empty() && self.root.is_empty()
+    }
+
+    /// Notes that an unknown key may have meant a known one; full dotted names.
+    pub fn mistyped(&self, key: String, meant: String) {
+        self.mistyped.borrow_mut().push((key, meant));
+    }
+
+    /// Whether a problem says that a key is missing which a mistyped table has.
+    fn is_in_mistyped(&self, problem: &Problem) -> bool {
+        let has = |path: String| {
+            let (table, key) = path.rsplit_once('.').unwrap_or(("", &path));
+            self.names(table).iter().any(|name| name == key)
+        };
+        let within = |(typed, meant): &(String, String)| {
+            problem
+                .key
+                .strip_prefix(meant.as_str())
+                .is_some_and(|rest| rest.starts_with('.') && has(format!("{typed}{rest}")))
+        };
+        problem.found == NOTHING && self.mistyped.borrow().iter().any(within)
     }
 
     /// The top of the document.
@@ -196,7 +210,8 @@ impl<'i> Document<'i> {
                 self.problem(setting.origin.place(), key, found, allowed);
             }
         }
-        let mut problems = self.problems.into_inner();
+        let mut problems = self.problems.take();
+        problems.retain(|problem| !self.is_in_mistyped(problem));
         problems.sort_by_key(|problem| (problem.file.is_some(), problem.line.unwrap_or(usize::MAX)));
         if problems.is_empty() { Ok(value) } else { Err(MachineError { file: file.to_owned(), problems }) }
     }

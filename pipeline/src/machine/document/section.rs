@@ -7,7 +7,7 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
-use crate::nearest::did_you_mean;
+use crate::nearest::{nearest, question};
 
 use super::{
     Document,
@@ -64,6 +64,12 @@ impl<'d, 'i> Section<'d, 'i> {
         self.table.into_iter().flat_map(|table| table.keys()).map(|key| key.get_ref().to_string()).collect()
     }
 
+    /// Whether the file gives a table of this name a value, and not only tables inside it.
+    pub fn has_values(&self, table: &str) -> bool {
+        let inside = self.table.and_then(|own| own.get(table)).and_then(|value| value.get_ref().as_table());
+        inside.is_some_and(|inside| inside.values().any(|value| value.get_ref().as_table().is_none()))
+    }
+
     /// Line of a key of this table; without such a key, line of the table.
     pub fn line_of(&self, key: &str) -> Option<usize> {
         let found = self.table.and_then(|table| table.get(key)).map(|value| self.document.line(value.span().start));
@@ -93,6 +99,20 @@ impl<'d, 'i> Section<'d, 'i> {
         self.document.problems.borrow().is_empty()
     }
 
+    /// Whether something is wrong with the key of this full dotted name, as far as has been read.
+    pub fn is_refused(&self, key: &str) -> bool {
+        self.document.problems.borrow().iter().any(|problem| problem.key == key)
+    }
+
+    /// The text that the file or a setting gives for a key; none for a value of another type in the file. This does not
+    /// read the key.
+    pub fn text_of(&self, key: &str) -> Option<String> {
+        let path = self.path_of(key);
+        let settings = self.document.settings.borrow();
+        let set = settings.iter().rfind(|setting| setting.path == path).map(|setting| setting.text.clone());
+        set.or_else(|| self.table?.get(key)?.get_ref().as_str().map(str::to_owned))
+    }
+
     /// Refuses a key that is given although another table says what it would say.
     pub fn forbid(&mut self, key: &str, allowed: &str) {
         match self.take(key) {
@@ -111,6 +131,13 @@ impl<'d, 'i> Section<'d, 'i> {
             } else {
                 self.forbid(key, allowed);
             }
+        }
+    }
+
+    /// Takes keys as read, whatever they are.
+    pub fn pass_over(&mut self, keys: &[&str]) {
+        for key in keys {
+            self.take(key);
         }
     }
 
@@ -211,7 +238,11 @@ impl<'d, 'i> Section<'d, 'i> {
         for key in self.table.into_iter().flat_map(|table| table.keys()) {
             if !self.asked.contains(key.get_ref().as_ref()) && !self.renamed.contains(key.get_ref().as_ref()) {
                 let line = Some(self.document.line(key.span().start));
-                let hint = did_you_mean(key.get_ref(), self.asked.iter().map(String::as_str));
+                let meant = nearest(key.get_ref(), self.asked.iter().map(String::as_str));
+                for meant in &meant {
+                    self.document.mistyped(self.path_of(key.get_ref()), self.path_of(meant));
+                }
+                let hint = question(meant);
                 let allowed = format!("one of {}{hint}", known.join(", "));
                 self.document.problem(line, self.path_of(key.get_ref()), "an unknown key", allowed);
             }

@@ -26,7 +26,9 @@ const BYTE_ORDER_MARK: char = '\u{feff}';
 /// # Errors
 /// What was found and what is allowed, where the file cannot be read or is no JSON.
 pub fn read(file: &Path) -> Result<Value, String> {
-    let unreadable = |error: io::Error| format!("found a file that cannot be read: {error}");
+    let unreadable = |error: io::Error| {
+        format!("found a file that cannot be read ({error}); allowed: a JSON file with states, or - for standard input")
+    };
     let source: Box<dyn Read> = match file {
         file if file == Path::new("-") => Box::new(io::stdin()),
         file => Box::new(fs::File::open(file).map_err(unreadable)?),

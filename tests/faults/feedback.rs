@@ -111,7 +111,7 @@ fn row_01_a_killed_acquisition_makes_the_valves_neutral_and_latches() {
     moving.expect_latched(control_flag::FEEDBACK, Duration::from_millis(500));
 }
 
-/// The time-out of rows 2 and 3. It is far longer than the usual one, so that delays of the computer are small beside it.
+/// The time-out of rows 2 and 3: far longer than the usual one, so that delays of the computer are small beside it.
 const LONGER: [&str; 2] = ["--set", "timing.feedback_timeout=1s"];
 
 /// Row 2: a stop of `sensor-proc` that is shorter than the feedback time-out is no fault.

@@ -3,6 +3,7 @@
 use std::{
     collections::BTreeSet,
     io::{BufRead, BufReader},
+    path::{Path, PathBuf},
     process::Stdio,
     sync::{Arc, Mutex},
     thread,
@@ -52,9 +53,15 @@ impl Told {
 
     /// Waits for an event with these words.
     fn expect(&self, words: &str) {
+        self.expect_after(words, || ());
+    }
+
+    /// Waits for an event with these words, and acts again and again meanwhile.
+    fn expect_after(&self, words: &str, mut act: impl FnMut()) {
         let until = Instant::now() + PATIENCE;
         while !self.text.lock().unwrap().contains(words) {
             assert!(Instant::now() < until, "no {words:?} in\n{}", self.text.lock().unwrap());
+            act();
             thread::sleep(Duration::from_millis(5));
         }
     }
@@ -100,14 +107,38 @@ impl Told {
     }
 }
 
+/// A machine file of the built-in machine whose bucket follows a program.
+fn with_channel(folder: &Path) -> PathBuf {
+    let file = folder.join("machine.toml");
+    let (before, reference) = BUILT_IN.split_once("[axis.bucket.reference]\n").unwrap();
+    let after = reference.split_once("\n[").map_or("", |(_, after)| after);
+    std::fs::write(&file, format!("{before}[axis.bucket.reference]\nkind = \"channel\"\n[{after}")).unwrap();
+    file
+}
+
+/// Sends a request and references that make no sense, until both are refused, and leaves.
+fn send_nonsense(group: &Told) {
+    let requests = group.channels.publisher::<Request>().unwrap();
+    let mut request = Request { session: 1, takes_over: 1, ..Request::default() };
+    request.axes[0].mode = AxisMode::Manual as u32;
+    request.axes[0].command = 7.0;
+    group.expect_after("axis.boom: request: a request was refused", || {
+        request.header = group.header();
+        requests.send(&request).unwrap();
+    });
+    let references = group.channels.publisher::<Reference>().unwrap();
+    group.expect_after("axis.bucket: reference: the reference stopped", || {
+        let mut reference = Reference { header: group.header(), preview: 1, ..Reference::default() };
+        reference.positions.iter_mut().for_each(|positions| positions[0] = f64::NAN);
+        references.send(&reference).unwrap();
+    });
+}
+
 #[test]
 fn what_happens_to_a_group_is_told_in_every_kind_of_event() {
     let quick = ["timing.model_timeout=300ms", "timing.model_lifetime=1s"].map(|key| ["--set", key]).concat();
     let folder = tempfile::tempdir().unwrap();
-    let machine = folder.path().join("machine.toml");
-    let (before, reference) = BUILT_IN.split_once("[axis.bucket.reference]\n").unwrap();
-    let after = reference.split_once("\n[").map_or("", |(_, after)| after);
-    std::fs::write(&machine, format!("{before}[axis.bucket.reference]\nkind = \"channel\"\n[{after}")).unwrap();
+    let machine = with_channel(folder.path());
     let arguments = [machine.to_str().unwrap(), "--model", MODEL];
     let mut group = Told::start("events", &[&arguments[..], &quick].concat());
     group.expect("axis.arm: controller: the model controls");
@@ -131,28 +162,11 @@ fn what_happens_to_a_group_is_told_in_every_kind_of_event() {
     group
         .expect("axis.boom: request-stopped: requests stopped while the axis needed them: it is off; operate it again");
 
-    let requests = group.channels.publisher::<Request>().unwrap();
-    let mut request = Request { header: group.header(), session: 1, takes_over: 1, ..Request::default() };
-    request.axes[0].mode = AxisMode::Manual as u32;
-    request.axes[0].command = 7.0;
-    wait_for("a refused request", || {
-        request.header = group.header();
-        requests.send(&request).unwrap();
-        group.text.lock().unwrap().contains("axis.boom: request: a request was refused").then_some(())
-    });
-
-    let references = group.channels.publisher::<Reference>().unwrap();
-    wait_for("a refused reference", || {
-        let mut reference = Reference { header: group.header(), preview: 1, ..Reference::default() };
-        reference.positions.iter_mut().for_each(|positions| positions[0] = f64::NAN);
-        references.send(&reference).unwrap();
-        group.text.lock().unwrap().contains("axis.bucket: reference: the reference stopped").then_some(())
-    });
+    send_nonsense(&group);
 
     signal(group.running.pid(StageKind::IdentProc), Signal::KILL);
     group.expect("ident-proc killed by SIGKILL; starts again in 0.2 s");
     group.pause(StageKind::SensorProc, &["axis.arm: latch: feedback: ", "reset --prefix"]);
-    drop((requests, references));
     wait_for("a reset", || group.command(&["reset"]).status().unwrap().success().then_some(()));
     group.expect("axis.arm: release: the latch was released");
     assert!(group.command(&["disarm", "--emergency"]).status().unwrap().success());

@@ -268,7 +268,8 @@ fn without_a_name_all_groups_are_stopped() {
         "mount -t tmpfs tmpfs /dev/shm || exit 77; H={}
         $H disarm; echo none: $?
         $H run {FOUR_AXES} --prefix a --duration 60s & $H run {FOUR_AXES} --prefix b --duration 60s &
-        for group in a b; do for i in $(seq 200); do $H status --prefix $group > /dev/null && break; sleep 0.1; done; done
+        started() {{ for i in $(seq 200); do $H status --prefix $1 > /dev/null && break; sleep 0.1; done; }}
+        started a; started b
         $H disarm; echo two: $?
         kill -INT %1 %2; wait",
         env!("CARGO_BIN_EXE_hydraxis")

@@ -10,6 +10,9 @@
 /// Memory of the errors of a fallback in control, s.
 pub const MEMORY: f64 = 30.0;
 
+/// Least time of the fallback in control that says something of it, in s and in reactions of the axis.
+pub const MEASURED: (f64, f64) = (2.0, 6.0);
+
 /// Means of squares.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Squares {

@@ -26,7 +26,7 @@
 //! nearly always the commissioned model that is wrong.
 
 use super::{
-    squares::{MEMORY, Squares},
+    squares::{MEASURED, MEMORY, Squares},
     swing::Swing,
 };
 use crate::protection::following_error::Deviation;
@@ -45,8 +45,6 @@ const TRIALS: f64 = 4.0;
 const MOTION: f64 = 0.25;
 /// Time for which the errors after the model are not the fallback's, in s and in reactions of the axis.
 const TRANSIENT: (f64, f64) = (1.0, 6.0);
-/// Least time of the fallback in control that says something of it, in s and in reactions of the axis.
-pub const MEASURED: (f64, f64) = (2.0, 6.0);
 /// E_f in parts of E_m that acquits.
 const NO_BETTER: f64 = 0.8;
 /// First time of trust after an acquittal, and of distrust, s, and how often they are doubled at most.

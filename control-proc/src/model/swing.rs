@@ -3,7 +3,8 @@
 //! ```text
 //! l(k) = l(k-1) + (1 - exp(-n T/tau_l)) (e(k) - l(k-1))          s(k) = e(k) - l(k)          tau_l = max(0.3 s, 2 L)
 //! a flip      s passes +h after it has been below -h, or -h after it has been above +h
-//! h           = max(e_h, 2 S_f max(V/V_f, 1/4)); max(e_h, 0.2 V L) before the fallback has controlled for max(2 s, 6 L)
+//! h           = max(e_h, 2 S_f max(V/V_f, 1/4))
+//! h           = max(e_h, 0.2 V L)                  before the fallback has controlled for max(2 s, 6 L)
 //! c(k) = exp(-n T/W) c(k-1), 1 more at a flip, 2 less when the reference turns, 0 at least          W = max(3 s, 12 L)
 //! swings      c > 4 while the model controls
 //! ```
@@ -16,7 +17,7 @@
 //! Trap: the swing is in the shadow of the fallback, too, which takes the measured motion for a disturbance. Comparing
 //! the two says nothing about it.
 
-use super::{squares::Squares, supervision::MEASURED};
+use super::squares::{MEASURED, MEMORY, Squares};
 use crate::protection::following_error::Deviation;
 
 /// tau_l and W in s and in reactions of the axis.
@@ -100,7 +101,7 @@ impl Swing {
         if by_model {
             self.model.push(fast, speed, time, self.window);
         } else {
-            self.fallback.push(fast, speed, time, super::squares::MEMORY);
+            self.fallback.push(fast, speed, time, MEMORY);
             (self.model, self.count) = (Squares::default(), 0.0);
         }
         if fast.abs() > self.bound() {

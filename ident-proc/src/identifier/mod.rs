@@ -42,10 +42,6 @@ use crate::{
 #[derive(Debug, Clone)]
 pub struct Identifier {
     settings: Identification,
-    /// Whether the training leaves out samples of an axis that is not driven.
-    waits: bool,
-    /// Samples since a command last opened the valve.
-    neutral: usize,
     /// Commands go through the play of the valve.
     play: Play,
     past: Past,
@@ -79,8 +75,6 @@ impl Identifier {
         models.adaptive = adaptation.known_model().unwrap_or(models.adaptive);
         Self {
             settings: settings.clone(),
-            waits: false,
-            neutral: 0,
             play: Play::new(settings.hysteresis),
             gate: OutlierGate::default(),
             rest: RestDetection::new(settings.horizon),
@@ -97,8 +91,9 @@ impl Identifier {
 
     /// The training counts samples with motion only: while no command has opened the valve for longer than the horizon,
     /// it waits. A running machine may stand for hours before it is used, and its rest says nothing of its motion.
-    pub fn waiting_for_motion(self) -> Self {
-        Self { waits: true, ..self }
+    pub fn waiting_for_motion(mut self) -> Self {
+        self.training.wait_for_motion(self.settings.horizon);
+        self
     }
 
     /// Takes in sample k. `output` is the measured position, `None` when it is not to be used. `applied` is u(k-1), the
@@ -107,7 +102,6 @@ impl Identifier {
     pub fn update(&mut self, output: Option<f64>, applied: Option<f64>) {
         self.figures.begin_sample();
         self.faults.begin_sample();
-        self.neutral = self.neutral.saturating_add(1);
         match applied.filter(|u| u.is_finite()) {
             Some(u) => {
                 let acting = self.play.acting(u);
@@ -118,9 +112,8 @@ impl Identifier {
                 self.interrupt();
             }
         }
-        if !self.is_waiting() {
-            self.training.count_sample();
-        }
+        let opens = applied.is_some_and(|u| u.is_finite() && self.settings.structure.input.opening(u) != 0.0);
+        self.training.count_sample(opens);
         match self.past.identified(output.filter(|y| y.is_finite())) {
             Some(y) => self.take_output(y),
             None => {
@@ -133,16 +126,8 @@ impl Identifier {
         }
     }
 
-    /// Whether the training waits for motion.
-    fn is_waiting(&self) -> bool {
-        self.waits && self.neutral > self.settings.horizon
-    }
-
     fn take_command(&mut self, u: f64) {
         self.past.push_command(u);
-        if self.settings.structure.input.opening(u) != 0.0 {
-            self.neutral = 0;
-        }
         if !self.training.is_over() || self.adaptation.learns_nonlinearity() {
             self.figures.take_command(u);
         }
@@ -216,7 +201,7 @@ impl Identifier {
 
     /// A training sample.
     fn collect(&mut self, y: f64, resting: bool) {
-        if self.is_waiting() {
+        if self.training.is_waiting() {
             self.adaptation.wait(y, self.past.row());
             return;
         }

@@ -17,6 +17,10 @@ pub struct Training {
     needed: u64,
     /// Samples seen, used or not.
     seen: u64,
+    /// Samples with a shut valve after which the rest is left out.
+    patience: Option<usize>,
+    /// Samples since a command last opened the valve.
+    shut: usize,
     /// Samples until the regressor row holds measurements only.
     contaminated: usize,
     batch: Batch,
@@ -41,15 +45,28 @@ impl Training {
             length: settings.training as u64,
             needed: row.full_len() as u64,
             seen: 0,
+            patience: None,
+            shut: 0,
             contaminated: 0,
             batch: Batch::new(settings.structure, settings.split),
             offline: None,
         }
     }
 
-    /// Counts a sample, used or not.
-    pub fn count_sample(&mut self) {
-        self.seen += 1;
+    /// Leaves out what comes while no command has opened the valve for more than `samples`.
+    pub fn wait_for_motion(&mut self, samples: usize) {
+        self.patience = Some(samples);
+    }
+
+    /// Counts a sample, used or not. `opens`: the command before it opens the valve.
+    pub fn count_sample(&mut self, opens: bool) {
+        self.shut = if opens { 0 } else { self.shut.saturating_add(1) };
+        self.seen += u64::from(!self.is_waiting());
+    }
+
+    /// Whether the samples are left out until the axis is driven.
+    pub fn is_waiting(&self) -> bool {
+        self.patience.is_some_and(|samples| self.shut > samples)
     }
 
     /// Notes that the newest output is a prediction: the regressor rows of the next `samples` samples contain it.
@@ -123,7 +140,7 @@ mod tests {
         let (mut outputs, mut commands) = (SlidingBuffer::new(1, 1), SlidingBuffer::new(1, 2));
         let mut row = RegressorRow::new(STRUCTURE);
         for k in 0..40u32 {
-            training.count_sample();
+            training.count_sample(true);
             outputs.push(f64::from(k).sin());
             commands.push_with(|slot| STRUCTURE.input.features(f64::from(k).cos(), slot));
             row.fill(&outputs, &commands);
@@ -148,7 +165,7 @@ mod tests {
         let mut settings = Machine::four_axes(&[]).unwrap().axes[0].identification.clone();
         (settings.structure, settings.training) = (STRUCTURE, 40);
         let mut training = Training::new(&settings, STRUCTURE);
-        (0..1000).for_each(|_| training.count_sample());
+        (0..1000).for_each(|_| training.count_sample(true));
         assert_eq!(training.progress(), Progress::Collecting);
     }
 }

@@ -9,7 +9,7 @@ use super::document::Section;
 pub struct Timing {
     /// Sample and control period.
     pub period: Duration,
-    /// Without a sample, or without a reading in it, for this long the valve goes to neutral and stays there.
+    /// Without a sample, or a reading in it, for this long the valve goes to neutral and stays there.
     pub feedback_timeout: Duration,
     /// A snapshot older than this is stale.
     pub model_timeout: Duration,
@@ -32,7 +32,10 @@ impl Timing {
         let timing = Self {
             period,
             feedback_timeout: section
-                .key("feedback_timeout", "Without a sample, or without a reading in it, for this long the valve goes to neutral and stays there")
+                .key(
+                    "feedback_timeout",
+                    "Without a sample, or a reading in it, for this long the valve goes to neutral and stays there",
+                )
                 .rule("3 periods")
                 .duration_or(period * 3, millis(1)..=millis(60_000)),
             model_timeout,

@@ -209,9 +209,10 @@ impl LoopReport {
             let training = number(ticks as f64 * machine.timing.period.as_secs_f64());
             let report = &self.axes[&axis.name];
             if report.tracking_by_model.count > 0 {
+                let name = &axis.name;
                 return format!(
-                    "{}: errors of models are counted after {training} s of motion (axis.{}.identification.training).\n",
-                    axis.name, axis.name
+                    "{name}: errors of models are counted after {training} s of motion \
+                     (axis.{name}.identification.training).\n"
                 );
             }
             let has_followed = report.tracking.count > 0 || machine.source != Source::Sim;

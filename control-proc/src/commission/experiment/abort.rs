@@ -79,23 +79,25 @@ pub enum Abort {
     },
 }
 
+/// Why the position is not known.
+fn feedback(faults: u32) -> String {
+    if faults == sample_fault::STALE {
+        return "feedback: found no reading for timing.feedback_timeout: does the program that reads the sensor run? \
+                `hydraxis doctor` shows whether this computer gives it no time"
+            .to_owned();
+    }
+    let names = bit_names(faults, &sample_fault::NAMES).collect::<Vec<_>>().join(", ");
+    format!(
+        "feedback: found no usable position ({names}); allowed: fewer than {UNUSABLE_LIMIT} in a row, and none out of \
+         range: are the sensor and the keys stroke, max_speed and encoder right?"
+    )
+}
+
 impl fmt::Display for Abort {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::Stopped => write!(f, "stopped"),
-            Self::Feedback { faults: sample_fault::STALE } => write!(
-                f,
-                "feedback: found no reading for timing.feedback_timeout: does the program that reads the sensor run? \
-                 `hydraxis doctor` shows whether this computer gives it no time"
-            ),
-            Self::Feedback { faults } => {
-                let names = bit_names(faults, &sample_fault::NAMES).collect::<Vec<_>>().join(", ");
-                write!(
-                    f,
-                    "feedback: found no usable position ({names}); allowed: fewer than {UNUSABLE_LIMIT} in a row, and \
-                     none out of range: are the sensor and the keys stroke, max_speed and encoder right?"
-                )
-            }
+            Self::Feedback { faults } => write!(f, "{}", feedback(faults)),
             Self::Window { position, window: (low, high), margin } => write!(
                 f,
                 "position: found {position:.4} m; allowed: {low:.4} to {high:.4} m, and {margin:.4} m beyond: a wider \

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from .errors import GroupEnded, MissingPackage, NoChannel, OtherLayout, Timeout
 
-POLL_S = 0.001  # between two looks at a channel; the smallest buffer of a channel at 1 kHz lasts for 16 ms
+POLL_S = 0.001  # between two looks at a channel; the smallest buffer of a channel at 1 kHz lasts for 64 ms
 END_S = 0.1  # between two looks whether the group has ended
 OPEN_PATIENCE_S = 10.0  # for the channels of a group that is just starting
 LAYOUT = "hydraxis.layout"

@@ -41,17 +41,17 @@
 #define HYDRAXIS_COEFFICIENT_SNAPSHOT_SERVICE "hydraxis/coefficient-snapshot"
 #define HYDRAXIS_COEFFICIENT_SNAPSHOT_TYPE "hydraxis.CoefficientSnapshot/4"
 #define HYDRAXIS_COEFFICIENT_SNAPSHOT_LAYOUT "2f854a37310b0e7c"
-#define HYDRAXIS_COEFFICIENT_SNAPSHOT_BUFFER 16
+#define HYDRAXIS_COEFFICIENT_SNAPSHOT_BUFFER 64
 
 #define HYDRAXIS_REFERENCE_SERVICE "hydraxis/reference"
 #define HYDRAXIS_REFERENCE_TYPE "hydraxis.Reference/2"
 #define HYDRAXIS_REFERENCE_LAYOUT "5cb93046473a9df1"
-#define HYDRAXIS_REFERENCE_BUFFER 4
+#define HYDRAXIS_REFERENCE_BUFFER 128
 
 #define HYDRAXIS_REQUEST_SERVICE "hydraxis/request"
 #define HYDRAXIS_REQUEST_TYPE "hydraxis.Request/3"
 #define HYDRAXIS_REQUEST_LAYOUT "a2d2150177954ef9"
-#define HYDRAXIS_REQUEST_BUFFER 64
+#define HYDRAXIS_REQUEST_BUFFER 128
 
 #define HYDRAXIS_STAGE_HEALTH_SERVICE "hydraxis/stage-health"
 #define HYDRAXIS_STAGE_HEALTH_TYPE "hydraxis.StageHealth/3"
@@ -61,7 +61,7 @@
 #define HYDRAXIS_MACHINE_STATE_SERVICE "hydraxis/machine-state"
 #define HYDRAXIS_MACHINE_STATE_TYPE "hydraxis.MachineState/4"
 #define HYDRAXIS_MACHINE_STATE_LAYOUT "ac198e7862484509"
-#define HYDRAXIS_MACHINE_STATE_BUFFER 4
+#define HYDRAXIS_MACHINE_STATE_BUFFER 16
 
 enum HydraxisAxisMode {
     // Only in a request: the axis keeps its mode.

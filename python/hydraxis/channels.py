@@ -11,9 +11,9 @@ import time
 import weakref
 from pathlib import Path
 
-from .errors import GroupEnded, MissingPackage, NoChannel, OtherLayout, Timeout
+from .errors import GroupEnded, MissingPackage, NoChannel, OtherLayout, Timeout, no_group
 
-POLL_S = 0.001  # between two looks at a channel; the smallest buffer of a channel at 1 kHz lasts for 16 ms
+POLL_S = 0.001  # between two looks at a channel; the smallest buffer of a channel at 1 kHz lasts for 64 ms
 END_S = 0.1  # between two looks whether the group has ended
 OPEN_PATIENCE_S = 10.0  # for the channels of a group that is just starting
 LAYOUT = "hydraxis.layout"
@@ -57,7 +57,10 @@ class Membership:
         iox2 = library()
         self.prefix = prefix
         self._folder = folder_of(prefix)
-        self._opened = os.open(self._folder, os.O_RDONLY)
+        try:
+            self._opened = os.open(self._folder, os.O_RDONLY)
+        except FileNotFoundError:
+            raise no_group(prefix) from None
         builder = iox2.NodeBuilder.new().name(iox2.NodeName.new(name)).config(config_of(prefix))
         try:
             self.node = builder.signal_handling_mode(iox2.SignalHandlingMode.Disabled).create(iox2.ServiceType.Ipc)

@@ -9,6 +9,11 @@ class NoGroup(HydraxisError):
     """No group runs, several do, or the name is none."""
 
 
+def no_group(prefix):
+    """The error where no group of this name runs."""
+    return NoGroup(f'no group "{prefix}" runs; start one with: hydraxis run --prefix {prefix}')
+
+
 class NoChannel(HydraxisError):
     """The group has no such channel, or the channel has no place left."""
 

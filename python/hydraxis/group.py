@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from . import messages as m
 from .channels import Membership, Publisher, Reader, config_of, folder_of, library, text_of
-from .errors import NoGroup
+from .errors import NoGroup, no_group
 from .operate import Operator
 from .reference import ReferenceWriter
 
@@ -58,7 +58,7 @@ def choose(prefix):
         if not PREFIX.fullmatch(prefix):
             raise NoGroup(f'prefix: found "{prefix}"; allowed: 1 to 32 letters, digits, - and _')
         if not is_running(prefix):
-            raise NoGroup(f'no group "{prefix}" runs; start one with: hydraxis run MACHINE.toml --prefix {prefix}')
+            raise no_group(prefix)
         return prefix
     found = running_groups()
     if not found:

@@ -441,7 +441,7 @@ class CoefficientSnapshot(ctypes.Structure):
     CHANNEL = "coefficient-snapshot"
     LAYOUT = "2f854a37310b0e7c"
     MAX_PUBLISHERS = 1
-    BUFFER = 16  # messages that a reader may fall behind
+    BUFFER = 64  # messages that a reader may fall behind
     IS_FROM_CLIENTS = False
     SIZE = 7920
     _fields_ = [
@@ -460,7 +460,7 @@ class Reference(ctypes.Structure):
     CHANNEL = "reference"
     LAYOUT = "5cb93046473a9df1"
     MAX_PUBLISHERS = 1
-    BUFFER = 4  # messages that a reader may fall behind
+    BUFFER = 128  # messages that a reader may fall behind
     IS_FROM_CLIENTS = True
     SIZE = 2104
     _fields_ = [
@@ -503,7 +503,7 @@ class Request(ctypes.Structure):
     CHANNEL = "request"
     LAYOUT = "a2d2150177954ef9"
     MAX_PUBLISHERS = 4
-    BUFFER = 64  # messages that a reader may fall behind
+    BUFFER = 128  # messages that a reader may fall behind
     IS_FROM_CLIENTS = True
     SIZE = 320
     _fields_ = [
@@ -653,7 +653,7 @@ class MachineState(ctypes.Structure):
     CHANNEL = "machine-state"
     LAYOUT = "ac198e7862484509"
     MAX_PUBLISHERS = 1
-    BUFFER = 4  # messages that a reader may fall behind
+    BUFFER = 16  # messages that a reader may fall behind
     IS_FROM_CLIENTS = False
     SIZE = 2544
     _fields_ = [

@@ -16,6 +16,7 @@ file has source.kind = "external":
     hydraxis run machine.toml --set stage.plant-sim.command='["python3","my_plant.py"]'
     python3 my_plant.py machine.toml --prefix NAME
 
+A program that is started by hand waits for its group and may be started before it.
 In real time the commands go to neutral when they have stopped for `timing.drive_timeout`, as a valve's drive does it.
 """
 
@@ -26,6 +27,7 @@ import numbers
 import os
 import re
 import select
+import shlex
 import signal
 import stat
 import sys
@@ -34,9 +36,11 @@ import time
 from .channels import Membership, Publisher, Reader
 from .command import run
 from .errors import GroupEnded, HydraxisError
+from .group import is_running
 from .messages import CoefficientSnapshot, EncoderReading, EncoderValue, ValveCommand
 
 POLL_S = 50e-6  # between two looks at the channels in lock-step
+GROUP_POLL_S = 0.1  # between two looks whether the group runs
 
 
 class Plant:
@@ -67,7 +71,8 @@ class Plant:
             machine = load_machine(arguments.machine or cls.built_in, arguments.set)
             plant = cls(machine)
             try:
-                _Process(plant, machine, arguments).run()
+                if await_group(arguments):
+                    _Process(plant, machine, arguments).run()
             finally:
                 # Whatever has ended the program: a valve that keeps its last command would stay open.
                 plant.advance([0.0] * len(machine["axis"]), 0.0)
@@ -157,6 +162,23 @@ class _Process:
                 return
             self.plant.advance(self.valves(), self.period)
             tick += 1
+
+
+def await_group(arguments):
+    """Waits until the group runs. False when the supervisor that has started this program is gone."""
+    is_told = False
+    while not is_running(arguments.prefix):
+        if is_orphan():
+            return False
+        if not is_told:
+            is_told = True
+            # As it is to be typed, also where a path has spaces.
+            words = [arguments.machine, *(word for setting in arguments.set for word in ("--set", setting))]
+            typed = shlex.join(str(word) for word in words if word)
+            print(f'waits for group "{arguments.prefix}"; start it in another terminal with: '
+                  f"hydraxis run {typed} --prefix {arguments.prefix}", file=sys.stderr, flush=True)
+        time.sleep(GROUP_POLL_S)
+    return True
 
 
 def _arguments():

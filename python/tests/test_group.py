@@ -1,14 +1,15 @@
 """Reading a running group: names, order, losses, its end, and messages of another layout."""
 
 import ctypes
+import os
 import subprocess
 import sys
 import time
 import unittest
 
-from support import AXES, TRIES, Running, hydraxis
+from support import AXES, EXAMPLES, TRIES, Running, hydraxis
 from hydraxis import messages
-from hydraxis.channels import Publisher, Reader
+from hydraxis.channels import Membership, Publisher, Reader
 
 
 class Swapped(ctypes.Structure):
@@ -103,6 +104,18 @@ class Absent(unittest.TestCase):
         with self.assertRaisesRegex(hydraxis.NoGroup, "allowed: 1 to 32 letters"):
             hydraxis.Group("a/b")
 
+    def test_a_group_that_ends_before_it_is_joined_is_told_with_what_to_type(self):
+        with self.assertRaisesRegex(hydraxis.NoGroup, 'no group "py-nobody" runs; .*hydraxis run --prefix py-nobody'):
+            Membership("py-nobody", "test")
+
+    def test_programs_tell_it_without_a_traceback(self):
+        for words in (["watch.py"], ["logger.py", os.devnull], ["reference.py"]):
+            done = subprocess.run([sys.executable, EXAMPLES / words[0], *words[1:], "--prefix", "py-nobody"],
+                                  capture_output=True, text=True, env=environment(), timeout=60)
+            self.assertEqual(done.returncode, 1)
+            self.assertEqual(done.stderr, 'error: no group "py-nobody" runs; start one with: hydraxis run --prefix '
+                                          "py-nobody\n")
+
 
 class End(unittest.TestCase):
     def test_readers_end_with_their_group_and_a_program_may_stay(self):
@@ -152,7 +165,6 @@ class Rate(unittest.TestCase):
 
 
 def environment():
-    import os
     return {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
 
 

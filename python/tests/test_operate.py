@@ -141,22 +141,21 @@ class Operate(unittest.TestCase):
 
 
 class References(unittest.TestCase):
-    @retried
     def test_an_axis_follows_the_references_of_a_program(self):
-        arguments = ["--off", *CHANNEL_REFERENCES]
+        # Warm oil, so that the boom leaves its dead band at once, and no end of the motion where this program gets no
+        # core for 0.1 s: neither is what is tested here.
+        arguments = ["--off", "--scenario", "nominal", *CHANNEL_REFERENCES]
         with Running(*arguments, machine=EXAMPLES / "four-axes.toml") as running, running.group() as group:
-            writer, commands = group.reference(), group.commands()
+            writer = group.reference()
             begin = group.samples().next().axes[0].position
-            with group.request() as operator:
+            with group.request(hold_to_run=False) as operator:
                 sample = operator.step()
                 writer.send(sample, {"boom": begin})
                 operator.track("boom")
                 first = operator.step().header.sequence
-                flags = []
                 for sample in operator.run(4.0):
-                    goal = begin + min((sample.header.sequence - first) * 0.0002, 0.04)
+                    goal = begin + min((sample.header.sequence - first) * 0.0004, 0.04)
                     writer.send(sample, {"boom": goal})
-                    flags += [command.axes[0].flags & ControlFlag.REFERENCE for command in commands.all()]
                 self.assertAlmostEqual(sample.axes[0].position, begin + 0.04, delta=0.015)
                 # A jump is refused, and the axis holds.
                 for sample in operator.run(0.5):

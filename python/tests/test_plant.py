@@ -2,13 +2,15 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 from pathlib import Path
 
-from support import EXAMPLES, ROOT, executable, hydraxis, retried
+from support import AXES, EXAMPLES, ROOT, Running, executable, hydraxis, retried
 from hydraxis.plant import seconds
 
 PLANT = f'stage.plant-sim.command=["{sys.executable}","examples/plant.py"]'
@@ -46,6 +48,47 @@ class Plants(unittest.TestCase):
         self.assertEqual(seconds(machine["timing"]["period"]), 0.005)
         with self.assertRaisesRegex(ValueError, 'found "soon"'):
             seconds("soon")
+
+
+class ByHand(unittest.TestCase):
+    """A program that is started by hand, before its group."""
+
+    def setUp(self):
+        # The group reads the machine file with an external source; so does the program.
+        self.settings = ["--set", "source.kind=external"]
+        self.prefix = f"py{os.getpid()}-by-hand"
+        self.program = subprocess.Popen(
+            [sys.executable, "examples/plant.py", "examples/four-axes.toml", "--prefix", self.prefix, *self.settings],
+            cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
+        self.told = self.program.stderr.readline()
+
+    def tearDown(self):
+        self.program.kill()
+        self.program.communicate()
+
+    def test_it_says_what_it_waits_for_and_ends_at_ctrl_c(self):
+        self.assertEqual(self.told, f'waits for group "{self.prefix}"; start it in another terminal with: hydraxis run '
+                         f"examples/four-axes.toml --set source.kind=external --prefix {self.prefix}\n")
+        time.sleep(0.5)
+        self.program.send_signal(signal.SIGINT)
+        said, told = self.program.communicate(timeout=30)
+        self.assertEqual((self.program.returncode, said, told), (0, "", ""))
+        self.assertEqual(list(Path("/dev/shm").glob(f"{self.prefix}.*")), [])
+
+    def test_it_works_when_its_group_comes_and_ends_with_it(self):
+        self.assertIn("waits for group", self.told)
+        with Running("--off", *self.settings, machine=EXAMPLES / "four-axes.toml", prefix=self.prefix) as running:
+            with running.group() as group:
+                samples = group.samples(timeout=20.0)
+                for sample in samples:
+                    if not any(axis.faults for axis in sample.axes[:len(AXES)]):
+                        break
+                self.assertGreater(group.readings().next().header.number, 0)
+        _, told = self.program.communicate(timeout=30)
+        self.assertEqual(self.program.returncode, 1)
+        self.assertEqual(told, f'GroupEnded: group "{self.prefix}" has ended; start this program again after the next '
+                         "`hydraxis run`\n")
 
 
 if __name__ == "__main__":

@@ -224,7 +224,9 @@ fn latch(machine: &Machine, axis: &Axis, now: &AxisCommand, faults: u32) -> Stri
     let timeout = humantime::format_duration(machine.timing.feedback_timeout);
     let one = |flag: u32| match flag {
         control_flag::FEEDBACK => {
-            let found: Vec<&str> = bit_names(faults & !sample_fault::STALE, &sample_fault::NAMES).collect();
+            // The counts of an axis at rest do not change either, so a sample is often marked as stuck as well.
+            let implausible = faults & sample_fault::UNUSABLE & !sample_fault::STALE;
+            let found: Vec<&str> = bit_names(implausible, &sample_fault::NAMES).collect();
             if found.is_empty() {
                 format!(
                     "found samples that are stale, or stand while the axis is driven; allowed: none missing for \
@@ -361,6 +363,17 @@ mod tests {
             .collect();
         assert_eq!(texts.len(), control_flag::LATCHED.count_ones() as usize);
         assert!(texts.iter().all(|text| text.contains(": ")));
+    }
+
+    #[test]
+    fn a_sample_that_is_marked_as_stuck_may_be_stale() {
+        let machine = Machine::load(None, &[]).unwrap();
+        let lost = AxisCommand { latched_by: control_flag::FEEDBACK, ..AxisCommand::default() };
+        let told = |faults| latch(&machine, &machine.axes[0], &lost, faults);
+        for faults in [sample_fault::STALE | sample_fault::STUCK, sample_fault::STUCK, 0] {
+            assert!(told(faults).contains("samples that are stale, or stand while the axis is driven"), "{faults}");
+        }
+        assert!(told(sample_fault::SPEED | sample_fault::STUCK).contains("samples that are speed; allowed: fewer"));
     }
 
     #[test]

@@ -298,7 +298,7 @@ fn row_43_the_log_says_once_that_a_stage_could_not_start_again() {
     let warnings = || confined.status()["warnings"].as_array().cloned().unwrap_or_default();
     let count = |what: &str| confined.said().matches(what).count();
     let (short, enough) = ("MB to start again: it cannot", "MB to start again: it can\n");
-    // The largest stage has 7 MB.
+    // The largest stage has 9 MB.
     leave(13 << 20);
     thread::sleep(Duration::from_millis(2500));
     assert_eq!((warnings().len(), count(short)), (0, 0), "{}", confined.said());

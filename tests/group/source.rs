@@ -1,12 +1,18 @@
 //! Sources and drives: what a group does with readings, whoever writes them. The same tests run against the simulated
 //! machine, against a program that the supervisor starts, and against one that is started by hand. The program is
-//! plant-sim, which knows of no supervisor here.
+//! plant-sim, which knows of no supervisor here. A recording takes the parts that need no controller: rate, times,
+//! losses, a silence, and a restart.
 
-use std::{process::Child, time::Duration};
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+    process::Child,
+    time::Duration,
+};
 
 use pipeline::{
     channel::Reader,
-    message::{EncoderReading, EncoderSample, StageHealth, ValveCommand, control_flag},
+    message::{ControlMode, EncoderReading, EncoderSample, StageHealth, ValveCommand, control_flag},
     stage::{StageKind, monotonic_ns},
 };
 use rustix::process::Signal;
@@ -23,12 +29,17 @@ use crate::harness::{
 const PATIENT: [&str; 4] = ["--set", "timing.feedback_timeout=1s", "--set", "timing.period=20ms"];
 const EXTERNAL: [&str; 2] = ["--set", "source.kind=external"];
 
-/// Who writes the readings.
+/// Period of [`PATIENT`], ns.
+const PERIOD_NS: u64 = 20_000_000;
+
+/// Where the readings come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Writer {
+enum Writer<'w> {
     PlantSim,
     Started,
     ByHand,
+    /// A recording.
+    Replay(&'w Path),
 }
 
 /// A running group with its writer.
@@ -42,16 +53,22 @@ struct Rig {
 }
 
 impl Rig {
-    fn start(test: &str, writer: Writer) -> Self {
+    fn start(test: &str, writer: Writer<'_>) -> Self {
+        let recording = match writer {
+            Writer::Replay(file) => format!("source.file=\"{}\"", file.display()),
+            _ => String::new(),
+        };
         let program = format!("source.command=[\"{}\", \"plant-sim\"]", env!("CARGO_BIN_EXE_hydraxis"));
         let mut arguments = PATIENT.to_vec();
         match writer {
             Writer::PlantSim => arguments.extend(["--off", "--duration", "10min"]),
             Writer::Started => arguments.extend([EXTERNAL[0], EXTERNAL[1], "--set", &program]),
             Writer::ByHand => arguments.extend(EXTERNAL),
+            Writer::Replay(_) => arguments.extend(["--set", "source.kind=replay", "--set", &recording]),
         }
         let kinds = [StageKind::SensorProc, StageKind::IdentProc, StageKind::ControlProc];
-        let running = Running::spawn(test, &arguments, &kinds, |_| ());
+        let stages = if matches!(writer, Writer::Replay(_)) { &kinds[..2] } else { &kinds[..] };
+        let running = Running::spawn(test, &arguments, stages, |_| ());
         let channels = running.group.join();
         let mut rig = Self {
             by_hand: None,
@@ -149,6 +166,9 @@ fn expect_samples(rig: &mut Rig) {
     let took = newest.header.acquired_ns.saturating_sub(first.header.acquired_ns);
     assert!((1_900_000_000..2_300_000_000).contains(&took), "{took} ns for 100 samples");
     assert!(rig.samples.lost() == 0 && (50..=101).contains(&count), "{} lost, {count} read", rig.samples.lost());
+}
+
+fn expect_readings(rig: &mut Rig) {
     rig.readings.newest().unwrap();
     assert!(rig.readings.last().is_some_and(|reading| reading.header.axis_count as usize == AXES));
 }
@@ -158,7 +178,8 @@ fn expect_timeout(rig: &mut Rig, writer: u32) {
     signal(writer, Signal::STOP);
     let is_latched = |flags: u32| flags & control_flag::FEEDBACK != 0;
     rig.command("a latch", |command| all(command, is_latched));
-    std::thread::sleep(Duration::from_millis(1500));
+    // The supervisor starts a stage of its own again after 2 s without a heartbeat, and the latch came after 1 s.
+    std::thread::sleep(Duration::from_millis(300));
     signal(writer, Signal::CONT);
     let until = monotonic_ns() + 500_000_000;
     rig.command("half a second after it", |command| {
@@ -194,11 +215,12 @@ fn expect_another_life(rig: &mut Rig, writer: u32) {
 }
 
 /// Rate, times, losses, arming, time-out, emergency stop and restart.
-fn conform(test: &str, writer: Writer) -> Said {
+fn conform(test: &str, writer: Writer<'_>) -> Said {
     let _cores = shared();
     let mut rig = Rig::start(test, writer);
     expect_disarmed(&mut rig);
     expect_samples(&mut rig);
+    expect_readings(&mut rig);
     rig.arm();
     let pid = rig.writer();
     expect_timeout(&mut rig, pid);
@@ -259,4 +281,95 @@ fn without_a_drive_no_controller_runs() {
     drop((samples, channels));
     let said = running.interrupt();
     assert!(!said.stderr.contains("hydraxis arm"), "{}", said.stderr);
+}
+
+/// A recording of so many rows. All axes have its columns; the command tells the row.
+fn recording(folder: &Path, rows: u32) -> PathBuf {
+    let mut text = "t,u,y\n".to_owned();
+    for row in 0..rows {
+        let t = 1e-9 * PERIOD_NS as f64 * f64::from(row);
+        writeln!(text, "{t:.3},{},{:.5}", command_of(row.into()), 0.6 + 0.1 * t.sin()).unwrap();
+    }
+    let file = folder.join("recording.csv");
+    std::fs::write(&file, text).unwrap();
+    file
+}
+
+/// The command of a row.
+fn command_of(row: u64) -> f64 {
+    row as f64 / 100_000.0
+}
+
+/// Commands are those of the recording, and no controller runs.
+fn expect_recorded_commands(rig: &mut Rig) {
+    for _ in 0..20 {
+        let command = rig.command("a command of the recording", |_| true);
+        let is_recorded = |axis: &pipeline::message::AxisCommand| {
+            axis.mode == ControlMode::Replay as u32 && axis.command == command_of(command.header.sequence)
+        };
+        assert!(command.axes[..AXES].iter().all(is_recorded), "{command:?}");
+    }
+    assert_eq!(rig.running.pid(StageKind::ControlProc), 0);
+    assert!(rig.readings.newest().unwrap().if_new().is_none());
+}
+
+/// A stage that gets no core for a second sends the rows of that second late. None is left out, and none is lost.
+fn expect_late_rows(rig: &mut Rig) {
+    let sensor = rig.running.pid(StageKind::SensorProc);
+    signal(sensor, Signal::STOP);
+    std::thread::sleep(Duration::from_secs(1));
+    rig.samples.newest().unwrap();
+    let mut before = rig.samples.last().copied().unwrap().header;
+    assert!(monotonic_ns() - before.acquired_ns > 800_000_000, "a stopped stage sends nothing");
+    signal(sensor, Signal::CONT);
+    let end = before.sequence + 100;
+    await_message(&mut rig.samples, "the rows that are late", |sample| {
+        assert_eq!(sample.header.sequence, before.sequence + 1);
+        assert!(sample.header.acquired_ns >= before.acquired_ns && sample.header.acquired_ns <= monotonic_ns());
+        before = sample.header;
+        before.sequence >= end
+    });
+    assert_eq!((rig.samples.lost(), rig.samples.restarts()), (0, 0));
+}
+
+/// After a restart the recording goes on at the row that is due by then.
+fn expect_due_row(rig: &mut Rig) {
+    rig.samples.newest().unwrap();
+    let before = rig.samples.last().copied().unwrap().header;
+    signal(rig.running.pid(StageKind::SensorProc), Signal::KILL);
+    let next = await_message(&mut rig.samples, "the next life", |sample| sample.header.session != before.session);
+    let rows = next.header.sequence.saturating_sub(before.sequence);
+    let due = (next.header.acquired_ns - before.acquired_ns) / PERIOD_NS;
+    assert!((rows..=rows + 25).contains(&due), "{rows} rows after {due} periods");
+    assert!(rows >= 10, "{rows} rows: the first restart comes after 0.2 s");
+    // The row that was due is read by a stage that had to start first; from then on rows are in time.
+    let in_time = next.header.sequence + 50;
+    rig.command("commands of the next life", |command| command.header.sequence >= in_time);
+    expect_samples(rig);
+}
+
+#[test]
+fn a_recording_conforms() {
+    let _cores = shared();
+    let folder = tempfile::tempdir().unwrap();
+    let mut rig = Rig::start("conform-replay", Writer::Replay(&recording(folder.path(), 3000)));
+    expect_recorded_commands(&mut rig);
+    expect_samples(&mut rig);
+    expect_late_rows(&mut rig);
+    expect_due_row(&mut rig);
+    let said = rig.end();
+    assert!(said.stderr.contains("sensor-proc: started again"), "{}", said.stderr);
+    assert!(!said.stderr.contains("source (") && !said.stderr.contains("hydraxis arm"), "{}", said.stderr);
+}
+
+#[test]
+fn a_run_ends_with_the_last_row_of_its_recording() {
+    let _cores = shared();
+    let folder = tempfile::tempdir().unwrap();
+    let file = format!("source.file=\"{}\"", recording(folder.path(), 200).display());
+    let arguments = [&PATIENT[..], &["--set", "source.kind=replay", "--set", &file]].concat();
+    let kinds = [StageKind::SensorProc, StageKind::IdentProc];
+    let said = Running::spawn("replay-end", &arguments, &kinds, |_| ()).expect_end(0);
+    assert!(said.stdout.contains("200 ticks, 4.0000 s of the machine in "), "{}", said.stdout);
+    assert!(said.stdout.contains(": 0 lost."), "{}", said.stdout);
 }

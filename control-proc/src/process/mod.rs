@@ -236,9 +236,8 @@ impl Process {
     fn command(&mut self, header: &Header) -> Result<Option<ValveCommand>, StageError> {
         self.take_stops();
         self.inputs.references.newest()?;
-        while let Some(request) = self.inputs.requests.read()?.if_new() {
-            self.core.ask(request);
-        }
+        let core = &mut self.core;
+        self.inputs.requests.each(|request| core.ask(request))?;
         let Some(sample) = self.inputs.samples.last() else { return Ok(None) };
         let command = self.core.update(sample, self.inputs.snapshots.last(), self.inputs.references.last());
         if self.clock == Clock::RealTime && self.deadlines.are_missed(monotonic_ns(), header.acquired_ns) {

@@ -8,7 +8,9 @@
 //! ```
 //!
 //! u command, d calibrated or commissioned dead band, whichever is wider, y position m, T period s, t_d dead time s,
-//! t_r dead time and time constant of the commissioned model together, at least t_d, s, v_max `max_speed` m/s.
+//! t_r dead time and time constant of the commissioned model together, at least t_d, s, v_max `max_speed` m/s. All
+//! times begin anew after a gap in the ticks that is longer than `drive_timeout`: by then the drive is neutral.
+//!
 //! Stuck is an encoder that does not report any change; this is seen from the positions alone. Stalled is an axis
 //! without supply, or one that stands against an obstacle. Its encoder may be healthy and show noise.
 //!
@@ -65,6 +67,8 @@ pub struct Motion {
     still_ticks: u64,
     /// Ticks of a command beyond the margin for stalled that are a fault while the position does not change.
     stuck_ticks: f64,
+    /// Ticks without a new command for which the drive holds the last one.
+    drive_ticks: u64,
     /// Command of the tick before.
     command: f64,
     /// Sum of s(u) over the ticks for which the command has been beyond the margin for stuck, one way.
@@ -88,6 +92,7 @@ impl Motion {
             dead_band: (dead_band.retract, dead_band.extend),
             still_ticks: ticks(axis.encoder.stuck_after),
             stuck_ticks: (ticks(axis.encoder.stuck_after) + dead_time) as f64,
+            drive_ticks: ticks(timing.drive_timeout),
             command: 0.0,
             driven: 0.0,
             stall: Stall {
@@ -104,25 +109,28 @@ impl Motion {
         }
     }
 
-    /// Whether the axis stands, `elapsed` ticks after the last call. `command` has been on the valve since then;
-    /// `position` (m) is where the axis is now, if that is known.
+    /// Whether the axis stands, `elapsed` ticks after the last call. `command` has been on the valve since then, or
+    /// until the drive went neutral; `position` (m) is where the axis is now, if that is known.
     pub fn update(&mut self, elapsed: u64, command: f64, position: Option<f64>) -> Option<Standing> {
-        if command * self.command <= 0.0 {
+        // After a longer time without a command the drive is neutral, so nothing has driven the axis.
+        let was_dropped = elapsed > self.drive_ticks;
+        if command * self.command <= 0.0 || was_dropped {
             self.driven = 0.0;
             self.stall.reset();
         }
+        let driven = if was_dropped { 0 } else { elapsed };
         self.command = command;
         let dead_band = if command < 0.0 { self.dead_band.0 } else { self.dead_band.1 };
         let beyond = command.abs() - dead_band;
         let weight = ((beyond - STUCK_MARGIN) / (STALL_MARGIN - STUCK_MARGIN)).min(1.0);
-        self.driven = if weight > 0.0 { self.driven + weight * elapsed as f64 } else { 0.0 };
+        self.driven = if weight > 0.0 { self.driven + weight * driven as f64 } else { 0.0 };
         if let Some(position) = position {
             self.still = if position == self.position { self.still.saturating_add(elapsed) } else { 0 };
             self.position = position;
             self.stall.measure(position, command.signum());
         }
         if beyond > STALL_MARGIN {
-            self.stall.drive(elapsed);
+            self.stall.drive(driven);
         } else {
             self.stall.reset();
         }
@@ -207,6 +215,27 @@ mod tests {
         assert_eq!(stands(|_| 0.17, noise), None);
         // An axis that is driven to and fro has no time to move.
         assert_eq!(stands(|k| if k / 30 % 2 == 0 { 0.3 } else { -0.3 }, |_| 0.6), None);
+    }
+
+    #[test]
+    fn a_command_that_the_drive_has_dropped_drives_no_axis() {
+        let machine = machine(1);
+        let timeout = samples_of(machine.timing.drive_timeout, machine.timing.period) as u64;
+        // An axis that stands in its dead band for 0.1 s; then neither sample nor command for the time `gap`.
+        let stands_after = |gap: u64| {
+            let mut motion = Motion::new(&machine.axes[0], &machine.timing);
+            let before = (0..10).find_map(|_| motion.update(1, 0.3, Some(0.6)));
+            before.or_else(|| motion.update(gap, 0.3, Some(0.6)))
+        };
+        assert_eq!((stands_after(timeout), stands_after(timeout + 1), stands_after(200)), (None, None, None));
+        // After the gap the command drives the axis again, and the time begins anew.
+        let mut motion = Motion::new(&machine.axes[0], &machine.timing);
+        motion.update(200, 0.3, Some(0.6));
+        let first = (1..100).find(|_| motion.update(1, 0.3, Some(0.6)).is_some());
+        assert_eq!(first, Some(35));
+        // Gaps that the drive bridges count.
+        let mut motion = Motion::new(&machine.axes[0], &machine.timing);
+        assert!((0..20).any(|_| motion.update(timeout, 0.3, Some(0.6)) == Some(Standing::Stuck)));
     }
 
     #[test]

@@ -29,6 +29,16 @@ impl<'a, M> Read<'a, M> {
     }
 }
 
+/// Result of taking one message from the channel.
+enum Taken {
+    /// A message that has not been read before. It is the last one now.
+    Message,
+    /// A message about another machine, or one that was read before.
+    Skipped,
+    /// No message waits.
+    Nothing,
+}
+
 /// Reads messages of one kind and counts lost ones. It never waits and allocates nothing.
 pub struct Reader<M: Message> {
     channel: PortFactory<Service, M, ()>,
@@ -72,33 +82,41 @@ impl<M: Message> Reader<M> {
     /// # Errors
     /// iceoryx2 cannot connect to a publisher.
     pub fn read(&mut self) -> Result<Read<'_, M>, ReceiveError> {
-        loop {
-            let received = self.port.receive().map_err(|source| ReceiveError { channel: M::CHANNEL, source })?;
-            let Some(sample) = received else {
-                return Ok(if self.any { Read::Old(&self.last) } else { Read::None });
-            };
-            if std::mem::take(&mut self.may_repeat) && self.any && sample.payload().header() == self.last.header() {
-                continue;
+        for _ in 0..kept::<M>() {
+            match self.take()? {
+                Taken::Message => return Ok(Read::New(&self.last)),
+                Taken::Skipped => {}
+                Taken::Nothing => break,
             }
-            let (before, after) = (self.last.header(), sample.payload().header());
-            if self.is_foreign(after.machine) {
-                self.health.foreign += 1;
-                continue;
-            }
-            if self.any && after.session == before.session && after.number > before.number {
-                self.health.lost += after.number - before.number - 1;
-            } else if self.any {
-                self.health.restarts += 1;
-            }
-            if self.any {
-                let gap = after.acquired_ns.saturating_sub(before.acquired_ns);
-                self.health.longest_gap_ns = self.health.longest_gap_ns.max(gap);
-            }
-            self.health.received += 1;
-            self.last = *sample;
-            self.any = true;
-            return Ok(Read::New(&self.last));
         }
+        Ok(if self.any { Read::Old(&self.last) } else { Read::None })
+    }
+
+    /// Takes one message from the channel.
+    fn take(&mut self) -> Result<Taken, ReceiveError> {
+        let received = self.port.receive().map_err(|source| ReceiveError { channel: M::CHANNEL, source })?;
+        let Some(sample) = received else { return Ok(Taken::Nothing) };
+        if std::mem::take(&mut self.may_repeat) && self.any && sample.payload().header() == self.last.header() {
+            return Ok(Taken::Skipped);
+        }
+        let (before, after) = (self.last.header(), sample.payload().header());
+        if self.is_foreign(after.machine) {
+            self.health.foreign += 1;
+            return Ok(Taken::Skipped);
+        }
+        if self.any && after.session == before.session && after.number > before.number {
+            self.health.lost += after.number - before.number - 1;
+        } else if self.any {
+            self.health.restarts += 1;
+        }
+        if self.any {
+            let gap = after.acquired_ns.saturating_sub(before.acquired_ns);
+            self.health.longest_gap_ns = self.health.longest_gap_ns.max(gap);
+        }
+        self.health.received += 1;
+        self.last = *sample;
+        self.any = true;
+        Ok(Taken::Message)
     }
 
     /// Whether a message is about another machine than the group's, or does not say about which although it must.
@@ -106,15 +124,29 @@ impl<M: Message> Reader<M> {
         self.machine != 0 && machine != self.machine && (machine != 0 || M::IS_FROM_CLIENTS)
     }
 
-    /// The newest message; the messages before it count as read.
+    /// Gives all messages that wait to `look`, in the order they were sent. It takes at most as many messages as the
+    /// channel keeps, so that it ends also while writers never cease to send. The others wait for the next look.
+    ///
+    /// # Errors
+    /// iceoryx2 cannot connect to a publisher.
+    pub fn each(&mut self, mut look: impl FnMut(&M)) -> Result<(), ReceiveError> {
+        for _ in 0..kept::<M>() {
+            match self.take()? {
+                Taken::Message => look(&self.last),
+                Taken::Skipped => {}
+                Taken::Nothing => break,
+            }
+        }
+        Ok(())
+    }
+
+    /// The newest message; the messages before it count as read. It takes as many messages as [`Self::each`] does.
     ///
     /// # Errors
     /// iceoryx2 cannot connect to a publisher.
     pub fn newest(&mut self) -> Result<Read<'_, M>, ReceiveError> {
         let mut new = false;
-        while self.read()?.if_new().is_some() {
-            new = true;
-        }
+        self.each(|_| new = true)?;
         Ok(match (self.any, new) {
             (true, true) => Read::New(&self.last),
             (true, false) => Read::Old(&self.last),
@@ -163,6 +195,11 @@ impl<M: Message> Reader<M> {
     pub fn reset_health(&mut self) {
         self.health = ChannelHealth { channel: self.health.channel, ..ChannelHealth::default() };
     }
+}
+
+/// Largest number of messages that wait for one reader: each writer has a buffer of its own.
+const fn kept<M: Message>() -> usize {
+    M::MAX_PUBLISHERS * M::BUFFER
 }
 
 fn attach<M: Message>(

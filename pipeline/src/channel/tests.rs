@@ -1,3 +1,5 @@
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::{group::MAX_SUBSCRIBERS, *};
@@ -86,6 +88,47 @@ fn a_reader_that_sleeps_loses_the_oldest_and_knows_how_many() {
     assert_eq!(read, EncoderSample::BUFFER as u64);
     assert_eq!(reader.lost(), sent - read);
     assert_eq!(reader.last().unwrap().header.sequence, sent);
+}
+
+#[test]
+fn references_of_half_a_second_wait_for_a_reader_that_gets_no_core() {
+    let own = Own::new("burst");
+    let group = own.join();
+    let (publisher, mut reader) = (group.publisher().unwrap(), group.reader::<Reference>().unwrap());
+    let reference = |sequence| Reference { header: Header { sequence, ..Header::default() }, ..Reference::default() };
+    publisher.send(&reference(0)).unwrap();
+    assert!(reader.newest().unwrap().if_new().is_some());
+    // Half a second of a program that writes 100 times a second.
+    (1..=50).for_each(|k| publisher.send(&reference(k)).unwrap());
+    assert_eq!(reader.newest().unwrap().if_new().unwrap().header.sequence, 50);
+    assert_eq!((reader.lost(), reader.health(0).received), (0, 51));
+}
+
+#[test]
+fn a_look_ends_while_writers_never_cease_to_send() {
+    let own = Own::new("flood");
+    let group = own.join();
+    let mut reader = group.reader::<Request>().unwrap();
+    let is_over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        for _ in 0..Request::MAX_PUBLISHERS {
+            scope.spawn(|| {
+                let group = own.join();
+                let publisher = group.publisher().unwrap();
+                while !is_over.load(Ordering::Relaxed) {
+                    publisher.send(&Request::default()).unwrap();
+                }
+            });
+        }
+        let mut most = 0;
+        while reader.health(0).received < 100_000 {
+            let before = reader.health(0).received;
+            reader.newest().unwrap();
+            most = most.max(reader.health(0).received - before);
+        }
+        is_over.store(true, Ordering::Relaxed);
+        assert!(most <= (Request::MAX_PUBLISHERS * Request::BUFFER) as u64, "{most} messages in one look");
+    });
 }
 
 #[test]

@@ -56,7 +56,7 @@ shared_struct! {
         pub axes: [AxisState; MAX_AXES],
     }
 }
-message!(MachineState, "machine-state", publishers 1, buffer 4);
+message!(MachineState, "machine-state", publishers 1, buffer 16);
 
 #[cfg(test)]
 mod tests {

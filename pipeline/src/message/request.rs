@@ -81,4 +81,5 @@ shared_struct! {
         pub axes: [AxisRequest; MAX_AXES],
     }
 }
-message!(Request, "request", publishers 4, buffer 64, from clients true);
+// 128 messages: at 1 kHz longer than the 0.1 s after which a request is refused as too old.
+message!(Request, "request", publishers 4, buffer 128, from clients true);

@@ -127,4 +127,5 @@ shared_struct! {
         pub axes: [AxisSnapshot; MAX_AXES],
     }
 }
-message!(CoefficientSnapshot, "coefficient-snapshot", publishers 1, buffer 16);
+// 64 messages: 64 ms at 1 kHz, longer than a program in Python usually waits for a core. Each has 8 kB for each reader.
+message!(CoefficientSnapshot, "coefficient-snapshot", publishers 1, buffer 64);

@@ -11,7 +11,7 @@ class NoGroup(HydraxisError):
 
 def no_group(prefix):
     """The error where no group of this name runs."""
-    return NoGroup(f'no group "{prefix}" runs; start one with: hydraxis run --prefix {prefix}')
+    return NoGroup(f'no group "{prefix}" runs; start one with: hydraxis run MACHINE.toml --prefix {prefix}')
 
 
 class NoChannel(HydraxisError):

@@ -105,7 +105,8 @@ class Absent(unittest.TestCase):
             hydraxis.Group("a/b")
 
     def test_a_group_that_ends_before_it_is_joined_is_told_with_what_to_type(self):
-        with self.assertRaisesRegex(hydraxis.NoGroup, 'no group "py-nobody" runs; .*hydraxis run --prefix py-nobody'):
+        expected = 'no group "py-nobody" runs; .*hydraxis run MACHINE.toml --prefix py-nobody'
+        with self.assertRaisesRegex(hydraxis.NoGroup, expected):
             Membership("py-nobody", "test")
 
     def test_programs_tell_it_without_a_traceback(self):
@@ -113,8 +114,8 @@ class Absent(unittest.TestCase):
             done = subprocess.run([sys.executable, EXAMPLES / words[0], *words[1:], "--prefix", "py-nobody"],
                                   capture_output=True, text=True, env=environment(), timeout=60)
             self.assertEqual(done.returncode, 1)
-            self.assertEqual(done.stderr, 'error: no group "py-nobody" runs; start one with: hydraxis run --prefix '
-                                          "py-nobody\n")
+            self.assertEqual(done.stderr, 'error: no group "py-nobody" runs; start one with: hydraxis run '
+                                          "MACHINE.toml --prefix py-nobody\n")
 
 
 class End(unittest.TestCase):

@@ -186,7 +186,7 @@ impl Machine {
     /// by where its file is, from whatever folder it is named.
     pub fn fingerprint(&self) -> u64 {
         let axes = self.axes.iter().map(|axis| {
-            let mut axis = Axis { plant: None, ..axis.clone() };
+            let mut axis = Axis { plant: None, hardware: Hardware::default(), ..axis.clone() };
             if let ReferenceSource::Trajectory { file, .. } = &mut axis.reference
                 && let Ok(absolute) = file.canonicalize()
             {

@@ -148,6 +148,8 @@ mod tests {
         let [by_rig, by_twin] = [rig, twin].map(|text| format!("\"{text}\""));
         assert!(!is_foreign(of(&real, &by_rig)) && !is_foreign(of(&real, &by_rig).into_twin()));
         assert!(is_foreign(of(&real, &by_twin)) && !is_foreign(of(&real, &by_twin).into_twin()));
+        // A simulated machine may play the real one: with the same controllers it is the same group.
+        assert_eq!(of(&real, &by_rig).fingerprint(), of(BUILT_IN, &by_rig).fingerprint());
         // Estimates of the twin do not count, the name of the machine does.
         assert!(!is_foreign(of(&real.replacen("dead_time = 0.18 ", "dead_time = 0.2 ", 1), &by_rig)));
         assert!(is_foreign(of(&real.replacen("name = \"", "name = \"other ", 1), &by_rig)));

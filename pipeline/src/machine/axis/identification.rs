@@ -100,7 +100,10 @@ impl Identification {
             output,
             period: period.as_secs_f64(),
             training: section
-                .key("training", "Samples from the start on for offline identification; of a running machine only those with motion")
+                .key(
+                    "training",
+                    "Samples from the start on for offline identification; of a running machine only those with motion",
+                )
                 .rule("1000 samples, or one for each coefficient where those are more")
                 .allows("one sample for each coefficient or more, as a whole number or a duration such as \"8s\"")
                 .samples_or(shortest.max(1000), shortest..=100_000_000, period),

@@ -4,9 +4,9 @@ use std::{path::Path, process::Output};
 
 use super::hydraxis;
 
-/// Runs `hydraxis` in `folder`, from which relative paths are taken.
+/// Runs `hydraxis` in `folder`, from which relative paths are taken, as on a computer on which it has not run before.
 pub fn run(folder: &Path, arguments: &[&str]) -> Output {
-    hydraxis().current_dir(folder).args(arguments).output().unwrap()
+    hydraxis().env("XDG_STATE_HOME", folder.join("state")).current_dir(folder).args(arguments).output().unwrap()
 }
 
 /// Standard output of a command that has to succeed without a word on standard error.

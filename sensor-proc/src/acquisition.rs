@@ -22,6 +22,8 @@ pub struct Acquisition {
     conversion: Conversion,
     /// Tick of the last sample.
     last: Option<u64>,
+    /// Ticks by which the last reading was older than its tick.
+    age: u64,
     /// Emergency stop in the last reading that counts; 0 while released.
     emergency_stop: u32,
 }
@@ -34,6 +36,7 @@ impl Acquisition {
             pressures: machine.axes.iter().map(|axis| PressureCheck::new(axis.pressure.as_ref())).collect(),
             conversion: Conversion::new(machine),
             last: None,
+            age: 0,
             emergency_stop: 0,
         }
     }
@@ -43,7 +46,15 @@ impl Acquisition {
     /// A reading with a wrong number of axes counts as no reading, but a pressed emergency stop in it counts. Without a
     /// reading the emergency stop keeps its last value. The times of the header stay zero; the process fills them in.
     pub fn update(&mut self, sequence: u64, reading: Option<&EncoderReading>) -> EncoderSample {
-        let elapsed = self.last.replace(sequence).map_or(1, |last| sequence.saturating_sub(last));
+        self.update_aged(sequence, reading, 0)
+    }
+
+    /// As [`Self::update`], with a reading that was made `age` ticks before this tick. An axis that was read late has
+    /// had more time for its way to the next reading than the ticks between the two.
+    pub fn update_aged(&mut self, sequence: u64, reading: Option<&EncoderReading>, age: u64) -> EncoderSample {
+        let ticks = self.last.replace(sequence).map_or(1, |last| sequence.saturating_sub(last));
+        let caught_up = if reading.is_some() { std::mem::replace(&mut self.age, age).saturating_sub(age) } else { 0 };
+        let elapsed = ticks.saturating_add(caught_up);
         let pressed = reading.map_or(0, |reading| reading.emergency_stop);
         let reading = reading.filter(|reading| reading.header.axis_count as usize == self.checks.len());
         if reading.is_some() || pressed != 0 {
@@ -112,6 +123,31 @@ mod tests {
         assert_eq!(acquisition.update(3, Some(&reading)).emergency_stop, 1);
         reading.header.axis_count = 4;
         assert_eq!(acquisition.update(4, Some(&reading)).emergency_stop, 0);
+    }
+
+    #[test]
+    fn an_axis_that_was_read_late_has_had_the_time_until_the_next_reading() {
+        let machine = Machine::four_axes(&[]).unwrap();
+        let faults = |age: u64, way: i64| {
+            let mut acquisition = Acquisition::new(&machine);
+            let mut sample = |tick, counts, age| {
+                let mut reading = EncoderReading::default();
+                reading.header.axis_count = 4;
+                reading.encoders[..4].fill(EncoderValue { counts, ..EncoderValue::default() });
+                acquisition.update_aged(tick, Some(&reading), age).axes[0].faults
+            };
+            // 0.6 m/s of at most 1 m/s; then acquisition stands still for 30 ticks of 10 ms.
+            (0..5).for_each(|tick| assert_eq!(sample(tick, 6000 + 60 * tick as i64, 0), 0));
+            assert_eq!(sample(34, 6300, age), 0, "the reading that waited");
+            let next = sample(35, 6300 + way, 0);
+            // From then on a tick is a tick.
+            assert_eq!(sample(36, 6300 + way + 60, 0), next);
+            assert_ne!(sample(37, 6300 + way + 260, 0), 0);
+            next
+        };
+        assert_eq!(faults(29, 30 * 60), 0);
+        assert_ne!(faults(0, 30 * 60), 0, "a jump of 0.18 m in a tick");
+        assert_ne!(faults(29, 32 * 100), 0, "more than the axis moves in that time");
     }
 
     #[test]

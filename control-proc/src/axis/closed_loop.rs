@@ -9,6 +9,7 @@ use pipeline::message::{ControlMode, control_flag};
 use super::{
     AxisController, AxisInput,
     decision::{Commander, Decision},
+    feedback::UNUSABLE_LIMIT,
 };
 use crate::{
     model::{age::Age, gate::ModelAnswer},
@@ -33,6 +34,10 @@ impl AxisController {
     ) -> Result<Decision, u32> {
         let last = self.decision;
         let ticks = (input.sequence, input.elapsed);
+        // The reference has gone on while the axis waited at neutral.
+        if input.elapsed > UNUSABLE_LIMIT {
+            self.references.go_on(input.path[0], position, input.generator);
+        }
         let status = self.references.update(ticks, position, input.path, input.generator, input.reference);
         let reference = self.references.positions()[0];
         let deviation =

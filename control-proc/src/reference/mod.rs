@@ -5,7 +5,7 @@
 //! | [`generator`] | sines, ramps and trajectories, as the machine file sets them |
 //! | [`trajectory`] | straight lines through points in time |
 //! | [`path`] | the time along the path, slower where an axis cannot follow |
-//! | [`blend`] | the way from standing still to a generator that starts elsewhere |
+//! | [`blend`] | the way from standing still to a generator that starts elsewhere or has gone on |
 //! | [`channel`] | references from another program, accepted or refused |
 //! | [`profile`] | motions to a set point, bounded in speed, acceleration and jerk |
 //!
@@ -28,7 +28,7 @@ use pipeline::{
 };
 
 use crate::model::response::MAX_AHEAD;
-use blend::Blend;
+use blend::{Blend, Return};
 use channel::ChannelFollower;
 use generator::ReferenceGenerator;
 use path::Capability;
@@ -44,6 +44,7 @@ pub struct References {
     /// The channel has stopped, and the profile brings the reference to a stand.
     brakes: bool,
     blend: Blend,
+    back: Return,
     /// `None` for an axis that slows no reference.
     capability: Option<Capability>,
     profile: Profile,
@@ -90,6 +91,7 @@ impl References {
             channel: from_channel.then(|| ChannelFollower::new(index, axis, period)),
             brakes: false,
             blend: Blend::new(axis.max_speed),
+            back: Return::new(axis.max_speed, axis.soft_limits),
             capability: Capability::of(axis, period),
             profile: Profile::new(axis, period, ahead),
             state: State::Tracks,
@@ -108,12 +110,15 @@ impl References {
     /// The rate at which time along the path may go on at `tick` of the path, as far as this axis can follow.
     pub fn rate(&self, tick: f64, generator: &ReferenceGenerator) -> f64 {
         let Some(capability) = self.capability.as_ref().filter(|_| self.state == State::Tracks) else { return 1.0 };
-        let position = |tick: f64| {
-            let t = self.blend.ticks(tick) * self.period;
-            self.blend.position(t, generator.position(self.axis, t))
-        };
+        let position = |tick: f64| self.back.position(tick, self.blended(tick, generator));
         let from = position(tick);
         capability.rate(from, (position(tick + 1.0) - from) / self.period)
+    }
+
+    /// The reference of the generator at `tick` of the path, with the way to it, m.
+    fn blended(&self, tick: f64, generator: &ReferenceGenerator) -> f64 {
+        let t = self.blend.ticks(tick) * self.period;
+        self.blend.position(t, generator.position(self.axis, t))
     }
 
     /// Begins to track at `tick` of the path, from where the axis stands (m).
@@ -121,8 +126,23 @@ impl References {
         (self.state, self.positions[0], self.speed, self.brakes) = (State::Tracks, position, 0.0, false);
         self.filled = None;
         self.blend.begin(tick, position, generator.position(self.axis, 0.0));
+        self.back.end();
         if let Some(channel) = &mut self.channel {
             channel.begin(position);
+        }
+    }
+
+    /// Goes on at `tick` of the path from where the axis stands (m), after a time in which it could not follow.
+    pub fn go_on(&mut self, tick: f64, position: f64, generator: &ReferenceGenerator) {
+        (self.positions[0], self.speed, self.brakes, self.filled) = (position, 0.0, false, None);
+        if self.state != State::Tracks {
+            let set_point = self.profile.set_point();
+            self.profile.begin(position, 0.0);
+            self.profile.aim(set_point);
+        } else if let Some(channel) = &mut self.channel {
+            channel.begin(position);
+        } else {
+            self.back.begin(tick, position, self.blended(tick, generator), self.period);
         }
     }
 
@@ -192,8 +212,8 @@ impl References {
         reference: Option<&Reference>,
     ) -> ReferenceStatus {
         let before = self.positions[0];
-        let positions = &mut self.positions[..=self.ahead];
         if let Some(channel) = &mut self.channel {
+            let positions = &mut self.positions[..=self.ahead];
             let is_accepted = channel.update(reference, sequence, elapsed, position, positions);
             if is_accepted {
                 self.brakes = false;
@@ -210,15 +230,14 @@ impl References {
         }
         // A reference depends on its time alone, so all but the newest are known from the tick before.
         let known = if self.filled.is_some_and(|filled| filled + 1 == sequence) {
-            positions.copy_within(1.., 0);
+            self.positions.copy_within(1..=self.ahead, 0);
             self.ahead
         } else {
             0
         };
         self.filled = Some(sequence);
-        for (i, reference) in positions.iter_mut().enumerate().skip(known) {
-            let t = self.blend.ticks(path[i]) * self.period;
-            *reference = self.blend.position(t, generator.position(self.axis, t));
+        for i in known..=self.ahead {
+            self.positions[i] = self.back.position(path[i], self.blended(path[i], generator));
         }
         let counts = self.blend.is_over(self.blend.ticks(path[0]) * self.period);
         ReferenceStatus { is_refused: false, counts, is_slowed: path[1] - path[0] < 1.0 }

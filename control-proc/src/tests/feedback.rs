@@ -1,6 +1,6 @@
 //! Samples that are missing or unusable.
 
-use pipeline::message::{ControlMode, EncoderSample, control_flag, sample_fault};
+use pipeline::message::{ControlMode, EncoderSample, Reference, control_flag, sample_fault};
 use proptest::prelude::*;
 
 use super::{Loop, machine, models::actuator, sample, snapshot};
@@ -76,6 +76,43 @@ fn an_axis_waits_at_neutral_for_readings_that_fail_to_come_until_the_time_out() 
         assert_eq!(axis.tick_with(None, None, fault(bit)).axes[0].flags & control_flag::LATCHED, 0);
     }
     assert_ne!(axis.tick_with(None, None, fault(sample_fault::SPEED)).axes[0].flags & control_flag::FEEDBACK, 0);
+}
+
+/// Fastest speed of an axis, m/s, from its positions over 50 ms.
+fn fastest(positions: &[f64]) -> f64 {
+    positions.windows(6).map(|pair| (pair[5] - pair[0]).abs() / 0.05).fold(0.0, f64::max)
+}
+
+#[test]
+fn an_axis_does_not_lurch_after_a_silence_in_which_its_reference_went_on() {
+    for reference in [super::SINES, "kind = \"channel\"\n", "kind = \"hold\"\n"] {
+        let mut machine = super::machine_with(super::SINES, reference);
+        machine.timing.feedback_timeout = 40 * machine.timing.period;
+        for silence in 4..40 {
+            let mut axis = Loop::new(&machine, 0.0);
+            // The reference of the channel moves with 0.2 m/s.
+            let channel = |tick: u64| {
+                let mut reference = Reference { preview: 1, ..Reference::default() };
+                (reference.header.sequence, reference.header.axis_count) = (tick, 1);
+                reference.positions[0][0] = 0.6 + 2e-3 * tick.saturating_sub(100) as f64;
+                reference
+            };
+            let mut positions = Vec::new();
+            let mut last = 0.0;
+            for tick in 0..500u64 {
+                let bits = if (200..200 + silence).contains(&tick) { sample_fault::STALE } else { 0 };
+                let fresh = snapshot(tick.saturating_sub(1), actuator());
+                let command = axis.tick_with(Some(&fresh), Some(&channel(tick)), fault(bits)).axes[0];
+                assert_eq!(command.flags & control_flag::LATCHED, 0);
+                positions.push(axis.plant.position);
+                last = command.error;
+            }
+            let (before, after) = (fastest(&positions[..200]), fastest(&positions[200..]));
+            assert!(after < before.max(0.23) + 0.12, "{reference}, {silence} ticks: {before} m/s, then {after} m/s");
+            let is_back = reference != "kind = \"channel\"\n" || (last.abs() < 0.01);
+            assert!(is_back && last.abs() < 0.02, "{reference}, {silence} ticks: {last} m");
+        }
+    }
 }
 
 #[test]

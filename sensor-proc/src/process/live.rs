@@ -3,7 +3,7 @@
 
 use pipeline::{
     channel::{Board, Group, Reader},
-    machine::Machine,
+    machine::{Machine, samples_of},
     message::EncoderReading,
     stage::{Channels, Clock, Next, Stage, StageError, Turn, Waiter, monotonic_ns},
 };
@@ -23,6 +23,8 @@ pub struct Live {
     is_pressed: bool,
     output: Output,
     period_ns: u64,
+    /// Readings that are older than this are all as old, ticks: nobody controls with them.
+    most_age: u64,
     /// In real time only; set by the first reading.
     timer: Option<Timer>,
 }
@@ -40,6 +42,7 @@ impl Live {
             is_pressed: false,
             output: Output::new(group, clock)?,
             period_ns: machine.timing.period.as_nanos() as u64,
+            most_age: samples_of(machine.timing.feedback_timeout, machine.timing.period) as u64,
             timer: None,
         })
     }
@@ -74,7 +77,8 @@ impl Live {
         if let Some(reading) = reading {
             turn.pick_up(reading.header.sent_ns);
         }
-        let mut sample = self.core.update(tick, reading);
+        let age = due_ns.saturating_sub(acquired_ns) / self.period_ns;
+        let mut sample = self.core.update_aged(tick, reading, age.min(self.most_age));
         self.output.send(turn, &mut sample, acquired_ns, due_ns)?;
         Ok(if turn.is_last(tick) { Next::Finished } else { Next::Worked })
     }

@@ -16,6 +16,7 @@ from .errors import GroupEnded, MissingPackage, NoChannel, OtherLayout, Timeout,
 POLL_S = 0.001  # between two looks at a channel; the smallest buffer of a channel at 1 kHz lasts for 64 ms
 END_S = 0.1  # between two looks whether the group has ended
 OPEN_PATIENCE_S = 10.0  # for the channels of a group that is just starting
+BURIAL_PATIENCE_S = 3.0  # for the supervisor to free the place of a writer that was killed
 LAYOUT = "hydraxis.layout"
 MEMBERSHIPS = weakref.WeakSet()  # those that the end of the program has to leave
 
@@ -167,12 +168,17 @@ class Publisher:
         iox2 = library()
         self._membership = membership
         service = open_channel(membership, message)
-        try:
-            self._port = service.publisher_builder().max_loaned_samples(1).create()
-        except iox2.PublisherCreateError as error:
-            raise NoChannel(f'channel "{message.CHANNEL}" of group "{membership.prefix}" has '
-                            f"{message.MAX_PUBLISHERS} writer(s) already, as many as it takes ({error}); end one "
-                            f"first: hydraxis status --prefix {membership.prefix}") from None
+        until = time.monotonic() + BURIAL_PATIENCE_S
+        while True:
+            try:
+                self._port = service.publisher_builder().max_loaned_samples(1).create()
+                break
+            except iox2.PublisherCreateError as error:
+                if time.monotonic() > until:
+                    raise NoChannel(f'channel "{message.CHANNEL}" of group "{membership.prefix}" has '
+                                    f"{message.MAX_PUBLISHERS} writer(s) already, as many as it takes ({error}); end "
+                                    f"one first: hydraxis status --prefix {membership.prefix}") from None
+                time.sleep(0.05)
         self._service = service
         membership.keep(service, self._port)
         self._machine = machine

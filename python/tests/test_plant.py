@@ -57,11 +57,14 @@ class ByHand(unittest.TestCase):
         # The group reads the machine file with an external source; so does the program.
         self.settings = ["--set", "source.kind=external"]
         self.prefix = f"py{os.getpid()}-by-hand"
-        self.program = subprocess.Popen(
+        self.program = self.start()
+        self.told = self.program.stderr.readline()
+
+    def start(self):
+        return subprocess.Popen(
             [sys.executable, "examples/plant.py", "examples/four-axes.toml", "--prefix", self.prefix, *self.settings],
             cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
-        self.told = self.program.stderr.readline()
 
     def tearDown(self):
         self.program.kill()
@@ -85,6 +88,13 @@ class ByHand(unittest.TestCase):
                     if not any(axis.faults for axis in sample.axes[:len(AXES)]):
                         break
                 self.assertGreater(group.readings().next().header.number, 0)
+                # Killed and started again at once: the place of the killed writer is free only after a while.
+                self.program.kill()
+                self.program.communicate()
+                self.program = self.start()
+                samples.next()
+                session = group.readings().next(20.0).header.session
+                self.assertEqual(group.readings().next(20.0).header.session, session)
         _, told = self.program.communicate(timeout=30)
         self.assertEqual(self.program.returncode, 1)
         self.assertEqual(told, f'GroupEnded: group "{self.prefix}" has ended; start this program again after the next '

@@ -21,6 +21,7 @@ use pipeline::{
     },
     message::{
         AxisCommand, AxisMode, AxisRequest, EncoderSample, Header, Request, ValveCommand, bit_names, control_flag,
+        sample_fault,
     },
     nearest::did_you_mean,
     stage::monotonic_ns,
@@ -78,7 +79,7 @@ pub enum OperatorError {
         patience: Duration,
     },
     /// The controller did not do what it was asked.
-    #[error("{wanted}: not within {}; {}", humantime::format_duration(*.patience), .states.join("; "))]
+    #[error("{wanted}: not within {}; {}{why}", humantime::format_duration(*.patience), .states.join("; "))]
     NoAnswer {
         /// What it was asked for.
         wanted: String,
@@ -86,6 +87,8 @@ pub enum OperatorError {
         patience: Duration,
         /// The states of all axes.
         states: Vec<String>,
+        /// What in the samples keeps the controller from doing it; may be empty.
+        why: String,
     },
     /// A stop was asked for while this program was on its way to arm axes.
     #[error(
@@ -282,9 +285,27 @@ impl Operator {
                     wanted: wanted.to_owned(),
                     patience: self.answer_patience,
                     states,
+                    why: self.obstacles(&sample),
                 });
             }
         }
+    }
+
+    /// What in a sample keeps axes from being armed or released, and what to do.
+    fn obstacles(&self, sample: &EncoderSample) -> String {
+        if sample.emergency_stop != 0 {
+            return "; the emergency stop is pressed: release it, then type the command again".to_owned();
+        }
+        let axes = (0..self.machine.axis_count as usize).filter(|axis| sample.axes[*axis].usable().is_none());
+        axes.map(|axis| {
+            let faults: Vec<&str> = bit_names(sample.axes[axis].faults, &sample_fault::NAMES).collect();
+            let name = self.machine.name(axis);
+            format!(
+                "\naxis.{name}: its samples are {}: look at its sensor and the program behind it",
+                faults.join(", ")
+            )
+        })
+        .collect()
     }
 
     /// Disarms axes that are not latched, and waits until the controller says that they are. A latched axis stays

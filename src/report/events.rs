@@ -76,6 +76,7 @@ struct Seen {
     operation: u32,
     mode: u32,
     rejected: [u64; REFUSALS.len()],
+    error: f64,
 }
 
 /// The events of a group.
@@ -127,6 +128,7 @@ impl Events {
                 operation: now.operation,
                 mode: now.mode,
                 rejected: now.rejected_snapshots,
+                error: now.error,
             };
             let before = self.seen[i].replace(after);
             let first = Seen { operation: now.operation, mode: now.mode, ..Seen::default() };
@@ -140,7 +142,7 @@ impl Events {
         let is_latched = now.flags & control_flag::LATCHED != 0;
         // A controller that is started again counts from 0.
         if now.latches > before.latches || (now.latches > 0 && now.latches < before.latches) {
-            let text = latch(&self.machine, &self.machine.axes[index], now, faults);
+            let text = latch(&self.machine, &self.machine.axes[index], now.latched_by, before.error, faults);
             let next = format!("look at why, then type: hydraxis reset --prefix {} --axis {name}", self.prefix);
             self.add(LATCH, Some(index), &text, &next, true);
         } else if before.flags & control_flag::LATCHED != 0 && !is_latched {
@@ -219,8 +221,9 @@ impl Events {
     }
 }
 
-/// Why a fault has latched the axis, with value and limit.
-fn latch(machine: &Machine, axis: &Axis, now: &AxisCommand, faults: u32) -> String {
+/// Why a fault has latched the axis, with value and limit. `error` is the following error of the tick before, m: a
+/// latched axis has none.
+fn latch(machine: &Machine, axis: &Axis, latched_by: u32, error: f64, faults: u32) -> String {
     let timeout = humantime::format_duration(machine.timing.feedback_timeout);
     let one = |flag: u32| match flag {
         control_flag::FEEDBACK => {
@@ -247,7 +250,7 @@ fn latch(machine: &Machine, axis: &Axis, now: &AxisCommand, faults: u32) -> Stri
         control_flag::FOLLOWING => format!(
             "found a following error of {:.1} mm; allowed: {:.1} mm and 0.2 s of the reference's speed \
              (axis.{}.control.following_error)",
-            1e3 * now.error,
+            1e3 * error,
             1e3 * axis.control.following_error,
             axis.name
         ),
@@ -261,7 +264,7 @@ fn latch(machine: &Machine, axis: &Axis, now: &AxisCommand, faults: u32) -> Stri
         }
         _ => "a sample had a time that is still to come, or the computer was suspended".to_owned(),
     };
-    let flags = (0..u32::BITS).map(|bit| 1 << bit).filter(|flag| now.latched_by & control_flag::LATCHED & flag != 0);
+    let flags = (0..u32::BITS).map(|bit| 1 << bit).filter(|flag| latched_by & control_flag::LATCHED & flag != 0);
     let texts: Vec<String> = flags
         .map(|flag| format!("{}: {}", bit_names(flag, &control_flag::NAMES).next().unwrap_or("unknown"), one(flag)))
         .collect();
@@ -331,13 +334,13 @@ mod tests {
     fn a_latch_is_told_once_with_value_limit_and_next_step() {
         let mut events = events();
         let mut command = at(100);
+        command.axes[1].error = -0.0625;
         events.command(&command, None);
         assert!(events.lines().is_empty());
         command.axes[1] = AxisCommand {
             flags: control_flag::FOLLOWING,
             latched_by: control_flag::FOLLOWING,
             latches: 1,
-            error: -0.0625,
             ..AxisCommand::default()
         };
         events.command(&command, None);
@@ -356,11 +359,8 @@ mod tests {
     fn every_latching_fault_has_a_text_of_its_own() {
         let machine = Machine::load(None, &[]).unwrap();
         let bits = (0..u32::BITS).map(|bit| 1 << bit).filter(|bit| control_flag::LATCHED & bit != 0);
-        let texts: std::collections::BTreeSet<String> = bits
-            .map(|latched_by| {
-                latch(&machine, &machine.axes[0], &AxisCommand { latched_by, ..AxisCommand::default() }, 0)
-            })
-            .collect();
+        let texts: std::collections::BTreeSet<String> =
+            bits.map(|latched_by| latch(&machine, &machine.axes[0], latched_by, 0.0, 0)).collect();
         assert_eq!(texts.len(), control_flag::LATCHED.count_ones() as usize);
         assert!(texts.iter().all(|text| text.contains(": ")));
     }
@@ -368,8 +368,7 @@ mod tests {
     #[test]
     fn a_sample_that_is_marked_as_stuck_may_be_stale() {
         let machine = Machine::load(None, &[]).unwrap();
-        let lost = AxisCommand { latched_by: control_flag::FEEDBACK, ..AxisCommand::default() };
-        let told = |faults| latch(&machine, &machine.axes[0], &lost, faults);
+        let told = |faults| latch(&machine, &machine.axes[0], control_flag::FEEDBACK, 0.0, faults);
         for faults in [sample_fault::STALE | sample_fault::STUCK, sample_fault::STUCK, 0] {
             assert!(told(faults).contains("samples that are stale, or stand while the axis is driven"), "{faults}");
         }

@@ -45,17 +45,26 @@ pub struct Blend {
     start_position: f64,
     /// T_b, s.
     time: f64,
+    /// What is added to y_r since readings were missing.
+    pub back: Return,
 }
 
 impl Blend {
-    /// For an axis of this `max_speed`, m/s.
-    pub fn new(max_speed: f64) -> Self {
-        Self { speed: BLEND_SPEED * max_speed, start: 0.0, start_position: 0.0, time: BLEND_TIME }
+    /// For an axis of this `max_speed` (m/s) and these soft limits (m).
+    pub fn new(max_speed: f64, limits: (f64, f64)) -> Self {
+        Self {
+            speed: BLEND_SPEED * max_speed,
+            start: 0.0,
+            start_position: 0.0,
+            time: BLEND_TIME,
+            back: Return::new(max_speed, limits),
+        }
     }
 
     /// Begins at tick `start` from `position` (m); `first` is g(0) in m, none without a generator.
     pub fn begin(&mut self, start: f64, position: f64, first: Option<f64>) {
         (self.start, self.start_position) = (start, position);
+        self.back.offset = 0.0;
         let distance = first.map_or(0.0, |first| (first - position).abs());
         self.time = BLEND_TIME.max(STEEPEST * distance / self.speed);
     }
@@ -98,11 +107,6 @@ impl Return {
     /// Without an offset, for an axis of this `max_speed` (m/s) and these soft limits (m).
     pub fn new(max_speed: f64, limits: (f64, f64)) -> Self {
         Self { speed: RETURN_SPEED * max_speed, limits, start: 0.0, position: 0.0, offset: 0.0, ticks: RETURN_TIME }
-    }
-
-    /// Forgets the offset.
-    pub fn end(&mut self) {
-        self.offset = 0.0;
     }
 
     /// Begins at tick `start` and `position` (m), where the reference without an offset is `blended` m; `period` in s.

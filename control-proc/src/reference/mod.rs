@@ -28,7 +28,7 @@ use pipeline::{
 };
 
 use crate::model::response::MAX_AHEAD;
-use blend::{Blend, Return};
+use blend::Blend;
 use channel::ChannelFollower;
 use generator::ReferenceGenerator;
 use path::Capability;
@@ -44,7 +44,6 @@ pub struct References {
     /// The channel has stopped, and the profile brings the reference to a stand.
     brakes: bool,
     blend: Blend,
-    back: Return,
     /// `None` for an axis that slows no reference.
     capability: Option<Capability>,
     profile: Profile,
@@ -90,8 +89,7 @@ impl References {
             period,
             channel: from_channel.then(|| ChannelFollower::new(index, axis, period)),
             brakes: false,
-            blend: Blend::new(axis.max_speed),
-            back: Return::new(axis.max_speed, axis.soft_limits),
+            blend: Blend::new(axis.max_speed, axis.soft_limits),
             capability: Capability::of(axis, period),
             profile: Profile::new(axis, period, ahead),
             state: State::Tracks,
@@ -110,7 +108,7 @@ impl References {
     /// The rate at which time along the path may go on at `tick` of the path, as far as this axis can follow.
     pub fn rate(&self, tick: f64, generator: &ReferenceGenerator) -> f64 {
         let Some(capability) = self.capability.as_ref().filter(|_| self.state == State::Tracks) else { return 1.0 };
-        let position = |tick: f64| self.back.position(tick, self.blended(tick, generator));
+        let position = |tick: f64| self.blend.back.position(tick, self.blended(tick, generator));
         let from = position(tick);
         capability.rate(from, (position(tick + 1.0) - from) / self.period)
     }
@@ -126,7 +124,6 @@ impl References {
         (self.state, self.positions[0], self.speed, self.brakes) = (State::Tracks, position, 0.0, false);
         self.filled = None;
         self.blend.begin(tick, position, generator.position(self.axis, 0.0));
-        self.back.end();
         if let Some(channel) = &mut self.channel {
             channel.begin(position);
         }
@@ -142,7 +139,7 @@ impl References {
         } else if let Some(channel) = &mut self.channel {
             channel.begin(position);
         } else {
-            self.back.begin(tick, position, self.blended(tick, generator), self.period);
+            self.blend.back.begin(tick, position, self.blended(tick, generator), self.period);
         }
     }
 
@@ -236,8 +233,8 @@ impl References {
             0
         };
         self.filled = Some(sequence);
-        for i in known..=self.ahead {
-            self.positions[i] = self.back.position(path[i], self.blended(path[i], generator));
+        for (i, tick) in path.iter().enumerate().take(self.ahead + 1).skip(known) {
+            self.positions[i] = self.blend.back.position(*tick, self.blended(*tick, generator));
         }
         let counts = self.blend.is_over(self.blend.ticks(path[0]) * self.period);
         ReferenceStatus { is_refused: false, counts, is_slowed: path[1] - path[0] < 1.0 }

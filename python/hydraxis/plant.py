@@ -108,8 +108,8 @@ class _Process:
     def send(self, sequence):
         reading = EncoderReading()
         values = self.plant.read()
-        if len(values) != self.axes:
-            raise ValueError(f"read(): found {len(values)} values; allowed: one for each of the {self.axes} axes")
+        if not hasattr(values, "__len__") or len(values) != self.axes:
+            raise ValueError(f"read(): found {values!r}; allowed: a list with one value for each axis, {self.axes}")
         for axis, value in zip(range(self.axes), values):
             is_whole = isinstance(value, EncoderValue)
             reading.encoders[axis] = value if is_whole else EncoderValue(counts=counts(value, axis))
@@ -196,6 +196,8 @@ def counts(value, axis):
     if not isinstance(value, numbers.Real) or not math.isfinite(value):
         raise ValueError(f"read(): found {value!r} for axis {axis}, counted from 0; allowed: counts, or "
                          "EncoderValue(error=1) where the sensor gives none")
+    if abs(value) >= 2 ** 63:
+        raise ValueError(f"read(): found {value!r} for axis {axis}, counted from 0; allowed: counts of 64 bits")
     return round(value)
 
 

@@ -1,6 +1,7 @@
 """A plant in Python in the place of plant-sim, in both clocks."""
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -11,7 +12,7 @@ import unittest
 from pathlib import Path
 
 from support import AXES, EXAMPLES, ROOT, Running, executable, hydraxis, retried
-from hydraxis.plant import seconds
+from hydraxis.plant import counts, seconds
 
 PLANT = f'stage.plant-sim.command=["{sys.executable}","examples/plant.py"]'
 
@@ -48,6 +49,12 @@ class Plants(unittest.TestCase):
         self.assertEqual(seconds(machine["timing"]["period"]), 0.005)
         with self.assertRaisesRegex(ValueError, 'found "soon"'):
             seconds("soon")
+
+    def test_counts_are_finite_numbers_of_64_bits(self):
+        self.assertEqual([counts(value, 0) for value in (7.4, -2 ** 62, True)], [7, -2 ** 62, 1])
+        for wrong in (None, "7", math.nan, math.inf, 2 ** 63, -1e19):
+            with self.assertRaisesRegex(ValueError, "found .* for axis 0"):
+                counts(wrong, 0)
 
 
 class ByHand(unittest.TestCase):

@@ -229,7 +229,8 @@ fn latch(machine: &Machine, axis: &Axis, latched_by: u32, error: f64, faults: u3
         control_flag::FEEDBACK => {
             // The counts of an axis at rest do not change either, so a sample is often marked as stuck as well.
             let implausible = faults & sample_fault::UNUSABLE & !sample_fault::STALE;
-            let found: Vec<&str> = bit_names(implausible, &sample_fault::NAMES).collect();
+            let found: Vec<String> =
+                bit_names(implausible, &sample_fault::NAMES).map(|name| limited(name, axis)).collect();
             if found.is_empty() {
                 format!(
                     "found samples that are stale, or stand while the axis is driven; allowed: none missing for \
@@ -237,12 +238,15 @@ fn latch(machine: &Machine, axis: &Axis, latched_by: u32, error: f64, faults: u3
                 )
             } else {
                 format!(
-                    "found samples that are {}; allowed: fewer than 3 in a row, and none out of range",
+                    "found samples marked {}; allowed: fewer than 3 in a row, and none out of range",
                     found.join(", ")
                 )
             }
         }
-        control_flag::DEADLINE => format!("commands came late for timing.feedback_timeout, {timeout}"),
+        control_flag::DEADLINE => format!(
+            "commands came late for timing.feedback_timeout, {timeout}: the computer is busy (`hydraxis doctor`), or \
+             readings are old when they are written"
+        ),
         control_flag::SOLVER => "the predictive controller found no plan several times in a row".to_owned(),
         control_flag::STALL => {
             "the axis was driven and hardly moved: look at pump, pilot pressure, valve and sensor".to_owned()
@@ -262,13 +266,22 @@ fn latch(machine: &Machine, axis: &Axis, latched_by: u32, error: f64, faults: u3
              sign? The pilot pressure is cut off"
                 .to_owned()
         }
-        _ => "a sample had a time that is still to come, or the computer was suspended".to_owned(),
+        _ => "a sample had a time of CLOCK_MONOTONIC that is still to come, or the computer was suspended".to_owned(),
     };
     let flags = (0..u32::BITS).map(|bit| 1 << bit).filter(|flag| latched_by & control_flag::LATCHED & flag != 0);
     let texts: Vec<String> = flags
         .map(|flag| format!("{}: {}", bit_names(flag, &control_flag::NAMES).next().unwrap_or("unknown"), one(flag)))
         .collect();
     texts.join("; ")
+}
+
+/// The name of a fault of samples, with the limit that they are beyond.
+fn limited(name: &str, axis: &Axis) -> String {
+    match name {
+        "range" => format!("range (0 to {} m and axis.{}.encoder.tolerance)", axis.stroke, axis.name),
+        "speed" => format!("speed (a jump, or faster than axis.{}.max_speed, {} m/s)", axis.name, axis.max_speed),
+        _ => name.to_owned(),
+    }
 }
 
 /// What a flag that latches nothing says, and what to do.
@@ -372,7 +385,11 @@ mod tests {
         for faults in [sample_fault::STALE | sample_fault::STUCK, sample_fault::STUCK, 0] {
             assert!(told(faults).contains("samples that are stale, or stand while the axis is driven"), "{faults}");
         }
-        assert!(told(sample_fault::SPEED | sample_fault::STUCK).contains("samples that are speed; allowed: fewer"));
+        let jumped = told(sample_fault::SPEED | sample_fault::STUCK);
+        assert!(
+            jumped.contains("marked speed (a jump, or faster than axis.boom.max_speed, 1 m/s); allowed"),
+            "{jumped}"
+        );
     }
 
     #[test]

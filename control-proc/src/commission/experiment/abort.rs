@@ -83,7 +83,8 @@ pub enum Abort {
 fn feedback(faults: u32) -> String {
     if faults == sample_fault::STALE {
         return "feedback: found no reading for timing.feedback_timeout: does the program that reads the sensor run? \
-                `hydraxis doctor` shows whether this computer gives it no time"
+                `hydraxis doctor` shows whether this computer gives it no time; the experiment waits for readings as \
+                long as timing.feedback_timeout says"
             .to_owned();
     }
     let names = bit_names(faults, &sample_fault::NAMES).collect::<Vec<_>>().join(", ");

@@ -33,10 +33,11 @@ impl AxisController {
         snapshot_flags: u32,
     ) -> Result<Decision, u32> {
         let last = self.decision;
-        let ticks = (input.sequence, input.elapsed);
-        // The reference has gone on while the axis waited at neutral.
+        let mut ticks = (input.sequence, input.elapsed);
+        // The axis has waited at neutral; where its reference has gone on, it does so from here.
         if input.elapsed > UNUSABLE_LIMIT {
             self.references.go_on(input.path[0], position, input.generator);
+            ticks.1 = 1;
         }
         let status = self.references.update(ticks, position, input.path, input.generator, input.reference);
         let reference = self.references.positions()[0];

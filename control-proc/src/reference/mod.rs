@@ -129,8 +129,17 @@ impl References {
         }
     }
 
-    /// Goes on at `tick` of the path from where the axis stands (m), after a time in which it could not follow.
+    /// Goes on at `tick` of the path from where the axis stands (m), after a time in which it could not follow. A
+    /// reference that has not moved meanwhile stays as it is.
     pub fn go_on(&mut self, tick: f64, position: f64, generator: &ReferenceGenerator) {
+        let wanted = self.blended(tick, generator);
+        let is_still = match self.state {
+            State::Tracks => self.channel.is_none() && wanted == self.positions[0],
+            State::Holds | State::Halts => self.profile.stands(),
+        };
+        if is_still {
+            return;
+        }
         (self.positions[0], self.speed, self.brakes, self.filled) = (position, 0.0, false, None);
         if self.state != State::Tracks {
             let set_point = self.profile.set_point();
@@ -139,7 +148,7 @@ impl References {
         } else if let Some(channel) = &mut self.channel {
             channel.begin(position);
         } else {
-            self.blend.back.begin(tick, position, self.blended(tick, generator), self.period);
+            self.blend.back.begin(tick, position, wanted, self.period);
         }
     }
 

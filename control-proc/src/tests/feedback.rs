@@ -1,6 +1,6 @@
 //! Samples that are missing or unusable.
 
-use pipeline::message::{ControlMode, EncoderSample, Reference, control_flag, sample_fault};
+use pipeline::message::{AxisMode, ControlMode, EncoderSample, Reference, Request, control_flag, sample_fault};
 use proptest::prelude::*;
 
 use super::{Loop, machine, models::actuator, sample, snapshot};
@@ -107,11 +107,40 @@ fn an_axis_does_not_lurch_after_a_silence_in_which_its_reference_went_on() {
                 positions.push(axis.plant.position);
                 last = command.error;
             }
+            // An axis that rests goes on resting.
+            assert!(reference != "kind = \"hold\"\n" || positions.iter().all(|position| *position == 0.6));
             let (before, after) = (fastest(&positions[..200]), fastest(&positions[200..]));
             assert!(after < before.max(0.23) + 0.12, "{reference}, {silence} ticks: {before} m/s, then {after} m/s");
-            let is_back = reference != "kind = \"channel\"\n" || (last.abs() < 0.01);
-            assert!(is_back && last.abs() < 0.02, "{reference}, {silence} ticks: {last} m");
+            assert!(last.abs() < 0.02, "{reference}, {silence} ticks: {last} m");
         }
+    }
+}
+
+#[test]
+fn an_axis_that_goes_to_a_set_point_does_not_lurch_after_a_silence() {
+    let mut machine = super::machine_with(super::SINES, "kind = \"hold\"\n");
+    machine.timing.feedback_timeout = 40 * machine.timing.period;
+    for silence in 4..40 {
+        let mut axis = Loop::new(&machine, 0.0);
+        axis.run(100, Some(actuator()));
+        let mut request = Request { session: 1, ..Request::default() };
+        request.header.axis_count = 1;
+        request.axes[0].mode = AxisMode::Hold as u32;
+        (request.axes[0].has_target, request.axes[0].target) = (1, 1.0);
+        let mut positions = Vec::new();
+        for tick in 100..600 {
+            if tick == 100 {
+                request.header.sequence = tick;
+                axis.controller.ask(&request);
+            }
+            let bits = if (160..160 + silence).contains(&tick) { sample_fault::STALE } else { 0 };
+            axis.tick_with(Some(&snapshot(tick - 1, actuator())), None, fault(bits));
+            positions.push(axis.plant.position);
+        }
+        let (before, after) = (fastest(&positions[..60]), fastest(&positions[60..]));
+        assert!(before > 0.2, "{before} m/s");
+        assert!(after < 0.28, "{silence} ticks: {before} m/s, then {after} m/s");
+        assert!((positions[499] - 1.0).abs() < 2e-3, "{silence} ticks: {} m", positions[499]);
     }
 }
 

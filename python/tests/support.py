@@ -1,6 +1,7 @@
 """Groups for tests: started with names of their own, and gone afterwards."""
 
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,9 @@ except ImportError:
     sys.path.insert(0, str(ROOT / "python"))
     import hydraxis
 from hydraxis.command import executable  # noqa: E402
+
+# A shell that starts the tests in the background lets them, and all that they start, ignore Ctrl-C.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 START_PATIENCE_S = 20.0
 END_PATIENCE_S = 30.0

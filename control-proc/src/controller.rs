@@ -22,7 +22,7 @@ use pipeline::{
 };
 
 use crate::{
-    axis::{AxisController, AxisInput, UNUSABLE_LIMIT, requests::STREAM_TIMEOUT},
+    axis::{AxisController, AxisInput, UNUSABLE_LIMIT, patience, requests::STREAM_TIMEOUT},
     operators::Operators,
     reference::{generator::ReferenceGenerator, path::Path},
     trajectory_file::{ReferenceError, read_references},
@@ -51,9 +51,10 @@ impl Controller {
     pub fn new(machine: &Machine) -> Result<Self, ReferenceError> {
         let axes = machine.axes.iter().take(MAX_AXES).enumerate();
         let axes: Vec<_> = axes.map(|(i, axis)| AxisController::new(i, axis, &machine.timing)).collect();
+        let period = machine.timing.period.as_secs_f64();
         Ok(Self {
             generator: read_references(machine)?,
-            path: Path::new(axes.iter().map(AxisController::ahead).max().unwrap_or_default()),
+            path: Path::new(axes.iter().map(AxisController::ahead).max().unwrap_or_default(), period, patience(period)),
             axes,
             request: None,
             operators: Operators::new(samples_of(STREAM_TIMEOUT, machine.timing.period).max(1) as u64),
@@ -163,7 +164,9 @@ impl Controller {
         (self.last_sequence, self.repeated) = (Some(sequence), 0);
 
         let (axes, generator) = (&self.axes, &self.generator);
-        self.path.advance(sequence, |tick| axes.iter().map(|axis| axis.rate(tick, generator)).fold(1.0, f64::min));
+        let waits = axes.iter().any(AxisController::waits);
+        self.path
+            .advance(sequence, waits, |tick| axes.iter().map(|axis| axis.rate(tick, generator)).fold(1.0, f64::min));
 
         let mut command = self.empty(sequence);
         for (i, (axis, entry)) in self.axes.iter_mut().zip(&mut command.axes).enumerate() {

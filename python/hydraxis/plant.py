@@ -107,6 +107,8 @@ class _Process:
 
     def send(self, sequence):
         reading = EncoderReading()
+        # Before the sensors are read: a program that loses its core meanwhile must not make them newer than they are.
+        acquired_ns = time.monotonic_ns()
         values = self.plant.read()
         if not hasattr(values, "__len__") or len(values) != self.axes:
             raise ValueError(f"read(): found {values!r}; allowed: a list with one value for each axis, {self.axes}")
@@ -115,7 +117,7 @@ class _Process:
             reading.encoders[axis] = value if is_whole else EncoderValue(counts=counts(value, axis))
         reading.emergency_stop = int(self.plant.emergency_stop)
         reading.header.axis_count, reading.header.sequence = self.axes, sequence
-        reading.header.acquired_ns = time.monotonic_ns()
+        reading.header.acquired_ns = acquired_ns
         self.readings.send(reading)
 
     def valves(self):

@@ -69,7 +69,8 @@ pub enum OperatorError {
     Board(#[from] BoardError),
     /// The group sends no samples.
     #[error(
-        "group \"{prefix}\": no sample within {}: it has ended, or its sensor has",
+        "group \"{prefix}\": no sample within {}: it has ended, or the program that reads the sensor has not been \
+         started, or has ended; `hydraxis status --prefix {prefix}` shows it",
         humantime::format_duration(*.patience)
     )]
     NoSample {

@@ -9,6 +9,7 @@
 
 use std::collections::BTreeMap;
 
+use control_proc::reference::channel::ENGAGE_DISTANCE;
 use pipeline::{
     channel::Prefix,
     machine::{Axis, Machine},
@@ -292,15 +293,17 @@ fn warning(flag: u32, machine: &Machine, axis: &Axis, before: &Seen, now: &AxisC
     match flag {
         control_flag::REFERENCE => (
             format!(
-                "the reference stopped, went back in time, jumped, is not finite, or left the soft limits ({low} to \
-                 {high} m): the axis holds"
+                "the reference stopped, went back in time, jumped, is not finite, left the soft limits ({low} to \
+                 {high} m), or began more than {} mm from the axis: the axis holds",
+                1e3 * ENGAGE_DISTANCE
             ),
             "it goes on with the next good reference".to_owned(),
         ),
         control_flag::REQUEST => (
             format!(
-                "a request was refused, {} so far: too old, of another session or machine, or with a value outside of \
-                 its limits (commands -1 to 1, set points {low} to {high} m)",
+                "a request was refused, {} so far: too old, of another session or machine, with a value outside of \
+                 its limits (commands -1 to 1, set points {low} to {high} m), or off while the emergency stop is \
+                 pressed",
                 now.refused_requests
             ),
             "the axis does what it did before".to_owned(),

@@ -27,6 +27,14 @@ const LEAK: f64 = 0.25;
 /// Time over which the speed of an axis is taken, s: a count of 0.1 mm is 2.5 mm/s then.
 const SPEED_TIME: f64 = 0.04;
 
+/// Silence after which references wait, s; a shorter one leaves an axis less behind than a person sees.
+const SILENCE: f64 = 0.05;
+
+/// Ticks without a reading after which references wait: at least those after which the axis is neutral.
+pub fn patience(period: f64) -> u64 {
+    ((SILENCE / period).round() as u64).max(UNUSABLE_LIMIT)
+}
+
 /// What was observed of an axis at one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Observation {
@@ -114,6 +122,11 @@ impl Feedback {
             is_lost: is_unreliable || if position.is_some() { missing >= self.timeout_ticks } else { is_blind },
             standing: self.motion.update(elapsed, command, position),
         }
+    }
+
+    /// Whether no position has come for so long that references wait for the axis.
+    pub fn is_silent(&self) -> bool {
+        self.blind > patience(self.period)
     }
 
     /// Puts `expected` (m) in the place of the position of a blind tick.

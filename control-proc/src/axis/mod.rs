@@ -53,7 +53,7 @@ pub mod requests;
 mod state;
 
 pub use closed_loop::UNSOLVED_LIMIT;
-pub use feedback::UNUSABLE_LIMIT;
+pub use feedback::{UNUSABLE_LIMIT, patience};
 pub use state::SETTLING;
 
 use pipeline::{
@@ -164,8 +164,16 @@ impl AxisController {
 
     /// The rate at which time along the path may go on at `tick` of the path, as far as this axis can follow.
     pub fn rate(&self, tick: f64, generator: &ReferenceGenerator) -> f64 {
-        let follows = self.state.current() == State::Following && !self.operation.mode.is_direct();
-        if follows { self.references.rate(tick, generator) } else { 1.0 }
+        if self.follows() { self.references.rate(tick, generator) } else { 1.0 }
+    }
+
+    /// Whether the axis is to follow a reference, but has had no reading for too long.
+    pub fn waits(&self) -> bool {
+        self.follows() && self.feedback.is_silent()
+    }
+
+    fn follows(&self) -> bool {
+        self.state.current() == State::Following && !self.operation.mode.is_direct()
     }
 
     /// Moves from state to state by what was observed.

@@ -52,8 +52,8 @@ pub struct References {
     ahead: usize,
     /// References of this tick and the coming ones, m.
     positions: [f64; MAX_AHEAD],
-    /// Tick for which the generator last gave the positions.
-    filled: Option<u64>,
+    /// Tick along the path of the last position that the generator has given.
+    filled: Option<f64>,
     /// Speed of the reference, m/s.
     speed: f64,
 }
@@ -235,13 +235,14 @@ impl References {
             return ReferenceStatus { is_refused: !is_accepted, counts: channel.has_engaged(), is_slowed: false };
         }
         // A reference depends on its time alone, so all but the newest are known from the tick before.
-        let known = if self.filled.is_some_and(|filled| filled + 1 == sequence) {
+        let is_known = elapsed == 1 && self.ahead > 0 && self.filled == Some(path[self.ahead - 1]);
+        let known = if is_known {
             self.positions.copy_within(1..=self.ahead, 0);
             self.ahead
         } else {
             0
         };
-        self.filled = Some(sequence);
+        self.filled = Some(path[self.ahead]);
         for (i, tick) in path.iter().enumerate().take(self.ahead + 1).skip(known) {
             self.positions[i] = self.blend.back.position(*tick, self.blended(*tick, generator));
         }

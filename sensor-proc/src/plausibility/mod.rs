@@ -124,14 +124,15 @@ impl Plausibility {
     pub fn judge_value(&mut self, elapsed: u64, value: Option<Value>, encoder_error: bool) -> AxisSample {
         let elapsed = u32::try_from(elapsed.max(1)).unwrap_or(u32::MAX);
         self.ticks_since_good = self.ticks_since_good.saturating_add(elapsed);
-        let mut faults = if encoder_error { sample_fault::ENCODER } else { 0 };
-        match value {
+        let mut faults = 0;
+        // What an encoder says that reports an error says nothing of the axis.
+        match value.filter(|_| !encoder_error) {
             None => {
-                faults |= sample_fault::STALE;
+                faults = if encoder_error { sample_fault::ENCODER } else { sample_fault::STALE };
                 self.steady = 0;
             }
             Some(Value { position, raw }) => {
-                let goes_on = !encoder_error && (position - self.last).abs() <= self.within(f64::from(elapsed));
+                let goes_on = (position - self.last).abs() <= self.within(f64::from(elapsed));
                 self.steady = if goes_on { self.steady.saturating_add(elapsed) } else { 0 };
                 self.unchanged = if raw == self.raw { self.unchanged.saturating_add(elapsed) } else { 0 };
                 (self.last, self.raw) = (position, raw);

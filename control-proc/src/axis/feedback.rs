@@ -126,7 +126,12 @@ impl Feedback {
 
     /// Whether no position has come for so long that references wait for the axis.
     pub fn is_silent(&self) -> bool {
-        self.blind > patience(self.period)
+        self.are_too_many(self.blind)
+    }
+
+    /// Whether a silence of so many ticks makes references wait.
+    pub fn are_too_many(&self, ticks: u64) -> bool {
+        ticks > patience(self.period)
     }
 
     /// Puts `expected` (m) in the place of the position of a blind tick.

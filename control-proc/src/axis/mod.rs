@@ -142,6 +142,10 @@ impl AxisController {
     pub fn update(&mut self, input: &AxisInput<'_>) -> AxisCommand {
         self.state.begin_tick(input.sequence);
         self.feedback.hold_command(input.elapsed.saturating_sub(1));
+        if self.follows() && self.feedback.are_too_many(input.elapsed) {
+            // Nobody has commanded anything: the drive has gone neutral by itself.
+            self.stand(0);
+        }
         self.take_emergency_stop(input.emergency_stop);
         if input.emergency_stop {
             self.operation.requests.stop(input.sequence);

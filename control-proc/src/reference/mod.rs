@@ -134,7 +134,7 @@ impl References {
     pub fn go_on(&mut self, tick: f64, position: f64, generator: &ReferenceGenerator) {
         let wanted = self.blended(tick, generator);
         let is_still = match self.state {
-            State::Tracks => self.channel.is_none() && wanted == self.positions[0],
+            State::Tracks => self.channel.is_none() && wanted == self.positions[0] && self.speed == 0.0,
             State::Holds | State::Halts => self.profile.stands(),
         };
         if is_still {

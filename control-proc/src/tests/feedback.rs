@@ -120,6 +120,29 @@ fn an_axis_does_not_lurch_after_a_silence_in_which_its_reference_went_on() {
 }
 
 #[test]
+fn an_axis_does_not_lurch_after_a_gap_in_the_samples() {
+    let mut machine = machine(1);
+    machine.timing.feedback_timeout = 100 * machine.timing.period;
+    for (begin, gap) in (200..500).step_by(20).flat_map(|begin| [6, 20, 50, 90].map(|gap| (begin, gap))) {
+        let mut axis = Loop::new(&machine, 0.0);
+        axis.run(begin, Some(actuator()));
+        // No samples and no commands: the drive is neutral after its own time-out of 50 ms.
+        let last = axis.tick(None).axes[0].command;
+        (0..gap).for_each(|k| axis.plant.step(if k < 5 { last } else { 0.0 }));
+        axis.sequence += gap;
+        let stands = axis.plant.position;
+        let mut positions = vec![stands];
+        for _ in 0..300 {
+            axis.run(1, Some(actuator()));
+            positions.push(axis.plant.position);
+        }
+        let (first, rest) = (fastest(&positions[..60]), fastest(&positions[60..]));
+        assert!(first < if gap > 10 { 0.13 } else { 0.33 }, "tick {begin}, gap of {gap}: {first} m/s");
+        assert!(rest < 0.25, "tick {begin}, gap of {gap}: {rest} m/s");
+    }
+}
+
+#[test]
 fn an_axis_that_goes_to_a_set_point_does_not_lurch_after_a_silence() {
     let mut machine = super::machine_with(super::SINES, "kind = \"hold\"\n");
     machine.timing.feedback_timeout = 40 * machine.timing.period;

@@ -76,7 +76,9 @@ class Redrawn(unittest.TestCase):
         last = screens[-1]
         self.assertTrue(any(line.startswith("Tracking error, mm") for line in last), "\n".join(last))
         self.assertFalse(any(re.match(r" axis +error  by ", line) for line in last), "\n".join(last))
-        self.assertRegex("\n".join(last).rstrip(), r"(39\d|400) ticks, (3\.9|4\.0)\d* s of the machine in [\d.]+ s: \d+ lost\.$")
+        # A computer that gives a stage no core for a period makes it skip a tick.
+        self.assertRegex("\n".join(last).rstrip(),
+                         r"(39\d|400) ticks, (3\.9|4\.0)\d* s of the machine in [\d.]+ s: \d+ lost\.$")
 
     def test_a_narrow_terminal_cuts_the_lines_of_a_run(self):
         with tempfile.TemporaryDirectory() as boxes:

@@ -7,7 +7,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from support import PATIENT, Running, command
+from support import PATIENT, Running, command, retried
 from terminal import CTRL_C, Terminal
 
 
@@ -65,6 +65,7 @@ class Redrawn(unittest.TestCase):
         self.assertGreater(len(lines), 10)
         self.assertTrue(all(len(line) <= terminal.columns for line in lines), lines)
 
+    @retried
     def test_a_run_redraws_its_block_and_ends_with_the_tables(self):
         with tempfile.TemporaryDirectory() as boxes:
             with Terminal("run", "--duration", "4s", "--prefix", f"py{os.getpid()}-terminal", "--black-box", boxes,
@@ -76,9 +77,7 @@ class Redrawn(unittest.TestCase):
         last = screens[-1]
         self.assertTrue(any(line.startswith("Tracking error, mm") for line in last), "\n".join(last))
         self.assertFalse(any(re.match(r" axis +error  by ", line) for line in last), "\n".join(last))
-        # A computer that gives a stage no core for a period makes it skip a tick.
-        self.assertRegex("\n".join(last).rstrip(),
-                         r"(39\d|400) ticks, (3\.9|4\.0)\d* s of the machine in [\d.]+ s: \d+ lost\.$")
+        self.assertRegex("\n".join(last).rstrip(), r"400 ticks, 4\.0+ s of the machine in [\d.]+ s: \d+ lost\.$")
 
     def test_a_narrow_terminal_cuts_the_lines_of_a_run(self):
         with tempfile.TemporaryDirectory() as boxes:

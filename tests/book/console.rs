@@ -34,8 +34,8 @@ use super::{
 /// Longest time that all commands of one page may take.
 const PATIENCE: Duration = Duration::from_secs(300);
 /// How often the commands of a page with a run in real time are run until they print what the page shows. A computer
-/// that gives a stage no time for three periods makes such a run end latched, and one that gives it no time for two may
-/// cost a model the control of an axis, rightly.
+/// that gives a stage no time for three periods makes such a run end latched, rightly. One that gives it no time for a
+/// period or two costs the telescope's model its control: a known defect. Pages in lock-step compare who controls.
 const REAL_TIME_TRIES: usize = 3;
 /// What such a run prints of it. After all tries, lines with these words are passed over.
 const STALLED: [&str; 5] = [

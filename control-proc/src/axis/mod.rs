@@ -143,7 +143,7 @@ impl AxisController {
         self.state.begin_tick(input.sequence);
         self.feedback.hold_command(input.elapsed.saturating_sub(1));
         if self.follows() && self.feedback.are_too_many(input.elapsed) {
-            // Nobody has commanded anything: the drive has gone neutral by itself.
+            // Nothing was commanded for longer than a drive keeps a command.
             self.stand(0);
         }
         self.take_emergency_stop(input.emergency_stop);

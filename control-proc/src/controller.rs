@@ -117,6 +117,11 @@ impl Controller {
         self.lose(control_flag::FEEDBACK);
     }
 
+    /// Makes axes that follow neutral because no sample comes for now. They go on with the next one.
+    pub fn fall_silent(&mut self) {
+        self.axes.iter_mut().for_each(AxisController::fall_silent);
+    }
+
     /// Latches every axis at neutral for this cause, something that comes too late, except for those that still settle.
     pub fn lose(&mut self, cause: u32) {
         self.axes.iter_mut().for_each(|axis| axis.lose(cause));
@@ -189,7 +194,7 @@ impl Controller {
     }
 
     /// The message that makes all axes neutral at once. It is only copied, and does not change the controller: a caller
-    /// that sends it because the samples have stopped calls [`Self::feedback_lost`] first.
+    /// that sends it because the samples have stopped calls [`Self::fall_silent`] or [`Self::feedback_lost`] first.
     pub fn neutral(&self, sequence: u64) -> ValveCommand {
         self.message_of(sequence, AxisController::neutral_message)
     }

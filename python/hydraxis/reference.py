@@ -21,7 +21,8 @@ class ReferenceWriter:
 
     A message counts for as many ticks as it has positions, at most MAX_PREVIEW = 32. An axis that a message does not
     name is held where it is. The controller refuses a reference that is outside the soft limits, jumps, or begins more
-    than 10 mm from where the axis stands; it then sets the bit REFERENCE in the flags of the axis.
+    than 10 mm from where the axis stands; it then sets the bit REFERENCE in the flags of the axis. One that is already
+    moving is followed from a stand, and fully after a second or more: the axis has the bit SLOWED until then.
     """
 
     def __init__(self, publisher, machine):

@@ -137,6 +137,25 @@ fn row_02_a_short_stop_of_the_acquisition_is_bridged() {
     }
 }
 
+/// Row 2: where no sample comes at all, the controller does not leave it to the drive to make the valves neutral.
+#[test]
+fn row_02_without_samples_the_commands_are_neutral_before_the_time_out() {
+    let arguments = [&LONGER[..], &["--set", "timing.drive_timeout=30s"]].concat();
+    let mut moving = Moving::start("row-02-silent", &arguments);
+    let pid = moving.running.pid(StageKind::SensorProc);
+    let stopped = monotonic_ns();
+    signal(pid, Signal::STOP);
+    let neutral = moving.await_command("neutral", |command| {
+        command.header.sent_ns > stopped && command.axes[..AXES].iter().all(|axis| axis.command == 0.0)
+    });
+    let took = Duration::from_nanos(neutral.header.sent_ns - stopped);
+    judge("row 2", "stop to neutral command", took, Duration::from_millis(60));
+    assert!(neutral.axes[..AXES].iter().all(|axis| axis.flags & control_flag::LATCHED == 0));
+    signal(pid, Signal::CONT);
+    let goes_on = moving.await_command("the boom is driven again", |command| command.axes[0].command.abs() > 0.1);
+    assert_eq!(goes_on.axes[0].flags & control_flag::LATCHED, 0);
+}
+
 /// Row 3: a stop of `sensor-proc` that is longer than the feedback time-out latches.
 #[test]
 fn row_03_a_long_stop_of_the_acquisition_latches() {

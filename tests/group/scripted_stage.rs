@@ -81,8 +81,8 @@ fn references_from_another_program_are_followed_unless_they_are_invalid() {
     }
     group.start_all_but(StageKind::PlantSim, &arguments);
     let mut position = 0.6;
-    // The reference holds for a second, then rises by 0.1 m/s. A message holds ten ticks of it.
-    let target = |tick: u64| 0.6 + 0.001 * tick.saturating_sub(100) as f64;
+    // The reference holds for 1.5 s, then rises by 0.1 m/s. A message holds ten ticks of it.
+    let target = |tick: u64| 0.6 + 0.001 * tick.saturating_sub(150) as f64;
     let mut machine = 0;
     for tick in 0..400 {
         let mut reference = Reference { preview: 10, ..Reference::default() };

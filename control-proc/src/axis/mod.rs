@@ -262,6 +262,13 @@ impl AxisController {
         }
     }
 
+    /// Makes an axis that follows neutral because no sample comes for now.
+    pub fn fall_silent(&mut self) {
+        if self.state.current() == State::Following {
+            self.stand(0);
+        }
+    }
+
     /// Why the axis is latched, [`control_flag`] bits; 0 while it is not.
     pub fn cause(&self) -> u32 {
         self.state.cause()

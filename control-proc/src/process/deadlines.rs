@@ -1,9 +1,11 @@
 //! Late commands and late samples of the stage, in real time, and clocks that cannot be trusted.
 
 use pipeline::{
-    machine::{Machine, samples_of},
+    machine::{Machine, Timing, samples_of},
     stage::asleep_ns,
 };
+
+use crate::axis::patience;
 
 /// Late commands in a row that latch the axes at the least: a single one is due to the scheduler, two are a trend.
 const LEAST_LATE: usize = 2;
@@ -42,6 +44,8 @@ impl Deadlines {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct FeedbackAge {
     timeout_ns: u64,
+    /// Age from which on the valves are neutral.
+    silence_ns: u64,
     /// When that sample was acquired; none before the first.
     acquired_ns: Option<u64>,
     /// The controller has been told that the samples have stopped.
@@ -52,8 +56,16 @@ pub(super) struct FeedbackAge {
 impl FeedbackAge {
     /// Before the first sample.
     pub fn new(machine: &Machine) -> Self {
-        let timeout_ns = machine.timing.feedback_timeout.as_nanos() as u64;
-        Self { timeout_ns, acquired_ns: None, is_lost: false, sleep: Sleep::new() }
+        let Timing { period, feedback_timeout, .. } = machine.timing;
+        let timeout_ns = feedback_timeout.as_nanos() as u64;
+        let silence_ns = (patience(period.as_secs_f64()) + 1) * period.as_nanos() as u64;
+        Self {
+            timeout_ns,
+            silence_ns: silence_ns.min(timeout_ns),
+            acquired_ns: None,
+            is_lost: false,
+            sleep: Sleep::new(),
+        }
     }
 
     /// Whether the computer has been suspended since the last call; `asleep` is [`asleep_ns`].
@@ -69,6 +81,11 @@ impl FeedbackAge {
     /// Whether the samples have stopped by `now`, ns.
     pub fn has_stopped(&self, now: u64) -> bool {
         self.acquired_ns.is_some_and(|acquired| self.is_too_old(now, acquired))
+    }
+
+    /// Whether no sample has come for so long by `now`, ns, that axes wait at neutral.
+    pub fn is_silent(&self, now: u64) -> bool {
+        self.acquired_ns.is_some_and(|acquired| now.checked_sub(acquired).is_none_or(|age| age > self.silence_ns))
     }
 
     /// Notes that the samples have stopped; true for the first time.
@@ -143,6 +160,16 @@ mod tests {
         assert!(age.lose() && !age.lose());
         age.renew(2_000_000_000);
         assert!(age.lose());
+    }
+
+    #[test]
+    fn valves_are_neutral_before_samples_have_stopped_and_no_later() {
+        for (timeout, silent) in [(1000, 60_000_000), (30, 30_000_000)] {
+            let mut age = FeedbackAge::new(&machine(timeout));
+            assert!(!age.is_silent(u64::MAX), "no sample has come yet");
+            age.renew(1_000_000_000);
+            assert!(!age.is_silent(1_000_000_000 + silent) && age.is_silent(1_000_000_001 + silent));
+        }
     }
 
     #[test]

@@ -2,8 +2,9 @@
 //!
 //! In real time the stage watches two times:
 //!
-//! - No sample for more than `feedback_timeout`: the valves are made neutral by a message that only has to be copied,
-//!   and the axes are latched. A sample that is older than that when it is read is not acted on.
+//! - No sample for more than 50 ms or three periods, and one period: the valves are made neutral by a message that only
+//!   has to be copied. After more than `feedback_timeout` the axes are latched, too. A sample that is older than that
+//!   when it is read is not acted on.
 //! - A command that goes out more than a period after its sample was acquired is late. It is made with the newest data.
 //!   As many late commands in a row as periods fit into `feedback_timeout`, at least two, latch the axes.
 //!
@@ -167,11 +168,13 @@ impl Process {
         Ok(())
     }
 
-    /// Real time: makes the valves neutral once the last sample is too old, and again at every call after that.
+    /// Real time: makes the valves neutral once no sample has come for a while, and again at every call after that.
+    /// Once the last sample is too old, the axes are latched.
     fn watch_feedback(&mut self) -> Result<(), StageError> {
         let now = monotonic_ns();
-        if self.clock == Clock::RealTime && self.feedback.has_stopped(now) {
-            if self.feedback.lose() {
+        if self.clock == Clock::RealTime && self.feedback.is_silent(now) {
+            self.core.fall_silent();
+            if self.feedback.has_stopped(now) && self.feedback.lose() {
                 self.core.feedback_lost();
             }
             self.send_neutral(now)?;

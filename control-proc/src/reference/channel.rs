@@ -1,22 +1,32 @@
-//! References from another program, accepted or refused.
+//! References from another program, accepted or refused, and the way to them.
 //!
 //! ```text
 //! i = k - k_ref                                    place of this tick in the preview, 0 while k < k_ref
-//! |y_r(k) - y_r(k-1)| <= 1.5 v_max T + 1 mm        also from each preview entry to the next
+//! |c(k) - c(k-1)| <= 1.5 v_max T + 1 mm            also from each preview entry to the next
+//!
+//! y_r(k) = c(k) - o(k)
+//! o(k)   = o(k-1) + (1 - p(k)) (c(k) - c(k-1)) - p(k) T min(|o(k-1)| / 0.3 s, v_max / 10) sgn o(k-1)
+//! p(k)   = p(k-1) + T / 1 s after an accepted message, p(k-1) - T / 0.2 s after a refused one, from 0 to 1
 //! ```
 //!
-//! k tick of the sample, k_ref tick of the message's first reference, v_max `max_speed` in m/s, T period in s. A
-//! message is refused if it is missing, used up, not finite, outside the soft limits, or older than one before, or if
-//! its references jump. Then the axis holds its present reference, or comes to a stand from it ([`super::References`]).
+//! k tick of the sample, k_ref tick of the message's first reference, c the program's reference and y_r the one that
+//! the axis follows, m; o what is still between them, m; p pace; v_max `max_speed` in m/s, T period in s. A message is
+//! refused if it is missing, used up, not finite, outside the soft limits, or older than one before, or if its
+//! references jump. Then the axis holds its present reference, or comes to a stand from it ([`super::References`]).
 //!
-//! Trap: after a refusal, and at the start, the program may be anywhere. Its references are taken up again only where
-//! they go on from the reference that is held or from where the axis stands, so that nothing moves when they are taken
-//! up.
+//! After a refusal, and at the start, the program may be anywhere, and at any speed. Its references are taken up again
+//! only where they go on from the reference that is held or pass within 10 mm of the axis, and from a stand: y_r has
+//! their speed after a second, and makes good what it was behind with at most a tenth of v_max.
+//!
+//! Trap: a program that goes on through a silence passes an axis that stands. Whoever takes up its reference as it
+//! comes lets the axis leap.
 
 use pipeline::{
     machine::Axis,
     message::{MAX_PREVIEW, Reference},
 };
+
+use super::path::{FALL_TIME, RISE_TIME};
 
 /// Largest distance of a channel's first reference from the position, m. A person first brings the reference to where
 /// the axis stands; 10 mm can be seen on a machine.
@@ -25,6 +35,42 @@ pub const ENGAGE_DISTANCE: f64 = 0.010;
 const SPEED_ALLOWANCE: f64 = 1.5;
 /// Change of a reference that is never a jump, m: rounding to whole millimetres.
 const LEAST_JUMP: f64 = 1e-3;
+/// Fastest change of o, as share of `max_speed`, and time in which the rest of it fades, s.
+const FADE: (f64, f64) = (0.1, 0.3);
+/// o that is none any more, m.
+const LEAST_OFFSET: f64 = 1e-5;
+
+/// The way of one axis to the references of a program.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Way {
+    period: f64,
+    /// Fastest change of o, m/s.
+    speed: f64,
+    soft_limits: (f64, f64),
+    /// p.
+    pace: f64,
+    /// o, m.
+    offset: f64,
+    /// y_r, m.
+    reference: f64,
+}
+
+impl Way {
+    /// Goes on by `ticks` to the program's reference `wanted` m, which has changed by `change` m.
+    fn advance(&mut self, wanted: f64, change: f64, ticks: u64) -> f64 {
+        let time = ticks as f64 * self.period;
+        self.pace = (self.pace + time / RISE_TIME).min(1.0);
+        let fade = (self.offset * (time / FADE.1).min(1.0)).clamp(-self.speed * time, self.speed * time);
+        self.offset += (1.0 - self.pace) * change - self.pace * fade;
+        if self.offset.abs() < LEAST_OFFSET {
+            self.offset = 0.0;
+        }
+        let ((low, high), free) = (self.soft_limits, wanted - self.offset);
+        self.reference = free.clamp(low.min(self.reference), high.max(self.reference));
+        self.offset += free - self.reference;
+        self.reference
+    }
+}
 
 /// Follows the reference channel for one axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,8 +79,9 @@ pub struct ChannelFollower {
     soft_limits: (f64, f64),
     /// Largest change of the reference per tick, m.
     max_step: f64,
-    /// The reference that is held while messages are refused, m.
-    held: f64,
+    way: Way,
+    /// c of the newest accepted message, m, and the ticks since then.
+    last: Option<(f64, u64)>,
     /// The last message was accepted.
     is_engaged: bool,
     /// A message has been accepted since [`Self::begin`].
@@ -46,11 +93,13 @@ pub struct ChannelFollower {
 impl ChannelFollower {
     /// For the axis with this number; `period` in s.
     pub fn new(index: usize, axis: &Axis, period: f64) -> Self {
+        let (speed, soft_limits) = (FADE.0 * axis.max_speed, axis.soft_limits);
         Self {
             axis: index,
-            soft_limits: axis.soft_limits,
+            soft_limits,
             max_step: axis.max_speed * period * SPEED_ALLOWANCE + LEAST_JUMP,
-            held: 0.0,
+            way: Way { period, speed, soft_limits, pace: 0.0, offset: 0.0, reference: 0.0 },
+            last: None,
             is_engaged: false,
             was_engaged: false,
             newest: None,
@@ -59,17 +108,23 @@ impl ChannelFollower {
 
     /// Starts again from where the axis stands (m).
     pub fn begin(&mut self, position: f64) {
-        (self.held, self.is_engaged, self.was_engaged, self.newest) = (position, false, false, None);
+        (self.way.reference, self.way.pace, self.way.offset) = (position, 0.0, 0.0);
+        (self.last, self.is_engaged, self.was_engaged, self.newest) = (None, false, false, None);
     }
 
     /// Holds another reference, m.
     pub fn hold(&mut self, reference: f64) {
-        self.held = reference;
+        self.way.reference = reference;
     }
 
     /// Whether the axis has followed the channel since [`Self::begin`].
     pub fn has_engaged(&self) -> bool {
         self.was_engaged
+    }
+
+    /// Whether the axis follows the program's references behind their time, on the way to them.
+    pub fn is_on_the_way(&self) -> bool {
+        self.is_engaged && (self.way.pace < 1.0 || self.way.offset != 0.0)
     }
 
     /// Fills `positions` with the references (m) from tick `sequence` on. False when the message is refused and the
@@ -86,19 +141,47 @@ impl ChannelFollower {
     ) -> bool {
         let coming = self.coming(reference, sequence).filter(|coming| self.continues(coming[0], elapsed, position));
         let accepted = coming.is_some();
+        if let Some((_, ticks)) = &mut self.last {
+            *ticks += elapsed;
+        }
         if let (Some(coming), Some(reference)) = (coming, reference) {
-            let last = coming[coming.len() - 1];
-            for (i, reference) in positions.iter_mut().enumerate() {
-                *reference = coming.get(i).copied().unwrap_or(last);
-            }
-            self.held = coming[0];
+            self.take_up(coming, elapsed, positions);
             self.newest = Some(reference.header.sequence);
             self.was_engaged = true;
         } else {
-            positions.fill(self.held);
+            self.rest(elapsed);
+            positions.fill(self.way.reference);
         }
         self.is_engaged = accepted;
         accepted
+    }
+
+    /// Follows an accepted message.
+    fn take_up(&mut self, coming: &[f64], elapsed: u64, positions: &mut [f64]) {
+        let first = coming[0];
+        let speed = self.last.map_or(0.0, |(last, ticks)| (first - last) / ticks.max(1) as f64);
+        let change = speed * elapsed as f64;
+        if !self.is_engaged {
+            self.way.offset = first - change - self.way.reference;
+        }
+        self.way.advance(first, change, elapsed);
+        self.last = Some((first, 0));
+        let mut way = self.way;
+        for (i, reference) in positions.iter_mut().enumerate() {
+            *reference = match (i, coming.get(i)) {
+                (0, _) => way.reference,
+                (_, Some(wanted)) => way.advance(*wanted, wanted - coming[i - 1], 1),
+                (_, None) => way.advance(coming[coming.len() - 1], 0.0, 1),
+            };
+        }
+    }
+
+    /// A tick without an accepted message.
+    fn rest(&mut self, elapsed: u64) {
+        self.way.pace = (self.way.pace - elapsed as f64 * self.way.period / FALL_TIME).max(0.0);
+        if self.way.pace == 0.0 {
+            self.way.offset = 0.0;
+        }
     }
 
     /// The references of the message from this tick on, at least one, if the message and all of them are sound.
@@ -122,8 +205,8 @@ impl ChannelFollower {
     }
 
     /// Whether a reference goes on from what the axis does now.
-    fn continues(&self, reference: f64, elapsed: u64, position: f64) -> bool {
-        let from_held = self.was_engaged && (reference - self.held).abs() <= self.max_step * elapsed as f64;
-        from_held || (!self.is_engaged && (reference - position).abs() <= ENGAGE_DISTANCE)
+    fn continues(&self, wanted: f64, elapsed: u64, position: f64) -> bool {
+        let from_held = (wanted - self.way.offset - self.way.reference).abs() <= self.max_step * elapsed as f64;
+        (self.was_engaged && from_held) || (!self.is_engaged && (wanted - position).abs() <= ENGAGE_DISTANCE)
     }
 }

@@ -232,7 +232,8 @@ impl References {
                 self.profile.fill(positions);
                 channel.hold(positions[0]);
             }
-            return ReferenceStatus { is_refused: !is_accepted, counts: channel.has_engaged(), is_slowed: false };
+            let (counts, is_slowed) = (channel.has_engaged(), channel.is_on_the_way());
+            return ReferenceStatus { is_refused: !is_accepted, counts, is_slowed };
         }
         // A reference depends on its time alone, so all but the newest are known from the tick before.
         let is_known = elapsed == 1 && self.ahead > 0 && self.filled == Some(path[self.ahead - 1]);

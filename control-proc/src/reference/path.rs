@@ -36,9 +36,9 @@ const ARRIVAL: f64 = 0.01;
 /// Least r, so that a wrong model delays a reference but never stops it.
 const LEAST_RATE: f64 = 1e-3;
 /// Time in which the path comes to a stand, s: about what an axis takes to stand once its valve is neutral.
-const FALL_TIME: f64 = 0.2;
+pub(super) const FALL_TIME: f64 = 0.2;
 /// Time in which the path goes on at its full rate, s.
-const RISE_TIME: f64 = 1.0;
+pub(super) const RISE_TIME: f64 = 1.0;
 /// s of this tick and of all coming ones that any axis can look at, and of one more.
 const LENGTH: usize = MAX_AHEAD + 1;
 

@@ -109,7 +109,8 @@ pub mod control_flag {
     /// The model followed worse than the fallback would, or swung: the fallback controls.
     pub const MODEL_WORSE: u32 = 65536;
 
-    /// The reference goes on more slowly: it asks for more than an axis can give.
+    /// The reference goes on more slowly: it asks for more than an axis can give, or an axis waits for readings, or has
+    /// only just been taken up.
     pub const SLOWED: u32 = 131_072;
     /// The axis moved though nobody had commanded it; latched, with the pilot pressure cut off.
     pub const MOTION: u32 = 262_144;

@@ -146,7 +146,8 @@ enum HydraxisControlFlag {
     HYDRAXIS_CONTROL_FLAG_HALF_SPEED = 32768,
     // The model followed worse than the fallback would, or swung: the fallback controls.
     HYDRAXIS_CONTROL_FLAG_MODEL_WORSE = 65536,
-    // The reference goes on more slowly: it asks for more than an axis can give.
+    // The reference goes on more slowly: it asks for more than an axis can give, or an axis waits for readings, or has
+    // only just been taken up.
     HYDRAXIS_CONTROL_FLAG_SLOWED = 131072,
     // The axis moved though nobody had commanded it; latched, with the pilot pressure cut off.
     HYDRAXIS_CONTROL_FLAG_MOTION = 262144,

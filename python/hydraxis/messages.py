@@ -99,7 +99,8 @@ class ControlFlag(IntFlag):
     HALF_SPEED = 32768
     # The model followed worse than the fallback would, or swung: the fallback controls.
     MODEL_WORSE = 65536
-    # The reference goes on more slowly: it asks for more than an axis can give.
+    # The reference goes on more slowly: it asks for more than an axis can give, or an axis waits for readings, or has
+    # only just been taken up.
     SLOWED = 131072
     # The axis moved though nobody had commanded it; latched, with the pilot pressure cut off.
     MOTION = 262144

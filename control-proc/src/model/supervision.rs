@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! E <- mean of e^2 with the memory tau         e = e_m under the model, e_s of the fallback in its shadow at that tick
-//! suspect   E_m > 4 B + e_0^2          with tau = max(0.5 s, 1.5 L)
+//! suspect   E_m > 4 max(B, B') + e_0^2  with tau = max(0.5 s, 1.5 L);  B' is B of the other look
 //! or        E_m > 1.2 B + (e_0/4)^2    with tau = max(5 s, 15 L), not for 20 s, 40 s .. 320 s after an acquittal
 //!           after 2 tau of control, while the command is not at its limit;  B = min(E_s, 2.25 E_f max(V_m/V_f, 1))
 //! or        it swings ([`super::swing`])
@@ -81,11 +81,16 @@ impl Look {
         (self.model, self.shadow) = Default::default();
     }
 
-    /// Whether the model is suspect, beside a fallback of `fallback`.
-    fn is_worse(&self, fallback: Option<&Squares>) -> bool {
+    /// B, m2, beside a fallback of `fallback`.
+    fn bound(&self, fallback: Option<&Squares>) -> f64 {
         // `min` leaves out what is not a number: a fallback that has never moved.
         let measured = fallback.map_or(f64::NAN, |fallback| EXCUSED * fallback.for_speed(self.model.speed, 1.0));
-        let bound = self.shadow.error.min(measured);
+        self.shadow.error.min(measured)
+    }
+
+    /// Whether the model is suspect, beside a fallback of `fallback`, with a bound of at least `least` m2.
+    fn is_worse(&self, fallback: Option<&Squares>, least: f64) -> bool {
+        let bound = self.bound(fallback).max(least);
         self.model.time > 2.0 * self.memory && self.model.error > self.worse * bound + self.floor
     }
 }
@@ -190,7 +195,9 @@ impl Supervision {
     fn suspect(&mut self, swings: bool, time: f64) {
         self.grace = (self.grace - time).max(0.0);
         let fallback = Some(&self.fallback).filter(|fallback| fallback.time >= self.measured);
-        let [last, many] = self.looks.map(|look| look.is_worse(fallback));
+        // A moment in which the fallback would do far better than it does otherwise says nothing of the model.
+        let usual = self.looks[1].bound(fallback);
+        let [last, many] = [(0, usual), (1, 0.0)].map(|(i, least)| self.looks[i].is_worse(fallback, least));
         let model = if many { self.looks[1].model } else { self.looks[0].model };
         if swings || last || (many && self.grace == 0.0) {
             self.phase = Phase::Trial(model, 0.0);
@@ -346,6 +353,19 @@ mod tests {
         let mut supervision = supervision();
         (0..3000).for_each(|_| supervision.update(&at(0.02), Some(2e-3), true));
         assert!(supervision.trusts());
+    }
+
+    #[test]
+    fn a_moment_in_which_the_fallback_would_do_better_than_usual_says_nothing() {
+        let mut supervision = supervision();
+        // For one second in ten the fallback would have a third of its error.
+        for tick in 0..4500 {
+            let shadow = if tick % 1000 < 900 { 3.2e-3 } else { 1e-3 };
+            supervision.update(&at(3e-3), Some(shadow), false);
+            assert!(supervision.trusts(), "{tick}");
+        }
+        // A model that becomes worse is found as soon as before.
+        expect(&changes(&mut supervision, 150, 12e-3, 3.2e-3, 3e-3), &[(0.06, false)]);
     }
 
     #[test]

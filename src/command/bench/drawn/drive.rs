@@ -1,7 +1,7 @@
 //! One drawn machine: commissioned, then driven with every task, once by its fallback and once by its model.
 //!
-//! The machine is commissioned as `hydraxis commission FILE` does it, before anything changes. The text of the model
-//! file that this would write is read as `--model` reads it. The tasks run under the scenario of the file. Errors are
+//! The machine is commissioned as `hydraxis commission FILE` does it, before anything changes. Where that is refused, a
+//! second time with the option that the refusal asks for. The text of the model file that this would write is read as `--model` reads it. The tasks run under the scenario of the file. Errors are
 //! reference minus true position.
 
 use control_proc::{
@@ -33,11 +33,16 @@ use crate::{
 /// Seed of the noise of the encoder while the tasks are driven. That of commissioning is the default of `commission`.
 const DRIVING_SEED: u64 = 2;
 
+/// Travel of the second try, in parts of what the first one has found too little.
+const WIDER: f64 = 1.1;
+
 /// What became of a machine.
 #[derive(Debug, Clone)]
 pub struct Outcome<T> {
     /// The machine.
     pub rig: Rig,
+    /// How often it was commissioned, 1 or 2.
+    pub tries: usize,
     /// What it did, or why commissioning refused it.
     pub result: Result<T, Refusal>,
 }
@@ -49,6 +54,8 @@ pub struct Refusal {
     pub reason: &'static str,
     /// As the user reads it.
     pub message: String,
+    /// What it asks for: other options of `commission`.
+    next: Option<ExperimentOptions>,
 }
 
 /// A commissioned machine that was driven.
@@ -115,24 +122,28 @@ pub type Settings = Vec<(String, String)>;
 /// # Errors
 /// The machine cannot be simulated or controlled: an error of this program.
 pub fn drive(rig: &Rig) -> Result<Outcome<Driven>, Failure> {
-    let result = match Ready::new(rig)? {
+    let (tries, ready) = Ready::new(rig)?;
+    let result = match ready {
         Ok(ready) => Ok(ready.drive()?),
         Err(refusal) => Err(refusal),
     };
-    Ok(Outcome { rig: rig.clone(), result })
+    Ok(Outcome { rig: rig.clone(), tries, result })
 }
 
 impl<'a> Ready<'a> {
-    /// Commissions a machine.
+    /// Commissions a machine; also says how many tries that took.
     ///
     /// # Errors
     /// The machine cannot be simulated: an error of this program.
-    pub fn new(rig: &'a Rig) -> Result<Result<Self, Refusal>, Failure> {
+    pub fn new(rig: &'a Rig) -> Result<(usize, Result<Self, Refusal>), Failure> {
         let still = machine(rig, Task::Sines, &[])?;
-        let model = match commission(&still) {
-            Ok(model) => model,
-            Err(refusal) => return Ok(Err(refusal)),
-        };
+        let first = commission(&still, &ExperimentOptions::default());
+        let next = first.as_ref().err().and_then(|refusal| refusal.next);
+        let (tries, found) = next.map_or((1, first), |options| (2, commission(&still, &options)));
+        Ok((tries, found.map_or_else(|refusal| Ok(Err(refusal)), |model| Self::tuned(rig, still, model))?))
+    }
+
+    fn tuned(rig: &'a Rig, still: Machine, model: Commissioned) -> Result<Result<Self, Refusal>, Failure> {
         let control = tuned(&still, 0, &model);
         let settings = model_file(&still, &model, control)?;
         Ok(match machine(rig, Task::Sines, &settings) {
@@ -140,7 +151,7 @@ impl<'a> Ready<'a> {
                 let is_chosen = commissioned.axes[0].control.model == ModelChoice::Adaptive;
                 Ok(Self { rig, still, model, control, settings, is_chosen })
             }
-            Err(error) => Err(Refusal { reason: "model file", message: error.to_string() }),
+            Err(error) => Err(Refusal { reason: "model file", message: error.to_string(), next: None }),
         })
     }
 
@@ -172,12 +183,24 @@ pub fn model_file(still: &Machine, model: &Commissioned, control: Option<Control
     Ok(model_settings_in(&model_text(still, std::iter::once((0, model, control))), "model file")?)
 }
 
-fn commission(machine: &Machine) -> Result<Commissioned, Refusal> {
-    let options = ExperimentOptions::default();
-    let found = commission_axis(machine, 0, options.seed, &options, |_, _| ());
-    let (model, _) = found.map_err(|error| Refusal { reason: reason(&error), message: error.to_string() })?;
+fn commission(machine: &Machine, options: &ExperimentOptions) -> Result<Commissioned, Refusal> {
+    let longer = Some(ExperimentOptions { duration: 2 * options.duration, ..*options });
+    let found = commission_axis(machine, 0, options.seed, options, |_, _| ());
+    let (model, _) = found.map_err(|error| {
+        let next = match &error {
+            SimulatedError::Aborted(Abort::TooSmall { needed, .. }) => {
+                let (low, high) = machine.axes[0].soft_limits;
+                let travel = Some(WIDER * needed).filter(|travel| *travel < high - low);
+                travel.map(|travel| ExperimentOptions { travel: Some(travel), ..*options })
+            }
+            SimulatedError::Aborted(Abort::TooShort { .. }) => longer,
+            _ => None,
+        };
+        Refusal { reason: reason(&error), message: error.to_string(), next }
+    })?;
     if is_poor(&model) {
-        return Err(Refusal { reason: "poor fit", message: format!("fit of {:.1} %", model.fit_percent) });
+        let message = format!("fit of {:.1} %", model.fit_percent);
+        return Err(Refusal { reason: "poor fit", message, next: longer });
     }
     Ok(model)
 }

@@ -16,6 +16,8 @@ pub struct SetRow {
     half: Option<&'static str>,
     drawn: usize,
     commissioned: usize,
+    /// Of these, machines that took two tries.
+    second_try: usize,
     /// Machines whose model file lets the model control.
     chosen: usize,
     refusals: Vec<Refusals>,
@@ -32,12 +34,14 @@ impl SetRow {
     /// Of these machines. `is_chosen`: whether the model file lets the model control.
     pub fn new<T>(choice: &Choice, outcomes: &[Outcome<T>], is_chosen: impl Fn(&T) -> bool) -> Self {
         let commissioned = || outcomes.iter().filter_map(|outcome| outcome.result.as_ref().ok());
+        let is_second = |outcome: &&Outcome<T>| outcome.result.is_ok() && outcome.tries > 1;
         Self {
             seed: choice.seed,
             set: choice.count,
             half: choice.half.map(|half| if half == Half::Design { "design" } else { "judge" }),
             drawn: outcomes.len(),
             commissioned: commissioned().count(),
+            second_try: outcomes.iter().filter(is_second).count(),
             chosen: commissioned().filter(|driven| is_chosen(driven)).count(),
             refusals: refusals(outcomes),
         }
@@ -47,11 +51,13 @@ impl SetRow {
     pub fn text(&self) -> String {
         let part = |count: usize| percent(100.0 * count as f64 / self.drawn.max(1) as f64);
         let mut text = format!(
-            "{} machines of seed {}: {} commissioned ({}), of which {} are controlled by their models.\n",
+            "{} machines of seed {}: {} commissioned ({}), {} of them at the second try, as the first refusal asks for; {} \
+             are controlled by their models.\n",
             self.drawn,
             self.seed,
             self.commissioned,
             part(self.commissioned),
+            self.second_try,
             self.chosen
         );
         if !self.refusals.is_empty() {

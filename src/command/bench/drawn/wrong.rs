@@ -209,12 +209,13 @@ pub struct Triple {
 /// # Errors
 /// The machine cannot be simulated or controlled: an error of this program.
 pub fn mislead(rig: &Rig, seed: u64) -> Result<Outcome<Option<Misled>>, Failure> {
-    let result = match Ready::new(rig)? {
+    let (tries, ready) = Ready::new(rig)?;
+    let result = match ready {
         Ok(ready) if ready.is_chosen => Ok(Some(misled(&ready, seed)?)),
         Ok(_) => Ok(None),
         Err(refusal) => Err(refusal),
     };
-    Ok(Outcome { rig: rig.clone(), result })
+    Ok(Outcome { rig: rig.clone(), tries, result })
 }
 
 fn misled(ready: &Ready<'_>, seed: u64) -> Result<Misled, Failure> {

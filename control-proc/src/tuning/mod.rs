@@ -27,8 +27,8 @@
 //! machines they made the errors larger, and as many holds cycled.
 //!
 //! The gains with the least J are chosen among those with which none of the three plants moves by more than
-//! [`RESTING_MOTION`] while the reference stands for long. A grid of factors of two is searched first, then finer and
-//! finer steps around the best point.
+//! [`RESTING_MOTION`] while the reference stands for long. Where there are none, those with the least motion are. A grid
+//! of factors of two is searched first, then finer and finer steps around the best point.
 //!
 //! The comparison is fair: a baseline gets the gains that a patient engineer with this model would find, on this
 //! course. The gains are robust: a fast plant with a long dead time asks for low gains, a slow one for high gains, and
@@ -84,16 +84,18 @@ const UNSEEN_FREQUENCY: f64 = 10.0;
 pub const SPRING_FREQUENCY: f64 = 5.0;
 /// Damping ratio of load and oil; 0.1 to 0.2 is usually measured (Merritt, 1967).
 pub const SPRING_DAMPING: f64 = 0.15;
-/// Length of the last rest of the course, s: slow cycles need time to show.
-const LONG_REST: f64 = 20.0;
-/// The part of it that is watched for motion, s.
-const WATCHED: f64 = 10.0;
+/// Length of the last rest of the course, in s and in reactions of the axis: slow cycles need time to show.
+const LONG_REST: (f64, f64) = (20.0, 36.0);
+/// The part of it that is watched for motion.
+const WATCHED: f64 = 0.5;
 /// Longest step of the simulation, s: a small part of the spring's period.
 const LONGEST_STEP: f64 = 2.5e-3;
 /// First kp of the grid as part of 1 / (gain * delay).
 const FIRST_GAIN: f64 = 0.5;
-/// Powers of two by which the grid multiplies the first kp.
-const GAIN_POWERS: std::ops::RangeInclusive<i32> = -4..=2;
+/// Powers of two by which the grid multiplies the first kp. No gain is less: where the dead time is long, the course is
+/// followed as well without any, but then nothing brings an axis back that is loaded or slower than its model. The
+/// least has a gain margin of 6 on the steepest piece of the curve.
+const GAIN_POWERS: std::ops::RangeInclusive<i32> = -1..=2;
 /// Ratios of ki to kp on the grid, 1/s.
 const RATES: [f64; 7] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6];
 
@@ -133,8 +135,10 @@ impl Baseline {
         // For a linear loop with the gain of the steepest piece the grid begins far below the gain that the delay
         // allows.
         let start = FIRST_GAIN / (steepest(bench.model) * (bench.model.reaction() + period));
-        let mut best = (bench.rated(&control), control);
+        let mut best = (Rating { excess: f64::INFINITY, square: f64::INFINITY }, control);
+        let least = start * 2f64.powi(*GAIN_POWERS.start());
         let mut consider = |kp: f64, ki: f64| {
+            let kp = kp.max(least);
             let candidate = Control { kp, ki, ..control };
             let rating = bench.rated(&candidate);
             if rating < best.0 {
@@ -263,6 +267,8 @@ struct Bench<'a> {
     model: &'a Commissioned,
     resolution: f64,
     period: f64,
+    /// The part of the course that is watched for motion, s.
+    watched: f64,
     /// y_r tick by tick, m.
     references: Vec<f64>,
 }
@@ -272,9 +278,10 @@ impl<'a> Bench<'a> {
         let model = axis.commissioned.as_ref()?;
         let points = course(index, axis.soft_limits, reached(model, axis.control.command_limit));
         let round = crate::reference::trajectory::Trajectory::through(points);
-        let ticks = ((END - TRAINING + LONG_REST) / period) as usize;
+        let rest = LONG_REST.0.max(LONG_REST.1 * model.reaction());
+        let ticks = ((END - TRAINING + rest) / period) as usize;
         let references = (0..ticks).map(|tick| round.position(TRAINING + tick as f64 * period)).collect();
-        Some(Self { model, resolution: axis.encoder.resolution, period, references })
+        Some(Self { model, resolution: axis.encoder.resolution, period, watched: WATCHED * rest, references })
     }
 
     /// Natural frequency of load and oil, Hz. The gains of the fallback hold with the slowest spring; those of a Smith
@@ -301,7 +308,7 @@ impl<'a> Bench<'a> {
         let mut axis = SimulatedAxis::new(self.model, plant, swing, step, self.references[0]);
         let mut tried = Tried::new(control, self.model, self.period);
         let judged = ((END - TRAINING) / self.period) as usize;
-        let watched = self.references.len() - (WATCHED / self.period) as usize;
+        let watched = self.references.len() - (self.watched / self.period) as usize;
         let (mut command, mut squares) = (0.0, 0.0);
         let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
         for (tick, reference) in self.references.iter().enumerate() {

@@ -32,7 +32,7 @@ use drawn::Choice;
 use report::BenchReport;
 
 /// Longest dead time of a simulated valve.
-const LONGEST: Duration = Duration::from_millis(500);
+const LONGEST: Duration = Duration::from_secs(1);
 
 /// Runs the command.
 pub fn run(arguments: &BenchControlArguments) -> Result<(), Failure> {

@@ -206,7 +206,7 @@ fn rig(
         significant(0.6 * bore, 2),
     )?;
     let valve_hz = value(&VALVE_HZ, &arguments.valve_hz, 1.0..=100.0, 8.0)?;
-    let dead_time = value(&DEAD_TIME, &arguments.dead_time, 0.0..=0.5, 0.04)?;
+    let dead_time = value(&DEAD_TIME, &arguments.dead_time, 0.0..=1.0, 0.04)?;
     let travel = |seconds: f64| significant((stroke / seconds).min(3.0), 2);
     let speed = value(&SPEED, &arguments.speed, travel(60.0)..=travel(0.5), travel(3.0))?;
     let mut rig = Rig {

@@ -52,7 +52,7 @@ fn a_unit_of_another_dimension_is_refused_with_those_that_are_allowed() {
     expect_refusal(
         folder.path(),
         &["check", "m.toml", "--set", "axis.boom.plant.dead_time=4mm"],
-        &["axis.boom.plant.dead_time: found 4mm (from the command line); allowed: a number from 0 to 0.5 s, or a \
+        &["axis.boom.plant.dead_time: found 4mm (from the command line); allowed: a number from 0 to 1 s, or a \
            text with one of the units s, ms, us, min"],
     );
 }

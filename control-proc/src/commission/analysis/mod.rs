@@ -49,7 +49,7 @@ use pipeline::machine::{Commissioned, DeadBand};
 
 use super::record::ExperimentRecord;
 use fit::{Data, Drift};
-use shape::{KNOTS, LONGEST_DEAD_TIME, Parameters, Shape};
+use shape::{KNOTS, Parameters, Shape};
 use simplex::minimum;
 
 /// How far ahead the model is judged, s.
@@ -62,6 +62,9 @@ const FITTED_PART: f64 = 2.0 / 3.0;
 const TIME_CONSTANTS: [f64; 3] = [0.03, 0.1, 0.25];
 /// Steps of the grids of dead time and of dead bands.
 const GRID_STEPS: i32 = 20;
+/// Dead time in the grid at step number [`GRID_STEPS`], s, and the number of the longest one.
+const LONG_DEAD_TIME: f64 = 0.8;
+const LONGEST_STEPS: i32 = 30;
 /// Part of the largest speed below which a curve is flat.
 const FLAT: f64 = 0.03;
 /// Most moves of the dead bands beyond a flat beginning of the curve.
@@ -226,8 +229,8 @@ impl Search<'_> {
         };
         let on_grid = |largest: f64, i: i32| largest * f64::from(i) / f64::from(GRID_STEPS);
         for tau in TIME_CONSTANTS {
-            for i in 0..=GRID_STEPS {
-                try_one([on_grid(LONGEST_DEAD_TIME, i), tau.ln(), 0.0, 0.0, 0.0, 0.0, FIRST_DAMPING], &mut best);
+            for i in 0..=LONGEST_STEPS {
+                try_one([on_grid(LONG_DEAD_TIME, i), tau.ln(), 0.0, 0.0, 0.0, 0.0, FIRST_DAMPING], &mut best);
             }
         }
         for sides in [&[2, 3][..], &[2], &[3]] {

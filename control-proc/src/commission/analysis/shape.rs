@@ -14,7 +14,7 @@ pub(super) const KNOTS: usize = 6;
 /// Where the curve bends, in parts of the largest opening.
 pub(super) const BENDS: [f64; KNOTS] = [0.0, 0.1, 0.22, 0.38, 0.58, 0.8];
 /// Longest dead time that is searched, s.
-pub(super) const LONGEST_DEAD_TIME: f64 = 0.8;
+const LONGEST_DEAD_TIME: f64 = 1.2;
 /// Shortest time constant that is searched, s.
 const SHORTEST_TIME_CONSTANT: f64 = 1e-3;
 /// Longest time constant that is searched, s.

@@ -268,7 +268,7 @@ impl Valve {
                 .number(1e-3..=10.0, "s"),
             dead_time: section
                 .key("dead_time", "Time from a command to the first reaction of the valve")
-                .number(0.0..=0.5, "s"),
+                .number(0.0..=1.0, "s"),
         }
     }
 }

@@ -149,7 +149,7 @@ fn invalid_options_are_refused() {
     refuse(&["--controller", "pid"], &["pid", "pi-feedforward", "mpc-adaptive"]);
     refuse(&["--scenario", "earthquake"], &["found earthquake", "\"payload\""]);
     refuse(&["--scenario", "open-loop"], &["found \"open-loop\"", "allowed: scenarios without commands"]);
-    refuse(&["--dead-time", "10ms,700ms"], &["--dead-time: found 700ms; allowed: up to 500ms"]);
+    refuse(&["--dead-time", "10ms,1100ms"], &["--dead-time: found 1s 100ms; allowed: up to 1s"]);
     refuse(&["--dead-time", "fast"], &["--dead-time", "allowed: a duration"]);
     refuse(&["--seeds", "0"], &["--seeds", "from 1 to 1000"]);
     refuse(&["--json", "no/such/folder.json", "--scenario", "nominal"], &["--json: no/such/folder.json"]);

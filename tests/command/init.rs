@@ -186,7 +186,7 @@ fn refusals_name_flag_value_and_what_is_allowed() {
         ("--bore", "", "allowed: 25 mm to 500 mm"),
         ("--rod", "50mm", "allowed: 10 mm to 45 mm"),
         ("--valve-hz", "nan", "allowed: 1 Hz to 100 Hz, as a number in Hz or with one of the units Hz, kHz"),
-        ("--dead-time", "40", "allowed: 0 ms to 500 ms"),
+        ("--dead-time", "40", "allowed: 0 ms to 1000 ms"),
         ("--speed", "2", "mm/s to 1000 mm/s"),
         ("--mass", "1g", "kg, as a number in kg or with one of the units kg, t, g, lb"),
         ("--load", "1MN", "kN, as a number in N or"),

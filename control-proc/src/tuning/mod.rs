@@ -435,6 +435,24 @@ mod tests {
     }
 
     #[test]
+    fn an_axis_with_a_long_dead_time_has_gains_that_bring_it_to_its_reference() {
+        for dead_time in [0.5, 1.0] {
+            let axis = axis(dead_time);
+            let model = Commissioned { dead_time, ..commissioned() };
+            let control = Baseline::Feedforward.tuned(0, &axis, PERIOD).unwrap();
+            let settings = smith(0, &axis, &control, PERIOD).unwrap();
+            let gain = control.kp * steepest(&model) * (model.reaction() + PERIOD);
+            assert!(gain > 0.249, "{dead_time} s: {gain}");
+            for law in [Law::Predictive, Law::Smith(settings)] {
+                let control = Control { law, ki: 0.0, ..control };
+                let positions = step_response(&control, &model, PERIOD, 0.1, 6000);
+                let (left, last) = (0.1 * 0.1 / control.kp, positions[5999]);
+                assert!((0.1 - last).abs() < left + 1e-3, "{dead_time} s, {law:?}: {last} m, {left} m");
+            }
+        }
+    }
+
+    #[test]
     fn without_a_dead_time_the_gain_is_no_higher_than_the_fallbacks() {
         for (dead_time, most) in [(1e-3, 1.0), (0.01, 1.4)] {
             let axis = axis(dead_time);

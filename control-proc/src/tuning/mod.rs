@@ -72,6 +72,9 @@ const SMITH_GAINS: [f64; 5] = [2.0, 1.7, 1.4, 1.2, 1.0];
 /// What the gain may be more than the fallback's, for each part of t_d/(tau + T): without a dead time there is nothing
 /// to predict, and a higher gain only finds what the model does not know.
 const PREDICTED: f64 = 2.0;
+/// Least t_d/(tau + T) of a Smith predictor. Of 22 drawn machines with less it was worse than the fallback with 14, each
+/// in one of four tasks or more, by a factor of up to 3.5.
+const LEAST_DEAD_TIME: f64 = 0.3;
 /// Error on the plant as commissioned, in parts of that of the fallback, beyond which it is not worth its model.
 const WORTH: f64 = 0.9;
 /// Least natural frequency of the load that a Smith predictor is used with, Hz. It takes the load for stiff: an axis
@@ -187,8 +190,8 @@ impl Baseline {
 
 /// The Smith predictor for `axis` number `index`, whose fallback has the tuned settings `control`, for a command every
 /// `period` s: the integral gain of the fallback, and twice its gain or as much of that as keeps the margins and as the
-/// dead time is worth. `None` for an axis that is not commissioned, of a soft load, where no gain keeps them, and
-/// where the fallback follows as well.
+/// dead time is worth. `None` for an axis that is not commissioned, of a soft load or with hardly any dead time, where no
+/// gain keeps them, and where the fallback follows as well.
 pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Option<SmithSettings> {
     let bench = Bench::new(index, axis, period)?;
     // A load without a spring that was found has the frequency 0.
@@ -196,7 +199,11 @@ pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Optio
         return None;
     }
     let observer_time = bench.model.observer_time(period);
-    let most = 1.0 + PREDICTED * bench.model.dead_time / (bench.model.time_constant + period);
+    let relative_dead_time = bench.model.dead_time / (bench.model.time_constant + period);
+    if relative_dead_time < LEAST_DEAD_TIME {
+        return None;
+    }
+    let most = 1.0 + PREDICTED * relative_dead_time;
     let gains = SMITH_GAINS.into_iter().filter(|gain| *gain <= most);
     let settings = gains.map(|gain| SmithSettings { kp: gain * control.kp, ki: control.ki, observer_time });
     let with = |settings| Control { law: Law::Smith(settings), ..*control };

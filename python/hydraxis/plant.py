@@ -89,7 +89,8 @@ class _Process:
         self.plant, self.arguments = plant, arguments
         self.axes = len(machine["axis"])
         self.period = seconds(machine["timing"]["period"])
-        self.drive_timeout = seconds(machine["timing"].get("drive_timeout", "50ms"))
+        timeout = machine["timing"].get("drive_timeout")
+        self.drive_timeout = seconds(timeout) if timeout else max(0.05, 3 * self.period)
         self.neutral = [0.0] * self.axes
         self.membership = Membership(arguments.prefix, "plant")
         self.readings = Publisher(self.membership, EncoderReading)

@@ -3,13 +3,14 @@
 //! ```text
 //! stuck     sum of s(u) T while u is one way >= stuck_after + t_d, and y has not changed at all for stuck_after
 //!           s(u) = 0 up to d + 0.05, 1 from d + 0.1 on, a straight line between them
-//! stalled   u beyond d + 0.1 one way for 0.4 s + t_r, in which y has not moved that way by 0.4 s * v_max / 200;
-//!           0.4 s after y has turned, where the axis ran on against u for up to 0.4 s + t_r
+//! stalled   u beyond d + 0.1 one way for t_s + t_r, in which y has not moved that way by 0.4 s * v_max / 200 or 5 r;
+//!           t_s after y has turned, where the axis ran on against u for up to t_s + t_r
+//! t_s       0.4 s, or 5 r / (v_max / 50) where that is longer, but at most 2 s
 //! ```
 //!
 //! u command, d calibrated or commissioned dead band, whichever is wider, y position m, T period s, t_d dead time s,
-//! t_r dead time and time constant of the commissioned model together, at least t_d, s, v_max `max_speed` m/s. All
-//! times begin anew after a gap in the ticks that is longer than `drive_timeout`: by then the drive is neutral.
+//! t_r dead time and time constant of the commissioned model together, at least t_d, s, v_max `max_speed` m/s, r length
+//! of a count m. All times begin anew after a gap in the ticks that is longer than `drive_timeout`: by then the drive is neutral.
 //!
 //! Stuck is an encoder that does not report any change; this is seen from the positions alone. Stalled is an axis
 //! without supply, or one that stands against an obstacle. Its encoder may be healthy and show noise.
@@ -19,8 +20,8 @@
 //! come from one margin to the other; hence the weight s. Motion against the command does not count as motion. But
 //! after a reversal an axis runs on against its new command until that command acts. Then the axis has to come back all
 //! of that way before it passes the position of the reversal. So the motion is measured from the furthest point of the
-//! run-out. An axis that still moves against the command after 0.4 s + t_r does not run out: it is stalled at 0.8 s +
-//! t_r.
+//! run-out. An axis that still moves against the command after t_s + t_r does not run out: it is stalled at 2 t_s + t_r.
+//! A slow axis with a coarse encoder passes few counts in 0.4 s, though it moves.
 
 use std::time::Duration;
 
@@ -32,12 +33,21 @@ pub const STUCK_MARGIN: f64 = 0.05;
 /// Command beyond the dead band from which on an axis that hardly moves is a fault. A dead band that has grown by half,
 /// friction and hysteresis are within this margin.
 pub const STALL_MARGIN: f64 = 0.1;
-/// Time in which a driven axis has to move.
-pub const STALL_TIME: Duration = Duration::from_millis(400);
+/// Least and longest time in which a driven axis has to move, s.
+pub const STALL_TIME: f64 = 0.4;
+const LONGEST_STALL_TIME: f64 = 2.0;
 /// Part of `max_speed` below which an axis hardly moves. The judge refuses a model that moves less than twice that.
 const HARDLY_MOVING: f64 = 0.005;
 /// Counts of the encoder that are no motion.
 pub const NOISE_COUNTS: f64 = 5.0;
+/// Part of `max_speed` at which an axis has the time to pass these counts.
+const SEEN_SPEED: f64 = 0.02;
+
+/// t_s: time in which a driven axis has to move.
+fn stall_time(axis: &Axis) -> Duration {
+    let seen = NOISE_COUNTS * axis.encoder.resolution / (SEEN_SPEED * axis.max_speed);
+    Duration::from_secs_f64(seen.clamp(STALL_TIME, LONGEST_STALL_TIME))
+}
 
 /// d: the calibrated or the commissioned dead band, whichever is wider. The fallback compensates a little less than the
 /// valve's dead band, or none of it.
@@ -97,9 +107,8 @@ impl Motion {
             driven: 0.0,
             stall: Stall {
                 reaction: reaction_ticks,
-                longest: ticks(STALL_TIME) + reaction_ticks,
-                least: (HARDLY_MOVING * axis.max_speed * STALL_TIME.as_secs_f64())
-                    .max(NOISE_COUNTS * axis.encoder.resolution),
+                longest: ticks(stall_time(axis)) + reaction_ticks,
+                least: (HARDLY_MOVING * axis.max_speed * STALL_TIME).max(NOISE_COUNTS * axis.encoder.resolution),
                 driven: 0,
                 since: 0,
                 from: 0.0,
@@ -236,6 +245,20 @@ mod tests {
         // Gaps that the drive bridges count.
         let mut motion = Motion::new(&machine.axes[0], &machine.timing);
         assert!((0..20).any(|_| motion.update(timeout, 0.3, Some(0.6)) == Some(Standing::Stuck)));
+    }
+
+    #[test]
+    fn a_slow_axis_with_a_coarse_encoder_has_the_time_to_pass_a_few_counts() {
+        let mut machine = machine(1);
+        (machine.axes[0].max_speed, machine.axes[0].encoder.resolution) = (0.15, 5e-4);
+        let found = |speed: f64| {
+            let mut motion = Motion::new(&machine.axes[0], &machine.timing);
+            let position = |k: u64| 0.6 + 5e-4 * (speed * 0.01 * k as f64 / 5e-4).round();
+            (0..1000).find(|k| motion.update(1, 0.3, Some(position(*k))).is_some())
+        };
+        assert_eq!((found(4e-3), found(8e-3), found(-4e-3).is_some()), (None, None, true));
+        // 2.5 mm at 3 mm/s take 0.83 s.
+        assert!(found(0.1e-3).is_some_and(|tick| tick < 95), "{:?}", found(0.1e-3));
     }
 
     #[test]
@@ -390,7 +413,7 @@ mod tests {
             });
             let ticks = |time: Duration| (time.as_secs_f64() / Drawn::PERIOD) as u64;
             let after = if goes_on { 2 } else { 1 };
-            let bound = reversal.max(held_at) + after * ticks(STALL_TIME) + axis.reaction();
+            let bound = reversal.max(held_at) + after * ticks(Duration::from_secs_f64(STALL_TIME)) + axis.reaction();
             assert!(found.is_some_and(|k| (reversal..=bound + 3).contains(&k)), "seed {seed}: {found:?}, {bound}");
         });
     }

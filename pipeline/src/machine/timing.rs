@@ -45,7 +45,8 @@ impl Timing {
                 .duration_or(lifetime, millis(1)..=millis(3_600_000)),
             drive_timeout: section
                 .key("drive_timeout", "Without a command for this long the drive itself goes to neutral")
-                .duration_or(millis(50), millis(1)..=millis(60_000)),
+                .rule("50ms, or 3 periods where that is longer")
+                .duration_or(millis(50).max(period * 3), millis(1)..=millis(60_000)),
         };
         if timing.model_lifetime < timing.model_timeout {
             section.refuse(

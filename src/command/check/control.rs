@@ -51,16 +51,15 @@ pub fn poor(machine: &Machine) -> Vec<String> {
 fn coarse(axis: &Axis) -> Option<String> {
     let Axis { name, encoder, max_speed, .. } = axis;
     let slowest = SLOWEST_SEEN * max_speed;
-    let longest = slowest * STALL_TIME.as_secs_f64() / NOISE_COUNTS;
+    let longest = slowest * STALL_TIME / NOISE_COUNTS;
     let found = encoder.resolution;
     let key = if encoder.angle.is_some() { "angle_resolution" } else { "resolution" };
     // The length of a count of a sensor at a joint is not known where its mechanism has a problem.
     (found > longest).then(|| {
         format!(
-            "axis.{name}.encoder.{key}: found counts of {found} m; allowed: up to {longest:.6} m: a driven axis that \
-             moves less than {NOISE_COUNTS} counts in {} s counts as stalled, and it moves more from {slowest} m/s on, \
-             a tenth of max_speed",
-            STALL_TIME.as_secs_f64()
+            "axis.{name}.encoder.{key}: found counts of {found} m; allowed: up to {longest:.6} m: an axis that moves is \
+             told from one that has stalled by {NOISE_COUNTS} counts, which take {STALL_TIME} s at {slowest} m/s then, a \
+             tenth of max_speed",
         )
     })
 }

@@ -2,16 +2,16 @@
 //!
 //! ```text
 //! t_d > (n_k + n_b - 1) T          the model's inputs end before the axis reacts
-//! t_f < 2 T                        one late sample stops the axes
+//! t_f < 2 T, t_o < 2 T             one late sample stops the axes, one late command shuts the valves
 //! r > v_max T                      at its largest speed the axis moves less than a count in a period
 //! b < 2 r                          noise at an end of the stroke makes positions implausible
 //! e >= e_f                         the axis rests at an error that is a fault
 //! J_99.9 > T/4,  T + J > t_f       this computer is too late for the period, or for the time-out
 //! ```
 //!
-//! t_d dead time s; T period s; n_k and n_b of the model's structure; t_f `feedback_timeout` s; r length of a count m;
-//! v_max `max_speed` m/s; b `tolerance` m; e `rest_band` and e_f `following_error` m; J_99.9 and J the 99.9th
-//! percentile and the largest lateness of the wake-ups that `hydraxis doctor` measured last, s.
+//! t_d dead time s; T period s; n_k and n_b of the model's structure; t_f `feedback_timeout` and t_o `drive_timeout` s;
+//! r length of a count m; v_max `max_speed` m/s; b `tolerance` m; e `rest_band` and e_f `following_error` m; J_99.9 and J
+//! the 99.9th percentile and the largest lateness of the wake-ups that `hydraxis doctor` measured last, s.
 //!
 //! All of them are warnings: such a machine runs.
 
@@ -32,7 +32,7 @@ pub fn doubtful(machine: &Machine) -> Vec<String> {
     let of_axes = machine.axes.iter().flat_map(|axis| {
         [late(axis, timing), coarse(axis, timing), narrow(axis), resting(axis, timing)].into_iter().flatten()
     });
-    hasty(timing).into_iter().chain(of_axes).collect()
+    hasty(timing).chain(of_axes).collect()
 }
 
 /// One warning for each time that is too short for this computer, as `hydraxis doctor` has found it.
@@ -115,15 +115,18 @@ fn resting(axis: &Axis, timing: &Timing) -> Option<String> {
     })
 }
 
-/// A time-out that one late sample exceeds.
-fn hasty(timing: &Timing) -> Option<String> {
-    let Timing { period, feedback_timeout, .. } = *timing;
+/// Time-outs that one late sample or command exceeds.
+fn hasty(timing: &Timing) -> impl Iterator<Item = String> {
+    let Timing { period, feedback_timeout, drive_timeout, .. } = *timing;
     let least = period * LEAST_PERIODS;
-    (feedback_timeout < least).then(|| {
+    let times = [
+        ("feedback_timeout", feedback_timeout, "one sample that is late or lost stops the axes"),
+        ("drive_timeout", drive_timeout, "the drive shuts the valves before a command that is a little late"),
+    ];
+    times.into_iter().filter(move |(_, found, _)| *found < least).map(move |(key, found, why)| {
         format!(
-            "timing.feedback_timeout: found {} ms with a period of {} ms: one sample that is late or lost stops the \
-             axes; asked for: {} ms or more, {LEAST_PERIODS} periods",
-            millis(feedback_timeout.as_secs_f64()),
+            "timing.{key}: found {} ms with a period of {} ms: {why}; asked for: {} ms or more, {LEAST_PERIODS} periods",
+            millis(found.as_secs_f64()),
             millis(period.as_secs_f64()),
             millis(least.as_secs_f64())
         )

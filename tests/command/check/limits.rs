@@ -93,8 +93,8 @@ fn values_with_which_a_run_fails_at_once_are_refused() {
     for (settings, expected) in [
         (
             &["axis.boom.encoder.resolution=0.05", "axis.boom.control.following_error=0.5"][..],
-            "axis.boom.encoder.resolution: found counts of 0.05 m; allowed: up to 0.008000 m: a driven axis that moves \
-             less than 5 counts in 0.4 s counts as stalled, and it moves more from 0.1 m/s on, a tenth of max_speed",
+            "axis.boom.encoder.resolution: found counts of 0.05 m; allowed: up to 0.008000 m: an axis that moves \
+             is told from one that has stalled by 5 counts, which take 0.4 s at 0.1 m/s then, a tenth of max_speed",
         ),
         (
             &["axis.boom.control.following_error=2e-4"],

@@ -50,6 +50,11 @@ fn a_time_out_of_less_than_two_periods_is_warned_of() {
         &["timing.feedback_timeout=19ms"],
         &["timing.feedback_timeout: found 19 ms with a period of 10 ms", "asked for: 20 ms or more, 2 periods"],
     );
+    expect(
+        &["timing.drive_timeout=20ms"],
+        &["timing.drive_timeout=5ms"],
+        &["timing.drive_timeout: found 5 ms with a period of 10 ms", "asked for: 20 ms or more, 2 periods"],
+    );
 }
 
 #[test]

@@ -57,9 +57,9 @@ fn coarse(axis: &Axis) -> Option<String> {
     // The length of a count of a sensor at a joint is not known where its mechanism has a problem.
     (found > longest).then(|| {
         format!(
-            "axis.{name}.encoder.{key}: found counts of {found} m; allowed: up to {longest:.6} m: an axis that moves is \
-             told from one that has stalled by {NOISE_COUNTS} counts, which take {STALL_TIME} s at {slowest} m/s then, a \
-             tenth of max_speed",
+            "axis.{name}.encoder.{key}: found counts of {found} m; allowed: up to {longest:.6} m: an axis that moves \
+             is told from one that has stalled by {NOISE_COUNTS} counts, which take {STALL_TIME} s at {slowest} m/s \
+             then, a tenth of max_speed",
         )
     })
 }

@@ -9,8 +9,8 @@
 //! J_99.9 > T/4,  T + J > t_f       this computer is too late for the period, or for the time-out
 //! ```
 //!
-//! t_d dead time s; T period s; n_k and n_b of the model's structure; t_f `feedback_timeout` and t_o `drive_timeout` s;
-//! r length of a count m; v_max `max_speed` m/s; b `tolerance` m; e `rest_band` and e_f `following_error` m; J_99.9 and J
+//! t_d dead time s; T period s; n_k and n_b of the model's structure; t_f `feedback_timeout` and t_o `drive_timeout`
+//! s; r length of a count m; v_max `max_speed` m/s; b `tolerance` m; e `rest_band` and e_f `following_error` m; J_99.9 and J
 //! the 99.9th percentile and the largest lateness of the wake-ups that `hydraxis doctor` measured last, s.
 //!
 //! All of them are warnings: such a machine runs.
@@ -125,7 +125,8 @@ fn hasty(timing: &Timing) -> impl Iterator<Item = String> {
     ];
     times.into_iter().filter(move |(_, found, _)| *found < least).map(move |(key, found, why)| {
         format!(
-            "timing.{key}: found {} ms with a period of {} ms: {why}; asked for: {} ms or more, {LEAST_PERIODS} periods",
+            "timing.{key}: found {} ms with a period of {} ms: {why}; asked for: {} ms or more, {LEAST_PERIODS} \
+             periods",
             millis(found.as_secs_f64()),
             millis(period.as_secs_f64()),
             millis(least.as_secs_f64())

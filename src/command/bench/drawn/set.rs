@@ -51,8 +51,8 @@ impl SetRow {
     pub fn text(&self) -> String {
         let part = |count: usize| percent(100.0 * count as f64 / self.drawn.max(1) as f64);
         let mut text = format!(
-            "{} machines of seed {}: {} commissioned ({}), {} of them at the second try, as the first refusal asks for; {} \
-             are controlled by their models.\n",
+            "{} machines of seed {}: {} commissioned ({}), {} of them at the second try, as the first refusal asks \
+             for; {} are controlled by their models.\n",
             self.drawn,
             self.seed,
             self.commissioned,

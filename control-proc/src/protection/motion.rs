@@ -10,7 +10,8 @@
 //!
 //! u command, d calibrated or commissioned dead band, whichever is wider, y position m, T period s, t_d dead time s,
 //! t_r dead time and time constant of the commissioned model together, at least t_d, s, v_max `max_speed` m/s, r length
-//! of a count m. All times begin anew after a gap in the ticks that is longer than `drive_timeout`: by then the drive is neutral.
+//! of a count m. All times begin anew after a gap in the ticks that is longer than `drive_timeout`: by then the drive
+//! is neutral.
 //!
 //! Stuck is an encoder that does not report any change; this is seen from the positions alone. Stalled is an axis
 //! without supply, or one that stands against an obstacle. Its encoder may be healthy and show noise.
@@ -20,8 +21,8 @@
 //! come from one margin to the other; hence the weight s. Motion against the command does not count as motion. But
 //! after a reversal an axis runs on against its new command until that command acts. Then the axis has to come back all
 //! of that way before it passes the position of the reversal. So the motion is measured from the furthest point of the
-//! run-out. An axis that still moves against the command after t_s + t_r does not run out: it is stalled at 2 t_s + t_r.
-//! A slow axis with a coarse encoder passes few counts in 0.4 s, though it moves.
+//! run-out. An axis that still moves against the command after t_s + t_r does not run out: it is stalled at 2 t_s +
+//! t_r. A slow axis with a coarse encoder passes few counts in 0.4 s, though it moves.
 
 use std::time::Duration;
 

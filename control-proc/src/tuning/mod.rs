@@ -27,8 +27,8 @@
 //! machines they made the errors larger, and as many holds cycled.
 //!
 //! The gains with the least J are chosen among those with which none of the three plants moves by more than
-//! [`RESTING_MOTION`] while the reference stands for long. Where there are none, those with the least motion are. A grid
-//! of factors of two is searched first, then finer and finer steps around the best point.
+//! [`RESTING_MOTION`] while the reference stands for long. Where there are none, those with the least motion are. A
+//! grid of factors of two is searched first, then finer and finer steps around the best point.
 //!
 //! The comparison is fair: a baseline gets the gains that a patient engineer with this model would find, on this
 //! course. The gains are robust: a fast plant with a long dead time asks for low gains, a slow one for high gains, and
@@ -72,7 +72,7 @@ const SMITH_GAINS: [f64; 5] = [2.0, 1.7, 1.4, 1.2, 1.0];
 /// What the gain may be more than the fallback's, for each part of t_d/(tau + T): without a dead time there is nothing
 /// to predict, and a higher gain only finds what the model does not know.
 const PREDICTED: f64 = 2.0;
-/// Least t_d/(tau + T) of a Smith predictor. Of 22 drawn machines with less it was worse than the fallback with 14, each
+/// Least t_d/(tau + T) of a Smith predictor. Of 22 drawn machines with less it was worse than the fallback on 14, each
 /// in one of four tasks or more, by a factor of up to 3.5.
 const LEAST_DEAD_TIME: f64 = 0.3;
 /// Error on the plant as commissioned, in parts of that of the fallback, beyond which it is not worth its model.
@@ -190,8 +190,8 @@ impl Baseline {
 
 /// The Smith predictor for `axis` number `index`, whose fallback has the tuned settings `control`, for a command every
 /// `period` s: the integral gain of the fallback, and twice its gain or as much of that as keeps the margins and as the
-/// dead time is worth. `None` for an axis that is not commissioned, of a soft load or with hardly any dead time, where no
-/// gain keeps them, and where the fallback follows as well.
+/// dead time is worth. `None` for an axis that is not commissioned, of a soft load or with hardly any dead time, where
+/// no gain keeps them, and where the fallback follows as well.
 pub fn smith(index: usize, axis: &Axis, control: &Control, period: f64) -> Option<SmithSettings> {
     let bench = Bench::new(index, axis, period)?;
     // A load without a spring that was found has the frequency 0.

@@ -1,8 +1,8 @@
 //! One drawn machine: commissioned, then driven with every task, once by its fallback and once by its model.
 //!
 //! The machine is commissioned as `hydraxis commission FILE` does it, before anything changes. Where that is refused, a
-//! second time with the option that the refusal asks for. The text of the model file that this would write is read as `--model` reads it. The tasks run under the scenario of the file. Errors are
-//! reference minus true position.
+//! second time with the option that the refusal asks for. The text of the model file that this would write is read as
+//! `--model` reads it. The tasks run under the scenario of the file. Errors are reference minus true position.
 
 use control_proc::{
     commission::{Abort, ExperimentOptions},

@@ -44,8 +44,10 @@ impl Deadlines {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct FeedbackAge {
     timeout_ns: u64,
-    /// Age from which on the valves are neutral.
+    /// Time without a sample from which on the valves are neutral.
     silence_ns: u64,
+    /// When a sample was acted on last; none before the first.
+    heard_ns: Option<u64>,
     /// When that sample was acquired; none before the first.
     acquired_ns: Option<u64>,
     /// The controller has been told that the samples have stopped.
@@ -62,6 +64,7 @@ impl FeedbackAge {
         Self {
             timeout_ns,
             silence_ns: silence_ns.min(timeout_ns),
+            heard_ns: None,
             acquired_ns: None,
             is_lost: false,
             sleep: Sleep::new(),
@@ -85,7 +88,7 @@ impl FeedbackAge {
 
     /// Whether no sample has come for so long by `now`, ns, that axes wait at neutral.
     pub fn is_silent(&self, now: u64) -> bool {
-        self.acquired_ns.is_some_and(|acquired| now.checked_sub(acquired).is_none_or(|age| age > self.silence_ns))
+        self.heard_ns.is_some_and(|heard| now.saturating_sub(heard) > self.silence_ns)
     }
 
     /// Notes that the samples have stopped; true for the first time.
@@ -93,9 +96,9 @@ impl FeedbackAge {
         !std::mem::replace(&mut self.is_lost, true)
     }
 
-    /// Notes a sample that was acted on, acquired at `acquired`, ns.
-    pub fn renew(&mut self, acquired: u64) {
-        (self.acquired_ns, self.is_lost) = (Some(acquired), false);
+    /// Notes a sample that was acted on at `now`, acquired at `acquired`, ns.
+    pub fn renew(&mut self, acquired: u64, now: u64) {
+        (self.acquired_ns, self.heard_ns, self.is_lost) = (Some(acquired), Some(now), false);
     }
 }
 
@@ -154,11 +157,11 @@ mod tests {
     fn samples_have_stopped_after_the_time_out_and_are_lost_once() {
         let mut age = FeedbackAge::new(&machine(30));
         assert!(!age.has_stopped(u64::MAX), "no sample has come yet");
-        age.renew(1_000_000_000);
+        age.renew(1_000_000_000, 1_000_000_000);
         assert!(!age.has_stopped(1_030_000_000) && age.has_stopped(1_030_000_001));
         assert!(age.is_too_old(2_000_000_000, 2_000_000_001) && !age.is_too_old(2_000_000_001, 2_000_000_001));
         assert!(age.lose() && !age.lose());
-        age.renew(2_000_000_000);
+        age.renew(2_000_000_000, 2_000_000_000);
         assert!(age.lose());
     }
 
@@ -167,8 +170,11 @@ mod tests {
         for (timeout, silent) in [(1000, 60_000_000), (30, 30_000_000)] {
             let mut age = FeedbackAge::new(&machine(timeout));
             assert!(!age.is_silent(u64::MAX), "no sample has come yet");
-            age.renew(1_000_000_000);
+            age.renew(1_000_000_000, 1_000_000_000);
             assert!(!age.is_silent(1_000_000_000 + silent) && age.is_silent(1_000_000_001 + silent));
+            // A sample that has taken long is heard now.
+            age.renew(1_000_000_000, 1_500_000_000);
+            assert!(!age.is_silent(1_500_000_000 + silent) && age.is_silent(1_500_000_001 + silent));
         }
     }
 

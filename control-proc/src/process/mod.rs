@@ -172,9 +172,10 @@ impl Process {
     /// Once the last sample is too old, the axes are latched.
     fn watch_feedback(&mut self) -> Result<(), StageError> {
         let now = monotonic_ns();
-        if self.clock == Clock::RealTime && self.feedback.is_silent(now) {
+        let has_stopped = self.feedback.has_stopped(now);
+        if self.clock == Clock::RealTime && (has_stopped || self.feedback.is_silent(now)) {
             self.core.fall_silent();
-            if self.feedback.has_stopped(now) && self.feedback.lose() {
+            if has_stopped && self.feedback.lose() {
                 self.core.feedback_lost();
             }
             self.send_neutral(now)?;
@@ -281,7 +282,7 @@ impl Stage for Process {
         self.last = command;
         self.answer_stops();
         turn.arrive(&command.header);
-        self.feedback.renew(header.acquired_ns);
+        self.feedback.renew(header.acquired_ns, self.last.header.sent_ns);
         Ok(if turn.is_last(header.sequence) { Next::Finished } else { Next::Worked })
     }
 

@@ -88,9 +88,8 @@ impl Look {
         self.shadow.error.min(measured)
     }
 
-    /// Whether the model is suspect, beside a fallback of `fallback`, with a bound of at least `least` m2.
-    fn is_worse(&self, fallback: Option<&Squares>, least: f64) -> bool {
-        let bound = self.bound(fallback).max(least);
+    /// Whether the model is suspect with a bound of `bound` m2.
+    fn is_worse(&self, bound: f64) -> bool {
         self.model.time > 2.0 * self.memory && self.model.error > self.worse * bound + self.floor
     }
 }
@@ -195,9 +194,9 @@ impl Supervision {
     fn suspect(&mut self, swings: bool, time: f64) {
         self.grace = (self.grace - time).max(0.0);
         let fallback = Some(&self.fallback).filter(|fallback| fallback.time >= self.measured);
+        let [now, usual] = self.looks.map(|look| look.bound(fallback));
         // A moment in which the fallback would do far better than it does otherwise says nothing of the model.
-        let usual = self.looks[1].bound(fallback);
-        let [last, many] = [(0, usual), (1, 0.0)].map(|(i, least)| self.looks[i].is_worse(fallback, least));
+        let (last, many) = (self.looks[0].is_worse(now.max(usual)), self.looks[1].is_worse(usual));
         let model = if many { self.looks[1].model } else { self.looks[0].model };
         if swings || last || (many && self.grace == 0.0) {
             self.phase = Phase::Trial(model, 0.0);

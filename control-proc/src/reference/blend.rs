@@ -30,7 +30,7 @@ pub const BLEND_SPEED: f64 = 0.25;
 const RETURN_TIME: f64 = 0.5;
 /// Speed that a return adds to the one of the reference, as share of `max_speed`: slower than a way that somebody has
 /// just asked for.
-const RETURN_SPEED: f64 = 0.1;
+pub(super) const RETURN_SPEED: f64 = 0.1;
 /// Steepest slope of s.
 const STEEPEST: f64 = 15.0 / 8.0;
 

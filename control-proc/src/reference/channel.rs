@@ -26,7 +26,10 @@ use pipeline::{
     message::{MAX_PREVIEW, Reference},
 };
 
-use super::path::{FALL_TIME, RISE_TIME};
+use super::{
+    blend::RETURN_SPEED,
+    path::{FALL_TIME, RISE_TIME},
+};
 
 /// Largest distance of a channel's first reference from the position, m. A person first brings the reference to where
 /// the axis stands; 10 mm can be seen on a machine.
@@ -35,8 +38,8 @@ pub const ENGAGE_DISTANCE: f64 = 0.010;
 const SPEED_ALLOWANCE: f64 = 1.5;
 /// Change of a reference that is never a jump, m: rounding to whole millimetres.
 const LEAST_JUMP: f64 = 1e-3;
-/// Fastest change of o, as share of `max_speed`, and time in which the rest of it fades, s.
-const FADE: (f64, f64) = (0.1, 0.3);
+/// Time in which the rest of o fades, s. It never changes faster than an axis returns ([`RETURN_SPEED`]).
+const FADE_TIME: f64 = 0.3;
 /// o that is none any more, m.
 const LEAST_OFFSET: f64 = 1e-5;
 
@@ -60,7 +63,7 @@ impl Way {
     fn advance(&mut self, wanted: f64, change: f64, ticks: u64) -> f64 {
         let time = ticks as f64 * self.period;
         self.pace = (self.pace + time / RISE_TIME).min(1.0);
-        let fade = (self.offset * (time / FADE.1).min(1.0)).clamp(-self.speed * time, self.speed * time);
+        let fade = (self.offset * (time / FADE_TIME).min(1.0)).clamp(-self.speed * time, self.speed * time);
         self.offset += (1.0 - self.pace) * change - self.pace * fade;
         if self.offset.abs() < LEAST_OFFSET {
             self.offset = 0.0;
@@ -76,7 +79,6 @@ impl Way {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChannelFollower {
     axis: usize,
-    soft_limits: (f64, f64),
     /// Largest change of the reference per tick, m.
     max_step: f64,
     way: Way,
@@ -93,10 +95,9 @@ pub struct ChannelFollower {
 impl ChannelFollower {
     /// For the axis with this number; `period` in s.
     pub fn new(index: usize, axis: &Axis, period: f64) -> Self {
-        let (speed, soft_limits) = (FADE.0 * axis.max_speed, axis.soft_limits);
+        let (speed, soft_limits) = (RETURN_SPEED * axis.max_speed, axis.soft_limits);
         Self {
             axis: index,
-            soft_limits,
             max_step: axis.max_speed * period * SPEED_ALLOWANCE + LEAST_JUMP,
             way: Way { period, speed, soft_limits, pace: 0.0, offset: 0.0, reference: 0.0 },
             last: None,
@@ -198,7 +199,7 @@ impl ChannelFollower {
         }
         let index = sequence.saturating_sub(first) as usize;
         let coming = &reference.positions.get(self.axis)?[index..preview];
-        let (low, high) = self.soft_limits;
+        let (low, high) = self.way.soft_limits;
         let inside = coming.iter().all(|reference| (low..=high).contains(reference));
         let smooth = coming.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= self.max_step);
         (inside && smooth).then_some(coming)

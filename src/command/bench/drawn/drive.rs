@@ -140,7 +140,11 @@ impl<'a> Ready<'a> {
         let first = commission(&still, &ExperimentOptions::default());
         let next = first.as_ref().err().and_then(|refusal| refusal.next);
         let (tries, found) = next.map_or((1, first), |options| (2, commission(&still, &options)));
-        Ok((tries, found.map_or_else(|refusal| Ok(Err(refusal)), |model| Self::tuned(rig, still, model))?))
+        let ready = match found {
+            Ok(model) => Self::tuned(rig, still, model)?,
+            Err(refusal) => Err(refusal),
+        };
+        Ok((tries, ready))
     }
 
     fn tuned(rig: &'a Rig, still: Machine, model: Commissioned) -> Result<Result<Self, Refusal>, Failure> {

@@ -13,6 +13,31 @@ pub const MEMORY: f64 = 30.0;
 /// Least time of the fallback in control that says something of it, in s and in reactions of the axis.
 pub const MEASURED: (f64, f64) = (2.0, 6.0);
 
+/// Time for which the errors of what was before still count, in s and in reactions of the axis.
+pub const TRANSIENT: (f64, f64) = (1.0, 6.0);
+
+/// Whether a reference stands, and what its last motion has left is over.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Standing {
+    /// Time for which it has stood, s.
+    time: f64,
+    /// Time after which it is over, s.
+    settled: f64,
+}
+
+impl Standing {
+    /// Of an axis with this reaction, dead time and lag, s.
+    pub fn new(reaction: f64) -> Self {
+        Self { time: 0.0, settled: TRANSIENT.0.max(TRANSIENT.1 * reaction) }
+    }
+
+    /// Takes in the speed of the reference, m/s, `time` s after the last look.
+    pub fn update(&mut self, speed: f64, time: f64) -> bool {
+        self.time = if speed == 0.0 { self.time + time } else { 0.0 };
+        self.time > self.settled
+    }
+}
+
 /// Means of squares.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Squares {

@@ -8,6 +8,8 @@
 //! or        it swings ([`super::swing`])
 //! trial     of a suspect: the fallback controls for max(5 s, 15 L), at most four times that while V_f < V_m/4
 //! acquitted E_f max(V_m/V_f, 1) >= 0.8 E_m of before, V_f >= V_m/4: the model controls as before
+//!           a model that was suspect by its last errors or its swing while the reference stood: the same, of the time
+//!           in which the reference stands alone, with at least max(2 s, 6 L) of it in the place of V_f >= V_m/4
 //! guilty    otherwise: out for 30 s, 60 s .. 480 s
 //! ```
 //!
@@ -20,13 +22,16 @@
 //! fallback itself. A model that is far from the axis makes its shadow swing, and would then excuse every error; hence
 //! the bound on E_s by E_f.
 //!
+//! The reference stands from max(1 s, 6 L) after its last motion on.
+//!
 //! Traps: [`super::trust`] alone acts on errors of centimetres. A model can be five times worse than the fallback and
-//! never reach them. A fallback that is judged while it still mends what the model has left looks no better. And a
+//! never reach them. A model that swings at rest is excused by the errors of any fallback in motion. A fallback that is
+//! judged while it still mends what the model has left looks no better. And a
 //! guilty model that goes on with what was commissioned alone, without what it has learned, is no better either: it is
 //! nearly always the commissioned model that is wrong.
 
 use super::{
-    squares::{MEASURED, MEMORY, Squares},
+    squares::{MEASURED, MEMORY, Squares, Standing, TRANSIENT},
     swing::Swing,
 };
 use crate::protection::following_error::Deviation;
@@ -43,8 +48,6 @@ const TRIAL: (f64, f64) = (5.0, 15.0);
 const TRIALS: f64 = 4.0;
 /// Part of V_m that a trial needs.
 const MOTION: f64 = 0.25;
-/// Time for which the errors after the model are not the fallback's, in s and in reactions of the axis.
-const TRANSIENT: (f64, f64) = (1.0, 6.0);
 /// E_f in parts of E_m that acquits.
 const NO_BETTER: f64 = 0.8;
 /// First time of trust after an acquittal, and of distrust, s, and how often they are doubled at most.
@@ -57,10 +60,21 @@ const DOUBLINGS: u32 = 4;
 enum Phase {
     /// It may control.
     Trusted,
-    /// The fallback is measured. What the model had, and the time since the trial began, s.
-    Trial(Squares, f64),
+    /// The fallback is measured.
+    Trial(Trial),
     /// The fallback controls for so many seconds more.
     Out(f64),
+}
+
+/// A trial of the fallback.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Trial {
+    /// What the model had.
+    model: Squares,
+    /// The model was suspect while the reference stood, and is compared with the fallback while it stands.
+    stands: bool,
+    /// Time since the trial began, s.
+    since: f64,
 }
 
 /// A comparison of the model with the shadow.
@@ -104,7 +118,10 @@ pub struct Supervision {
     measured: f64,
     looks: [Look; LOOKS.len()],
     swing: Swing,
+    standing: Standing,
     fallback: Squares,
+    /// Model, since the reference stands, and fallback while the reference stands.
+    rest: [Squares; 2],
     /// Time since the fallback took over, s.
     taken: f64,
     phase: Phase,
@@ -133,7 +150,9 @@ impl Supervision {
             measured: longer(MEASURED),
             looks,
             swing: Swing::new(reaction, resolution, period),
+            standing: Standing::new(reaction),
             fallback: Squares::default(),
+            rest: Default::default(),
             taken: f64::INFINITY,
             phase: Phase::Trusted,
             grace: 0.0,
@@ -145,7 +164,7 @@ impl Supervision {
     pub fn reset(&mut self) {
         self.looks.iter_mut().for_each(Look::clear);
         self.swing.reset();
-        (self.fallback, self.taken) = (Squares::default(), f64::INFINITY);
+        (self.fallback, self.rest, self.taken) = (Squares::default(), Default::default(), f64::INFINITY);
         (self.phase, self.grace, self.times) = (Phase::Trusted, 0.0, [0; 2]);
     }
 
@@ -159,22 +178,29 @@ impl Supervision {
     pub fn update(&mut self, deviation: &Deviation, shadow: Option<f64>, at_limit: bool) {
         let time = deviation.elapsed as f64 * self.period;
         let swings = self.swing.update(deviation, shadow.is_some());
+        let stands = self.standing.update(deviation.speed, time);
+        if !stands {
+            self.rest[0] = Squares::default();
+        }
         match shadow {
             Some(_) if at_limit => self.taken = 0.0,
-            Some(shadow) => self.compare(deviation, shadow, time),
-            None => self.measure(deviation, time),
+            Some(shadow) => self.compare(deviation, stands, shadow, time),
+            None => self.measure(deviation, stands, time),
         }
         match self.phase {
-            Phase::Trusted => self.suspect(swings, time),
-            Phase::Trial(model, since) => self.judge(model, since + time),
+            Phase::Trusted => self.suspect(swings, stands, time),
+            Phase::Trial(trial) => self.judge(Trial { since: trial.since + time, ..trial }),
             Phase::Out(left) if left > time => self.phase = Phase::Out(left - time),
             Phase::Out(_) => self.phase = Phase::Trusted,
         }
     }
 
     /// A tick of the model.
-    fn compare(&mut self, &Deviation { error, speed, .. }: &Deviation, shadow: f64, time: f64) {
+    fn compare(&mut self, &Deviation { error, speed, .. }: &Deviation, stands: bool, shadow: f64, time: f64) {
         self.taken = 0.0;
+        if stands {
+            self.rest[0].push(error, speed, time, self.looks[1].memory);
+        }
         for look in &mut self.looks {
             look.model.push(error, speed, time, look.memory);
             look.shadow.push(shadow, speed, time, look.memory);
@@ -182,38 +208,45 @@ impl Supervision {
     }
 
     /// A tick of the fallback.
-    fn measure(&mut self, &Deviation { error, speed, .. }: &Deviation, time: f64) {
+    fn measure(&mut self, &Deviation { error, speed, .. }: &Deviation, stands: bool, time: f64) {
         self.looks.iter_mut().for_each(Look::clear);
         self.taken += time;
         if self.taken > self.trial.1 {
             self.fallback.push(error, speed, time, MEMORY);
+            if stands {
+                self.rest[1].push(error, speed, time, MEMORY);
+            }
         }
     }
 
     /// Begins a trial if there is a cause.
-    fn suspect(&mut self, swings: bool, time: f64) {
+    fn suspect(&mut self, swings: bool, stands: bool, time: f64) {
         self.grace = (self.grace - time).max(0.0);
         let fallback = Some(&self.fallback).filter(|fallback| fallback.time >= self.measured);
         let [now, usual] = self.looks.map(|look| look.bound(fallback));
         // A moment in which the fallback would do far better than it does otherwise says nothing of the model.
         let (last, many) = (self.looks[0].is_worse(now.max(usual)), self.looks[1].is_worse(usual));
-        let model = if many { self.looks[1].model } else { self.looks[0].model };
         if swings || last || (many && self.grace == 0.0) {
-            self.phase = Phase::Trial(model, 0.0);
+            let stands = stands && (swings || last);
+            let model = if stands { self.rest[0] } else { self.looks[usize::from(many)].model };
+            self.phase = Phase::Trial(Trial { model, stands, since: 0.0 });
             // The machine may have changed, and the fallback with it.
-            self.fallback = Squares::default();
+            (self.fallback, self.rest) = Default::default();
         }
     }
 
     /// Ends a trial that has seen enough.
-    fn judge(&mut self, model: Squares, since: f64) {
-        let is_still = self.fallback.speed < MOTION * model.speed;
-        if since < self.trial.0 || (is_still && since < TRIALS * self.trial.0) {
-            self.phase = Phase::Trial(model, since);
+    fn judge(&mut self, trial: Trial) {
+        let Trial { model, stands, since } = trial;
+        let fallback = if stands { self.rest[1] } else { self.fallback };
+        let lacks = if stands { fallback.time < self.measured } else { fallback.speed < MOTION * model.speed };
+        if since < self.trial.0 || (lacks && since < TRIALS * self.trial.0) {
+            self.phase = Phase::Trial(trial);
             return;
         }
+        let error = if stands { fallback.error } else { fallback.for_speed(model.speed, 1.0) };
         self.phase = Phase::Trusted;
-        if !is_still && self.fallback.for_speed(model.speed, 1.0) >= NO_BETTER * model.error {
+        if !lacks && error >= NO_BETTER * model.error {
             self.grace = doubled(GRACE, &mut self.times[1]);
         } else {
             self.phase = Phase::Out(doubled(DISTRUST, &mut self.times[0]));
@@ -324,7 +357,7 @@ mod tests {
         let still = Deviation { speed: 0.0, ..at(0.1e-3) };
         let ticks = (0..4000).take_while(|_| {
             supervision.update(&still, None, false);
-            matches!(supervision.phase, Phase::Trial(..))
+            matches!(supervision.phase, Phase::Trial(_))
         });
         assert!((1980..2000).contains(&ticks.count()));
         assert!(matches!(supervision.phase, Phase::Out(_)), "guilty: the fallback had no chance to be worse");
@@ -345,6 +378,28 @@ mod tests {
         }
         assert!(out.is_some_and(|tick| tick < 200), "{out:?}");
         assert!(matches!(supervision.phase, Phase::Out(_)), "{:?}", supervision.phase);
+    }
+
+    /// 4 s of rest, and 1 s of motion with ten times the error of the swing: whether a model is out that swings at rest
+    /// beside a fallback with this error at rest, m.
+    fn swings_at_rest(fallback: f64) -> bool {
+        let mut supervision = supervision();
+        for tick in 0..3000 {
+            let moves = tick % 500 >= 400;
+            let swing = 8e-3 * (0.1 * f64::from(tick)).sin();
+            let by_model = supervision.trusts();
+            let at_rest = if by_model { swing } else { fallback * swing.signum() };
+            let error = if moves { 80e-3 } else { at_rest };
+            let deviation = Deviation { elapsed: 1, error, speed: if moves { 0.3 } else { 0.0 } };
+            supervision.update(&deviation, by_model.then_some(error), false);
+        }
+        matches!(supervision.phase, Phase::Out(_))
+    }
+
+    #[test]
+    fn a_swing_at_rest_is_not_excused_by_the_errors_of_motion() {
+        assert!(swings_at_rest(1e-3));
+        assert!(!swings_at_rest(8e-3), "the fallback is no better");
     }
 
     #[test]

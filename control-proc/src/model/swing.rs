@@ -4,25 +4,27 @@
 //! l(k) = l(k-1) + (1 - exp(-n T/tau_l)) (e(k) - l(k-1))          s(k) = e(k) - l(k)          tau_l = max(0.3 s, 2 L)
 //! a flip      s passes +h after it has been below -h, or -h after it has been above +h
 //! h           = max(e_h, 2 S_f max(V/V_f, 1/4))
+//! h           = max(e_h, 2 S_0)                    while the reference stands
 //! h           = max(e_h, 0.2 V L)                  before the fallback has controlled for max(2 s, 6 L)
-//! c(k) = exp(-n T/W) c(k-1), 1 more at a flip, 2 less when the reference turns, 0 at least          W = max(3 s, 12 L)
-//! swings      c > 4 while the model controls
+//! c(k) = exp(-n T/W) c(k-1), 1 more at a flip, 2 less when the reference turns, 0 at least          W = max(3 s, 20 L)
+//! swings      c > 3 while the model controls
 //! ```
 //!
 //! e following error m, l its slow part, n ticks since the last look, T period s, L dead time and lag s; e_h 0.5 mm or
 //! 2 counts, whichever is more; S_f and V_f root mean squares of s and of the reference's speed in the last 30 s of the
-//! fallback, V that of the last W. A loop with dead time swings with a period of 4 L or more, so that l follows slower
-//! errors alone; a swing of 1 Hz is seen after 3.3 s, one of 4 Hz after 0.6 s.
+//! fallback, S_0 that of s while the reference has stood for max(1 s, 6 L), where there are max(2 s, 6 L) of it; V that
+//! of the last W. A loop with dead time swings with a period of 4 L or more, and of 8 L in the hysteresis of a worn
+//! valve, so that l follows slower errors alone; a swing of 1 Hz is seen after 2.1 s, one of 4 Hz after 0.4 s.
 //!
-//! Trap: the swing is in the shadow of the fallback, too, which takes the measured motion for a disturbance. Comparing
+//! Traps: a fallback that is measured in motion alone excuses every swing at rest. And the swing is in the shadow of the fallback, too, which takes the measured motion for a disturbance. Comparing
 //! the two says nothing about it.
 
-use super::squares::{MEASURED, MEMORY, Squares};
+use super::squares::{MEASURED, MEMORY, Squares, Standing};
 use crate::protection::following_error::Deviation;
 
 /// tau_l and W in s and in reactions of the axis.
 const SLOW: (f64, f64) = (0.3, 2.0);
-const WINDOW: (f64, f64) = (3.0, 12.0);
+const WINDOW: (f64, f64) = (3.0, 20.0);
 /// e_h in m and in counts.
 const FLOOR: (f64, f64) = (0.5e-3, 2.0);
 /// h in parts of S_f.
@@ -32,7 +34,7 @@ const UNKNOWN: f64 = 0.2;
 /// h of an axis whose reference stands, in parts of the one at the fallback's speed.
 const AT_REST: f64 = 0.25;
 /// c of a swing, and what a turn of the reference takes off.
-const FLIPS: f64 = 4.0;
+const FLIPS: f64 = 3.0;
 const TURN: f64 = 2.0;
 
 /// The detector of one axis.
@@ -53,7 +55,10 @@ pub struct Swing {
     sides: (f64, f64),
     /// c.
     count: f64,
+    standing: Standing,
     fallback: Squares,
+    /// The fallback while the reference stands.
+    rest: Squares,
     model: Squares,
 }
 
@@ -70,7 +75,9 @@ impl Swing {
             slow: f64::NAN,
             sides: (0.0, 0.0),
             count: 0.0,
+            standing: Standing::new(reaction),
             fallback: Squares::default(),
+            rest: Squares::default(),
             model: Squares::default(),
         }
     }
@@ -78,7 +85,7 @@ impl Swing {
     /// Forgets all: the axis begins to follow.
     pub fn reset(&mut self) {
         (self.slow, self.sides, self.count) = (f64::NAN, (0.0, 0.0), 0.0);
-        (self.fallback, self.model) = Default::default();
+        (self.fallback, self.rest, self.model) = Default::default();
     }
 
     /// Whether the axis swings under the model. `by_model`: it made the last command. To be called at every tick in
@@ -98,24 +105,32 @@ impl Swing {
         if speed != 0.0 {
             self.sides.1 = speed;
         }
+        let stands = self.standing.update(speed, time);
         if by_model {
             self.model.push(fast, speed, time, self.window);
         } else {
             self.fallback.push(fast, speed, time, MEMORY);
+            if stands {
+                self.rest.push(fast, speed, time, MEMORY);
+            }
             (self.model, self.count) = (Squares::default(), 0.0);
         }
-        if fast.abs() > self.bound() {
+        if fast.abs() > self.bound(stands) {
             self.count += f64::from(u8::from(fast * self.sides.0 < 0.0));
             self.sides.0 = fast;
         }
         by_model && self.count > FLIPS
     }
 
-    /// h, m.
-    fn bound(&self) -> f64 {
+    /// h, m; `stands`: so does the reference.
+    fn bound(&self, stands: bool) -> f64 {
+        let measured = MEASURED.0.max(MEASURED.1 * self.reaction);
+        if stands && self.rest.time >= measured {
+            return self.floor.max(LARGE * self.rest.error.sqrt());
+        }
         let usual = LARGE * self.fallback.for_speed(self.model.speed, AT_REST * AT_REST).sqrt();
         // A fallback that has never moved says nothing, nor does one that has hardly begun.
-        let is_known = usual.is_finite() && self.fallback.time >= MEASURED.0.max(MEASURED.1 * self.reaction);
+        let is_known = usual.is_finite() && self.fallback.time >= measured;
         self.floor.max(if is_known { usual } else { UNKNOWN * self.model.speed.sqrt() * self.reaction })
     }
 }

@@ -93,7 +93,7 @@ const LONG_REST: (f64, f64) = (20.0, 36.0);
 const WATCHED: f64 = 0.5;
 /// Longest step of the simulation, s: a small part of the spring's period.
 const LONGEST_STEP: f64 = 2.5e-3;
-/// First kp of the grid as part of 1 / (gain * delay).
+/// First kp of the grid as part of 1 / (gain * delay); the delay is at least [`spring_delay`].
 const FIRST_GAIN: f64 = 0.5;
 /// Powers of two by which the grid multiplies the first kp. No gain is less: where the dead time is long, the course is
 /// followed as well without any, but then nothing brings an axis back that is loaded or slower than its model. The
@@ -135,9 +135,10 @@ impl Baseline {
     pub fn tuned(self, index: usize, axis: &Axis, period: f64) -> Option<Control> {
         let bench = Bench::new(index, axis, period)?;
         let control = self.untuned(&axis.control, bench.model);
-        // For a linear loop with the gain of the steepest piece the grid begins far below the gain that the delay
-        // allows.
-        let start = FIRST_GAIN / (steepest(bench.model) * (bench.model.reaction() + period));
+        // For a linear loop with the gain of the steepest piece the grid begins far below the gain that delay and
+        // spring allow.
+        let slowest = (bench.model.reaction() + period).max(spring_delay());
+        let start = FIRST_GAIN / (steepest(bench.model) * slowest);
         let mut best = (Rating { excess: f64::INFINITY, square: f64::INFINITY }, control);
         let least = start * 2f64.powi(*GAIN_POWERS.start());
         let mut consider = |kp: f64, ki: f64| {
@@ -336,6 +337,12 @@ impl<'a> Bench<'a> {
     }
 }
 
+/// 1 / (2 zeta w) in s: the gain from command to speed, times kp, at which a load on its spring begins to swing behind a
+/// valve that acts at once, is one by this.
+fn spring_delay() -> f64 {
+    1.0 / (2.0 * SPRING_DAMPING * TAU * SPRING_FREQUENCY)
+}
+
 /// The speed that an axis reaches both ways with commands up to `limit`, m/s.
 pub fn reached(model: &Commissioned, limit: f64) -> f64 {
     model.speed(limit).min(-model.speed(-limit))
@@ -455,6 +462,23 @@ mod tests {
                 let positions = step_response(&control, &model, PERIOD, 0.1, 6000);
                 let (left, last) = (0.1 * 0.1 / control.kp, positions[5999]);
                 assert!((0.1 - last).abs() < left + 1e-3, "{dead_time} s, {law:?}: {last} m, {left} m");
+            }
+        }
+    }
+
+    #[test]
+    fn an_axis_that_reacts_at_once_has_gains_with_which_a_load_on_a_spring_rests() {
+        let period = 0.001;
+        for dead_time in [0.0, 0.005] {
+            let mut axis = axis(dead_time);
+            let model = axis.commissioned.as_mut().unwrap();
+            (model.time_constant, model.hysteresis) = (0.001, 0.01);
+            axis.encoder.resolution = 1e-5;
+            let bench = Bench::new(0, &axis, period).unwrap();
+            let tuned = Baseline::Feedforward.tuned(0, &axis, period).unwrap();
+            for plant in PLANTS {
+                let (motion, _) = bench.simulated(&tuned, plant);
+                assert!(motion <= RESTING_MOTION, "{dead_time} s {plant:?}: {motion} m at rest with kp {}", tuned.kp);
             }
         }
     }

@@ -146,10 +146,33 @@ fn a_creep_out_of_the_window_ends_the_experiment() {
     let (reason, experiment) = abort(&ExperimentOptions::default(), |phase, servo, _| {
         servo.drift = if phase == Phase::Pulses { 0.02 } else { 0.0 }
     });
-    let Abort::Window { position, .. } = reason else { panic!("{reason}") };
+    let Abort::Creep { position, speed, .. } = reason else { panic!("{reason}") };
     let ((_, high), margin) = experiment.window();
     assert!(position > high + margin && position < high + margin + 0.01, "{reason}");
+    assert!((speed - 0.02).abs() < 2e-3, "{reason}");
+    assert!(reason.to_string().contains("at neutral it goes by +2"), "{reason}");
+}
+
+#[test]
+fn an_axis_that_leaves_the_window_under_commands_is_asked_for_a_wider_one() {
+    let (reason, _) = abort(&ExperimentOptions::default(), |phase, servo, _| {
+        (servo.gain, servo.drift) = if phase == Phase::Random { (0.1, 0.04) } else { (1.0, 0.0) }
+    });
+    assert!(matches!(reason, Abort::Window { .. }), "{reason}");
     assert!(reason.to_string().ends_with("a wider --travel or a smaller --speed"), "{reason}");
+}
+
+#[test]
+fn a_slow_axis_has_the_time_to_show_a_motion() {
+    // 5 mm/s at the highest level of the pulses: 1 mm in half a second only just, behind its dead time and lag.
+    let slow = Axis { max_speed: 0.02, ..boom() };
+    let mut servo = Servo { gain: 0.006, ..Servo::new() };
+    let options = ExperimentOptions { duration: Duration::from_secs(120), ..ExperimentOptions::default() };
+    let mut experiment = Experiment::new(&slow, &under("nominal").timing, &options);
+    while experiment.outcome().is_none() {
+        servo.step(experiment.update(Some(&servo.sample())));
+    }
+    assert_eq!(experiment.outcome(), Some(Outcome::Finished));
 }
 
 #[test]
@@ -166,7 +189,7 @@ fn an_axis_outside_its_soft_limits_does_not_begin_the_experiment() {
 #[test]
 fn without_motion_the_abort_asks_for_the_pump() {
     let (reason, experiment) = abort(&ExperimentOptions::default(), |_, servo, _| servo.gain = 0.0);
-    assert_eq!(reason, Abort::NoMotion { extend: true, level: 0.6 });
+    assert!(matches!(reason, Abort::NoMotion { extend: true, level: 0.6, .. }), "{reason}");
     assert!(reason.to_string().contains("is the pump on, and control.command_limit beyond"), "{reason}");
     assert!(experiment.record().commands.iter().all(|command| command.abs() <= 0.6));
     // A pump that fails later.

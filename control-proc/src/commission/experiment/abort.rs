@@ -6,6 +6,8 @@ use pipeline::message::{bit_names, sample_fault};
 
 /// Way that the axis should have gone while its encoder stood still that ends the experiment, m.
 pub const OWED_DISTANCE: f64 = 0.02;
+/// Travel to ask for in parts of the least one.
+const WIDER: f64 = 1.5;
 /// Implausible samples in a row that end the experiment; without a reading it waits at neutral from the same number on.
 pub const UNUSABLE_LIMIT: usize = crate::axis::UNUSABLE_LIMIT as usize;
 
@@ -27,6 +29,15 @@ pub enum Abort {
         window: (f64, f64),
         /// m.
         margin: f64,
+    },
+    /// Out of the window by itself.
+    Creep {
+        /// m.
+        position: f64,
+        /// Low and high end of the window, m.
+        window: (f64, f64),
+        /// Speed without a command, m/s.
+        speed: f64,
     },
     /// Outside the soft limits before the experiment.
     Start {
@@ -62,6 +73,8 @@ pub enum Abort {
         extend: bool,
         /// The highest level that was tried.
         level: f64,
+        /// Speed that would have been seen, m/s.
+        seen: f64,
     },
     /// The window does not let the axis move fast enough to be seen.
     TooSmall {
@@ -104,6 +117,13 @@ impl fmt::Display for Abort {
                 "position: found {position:.4} m; allowed: {low:.4} to {high:.4} m, and {margin:.4} m beyond: a wider \
                  --travel or a smaller --speed"
             ),
+            Self::Creep { position, window: (low, high), speed } => write!(
+                f,
+                "position: found {position:.4} m; allowed: {low:.4} to {high:.4} m, which the axis has left by itself: \
+                 at neutral it goes by {:+.1} mm/s, so its valve is not shut there: a trimmed neutral, a dead band \
+                 wider than the hysteresis, or less leakage",
+                1e3 * speed
+            ),
             Self::Start { position, soft_limits: (low, high) } => write!(
                 f,
                 "position: found {position:.4} m; allowed: {low:.4} to {high:.4} m, the soft_limits: move the axis \
@@ -128,17 +148,20 @@ impl fmt::Display for Abort {
                 1e3 * owed,
                 1e3 * OWED_DISTANCE
             ),
-            Self::NoMotion { extend, level } => write!(
+            Self::NoMotion { extend, level, seen } => write!(
                 f,
-                "does not {} up to a command of {level:.3}: is the pump on, and control.command_limit beyond the dead \
-                 band?",
-                if extend { "extend" } else { "retract" }
+                "does not {} by {:.1} mm/s or more up to a command of {level:.3}: is the pump on, and \
+                 control.command_limit beyond the dead band? A slower axis needs a finer encoder",
+                if extend { "extend" } else { "retract" },
+                1e3 * seen
             ),
             Self::TooSmall { travel, needed } => {
                 write!(
                     f,
                     "window: found {travel:.4} m of travel; allowed: at least {needed:.4} m for a motion that the \
-                     encoder shows: a wider --travel, a start nearer to the middle of soft_limits, or a finer encoder"
+                     encoder shows, and more where the axis reacts later than it has so far: a wider --travel such as \
+                     {:.3}, a start nearer to the middle of soft_limits, or a finer encoder",
+                    WIDER * needed
                 )
             }
             Self::TooShort { duration, needed } => write!(

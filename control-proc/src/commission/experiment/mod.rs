@@ -79,6 +79,8 @@ const FIRST_REACTION: usize = 3;
 const AFTER_REACTION: f64 = 0.3;
 /// Time for which a command may be at work before the axis' reaction is known, s.
 const UNKNOWN_REACTION: f64 = 1.0;
+/// Time within which an axis that creeps from the middle to an end of the window has left it by itself, s.
+const CREEP_TIME: f64 = 20.0;
 /// Time without motion after which the axis stands, s.
 const STANDING_TIME: f64 = 0.1;
 /// Time for which the random steps have to last at least, s.
@@ -277,7 +279,7 @@ impl Experiment {
     /// Checks the bounds.
     fn check(&mut self) -> Result<(), Abort> {
         let Window { range, margin, fastest, .. } = self.window;
-        self.watch.check_bounds(range, margin, fastest)?;
+        self.watch.check_bounds(range, margin, fastest).map_err(|abort| self.explained(abort))?;
         let directions = &self.found.directions;
         let is_known = !directions.iter().any(|direction| direction.last().is_none());
         let at_work =
@@ -287,6 +289,19 @@ impl Experiment {
             let direction = &directions[side_of(command)];
             if command.abs() > direction.moving { direction.speed(command.abs()) } else { 0.0 }
         })
+    }
+
+    /// Tells an axis that has left the window by itself from one that was commanded to.
+    fn explained(&self, abort: Abort) -> Abort {
+        let Abort::Window { position, window, .. } = abort else { return abort };
+        let (low, high) = self.watch.span(usize::MAX);
+        let speed = if low == 0.0 && high == 0.0 {
+            self.watch.speed_over(self.ticks(MEMORY))
+        } else {
+            self.found.drift / self.record.period
+        };
+        let out = if position > window.1 { speed } else { -speed };
+        if out * CREEP_TIME > 0.5 * (window.1 - window.0) { Abort::Creep { position, window, speed } } else { abort }
     }
 
     /// Notes what the axis does in this step.

@@ -8,8 +8,9 @@ pub const PULSE_LIMIT: f64 = 0.6;
 pub(super) const PULSE_STEP: f64 = 0.03;
 /// Rise from pulse to pulse as part of the level, where that is more.
 const PULSE_RISE: f64 = 0.1;
-/// Length of a pulse, s.
-const PULSE_TIME: f64 = 0.5;
+/// Length of a pulse, s, and the longest one: in a pulse a part of the speed bound makes a clear motion.
+const PULSE_TIME: (f64, f64) = (0.5, 2.0);
+const PULSE_SPEED: f64 = 0.2;
 /// Wait after the pulses, s: the longest dead time, 0.5 s, and the valve's lag.
 const PULSE_WAIT: f64 = 0.7;
 /// Time at rest in which the noise is seen, s.
@@ -29,7 +30,7 @@ impl Experiment {
         if self.step.ticks >= self.ticks(REST_TIME) {
             let drift = self.drift(position);
             let before = std::mem::replace(&mut self.found.drift, drift);
-            let change = (drift - before).abs() * self.ticks(2.0 * PULSE_TIME + PULSE_WAIT) as f64;
+            let change = (drift - before).abs() * self.ticks(2.0 * self.pulse_time() + PULSE_WAIT) as f64;
             if change > CREEP * self.found.clear && self.tick < self.ticks(LONGEST_REST) {
                 self.step = Step::begin(position, 0.0, 0);
                 return Ok(0.0);
@@ -47,7 +48,7 @@ impl Experiment {
     /// A pulse in each direction that has not moved yet, until one has moved. Pulses in both directions follow one
     /// another; after those in a single direction there is a wait in which every dead time ends.
     pub(super) fn pulses(&mut self, position: f64) -> Result<f64, Abort> {
-        let length = self.ticks(PULSE_TIME);
+        let length = self.ticks(self.pulse_time());
         let searched = [0, 1].map(|side| self.found.directions[side].moving.is_infinite());
         let up = if searched[0] { length } else { 0 };
         let end = up + if searched[1] { length } else { 0 };
@@ -73,7 +74,7 @@ impl Experiment {
             if moved {
                 self.step = Step::begin(position, 0.0, 0);
             } else if is_last {
-                return Err(Abort::NoMotion { extend: side == 0, level: self.level });
+                return Err(self.no_motion(side, self.level));
             } else {
                 self.raise_level(position);
             }
@@ -83,6 +84,16 @@ impl Experiment {
             self.begin_stroke(position);
         }
         Ok(0.0)
+    }
+
+    /// Length of a pulse, s.
+    fn pulse_time(&self) -> f64 {
+        (self.found.clear / (PULSE_SPEED * self.window.fastest)).clamp(PULSE_TIME.0, PULSE_TIME.1)
+    }
+
+    /// No motion in the direction in place `side` at `level`.
+    pub(super) fn no_motion(&self, side: usize, level: f64) -> Abort {
+        Abort::NoMotion { extend: side == 0, level, seen: self.found.clear / self.pulse_time() }
     }
 
     /// Begins the pulses of the next level.

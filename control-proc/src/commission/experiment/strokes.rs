@@ -100,7 +100,7 @@ impl Experiment {
         let direction = &mut self.found.directions[side];
         let is_last = level >= PULSE_LIMIT.min(self.limits.magnitude);
         if direction.last().is_some() || is_last || self.found.is_searched_again[side] {
-            return Err(Abort::NoMotion { extend: side == 0, level });
+            return Err(self.no_motion(side, level));
         }
         direction.moving = f64::INFINITY;
         self.found.is_searched_again[side] = true;

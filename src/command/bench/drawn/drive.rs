@@ -218,6 +218,7 @@ fn reason(error: &SimulatedError) -> &'static str {
             Abort::Feedback { .. } => "feedback",
             Abort::Start { .. } => "start",
             Abort::Window { .. } => "window",
+            Abort::Creep { .. } => "creep",
             Abort::Speed { .. } => "speed",
             Abort::Against { .. } => "direction",
             Abort::Stuck { .. } => "stuck",

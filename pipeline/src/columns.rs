@@ -1,4 +1,4 @@
-//! Columns of numbers from a CSV file: records and trajectories.
+//! Columns of numbers from a CSV file: recordings for a replay, and trajectories.
 //!
 //! A field that is not a finite number is refused with file, line, row and column; no row is ever skipped. All problems
 //! are collected, so that one message is enough to correct the file. Nothing here runs in a stage's loop.
@@ -89,7 +89,11 @@ impl Table {
             refused.problems[0].allowed += &did_you_mean_file(file);
             refused
         })?;
-        let header = reader(&text).headers().map_err(|error| refuse(error.to_string()))?.clone();
+        let header = match rows(&text, b',').next() {
+            Some(Ok((_, header))) => header,
+            Some(Err(problem)) => return Err(refuse(problem.found)),
+            None => return Err(refuse("an empty file".to_owned())),
+        };
         if header.iter().all(str::is_empty) {
             return Err(refuse("an empty file".to_owned()));
         }
@@ -122,17 +126,14 @@ impl Table {
         let places = places.map_err(|problem| self.error(vec![problem]))?;
         let mut columns = Columns { values: vec![Vec::new(); names.len()], lines: Vec::new() };
         let mut problems = Vec::new();
-        let mut lines = Lines { text: self.text.as_bytes(), byte: 0, line: 1 };
-        for (row, record) in reader(&self.text).records().enumerate() {
-            let record = match record {
+        for (row, record) in rows(&self.text, b',').skip(1).enumerate() {
+            let (line, record) = match record {
                 Ok(record) => record,
-                Err(error) => {
-                    let found = error.to_string();
-                    problems.push(TableProblem { line: None, field: None, found, allowed: "CSV".to_owned() });
+                Err(problem) => {
+                    problems.push(problem);
                     break;
                 }
             };
-            let line = lines.at(record.position().map_or(0, |position| position.byte() as usize));
             columns.lines.push(line);
             for ((name, place), values) in names.iter().zip(&places).zip(&mut columns.values) {
                 let before = if *name == rising { values.last().copied() } else { None };
@@ -191,9 +192,17 @@ impl Lines<'_> {
     }
 }
 
-fn reader(text: &str) -> csv::Reader<&[u8]> {
-    // A row of another length than the header is accepted: a missing field counts as an empty one.
-    csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(text.as_bytes())
+/// All rows of a text with this separator, the header as well, each with its line from 1. Fields have no blanks around
+/// them. A row may be shorter or longer than the header.
+pub fn rows(text: &str, separator: u8) -> impl Iterator<Item = Result<(usize, csv::StringRecord), TableProblem>> + '_ {
+    let mut builder = csv::ReaderBuilder::new();
+    builder.has_headers(false).delimiter(separator).trim(csv::Trim::All).flexible(true);
+    let mut lines = Lines { text: text.as_bytes(), byte: 0, line: 1 };
+    builder.from_reader(text.as_bytes()).into_records().map(move |record| {
+        let problem = |found| TableProblem { line: None, field: None, found, allowed: "CSV".to_owned() };
+        let record = record.map_err(|error| problem(error.to_string()))?;
+        Ok((lines.at(record.position().map_or(0, |position| position.byte() as usize)), record))
+    })
 }
 
 fn parse(text: &str, before: Option<f64>) -> Result<f64, (String, &'static str)> {

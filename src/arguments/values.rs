@@ -173,6 +173,16 @@ pub fn valve_command(text: &str) -> Result<f64, String> {
     command.ok_or_else(|| "allowed: a valve command in [-1, 1], such as 0.2 or 20%".to_owned())
 }
 
+/// `COLUMN=UNIT`; the name of a column may have a `=`.
+pub fn column_unit(text: &str) -> Result<(String, String), String> {
+    match text.rsplit_once('=') {
+        Some((column, unit)) if !column.trim().is_empty() && !unit.trim().is_empty() => {
+            Ok((column.trim().to_owned(), unit.trim().to_owned()))
+        }
+        _ => Err("allowed: COLUMN=UNIT, such as y=mm or \"Time stamp=ms\"".to_owned()),
+    }
+}
+
 /// A number greater than 0.
 pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {

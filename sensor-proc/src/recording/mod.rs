@@ -18,7 +18,7 @@ pub const TIME_COLUMN: &str = "t";
 /// A step of time is irregular if it differs from the median step by more than this part of the median.
 const IRREGULAR: f64 = 0.5;
 /// Sample periods that a recording can have, s: from a nanosecond, the resolution of a duration, to half a year.
-const PERIODS: std::ops::RangeInclusive<f64> = 1e-9..=1.6e7;
+pub(crate) const PERIODS: std::ops::RangeInclusive<f64> = 1e-9..=1.6e7;
 /// Largest part by which the mean period of a recording may differ from the period of the machine that replays it.
 const PERIOD_TOLERANCE: f64 = 0.01;
 

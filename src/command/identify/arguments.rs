@@ -8,7 +8,9 @@ use pipeline::{
     machine::{Estimator, Form, Split},
 };
 
-use crate::arguments::values::{DeadBand, Knots, Rows, Samples, estimator, forgetting, in_range, positive, seconds};
+use crate::arguments::values::{
+    DeadBand, Knots, Rows, Samples, column_unit, estimator, forgetting, in_range, positive, seconds,
+};
 
 /// `identify`.
 #[derive(Debug, Args)]
@@ -19,6 +21,8 @@ Examples:
   hydraxis identify boom.csv --estimator constant:0.995       a constant forgetting factor, not the paper's fuzzy one
   hydraxis identify boom.csv --input duty --output position --period 10ms --nk 20 --json -
   hydraxis identify boom.csv --na 2 --integrator --drift --dead-band 0.07,0.1 --knots 0,0.2,0.5
+  hydraxis identify step1.csv step2.csv --test step3.csv      several recordings, tested on another one
+  hydraxis identify log.txt --input "Valve command" --output 4 --unit 4=mm
   hydraxis identify boom.csv --select --na 2 --compare        search the structure with na = 2, compare estimators
 
 Identifies a Hammerstein model offline on the first rows. Then it compares, on the other rows, the held classical model
@@ -26,19 +30,31 @@ with the adaptive model that is updated at each row. A row has y(k), and the u(k
 most important figure is the h-step error: the error of a prediction --horizon ahead with the coefficients held, which
 is how a predictive controller uses the model.")]
 pub struct IdentifyArguments {
-    /// Recording: CSV with a header and one row per sample
-    pub data: PathBuf,
-    /// Column of the input u, the valve command
+    /// Recordings: one row per sample, separated by commas, semicolons, tabs or blanks. Nothing is combined over the gap
+    /// between two of them
+    #[arg(required = true)]
+    pub data: Vec<PathBuf>,
+    /// Recording for the test; may be given several times. All other recordings are for training then
+    #[arg(long, value_name = "FILE")]
+    pub test: Vec<PathBuf>,
+    /// Column of the input u, the valve command: its name, or its number from 1
     #[arg(long, default_value = "u")]
     pub input: String,
-    /// Column of the output y, the position
+    /// Column of the output y, the position: its name, or its number from 1
     #[arg(long, default_value = "y")]
     pub output: String,
-    /// Sample period, in seconds or with a unit such as 10ms [default: from the column `t`, s]
+    /// Column of the time: its name, its number from 1, or none [default: a column `t`, `time` or `timestamp`]
+    #[arg(long, value_name = "COLUMN")]
+    pub time: Option<String>,
+    /// Unit of a column, such as y=mm, t=ms or "Valve command=%"; may be given several times [default: from the header
+    /// or the row below it; else s, and signals as they are]
+    #[arg(long, value_name = "COLUMN=UNIT", value_parser = column_unit)]
+    pub unit: Vec<(String, String)>,
+    /// Sample period, in seconds or with a unit such as 10ms [default: from the column of the time, without its gaps]
     #[arg(long, value_parser = seconds, allow_hyphen_values = true)]
     pub period: Option<Duration>,
     /// Rows for offline identification, as a number or as a fraction of all rows; the other rows are the test part
-    #[arg(long, default_value = "0.5")]
+    #[arg(long, default_value = "0.5", conflicts_with = "test")]
     pub train: Rows,
     /// Order of A [default: 3]
     #[arg(long, value_parser = in_range(1, MAX_LINEAR))]

@@ -4,10 +4,9 @@ use pipeline::{
     machine::{Estimator, Form, Identification},
     message::{AxisSnapshot, bit_names, model_fault},
 };
-use sensor_proc::Recording;
 use serde::Serialize;
 
-use super::{residuals::Residuals, run::identify};
+use super::{record::Record, residuals::Residuals, run::identify};
 use crate::report::table::{number, progress, table};
 
 /// The forms in which an estimator runs.
@@ -68,7 +67,7 @@ struct ComparisonRow {
 }
 
 /// Runs all estimators.
-pub fn compare(settings: &Identification, record: &Recording) -> Comparison {
+pub fn compare(settings: &Identification, record: &Record) -> Comparison {
     let runs = runs(settings);
     let progress = progress(runs.len() as u64, "estimators");
     let mut rows: Vec<ComparisonRow> = Vec::new();

@@ -21,8 +21,9 @@ use pipeline::{
     machine::{Identification, IdentifiedOutput, Split},
     statistics::ErrorStatistics,
 };
-use sensor_proc::Recording;
 use serde::Serialize;
+
+use super::record::Record;
 
 /// Part of the training rows on which structures are fitted.
 pub const FIT_PART: f64 = 0.7;
@@ -47,6 +48,9 @@ pub struct HeldOut<'a> {
     inputs: &'a [f64],
     /// The identified signal: the output, or its velocity, whose first value is not known.
     outputs: Vec<f64>,
+    /// Rows between the gap before a row and the row.
+    ages: Vec<usize>,
+    /// Smallest age of a row that is predicted.
     first: usize,
     fit: usize,
     horizon: usize,
@@ -80,21 +84,25 @@ pub struct Candidate {
 
 impl<'a> HeldOut<'a> {
     /// Divides the training part of a record.
-    pub fn new(settings: &Identification, record: &'a Recording) -> Self {
+    pub fn new(settings: &Identification, record: &'a Record) -> Self {
         let inputs = &record.inputs[..settings.training];
         let positions = &record.outputs[..settings.training];
-        let outputs = match settings.output {
+        let ages: Vec<usize> = record.stretches().flat_map(|rows| 0..rows.len()).take(settings.training).collect();
+        let velocity = |k: usize| match ages[k] {
+            0 => f64::NAN,
+            _ => (positions[k] - positions[k - 1]) / settings.period,
+        };
+        let outputs: Vec<f64> = match settings.output {
             IdentifiedOutput::Position => positions.to_vec(),
-            IdentifiedOutput::Velocity => std::iter::once(f64::NAN)
-                .chain(positions.windows(2).map(|pair| (pair[1] - pair[0]) / settings.period))
-                .collect(),
+            IdentifiedOutput::Velocity => (0..positions.len()).map(velocity).collect(),
         };
         let fit = fit_rows(settings.training);
         let mut spread = ErrorStatistics::default();
-        outputs[fit..].iter().for_each(|y| spread.push(*y));
+        outputs[fit..].iter().filter(|y| y.is_finite()).for_each(|y| spread.push(*y));
         Self {
             inputs,
             outputs,
+            ages,
             first: first_row(fit, settings.structure.nk),
             fit,
             horizon: settings.horizon,
@@ -128,9 +136,14 @@ impl<'a> HeldOut<'a> {
         &self.inputs[..self.fit]
     }
 
-    /// Rows of the fit, counted from the first row on which every structure can be fitted.
+    /// Rows of the fit: those on which every structure can be fitted.
     pub fn fit_rows(&self) -> usize {
-        self.fit - self.first
+        (0..self.fit).filter(|k| self.ages[*k] >= self.first).count()
+    }
+
+    /// Whether the gaps leave rows to fit on and a whole horizon to judge on.
+    pub fn can_judge(&self) -> bool {
+        self.fit_rows() > 0 && self.h_step_starts().next().is_some()
     }
 
     /// Number of held-out rows.
@@ -187,7 +200,7 @@ impl<'a> HeldOut<'a> {
         for k in 1..self.fit {
             outputs.push(self.outputs[k - 1]);
             commands.push_with(|slot| input.features(self.inputs[k - 1], slot));
-            if k >= self.first {
+            if self.ages[k] >= self.first {
                 row.fill(&outputs, &commands);
                 batch.add(self.outputs[k], &row);
             }
@@ -208,18 +221,25 @@ impl<'a> HeldOut<'a> {
 
     fn squares(&self, model: &Coefficients) -> f64 {
         let mut predicted = [0.0];
-        let errors = (self.first..self.fit).map(|k| {
+        let errors = (0..self.fit).filter(|k| self.ages[*k] >= self.first).map(|k| {
             self.predict(model, k, &mut predicted);
             self.outputs[k] - predicted[0]
         });
         errors.map(|error| error * error).sum()
     }
 
+    /// Rows from which the output is predicted a horizon ahead: a prediction and its past are without a gap.
+    fn h_step_starts(&self) -> impl Iterator<Item = usize> + '_ {
+        let h = self.horizon;
+        let starts = (self.fit..=self.outputs.len() - h).step_by((h / STARTS_PER_HORIZON).max(1));
+        starts.filter(move |k| self.ages[k + h - 1] + 1 >= self.first + h)
+    }
+
     fn h_step_rmse(&self, model: &Coefficients) -> f64 {
         let h = self.horizon;
         let mut predicted = vec![0.0; h];
         let mut errors = ErrorStatistics::default();
-        for k in (self.fit..=self.outputs.len() - h).step_by((h / STARTS_PER_HORIZON).max(1)) {
+        for k in self.h_step_starts() {
             self.predict(model, k, &mut predicted);
             errors.push(self.outputs[k + h - 1] - predicted[h - 1]);
         }
@@ -231,10 +251,18 @@ impl<'a> HeldOut<'a> {
         let mut predicted = vec![0.0; held_out];
         let mut errors = ErrorStatistics::default();
         for run in 0..FREE_RUNS {
-            let from = self.fit + run * held_out / FREE_RUNS;
-            let predicted = &mut predicted[..self.outputs.len() - from];
-            self.predict(model, from, predicted);
-            self.outputs[from..].iter().zip(predicted).for_each(|(y, own)| errors.push(y - *own));
+            // After a gap the run begins anew, as soon as there is enough past.
+            let mut from = self.fit + run * held_out / FREE_RUNS;
+            while from < self.outputs.len() {
+                let gap = (from + 1..self.outputs.len()).find(|k| self.ages[*k] == 0).unwrap_or(self.outputs.len());
+                from += self.first.saturating_sub(self.ages[from]);
+                if from < gap {
+                    let predicted = &mut predicted[..gap - from];
+                    self.predict(model, from, predicted);
+                    self.outputs[from..gap].iter().zip(predicted).for_each(|(y, own)| errors.push(y - *own));
+                }
+                from = gap;
+            }
         }
         errors.rmse()
     }

@@ -6,6 +6,7 @@ mod arguments;
 mod compare;
 mod grid;
 mod held_out;
+mod record;
 mod report;
 mod residuals;
 mod run;
@@ -14,13 +15,13 @@ mod settings;
 mod structure;
 
 use pipeline::machine::Identification;
-use sensor_proc::Recording;
 
 use crate::{
     failure::Failure,
     report::{output::Output, table::progress},
 };
 pub use arguments::IdentifyArguments;
+use record::Record;
 use report::IdentifyReport;
 use residuals::Residuals;
 use run::identify;
@@ -30,9 +31,7 @@ use settings::{TypedStructure, check_estimator, settings};
 /// Runs the command.
 pub fn run(arguments: &IdentifyArguments) -> Result<(), Failure> {
     let typed = TypedStructure::new(arguments)?;
-    let period = arguments.period.map(|period| period.as_secs_f64());
-    let record =
-        Recording::read(&arguments.data, &arguments.input, &arguments.output, period).map_err(Failure::usage)?;
+    let record = Record::read(arguments)?;
     let mut settings = settings(arguments, &typed, &record)?;
     let output = Output::open(arguments.json.as_deref())?;
     let selection = if arguments.select { Some(search(&settings, &typed, &record)?) } else { None };
@@ -45,15 +44,19 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), Failure> {
     let seen = |samples| progress.set_position(samples);
     let (identifier, ns_per_update) = identify(&settings, &record, seen, &mut residuals);
     progress.finish_and_clear();
-    let mut report = IdentifyReport::new(&settings, &record, &identifier, &residuals, ns_per_update);
-    report.selection = selection;
-    report.comparison = arguments.compare.then(|| compare::compare(&settings, &record));
-    Ok(output.write(|| report.tables(&arguments.data), &report)?)
+    let comparison = arguments.compare.then(|| compare::compare(&settings, &record));
+    let name = record.name();
+    let mut report = IdentifyReport::new(&settings, record, &identifier, &residuals, ns_per_update);
+    (report.selection, report.comparison) = (selection, comparison);
+    Ok(output.write(|| report.tables(&name), &report)?)
 }
 
-fn search(settings: &Identification, typed: &TypedStructure, record: &Recording) -> Result<Selection, Failure> {
+fn search(settings: &Identification, typed: &TypedStructure, record: &Record) -> Result<Selection, Failure> {
     let progress = progress(0, "structures");
     let selection = select(settings, typed, record, &progress);
     progress.finish_and_clear();
-    selection.ok_or_else(|| Failure::run("--select: no structure could be fitted"))
+    selection.ok_or_else(|| {
+        let gaps = if record.stretches().nth(1).is_some() { ": the gaps leave too few rows for it" } else { "" };
+        Failure::run(format!("--select: no structure could be fitted and judged{gaps}"))
+    })
 }

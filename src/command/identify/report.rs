@@ -1,6 +1,6 @@
 //! The report of one identification, as JSON for programs and as tables for people.
 
-use std::{path::Path, time::Duration};
+use std::time::Duration;
 
 use ident_proc::Identifier;
 use pipeline::{
@@ -9,11 +9,11 @@ use pipeline::{
     message::{bit_names, model_fault},
     statistics::ErrorStatistics,
 };
-use sensor_proc::Recording;
 use serde::Serialize;
 
 use super::{
     compare::Comparison,
+    record::{self, ReadRecording, Record},
     residuals::{Deviations, Residuals, Validation},
     select::Selection,
     structure::description,
@@ -42,6 +42,9 @@ pub struct IdentifyReport {
     skipped: u64,
     outliers: u64,
     irregular_steps: usize,
+    /// Unit of the identified output; none where no file and no option states it.
+    unit: Option<String>,
+    recordings: Vec<ReadRecording>,
     persistence: Persistence,
     classical: Classical,
     adaptive: Adaptive,
@@ -102,7 +105,7 @@ impl IdentifyReport {
     /// The report after the last sample.
     pub fn new(
         settings: &Identification,
-        record: &Recording,
+        record: Record,
         identifier: &Identifier,
         residuals: &Residuals,
         ns_per_update: f64,
@@ -126,6 +129,11 @@ impl IdentifyReport {
             skipped: snapshot.skipped,
             outliers: snapshot.outliers,
             irregular_steps: record.irregular_steps,
+            unit: record.unit().map(|unit| match settings.output {
+                IdentifiedOutput::Position => unit.to_owned(),
+                IdentifiedOutput::Velocity => format!("{unit}/s"),
+            }),
+            recordings: record.recordings,
             persistence: Persistence { h_step: figures(&snapshot.persistence) },
             classical: Classical {
                 one_step: figures(&classical.one_step),
@@ -158,10 +166,11 @@ impl IdentifyReport {
     }
 
     /// All figures as tables.
-    pub fn tables(&self, file: &Path) -> String {
+    pub fn tables(&self, name: &str) -> String {
         let parts = [
             self.selection.as_ref().map(|selection| selection.table(self.output)).unwrap_or_default(),
-            self.record(file),
+            record::text(&self.recordings),
+            self.record(name),
             self.error_table(),
             self.estimation(),
             self.coefficients(),
@@ -172,10 +181,9 @@ impl IdentifyReport {
     }
 
     /// The record and the structure, with warnings.
-    fn record(&self, file: &Path) -> String {
+    fn record(&self, name: &str) -> String {
         let mut text = format!(
-            "{}: {} rows of {} s, {} for training; {}; {} ahead is {} samples\n",
-            file.display(),
+            "{name}: {} rows of {} s, {} for training; {}; {} ahead is {} samples\n",
             self.rows,
             number(self.period_s),
             self.train,
@@ -185,7 +193,7 @@ impl IdentifyReport {
         );
         if self.irregular_steps > 0 {
             text += &format!(
-                "warning: {} steps of time differ from the period by more than half of it\n",
+                "warning: {} steps of time are shorter than half of the period\n",
                 self.irregular_steps
             );
         }
@@ -213,8 +221,9 @@ impl IdentifyReport {
             row("h steps", &classical.h_step, &adaptive.h_step, reduction.h_step),
             row("free run", &classical.free_run, &adaptive.free_run, reduction.free_run),
         ];
+        let error = self.unit.as_ref().map_or_else(|| "error".to_owned(), |unit| format!("error, {unit}"));
         let header =
-            ["error", "sigma classical", "adaptive", "reduction", "rmse classical", "adaptive", "fit adaptive"];
+            [error.as_str(), "sigma classical", "adaptive", "reduction", "rmse classical", "adaptive", "fit adaptive"];
         format!("{}\n", table(&header, rows))
     }
 

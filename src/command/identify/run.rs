@@ -4,9 +4,8 @@ use std::time::Instant;
 
 use ident_proc::Identifier;
 use pipeline::machine::Identification;
-use sensor_proc::Recording;
 
-use super::residuals::Residuals;
+use super::{record::Record, residuals::Residuals};
 
 /// Samples between two calls of `seen`.
 const SAMPLES_PER_CALL: usize = 65_536;
@@ -16,7 +15,7 @@ const SAMPLES_PER_CALL: usize = 65_536;
 /// training.
 pub fn identify(
     settings: &Identification,
-    record: &Recording,
+    record: &Record,
     seen: impl Fn(u64),
     residuals: &mut Residuals,
 ) -> (Identifier, f64) {
@@ -27,7 +26,8 @@ pub fn identify(
         if k == settings.training {
             test_started = Instant::now();
         }
-        let applied = k.checked_sub(1).map(|before| record.inputs[before]);
+        // After a gap, the command of the sample before is not known.
+        let applied = (!record.begins[k]).then(|| record.inputs[k - 1]);
         identifier.update(Some(*y), applied);
         if let Some(innovations) = identifier.innovations() {
             residuals.push(innovations, record.inputs[k]);

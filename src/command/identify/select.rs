@@ -16,12 +16,12 @@ use pipeline::{
     hammerstein::Structure,
     machine::{Identification, IdentifiedOutput},
 };
-use sensor_proc::Recording;
 use serde::Serialize;
 
 use super::{
     grid::{Grid, STAGES},
     held_out::{Candidate, HeldOut},
+    record::Record,
     settings::TypedStructure,
     structure::{description, flags},
 };
@@ -61,10 +61,13 @@ pub struct Chosen {
 pub fn select(
     settings: &Identification,
     typed: &TypedStructure,
-    record: &Recording,
+    record: &Record,
     progress: &ProgressBar,
 ) -> Option<Selection> {
     let validation = HeldOut::new(settings, record);
+    if !validation.can_judge() {
+        return None;
+    }
     let grid = Grid::new(validation.commands(), validation.longest_delay());
     let mut search = Search { validation, seen: Vec::new(), tried: Vec::new() };
     for start in grid.starts(&settings.structure) {

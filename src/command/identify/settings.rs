@@ -6,11 +6,11 @@ use pipeline::{
     hammerstein::{Basis, InputMap, Structure},
     machine::{Fuzzy, GREY_BOX_MEMORY, Identification, IdentifiedOutput, shortest_training},
 };
-use sensor_proc::{Recording, recording::RecordingError};
 
 use super::{
     arguments::IdentifyArguments,
     held_out::{FIT_PART, HeldOut},
+    record::Record,
 };
 use crate::{arguments::values::Samples, failure::Failure};
 
@@ -80,18 +80,18 @@ impl TypedStructure {
 pub fn settings(
     arguments: &IdentifyArguments,
     typed: &TypedStructure,
-    record: &Recording,
+    record: &Record,
 ) -> Result<Identification, Failure> {
     let rows = record.outputs.len();
     let structure = typed.over(Structure::PAPER);
     let output = if arguments.velocity { IdentifiedOutput::Velocity } else { IdentifiedOutput::Position };
-    let training = arguments.train.of(rows);
+    let training = record.trained.unwrap_or_else(|| arguments.train.of(rows));
     let period = Duration::from_secs_f64(record.period);
     let horizon = match arguments.horizon {
         Some(horizon) => horizon.at(period),
         None => Samples::Duration(HORIZON).at(period).max(1),
     };
-    expect_enough_rows(arguments, structure, output, (rows, training, horizon))?;
+    expect_enough_rows(record, structure, output, (training, horizon))?;
     let mut fuzzy = match &arguments.fuzzy {
         Some(file) => Fuzzy::load(file).map_err(Failure::usage)?,
         None => Fuzzy::PAPER,
@@ -113,52 +113,70 @@ pub fn settings(
     };
     check_estimator(&settings)?;
     if arguments.select {
-        expect_enough_to_select(arguments, &settings)?;
+        expect_enough_to_select(record, &settings)?;
     }
     Ok(settings)
 }
 
 /// Refuses a record that is too short to determine the coefficients, or to test the prediction. `counts` are the rows
-/// of the record, those for training, and the samples of the horizon.
+/// for training, and the samples of the horizon.
 fn expect_enough_rows(
-    arguments: &IdentifyArguments,
+    record: &Record,
     structure: Structure,
     output: IdentifiedOutput,
-    counts: (usize, usize, usize),
+    (training, horizon): (usize, usize),
 ) -> Result<(), Failure> {
-    let (rows, training, horizon) = counts;
     if horizon == 0 {
         return Err(Failure::usage("--horizon: found 0 samples; allowed: at least one sample"));
     }
-    let coefficients = structure.full_len();
+    let (name, rows, coefficients) = (record.name(), record.outputs.len(), structure.full_len());
     let shortest = shortest_training(structure, output);
+    let fewer = "(fewer with lower --na, --nb, --order)";
     if training < shortest {
+        let option = if record.trained.is_some() { "" } else { " --train:" };
         return Err(Failure::usage(format!(
-            "{}: --train: found {training} of the {rows} rows; allowed: at least {shortest}, to determine \
-             {coefficients} coefficients (fewer with lower --na, --nb, --order)",
-            arguments.data.display()
+            "{name}:{option} found {training} of the {rows} rows; allowed: at least {shortest}, to determine \
+             {coefficients} coefficients {fewer}"
         )));
     }
     if rows.saturating_sub(training) <= horizon {
-        return Err(Failure::usage(RecordingError::TooFewRows {
-            file: arguments.data.clone(),
-            rows,
-            needed: training.saturating_add(horizon).saturating_add(1),
-            purpose: format!("to test {horizon} samples ahead after {training} for training"),
-        }));
+        return Err(Failure::usage(format!(
+            "{name}: found {rows} rows; allowed: at least {} to test {horizon} samples ahead after {training} for \
+             training",
+            training.saturating_add(horizon).saturating_add(1)
+        )));
+    }
+    // A row needs so many rows before it, without a gap.
+    let past = shortest - coefficients;
+    let known = record.stretches().map(|stretch| stretch.end.min(training).saturating_sub(stretch.start + past));
+    let known: usize = known.sum();
+    if known < coefficients {
+        return Err(Failure::usage(format!(
+            "{name}: found {known} rows for training with {past} rows before them that have no gap; allowed: at least \
+             {coefficients}, to determine as many coefficients {fewer}"
+        )));
+    }
+    let tested = |stretch: std::ops::Range<usize>| stretch.end.saturating_sub(training.max(stretch.start + past));
+    let longest = record.stretches().map(tested).max().unwrap_or_default();
+    if longest <= horizon {
+        return Err(Failure::usage(format!(
+            "{name}: found at most {longest} rows for the test without a gap; allowed: at least {}, to test {horizon} \
+             samples ahead (fewer with a shorter --horizon)",
+            horizon + 1
+        )));
     }
     Ok(())
 }
 
 /// Refuses a training part that is too short to fit and to judge structures.
-fn expect_enough_to_select(arguments: &IdentifyArguments, settings: &Identification) -> Result<(), Failure> {
+fn expect_enough_to_select(record: &Record, settings: &Identification) -> Result<(), Failure> {
     let (training, horizon, coefficients) = (settings.training, settings.horizon, settings.structure.full_len());
     let fewest = HeldOut::fewest_rows(settings);
     if training < fewest {
         return Err(Failure::usage(format!(
             "{}: --select: found {training} rows for training; allowed: at least {fewest}, to fit {coefficients} \
              coefficients on the first {:.0} % of them and to judge {horizon} samples ahead on the rest",
-            arguments.data.display(),
+            record.name(),
             100.0 * FIT_PART
         )));
     }

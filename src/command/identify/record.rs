@@ -1,0 +1,217 @@
+//! The samples of one or several recordings, one after the other, with the gaps between and within them.
+
+use std::{fmt::Write, path::Path};
+
+use pipeline::columns::{TableError, TableProblem};
+use sensor_proc::log::{Cause, Found, FoundColumn, Gap, Gaps, Log, Wanted};
+use serde::Serialize;
+
+use super::arguments::IdentifyArguments;
+use crate::{failure::Failure, report::table::number};
+
+/// Largest part by which the periods of two recordings may differ.
+const PERIOD_TOLERANCE: f64 = 0.01;
+/// Most gaps in the text of a report.
+const SHOWN_GAPS: usize = 5;
+
+/// Samples of all recordings: those for training, then those of `--test`.
+#[derive(Debug)]
+pub struct Record {
+    /// Sample period, s.
+    pub period: f64,
+    /// Commands u(k).
+    pub inputs: Vec<f64>,
+    /// Outputs y(k).
+    pub outputs: Vec<f64>,
+    /// Whether a gap is before row k; true for the first row.
+    pub begins: Vec<bool>,
+    /// Rows of the recordings for training, where others are for the test.
+    pub trained: Option<usize>,
+    /// Number of steps of time that are shorter than half of the median step.
+    pub irregular_steps: usize,
+    /// What was found in each file.
+    pub recordings: Vec<ReadRecording>,
+}
+
+/// One recording, as JSON has it.
+#[derive(Debug, Serialize)]
+pub struct ReadRecording {
+    file: String,
+    /// Whether it is for the test only.
+    test: bool,
+    rows: usize,
+    #[serde(flatten)]
+    found: Found,
+    gaps: Gaps,
+}
+
+impl Record {
+    /// Reads all recordings of the command line.
+    ///
+    /// # Errors
+    /// A recording cannot be read, or its period or units are not those of the first one.
+    pub fn read(arguments: &IdentifyArguments) -> Result<Self, Failure> {
+        let wanted = Wanted {
+            input: arguments.input.clone(),
+            output: arguments.output.clone(),
+            time: arguments.time.clone(),
+            units: arguments.unit.clone(),
+            period: arguments.period.map(|period| period.as_secs_f64()),
+        };
+        let mut record = Self {
+            period: 0.0,
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+            begins: Vec::new(),
+            trained: None,
+            irregular_steps: 0,
+            recordings: Vec::new(),
+        };
+        // Mean of the periods: one recording, or several of the same period, leave it as it is.
+        let mut rows = 0.0;
+        let training = arguments.data.iter().map(|file| (file, false));
+        for (file, test) in training.chain(arguments.test.iter().map(|file| (file, true))) {
+            let log = Log::read(file, &wanted).map_err(Failure::usage)?;
+            record.expect_the_same(file, &log)?;
+            rows += log.outputs.len() as f64;
+            record.period += (log.period - record.period) * (log.outputs.len() as f64 / rows);
+            if test {
+                record.trained.get_or_insert(record.outputs.len());
+            }
+            record.add(file, test, log);
+        }
+        Ok(record)
+    }
+
+    /// Refuses a recording that cannot be combined with the first one.
+    fn expect_the_same(&self, file: &Path, log: &Log) -> Result<(), Failure> {
+        let Some(first) = self.recordings.first() else { return Ok(()) };
+        let refuse = |found: String, allowed: String| {
+            let problems = vec![TableProblem { line: None, field: None, found, allowed }];
+            Err(Failure::usage(TableError { file: file.to_owned(), problems }))
+        };
+        if (log.period / self.period - 1.0).abs() > PERIOD_TOLERANCE {
+            let found = format!("a period of {} s", number(log.period));
+            return refuse(found, format!("{} s, as before it ({})", number(self.period), first.file));
+        }
+        for (before, now) in [(&first.found.input, &log.found.input), (&first.found.output, &log.found.output)] {
+            if before.becomes != now.becomes {
+                let unit = |column: &FoundColumn| column.becomes.map_or("no unit".into(), |unit| format!("the unit {unit}"));
+                let allowed = format!("{}, as in {} (or state it: --unit \"{}=UNIT\")", unit(before), first.file, now.name);
+                return refuse(format!("{} for column \"{}\"", unit(now), now.name), allowed);
+            }
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, file: &Path, test: bool, log: Log) {
+        let rows = log.outputs.len();
+        self.inputs.extend(log.inputs);
+        self.outputs.extend(log.outputs);
+        self.begins.extend(log.begins);
+        self.irregular_steps += log.irregular_steps;
+        let file = file.display().to_string();
+        self.recordings.push(ReadRecording { file, test, rows, found: log.found, gaps: log.gaps });
+    }
+
+    /// The files in words.
+    pub fn name(&self) -> String {
+        let name = |recordings: &[&ReadRecording]| match recordings {
+            [] => String::new(),
+            [one] => one.file.clone(),
+            [first, .., last] => format!("{} .. {} ({} recordings)", first.file, last.file, recordings.len()),
+        };
+        let (tests, training): (Vec<_>, Vec<_>) = self.recordings.iter().partition(|recording| recording.test);
+        let tested = if tests.is_empty() { String::new() } else { format!(", tested on {}", name(&tests)) };
+        name(&training) + &tested
+    }
+
+    /// The unit of the output, where a file or an option states one.
+    pub fn unit(&self) -> Option<&'static str> {
+        self.recordings.first()?.found.output.becomes.filter(|unit| *unit != "1")
+    }
+
+    /// The rows of each stretch without a gap, as ranges.
+    pub fn stretches(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
+        self.begins.chunk_by(|_, next| !next).scan(0, |end, stretch| {
+            let start = *end;
+            *end += stretch.len();
+            Some(start..*end)
+        })
+    }
+}
+
+/// One line for each format, and one for each recording with gaps.
+pub fn text(recordings: &[ReadRecording]) -> String {
+    let mut text = String::new();
+    for same in recordings.chunk_by(|a, b| a.found == b.found) {
+        let names = match same {
+            [one] => one.file.clone(),
+            _ => format!("{} .. {} ({} recordings)", same[0].file, same[same.len() - 1].file, same.len()),
+        };
+        text += &format!("{names}: {}\n", format(&same[0].found));
+    }
+    let with_gaps = recordings.iter().filter(|recording| recording.gaps.any());
+    text + &with_gaps.map(|recording| gaps(&recording.file, &recording.gaps)).collect::<String>()
+}
+
+/// The format of a file in words.
+fn format(found: &Found) -> String {
+    let unit = |column: &FoundColumn| match (&column.unit, column.becomes) {
+        (Some(unit), Some("1")) if unit != "%" => String::new(),
+        (Some(unit), Some(becomes)) if unit != becomes => format!(" in {unit}, read as {becomes}"),
+        (Some(unit), _) => format!(" in {unit}"),
+        (None, _) => String::new(),
+    };
+    let time = match (&found.time, found.time_form) {
+        (Some(time), Some("numbers")) => {
+            let unit = time.unit.as_deref().unwrap_or("s");
+            format!("time \"{}\" in {unit}", time.name)
+        }
+        (Some(time), Some(form)) => format!("time \"{}\" as {form}", time.name),
+        _ => "no time".to_owned(),
+    };
+    let row = match (found.header, found.units_row) {
+        (false, _) => ", no header",
+        (true, true) => ", a row of units",
+        (true, false) => "",
+    };
+    format!(
+        "{}, {}, {}{row}; {time}, input \"{}\"{}, output \"{}\"{}",
+        found.separator,
+        found.decimal,
+        found.encoding,
+        found.input.name,
+        unit(&found.input),
+        found.output.name,
+        unit(&found.output)
+    )
+}
+
+/// The gaps of a file in words.
+fn gaps(file: &str, gaps: &Gaps) -> String {
+    let count = |count: usize, one: &str, more: &str| match count {
+        0 => None,
+        1 => Some(format!("1 {one}")),
+        _ => Some(format!("{count} {more}")),
+    };
+    let counts = [
+        count(gaps.empty_rows, "row with an empty field", "rows with an empty field"),
+        count(gaps.missing_rows, "place with missing rows", "places with missing rows"),
+        count(gaps.times_not_rising, "time that does not rise", "times that do not rise"),
+    ];
+    let counts: Vec<String> = counts.into_iter().flatten().collect();
+    let mut text = format!("{file}: gaps, over which nothing is combined: {}:", counts.join(", "));
+    for Gap { line, cause } in gaps.places.iter().take(SHOWN_GAPS) {
+        let _ = match cause {
+            Cause::EmptyField { column } => write!(text, " line {line} (\"{column}\" empty),"),
+            Cause::MissingRows { seconds } => write!(text, " line {line} ({} s after the row before),", number(*seconds)),
+            Cause::TimeNotRising { seconds: 0.0 } => write!(text, " line {line} (the time of the row before),"),
+            Cause::TimeNotRising { seconds } => write!(text, " line {line} ({} s backwards),", number(-seconds)),
+        };
+    }
+    let all = gaps.empty_rows + gaps.missing_rows + gaps.times_not_rising;
+    let more = all.saturating_sub(SHOWN_GAPS);
+    text.pop();
+    text + &if more > 0 { format!(", and {more} more\n") } else { "\n".to_owned() }
+}

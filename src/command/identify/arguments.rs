@@ -22,7 +22,7 @@ Examples:
   hydraxis identify boom.csv --input duty --output position --period 10ms --nk 20 --json -
   hydraxis identify boom.csv --na 2 --integrator --drift --dead-band 0.07,0.1 --knots 0,0.2,0.5
   hydraxis identify step1.csv step2.csv --test step3.csv      several recordings, tested on another one
-  hydraxis identify log.txt --input "Valve command" --output 4 --unit 4=mm
+  hydraxis identify log.txt --input \"Valve command\" --output 4 --unit 4=mm
   hydraxis identify boom.csv --select --na 2 --compare        search the structure with na = 2, compare estimators
 
 Identifies a Hammerstein model offline on the first rows. Then it compares, on the other rows, the held classical model

@@ -96,8 +96,10 @@ impl Record {
         }
         for (before, now) in [(&first.found.input, &log.found.input), (&first.found.output, &log.found.output)] {
             if before.becomes != now.becomes {
-                let unit = |column: &FoundColumn| column.becomes.map_or("no unit".into(), |unit| format!("the unit {unit}"));
-                let allowed = format!("{}, as in {} (or state it: --unit \"{}=UNIT\")", unit(before), first.file, now.name);
+                let unit =
+                    |column: &FoundColumn| column.becomes.map_or("no unit".into(), |unit| format!("the unit {unit}"));
+                let allowed =
+                    format!("{}, as in {} (or state it: --unit \"{}=UNIT\")", unit(before), first.file, now.name);
                 return refuse(format!("{} for column \"{}\"", unit(now), now.name), allowed);
             }
         }
@@ -205,7 +207,9 @@ fn gaps(file: &str, gaps: &Gaps) -> String {
     for Gap { line, cause } in gaps.places.iter().take(SHOWN_GAPS) {
         let _ = match cause {
             Cause::EmptyField { column } => write!(text, " line {line} (\"{column}\" empty),"),
-            Cause::MissingRows { seconds } => write!(text, " line {line} ({} s after the row before),", number(*seconds)),
+            Cause::MissingRows { seconds } => {
+                write!(text, " line {line} ({} s after the row before),", number(*seconds))
+            }
             Cause::TimeNotRising { seconds: 0.0 } => write!(text, " line {line} (the time of the row before),"),
             Cause::TimeNotRising { seconds } => write!(text, " line {line} ({} s backwards),", number(-seconds)),
         };

@@ -192,10 +192,7 @@ impl IdentifyReport {
             self.horizon
         );
         if self.irregular_steps > 0 {
-            text += &format!(
-                "warning: {} steps of time are shorter than half of the period\n",
-                self.irregular_steps
-            );
+            text += &format!("warning: {} steps of time are shorter than half of the period\n", self.irregular_steps);
         }
         if !self.faults.is_empty() {
             text += &format!("warning: {}\n", self.faults.join(", "));

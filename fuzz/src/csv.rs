@@ -1,6 +1,12 @@
 //! Recordings and trajectories.
 
-use std::{fs::File, io::Write, os::fd::AsRawFd, path::PathBuf, sync::OnceLock};
+use std::{
+    fs::File,
+    io::Write,
+    os::fd::AsRawFd,
+    path::{Path, PathBuf},
+    sync::OnceLock,
+};
 
 use control_proc::trajectory_file::read_trajectory;
 use pipeline::{
@@ -8,7 +14,10 @@ use pipeline::{
     machine::{Axis, Machine},
 };
 use rustix::fs::{MemfdFlags, memfd_create};
-use sensor_proc::Recording;
+use sensor_proc::{
+    Recording,
+    log::{Log, Wanted},
+};
 
 /// Reads columns of a table, and a recording.
 pub fn csv(data: &[u8]) {
@@ -35,6 +44,22 @@ pub fn csv(data: &[u8]) {
                 assert!(recording.inputs.len() == recording.outputs.len() && recording.outputs.len() >= 2);
                 assert!(recording.period > 0.0 && recording.period.is_finite());
                 assert!(recording.irregular_steps < recording.outputs.len());
+            }
+            Err(error) => assert!(!error.to_string().is_empty()),
+        }
+        log(&path, period);
+    }
+}
+
+/// Reads a recording as loggers write them, by names and by numbers.
+fn log(path: &Path, period: Option<f64>) {
+    for (input, output) in [("u", "y"), ("2", "3")] {
+        let wanted = Wanted { input: input.to_owned(), output: output.to_owned(), period, ..Wanted::default() };
+        match Log::read(path, &wanted) {
+            Ok(log) => {
+                assert!(log.inputs.len() == log.outputs.len() && log.begins.len() == log.outputs.len());
+                assert!(log.inputs.iter().chain(&log.outputs).all(|value| value.is_finite()));
+                assert!(log.period > 0.0 && log.period.is_finite() && log.begins[0]);
             }
             Err(error) => assert!(!error.to_string().is_empty()),
         }

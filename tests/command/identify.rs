@@ -1,11 +1,13 @@
-//! `hydraxis identify`: records of a known plant and of a simulated servo axis, options for columns, period, training
-//! and horizon, the search for a structure, the comparison of estimators, the two outputs, and refusals.
+//! `hydraxis identify`: records of a known plant and of a simulated servo axis, formats and gaps of recordings, options
+//! for columns, period, training and horizon, the search for a structure, the comparison of estimators, the two outputs,
+//! and refusals.
 
 mod arguments;
 mod compare;
 mod models;
 mod options;
 mod plant;
+mod recordings;
 mod refusals;
 mod select;
 mod servo;

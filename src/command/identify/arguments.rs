@@ -30,8 +30,8 @@ with the adaptive model that is updated at each row. A row has y(k), and the u(k
 most important figure is the h-step error: the error of a prediction --horizon ahead with the coefficients held, which
 is how a predictive controller uses the model.")]
 pub struct IdentifyArguments {
-    /// Recordings: one row per sample, separated by commas, semicolons, tabs or blanks. Nothing is combined over the gap
-    /// between two of them
+    /// Recordings: one row per sample, with commas, semicolons, tabs or blanks between the fields. Nothing is combined
+    /// over the gap between two of them
     #[arg(required = true)]
     pub data: Vec<PathBuf>,
     /// Recording for the test; may be given several times. All other recordings are for training then

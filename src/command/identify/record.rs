@@ -2,7 +2,10 @@
 
 use std::{fmt::Write, path::Path};
 
-use pipeline::columns::{TableError, TableProblem};
+use pipeline::{
+    columns::{TableError, TableProblem},
+    machine::IdentifiedOutput,
+};
 use sensor_proc::log::{Cause, Found, FoundColumn, Gap, Gaps, Log, Wanted};
 use serde::Serialize;
 
@@ -128,9 +131,13 @@ impl Record {
         name(&training) + &tested
     }
 
-    /// The unit of the output, where a file or an option states one.
-    pub fn unit(&self) -> Option<&'static str> {
-        self.recordings.first()?.found.output.becomes.filter(|unit| *unit != "1")
+    /// The unit of what is identified, where a file or an option states that of the output.
+    pub fn unit(&self, identified: IdentifiedOutput) -> Option<String> {
+        let unit = self.recordings.first()?.found.output.becomes.filter(|unit| *unit != "1")?;
+        Some(match identified {
+            IdentifiedOutput::Position => unit.to_owned(),
+            IdentifiedOutput::Velocity => format!("{unit}/s"),
+        })
     }
 
     /// The rows of each stretch without a gap, as ranges.

@@ -129,10 +129,7 @@ impl IdentifyReport {
             skipped: snapshot.skipped,
             outliers: snapshot.outliers,
             irregular_steps: record.irregular_steps,
-            unit: record.unit().map(|unit| match settings.output {
-                IdentifiedOutput::Position => unit.to_owned(),
-                IdentifiedOutput::Velocity => format!("{unit}/s"),
-            }),
+            unit: record.unit(settings.output),
             recordings: record.recordings,
             persistence: Persistence { h_step: figures(&snapshot.persistence) },
             classical: Classical {

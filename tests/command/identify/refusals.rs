@@ -14,11 +14,6 @@ fn expect_row_refusal(row: &str, expected: &str) {
 }
 
 #[test]
-fn an_empty_field_is_refused() {
-    expect_row_refusal("3,,4", "\"u\": found an empty field; allowed: a finite number");
-}
-
-#[test]
 fn not_a_number_is_refused() {
     expect_row_refusal("3,0.4,nan", "\"y\": found \"nan\"; allowed: a finite number");
 }
@@ -36,22 +31,6 @@ fn minus_infinity_is_refused() {
 #[test]
 fn text_is_refused() {
     expect_row_refusal("3,0.4,four", "\"y\": found \"four\"; allowed: a finite number");
-}
-
-#[test]
-fn time_that_runs_backwards_is_refused() {
-    expect_row_refusal("1.5,0.4,4", "\"t\": found 1.5 after 2; allowed: a time later than the row before");
-}
-
-#[test]
-fn time_that_stands_still_is_refused() {
-    expect_row_refusal("2,0.4,4", "\"t\": found 2 after 2; allowed: a time later than the row before");
-}
-
-#[test]
-fn a_row_with_too_few_fields_is_refused_with_its_line() {
-    let folder = folder_with("t,u,y\n0,0.1,1\n1,0.2\n2,0.3,3\n");
-    expect_refusal(folder.path(), &["identify", "r.csv"], &["r.csv:3: row 2, column \"y\": found an empty field"]);
 }
 
 #[test]
@@ -97,7 +76,7 @@ fn a_chosen_column_that_is_missing_is_refused() {
 #[test]
 fn a_record_without_time_is_refused_without_a_period() {
     let folder = folder_with("u,y\n1,2\n3,4\n");
-    let expected = ["r.csv:1: found no column \"t\"; the columns are: u, y", "--period"];
+    let expected = ["r.csv:1: found no column with the time; the columns are: u, y", "--period"];
     expect_refusal(folder.path(), &["identify", "r.csv"], &expected);
 }
 

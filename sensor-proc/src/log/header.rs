@@ -9,8 +9,8 @@ use super::{
     unit::{Kind, Unit},
 };
 
-/// Names that a column with the time may have, in any capitals. `t` comes before all of them, in small letters only: `T`
-/// is a temperature as well.
+/// Names that a column with the time may have, in any capitals. `t` comes before all of them, in small letters only:
+/// `T` is a temperature as well.
 const TIME_NAMES: [&str; 9] =
     ["time", "timestamp", "time stamp", "time_stamp", "datetime", "date time", "date/time", "zeit", "zeitstempel"];
 

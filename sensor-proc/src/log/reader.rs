@@ -42,12 +42,15 @@ impl Reader {
             let field = |column: &Column| second.get(column.place).unwrap_or_default().to_owned();
             let mut fields: Vec<String> = Vec::new();
             fields.extend(columns.all().map(|column| field(column)));
-            // A row of data has a number or a time in one of the columns, and an empty row has no unit.
-            let is_value = |text: &String| Stamps::default().parse(text, &mut Decimal::default()).is_ok();
+            // A row of data has a number or a time in one of the columns, and an empty row has no unit. A 1 is a number,
+            // and the sign for no unit.
+            let parses = |text: &str| Stamps::default().parse(text, &mut Decimal::default()).is_ok();
+            let is_one = |text: &str, column: &Column| text == "1" && column.kind == Kind::Signal;
             let is_unit = fields.iter().zip(columns.all()).any(|(text, column)| {
                 !text.is_empty() && (column.kind.unit(text).is_some() || text.starts_with(['[', '(']))
             });
-            units_row = is_unit && !fields.iter().any(is_value);
+            let is_value = fields.iter().zip(columns.all()).any(|(text, column)| parses(text) && !is_one(text, column));
+            units_row = is_unit && !is_value && !fields.iter().all(|text| parses(text));
             let below = head.next().and_then(Result::ok).map(|(_, third)| third);
             // Date-times and clock times have a unit of their own.
             let stamped = |column: &Column| {

@@ -1,8 +1,8 @@
 //! The text of a file, and what separates its fields.
 //!
 //! A separator is one that the first line has, and that gives the lines below at least as many fields. Separators
-//! between quotes do not count. Where several separators are left, the order is semicolon, tab, comma, blanks, because a
-//! comma may be a decimal comma, and a blank a part of a name.
+//! between quotes do not count. Where several separators are left, the order is semicolon, tab, comma, blanks, because
+//! a comma may be a decimal comma, and a blank a part of a name.
 
 use std::{fs::File, io::Read, path::Path};
 

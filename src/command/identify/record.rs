@@ -168,6 +168,7 @@ pub fn text(recordings: &[ReadRecording]) -> String {
 fn format(found: &Found) -> String {
     let unit = |column: &FoundColumn| match (&column.unit, column.becomes) {
         (Some(unit), Some("1")) if unit != "%" => String::new(),
+        (Some(unit), Some("1")) => format!(" in {unit}, read as parts of 1"),
         (Some(unit), Some(becomes)) if unit != becomes => format!(" in {unit}, read as {becomes}"),
         (Some(unit), _) => format!(" in {unit}"),
         (None, _) => String::new(),

@@ -53,7 +53,13 @@ fn columns_are_chosen_by_name() {
     let record = simulate(600, |_| 1.0);
     let named = folder_with(&csv("t,duty,position", &record));
     let chosen = figures(named.path(), &["--input", "duty", "--output", "position"]);
-    assert_eq!(timeless(chosen), timeless(figures(constant_plant().path(), &[])));
+    let usual = figures(constant_plant().path(), &[]);
+    let [chosen, usual] = [chosen, usual].map(|mut figures| {
+        // The names of the columns.
+        figures.as_object_mut().unwrap().remove("recordings").unwrap();
+        timeless(figures)
+    });
+    assert_eq!(chosen, usual);
 }
 
 #[test]

@@ -93,7 +93,7 @@ impl Header {
         let free = || (0..self.names.len()).filter(|place| !taken.contains(place));
         let name = |place: &usize| Kind::Time.split(&self.names[*place]).0;
         let known = |known: &&str| free().find(|place| name(place).eq_ignore_ascii_case(known));
-        let place = free().find(|place| name(place) == "t").or_else(|| TIME_NAMES.iter().find_map(|name| known(&name)));
+        let place = free().find(|place| name(place) == "t").or_else(|| TIME_NAMES.iter().find_map(known));
         place.map(|place| self.at(place, Kind::Time))
     }
 

@@ -40,10 +40,9 @@ impl Reader {
         let mut units_row = false;
         if let (true, Some(Ok((line, second)))) = (header.present, head.next()) {
             let field = |column: &Column| second.get(column.place).unwrap_or_default().to_owned();
-            let mut fields: Vec<String> = Vec::new();
-            fields.extend(columns.all().map(|column| field(column)));
-            // A row of data has a number or a time in one of the columns, and an empty row has no unit. A 1 is a number,
-            // and the sign for no unit.
+            let fields: Vec<String> = columns.all().map(|column| field(column)).collect();
+            // A row of data has a number or a time in one of the columns, and an empty row has no unit. A 1 is a
+            // number, and the sign for no unit.
             let parses = |text: &str| Stamps::default().parse(text, &mut Decimal::default()).is_ok();
             let is_one = |text: &str, column: &Column| text == "1" && column.kind == Kind::Signal;
             let is_unit = fields.iter().zip(columns.all()).any(|(text, column)| {

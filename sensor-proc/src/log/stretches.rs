@@ -129,13 +129,13 @@ impl Rows {
         if self.times.len() == begins.len() {
             let median = median_step(&self.times, &begins);
             let mut start = self.times.first().copied().unwrap_or_default();
-            for k in 1..self.times.len() {
+            for (k, begins) in begins.iter_mut().enumerate().skip(1) {
                 let step = self.times[k] - self.times[k - 1];
-                if !begins[k] && (step <= 0.0 || step - median > IRREGULAR * median) {
+                if !*begins && (step <= 0.0 || step - median > IRREGULAR * median) {
                     self.gaps.step(self.lines[k], step);
-                    begins[k] = true;
+                    *begins = true;
                 }
-                if begins[k] {
+                if *begins {
                     timing.duration += self.times[k - 1] - start;
                     start = self.times[k];
                 } else {

@@ -1,5 +1,5 @@
-//! A place of its own for a test: a mount namespace with a small `/dev/shm`. In it shared memory can be filled up, and a
-//! stop of all groups reaches no group of anybody else.
+//! A place of its own for a test: a mount namespace with a small `/dev/shm`. In it shared memory can be filled up, and
+//! a stop of all groups reaches no group of anybody else.
 
 use std::{
     fs::OpenOptions,

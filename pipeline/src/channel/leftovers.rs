@@ -26,8 +26,8 @@ use super::{
     error::RemoveError,
     folder::{Exposed, owned},
     members::{MEMBERS, RUN, is_still},
-    names::{BOARD, SHARED_MEMORY, entries, foreign, memory, prefix_of},
-    prefix::{FOLDER, Prefix, place},
+    names::{BOARD, entries, foreign, memory, prefix_of},
+    prefix::{FOLDER, Prefix, SHARED_MEMORY, place},
 };
 
 /// How often a lock is tried before its group counts as alive. Another process may hold the lock for a moment, only to

@@ -9,8 +9,8 @@ use std::{
 
 use thiserror::Error;
 
-use super::names::SHARED_MEMORY;
-
+/// Folder in which shared memory has its names.
+pub(super) const SHARED_MEMORY: &str = "/dev/shm";
 /// First part of the name of a group's folder.
 pub(super) const FOLDER: &str = "hydraxis.";
 

@@ -75,9 +75,9 @@ fn members(running: &Running) -> Vec<(&'static str, u32)> {
     [("supervisor", running.supervisor.id())].into_iter().chain(stages).collect()
 }
 
-/// Files in shared memory and the folder for temporary files.
+/// Files in shared memory and where groups have their folders.
 fn all_files() -> Vec<std::path::PathBuf> {
-    let folders = ["/dev/shm".into(), std::env::temp_dir()];
+    let folders = std::collections::BTreeSet::from(["/dev/shm".into(), pipeline::channel::place()]);
     let own = format!("t{}-", std::process::id());
     let paths =
         folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap().flatten()).map(|entry| entry.path());

@@ -34,7 +34,8 @@ def library():
 
 def folder_of(prefix):
     """Folder of a group's files."""
-    return Path(os.environ.get("TMPDIR") or "/tmp") / f"hydraxis.{prefix}"
+    place = os.environ.get("TMPDIR") or ("/dev/shm" if os.path.isdir("/dev/shm") else "/tmp")
+    return Path(place) / f"hydraxis.{prefix}"
 
 
 def config_of(prefix):

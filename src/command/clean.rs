@@ -5,7 +5,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use pipeline::channel::{FoundGroup, GroupState, Prefix, RemoveError, groups, remove_leftovers};
+use pipeline::channel::{FoundGroup, GroupState, Prefix, RemoveError, groups, place, remove_leftovers};
 use serde::Serialize;
 
 use crate::{
@@ -22,8 +22,7 @@ Examples:
   hydraxis clean --prefix demo      removes what the group \"demo\" has left; refused while the group is alive
 
   alive     a member runs: never touched
-  dead      no member runs: its files in /dev/shm and its folder hydraxis.NAME in the folder for temporary files are
-            removed
+  dead      no member runs: its files in /dev/shm, and its folder hydraxis.NAME in TMPDIR or /dev/shm, are removed
   unknown   shared memory without a folder hydraxis.NAME. The folder may be in another TMPDIR, or the memory may belong
             to another program. Removed only with --prefix, and only while no process has it mapped
   foreign   its folder, or one of its files, belongs to another user: never touched
@@ -128,7 +127,7 @@ fn text(cleaned: &[CleanedGroup], arguments: &CleanArguments) -> String {
                 "group \"{0}\": found no folder hydraxis.{0} in {1}, so hydraxis does not know its owner; \
                  once you do: hydraxis clean --prefix {0}\n",
                 group.prefix,
-                std::env::temp_dir().display()
+                place().display()
             );
         }
     }

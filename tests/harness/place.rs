@@ -1,5 +1,5 @@
-//! A place of its own for a test: a mount namespace with a small `/dev/shm`, and a folder for temporary files. In it
-//! shared memory can be filled up, and a stop of all groups reaches no group of anybody else.
+//! A place of its own for a test: a mount namespace with a small `/dev/shm`. In it shared memory can be filled up, and
+//! a stop of all groups reaches no group of anybody else.
 
 use std::{
     fs::OpenOptions,
@@ -17,7 +17,9 @@ const MOUNT: &str = "mount -t tmpfs -o size=64m tmpfs /dev/shm";
 /// with false, where this computer allows no such place.
 pub fn in_own_place(test: &str, work: impl FnOnce(bool)) {
     if std::env::var_os(INSIDE).is_some() {
-        return work(true);
+        work(true);
+        let left: Vec<PathBuf> = std::fs::read_dir("/dev/shm").unwrap().map(|entry| entry.unwrap().path()).collect();
+        return assert!(left.is_empty(), "{test} has left {left:?}");
     }
     let unshared = |flags: &[&str], script: &str| {
         let mut command = Command::new("unshare");
@@ -34,20 +36,17 @@ pub fn in_own_place(test: &str, work: impl FnOnce(bool)) {
         println!("{test}: this computer allows no mount namespaces: without full memory");
         return work(false);
     };
-    let folder = tempfile::tempdir().unwrap();
     let output = unshared(flags, &format!("{MOUNT} && exec \"$0\" \"$@\""))
         .arg(std::env::current_exe().unwrap())
         .args(["--exact", test, "--include-ignored", "--nocapture"])
         .env(INSIDE, "1")
-        .env("TMPDIR", folder.path())
+        .env_remove("TMPDIR")
         .output()
         .unwrap();
     print!("{}", String::from_utf8_lossy(&output.stdout));
     eprint!("{}", String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{test} in its own place: {}", output.status);
     assert!(String::from_utf8_lossy(&output.stdout).contains("1 passed"), "{test} has not run in its own place");
-    let left: Vec<PathBuf> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
-    assert!(left.is_empty(), "{test} has left {left:?}");
 }
 
 /// All free memory of `/dev/shm`, taken until it is dropped. Only for a test in its own place.

@@ -16,8 +16,8 @@
 //! of the last W. A loop with dead time swings with a period of 4 L or more, and of 8 L in the hysteresis of a worn
 //! valve, so that l follows slower errors alone; a swing of 1 Hz is seen after 2.1 s, one of 4 Hz after 0.4 s.
 //!
-//! Traps: a fallback that is measured in motion alone excuses every swing at rest. And the swing is in the shadow of the fallback, too, which takes the measured motion for a disturbance. Comparing
-//! the two says nothing about it.
+//! Traps: a fallback that is measured in motion alone excuses every swing at rest. And the swing is in the shadow of
+//! the fallback, too, which takes the measured motion for a disturbance. Comparing the two says nothing about it.
 
 use super::squares::{MEASURED, MEMORY, Squares, Standing};
 use crate::protection::following_error::Deviation;

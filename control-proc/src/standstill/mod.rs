@@ -5,12 +5,12 @@
 //! | [`pulse`] | the command of a creeping axis |
 //!
 //! ```text
-//! follows -> rests      |e| <= e_rest, or the axis stands and |e| <= e_wake
+//! follows -> rests      |e| <= e_rest, or e changes its sign, or the axis stands and |e| <= e_wake
 //! follows -> creeps     the axis stands and |e| > e_wake
 //! rests   -> creeps     |m| > e_wake, 2 L + 0.3 s or more after the valve was shut
 //! rests   -> follows    |e| > e_wake under a controller that comes back, which never creeps
 //! creeps  -> rests      the pulse is over
-//! all     -> follows    a reference moves, or |e| has grown by e_far
+//! all     -> follows    a reference moves, or |e| has grown by e_far, 2 L + 0.3 s or more after the valve was shut
 //! e_wake = e_rest + max(min(e_rest, 0.25 mm), c/2), half as much again after every pulse that has overshot,
 //!          up to min(2.5 e_rest, 0.625 mm), until a reference moves
 //! ```
@@ -28,7 +28,10 @@
 //! A valve whose hysteresis is wider than its dead band does not shut at neutral, as its spool stays beside the middle.
 //! Such an axis neither rests nor creeps: the fallback regulates it, which knows the hysteresis.
 //!
-//! Traps: behind a dead band and dry friction a controller with integral action never arrives: it pushes, breaks loose,
+//! Traps: an axis whose gain is too high for its dead time, or whose dead band has become smaller than what is
+//! compensated, swings through its set point without end, and faster than one tick for e_rest. What was commanded
+//! before the valve was shut still moves it by centimetres; a controller that takes over meanwhile goes on with the
+//! swing. Behind a dead band and dry friction a controller with integral action never arrives: it pushes, breaks loose,
 //! overshoots and pushes back, without end; hence the rest. Without integral action, or with little, it stands beside
 //! its set point and pushes against the dead band; hence the pulses. One bound in the place of two would chatter with
 //! the noise of the encoder. And an axis that slips by more than e_wake at its smallest pulse would be pushed to and
@@ -215,13 +218,16 @@ impl Standstill {
     /// these references (m), the present one first. `last` is the command on the valve; `comes_back`: the controller
     /// that would command comes back by itself, and soon.
     pub fn update(&mut self, elapsed: u64, error: f64, references: &[f64], last: f64, comes_back: bool) -> Stand {
+        let passes = self.watched.error * error < 0.0 && !comes_back;
         self.watch(elapsed, error, references);
         let is_still = self.watched.still >= self.still_ticks && error.is_finite();
         if self.stays_open {
             return if is_still { Stand::Regulate } else { Stand::Follow };
         }
         let distance = error.abs();
-        let is_far = self.is_held() && distance > self.begin + FAR_RATIO * self.bound;
+        // What is under way in valve and oil when it is shut runs out first.
+        let runs_out = matches!(self.phase, Phase::Rests(since) if since < self.settled_ticks.1);
+        let is_far = self.is_held() && !runs_out && distance > self.begin + FAR_RATIO * self.bound;
         if !is_still || is_far {
             self.follow();
         }
@@ -232,7 +238,7 @@ impl Standstill {
         match self.phase {
             Phase::Left => Stand::Follow,
             Phase::Follows if !is_still => Stand::Follow,
-            Phase::Follows if distance <= self.bound => self.rest(),
+            Phase::Follows if distance <= self.bound || passes => self.rest(),
             Phase::Follows if stands && self.watched.smooth.abs() <= self.wake.now => self.rest(),
             Phase::Follows if stands => self.creep(self.watched.smooth, last),
             Phase::Follows => Stand::Follow,
@@ -403,6 +409,17 @@ mod tests {
         assert!(creeps < 200 && matches!(woken[creeps], Stand::Creep(command) if command > 0.0 && command < 0.1));
         let pushed = stands(|k| if k < 100 { 0.0 } else { 6e-3 }, |_| [0.5; 2]);
         assert_eq!(pushed[100], Stand::Follow);
+    }
+
+    #[test]
+    fn an_axis_that_passes_its_set_point_is_shut_and_runs_out_before_anything_else_is_done() {
+        // From 5 mm beside, past the set point at 0.5 m/s, to 12 mm on the other side.
+        let error = |k: usize| 5e-3 - 5e-3 * (k as f64 - 35.5).clamp(0.0, 3.4);
+        let stands = stands(error, |_| [0.5; 2]);
+        assert!(stands[..37].iter().all(|stand| *stand == Stand::Follow));
+        // 2 L + 0.3 s are 49 ticks.
+        assert!(stands[37..86].iter().all(|stand| *stand == Stand::Rest), "{:?}", &stands[35..90]);
+        assert!(matches!(stands[87], Stand::Creep(command) if command < 0.0), "{:?}", &stands[85..90]);
     }
 
     #[test]

@@ -337,8 +337,8 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// 1 / (2 zeta w) in s: the gain from command to speed, times kp, at which a load on its spring begins to swing behind a
-/// valve that acts at once, is one by this.
+/// 1 / (2 zeta w), s. Behind a valve that acts at once, a load on its spring begins to swing at one by this as kp times
+/// the gain from command to speed.
 fn spring_delay() -> f64 {
     1.0 / (2.0 * SPRING_DAMPING * TAU * SPRING_FREQUENCY)
 }

@@ -4,7 +4,7 @@
 //!
 //! | where | name | is ours because |
 //! |---|---|---|
-//! | folder for temporary files | `hydraxis.PREFIX/` | it holds `members`, which every member keeps locked, or `run` |
+//! | `TMPDIR`, or `/dev/shm` | `hydraxis.PREFIX/` | it holds `members`, which every member keeps locked, or `run` |
 //! | `/dev/shm` | `PREFIX.`, 40 hexadecimal digits, `_`, more | iceoryx2 names files so; the folder tells the prefix |
 //!
 //! A group lives as long as a process holds the lock. Trap: the folder is where `TMPDIR` points, which may be another
@@ -26,8 +26,8 @@ use super::{
     error::RemoveError,
     folder::{Exposed, owned},
     members::{MEMBERS, RUN, is_still},
-    names::{BOARD, SHARED_MEMORY, entries, foreign, memory, prefix_of},
-    prefix::{FOLDER, Prefix},
+    names::{BOARD, entries, foreign, memory, prefix_of},
+    prefix::{FOLDER, Prefix, SHARED_MEMORY, place},
 };
 
 /// How often a lock is tried before its group counts as alive. Another process may hold the lock for a moment, only to
@@ -82,7 +82,7 @@ pub fn groups() -> Vec<FoundGroup> {
             files.entry(prefix.to_string()).or_default().push(path);
         }
     }
-    for path in entries(&std::env::temp_dir()) {
+    for path in entries(&place()) {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let prefix = name.strip_prefix(FOLDER).and_then(|rest| rest.parse::<Prefix>().ok());
         if let Some(prefix) = prefix.filter(|_| is_group(&path)) {
@@ -117,7 +117,7 @@ pub fn boards() -> Vec<Prefix> {
 pub fn exposed() -> Vec<Exposed> {
     let memory = entries(Path::new(SHARED_MEMORY)).filter(|path| prefix_of(path).is_some());
     let is_named = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(FOLDER));
-    let mut paths: Vec<PathBuf> = memory.chain(entries(&std::env::temp_dir()).filter(is_named)).collect();
+    let mut paths: Vec<PathBuf> = memory.chain(entries(&place()).filter(is_named)).collect();
     paths.sort();
     paths.into_iter().filter_map(Exposed::of).collect()
 }

@@ -49,7 +49,7 @@ pub use event::{Listener, Notifier};
 pub use folder::{Exposed, Foreign, UnusableFolder};
 pub use group::{Group, Member};
 pub use leftovers::{FoundGroup, GroupState, boards, exposed, groups, remove_leftovers};
-pub use prefix::{Prefix, PrefixError};
+pub use prefix::{Prefix, PrefixError, place};
 pub use publisher::Publisher;
 pub use reader::{Read, Reader};
 pub use room::{MARGIN as ROOM_MARGIN, Room, rooms};

@@ -8,11 +8,9 @@ use std::{
 
 use super::{
     folder::{Foreign, owned},
-    prefix::Prefix,
+    prefix::{Prefix, SHARED_MEMORY},
 };
 
-/// Folder in which shared memory has its names.
-pub(super) const SHARED_MEMORY: &str = "/dev/shm";
 /// End of the name of the board.
 pub(super) const BOARD: &str = "_board.stop";
 /// Number of hexadecimal digits that iceoryx2 puts behind the prefix.

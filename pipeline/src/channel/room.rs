@@ -19,8 +19,8 @@ use std::{
 use rustix::fs::statvfs;
 
 use super::{
-    names::{SHARED_MEMORY, entries, memory},
-    prefix::Prefix,
+    names::{entries, memory},
+    prefix::{Prefix, SHARED_MEMORY},
 };
 
 /// Room for clients that join meanwhile, and for files that are allocated in pages, bytes.

@@ -45,7 +45,7 @@ use rustix::{
     process::geteuid,
 };
 
-use super::names::SHARED_MEMORY;
+use super::prefix::SHARED_MEMORY;
 
 /// What is in the storage of iceoryx2 for a value.
 pub trait Stored: fmt::Debug + Send + Sync + ZeroCopySend + 'static {}

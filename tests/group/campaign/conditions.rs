@@ -151,7 +151,9 @@ fn hang_operator(watched: &mut Watched) -> Child {
     let mut operator = watched.client(&arguments);
     let is_held =
         watched.look_until(|watched| watched.are_in(&axes, AxisMode::Hold) || operator.try_wait().unwrap().is_some());
-    assert!(is_held, "{}: the operator does not hold the axes", watched.step);
+    if !is_held {
+        watched.fail(&format!("the operator does not hold the axes {axes:?}"));
+    }
     if operator.try_wait().unwrap().is_none() {
         signal(operator.id(), Signal::STOP);
     }

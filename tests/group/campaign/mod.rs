@@ -146,7 +146,7 @@ impl Campaign {
         }
         let Some((time, since_raise)) = self.watched.answer() else {
             println!("{}", self.figures.table());
-            panic!("{}: not acted on", self.watched.step);
+            self.watched.fail("not acted on");
         };
         if let Some(child) = &mut child {
             let status = self.watched.finish(child);

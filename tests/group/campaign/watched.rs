@@ -12,10 +12,12 @@ use pipeline::{
     stage::{StageKind, monotonic_ns},
 };
 
+use rustix::process::Signal;
+
 use crate::harness::{
-    PATIENCE, hydraxis,
+    PATIENCE, hydraxis, is_running,
     running::{Running, text},
-    wait_for,
+    signal, wait_for,
 };
 
 pub const AXES: usize = 4;
@@ -146,6 +148,24 @@ impl Watched {
         axes.iter().all(|axis| self.axis(*axis).is_some_and(|axis| axis.operation == mode as u32))
     }
 
+    /// Ends the test with all that is known of the group.
+    pub fn fail(&mut self, why: &str) -> ! {
+        let axes: String = (0..AXES)
+            .filter_map(|axis| self.axis(axis))
+            .map(|axis| format!("operation {}, flags {:#x}; ", axis.operation, axis.flags))
+            .collect();
+        let last = self.last.map_or(0, |last| last.header.sent_ns);
+        let silent = monotonic_ns().saturating_sub(last) / 1_000_000;
+        let alive: Vec<bool> = self.running.pids.iter().map(|pid| is_running(*pid)).collect();
+        signal(self.running.supervisor.id(), Signal::INT);
+        let said = text(self.running.supervisor.stderr.take());
+        panic!(
+            "{}: {why}\n{axes}\nlast command {silent} ms ago; stages that run: {alive:?}; asked {:?}, answered {:?}\n\
+             {said}",
+            self.step, self.asked, self.answered_ns
+        )
+    }
+
     /// Reads all channels for a time.
     pub fn look_for(&mut self, time: Duration) {
         let until = Instant::now() + time;
@@ -182,7 +202,10 @@ impl Watched {
             status = client.try_wait().unwrap();
             status.is_some()
         });
-        assert!(is_over, "{}: waited {PATIENCE:?} for {client:?}", self.step);
+        if !is_over {
+            let at = std::fs::read_to_string(format!("/proc/{}/stat", client.id()));
+            self.fail(&format!("waited {PATIENCE:?} for {client:?}: {at:?}"));
+        }
         status.expect("it has ended")
     }
 

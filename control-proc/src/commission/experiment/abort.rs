@@ -107,6 +107,16 @@ fn feedback(faults: u32) -> String {
     )
 }
 
+/// An axis that does not stand.
+fn creep(position: f64, (low, high): (f64, f64), speed: f64) -> String {
+    format!(
+        "position: found {position:.4} m; allowed: {low:.4} to {high:.4} m, which the axis has left by itself: at \
+         neutral it goes by {:+.1} mm/s, so its valve is not shut there: a trimmed neutral, a dead band wider than the \
+         hysteresis, or less leakage",
+        1e3 * speed
+    )
+}
+
 impl fmt::Display for Abort {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
@@ -117,13 +127,7 @@ impl fmt::Display for Abort {
                 "position: found {position:.4} m; allowed: {low:.4} to {high:.4} m, and {margin:.4} m beyond: a wider \
                  --travel or a smaller --speed"
             ),
-            Self::Creep { position, window: (low, high), speed } => write!(
-                f,
-                "position: found {position:.4} m; allowed: {low:.4} to {high:.4} m, which the axis has left by itself: \
-                 at neutral it goes by {:+.1} mm/s, so its valve is not shut there: a trimmed neutral, a dead band \
-                 wider than the hysteresis, or less leakage",
-                1e3 * speed
-            ),
+            Self::Creep { position, window, speed } => write!(f, "{}", creep(position, window, speed)),
             Self::Start { position, soft_limits: (low, high) } => write!(
                 f,
                 "position: found {position:.4} m; allowed: {low:.4} to {high:.4} m, the soft_limits: move the axis \

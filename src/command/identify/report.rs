@@ -74,7 +74,6 @@ struct Adaptive {
     one_step: ErrorFigures,
     h_step: ErrorFigures,
     free_run: ErrorFigures,
-    free_run_frozen: ErrorFigures,
     coefficients: CoefficientLists,
     /// h-step errors of the published model, which is separated into b, f and g.
     separated_h_step: ErrorFigures,
@@ -138,8 +137,6 @@ impl IdentifyReport {
                 one_step: figures(&adaptive.one_step),
                 h_step: figures(&adaptive.h_step),
                 free_run: figures(&adaptive.free_run),
-                // The adaptive model starts from the offline coefficients. Frozen there, it is the classical model.
-                free_run_frozen: figures(&classical.free_run),
                 coefficients: CoefficientLists::new(&snapshot.adaptive),
                 forgetting_factor: FactorFigures {
                     mean: 1.0 - snapshot.forgetting.mean,

@@ -9,3 +9,4 @@ mod plant;
 mod refusals;
 mod select;
 mod servo;
+mod verdict;

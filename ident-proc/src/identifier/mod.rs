@@ -6,6 +6,7 @@ use pipeline::{
     hammerstein::{Coefficients, Play},
     machine::{Commissioned, Identification, IdentifiedOutput},
     message::{AxisSnapshot, model_fault},
+    statistics::ErrorStatistics,
 };
 
 use self::figures::{Faults, Figures, Models};
@@ -331,6 +332,11 @@ impl Identifier {
                 Coefficients { b: model.b.map(|b| period * b), drift: period * model.drift, ..model }
             }
         }
+    }
+
+    /// y(k) - y(k-1), over the samples of the one-step errors: the errors of holding still for one sample.
+    pub fn persistence_one_step(&self) -> &ErrorStatistics {
+        self.comparison.persistence_one_step()
     }
 
     /// The bank, where the estimator is `auto`.

@@ -12,6 +12,7 @@ mod run;
 mod select;
 mod settings;
 mod structure;
+mod verdict;
 
 use pipeline::machine::Identification;
 use sensor_proc::Recording;

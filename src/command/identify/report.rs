@@ -17,6 +17,7 @@ use super::{
     residuals::{Deviations, Residuals, Validation},
     select::Selection,
     structure::description,
+    verdict::Verdict,
 };
 use crate::report::{
     figures::{CoefficientLists, ErrorFigures, Reduction},
@@ -26,6 +27,7 @@ use crate::report::{
 /// The report, as JSON has it.
 #[derive(Debug, Serialize)]
 pub struct IdentifyReport {
+    verdict: Verdict,
     rows: usize,
     train: usize,
     period_s: f64,
@@ -57,6 +59,7 @@ pub struct IdentifyReport {
 
 #[derive(Debug, Serialize)]
 struct Persistence {
+    one_step: ErrorFigures,
     h_step: ErrorFigures,
 }
 
@@ -109,7 +112,9 @@ impl IdentifyReport {
         let (snapshot, universes) = (identifier.snapshot(), identifier.universes());
         let figures = |error: &ErrorStatistics| ErrorFigures::new(error, &snapshot.output);
         let (classical, adaptive) = (&snapshot.classical_errors, &snapshot.adaptive_errors);
+        let still = identifier.persistence_one_step();
         Self {
+            verdict: Verdict::new(settings, record, identifier),
             rows: record.outputs.len(),
             train: settings.training,
             period_s: record.period,
@@ -125,7 +130,7 @@ impl IdentifyReport {
             skipped: snapshot.skipped,
             outliers: snapshot.outliers,
             irregular_steps: record.irregular_steps,
-            persistence: Persistence { h_step: figures(&snapshot.persistence) },
+            persistence: Persistence { one_step: figures(still), h_step: figures(&snapshot.persistence) },
             classical: Classical {
                 one_step: figures(&classical.one_step),
                 h_step: figures(&classical.h_step),
@@ -147,7 +152,8 @@ impl IdentifyReport {
                 members: identifier.bank().map_or_else(Vec::new, |bank| bank.members().map(BankMember::from).collect()),
                 ns_per_update,
             },
-            reduction_percent: Reduction::new(classical, adaptive),
+            reduction_percent: Reduction::new(classical, adaptive)
+                .where_better(classical, [still.rmse(), snapshot.persistence.rmse(), snapshot.output.sigma()]),
             validation: Validation::new(identifier, residuals),
             selection: None,
             comparison: None,
@@ -157,6 +163,7 @@ impl IdentifyReport {
     /// All figures as tables.
     pub fn tables(&self, file: &Path) -> String {
         let parts = [
+            self.verdict.line(&self.ahead()),
             self.selection.as_ref().map(|selection| selection.table(self.output)).unwrap_or_default(),
             self.record(file),
             self.error_table(),
@@ -177,7 +184,7 @@ impl IdentifyReport {
             number(self.period_s),
             self.train,
             description(&self.structure, self.output),
-            humantime::format_duration(Duration::from_secs_f64(self.period_s * self.horizon as f64)),
+            self.ahead(),
             self.horizon
         );
         if self.irregular_steps > 0 {
@@ -192,10 +199,16 @@ impl IdentifyReport {
         text
     }
 
+    /// The horizon as a duration.
+    fn ahead(&self) -> String {
+        humantime::format_duration(Duration::from_secs_f64(self.period_s * self.horizon as f64)).to_string()
+    }
+
     fn error_table(&self) -> String {
-        let row = |name: &str, classical: &ErrorFigures, adaptive: &ErrorFigures, reduction: f64| {
+        let row = |name: &str, still: f64, classical: &ErrorFigures, adaptive: &ErrorFigures, reduction: f64| {
             vec![
                 name.to_owned(),
+                number(still),
                 number(classical.sigma),
                 number(adaptive.sigma),
                 percent(reduction),
@@ -205,23 +218,30 @@ impl IdentifyReport {
             ]
         };
         let (classical, adaptive, reduction) = (&self.classical, &self.adaptive, &self.reduction_percent);
+        let Persistence { one_step, h_step } = &self.persistence;
         let rows = vec![
-            row("one step", &classical.one_step, &adaptive.one_step, reduction.one_step),
-            row("h steps", &classical.h_step, &adaptive.h_step, reduction.h_step),
-            row("free run", &classical.free_run, &adaptive.free_run, reduction.free_run),
+            row("one step", one_step.sigma, &classical.one_step, &adaptive.one_step, reduction.one_step),
+            row("h steps", h_step.sigma, &classical.h_step, &adaptive.h_step, reduction.h_step),
+            row("free run", f64::NAN, &classical.free_run, &adaptive.free_run, reduction.free_run),
         ];
-        let header =
-            ["error", "sigma classical", "adaptive", "reduction", "rmse classical", "adaptive", "fit adaptive"];
+        let header = [
+            "error",
+            "sigma still",
+            "classical",
+            "adaptive",
+            "reduction",
+            "rmse classical",
+            "adaptive",
+            "fit adaptive",
+        ];
         format!("{}\n", table(&header, rows))
     }
 
-    /// Persistence, the estimator, and the members of auto.
+    /// The estimator, and the members of auto.
     fn estimation(&self) -> String {
         let adaptive = &self.adaptive;
         let mut text = format!(
-            "h steps by holding y: sigma {}. \
-             Estimator {} (forgetting factor mean {}, least {}); {:.0} ns per update.\n",
-            number(self.persistence.h_step.sigma),
+            "Estimator {} (forgetting factor mean {}, least {}); {:.0} ns per update.\n",
             self.estimator,
             number(adaptive.forgetting_factor.mean),
             number(adaptive.forgetting_factor.min),

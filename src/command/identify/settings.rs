@@ -128,8 +128,8 @@ fn expect_no_rules_for_the_paper(arguments: &IdentifyArguments) -> Result<(), Fa
     ];
     match typed.into_iter().find(|(_, is_typed)| *is_typed && arguments.estimator == Estimator::Paper) {
         Some((option, _)) => Err(Failure::usage(format!(
-            "{option}: found with `--estimator paper`; allowed: with `--estimator rules`, whose table and universes can \
-             be set"
+            "{option}: found with `--estimator paper`; allowed: with `--estimator rules`, which takes a table and \
+             universes"
         ))),
         None => Ok(()),
     }

@@ -229,6 +229,26 @@ fn that_of_the_rules_and_the_constant_factor_are_the_plain_recursion_to_the_last
     assert_eq!(plain.covariance_trace(), rules.recursion().covariance_trace());
 }
 
+#[test]
+fn the_covariance_of_the_paper_alone_has_no_bound_and_its_coefficients_stay_finite() {
+    let one_sided = [0.3, 0.3, 0.3, 0.0, 0.0];
+    for (setting, is_bounded) in [("paper", false), ("rules", true)] {
+        let mut estimator = started(setting);
+        let weakest = TRAINING as f64 * estimator.recursion().covariance_trace();
+        let mut bounded = false;
+        for k in 0..5000 {
+            // Errors beyond the universe, so that the factor is 0.75.
+            let adapted = estimator.update(&one_sided, if k % 2 == 0 { 1e3 } else { -1e3 });
+            bounded |= adapted.bounded;
+            if k == 100 {
+                assert_eq!(estimator.recursion().covariance_trace() < 4.0 * weakest, is_bounded, "{setting}");
+            }
+        }
+        assert_eq!(bounded, is_bounded, "{setting}");
+        assert!(estimator.theta().iter().all(|value| value.is_finite()), "{setting}: {:?}", estimator.theta());
+    }
+}
+
 /// The coefficients and the covariance of the rows in `rows` with the prior around `center`.
 fn solved(prior: &DMatrix<f64>, center: &[f64], rows: &[(Vec<f64>, f64)]) -> (Vec<f64>, DMatrix<f64>) {
     let n = center.len();

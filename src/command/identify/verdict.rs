@@ -12,7 +12,7 @@ use pipeline::{machine::Identification, message::model_fault};
 use sensor_proc::Recording;
 use serde::Serialize;
 
-use crate::report::table::number;
+use crate::report::table::{number, percent};
 
 /// Largest part of the rows that may be outliers, or have an irregular time.
 const LARGEST_PART: f64 = 0.01;
@@ -54,10 +54,11 @@ impl Verdict {
         let stands = record.outputs.iter().all(|y| *y == record.outputs[0]);
         let many = |rows: f64| rows > LARGEST_PART * record.outputs.len() as f64;
         let fault = |bits| snapshot.faults & bits != 0;
+        // False where the prediction is not finite.
+        let is_better = model < still;
         let found = [
             (Reason::Unstable, fault(model_fault::UNSTABLE | model_fault::NOT_FINITE)),
-            // A prediction that is not finite is worse, too.
-            (Reason::WorseThanHoldingStill, !stands && !(model < still)),
+            (Reason::WorseThanHoldingStill, !stands && !is_better),
             (Reason::NotExcited, stands || opened < settings.structure.full_len()),
             (Reason::RankDeficient, fault(model_fault::RANK_DEFICIENT)),
             (Reason::Outliers, many(snapshot.outliers as f64)),
@@ -69,15 +70,16 @@ impl Verdict {
 
     /// The verdict as a line. `ahead` is the horizon.
     pub fn line(&self, ahead: &str) -> String {
-        let ratio = number(self.to_holding_still);
+        let ratio = self.to_holding_still;
         if self.usable {
-            return format!("usable: {ahead} ahead the adaptive model has {ratio} of the error of holding still\n");
+            return format!("usable: {ahead} ahead the error is {} of that of holding still\n", percent(100.0 * ratio));
         }
         let reason = |reason: &Reason| match reason {
             Reason::Unstable => "unstable".to_owned(),
-            Reason::WorseThanHoldingStill => {
-                format!("worse than holding still ({ratio} of its error {ahead} ahead)")
+            Reason::WorseThanHoldingStill if ratio.is_finite() => {
+                format!("worse than holding still ({} times its error {ahead} ahead)", number(ratio))
             }
+            Reason::WorseThanHoldingStill => "worse than holding still".to_owned(),
             Reason::NotExcited => "not excited".to_owned(),
             Reason::RankDeficient => "rank-deficient".to_owned(),
             Reason::Outliers => "outliers".to_owned(),

@@ -143,7 +143,8 @@ fn the_paper_separates_by_its_formula_and_refuses_what_is_not_its_own() {
         Machine::four_axes(&[setting("estimator", "paper"), setting(key, value)])
     };
     let machine = set("horizon", "0.4s").unwrap();
-    assert_eq!(machine.axes.each_ref().map(|axis| axis.identification.split)[..2], [Split::Paper, Split::Als]);
+    let splits: Vec<Split> = machine.axes.iter().map(|axis| axis.identification.split).collect();
+    assert_eq!(splits[..2], [Split::Paper, Split::Als]);
     for (key, value) in [("form", "full"), ("split", "als"), ("output", "velocity")] {
         let text = set(key, value).unwrap_err().to_string();
         let expected = "axis.boom.identification.estimator: found \"paper\" with form";

@@ -31,8 +31,8 @@ const BATCH: usize = 64;
 /// Number of floors, which are the first contestants.
 const FLOORS: usize = 2;
 /// Settings of all estimators that consist of one recursion.
-const ESTIMATORS: [&str; 6] =
-    ["constant:0.995", "paper", "fuzzy:0.95", "fortescue:500", "directional:0.99", "window:500"];
+const ESTIMATORS: [&str; 7] =
+    ["constant:0.995", "paper", "rules", "fuzzy:0.95", "fortescue:500", "directional:0.99", "window:500"];
 /// Samples from which our estimators start, as after a training.
 const START: usize = 200;
 const OURS: &str = "RecursiveLeastSquares";
@@ -120,7 +120,7 @@ fn contestants<const N: usize>(rows: &[Row<N>]) -> Vec<Contestant<N>> {
 /// The estimator with the setting `setting`.
 fn estimator<const N: usize>(setting: &'static str, data: &Triangle) -> Contestant<N> {
     let sigma = (data.residual() / (START - N) as f64).sqrt();
-    let mut estimator = RecursiveEstimator::new(setting.parse().expect("a setting"), N, &Fuzzy::PAPER);
+    let mut estimator = RecursiveEstimator::new(setting.parse().expect("a setting"), N, &Fuzzy::RESIDUALS);
     estimator.start(data, &[false; N], sigma);
     let update = |s: &mut RecursiveEstimator, row: &Row<N>| s.update(row.phi.as_slice(), row.y);
     let mut contestant = contestant(setting, estimator, update, |s| s.theta().to_vec());

@@ -48,8 +48,8 @@ fn identifier(criterion: &mut Criterion) {
     let (machine, record) = data::record(RECORD);
     let mut group = criterion.benchmark_group("ident-proc, one axis, one sample, all errors and snapshot included");
     let cases = [
-        ("paper, n = 5 (linear form)", Estimator::Paper, Form::Linear),
-        ("paper, n = 15 (full form)", Estimator::Paper, Form::Full),
+        ("rules, n = 5 (linear form)", Estimator::Rules, Form::Linear),
+        ("rules, n = 15 (full form)", Estimator::Rules, Form::Full),
         ("auto", Estimator::Auto, Form::Linear),
     ];
     for (name, estimator, form) in cases {

@@ -25,10 +25,9 @@ fn the_hydraulic_actuator_is_modelled_as_well_as_published() {
     let error = |place: &str| number(&report, place);
     let (one_step, free_run) = (error("/classical/one_step/rmse"), error("/classical/free_run/rmse"));
     assert!(one_step <= 0.110, "one step: {one_step}");
-    assert!(free_run <= 0.60, "free run: {free_run}");
-    let (online, frozen) = (error("/adaptive/one_step/rmse"), error("/adaptive/free_run_frozen/rmse"));
+    assert!(free_run <= 0.55, "free run: {free_run}");
+    let online = error("/adaptive/one_step/rmse");
     assert!(online <= 0.102, "one step, adapted online: {online}");
-    assert!(frozen <= 0.55, "free run, adaptation stopped: {frozen}");
 }
 
 /// The measured records whose comparison takes seconds, with the arguments for each. The horizon is half a second, or a

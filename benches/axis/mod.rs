@@ -37,8 +37,8 @@ pub fn compare(samples: usize) -> Vec<Value> {
     };
     let mut contestants = [
         (AUTO, Estimator::Auto, Form::Linear),
-        ("paper, linear", Estimator::Paper, Form::Linear),
-        ("paper, full", Estimator::Paper, Form::Full),
+        ("rules, linear", Estimator::Rules, Form::Linear),
+        ("rules, full", Estimator::Rules, Form::Full),
     ]
     .map(contestant);
     let mut clock = Contestant::new("the clock alone", ());

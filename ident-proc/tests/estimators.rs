@@ -14,7 +14,7 @@ use pipeline::machine::{self, Fuzzy};
 const CASES: [(&str, usize); 7] = [
     ("constant:0.98", 300),
     ("constant:0.75", 60),
-    ("paper", 300),
+    ("rules", 300),
     ("fuzzy:0.9", 150),
     ("fortescue:200", 150),
     // 5 / (1 - 0.95) samples of memory.
@@ -57,7 +57,7 @@ fn training() -> Triangle {
 fn started(setting: &str) -> RecursiveEstimator {
     let data = training();
     let sigma = (data.residual() / (TRAINING - N) as f64).sqrt();
-    let mut estimator = RecursiveEstimator::new(setting.parse().unwrap(), N, &Fuzzy::PAPER);
+    let mut estimator = RecursiveEstimator::new(setting.parse().unwrap(), N, &Fuzzy::RESIDUALS);
     estimator.start(&data, &[false; N], sigma);
     estimator
 }
@@ -192,7 +192,7 @@ fn held_coefficients_stay() {
     let mut data = Triangle::new(N);
     training().hold_into(&held, &mut data);
     for (setting, _) in CASES {
-        let mut estimator = RecursiveEstimator::new(setting.parse().unwrap(), N, &Fuzzy::PAPER);
+        let mut estimator = RecursiveEstimator::new(setting.parse().unwrap(), N, &Fuzzy::RESIDUALS);
         estimator.start(&data, &held, 0.03);
         let mut theta = estimator.theta().to_vec();
         (theta[2], theta[4]) = (0.7, -0.3);
@@ -208,25 +208,45 @@ fn held_coefficients_stay() {
 }
 
 #[test]
-fn the_papers_and_the_constant_factor_are_the_plain_recursion_to_the_last_bit() {
+fn that_of_the_rules_and_the_constant_factor_are_the_plain_recursion_to_the_last_bit() {
     let data = training();
-    let (mut paper, mut constant) = (started("paper"), started("constant:0.97"));
-    let mut fuzzy = FuzzyForgetting::new(Fuzzy::PAPER, (data.residual() / (TRAINING - N) as f64).sqrt());
+    let (mut rules, mut constant) = (started("rules"), started("constant:0.97"));
+    let mut fuzzy = FuzzyForgetting::new(Fuzzy::RESIDUALS, (data.residual() / (TRAINING - N) as f64).sqrt());
     let mut plain = RecursiveLeastSquares::new(N);
     plain.start(&data, &[false; N]);
     let mut plain_constant = plain.clone();
-    assert_eq!(paper.universes(), Some(fuzzy.universes()));
+    assert_eq!(rules.universes(), Some(fuzzy.universes()));
     assert_eq!(constant.universes(), None);
     for k in 0..2000 {
         let y = target(&row(k), &TRUTH, k) + if k > 1000 { 0.5 } else { 0.0 };
         let factor = fuzzy.factor(y - dot(&row(k), plain.theta()));
-        let (update, adapted) = (plain.update(&row(k), y, factor), paper.update(&row(k), y));
+        let (update, adapted) = (plain.update(&row(k), y, factor), rules.update(&row(k), y));
         assert_eq!((adapted.innovation, adapted.factor, adapted.bounded), (update.innovation, factor, update.bounded));
         plain_constant.update(&row(k), y, 0.97);
         assert_eq!(constant.update(&row(k), y).factor, 0.97);
     }
-    assert_eq!((plain.theta(), plain_constant.theta()), (paper.theta(), constant.theta()));
-    assert_eq!(plain.covariance_trace(), paper.recursion().covariance_trace());
+    assert_eq!((plain.theta(), plain_constant.theta()), (rules.theta(), constant.theta()));
+    assert_eq!(plain.covariance_trace(), rules.recursion().covariance_trace());
+}
+
+#[test]
+fn the_covariance_of_the_paper_alone_has_no_bound_and_its_coefficients_stay_finite() {
+    let one_sided = [0.3, 0.3, 0.3, 0.0, 0.0];
+    for (setting, is_bounded) in [("paper", false), ("rules", true)] {
+        let mut estimator = started(setting);
+        let weakest = TRAINING as f64 * estimator.recursion().covariance_trace();
+        let mut bounded = false;
+        for k in 0..5000 {
+            // Errors beyond the universe, so that the factor is 0.75.
+            let adapted = estimator.update(&one_sided, if k % 2 == 0 { 1e3 } else { -1e3 });
+            bounded |= adapted.bounded;
+            if k == 100 {
+                assert_eq!(estimator.recursion().covariance_trace() < 4.0 * weakest, is_bounded, "{setting}");
+            }
+        }
+        assert_eq!(bounded, is_bounded, "{setting}");
+        assert!(estimator.theta().iter().all(|value| value.is_finite()), "{setting}: {:?}", estimator.theta());
+    }
 }
 
 /// The coefficients and the covariance of the rows in `rows` with the prior around `center`.
@@ -251,7 +271,7 @@ fn a_window_holds_the_last_rows_and_no_others() {
         };
         let mut data = Triangle::new(n);
         (0..TRAINING).for_each(|k| data.add(&wide(k), y(&wide(k), k)));
-        let mut estimator = RecursiveEstimator::new(machine::Estimator::Window(rows), n, &Fuzzy::PAPER);
+        let mut estimator = RecursiveEstimator::new(machine::Estimator::Window(rows), n, &Fuzzy::RESIDUALS);
         estimator.start(&data, &vec![false; n], 0.03);
         let mut center = vec![0.0; n];
         data.solve(&mut center);

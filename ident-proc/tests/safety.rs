@@ -223,7 +223,9 @@ fn the_gain_ratio_of_each_direction_is_found() {
 
 #[test]
 fn every_estimator_stays_finite_at_rest_and_in_one_direction() {
-    for text in ["paper", "constant:0.75", "fuzzy:0.75", "fortescue:50", "directional:0.9", "window:100", "auto"] {
+    for text in
+        ["paper", "rules", "constant:0.75", "fuzzy:0.75", "fortescue:50", "directional:0.9", "window:100", "auto"]
+    {
         let mut run = Run::new(text.parse().unwrap());
         (0..100_000).for_each(|_| run.sample(0.0));
         (0..500).for_each(|k| run.sample(0.05 + 0.04 * noise(k)));

@@ -46,6 +46,19 @@ impl Reduction {
             free_run: percent(|errors| &errors.free_run),
         }
     }
+
+    /// Only the figures for which the classical model's error is below a baseline without a model: rmse of the one-step
+    /// error, h-step error and free run. The others are NaN, since a reduction of an error without meaning has none.
+    pub fn where_better(self, classical: &ModelErrors, [one_step, h_step, free_run]: [f64; 3]) -> Self {
+        let kept = |reduction, error: &ErrorStatistics, baseline| {
+            if error.rmse() < baseline { reduction } else { f64::NAN }
+        };
+        Self {
+            one_step: kept(self.one_step, &classical.one_step, one_step),
+            h_step: kept(self.h_step, &classical.h_step, h_step),
+            free_run: kept(self.free_run, &classical.free_run, free_run),
+        }
+    }
 }
 
 /// The coefficients of a model as lists: the used entries of each array.

@@ -11,3 +11,4 @@ mod recordings;
 mod refusals;
 mod select;
 mod servo;
+mod verdict;

@@ -41,7 +41,7 @@ pub fn machine_text(count: usize) -> String {
         text += &format!(
             "[axis.a{i}]\nstroke = 1.334\nmax_speed = 1.0\nsoft_limits = [0.05, 1.284]\n\
              [axis.a{i}.encoder]\nresolution = 1e-4\n\
-             [axis.a{i}.identification]\nna = 2\nnb = 0\nnk = 5\norder = 3\ntraining = \"8s\"\nestimator = \"paper\"\n\
+             [axis.a{i}.identification]\nna = 2\nnb = 0\nnk = 5\norder = 3\ntraining = \"8s\"\nestimator = \"rules\"\n\
              [axis.a{i}.control]\nkp = 4.0\nki = 1.0\ndead_band_extend = 0.08\ndead_band_retract = 0.07\n\
              command_limit = 1.0\nfollowing_error = 0.5\ncommand_rate = 10.0\n\
              [axis.a{i}.reference]\nkind = \"sines\"\ncenter = 0.65\n\

@@ -1,4 +1,4 @@
-//! The fuzzy forgetting factor, step 5 of the paper: Table 1 and eq. (21), and the estimator that uses it.
+//! The fuzzy forgetting factor, step 5 of the paper: Table 1 and eq. (21), and the estimators that use it.
 //!
 //! ```text
 //! e = 3 clip(error / error_universe)        de = 3 clip(change / variation_universe)       clip to [-1, 1]
@@ -19,6 +19,9 @@
 //! The paper prints neither the widths nor the units of the universes. With both widths 1 the memberships of
 //! neighbouring terms sum to about 1, and the factor at zero error is exactly that of (ZO, ZO), 1. The prediction error
 //! is used and not the tracking error: with the latter, forgetting would follow the controller instead of the plant.
+//!
+//! The estimator `paper` has the universes as printed, in millimetres, and (19) without a bound on P. The estimator
+//! `rules` has the universes and rules of `[fuzzy]`, and the bound of [`RecursiveLeastSquares`].
 //!
 //! Traps: Table 1 is not symmetric when both signs change. A universe that is small against the noise gives the factor
 //! 0.75, a memory of four samples.
@@ -95,23 +98,32 @@ impl FuzzyForgetting {
     }
 }
 
-/// The estimator `paper`: (18)-(20) with the fuzzy forgetting factor.
+/// The estimators `paper` and `rules`: (18)-(20) with the fuzzy forgetting factor.
 #[derive(Debug, Clone)]
-pub struct Paper {
+pub struct Rules {
     recursion: RecursiveLeastSquares,
     fuzzy: FuzzyForgetting,
+    /// Whether the covariance is bounded. (19) has no bound.
+    bounded: bool,
 }
 
-impl Paper {
-    /// For `n` coefficients.
+impl Rules {
+    /// The estimator `rules`, for `n` coefficients.
     pub fn new(n: usize, settings: &Fuzzy) -> Self {
-        Self { recursion: RecursiveLeastSquares::new(n), fuzzy: FuzzyForgetting::new(*settings, 0.0) }
+        let fuzzy = FuzzyForgetting::new(*settings, 0.0);
+        Self { recursion: RecursiveLeastSquares::new(n), fuzzy, bounded: true }
+    }
+
+    /// The estimator `paper`, for `n` coefficients.
+    pub fn paper(n: usize) -> Self {
+        Self { bounded: false, ..Self::new(n, &Fuzzy::PAPER) }
     }
 }
 
-impl Method for Paper {
+impl Method for Rules {
     fn start(&mut self, data: &Triangle, held: &[bool], residual_sigma: f64) {
-        self.recursion.start(data, held);
+        let bound = if self.bounded { data.count() as f64 } else { f64::INFINITY };
+        self.recursion.start_bounded(data, held, bound);
         self.fuzzy = FuzzyForgetting::new(self.fuzzy.settings, residual_sigma);
     }
 
@@ -201,9 +213,15 @@ mod tests {
 
     #[test]
     fn without_universes_they_follow_the_offline_residual() {
-        let fuzzy = FuzzyForgetting::new(Fuzzy::PAPER, 1e-4);
-        assert_eq!(fuzzy.universes(), (4e-3, 2e-3));
-        assert!(FuzzyForgetting::new(Fuzzy::PAPER, 0.0).evaluate(0.0, 0.0) == 1.0);
+        let fuzzy = FuzzyForgetting::new(Fuzzy::RESIDUALS, 2e-4);
+        assert_eq!(fuzzy.universes(), (8e-3, 4e-3));
+        assert!(FuzzyForgetting::new(Fuzzy::RESIDUALS, 0.0).evaluate(0.0, 0.0) == 1.0);
+    }
+
+    #[test]
+    fn the_universes_of_the_paper_do_not_follow_the_residual() {
+        assert_eq!(FuzzyForgetting::new(Fuzzy::PAPER, 1.0).universes(), (4e-3, 2e-3));
+        assert_eq!(Rules::paper(5).universes(), Some((4e-3, 2e-3)));
     }
 
     proptest! {

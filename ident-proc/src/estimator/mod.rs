@@ -4,14 +4,16 @@
 //! | setting | what it forgets | file |
 //! |---|---|---|
 //! | `constant:L` | at every sample an equal part of everything | [`exponential`] |
-//! | `paper` | the more, the larger the error and its change (Table 1, eq. (21)) | [`fuzzy`] |
-//! | `fuzzy:LOW` | as `paper`, with errors in units of their own scale, down to LOW | [`normalized`] |
+//! | `paper` | the more, the larger the error and its change (Table 1, eq. (21)), as printed | [`fuzzy`] |
+//! | `rules` | as `paper`, with the rules and universes that `[fuzzy]` sets, and a bounded covariance | [`fuzzy`] |
+//! | `fuzzy:LOW` | as `rules`, with errors in units of their own scale, down to LOW | [`normalized`] |
 //! | `fortescue:N0` | as much as keeps a weighted sum of squared errors constant | [`fortescue`] |
 //! | `directional:L` | only along the row that has come | [`directional`] |
 //! | `window:N` | only the row that came N samples ago | [`window`] |
 //!
 //! All estimators have these properties: held coefficients never change; a row or target that is not finite changes
-//! nothing; the covariance is symmetric and positive definite by construction, and bounded.
+//! nothing; the covariance is symmetric and positive definite by construction, and bounded. Only that of `paper` has no
+//! bound, as (19) has none.
 //!
 //! All of this runs in the loop, but for `start`. Nothing here allocates after construction.
 //!
@@ -31,7 +33,7 @@ use crate::{least_squares::Triangle, recursive::RecursiveLeastSquares};
 use directional::Directional;
 use exponential::Exponential;
 use fortescue::Fortescue;
-use fuzzy::Paper;
+use fuzzy::Rules;
 use normalized::Normalized;
 use window::Window;
 
@@ -66,8 +68,8 @@ trait Method {
 pub enum RecursiveEstimator {
     /// `constant:L`
     Exponential(Exponential),
-    /// `paper`
-    Paper(Paper),
+    /// `paper`, `rules`
+    Rules(Rules),
     /// `fuzzy:LOW`
     Normalized(Normalized),
     /// `fortescue:N0`
@@ -86,7 +88,8 @@ impl RecursiveEstimator {
     pub fn new(kind: Estimator, n: usize, fuzzy: &Fuzzy) -> Self {
         match kind {
             Estimator::Constant(factor) => Self::Exponential(Exponential::new(n, factor)),
-            Estimator::Paper => Self::Paper(Paper::new(n, fuzzy)),
+            Estimator::Paper => Self::Rules(Rules::paper(n)),
+            Estimator::Rules => Self::Rules(Rules::new(n, fuzzy)),
             Estimator::Fuzzy(low) => Self::Normalized(Normalized::new(n, fuzzy, low)),
             Estimator::Fortescue(memory) => Self::Fortescue(Fortescue::new(n, memory)),
             Estimator::Directional(factor) => Self::Directional(Directional::new(n, factor)),
@@ -99,7 +102,7 @@ impl RecursiveEstimator {
     fn method(&self) -> &dyn Method {
         match self {
             Self::Exponential(method) => method,
-            Self::Paper(method) => method,
+            Self::Rules(method) => method,
             Self::Normalized(method) => method,
             Self::Fortescue(method) => method,
             Self::Directional(method) => method,
@@ -110,7 +113,7 @@ impl RecursiveEstimator {
     fn method_mut(&mut self) -> &mut dyn Method {
         match self {
             Self::Exponential(method) => method,
-            Self::Paper(method) => method,
+            Self::Rules(method) => method,
             Self::Normalized(method) => method,
             Self::Fortescue(method) => method,
             Self::Directional(method) => method,

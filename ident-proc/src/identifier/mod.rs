@@ -6,6 +6,7 @@ use pipeline::{
     hammerstein::{Coefficients, Play},
     machine::{Commissioned, Identification, IdentifiedOutput},
     message::{AxisSnapshot, model_fault},
+    statistics::ErrorStatistics,
 };
 
 use self::figures::{Faults, Figures, Models};
@@ -333,6 +334,11 @@ impl Identifier {
         }
     }
 
+    /// y(k) - y(k-1), over the samples of the one-step errors: the errors of holding still for one sample.
+    pub fn persistence_one_step(&self) -> &ErrorStatistics {
+        self.comparison.persistence_one_step()
+    }
+
     /// The bank, where the estimator is `auto`.
     pub fn bank(&self) -> Option<&Bank> {
         self.adaptation.bank()
@@ -368,7 +374,7 @@ mod tests {
     #[test]
     fn a_running_machine_is_not_trained_on_the_rest_before_its_motion() {
         let mut settings = Machine::four_axes(&[]).unwrap().axes[0].identification.clone();
-        (settings.estimator, settings.form) = (Estimator::Paper, Form::Linear);
+        (settings.estimator, settings.form) = (Estimator::Rules, Form::Linear);
         (settings.training, settings.horizon) = (200, 10);
         let run = |mut identifier: Identifier, rest: u32| {
             let (mut y, mut u) = (0.5, 0.0);
@@ -395,7 +401,7 @@ mod tests {
     #[test]
     fn an_input_that_never_moves_leaves_a_finite_model() {
         for (estimator, form) in
-            [(Estimator::Paper, Form::Linear), (Estimator::Paper, Form::Full), (Estimator::Auto, Form::Linear)]
+            [(Estimator::Rules, Form::Linear), (Estimator::Rules, Form::Full), (Estimator::Auto, Form::Linear)]
         {
             let mut settings = Machine::four_axes(&[]).unwrap().axes[0].identification.clone();
             (settings.estimator, settings.form) = (estimator, form);

@@ -5,7 +5,7 @@
 //! | adaptive | as they are estimated, before they are separated into b, f and g |
 //! | separated | the adaptive model as it is published |
 //! | classical | identified offline, never changed |
-//! | persistence | none: the prediction of y(k) is y(k-h) |
+//! | persistence | none: the prediction of y(k) is y(k-h), or y(k-1) one step ahead |
 //!
 //! y output in its unit, h horizon in samples. The order of the calls at each sample is
 //!
@@ -33,6 +33,7 @@ pub struct Comparison {
     /// The output itself.
     output: ErrorStatistics,
     persistence: ErrorStatistics,
+    persistence_one_step: ErrorStatistics,
     /// The classical model, written out for the row.
     classical_theta: Vec<f64>,
     /// The separated model, written out for the row.
@@ -76,6 +77,7 @@ impl Comparison {
             classical: tracker,
             output: ErrorStatistics::default(),
             persistence: ErrorStatistics::default(),
+            persistence_one_step: ErrorStatistics::default(),
             classical_theta: vec![0.0; n],
             separated_theta: vec![0.0; n],
         }
@@ -108,6 +110,7 @@ impl Comparison {
         if self.classical.observe(y, predicted.classical, row, outputs) {
             self.persistence.push(y - outputs.latest(self.horizon)[0]);
         }
+        self.persistence_one_step.push(y - outputs.latest(1)[0]);
         self.output.push(y);
         Advanced(())
     }
@@ -155,6 +158,11 @@ impl Comparison {
     /// The output itself, over the samples of the one-step errors.
     pub fn output(&self) -> &ErrorStatistics {
         &self.output
+    }
+
+    /// y(k) - y(k-1), over the samples of the one-step errors.
+    pub fn persistence_one_step(&self) -> &ErrorStatistics {
+        &self.persistence_one_step
     }
 
     /// y(k) - y(k-h), over the samples of the h-step errors.
@@ -233,6 +241,9 @@ mod tests {
         assert!((compared.separated().h_step.mean + 0.175).abs() < 1e-12);
         // The first prediction over the horizon ends HORIZON samples after it was launched.
         assert_eq!((compared.classical().h_step.count, compared.persistence().count), (18, 18));
+        // y(k) - y(k-1) = -0.6 0.5^k from y(0) = 1 towards 0.4.
+        let still = compared.persistence_one_step();
+        assert!(still.count == 20 && (still.max - 0.3).abs() < 1e-12 && (still.mean + 0.03).abs() < 1e-6);
     }
 
     #[test]

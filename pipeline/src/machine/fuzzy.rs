@@ -7,14 +7,13 @@ use super::{
     error::MachineError,
 };
 
-/// Universes, memberships and rules of the fuzzy forgetting factor. The paper does not give the widths.
+/// Universes, memberships and rules of the fuzzy forgetting factor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fuzzy {
-    /// Error that counts as 3 (PB), in the unit of the output. The default is [`Self::UNIVERSE_IN_RESIDUALS`] times the
-    /// standard deviation of the residuals of offline identification. The paper's basic universe is [-4, 4].
+    /// Error that counts as 3 (PB), in the unit of the output. Without it, [`Self::UNIVERSE_IN_RESIDUALS`] times the
+    /// standard deviation of the residuals of offline identification.
     pub error_universe: Option<f64>,
-    /// Change of the error that counts as 3 (PB). The default is half of the error universe, as in the paper, whose
-    /// basic universe is [-2, 2].
+    /// Change of the error that counts as 3 (PB). Without it, half of the error universe, as in the paper.
     pub variation_universe: Option<f64>,
     /// Half-width of the curves near zero (NS, ZO, PS), in steps between neighbouring terms.
     pub curve_width: f64,
@@ -56,17 +55,19 @@ impl Level {
 }
 
 impl Fuzzy {
-    /// Default of the error universe, in standard deviations of the offline residual. The paper's 4 (mm) is 40 counts
-    /// of an encoder with 0.1 mm. With this value an error of ordinary noise stays well inside ZO, whatever the unit of
-    /// the output is.
+    /// Error universe of [`Self::RESIDUALS`], in standard deviations of the offline residual. The paper's 4 mm are 40
+    /// counts of an encoder with 0.1 mm. With this value an error of ordinary noise stays well inside ZO, whatever the
+    /// unit of the output is.
     pub const UNIVERSE_IN_RESIDUALS: f64 = 40.0;
 
-    /// Table 1 as printed.
+    /// Table 1 and the basic universes [-4, 4] and [-2, 2] as printed. The paper prints no unit. The universes are
+    /// taken as millimetres, because e is an error of the displacement, and are given here in metres, the unit of the
+    /// positions. The paper prints no widths either.
     pub const PAPER: Self = {
         use Level::{B, MB, MS, S, VB, VS};
         Self {
-            error_universe: None,
-            variation_universe: None,
+            error_universe: Some(4e-3),
+            variation_universe: Some(2e-3),
             curve_width: 1.0,
             triangle_width: 1.0,
             rules: [
@@ -80,6 +81,9 @@ impl Fuzzy {
             ],
         }
     };
+
+    /// Table 1 on universes that follow the residual of offline identification: what `[fuzzy]` is without keys.
+    pub const RESIDUALS: Self = Self { error_universe: None, variation_universe: None, ..Self::PAPER };
 
     /// Reads a file that has the keys of `[fuzzy]` at its top level.
     ///
@@ -108,11 +112,11 @@ impl Fuzzy {
         });
         let fuzzy = Self {
             error_universe: section
-                .key("error_universe", "Error that counts as PB (3)")
+                .key("error_universe", "Error that counts as PB (3) for estimator = \"rules\"")
                 .rule("40 times the residual of offline identification")
                 .optional_number(1e-12..=1e12, "units of the output"),
             variation_universe: section
-                .key("variation_universe", "Change of the error that counts as PB (3)")
+                .key("variation_universe", "Change of the error that counts as PB (3) for estimator = \"rules\"")
                 .rule("half of error_universe")
                 .optional_number(1e-12..=1e12, "units of the output"),
             // A width below 0.5 leaves gaps in which no rule fires; a width of 3 covers half of the universe.

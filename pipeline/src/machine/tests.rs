@@ -122,7 +122,8 @@ fn a_setting_takes_the_place_of_the_file() {
     let machine = set("axis.boom.identification.estimator", "constant:0.99").unwrap();
     assert_eq!(machine.axes[0].identification.estimator, Estimator::Constant(0.99));
     assert_eq!(machine.axes[1].identification.estimator, Estimator::Auto);
-    for text in ["auto", "paper", "constant:1", "fuzzy:0.9", "fortescue:2", "directional:0.5", "window:100000"] {
+    for text in ["auto", "paper", "rules", "constant:1", "fuzzy:0.9", "fortescue:2", "directional:0.5", "window:100000"]
+    {
         let machine = set("axis.boom.identification.estimator", text).unwrap();
         assert_eq!(machine.axes[0].identification.estimator.to_string(), text);
     }
@@ -133,6 +134,23 @@ fn a_setting_takes_the_place_of_the_file() {
     assert!(text.contains("axis.arm.control.kp: found nan (from the command line)"), "{text}");
     let text = set("axis.arm.kq", "3").unwrap_err().to_string();
     assert!(text.contains("--set axis.arm.kq: found an unknown key"), "{text}");
+}
+
+#[test]
+fn the_paper_separates_by_its_formula_and_refuses_what_is_not_its_own() {
+    let set = |key: &str, value: &str| {
+        let setting = |key: &str, value: &str| (format!("axis.boom.identification.{key}"), value.to_owned());
+        Machine::four_axes(&[setting("estimator", "paper"), setting(key, value)])
+    };
+    let machine = set("horizon", "0.4s").unwrap();
+    let splits: Vec<Split> = machine.axes.iter().map(|axis| axis.identification.split).collect();
+    assert_eq!(splits[..2], [Split::Paper, Split::Als]);
+    for (key, value) in [("form", "full"), ("split", "als"), ("output", "velocity")] {
+        let text = set(key, value).unwrap_err().to_string();
+        let expected = "axis.boom.identification.estimator: found \"paper\" with form";
+        assert!(text.contains(expected) && text.contains("or estimator \"rules\""), "{key}: {text}");
+        assert!(text.contains(&format!("{key} \"{value}\"")), "{key}: {text}");
+    }
 }
 
 #[test]

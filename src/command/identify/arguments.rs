@@ -95,7 +95,8 @@ pub struct IdentifyArguments {
     #[arg(long)]
     pub horizon: Option<Samples>,
     /// Algorithm that adapts the coefficients online: auto (several estimators, weighted by how well they predict),
-    /// paper (fuzzy forgetting factor, Table 1), constant:L (forgetting factor L), fuzzy:LOW (Table 1 on normalised
+    /// paper (the paper's method as printed: Table 1, (17), (21), universes of 4 mm and 2 mm, y in m), rules (Table 1
+    /// with the universes of the options below), constant:L (forgetting factor L), fuzzy:LOW (Table 1 on normalised
     /// errors, factor LOW at the least), fortescue:N0 (memory of N0 samples while errors stay small), directional:L
     /// (forgets along the regressor only), or window:N (the last N samples)
     #[arg(long, default_value = "auto", value_parser = estimator)]
@@ -106,16 +107,18 @@ pub struct IdentifyArguments {
     /// Coefficients that are updated online; auto runs estimators of both forms
     #[arg(long, value_enum, default_value = "linear")]
     pub form: FormArgument,
-    /// How the products of the over-parametrised form are separated
-    #[arg(long, value_enum, default_value = "als")]
-    pub split: SplitArgument,
-    /// Settings of the fuzzy forgetting factor: a TOML file with the keys of the table `fuzzy` of a machine file
+    /// How the products of the over-parametrised form are separated [default: als; paper with --estimator paper]
+    #[arg(long, value_enum)]
+    pub split: Option<SplitArgument>,
+    /// Settings of the fuzzy forgetting factor of the estimators rules and fuzzy:LOW: a TOML file with the keys of the
+    /// table `fuzzy` of a machine file
     #[arg(long, value_name = "FILE")]
     pub fuzzy: Option<PathBuf>,
-    /// Prediction error of the fuzzy value PB, in the unit of the output [default: 40 times the offline residual]
+    /// Prediction error of the fuzzy value PB of the estimator rules, in the unit of the output [default: 40 times the
+    /// offline residual]
     #[arg(long, value_name = "E", value_parser = positive)]
     pub error_universe: Option<f64>,
-    /// Change of the error of the fuzzy value PB [default: half of --error-universe]
+    /// Change of the error of the fuzzy value PB of the estimator rules [default: half of --error-universe]
     #[arg(long, value_name = "DE", value_parser = positive)]
     pub variation_universe: Option<f64>,
     /// Write the figures as JSON to a file, or to standard output with -

@@ -1,7 +1,7 @@
 //! `--compare`: every estimator on one record. They run one after the other, because their updates are timed.
 
 use pipeline::{
-    machine::{Estimator, Form, Identification},
+    machine::{Estimator, Form, Identification, Split},
     message::{AxisSnapshot, bit_names, model_fault},
 };
 use serde::Serialize;
@@ -14,13 +14,16 @@ use crate::report::table::{number, progress, table};
 enum Forms {
     /// The form of `--form`.
     Chosen,
+    /// The linear form, whatever `--form` is.
+    Linear,
     /// Both forms.
     Both,
 }
 
-/// The compared estimators, as `--estimator` names them.
+/// The compared estimators, as `--estimator` names them. The first one has the form and the separation of the options.
 const ESTIMATORS: &[(&str, Forms)] = &[
-    ("paper", Forms::Chosen),
+    ("rules", Forms::Chosen),
+    ("paper", Forms::Linear),
     ("fuzzy:0.95", Forms::Chosen),
     ("constant:0.95", Forms::Both),
     ("constant:0.98", Forms::Both),
@@ -78,7 +81,7 @@ pub fn compare(settings: &Identification, record: &Record) -> Comparison {
             ns_per_update = identify(run, record, |_| {}, &mut residuals).1.min(ns_per_update);
         }
         let snapshot = identifier.snapshot();
-        // The classical model is that of the chosen form. All runs of this form give the same one.
+        // The classical model is that of the chosen form and separation. The first run has both.
         if rows.is_empty() {
             rows.extend(fixed(run.form, &snapshot));
         }
@@ -108,10 +111,15 @@ fn runs(settings: &Identification) -> Vec<(&'static str, Identification)> {
         Form::Full => Form::Linear,
     };
     let runs = [settings.form, other].map(|form| {
-        let estimators = ESTIMATORS.iter().filter(move |(_, forms)| form == settings.form || *forms == Forms::Both);
+        let estimators = ESTIMATORS.iter().filter(move |(_, forms)| match forms {
+            Forms::Chosen => form == settings.form,
+            Forms::Linear => form == Form::Linear,
+            Forms::Both => true,
+        });
         estimators.filter_map(move |(name, _)| {
             let estimator = name.parse().ok()?;
-            Some((*name, Identification { form, estimator, ..settings.clone() }))
+            let split = if estimator == Estimator::Paper { Split::Paper } else { settings.split };
+            Some((*name, Identification { form, split, estimator, ..settings.clone() }))
         })
     });
     runs.into_iter().flatten().collect()

@@ -13,6 +13,7 @@ mod run;
 mod select;
 mod settings;
 mod structure;
+mod verdict;
 
 use pipeline::machine::Identification;
 

@@ -17,6 +17,7 @@ use super::{
     residuals::{Deviations, Residuals, Validation},
     select::Selection,
     structure::description,
+    verdict::Verdict,
 };
 use crate::report::{
     figures::{CoefficientLists, ErrorFigures, Reduction},
@@ -26,6 +27,7 @@ use crate::report::{
 /// The report, as JSON has it.
 #[derive(Debug, Serialize)]
 pub struct IdentifyReport {
+    verdict: Verdict,
     rows: usize,
     train: usize,
     period_s: f64,
@@ -60,6 +62,7 @@ pub struct IdentifyReport {
 
 #[derive(Debug, Serialize)]
 struct Persistence {
+    one_step: ErrorFigures,
     h_step: ErrorFigures,
 }
 
@@ -77,7 +80,6 @@ struct Adaptive {
     one_step: ErrorFigures,
     h_step: ErrorFigures,
     free_run: ErrorFigures,
-    free_run_frozen: ErrorFigures,
     coefficients: CoefficientLists,
     /// h-step errors of the published model, which is separated into b, f and g.
     separated_h_step: ErrorFigures,
@@ -113,7 +115,9 @@ impl IdentifyReport {
         let (snapshot, universes) = (identifier.snapshot(), identifier.universes());
         let figures = |error: &ErrorStatistics| ErrorFigures::new(error, &snapshot.output);
         let (classical, adaptive) = (&snapshot.classical_errors, &snapshot.adaptive_errors);
+        let still = identifier.persistence_one_step();
         Self {
+            verdict: Verdict::new(settings, record, identifier),
             rows: record.outputs.len(),
             train: settings.training,
             period_s: record.period,
@@ -131,7 +135,7 @@ impl IdentifyReport {
             irregular_steps: record.irregular_steps,
             unit: record.unit(settings.output),
             recordings: record.recordings,
-            persistence: Persistence { h_step: figures(&snapshot.persistence) },
+            persistence: Persistence { one_step: figures(still), h_step: figures(&snapshot.persistence) },
             classical: Classical {
                 one_step: figures(&classical.one_step),
                 h_step: figures(&classical.h_step),
@@ -143,8 +147,6 @@ impl IdentifyReport {
                 one_step: figures(&adaptive.one_step),
                 h_step: figures(&adaptive.h_step),
                 free_run: figures(&adaptive.free_run),
-                // The adaptive model starts from the offline coefficients. Frozen there, it is the classical model.
-                free_run_frozen: figures(&classical.free_run),
                 coefficients: CoefficientLists::new(&snapshot.adaptive),
                 forgetting_factor: FactorFigures {
                     mean: 1.0 - snapshot.forgetting.mean,
@@ -155,7 +157,8 @@ impl IdentifyReport {
                 members: identifier.bank().map_or_else(Vec::new, |bank| bank.members().map(BankMember::from).collect()),
                 ns_per_update,
             },
-            reduction_percent: Reduction::new(classical, adaptive),
+            reduction_percent: Reduction::new(classical, adaptive)
+                .where_better(classical, [still.rmse(), snapshot.persistence.rmse(), snapshot.output.sigma()]),
             validation: Validation::new(identifier, residuals),
             selection: None,
             comparison: None,
@@ -165,6 +168,7 @@ impl IdentifyReport {
     /// All figures as tables.
     pub fn tables(&self, name: &str) -> String {
         let parts = [
+            self.verdict.line(&self.ahead()),
             self.selection.as_ref().map(|selection| selection.table(self.output)).unwrap_or_default(),
             record::text(&self.recordings),
             self.record(name),
@@ -185,7 +189,7 @@ impl IdentifyReport {
             number(self.period_s),
             self.train,
             description(&self.structure, self.output),
-            humantime::format_duration(Duration::from_secs_f64(self.period_s * self.horizon as f64)),
+            self.ahead(),
             self.horizon
         );
         if self.irregular_steps > 0 {
@@ -197,10 +201,16 @@ impl IdentifyReport {
         text
     }
 
+    /// The horizon as a duration.
+    fn ahead(&self) -> String {
+        humantime::format_duration(Duration::from_secs_f64(self.period_s * self.horizon as f64)).to_string()
+    }
+
     fn error_table(&self) -> String {
-        let row = |name: &str, classical: &ErrorFigures, adaptive: &ErrorFigures, reduction: f64| {
+        let row = |name: &str, still: f64, classical: &ErrorFigures, adaptive: &ErrorFigures, reduction: f64| {
             vec![
                 name.to_owned(),
+                number(still),
                 number(classical.sigma),
                 number(adaptive.sigma),
                 percent(reduction),
@@ -210,24 +220,31 @@ impl IdentifyReport {
             ]
         };
         let (classical, adaptive, reduction) = (&self.classical, &self.adaptive, &self.reduction_percent);
+        let Persistence { one_step, h_step } = &self.persistence;
         let rows = vec![
-            row("one step", &classical.one_step, &adaptive.one_step, reduction.one_step),
-            row("h steps", &classical.h_step, &adaptive.h_step, reduction.h_step),
-            row("free run", &classical.free_run, &adaptive.free_run, reduction.free_run),
+            row("one step", one_step.sigma, &classical.one_step, &adaptive.one_step, reduction.one_step),
+            row("h steps", h_step.sigma, &classical.h_step, &adaptive.h_step, reduction.h_step),
+            row("free run", f64::NAN, &classical.free_run, &adaptive.free_run, reduction.free_run),
         ];
         let error = self.unit.as_ref().map_or_else(|| "error".to_owned(), |unit| format!("error, {unit}"));
-        let header =
-            [error.as_str(), "sigma classical", "adaptive", "reduction", "rmse classical", "adaptive", "fit adaptive"];
+        let header = [
+            error.as_str(),
+            "sigma still",
+            "classical",
+            "adaptive",
+            "reduction",
+            "rmse classical",
+            "adaptive",
+            "fit adaptive",
+        ];
         format!("{}\n", table(&header, rows))
     }
 
-    /// Persistence, the estimator, and the members of auto.
+    /// The estimator, and the members of auto.
     fn estimation(&self) -> String {
         let adaptive = &self.adaptive;
         let mut text = format!(
-            "h steps by holding y: sigma {}. \
-             Estimator {} (forgetting factor mean {}, least {}); {:.0} ns per update.\n",
-            number(self.persistence.h_step.sigma),
+            "Estimator {} (forgetting factor mean {}, least {}); {:.0} ns per update.\n",
             self.estimator,
             number(adaptive.forgetting_factor.mean),
             number(adaptive.forgetting_factor.min),

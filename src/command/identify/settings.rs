@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use pipeline::{
     hammerstein::{Basis, InputMap, Structure},
-    machine::{Fuzzy, GREY_BOX_MEMORY, Identification, IdentifiedOutput, shortest_training},
+    machine::{Estimator, Fuzzy, GREY_BOX_MEMORY, Identification, IdentifiedOutput, Split, shortest_training},
 };
 
 use super::{
@@ -92,9 +92,10 @@ pub fn settings(
         None => Samples::Duration(HORIZON).at(period).max(1),
     };
     expect_enough_rows(record, structure, output, (training, horizon))?;
+    expect_no_rules_for_the_paper(arguments)?;
     let mut fuzzy = match &arguments.fuzzy {
         Some(file) => Fuzzy::load(file).map_err(Failure::usage)?,
-        None => Fuzzy::PAPER,
+        None => Fuzzy::RESIDUALS,
     };
     fuzzy.error_universe = arguments.error_universe.or(fuzzy.error_universe);
     fuzzy.variation_universe = arguments.variation_universe.or(fuzzy.variation_universe);
@@ -105,7 +106,7 @@ pub fn settings(
         training,
         horizon,
         form: arguments.form.into(),
-        split: arguments.split.into(),
+        split: arguments.split.map_or(Split::default_of(arguments.estimator), Split::from),
         estimator: arguments.estimator,
         fuzzy,
         hysteresis: 0.0,
@@ -116,6 +117,22 @@ pub fn settings(
         expect_enough_to_select(record, &settings)?;
     }
     Ok(settings)
+}
+
+/// Refuses rules or universes for the estimator `paper`, which has its own.
+fn expect_no_rules_for_the_paper(arguments: &IdentifyArguments) -> Result<(), Failure> {
+    let typed = [
+        ("--fuzzy", arguments.fuzzy.is_some()),
+        ("--error-universe", arguments.error_universe.is_some()),
+        ("--variation-universe", arguments.variation_universe.is_some()),
+    ];
+    match typed.into_iter().find(|(_, is_typed)| *is_typed && arguments.estimator == Estimator::Paper) {
+        Some((option, _)) => Err(Failure::usage(format!(
+            "{option}: found with `--estimator paper`; allowed: with `--estimator rules`, which takes a table and \
+             universes"
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// Refuses a record that is too short to determine the coefficients, or to test the prediction. `counts` are the rows
@@ -183,8 +200,7 @@ fn expect_enough_to_select(record: &Record, settings: &Identification) -> Result
     Ok(())
 }
 
-/// Refuses an estimator whose window is shorter than the coefficients of the structure: it would determine none of
-/// them.
+/// Refuses an estimator that cannot work with the other settings.
 pub fn check_estimator(settings: &Identification) -> Result<(), Failure> {
     let refusal = |(found, allowed)| Failure::usage(format!("--estimator: found {found}; allowed: {allowed}"));
     settings.check_estimator("NAME", false).map_err(refusal)

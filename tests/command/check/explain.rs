@@ -34,8 +34,8 @@ fn a_value_has_its_origin_from_the_strongest_source_to_the_weakest() {
     assert_eq!((value.as_str(), &origin["from"]), ("8.0", &Value::from("command-line")));
     let (value, origin) = value_and_origin(EXCAVATOR, &["--model", "model.toml"], "axis.boom.commissioned.dead_time");
     assert_eq!((value.as_str(), &origin["from"], &origin["line"]), ("0.02", &"model-file".into(), &2.into()));
-    let (value, origin) = value_and_origin(EXCAVATOR, &[], "axis.boom.identification.split");
-    assert_eq!((value.as_str(), &origin["from"]), ("\"als\"", &Value::from("default")));
+    let (value, origin) = value_and_origin(EXCAVATOR, &[], "axis.boom.identification.form");
+    assert_eq!((value.as_str(), &origin["from"]), ("\"linear\"", &Value::from("default")));
 }
 
 #[test]

@@ -18,6 +18,7 @@ fn settings_that_their_keys_take_are_accepted() {
         "axis.boom.control.kp=3",
         "axis.boom.identification.estimator=constant:0.995",
         "axis.boom.identification.estimator=\"paper\"",
+        "axis.boom.identification.estimator=rules",
         "axis.boom.identification.estimator=fuzzy:0.9",
         "axis.boom.identification.estimator=fortescue:500",
         "axis.boom.identification.estimator=directional:0.99",
@@ -68,7 +69,7 @@ fn settings_that_their_keys_do_not_take_are_refused() {
         (
             "axis.boom.identification.estimator=constant:2",
             "axis.boom.identification.estimator: found constant:2 (from the command line); allowed: \"auto\", \
-             \"paper\", \"constant:L\" with L",
+             \"paper\", \"rules\", \"constant:L\" with L",
         ),
         (
             "axis.boom.forgetting=paper",

@@ -49,7 +49,9 @@ fn the_best_constant_is_the_one_with_the_least_error_in_either_form() {
 fn the_rows_are_those_of_the_estimators_alone() {
     let folder = changing_plant();
     let compared = figures(folder.path(), &ARGUMENTS);
-    for (estimator, form) in [("paper", "linear"), ("constant:0.98", "linear"), ("constant:0.99", "full")] {
+    for (estimator, form) in
+        [("paper", "linear"), ("rules", "linear"), ("constant:0.98", "linear"), ("constant:0.99", "full")]
+    {
         let arguments = ["--horizon", "10", "--estimator", estimator, "--form", form];
         let alone = figures(folder.path(), &arguments);
         let row = row(&compared, estimator, form);
@@ -69,10 +71,10 @@ fn the_rows_are_those_of_the_estimators_alone() {
 #[test]
 fn the_held_model_is_that_of_the_form_that_was_typed() {
     let figures =
-        figures(changing_plant().path(), &[&ARGUMENTS[..], &["--form", "full", "--estimator", "paper"]].concat());
+        figures(changing_plant().path(), &[&ARGUMENTS[..], &["--form", "full", "--estimator", "rules"]].concat());
     let classical = row(&figures, "classical", "full");
     assert_eq!(number(classical, "/h_step_sigma"), number(&figures, "/classical/h_step/sigma"));
-    assert_eq!(row(&figures, "paper", "full")["h_step_sigma"], figures["adaptive"]["h_step"]["sigma"]);
+    assert_eq!(row(&figures, "rules", "full")["h_step_sigma"], figures["adaptive"]["h_step"]["sigma"]);
 }
 
 #[test]

@@ -21,6 +21,19 @@ fn the_formula_of_the_paper_finds_the_coefficients_of_a_known_plant() {
 }
 
 #[test]
+fn the_paper_has_its_own_separation_and_universes() {
+    let folder = constant_plant();
+    let universes =
+        |figures: &serde_json::Value| ["error", "variation"].map(|of| figures[format!("{of}_universe")].as_f64());
+    let paper = figures(folder.path(), &["--horizon", "10", "--estimator", "paper"]);
+    assert_eq!((&paper["split"], &paper["form"]), (&"paper".into(), &"linear".into()));
+    assert_eq!(universes(&paper), [Some(4e-3), Some(2e-3)]);
+    expect_coefficients(&paper, "adaptive");
+    let rules = figures(folder.path(), &["--horizon", "10", "--estimator", "rules", "--error-universe", "3"]);
+    assert_eq!((&rules["split"], universes(&rules)), (&"als".into(), [Some(3.0), Some(1.5)]));
+}
+
+#[test]
 fn the_json_tells_what_was_identified() {
     let figures = figures(constant_plant().path(), &["--train", "0.5", "--horizon", "10"]);
     let structure = serde_json::json!({
@@ -44,6 +57,15 @@ fn a_model_of_the_true_plant_predicts_without_error() {
             let sigma = number(&figures, &format!("/{model}/{kind}/sigma"));
             assert!(sigma <= 1e-9, "{model} {kind}: {sigma}");
         }
+    }
+}
+
+#[test]
+fn no_figure_is_reported_under_two_names() {
+    let figures = figures(changing_plant().path(), &["--horizon", "10"]);
+    let errors = ["one_step", "h_step", "free_run", "separated_h_step"];
+    for (name, value) in figures["adaptive"].as_object().unwrap() {
+        assert!(value.get("rmse").is_none() || errors.contains(&name.as_str()), "{name}");
     }
 }
 
@@ -77,10 +99,10 @@ fn the_default_estimator_follows_a_gain_that_changes() {
 #[test]
 fn every_estimator_follows_a_gain_that_changes() {
     let folder = changing_plant();
-    for estimator in ["constant:0.98", "paper", "fuzzy:0.9", "fortescue:100", "directional:0.95", "window:200"] {
+    for estimator in ["constant:0.98", "rules", "fuzzy:0.9", "fortescue:100", "directional:0.95", "window:200"] {
         let figures = figures(folder.path(), &["--horizon", "10", "--estimator", estimator]);
         assert_eq!(figures["estimator"], estimator);
-        assert_eq!(figures["error_universe"].is_null(), !["paper", "fuzzy:0.9"].contains(&estimator), "{estimator}");
+        assert_eq!(figures["error_universe"].is_null(), !["rules", "fuzzy:0.9"].contains(&estimator), "{estimator}");
         // The columns of a position are nearly equal; along them directional forgetting is slow.
         let least = if estimator.starts_with("directional") { 30.0 } else { 50.0 };
         let reduction = number(&figures, "/reduction_percent/h_step");
@@ -90,14 +112,14 @@ fn every_estimator_follows_a_gain_that_changes() {
 
 #[test]
 fn the_full_form_follows_a_gain_that_changes() {
-    let figures = figures(changing_plant().path(), &["--horizon", "10", "--form", "full", "--estimator", "paper"]);
+    let figures = figures(changing_plant().path(), &["--horizon", "10", "--form", "full", "--estimator", "rules"]);
     assert_eq!(figures["form"], "full");
     assert!(number(&figures, "/adaptive/h_step/sigma") < 0.5 * number(&figures, "/classical/h_step/sigma"));
 }
 
 #[test]
 fn the_full_form_keeps_the_coefficients_of_a_constant_plant() {
-    let figures = figures(constant_plant().path(), &["--horizon", "10", "--form", "full", "--estimator", "paper"]);
+    let figures = figures(constant_plant().path(), &["--horizon", "10", "--form", "full", "--estimator", "rules"]);
     expect_coefficients(&figures, "adaptive");
 }
 

@@ -106,6 +106,23 @@ fn a_folder_in_the_place_of_a_file_is_refused() {
 }
 
 #[test]
+fn the_paper_is_not_changed_by_options() {
+    let folder = constant_plant();
+    let cases: [(&[&str], &str); 6] = [
+        (&["--split", "als"], "--estimator: found \"paper\" with form \"linear\", split \"als\", output \"position\""),
+        (&["--form", "full"], "--estimator: found \"paper\" with form \"full\", split \"paper\", output \"position\""),
+        (&["--velocity"], "--estimator: found \"paper\" with form \"linear\", split \"paper\", output \"velocity\""),
+        (&["--error-universe", "1"], "--error-universe: found with `--estimator paper`"),
+        (&["--variation-universe", "1"], "--variation-universe: found with `--estimator paper`"),
+        (&["--fuzzy", "f.toml"], "--fuzzy: found with `--estimator paper`"),
+    ];
+    for (typed, expected) in cases {
+        let arguments = [&["identify", "r.csv", "--horizon", "10", "--estimator", "paper"], typed].concat();
+        expect_refusal(folder.path(), &arguments, &[expected, "allowed: ", "rules"]);
+    }
+}
+
+#[test]
 fn values_that_a_flag_does_not_take_are_refused_with_what_it_takes() {
     let folder = constant_plant();
     for (flag, value, allowed) in [
@@ -118,7 +135,7 @@ fn values_that_a_flag_does_not_take_are_refused_with_what_it_takes() {
         (
             "--estimator",
             "constant:2",
-            "found \"constant:2\"; allowed: \"auto\", \"paper\", \"constant:L\" with L from 0.5 to 1",
+            "found \"constant:2\"; allowed: \"auto\", \"paper\", \"rules\", \"constant:L\" with L from 0.5 to 1",
         ),
         ("--forgetting", "paper", "allowed: `--estimator`, its new name"),
         ("--estimator", "constant:nan", "\"constant:L\" with L from 0.5 to 1"),

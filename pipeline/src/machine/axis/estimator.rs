@@ -7,8 +7,11 @@ use crate::nearest::did_you_mean;
 /// Algorithm that adapts the coefficients online.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Estimator {
-    /// Recursive least squares with the paper's fuzzy forgetting factor.
+    /// The paper's method as printed: recursive least squares with the fuzzy forgetting factor of Table 1, on the
+    /// paper's universes, with the coefficients separated by (17).
     Paper,
+    /// Recursive least squares with the fuzzy forgetting factor that `[fuzzy]` sets.
+    Rules,
     /// Recursive least squares with this constant forgetting factor.
     Constant(f64),
     /// Recursive least squares with the paper's rules on errors divided by their own scale; the value is the smallest
@@ -29,13 +32,13 @@ pub enum Estimator {
 
 impl Estimator {
     /// The texts that `FromStr` takes.
-    pub const ALLOWED: &str = "\"auto\", \"paper\", \"constant:L\" with L from 0.5 to 1, \"fuzzy:LOW\" with LOW from \
-         0.5 to below 1, \"fortescue:N0\" with N0 of 2 samples or more, \"directional:L\" with L from 0.5 to 1, \
-         \"window:N\" with N from 2 to 100000 samples, or \"grey-box\"";
+    pub const ALLOWED: &str = "\"auto\", \"paper\", \"rules\", \"constant:L\" with L from 0.5 to 1, \
+         \"fuzzy:LOW\" with LOW from 0.5 to below 1, \"fortescue:N0\" with N0 of 2 samples or more, \
+         \"directional:L\" with L from 0.5 to 1, \"window:N\" with N from 2 to 100000 samples, or \"grey-box\"";
 
     /// Names of the estimators, without their values.
-    pub const NAMES: [&str; 8] =
-        ["auto", "paper", "constant", "fuzzy", "fortescue", "directional", "window", "grey-box"];
+    pub const NAMES: [&str; 9] =
+        ["auto", "paper", "rules", "constant", "fuzzy", "fortescue", "directional", "window", "grey-box"];
 
     fn parse(text: &str) -> Option<Self> {
         let (kind, value) = text.split_once(':').unwrap_or((text, ""));
@@ -45,6 +48,7 @@ impl Estimator {
         match kind {
             "auto" if text == kind => Some(Self::Auto),
             "paper" if text == kind => Some(Self::Paper),
+            "rules" if text == kind => Some(Self::Rules),
             "grey-box" if text == kind => Some(Self::GreyBox),
             "constant" => factor().map(Self::Constant),
             "fuzzy" => factor().filter(|low| *low < 1.0).map(Self::Fuzzy),
@@ -72,6 +76,7 @@ impl fmt::Display for Estimator {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Paper => write!(f, "paper"),
+            Self::Rules => write!(f, "rules"),
             Self::Constant(factor) => write!(f, "constant:{factor}"),
             Self::Fuzzy(low) => write!(f, "fuzzy:{low}"),
             Self::Fortescue(memory) => write!(f, "fortescue:{memory}"),

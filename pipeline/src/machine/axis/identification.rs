@@ -79,6 +79,13 @@ pub enum Split {
     Paper,
 }
 
+impl Split {
+    /// The separation that an estimator has unless another one is asked for.
+    pub fn default_of(estimator: Estimator) -> Self {
+        if estimator == Estimator::Paper { Self::Paper } else { Self::Als }
+    }
+}
+
 impl Identification {
     pub(super) fn read(
         mut section: Section,
@@ -94,6 +101,7 @@ impl Identification {
             .key("output", "What is identified; the controller's model is one of the position with either choice")
             .choice_or(IdentifiedOutput::Position, &outputs);
         let shortest = shortest_training(structure, output);
+        let estimator = read_estimator(&mut section);
         let (hysteresis, memory) = read_grey_box(&mut section);
         let mut identification = Self {
             structure,
@@ -120,12 +128,9 @@ impl Identification {
                     "split",
                     "How the products f_i b_j are separated: by alternating least squares, or by formula (17)",
                 )
-                .choice_or(Split::Als, &[("als", Split::Als), ("paper", Split::Paper)]),
-            estimator: section.key("estimator", "Algorithm that adapts the coefficients online").parsed_or(
-                Estimator::Auto,
-                Estimator::ALLOWED,
-                &Estimator::NAMES,
-            ),
+                .rule("\"als\"; \"paper\" with estimator = \"paper\"")
+                .choice_or(Split::default_of(estimator), &[("als", Split::Als), ("paper", Split::Paper)]),
+            estimator,
             fuzzy,
             hysteresis,
             memory,
@@ -150,8 +155,8 @@ impl Identification {
     }
 
     /// Refuses an estimator that cannot work for the axis `name`: a window with fewer samples than coefficients, which
-    /// cannot determine them, and a grey box without a commissioned model, or with an output or order that the grey box
-    /// does not have.
+    /// cannot determine them; a grey box without a commissioned model, or with an output or order that the grey box
+    /// does not have; and the paper's method with a form, separation or output that is not the paper's.
     ///
     /// # Errors
     /// What was found, and what is allowed.
@@ -167,6 +172,14 @@ impl Identification {
             Estimator::GreyBox if self.output != IdentifiedOutput::Position || self.structure.past_outputs() < 2 => {
                 let found = format!("\"grey-box\" with output \"{:?}\" and na = {}", self.output, self.structure.na);
                 Err((found.to_lowercase(), "output \"position\" and na of 2 or more".to_owned()))
+            }
+            Estimator::Paper
+                if (self.form, self.split, self.output) != (Form::Linear, Split::Paper, IdentifiedOutput::Position) =>
+            {
+                let (form, split, output) = (self.form, self.split, self.output);
+                let found = format!("\"paper\" with form \"{form:?}\", split \"{split:?}\", output \"{output:?}\"");
+                let allowed = "form \"linear\", split \"paper\" and output \"position\", or estimator \"rules\"";
+                Err((found.to_lowercase(), allowed.to_owned()))
             }
             Estimator::Window(rows) if rows < n => {
                 let found = format!("\"{}\" for {n} coefficients", self.estimator);
@@ -193,6 +206,14 @@ const fn published(structure: Structure, output: IdentifiedOutput) -> Structure 
 /// Smallest number of samples for offline identification: fewer rows than coefficients cannot determine them.
 pub const fn shortest_training(structure: Structure, output: IdentifiedOutput) -> usize {
     structure.full_len() + published(structure, output).memory()
+}
+
+fn read_estimator(section: &mut Section) -> Estimator {
+    section.key("estimator", "Algorithm that adapts the coefficients online").parsed_or(
+        Estimator::Auto,
+        Estimator::ALLOWED,
+        &Estimator::NAMES,
+    )
 }
 
 /// Hysteresis of the commands, and memory of the grey box in s of motion.

@@ -1,0 +1,90 @@
+//! Whether the adaptive model of a recording is usable, and why not.
+//!
+//! ```text
+//! worse than holding still  <=>  rmse of y(k) - y(k | k-h)  >=  rmse of y(k) - y(k-h)
+//! ```
+//!
+//! y output, h horizon; the prediction is that of the model as it is published. Trap: the reduction compares the
+//! adaptive model with the classical one only. Against a classical model that has lost the axis every model looks good.
+
+use ident_proc::Identifier;
+use pipeline::{machine::Identification, message::model_fault};
+use sensor_proc::Recording;
+use serde::Serialize;
+
+use crate::report::table::{number, percent};
+
+/// Largest part of the rows that may be outliers, or have an irregular time.
+const LARGEST_PART: f64 = 0.01;
+
+/// The verdict, as JSON has it.
+#[derive(Debug, Serialize)]
+pub struct Verdict {
+    usable: bool,
+    reasons: Vec<Reason>,
+    /// h-step rmse of the adaptive model, as published, over that of holding still.
+    to_holding_still: f64,
+}
+
+/// Why a model is not usable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum Reason {
+    /// A prediction grows more than e-fold over the horizon, or a coefficient is not finite.
+    Unstable,
+    /// The model predicts no better than the last output.
+    WorseThanHoldingStill,
+    /// Fewer commands of the training open the valve than there are coefficients, or the output never changes.
+    NotExcited,
+    /// The training does not determine every coefficient.
+    RankDeficient,
+    /// More outliers than [`LARGEST_PART`] of the rows.
+    Outliers,
+    /// More irregular steps of time than [`LARGEST_PART`] of the rows.
+    IrregularTime,
+}
+
+impl Verdict {
+    /// The verdict after the last sample.
+    pub fn new(settings: &Identification, record: &Recording, identifier: &Identifier) -> Self {
+        let snapshot = identifier.snapshot();
+        let (still, model) = (snapshot.persistence.rmse(), snapshot.separated_h_step.rmse());
+        let opens = |u: &&f64| settings.structure.input.opening(**u) != 0.0;
+        let opened = record.inputs[..settings.training].iter().filter(opens).count();
+        let stands = record.outputs.iter().all(|y| *y == record.outputs[0]);
+        let many = |rows: f64| rows > LARGEST_PART * record.outputs.len() as f64;
+        let fault = |bits| snapshot.faults & bits != 0;
+        // False where the prediction is not finite.
+        let is_better = model < still;
+        let found = [
+            (Reason::Unstable, fault(model_fault::UNSTABLE | model_fault::NOT_FINITE)),
+            (Reason::WorseThanHoldingStill, !stands && !is_better),
+            (Reason::NotExcited, stands || opened < settings.structure.full_len()),
+            (Reason::RankDeficient, fault(model_fault::RANK_DEFICIENT)),
+            (Reason::Outliers, many(snapshot.outliers as f64)),
+            (Reason::IrregularTime, many(record.irregular_steps as f64)),
+        ];
+        let reasons: Vec<Reason> = found.into_iter().filter(|(_, holds)| *holds).map(|(reason, _)| reason).collect();
+        Self { usable: reasons.is_empty(), reasons, to_holding_still: model / still }
+    }
+
+    /// The verdict as a line. `ahead` is the horizon.
+    pub fn line(&self, ahead: &str) -> String {
+        let ratio = self.to_holding_still;
+        if self.usable {
+            return format!("usable: {ahead} ahead the error is {} of that of holding still\n", percent(100.0 * ratio));
+        }
+        let reason = |reason: &Reason| match reason {
+            Reason::Unstable => "unstable".to_owned(),
+            Reason::WorseThanHoldingStill if ratio.is_finite() => {
+                format!("worse than holding still ({} times its error {ahead} ahead)", number(ratio))
+            }
+            Reason::WorseThanHoldingStill => "worse than holding still".to_owned(),
+            Reason::NotExcited => "not excited".to_owned(),
+            Reason::RankDeficient => "rank-deficient".to_owned(),
+            Reason::Outliers => "outliers".to_owned(),
+            Reason::IrregularTime => "irregular time".to_owned(),
+        };
+        format!("not usable: {}\n", self.reasons.iter().map(reason).collect::<Vec<_>>().join(", "))
+    }
+}

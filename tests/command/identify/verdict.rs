@@ -1,0 +1,103 @@
+//! The verdict before the figures: whether the model is usable, and why not.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::plant::{PERIOD, changing_plant, csv, figures, folder_with, number, simulate};
+use crate::harness::cli::success;
+
+const OPTIONS: [&str; 4] = ["--horizon", "10", "--train", "0.5"];
+
+/// Expects these reasons, in the JSON and on the first line of the text, and returns the report.
+fn expect_reasons(folder: &Path, typed: &[&str], reasons: &[(&str, &str)]) -> Value {
+    let options = [&OPTIONS[..], typed].concat();
+    let figures = figures(folder, &options);
+    let text = success(folder, &[&["identify", "r.csv"], &options[..]].concat());
+    let names: Vec<&str> = reasons.iter().map(|(name, _)| *name).collect();
+    assert_eq!(figures["verdict"]["reasons"], serde_json::json!(names), "{text}");
+    assert_eq!(figures["verdict"]["usable"], reasons.is_empty());
+    let line = text.lines().next().unwrap();
+    assert!(line.starts_with(if reasons.is_empty() { "usable: " } else { "not usable: " }), "{line}");
+    assert!(reasons.iter().all(|(_, words)| line.contains(words)), "{line}");
+    figures
+}
+
+/// Rows (t, u, y) of y(k) = pole y(k-1) + gain(k) u(k-1) + e(k) with small e, for these commands.
+fn first_order(pole: f64, rows: usize, command: impl Fn(usize) -> f64, gain: impl Fn(usize) -> f64) -> Vec<[f64; 3]> {
+    let (mut y, mut record) = (0.0, Vec::new());
+    for k in 0..rows {
+        record.push([k as f64 * PERIOD, command(k), y]);
+        y = pole * y + gain(k) * command(k) + 1e-4 * (91.7 * k as f64).sin();
+    }
+    record
+}
+
+fn sines(k: usize) -> f64 {
+    0.6 * (0.31 * k as f64).sin() + 0.3 * (1.1 * k as f64).cos()
+}
+
+#[test]
+fn a_model_that_predicts_better_than_holding_still_is_usable() {
+    let figures = expect_reasons(changing_plant().path(), &[], &[]);
+    let [model, still] =
+        ["/adaptive/separated_h_step/rmse", "/persistence/h_step/rmse"].map(|place| number(&figures, place));
+    assert_eq!(number(&figures, "/verdict/to_holding_still"), model / still);
+    assert!(number(&figures, "/persistence/one_step/rmse") < still);
+}
+
+#[test]
+fn a_model_whose_predictions_grow_is_unstable() {
+    let record = first_order(1.15, 200, sines, |_| 1.0);
+    expect_reasons(
+        folder_with(&csv("t,u,y", &record)).path(),
+        &["--na", "1", "--nb", "0", "--order", "1", "--estimator", "constant:1"],
+        &[("unstable", "unstable")],
+    );
+}
+
+#[test]
+fn a_model_that_has_lost_the_axis_is_worse_than_holding_still_and_reduces_nothing() {
+    // After the training the valve moves the other way: the held model runs away from an axis that nearly rests.
+    let record = first_order(0.99, 2000, sines, |k| if k < 1000 { 1.0 } else { -0.2 });
+    let folder = folder_with(&csv("t,u,y", &record));
+    let options = ["--na", "1", "--nb", "0", "--order", "1", "--estimator", "constant:1"];
+    let figures = expect_reasons(folder.path(), &options, &[("worse-than-holding-still", "worse than holding still")]);
+    assert!(number(&figures, "/classical/h_step/rmse") > number(&figures, "/persistence/h_step/rmse"));
+    assert!(figures["reduction_percent"]["h_step"].is_null(), "{}", figures["reduction_percent"]);
+    let text = success(folder.path(), &[&["identify", "r.csv"], &OPTIONS[..], &options].concat());
+    let row = text.lines().find(|line| line.trim_start().starts_with("h steps")).unwrap();
+    assert!(!row.split_whitespace().take(6).any(|word| word == "%") && row.contains(" - "), "{row}");
+}
+
+#[test]
+fn a_record_without_motion_is_not_excited() {
+    let record = first_order(0.9, 600, |_| 0.0, |_| 1.0).into_iter().map(|[t, u, _]| [t, u, 0.3]).collect::<Vec<_>>();
+    let folder = folder_with(&csv("t,u,y", &record));
+    expect_reasons(folder.path(), &[], &[("not-excited", "not excited"), ("rank-deficient", "rank-deficient")]);
+}
+
+#[test]
+fn commands_of_two_levels_leave_the_model_rank_deficient() {
+    let levels = |k: usize| if (1.7 * k as f64).sin() + (0.23 * k as f64).sin() > 0.0 { 0.5 } else { -0.5 };
+    let folder = folder_with(&csv("t,u,y", &first_order(0.9, 1000, levels, |_| 1.0)));
+    expect_reasons(folder.path(), &[], &[("rank-deficient", "rank-deficient")]);
+}
+
+#[test]
+fn a_record_with_many_outliers_is_not_usable() {
+    let mut record = simulate(2000, |_| 1.0);
+    record.iter_mut().skip(1010).step_by(40).for_each(|row| row[2] += 1000.0);
+    expect_reasons(folder_with(&csv("t,u,y", &record)).path(), &[], &[("outliers", "outliers")]);
+}
+
+#[test]
+fn a_record_with_an_irregular_time_is_not_usable() {
+    let mut record = simulate(2000, |_| 1.0);
+    let mut late = 0.0;
+    for (k, row) in record.iter_mut().enumerate() {
+        late += if k % 50 == 49 { 0.8 * PERIOD } else { 0.0 };
+        row[0] += late;
+    }
+    expect_reasons(folder_with(&csv("t,u,y", &record)).path(), &[], &[("irregular-time", "irregular time")]);
+}

@@ -88,7 +88,7 @@ mod tests {
 
     #[test]
     fn groups_have_their_folders_in_memory_unless_they_are_told_another_place() {
-        let found = rustix::fs::statfs(&place_of(None)).unwrap();
+        let found = rustix::fs::statfs(place_of(None)).unwrap();
         const TMPFS: i64 = 0x0102_1994;
         assert_eq!(found.f_type as i64, TMPFS, "joining would wait for a disk");
         assert_eq!(place_of(Some("".into())), place_of(None));

@@ -90,7 +90,7 @@ pub struct Log {
     /// Sample period, s.
     pub period: f64,
     /// Number of steps of time that are shorter than half of the median step.
-    pub irregular_steps: usize,
+    pub short_steps: usize,
     /// The gaps.
     pub gaps: Gaps,
     /// What the file was found to be.
@@ -112,7 +112,7 @@ impl Log {
         Ok(Self {
             begins,
             period,
-            irregular_steps: timing.irregular_steps,
+            short_steps: timing.short_steps,
             gaps: rows_read.gaps,
             found: reader.found(&text),
             inputs: rows_read.inputs,

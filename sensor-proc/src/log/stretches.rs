@@ -82,7 +82,7 @@ pub(super) struct Timing {
     /// Steps in all stretches.
     pub(super) steps: usize,
     /// Steps that are shorter than half of the median.
-    pub(super) irregular_steps: usize,
+    pub(super) short_steps: usize,
 }
 
 impl Gaps {
@@ -140,7 +140,7 @@ impl Rows {
                     start = self.times[k];
                 } else {
                     timing.steps += 1;
-                    timing.irregular_steps += usize::from((step - median).abs() > IRREGULAR * median);
+                    timing.short_steps += usize::from(step < IRREGULAR * median);
                 }
             }
             timing.duration += self.times.last().copied().unwrap_or_default() - start;

@@ -30,8 +30,8 @@ pub struct Record {
     pub begins: Vec<bool>,
     /// Rows of the recordings for training, where others are for the test.
     pub trained: Option<usize>,
-    /// Number of steps of time that are shorter than half of the median step.
-    pub irregular_steps: usize,
+    /// Number of steps of time within the stretches that are shorter than half of the median step.
+    pub short_steps: usize,
     /// What was found in each file.
     pub recordings: Vec<ReadRecording>,
 }
@@ -67,7 +67,7 @@ impl Record {
             outputs: Vec::new(),
             begins: Vec::new(),
             trained: None,
-            irregular_steps: 0,
+            short_steps: 0,
             recordings: Vec::new(),
         };
         // Mean of the periods: one recording, or several of the same period, leave it as it is.
@@ -114,7 +114,7 @@ impl Record {
         self.inputs.extend(log.inputs);
         self.outputs.extend(log.outputs);
         self.begins.extend(log.begins);
-        self.irregular_steps += log.irregular_steps;
+        self.short_steps += log.short_steps;
         let file = file.display().to_string();
         self.recordings.push(ReadRecording { file, test, rows, found: log.found, gaps: log.gaps });
     }
@@ -138,6 +138,12 @@ impl Record {
             IdentifiedOutput::Position => unit.to_owned(),
             IdentifiedOutput::Velocity => format!("{unit}/s"),
         })
+    }
+
+    /// Number of steps of time that no missing row explains: those shorter than half of the median step, and times that
+    /// do not rise.
+    pub fn irregular_steps(&self) -> usize {
+        self.short_steps + self.recordings.iter().map(|recording| recording.gaps.times_not_rising).sum::<usize>()
     }
 
     /// The rows of each stretch without a gap, as ranges.

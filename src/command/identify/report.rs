@@ -117,7 +117,7 @@ impl IdentifyReport {
         let (classical, adaptive) = (&snapshot.classical_errors, &snapshot.adaptive_errors);
         let still = identifier.persistence_one_step();
         Self {
-            verdict: Verdict::new(settings, record, identifier),
+            verdict: Verdict::new(settings, &record, identifier),
             rows: record.outputs.len(),
             train: settings.training,
             period_s: record.period,
@@ -132,7 +132,7 @@ impl IdentifyReport {
             faults: bit_names(snapshot.faults & model_fault::LASTING, &model_fault::NAMES).collect(),
             skipped: snapshot.skipped,
             outliers: snapshot.outliers,
-            irregular_steps: record.irregular_steps,
+            irregular_steps: record.irregular_steps(),
             unit: record.unit(settings.output),
             recordings: record.recordings,
             persistence: Persistence { one_step: figures(still), h_step: figures(&snapshot.persistence) },
@@ -193,7 +193,10 @@ impl IdentifyReport {
             self.horizon
         );
         if self.irregular_steps > 0 {
-            text += &format!("warning: {} steps of time are shorter than half of the period\n", self.irregular_steps);
+            text += &format!(
+                "warning: {} steps of time are shorter than half of the period, or do not rise\n",
+                self.irregular_steps
+            );
         }
         if !self.faults.is_empty() {
             text += &format!("warning: {}\n", self.faults.join(", "));

@@ -9,9 +9,9 @@
 
 use ident_proc::Identifier;
 use pipeline::{machine::Identification, message::model_fault};
-use sensor_proc::Recording;
 use serde::Serialize;
 
+use super::record::Record;
 use crate::report::table::{number, percent};
 
 /// Largest part of the rows that may be outliers, or have an irregular time.
@@ -40,13 +40,13 @@ enum Reason {
     RankDeficient,
     /// More outliers than [`LARGEST_PART`] of the rows.
     Outliers,
-    /// More irregular steps of time than [`LARGEST_PART`] of the rows.
+    /// More steps of time that are too short, or do not rise, than [`LARGEST_PART`] of the rows.
     IrregularTime,
 }
 
 impl Verdict {
     /// The verdict after the last sample.
-    pub fn new(settings: &Identification, record: &Recording, identifier: &Identifier) -> Self {
+    pub fn new(settings: &Identification, record: &Record, identifier: &Identifier) -> Self {
         let snapshot = identifier.snapshot();
         let (still, model) = (snapshot.persistence.rmse(), snapshot.separated_h_step.rmse());
         let opens = |u: &&f64| settings.structure.input.opening(**u) != 0.0;
@@ -62,7 +62,7 @@ impl Verdict {
             (Reason::NotExcited, stands || opened < settings.structure.full_len()),
             (Reason::RankDeficient, fault(model_fault::RANK_DEFICIENT)),
             (Reason::Outliers, many(snapshot.outliers as f64)),
-            (Reason::IrregularTime, many(record.irregular_steps as f64)),
+            (Reason::IrregularTime, many(record.irregular_steps() as f64)),
         ];
         let reasons: Vec<Reason> = found.into_iter().filter(|(_, holds)| *holds).map(|(reason, _)| reason).collect();
         Self { usable: reasons.is_empty(), reasons, to_holding_still: model / still }

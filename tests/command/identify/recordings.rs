@@ -250,10 +250,7 @@ fn several_recordings_are_trained_on_and_others_are_for_the_test() {
     assert_eq!((&two["rows"], &two["train"]), (&json!(700), &json!(300)));
 
     let told = success(folder.path(), &["identify", "a.csv", "b.csv", "--test", "c.csv"]);
-    assert!(
-        told.starts_with("a.csv .. c.csv (3 recordings): commas, decimal points, UTF-8; time \"t\" in s"),
-        "{told}"
-    );
+    assert!(told.contains("\na.csv .. c.csv (3 recordings): commas, decimal points, UTF-8; time \"t\" in s"), "{told}");
     assert!(told.contains("a.csv .. b.csv (2 recordings), tested on c.csv: 700 rows of 0.010000 s, 500"), "{told}");
     expect_refusal(folder.path(), &["identify", "a.csv", "--test", "c.csv", "--train", "9"], &["--train", "--test"]);
 }

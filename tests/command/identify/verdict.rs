@@ -94,10 +94,17 @@ fn a_record_with_many_outliers_is_not_usable() {
 #[test]
 fn a_record_with_an_irregular_time_is_not_usable() {
     let mut record = simulate(2000, |_| 1.0);
-    let mut late = 0.0;
-    for (k, row) in record.iter_mut().enumerate() {
-        late += if k % 50 == 49 { 0.8 * PERIOD } else { 0.0 };
-        row[0] += late;
-    }
+    record.iter_mut().skip(49).step_by(50).for_each(|row| row[0] -= 0.7 * PERIOD);
     expect_reasons(folder_with(&csv("t,u,y", &record)).path(), &[], &[("irregular-time", "irregular time")]);
+}
+
+#[test]
+fn missing_rows_are_gaps_and_no_irregular_time() {
+    let mut record = simulate(2000, |_| 1.0);
+    let mut k = 0;
+    record.retain(|_| {
+        k += 1;
+        k % 50 != 0
+    });
+    expect_reasons(folder_with(&csv("t,u,y", &record)).path(), &[], &[]);
 }

@@ -184,10 +184,11 @@ impl IdentifyReport {
     /// The record and the structure, with warnings.
     fn record(&self, name: &str) -> String {
         let mut text = format!(
-            "{name}: {} rows of {} s, {} for training; {}; {} ahead is {} samples\n",
+            "{name}: {} rows of {} s, {} for training, {} outliers; {}; {} ahead is {} samples\n",
             self.rows,
             number(self.period_s),
             self.train,
+            self.outliers,
             description(&self.structure, self.output),
             self.ahead(),
             self.horizon

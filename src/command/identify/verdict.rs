@@ -7,6 +7,7 @@
 //! y output, h horizon; the prediction is that of the model as it is published. Trap: the reduction compares the
 //! adaptive model with the classical one only. Against a classical model that has lost the axis every model looks good.
 
+use console::style;
 use ident_proc::Identifier;
 use pipeline::{machine::Identification, message::model_fault};
 use serde::Serialize;
@@ -20,7 +21,7 @@ const LARGEST_PART: f64 = 0.01;
 /// The verdict, as JSON has it.
 #[derive(Debug, Serialize)]
 pub struct Verdict {
-    usable: bool,
+    pub usable: bool,
     reasons: Vec<Reason>,
     /// h-step rmse of the adaptive model, as published, over that of holding still.
     to_holding_still: f64,
@@ -29,7 +30,7 @@ pub struct Verdict {
 /// Why a model is not usable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-enum Reason {
+pub enum Reason {
     /// A prediction grows more than e-fold over the horizon, or a coefficient is not finite.
     Unstable,
     /// The model predicts no better than the last output.
@@ -64,15 +65,27 @@ impl Verdict {
             (Reason::Outliers, many(snapshot.outliers as f64)),
             (Reason::IrregularTime, many(record.irregular_steps() as f64)),
         ];
-        let reasons: Vec<Reason> = found.into_iter().filter(|(_, holds)| *holds).map(|(reason, _)| reason).collect();
-        Self { usable: reasons.is_empty(), reasons, to_holding_still: model / still }
+        Self::of(found, model / still)
     }
 
-    /// The verdict as a line. `ahead` is the horizon.
+    /// The verdict from the reasons that hold among those `found`, and from the error over that of holding still.
+    pub fn of(found: impl IntoIterator<Item = (Reason, bool)>, to_holding_still: f64) -> Self {
+        let reasons: Vec<Reason> = found.into_iter().filter(|(_, holds)| *holds).map(|(reason, _)| reason).collect();
+        Self { usable: reasons.is_empty(), reasons, to_holding_still }
+    }
+
+    /// The verdict as a line, whose first words are coloured on a terminal. `ahead` is the horizon.
     pub fn line(&self, ahead: &str) -> String {
+        let (word, rest) = self.words(ahead);
+        let word = if self.usable { style(word).green() } else { style(word).red() };
+        format!("{}: {rest}\n", word.bold())
+    }
+
+    /// The verdict, and what it rests on.
+    pub fn words(&self, ahead: &str) -> (&'static str, String) {
         let ratio = self.to_holding_still;
         if self.usable {
-            return format!("usable: {ahead} ahead the error is {} of that of holding still\n", percent(100.0 * ratio));
+            return ("usable", format!("{ahead} ahead the error is {} of that of holding still", percent(100.0 * ratio)));
         }
         let reason = |reason: &Reason| match reason {
             Reason::Unstable => "unstable".to_owned(),
@@ -85,6 +98,6 @@ impl Verdict {
             Reason::Outliers => "outliers".to_owned(),
             Reason::IrregularTime => "irregular time".to_owned(),
         };
-        format!("not usable: {}\n", self.reasons.iter().map(reason).collect::<Vec<_>>().join(", "))
+        ("not usable", self.reasons.iter().map(reason).collect::<Vec<_>>().join(", "))
     }
 }

@@ -109,7 +109,7 @@ fn the_table_marks_the_chosen_one_and_shows_its_flags() {
         "{text}"
     );
     assert!(text.contains("\n* chosen: --na 3 --nb 1 --nk 6 --order 3 --integrator\n"), "{text}");
-    assert!(text.contains("r.csv: 600 rows of 0.010000 s, 300 for training; na 3, nb 1, nk 6,"), "{text}");
+    assert!(text.contains("r.csv: 600 rows of 0.010000 s, 300 for training, 0 outliers; na 3, nb 1, nk 6,"), "{text}");
 }
 
 #[test]

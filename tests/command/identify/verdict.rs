@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::plant::{PERIOD, changing_plant, csv, figures, folder_with, number, simulate};
-use crate::harness::cli::success;
+use crate::harness::{cli::success, hydraxis};
 
 const OPTIONS: [&str; 4] = ["--horizon", "10", "--train", "0.5"];
 
@@ -107,4 +107,18 @@ fn missing_rows_are_gaps_and_no_irregular_time() {
         k % 50 != 0
     });
     expect_reasons(folder_with(&csv("t,u,y", &record)).path(), &[], &[]);
+}
+
+#[test]
+fn the_verdict_has_a_colour_on_a_terminal_only() {
+    let folder = changing_plant();
+    let first_line = |variable: &str| {
+        let mut command = hydraxis();
+        command.current_dir(folder.path()).env(variable, "1").args(["identify", "r.csv"]).args(OPTIONS);
+        String::from_utf8(command.output().unwrap().stdout).unwrap().lines().next().unwrap().to_owned()
+    };
+    assert!(first_line("NO_COLOR").starts_with("usable: "));
+    // This variable asks for colours in a pipe as well.
+    let coloured = first_line("CLICOLOR_FORCE");
+    assert!(coloured.starts_with("\x1b[32m") && coloured.contains("usable"), "{coloured:?}");
 }

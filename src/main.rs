@@ -4,6 +4,7 @@ mod arguments;
 mod command;
 mod failure;
 mod group;
+mod model;
 mod recording;
 mod report;
 

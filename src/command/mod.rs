@@ -5,7 +5,7 @@
 //! | `plant-sim`, `sensor-proc`, `ident-proc`, `control-proc` ([`stage`]) | one stage of the loop, in this process |
 //! | [`run`], [`operate`], [`status`] | beside the loop, in a process of its own |
 //! | [`commission`] | beside the loop, or on a simulated machine in this process |
-//! | [`simulate`], [`mod@bench`], [`identify`] | without a loop in real time, in this process |
+//! | [`simulate`], [`mod@bench`], [`identify`], [`predict`] | without a loop in real time, in this process |
 //! | [`init`], [`example`] | before there is a machine file |
 //! | [`check`], [`mechanism`], [`doctor`], [`clean`], [`mod@plot`] | before or after a run |
 //! | [`completions`], [`manual`] | when the command is installed |
@@ -23,6 +23,7 @@ mod manual;
 mod mechanism;
 mod operate;
 mod plot;
+mod predict;
 mod run;
 mod simulate;
 mod stage;
@@ -46,6 +47,7 @@ use init::InitArguments;
 use manual::ManualArguments;
 use operate::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
 use plot::PlotArguments;
+use predict::PredictArguments;
 use run::RunArguments;
 use simulate::SimulateArguments;
 use stage::StageArguments;
@@ -91,6 +93,8 @@ pub enum Command {
     Status(StatusArguments),
     /// Identify a Hammerstein model on a recording: classical and adaptive side by side
     Identify(Box<IdentifyArguments>),
+    /// Apply a model that identify has saved to another recording
+    Predict(PredictArguments),
     /// Compare controllers on the simulated machine
     #[command(subcommand)]
     Bench(Bench),
@@ -135,6 +139,7 @@ impl Command {
             Self::Reset(arguments) => operate::reset(arguments),
             Self::Status(arguments) => status::run(arguments),
             Self::Identify(arguments) => identify::run(arguments),
+            Self::Predict(arguments) => predict::run(arguments),
             Self::Bench(Bench::Control(arguments)) => bench::run(arguments),
             Self::Check(arguments) => check::run(arguments),
             Self::Mechanism(arguments) => mechanism::run(arguments),

@@ -87,6 +87,8 @@ pub struct Log {
     pub outputs: Vec<f64>,
     /// Whether row k begins a stretch: the row before it is not the sample before it.
     pub begins: Vec<bool>,
+    /// Times of the rows, s; none where the recording has none.
+    pub times: Vec<f64>,
     /// Sample period, s.
     pub period: f64,
     /// Number of steps of time that are shorter than half of the median step.
@@ -115,6 +117,7 @@ impl Log {
             short_steps: timing.short_steps,
             gaps: rows_read.gaps,
             found: reader.found(&text),
+            times: rows_read.times,
             inputs: rows_read.inputs,
             outputs: rows_read.outputs,
         })

@@ -1,6 +1,6 @@
 //! The arguments of `hydraxis identify`.
 
-use std::{path::PathBuf, time::Duration};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use pipeline::{
@@ -8,8 +8,10 @@ use pipeline::{
     machine::{Estimator, Form, Split},
 };
 
-use crate::arguments::values::{
-    DeadBand, Knots, Rows, Samples, column_unit, estimator, forgetting, in_range, positive, seconds,
+use super::model_out::ModelOut;
+use crate::arguments::{
+    ColumnArguments,
+    values::{DeadBand, Knots, Rows, Samples, estimator, forgetting, in_range, positive},
 };
 
 /// `identify`.
@@ -23,6 +25,7 @@ Examples:
   hydraxis identify boom.csv --na 2 --integrator --drift --dead-band 0.07,0.1 --knots 0,0.2,0.5
   hydraxis identify step1.csv step2.csv --test step3.csv      several recordings, tested on another one
   hydraxis identify log.txt --input \"Valve command\" --output 4 --unit 4=mm
+  hydraxis identify boom.csv --report boom.html --model-out boom.toml --csv boom_models.csv
   hydraxis identify boom.csv --select --na 2 --compare        search the structure with na = 2, compare estimators
 
 Identifies a Hammerstein model offline on the first rows. Then it compares, on the other rows, the held classical model
@@ -37,22 +40,9 @@ pub struct IdentifyArguments {
     /// Recording for the test; may be given several times. All other recordings are for training then
     #[arg(long, value_name = "FILE")]
     pub test: Vec<PathBuf>,
-    /// Column of the input u, the valve command: its name, or its number from 1
-    #[arg(long, default_value = "u")]
-    pub input: String,
-    /// Column of the output y, the position: its name, or its number from 1
-    #[arg(long, default_value = "y")]
-    pub output: String,
-    /// Column of the time: its name, its number from 1, or none [default: a column `t`, `time` or `timestamp`]
-    #[arg(long, value_name = "COLUMN")]
-    pub time: Option<String>,
-    /// Unit of a column, such as y=mm, t=ms or "Valve command=%"; may be given several times [default: from the header
-    /// or the row below it; else s, and signals as they are]
-    #[arg(long, value_name = "COLUMN=UNIT", value_parser = column_unit)]
-    pub unit: Vec<(String, String)>,
-    /// Sample period, in seconds or with a unit such as 10ms [default: from the column of the time, without its gaps]
-    #[arg(long, value_parser = seconds, allow_hyphen_values = true)]
-    pub period: Option<Duration>,
+    /// The columns
+    #[command(flatten)]
+    pub columns: ColumnArguments,
     /// Rows for offline identification, as a number or as a fraction of all rows; the other rows are the test part
     #[arg(long, default_value = "0.5", conflicts_with = "test")]
     pub train: Rows,
@@ -124,6 +114,17 @@ pub struct IdentifyArguments {
     /// Write the figures as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// Write a report with pictures, one HTML file that needs no other: predictions, residuals, N(u), the coefficients
+    /// over time, poles
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
+    /// Write the adaptive model as it is in the end: for `hydraxis predict` (.toml), as a C header (.h), as a Python
+    /// module (.py), or as a MATLAB function (.m)
+    #[arg(long, value_name = "FILE", value_parser = ModelOut::parse)]
+    pub model_out: Option<ModelOut>,
+    /// Write predictions, residuals and coefficients row by row as CSV to a file, or to standard output with -
+    #[arg(long, value_name = "FILE.csv")]
+    pub csv: Option<PathBuf>,
 }
 
 /// `--form`.

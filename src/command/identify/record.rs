@@ -1,16 +1,23 @@
 //! The samples of one or several recordings, one after the other, with the gaps between and within them.
 
-use std::{fmt::Write, path::Path};
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+};
 
 use pipeline::{
     columns::{TableError, TableProblem},
     machine::IdentifiedOutput,
 };
-use sensor_proc::log::{Cause, Found, FoundColumn, Gap, Gaps, Log, Wanted};
+use sensor_proc::log::{Cause, Found, FoundColumn, Gap, Gaps, Log};
 use serde::Serialize;
 
-use super::arguments::IdentifyArguments;
-use crate::{failure::Failure, report::table::number};
+use crate::{
+    arguments::ColumnArguments,
+    failure::Failure,
+    model::prediction::{Samples, stretches},
+    report::table::number,
+};
 
 /// Largest part by which the periods of two recordings may differ.
 const PERIOD_TOLERANCE: f64 = 0.01;
@@ -22,6 +29,8 @@ const SHOWN_GAPS: usize = 5;
 pub struct Record {
     /// Sample period, s.
     pub period: f64,
+    /// Time of each row since the first row of its recording, s.
+    pub times: Vec<f64>,
     /// Commands u(k).
     pub inputs: Vec<f64>,
     /// Outputs y(k).
@@ -49,20 +58,15 @@ pub struct ReadRecording {
 }
 
 impl Record {
-    /// Reads all recordings of the command line.
+    /// Reads all recordings of the command line: those of `data`, then those of `test`.
     ///
     /// # Errors
     /// A recording cannot be read, or its period or units are not those of the first one.
-    pub fn read(arguments: &IdentifyArguments) -> Result<Self, Failure> {
-        let wanted = Wanted {
-            input: arguments.input.clone(),
-            output: arguments.output.clone(),
-            time: arguments.time.clone(),
-            units: arguments.unit.clone(),
-            period: arguments.period.map(|period| period.as_secs_f64()),
-        };
+    pub fn read(data: &[PathBuf], test: &[PathBuf], columns: &ColumnArguments) -> Result<Self, Failure> {
+        let wanted = columns.wanted();
         let mut record = Self {
             period: 0.0,
+            times: Vec::new(),
             inputs: Vec::new(),
             outputs: Vec::new(),
             begins: Vec::new(),
@@ -72,8 +76,8 @@ impl Record {
         };
         // Mean of the periods: one recording, or several of the same period, leave it as it is.
         let mut rows = 0.0;
-        let training = arguments.data.iter().map(|file| (file, false));
-        for (file, test) in training.chain(arguments.test.iter().map(|file| (file, true))) {
+        let training = data.iter().map(|file| (file, false));
+        for (file, test) in training.chain(test.iter().map(|file| (file, true))) {
             let log = Log::read(file, &wanted).map_err(Failure::usage)?;
             record.expect_the_same(file, &log)?;
             rows += log.outputs.len() as f64;
@@ -111,6 +115,8 @@ impl Record {
 
     fn add(&mut self, file: &Path, test: bool, log: Log) {
         let rows = log.outputs.len();
+        let time = |k: usize| log.times.get(k).map_or(k as f64 * log.period, |time| time - log.times[0]);
+        self.times.extend((0..rows).map(time));
         self.inputs.extend(log.inputs);
         self.outputs.extend(log.outputs);
         self.begins.extend(log.begins);
@@ -148,10 +154,20 @@ impl Record {
 
     /// The rows of each stretch without a gap, as ranges.
     pub fn stretches(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
-        self.begins.chunk_by(|_, next| !next).scan(0, |end, stretch| {
-            let start = *end;
-            *end += stretch.len();
-            Some(start..*end)
+        stretches(&self.begins)
+    }
+
+    /// The rows for predictions.
+    pub fn samples(&self) -> Samples<'_> {
+        Samples { inputs: &self.inputs, outputs: &self.outputs, begins: &self.begins }
+    }
+
+    /// The first row of each recording.
+    pub fn first_rows(&self) -> impl Iterator<Item = usize> + '_ {
+        self.recordings.iter().scan(0, |next, recording| {
+            let first = *next;
+            *next += recording.rows;
+            Some(first)
         })
     }
 }

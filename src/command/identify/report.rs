@@ -26,7 +26,9 @@ use crate::report::{
 
 /// The report, as JSON has it.
 #[derive(Debug, Serialize)]
-pub struct IdentifyReport {
+pub struct IdentifyReport<'a> {
+    #[serde(skip)]
+    name: String,
     verdict: Verdict,
     rows: usize,
     train: usize,
@@ -46,7 +48,7 @@ pub struct IdentifyReport {
     irregular_steps: usize,
     /// Unit of the identified output; none where no file and no option states it.
     unit: Option<String>,
-    recordings: Vec<ReadRecording>,
+    recordings: &'a [ReadRecording],
     persistence: Persistence,
     classical: Classical,
     adaptive: Adaptive,
@@ -103,11 +105,11 @@ struct FactorFigures {
     min: f64,
 }
 
-impl IdentifyReport {
+impl<'a> IdentifyReport<'a> {
     /// The report after the last sample.
     pub fn new(
         settings: &Identification,
-        record: Record,
+        record: &'a Record,
         identifier: &Identifier,
         residuals: &Residuals,
         ns_per_update: f64,
@@ -117,7 +119,8 @@ impl IdentifyReport {
         let (classical, adaptive) = (&snapshot.classical_errors, &snapshot.adaptive_errors);
         let still = identifier.persistence_one_step();
         Self {
-            verdict: Verdict::new(settings, &record, identifier),
+            name: record.name(),
+            verdict: Verdict::new(settings, record, identifier),
             rows: record.outputs.len(),
             train: settings.training,
             period_s: record.period,
@@ -134,7 +137,7 @@ impl IdentifyReport {
             outliers: snapshot.outliers,
             irregular_steps: record.irregular_steps(),
             unit: record.unit(settings.output),
-            recordings: record.recordings,
+            recordings: &record.recordings,
             persistence: Persistence { one_step: figures(still), h_step: figures(&snapshot.persistence) },
             classical: Classical {
                 one_step: figures(&classical.one_step),
@@ -165,13 +168,18 @@ impl IdentifyReport {
         }
     }
 
+    /// The verdict, and what it rests on.
+    pub fn verdict(&self) -> (&'static str, String) {
+        self.verdict.words(&self.ahead())
+    }
+
     /// All figures as tables.
-    pub fn tables(&self, name: &str) -> String {
+    pub fn tables(&self) -> String {
         let parts = [
             self.verdict.line(&self.ahead()),
             self.selection.as_ref().map(|selection| selection.table(self.output)).unwrap_or_default(),
-            record::text(&self.recordings),
-            self.record(name),
+            record::text(self.recordings),
+            self.record(),
             self.error_table(),
             self.estimation(),
             self.coefficients(),
@@ -182,9 +190,10 @@ impl IdentifyReport {
     }
 
     /// The record and the structure, with warnings.
-    fn record(&self, name: &str) -> String {
+    fn record(&self) -> String {
         let mut text = format!(
-            "{name}: {} rows of {} s, {} for training, {} outliers; {}; {} ahead is {} samples\n",
+            "{}: {} rows of {} s, {} for training, {} outliers; {}; {} ahead is {} samples\n",
+            self.name,
             self.rows,
             number(self.period_s),
             self.train,

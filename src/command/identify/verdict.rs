@@ -85,7 +85,10 @@ impl Verdict {
     pub fn words(&self, ahead: &str) -> (&'static str, String) {
         let ratio = self.to_holding_still;
         if self.usable {
-            return ("usable", format!("{ahead} ahead the error is {} of that of holding still", percent(100.0 * ratio)));
+            return (
+                "usable",
+                format!("{ahead} ahead the error is {} of that of holding still", percent(100.0 * ratio)),
+            );
         }
         let reason = |reason: &Reason| match reason {
             Reason::Unstable => "unstable".to_owned(),

@@ -10,5 +10,6 @@ mod identify;
 mod init;
 mod mechanism;
 mod mistyped;
+mod predict;
 mod service;
 mod simulate;

@@ -91,7 +91,7 @@ mod tests {
         let structure = Structure { na: 1, nb: 0, nk: 3, order: 1, ..Structure::PAPER };
         let mut model = Coefficients::zero(structure);
         (model.a[0], model.b[0], model.f[0], model.g[0]) = (-1.0, 0.5, 1.0, 2.0);
-        assert_eq!(held_command(&model, 0.4, 5), [0.0, 0.0, 0.0, 0.2, 0.4, 0.6]);
+        assert_eq!(held_command(&model, 0.5, 5), [0.0, 0.0, 0.0, 0.25, 0.5, 0.75]);
         assert_eq!(held_command(&model, -0.4, 4), [0.0, 0.0, 0.0, -0.4, -0.8]);
         assert_eq!(driven(&model, -0.4), -0.4);
     }

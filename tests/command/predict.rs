@@ -250,6 +250,20 @@ fn a_model_that_does_not_fit_is_refused() {
 }
 
 #[test]
+fn an_identified_model_is_no_model_to_control_with() {
+    let folder = folder();
+    save(folder.path(), "m.toml", &[]);
+    let expected = ["m.toml: found a model of `hydraxis identify`, which `hydraxis predict` applies; allowed: a model"];
+    for command in ["check", "run", "simulate"] {
+        expect_refusal(folder.path(), &[command, "--model", "m.toml"], &expected);
+    }
+    let commissioned = "[axis.boom.commissioned]\ndead_time = 0.1\n";
+    fs::write(folder.path().join("c.toml"), commissioned).unwrap();
+    let expected = ["c.toml: found a file without kind = \"identified\"", "`hydraxis commission` writes others"];
+    expect_refusal(folder.path(), &["predict", "c.toml", RECORDS[1]], &expected);
+}
+
+#[test]
 fn a_file_for_a_model_needs_a_known_ending_and_a_name_for_functions() {
     let folder = folder();
     let identify = |file| ["identify", RECORDS[0], "--model-out", file];

@@ -4,6 +4,9 @@
 //! `commissioned`, `control` and `identification`. It says how an axis answers and with which settings it is
 //! controlled. What the machine is, and the limits that protect it, are in the machine file: a model of another machine
 //! must not change them.
+//!
+//! The models of `hydraxis identify` are others: coefficients of a difference equation, without dead time, dead bands
+//! and speeds of an axis, and without gains. `hydraxis predict` applies them.
 
 use std::{collections::BTreeSet, path::Path};
 
@@ -29,6 +32,12 @@ pub(super) fn parse(text: &str, file: &str) -> Result<Vec<Setting>, MachineError
         let allowed = "a model file, such as `hydraxis commission MACHINE.toml --out FILE` writes, and this file as \
                        MACHINE.toml";
         let found = "a machine file in the place of a model file";
+        return Err(MachineError::of_file(file.to_owned(), found, allowed));
+    }
+    if is_identified(&document) {
+        let found = "a model of `hydraxis identify`, which `hydraxis predict` applies";
+        let allowed = "a model file, such as `hydraxis commission MACHINE.toml --out FILE` writes: an identified model \
+                       has neither the speeds and dead bands of the axis, nor gains of a controller";
         return Err(MachineError::of_file(file.to_owned(), found, allowed));
     }
     document.into_settings(file)
@@ -111,6 +120,12 @@ pub(super) fn is_model(document: &Document) -> bool {
     document.names("") == ["axis"]
         && tables.iter().any(|table| table == "commissioned")
         && tables.iter().all(|table| TABLES.contains(&table.as_str()))
+}
+
+/// Whether the text is that of a model that `hydraxis identify` has written.
+fn is_identified(document: &Document) -> bool {
+    let names = document.names("");
+    ["kind", "version", "model", "origin"].iter().all(|needed| names.iter().any(|name| name == needed))
 }
 
 /// Whether the text is that of a machine file.

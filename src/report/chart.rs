@@ -4,9 +4,8 @@ use std::error::Error;
 
 use plotters::{
     chart::ChartBuilder,
-    element::{Circle, PathElement, Text},
+    element::{Circle, Cross, PathElement, Polygon, Text},
     prelude::{Color, FontStyle, IntoDrawingArea, IntoFont, RGBAColor, RGBColor, SVGBackend, WHITE},
-    series::LineSeries,
 };
 
 /// Name of the font of all pictures. A program that shows an SVG takes a font of its own by this name.
@@ -22,8 +21,10 @@ pub const COLOURS: [RGBColor; 8] = [
     RGBColor(80, 80, 80),
     RGBColor(160, 120, 60),
 ];
-/// Width and height of a chart.
-const SIZE: (u32, u32) = (1200, 640);
+/// Width and height of a chart that fills a page.
+pub const WIDE: (u32, u32) = (1200, 560);
+/// Width and height of a chart that stands beside another one.
+pub const HALF: (u32, u32) = (760, 560);
 /// Height of title and legend.
 const HEAD: u32 = 100;
 /// Distance from the left edge to the panel.
@@ -32,6 +33,8 @@ const LEFT: u32 = 130;
 const LETTER: i32 = 14;
 /// Free space above and below the values, as a part of their height.
 const MARGIN: f64 = 0.05;
+/// Free space where all values are equal.
+const LEAST_HEIGHT: f64 = 1e-12;
 
 /// What is drawn through the points of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,6 +43,10 @@ pub enum Mark {
     Line(u32),
     /// A dot of this radius at each of them.
     Dot(u32),
+    /// A diagonal cross of this radius at each of them.
+    Cross(u32),
+    /// They are the corners of filled areas.
+    Area,
 }
 
 /// Points of one kind.
@@ -47,7 +54,7 @@ pub enum Mark {
 pub struct Series {
     /// In the legend; empty for a series that is not there.
     pub name: String,
-    /// (x, y).
+    /// (x, y). One whose y is not finite ends a line or an area; the next one begins another.
     pub points: Vec<(f64, f64)>,
     /// Their colour.
     pub colour: RGBAColor,
@@ -60,14 +67,18 @@ pub struct Series {
 pub struct Chart {
     /// Above the chart.
     pub title: String,
+    /// Width and height: [`WIDE`] or [`HALF`].
+    pub size: (u32, u32),
     /// Below the chart, and beside it.
-    pub labels: [&'static str; 2],
+    pub labels: [String; 2],
     /// The text of a number on the lower edge.
     pub tick: fn(&f64) -> String,
     /// The later ones are drawn over the earlier ones.
     pub series: Vec<Series>,
     /// Texts and where they begin.
     pub notes: Vec<((f64, f64), String)>,
+    /// Lowest and highest x, and y, that are shown; without it, those of the points.
+    pub frame: Option<[(f64, f64); 2]>,
 }
 
 /// Gives the library the font by which it measures texts and draws them on bitmaps. To be called before a picture is
@@ -85,7 +96,7 @@ impl Chart {
     pub fn svg(&self) -> Result<String, Box<dyn Error + Send + Sync>> {
         register_font();
         let mut text = String::new();
-        let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
+        let area = SVGBackend::with_string(&mut text, self.size).into_drawing_area();
         area.fill(&WHITE)?;
         let (head, panel) = area.split_vertically(HEAD);
         head.draw(&Text::new(self.title.clone(), (LEFT as i32, 14), (FONT, 30).into_font()))?;
@@ -105,9 +116,11 @@ impl Chart {
         &self,
         area: &plotters::drawing::DrawingArea<SVGBackend, plotters::coord::Shift>,
     ) -> Result<(), Box<dyn Error + Send + Sync>> {
-        let points = || self.series.iter().flat_map(|series| &series.points);
-        let (begin, end) = range(points().map(|point| point.0), 0.0, 1e-9);
-        let (low, high) = range(points().map(|point| point.1), MARGIN, 1e-9);
+        let points = || self.series.iter().flat_map(|series| &series.points).filter(|point| point.1.is_finite());
+        let [(begin, end), (low, high)] = self.frame.unwrap_or_else(|| {
+            let x = range(points().map(|point| point.0), 0.0, 1e-9);
+            [x, range(points().map(|point| point.1), MARGIN, LEAST_HEIGHT)]
+        });
         let mut chart = ChartBuilder::on(area)
             .margin_left(10)
             .margin_right(40)
@@ -117,27 +130,50 @@ impl Chart {
             .build_cartesian_2d(begin..end, low..high)?;
         chart
             .configure_mesh()
-            .x_desc(self.labels[0])
-            .y_desc(self.labels[1])
+            .x_desc(self.labels[0].as_str())
+            .y_desc(self.labels[1].as_str())
             .x_label_formatter(&self.tick)
-            .y_label_formatter(&tick)
+            .y_label_formatter(&|y| value(*y, high - low))
             .label_style((FONT, 22))
             .axis_desc_style((FONT, 26))
             .bold_line_style(RGBColor(210, 210, 210))
             .light_line_style(WHITE)
             .draw()?;
         for Series { points, colour, mark, .. } in &self.series {
-            let points = points.iter().copied();
+            let parts = points.split(|point| !point.1.is_finite()).filter(|part| !part.is_empty());
+            let all = points.iter().copied().filter(|point| point.1.is_finite());
             match mark {
-                Mark::Line(width) => drop(chart.draw_series(LineSeries::new(points, colour.stroke_width(*width)))?),
-                Mark::Dot(radius) => {
-                    chart.draw_series(points.map(|point| Circle::new(point, *radius, colour.filled())))?;
+                Mark::Line(width) => {
+                    let lines = parts.map(|part| PathElement::new(part.to_vec(), colour.stroke_width(*width)));
+                    chart.draw_series(lines)?;
                 }
+                Mark::Dot(radius) => {
+                    chart.draw_series(all.map(|point| Circle::new(point, *radius, colour.filled())))?;
+                }
+                Mark::Cross(radius) => {
+                    chart.draw_series(all.map(|point| Cross::new(point, *radius, colour.stroke_width(4))))?;
+                }
+                Mark::Area => drop(chart.draw_series(parts.map(|part| Polygon::new(part.to_vec(), *colour)))?),
             }
         }
         let note = |(at, text): &((f64, f64), String)| Text::new(text.clone(), *at, (FONT, 22).into_font());
         chart.draw_series(self.notes.iter().map(note))?;
         Ok(())
+    }
+}
+
+/// The text of a number beside an axis that is `height` high.
+fn value(value: f64, height: f64) -> String {
+    // About ten numbers stand on an axis.
+    let step = height / 10.0;
+    if value.abs() < 1e-6 * step {
+        "0".to_owned()
+    } else if step < 1e-5 || value.abs() >= 1e6 {
+        format!("{value:.1e}")
+    } else {
+        let decimals = (1.0 - step.log10().floor()).clamp(0.0, 7.0) as usize;
+        let text = format!("{value:.decimals$}");
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
     }
 }
 
@@ -165,6 +201,35 @@ mod tests {
     }
 
     #[test]
+    fn numbers_beside_an_axis_have_the_decimals_of_its_height() {
+        let texts = [(0.0002, 0.001), (1e-19, 0.001), (-0.25, 1.0), (2e-6, 1e-5), (1500.0, 4000.0), (100.0, 2000.0)]
+            .map(|(y, height)| value(y, height));
+        assert_eq!(texts, ["0.0002", "0", "-0.25", "2.0e-6", "1500", "100"]);
+    }
+
+    #[test]
+    fn a_line_is_broken_where_a_point_is_not_finite() {
+        let line =
+            |points: Vec<(f64, f64)>, mark| Series { name: String::new(), points, colour: COLOURS[0].to_rgba(), mark };
+        let broken = vec![(0.0, 1.0), (1.0, 2.0), (1.5, f64::NAN), (2.0, 1.0), (3.0, 2.0)];
+        let chart = |series| Chart {
+            title: String::new(),
+            size: HALF,
+            labels: [String::new(), String::new()],
+            tick,
+            series,
+            notes: Vec::new(),
+            frame: Some([(0.0, 3.0), (0.0, 3.0)]),
+        };
+        let count = |svg: &str, what: &str| svg.matches(what).count();
+        let empty = chart(Vec::new()).svg().unwrap();
+        let lines = chart(vec![line(broken.clone(), Mark::Line(2))]).svg().unwrap();
+        assert_eq!(count(&lines, "<polyline") - count(&empty, "<polyline"), 2);
+        let areas = chart(vec![line(broken, Mark::Area)]).svg().unwrap();
+        assert_eq!(count(&areas, "<polygon") - count(&empty, "<polygon"), 2);
+    }
+
+    #[test]
     fn a_chart_has_title_legend_points_and_notes() {
         let line = Series {
             name: "measured".to_owned(),
@@ -175,10 +240,12 @@ mod tests {
         let dots = Series { name: String::new(), mark: Mark::Dot(4), ..line.clone() };
         let chart = Chart {
             title: "speed".to_owned(),
-            labels: ["time, s", "speed, m/s"],
+            size: HALF,
+            labels: ["time, s", "speed, m/s"].map(String::from),
             tick,
             series: vec![line, dots],
             notes: vec![((1.0, 2.0), "gain margin".to_owned())],
+            frame: None,
         };
         let svg = chart.svg().unwrap();
         assert!(["speed", "measured", "time, s", "gain margin"].iter().all(|text| svg.contains(text)), "{svg}");

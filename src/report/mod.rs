@@ -10,5 +10,6 @@ pub mod figures;
 pub mod margins;
 pub mod motion;
 pub mod output;
+pub mod page;
 pub mod table;
 pub mod why;

@@ -96,6 +96,14 @@ impl Course {
     }
 }
 
+impl Course {
+    /// The outputs minus what was predicted; NaN where there is no prediction, and for outliers.
+    pub fn residuals(&self, outputs: &[f64], predicted: &[f64]) -> Vec<f64> {
+        let residual = |((y, used), predicted): ((&f64, &f64), &f64)| if y == used { y - predicted } else { f64::NAN };
+        outputs.iter().zip(&self.used).zip(predicted).map(residual).collect()
+    }
+}
+
 impl Predicted {
     fn store(&mut self, k: usize, horizon: usize, [one_step, h_step]: [Option<f64>; 2]) {
         if let Some(one_step) = one_step {

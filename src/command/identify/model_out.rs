@@ -1,9 +1,6 @@
 //! `--model-out`: a model as a file for `hydraxis predict`, or as source code.
 
-use std::{
-    io::Write,
-    path::{Path, PathBuf},
-};
+use std::{io::Write, path::PathBuf};
 
 use crate::{
     failure::Failure,
@@ -64,11 +61,6 @@ impl ModelOut {
 }
 
 impl OpenModelOut<'_> {
-    /// The path.
-    pub fn path(&self) -> &Path {
-        &self.out.path
-    }
-
     /// Writes the model.
     ///
     /// # Errors

@@ -215,11 +215,12 @@ impl<'a> IdentifyReport<'a> {
     }
 
     /// The horizon as a duration.
-    fn ahead(&self) -> String {
+    pub fn ahead(&self) -> String {
         humantime::format_duration(Duration::from_secs_f64(self.period_s * self.horizon as f64)).to_string()
     }
 
-    fn error_table(&self) -> String {
+    /// The errors: names of the columns, and rows.
+    pub fn error_rows(&self) -> (Vec<String>, Vec<Vec<String>>) {
         let row = |name: &str, still: f64, classical: &ErrorFigures, adaptive: &ErrorFigures, reduction: f64| {
             vec![
                 name.to_owned(),
@@ -250,7 +251,57 @@ impl<'a> IdentifyReport<'a> {
             "adaptive",
             "fit adaptive",
         ];
+        (header.map(str::to_owned).to_vec(), rows)
+    }
+
+    fn error_table(&self) -> String {
+        let (header, rows) = self.error_rows();
+        let header: Vec<&str> = header.iter().map(String::as_str).collect();
         format!("{}\n", table(&header, rows))
+    }
+
+    /// What was identified on which data, as names and values.
+    pub fn facts(&self) -> Vec<(&'static str, String)> {
+        let mut facts: Vec<(&'static str, String)> =
+            record::text(self.recordings).lines().map(|line| ("recording", line.to_owned())).collect();
+        let outliers = percent(100.0 * self.outliers as f64 / self.rows as f64);
+        facts.extend([
+            ("rows", format!("{} of {} s, {} for training", self.rows, number(self.period_s), self.train)),
+            ("outliers", format!("{} ({outliers}), left out", self.outliers)),
+            ("structure", description(&self.structure, self.output)),
+            ("horizon", format!("{} ahead, {} samples", self.ahead(), self.horizon)),
+            ("estimator", self.estimator.clone()),
+        ]);
+        if !self.faults.is_empty() {
+            facts.push(("warning", self.faults.join(", ")));
+        }
+        facts
+    }
+
+    /// The coefficients, one in each row: of the held model, their standard deviations, and of the adaptive model.
+    pub fn coefficient_rows(&self) -> (Vec<String>, Vec<Vec<String>>) {
+        let header = ["coefficient", "held", "+- sigma", "adaptive, in the end"].map(str::to_owned).to_vec();
+        let (held, adaptive) = (&self.classical.coefficients, &self.adaptive.coefficients);
+        let spread = self.validation.deviations.as_ref();
+        let mut rows = Vec::new();
+        for (name, first, held, adaptive, sigma) in [
+            ("a", 1, &held.a, &adaptive.a, spread.map(|of| &of.a)),
+            ("b", 0, &held.b, &adaptive.b, spread.map(|of| &of.b)),
+            ("f", 1, &held.f, &adaptive.f, spread.map(|of| &of.f)),
+            ("g", 1, &held.g, &adaptive.g, spread.map(|of| &of.g)),
+        ] {
+            for i in 0..held.len().max(adaptive.len()) {
+                let value = |list: &[f64]| list.get(i).map_or_else(String::new, |value| number(*value));
+                let sigma = sigma.and_then(|list| list.get(i));
+                let sigma = sigma.map_or_else(String::new, |sigma| sigma.map_or_else(|| "?".to_owned(), number));
+                rows.push(vec![format!("{name}_{}", first + i), value(held), sigma, value(adaptive)]);
+            }
+        }
+        if self.structure.drift {
+            let sigma = spread.and_then(|of| of.drift).map_or_else(|| "?".to_owned(), number);
+            rows.push(vec!["c".to_owned(), number(held.drift), sigma, number(adaptive.drift)]);
+        }
+        (header, rows)
     }
 
     /// The estimator, and the members of auto.

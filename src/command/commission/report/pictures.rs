@@ -12,7 +12,7 @@ use plotters::prelude::{Color, RGBAColor, RGBColor};
 
 use super::super::Found;
 use crate::report::{
-    chart::{COLOURS, Chart, Mark, Series, tick},
+    chart::{COLOURS, Chart, HALF, Mark, Series, WIDE, tick},
     margins::LoopMargins,
 };
 
@@ -34,7 +34,7 @@ const GREY: RGBColor = RGBColor(120, 120, 120);
 
 /// All pictures; without loops where the model is poor.
 pub fn all(found: &Found, period: f64) -> Vec<Chart> {
-    let mut charts = vec![curve(found), record(found)];
+    let mut charts = vec![record(found), curve(found)];
     if let Some(control) = &found.control {
         let laws: Vec<(&LoopMargins, Control, RGBColor)> = (found.loops.iter().zip(COLOURS))
             .map(|(of, colour)| {
@@ -82,10 +82,12 @@ fn curve(Found { model, record, .. }: &Found) -> Chart {
     };
     Chart {
         title: "Speed over command".to_owned(),
-        labels: ["valve command", "speed, m/s"],
+        size: HALF,
+        labels: ["valve command", "speed, m/s"].map(String::from),
         tick,
         series: vec![measured, line("curve that was found", found, COLOURS[1], 4)],
         notes: Vec::new(),
+        frame: None,
     }
 }
 
@@ -98,13 +100,15 @@ fn record(Found { model, record, .. }: &Found) -> Chart {
     };
     Chart {
         title: "The experiment".to_owned(),
-        labels: ["time, s", "speed, m/s"],
+        size: WIDE,
+        labels: ["time, s", "speed, m/s"].map(String::from),
         tick,
         series: vec![
             line("measured", of(&record.positions), COLOURS[0], 3),
             line("by the model, from the commands", of(&modelled(record, model)), COLOURS[1], 2),
         ],
         notes: Vec::new(),
+        frame: None,
     }
 }
 
@@ -120,10 +124,12 @@ fn steps(found: &Found, laws: &[(&LoopMargins, Control, RGBColor)], period: f64)
     }
     Chart {
         title: "A jump of the reference, on the model".to_owned(),
-        labels: ["time, s", "position, mm"],
+        size: HALF,
+        labels: ["time, s", "position, mm"].map(String::from),
         tick,
         series,
         notes: Vec::new(),
+        frame: None,
     }
 }
 
@@ -166,15 +172,17 @@ fn bode(found: &Found, laws: &[(&LoopMargins, Control, RGBColor)], period: f64) 
     phases.insert(0, edge(-180.0));
     let chart = |title: &str, label, series, notes| Chart {
         title: title.to_owned(),
-        labels: ["frequency, Hz", label],
+        size: HALF,
+        labels: ["frequency, Hz", label].map(String::from),
         tick: |exponent| tick(&10f64.powf(*exponent)),
         series,
         notes,
+        frame: None,
     };
     let [gain_notes, phase_notes] = notes;
     [
         chart("Open loop: gain", "gain, dB", gains, gain_notes),
-        chart("Open loop: phase, with margins in phase and dead time", "phase, degrees", phases, phase_notes),
+        chart("Open loop: phase, margins in phase and dead time", "phase, degrees", phases, phase_notes),
     ]
 }
 

@@ -10,6 +10,8 @@
 
 use pipeline::hammerstein::Coefficients;
 
+use super::prediction::ahead;
+
 /// Rounds of the iteration; it converges quadratically to simple poles.
 const ROUNDS: usize = 200;
 
@@ -60,9 +62,12 @@ pub fn held_command(model: &Coefficients, u: f64, steps: usize) -> Vec<f64> {
     predicted
 }
 
-/// B(1) N(u): what a command that is held adds to the output at each sample, in the unit of the output.
-pub fn driven(model: &Coefficients, u: f64) -> f64 {
-    model.b().iter().sum::<f64>() * model.nonlinearity().evaluate(u)
+/// Output after `steps` samples with N = 1 from the first one on, from rest and without drift.
+pub fn travel_of_one(model: &Coefficients, steps: usize) -> f64 {
+    let model = Coefficients { drift: 0.0, ..*model };
+    let (na, reach) = (model.na as usize, (model.nk + model.nb) as usize);
+    let x: Vec<f64> = (0..steps + model.nb as usize).map(|i| if i + 1 < reach { 0.0 } else { 1.0 }).collect();
+    ahead(&model, &vec![0.0; na], &x)
 }
 
 #[cfg(test)]
@@ -93,6 +98,6 @@ mod tests {
         (model.a[0], model.b[0], model.f[0], model.g[0]) = (-1.0, 0.5, 1.0, 2.0);
         assert_eq!(held_command(&model, 0.5, 5), [0.0, 0.0, 0.0, 0.25, 0.5, 0.75]);
         assert_eq!(held_command(&model, -0.4, 4), [0.0, 0.0, 0.0, -0.4, -0.8]);
-        assert_eq!(driven(&model, -0.4), -0.4);
+        assert_eq!((travel_of_one(&model, 2), travel_of_one(&model, 5)), (0.0, 1.5));
     }
 }

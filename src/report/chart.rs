@@ -22,15 +22,19 @@ pub const COLOURS: [RGBColor; 8] = [
     RGBColor(160, 120, 60),
 ];
 /// Width and height of a chart that fills a page.
-pub const WIDE: (u32, u32) = (1200, 560);
+pub const WIDE: (u32, u32) = (1200, 500);
 /// Width and height of a chart that stands beside another one.
 pub const HALF: (u32, u32) = (760, 560);
-/// Height of title and legend.
-const HEAD: u32 = 100;
+/// Height of the title, and of a row of the legend.
+const TITLE: u32 = 54;
+const ROW: u32 = 36;
+/// Length of the line before a name in the legend, and distance to the next one.
+const SAMPLE: i32 = 36;
+const BETWEEN: i32 = 34;
+/// Size of the letters of the legend.
+const LETTERS: i32 = 24;
 /// Distance from the left edge to the panel.
 const LEFT: u32 = 130;
-/// Width of a letter of the legend.
-const LETTER: i32 = 14;
 /// Free space above and below the values, as a part of their height.
 const MARGIN: f64 = 0.05;
 /// Free space where all values are equal.
@@ -98,18 +102,36 @@ impl Chart {
         let mut text = String::new();
         let area = SVGBackend::with_string(&mut text, self.size).into_drawing_area();
         area.fill(&WHITE)?;
-        let (head, panel) = area.split_vertically(HEAD);
+        let legend = self.legend();
+        let rows = legend.last().map_or(0, |(.., row)| row + 1);
+        let (head, panel) = area.split_vertically(TITLE + ROW * rows + ROW / 4);
         head.draw(&Text::new(self.title.clone(), (LEFT as i32, 14), (FONT, 30).into_font()))?;
-        let named = self.series.iter().filter(|series| !series.name.is_empty());
-        let mut x = LEFT as i32;
-        for series in named {
-            head.draw(&PathElement::new([(x, 74), (x + 36, 74)], series.colour.stroke_width(6)))?;
-            head.draw(&Text::new(series.name.clone(), (x + 46, 60), (FONT, 24).into_font()))?;
-            x += 46 + LETTER * (series.name.len() as i32 + 3);
+        for (series, x, row) in legend {
+            let top = (TITLE + ROW * row) as i32;
+            let middle = top + LETTERS / 2 + 2;
+            head.draw(&PathElement::new([(x, middle), (x + SAMPLE, middle)], series.colour.stroke_width(6)))?;
+            head.draw(&Text::new(series.name.clone(), (x + SAMPLE + 10, top), (FONT, LETTERS).into_font()))?;
         }
         self.draw(&panel)?;
         drop((area, head, panel));
         Ok(text)
+    }
+
+    /// The series that have a name, each with its place in the legend and the row of it.
+    fn legend(&self) -> Vec<(&Series, i32, u32)> {
+        let (left, right) = (LEFT as i32, self.size.0 as i32);
+        let (mut x, mut row) = (left, 0);
+        let mut places = Vec::new();
+        for series in self.series.iter().filter(|series| !series.name.is_empty()) {
+            let letters = (FONT, LETTERS).into_font().box_size(&series.name).map_or(0, |(width, _)| width as i32);
+            let width = SAMPLE + 10 + letters;
+            if x > left && x + width > right {
+                (x, row) = (left, row + 1);
+            }
+            places.push((series, x, row));
+            x += width + BETWEEN;
+        }
+        places
     }
 
     fn draw(

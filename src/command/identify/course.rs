@@ -32,8 +32,8 @@ pub struct Course {
     pub adaptive: Predicted,
     /// Of the classical model, which is held.
     pub held: Predicted,
-    /// The outputs as they were used.
-    used: Vec<f64>,
+    /// The outputs as they were used: those of outliers are replaced.
+    pub used: Vec<f64>,
     horizon: usize,
 }
 

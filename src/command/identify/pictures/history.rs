@@ -68,22 +68,15 @@ impl History {
             let rows: Vec<Vec<f64>> = self.points.iter().map(|point| of(CoefficientLists::new(&point.model))).collect();
             rows
         };
-        let count = |list: &str| format!("{list}, with their held values as thin lines");
         let held = CoefficientLists::new(&shown.identifier.snapshot().classical);
-        for (name, first, rows, held) in [
-            ("a", 1, lists(|of| of.a), held.a),
-            ("b", 0, lists(|of| of.b), held.b),
-            ("f", 1, lists(|of| of.f), held.f),
-            ("g", 1, lists(|of| of.g), held.g),
+        for (name, first, rows, held, what) in [
+            ("a", 1, lists(|of| of.a), held.a, "the effect of past outputs"),
+            ("b", 0, lists(|of| of.b), held.b, "the effect of the commands behind N"),
+            ("f", 1, lists(|of| of.f), held.f, "the shape of N(u) for u >= 0"),
+            ("g", 1, lists(|of| of.g), held.g, "the shape of N(u) for u < 0"),
         ] {
-            let label = match name {
-                "f" => "N(u) for u >= 0",
-                "g" => "N(u) for u < 0",
-                "b" => "effect of the commands",
-                _ => "effect of past outputs",
-            };
             let chart = self.coefficients(shown, (name, first), &rows, &held);
-            pictures.push(Picture { chart, caption: count(&format!("Coefficients of {label}")) + "." });
+            pictures.push(Picture { chart, caption: format!("{name} is {what}. Thin lines: the held model.") });
         }
         pictures
     }

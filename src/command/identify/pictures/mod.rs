@@ -33,8 +33,6 @@ struct Shown<'a> {
     axis: Axis,
     /// The horizon in words.
     ahead: String,
-    /// Unit of the output; `unit` where none is known.
-    unit: String,
     /// The output and its unit, as beside an axis.
     output: String,
     /// The error and its unit.
@@ -62,7 +60,6 @@ pub fn write(
         ahead: report.ahead(),
         output: beside("output"),
         error: beside("error"),
-        unit: unit.unwrap_or_else(|| "unit of the output".to_owned()),
     };
     let text = html(&shown, report, history).map_err(|error| Failure::run(error).about("--report"))?;
     let refused = |error: std::io::Error| Failure::usage(error).about("--report: the file cannot be written");
@@ -79,6 +76,11 @@ fn html(
     page.verdict(word == "usable", word, &why);
     let (header, rows) = report.error_rows();
     page.table(&header, &rows);
+    page.paragraph(&format!(
+        "The classical model was identified on the first {} rows and is held from there on. The adaptive model is \
+         updated at each row. All errors are those of the rows after the training.",
+        shown.settings.training
+    ));
     page.section("Predictions");
     if shown.settings.output == IdentifiedOutput::Velocity {
         page.paragraph(

@@ -1,11 +1,13 @@
 //! The models themselves: the curve of the valve over the commands, the answer to a held command, the poles.
 //!
 //! ```text
-//! B(1) N(u) = c' theta,   c_i = sum over the lags of the i-th feature of u        sigma = s |R^-T c|
+//! travel(u) = y(h) - y(0) by (12) from rest, with the command u held and without drift  =  G N(u)
+//! sigma     = |G / B(1)| s |R^-T c|,   c' theta = B(1) N(u)
 //! ```
 //!
-//! theta products of the over-parametrised form (14), R its triangle, s standard deviation of its residual. b and N
-//! share a factor, so their product is shown: what a held command adds to the output at each sample.
+//! h horizon in samples, G travel for N = 1, theta products of the over-parametrised form (14), R its triangle, s
+//! standard deviation of its residual, c features of u at all lags. b and N share a factor, which the travel does not
+//! depend on. Trap: sigma is that of the curve of the valve; A is taken as known.
 
 use ident_proc::Identifier;
 use pipeline::{hammerstein::Coefficients, machine::IdentifiedOutput};
@@ -16,7 +18,7 @@ use super::{
     style::{ADAPTIVE, GREY, HELD, area, line},
 };
 use crate::{
-    model::response::{driven, held_command, poles},
+    model::response::{held_command, poles, travel_of_one},
     report::chart::{COLOURS, Chart, HALF, Mark, Series, tick},
 };
 
@@ -41,20 +43,23 @@ const PART: f64 = 0.5;
 pub fn all(shown: &Shown<'_>) -> Vec<Picture> {
     let snapshot = shown.identifier.snapshot();
     let (held, adaptive) = (&snapshot.classical, &snapshot.adaptive);
-    let curve_text = "What a command that is held adds to the output at each sample, times the sample rate: (b_0 + .. + \
-                      b_nb) N(u). The band is two standard deviations of the held curve. The bars show how often each \
-                      command occurred: where they are missing, the curves are extrapolated.";
+    let curve_text = format!(
+        "Travel within {} of a command that is held, from rest: the curve N(u) of the valve, in the unit of the output. \
+         The band is two standard deviations of the held curve. The bars show how often each command occurred, as the \
+         root of its count. Without bars the curves are extrapolated.",
+        shown.ahead
+    );
     let [low, high] = commands(shown);
     let answer_text = format!(
-        "The command {:.3} and, dashed downwards, {:.3} from 0 s on: half of the highest and half of the lowest one.",
+        "The commands {:.3} and {:.3} are held from 0 s on: half of the highest and half of the lowest one.",
         PART * high,
         PART * low
     );
     let poles_text = "A pole on the circle neither grows nor fades: 1 is an integrator, as between speed and position. \
                       Outside of it predictions grow without end.";
     vec![
-        Picture { chart: curve(shown, held, adaptive), caption: curve_text.to_owned() },
-        Picture { chart: answers(shown, held, adaptive), caption: answer_text.replace("dashed downwards", "below") },
+        Picture { chart: curve(shown, held, adaptive), caption: curve_text },
+        Picture { chart: answers(shown, held, adaptive), caption: answer_text },
         Picture { chart: circle(held, adaptive), caption: poles_text.to_owned() },
     ]
 }
@@ -69,11 +74,15 @@ fn commands(shown: &Shown<'_>) -> [f64; 2] {
 fn curve(shown: &Shown<'_>, held: &Coefficients, adaptive: &Coefficients) -> Chart {
     let [low, high] = commands(shown);
     let (low, high) = if high > low { (low, high) } else { (-1.0, 1.0) };
-    let rate = 1.0 / shown.record.period;
     let commands: Vec<f64> = (0..=POINTS).map(|i| low + (high - low) * i as f64 / POINTS as f64).collect();
-    let of = |model: &Coefficients| commands.iter().map(|u| (*u, rate * driven(model, *u))).collect::<Vec<_>>();
+    let gain = |model: &Coefficients| travel_of_one(model, shown.settings.horizon);
+    let of = |model: &Coefficients| {
+        let (gain, nonlinearity) = (gain(model), model.nonlinearity());
+        commands.iter().map(|u| (*u, gain * nonlinearity.evaluate(*u))).collect::<Vec<_>>()
+    };
+    let scale = (gain(held) / held.b().iter().sum::<f64>()).abs();
+    let deviation = |u: f64| BAND * scale * deviation(shown.identifier, shown.settings.output, shown.record.period, u);
     let (held, adaptive) = (of(held), of(adaptive));
-    let deviation = |u: f64| BAND * rate * deviation(shown.identifier, shown.settings.output, shown.record.period, u);
     let mut band: Vec<(f64, f64)> = held.iter().map(|(u, x)| (*u, x + deviation(*u))).collect();
     band.extend(held.iter().rev().map(|(u, x)| (*u, x - deviation(*u))));
     let band: Vec<(f64, f64)> = if band.iter().all(|point| point.1.is_finite()) { band } else { Vec::new() };
@@ -89,9 +98,9 @@ fn curve(shown: &Shown<'_>, held: &Coefficients, adaptive: &Coefficients) -> Cha
         line("adaptive, in the end", adaptive, ADAPTIVE, 4),
     ];
     Chart {
-        title: "Effect of a command".to_owned(),
+        title: format!("N(u), as the travel within {}", shown.ahead),
         size: HALF,
-        labels: ["command u".to_owned(), format!("B(1) N(u) / T, {}/s", shown.unit)],
+        labels: ["command u".to_owned(), shown.output.replace("output", "travel")],
         tick,
         series,
         notes: Vec::new(),

@@ -4,18 +4,22 @@ use plotters::prelude::Color;
 
 use super::{
     Picture, Shown,
-    style::{ADAPTIVE, GREY, HELD, MEASURED, area, line, upright},
+    style::{ADAPTIVE, GREY, HELD, MEASURED, OUTLIER, area, line, upright},
 };
 use crate::{
     model::prediction::statistics,
-    report::chart::{Chart, WIDE, tick},
+    report::chart::{Chart, Mark, Series, WIDE, tick},
 };
 
 /// The band is this many times the rmse of the prediction: it holds 95 % of errors that are normally distributed.
 const BAND: f64 = 2.0;
+/// Free space above and below what was measured, as a part of its height.
+const SPACE: f64 = 0.15;
 /// Length of the piece that is shown large, in horizons, and its fewest rows.
-const PIECE: usize = 16;
+const PIECE: usize = 6;
 const FEWEST_ROWS: usize = 60;
+/// Most rows that are shown as dots.
+const DOTS: usize = 320;
 
 /// The whole record, a piece of it, and the errors h steps ahead.
 pub fn all(shown: &Shown<'_>) -> Vec<Picture> {
@@ -40,7 +44,7 @@ pub fn all(shown: &Shown<'_>) -> Vec<Picture> {
         "Around the largest error of the held model. The band is the adaptive prediction and {BAND} times its rmse on \
          both sides, which holds 95 % of errors that are normally distributed."
     );
-    let errors = "What was measured minus what was predicted, over the same rows.".to_owned();
+    let errors = "What was measured minus what was predicted, without outliers.".to_owned();
     vec![
         Picture { chart: measured(shown, (0, rows), format!("Measured, and predicted {ahead} ahead")), caption: whole },
         Picture {
@@ -53,12 +57,9 @@ pub fn all(shown: &Shown<'_>) -> Vec<Picture> {
 
 /// The rows of the piece.
 fn piece(shown: &Shown<'_>) -> (usize, usize) {
-    let (outputs, held) = (&shown.record.outputs, &shown.course.held.h_step);
-    let size = |k: &usize| {
-        let error = (outputs[*k] - held[*k]).abs();
-        if error.is_finite() { error } else { -1.0 }
-    };
-    let rows = outputs.len();
+    let errors = shown.course.residuals(&shown.record.outputs, &shown.course.held.h_step);
+    let size = |k: &usize| if errors[*k].is_finite() { errors[*k].abs() } else { -1.0 };
+    let rows = errors.len();
     let worst = (0..rows).max_by(|a, b| size(a).total_cmp(&size(b))).unwrap_or_default();
     let half = (PIECE * shown.settings.horizon).max(FEWEST_ROWS) / 2;
     (worst.saturating_sub(half), (worst + half).min(rows))
@@ -66,30 +67,35 @@ fn piece(shown: &Shown<'_>) -> (usize, usize) {
 
 fn measured(shown: &Shown<'_>, (first, end): (usize, usize), title: String) -> Chart {
     let Shown { record, course, axis, .. } = shown;
-    let errors = record.outputs.iter().zip(&course.adaptive.h_step).map(|(y, predicted)| y - predicted);
-    let wide = BAND * statistics(errors).rmse();
-    let of = |values: &[f64]| axis.line(values, (first, end));
     let (adaptive, held) = (&course.adaptive.h_step, &course.held.h_step);
+    let wide = BAND * statistics(course.residuals(&record.outputs, adaptive).into_iter()).rmse();
+    let of = |values: &[f64]| axis.line(values, (first, end));
+    let (low, high) = extent(&course.used[first..end]);
+    let space = SPACE * (high - low).max(1e-12);
+    let y = (low - space, high + space);
     let mut series = vec![
-        area("", axis.band(adaptive, (first, end), wide), ADAPTIVE.mix(0.2)),
-        line("measured", of(&record.outputs), MEASURED, 4),
+        area("", axis.band(adaptive, (first, end), wide), ADAPTIVE.mix(0.25)),
+        line("measured", of(&course.used), MEASURED, 4),
         line("held model", of(held), HELD, 2),
         line("adaptive model", of(adaptive), ADAPTIVE, 2),
     ];
-    if first == 0 {
-        // In the whole record a model that has lost the axis must not hide what was measured.
-        series[0].points.clear();
+    if end - first <= DOTS {
+        series[1].mark = Mark::Dot(3);
     }
-    let (low, high) = extent(&record.outputs[first..end]);
-    let space = 0.15 * (high - low).max(1e-12);
-    let frame = [(axis.times[first], axis.times[end - 1].max(axis.times[first] + 1e-9)), (low - space, high + space)];
+    let is_outlier = |k: &usize| course.used[*k] != record.outputs[*k];
+    let crosses = (first..end).filter(is_outlier).map(|k| (axis.times[k], record.outputs[k].clamp(y.0, y.1)));
+    let crosses: Vec<(f64, f64)> = crosses.collect();
+    if !crosses.is_empty() {
+        series.push(Series { mark: Mark::Cross(7), ..line("outlier, left out", crosses, OUTLIER, 1) });
+    }
+    let frame = [(axis.times[first], axis.times[end - 1].max(axis.times[first] + 1e-9)), y];
     series.splice(0..0, marks(shown, (first, end), frame[1]));
     let labels = ["time, s".to_owned(), shown.output.clone()];
     Chart { title, size: WIDE, labels, tick, series, notes: Vec::new(), frame: Some(frame) }
 }
 
 /// Lines at the end of the training and at the beginning of each recording.
-fn marks(shown: &Shown<'_>, (first, end): (usize, usize), y: (f64, f64)) -> Vec<crate::report::chart::Series> {
+fn marks(shown: &Shown<'_>, (first, end): (usize, usize), y: (f64, f64)) -> Vec<Series> {
     let Shown { axis, settings, .. } = shown;
     let (begin, last) = (axis.times[first], axis.times[end - 1]);
     let inside = |at: &f64| (begin..=last).contains(at);
@@ -101,10 +107,7 @@ fn marks(shown: &Shown<'_>, (first, end): (usize, usize), y: (f64, f64)) -> Vec<
 fn error(shown: &Shown<'_>) -> Chart {
     let Shown { record, course, axis, .. } = shown;
     let rows = (shown.settings.training.min(record.outputs.len() - 1), record.outputs.len());
-    let of = |predicted: &[f64]| {
-        let errors: Vec<f64> = record.outputs.iter().zip(predicted).map(|(y, predicted)| y - predicted).collect();
-        axis.line(&errors, rows)
-    };
+    let of = |predicted: &[f64]| axis.line(&course.residuals(&record.outputs, predicted), rows);
     let zero = vec![(axis.times[rows.0], 0.0), (axis.times[rows.1 - 1], 0.0)];
     let series = vec![
         line("held model", of(&course.held.h_step), HELD, 2),

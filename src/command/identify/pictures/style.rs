@@ -10,6 +10,8 @@ pub const MEASURED: RGBColor = RGBColor(60, 60, 60);
 pub const HELD: RGBColor = COLOURS[1];
 /// The adaptive model.
 pub const ADAPTIVE: RGBColor = COLOURS[0];
+/// Samples that were left out.
+pub const OUTLIER: RGBColor = RGBColor(200, 0, 0);
 /// Zero, bounds and marks.
 pub const GREY: RGBColor = RGBColor(130, 130, 130);
 

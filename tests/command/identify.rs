@@ -6,6 +6,7 @@ mod arguments;
 mod compare;
 mod models;
 mod options;
+mod pictures;
 mod plant;
 mod recordings;
 mod refusals;

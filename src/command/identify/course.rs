@@ -1,7 +1,7 @@
 //! Follows a record once more, with the models and predictions of every row. Only `--report` and `--csv` need it.
 //!
 //! The predictions are those of the models as they are published, with the outputs that the estimator has used: the
-//! output of an outlier is replaced by its prediction one step ahead. With `--velocity` the models are those of the
+//! output of an outlier is replaced by the median of its predictions one step ahead and of the output before it. With `--velocity` the models are those of the
 //! position, and so are the predictions.
 
 use std::ops::Range;
@@ -78,7 +78,7 @@ impl Course {
                 identifier.update(Some(record.outputs[k]), applied);
                 let snapshot = identifier.snapshot();
                 if snapshot.faults & model_fault::OUTLIER != 0 && course.adaptive.one_step[k].is_finite() {
-                    course.used[k] = course.adaptive.one_step[k];
+                    course.used[k] = course.expected(k);
                 }
                 visit(&Moment { row: k, identifier: &identifier, snapshot: &snapshot, course: &course })?;
                 if snapshot.faults & model_fault::TRAINING == 0 {
@@ -97,6 +97,13 @@ impl Course {
 }
 
 impl Course {
+    /// What stands in the place of an outlier in row k.
+    fn expected(&self, k: usize) -> f64 {
+        let mut predictions = [self.adaptive.one_step[k], self.held.one_step[k], self.used[k - 1]];
+        predictions.sort_by(f64::total_cmp);
+        predictions[1]
+    }
+
     /// The outputs minus what was predicted; NaN where there is no prediction, and for outliers.
     pub fn residuals(&self, outputs: &[f64], predicted: &[f64]) -> Vec<f64> {
         let residual = |((y, used), predicted): ((&f64, &f64), &f64)| if y == used { y - predicted } else { f64::NAN };

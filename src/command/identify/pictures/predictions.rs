@@ -37,13 +37,11 @@ pub fn all(shown: &Shown<'_>) -> Vec<Picture> {
     };
     let whole = format!(
         "Each prediction was made {ahead} before, with the coefficients of that time and the commands as applied. The \
-         training ends at the thick line.{recordings}{gaps}"
+         band is the adaptive prediction and {BAND} times its rmse on both sides, which holds 95 % of errors that are \
+         normally distributed. The training ends at the thick line.{recordings}{gaps}"
     );
     let (first, end) = piece(shown);
-    let large = format!(
-        "Around the largest error of the held model. The band is the adaptive prediction and {BAND} times its rmse on \
-         both sides, which holds 95 % of errors that are normally distributed."
-    );
+    let large = "The same around the largest error of the held model.".to_owned();
     let errors = "What was measured minus what was predicted, without outliers.".to_owned();
     vec![
         Picture { chart: measured(shown, (0, rows), format!("Measured, and predicted {ahead} ahead")), caption: whole },

@@ -5,8 +5,8 @@
 //! answer:  (12) from y = 0, with u(k) = u for k >= 0 and 0 before
 //! ```
 //!
-//! The poles are found by Weierstrass' simultaneous iteration (Durand, 1960; Kerner, 1966). Trap: a pole of multiplicity
-//! m is found to about the m-th root of the precision of a double.
+//! The poles are found by Weierstrass' simultaneous iteration (Durand, 1960; Kerner, 1966). Trap: a pole of
+//! multiplicity m is found to about the m-th root of the precision of a double.
 
 use pipeline::hammerstein::Coefficients;
 

@@ -86,8 +86,8 @@ impl Language {
                 "    for c in reversed(coefficients):\n        total = (total + c) * v\n    return total".to_owned()
             }
             (_, Some(knots)) => format!(
-                "    for c, knot in zip(coefficients, [{knots}]):\n        total += c * (abs(v) - knot if abs(v) > knot \
-                 else 0.0 * v)\n    return -total if v < 0.0 else total"
+                "    for c, knot in zip(coefficients, [{knots}]):\n        total += c * (abs(v) - knot if abs(v) > \
+                 knot else 0.0 * v)\n    return -total if v < 0.0 else total"
             ),
         }
     }

@@ -1,5 +1,5 @@
-//! `hydraxis identify --model-out` and `hydraxis predict`: a saved model on another recording, the same predictions from
-//! its C header and its Python module, CSV files, and refusals.
+//! `hydraxis identify --model-out` and `hydraxis predict`: a saved model on another recording, the same predictions
+//! from its C header and its Python module, CSV files, and refusals.
 
 use std::{
     fs,

@@ -1,8 +1,8 @@
 //! Follows a record once more, with the models and predictions of every row. Only `--report` and `--csv` need it.
 //!
 //! The predictions are those of the models as they are published, with the outputs that the estimator has used: the
-//! output of an outlier is replaced by the median of its predictions one step ahead and of the output before it. With `--velocity` the models are those of the
-//! position, and so are the predictions.
+//! output of an outlier is replaced by the median of its predictions one step ahead and of the output before it. With
+//! `--velocity` the models are those of the position, and so are the predictions.
 
 use std::ops::Range;
 

@@ -1,7 +1,7 @@
 //! The rows of a record along one axis of time, and lines with fewer points than rows.
 //!
-//! Recordings follow each other. A gap is drawn as long as it is, but not longer than [`LONGEST_GAP`]: otherwise a night
-//! between two recordings would leave no room for them.
+//! Recordings follow each other. A gap is drawn as long as it is, but not longer than [`LONGEST_GAP`]: otherwise a
+//! night between two recordings would leave no room for them.
 
 use super::super::record::Record;
 

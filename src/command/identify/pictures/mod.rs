@@ -84,8 +84,8 @@ fn html(
     page.section("Predictions");
     if shown.settings.output == IdentifiedOutput::Velocity {
         page.paragraph(
-            "The velocity was identified, and the table above has its errors. The pictures show the position, which the \
-             models predict as well.",
+            "The velocity was identified, and the table above has its errors. The pictures show the position, which \
+             the models predict as well.",
         );
     }
     page.pictures(&predictions::all(shown))?;

@@ -44,9 +44,9 @@ pub fn all(shown: &Shown<'_>) -> Vec<Picture> {
     let snapshot = shown.identifier.snapshot();
     let (held, adaptive) = (&snapshot.classical, &snapshot.adaptive);
     let curve_text = format!(
-        "Travel within {} of a command that is held, from rest: the curve N(u) of the valve, in the unit of the output. \
-         The band is two standard deviations of the held curve. The bars show how often each command occurred, as the \
-         root of its count. Without bars the curves are extrapolated.",
+        "Travel within {} of a command that is held, from rest: the curve N(u) of the valve. The band is two standard \
+         deviations of the held curve. The bars show how often each command occurred, as the root of its count. \
+         Without bars the curves are extrapolated.",
         shown.ahead
     );
     let [low, high] = commands(shown);

@@ -163,7 +163,9 @@ impl From<SignalError> for Failure {
 impl From<OutputError> for Failure {
     fn from(error: OutputError) -> Self {
         match error {
-            OutputError::Create { .. } | OutputError::NoPicture { .. } => Self::usage(error),
+            OutputError::Create { .. } | OutputError::NoPicture { .. } | OutputError::StandardOutputTwice { .. } => {
+                Self::usage(error)
+            }
             _ => Self::run(error),
         }
     }

@@ -13,7 +13,7 @@ use clap::Args;
 use pipeline::{machine::IdentifiedOutput, message::ModelErrors, statistics::ErrorStatistics};
 use serde::Serialize;
 
-use super::identify::{ReadRecording, Reason, Record, Verdict, description, field, recordings_text};
+use super::identify::{ReadRecording, Reason, Record, Verdict, description, recordings_text};
 use crate::{
     arguments::{ColumnArguments, values::Samples},
     failure::Failure,
@@ -23,7 +23,8 @@ use crate::{
     },
     report::{
         figures::ErrorFigures,
-        output::{Output, OutputError, create, is_stdout},
+        output::{Output, OutputError, create, expect_one_stdout, is_stdout},
+        rows::{CsvRows, field},
         table::{number, percent, table},
     },
 };
@@ -74,6 +75,7 @@ pub fn run(arguments: &PredictArguments) -> Result<(), Failure> {
     let period = Duration::from_secs_f64(record.period);
     let horizon = arguments.horizon.map_or(model.horizon, |horizon| horizon.at(period));
     expect_enough_rows(&model, &record, horizon)?;
+    expect_one_stdout(&[("--json", &arguments.json), ("--csv", &arguments.csv)])?;
     let mut output = Output::open(arguments.json.as_deref())?;
     let csv = arguments.csv.as_deref().map(|path| create("--csv", path)).transpose()?;
     if arguments.csv.as_deref().is_some_and(is_stdout) {
@@ -132,16 +134,16 @@ fn expect_enough_rows(model: &IdentifiedModel, record: &Record, horizon: usize) 
 /// Writes the rows: time, input, output, predictions, residual.
 fn write_rows(file: Box<dyn Write>, record: &Record, predictions: &Predictions) -> io::Result<()> {
     let first_rows: Vec<usize> = record.first_rows().collect();
-    let mut csv = csv::Writer::from_writer(file);
-    csv.write_record(["recording", "t", "input", "output", "one_step", "h_steps", "free_run", "residual"])?;
+    let mut csv = CsvRows::new(file);
+    csv.write(["recording", "t", "input", "output", "one_step", "h_steps", "free_run", "residual"])?;
     for (k, y) in record.outputs.iter().enumerate() {
         let recording = first_rows.partition_point(|first| *first <= k).to_string();
         let one_step = predictions.one_step[k];
         let predicted = [one_step, predictions.h_step[k], predictions.free_run[k], y - one_step];
         let values = [record.times[k], record.inputs[k], *y].into_iter().chain(predicted).map(field);
-        csv.write_record(std::iter::once(recording).chain(values))?;
+        csv.write(std::iter::once(recording).chain(values))?;
     }
-    csv.flush()
+    csv.finish()
 }
 
 /// The figures, as JSON has them.

@@ -235,7 +235,7 @@ impl WrittenModel {
         coefficients.f[..self.f.len()].copy_from_slice(&self.f);
         coefficients.g[..self.g.len()].copy_from_slice(&self.g);
         coefficients.drift = self.drift.unwrap_or_default();
-        (coefficients.structure() == Some(structure)).then(|| IdentifiedModel {
+        (coefficients.structure() == Some(structure)).then_some(IdentifiedModel {
             coefficients,
             period: self.period,
             horizon: self.horizon,

@@ -11,5 +11,6 @@ pub mod margins;
 pub mod motion;
 pub mod output;
 pub mod page;
+pub mod rows;
 pub mod table;
 pub mod why;

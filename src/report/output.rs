@@ -44,6 +44,14 @@ pub enum OutputError {
         /// What the system says.
         source: io::Error,
     },
+    /// Two options write to standard output.
+    #[error("{one}: found -, as for {other}; allowed: one of them on standard output, and a file for the other")]
+    StandardOutputTwice {
+        /// The one.
+        one: &'static str,
+        /// The other.
+        other: &'static str,
+    },
     /// Standard output cannot be written.
     #[error("standard output cannot be written")]
     StandardOutput(#[source] io::Error),
@@ -119,6 +127,18 @@ impl Output {
         }
         let written = file.write_all(text.as_bytes()).and_then(|()| file.flush());
         written.map_err(|source| OutputError::Write { option: "--json", path, source })
+    }
+}
+
+/// Refuses two options that both write to standard output.
+///
+/// # Errors
+/// More than one of the options, each with its file, is standard output.
+pub fn expect_one_stdout(options: &[(&'static str, &Option<PathBuf>)]) -> Result<(), OutputError> {
+    let mut there = options.iter().filter(|(_, path)| path.as_deref().is_some_and(is_stdout));
+    match (there.next(), there.next()) {
+        (Some((one, _)), Some((other, _))) => Err(OutputError::StandardOutputTwice { one, other }),
+        _ => Ok(()),
     }
 }
 

@@ -250,6 +250,31 @@ fn a_model_that_does_not_fit_is_refused() {
 }
 
 #[test]
+fn standard_output_has_one_of_csv_json_and_report() {
+    let folder = folder();
+    let folder = folder.path();
+    save(folder, "m.toml", &[]);
+    let identify = |typed: &[&'static str]| [&["identify", RECORDS[0], "--train", "0.4"], typed].concat();
+    let predict = |typed: &[&'static str]| [&["predict", "m.toml", RECORDS[1]], typed].concat();
+    for typed in [
+        identify(&["--json", "-", "--csv", "-"]),
+        identify(&["--report", "-", "--csv", "-"]),
+        predict(&["--json", "-", "--csv", "-"]),
+    ] {
+        expect_refusal(folder, &typed, &["found -, as for --", "allowed: one of them on standard output"]);
+    }
+    assert!(success(folder, &identify(&["--csv", "-"])).starts_with("recording,t,input,output,one_step,"));
+    assert!(success(folder, &identify(&["--report", "-"])).starts_with("<!DOCTYPE html>"));
+    // `head` closes its end of the pipe early.
+    let program = env!("CARGO_BIN_EXE_hydraxis");
+    for typed in [identify(&["--csv", "-"]), predict(&["--csv", "-"])] {
+        let script = format!("{{ {program} {}; echo $? >&2; }} | head -1 > first.txt", typed.join(" "));
+        let output = Command::new("sh").current_dir(folder).args(["-c", &script]).output().unwrap();
+        assert_eq!(String::from_utf8_lossy(&output.stderr), "0\n", "{typed:?}");
+    }
+}
+
+#[test]
 fn an_identified_model_is_no_model_to_control_with() {
     let folder = folder();
     save(folder.path(), "m.toml", &[]);

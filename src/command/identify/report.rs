@@ -168,6 +168,11 @@ impl<'a> IdentifyReport<'a> {
         }
     }
 
+    /// Whether the model is usable.
+    pub fn is_usable(&self) -> bool {
+        self.verdict.is_usable()
+    }
+
     /// The verdict, and what it rests on.
     pub fn verdict(&self) -> (&'static str, String) {
         self.verdict.words(&self.ahead())

@@ -19,7 +19,10 @@ use std::io::{self, Write};
 use pipeline::message::model_fault;
 
 use super::{course::Moment, record::Record};
-use crate::report::figures::CoefficientLists;
+use crate::report::{
+    figures::CoefficientLists,
+    rows::{CsvRows, field},
+};
 
 /// Writes the rows of one record.
 pub struct Rows<'a> {
@@ -28,7 +31,7 @@ pub struct Rows<'a> {
     first_rows: Vec<usize>,
     /// Number of columns.
     columns: usize,
-    csv: csv::Writer<Box<dyn Write + 'a>>,
+    csv: CsvRows<'a>,
 }
 
 impl<'a> Rows<'a> {
@@ -37,7 +40,7 @@ impl<'a> Rows<'a> {
     /// # Errors
     /// The file cannot be written.
     pub fn new(file: Box<dyn Write + 'a>, record: &'a Record, model: &CoefficientLists) -> io::Result<Self> {
-        let mut csv = csv::Writer::from_writer(file);
+        let mut csv = CsvRows::new(file);
         let fixed = [
             "recording",
             "t",
@@ -60,7 +63,7 @@ impl<'a> Rows<'a> {
         header.extend(names("f", 1, model.f.len()));
         header.extend(names("g", 1, model.g.len()));
         header.extend(["drift".to_owned(), "forgetting_factor".to_owned()]);
-        csv.write_record(&header)?;
+        csv.write(&header)?;
         Ok(Self { record, first_rows: record.first_rows().collect(), columns: header.len(), csv })
     }
 
@@ -87,20 +90,14 @@ impl<'a> Rows<'a> {
             fields.extend(lists.chain([drift, snapshot.forgetting_factor]).map(field));
         }
         fields.resize(self.columns, String::new());
-        self.csv.write_record(&fields)?;
-        Ok(())
+        self.csv.write(&fields)
     }
 
     /// Ends the file.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn finish(mut self) -> io::Result<()> {
-        self.csv.flush()
+    pub fn finish(self) -> io::Result<()> {
+        self.csv.finish()
     }
-}
-
-/// A number; nothing for NaN.
-pub fn field(value: f64) -> String {
-    if value.is_nan() { String::new() } else { value.to_string() }
 }

@@ -21,7 +21,7 @@ const LARGEST_PART: f64 = 0.01;
 /// The verdict, as JSON has it.
 #[derive(Debug, Serialize)]
 pub struct Verdict {
-    pub usable: bool,
+    usable: bool,
     reasons: Vec<Reason>,
     /// h-step rmse of the adaptive model, as published, over that of holding still.
     to_holding_still: f64,
@@ -72,6 +72,11 @@ impl Verdict {
     pub fn of(found: impl IntoIterator<Item = (Reason, bool)>, to_holding_still: f64) -> Self {
         let reasons: Vec<Reason> = found.into_iter().filter(|(_, holds)| *holds).map(|(reason, _)| reason).collect();
         Self { usable: reasons.is_empty(), reasons, to_holding_still }
+    }
+
+    /// Whether the model is usable.
+    pub fn is_usable(&self) -> bool {
+        self.usable
     }
 
     /// The verdict as a line, whose first words are coloured on a terminal. `ahead` is the horizon.

@@ -90,8 +90,8 @@ impl Axis {
         let together = if 2 * together <= 2 { 1 } else { together };
         let mut all: Vec<[(f64, f64); 2]> = Vec::new();
         let mut count = 0;
-        for k in first..end {
-            let point = (self.times[k], values[k]);
+        for (k, value) in values.iter().enumerate().take(end).skip(first) {
+            let point = (self.times[k], *value);
             if !point.1.is_finite() || self.begins[k] {
                 all.push([(point.0, f64::NAN); 2]);
                 count = 0;

@@ -39,7 +39,7 @@ impl History {
 
     /// Keeps the model of this row, if it is its turn.
     pub fn see(&mut self, moment: &Moment<'_>) {
-        if !moment.is_trained() || moment.row % self.every != 0 {
+        if !moment.is_trained() || !moment.row.is_multiple_of(self.every) {
             return;
         }
         let members: Vec<_> = moment.identifier.bank().map_or_else(Vec::new, |bank| bank.members().collect());

@@ -73,7 +73,7 @@ fn html(
 ) -> Result<String, Box<dyn Error + Send + Sync>> {
     let mut page = Page::new(&format!("Identification of {}", shown.record.name()));
     let (word, why) = report.verdict();
-    page.verdict(word == "usable", word, &why);
+    page.verdict(report.is_usable(), word, &why);
     let (header, rows) = report.error_rows();
     page.table(&header, &rows);
     page.paragraph(&format!(

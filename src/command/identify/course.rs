@@ -72,13 +72,20 @@ impl Course {
             Self { adaptive: none(), held: none(), used: record.outputs.clone(), horizon: settings.horizon };
         let mut identifier = Identifier::new(settings);
         let mut x = Vec::new();
-        for stretch in record.stretches() {
+        for mut stretch in record.stretches() {
             for k in stretch.clone() {
-                let applied = (k > stretch.start).then(|| record.inputs[k - 1]);
+                let applied = (!record.begins[k]).then(|| record.inputs[k - 1]);
                 identifier.update(Some(record.outputs[k]), applied);
                 let snapshot = identifier.snapshot();
-                if snapshot.faults & model_fault::OUTLIER != 0 && course.adaptive.one_step[k].is_finite() {
+                let is_outlier = snapshot.faults & model_fault::OUTLIER != 0;
+                if is_outlier && course.adaptive.one_step[k].is_finite() {
                     course.used[k] = course.expected(k);
+                }
+                let is_step = snapshot.faults & model_fault::SAMPLE_SKIPPED != 0 && !is_outlier;
+                if is_step && k >= stretch.start + memory(&snapshot.adaptive) {
+                    // The estimator has believed a step of the output, and combines nothing over it.
+                    stretch.start = k;
+                    course.discard(k);
                 }
                 visit(&Moment { row: k, identifier: &identifier, snapshot: &snapshot, course: &course })?;
                 if snapshot.faults & model_fault::TRAINING == 0 {
@@ -97,6 +104,15 @@ impl Course {
 }
 
 impl Course {
+    /// Discards the predictions on their way to rows from k on.
+    fn discard(&mut self, k: usize) {
+        let end = (k + self.horizon).min(self.used.len());
+        for of in [&mut self.adaptive, &mut self.held] {
+            of.one_step[k] = f64::NAN;
+            of.h_step[k..end].fill(f64::NAN);
+        }
+    }
+
     /// What stands in the place of an outlier in row k.
     fn expected(&self, k: usize) -> f64 {
         let mut predictions = [self.adaptive.one_step[k], self.held.one_step[k], self.used[k - 1]];

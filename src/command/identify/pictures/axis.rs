@@ -62,10 +62,10 @@ impl Axis {
     pub fn line(&self, values: &[f64], (first, end): (usize, usize)) -> Vec<(f64, f64)> {
         let mut line = Vec::new();
         for [low, high] in self.extremes(values, (first, end)) {
-            // The order within so few rows cannot be seen.
-            line.push(low);
-            if high != low {
-                line.push(high);
+            let is_rising = low.0 <= high.0;
+            line.push(if is_rising { low } else { high });
+            if high != low && high.1.is_finite() {
+                line.push(if is_rising { high } else { low });
             }
         }
         line
@@ -86,8 +86,8 @@ impl Axis {
     /// Lowest and highest value of some rows each, so few that a line has about [`POINTS`] points. A value that is not
     /// finite stands where a line is broken.
     fn extremes(&self, values: &[f64], (first, end): (usize, usize)) -> Vec<[(f64, f64); 2]> {
-        let together = (2 * (end - first)).div_ceil(POINTS);
-        let together = if 2 * together <= 2 { 1 } else { together };
+        // Each group of rows has two points; as many points as rows need no groups.
+        let together = if end - first <= POINTS { 1 } else { (2 * (end - first)).div_ceil(POINTS) };
         let mut all: Vec<[(f64, f64); 2]> = Vec::new();
         let mut count = 0;
         for (k, value) in values.iter().enumerate().take(end).skip(first) {

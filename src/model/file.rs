@@ -288,6 +288,21 @@ mod tests {
     }
 
     #[test]
+    fn a_damaged_file_is_refused_or_a_model() {
+        let text = model().text();
+        let places: Vec<usize> = text.char_indices().map(|(place, _)| place).collect();
+        for place in places {
+            let damaged = ["", "-", "9", "]"].map(|sign| format!("{}{sign}{}", &text[..place], &text[place + 1..]));
+            for damaged in damaged.iter().map(String::as_str).chain([&text[..place]]) {
+                if let Ok(read) = IdentifiedModel::parse(damaged, "m.toml") {
+                    assert!(read.coefficients.is_finite() && read.coefficients.structure().is_some(), "{damaged}");
+                    assert!(read.period > 0.0 && read.horizon > 0, "{damaged}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn what_is_wrong_in_a_file_is_named_with_its_place() {
         let text = model().text();
         let changes = [

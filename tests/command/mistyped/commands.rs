@@ -49,7 +49,10 @@ const OPTIONS: &[Row] = &[
         &["--axes: found an unknown", "`--axis`?", "next: hydraxis commission --help"],
     ),
     ("commission four.toml --model", &["--model: found nothing; allowed: --model MODEL.toml", "next: "]),
-    ("identify", &["DATA: found nothing; allowed: DATA (Recording: CSV", "next: hydraxis identify --help"]),
+    (
+        "identify",
+        &["DATA: found nothing; allowed: DATA (Recordings: one row per sample", "next: hydraxis identify --help"],
+    ),
     ("identify record.csv --inputs u", &["--inputs: found an unknown", "`--input`?", "next: "]),
     ("bench control --seed 3", &["--machines: found nothing, and another option here needs it; allowed: --machines N"]),
     ("bench control --only 17", &["--machines: found nothing, and another option here needs it", "next: "]),

@@ -9,7 +9,8 @@
 //! - No file is for all users. iceoryx2 asks for mode 0666 for the file that counts its nodes; here it gets 0600.
 //! - A file that belongs to another user is not opened.
 //! - A file without a byte is one whose maker was killed between making it and giving it its length. iceoryx2 waits for
-//!   the length without end. Here the wait ends after the time-out, and iceoryx2 then removes the file of a dead process.
+//!   the length without end. Here the wait ends after the time-out, and iceoryx2 then removes the file of a dead
+//!   process.
 //!
 //! Names and layout are those of iceoryx2.
 //!

@@ -3,11 +3,11 @@
 //! | command | runs |
 //! |---|---|
 //! | `plant-sim`, `sensor-proc`, `ident-proc`, `control-proc` ([`stage`]) | one stage of the loop, in this process |
-//! | [`run`], [`operate`], [`status`] | beside the loop, in a process of its own |
+//! | [`run`], [`operate`], [`status`], [`record`] | beside the loop, in a process of its own |
 //! | [`commission`] | beside the loop, or on a simulated machine in this process |
 //! | [`simulate`], [`mod@bench`], [`identify`] | without a loop in real time, in this process |
 //! | [`init`], [`example`] | before there is a machine file |
-//! | [`check`], [`mechanism`], [`doctor`], [`clean`], [`mod@plot`] | before or after a run |
+//! | [`check`], [`mechanism`], [`doctor`], [`clean`], [`mod@plot`], [`info`], [`export`] | before or after a run |
 //! | [`completions`], [`manual`] | when the command is installed |
 
 mod bench;
@@ -17,12 +17,15 @@ mod commission;
 mod completions;
 mod doctor;
 mod example;
+mod export;
 mod identify;
+mod info;
 mod init;
 mod manual;
 mod mechanism;
 mod operate;
 mod plot;
+mod record;
 mod run;
 mod simulate;
 mod stage;
@@ -41,11 +44,14 @@ use commission::CommissionArguments;
 use completions::CompletionsArguments;
 use doctor::DoctorArguments;
 use example::ExampleArguments;
+use export::ExportArguments;
 use identify::IdentifyArguments;
+use info::InfoArguments;
 use init::InitArguments;
 use manual::ManualArguments;
 use operate::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
 use plot::PlotArguments;
+use record::RecordArguments;
 use run::RunArguments;
 use simulate::SimulateArguments;
 use stage::StageArguments;
@@ -89,6 +95,12 @@ pub enum Command {
     Reset(ResetArguments),
     /// Show the state of a running group: stages, channels, latencies, axes
     Status(StatusArguments),
+    /// Record all messages of a running group
+    Record(RecordArguments),
+    /// Show what a recording holds: channels, gaps, faults, changes of mode
+    Info(InfoArguments),
+    /// Write a recording as a table for other tools
+    Export(ExportArguments),
     /// Identify a Hammerstein model on a recording: classical and adaptive side by side
     Identify(Box<IdentifyArguments>),
     /// Compare controllers on the simulated machine
@@ -134,6 +146,9 @@ impl Command {
             Self::Disarm(arguments) => operate::disarm(arguments),
             Self::Reset(arguments) => operate::reset(arguments),
             Self::Status(arguments) => status::run(arguments),
+            Self::Record(arguments) => record::run(arguments),
+            Self::Info(arguments) => info::run(arguments),
+            Self::Export(arguments) => export::run(arguments),
             Self::Identify(arguments) => identify::run(arguments),
             Self::Bench(Bench::Control(arguments)) => bench::run(arguments),
             Self::Check(arguments) => check::run(arguments),

@@ -7,7 +7,8 @@
 //! | [`commission`] | beside the loop, or on a simulated machine in this process |
 //! | [`simulate`], [`mod@bench`], [`identify`] | without a loop in real time, in this process |
 //! | [`init`], [`example`] | before there is a machine file |
-//! | [`check`], [`mechanism`], [`doctor`], [`clean`], [`mod@plot`], [`info`], [`export`] | before or after a run |
+//! | [`check`], [`mechanism`], [`doctor`], [`clean`] | before or after a run |
+//! | [`info`], [`recover`], [`export`], [`mod@plot`] | with files that were written |
 //! | [`completions`], [`manual`] | when the command is installed |
 
 mod bench;
@@ -26,6 +27,7 @@ mod mechanism;
 mod operate;
 mod plot;
 mod record;
+mod recover;
 mod run;
 mod simulate;
 mod stage;
@@ -52,6 +54,7 @@ use manual::ManualArguments;
 use operate::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
 use plot::PlotArguments;
 use record::RecordArguments;
+use recover::RecoverArguments;
 use run::RunArguments;
 use simulate::SimulateArguments;
 use stage::StageArguments;
@@ -99,6 +102,8 @@ pub enum Command {
     Record(RecordArguments),
     /// Show what a recording holds: channels, gaps, faults, changes of mode
     Info(InfoArguments),
+    /// Write a damaged recording anew, as far as it can be read
+    Recover(RecoverArguments),
     /// Write a recording as a table for other tools
     Export(ExportArguments),
     /// Identify a Hammerstein model on a recording: classical and adaptive side by side
@@ -148,6 +153,7 @@ impl Command {
             Self::Status(arguments) => status::run(arguments),
             Self::Record(arguments) => record::run(arguments),
             Self::Info(arguments) => info::run(arguments),
+            Self::Recover(arguments) => recover::run(arguments),
             Self::Export(arguments) => export::run(arguments),
             Self::Identify(arguments) => identify::run(arguments),
             Self::Bench(Bench::Control(arguments)) => bench::run(arguments),

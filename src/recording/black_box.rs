@@ -25,8 +25,8 @@ use pipeline::{
 use mcap::McapResult;
 
 use super::{
-    clock_ns,
-    file::{Encoded, Facts, RecordingFile},
+    Facts, clock_ns,
+    file::{Encoded, RecordingFile},
     tape::{Strip, Tape},
 };
 

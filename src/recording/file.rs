@@ -18,15 +18,10 @@ use mcap::{
 };
 use pipeline::message::{Header, Message};
 
-use super::cdr;
-
-/// Facts about a recording, by name.
-pub type Facts = BTreeMap<String, String>;
-
-/// Name of the record of facts that are known at the beginning.
-pub const FACTS: &str = "hydraxis";
-/// Name of the record of facts that are known at the end only.
-pub const END_FACTS: &str = "hydraxis.end";
+use super::{
+    END_FACTS, FACTS, Facts, cdr,
+    reading::{ReadChannel, ReadMessage},
+};
 
 /// A message as it is in a file.
 pub struct Encoded {
@@ -73,12 +68,37 @@ impl RecordingFile {
         let writer = options.create(BufWriter::new(file))?;
         let mut file = Self { writer, file: same, channels: BTreeMap::new(), clock_ns };
         file.facts(FACTS, facts)?;
-        for (name, content) in attached {
-            let media_type = "text/plain".to_owned();
-            let data = content.as_slice().into();
-            file.writer.attach(&Attachment { log_time: 0, create_time: 0, name: name.clone(), media_type, data })?;
-        }
+        attached.iter().try_for_each(|(name, content)| file.attach(name, content))?;
         Ok(file)
+    }
+
+    /// Adds a file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn attach(&mut self, name: &str, content: &[u8]) -> McapResult<()> {
+        let media_type = "text/plain".to_owned();
+        let (name, data) = (name.to_owned(), content.into());
+        self.writer.attach(&Attachment { log_time: 0, create_time: 0, name, media_type, data })
+    }
+
+    /// Adds a channel of another recording. Its number in this file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn add_read_channel(&mut self, channel: &ReadChannel) -> McapResult<u16> {
+        let schema = self.writer.add_schema(&channel.type_name, "ros2msg", channel.schema.as_bytes())?;
+        self.writer.add_channel(schema, &channel.name, "cdr", &BTreeMap::new())
+    }
+
+    /// Adds a message of another recording, whose channel has the number `channel_id` in this file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write_read(&mut self, channel_id: u16, message: &ReadMessage) -> McapResult<()> {
+        let ReadMessage { log_ns, sent_ns, sequence, bytes, .. } = message;
+        let header = MessageHeader { channel_id, sequence: *sequence, log_time: *log_ns, publish_time: *sent_ns };
+        self.writer.write_to_known_channel(&header, bytes)
     }
 
     /// Adds a channel, whose messages may follow.

@@ -25,12 +25,20 @@ pub mod schema;
 pub mod store;
 pub mod tape;
 
-use std::{
-    path::PathBuf,
-    time::{SystemTime},
-};
+use std::{collections::BTreeMap, path::PathBuf, time::SystemTime};
 
 use pipeline::stage::monotonic_ns;
+
+/// Facts about a recording, by name.
+pub type Facts = BTreeMap<String, String>;
+
+/// Numbers by name of the channel.
+type Counts = BTreeMap<&'static str, u64>;
+
+/// Name of the record of facts that are known at the beginning.
+const FACTS: &str = "hydraxis";
+/// Name of the record of facts that are known at the end only.
+const END_FACTS: &str = "hydraxis.end";
 
 /// What is to be added to `CLOCK_MONOTONIC` for the time since 1970, ns.
 fn clock_ns() -> i64 {
@@ -47,4 +55,3 @@ pub fn default_folder() -> PathBuf {
     let state = variable("XDG_STATE_HOME").or_else(|| Some(variable("HOME")?.join(".local/state")));
     state.unwrap_or_else(std::env::temp_dir).join("hydraxis")
 }
-

@@ -21,8 +21,8 @@ use mcap::{
 use thiserror::Error;
 
 use super::{
-    file::{END_FACTS, FACTS, Facts},
-    schema::{self, Column, SchemaError},
+    END_FACTS, FACTS, Facts,
+    schema::{self, Column, SchemaError, Value},
 };
 
 /// Longest record and chunk, bytes: a file could ask for any length.
@@ -42,7 +42,7 @@ pub enum ReadingError {
         source: io::Error,
     },
     /// It is something else.
-    #[error("{}: found no MCAP file; allowed: a file that `hydraxis record` or `hydraxis run` has written", .0.display())]
+    #[error("{}: found no MCAP file; allowed: one that `hydraxis record` or `hydraxis run` has written", .0.display())]
     Foreign(PathBuf),
     /// A channel has another encoding, or a schema that no message has.
     #[error("{}: byte {byte}: channel \"{channel}\": {what}", .path.display())]
@@ -91,6 +91,8 @@ pub struct ReadChannel {
     pub name: String,
     /// Name of the type of its messages.
     pub type_name: String,
+    /// Its schema as text.
+    pub schema: String,
     /// What a message has.
     pub columns: Vec<Column>,
 }
@@ -109,8 +111,37 @@ pub struct ReadMessage {
     pub channel: Rc<ReadChannel>,
     /// When it was read from the channel, ns since 1970.
     pub log_ns: u64,
+    /// When it was sent, ns since 1970.
+    pub sent_ns: u64,
+    /// Lower half of its number.
+    pub sequence: u32,
     /// The message as CDR.
     pub bytes: Vec<u8>,
+}
+
+/// Some numbers of the messages of one channel, by the names of their columns.
+#[derive(Debug, Default)]
+pub struct Picked {
+    names: Vec<String>,
+    /// The channel of the last message, for which the columns were looked up.
+    channel: Option<Rc<ReadChannel>>,
+    columns: Vec<Option<Column>>,
+}
+
+impl Picked {
+    /// The numbers with these names.
+    pub fn new(names: impl IntoIterator<Item = String>) -> Self {
+        Self { names: names.into_iter().collect(), channel: None, columns: Vec::new() }
+    }
+
+    /// Their values in a message, in the order of the names; none where the message has no such number.
+    pub fn values(&mut self, message: &ReadMessage) -> impl Iterator<Item = Option<Value>> {
+        if !self.channel.as_ref().is_some_and(|channel| Rc::ptr_eq(channel, &message.channel)) {
+            self.columns = self.names.iter().map(|name| message.channel.column(name).cloned()).collect();
+            self.channel = Some(Rc::clone(&message.channel));
+        }
+        self.columns.iter().map(|column| column.as_ref()?.value(&message.bytes))
+    }
 }
 
 /// A recording that is read from its beginning.
@@ -235,7 +266,8 @@ impl Reading {
             Record::Message { header, data } => match self.channels.get(&header.channel_id) {
                 Some(channel) => {
                     let channel = Rc::clone(channel);
-                    return Ok(Some(ReadMessage { channel, log_ns: header.log_time, bytes: data.into_owned() }));
+                    let (log_ns, sent_ns, sequence) = (header.log_time, header.publish_time, header.sequence);
+                    return Ok(Some(ReadMessage { channel, log_ns, sent_ns, sequence, bytes: data.into_owned() }));
                 }
                 None => self.end(format!("a message of channel {}, which is not defined", header.channel_id)),
             },
@@ -260,7 +292,8 @@ impl Reading {
             return Err(ChannelProblem::Encoding { found: encoding.clone() });
         }
         let text = std::str::from_utf8(text).map_err(|_| ChannelProblem::NoText)?;
-        Ok(ReadChannel { name: name.to_owned(), type_name: type_name.clone(), columns: schema::columns(text)? })
+        let columns = schema::columns(text)?;
+        Ok(ReadChannel { name: name.to_owned(), type_name: type_name.clone(), schema: text.to_owned(), columns })
     }
 
     /// Takes in what the reader says: another kind of file is an error, a damaged one ends here.

@@ -4,7 +4,6 @@
 //! waits for the writer: a queue is between them, and a batch that finds the queue full is counted and dropped.
 
 use std::{
-    collections::BTreeMap,
     sync::mpsc::{SyncSender, TrySendError, sync_channel},
     thread::{self, JoinHandle},
     time::{Duration, Instant},
@@ -19,15 +18,12 @@ use pipeline::{
     stage::monotonic_ns,
 };
 
-use super::{file::Encoded, store::Store};
+use super::{Counts, file::Encoded, store::Store};
 
 /// Time between two batches: what a kill of the recorder loses.
 pub const BATCH: Duration = Duration::from_millis(100);
 /// Batches that wait for the writer at most: ten seconds of all messages.
 const WAITING: usize = 100;
-
-/// Numbers by name of the channel.
-pub type Counts = BTreeMap<&'static str, u64>;
 
 /// All channels of a group, read by one reader each.
 struct Channels {

@@ -79,15 +79,6 @@ impl Value {
     pub fn as_u64(self) -> u64 {
         if let Self::Unsigned(value) = self { value } else { 0 }
     }
-
-    /// The number with the precision of a float.
-    pub fn as_f64(self) -> f64 {
-        match self {
-            Self::Unsigned(value) => value as f64,
-            Self::Signed(value) => value as f64,
-            Self::Float(value) => value,
-        }
-    }
 }
 
 impl std::fmt::Display for Value {

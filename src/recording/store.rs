@@ -4,8 +4,8 @@
 //! writing --the disk refuses--> broken: messages are counted, a new file is tried every few seconds --> writing
 //! ```
 //!
-//! The disk can be full, slow or gone. That is said once, and once more when files can be written again. A file that the
-//! disk has refused stays as it is: it can be read up to there.
+//! The disk can be full, slow or gone. That is said once, and once more when files can be written again. A file that
+//! the disk has refused stays as it is: it can be read up to there.
 
 use std::{
     fs, io,
@@ -19,9 +19,8 @@ use pipeline::message::{
 };
 
 use super::{
-    clock_ns,
-    file::{Encoded, Facts, RecordingFile},
-    recorder::Counts,
+    Counts, Facts, clock_ns,
+    file::{Encoded, RecordingFile},
 };
 
 /// Beginning and end of the names of recordings in a folder.

@@ -56,7 +56,7 @@ impl Rows for ChannelTable {
         })
     }
 
-    fn finish(&mut self, _: &[String], _: &mut Sheet) -> Result<(), Failure> {
+    fn finish(&mut self, _: &mut Sheet) -> Result<(), Failure> {
         Ok(())
     }
 }

@@ -6,24 +6,23 @@ use pipeline::message::{EncoderSample, Message, ValveCommand};
 
 use crate::{
     failure::Failure,
-    recording::{reading::ReadMessage, schema::Value},
+    recording::{
+        reading::{Picked, ReadMessage},
+        schema::Value,
+    },
 };
 
 use super::{Rows, Sheet};
 
 /// Samples that wait for their commands.
 const WAITING: usize = 64;
-/// Columns of every axis from the sample, with their fields and units.
-const OF_SAMPLE: [(&str, &str, &str); 3] =
-    [("position", "position", "m"), ("velocity", "velocity", "m/s"), ("faults", "faults", "")];
-/// Columns of every axis from the command, with their fields and units.
-const OF_COMMAND: [(&str, &str, &str); 5] = [
-    ("command", "command", ""),
-    ("reference", "reference", "m"),
-    ("error", "error", "m"),
-    ("mode", "mode", ""),
-    ("flags", "flags", ""),
-];
+/// Numbers of the header before those of the axes: the tick, and the time of its acquisition.
+const OF_HEADER: [&str; 2] = ["header.sequence", "header.acquired_ns"];
+/// Columns of every axis from the sample, with their units.
+const OF_SAMPLE: [(&str, &str); 3] = [("position", "m"), ("velocity", "m/s"), ("faults", "")];
+/// Columns of every axis from the command, with their units.
+const OF_COMMAND: [(&str, &str); 5] =
+    [("command", ""), ("reference", "m"), ("error", "m"), ("mode", ""), ("flags", "")];
 
 /// A row that may wait for its command.
 struct Row {
@@ -37,89 +36,101 @@ struct Row {
 pub(super) struct LoopTable {
     /// Axes that were asked for; none for all.
     asked: Vec<String>,
+    /// Names of the axes of the table; none before the first message.
+    axes: Option<Vec<String>>,
+    sample: Picked,
+    command: Picked,
     begin_ns: Option<u64>,
     waiting: VecDeque<Row>,
 }
 
+/// Tick, time of the acquisition, and the numbers of the axes as texts.
+fn numbers(picked: &mut Picked, message: &ReadMessage) -> (u64, u64, Vec<String>) {
+    let mut values = picked.values(message);
+    let mut header = || values.next().flatten().map_or(0, Value::as_u64);
+    let (tick, acquired_ns) = (header(), header());
+    (tick, acquired_ns, values.map(|value| value.map_or(String::new(), |value| value.to_string())).collect())
+}
+
 impl LoopTable {
     pub(super) fn new(asked: Vec<String>) -> Self {
-        Self { asked, begin_ns: None, waiting: VecDeque::new() }
+        Self {
+            asked,
+            axes: None,
+            sample: Picked::default(),
+            command: Picked::default(),
+            begin_ns: None,
+            waiting: VecDeque::new(),
+        }
     }
 
-    /// Indices of the axes of the table.
-    fn axes<'a>(&self, axes: &'a [String]) -> Vec<(usize, &'a String)> {
-        let is_asked = |(_, name): &(usize, &String)| self.asked.is_empty() || self.asked.contains(name);
-        axes.iter().enumerate().filter(is_asked).collect()
-    }
-
-    fn values(&self, message: &ReadMessage, axes: &[String], fields: &[(&str, &str, &str)]) -> Vec<String> {
-        let value = |name: String| {
-            let value = message.channel.column(&name).and_then(|column| column.value(&message.bytes));
-            value.map_or(String::new(), |value| value.to_string())
+    /// Chooses the axes of the table among those of the recording.
+    fn choose(&mut self, all: &[String]) {
+        let is_asked = |name: &String| self.asked.is_empty() || self.asked.contains(name);
+        let chosen: Vec<(usize, &String)> = all.iter().enumerate().filter(|(_, name)| is_asked(name)).collect();
+        let picked = |fields: &[(&str, &str)]| {
+            let of_axes =
+                chosen.iter().flat_map(|(i, _)| fields.iter().map(move |(name, _)| format!("axes[{i}].{name}")));
+            Picked::new(OF_HEADER.map(str::to_owned).into_iter().chain(of_axes))
         };
-        let of_axis = |(i, _): (usize, &String)| fields.iter().map(move |(_, field, _)| format!("axes[{i}].{field}"));
-        self.axes(axes).into_iter().flat_map(of_axis).map(value).collect()
+        (self.sample, self.command) = (picked(&OF_SAMPLE), picked(&OF_COMMAND));
+        self.axes = Some(chosen.into_iter().map(|(_, name)| name.clone()).collect());
     }
 
     /// Writes the first row that waits.
-    fn write(&mut self, axes: &[String], out: &mut Sheet) -> Result<(), Failure> {
-        let Some(Row { tick, acquired_ns, of_sample, of_command, .. }) = self.waiting.pop_front() else { return Ok(()) };
-        out.header(|| self.header(axes))?;
+    fn write(&mut self, out: &mut Sheet) -> Result<(), Failure> {
+        let Some(Row { tick, acquired_ns, of_sample, of_command }) = self.waiting.pop_front() else { return Ok(()) };
+        let axes = self.axes.as_deref().unwrap_or_default();
+        out.header(|| header(axes))?;
         let begin = *self.begin_ns.get_or_insert(acquired_ns);
         let t = acquired_ns.saturating_sub(begin) as f64 * 1e-9;
-        let count = self.axes(axes).len();
         out.row(t, || {
             let mut row = vec![format!("{t:.9}"), tick.to_string()];
-            let of_command = of_command.unwrap_or_else(|| vec![String::new(); OF_COMMAND.len() * count]);
-            for axis in 0..count {
-                row.extend_from_slice(&of_sample[axis * OF_SAMPLE.len()..][..OF_SAMPLE.len()]);
-                row.extend_from_slice(&of_command[axis * OF_COMMAND.len()..][..OF_COMMAND.len()]);
+            let of_command = of_command.unwrap_or_else(|| vec![String::new(); OF_COMMAND.len() * axes.len()]);
+            for (sample, command) in of_sample.chunks(OF_SAMPLE.len()).zip(of_command.chunks(OF_COMMAND.len())) {
+                row.extend_from_slice(sample);
+                row.extend_from_slice(command);
             }
             row
         })
     }
+}
 
-    fn header(&self, axes: &[String]) -> Vec<(String, &'static str)> {
-        let mut columns = vec![("t".to_owned(), "s"), ("tick".to_owned(), "")];
-        for (_, axis) in self.axes(axes) {
-            let all = OF_SAMPLE.iter().chain(&OF_COMMAND);
-            columns.extend(all.map(|(name, _, unit)| (format!("{axis}.{name}"), *unit)));
-        }
-        columns
-    }
+/// Names and units of the columns.
+fn header(axes: &[String]) -> Vec<(String, &'static str)> {
+    let all = || OF_SAMPLE.iter().chain(&OF_COMMAND);
+    let of_axes = axes.iter().flat_map(|axis| all().map(move |(name, unit)| (format!("{axis}.{name}"), *unit)));
+    [("t".to_owned(), "s"), ("tick".to_owned(), "")].into_iter().chain(of_axes).collect()
 }
 
 impl Rows for LoopTable {
     fn message(&mut self, message: &ReadMessage, axes: &[String], out: &mut Sheet) -> Result<(), Failure> {
-        let header = |name: &str| {
-            let column = message.channel.column(&format!("header.{name}"));
-            column.and_then(|column| column.value(&message.bytes)).map_or(0, Value::as_u64)
-        };
+        if self.axes.is_none() {
+            self.choose(axes);
+        }
         if message.channel.name == EncoderSample::CHANNEL {
-            let of_sample = self.values(message, axes, &OF_SAMPLE);
-            let (tick, acquired_ns) = (header("sequence"), header("acquired_ns"));
+            let (tick, acquired_ns, of_sample) = numbers(&mut self.sample, message);
             self.waiting.push_back(Row { tick, acquired_ns, of_sample, of_command: None });
             if self.waiting.len() > WAITING {
-                self.write(axes, out)?;
+                self.write(out)?;
             }
         } else if message.channel.name == ValveCommand::CHANNEL {
-            let (tick, acquired_ns) = (header("sequence"), header("acquired_ns"));
-            let values = self.values(message, axes, &OF_COMMAND);
-            // A session of sensor-proc begins at tick 0 again; the time of the acquisition tells the two apart.
+            let (tick, acquired_ns, of_command) = numbers(&mut self.command, message);
+            // A sensor-proc that starts again may count from 0; the time of the acquisition tells the two apart.
             let is_answered = |row: &&mut Row| row.tick == tick && row.acquired_ns == acquired_ns;
             if let Some(row) = self.waiting.iter_mut().find(is_answered) {
-                row.of_command = Some(values);
+                row.of_command = Some(of_command);
             }
             while self.waiting.front().is_some_and(|row| row.of_command.is_some()) {
-                self.write(axes, out)?;
+                self.write(out)?;
             }
         }
         Ok(())
     }
 
-    fn finish(&mut self, axes: &[String], out: &mut Sheet) -> Result<(), Failure> {
+    fn finish(&mut self, out: &mut Sheet) -> Result<(), Failure> {
         while !self.waiting.is_empty() {
-            self.write(axes, out)?;
+            self.write(out)?;
         }
         Ok(())
     }

@@ -61,7 +61,7 @@ trait Rows {
     /// Takes a message in; the rows that are complete by it are written.
     fn message(&mut self, message: &ReadMessage, axes: &[String], out: &mut Sheet) -> Result<(), Failure>;
     /// Writes the rows that wait for more.
-    fn finish(&mut self, axes: &[String], out: &mut Sheet) -> Result<(), Failure>;
+    fn finish(&mut self, out: &mut Sheet) -> Result<(), Failure>;
 }
 
 /// Runs the command.
@@ -84,7 +84,7 @@ pub fn run(arguments: &ExportArguments) -> Result<(), Failure> {
         rows.message(&read, &reading.axes(), &mut out)?;
         message = reading.next().map_err(Failure::usage)?;
     }
-    rows.finish(&reading.axes(), &mut out)?;
+    rows.finish(&mut out)?;
     out.finish(&reading)
 }
 

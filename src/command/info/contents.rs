@@ -10,8 +10,9 @@ use serde::Serialize;
 
 use crate::{
     recording::{
-        file::Facts,
-        reading::{ReadChannel, ReadMessage, Reading, ReadingError},
+        Facts,
+        reading::{Picked, ReadChannel, ReadMessage, Reading, ReadingError},
+        schema::Value,
     },
     report::table::{number, table},
 };
@@ -46,8 +47,8 @@ struct ChannelReport {
     longest_gap_s: f64,
     /// Messages that are missing between those in the file.
     missing: u64,
-    /// Publishers after the first one: their stage has started again.
-    restarts: u64,
+    /// Lives of programs that sent on the channel: a stage that starts again begins another one.
+    publishers: usize,
 }
 
 /// Something that happened to an axis.
@@ -65,8 +66,8 @@ struct ChannelWatch {
     report: ChannelReport,
     first_ns: u64,
     last_ns: u64,
-    /// Session and number of the last message.
-    last: Option<(u64, u64)>,
+    /// Number of the last message of each session.
+    last: BTreeMap<u64, u64>,
 }
 
 impl ChannelWatch {
@@ -80,59 +81,56 @@ impl ChannelWatch {
         self.report.longest_gap_s = self.report.longest_gap_s.max(gap);
         self.last_ns = self.last_ns.max(message.log_ns);
         self.report.messages += 1;
-        let now = field("header.session").zip(field("header.number"));
-        match (self.last, now) {
-            (Some((before, last)), Some((session, next))) if before == session => {
-                self.report.missing += next.saturating_sub(last).saturating_sub(1);
-            }
-            (Some(_), Some(_)) => self.report.restarts += 1,
-            _ => {}
+        let Some((session, number)) = field("header.session").zip(field("header.number")) else { return };
+        if let Some(last) = self.last.insert(session, number) {
+            self.report.missing += number.saturating_sub(last).saturating_sub(1);
         }
-        self.last = now;
     }
 
     fn finish(mut self, channel: &ReadChannel) -> ChannelReport {
         let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 * 1e-9;
         let steps = self.report.messages.saturating_sub(1) as f64;
         self.report.rate_hz = if seconds > 0.0 { steps / seconds } else { 0.0 };
+        self.report.publishers = self.last.len();
         self.report.channel = channel.name.clone();
         self.report
     }
 }
 
-/// State of an axis in the last command: operation, controller, latches.
-type AxisState = (u32, u32, u64);
+/// Numbers of an axis in a command that tell events.
+const TELLING: [&str; 4] = ["operation", "mode", "latches", "latched_by"];
 
 /// Finds events in the commands.
 #[derive(Debug, Default)]
 struct EventWatch {
-    axes: BTreeMap<usize, AxisState>,
+    picked: Option<Picked>,
+    /// The telling numbers of all axes in the last command.
+    last: Vec<u64>,
     events: Vec<Event>,
 }
 
 impl EventWatch {
     fn look(&mut self, message: &ReadMessage, names: &[String], begin_ns: u64) {
         let at_s = message.log_ns.saturating_sub(begin_ns) as f64 * 1e-9;
-        for (i, name) in names.iter().enumerate() {
-            let field = |field: &str| {
-                let column = message.channel.column(&format!("axes[{i}].{field}"))?;
-                Some(column.value(&message.bytes)?.as_u64())
-            };
-            let all = (field("operation"), field("mode"), field("latches"), field("latched_by"));
-            let (Some(operation), Some(mode), Some(latches), Some(by)) = all else { continue };
-            let now = (operation as u32, mode as u32, latches);
-            let before = self.axes.insert(i, now);
+        let picked = self.picked.get_or_insert_with(|| {
+            let of_axis = |i: usize| TELLING.map(|field| format!("axes[{i}].{field}"));
+            Picked::new((0..names.len()).flat_map(of_axis))
+        });
+        let now: Vec<u64> = picked.values(message).map(|value| value.map_or(0, Value::as_u64)).collect();
+        let before = std::mem::replace(&mut self.last, now);
+        let axes = names.iter().zip(before.chunks(TELLING.len())).zip(self.last.chunks(TELLING.len()));
+        for ((name, before), now) in axes {
             let mut event = |what: String| self.events.push(Event { at_s, axis: name.clone(), what });
-            let Some(before) = before else { continue };
-            if now.2 > before.2 {
-                let faults: Vec<&str> = bit_names(by as u32, &control_flag::NAMES).collect();
+            let (operation, mode) = (now[0] as u32, now[1] as u32);
+            if now[2] > before[2] {
+                let faults: Vec<&str> = bit_names(now[3] as u32, &control_flag::NAMES).collect();
                 event(format!("latched by {}", faults.join(", ")));
             }
-            if now.0 != before.0 {
-                event(format!("operated: {}", AxisMode::from_number(now.0).map_or("unknown", AxisMode::name)));
+            if now[0] != before[0] {
+                event(format!("operated: {}", AxisMode::from_number(operation).map_or("unknown", AxisMode::name)));
             }
-            if now.1 != before.1 {
-                event(format!("commanded by: {}", ControlMode::name(now.1)));
+            if now[1] != before[1] {
+                event(format!("commanded by: {}", ControlMode::name(mode)));
             }
         }
     }
@@ -155,9 +153,8 @@ impl ContentsReport {
                 events.look(&message, &reading.axes(), begin_ns);
             }
         }
-        let finish = |channel: &std::rc::Rc<ReadChannel>| {
-            watches.remove(&channel.name).unwrap_or_default().finish(channel)
-        };
+        let finish =
+            |channel: &std::rc::Rc<ReadChannel>| watches.remove(&channel.name).unwrap_or_default().finish(channel);
         let channels = reading.channels().map(finish).collect();
         let begin_time = begin.map(|ns| humantime::format_rfc3339_millis(UNIX_EPOCH + Duration::from_nanos(ns)));
         Ok(Self {
@@ -199,10 +196,10 @@ impl ContentsReport {
                 number(1e3 * channel.longest_gap_s),
                 channel.missing.to_string(),
                 lost.to_owned(),
-                channel.restarts.to_string(),
+                channel.publishers.to_string(),
             ]
         };
-        let header = ["channel", "messages", "Hz", "longest gap, ms", "missing", "lost", "restarts"];
+        let header = ["channel", "messages", "Hz", "longest gap, ms", "missing", "lost", "publishers"];
         text += &format!("{}\n", table(&header, self.channels.iter().map(row).collect()));
         for Event { at_s, axis, what } in self.events.iter().take(SHOWN_EVENTS) {
             text += &format!("{at_s:9.3} s  {axis}: {what}\n");

@@ -16,7 +16,8 @@ Examples:
   hydraxis info demo.mcap
   hydraxis info fault-2026-01-31T10-20-30.125Z-demo.mcap --json -
 
-A file without an end, as a kill or a full disk leaves it, is read as far as it goes. Exit codes: 0 read, 2 no recording.")]
+A file without an end, as a kill or a full disk leaves it, is read as far as it goes. Exit codes: 0 read, 2 no
+recording.")]
 pub struct InfoArguments {
     /// A recording, or a black box
     #[arg(value_name = "FILE.mcap")]

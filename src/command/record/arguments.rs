@@ -42,7 +42,8 @@ pub struct RecordArguments {
 pub fn size(text: &str) -> Result<u64, String> {
     let allowed = || format!("allowed: {} MB or more, such as 500MB or 2GB", LEAST / 1_000_000);
     let units = [("MB", 1e6), ("GB", 1e9), ("TB", 1e12)];
-    let (number, unit) = units.iter().find_map(|(unit, size)| Some((text.strip_suffix(unit)?, size))).ok_or_else(allowed)?;
+    let (number, unit) =
+        units.iter().find_map(|(unit, size)| Some((text.strip_suffix(unit)?, size))).ok_or_else(allowed)?;
     let bytes = number.trim().parse::<f64>().map_err(|_| allowed())? * unit;
     if bytes >= LEAST as f64 && bytes <= 1e18 { Ok(bytes as u64) } else { Err(allowed()) }
 }

@@ -26,8 +26,7 @@ use crate::{
         signals::stop_flag,
     },
     recording::{
-        default_folder,
-        file::Facts,
+        Facts, default_folder,
         recorder::{Recorded, Recorder},
         store::{Contents, Place, Store},
     },

@@ -7,8 +7,8 @@
 use std::{
     fs, io,
     path::{Path, PathBuf},
-    thread::JoinHandle,
-    time::{Duration, SystemTime},
+    thread::{JoinHandle, sleep},
+    time::{Duration, Instant, SystemTime},
 };
 
 use pipeline::{
@@ -36,6 +36,11 @@ pub const SPAN: Duration = Duration::from_secs(10);
 const AFTER: Duration = Duration::from_secs(1);
 /// Least time between two snapshots: a snapshot is by far the largest message.
 const SNAPSHOTS_APART: Duration = Duration::from_millis(50);
+/// Longest wait for the disk at the end of a run. What was written by then is in the memory of the system, from which
+/// the disk takes it later.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Time between two looks at the writer while the run ends.
+const LOOK: Duration = Duration::from_millis(5);
 /// Files that are kept in a folder.
 pub const MOST_FILES: usize = 20;
 /// Beginning and end of their names.
@@ -218,9 +223,18 @@ impl BlackBox {
         Some(self.last.map_or(fault, |last| fault.max(after(last, SPAN - AFTER))))
     }
 
-    /// What the writer says once it has ended; `waits` for it.
+    /// What the writer says once it has ended; `waits` for it, but not for a disk that takes nothing.
     fn written(&mut self, waits: bool) -> Option<String> {
+        let until = Instant::now() + if waits { PATIENCE } else { Duration::ZERO };
+        while self.writer.as_ref().is_some_and(|writer| !writer.is_finished()) && Instant::now() < until {
+            sleep(LOOK);
+        }
         let writer = self.writer.take_if(|writer| waits || writer.is_finished())?;
+        if !writer.is_finished() {
+            let patience = humantime::format_duration(PATIENCE);
+            let folder = self.folder.display();
+            return Some(format!("warning: {folder}: the disk has not confirmed the black box within {patience}"));
+        }
         Some(writer.join().unwrap_or_else(|_| "warning: the black box could not be written".to_owned()))
     }
 
@@ -305,6 +319,22 @@ mod tests {
         assert_eq!(black_box.due(), Some(6_000_000_000));
         black_box.last = Some(4_000_000_000);
         assert_eq!(black_box.due(), Some(13_000_000_000));
+    }
+
+    #[test]
+    fn the_end_of_a_run_does_not_wait_for_a_disk_that_takes_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut black_box = black_box(folder.path());
+        black_box.writer = Some(std::thread::spawn(|| {
+            sleep(20 * PATIENCE);
+            String::new()
+        }));
+        assert_eq!(black_box.written(false), None);
+        let began = Instant::now();
+        assert!(black_box.written(true).unwrap().contains("not confirmed"));
+        assert!(began.elapsed() < 2 * PATIENCE && black_box.writer.is_none());
+        black_box.writer = Some(std::thread::spawn(|| "done".to_owned()));
+        assert_eq!(black_box.written(true).unwrap(), "done");
     }
 
     #[test]

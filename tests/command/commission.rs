@@ -104,7 +104,10 @@ fn an_experiment_that_ends_early_says_why_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     for (arguments, expected) in [
         // The pump cannot lift the boom.
-        (&["--set", "supply.pressure=1e6"][..], "axis.boom: ended, valve neutral: does not extend up to a command of"),
+        (
+            &["--set", "supply.pressure=1e6"][..],
+            "axis.boom: ended, valve neutral: does not extend by 2.0 mm/s or more up",
+        ),
         (&["--travel", "0.01"][..], "axis.boom: ended, valve neutral: window: found 0.0100 m of travel"),
         (&["--speed", "0.01"][..], "axis.boom: ended, valve neutral: speed: found 0.01"),
         (&["--duration", "10s"][..], "axis.boom: ended, valve neutral: duration: found 10.0 s"),

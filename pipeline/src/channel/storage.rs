@@ -2,12 +2,14 @@
 //! another user.
 //!
 //! iceoryx2 makes its files with `ftruncate`, which allocates no page. The first write to a page allocates it. In a
-//! full `/dev/shm` this write ends the process with SIGBUS. [`Reserved`] is the storage of iceoryx2 with three
+//! full `/dev/shm` this write ends the process with SIGBUS. [`Reserved`] is the storage of iceoryx2 with four
 //! differences:
 //!
 //! - All pages of a file are allocated when it is made. Without room for them, making it fails with an error.
 //! - No file is for all users. iceoryx2 asks for mode 0666 for the file that counts its nodes; here it gets 0600.
 //! - A file that belongs to another user is not opened.
+//! - A file without a byte is one whose maker was killed between making it and giving it its length. iceoryx2 waits for
+//!   the length without end. Here the wait ends after the time-out, and iceoryx2 then removes the file of a dead process.
 //!
 //! Names and layout are those of iceoryx2.
 //!
@@ -22,7 +24,8 @@ use std::{
     os::unix::fs::{MetadataExt, OpenOptionsExt},
     path::{Path, PathBuf},
     ptr::NonNull,
-    time::Duration,
+    thread::sleep,
+    time::{Duration, Instant},
 };
 
 use iceoryx2::prelude::FileName;
@@ -47,6 +50,9 @@ use rustix::{
 
 use super::prefix::SHARED_MEMORY;
 
+/// Time between two looks at a file that another process is making.
+const LOOK: Duration = Duration::from_millis(1);
+
 /// What is in the storage of iceoryx2 for a value.
 pub trait Stored: fmt::Debug + Send + Sync + ZeroCopySend + 'static {}
 
@@ -65,6 +71,8 @@ pub struct Builder<'b, T: Stored> {
     name: FileName,
     config: <Ipc<T> as NamedConceptMgmt>::Configuration,
     initializer: Box<Initializer<'b, T>>,
+    /// Longest wait for another process that is just making the file.
+    timeout: Duration,
 }
 
 impl<T: Stored> fmt::Debug for Builder<'_, T> {
@@ -92,7 +100,13 @@ impl<'b, T: Stored> Builder<'b, T> {
 impl<T: Stored> NamedConceptBuilder<Reserved<T>> for Builder<'_, T> {
     fn new(name: &FileName) -> Self {
         let config = <Ipc<T> as NamedConceptMgmt>::Configuration::default();
-        Self { inner: NamedConceptBuilder::new(name), name: *name, config, initializer: Box::new(|_, _| false) }
+        Self {
+            inner: NamedConceptBuilder::new(name),
+            name: *name,
+            config,
+            initializer: Box::new(|_, _| false),
+            timeout: Duration::ZERO,
+        }
     }
 
     fn config(mut self, config: &<Ipc<T> as NamedConceptMgmt>::Configuration) -> Self {
@@ -119,6 +133,7 @@ impl<'b, T: Stored> DynamicStorageBuilder<'b, T, Reserved<T>> for Builder<'b, T>
 
     fn timeout(mut self, value: Duration) -> Self {
         self.inner = self.inner.timeout(value);
+        self.timeout = value;
         self
     }
 
@@ -137,6 +152,7 @@ impl<'b, T: Stored> DynamicStorageBuilder<'b, T, Reserved<T>> for Builder<'b, T>
         if is_foreign(&path) {
             return Err(DynamicStorageOpenError::InternalError);
         }
+        await_length(&path, self.timeout)?;
         let opened = self.ready().open(access_mode)?;
         if is_foreign(&path) { Err(DynamicStorageOpenError::InternalError) } else { Ok(Reserved(opened)) }
     }
@@ -147,6 +163,7 @@ impl<'b, T: Stored> DynamicStorageBuilder<'b, T, Reserved<T>> for Builder<'b, T>
         if is_foreign(&path) {
             return Err(refused());
         }
+        await_length(&path, self.timeout)?;
         if !path.exists() {
             probe().map_err(|_| DynamicStorageCreateError::InitializationFailed)?;
         }
@@ -230,6 +247,18 @@ fn is_foreign(path: &Path) -> bool {
     path.symlink_metadata().is_ok_and(|found| found.uid() != geteuid().as_raw())
 }
 
+/// Waits until a file that another process is making has its length. A file that is not there is nothing to wait for.
+fn await_length(path: &Path, timeout: Duration) -> Result<(), DynamicStorageOpenError> {
+    let began = Instant::now();
+    while path.symlink_metadata().is_ok_and(|found| found.len() == 0) {
+        if began.elapsed() >= timeout {
+            return Err(DynamicStorageOpenError::InitializationNotYetFinalized);
+        }
+        sleep(LOOK);
+    }
+    Ok(())
+}
+
 /// Allocates all pages of a file. Pages that are there keep what is in them.
 fn allocate(path: &Path) -> std::io::Result<()> {
     let file = OpenOptions::new().write(true).custom_flags(OFlags::NOFOLLOW.bits() as i32).open(path)?;
@@ -251,5 +280,38 @@ fn reserve(file: &File, length: u64) -> Result<(), Errno> {
             Err(Errno::INTR) => {}
             done => return done,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{sync::mpsc::channel, thread::spawn};
+
+    use iceoryx2::prelude::SemanticString;
+
+    use super::*;
+
+    /// What opening a storage says whose maker was killed before the file had a length; none while it waits.
+    fn of_dead_maker<E: Send + 'static>(
+        name: &str,
+        open: impl FnOnce(Builder<'_, u64>) -> Result<Reserved<u64>, E> + Send + 'static,
+    ) -> Option<Result<(), E>> {
+        let name = FileName::new(format!("{name}-{}", std::process::id()).as_bytes()).unwrap();
+        let builder = Builder::<u64>::new(&name);
+        let path = builder.path();
+        OpenOptions::new().create_new(true).write(true).mode(0o200).open(&path).unwrap();
+        let (said, saying) = channel();
+        spawn(move || said.send(open(Builder::new(&name).timeout(Duration::from_millis(50))).map(|_| ())));
+        let said = saying.recv_timeout(Duration::from_secs(5)).ok();
+        std::fs::remove_file(path).unwrap();
+        said
+    }
+
+    #[test]
+    fn a_file_whose_maker_was_killed_keeps_nobody_waiting() {
+        let opened = of_dead_maker("t-no-length-open", |builder| builder.open(AccessMode::ReadWrite));
+        assert_eq!(opened, Some(Err(DynamicStorageOpenError::InitializationNotYetFinalized)));
+        let made = of_dead_maker("t-no-length-make", |builder| builder.open_or_create());
+        assert_eq!(made, Some(Err(DynamicStorageOpenError::InitializationNotYetFinalized.into())));
     }
 }

@@ -114,6 +114,21 @@ fn a_running_group_is_recorded_whole_and_exported() {
 }
 
 #[test]
+fn a_recorder_ends_with_its_group_and_leaves_none_of_its_files() {
+    let _cores = shared();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("run.mcap");
+    let mut running = Running::start("record-end");
+    let mut recorder = record(&running, &file);
+    await_growth(&file, 50_000);
+    running.interrupt();
+    let status = wait_for("the end of the recorder", || recorder.try_wait().unwrap());
+    assert!(status.success(), "{}", text(recorder.stderr.take()));
+    assert_eq!(info(&file)["damage"], Value::Null);
+    assert!(!running.group.prefix.folder().exists());
+}
+
+#[test]
 fn a_killed_recorder_leaves_a_file_that_is_read_as_far_as_it_goes() {
     let _cores = shared();
     let folder = tempfile::tempdir().unwrap();

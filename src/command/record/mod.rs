@@ -11,7 +11,7 @@ use std::{
 };
 
 use pipeline::{
-    channel::{ChannelError, Group, GroupState, Prefix, groups},
+    channel::{ChannelError, FoundGroup, Group, GroupState, Prefix, groups, remove_leftovers},
     machine::{BUILT_IN, Machine},
     stage::StageKind,
 };
@@ -48,7 +48,7 @@ pub fn run(arguments: &RecordArguments) -> Result<(), Failure> {
         lifeline::hold(parent, "record").map_err(|error| Failure::from(error).about("record"))?;
     }
     let prefix = meant(arguments.prefix.as_ref())?;
-    let alive = |group: &pipeline::channel::FoundGroup| group.state == GroupState::Alive && group.prefix == prefix;
+    let alive = |group: &FoundGroup| group.state == GroupState::Alive && group.prefix == prefix;
     if arguments.parent.is_none() && !groups().iter().any(alive) {
         return Err(OperatorError::NoGroup(prefix).into());
     }
@@ -67,6 +67,9 @@ pub fn run(arguments: &RecordArguments) -> Result<(), Failure> {
     show(&format!("recording: {path}\n"))?;
     let ended = record(&mut recorder, &stop);
     let recorded = recorder.finish();
+    drop(group);
+    // The last member of a group that has ended meanwhile removes its files.
+    let _ = remove_leftovers(&prefix);
     ended?;
     show(&text(&recorded))?;
     Ok(())

@@ -3,11 +3,12 @@
 //! | command | runs |
 //! |---|---|
 //! | `plant-sim`, `sensor-proc`, `ident-proc`, `control-proc` ([`stage`]) | one stage of the loop, in this process |
-//! | [`run`], [`operate`], [`status`] | beside the loop, in a process of its own |
+//! | [`run`], [`operate`], [`status`], [`record`] | beside the loop, in a process of its own |
 //! | [`commission`] | beside the loop, or on a simulated machine in this process |
 //! | [`simulate`], [`mod@bench`], [`identify`], [`predict`] | without a loop in real time, in this process |
 //! | [`init`], [`example`] | before there is a machine file |
-//! | [`check`], [`mechanism`], [`doctor`], [`clean`], [`mod@plot`] | before or after a run |
+//! | [`check`], [`mechanism`], [`doctor`], [`clean`] | before or after a run |
+//! | [`info`], [`recover`], [`export`], [`mod@plot`] | with files that were written |
 //! | [`completions`], [`manual`] | when the command is installed |
 
 mod bench;
@@ -17,13 +18,17 @@ mod commission;
 mod completions;
 mod doctor;
 mod example;
+mod export;
 mod identify;
+mod info;
 mod init;
 mod manual;
 mod mechanism;
 mod operate;
 mod plot;
 mod predict;
+mod record;
+mod recover;
 mod run;
 mod simulate;
 mod stage;
@@ -42,12 +47,16 @@ use commission::CommissionArguments;
 use completions::CompletionsArguments;
 use doctor::DoctorArguments;
 use example::ExampleArguments;
+use export::ExportArguments;
 use identify::IdentifyArguments;
+use info::InfoArguments;
 use init::InitArguments;
 use manual::ManualArguments;
 use operate::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
 use plot::PlotArguments;
 use predict::PredictArguments;
+use record::RecordArguments;
+use recover::RecoverArguments;
 use run::RunArguments;
 use simulate::SimulateArguments;
 use stage::StageArguments;
@@ -91,6 +100,14 @@ pub enum Command {
     Reset(ResetArguments),
     /// Show the state of a running group: stages, channels, latencies, axes
     Status(StatusArguments),
+    /// Record all messages of a running group
+    Record(RecordArguments),
+    /// Show what a recording holds: channels, gaps, faults, changes of mode
+    Info(InfoArguments),
+    /// Write a damaged recording anew, as far as it can be read
+    Recover(RecoverArguments),
+    /// Write a recording as a table for other tools
+    Export(ExportArguments),
     /// Identify a Hammerstein model on a recording: classical and adaptive side by side
     Identify(Box<IdentifyArguments>),
     /// Apply a model that identify has saved to another recording
@@ -138,6 +155,10 @@ impl Command {
             Self::Disarm(arguments) => operate::disarm(arguments),
             Self::Reset(arguments) => operate::reset(arguments),
             Self::Status(arguments) => status::run(arguments),
+            Self::Record(arguments) => record::run(arguments),
+            Self::Info(arguments) => info::run(arguments),
+            Self::Recover(arguments) => recover::run(arguments),
+            Self::Export(arguments) => export::run(arguments),
             Self::Identify(arguments) => identify::run(arguments),
             Self::Predict(arguments) => predict::run(arguments),
             Self::Bench(Bench::Control(arguments)) => bench::run(arguments),

@@ -29,7 +29,7 @@ use crate::{
         running::leave,
         supervisor::{Launch, Supervisor},
     },
-    recording::black_box::default_folder,
+    recording::default_folder,
     report::{control_loop::LoopReport, output::Output},
 };
 

@@ -16,15 +16,18 @@ use pipeline::{
     channel::{ChannelError, Group, Prefix},
     machine::Machine,
     message::{
-        CoefficientSnapshot, EncoderReading, EncoderSample, MachineState, Reference, Request, StageHealth,
+        CoefficientSnapshot, EncoderReading, EncoderSample, MachineState, Message, Reference, Request, StageHealth,
         ValveCommand, bit_names, control_flag,
     },
     stage::monotonic_ns,
 };
 
+use mcap::McapResult;
+
 use super::{
-    file::{self, Facts, Messages},
-    tape::Tape,
+    Facts, clock_ns,
+    file::{Encoded, RecordingFile},
+    tape::{Strip, Tape},
 };
 
 /// What a file holds.
@@ -86,6 +89,41 @@ impl Tapes {
             Box::new(self.states.take()),
         ]
     }
+}
+
+/// The messages of one channel, of any type.
+trait Messages: Send {
+    /// Adds the channel and all its messages to a file.
+    fn write(&self, file: &mut RecordingFile) -> McapResult<()>;
+    /// Name of the channel, and messages that were lost before they came here.
+    fn lost(&self) -> (&'static str, u64);
+}
+
+impl<M: Message + Send> Messages for Strip<M> {
+    fn write(&self, file: &mut RecordingFile) -> McapResult<()> {
+        file.add_channel::<M>()?;
+        self.messages.iter().try_for_each(|(read_ns, message)| file.write(&Encoded::new(*read_ns, message)))
+    }
+
+    fn lost(&self) -> (&'static str, u64) {
+        (M::CHANNEL, self.lost)
+    }
+}
+
+/// Writes a new file with all messages.
+fn write(path: &Path, mut facts: Facts, clock_ns: i64, channels: &[Box<dyn Messages>]) -> McapResult<()> {
+    facts.extend(channels.iter().map(|channel| {
+        let (name, lost) = channel.lost();
+        (format!("{name} lost"), lost.to_string())
+    }));
+    let mut file = RecordingFile::create(path, &facts, &[], clock_ns)?;
+    let written = channels.iter().try_for_each(|channel| channel.write(&mut file));
+    let written = written.and_then(|()| file.finish(&Facts::new()));
+    if written.is_err() {
+        // Half a file explains nothing; the disk may be full.
+        let _ = fs::remove_file(path);
+    }
+    written
 }
 
 /// A fault that is to be written.
@@ -166,7 +204,7 @@ impl BlackBox {
         let (channels, facts) = (tapes.take(), self.facts(&fault));
         let (folder, clock_ns) = (self.folder.clone(), clock_ns());
         self.writer = Some(std::thread::spawn(move || {
-            let said = match file::write(&path, facts, clock_ns, &channels) {
+            let said = match write(&path, facts, clock_ns, &channels) {
                 Ok(()) => format!("black box: {}: {}", fault.cause, path.display()),
                 Err(error) => format!("warning: no black box of \"{}\": {}: {error}", fault.cause, path.display()),
             };
@@ -218,22 +256,6 @@ impl BlackBox {
         .map(|(name, fact)| (name.to_owned(), fact))
         .into()
     }
-}
-
-/// What is to be added to `CLOCK_MONOTONIC` for the time since 1970, ns.
-fn clock_ns() -> i64 {
-    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    since.as_nanos() as i64 - monotonic_ns() as i64
-}
-
-/// Where black boxes are kept unless the user says otherwise: where a service or a user keeps state.
-pub fn default_folder() -> PathBuf {
-    let variable = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
-    if let Some(folder) = variable("STATE_DIRECTORY") {
-        return folder;
-    }
-    let state = variable("XDG_STATE_HOME").or_else(|| Some(variable("HOME")?.join(".local/state")));
-    state.unwrap_or_else(std::env::temp_dir).join("hydraxis")
 }
 
 /// Removes the oldest black boxes of a folder until [`MOST_FILES`] are left. Their names begin with the time.

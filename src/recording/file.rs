@@ -1,86 +1,158 @@
 //! A file of messages: MCAP, with CDR and ROS 2 schemas, compressed by zstd.
+//!
+//! A file begins with the facts that are known then and with the files that are needed to understand it. Messages are
+//! in chunks; a chunk that was flushed can be read although the file has no end. Facts that are known at the end only
+//! are in a record of their own.
 
 use std::{
     collections::BTreeMap,
     fs::{File, OpenOptions},
-    io::{BufWriter, Seek, Write},
+    io::{BufWriter, Write},
     os::unix::fs::OpenOptionsExt,
     path::Path,
 };
 
 use mcap::{
-    Compression, McapResult, WriteOptions, Writer,
+    Attachment, Compression, McapError, McapResult, WriteOptions, Writer,
     records::{MessageHeader, Metadata},
 };
-use pipeline::message::Message;
+use pipeline::message::{Header, Message};
 
-use super::{cdr, tape::Strip};
+use super::{
+    END_FACTS, FACTS, Facts, cdr,
+    reading::{ReadChannel, ReadMessage},
+};
 
-/// Facts about a recording, by name.
-pub type Facts = BTreeMap<String, String>;
-
-/// The messages of one channel, of any type.
-pub trait Messages: Send {
-    /// Writes them all. `clock_ns` is what is to be added to `CLOCK_MONOTONIC` for the time since 1970, ns.
-    fn write(&self, writer: &mut McapWriter, clock_ns: i64) -> McapResult<()>;
-    /// Name of the channel, messages in it, and messages that were lost before they came here.
-    fn counts(&self) -> (&'static str, usize, u64);
+/// A message as it is in a file.
+pub struct Encoded {
+    /// Name of the channel.
+    pub channel: &'static str,
+    /// Time at which it was read, ns of `CLOCK_MONOTONIC`.
+    pub read_ns: u64,
+    /// Its header.
+    pub header: Header,
+    /// The message as CDR.
+    pub bytes: Vec<u8>,
 }
 
-type McapWriter = Writer<BufWriter<File>>;
-
-impl<M: Message + Send> Messages for Strip<M> {
-    fn write(&self, writer: &mut McapWriter, clock_ns: i64) -> McapResult<()> {
-        let schema = writer.add_schema(&cdr::type_name::<M>(), "ros2msg", cdr::schema::<M>().as_bytes())?;
-        let channel_id = writer.add_channel(schema, M::CHANNEL, "cdr", &BTreeMap::new())?;
+impl Encoded {
+    /// A message that was read at this time.
+    pub fn new<M: Message>(read_ns: u64, message: &M) -> Self {
         let mut bytes = Vec::new();
-        for (read_ns, message) in &self.messages {
-            cdr::encode(message, &mut bytes);
-            let header = message.header();
-            let header = MessageHeader {
-                channel_id,
-                // Messages are numbered with more bits on their channels.
-                sequence: header.number as u32,
-                log_time: read_ns.saturating_add_signed(clock_ns),
-                publish_time: header.sent_ns.saturating_add_signed(clock_ns),
-            };
-            writer.write_to_known_channel(&header, &bytes)?;
-        }
+        cdr::encode(message, &mut bytes);
+        Self { channel: M::CHANNEL, read_ns, header: *message.header(), bytes }
+    }
+}
+
+/// A file that is being written.
+pub struct RecordingFile {
+    writer: Writer<BufWriter<File>>,
+    /// The file once more, for its length.
+    file: File,
+    channels: BTreeMap<&'static str, u16>,
+    /// What is to be added to `CLOCK_MONOTONIC` for the time since 1970, ns.
+    clock_ns: i64,
+}
+
+impl RecordingFile {
+    /// Creates a new file that only its owner can read. `attached`: names and contents of files.
+    ///
+    /// # Errors
+    /// The file exists, or it cannot be written.
+    pub fn create(path: &Path, facts: &Facts, attached: &[(String, Vec<u8>)], clock_ns: i64) -> McapResult<Self> {
+        let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)?;
+        // Threads of the compressor would run on the cores of the stages.
+        let options = WriteOptions::new().profile("ros2").compression(Some(Compression::Zstd)).compression_threads(0);
+        let options = options.library(concat!("hydraxis ", env!("CARGO_PKG_VERSION")));
+        let same = file.try_clone()?;
+        let writer = options.create(BufWriter::new(file))?;
+        let mut file = Self { writer, file: same, channels: BTreeMap::new(), clock_ns };
+        file.facts(FACTS, facts)?;
+        attached.iter().try_for_each(|(name, content)| file.attach(name, content))?;
+        Ok(file)
+    }
+
+    /// Adds a file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn attach(&mut self, name: &str, content: &[u8]) -> McapResult<()> {
+        let media_type = "text/plain".to_owned();
+        let (name, data) = (name.to_owned(), content.into());
+        self.writer.attach(&Attachment { log_time: 0, create_time: 0, name, media_type, data })
+    }
+
+    /// Adds a channel of another recording. Its number in this file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn add_read_channel(&mut self, channel: &ReadChannel) -> McapResult<u16> {
+        let schema = self.writer.add_schema(&channel.type_name, "ros2msg", channel.schema.as_bytes())?;
+        self.writer.add_channel(schema, &channel.name, "cdr", &BTreeMap::new())
+    }
+
+    /// Adds a message of another recording, whose channel has the number `channel_id` in this file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write_read(&mut self, channel_id: u16, message: &ReadMessage) -> McapResult<()> {
+        let ReadMessage { log_ns, sent_ns, sequence, bytes, .. } = message;
+        let header = MessageHeader { channel_id, sequence: *sequence, log_time: *log_ns, publish_time: *sent_ns };
+        self.writer.write_to_known_channel(&header, bytes)
+    }
+
+    /// Adds a channel, whose messages may follow.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn add_channel<M: Message>(&mut self) -> McapResult<()> {
+        let schema = self.writer.add_schema(&cdr::type_name::<M>(), "ros2msg", cdr::schema::<M>().as_bytes())?;
+        let channel = self.writer.add_channel(schema, M::CHANNEL, "cdr", &BTreeMap::new())?;
+        self.channels.insert(M::CHANNEL, channel);
         Ok(())
     }
 
-    fn counts(&self) -> (&'static str, usize, u64) {
-        (M::CHANNEL, self.messages.len(), self.lost)
+    /// Adds a message of a channel that was added.
+    ///
+    /// # Errors
+    /// The file cannot be written, or its channel was not added.
+    pub fn write(&mut self, message: &Encoded) -> McapResult<()> {
+        let Some(channel_id) = self.channels.get(message.channel).copied() else {
+            return Err(McapError::UnknownChannel(message.header.number as u32, 0));
+        };
+        let header = MessageHeader {
+            channel_id,
+            // Messages are numbered with more bits on their channels.
+            sequence: message.header.number as u32,
+            log_time: message.read_ns.saturating_add_signed(self.clock_ns),
+            publish_time: message.header.sent_ns.saturating_add_signed(self.clock_ns),
+        };
+        self.writer.write_to_known_channel(&header, &message.bytes)
     }
-}
 
-/// Writes a new file that only its owner can read.
-///
-/// # Errors
-/// The file exists, or it cannot be written.
-pub fn write(path: &Path, facts: Facts, clock_ns: i64, channels: &[Box<dyn Messages>]) -> McapResult<()> {
-    let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)?;
-    let written = fill(BufWriter::new(file), facts, clock_ns, channels);
-    if written.is_err() {
-        // Half a file explains nothing; the disk may be full.
-        let _ = std::fs::remove_file(path);
+    /// Ends the chunk, so that a reader of the file finds all messages so far. The length of the file, bytes.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn flush(&mut self) -> McapResult<u64> {
+        self.writer.flush()?;
+        Ok(self.file.metadata()?.len())
     }
-    written
-}
 
-fn fill(file: BufWriter<File>, mut facts: Facts, clock_ns: i64, channels: &[Box<dyn Messages>]) -> McapResult<()> {
-    // Threads of the compressor would run on the cores of the stages.
-    let options = WriteOptions::new().profile("ros2").compression(Some(Compression::Zstd)).compression_threads(0);
-    let mut writer = options.library(concat!("hydraxis ", env!("CARGO_PKG_VERSION"))).create(file)?;
-    for channel in channels {
-        channel.write(&mut writer, clock_ns)?;
-        let (name, _, lost) = channel.counts();
-        facts.insert(format!("{name} lost"), lost.to_string());
+    /// Writes facts that are known at the end, ends the file and waits for the disk.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn finish(mut self, facts: &Facts) -> McapResult<()> {
+        if !facts.is_empty() {
+            self.facts(END_FACTS, facts)?;
+        }
+        self.writer.finish()?;
+        self.writer.into_inner().flush()?;
+        Ok(self.file.sync_all()?)
     }
-    writer.write_metadata(&Metadata { name: "hydraxis".to_owned(), metadata: facts })?;
-    writer.finish()?;
-    let mut file = writer.into_inner();
-    file.flush()?;
-    file.rewind()?;
-    Ok(file.get_ref().sync_all()?)
+
+    fn facts(&mut self, name: &str, facts: &Facts) -> McapResult<()> {
+        self.writer.write_metadata(&Metadata { name: name.to_owned(), metadata: facts.clone() })
+    }
 }

@@ -1,17 +1,57 @@
 //! Messages of a group kept and written to files, beside the loop.
 //!
 //! ```text
-//! channels --tapes: the last seconds of each--> black box --a latch, a death--> file (MCAP, CDR, zstd)
+//! channels --tapes: the last seconds of each--> black box --a latch, a death--> file
+//! channels --recorder--> queue --store--> files, the oldest ones removed
 //! ```
 //!
 //! | file | what |
 //! |---|---|
 //! | `tape` | the last messages of one channel |
 //! | `black_box` | when a file is written, and where |
-//! | `file` | the file |
+//! | `recorder` | all messages of all channels, into a queue that never waits |
+//! | `store` | the queue into files, whatever the disk does |
+//! | `file` | one file: MCAP, CDR, zstd |
 //! | `cdr` | a message as bytes, and its schema |
+//! | `schema` | a schema as columns, and their values in bytes |
+//! | `reading` | the messages of a file, also of a damaged one |
 
 pub mod black_box;
 mod cdr;
-mod file;
+pub mod file;
+pub mod reading;
+pub mod recorder;
+pub mod schema;
+pub mod store;
 pub mod tape;
+
+use std::{collections::BTreeMap, path::PathBuf, time::SystemTime};
+
+use pipeline::stage::monotonic_ns;
+
+/// Facts about a recording, by name.
+pub type Facts = BTreeMap<String, String>;
+
+/// Numbers by name of the channel.
+type Counts = BTreeMap<&'static str, u64>;
+
+/// Name of the record of facts that are known at the beginning.
+const FACTS: &str = "hydraxis";
+/// Name of the record of facts that are known at the end only.
+const END_FACTS: &str = "hydraxis.end";
+
+/// What is to be added to `CLOCK_MONOTONIC` for the time since 1970, ns.
+fn clock_ns() -> i64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    since.as_nanos() as i64 - monotonic_ns() as i64
+}
+
+/// Where black boxes and recordings are kept unless the user says otherwise: where a service or a user keeps state.
+pub fn default_folder() -> PathBuf {
+    let variable = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    if let Some(folder) = variable("STATE_DIRECTORY") {
+        return folder;
+    }
+    let state = variable("XDG_STATE_HOME").or_else(|| Some(variable("HOME")?.join(".local/state")));
+    state.unwrap_or_else(std::env::temp_dir).join("hydraxis")
+}

@@ -10,6 +10,7 @@ mod harness;
 mod lock_step;
 mod operation;
 mod processes;
+mod record;
 mod scripted_stage;
 mod source;
 mod status;

@@ -12,7 +12,7 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use super::latency::WakeUpLatency;
-use crate::recording::black_box::default_folder;
+use crate::recording::default_folder;
 
 /// What is kept.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,0 +1,137 @@
+//! The loop as a table: a row for each sample, with the command that was made of it.
+
+use std::collections::VecDeque;
+
+use pipeline::message::{EncoderSample, Message, ValveCommand};
+
+use crate::{
+    failure::Failure,
+    recording::{
+        reading::{Picked, ReadMessage},
+        schema::Value,
+    },
+};
+
+use super::{Rows, Sheet};
+
+/// Samples that wait for their commands.
+const WAITING: usize = 64;
+/// Numbers of the header before those of the axes: the tick, and the time of its acquisition.
+const OF_HEADER: [&str; 2] = ["header.sequence", "header.acquired_ns"];
+/// Columns of every axis from the sample, with their units.
+const OF_SAMPLE: [(&str, &str); 3] = [("position", "m"), ("velocity", "m/s"), ("faults", "")];
+/// Columns of every axis from the command, with their units.
+const OF_COMMAND: [(&str, &str); 5] =
+    [("command", ""), ("reference", "m"), ("error", "m"), ("mode", ""), ("flags", "")];
+
+/// A row that may wait for its command.
+struct Row {
+    tick: u64,
+    acquired_ns: u64,
+    of_sample: Vec<String>,
+    of_command: Option<Vec<String>>,
+}
+
+/// The table of all ticks.
+pub(super) struct LoopTable {
+    /// Axes that were asked for; none for all.
+    asked: Vec<String>,
+    /// Names of the axes of the table; none before the first message.
+    axes: Option<Vec<String>>,
+    sample: Picked,
+    command: Picked,
+    begin_ns: Option<u64>,
+    waiting: VecDeque<Row>,
+}
+
+/// Tick, time of the acquisition, and the numbers of the axes as texts.
+fn numbers(picked: &mut Picked, message: &ReadMessage) -> (u64, u64, Vec<String>) {
+    let mut values = picked.values(message);
+    let mut header = || values.next().flatten().map_or(0, Value::as_u64);
+    let (tick, acquired_ns) = (header(), header());
+    (tick, acquired_ns, values.map(|value| value.map_or(String::new(), |value| value.to_string())).collect())
+}
+
+impl LoopTable {
+    pub(super) fn new(asked: Vec<String>) -> Self {
+        Self {
+            asked,
+            axes: None,
+            sample: Picked::default(),
+            command: Picked::default(),
+            begin_ns: None,
+            waiting: VecDeque::new(),
+        }
+    }
+
+    /// Chooses the axes of the table among those of the recording.
+    fn choose(&mut self, all: &[String]) {
+        let is_asked = |name: &String| self.asked.is_empty() || self.asked.contains(name);
+        let chosen: Vec<(usize, &String)> = all.iter().enumerate().filter(|(_, name)| is_asked(name)).collect();
+        let picked = |fields: &[(&str, &str)]| {
+            let of_axes =
+                chosen.iter().flat_map(|(i, _)| fields.iter().map(move |(name, _)| format!("axes[{i}].{name}")));
+            Picked::new(OF_HEADER.map(str::to_owned).into_iter().chain(of_axes))
+        };
+        (self.sample, self.command) = (picked(&OF_SAMPLE), picked(&OF_COMMAND));
+        self.axes = Some(chosen.into_iter().map(|(_, name)| name.clone()).collect());
+    }
+
+    /// Writes the first row that waits.
+    fn write(&mut self, out: &mut Sheet) -> Result<(), Failure> {
+        let Some(Row { tick, acquired_ns, of_sample, of_command }) = self.waiting.pop_front() else { return Ok(()) };
+        let axes = self.axes.as_deref().unwrap_or_default();
+        out.header(|| header(axes))?;
+        let begin = *self.begin_ns.get_or_insert(acquired_ns);
+        let t = acquired_ns.saturating_sub(begin) as f64 * 1e-9;
+        out.row(t, || {
+            let mut row = vec![format!("{t:.9}"), tick.to_string()];
+            let of_command = of_command.unwrap_or_else(|| vec![String::new(); OF_COMMAND.len() * axes.len()]);
+            for (sample, command) in of_sample.chunks(OF_SAMPLE.len()).zip(of_command.chunks(OF_COMMAND.len())) {
+                row.extend_from_slice(sample);
+                row.extend_from_slice(command);
+            }
+            row
+        })
+    }
+}
+
+/// Names and units of the columns.
+fn header(axes: &[String]) -> Vec<(String, &'static str)> {
+    let all = || OF_SAMPLE.iter().chain(&OF_COMMAND);
+    let of_axes = axes.iter().flat_map(|axis| all().map(move |(name, unit)| (format!("{axis}.{name}"), *unit)));
+    [("t".to_owned(), "s"), ("tick".to_owned(), "")].into_iter().chain(of_axes).collect()
+}
+
+impl Rows for LoopTable {
+    fn message(&mut self, message: &ReadMessage, axes: &[String], out: &mut Sheet) -> Result<(), Failure> {
+        if self.axes.is_none() {
+            self.choose(axes);
+        }
+        if message.channel.name == EncoderSample::CHANNEL {
+            let (tick, acquired_ns, of_sample) = numbers(&mut self.sample, message);
+            self.waiting.push_back(Row { tick, acquired_ns, of_sample, of_command: None });
+            if self.waiting.len() > WAITING {
+                self.write(out)?;
+            }
+        } else if message.channel.name == ValveCommand::CHANNEL {
+            let (tick, acquired_ns, of_command) = numbers(&mut self.command, message);
+            // A sensor-proc that starts again may count from 0; the time of the acquisition tells the two apart.
+            let is_answered = |row: &&mut Row| row.tick == tick && row.acquired_ns == acquired_ns;
+            if let Some(row) = self.waiting.iter_mut().find(is_answered) {
+                row.of_command = Some(of_command);
+            }
+            while self.waiting.front().is_some_and(|row| row.of_command.is_some()) {
+                self.write(out)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, out: &mut Sheet) -> Result<(), Failure> {
+        while !self.waiting.is_empty() {
+            self.write(out)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,212 @@
+//! What a recording holds: facts, channels with their gaps, and what happened to the axes.
+
+use std::{
+    collections::BTreeMap,
+    time::{Duration, UNIX_EPOCH},
+};
+
+use pipeline::message::{AxisMode, ControlMode, Message, ValveCommand, bit_names, control_flag};
+use serde::Serialize;
+
+use crate::{
+    recording::{
+        Facts,
+        reading::{Picked, ReadChannel, ReadMessage, Reading, ReadingError},
+        schema::Value,
+    },
+    report::table::{number, table},
+};
+
+/// Most events that the text shows.
+const SHOWN_EVENTS: usize = 20;
+/// Facts of the first lines of the text; the others are in the JSON only.
+const SHOWN_FACTS: [&str; 4] = ["machine", "axes", "group", "version"];
+
+/// Contents of a recording, as JSON has them.
+#[derive(Debug, Serialize)]
+pub struct ContentsReport {
+    /// When the first message was read, RFC 3339.
+    begin: Option<String>,
+    duration_s: f64,
+    facts: Facts,
+    /// Names of the files in it.
+    attached: Vec<String>,
+    channels: Vec<ChannelReport>,
+    events: Vec<Event>,
+    /// Why it ends before its end.
+    damage: Option<String>,
+}
+
+/// One channel.
+#[derive(Debug, Default, Serialize)]
+struct ChannelReport {
+    channel: String,
+    messages: u64,
+    rate_hz: f64,
+    /// Longest time between two messages, s.
+    longest_gap_s: f64,
+    /// Messages that are missing between those in the file.
+    missing: u64,
+    /// Lives of programs that sent on the channel: a stage that starts again begins another one.
+    publishers: usize,
+}
+
+/// Something that happened to an axis.
+#[derive(Debug, Serialize)]
+struct Event {
+    /// Time since the first message, s.
+    at_s: f64,
+    axis: String,
+    what: String,
+}
+
+/// What is known of a channel while the file is read.
+#[derive(Debug, Default)]
+struct ChannelWatch {
+    report: ChannelReport,
+    first_ns: u64,
+    last_ns: u64,
+    /// Number of the last message of each session.
+    last: BTreeMap<u64, u64>,
+}
+
+impl ChannelWatch {
+    fn look(&mut self, message: &ReadMessage) {
+        let channel = &message.channel;
+        let field = |name: &str| Some(channel.column(name)?.value(&message.bytes)?.as_u64());
+        if self.report.messages == 0 {
+            (self.first_ns, self.last_ns) = (message.log_ns, message.log_ns);
+        }
+        let gap = message.log_ns.saturating_sub(self.last_ns) as f64 * 1e-9;
+        self.report.longest_gap_s = self.report.longest_gap_s.max(gap);
+        self.last_ns = self.last_ns.max(message.log_ns);
+        self.report.messages += 1;
+        let Some((session, number)) = field("header.session").zip(field("header.number")) else { return };
+        if let Some(last) = self.last.insert(session, number) {
+            self.report.missing += number.saturating_sub(last).saturating_sub(1);
+        }
+    }
+
+    fn finish(mut self, channel: &ReadChannel) -> ChannelReport {
+        let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 * 1e-9;
+        let steps = self.report.messages.saturating_sub(1) as f64;
+        self.report.rate_hz = if seconds > 0.0 { steps / seconds } else { 0.0 };
+        self.report.publishers = self.last.len();
+        self.report.channel = channel.name.clone();
+        self.report
+    }
+}
+
+/// Numbers of an axis in a command that tell events.
+const TELLING: [&str; 4] = ["operation", "mode", "latches", "latched_by"];
+
+/// Finds events in the commands.
+#[derive(Debug, Default)]
+struct EventWatch {
+    picked: Option<Picked>,
+    /// The telling numbers of all axes in the last command.
+    last: Vec<u64>,
+    events: Vec<Event>,
+}
+
+impl EventWatch {
+    fn look(&mut self, message: &ReadMessage, names: &[String], begin_ns: u64) {
+        let at_s = message.log_ns.saturating_sub(begin_ns) as f64 * 1e-9;
+        let picked = self.picked.get_or_insert_with(|| {
+            let of_axis = |i: usize| TELLING.map(|field| format!("axes[{i}].{field}"));
+            Picked::new((0..names.len()).flat_map(of_axis))
+        });
+        let now: Vec<u64> = picked.values(message).map(|value| value.map_or(0, Value::as_u64)).collect();
+        let before = std::mem::replace(&mut self.last, now);
+        let axes = names.iter().zip(before.chunks(TELLING.len())).zip(self.last.chunks(TELLING.len()));
+        for ((name, before), now) in axes {
+            let mut event = |what: String| self.events.push(Event { at_s, axis: name.clone(), what });
+            let (operation, mode) = (now[0] as u32, now[1] as u32);
+            if now[2] > before[2] {
+                let faults: Vec<&str> = bit_names(now[3] as u32, &control_flag::NAMES).collect();
+                event(format!("latched by {}", faults.join(", ")));
+            }
+            if now[0] != before[0] {
+                event(format!("operated: {}", AxisMode::from_number(operation).map_or("unknown", AxisMode::name)));
+            }
+            if now[1] != before[1] {
+                event(format!("commanded by: {}", ControlMode::name(mode)));
+            }
+        }
+    }
+}
+
+impl ContentsReport {
+    /// Reads a whole recording.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn read(mut reading: Reading) -> Result<Self, ReadingError> {
+        let mut watches: BTreeMap<String, ChannelWatch> = BTreeMap::new();
+        let mut events = EventWatch::default();
+        let (mut begin, mut end) = (None, 0);
+        while let Some(message) = reading.next()? {
+            let begin_ns = *begin.get_or_insert(message.log_ns);
+            end = message.log_ns.max(end);
+            watches.entry(message.channel.name.clone()).or_default().look(&message);
+            if message.channel.name == ValveCommand::CHANNEL {
+                events.look(&message, &reading.axes(), begin_ns);
+            }
+        }
+        let finish =
+            |channel: &std::rc::Rc<ReadChannel>| watches.remove(&channel.name).unwrap_or_default().finish(channel);
+        let channels = reading.channels().map(finish).collect();
+        let begin_time = begin.map(|ns| humantime::format_rfc3339_millis(UNIX_EPOCH + Duration::from_nanos(ns)));
+        Ok(Self {
+            begin: begin_time.map(|time| time.to_string()),
+            duration_s: end.saturating_sub(begin.unwrap_or(end)) as f64 * 1e-9,
+            facts: reading.facts().clone(),
+            attached: reading.attached().iter().map(|(name, _)| name.clone()).collect(),
+            channels,
+            events: events.events,
+            damage: reading.damage().map(|damage| format!("byte {}: {}", damage.byte, damage.what)),
+        })
+    }
+
+    /// All of it for people.
+    pub fn text(&self, file: &str) -> String {
+        let begin = self.begin.as_deref().unwrap_or("without a message");
+        let duration = humantime::format_duration(Duration::from_millis((self.duration_s * 1e3) as u64));
+        let mut text = format!("{file}: {begin}, {duration}\n");
+        if let Some(damage) = &self.damage {
+            text += &format!("warning: read as far as it goes: {damage}\n");
+        }
+        for name in SHOWN_FACTS {
+            if let Some(fact) = self.facts.get(name) {
+                text += &format!("{name}: {fact}\n");
+            }
+        }
+        if let Some(cause) = self.facts.get("cause") {
+            text += &format!("black box: {cause}\n");
+        }
+        if !self.attached.is_empty() {
+            text += &format!("attached: {}\n", self.attached.join(", "));
+        }
+        let row = |channel: &ChannelReport| {
+            let lost = self.facts.get(&format!("{} lost", channel.channel)).map_or("?", String::as_str);
+            vec![
+                channel.channel.clone(),
+                channel.messages.to_string(),
+                number(channel.rate_hz),
+                number(1e3 * channel.longest_gap_s),
+                channel.missing.to_string(),
+                lost.to_owned(),
+                channel.publishers.to_string(),
+            ]
+        };
+        let header = ["channel", "messages", "Hz", "longest gap, ms", "missing", "lost", "publishers"];
+        text += &format!("{}\n", table(&header, self.channels.iter().map(row).collect()));
+        for Event { at_s, axis, what } in self.events.iter().take(SHOWN_EVENTS) {
+            text += &format!("{at_s:9.3} s  {axis}: {what}\n");
+        }
+        if self.events.len() > SHOWN_EVENTS {
+            text += &format!("and {} more events: --json\n", self.events.len() - SHOWN_EVENTS);
+        }
+        text
+    }
+}

@@ -1,0 +1,36 @@
+//! `hydraxis info`: what a recording holds, on one screen.
+
+mod contents;
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::{failure::Failure, recording::reading::Reading, report::output::Output};
+use contents::ContentsReport;
+
+/// `info`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  hydraxis info demo.mcap
+  hydraxis info fault-2026-01-31T10-20-30.125Z-demo.mcap --json -
+
+A file without an end, as a kill or a full disk leaves it, is read as far as it goes. Exit codes: 0 read, 2 no
+recording.")]
+pub struct InfoArguments {
+    /// A recording, or a black box
+    #[arg(value_name = "FILE.mcap")]
+    pub file: PathBuf,
+    /// Write what was found as JSON to a file, or to standard output with -
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &InfoArguments) -> Result<(), Failure> {
+    let output = Output::open(arguments.json.as_deref())?;
+    let reading = Reading::open(&arguments.file).map_err(Failure::usage)?;
+    let report = ContentsReport::read(reading).map_err(Failure::usage)?;
+    Ok(output.write(|| report.text(&arguments.file.display().to_string()), &report)?)
+}

@@ -1,0 +1,212 @@
+//! Reads all channels of a group and hands the messages to a thread that writes them.
+//!
+//! A disk can stop for seconds, and a channel keeps messages for a quarter of a second at 1 kHz. So the reader never
+//! waits for the writer: a queue is between them, and a batch that finds the queue full is counted and dropped.
+
+use std::{
+    sync::mpsc::{SyncSender, TrySendError, sync_channel},
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use pipeline::{
+    channel::{ChannelError, Group, Reader},
+    message::{
+        CoefficientSnapshot, EncoderReading, EncoderSample, MachineState, Message, Reference, Request, StageHealth,
+        ValveCommand,
+    },
+    stage::monotonic_ns,
+};
+
+use super::{Counts, file::Encoded, store::Store};
+
+/// Time between two batches: what a kill of the recorder loses.
+pub const BATCH: Duration = Duration::from_millis(100);
+/// Batches that wait for the writer at most: ten seconds of all messages.
+const WAITING: usize = 100;
+
+/// All channels of a group, read by one reader each.
+struct Channels {
+    readings: Reader<EncoderReading>,
+    samples: Reader<EncoderSample>,
+    commands: Reader<ValveCommand>,
+    snapshots: Reader<CoefficientSnapshot>,
+    references: Reader<Reference>,
+    requests: Reader<Request>,
+    health: Reader<StageHealth>,
+    states: Reader<MachineState>,
+}
+
+impl Channels {
+    fn new(group: &Group) -> Result<Self, ChannelError> {
+        Ok(Self {
+            readings: group.reader()?,
+            samples: group.reader()?,
+            commands: group.reader()?,
+            snapshots: group.reader()?,
+            references: group.reader()?,
+            requests: group.reader()?,
+            health: group.reader()?,
+            states: group.reader()?,
+        })
+    }
+
+    /// Adds all messages that have come to a batch.
+    fn drain(&mut self, batch: &mut Vec<Encoded>) -> Result<(), ChannelError> {
+        drain(&mut self.readings, batch)?;
+        drain(&mut self.samples, batch)?;
+        drain(&mut self.commands, batch)?;
+        drain(&mut self.snapshots, batch)?;
+        drain(&mut self.references, batch)?;
+        drain(&mut self.requests, batch)?;
+        drain(&mut self.health, batch)?;
+        drain(&mut self.states, batch)
+    }
+
+    /// Messages that the readers have missed.
+    fn lost(&self) -> Counts {
+        [
+            lost(&self.readings),
+            lost(&self.samples),
+            lost(&self.commands),
+            lost(&self.snapshots),
+            lost(&self.references),
+            lost(&self.requests),
+            lost(&self.health),
+            lost(&self.states),
+        ]
+        .into()
+    }
+}
+
+fn drain<M: Message>(reader: &mut Reader<M>, batch: &mut Vec<Encoded>) -> Result<(), ChannelError> {
+    while let Some(message) = reader.read()?.if_new() {
+        batch.push(Encoded::new(monotonic_ns(), message));
+    }
+    Ok(())
+}
+
+fn lost<M: Message>(reader: &Reader<M>) -> (&'static str, u64) {
+    (M::CHANNEL, reader.lost())
+}
+
+/// What the writer is given.
+struct Batch {
+    messages: Vec<Encoded>,
+    /// Messages that no file has: missed by the readers, or dropped because the queue was full.
+    lost: Counts,
+}
+
+/// What was recorded.
+#[derive(Debug, Default)]
+pub struct Recorded {
+    /// Messages that were read.
+    pub messages: u64,
+    /// Messages that no file has, by channel.
+    pub lost: Counts,
+}
+
+impl Recorded {
+    /// All messages that no file has.
+    pub fn all_lost(&self) -> u64 {
+        self.lost.values().sum()
+    }
+}
+
+/// Records a group.
+pub struct Recorder {
+    channels: Channels,
+    batch: Vec<Encoded>,
+    due: Instant,
+    queue: SyncSender<Batch>,
+    writer: JoinHandle<Counts>,
+    /// Messages that found the queue full.
+    dropped: Counts,
+    messages: u64,
+    last_message: Instant,
+}
+
+impl Recorder {
+    /// Attaches to the channels of `group` and starts the writer.
+    ///
+    /// # Errors
+    /// A channel cannot be opened.
+    pub fn new(group: &Group, mut store: Store) -> Result<Self, ChannelError> {
+        let channels = Channels::new(group)?;
+        let (queue, batches) = sync_channel::<Batch>(WAITING);
+        let writer = thread::spawn(move || {
+            for Batch { messages, lost } in batches {
+                store.take(&messages, lost);
+            }
+            store.finish()
+        });
+        let now = Instant::now();
+        let due = now + BATCH;
+        Ok(Self {
+            channels,
+            batch: Vec::new(),
+            due,
+            queue,
+            writer,
+            dropped: Counts::new(),
+            messages: 0,
+            last_message: now,
+        })
+    }
+
+    /// Reads what has come, and hands it on when a batch is due.
+    ///
+    /// # Errors
+    /// A channel cannot be read.
+    pub fn step(&mut self) -> Result<(), ChannelError> {
+        let before = self.batch.len();
+        self.channels.drain(&mut self.batch)?;
+        let now = Instant::now();
+        if self.batch.len() > before {
+            self.last_message = now;
+        }
+        if now >= self.due {
+            self.due = now + BATCH;
+            self.hand_on();
+        }
+        Ok(())
+    }
+
+    /// Time since the last message of any channel.
+    pub fn silent_for(&self) -> Duration {
+        self.last_message.elapsed()
+    }
+
+    /// Writes what was read, and ends the file.
+    pub fn finish(mut self) -> Recorded {
+        // What comes last need not find room in the queue: the writer empties it.
+        let last = Batch { messages: std::mem::take(&mut self.batch), lost: self.lost() };
+        self.messages += last.messages.len() as u64;
+        let mut recorded = Recorded { messages: self.messages, lost: self.lost() };
+        let _ = self.queue.send(last);
+        drop(self.queue);
+        // A writer that has panicked has written nothing that can be counted.
+        for (channel, count) in self.writer.join().unwrap_or_default() {
+            *recorded.lost.entry(channel).or_default() += count;
+        }
+        recorded
+    }
+
+    fn hand_on(&mut self) {
+        let batch = Batch { messages: std::mem::take(&mut self.batch), lost: self.lost() };
+        self.messages += batch.messages.len() as u64;
+        if let Err(TrySendError::Full(batch) | TrySendError::Disconnected(batch)) = self.queue.try_send(batch) {
+            for message in &batch.messages {
+                *self.dropped.entry(message.channel).or_default() += 1;
+            }
+        }
+    }
+
+    fn lost(&self) -> Counts {
+        let mut lost = self.channels.lost();
+        for (channel, count) in &self.dropped {
+            *lost.entry(channel).or_default() += count;
+        }
+        lost
+    }
+}

@@ -58,7 +58,7 @@ pub use state::SETTLING;
 
 use pipeline::{
     machine::{Axis, Timing},
-    message::{AxisCommand, AxisMode, AxisSample, AxisSnapshot, Reference, Request, control_flag},
+    message::{AxisCommand, AxisMode, AxisSample, AxisSnapshot, Reference, Request, control_flag, sample_fault},
 };
 
 use crate::{
@@ -152,7 +152,7 @@ impl AxisController {
         }
         self.take_request(input);
         let observation = self.feedback.observe(input.elapsed, input.sample, self.decision.command);
-        self.take_motion(input.elapsed, observation.position);
+        self.take_motion(input, observation.position);
         let snapshot_flags = self.gate.take(input.sequence, input.snapshot);
         self.change_state(input, &observation);
         self.decide(input, &observation, snapshot_flags);
@@ -283,8 +283,12 @@ impl AxisController {
     }
 
     /// Latches an axis that moves though nobody has commanded it.
-    fn take_motion(&mut self, elapsed: u64, position: Option<f64>) {
-        if self.protection.uncommanded().update(elapsed, self.decision.command, position, UNUSABLE_LIMIT) {
+    fn take_motion(&mut self, input: &AxisInput<'_>, position: Option<f64>) {
+        let command = self.decision.command;
+        let is_unexplained = self.protection.uncommanded().update(input.elapsed, command, position, UNUSABLE_LIMIT);
+        // No command explains a speed that the axis cannot have.
+        let runs_away = input.sample.is_some_and(|sample| sample.faults & sample_fault::RUNAWAY != 0);
+        if is_unexplained || runs_away {
             self.latch(control_flag::MOTION);
         }
     }

@@ -25,7 +25,8 @@
 //! | e_0 | 5 mm + 20 ms v_m, at most 20 mm | a load that pushes the piston against its oil; as in a commissioning |
 //! | 0.4 r', 0.08 s v_m | as in a commissioning | a load on oil swings back when its valve shuts |
 //!
-//! A position that jumps by more than 1.5 v_max T is that of a faulty encoder, and not of an axis that moves.
+//! A position that jumps by more than 1.5 v_max T counts as that way: the rest is that of a faulty encoder. An axis that
+//! is faster than it can be has no usable positions; `sensor-proc` says then that it runs away.
 //!
 //! The commands explain the motion of an armed axis as well as that of a disarmed one, which is always 0. What was on
 //! the valve before the controller began is unknown: it begins as if that had been the largest command, both ways.
@@ -205,8 +206,9 @@ impl Uncommanded {
         if position.is_some() {
             (self.last, self.blind) = (position, 0);
         }
-        // No cylinder jumps: that is a fault of the encoder.
-        let way = if way.abs() > UNKNOWN_FACTOR * self.max_speed * seen { 0.0 } else { way };
+        // No cylinder jumps: the rest is a fault of the encoder.
+        let most = UNKNOWN_FACTOR * self.max_speed * seen;
+        let way = way.clamp(-most, most);
         let (kept, forgotten) = ((-time / self.lag.max(self.period)).exp(), (-time / SWING_MEMORY).exp());
         let explained = [-1.0, 1.0].map(|sign| self.speed(sign, command));
         let drift = DRIFT * self.max_speed;

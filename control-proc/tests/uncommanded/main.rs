@@ -203,3 +203,32 @@ fn an_axis_whose_hose_has_burst_latches_and_one_that_leaks_does_not() {
         assert!(seen.iter().all(Option::is_none));
     }
 }
+
+#[test]
+fn an_axis_that_falls_faster_than_it_can_move_latches_and_cuts_the_pilot_off_in_every_mode() {
+    for mode in [AxisMode::Off, AxisMode::Manual, AxisMode::Hold, AxisMode::Track] {
+        for factor in [1.3, 2.0, 4.0] {
+            let machine = excavator(true);
+            let (mut acquisition, mut controller) = (Acquisition::new(&machine), Controller::new(&machine).unwrap());
+            let mut plant = PlantSim::new(&machine, 1).unwrap();
+            let speed = factor * machine.axes[0].max_speed;
+            let latch = (0..END).find_map(|tick| {
+                let fallen = if tick > BEGIN { (tick - BEGIN) as f64 * PERIOD * speed } else { 0.0 };
+                let mut reading = plant.read();
+                reading.encoders[0].counts -= (fallen / machine.axes[0].encoder.resolution) as i64;
+                let sample = acquisition.update(tick, Some(&reading));
+                if mode != AxisMode::Off {
+                    controller.ask(&request(tick, mode, 0.0));
+                }
+                let command = controller.update(&sample, None, None);
+                plant.command(&command);
+                plant.advance(machine.timing.period);
+                let is_latched = command.axes[0].flags & control_flag::MOTION != 0;
+                (is_latched && command.cut_off == 1).then_some(fallen)
+            });
+            let fallen = latch.unwrap_or(f64::INFINITY);
+            println!("{mode:?} {factor}: {:.0} mm", 1e3 * fallen);
+            assert!(fallen <= 0.08 * speed + 0.02, "{mode:?} {factor}: {fallen} m");
+        }
+    }
+}

@@ -108,11 +108,14 @@ pub mod sample_fault {
     pub const STUCK: u32 = 16;
     /// A chamber pressure is missing or outside the range of its transducer. The position is not affected.
     pub const PRESSURE: u32 = 32;
+    /// Positions that are too fast follow each other evenly in one direction: the axis falls or is pushed. Comes with
+    /// [`SPEED`].
+    pub const RUNAWAY: u32 = 64;
 
     /// The bits that make the position itself unusable.
     pub const UNUSABLE: u32 = RANGE | SPEED | ENCODER | STALE;
     /// Names of the bits, lowest first.
-    pub const NAMES: [&str; 6] = ["range", "speed", "encoder", "stale", "stuck", "pressure"];
+    pub const NAMES: [&str; 7] = ["range", "speed", "encoder", "stale", "stuck", "pressure", "runaway"];
 }
 
 shared_struct! {

@@ -25,6 +25,9 @@
 //! cable could not be put back into service. Where no position has arrived at all, the plausible distance grows with
 //! time. The median leaves out a single wrong speed, which comes from an error too small to be detected.
 //!
+//! **Runaway.** Positions that are too fast one after the other, evenly and in one direction, are those of an axis that
+//! falls or is pushed, and not of an encoder that errs ([`runaway`]). They get the fault `RUNAWAY` as well.
+//!
 //! **Result.** An unusable position is replaced by the last good one and marked with its fault.
 //!
 //! Trap: the counts of an axis at rest do not change either. Stuck is therefore only a mark here. control-proc knows
@@ -32,6 +35,7 @@
 //! inclinometer on the arm that is stuck shows a position that changes while the boom moves.
 
 pub mod pressure;
+mod runaway;
 
 use std::{ops::RangeInclusive, time::Duration};
 
@@ -39,6 +43,7 @@ use pipeline::{
     machine::{Axis, samples_of},
     message::{AxisSample, sample_fault},
 };
+use runaway::Runaway;
 
 /// Counts by which quantisation and noise can change the position of an axis at rest.
 const SPEED_MARGIN: f64 = 5.0;
@@ -88,6 +93,7 @@ pub struct Plausibility {
     raw: f64,
     /// Ticks for which the raw value has not changed.
     unchanged: u32,
+    runaway: Runaway,
     sample: AxisSample,
 }
 
@@ -110,6 +116,7 @@ impl Plausibility {
             last: f64::NAN,
             raw: f64::NAN,
             unchanged: 0,
+            runaway: Runaway::new(axis.max_speed * period.as_secs_f64(), period),
             sample: AxisSample::default(),
         }
     }
@@ -125,6 +132,8 @@ impl Plausibility {
         let elapsed = u32::try_from(elapsed.max(1)).unwrap_or(u32::MAX);
         self.ticks_since_good = self.ticks_since_good.saturating_add(elapsed);
         let mut faults = 0;
+        let known = value.filter(|_| !encoder_error).map(|value| value.position);
+        let runs = self.runaway.update(elapsed, known);
         // What an encoder says that reports an error says nothing of the axis.
         match value.filter(|_| !encoder_error) {
             None => {
@@ -143,6 +152,9 @@ impl Plausibility {
                     faults |= sample_fault::RANGE;
                 } else if is_out || !is_near {
                     faults |= sample_fault::SPEED;
+                }
+                if faults & sample_fault::SPEED != 0 && runs {
+                    faults |= sample_fault::RUNAWAY;
                 }
                 self.suspect |= faults & (sample_fault::RANGE | sample_fault::SPEED) != 0;
             }

@@ -163,3 +163,37 @@ fn a_position_that_does_not_change_is_marked_as_stuck() {
     }
     assert_eq!(check.judge(1, Some(0.5001), false).faults, 0);
 }
+
+/// Time until the axis runs away that does nothing but what `position` says after a second at rest, s.
+fn runs_away(period: Duration, position: impl Fn(f64) -> f64) -> Option<f64> {
+    let mut check = Plausibility::new(&Machine::four_axes(&[]).unwrap().axes[0], period);
+    let rest = (1.0 / period.as_secs_f64()) as u32;
+    let counts = |y: f64| (y / 1e-4).round() * 1e-4;
+    (0..3 * rest).find_map(|k| {
+        let time = (f64::from(k) - f64::from(rest)) * period.as_secs_f64();
+        let faults = check.judge(1, Some(counts(position(time.max(0.0)))), false).faults;
+        (faults & sample_fault::RUNAWAY != 0).then_some(time)
+    })
+}
+
+#[test]
+fn an_axis_that_falls_faster_than_it_can_move_runs_away() {
+    for (ms, within) in [(1, 0.08), (2, 0.08), (5, 0.08), (10, 0.08), (20, 0.16), (50, 0.4)] {
+        for speed in [1.7, 3.0, -5.0] {
+            let time = runs_away(Duration::from_millis(ms), |t| 0.6 + speed * t).unwrap();
+            assert!(time <= within, "{ms} ms, {speed} m/s: {time} s");
+        }
+    }
+    // It begins to fall by its weight.
+    let fall = |t: f64| 1.2 - (0.5 * 9.81 * t * t).min(3.0 * t);
+    assert!(runs_away(PERIOD, fall).unwrap() <= 0.25);
+}
+
+#[test]
+fn an_encoder_that_errs_does_not_run_away() {
+    assert_eq!(runs_away(PERIOD, |t| if t > 0.0 { 0.9 } else { 0.6 }), None, "a cable that slips");
+    let noise = |t: f64| (4e4 * (9170.0 * t).sin()).fract();
+    assert_eq!(runs_away(PERIOD, |t| 0.6 + 0.02 * noise(t)), None, "noise");
+    assert_eq!(runs_away(PERIOD, |t| 0.6 + 0.1 * (t / 0.05).floor().min(5.0)), None, "steps");
+    assert_eq!(runs_away(PERIOD, |t| 0.6 + 0.95 * t.min(0.7)), None, "the fastest speed");
+}

@@ -57,6 +57,8 @@ pub struct Found {
     pub header: bool,
     /// Whether the row below it has their units.
     pub units_row: bool,
+    /// Whether the times may be in milliseconds: they have no unit, and in seconds the period is long.
+    pub is_time_doubtful: bool,
     /// How the time is written; none without a time.
     pub time_form: Option<&'static str>,
     /// The column of the time.
@@ -111,12 +113,14 @@ impl Log {
         let mut rows_read = reader.read(&text).map_err(refuse)?;
         let (begins, timing) = rows_read.stretches();
         let period = reader.period(wanted, &rows_read, &timing).map_err(|problem| refuse(vec![problem]))?;
+        let mut found = reader.found(&text, period);
+        found.is_time_doubtful &= wanted.period.is_none();
         Ok(Self {
             begins,
             period,
             short_steps: timing.short_steps,
             gaps: rows_read.gaps,
-            found: reader.found(&text),
+            found,
             times: rows_read.times,
             inputs: rows_read.inputs,
             outputs: rows_read.outputs,

@@ -15,7 +15,7 @@ use crate::recording::PERIODS;
 
 /// Most problems that are collected.
 const MOST_PROBLEMS: usize = 20;
-/// No period of an axis is as long, s: a longer one has another unit than seconds.
+/// Hardly an axis has a period as long, s: the times may have another unit than seconds.
 const DOUBTFUL_PERIOD: f64 = 1.0;
 /// Part of the steps of time that may not rise. With more of them the times are too coarse to find gaps.
 const MOST_NOT_RISING: f64 = 0.5;
@@ -190,18 +190,12 @@ impl Reader {
             let allowed = format!("{:e} to {:e} s", PERIODS.start(), PERIODS.end());
             return Err(about(format!("a period of {period:e} s"), allowed));
         }
-        if period >= DOUBTFUL_PERIOD && column.unit.is_none() && !own_unit {
-            let unit = |unit: &str| format!("--unit \"{}={unit}\"", column.name);
-            let (ms, us, s) = (unit("ms"), unit("us"), unit("s"));
-            return Err(about(
-                format!("a period of {period} s, if the times are in seconds,"),
-                format!("less than {DOUBTFUL_PERIOD} s, or a stated unit: {ms} for milliseconds, {us}, or {s}"),
-            ));
-        }
         Ok(period)
     }
 
-    pub(super) fn found(&self, text: &Text) -> Found {
+    /// What the file was found to be; its period is `period`, s.
+    pub(super) fn found(&self, text: &Text, period: f64) -> Found {
+        let has_no_unit = |column: &Column| column.unit.is_none() && !self.stamps.form().has_unit();
         let column = |column: &Column| FoundColumn {
             name: column.name.clone(),
             unit: column.unit.as_ref().map(|unit| unit.symbol.clone()),
@@ -218,6 +212,7 @@ impl Reader {
             encoding: text.encoding,
             header: self.header.present,
             units_row: self.units_row,
+            is_time_doubtful: period >= DOUBTFUL_PERIOD && self.columns.time.as_ref().is_some_and(has_no_unit),
             time_form: self.columns.time.as_ref().map(|_| form),
             time: self.columns.time.as_ref().map(column),
             input: column(&self.columns.input),

@@ -181,6 +181,12 @@ pub fn text(recordings: &[ReadRecording]) -> String {
             _ => format!("{} .. {} ({} recordings)", same[0].file, same[same.len() - 1].file, same.len()),
         };
         text += &format!("{names}: {}\n", format(&same[0].found));
+        if let (true, Some(FoundColumn { name, .. })) = (same[0].found.is_time_doubtful, &same[0].found.time) {
+            text += &format!(
+                "warning: {names}: the times are taken as seconds, a second or more apart; otherwise state their unit: \
+                 --unit \"{name}=ms\" for milliseconds, \"{name}=us\" (\"{name}=s\" ends this warning)\n"
+            );
+        }
     }
     let with_gaps = recordings.iter().filter(|recording| recording.gaps.any());
     text + &with_gaps.map(|recording| gaps(&recording.file, &recording.gaps)).collect::<String>()

@@ -25,8 +25,8 @@
 //! | e_0 | 5 mm + 20 ms v_m, at most 20 mm | a load that pushes the piston against its oil; as in a commissioning |
 //! | 0.4 r', 0.08 s v_m | as in a commissioning | a load on oil swings back when its valve shuts |
 //!
-//! A position that jumps by more than 1.5 v_max T counts as that way: the rest is that of a faulty encoder. An axis that
-//! is faster than it can be has no usable positions; `sensor-proc` says then that it runs away.
+//! A position that jumps by more than 1.5 v_max T counts as that way: the rest is that of a faulty encoder. An axis
+//! that is faster than it can be has no usable positions; `sensor-proc` says then that it runs away.
 //!
 //! The commands explain the motion of an armed axis as well as that of a disarmed one, which is always 0. What was on
 //! the valve before the controller began is unknown: it begins as if that had been the largest command, both ways.

@@ -172,6 +172,9 @@ enum HydraxisSampleFault {
     HYDRAXIS_SAMPLE_FAULT_STUCK = 16,
     // A chamber pressure is missing or outside the range of its transducer. The position is not affected.
     HYDRAXIS_SAMPLE_FAULT_PRESSURE = 32,
+    // Positions that are too fast follow each other evenly in one direction: the axis falls or is pushed. Comes with
+    // SPEED.
+    HYDRAXIS_SAMPLE_FAULT_RUNAWAY = 64,
     HYDRAXIS_SAMPLE_FAULT_UNUSABLE = 15
 };
 

@@ -124,6 +124,9 @@ class SampleFault(IntFlag):
     STUCK = 16
     # A chamber pressure is missing or outside the range of its transducer. The position is not affected.
     PRESSURE = 32
+    # Positions that are too fast follow each other evenly in one direction: the axis falls or is pushed. Comes with
+    # SPEED.
+    RUNAWAY = 64
     UNUSABLE = RANGE | SPEED | ENCODER | STALE
 
 

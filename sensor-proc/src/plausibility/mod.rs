@@ -26,7 +26,7 @@
 //! time. The median leaves out a single wrong speed, which comes from an error too small to be detected.
 //!
 //! **Runaway.** Positions that are too fast one after the other, evenly and in one direction, are those of an axis that
-//! falls or is pushed, and not of an encoder that errs ([`runaway`]). They get the fault `RUNAWAY` as well.
+//! falls or is pushed, and not of an encoder that errs (`runaway`). They get the fault `RUNAWAY` as well.
 //!
 //! **Result.** An unusable position is replaced by the last good one and marked with its fault.
 //!

@@ -16,6 +16,9 @@ pub trait Layout {
 
     /// Gives all its numbers to `sink`, in the order of the fields.
     fn walk(&self, sink: &mut impl Sink);
+
+    /// Takes all its numbers from `source`, in the order of the fields.
+    fn fill(&mut self, source: &mut impl Source);
 }
 
 /// What a type is made of.
@@ -44,6 +47,12 @@ pub struct Field {
 pub trait Sink {
     /// Takes one number as little-endian bytes.
     fn number<const N: usize>(&mut self, bytes: [u8; N]);
+}
+
+/// Gives numbers.
+pub trait Source {
+    /// The next number as little-endian bytes; none leaves the number of the message as it is.
+    fn number<const N: usize>(&mut self) -> Option<[u8; N]>;
 }
 
 const FNV_OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
@@ -85,6 +94,12 @@ macro_rules! primitive {
             fn walk(&self, sink: &mut impl Sink) {
                 sink.number(self.to_le_bytes());
             }
+
+            fn fill(&mut self, source: &mut impl Source) {
+                if let Some(bytes) = source.number() {
+                    *self = Self::from_le_bytes(bytes);
+                }
+            }
         })*
     };
 }
@@ -96,6 +111,10 @@ impl<T: Layout, const N: usize> Layout for [T; N] {
 
     fn walk(&self, sink: &mut impl Sink) {
         self.iter().for_each(|item| item.walk(sink));
+    }
+
+    fn fill(&mut self, source: &mut impl Source) {
+        self.iter_mut().for_each(|item| item.fill(source));
     }
 }
 
@@ -128,6 +147,10 @@ macro_rules! shared_struct {
 
             fn walk(&self, sink: &mut impl $crate::layout::Sink) {
                 $($crate::layout::Layout::walk(&self.$field, sink);)*
+            }
+
+            fn fill(&mut self, source: &mut impl $crate::layout::Source) {
+                $($crate::layout::Layout::fill(&mut self.$field, source);)*
             }
         }
     };

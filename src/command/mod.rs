@@ -8,7 +8,7 @@
 //! | [`simulate`], [`mod@bench`], [`identify`], [`predict`] | without a loop in real time, in this process |
 //! | [`init`], [`example`] | before there is a machine file |
 //! | [`check`], [`mechanism`], [`doctor`], [`clean`] | before or after a run |
-//! | [`info`], [`recover`], [`export`], [`mod@plot`] | with files that were written |
+//! | [`info`], [`recover`], [`export`], [`mod@report`], [`mod@plot`] | with files that were written |
 //! | [`completions`], [`manual`] | when the command is installed |
 
 mod bench;
@@ -29,6 +29,7 @@ mod plot;
 mod predict;
 mod record;
 mod recover;
+mod report;
 mod run;
 mod simulate;
 mod stage;
@@ -57,6 +58,7 @@ use plot::PlotArguments;
 use predict::PredictArguments;
 use record::RecordArguments;
 use recover::RecoverArguments;
+use report::ReportArguments;
 use run::RunArguments;
 use simulate::SimulateArguments;
 use stage::StageArguments;
@@ -108,6 +110,8 @@ pub enum Command {
     Recover(RecoverArguments),
     /// Write a recording as a table for other tools
     Export(ExportArguments),
+    /// Write a page about a recorded run: verdict, axes, models, latencies, faults
+    Report(ReportArguments),
     /// Identify a Hammerstein model on a recording: classical and adaptive side by side
     Identify(Box<IdentifyArguments>),
     /// Apply a model that identify has saved to another recording
@@ -159,6 +163,7 @@ impl Command {
             Self::Info(arguments) => info::run(arguments),
             Self::Recover(arguments) => recover::run(arguments),
             Self::Export(arguments) => export::run(arguments),
+            Self::Report(arguments) => report::run(arguments),
             Self::Identify(arguments) => identify::run(arguments),
             Self::Predict(arguments) => predict::run(arguments),
             Self::Bench(Bench::Control(arguments)) => bench::run(arguments),

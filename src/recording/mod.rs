@@ -15,9 +15,11 @@
 //! | `cdr` | a message as bytes, and its schema |
 //! | `schema` | a schema as columns, and their values in bytes |
 //! | `reading` | the messages of a file, also of a damaged one |
+//! | `decoder` | the messages of a file as structs of this version |
 
 pub mod black_box;
 mod cdr;
+pub mod decoder;
 pub mod file;
 pub mod reading;
 pub mod recorder;

@@ -102,6 +102,16 @@ pub struct Column {
 }
 
 impl Column {
+    /// Bytes of the number in a message; none where the message is too short, or the number has another size.
+    pub fn bytes<const N: usize>(&self, message: &[u8]) -> Option<[u8; N]> {
+        message.get(self.offset..self.offset + self.kind.size())?.try_into().ok()
+    }
+
+    /// Whether both have numbers of one type.
+    pub fn is_like(&self, other: &Self) -> bool {
+        self.kind == other.kind
+    }
+
     /// The value in a message; none where the message is too short.
     pub fn value(&self, message: &[u8]) -> Option<Value> {
         let bytes = message.get(self.offset..self.offset + self.kind.size())?;

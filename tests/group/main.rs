@@ -11,6 +11,7 @@ mod lock_step;
 mod operation;
 mod processes;
 mod record;
+mod report;
 mod scripted_stage;
 mod source;
 mod status;

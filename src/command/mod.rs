@@ -3,7 +3,7 @@
 //! | command | runs |
 //! |---|---|
 //! | `plant-sim`, `sensor-proc`, `ident-proc`, `control-proc` ([`stage`]) | one stage of the loop, in this process |
-//! | [`run`], [`operate`], [`status`], [`record`] | beside the loop, in a process of its own |
+//! | [`run`], [`operate`], [`status`], [`monitor`], [`record`] | beside the loop, in a process of its own |
 //! | [`commission`] | beside the loop, or on a simulated machine in this process |
 //! | [`simulate`], [`mod@bench`], [`identify`], [`predict`] | without a loop in real time, in this process |
 //! | [`init`], [`example`] | before there is a machine file |
@@ -24,6 +24,7 @@ mod info;
 mod init;
 mod manual;
 mod mechanism;
+mod monitor;
 mod operate;
 mod plot;
 mod predict;
@@ -53,6 +54,7 @@ use identify::IdentifyArguments;
 use info::InfoArguments;
 use init::InitArguments;
 use manual::ManualArguments;
+use monitor::MonitorArguments;
 use operate::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
 use plot::PlotArguments;
 use predict::PredictArguments;
@@ -102,6 +104,8 @@ pub enum Command {
     Reset(ResetArguments),
     /// Show the state of a running group: stages, channels, latencies, axes
     Status(StatusArguments),
+    /// Show a running group as a page for browsers, and its figures for Prometheus
+    Monitor(MonitorArguments),
     /// Record all messages of a running group
     Record(RecordArguments),
     /// Show what a recording holds: channels, gaps, faults, changes of mode
@@ -159,6 +163,7 @@ impl Command {
             Self::Disarm(arguments) => operate::disarm(arguments),
             Self::Reset(arguments) => operate::reset(arguments),
             Self::Status(arguments) => status::run(arguments),
+            Self::Monitor(arguments) => monitor::run(arguments),
             Self::Record(arguments) => record::run(arguments),
             Self::Info(arguments) => info::run(arguments),
             Self::Recover(arguments) => recover::run(arguments),

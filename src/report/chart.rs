@@ -168,7 +168,7 @@ impl Chart {
             .label_style((FONT, 22))
             .axis_desc_style((FONT, 26))
             .bold_line_style(RGBColor(210, 210, 210))
-            .light_line_style(WHITE)
+            .max_light_lines(0)
             .draw()?;
         for Series { points, colour, mark, .. } in &self.series {
             let parts = points.split(|point| !point.1.is_finite()).filter(|part| !part.is_empty());

@@ -220,6 +220,12 @@ impl Events {
         self.news().iter().filter(|event| event.kind != RESTART).map(Event::line).collect()
     }
 
+    /// Takes all events out of the list, so that there is room for new ones.
+    pub fn drain(&mut self) -> Vec<Event> {
+        self.taken = 0;
+        std::mem::take(&mut self.list)
+    }
+
     /// Number of events that were too many for the list.
     pub fn left_out(&self) -> u64 {
         self.left_out

@@ -12,5 +12,6 @@ pub mod motion;
 pub mod output;
 pub mod page;
 pub mod rows;
+pub mod status;
 pub mod table;
 pub mod why;

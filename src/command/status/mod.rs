@@ -7,7 +7,6 @@
 //! to no channel that a stage sends on within a tick.
 
 mod arguments;
-mod report;
 
 use std::{
     sync::atomic::{AtomicBool, Ordering},
@@ -16,7 +15,7 @@ use std::{
 };
 
 use pipeline::{
-    channel::{ChannelError, Group, GroupState, Member, Prefix, Reader, Room, groups, rooms},
+    channel::{ChannelError, Group, GroupState, Prefix, Reader, groups, rooms},
     message::{MachineState, StageHealth, StageState},
     stage::{StageKind, monotonic_ns},
 };
@@ -28,11 +27,10 @@ use crate::{
     report::{
         block::Block,
         output::{Output, show_to_reader},
+        status::{Collected, SILENT_NS, StatusReport},
     },
 };
 pub use arguments::StatusArguments;
-
-use report::StatusReport;
 
 /// Time for which heartbeats are collected: several of each stage, so that the first and the last give a rate.
 const LISTEN: Duration = Duration::from_millis(550);
@@ -40,22 +38,6 @@ const LISTEN: Duration = Duration::from_millis(550);
 const POLL: Duration = Duration::from_millis(20);
 /// Time between two outputs of `--watch`.
 const WATCH_PERIOD: Duration = Duration::from_secs(1);
-/// A stage whose last heartbeat is older than this, ns, is silent: ten heartbeats are missing.
-const SILENT_NS: u64 = 1_000_000_000;
-
-/// The messages of a group within [`LISTEN`].
-struct Collected {
-    prefix: Prefix,
-    /// First and last heartbeat of each stage.
-    stages: [Option<(StageHealth, StageHealth)>; 4],
-    state: Option<MachineState>,
-    /// The processes of the group.
-    members: Vec<Member>,
-    /// The room for a stage that starts again.
-    rooms: Vec<Room>,
-    now_ns: u64,
-}
-
 /// Runs the command.
 pub fn run(arguments: &StatusArguments) -> Result<(), Failure> {
     let output = Output::open(arguments.json.as_deref())?;

@@ -8,6 +8,7 @@ mod events;
 #[path = "../harness/mod.rs"]
 mod harness;
 mod lock_step;
+mod monitor;
 mod operation;
 mod processes;
 mod record;

@@ -47,6 +47,9 @@ use watcher::Watcher;
 /// Least priority among the processes that share a core.
 const NICE: i32 = 19;
 
+/// What the system keeps for a browser that reads slowly, bytes: a second of frames.
+const SEND_BUFFER: usize = 64 * 1024;
+
 /// Runs the command.
 pub fn run(arguments: &MonitorArguments) -> Result<(), Failure> {
     let stop = stop_flag()?;
@@ -55,6 +58,8 @@ pub fn run(arguments: &MonitorArguments) -> Result<(), Failure> {
     }
     let listener = TcpListener::bind(arguments.listen).and_then(|listener| {
         listener.set_nonblocking(true)?;
+        // Connections inherit it.
+        rustix::net::sockopt::set_socket_send_buffer_size(&listener, SEND_BUFFER)?;
         let address = listener.local_addr()?;
         Ok((listener, address))
     });

@@ -101,7 +101,7 @@ const Trends = (() => {
         width: Math.max(200, box.clientWidth),
         height: 300,
         series: [{ value: (_, t) => (t ? new Date(1000 * t).toLocaleTimeString([], { hour12: false }) : "-") }, ...series],
-        axes: [{ ...edge, values: (_, ticks) => ticks.map((t) => clock(t)) }, { ...edge, size: 64 }],
+        axes: [{ ...edge, space: 90, values: (_, ticks) => ticks.map((t) => clock(t)) }, { ...edge, size: 64 }],
         scales: { x: { time: true, range: () => range() } },
         cursor: { drag: { x: true, y: false, setScale: false } },
         hooks: { setSelect: [zoomed] },

@@ -10,6 +10,7 @@ mod launch;
 pub mod lifeline;
 pub mod monitor;
 pub mod operator;
+pub mod page;
 pub mod preflight;
 pub mod running;
 pub mod signals;

@@ -12,7 +12,9 @@ use pipeline::{channel::Reader, message::MachineState};
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::harness::{TestGroup, hydraxis, is_running, running::Running, shared, signal, wait_for};
+use crate::harness::{
+    FOUR_AXES, TestGroup, hydraxis, is_running, processes, running::Running, shared, signal, wait_for,
+};
 
 /// Longest answer of the server to a single request.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -32,8 +34,7 @@ impl Monitor {
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let address = line.trim().strip_prefix("monitor: http://").and_then(|rest| rest.strip_suffix('/'));
-        let address = address.unwrap_or_else(|| panic!("{line:?}")).parse().unwrap();
+        let address = address(&line).unwrap_or_else(|| panic!("{line:?}"));
         Self { child, address }
     }
 
@@ -93,6 +94,11 @@ impl Drop for Monitor {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// The address in the line in which a monitor says where its page is.
+fn address(line: &str) -> Option<SocketAddr> {
+    line.split_once("monitor: http://")?.1.trim_end().strip_suffix('/')?.parse().ok()
 }
 
 /// The status of an answer; 0 where there is none.
@@ -334,4 +340,36 @@ fn the_page_follows_a_group_that_ends_and_comes_back_and_leaves_nothing() {
     assert!(!is_running(pid));
     drop(running);
     assert_eq!(TestGroup::new("monitor-back").files(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn a_run_shows_its_own_page_which_ends_with_it() {
+    let _cores = shared();
+    let group = TestGroup::new("monitor-run");
+    let mut command = hydraxis();
+    command.args(["run", FOUR_AXES, "--duration", "600s", "--prefix", &group.prefix.to_string()]);
+    let mut child = command.arg("--monitor=127.0.0.1:0").stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    let address = lines.by_ref().find_map(|line| address(&line.unwrap())).unwrap();
+    let rest = std::thread::spawn(move || lines.map_while(Result::ok).count());
+    let get = || -> Option<u32> {
+        let mut stream = TcpStream::connect(address).ok()?;
+        write!(stream, "GET /health HTTP/1.1\r\nHost: {address}\r\n\r\n").ok()?;
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).ok()?;
+        Some(status(&answer))
+    };
+    wait_for("the page of the run", || (get() == Some(200)).then_some(()));
+    signal(child.id(), Signal::INT);
+    wait_for("the end of the run", || child.try_wait().unwrap());
+    rest.join().unwrap();
+    assert_eq!((get(), processes(&group.prefix)), (None, Vec::new()));
+    assert_eq!(group.files(), Vec::<std::path::PathBuf>::new());
+
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let option = format!("--monitor={}", taken.local_addr().unwrap());
+    let refused = hydraxis().args(["run", FOUR_AXES, "--duration", "1s", &option]).output().unwrap();
+    assert_eq!(refused.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(said.contains("--monitor: the address cannot be used") && said.contains("127.0.0.1:0"), "{said}");
 }

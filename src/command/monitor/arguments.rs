@@ -5,8 +5,7 @@ use std::net::SocketAddr;
 use clap::Args;
 use pipeline::channel::Prefix;
 
-/// Where the page is when the user says nothing: on this computer only.
-const LISTEN: &str = "127.0.0.1:8787";
+use crate::group::page::LISTEN;
 
 /// `monitor`.
 #[derive(Debug, Args)]
@@ -31,7 +30,7 @@ pub struct MonitorArguments {
     /// Address and port of the page; port 0 takes a free one
     #[arg(long, value_name = "ADDR:PORT", default_value = LISTEN)]
     pub listen: SocketAddr,
-    /// Name of the computer under which browsers may ask for the page, besides its addresses; may be given several times
+    /// Name under which browsers may ask for the page, besides addresses and localhost; may be given several times
     #[arg(long = "host", value_name = "NAME")]
     pub hosts: Vec<String>,
     /// End when the process with this number ends, or when standard input does

@@ -9,13 +9,11 @@ use serde_json::json;
 
 use crate::report::status::{AxisFigures, SILENT_NS, StageFigures, StatusReport};
 
-/// Quantiles of a latency.
-const QUANTILES: [(&str, fn(&Percentiles) -> u64); 4] = [
-    ("0.5", |percentiles| percentiles.p50),
-    ("0.99", |percentiles| percentiles.p99),
-    ("0.999", |percentiles| percentiles.p99_9),
-    ("0.9999", |percentiles| percentiles.p99_99),
-];
+/// Quantiles of a latency, ns.
+fn quantiles(percentiles: &Percentiles) -> [(&'static str, u64); 4] {
+    let Percentiles { p50, p99, p99_9, p99_99, .. } = *percentiles;
+    [("0.5", p50), ("0.99", p99), ("0.999", p99_9), ("0.9999", p99_99)]
+}
 
 /// The text in the making.
 #[derive(Default)]
@@ -141,9 +139,9 @@ fn latencies(text: &mut Text, report: &StatusReport) {
     text.metric("latency_seconds", "gauge", "Quantiles of latencies since the start of the stage.");
     for (name, stage) in report.stages() {
         for (kind, percentiles) in kinds(stage) {
-            for (quantile, of) in QUANTILES {
+            for (quantile, nanoseconds) in quantiles(&percentiles) {
                 let labels = [("stage", name), ("kind", kind), ("quantile", quantile)];
-                text.value("latency_seconds", &labels, seconds(of(&percentiles)));
+                text.value("latency_seconds", &labels, seconds(nanoseconds));
             }
         }
     }
@@ -251,6 +249,18 @@ mod tests {
             assert!(text.lines().any(|found| found == line), "{line}\n{text}");
         }
         assert!(!text.contains("axis_error_metres{"), "an unknown figure is left out");
+    }
+
+    #[test]
+    fn the_dashboard_shows_metrics_that_there_are() {
+        let text = text(Some(&report(0)), 0);
+        let dashboard = include_str!("../../../examples/grafana.json");
+        let names: Vec<&str> = dashboard
+            .split(|c: char| !c.is_ascii_alphanumeric() && c != '_')
+            .filter(|word| word.starts_with("hydraxis_"))
+            .collect();
+        assert!(names.len() > 12, "{names:?}");
+        assert!(names.iter().all(|name| text.contains(&format!("# TYPE {name} "))), "{names:?}");
     }
 
     #[test]

@@ -17,8 +17,8 @@
 //! | `metrics` | the figures in the text format of Prometheus |
 //! | `page/` | the page: HTML, style, script; and uPlot, which draws the trends |
 //!
-//! Runs in a process of its own with the least priority, beside the loop. It reads two channels that no stage reads. The
-//! server never waits for a browser: a browser that reads slowly gets the newest frame when it reads again.
+//! Runs in a process of its own with the least priority, beside the loop. It reads two channels that no stage reads.
+//! The server never waits for a browser: a browser that reads slowly gets the newest frame when it reads again.
 
 mod arguments;
 mod attached;

@@ -57,10 +57,10 @@ pub fn svg(story: &Story) -> String {
     for i in 0..=(story.duration / step) as usize {
         let (at, t) = (x(i as f64 * step), i as f64 * step);
         // Writing to a string cannot fail.
-        let _ = write!(
+        let _ = writeln!(
             text,
             "<line x1=\"{at:.1}\" y1=\"{HEAD}\" x2=\"{at:.1}\" y2=\"{bottom}\" stroke=\"#d2d2d2\"/>\
-             <text x=\"{at:.1}\" y=\"{:.0}\" text-anchor=\"middle\">{}</text>\n",
+             <text x=\"{at:.1}\" y=\"{:.0}\" text-anchor=\"middle\">{}</text>",
             bottom + 26.0,
             tick(&t)
         );

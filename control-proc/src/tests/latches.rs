@@ -2,9 +2,7 @@
 
 use pipeline::message::{AxisMode, ControlMode, EncoderSample, ValveCommand, control_flag, model_fault, sample_fault};
 
-use super::{
-    Loop, SINES, machine, machine_with, models::actuator, modes::Operated, plant::Actuator, sample, snapshot,
-};
+use super::{Loop, SINES, machine, machine_with, models::actuator, modes::Operated, plant::Actuator, sample, snapshot};
 use crate::{Controller, axis::UNSOLVED_LIMIT};
 
 /// A reference of 0.15 m/s at all times, to and fro.

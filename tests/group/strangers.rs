@@ -1,16 +1,12 @@
-//! What another user of this computer can do to a group, and a group of another user to this one. As root only.
+//! What files and groups of other users of this computer do to the commands of this one. As root only.
 
 use std::{
     fs,
     path::{Path, PathBuf},
     process::{Command, Output, Stdio},
-    time::Duration,
 };
 
-use pipeline::{
-    channel::{GroupState, Prefix, groups},
-    message::EncoderSample,
-};
+use pipeline::channel::{GroupState, groups};
 use rustix::{
     fs::{CWD, FileType, Mode, mknodat},
     process::geteuid,
@@ -54,56 +50,6 @@ fn said(arguments: &[&str]) -> Output {
 fn errors(output: &Output) -> String {
     assert_ne!(output.status.code(), Some(124), "it hangs");
     String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn files(prefix: &Prefix) -> Vec<PathBuf> {
-    groups().into_iter().find(|group| group.prefix == *prefix).unwrap().files
-}
-
-#[test]
-fn another_user_can_do_nothing_to_the_files_of_a_group() {
-    if !is_root() {
-        return;
-    }
-    let _cores = shared();
-    let mut running = Running::start("strangers");
-    // The connections of this process, which has just left the group, go when the stages notice that.
-    let mut before = 0;
-    wait_for("files that stay", || {
-        let now = files(&running.group.prefix).len();
-        std::thread::sleep(Duration::from_millis(300));
-        (std::mem::replace(&mut before, now) == now).then_some(())
-    });
-    let folder = running.group.prefix.folder();
-    let mut all = files(&running.group.prefix);
-    let inside: Vec<PathBuf> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    let hidden = "hidden\n".repeat(inside.len());
-    all.extend(inside);
-    assert!(all.len() > 10, "{all:?}");
-    // Prints what has worked.
-    let script = "cd /; for file in \"$@\"; do
-        [ -e \"$file\" ] || echo hidden
-        (exec 3< \"$file\") 2> /dev/null && echo \"read $file\"
-        (exec 3>> \"$file\") 2> /dev/null && echo \"written $file\"
-        (: > \"$file\") 2> /dev/null && echo \"truncated $file\"
-        flock --nonblock \"$file\" true 2> /dev/null && echo \"locked $file\"
-        chmod 0666 \"$file\" 2> /dev/null && echo \"opened $file\"
-        mv \"$file\" \"$file.moved\" 2> /dev/null && echo \"moved $file\"
-        rm -rf \"$file\" 2> /dev/null && echo \"removed $file\"
-        done; touch \"$0/new\" 2> /dev/null && echo \"made in $0\"; ls \"$0\" 2> /dev/null; echo tried $#";
-    let output = as_nobody(Path::new("bash"))
-        .args(["-c", script])
-        .arg(&folder)
-        .args(&all)
-        .stderr(Stdio::piped())
-        .output()
-        .unwrap();
-    assert_eq!(String::from_utf8_lossy(&output.stdout), format!("{hidden}tried {}\n", all.len()));
-    let channels = running.group.join();
-    let mut samples = channels.reader::<EncoderSample>().unwrap();
-    wait_for("samples", || samples.read().unwrap().if_new().map(|_| ()));
-    drop(channels);
-    running.interrupt();
 }
 
 /// Regression: a file of another user beside those of a group made `status` deny that the group runs.

@@ -8,6 +8,7 @@
 mod glance;
 mod launch;
 pub mod lifeline;
+pub mod live;
 pub mod monitor;
 pub mod operator;
 pub mod page;

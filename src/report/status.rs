@@ -100,15 +100,15 @@ pub struct StageFigures {
 /// A channel, as counted by the stage that reads it.
 #[derive(Debug, Serialize)]
 pub struct ChannelFigures {
-    received: u64,
+    pub received: u64,
     /// Messages that the stage has not read.
     pub lost: u64,
     /// Messages about another machine, or that do not say about which: not read.
-    foreign: u64,
-    writer_restarts: u64,
+    pub foreign: u64,
+    pub writer_restarts: u64,
     /// Age of the newest message at the heartbeat.
     pub age_ns: Option<u64>,
-    longest_gap_ns: u64,
+    pub longest_gap_ns: u64,
 }
 
 /// The figures of one axis.
@@ -188,21 +188,6 @@ impl StatusReport {
             self.others(),
             self.warnings.iter().map(|warning| format!("\nwarning: {warning}\n")).collect(),
             self.axis_table(),
-        ];
-        parts.concat()
-    }
-
-    /// All tables for a terminal that may be too low for them: axes stand before channels and latencies.
-    pub fn watched(&self) -> String {
-        let parts = [
-            format!("Group \"{}\"\n", self.group),
-            self.stage_table(),
-            self.axis_table().trim_start_matches('\n').to_owned(),
-            self.warnings.iter().map(|warning| format!("warning: {warning}\n")).collect(),
-            self.others(),
-            "\n".to_owned(),
-            self.channel_table(),
-            self.latency_table(),
         ];
         parts.concat()
     }

@@ -1,7 +1,5 @@
 //! What a browser gets, as JSON. SI units; times in ns where the name says so.
 
-use std::time::{SystemTime, UNIX_EPOCH};
-
 use mechanism::{AXES, Mechanism, Vector};
 use pipeline::{
     channel::Prefix,
@@ -10,19 +8,16 @@ use pipeline::{
 };
 use serde::Serialize;
 
-use crate::report::{
-    events::Event,
-    motion::side::Side,
-    status::{AxisFigures, StageFigures, StatusReport},
+use crate::{
+    group::live::unix_ms,
+    report::{
+        motion::side::Side,
+        status::{AxisFigures, StageFigures, StatusReport},
+    },
 };
 
 /// Free space around the drawing of the machine, m.
 const MARGIN: f64 = 0.6;
-
-/// Now, ms since 1970.
-pub fn unix_ms() -> u64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis() as u64
-}
 
 /// A value as one line of JSON.
 pub fn line(value: &impl Serialize) -> String {
@@ -197,18 +192,6 @@ impl<'a> StagesFrame<'a> {
             warnings: report.warnings(),
         }
     }
-}
-
-/// An event, with the time at which it was seen.
-#[derive(Debug, Serialize)]
-pub struct EventFrame {
-    /// Number of the event, from 1 on.
-    pub number: u64,
-    /// ms since 1970.
-    pub unix_ms: u64,
-    /// What happened.
-    #[serde(flatten)]
-    pub event: Event,
 }
 
 #[cfg(test)]

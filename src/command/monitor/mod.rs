@@ -8,7 +8,7 @@
 //! | file | what |
 //! |---|---|
 //! | `watcher` | attaches to the group, leaves it, publishes |
-//! | `attached` | the messages of one group, as frames |
+//! | `attached` | publishes the frames of one group |
 //! | `frame` | what a browser gets, as JSON |
 //! | `history` | the trends of the last minutes |
 //! | `published` | what both threads share |
@@ -34,13 +34,12 @@ use std::{net::TcpListener, sync::Arc};
 
 use crate::{
     failure::Failure,
-    group::{lifeline, operator::OperatorError, signals::stop_flag},
+    group::{lifeline, live, signals::stop_flag},
     report::output::show,
 };
 pub use arguments::MonitorArguments;
 
 use guard::Guard;
-use pipeline::channel::{GroupState, groups};
 use published::Published;
 use watcher::Watcher;
 
@@ -76,10 +75,8 @@ pub fn run(arguments: &MonitorArguments) -> Result<(), Failure> {
     if !address.ip().is_loopback() {
         eprintln!("warning: --listen: everybody who reaches {address} can look at the machine");
     }
-    if let Some(prefix) = &arguments.prefix
-        && !groups().iter().any(|group| group.state == GroupState::Alive && group.prefix == *prefix)
-    {
-        eprintln!("{}; waiting for it", OperatorError::NoGroup(prefix.clone()));
+    if let Err(why) = live::find(arguments.prefix.as_ref()) {
+        eprintln!("{why}; waiting for it");
     }
     Watcher::new(arguments.prefix.clone(), published).watch(&stop);
     Ok(())

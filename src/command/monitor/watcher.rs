@@ -9,14 +9,14 @@ use std::{
     time::{Duration, Instant},
 };
 
-use pipeline::channel::{GroupState, Prefix, groups, remove_leftovers};
+use pipeline::channel::Prefix;
 
 use super::{
     attached::Attached,
     frame::{Hello, line},
     published::{Kind, Published},
 };
-use crate::group::{operator::OperatorError, running::meant};
+use crate::group::live::find;
 
 /// Time between two looks at the channels. Heartbeats come every 100 ms.
 const POLL: Duration = Duration::from_millis(25);
@@ -62,11 +62,7 @@ impl Watcher {
     /// Looks for the group.
     fn search(&mut self) {
         self.searched = Some(Instant::now());
-        let found = meant(self.prefix.as_ref()).map_err(|error| error.to_string()).and_then(|prefix| {
-            // To join a group that does not exist would create it.
-            let is_alive = groups().iter().any(|group| group.state == GroupState::Alive && group.prefix == prefix);
-            if is_alive { Ok(prefix) } else { Err(OperatorError::NoGroup(prefix).to_string()) }
-        });
+        let found = find(self.prefix.as_ref());
         let joined = found.and_then(|prefix| {
             let joined = Attached::join(&prefix, self.attachments + 1, &self.published);
             joined.map(|attached| (prefix, attached)).map_err(|error| error.to_string())
@@ -83,9 +79,7 @@ impl Watcher {
 
     fn leave(&mut self, why: &str) {
         let Some((prefix, attached)) = self.attached.take() else { return };
-        drop(attached);
-        // The last member of a group that has ended removes its files.
-        let _ = remove_leftovers(&prefix);
+        attached.leave();
         *self.published.report() = None;
         self.absent(format!("group \"{prefix}\": {why}"));
     }

@@ -7,8 +7,10 @@
 //! to no channel that a stage sends on within a tick.
 
 mod arguments;
+mod watch;
 
 use std::{
+    io::{IsTerminal, stdout},
     sync::atomic::{AtomicBool, Ordering},
     thread::sleep,
     time::{Duration, Instant},
@@ -25,7 +27,7 @@ use crate::{
     failure::Failure,
     group::{operator::OperatorError, running::meant, signals::stop_flag},
     report::{
-        block::Block,
+        block::can_move,
         output::{Output, show_to_reader},
         status::{Collected, SILENT_NS, StatusReport},
     },
@@ -43,9 +45,14 @@ pub fn run(arguments: &StatusArguments) -> Result<(), Failure> {
     let output = Output::open(arguments.json.as_deref())?;
     let prefix = meant(arguments.prefix.as_ref())?;
     let stop = stop_flag()?;
+    expect_alive(&prefix)?;
+    let has_screen = arguments.watch && stdout().is_terminal() && can_move();
+    if has_screen && watch::watch(&prefix, &stop)? {
+        return Ok(());
+    }
     let mut reader = StatusReader::join(&prefix)?;
     if arguments.watch {
-        return watch(&mut reader, &stop);
+        return print(&mut reader, &stop);
     }
     let collected = reader.collect()?;
     let report = StatusReport::new(&collected);
@@ -59,17 +66,17 @@ pub fn run(arguments: &StatusArguments) -> Result<(), Failure> {
     }
 }
 
-/// Shows the state every second until a signal, or until nobody reads it any more. A terminal shows one state, which is
-/// redrawn in place.
-fn watch(reader: &mut StatusReader, stop: &AtomicBool) -> Result<(), Failure> {
-    let mut block = Block::on_stdout();
+/// Refuses a group that does not run: to join it would create it.
+fn expect_alive(prefix: &Prefix) -> Result<(), Failure> {
+    let is_alive = groups().iter().any(|group| group.state == GroupState::Alive && group.prefix == *prefix);
+    if is_alive { Ok(()) } else { Err(OperatorError::NoGroup(prefix.clone()).into()) }
+}
+
+/// Prints the state every second until a signal, or until nobody reads it any more.
+fn print(reader: &mut StatusReader, stop: &AtomicBool) -> Result<(), Failure> {
     while !stop.load(Ordering::Relaxed) {
         let report = StatusReport::new(&reader.collect()?);
-        let text = match &mut block {
-            Some(block) => block.show(report.watched().lines().map(str::to_owned).collect()),
-            None => format!("{}\n", report.tables()),
-        };
-        if !show_to_reader(&text)? {
+        if !show_to_reader(&format!("{}\n", report.tables()))? {
             break;
         }
         sleep(WATCH_PERIOD.saturating_sub(LISTEN));
@@ -87,10 +94,6 @@ struct StatusReader {
 
 impl StatusReader {
     fn join(prefix: &Prefix) -> Result<Self, Failure> {
-        // To join a group that does not exist would create it.
-        if !groups().iter().any(|group| group.state == GroupState::Alive && group.prefix == *prefix) {
-            return Err(OperatorError::NoGroup(prefix.clone()).into());
-        }
         let group = Group::join(prefix, "status").map_err(ChannelError::from)?;
         Ok(Self {
             prefix: prefix.clone(),

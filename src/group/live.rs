@@ -11,7 +11,7 @@ use std::{
 };
 
 use pipeline::{
-    channel::{ChannelError, Group, GroupState, Member, Prefix, Reader, Room, groups, remove_leftovers, rooms},
+    channel::{ChannelError, Group, Member, Prefix, Reader, Room, is_joined, remove_leftovers, rooms},
     machine::Machine,
     message::{MachineState, StageHealth, StageState, ValveCommand},
     stage::{StageKind, monotonic_ns},
@@ -41,6 +41,13 @@ const LOOK: Duration = Duration::from_millis(450);
 const MOST_EVENTS: usize = 200;
 /// A group without a heartbeat for so long has ended.
 const SILENCE: Duration = Duration::from_secs(3);
+/// A group without a heartbeat for so long has ended if none of its stages and no supervisor is left. While a client is
+/// in a dead group, nobody can start a group of that name.
+const DOUBT: Duration = Duration::from_millis(300);
+/// Name of the supervisor among the members.
+const SUPERVISOR: &str = "supervisor";
+/// Time between two looks for a group.
+const SEARCH: Duration = Duration::from_millis(250);
 
 /// An event, with the time at which it was seen.
 #[derive(Debug, Serialize)]
@@ -82,15 +89,37 @@ pub fn unix_ms() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis() as u64
 }
 
-/// The group that is meant, if it runs.
+/// Looks for a group that is to be joined.
 ///
-/// # Errors
-/// Why there is none.
-pub fn find(prefix: Option<&Prefix>) -> Result<Prefix, String> {
-    let prefix = meant(prefix).map_err(|error| error.to_string())?;
-    // To join a group that does not exist would create it.
-    let is_alive = groups().iter().any(|group| group.state == GroupState::Alive && group.prefix == prefix);
-    if is_alive { Ok(prefix) } else { Err(OperatorError::NoGroup(prefix).to_string()) }
+/// Trap: a client that joins before the supervisor does keeps the supervisor from starting, since the group then looks
+/// like one that runs. A name that is claimed, or whose files are just being removed, is no group yet. So a group counts
+/// only when it has a member in two looks in a row.
+pub struct Search {
+    /// The group that is meant; none for the only one that runs.
+    prefix: Option<Prefix>,
+    /// What the last look found.
+    seen: Option<Prefix>,
+    looked: Option<Instant>,
+}
+
+impl Search {
+    /// For this group, or the only one that runs.
+    pub fn new(prefix: Option<Prefix>) -> Self {
+        Self { prefix, seen: None, looked: None }
+    }
+
+    /// The group, or why there is none; nothing before the next look is due, and where it has to look once more.
+    pub fn look(&mut self) -> Option<Result<Prefix, String>> {
+        if self.looked.is_some_and(|looked| looked.elapsed() < SEARCH) {
+            return None;
+        }
+        self.looked = Some(Instant::now());
+        let found = meant(self.prefix.as_ref()).map_err(|error| error.to_string()).and_then(|prefix| {
+            if is_joined(&prefix) { Ok(prefix) } else { Err(OperatorError::NoGroup(prefix).to_string()) }
+        });
+        let before = std::mem::replace(&mut self.seen, found.as_ref().ok().cloned());
+        (found.is_err() || self.seen == before).then_some(found)
+    }
 }
 
 impl Live {
@@ -150,7 +179,14 @@ impl Live {
     pub fn is_over(&self) -> bool {
         let mut last = self.beats.iter().filter_map(VecDeque::back).peekable();
         let all_stopped = last.peek().is_some() && last.all(|health| health.state == StageState::Stopped as u32);
-        all_stopped || self.times.heard.elapsed() > SILENCE
+        let silence = self.times.heard.elapsed();
+        all_stopped || silence > SILENCE || (silence > DOUBT && self.is_deserted())
+    }
+
+    /// Whether no stage and no supervisor is in the group.
+    fn is_deserted(&self) -> bool {
+        let works = |name: &str| name == SUPERVISOR || StageKind::ALL.iter().any(|kind| kind.name() == name);
+        !self.group.members().iter().any(|member| member.is_alive && works(&member.name))
     }
 
     /// Asks again which machine the group runs; true when the answer is known now and was not before. A group that has

@@ -329,16 +329,26 @@ fn the_page_follows_a_group_that_ends_and_comes_back_and_leaves_nothing() {
     monitor.await_health(503);
     drop(running);
 
-    let running = start("monitor-back");
+    // The monitor waits for the group while its supervisor starts, and must not be in its way.
+    let mut running = start("monitor-back");
     let hello = wait_for("the next group", || Some(events.next("hello")).filter(|hello| !hello["group"].is_null()));
     assert_eq!(hello["attachment"], 2);
     monitor.await_health(200);
-    let tick = events.next("axes")["tick"].as_u64().unwrap();
+    let tick = wait_for("a state of the axes", || events.next("axes")["tick"].as_u64());
     assert!(events.next("axes")["tick"].as_u64().unwrap() >= tick);
+    // After a kill of all of it, the monitor leaves so soon that the group can be started again.
+    running.supervisor.kill().unwrap();
+    running.supervisor.wait().unwrap();
+    wait_for("the stages to die with their supervisor", || running.none_runs().then_some(()));
+    wait_for("the monitor to leave", || events.next("hello")["group"].is_null().then_some(()));
+    // The harness waits for files that the dead group has left.
+    drop(running);
+    let again = start("monitor-back");
+    monitor.await_health(200);
     let pid = monitor.child.id();
     monitor.end();
     assert!(!is_running(pid));
-    drop(running);
+    drop(again);
     assert_eq!(TestGroup::new("monitor-back").files(), Vec::<std::path::PathBuf>::new());
 }
 

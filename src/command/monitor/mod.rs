@@ -34,7 +34,7 @@ use std::{net::TcpListener, sync::Arc};
 
 use crate::{
     failure::Failure,
-    group::{lifeline, live, signals::stop_flag},
+    group::{lifeline, live::Search, signals::stop_flag},
     report::output::show,
 };
 pub use arguments::MonitorArguments;
@@ -75,7 +75,7 @@ pub fn run(arguments: &MonitorArguments) -> Result<(), Failure> {
     if !address.ip().is_loopback() {
         eprintln!("warning: --listen: everybody who reaches {address} can look at the machine");
     }
-    if let Err(why) = live::find(arguments.prefix.as_ref()) {
+    if let Some(Err(why)) = Search::new(arguments.prefix.clone()).look() {
         eprintln!("{why}; waiting for it");
     }
     Watcher::new(arguments.prefix.clone(), published).watch(&stop);

@@ -6,7 +6,7 @@ use std::{
         atomic::{AtomicBool, Ordering},
     },
     thread::sleep,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use pipeline::channel::Prefix;
@@ -16,30 +16,26 @@ use super::{
     frame::{Hello, line},
     published::{Kind, Published},
 };
-use crate::group::live::find;
+use crate::group::live::Search;
 
 /// Time between two looks at the channels. Heartbeats come every 100 ms.
 const POLL: Duration = Duration::from_millis(25);
-/// Time between two looks for a group.
-const SEARCH: Duration = Duration::from_millis(500);
 
 /// Watches a group for as long as the program runs.
 pub struct Watcher {
-    /// The group that was asked for; none for the only one that runs.
-    prefix: Option<Prefix>,
+    search: Search,
     published: Arc<Published>,
     attached: Option<(Prefix, Attached)>,
     /// Number of groups so far.
     attachments: u64,
     /// Why there is no group, as it was published last.
     why: Option<String>,
-    searched: Option<Instant>,
 }
 
 impl Watcher {
     /// Of this group.
     pub fn new(prefix: Option<Prefix>, published: Arc<Published>) -> Self {
-        Self { prefix, published, attached: None, attachments: 0, why: None, searched: None }
+        Self { search: Search::new(prefix), published, attached: None, attachments: 0, why: None }
     }
 
     /// Watches until the flag is set.
@@ -51,8 +47,7 @@ impl Watcher {
                     Ok(()) => {}
                     Err(error) => self.leave(&error.to_string()),
                 },
-                None if self.searched.is_none_or(|searched| searched.elapsed() > SEARCH) => self.search(),
-                None => {}
+                None => self.search(),
             }
             sleep(POLL);
         }
@@ -61,8 +56,7 @@ impl Watcher {
 
     /// Looks for the group.
     fn search(&mut self) {
-        self.searched = Some(Instant::now());
-        let found = find(self.prefix.as_ref());
+        let Some(found) = self.search.look() else { return };
         let joined = found.and_then(|prefix| {
             let joined = Attached::join(&prefix, self.attachments + 1, &self.published);
             joined.map(|attached| (prefix, attached)).map_err(|error| error.to_string())

@@ -20,7 +20,7 @@ use ratatui::{
 
 use crate::{
     failure::Failure,
-    group::live::{Live, find},
+    group::live::{Live, Search},
 };
 use screen::{Screen, Shown, Tab};
 
@@ -28,8 +28,6 @@ use screen::{Screen, Shown, Tab};
 const POLL: Duration = Duration::from_millis(50);
 /// Time between two pictures.
 const FRAME: Duration = Duration::from_millis(200);
-/// Time between two looks for a group that has ended.
-const SEARCH: Duration = Duration::from_millis(500);
 
 /// Watches a group until `stop` is set or the user ends it. False when there is no terminal to draw on.
 ///
@@ -41,8 +39,12 @@ pub fn watch(prefix: &Prefix, stop: &AtomicBool) -> Result<bool, Failure> {
         live.leave();
         return Ok(false);
     };
-    let mut watch =
-        Watch { prefix: prefix.clone(), live: Some(live), shown: Shown::new(prefix), searched: Instant::now() };
+    let mut watch = Watch {
+        prefix: prefix.clone(),
+        live: Some(live),
+        shown: Shown::new(prefix),
+        search: Search::new(Some(prefix.clone())),
+    };
     let ended = watch.run(&mut terminal, stop);
     ratatui::restore();
     if let Some(live) = watch.live {
@@ -57,7 +59,7 @@ struct Watch {
     /// None while there is no group.
     live: Option<Live>,
     shown: Shown,
-    searched: Instant,
+    search: Search,
 }
 
 impl Watch {
@@ -105,17 +107,14 @@ impl Watch {
                     }
                 }
             }
-            None if self.searched.elapsed() > SEARCH => {
-                self.searched = Instant::now();
+            None => {
                 // Until there is one, the reason is the end of the group before.
-                if let Ok(live) = find(Some(&self.prefix))
-                    .and_then(|prefix| Live::join(&prefix, "status").map_err(|error| error.to_string()))
-                {
+                let Some(Ok(prefix)) = self.search.look() else { return };
+                if let Ok(live) = Live::join(&prefix, "status") {
                     self.live = Some(live);
                     self.shown = Shown { tab: self.shown.tab, ..Shown::new(&self.prefix) };
                 }
             }
-            None => {}
         }
     }
 

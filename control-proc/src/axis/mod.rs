@@ -181,6 +181,19 @@ impl AxisController {
         self.follows() && self.feedback.is_silent()
     }
 
+    /// Whether the axis tracks its reference and has come to it at `tick` of the path.
+    pub fn has_arrived(&self, tick: f64) -> bool {
+        self.follows() && self.operation.mode == AxisMode::Track && self.references.has_arrived(tick)
+    }
+
+    /// Lets an axis that tracks come to a stand and hold there, because another one does not trace the way with it.
+    pub fn leave_way(&mut self) {
+        if self.follows() && self.operation.mode == AxisMode::Track {
+            self.operation.mode = AxisMode::Hold;
+            self.references.hold(None);
+        }
+    }
+
     fn follows(&self) -> bool {
         self.state.current() == State::Following && !self.operation.mode.is_direct()
     }

@@ -202,10 +202,10 @@ impl Controller {
     fn lead_teeth(&mut self) {
         let ticks = self.path.ticks();
         let (now, last) = (ticks[0], ticks[ticks.len() - 1]);
-        let has_begun = self.generator.tip_start().is_some();
-        let at = if has_begun { now } else { last };
+        let start = self.generator.tip_start();
+        let at = start.map_or(last, |start| start.max(now));
         let have_arrived = self.generator.tip_axes().all(|axis| self.axes[axis].has_arrived(at));
-        match (has_begun, have_arrived) {
+        match (start.is_some(), have_arrived) {
             // What a preview has shown so far stays as it is.
             (false, true) if self.generator.tip_axes().next().is_some() => self.generator.begin_tip(Some(last)),
             (true, false) => {

@@ -98,7 +98,13 @@ impl Timing {
         let step = (end - begin) / parts as f64;
         let points: Vec<[f64; AXES]> = (0..=parts).map(|k| positions(begin + step * k as f64)).collect();
         let profile = self.profile(&points, step);
-        self.smooth(&profile.sampled(self.period)).into_iter().map(|way| (begin + way).min(end)).collect()
+        let smooth = self.smooth(&profile.sampled(self.period)).into_iter();
+        let mut ways: Vec<f64> = smooth.map(|way| (begin + way).min(end)).collect();
+        // The mean ends there but for rounding.
+        if let Some(last) = ways.last_mut() {
+            *last = end;
+        }
+        ways
     }
 
     /// The fastest x that is allowed at all points.

@@ -203,8 +203,10 @@ impl Controller {
         let ticks = self.path.ticks();
         let (now, last) = (ticks[0], ticks[ticks.len() - 1]);
         let start = self.generator.tip_start();
-        let at = start.map_or(last, |start| start.max(now));
-        let have_arrived = self.generator.tip_axes().all(|axis| self.axes[axis].has_arrived(at));
+        let have_arrived = self.generator.tip_axes().all(|axis| match start {
+            Some(start) => self.axes[axis].tracks(start.max(now)),
+            None => self.axes[axis].has_arrived(last),
+        });
         match (start.is_some(), have_arrived) {
             // What a preview has shown so far stays as it is.
             (false, true) if self.generator.tip_axes().next().is_some() => self.generator.begin_tip(Some(last)),

@@ -10,8 +10,8 @@
 //! t time since the axis began to follow, s; g position, m. The settings are `[axis.NAME.reference]`. Trap: g does not
 //! depend on where the axis stands; [`super::References`] leads from there to g.
 //!
-//! The axes of the teeth have a time t of their own, which begins for all of them at once: when the last of them has come
-//! to its g(0).
+//! The axes of the teeth have a time t of their own, which begins for all of them at once: when the last of them has
+//! come to its g(0).
 
 use std::f64::consts::TAU;
 

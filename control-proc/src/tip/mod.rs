@@ -6,8 +6,8 @@
 //! | [`posture`] | the cylinders along the way; the boom moves as little as possible |
 //! | [`timing`] | how fast the teeth go: speeds, pump, accelerations, jerk |
 //!
-//! A task is planned once, when a controller is made, and refused if the machine cannot do it. In the loop the four axes
-//! only look up where they should be. What they trace together is the way, however slowly time goes on along it
+//! A task is planned once, when a controller is made, and refused if the machine cannot do it. In the loop the four
+//! axes only look up where they should be. What they trace together is the way, however slowly time goes on along it
 //! ([`crate::reference::path`]).
 
 pub mod posture;
@@ -43,8 +43,8 @@ pub enum TipError {
     },
     /// No smooth motion of the boom leads along the runs.
     #[error(
-        "tip.piece[{piece}]: found a way from {from} to {to} along which the boom would have to jump; allowed: a shorter \
-         way, another pitch, or a position tip.telescope"
+        "tip.piece[{piece}]: found a way from {from} to {to} along which the boom would have to jump; allowed: a \
+         shorter way, another pitch, or a position tip.telescope"
     )]
     Run {
         /// Number of the piece with which the run begins.
@@ -150,7 +150,8 @@ fn refused(machine: &Machine, way: &Way, why: NoPosture) -> TipError {
                     let axis = &machine.axes[i];
                     let (low, high) = axis.soft_limits;
                     format!(
-                        "where axis.{} would have to be at {position:.3} m; allowed: {low} to {high} m, its soft limits",
+                        "where axis.{} would have to be at {position:.3} m; allowed: {low} to {high} m, its soft \
+                         limits",
                         axis.name
                     )
                 }

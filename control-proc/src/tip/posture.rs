@@ -110,8 +110,8 @@ impl<'m> Cylinders<'m> {
 pub enum NoPosture {
     /// The teeth cannot be at this s (m).
     Place(f64, Short),
-    /// The teeth can be at every place of the runs, the longest of which is from s to s (m), but no smooth motion of the
-    /// boom leads along them.
+    /// The teeth can be at every place of the runs, the longest of which is from s to s (m), but no smooth motion of
+    /// the boom leads along them.
     Run(f64, f64),
 }
 

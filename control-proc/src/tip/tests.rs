@@ -117,8 +117,10 @@ fn the_whole_way_is_slower_where_the_pump_is_short() {
 fn a_task_that_the_machine_cannot_do_is_refused_with_the_place_and_the_axis() {
     let refused = |task: TipTask| planned(task).unwrap_err().to_string();
     let line = |x, z| [(TipShape::Line([x, z]), None)];
-    let text = refused(task([14.0, 0.0], -115.0, &line(12.0, 0.0)));
-    assert!(text.contains("tip.piece[0]: found [") && text.contains("in reach of boom, arm and bucket"), "{text}");
+    let text = refused(task([7.2, 0.0], -115.0, &line(12.0, 0.0)));
+    assert!(text.contains("tip.piece[0]: found [8.") && text.contains("axis.telescope would have to be"), "{text}");
+    let text = refused(TipTask { telescope: Some(0.6), ..task([14.0, 0.0], -115.0, &line(12.0, 0.0)) });
+    assert!(text.contains("in reach of boom, arm and bucket"), "{text}");
     let text = refused(task([7.2, 0.0], -115.0, &line(2.0, 0.0)));
     assert!(text.contains("its soft limits"), "{text}");
     let text = refused(TipTask { telescope: Some(1.19), ..level() });

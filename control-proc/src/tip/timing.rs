@@ -7,9 +7,9 @@
 //!
 //! s length of the way in m, s' speed of the teeth in m/s, v speed of the task in m/s; q_i position of a cylinder in m,
 //! q' and q'' its derivatives by s; c_i speed in m/s that the axis can give that way and there: 0.9 of the largest
-//! measured one, and less near a soft limit ([`EndStops`]); a_i `stop_deceleration` in m/s2; Q nine tenths of the pump's
-//! flow in m3/s, A_i area in m2 that the pump fills. x rises and falls as steeply as allowed, and is 0 at both ends of
-//! the run.
+//! measured one, and less near a soft limit ([`EndStops`]); a_i `stop_deceleration` in m/s2; Q nine tenths of the
+//! pump's flow in m3/s, A_i area in m2 that the pump fills. x rises and falls as steeply as allowed, and is 0 at both
+//! ends of the run.
 //!
 //! s(t) of these speeds has steps of the acceleration. Its mean over the time 2 max_i (a_i/j_i) has none: j_i `jerk` of
 //! an axis in m/s3. The mean is as long as the run and stands at both ends.

@@ -5,9 +5,9 @@
 //! pitch   phi(f) = phi_0 + f (phi_1 - phi_0)          length = max(length of the shape, L |phi_1 - phi_0|)
 //! ```
 //!
-//! f part of the piece from 0 to 1, p place of the teeth in m, c centre in m, a angle of the arc in rad, R rotation, phi
-//! pitch of the bucket in rad, L length of the bucket in m. A piece on which the teeth stay in place and the bucket turns
-//! has a length as well: the way of the teeth about the pin. s is the length along all pieces, m.
+//! f part of the piece from 0 to 1, p place of the teeth in m, c centre in m, a angle of the arc in rad, R rotation,
+//! phi pitch of the bucket in rad, L length of the bucket in m. A piece on which the teeth stay in place and the bucket
+//! turns has a length as well: the way of the teeth about the pin. s is the length along all pieces, m.
 
 use std::f64::consts::PI;
 

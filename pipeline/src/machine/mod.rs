@@ -7,7 +7,8 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics`, `mechanism`, `soil`, `tip` | the tables of the whole machine |
+//! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics`, `mechanism`, `soil` | the tables of the whole machine |
+//! | `tip` | a motion of the bucket's teeth |
 //! | `axis/` | the tables of one axis |
 //! | `count_length` | length of one count of a sensor at a joint |
 //! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |

@@ -8,8 +8,8 @@
 //! | `circle` | a circle of 1 m about [6, -0.5] m |
 //! | `dig` | down, along the ground, bucket curled in, up, away and open again |
 //!
-//! Each task is planned for the machine under its scenario, with the payload in the bucket, and driven by the controller
-//! that the machine file says and by its fallback. The error is the distance of the true teeth from the way,
+//! Each task is planned for the machine under its scenario, with the payload in the bucket, and driven by the
+//! controller that the machine file says and by its fallback. The error is the distance of the true teeth from the way,
 //! perpendicular to it.
 
 use std::{path::PathBuf, time::Duration};
@@ -65,7 +65,13 @@ pub struct BenchTipArguments {
     #[arg(long = "scenario", value_name = "NAME")]
     pub scenarios: Vec<String>,
     /// Number of seeds of the simulated noise; they count from 1
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = in_range(1_u64, 1000), allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 1,
+        value_parser = in_range(1_u64, 1000),
+        allow_hyphen_values = true,
+    )]
     pub seeds: u64,
     /// Write the figures as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]

@@ -5,6 +5,7 @@
 mod arguments;
 
 use std::{
+    fs,
     sync::atomic::{AtomicBool, Ordering},
     thread::sleep,
     time::Duration,
@@ -22,22 +23,25 @@ use crate::{
     group::{
         lifeline,
         operator::OperatorError,
-        running::{machine_of, meant},
+        running::{facts_of, machine_of, meant, recording_mark},
         signals::stop_flag,
     },
     recording::{
         Facts, default_folder,
         recorder::{Recorded, Recorder},
+        recordings_folder,
         store::{Contents, Place, Store},
     },
     report::output::show,
 };
-pub use arguments::RecordArguments;
+pub use arguments::{RecordArguments, size};
 
 /// Time between two looks at the channels. At 1 kHz a channel keeps messages for ten of them.
 const POLL: Duration = Duration::from_millis(20);
 /// A group without any message for so long has ended.
 const SILENCE: Duration = Duration::from_secs(5);
+/// Longest time to end a file after the supervisor has died.
+const ENDING: Duration = Duration::from_secs(10);
 /// Least priority among the processes that share a core.
 const NICE: i32 = 19;
 
@@ -45,39 +49,47 @@ const NICE: i32 = 19;
 pub fn run(arguments: &RecordArguments) -> Result<(), Failure> {
     let stop = stop_flag()?;
     if let Some(parent) = arguments.parent {
-        lifeline::hold(parent, "record").map_err(|error| Failure::from(error).about("record"))?;
+        let held = lifeline::hold(parent, "record", ENDING);
+        held.map_err(|error| Failure::from(error).about("record"))?;
     }
     let prefix = meant(arguments.prefix.as_ref())?;
     let alive = |group: &FoundGroup| group.state == GroupState::Alive && group.prefix == prefix;
     if arguments.parent.is_none() && !groups().iter().any(alive) {
         return Err(OperatorError::NoGroup(prefix).into());
     }
-    // Without the right to it, the process keeps its priority.
-    let _ = rustix::process::nice(NICE);
     let group = Group::join(&prefix, "record").map_err(ChannelError::from)?;
     let contents = contents(&prefix)?;
     let place = match (&arguments.output, &arguments.folder) {
         (Some(file), _) => Place::File(file.clone()),
-        (None, folder) => Place::Folder(folder.clone().unwrap_or_else(default_folder), arguments.limit),
+        (None, Some(folder)) => Place::Folder(folder.clone(), arguments.limit),
+        (None, None) => Place::Folder(recordings_folder().unwrap_or_else(default_folder), arguments.limit),
     };
-    let store = Store::new(place, contents, |said| eprintln!("{said}"));
+    let is_part_of_run = arguments.parent.is_some();
+    let store = Store::new(place, contents, is_part_of_run, |said| eprintln!("{said}"));
     let store = store.map_err(|error| Failure::run(error).about("record"))?;
-    let path = store.path().map(|path| path.display().to_string()).unwrap_or_default();
-    let mut recorder = Recorder::new(&group, store)?;
-    show(&format!("recording: {path}\n"))?;
-    let ended = record(&mut recorder, &stop);
-    let recorded = recorder.finish();
-    drop(group);
+    let path = store.place().display().to_string();
+    let mut recorder = Recorder::new(group, store)?;
+    // Without the right to it, the process keeps its priority.
+    let _ = rustix::process::nice(NICE);
+    if is_part_of_run {
+        // The supervisor goes on without it after a while.
+        let _ = fs::write(recording_mark(&prefix), path);
+    } else {
+        show(&format!("recording: {path}\n"))?;
+    }
+    let ended = record(&mut recorder, &stop, is_part_of_run);
+    let ending = recorder.leave();
     // The last member of a group that has ended meanwhile removes its files.
     let _ = remove_leftovers(&prefix);
+    let recorded = ending.finish();
     ended?;
     show(&text(&recorded))?;
     Ok(())
 }
 
-/// Records until a signal or the end of the group.
-fn record(recorder: &mut Recorder, stop: &AtomicBool) -> Result<(), ChannelError> {
-    while !stop.load(Ordering::Relaxed) && recorder.silent_for() < SILENCE {
+/// Records until a signal, or, where it is no part of a run, until the end of the group.
+fn record(recorder: &mut Recorder, stop: &AtomicBool, is_part_of_run: bool) -> Result<(), ChannelError> {
+    while !stop.load(Ordering::Relaxed) && (is_part_of_run || recorder.silent_for() < SILENCE) {
         recorder.step()?;
         sleep(POLL);
     }
@@ -90,18 +102,21 @@ fn contents(prefix: &Prefix) -> Result<Contents, Failure> {
     let machine = load_bare(&bare, None).map_err(Failure::usage)?;
     let BareMachine { machine: file, settings, .. } = bare;
     let text = match &file {
-        Some(file) => std::fs::read(file).map_err(|error| Failure::run(error).about(file.display().to_string()))?,
+        Some(file) => fs::read(file).map_err(|error| Failure::run(error).about(file.display().to_string()))?,
         None => BUILT_IN.as_bytes().to_vec(),
     };
     let settings = serde_json::to_vec_pretty(&settings).map_err(Failure::run)?;
     let attached = vec![("machine.toml".to_owned(), text), ("settings.json".to_owned(), settings)];
-    Ok(Contents { facts: facts(prefix, &machine), attached })
+    let mut facts = facts(prefix, &machine);
+    facts.extend(facts_of(prefix)?);
+    Ok(Contents { facts, attached })
 }
 
 fn facts(prefix: &Prefix, machine: &Machine) -> Facts {
     let axes: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
     [
         ("version", env!("HYDRAXIS_VERSION").to_owned()),
+        ("system", system()),
         ("group", prefix.to_string()),
         ("machine", machine.name.clone()),
         ("axes", axes.join(" ")),
@@ -112,8 +127,21 @@ fn facts(prefix: &Prefix, machine: &Machine) -> Facts {
     .into()
 }
 
+/// Name, release and processor of this computer's system.
+fn system() -> String {
+    let found = rustix::system::uname();
+    [found.sysname(), found.release(), found.machine()].map(|part| part.to_string_lossy()).join(" ")
+}
+
 fn text(recorded: &Recorded) -> String {
-    let mut text = format!("{} messages recorded, {} lost\n", recorded.messages, recorded.all_lost());
+    let mut text = match &recorded.stored.path {
+        Some(path) => format!("recording: {}", path.display()),
+        None => "recording: no file".to_owned(),
+    };
+    if recorded.stored.files > 1 {
+        text += &format!(", the last of {} files", recorded.stored.files);
+    }
+    text += &format!("; {} messages recorded, {} lost\n", recorded.messages, recorded.all_lost());
     for (channel, lost) in recorded.lost.iter().filter(|(_, lost)| **lost > 0) {
         text += &format!("warning: {channel}: {lost} lost\n");
     }

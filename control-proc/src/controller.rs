@@ -193,6 +193,15 @@ impl Controller {
         command
     }
 
+    /// Another controller has made the command that follows the last sample: what it commanded is on the valves in the
+    /// place of the controller's own commands. For a controller that runs beside a recorded one.
+    pub fn apply(&mut self, command: &ValveCommand) {
+        let count = command.header.axis_count as usize;
+        for (axis, applied) in self.axes.iter_mut().zip(&command.axes).take(count) {
+            axis.apply(applied.command);
+        }
+    }
+
     /// The message that makes all axes neutral at once. It is only copied, and does not change the controller: a caller
     /// that sends it because the samples have stopped calls [`Self::fall_silent`] or [`Self::feedback_lost`] first.
     pub fn neutral(&self, sequence: u64) -> ValveCommand {

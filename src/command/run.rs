@@ -26,6 +26,7 @@ use crate::{
     group::{
         monitor::Monitor,
         preflight::{PreflightError, folders, programs, rights},
+        recorder::LockStepRecorder,
         running::leave,
         supervisor::{Launch, Supervisor},
     },
@@ -46,6 +47,7 @@ const STALL_PERIODS: u32 = 3;
 Examples:
   hydraxis run                                        the built-in excavator in real time, 20 s
   hydraxis run --lockstep --duration 60s --seed 7     as fast as the computer allows, bit for bit repeatable
+  hydraxis run --lockstep --record run.mcap           the same, recorded whole: hydraxis replay run.mcap --verify
   hydraxis run --scenario payload                     with a load that grows during the run
   hydraxis run my.toml --set axis.boom.identification.estimator=constant:0.995 --json out.json
 
@@ -75,6 +77,10 @@ pub struct RunArguments {
     /// Write the figures as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// Record all messages of a run in lock-step to a new file, from its first tick and without a gap, for `hydraxis
+    /// replay`
+    #[arg(long, value_name = "FILE.mcap", requires = "lockstep")]
+    pub record: Option<PathBuf>,
     /// Also write the output of supervisor and stages, with times, to a new file in this folder
     #[arg(long, value_name = "DIR")]
     pub log_folder: Option<PathBuf>,
@@ -103,6 +109,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         // Only a simulated machine moves without being armed by a person.
         arm: is_simulated && !arguments.off,
         first_tick: 0,
+        is_recorded: arguments.record.is_some(),
         warn: true,
         stop: Arc::default(),
         reset: Arc::default(),
@@ -194,7 +201,7 @@ fn run_group(
     let has_black_box = options.clock == Clock::RealTime && !arguments.no_black_box;
     let black_boxes = has_black_box.then(|| arguments.black_box.clone().unwrap_or_else(default_folder));
     let mut monitor = Monitor::new(&group, machine, has_black_box)?;
-    leave(&options.prefix, &arguments.machine)?;
+    leave(options, &arguments.machine)?;
     let launch = Launch { machine, arguments: &arguments.machine, options };
     let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref(), black_boxes.as_deref())?;
     let scenario = &machine.scenario.name;
@@ -206,13 +213,19 @@ fn run_group(
     for warning in warnings {
         supervisor.say(format!("warning: {warning}"));
     }
+    let recorder =
+        arguments.record.as_deref().map(|file| LockStepRecorder::start(&options.prefix, file)).transpose()?;
     let watched = start_and_watch(machine, options, &mut monitor, &mut supervisor);
     // A stage that does not end as it was asked to is a failure of the run as well.
     let stopped = supervisor.stop().map_or(Ok(()), Err);
+    let recorded = recorder.map(LockStepRecorder::finish).transpose();
     let polled = monitor.poll();
     supervisor.watch_faults(&mut monitor, true);
     let wall_s = watched?;
     stopped?;
+    if let (Some(file), Some(said)) = (&arguments.record, recorded?) {
+        supervisor.say(format!("{}: {}", file.display(), said.trim_end()));
+    }
     polled?;
     let last = monitor.into_last(supervisor.restart_causes());
     let report = LoopReport::new(machine, &last, options.clock, wall_s);

@@ -8,6 +8,7 @@ use std::{fs, io, path::PathBuf};
 use pipeline::{
     channel::{GroupState, Prefix, groups},
     machine::MachineError,
+    stage::{Clock, StageOptions},
 };
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -46,6 +47,18 @@ struct Started {
     file: Option<PathBuf>,
     /// Values that replace those of the file.
     settings: Vec<(String, String)>,
+    /// How it runs.
+    #[serde(flatten)]
+    mode: RunMode,
+}
+
+/// How a group runs, as far as a repetition of the run needs it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunMode {
+    /// Lock-step instead of real time.
+    pub lockstep: bool,
+    /// Seed of the simulated noise.
+    pub seed: u64,
 }
 
 /// The group that is meant: the one that is named, else the only one that runs.
@@ -65,16 +78,17 @@ pub fn meant(named: Option<&Prefix>) -> Result<Prefix, UnknownGroup> {
     }
 }
 
-/// Leaves in the group's folder what the group is started with.
+/// Leaves in the group's folder what the group is started with, and how it runs.
 ///
 /// # Errors
 /// The model file cannot be read.
-pub fn leave(prefix: &Prefix, machine: &MachineFile) -> Result<(), MachineError> {
+pub fn leave(options: &StageOptions, machine: &MachineFile) -> Result<(), MachineError> {
     let file = machine.bare.machine.as_ref().map(|file| file.canonicalize().unwrap_or_else(|_| file.clone()));
-    let started = Started { file, settings: machine.settings()? };
+    let mode = RunMode { lockstep: options.clock == Clock::LockStep, seed: options.seed };
+    let started = Started { file, settings: machine.settings()?, mode };
     // Without the file a later program asks for the machine file.
     if let Ok(text) = serde_json::to_vec(&started) {
-        let _ = fs::write(prefix.folder().join(FILE), text);
+        let _ = fs::write(options.prefix.folder().join(FILE), text);
     }
     Ok(())
 }
@@ -84,10 +98,21 @@ pub fn leave(prefix: &Prefix, machine: &MachineFile) -> Result<(), MachineError>
 /// # Errors
 /// The group has left nothing about its machine.
 pub fn machine_of(prefix: &Prefix, settings: &[(String, String)]) -> Result<BareMachine, UnknownGroup> {
-    let path = prefix.folder().join(FILE);
-    let read = || serde_json::from_slice::<Started>(&fs::read(&path)?).map_err(io::Error::from);
-    let Started { file, settings: mut all } =
-        read().map_err(|source| UnknownGroup::Machine { prefix: prefix.clone(), source })?;
+    let Started { file, settings: mut all, .. } = started(prefix)?;
     all.extend_from_slice(settings);
     Ok(BareMachine { machine: file, settings: all, model: None })
+}
+
+/// How a running group runs.
+///
+/// # Errors
+/// The group has left nothing about it.
+pub fn mode_of(prefix: &Prefix) -> Result<RunMode, UnknownGroup> {
+    started(prefix).map(|started| started.mode)
+}
+
+fn started(prefix: &Prefix) -> Result<Started, UnknownGroup> {
+    let path = prefix.folder().join(FILE);
+    let read = || serde_json::from_slice(&fs::read(&path)?).map_err(io::Error::from);
+    read().map_err(|source| UnknownGroup::Machine { prefix: prefix.clone(), source })
 }

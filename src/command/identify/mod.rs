@@ -11,6 +11,7 @@ mod held_out;
 mod model_out;
 mod pictures;
 mod record;
+mod recorded;
 mod report;
 mod residuals;
 mod rows;

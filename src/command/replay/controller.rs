@@ -151,21 +151,19 @@ impl ReplayedController {
         }
     }
 
-    /// Takes in as many requests as were read, the last one last: two programs may have sent at the same time.
+    /// Takes in as many requests as were read, the last one last: two programs may have sent at the same time. None
+    /// where the last one is not among them.
     fn take_requests(&mut self, inputs: &CommandInputs, feed: &mut Feed) {
-        let count = inputs.requests.saturating_sub(self.inputs.requests);
-        let mut taken: Vec<Request> = Vec::new();
-        while (taken.len() as u64) < count
-            && let Some(request) = feed.requests.pop()
-        {
-            taken.push(request.message);
-        }
-        let is_last =
-            |header: &Header| (header.session, header.number) == (inputs.request_session, inputs.request_number);
-        if let Some(place) = taken.iter().rposition(|request| is_last(request.header())) {
-            let last = taken.remove(place);
-            taken.push(last);
-        }
+        let count = usize::try_from(inputs.requests.saturating_sub(self.inputs.requests)).unwrap_or(usize::MAX);
+        let last = (inputs.request_session, inputs.request_number);
+        let is_last = |header: &Header| (header.session, header.number) == last;
+        let waiting = feed.requests.waiting();
+        let place = waiting.iter().take(count).rposition(|request| is_last(request.message.header()));
+        let Some(place) = place.filter(|_| count <= waiting.len()) else { return };
+        let mut taken: Vec<Request> =
+            (0..count).filter_map(|_| feed.requests.pop()).map(|typed| typed.message).collect();
+        let last = taken.remove(place);
+        taken.push(last);
         for request in taken {
             self.inputs.requests += 1;
             (self.inputs.request_session, self.inputs.request_number) = (request.header.session, request.header.number);

@@ -2,6 +2,8 @@
 //!
 //! `header.sent_ns` is the time of a clock at which a stage sent a message. It is the only field that is not compared.
 
+use std::collections::VecDeque;
+
 use pipeline::message::Message;
 use serde::Serialize;
 
@@ -13,6 +15,9 @@ use crate::{
         typed::{Typed, columns},
     },
 };
+
+/// Messages at the beginning that tell what all messages of a channel have in common.
+pub const FIRST: usize = 3;
 
 /// The first field that was not computed as it was recorded.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -37,22 +42,15 @@ pub struct Difference {
 pub struct Shared {
     /// Names of the axes.
     pub axes: Vec<String>,
-    /// Lower half of the fingerprint of the machine in the first message.
-    machine: Option<u32>,
-}
-
-impl Shared {
-    /// Before the first message.
-    pub fn new(axes: Vec<String>) -> Self {
-        Self { axes, machine: None }
-    }
+    /// Lower half of the fingerprint of the machine that the messages are about.
+    pub machine: u32,
 }
 
 /// The messages of one channel, as they must be.
 pub struct Channel<M: Message> {
     columns: Vec<Column>,
-    /// Life of the publisher, as in its first message.
-    session: Option<u64>,
+    /// Life of the publisher.
+    session: u64,
     /// Number of the next message.
     number: u64,
     /// The message that was computed, as CDR.
@@ -61,13 +59,15 @@ pub struct Channel<M: Message> {
 }
 
 impl<M: Message> Channel<M> {
-    /// Before the first message.
+    /// Before the first of the `waiting` messages. Most of the first few tell the life of their publisher: one of them
+    /// may be wrong.
     ///
     /// # Errors
     /// None: the schema of today is sound.
-    pub fn new() -> Result<Self, Failure> {
+    pub fn new(waiting: &VecDeque<Typed<M>>) -> Result<Self, Failure> {
         let columns = columns::<M>().map_err(Failure::run)?;
-        Ok(Self { columns, session: None, number: 0, bytes: Vec::new(), of: std::marker::PhantomData })
+        let session = most(waiting.iter().take(FIRST).map(|typed| typed.message.header().session));
+        Ok(Self { columns, session, number: 0, bytes: Vec::new(), of: std::marker::PhantomData })
     }
 
     /// Number of messages that were compared.
@@ -77,13 +77,7 @@ impl<M: Message> Channel<M> {
 
     /// The first difference between a recorded message and the one that was computed. What the publisher fills in is
     /// completed here.
-    pub fn compare(
-        &mut self,
-        mut replayed: M,
-        recorded: &Typed<M>,
-        tick: u64,
-        shared: &mut Shared,
-    ) -> Option<Difference> {
+    pub fn compare(&mut self, mut replayed: M, recorded: &Typed<M>, tick: u64, shared: &Shared) -> Option<Difference> {
         self.complete(&mut replayed, recorded, shared);
         self.number += 1;
         self.difference(recorded, tick, shared)
@@ -95,7 +89,7 @@ impl<M: Message> Channel<M> {
         candidates: impl IntoIterator<Item = M>,
         recorded: &Typed<M>,
         tick: u64,
-        shared: &mut Shared,
+        shared: &Shared,
     ) -> Option<Difference> {
         let mut first = None;
         for mut replayed in candidates {
@@ -111,13 +105,12 @@ impl<M: Message> Channel<M> {
         first
     }
 
-    fn complete(&mut self, replayed: &mut M, recorded: &Typed<M>, shared: &mut Shared) {
+    fn complete(&mut self, replayed: &mut M, recorded: &Typed<M>, shared: &Shared) {
         let of_recorded = recorded.message.header();
         let header = replayed.header_mut();
         header.sent_ns = of_recorded.sent_ns;
         header.number = self.number;
-        header.session = *self.session.get_or_insert(of_recorded.session);
-        header.machine = *shared.machine.get_or_insert(of_recorded.machine);
+        (header.session, header.machine) = (self.session, shared.machine);
         cdr::encode(replayed, &mut self.bytes);
     }
 
@@ -144,6 +137,14 @@ impl<M: Message> Channel<M> {
             None => padding(channel, tick, &recorded.bytes, &self.bytes),
         })
     }
+}
+
+/// The value that most messages have; 0 without a message.
+pub fn most<T: Copy + Ord + Default>(values: impl Iterator<Item = T>) -> T {
+    let mut values: Vec<T> = values.collect();
+    values.sort_unstable();
+    let runs = values.chunk_by(T::eq);
+    runs.max_by_key(|run| run.len()).and_then(|run| run.first().copied()).unwrap_or_default()
 }
 
 /// A difference in bytes that belong to no field.
@@ -183,25 +184,23 @@ mod tests {
         let mut bytes = Vec::new();
         cdr::encode(&message, &mut bytes);
         let columns = columns::<EncoderSample>().unwrap();
+        let first = VecDeque::from([Typed { message, bytes: bytes.clone() }]);
+        let shared = Shared { axes: ["boom", "arm"].map(str::to_owned).into(), machine: 77 };
         let of = |byte: usize| columns.iter().find(|column| column.bytes().contains(&byte));
         let mut named = 0;
         for bit in 0..8 * bytes.len() {
-            let mut flipped = bytes.clone();
-            flipped[bit / 8] ^= 1 << (bit % 8);
-            let decoded = cdr::decode::<EncoderSample>(&flipped);
-            let mut shared = Shared::new(["boom", "arm"].map(str::to_owned).into());
-            let mut channel = Channel::<EncoderSample>::new().unwrap();
-            channel.compare(message, &Typed { message, bytes: bytes.clone() }, 0, &mut shared);
+            let mut channel = Channel::new(&first).unwrap();
+            assert_eq!(channel.compare(message, &first[0], 0, &shared), None);
             let mut next = message;
             next.header.number = 1;
             let mut recorded = Vec::new();
             cdr::encode(&next, &mut recorded);
             recorded[bit / 8] ^= 1 << (bit % 8);
             let Some(read) = cdr::decode(&recorded) else {
-                assert!(bit / 8 < 4 && decoded.is_none());
+                assert!(bit / 8 < 4);
                 continue;
             };
-            let difference = channel.compare(message, &Typed { message: read, bytes: recorded }, 9, &mut shared);
+            let difference = channel.compare(message, &Typed { message: read, bytes: recorded }, 9, &shared);
             let field = of(bit / 8).map(|column| column.name.as_str());
             match (difference, field) {
                 (None, Some("header.sent_ns")) => {}

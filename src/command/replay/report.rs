@@ -33,6 +33,8 @@ pub struct VerifyReport {
     pub model_s: f64,
     /// The channels of the loop.
     pub channels: Vec<CheckedChannel>,
+    /// Messages of these channels that the recorder has missed: the first of them is a difference.
+    pub lost: u64,
     /// The first difference.
     pub difference: Option<Difference>,
     /// Where a damaged recording ends, and why.
@@ -43,6 +45,9 @@ impl VerifyReport {
     /// All of it for people.
     pub fn text(&self, file: &str) -> String {
         let mut text = damage(self.damage.as_deref());
+        if self.lost > 0 {
+            text += &format!("warning: {} messages were lost while the run was recorded\n", self.lost);
+        }
         let mut counts = Vec::new();
         for CheckedChannel { channel, is_computed, messages } in &self.channels {
             counts.push(match is_computed {

@@ -23,7 +23,7 @@ use sensor_proc::Acquisition;
 
 use super::{
     controller::ReplayedController,
-    difference::{Channel, Difference, Shared},
+    difference::{Channel, Difference, FIRST, Shared, most},
     feed::Feed,
     machine::Recorded,
     report::{CheckedChannel, VerifyReport},
@@ -87,12 +87,12 @@ pub fn verify(recorded: &Recorded) -> Result<VerifyReport, Failure> {
     expect_exact(recorded, &feed)?;
     let mut cores = Cores::new(machine, recorded)?;
     let mut channels = Channels {
-        readings: Channel::new()?,
-        samples: Channel::new()?,
-        snapshots: Channel::new()?,
-        commands: Channel::new()?,
-        states: Channel::new()?,
-        shared: Shared::new(names),
+        readings: Channel::new(feed.readings.waiting())?,
+        samples: Channel::new(feed.samples.waiting())?,
+        snapshots: Channel::new(feed.snapshots.waiting())?,
+        commands: Channel::new(feed.commands.waiting())?,
+        states: Channel::new(feed.states.waiting())?,
+        shared: Shared { axes: names, machine: machine_of(&feed) },
     };
     let bar = progress(0, "ticks");
     let (mut last, mut tick) = (Last::default(), 0);
@@ -113,8 +113,21 @@ pub fn verify(recorded: &Recorded) -> Result<VerifyReport, Failure> {
         channels: cores.checked(&channels),
         identical: difference.is_none(),
         difference,
+        lost: lost(&feed),
         damage: feed.damage().map(|damage| format!("byte {}: {}", damage.byte, damage.what)),
     })
+}
+
+/// Messages of the compared channels that the recorder has missed.
+fn lost(feed: &Feed) -> u64 {
+    let channels = [
+        EncoderReading::CHANNEL,
+        EncoderSample::CHANNEL,
+        CoefficientSnapshot::CHANNEL,
+        ValveCommand::CHANNEL,
+        MachineState::CHANNEL,
+    ];
+    channels.iter().filter_map(|channel| feed.fact(&format!("{channel} lost"))?.parse::<u64>().ok()).sum()
 }
 
 /// Refuses a recording that lacks something.
@@ -177,21 +190,36 @@ impl Cores {
             return Ok(Step::Differs(Box::new(difference)));
         }
         if let Some(missing) = self.missing(feed) {
-            let is_whole = feed.damage().is_none() && waiting(feed) > 1;
-            let difference = || Difference {
+            return Ok(self.end(tick, missing, feed, channels));
+        }
+        Ok(match self.compute(tick, feed, channels, last) {
+            Some(difference) => Step::Differs(Box::new(difference)),
+            None => Step::Done,
+        })
+    }
+
+    /// The end of the recording: nothing may be left but a part of this tick.
+    fn end(&mut self, tick: u64, missing: &'static str, feed: &mut Feed, channels: &mut Channels) -> Step {
+        if feed.damage().is_some() {
+            return Step::End;
+        }
+        if waiting(feed) > 1 {
+            return Step::Differs(Box::new(Difference {
                 channel: missing,
                 tick,
                 axis: None,
                 field: "message".to_owned(),
                 recorded: "none".to_owned(),
                 replayed: "one".to_owned(),
-            };
-            return Ok(if is_whole { Step::Differs(Box::new(difference())) } else { Step::End });
+            }));
         }
-        Ok(match self.compute(tick, feed, channels, last) {
-            Some(difference) => Step::Differs(Box::new(difference)),
-            None => Step::Done,
-        })
+        // A state of a tick that does not come.
+        let state = if self.controller.is_some() { feed.states.pop() } else { None };
+        let difference = state.and_then(|state| {
+            let candidates = self.states.candidates(&state.message);
+            channels.states.compare_any(candidates, &state, tick.saturating_sub(1), &channels.shared)
+        });
+        difference.map_or(Step::End, |difference| Step::Differs(Box::new(difference)))
     }
 
     /// The channel without a message of this tick.
@@ -209,7 +237,7 @@ impl Cores {
 
     /// The messages of a tick, in the order of the stages.
     fn compute(&mut self, tick: u64, feed: &mut Feed, channels: &mut Channels, last: &mut Last) -> Option<Difference> {
-        let shared = &mut channels.shared;
+        let shared = &channels.shared;
         let reading = feed.readings.pop();
         if let (Some(plant), Some(recorded)) = (&mut self.plant, &reading) {
             if let Some(command) = &last.command {
@@ -244,7 +272,7 @@ impl Cores {
         let command = feed.commands.pop()?;
         if let Some(controller) = &mut self.controller {
             let replayed = controller.update(&sample, last.snapshot.as_ref(), &command.message, feed);
-            if let Some(difference) = channels.commands.compare(replayed, &command, tick, &mut channels.shared) {
+            if let Some(difference) = channels.commands.compare(replayed, &command, tick, &channels.shared) {
                 return Some(difference);
             }
         }
@@ -256,7 +284,7 @@ impl Cores {
     /// Messages between the command before and that of this tick: commands without a sample, and states.
     fn between(&mut self, tick: u64, feed: &mut Feed, channels: &mut Channels, last: &Last) -> Option<Difference> {
         let controller = self.controller.as_mut()?;
-        let shared = &mut channels.shared;
+        let shared = &channels.shared;
         while feed.commands.peek().is_some_and(ReplayedController::is_extra) {
             let command = feed.commands.pop()?;
             let before = last.sample.map_or(Header::default(), |sample| sample.header);
@@ -286,6 +314,13 @@ impl Cores {
         }
         None
     }
+}
+
+/// The machine that the first messages are about.
+fn machine_of(feed: &Feed) -> u32 {
+    let samples = feed.samples.waiting().iter().map(|typed| typed.message.header.machine);
+    let commands = feed.commands.waiting().iter().map(|typed| typed.message.header.machine);
+    most(samples.take(FIRST).chain(commands.take(FIRST)))
 }
 
 /// Most messages of a channel of each tick that have not been used.

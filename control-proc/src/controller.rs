@@ -189,7 +189,9 @@ impl Controller {
                 path: self.path.ticks(),
             });
         }
-        command.cut_off = self.cut_off();
+        if self.cut_off() != 0 {
+            self.stop_without_pressure(&mut command);
+        }
         command
     }
 
@@ -199,6 +201,16 @@ impl Controller {
         let count = command.header.axis_count as usize;
         for (axis, applied) in self.axes.iter_mut().zip(&command.axes).take(count) {
             axis.apply(applied.command);
+        }
+    }
+
+    /// Disarms the axes that another one has cut the pilot pressure off from. They cannot follow, and an axis that
+    /// waits for its pressure with a large error would jump when the pressure is back.
+    fn stop_without_pressure(&mut self, command: &mut ValveCommand) {
+        command.cut_off = 1;
+        for (axis, entry) in self.axes.iter_mut().zip(&mut command.axes).filter(|(axis, _)| axis.is_armed()) {
+            axis.stop(self.last_sequence);
+            *entry = axis.message();
         }
     }
 

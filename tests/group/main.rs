@@ -16,4 +16,5 @@ mod scripted_stage;
 mod source;
 mod status;
 mod stop;
+mod strangers;
 mod supervisor;

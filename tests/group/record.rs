@@ -140,7 +140,10 @@ fn a_killed_recorder_leaves_a_file_that_is_read_as_far_as_it_goes() {
     recorder.wait().unwrap();
     let length = fs::metadata(&file).unwrap().len();
     let info = info(&file);
-    assert!(info["damage"].as_str().unwrap().starts_with(&format!("byte {length}: ")), "{info}");
+    // A chunk that was being written has no length yet: the file is read up to there.
+    let damage = info["damage"].as_str().and_then(|damage| damage.strip_prefix("byte ")?.split_once(": "));
+    let place: u64 = damage.expect("a place").0.parse().unwrap();
+    assert!((100_000..=length).contains(&place), "{info} {length}");
     assert!(info["channels"][1]["messages"].as_u64().unwrap() > 20, "{info}");
     assert_eq!(exported(&file, &[]).len() as u64, info["channels"][1]["messages"].as_u64().unwrap());
 

@@ -177,6 +177,11 @@ impl AxisController {
         if self.follows() { self.references.rate(tick, generator) } else { 1.0 }
     }
 
+    /// Whether the axis settles or follows.
+    pub fn is_armed(&self) -> bool {
+        self.state.is_armed()
+    }
+
     /// Whether the axis is to follow a reference, but has had no reading for too long.
     pub fn waits(&self) -> bool {
         self.follows() && self.feedback.is_silent()

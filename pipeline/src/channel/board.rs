@@ -19,6 +19,8 @@
 //!
 //! [`Stops`] runs in the loop of control-proc: loads and stores of a few words.
 
+use std::path::PathBuf;
+
 use iceoryx2::prelude::*;
 use iceoryx2_bb_concurrency::atomic::{AtomicU32, AtomicU64, Ordering};
 use iceoryx2_cal::{
@@ -27,7 +29,13 @@ use iceoryx2_cal::{
 };
 use thiserror::Error;
 
-use super::{prefix::Prefix, service::OPEN_PATIENCE, storage::Reserved};
+use super::{
+    folder::{Foreign, owned},
+    names::{BOARD, memory},
+    prefix::Prefix,
+    service::OPEN_PATIENCE,
+    storage::Reserved,
+};
 use crate::{MAX_AXES, MAX_NAME, layout::shared_struct, machine::Machine, message::ValveCommand};
 
 /// Parts of [`BOARD`](super::names::BOARD) for iceoryx2, which puts the line before them.
@@ -137,6 +145,17 @@ pub enum BoardError {
         /// What is different of the machine of this program.
         own: String,
     },
+    /// The group is another user's.
+    #[error(
+        "group \"{prefix}\" runs as user {owner}; allowed: commands of that user: type `sudo -u '#{owner}'` before \
+         this one"
+    )]
+    Foreign {
+        /// The group.
+        prefix: Prefix,
+        /// User that it belongs to.
+        owner: u32,
+    },
     /// The shared memory cannot be had.
     #[error("group \"{prefix}\": its board in shared memory cannot be used: {source:?}")]
     Library {
@@ -145,6 +164,16 @@ pub enum BoardError {
         /// What iceoryx2 said.
         source: DynamicStorageOpenOrCreateError,
     },
+}
+
+impl BoardError {
+    fn of(prefix: &Prefix, source: DynamicStorageOpenOrCreateError) -> Self {
+        let is_board = |path: &PathBuf| path.to_string_lossy().ends_with(BOARD);
+        match memory(prefix).into_iter().find(is_board).map(|path| owned(&path)) {
+            Some(Err(Foreign::Owner { owner, .. })) => Self::Foreign { prefix: prefix.clone(), owner },
+            _ => Self::Library { prefix: prefix.clone(), source },
+        }
+    }
 }
 
 /// The board of one group.
@@ -221,7 +250,7 @@ impl Board {
             .open_or_create();
         match opened {
             Ok(page) => Ok(Self { prefix: prefix.clone(), page }),
-            Err(source) => Err(BoardError::Library { prefix: prefix.clone(), source }),
+            Err(source) => Err(BoardError::of(prefix, source)),
         }
     }
 

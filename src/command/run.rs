@@ -15,7 +15,7 @@ use pipeline::{
     stage::{Clock, StageKind, StageOptions},
 };
 
-use super::{check, simulate::ticks};
+use super::{check, record::size, simulate::ticks};
 use crate::{
     arguments::{
         MachineFile, load,
@@ -25,12 +25,12 @@ use crate::{
     failure::{Failure, Failures},
     group::{
         monitor::Monitor,
-        preflight::{PreflightError, folders, programs, rights},
+        preflight::{PreflightError, folders, new_file, programs, rights},
         recorder::LockStepRecorder,
         running::leave,
         supervisor::{Launch, Supervisor},
     },
-    recording::default_folder,
+    recording::{Facts, LIMIT, LOCK_STEP, default_folder, recordings_folder, store::Place},
     report::{control_loop::LoopReport, output::Output},
 };
 
@@ -77,10 +77,6 @@ pub struct RunArguments {
     /// Write the figures as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Record all messages of a run in lock-step to a new file, from its first tick and without a gap, for `hydraxis
-    /// replay`
-    #[arg(long, value_name = "FILE.mcap", requires = "lockstep")]
-    pub record: Option<PathBuf>,
     /// Also write the output of supervisor and stages, with times, to a new file in this folder
     #[arg(long, value_name = "DIR")]
     pub log_folder: Option<PathBuf>,
@@ -92,6 +88,28 @@ pub struct RunArguments {
     /// Write no black box; a run in lock-step writes none, since it can be repeated
     #[arg(long, conflicts_with = "black_box")]
     pub no_black_box: bool,
+    /// Record all channels to one new file, of any length; in lock-step without a gap, for `hydraxis replay` [default:
+    /// files in $HYDRAXIS_RECORDINGS, $STATE_DIRECTORY, $XDG_STATE_HOME/hydraxis or ~/.local/state/hydraxis, of which
+    /// the oldest ones are removed; in lock-step none]
+    #[arg(long, value_name = "FILE.mcap", conflicts_with = "no_record")]
+    pub record: Option<PathBuf>,
+    /// Most bytes of all recordings in the folder, such as 500MB or 2GB
+    #[arg(long, value_name = "SIZE", default_value = LIMIT, value_parser = size, conflicts_with = "record")]
+    pub record_limit: u64,
+    /// Record nothing, as HYDRAXIS_RECORDINGS=off does; a run in lock-step is recorded with --record only
+    #[arg(long)]
+    pub no_record: bool,
+}
+
+impl RunArguments {
+    /// Where the run is recorded, if it is.
+    fn recorded_to(&self) -> Option<Place> {
+        if self.no_record || self.lockstep {
+            return None;
+        }
+        let folder = || recordings_folder().map(|folder| Place::Folder(folder, self.record_limit));
+        self.record.clone().map(Place::File).or_else(folder)
+    }
 }
 
 /// Runs the command.
@@ -109,7 +127,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         // Only a simulated machine moves without being armed by a person.
         arm: is_simulated && !arguments.off,
         first_tick: 0,
-        is_recorded: arguments.record.is_some(),
+        is_recorded: arguments.lockstep && arguments.record.is_some(),
         warn: true,
         stop: Arc::default(),
         reset: Arc::default(),
@@ -138,6 +156,7 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Ch
     let mut failures = Failures::default();
     let claim = failures.take(Claim::take(prefix).map_err(PreflightError::from));
     failures.extend(folders(prefix, claim.as_ref(), arguments.log_folder.as_deref()));
+    failures.extend(arguments.record.as_deref().and_then(|file| new_file("--record", file).err()));
     let machine = failures.take(load(&arguments.machine));
     let (mut count, mut warnings) = (None, Vec::new());
     if let Some(machine) = &machine {
@@ -201,7 +220,7 @@ fn run_group(
     let has_black_box = options.clock == Clock::RealTime && !arguments.no_black_box;
     let black_boxes = has_black_box.then(|| arguments.black_box.clone().unwrap_or_else(default_folder));
     let mut monitor = Monitor::new(&group, machine, has_black_box)?;
-    leave(options, &arguments.machine)?;
+    leave(&options.prefix, &arguments.machine, facts(machine, options))?;
     let launch = Launch { machine, arguments: &arguments.machine, options };
     let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref(), black_boxes.as_deref())?;
     let scenario = &machine.scenario.name;
@@ -213,8 +232,11 @@ fn run_group(
     for warning in warnings {
         supervisor.say(format!("warning: {warning}"));
     }
-    let recorder =
-        arguments.record.as_deref().map(|file| LockStepRecorder::start(&options.prefix, file)).transpose()?;
+    if let Some(place) = arguments.recorded_to() {
+        supervisor.record(place);
+    }
+    let whole = arguments.record.as_deref().filter(|_| arguments.lockstep);
+    let recorder = whole.map(|file| LockStepRecorder::start(&options.prefix, file)).transpose()?;
     let watched = start_and_watch(machine, options, &mut monitor, &mut supervisor);
     // A stage that does not end as it was asked to is a failure of the run as well.
     let stopped = supervisor.stop().map_or(Ok(()), Err);
@@ -223,13 +245,26 @@ fn run_group(
     supervisor.watch_faults(&mut monitor, true);
     let wall_s = watched?;
     stopped?;
-    if let (Some(file), Some(said)) = (&arguments.record, recorded?) {
-        supervisor.say(format!("{}: {}", file.display(), said.trim_end()));
-    }
+    recorded?.into_iter().for_each(|said| supervisor.say(said.trim_end()));
     polled?;
     let last = monitor.into_last(supervisor.restart_causes());
     let report = LoopReport::new(machine, &last, options.clock, wall_s);
     Ok(Ended { report, is_interrupted: supervisor.is_interrupted() })
+}
+
+/// What a recording says about the run, besides the machine.
+fn facts(machine: &Machine, options: &StageOptions) -> Facts {
+    let clock = if options.clock == Clock::LockStep { LOCK_STEP } else { "real time" };
+    [
+        ("clock", clock.to_owned()),
+        ("source", machine.source.kind().to_owned()),
+        ("scenario", machine.scenario.name.clone()),
+        ("seed", options.seed.to_string()),
+        ("ticks", options.ticks.map_or("without end".to_owned(), |ticks| ticks.to_string())),
+        ("armed at the start", options.arm.to_string()),
+    ]
+    .map(|(name, fact)| (name.to_owned(), fact))
+    .into()
 }
 
 /// Starts the stages, the one that all others wait for last, and supervises them until their end. The time since the

@@ -84,7 +84,8 @@ pub fn run(kind: StageKind, arguments: &StageArguments) -> Result<(), Failure> {
         off: off_flag()?,
     };
     if let Some(parent) = arguments.parent {
-        lifeline::hold(parent, kind.name()).map_err(|error| Failure::from(error).about(kind.name()))?;
+        let held = lifeline::hold(parent, kind.name(), lifeline::STAGE_PATIENCE);
+        held.map_err(|error| Failure::from(error).about(kind.name()))?;
     }
     let result = match kind {
         StageKind::PlantSim => plant_sim::process::run(&machine, options),

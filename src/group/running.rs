@@ -8,15 +8,19 @@ use std::{fs, io, path::PathBuf};
 use pipeline::{
     channel::{GroupState, Prefix, groups},
     machine::MachineError,
-    stage::{Clock, StageOptions},
 };
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::arguments::{BareMachine, MachineFile};
+use crate::{
+    arguments::{BareMachine, MachineFile},
+    recording::Facts,
+};
 
-/// Name of the file in the group's folder.
+/// Name of the file about the machine in the group's folder.
 const FILE: &str = "machine.json";
+/// Name of the file that says where the run is recorded.
+const RECORDING: &str = "recording";
 
 /// Why it is not known which group is meant, or which machine it runs.
 #[derive(Debug, Error)]
@@ -47,18 +51,13 @@ struct Started {
     file: Option<PathBuf>,
     /// Values that replace those of the file.
     settings: Vec<(String, String)>,
-    /// How it runs.
-    #[serde(flatten)]
-    mode: RunMode,
+    /// Further facts about the run.
+    facts: Facts,
 }
 
-/// How a group runs, as far as a repetition of the run needs it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RunMode {
-    /// Lock-step instead of real time.
-    pub lockstep: bool,
-    /// Seed of the simulated noise.
-    pub seed: u64,
+/// The file that says where a run is recorded. The recorder writes it when it has attached to all channels.
+pub fn recording_mark(prefix: &Prefix) -> PathBuf {
+    prefix.folder().join(RECORDING)
 }
 
 /// The group that is meant: the one that is named, else the only one that runs.
@@ -78,17 +77,16 @@ pub fn meant(named: Option<&Prefix>) -> Result<Prefix, UnknownGroup> {
     }
 }
 
-/// Leaves in the group's folder what the group is started with, and how it runs.
+/// Leaves in the group's folder what the group is started with, and further `facts` about the run.
 ///
 /// # Errors
 /// The model file cannot be read.
-pub fn leave(options: &StageOptions, machine: &MachineFile) -> Result<(), MachineError> {
+pub fn leave(prefix: &Prefix, machine: &MachineFile, facts: Facts) -> Result<(), MachineError> {
     let file = machine.bare.machine.as_ref().map(|file| file.canonicalize().unwrap_or_else(|_| file.clone()));
-    let mode = RunMode { lockstep: options.clock == Clock::LockStep, seed: options.seed };
-    let started = Started { file, settings: machine.settings()?, mode };
+    let started = Started { file, settings: machine.settings()?, facts };
     // Without the file a later program asks for the machine file.
     if let Ok(text) = serde_json::to_vec(&started) {
-        let _ = fs::write(options.prefix.folder().join(FILE), text);
+        let _ = fs::write(prefix.folder().join(FILE), text);
     }
     Ok(())
 }
@@ -103,12 +101,12 @@ pub fn machine_of(prefix: &Prefix, settings: &[(String, String)]) -> Result<Bare
     Ok(BareMachine { machine: file, settings: all, model: None })
 }
 
-/// How a running group runs.
+/// Further facts about the run of a group.
 ///
 /// # Errors
-/// The group has left nothing about it.
-pub fn mode_of(prefix: &Prefix) -> Result<RunMode, UnknownGroup> {
-    started(prefix).map(|started| started.mode)
+/// The group has left nothing about its machine.
+pub fn facts_of(prefix: &Prefix) -> Result<Facts, UnknownGroup> {
+    Ok(started(prefix)?.facts)
 }
 
 fn started(prefix: &Prefix) -> Result<Started, UnknownGroup> {

@@ -12,6 +12,7 @@
 //! | `recorder` | all messages of all channels, into a queue that never waits |
 //! | `store` | the queue into files, whatever the disk does |
 //! | `file` | one file: MCAP, CDR, zstd |
+//! | `latency` | ages of the samples as histograms |
 //! | `cdr` | a message as bytes, and its schema |
 //! | `schema` | a schema as columns, and their values in bytes |
 //! | `reading` | the messages of a file, also of a damaged one |
@@ -21,6 +22,7 @@
 pub mod black_box;
 pub mod cdr;
 pub mod file;
+mod latency;
 pub mod reading;
 pub mod recorder;
 pub mod rows;
@@ -60,6 +62,20 @@ const END_FACTS: &str = "hydraxis.end";
 fn clock_ns() -> i64 {
     let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     since.as_nanos() as i64 - monotonic_ns() as i64
+}
+
+/// Names the folder for recordings, or says that a run is not recorded.
+const VARIABLE: &str = "HYDRAXIS_RECORDINGS";
+/// Most bytes of all recordings in a folder, unless the user says otherwise.
+pub const LIMIT: &str = "2GB";
+
+/// Where recordings go unless the user says otherwise; none where the environment wants no recordings.
+pub fn recordings_folder() -> Option<PathBuf> {
+    match std::env::var_os(VARIABLE).filter(|value| !value.is_empty()) {
+        Some(off) if off == "off" => None,
+        Some(folder) => Some(folder.into()),
+        None => Some(default_folder()),
+    }
 }
 
 /// Where black boxes and recordings are kept unless the user says otherwise: where a service or a user keeps state.

@@ -112,6 +112,11 @@ impl Column {
         (&self.name, self.kind) == (&other.name, other.kind)
     }
 
+    /// Type of the number.
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
     /// The value in a message; none where the message is too short.
     pub fn value(&self, message: &[u8]) -> Option<Value> {
         let bytes = message.get(self.bytes())?;
@@ -145,6 +150,12 @@ pub fn columns(schema: &str) -> Result<Vec<Column>, SchemaError> {
     let mut walk = Walk { structs: &structs, columns: Vec::new(), end: 0 };
     walk.fields("", "", 0)?;
     Ok(walk.columns)
+}
+
+/// The columns of a message of this version.
+#[cfg(test)]
+pub fn columns_of<M: pipeline::message::Message>() -> Vec<Column> {
+    columns(&super::cdr::schema::<M>()).expect("its own schema")
 }
 
 /// A walk over all numbers of a message, in the order of their bytes.

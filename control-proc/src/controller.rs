@@ -225,6 +225,15 @@ impl Controller {
         self.generator.tip_start().map(|start| (start, self.path.ticks()[0]))
     }
 
+    /// Another controller has made the command that follows the last sample: what it commanded is on the valves in the
+    /// place of the controller's own commands. For a controller that runs beside a recorded one.
+    pub fn apply(&mut self, command: &ValveCommand) {
+        let count = command.header.axis_count as usize;
+        for (axis, applied) in self.axes.iter_mut().zip(&command.axes).take(count) {
+            axis.apply(applied.command);
+        }
+    }
+
     /// Disarms the axes that another one has cut the pilot pressure off from. They cannot follow, and an axis that
     /// waits for its pressure with a large error would jump when the pressure is back.
     fn stop_without_pressure(&mut self, command: &mut ValveCommand) {

@@ -11,6 +11,7 @@ mod lock_step;
 mod operation;
 mod processes;
 mod record;
+mod replay;
 mod scripted_stage;
 mod source;
 mod status;

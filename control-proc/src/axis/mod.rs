@@ -169,6 +169,12 @@ impl AxisController {
         self.message()
     }
 
+    /// The command on the valve since the last sample is this one in the place of the axis' own.
+    pub fn apply(&mut self, command: f64) {
+        self.decision.command = command;
+        self.feedback.replace_command(command);
+    }
+
     /// Number of coming references that the axis looks at.
     pub fn ahead(&self) -> usize {
         self.references.ahead()

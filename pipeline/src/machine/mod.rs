@@ -73,7 +73,7 @@ use crate::{MAX_AXES, layout, nearest::did_you_mean_file};
 pub const BUILT_IN: &str = include_str!("../../../examples/excavator.toml");
 
 /// The model of the built-in machine that commissioning has found; the same text is in `examples/`.
-const BUILT_IN_MODEL: &str = include_str!("../../../examples/excavator-model.toml");
+pub const BUILT_IN_MODEL: &str = include_str!("../../../examples/excavator-model.toml");
 
 /// A machine of four independent axes with fast valves, on which estimators and controllers are tested.
 pub const FOUR_AXES: &str = include_str!("../../../examples/four-axes.toml");

@@ -17,7 +17,7 @@ use clap::Args;
 use control_proc::{Controller, tip::TipPlan};
 use pipeline::machine::{Axis, DeadBand, Drive, Machine, Source, StageKind};
 use plant_sim::PlantSim;
-use sensor_proc::{Recording, Replay};
+use sensor_proc::Replay;
 
 use super::{
     doctor::Kept,
@@ -26,6 +26,7 @@ use super::{
 use crate::{
     arguments::{MachineFile, load},
     failure::Failure,
+    recording::rows::read_recordings,
     report::output::show,
 };
 
@@ -183,7 +184,7 @@ pub fn deep(machine: &Machine) -> Result<Option<u64>, Failure> {
                 problems.extend(PlantSim::new(machine, 0).err().map(|error| error.to_string()));
             }
             Source::Sim => problems.extend(PlantSim::new(&alone, 0).err().map(|error| error.to_string())),
-            Source::Replay(file) => match Recording::read_all(&alone, file) {
+            Source::Replay(file) => match read_recordings(&alone, file) {
                 Ok(recordings) => rows = Some(Replay::new(&alone, recordings).len()),
                 Err(error) => problems.push(format!("source.file: {error}")),
             },

@@ -13,9 +13,11 @@ use pipeline::{
     stage::{StageKind, monotonic_ns},
 };
 use plant_sim::PlantSim;
-use sensor_proc::{Acquisition, Recording, Replay, is_implausible};
+use sensor_proc::{Acquisition, Replay, is_implausible};
 
-use crate::{arguments::simulated_only, failure::Failure, report::control_loop::LastMessages};
+use crate::{
+    arguments::simulated_only, failure::Failure, recording::rows::read_recordings, report::control_loop::LastMessages,
+};
 
 /// One tick, after the controller.
 pub struct Tick<'a> {
@@ -81,7 +83,7 @@ impl Ends {
                 Ok(Self::Live(Box::new(plant), Acquisition::new(machine)))
             }
             Source::Replay(file) => {
-                let recordings = Recording::read_all(machine, file).map_err(Failure::usage)?;
+                let recordings = read_recordings(machine, file).map_err(Failure::usage)?;
                 Ok(Self::Recorded(Replay::new(machine, recordings)))
             }
             Source::External => Err(Failure::usage(simulated_only(machine))),

@@ -87,9 +87,9 @@ fn the_others_come_to_a_stand_and_hold_when_one_axis_leaves_the_way_and_all_begi
     let before = ideal.positions;
     let command = (0..200).map(|_| ideal.tick()).last().unwrap();
     assert_eq!(ideal.controller.on_the_way(), None);
-    for axis in 0..3 {
+    for (axis, before) in before.iter().enumerate().take(3) {
         assert_eq!(command.axes[axis].operation, AxisMode::Hold as u32, "{axis}");
-        assert!((ideal.positions[axis] - before[axis]).abs() < 0.1, "{axis}");
+        assert!((ideal.positions[axis] - before).abs() < 0.1, "{axis}");
     }
     let stand = ideal.positions;
     (0..50).for_each(|_| {

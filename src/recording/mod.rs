@@ -20,6 +20,8 @@
 pub mod black_box;
 mod cdr;
 pub mod file;
+#[cfg(test)]
+mod hostile;
 mod latency;
 pub mod reading;
 pub mod recorder;

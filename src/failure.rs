@@ -15,8 +15,8 @@ use thiserror::Error as ThisError;
 use crate::{
     arguments::UnknownAxis,
     group::{
-        lifeline::LifelineError, operator::OperatorError, preflight::PreflightError, running::UnknownGroup,
-        signals::SignalError, supervisor::SupervisorError,
+        lifeline::LifelineError, operator::OperatorError, preflight::PreflightError, recorder::RecorderError,
+        running::UnknownGroup, signals::SignalError, supervisor::SupervisorError,
     },
     report::output::OutputError,
 };
@@ -150,6 +150,18 @@ impl From<UnknownAxis> for Failure {
 impl From<ChannelError> for Failure {
     fn from(error: ChannelError) -> Self {
         Self::run(error)
+    }
+}
+
+impl From<BoardError> for Failure {
+    fn from(error: BoardError) -> Self {
+        Self::run(error)
+    }
+}
+
+impl From<RecorderError> for Failure {
+    fn from(error: RecorderError) -> Self {
+        Self::run(error).about("--record")
     }
 }
 

@@ -26,10 +26,11 @@ use crate::{
     group::{
         monitor::Monitor,
         preflight::{PreflightError, folders, new_file, programs, rights},
+        recorder::LockStepRecorder,
         running::leave,
         supervisor::{Launch, Supervisor},
     },
-    recording::{Facts, LIMIT, default_folder, recordings_folder, store::Place},
+    recording::{Facts, LIMIT, LOCK_STEP, default_folder, recordings_folder, store::Place},
     report::{control_loop::LoopReport, output::Output},
 };
 
@@ -46,6 +47,7 @@ const STALL_PERIODS: u32 = 3;
 Examples:
   hydraxis run                                        the built-in excavator in real time, 20 s
   hydraxis run --lockstep --duration 60s --seed 7     as fast as the computer allows, bit for bit repeatable
+  hydraxis run --lockstep --record run.mcap           the same, recorded whole: hydraxis replay run.mcap --verify
   hydraxis run --scenario payload                     with a load that grows during the run
   hydraxis run my.toml --set axis.boom.identification.estimator=constant:0.995 --json out.json
 
@@ -86,14 +88,15 @@ pub struct RunArguments {
     /// Write no black box; a run in lock-step writes none, since it can be repeated
     #[arg(long, conflicts_with = "black_box")]
     pub no_black_box: bool,
-    /// Record all channels to one new file, of any length [default: files in $HYDRAXIS_RECORDINGS, $STATE_DIRECTORY,
-    /// $XDG_STATE_HOME/hydraxis or ~/.local/state/hydraxis, of which the oldest ones are removed]
-    #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["no_record", "lockstep"])]
+    /// Record all channels to one new file, of any length; in lock-step without a gap, for `hydraxis replay` [default:
+    /// files in $HYDRAXIS_RECORDINGS, $STATE_DIRECTORY, $XDG_STATE_HOME/hydraxis or ~/.local/state/hydraxis, of which
+    /// the oldest ones are removed; in lock-step none]
+    #[arg(long, value_name = "FILE.mcap", conflicts_with = "no_record")]
     pub record: Option<PathBuf>,
     /// Most bytes of all recordings in the folder, such as 500MB or 2GB
     #[arg(long, value_name = "SIZE", default_value = LIMIT, value_parser = size, conflicts_with = "record")]
     pub record_limit: u64,
-    /// Record nothing, as HYDRAXIS_RECORDINGS=off does; a run in lock-step is not recorded, since it can be repeated
+    /// Record nothing, as HYDRAXIS_RECORDINGS=off does; a run in lock-step is recorded with --record only
     #[arg(long)]
     pub no_record: bool,
 }
@@ -124,6 +127,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         // Only a simulated machine moves without being armed by a person.
         arm: is_simulated && !arguments.off,
         first_tick: 0,
+        is_recorded: arguments.lockstep && arguments.record.is_some(),
         warn: true,
         stop: Arc::default(),
         reset: Arc::default(),
@@ -231,13 +235,17 @@ fn run_group(
     if let Some(place) = arguments.recorded_to() {
         supervisor.record(place);
     }
+    let whole = arguments.record.as_deref().filter(|_| arguments.lockstep);
+    let recorder = whole.map(|file| LockStepRecorder::start(&options.prefix, file)).transpose()?;
     let watched = start_and_watch(machine, options, &mut monitor, &mut supervisor);
     // A stage that does not end as it was asked to is a failure of the run as well.
     let stopped = supervisor.stop().map_or(Ok(()), Err);
+    let recorded = recorder.map(LockStepRecorder::finish).transpose();
     let polled = monitor.poll();
     supervisor.watch_faults(&mut monitor, true);
     let wall_s = watched?;
     stopped?;
+    recorded?.into_iter().for_each(|said| supervisor.say(said.trim_end()));
     polled?;
     let last = monitor.into_last(supervisor.restart_causes());
     let report = LoopReport::new(machine, &last, options.clock, wall_s);
@@ -246,7 +254,7 @@ fn run_group(
 
 /// What a recording says about the run, besides the machine.
 fn facts(machine: &Machine, options: &StageOptions) -> Facts {
-    let clock = if options.clock == Clock::LockStep { "lock-step" } else { "real time" };
+    let clock = if options.clock == Clock::LockStep { LOCK_STEP } else { "real time" };
     [
         ("clock", clock.to_owned()),
         ("source", machine.source.kind().to_owned()),

@@ -4,7 +4,7 @@ use std::{io, process::Command};
 
 use pipeline::{
     channel::Prefix,
-    machine::{Machine, MachineError},
+    machine::{Machine, MachineError, Source},
     stage::{Clock, StageKind, StageOptions},
 };
 use thiserror::Error;
@@ -60,6 +60,11 @@ pub fn command(
     }
     if options.arm && kind == StageKind::ControlProc {
         command.arg("--arm");
+    }
+    let source = if machine.source == Source::Sim { StageKind::PlantSim } else { StageKind::SensorProc };
+    // A foreign program does not know the option, and is not held back.
+    if options.is_recorded && kind == source && machine.stage(kind).command.is_none() {
+        command.arg("--recorded");
     }
     if options.first_tick > 0 && kind == StageKind::SensorProc {
         command.arg("--first-tick").arg(options.first_tick.to_string());

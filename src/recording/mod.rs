@@ -16,18 +16,22 @@
 //! | `cdr` | a message as bytes, and its schema |
 //! | `schema` | a schema as columns, and their values in bytes |
 //! | `reading` | the messages of a file, also of a damaged one |
+//! | `typed` | the messages of a file as structs |
+//! | `rows` | the position and the command of an axis at every tick |
 
 pub mod black_box;
-mod cdr;
+pub mod cdr;
 pub mod file;
 #[cfg(test)]
 mod hostile;
 mod latency;
 pub mod reading;
 pub mod recorder;
+pub mod rows;
 pub mod schema;
 pub mod store;
 pub mod tape;
+pub mod typed;
 
 use std::{collections::BTreeMap, path::PathBuf, time::SystemTime};
 
@@ -41,6 +45,18 @@ type Counts = BTreeMap<&'static str, u64>;
 
 /// Name of the record of facts that are known at the beginning.
 const FACTS: &str = "hydraxis";
+/// Name of the attached machine file.
+pub const MACHINE: &str = "machine.toml";
+/// Name of the attached list of values that replace those of the machine file.
+pub const SETTINGS: &str = "settings.json";
+/// What the fact `clock` says of a run in lock-step.
+pub const LOCK_STEP: &str = "lock-step";
+
+/// Name of the attached trajectory of an axis.
+pub fn trajectory_name(axis: &str) -> String {
+    format!("trajectory-{axis}.csv")
+}
+
 /// Name of the record of facts that are known at the end only.
 const END_FACTS: &str = "hydraxis.end";
 

@@ -14,8 +14,8 @@ use std::{
 use pipeline::{
     channel::{ChannelError, Group, Reader},
     message::{
-        CoefficientSnapshot, EncoderReading, EncoderSample, MachineState, Message, Reference, Request, StageHealth,
-        ValveCommand,
+        CoefficientSnapshot, EncoderReading, EncoderSample, Header, MachineState, Message, Reference, Request,
+        StageHealth, ValveCommand,
     },
     stage::monotonic_ns,
 };
@@ -136,18 +136,22 @@ pub struct Recorder {
     writer: JoinHandle<Stored>,
     /// Messages that found the queue full.
     dropped: Counts,
+    /// The loop waits for this recorder, which waits for the writer.
+    waits: bool,
     messages: u64,
     last_message: Instant,
 }
 
 impl Recorder {
-    /// Attaches to all channels of `group` and starts the writer.
+    /// Attaches to all channels of `group` and starts the writer. `waits`: the loop waits for this recorder, so that it
+    /// can wait for the writer and drop nothing.
     ///
     /// # Errors
     /// A channel cannot be opened.
-    pub fn new(group: Group, mut store: Store) -> Result<Self, ChannelError> {
+    pub fn new(group: Group, mut store: Store, waits: bool) -> Result<Self, ChannelError> {
         let channels = Channels::new(&group)?;
-        let (queue, batches) = sync_channel::<Batch>(WAITING);
+        // In lock-step a batch can be large: the loop is as fast as the computer allows.
+        let (queue, batches) = sync_channel::<Batch>(if waits { 1 } else { WAITING });
         let writer = thread::spawn(move || {
             give_way();
             for Batch { messages, lost } in batches {
@@ -165,6 +169,7 @@ impl Recorder {
             queue,
             writer,
             dropped: Counts::new(),
+            waits,
             messages: 0,
             last_message: now,
         })
@@ -188,6 +193,14 @@ impl Recorder {
         Ok(())
     }
 
+    /// Number of ticks whose command and snapshot have been read, and so whose sample and reading are about to be.
+    pub fn ticks(&self) -> u64 {
+        let after = |header: Option<&Header>| header.map_or(0, |header| header.sequence + 1);
+        let command = self.channels.commands.last().map(Message::header);
+        let snapshot = self.channels.snapshots.last().map(Message::header);
+        after(command).min(after(snapshot))
+    }
+
     /// Time since the last message of any channel.
     pub fn silent_for(&self) -> Duration {
         self.last_message.elapsed()
@@ -207,7 +220,12 @@ impl Recorder {
     fn hand_on(&mut self) {
         let batch = Batch { messages: std::mem::take(&mut self.batch), lost: self.lost() };
         self.messages += batch.messages.len() as u64;
-        if let Err(TrySendError::Full(batch) | TrySendError::Disconnected(batch)) = self.queue.try_send(batch) {
+        let sent = if self.waits {
+            self.queue.send(batch).map_err(|error| TrySendError::Disconnected(error.0))
+        } else {
+            self.queue.try_send(batch)
+        };
+        if let Err(TrySendError::Full(batch) | TrySendError::Disconnected(batch)) = sent {
             for message in &batch.messages {
                 *self.dropped.entry(message.channel).or_default() += 1;
             }

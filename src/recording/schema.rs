@@ -104,6 +104,16 @@ pub struct Column {
 }
 
 impl Column {
+    /// Its bytes in the CDR.
+    pub fn bytes(&self) -> std::ops::Range<usize> {
+        self.offset..self.offset + self.kind.size()
+    }
+
+    /// Whether another column has the same name and type.
+    pub fn is_same(&self, other: &Self) -> bool {
+        (&self.name, self.kind) == (&other.name, other.kind)
+    }
+
     /// Type of the number.
     pub fn kind(&self) -> Kind {
         self.kind
@@ -111,7 +121,7 @@ impl Column {
 
     /// The value in a message; none where the message is too short.
     pub fn value(&self, message: &[u8]) -> Option<Value> {
-        let bytes = message.get(self.offset..self.offset + self.kind.size())?;
+        let bytes = message.get(self.bytes())?;
         let mut wide = [0; 8];
         wide[..bytes.len()].copy_from_slice(bytes);
         Some(match self.kind {

@@ -28,6 +28,7 @@ Examples:
   hydraxis identify boom.csv --na 2 --integrator --drift --dead-band 0.07,0.1 --knots 0,0.2,0.5
   hydraxis identify step1.csv step2.csv --test step3.csv      several recordings, tested on another one
   hydraxis identify log.txt --input \"Valve command\" --output 4 --unit 4=mm
+  hydraxis identify run.mcap --axis boom                      an axis of a recording of `hydraxis record`
   hydraxis identify boom.csv --report boom.html --model-out boom.toml --csv boom_models.csv
   hydraxis identify boom.csv --select --na 2 --compare        search the structure with na = 2, compare estimators
   hydraxis identify recordings/ --jsonl models.jsonl          each file on its own, a line of JSON for each
@@ -37,8 +38,8 @@ with the adaptive model that is updated at each row. A row has y(k), and the u(k
 most important figure is the h-step error: the error of a prediction --horizon ahead with the coefficients held, which
 is how a predictive controller uses the model.")]
 pub struct IdentifyArguments {
-    /// Recordings: one row per sample, with commas, semicolons, tabs or blanks between the fields. Nothing is combined
-    /// over the gap between two of them. With --jsonl also folders
+    /// Recordings: tables with one row per sample, with commas, semicolons, tabs or blanks between the fields, or MCAP
+    /// as `hydraxis record` writes it. Nothing is combined over the gap between two of them. With --jsonl also folders
     #[arg(required = true)]
     pub data: Vec<PathBuf>,
     /// Recording for the test; may be given several times. All other recordings are for training then

@@ -12,6 +12,7 @@ mod many;
 mod model_out;
 mod pictures;
 mod record;
+mod recorded;
 mod report;
 mod residuals;
 mod rows;

@@ -36,6 +36,9 @@ pub struct RecordArguments {
     /// Most bytes of all recordings in the folder, such as 500MB or 2GB
     #[arg(long, value_name = "SIZE", default_value = LIMIT, value_parser = size)]
     pub limit: u64,
+    /// The group waits for this recorder, so that no message is missed
+    #[arg(long, hide = true, requires = "parent")]
+    pub lockstep: bool,
     /// End when the process with this number ends, or when standard input does
     #[arg(long, hide = true)]
     pub parent: Option<i32>,

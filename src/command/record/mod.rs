@@ -6,14 +6,15 @@ mod arguments;
 
 use std::{
     fs,
+    path::Path,
     sync::atomic::{AtomicBool, Ordering},
     thread::sleep,
     time::Duration,
 };
 
 use pipeline::{
-    channel::{ChannelError, FoundGroup, Group, GroupState, Prefix, groups, remove_leftovers},
-    machine::{BUILT_IN, Machine},
+    channel::{Board, ChannelError, FoundGroup, Group, GroupState, Prefix, groups, remove_leftovers},
+    machine::{BUILT_IN, BUILT_IN_MODEL, Machine, ReferenceSource, model_settings_in},
     stage::StageKind,
 };
 
@@ -27,10 +28,11 @@ use crate::{
         signals::stop_flag,
     },
     recording::{
-        Facts, default_folder,
+        Facts, MACHINE, SETTINGS, default_folder,
         recorder::{Recorded, Recorder},
         recordings_folder,
         store::{Contents, Place, Store},
+        trajectory_name,
     },
     report::output::show,
 };
@@ -64,20 +66,27 @@ pub fn run(arguments: &RecordArguments) -> Result<(), Failure> {
         (None, Some(folder)) => Place::Folder(folder.clone(), arguments.limit),
         (None, None) => Place::Folder(recordings_folder().unwrap_or_else(default_folder), arguments.limit),
     };
-    let is_part_of_run = arguments.parent.is_some();
+    // A run in lock-step waits for its recorder, and does not begin without one.
+    let is_part_of_run = arguments.parent.is_some() && !arguments.lockstep;
     let store = Store::new(place, contents, is_part_of_run, |said| eprintln!("{said}"));
     let store = store.map_err(|error| Failure::run(error).about("record"))?;
     let path = store.place().display().to_string();
-    let mut recorder = Recorder::new(group, store)?;
-    // Without the right to it, the process keeps its priority.
-    let _ = rustix::process::nice(NICE);
+    let mut recorder = Recorder::new(group, store, arguments.lockstep)?;
+    if !arguments.lockstep {
+        // Without the right to it, the process keeps its priority.
+        let _ = rustix::process::nice(NICE);
+    }
     if is_part_of_run {
         // The supervisor goes on without it after a while.
         let _ = fs::write(recording_mark(&prefix), path);
     } else {
         show(&format!("recording: {path}\n"))?;
     }
-    let ended = record(&mut recorder, &stop, is_part_of_run);
+    let ended = if arguments.lockstep {
+        keep_up(&mut recorder, &stop, &prefix)
+    } else {
+        record(&mut recorder, &stop, is_part_of_run)
+    };
     let ending = recorder.leave();
     // The last member of a group that has ended meanwhile removes its files.
     let _ = remove_leftovers(&prefix);
@@ -88,25 +97,47 @@ pub fn run(arguments: &RecordArguments) -> Result<(), Failure> {
 }
 
 /// Records until a signal, or, where it is no part of a run, until the end of the group.
-fn record(recorder: &mut Recorder, stop: &AtomicBool, is_part_of_run: bool) -> Result<(), ChannelError> {
+fn record(recorder: &mut Recorder, stop: &AtomicBool, is_part_of_run: bool) -> Result<(), Failure> {
     while !stop.load(Ordering::Relaxed) && (is_part_of_run || recorder.silent_for() < SILENCE) {
         recorder.step()?;
         sleep(POLL);
     }
-    recorder.step()
+    Ok(recorder.step()?)
+}
+
+/// Records in lock-step until a signal: the loop waits for what is told on the board of the group.
+fn keep_up(recorder: &mut Recorder, stop: &AtomicBool, prefix: &Prefix) -> Result<(), Failure> {
+    let board = Board::find(prefix)?.ok_or_else(|| OperatorError::NoGroup(prefix.clone()))?;
+    while !stop.load(Ordering::Relaxed) {
+        recorder.step()?;
+        board.set_recorded(recorder.ticks());
+        rustix::thread::sched_yield();
+    }
+    // The stages have ended. What they have sent last is still on the channels.
+    Ok(recorder.step()?)
 }
 
 /// What stands in every file of the group.
 fn contents(prefix: &Prefix) -> Result<Contents, Failure> {
     let bare = machine_of(prefix, &[])?;
     let machine = load_bare(&bare, None).map_err(Failure::usage)?;
-    let BareMachine { machine: file, settings, .. } = bare;
+    let BareMachine { machine: file, mut settings, .. } = bare;
+    let read = |file: &Path| fs::read(file).map_err(|error| Failure::run(error).about(file.display().to_string()));
     let text = match &file {
-        Some(file) => fs::read(file).map_err(|error| Failure::run(error).about(file.display().to_string()))?,
-        None => BUILT_IN.as_bytes().to_vec(),
+        Some(file) => read(file)?,
+        None => {
+            // The built-in machine has its model in a text of its own.
+            settings.splice(..0, model_settings_in(BUILT_IN_MODEL, "built-in model")?);
+            BUILT_IN.as_bytes().to_vec()
+        }
     };
     let settings = serde_json::to_vec_pretty(&settings).map_err(Failure::run)?;
-    let attached = vec![("machine.toml".to_owned(), text), ("settings.json".to_owned(), settings)];
+    let mut attached = vec![(MACHINE.to_owned(), text), (SETTINGS.to_owned(), settings)];
+    for axis in &machine.axes {
+        if let ReferenceSource::Trajectory { file, .. } = &axis.reference {
+            attached.push((trajectory_name(&axis.name), read(file)?));
+        }
+    }
     let mut facts = facts(prefix, &machine);
     facts.extend(facts_of(prefix)?);
     Ok(Contents { facts, attached })

@@ -22,6 +22,8 @@
 pub mod black_box;
 pub mod cdr;
 pub mod file;
+#[cfg(test)]
+mod hostile;
 mod latency;
 pub mod reading;
 pub mod recorder;

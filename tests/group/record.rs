@@ -241,7 +241,7 @@ fn a_run_in_real_time_is_recorded_from_its_first_sample_to_its_last_and_says_whe
     assert!(!is_running(recorder));
     assert!(said.contains(&format!("record | recording: {}; ", file.display())), "{said}");
     assert!(said.contains(" messages recorded, 0 lost\n"), "{said}");
-    assert_eq!(recordings(folder.path()), [file.clone()]);
+    assert_eq!(recordings(folder.path()), std::slice::from_ref(&file));
     let bytes = fs::read(&file).unwrap();
     assert!(Summary::read(&bytes).unwrap().is_some());
     let info = info(&file);

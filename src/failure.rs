@@ -78,6 +78,11 @@ impl Failure {
         Self { cause, error: Advised { advice: advice.into(), source: error }.into() }
     }
 
+    /// The error itself, where it is of this type.
+    pub fn of_type<T: Error + 'static>(&self) -> Option<&T> {
+        self.error.downcast_ref()
+    }
+
     /// 1 or 2.
     pub fn exit_code(&self) -> ExitCode {
         match self.cause {

@@ -14,7 +14,7 @@ mod sensors;
 use std::path::PathBuf;
 
 use clap::Args;
-use control_proc::Controller;
+use control_proc::{Controller, tip::TipPlan};
 use pipeline::machine::{Axis, DeadBand, Drive, Machine, Source, StageKind};
 use plant_sim::PlantSim;
 use sensor_proc::Replay;
@@ -191,6 +191,8 @@ pub fn deep(machine: &Machine) -> Result<Option<u64>, Failure> {
             Source::External => {}
         }
     }
+    // The axes of the teeth are planned together only.
+    problems.extend(TipPlan::of(machine).err().map(|error| error.to_string()));
     // A file that all axes share has the same problem for each of them.
     problems.dedup();
     verdict(&problems).map(|()| rows)

@@ -8,11 +8,7 @@ use crate::{
     },
 };
 
-use super::{
-    Rows,
-    sheet::{Heading, Sheet},
-    units::unit,
-};
+use super::{Rows, sheet::Sheet, table::Heading, units::unit};
 
 /// The table of one channel.
 pub(super) struct ChannelTable {

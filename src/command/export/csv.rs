@@ -11,7 +11,7 @@ use crate::{
     report::output::{OutputError, create},
 };
 
-use super::sheet::{Heading, Table};
+use super::table::{Heading, Table};
 
 /// A file, or standard output.
 pub(super) struct CsvTable {

@@ -12,10 +12,7 @@ use crate::{
     },
 };
 
-use super::{
-    Rows,
-    sheet::{Heading, Sheet},
-};
+use super::{Rows, sheet::Sheet, table::Heading};
 
 /// Samples that wait for their commands.
 const WAITING: usize = 64;

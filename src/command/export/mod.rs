@@ -5,6 +5,7 @@ mod csv;
 mod loop_table;
 mod parquet;
 mod sheet;
+mod table;
 mod units;
 
 use std::{path::PathBuf, time::Duration};

@@ -26,7 +26,7 @@ use crate::{
     report::output::{OutputError, is_stdout},
 };
 
-use super::sheet::{Heading, Table};
+use super::table::{Heading, Table};
 
 /// Name of the units among the metadata.
 const UNITS: &str = "hydraxis.units";

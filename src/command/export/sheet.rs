@@ -1,47 +1,19 @@
-//! The file that rows are written to, as far as they were asked for.
+//! The rows that were asked for, into the file that was asked for.
 
 use std::{collections::VecDeque, path::PathBuf};
 
 use crate::{
     failure::Failure,
-    recording::{
-        reading::Reading,
-        schema::{Kind, Value},
-    },
+    recording::{reading::Reading, schema::Value},
     report::output::is_stdout,
 };
 
-use super::{ExportArguments, csv::CsvTable, parquet::ParquetTable};
-
-/// One column of a table.
-#[derive(Debug, Clone)]
-pub(super) struct Heading {
-    pub(super) name: String,
-    /// Empty for a number without one.
-    pub(super) unit: &'static str,
-    pub(super) kind: Kind,
-}
-
-impl Heading {
-    pub(super) fn new(name: impl Into<String>, unit: &'static str, kind: Kind) -> Self {
-        Self { name: name.into(), unit, kind }
-    }
-
-    /// The first column of every table.
-    pub(super) fn time() -> Self {
-        Self::new("t", "s", Kind::Float)
-    }
-}
-
-/// A file in one of the formats.
-pub(super) trait Table {
-    /// Takes the columns, before the first row.
-    fn headings(&mut self, headings: &[Heading]) -> Result<(), Failure>;
-    /// Takes a row. `t` is its first value, s.
-    fn row(&mut self, t: f64, values: &[Option<Value>]) -> Result<(), Failure>;
-    /// Ends the file, which says where its rows come from.
-    fn finish(&mut self, reading: &Reading) -> Result<(), Failure>;
-}
+use super::{
+    ExportArguments,
+    csv::CsvTable,
+    parquet::ParquetTable,
+    table::{Heading, Table},
+};
 
 /// The table that was asked for.
 pub(super) struct Sheet {

@@ -27,6 +27,8 @@ pub struct Tick<'a> {
     pub plant: Option<&'a PlantSim>,
     /// The command that was computed from the sample of this tick.
     pub command: &'a ValveCommand,
+    /// Ticks along the path: that at which the motion of the teeth has begun, and the present one.
+    pub way: Option<(f64, f64)>,
 }
 
 /// Runs `ticks` ticks and shows each of them to `look`. Returns the last messages of the loop.
@@ -61,7 +63,7 @@ pub fn run(
                 made
             }
         };
-        look(&Tick { number: tick, plant: ends.plant(), command: &applied })?;
+        look(&Tick { number: tick, plant: ends.plant(), command: &applied, way: controller.on_the_way() })?;
         command = Some(applied);
     }
     Ok(LastMessages { command, snapshot, health: times.into_health(), ..LastMessages::default() })

@@ -50,7 +50,6 @@ pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
 struct Process {
     core: Controller,
     inputs: Inputs,
-    trace: Trace,
     stops: Stops,
     /// Set by a signal: all axes are to be disarmed.
     off: Arc<AtomicBool>,
@@ -66,12 +65,13 @@ struct Process {
     deadlines: Deadlines,
 }
 
-/// The channels that the stage reads.
+/// The channels that the stage reads, and what came from them.
 struct Inputs {
     samples: Reader<EncoderSample>,
     snapshots: Reader<CoefficientSnapshot>,
     references: Reader<Reference>,
     requests: Reader<Request>,
+    trace: Trace,
 }
 
 /// A sample that has come, and the ticks that it followed.
@@ -98,8 +98,8 @@ impl Process {
                 snapshots: group.reader()?,
                 references: group.reader()?,
                 requests: group.reader()?,
+                trace,
             },
-            trace,
             stops: Stops::new(board),
             off: Arc::clone(&options.off),
             commands: group.publisher()?,
@@ -115,7 +115,8 @@ impl Process {
 
     /// Waits for a sample; none if the turn ends without one.
     fn await_sample(&mut self, turn: &mut Turn) -> Result<Option<Arrival>, StageError> {
-        let (samples, clock, core, trace) = (&mut self.inputs.samples, self.clock, &mut self.core, &mut self.trace);
+        let Inputs { samples, trace, .. } = &mut self.inputs;
+        let (clock, core) = (self.clock, &mut self.core);
         let before = samples.last().map(|sample| sample.header.sequence);
         let mut count = 0;
         turn.wait_for(&self.waiter, || {
@@ -150,7 +151,7 @@ impl Process {
         }
         if stop.is_any() {
             self.core.stop(stop);
-            self.trace.stop(stop);
+            self.inputs.trace.stop(stop);
         }
         stop.is_any()
     }
@@ -171,8 +172,8 @@ impl Process {
         let last = self.last.header;
         let mut command = self.core.message();
         command.header = Header { axis_count: command.header.axis_count, sent_ns: monotonic_ns(), ..last };
-        self.trace.note(command_event::REPEATED);
-        command.inputs = self.trace.take();
+        self.inputs.trace.note(command_event::REPEATED);
+        command.inputs = self.inputs.trace.take();
         self.last = command;
         self.commands.send(&command)?;
         self.answer_stops();
@@ -186,10 +187,10 @@ impl Process {
         let has_stopped = self.feedback.has_stopped(now);
         if self.clock == Clock::RealTime && (has_stopped || self.feedback.is_silent(now)) {
             self.core.fall_silent();
-            self.trace.note(command_event::SILENT);
+            self.inputs.trace.note(command_event::SILENT);
             if has_stopped && self.feedback.lose() {
                 self.core.feedback_lost();
-                self.trace.note(command_event::LOST);
+                self.inputs.trace.note(command_event::LOST);
             }
             self.send_neutral(now)?;
         }
@@ -210,12 +211,12 @@ impl Process {
         }
         if self.feedback.was_suspended(asleep_ns()) {
             self.core.latch(control_flag::CLOCK);
-            self.trace.note(command_event::CLOCK);
+            self.inputs.trace.note(command_event::CLOCK);
         }
         let now = monotonic_ns();
         if acquired.is_some_and(|acquired| acquired > now) {
             self.core.latch(control_flag::CLOCK);
-            self.trace.note(command_event::CLOCK);
+            self.inputs.trace.note(command_event::CLOCK);
             self.send_neutral(now)?;
         }
         Ok(())
@@ -226,8 +227,8 @@ impl Process {
         let mut neutral = self.core.neutral(last.sequence);
         neutral.header.acquired_ns = last.acquired_ns.min(now);
         neutral.header.sent_ns = now;
-        self.trace.note(command_event::NEUTRAL);
-        neutral.inputs = self.trace.take();
+        self.inputs.trace.note(command_event::NEUTRAL);
+        neutral.inputs = self.inputs.trace.take();
         self.last = neutral;
         self.commands.send(&neutral)?;
         self.answer_stops();
@@ -257,21 +258,21 @@ impl Process {
     fn command(&mut self, header: &Header) -> Result<Option<ValveCommand>, StageError> {
         self.take_stops();
         self.inputs.references.newest()?;
-        let (core, trace) = (&mut self.core, &mut self.trace);
-        self.inputs.requests.each(|request| {
+        let (core, Inputs { requests, trace, .. }) = (&mut self.core, &mut self.inputs);
+        requests.each(|request| {
             trace.request(&request.header);
             core.ask(request);
         })?;
         let Some(sample) = self.inputs.samples.last() else { return Ok(None) };
         let (snapshot, reference) = (self.inputs.snapshots.last(), self.inputs.references.last());
-        self.trace.messages(snapshot, reference);
+        self.inputs.trace.messages(snapshot, reference);
         let mut command = self.core.update(sample, snapshot, reference);
         if self.clock == Clock::RealTime && self.deadlines.are_missed(monotonic_ns(), header.acquired_ns) {
             self.core.lose(control_flag::DEADLINE);
-            self.trace.note(command_event::DEADLINE);
+            self.inputs.trace.note(command_event::DEADLINE);
             command = self.core.neutral(header.sequence);
         }
-        command.inputs = self.trace.take();
+        command.inputs = self.inputs.trace.take();
         Ok(Some(command))
     }
 }

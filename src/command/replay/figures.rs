@@ -33,7 +33,8 @@ impl ErrorWatch {
 /// The value that was added to `before`: mean_n = mean_(n-1) + (e - mean_(n-1)) / n.
 fn newest(before: &ErrorStatistics, after: &ErrorStatistics) -> Option<f64> {
     let is_next = after.count == before.count + 1;
-    is_next.then(|| before.mean + after.count as f64 * (after.mean - before.mean)).filter(|error| error.is_finite())
+    let error = before.mean + after.count as f64 * (after.mean - before.mean);
+    (is_next && error.is_finite()).then_some(error)
 }
 
 /// Two series of errors over the same ticks.

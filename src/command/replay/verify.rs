@@ -147,7 +147,8 @@ fn expect_exact(recorded: &Recorded, feed: &Feed) -> Result<(), Failure> {
     match feed.samples.peek() {
         None => refuse("found no sample; allowed: a recording of a run in lock-step".to_owned()),
         Some(sample) if sample.header.number > 0 && sample.header.sequence > 0 => refuse(format!(
-            "found tick {} as the first one; allowed: a recording from tick 0 on: hydraxis run --lockstep --record FILE",
+            "found tick {} as the first one; allowed: a recording from tick 0 on: hydraxis run --lockstep --record \
+             FILE",
             sample.header.sequence
         )),
         Some(_) => Ok(()),

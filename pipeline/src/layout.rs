@@ -4,8 +4,8 @@
 //! places. The fingerprint folds the name, type and offset of every field into one number. The number is an attribute
 //! of the channel and is checked on opening.
 //!
-//! Names and types of the fields, and a walk over their values, let a message be written in another format without a
-//! second list of its fields.
+//! Names and types of the fields, and a walk over their values, let a message be written in another format, and read
+//! from it, without a second list of its fields.
 
 /// A type whose memory layout is known.
 pub trait Layout {
@@ -17,8 +17,8 @@ pub trait Layout {
     /// Gives all its numbers to `sink`, in the order of the fields.
     fn walk(&self, sink: &mut impl Sink);
 
-    /// Takes all its numbers from `source`, in the order of the fields.
-    fn fill(&mut self, source: &mut impl Source);
+    /// Takes all its numbers from `numbers`, in the order of the fields. None where they end before the fields do.
+    fn fill(&mut self, numbers: &mut impl Numbers) -> Option<()>;
 }
 
 /// What a type is made of.
@@ -50,8 +50,8 @@ pub trait Sink {
 }
 
 /// Gives numbers.
-pub trait Source {
-    /// The next number as little-endian bytes; none leaves the number of the message as it is.
+pub trait Numbers {
+    /// The next number as little-endian bytes; none at the end.
     fn number<const N: usize>(&mut self) -> Option<[u8; N]>;
 }
 
@@ -95,10 +95,9 @@ macro_rules! primitive {
                 sink.number(self.to_le_bytes());
             }
 
-            fn fill(&mut self, source: &mut impl Source) {
-                if let Some(bytes) = source.number() {
-                    *self = Self::from_le_bytes(bytes);
-                }
+            fn fill(&mut self, numbers: &mut impl Numbers) -> Option<()> {
+                *self = $ty::from_le_bytes(numbers.number()?);
+                Some(())
             }
         })*
     };
@@ -113,8 +112,8 @@ impl<T: Layout, const N: usize> Layout for [T; N] {
         self.iter().for_each(|item| item.walk(sink));
     }
 
-    fn fill(&mut self, source: &mut impl Source) {
-        self.iter_mut().for_each(|item| item.fill(source));
+    fn fill(&mut self, numbers: &mut impl Numbers) -> Option<()> {
+        self.iter_mut().try_for_each(|item| item.fill(numbers))
     }
 }
 
@@ -149,8 +148,9 @@ macro_rules! shared_struct {
                 $($crate::layout::Layout::walk(&self.$field, sink);)*
             }
 
-            fn fill(&mut self, source: &mut impl $crate::layout::Source) {
-                $($crate::layout::Layout::fill(&mut self.$field, source);)*
+            fn fill(&mut self, numbers: &mut impl $crate::layout::Numbers) -> Option<()> {
+                $($crate::layout::Layout::fill(&mut self.$field, numbers)?;)*
+                Some(())
             }
         }
     };
@@ -159,7 +159,7 @@ pub(crate) use shared_struct;
 
 #[cfg(test)]
 mod tests {
-    use super::{Field, Layout, Shape, Sink};
+    use super::{Field, Layout, Numbers, Shape, Sink};
 
     mod one {
         use iceoryx2::prelude::ZeroCopySend;
@@ -207,5 +207,16 @@ mod tests {
         let mut bytes = Bytes(Vec::new());
         [one::Pair { position: 1.0, speed: 2.0 }].walk(&mut bytes);
         assert_eq!(bytes.0, [1.0f64.to_le_bytes(), 2.0f64.to_le_bytes()].concat());
+
+        struct Given(Vec<u8>);
+        impl Numbers for Given {
+            fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
+                (self.0.len() >= N).then(|| self.0.drain(..N).collect::<Vec<_>>().try_into().unwrap())
+            }
+        }
+        let mut pairs = [one::Pair::default(); 1];
+        assert_eq!(pairs.fill(&mut Given(bytes.0.clone())), Some(()));
+        assert_eq!(pairs, [one::Pair { position: 1.0, speed: 2.0 }]);
+        assert_eq!(pairs.fill(&mut Given(bytes.0[..15].to_vec())), None);
     }
 }

@@ -92,8 +92,8 @@ pub fn unix_ms() -> u64 {
 /// Looks for a group that is to be joined.
 ///
 /// Trap: a client that joins before the supervisor does keeps the supervisor from starting, since the group then looks
-/// like one that runs. A name that is claimed, or whose files are just being removed, is no group yet. So a group counts
-/// only when it has a member in two looks in a row.
+/// like one that runs. A name that is claimed, or whose files are just being removed, is no group yet. So a group
+/// counts only when it has a member in two looks in a row.
 pub struct Search {
     /// The group that is meant; none for the only one that runs.
     prefix: Option<Prefix>,

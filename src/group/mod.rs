@@ -13,6 +13,7 @@ pub mod monitor;
 pub mod operator;
 pub mod page;
 pub mod preflight;
+pub mod recorder;
 pub mod running;
 pub mod signals;
 pub mod supervisor;

@@ -14,4 +14,5 @@ pub mod page;
 pub mod rows;
 pub mod status;
 pub mod table;
+pub mod teeth;
 pub mod why;

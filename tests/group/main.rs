@@ -12,6 +12,7 @@ mod monitor;
 mod operation;
 mod processes;
 mod record;
+mod replay;
 mod report;
 mod scripted_stage;
 mod source;

@@ -11,6 +11,9 @@
 //!
 //! The flags of the last command are on the board too, so that a stop can be seen to have worked.
 //!
+//! In lock-step a recorder tells here how far it has read, so that the loop can wait for it: a run that can be repeated
+//! bit for bit is recorded whole.
+//!
 //! The machine is on the board so that names of axes come from the group that runs, never from a file that another
 //! program has read: with another order of axes, another axis would move.
 //!
@@ -19,7 +22,7 @@
 use std::path::PathBuf;
 
 use iceoryx2::prelude::*;
-use iceoryx2_bb_concurrency::atomic::{AtomicU32, Ordering};
+use iceoryx2_bb_concurrency::atomic::{AtomicU32, AtomicU64, Ordering};
 use iceoryx2_cal::{
     dynamic_storage::{DynamicStorage, DynamicStorageBuilder, DynamicStorageOpenOrCreateError},
     named_concept::{NamedConceptBuilder, NamedConceptConfiguration, NamedConceptMgmt},
@@ -108,7 +111,7 @@ impl GroupMachine {
 /// What is in shared memory.
 #[derive(Debug, ZeroCopySend)]
 #[repr(C)]
-#[type_name("hydraxis.Board/1")]
+#[type_name("hydraxis.Board/2")]
 pub struct Page {
     machine: GroupMachine,
     /// Stops asked for, of each axis and of all with cut-off; and those that control-proc has acted on.
@@ -121,6 +124,8 @@ pub struct Page {
     /// Of the last command: flags and mode of each axis, as in its message.
     flags: [AtomicU32; MAX_AXES],
     operation: [AtomicU32; MAX_AXES],
+    /// Ticks whose messages a recorder has read, in lock-step.
+    recorded: AtomicU64,
 }
 
 /// Why there is no board of a group.
@@ -238,6 +243,7 @@ impl Board {
                     emergency_reset: AtomicU32::new(0),
                     flags: zero(),
                     operation: zero(),
+                    recorded: AtomicU64::new(0),
                 });
                 true
             })
@@ -262,6 +268,16 @@ impl Board {
     pub fn state(&self, axis: usize) -> (u32, u32) {
         let page = self.page.get();
         (page.flags[axis].load(Ordering::Acquire), page.operation[axis].load(Ordering::Acquire))
+    }
+
+    /// Tells that a recorder has read all messages of so many ticks.
+    pub fn set_recorded(&self, ticks: u64) {
+        self.page.get().recorded.store(ticks, Ordering::Release);
+    }
+
+    /// Number of ticks whose messages a recorder has read.
+    pub fn recorded(&self) -> u64 {
+        self.page.get().recorded.load(Ordering::Acquire)
     }
 
     /// Numbers of stops that were asked for so far: of each axis, and of all with cut-off.

@@ -53,7 +53,8 @@ const SEND_BUFFER: usize = 64 * 1024;
 pub fn run(arguments: &MonitorArguments) -> Result<(), Failure> {
     let stop = stop_flag()?;
     if let Some(parent) = arguments.parent {
-        lifeline::hold(parent, "monitor").map_err(|error| Failure::from(error).about("monitor"))?;
+        lifeline::hold(parent, "monitor", lifeline::STAGE_PATIENCE)
+            .map_err(|error| Failure::from(error).about("monitor"))?;
     }
     let listener = TcpListener::bind(arguments.listen).and_then(|listener| {
         listener.set_nonblocking(true)?;

@@ -5,7 +5,7 @@ use std::path::Path;
 use pipeline::{
     MAX_AXES,
     machine::{BUILT_IN, Machine},
-    message::{AxisCommand, CoefficientSnapshot, ControlMode, EncoderSample, StageHealth, ValveCommand},
+    message::{AxisCommand, CoefficientSnapshot, ControlMode, EncoderSample, Message, StageHealth, ValveCommand},
     stage::StageKind,
     statistics::ErrorStatistics,
 };
@@ -20,9 +20,9 @@ use super::{
 use crate::{
     failure::Failure,
     recording::{
-        Facts,
-        decoder::Decoder,
+        Facts, MACHINE, SETTINGS,
         reading::{Damage, ReadMessage, Reading},
+        typed::Decoder,
     },
 };
 
@@ -144,13 +144,35 @@ impl Story {
     }
 }
 
+/// The messages of one channel.
+struct Channel<M>(Option<Decoder<M>>);
+
+impl<M> Default for Channel<M> {
+    fn default() -> Self {
+        Self(None)
+    }
+}
+
+impl<M: Message> Channel<M> {
+    /// The message, if it is one of this channel.
+    fn decode(&mut self, read: &ReadMessage) -> Option<M> {
+        if read.channel.name != M::CHANNEL {
+            return None;
+        }
+        if self.0.is_none() {
+            self.0 = Decoder::new(&read.channel).ok();
+        }
+        self.0.as_ref()?.decode(read.bytes.clone()).map(|typed| typed.message)
+    }
+}
+
 /// Reads the messages one by one.
 struct Teller {
     story: Story,
-    samples: Decoder<EncoderSample>,
-    commands: Decoder<ValveCommand>,
-    snapshots: Decoder<CoefficientSnapshot>,
-    health: Decoder<StageHealth>,
+    samples: Channel<EncoderSample>,
+    commands: Channel<ValveCommand>,
+    snapshots: Channel<CoefficientSnapshot>,
+    health: Channel<StageHealth>,
     watch: Watch,
     /// Acquisition of the first sample, ns of `CLOCK_MONOTONIC`.
     first_ns: Option<u64>,
@@ -184,10 +206,10 @@ impl Teller {
         };
         Self {
             story,
-            samples: Decoder::new(),
-            commands: Decoder::new(),
-            snapshots: Decoder::new(),
-            health: Decoder::new(),
+            samples: Channel::default(),
+            commands: Channel::default(),
+            snapshots: Channel::default(),
+            health: Channel::default(),
             watch,
             first_ns: None,
             sample: None,
@@ -210,7 +232,7 @@ impl Teller {
             self.command(&command);
         } else if let Some(health) = self.health.decode(message) {
             self.health(&health);
-        } else if message.channel.name == "coefficient-snapshot" {
+        } else if message.channel.name == CoefficientSnapshot::CHANNEL {
             let t = message.log_ns.saturating_sub(self.story.begin_ns) as f64 * 1e-9;
             if let Some(snapshot) = self.snapshots.decode(message) {
                 let axes = self.story.axes.iter_mut().zip(&snapshot.axes);
@@ -281,8 +303,8 @@ fn machine(reading: &Reading) -> Option<Machine> {
         let file = reading.attached().iter().find(|(attached, _)| attached == name)?;
         std::str::from_utf8(&file.1).ok()
     };
-    let text = attached("machine.toml")?;
-    let settings: Vec<(String, String)> = serde_json::from_str(attached("settings.json")?).ok()?;
+    let text = attached(MACHINE)?;
+    let settings: Vec<(String, String)> = serde_json::from_str(attached(SETTINGS)?).ok()?;
     if text == BUILT_IN {
         Machine::load(None, &settings).ok()
     } else {

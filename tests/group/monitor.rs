@@ -257,6 +257,9 @@ fn wrong_requests_are_refused_and_the_server_goes_on() {
     }
     assert_eq!(monitor.get("/health").0, 503, "no such group runs");
     assert_eq!(monitor.json("/health")["status"], "absent");
+    let mut events = Events::open(&monitor);
+    assert!(events.next("hello")["group"].is_null());
+    (0..2).for_each(|_| drop(events.next("alive")));
     monitor.end();
 }
 

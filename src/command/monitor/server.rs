@@ -225,11 +225,11 @@ async fn events(
             if let Some((kind, part)) = watching.next() {
                 return Some((Ok(Event::default().event(kind.name()).data(&*part.text)), watching));
             }
-            // Without a group there is nothing new for long: an empty comment shows that the server is there.
+            // Without a group there is nothing new for long. A page does not see comments, so this is an event.
             match tokio::time::timeout(Duration::from_secs(1), watching.parts.changed()).await {
                 Ok(Ok(())) => {}
                 Ok(Err(_)) => return None,
-                Err(_) => return Some((Ok(Event::default().comment("")), watching)),
+                Err(_) => return Some((Ok(Event::default().event("alive").data("{}")), watching)),
             }
         }
     }))

@@ -48,6 +48,8 @@
     on("events", events);
     on("stages", stages);
     on("axes", axes);
+    // The server has nothing new to say, and is there.
+    on("alive", () => {});
     source.onopen = () => (heard = performance.now());
   }
 

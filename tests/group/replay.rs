@@ -351,6 +351,23 @@ fn another_estimator_and_controller_are_shown_beside_what_was() {
 }
 
 #[test]
+fn trajectories_come_out_of_the_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, trajectory) = (folder.path().join("run.mcap"), folder.path().join("path.csv"));
+    let rows = (0..40).map(|k| format!("{:.1},{:.4}\n", 0.1 * f64::from(k), 0.65 + 0.01 * (0.3 * f64::from(k)).sin()));
+    fs::write(&trajectory, format!("t,boom\n{}", rows.collect::<String>())).unwrap();
+    let from = format!("axis.boom.reference.file=\"{}\"", trajectory.display());
+    let set = ["--set", "axis.boom.reference.kind=trajectory", "--set", &from];
+    let run = ["run", "--lockstep", "--duration", "4s", FOUR_AXES, "--record", file.to_str().unwrap()];
+    report(&[&run[..], &set].concat());
+    fs::remove_file(trajectory).unwrap();
+    let report = verify(&file);
+    assert_eq!((&report["identical"], &report["ticks"]), (&true.into(), &400.into()), "{report}");
+    let info = succeed(&["info", file.to_str().unwrap(), "--json", "-"]);
+    assert!(String::from_utf8_lossy(&info.stdout).contains("trajectory-boom.csv"));
+}
+
+#[test]
 fn what_cannot_be_verified_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let none = folder.path().join("none.csv");

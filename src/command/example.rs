@@ -80,7 +80,7 @@ pub fn run(arguments: &ExampleArguments) -> Result<(), Failure> {
         Some(file) => file.to_owned(),
     };
     write(&path, example, arguments.force)?;
-    let needs = if [".py", ".ipynb"].iter().any(|ending| example.name.ends_with(ending)) {
+    let needs = if example.text.contains("import hydraxis") {
         "it needs the Python package: pip install ./python in the folder of Hydraxis\n"
     } else {
         ""

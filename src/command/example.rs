@@ -64,6 +64,8 @@ const EXAMPLES: &[Example] = &[
     example!("commission.ipynb", "notebook: commissions an axis and draws what was found"),
     example!("watch.rs", "Rust: watches a running group"),
     example!("hydraxis.service", "a unit of systemd that runs a machine as a service"),
+    example!("prometheus.yml", "Prometheus: collects the figures of `hydraxis monitor`"),
+    example!("grafana.json", "Grafana: a dashboard of these figures"),
 ];
 
 /// Runs the command.

@@ -3,12 +3,12 @@
 //! | command | runs |
 //! |---|---|
 //! | `plant-sim`, `sensor-proc`, `ident-proc`, `control-proc` ([`stage`]) | one stage of the loop, in this process |
-//! | [`run`], [`operate`], [`status`], [`record`] | beside the loop, in a process of its own |
+//! | [`run`], [`operate`], [`status`], [`monitor`], [`record`] | beside the loop, in a process of its own |
 //! | [`commission`] | beside the loop, or on a simulated machine in this process |
 //! | [`simulate`], [`mod@bench`], [`identify`], [`predict`] | without a loop in real time, in this process |
 //! | [`init`], [`example`] | before there is a machine file |
 //! | [`check`], [`mechanism`], [`doctor`], [`clean`] | before or after a run |
-//! | [`info`], [`recover`], [`export`], [`replay`], [`mod@plot`] | with files that were written |
+//! | [`info`], [`recover`], [`export`], [`replay`], [`mod@report`], [`mod@plot`] | with files that were written |
 //! | [`completions`], [`manual`] | when the command is installed |
 
 mod bench;
@@ -24,12 +24,14 @@ mod info;
 mod init;
 mod manual;
 mod mechanism;
+mod monitor;
 mod operate;
 mod plot;
 mod predict;
 mod record;
 mod recover;
 mod replay;
+mod report;
 mod run;
 mod simulate;
 mod stage;
@@ -53,12 +55,14 @@ use identify::IdentifyArguments;
 use info::InfoArguments;
 use init::InitArguments;
 use manual::ManualArguments;
+use monitor::MonitorArguments;
 use operate::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
 use plot::PlotArguments;
 use predict::PredictArguments;
 use record::RecordArguments;
 use recover::RecoverArguments;
 use replay::ReplayArguments;
+use report::ReportArguments;
 use run::RunArguments;
 use simulate::SimulateArguments;
 use stage::StageArguments;
@@ -102,6 +106,8 @@ pub enum Command {
     Reset(ResetArguments),
     /// Show the state of a running group: stages, channels, latencies, axes
     Status(StatusArguments),
+    /// Show a running group as a page for browsers, and its figures for Prometheus
+    Monitor(MonitorArguments),
     /// Record all messages of a running group
     Record(RecordArguments),
     /// Show what a recording holds: channels, gaps, faults, changes of mode
@@ -112,6 +118,8 @@ pub enum Command {
     Replay(ReplayArguments),
     /// Write a recording as a table for other tools
     Export(ExportArguments),
+    /// Write a page about a recorded run: verdict, axes, models, latencies, faults
+    Report(ReportArguments),
     /// Identify a Hammerstein model on a recording: classical and adaptive side by side
     Identify(Box<IdentifyArguments>),
     /// Apply a model that identify has saved to another recording
@@ -159,11 +167,13 @@ impl Command {
             Self::Disarm(arguments) => operate::disarm(arguments),
             Self::Reset(arguments) => operate::reset(arguments),
             Self::Status(arguments) => status::run(arguments),
+            Self::Monitor(arguments) => monitor::run(arguments),
             Self::Record(arguments) => record::run(arguments),
             Self::Info(arguments) => info::run(arguments),
             Self::Recover(arguments) => recover::run(arguments),
             Self::Replay(arguments) => replay::run(arguments),
             Self::Export(arguments) => export::run(arguments),
+            Self::Report(arguments) => report::run(arguments),
             Self::Identify(arguments) => identify::run(arguments),
             Self::Predict(arguments) => predict::run(arguments),
             Self::Bench(Bench::Control(arguments)) => bench::run(arguments),

@@ -73,3 +73,8 @@ fn trajectories() {
 fn messages() {
     try_all(targets::messages, &seeds("messages", &[]));
 }
+
+#[test]
+fn buses() {
+    try_all(targets::bus, &seeds("bus", &[]));
+}

@@ -5,12 +5,10 @@
 //! | `can0`, `vcan0` | an interface of the kernel, by SocketCAN |
 //! | `/dev/ttyACM0`, `/dev/pts/3` | an adapter that speaks slcan |
 
-use std::{fmt, io, path::PathBuf, str::FromStr};
+use std::{fmt, path::PathBuf, str::FromStr};
 
 use super::{Bus, BusError, slcan::SlcanBus, socket::SocketBus};
 
-/// Bit rates that slcan knows, bit/s; the place of each is its digit.
-pub const BIT_RATES: [u32; 9] = [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 /// Longest name of an interface that the kernel takes.
 const MAX_INTERFACE: usize = 15;
 
@@ -64,15 +62,6 @@ pub fn open(address: &Address, bit_rate: u32) -> Result<Box<dyn Bus>, BusError> 
     })
 }
 
-/// Digit of a bit rate in slcan; that of the nearest one below where there is none.
-pub(super) fn bit_rate_digit(bit_rate: u32) -> usize {
-    BIT_RATES.iter().rposition(|known| *known <= bit_rate).unwrap_or(0)
-}
-
-pub(super) fn cannot(address: &str, what: &str, source: io::Error) -> BusError {
-    BusError::Open { address: address.to_owned(), what: what.to_owned(), source }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -85,6 +74,5 @@ mod tests {
         for text in ["", "a name with spaces", "an-interface-that-is-too-long", "can/0"] {
             assert!(text.parse::<Address>().is_err(), "{text}");
         }
-        assert_eq!((bit_rate_digit(1_000_000), bit_rate_digit(250_000), bit_rate_digit(0)), (8, 5, 0));
     }
 }

@@ -18,11 +18,11 @@ mod socket;
 
 use std::{io, time::Duration};
 
-pub use address::{Address, BIT_RATES, open};
+pub use address::{Address, open};
 pub use candump::{LogError, LogLine, Playback, write_line};
 pub use memory::{MemoryBus, pair};
 pub use serial::pseudo_terminal;
-pub use slcan::{Decoded, Decoder, MAX_TEXT, SlcanBus, encode};
+pub use slcan::{BIT_RATES, Decoded, Decoder, MAX_TEXT, SlcanBus, encode};
 pub use socket::SocketBus;
 
 use crate::{Counters, Frame, Received};
@@ -79,4 +79,10 @@ pub enum BusError {
     /// The adapter or the log has come to its end.
     #[error("the bus has ended")]
     Ended,
+}
+
+impl BusError {
+    fn open(address: &str, what: &str, source: io::Error) -> Self {
+        Self::Open { address: address.to_owned(), what: what.to_owned(), source }
+    }
 }

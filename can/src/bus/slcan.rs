@@ -20,13 +20,11 @@ use std::{
 
 use embedded_can::Frame as _;
 
-use super::{
-    Bus, BusError,
-    address::{bit_rate_digit, cannot},
-    serial::Port,
-};
+use super::{Bus, BusError, serial::Port};
 use crate::{Counters, Frame, MAX_DATA, Received, frame_clock::monotonic_ns};
 
+/// Bit rates that slcan knows, bit/s; the place of each is its digit.
+pub const BIT_RATES: [u32; 9] = [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 /// Longest line: T, 8 digits, length, 16 digits, 4 digits of the clock, carriage return.
 pub const MAX_TEXT: usize = 31;
 /// Text that is read at once.
@@ -38,6 +36,11 @@ const ANSWER: Duration = Duration::from_millis(500);
 /// Status bits of the answer to `F`: bus error, and data overrun with receive queue full.
 const STATUS_ERRORS: u8 = 0x80;
 const STATUS_LOST: u8 = 0x09;
+
+/// Digit of a bit rate; that of the nearest one below where there is none.
+fn bit_rate_digit(bit_rate: u32) -> usize {
+    BIT_RATES.iter().rposition(|known| *known <= bit_rate).unwrap_or(0)
+}
 
 /// Writes a frame as text; returns the number of bytes.
 pub fn encode(frame: &Frame, text: &mut [u8; MAX_TEXT]) -> usize {
@@ -195,13 +198,14 @@ pub struct SlcanBus {
 }
 
 impl SlcanBus {
-    /// Opens the adapter at `path` with a bit rate, bit/s: one of [`BIT_RATES`](super::BIT_RATES).
+    /// Opens the adapter at `path` with a bit rate, bit/s: one of [`BIT_RATES`].
     ///
     /// # Errors
     /// The port cannot be opened, or the adapter does not answer or refuses.
     pub fn open(path: &Path, bit_rate: u32) -> Result<Self, BusError> {
         let name = path.display().to_string();
-        let port = Port::open(path).map_err(|error| cannot(&name, "cannot be opened as a serial port", error))?;
+        let port =
+            Port::open(path).map_err(|error| BusError::open(&name, "cannot be opened as a serial port", error))?;
         let mut bus = Self::with(port);
         let bit_rate = format!("S{}\r", bit_rate_digit(bit_rate));
         // The first C may end a line that was cut off. An adapter whose channel is closed may refuse C.
@@ -254,14 +258,14 @@ impl SlcanBus {
                 Some(Decoded::Refused) if may_refuse => return Ok(()),
                 Some(Decoded::Refused) => {
                     let what = format!("the adapter refuses {command}; allowed: a bit rate that it knows");
-                    return Err(cannot(name, &what, std::io::ErrorKind::InvalidInput.into()));
+                    return Err(BusError::open(name, &what, std::io::ErrorKind::InvalidInput.into()));
                 }
                 Some(_) => {}
                 None => self.port.wait(Duration::from_millis(10)).map_err(BusError::Gone)?,
             }
         }
         let what = format!("no answer to {command} within 500ms; allowed: an adapter that speaks slcan");
-        Err(cannot(name, &what, std::io::ErrorKind::TimedOut.into()))
+        Err(BusError::open(name, &what, std::io::ErrorKind::TimedOut.into()))
     }
 
     /// The next line; `None` where nothing has come. One read for each [`READ_ROOM`] bytes.
@@ -352,6 +356,11 @@ mod tests {
         let mut text = [0; MAX_TEXT];
         let length = encode(frame, &mut text);
         String::from_utf8(text[..length].to_vec()).unwrap()
+    }
+
+    #[test]
+    fn bit_rates_have_digits() {
+        assert_eq!((bit_rate_digit(1_000_000), bit_rate_digit(250_000), bit_rate_digit(0)), (8, 5, 0));
     }
 
     #[test]

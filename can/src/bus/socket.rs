@@ -16,7 +16,7 @@ use std::{
 use embedded_can::Frame as _;
 use socketcan::{CanDataFrame, CanFrame, CanRemoteFrame, CanSocket, Socket as _, SocketOptions as _};
 
-use super::{Bus, BusError, address::cannot, serial::wait_for};
+use super::{Bus, BusError, serial::wait_for};
 use crate::{Counters, Frame, Received, frame_clock::monotonic_ns};
 
 /// Older than this no frame can be that is still in the queue of the socket.
@@ -45,8 +45,8 @@ impl SocketBus {
     /// # Errors
     /// The kernel has no CAN, there is no such interface, it is down, or the right is missing.
     pub fn open(name: &str) -> Result<Self, BusError> {
-        let socket = CanSocket::open(name).map_err(|error| cannot(name, &explain(name, &error), error))?;
-        let failed = |error| cannot(name, "the socket cannot be set up", error);
+        let socket = CanSocket::open(name).map_err(|error| BusError::open(name, &explain(name, &error), error))?;
+        let failed = |error| BusError::open(name, "the socket cannot be set up", error);
         socket.set_nonblocking(true).map_err(failed)?;
         socket.set_error_filter_accept_all().map_err(failed)?;
         let has_times = socket.set_recv_timestamp(true).is_ok();

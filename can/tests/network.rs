@@ -241,6 +241,21 @@ fn nothing_moves_before_it_is_armed_and_everything_stops_at_the_end() {
 }
 
 #[test]
+fn a_master_that_is_started_beside_an_armed_controller_moves_nothing() {
+    let mut bench = Bench::new();
+    bench.modes = [Mode::Armed(0.5); AXES];
+    for _ in 0..2000 {
+        bench.step();
+        assert_eq!(bench.openings(), [0.0; AXES]);
+    }
+    // The positions are well: what the controller may do is its own decision.
+    assert_eq!(bench.faults(), [None; AXES]);
+    bench.modes = [Mode::Disarmed; AXES];
+    bench.run(20);
+    bench.drive();
+}
+
+#[test]
 fn commands_beyond_the_range_and_those_that_are_no_numbers_are_bounded() {
     let mut bench = Bench::ready();
     for (command, expected) in [(7.0, 1.0), (-7.0, -1.0), (f64::NAN, 0.0), (f64::INFINITY, 0.0), (1e-9, 0.0)] {

@@ -7,7 +7,9 @@
 //!
 //! The interlock: an axis whose encoder or valve has a fault is held at once. Its error word stays until the controller
 //! shows by its flags that it has latched or disarmed the axis. So no fault is too short for the controller, and no
-//! axis goes on by itself after one. A fault that the valve itself keeps is reset when the axis is disarmed: when a
+//! axis goes on by itself after one. Devices that become ready for the first time have no error to show; but their axis
+//! follows no command either before the controller has shown once that it is latched or disarmed: a program that is
+//! started anew beside a controller that is armed moves nothing. A fault that the valve itself keeps is reset when the axis is disarmed: when a
 //! person has acknowledged the latch.
 
 use super::{Cause, Demand, Encoder, Fault, Outbox, Valve};
@@ -51,6 +53,10 @@ struct Axis {
     devices: AxisDevices,
     /// Why the axis is held.
     held: Option<Fault>,
+    /// Whether the devices have been ready.
+    was_ready: bool,
+    /// Whether the controller has let the axis go since it was held.
+    may_follow: bool,
     target: Option<AxisTarget>,
 }
 
@@ -65,9 +71,11 @@ pub struct Network {
 impl Network {
     /// Devices that have not been heard yet; all axes are held.
     pub fn new(devices: Vec<AxisDevices>) -> Self {
-        let held = |devices: &AxisDevices| devices.encoder.fault();
-        let axes = devices.into_iter().map(|devices| Axis { held: held(&devices), devices, target: None }).collect();
-        Self { axes, outbox: Outbox::default(), counters: NetworkCounters::default() }
+        let axes = devices.into_iter().map(|devices| {
+            let held = devices.encoder.fault();
+            Axis { devices, held, was_ready: false, may_follow: false, target: None }
+        });
+        Self { axes: axes.collect(), outbox: Outbox::default(), counters: NetworkCounters::default() }
     }
 
     /// Sends SYNC: a new sample begins. Devices that are due are set up, and all set points are sent again.
@@ -115,15 +123,21 @@ impl Network {
             let fault = axis.fault();
             match (axis.held, fault) {
                 (None, Some(fault)) => {
-                    axis.held = Some(fault);
+                    (axis.held, axis.may_follow) = (Some(fault), false);
                     self.counters.trips += 1;
                     axis.demand(&mut self.outbox);
                 }
                 (Some(held), Some(fault)) => axis.hold_by(held, fault, now_ns),
-                (Some(_), None) if axis.is_let_go() => axis.held = None,
+                (Some(_), None) if axis.is_let_go() || !axis.was_ready => (axis.held, axis.was_ready) = (None, true),
                 _ => {}
             }
+            axis.may_follow |= axis.held.is_none() && axis.is_let_go();
         }
+    }
+
+    /// Whether all devices have been ready at least once.
+    pub fn was_ready(&self) -> bool {
+        self.axes.iter().all(|axis| axis.was_ready)
     }
 
     /// Whether the positions of this SYNC have come from all encoders that send any.
@@ -175,7 +189,7 @@ impl Axis {
         let Some(valve) = &mut self.devices.valve else { return };
         let demand = match (self.held, self.target) {
             (_, Some(AxisTarget { demand: Demand::Off, .. })) => Demand::Off,
-            (None, Some(target)) if !target.is_disarmed && !target.is_latched => target.demand,
+            (None, Some(target)) if self.may_follow && !target.is_disarmed && !target.is_latched => target.demand,
             _ => Demand::Hold,
         };
         valve.demand(demand, out);

@@ -2,7 +2,7 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | `live` | the stage with the sources `sim` and `external` |
+//! | `live` | the stage with the sources `sim`, `external` and `can` |
 //! | `recorded` | the stage with the source `replay` |
 //! | `timer` | release of ticks in real time |
 //! | `output` | publisher of the samples |
@@ -27,7 +27,7 @@ use recorded::Recorded;
 pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let (clock, first_tick) = (options.clock, options.first_tick);
     match &machine.source {
-        Source::Sim | Source::External => {
+        Source::Sim | Source::External | Source::Can => {
             run_stage(StageKind::SensorProc, machine, options, |group, board| Live::new(machine, clock, group, board))
         }
         Source::Replay(file) => run_stage(StageKind::SensorProc, machine, options, |group, _| {

@@ -8,12 +8,14 @@
 //! | age | a reading was acquired more than half of the feedback time-out before it was sent |
 //! | axes | a reading has another number of axes than the machine |
 //! | foreign | readings are about another machine |
+//! | device | a device of a CAN bus is at fault: the error word of its axis says why |
 //!
 //! Runs in the supervisor, beside the loop. What the readings may do to the axes is decided by sensor-proc and
 //! control-proc.
 
 use std::time::{Duration, Instant};
 
+use can::device::Cause;
 use humantime::format_duration;
 use pipeline::{
     channel::Prefix,
@@ -57,16 +59,22 @@ pub struct SourceWatch {
     /// Oldest reading of the window, ns.
     age_ns: u64,
     fault: Option<Fault>,
+    /// Names of the axes, and the error words that were told of them; only of a CAN bus.
+    devices: Vec<(String, u32)>,
 }
 
 impl SourceWatch {
-    /// Of a group that runs `machine`; none where its source is not external.
+    /// Of a group that runs `machine`; none where it is simulated or replayed.
     pub fn new(machine: &Machine, group: &Prefix) -> Option<Self> {
         let now = Instant::now();
         let program = machine.stage(StageKind::PlantSim).command.as_ref().map(|words| words.join(" "));
-        (machine.source == Source::External).then(|| Self {
+        let bus = machine.can.as_ref().filter(|_| machine.source == Source::Can);
+        let program = program.or_else(|| bus.map(|bus| format!("CAN bus {}", bus.interface)));
+        let devices = machine.axes.iter().filter(|_| bus.is_some()).map(|axis| (axis.name.clone(), 0));
+        machine.source.is_real().then(|| Self {
             group: group.to_string(),
             program: program.unwrap_or_else(|| "a program that is started by hand".to_owned()),
+            devices: devices.collect(),
             period: machine.timing.period,
             timeout: machine.timing.feedback_timeout,
             axes: machine.axes.len() as u32,
@@ -89,6 +97,9 @@ impl SourceWatch {
             }
             let age_ns = last.map_or(0, |last| last.header.sent_ns.saturating_sub(last.header.acquired_ns));
             self.age_ns = self.age_ns.max(age_ns);
+        }
+        if let Some(line) = last.and_then(|last| self.tell_devices(last)) {
+            return Some(line);
         }
         let Some(heard) = self.heard else { return self.before_first(now, health) };
         if now.saturating_duration_since(heard) > self.timeout {
@@ -139,6 +150,22 @@ impl SourceWatch {
             });
         }
         self.tell(None, || format!("well: {rate:.1} readings/s"))
+    }
+
+    /// The line about devices whose fault is new or over. A position that is missing once is none.
+    fn tell_devices(&mut self, last: &EncoderReading) -> Option<String> {
+        let (mut told, mut is_fault) = (Vec::new(), false);
+        for ((name, word), value) in self.devices.iter_mut().zip(&last.encoders) {
+            let fault = can::device::Fault::of(value.error);
+            if value.error == *word || fault.is_some_and(|fault| fault.cause == Cause::Missing) {
+                continue;
+            }
+            *word = value.error;
+            is_fault |= fault.is_some();
+            told.push(fault.map_or_else(|| format!("axis.{name}: well"), |fault| format!("axis.{name}: {fault}")));
+        }
+        let weight = if is_fault { "warning: " } else { "" };
+        (!told.is_empty()).then(|| format!("{weight}source ({}): {}", self.program, told.join("; ")))
     }
 
     fn before_first(&mut self, now: Instant, health: &ChannelHealth) -> Option<String> {

@@ -1,0 +1,204 @@
+//! The stage: valve commands in, encoder readings out, in real time.
+//!
+//! ```text
+//! SYNC ---- positions ---- SYNC ---- positions ----      every can.sync
+//!      \__ reading, as soon as all positions are there, else at the next SYNC
+//! set points: with every SYNC, and as soon as a command comes
+//! ```
+//!
+//! No reading is sent before all devices are ready for the first time, or [`START_PATIENCE_NS`] has passed: a machine
+//! that is switched on is no fault. The time of a reading is that of its SYNC: all encoders take their positions then. A command is looked for every
+//! [`COMMAND_POLL`] while the stage waits for frames, because it can wait for one of the two only.
+
+use std::time::Duration;
+
+use can::{
+    bus::{Bus, open},
+    device::{AxisTarget, Demand, Network},
+};
+use pipeline::{
+    channel::{Group, Publisher, Reader},
+    machine::Machine,
+    message::{EncoderReading, ValveCommand, control_flag},
+    stage::{Channels, Next, Stage, StageError, StageKind, StageOptions, Turn, monotonic_ns, run as run_stage},
+};
+
+use crate::wiring;
+
+/// Longest time for which a command waits while the stage waits for frames.
+const COMMAND_POLL: Duration = Duration::from_micros(250);
+/// Most frames that are taken at once: a bus that is full must not keep the stage from its set points.
+const MOST_FRAMES: usize = 256;
+
+/// Time that devices may take to be found, set up and proven before their faults are told, ns.
+const START_PATIENCE_NS: u64 = 5_000_000_000;
+
+/// Runs the stage until the last tick of `options`, the end of the bus, or a signal.
+///
+/// # Errors
+/// The bus cannot be opened or has gone, or a channel cannot be used.
+pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
+    let network = wiring::network(machine).map_err(StageError::setup)?;
+    let address = wiring::bus_address(machine).map_err(StageError::setup)?;
+    let bit_rate = machine.can.as_ref().map_or(0, |can| can.bit_rate);
+    let bus = open(&address, bit_rate).map_err(StageError::setup)?;
+    run_stage(StageKind::PlantSim, machine, options, |group, _| Process::new(machine, network, bus, group))
+}
+
+struct Process {
+    network: Network,
+    bus: Box<dyn Bus>,
+    readings: Publisher<EncoderReading>,
+    commands: Reader<ValveCommand>,
+    targets: Vec<AxisTarget>,
+    /// When the last command came.
+    heard_ns: u64,
+    drive_timeout_ns: u64,
+    sync_ns: u64,
+    next_sync_ns: u64,
+    /// When the SYNC of the sample was sent, until its reading is sent.
+    open_since_ns: Option<u64>,
+    sequence: u64,
+    /// When readings are sent though devices are not ready, ns.
+    patient_until_ns: u64,
+}
+
+impl Process {
+    fn new(machine: &Machine, network: Network, bus: Box<dyn Bus>, group: &Group) -> Result<Self, StageError> {
+        let now_ns = monotonic_ns();
+        Ok(Self {
+            network,
+            bus,
+            readings: group.publisher()?,
+            commands: group.reader()?,
+            targets: vec![target(None); machine.axes.len()],
+            heard_ns: now_ns,
+            drive_timeout_ns: machine.timing.drive_timeout.as_nanos() as u64,
+            sync_ns: machine.can.as_ref().map_or(machine.timing.period, |can| can.sync).as_nanos() as u64,
+            next_sync_ns: now_ns,
+            open_since_ns: None,
+            sequence: 0,
+            patient_until_ns: now_ns + START_PATIENCE_NS,
+        })
+    }
+
+    /// Hands the frames of the network to the bus.
+    fn send(&mut self) -> Result<(), StageError> {
+        for frame in self.network.outbox().frames() {
+            self.bus.send(frame).map_err(StageError::setup)?;
+        }
+        self.network.outbox().clear();
+        self.bus.flush().map_err(StageError::setup)
+    }
+
+    /// Takes the frames that have come.
+    fn receive(&mut self) -> Result<(), StageError> {
+        for _ in 0..MOST_FRAMES {
+            let Some(received) = self.bus.receive().map_err(StageError::setup)? else { break };
+            self.network.take(&received, monotonic_ns());
+        }
+        Ok(())
+    }
+
+    /// Takes the newest command; without one for the drive's time-out all valves are held.
+    fn command(&mut self) -> Result<(), StageError> {
+        let now_ns = monotonic_ns();
+        if self.commands.newest()?.if_new().is_some()
+            && let Some(command) = self.commands.last()
+        {
+            for (i, target_of) in self.targets.iter_mut().enumerate() {
+                *target_of = target(Some((command, i)));
+            }
+            self.heard_ns = now_ns;
+            self.network.command(Some(&self.targets), now_ns);
+        } else if now_ns.saturating_sub(self.heard_ns) > self.drive_timeout_ns {
+            self.heard_ns = now_ns;
+            self.network.command(None, now_ns);
+        }
+        Ok(())
+    }
+
+    /// Sends SYNC where it is due. A SYNC that is late by more than a period leaves those out that have passed.
+    fn begin(&mut self, turn: &mut Turn) -> Result<bool, StageError> {
+        let due_ns = self.next_sync_ns;
+        if monotonic_ns() < due_ns {
+            return Ok(false);
+        }
+        // The positions that are missing do not come any more.
+        let is_late = self.open_since_ns.is_some();
+        if is_late {
+            self.publish(turn)?;
+        }
+        let now_ns = turn.release(due_ns);
+        let passed = now_ns.saturating_sub(due_ns) / self.sync_ns;
+        self.next_sync_ns = due_ns + (passed + 1) * self.sync_ns;
+        self.network.begin(now_ns);
+        self.send()?;
+        self.open_since_ns = Some(now_ns);
+        Ok(is_late)
+    }
+
+    /// Sends the reading of the SYNC.
+    fn publish(&mut self, turn: &mut Turn) -> Result<(), StageError> {
+        let Some(acquired_ns) = self.open_since_ns.take() else { return Ok(()) };
+        if self.sequence == 0 && !self.network.was_ready() && acquired_ns < self.patient_until_ns {
+            return Ok(());
+        }
+        let mut reading = EncoderReading::default();
+        for (i, value) in reading.encoders.iter_mut().enumerate().take(self.targets.len()) {
+            if let Some((counts, error)) = self.network.reading(i) {
+                (value.counts, value.error) = (counts, error);
+            }
+        }
+        reading.header.axis_count = self.targets.len() as u32;
+        turn.finish(&mut reading.header, self.sequence, acquired_ns, acquired_ns);
+        self.sequence += 1;
+        self.readings.send(&reading)?;
+        Ok(())
+    }
+}
+
+/// What a command says of an axis; without one the valve is held.
+fn target(command: Option<(&ValveCommand, usize)>) -> AxisTarget {
+    let Some((command, axis)) = command.and_then(|(command, i)| Some((command, command.axes.get(i)?))) else {
+        return AxisTarget { demand: Demand::Hold, is_disarmed: true, is_latched: false };
+    };
+    AxisTarget {
+        demand: if command.cut_off != 0 { Demand::Off } else { Demand::Follow(axis.command) },
+        is_disarmed: axis.flags & control_flag::DISARMED != 0,
+        is_latched: axis.flags & control_flag::LATCHED != 0,
+    }
+}
+
+impl Stage for Process {
+    fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
+        let mut has_worked = self.begin(turn)?;
+        let rest = Duration::from_nanos(self.next_sync_ns.saturating_sub(monotonic_ns()));
+        self.bus.wait(rest.min(COMMAND_POLL)).map_err(StageError::setup)?;
+        self.receive()?;
+        self.command()?;
+        self.send()?;
+        if self.open_since_ns.is_some() && self.network.is_complete() {
+            self.publish(turn)?;
+            has_worked = true;
+        }
+        if self.commands.last().is_some_and(|command| turn.is_last(command.header.sequence)) {
+            return Ok(Next::Finished);
+        }
+        Ok(if has_worked { Next::Worked } else { Next::Waiting })
+    }
+
+    fn greet(&self) {
+        self.readings.greet();
+    }
+
+    /// All valves are switched off. A bus that has gone cannot be told; the drives stop by their own time-out then.
+    fn stop(&mut self) -> Result<(), StageError> {
+        self.network.end(monotonic_ns());
+        self.send()
+    }
+
+    fn channels(&mut self, channels: &mut Channels<'_>) {
+        channels.visit(&mut self.commands);
+    }
+}

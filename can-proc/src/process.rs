@@ -2,13 +2,14 @@
 //!
 //! ```text
 //! SYNC ---- positions ---- SYNC ---- positions ----      every can.sync
-//!      \__ reading, as soon as all positions are there, else at the next SYNC
+//!      \__ reading, as soon as all positions are there
 //! set points: with every SYNC, and as soon as a command comes
 //! ```
 //!
 //! No reading is sent before all devices are ready for the first time, or [`START_PATIENCE_NS`] has passed: a machine
-//! that is switched on is no fault. The time of a reading is that of its SYNC: all encoders take their positions then. A command is looked for every
-//! [`COMMAND_POLL`] while the stage waits for frames, because it can wait for one of the two only.
+//! that is switched on is no fault. A SYNC for which a position is missing makes no reading: a sample is of one time, or
+//! it is none. The time of a reading is that of its SYNC: all encoders take their positions then. A command is looked
+//! for every [`COMMAND_POLL`] while the stage waits for frames, because it can wait for one of the two only.
 
 use std::time::Duration;
 
@@ -119,23 +120,20 @@ impl Process {
     }
 
     /// Sends SYNC where it is due. A SYNC that is late by more than a period leaves those out that have passed.
-    fn begin(&mut self, turn: &mut Turn) -> Result<bool, StageError> {
+    fn begin(&mut self, turn: &mut Turn) -> Result<(), StageError> {
         let due_ns = self.next_sync_ns;
         if monotonic_ns() < due_ns {
-            return Ok(false);
+            return Ok(());
         }
-        // The positions that are missing do not come any more.
-        let is_late = self.open_since_ns.is_some();
-        if is_late {
-            self.publish(turn)?;
-        }
+        // What has come while this stage had no core is judged before what is missing.
+        self.receive()?;
         let now_ns = turn.release(due_ns);
         let passed = now_ns.saturating_sub(due_ns) / self.sync_ns;
         self.next_sync_ns = due_ns + (passed + 1) * self.sync_ns;
         self.network.begin(now_ns);
         self.send()?;
         self.open_since_ns = Some(now_ns);
-        Ok(is_late)
+        Ok(())
     }
 
     /// Sends the reading of the SYNC.
@@ -172,7 +170,8 @@ fn target(command: Option<(&ValveCommand, usize)>) -> AxisTarget {
 
 impl Stage for Process {
     fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
-        let mut has_worked = self.begin(turn)?;
+        self.begin(turn)?;
+        let mut has_worked = false;
         let rest = Duration::from_nanos(self.next_sync_ns.saturating_sub(monotonic_ns()));
         self.bus.wait(rest.min(COMMAND_POLL)).map_err(StageError::setup)?;
         self.receive()?;

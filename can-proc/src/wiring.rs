@@ -9,6 +9,8 @@ use pipeline::machine::{Axis, CanBus, CanDevices, Machine};
 
 /// One micrometre, m: the unit of 6005h.
 const MICROMETRE: f64 = 1e-6;
+/// Least number of SYNC without a position after which an encoder is silent: two may be lost.
+const LEAST_SILENCE: u128 = 3;
 
 /// Why a machine has no network of devices.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -59,12 +61,24 @@ pub fn network(machine: &Machine) -> Result<Network, WiringError> {
     let timing = NodeTiming { heartbeat_ns: bus.heartbeat.as_nanos() as u64, answer_ns: bus.answer.as_nanos() as u64 };
     let timeout_ms = machine.timing.drive_timeout.as_millis().clamp(1, u128::from(u16::MAX)) as u16;
     let has_valves = machine.drive.is_real();
-    let devices = machine.axes.iter().map(|axis| devices(axis, timing, has_valves.then_some(timeout_ms)));
+    let silent_after = machine.timing.feedback_timeout.as_nanos().div_ceil(bus.sync.as_nanos().max(1));
+    let silent_after = silent_after.clamp(LEAST_SILENCE, u128::from(u32::MAX)) as u32;
+    let shared = Shared { timing, silent_after, timeout_ms: has_valves.then_some(timeout_ms) };
+    let devices = machine.axes.iter().map(|axis| devices(axis, &shared));
     Ok(Network::new(devices.collect::<Result<_, _>>()?))
 }
 
-/// Devices of one axis; with a valve where its time-out is given, ms.
-fn devices(axis: &Axis, timing: NodeTiming, timeout_ms: Option<u16>) -> Result<AxisDevices, WiringError> {
+/// What the devices of all axes share.
+struct Shared {
+    timing: NodeTiming,
+    silent_after: u32,
+    /// Time-out of the valves, ms, where there are any.
+    timeout_ms: Option<u16>,
+}
+
+/// Devices of one axis.
+fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
+    let timing = shared.timing;
     let name = || axis.name.clone();
     let missing = || WiringError::Missing(format!("axis.{}.can", axis.name));
     let node = |found: u8| NodeId::new(found).ok_or_else(|| WiringError::Node { axis: name(), found });
@@ -77,9 +91,10 @@ fn devices(axis: &Axis, timing: NodeTiming, timeout_ms: Option<u16>) -> Result<A
         has_alarms: wired.has_alarms,
         is_fixed: wired.is_fixed,
         step_um: step_um(axis),
+        silent_after: shared.silent_after,
     };
     let encoder = Encoder::new(settings, timing).map_err(failed)?;
-    let Some(timeout_ms) = timeout_ms else { return Ok(AxisDevices { encoder, valve: None }) };
+    let Some(timeout_ms) = shared.timeout_ms else { return Ok(AxisDevices { encoder, valve: None }) };
     let settings = ValveSettings {
         node: node(wired.valve.ok_or_else(missing)?)?,
         full_scale: wired.full_scale,

@@ -31,6 +31,7 @@ fn encoder_settings(axis: usize) -> EncoderSettings {
         has_alarms: true,
         is_fixed: false,
         step_um: Some(50),
+        silent_after: 3,
     }
 }
 

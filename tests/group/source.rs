@@ -1,6 +1,7 @@
 //! Sources and drives: what a group does with readings, whoever writes them. The same tests run against the simulated
-//! machine, against a program that the supervisor starts, and against one that is started by hand. The program is
-//! plant-sim, which knows of no supervisor here. A recording takes the parts that need no controller: rate, times,
+//! machine, against a program that the supervisor starts, against one that is started by hand, and against devices on a
+//! CAN bus. The program is plant-sim, which knows of no supervisor here; the devices are those of `hydraxis can
+//! simulate` on a pseudo terminal. A recording takes the parts that need no controller: rate, times,
 //! losses, a silence, and a restart.
 
 use std::{
@@ -38,6 +39,8 @@ enum Writer<'w> {
     PlantSim,
     Started,
     ByHand,
+    /// Devices on a CAN bus, at this link.
+    Can(&'w Path),
     /// A recording.
     Replay(&'w Path),
 }
@@ -46,6 +49,8 @@ enum Writer<'w> {
 struct Rig {
     running: Running,
     by_hand: Option<Child>,
+    /// Devices on a bus.
+    devices: Option<Child>,
     readings: Reader<EncoderReading>,
     samples: Reader<EncoderSample>,
     commands: Reader<ValveCommand>,
@@ -64,14 +69,22 @@ impl Rig {
             Writer::PlantSim => arguments.extend(["--off", "--duration", "10min"]),
             Writer::Started => arguments.extend([EXTERNAL[0], EXTERNAL[1], "--set", &program]),
             Writer::ByHand => arguments.extend(EXTERNAL),
+            Writer::Can(_) => arguments.extend(["--duration", "10min"]),
             Writer::Replay(_) => arguments.extend(["--set", "source.kind=replay", "--set", &recording]),
         }
+        let (mut on_bus, mut devices) = (Vec::new(), None);
+        if let Writer::Can(at) = writer {
+            on_bus = can_settings(at);
+            devices = Some(start_devices(at, &on_bus));
+        }
+        arguments.extend(on_bus.iter().map(String::as_str));
         let kinds = [StageKind::SensorProc, StageKind::IdentProc, StageKind::ControlProc];
         let stages = if matches!(writer, Writer::Replay(_)) { &kinds[..2] } else { &kinds[..] };
         let running = Running::spawn(test, &arguments, stages, |_| ());
         let channels = running.group.join();
         let mut rig = Self {
             by_hand: None,
+            devices,
             readings: channels.reader().unwrap(),
             samples: channels.reader().unwrap(),
             commands: channels.reader().unwrap(),
@@ -130,8 +143,32 @@ impl Rig {
     }
 }
 
+/// Settings of a machine whose devices are on the bus at this link. Their times are those of a busy computer.
+fn can_settings(at: &Path) -> Vec<String> {
+    let mut settings = vec!["source.kind=can".to_owned(), format!("can.interface=\"{}\"", at.display())];
+    settings.extend(["can.heartbeat=1s", "timing.drive_timeout=200ms"].map(str::to_owned));
+    for (i, axis) in ["boom", "arm", "telescope", "bucket"].iter().enumerate() {
+        settings.push(format!("axis.{axis}.can.encoder={}", 11 + i));
+        settings.push(format!("axis.{axis}.can.valve={}", 21 + i));
+    }
+    settings.into_iter().flat_map(|setting| ["--set".to_owned(), setting]).collect()
+}
+
+/// The devices at a link, once it is there.
+fn start_devices(at: &Path, settings: &[String]) -> Child {
+    let mut command = hydraxis();
+    command.args(["can", "simulate", FOUR_AXES, "--at"]).arg(at).args(PATIENT).args(settings);
+    let child = command.stderr(std::process::Stdio::null()).spawn().unwrap();
+    wait_for("devices", || at.exists().then_some(()));
+    child
+}
+
 impl Drop for Rig {
     fn drop(&mut self) {
+        if let Some(mut child) = self.devices.take() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
         if let Some(child) = &mut self.by_hand {
             let _ = child.kill();
             let _ = child.wait();
@@ -252,6 +289,14 @@ fn a_program_that_is_started_by_hand_conforms() {
     let name = "source (a program that is started by hand)";
     assert!(said.stderr.contains(&format!("{name}: no reading for the feedback time-out")), "{}", said.stderr);
     assert!(said.stderr.contains(&format!("{name}: well: ")), "{}", said.stderr);
+}
+
+#[test]
+fn devices_on_a_can_bus_conform() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = conform("conform-can", Writer::Can(&folder.path().join("bus")));
+    assert!(said.stderr.contains("source (CAN bus "), "{}", said.stderr);
+    assert!(said.stderr.contains("plant-sim: started again"), "{}", said.stderr);
 }
 
 #[test]

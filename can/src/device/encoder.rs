@@ -19,11 +19,11 @@ use crate::{
 
 /// Number of the profile of encoders.
 const PROFILE: u16 = 406;
-/// SYNC without a position after which the encoder is silent.
-const SILENT_AFTER: u32 = 3;
 /// Positions beyond one for each SYNC after which two devices have one number.
-const DOUBLE_AFTER: u32 = 3;
-/// SYNC with one position each after which the second device is gone.
+const DOUBLE_AFTER: i32 = 3;
+/// Most positions that may be late at once: they come together when the bus, or this computer, was busy.
+const MOST_LATE: i32 = 1000;
+/// SYNC in a row with one position each after which nothing is late any more, and a second device is gone.
 const SINGLE_AGAIN: u32 = 100;
 
 /// What an encoder is set up to.
@@ -41,6 +41,8 @@ pub struct EncoderSettings {
     pub is_fixed: bool,
     /// Length of a count, 0.001 mm, which 6005h has to have where the encoder has it.
     pub step_um: Option<u32>,
+    /// Number of SYNC in a row without a position after which the encoder is silent.
+    pub silent_after: u32,
 }
 
 /// An encoder.
@@ -58,9 +60,9 @@ pub struct Encoder {
     /// 6503h and 6505h of the last position.
     alarms: u16,
     warnings: u16,
-    /// Positions beyond one for each SYNC. One that comes late is none of them: its own SYNC had none.
-    surplus: u32,
-    /// SYNC in a row with one position at most.
+    /// Positions beyond one for each SYNC; below 0 those that have not come yet.
+    surplus: i32,
+    /// SYNC in a row with one position.
     single: u32,
 }
 
@@ -101,8 +103,9 @@ impl Encoder {
 
     /// A SYNC is sent: a new sample begins.
     pub fn begin(&mut self, now_ns: u64, out: &mut Outbox) {
-        self.surplus = (self.surplus + self.fresh).saturating_sub(1).min(DOUBLE_AFTER);
-        self.single = if self.fresh > 1 { 0 } else { self.single.saturating_add(1) };
+        let fresh = self.fresh.min(MOST_LATE as u32) as i32;
+        self.surplus = (self.surplus + fresh - 1).clamp(-MOST_LATE, DOUBLE_AFTER);
+        self.single = if self.fresh == 1 { self.single.saturating_add(1) } else { 0 };
         if self.single >= SINGLE_AGAIN {
             self.surplus = 0;
         }
@@ -128,9 +131,9 @@ impl Encoder {
         true
     }
 
-    /// Whether the position of this SYNC has come, or none can come.
+    /// Whether the position of this SYNC has come, or none is expected of a device at fault.
     pub fn is_complete(&self) -> bool {
-        self.fresh > 0 || !self.node.is_operational()
+        self.fresh > 0 || self.fault().is_some()
     }
 
     /// The position that came last, counts.
@@ -143,11 +146,6 @@ impl Encoder {
         self.warnings
     }
 
-    /// What is wrong with the sample of this SYNC: the position is missing, or the encoder is at fault.
-    pub fn sample_fault(&self) -> Option<Fault> {
-        self.fault().or_else(|| (self.fresh == 0).then(|| self.node.because(Cause::Missing, 0)))
-    }
-
     /// What is wrong with the encoder.
     pub fn fault(&self) -> Option<Fault> {
         if let Some(fault) = self.node.fault() {
@@ -156,7 +154,7 @@ impl Encoder {
         match self {
             _ if self.surplus >= DOUBLE_AFTER => Some(self.node.because(Cause::Double, 0)),
             _ if self.alarms != 0 => Some(self.node.because(Cause::Alarm, self.alarms)),
-            _ if self.missed >= SILENT_AFTER => Some(self.node.because(Cause::Silent, 0)),
+            _ if self.missed >= self.settings.silent_after => Some(self.node.because(Cause::Silent, 0)),
             _ => None,
         }
     }

@@ -32,7 +32,7 @@ pub enum Cause {
     Emergency = 9,
     /// The encoder has an alarm; the detail is 6503h.
     Alarm = 10,
-    /// No position for three SYNC in a row.
+    /// No position for so many SYNC in a row as the time-out of the feedback has.
     Silent = 11,
     /// More than one position for a SYNC: two devices have one number.
     Double = 12,
@@ -44,12 +44,10 @@ pub enum Cause {
     Spool = 15,
     /// The bus is gone: adapter unplugged, interface down.
     Bus = 16,
-    /// A position did not come with this SYNC.
-    Missing = 17,
 }
 
 /// Causes in the order of their numbers.
-const CAUSES: [Cause; 17] = [
+const CAUSES: [Cause; 16] = [
     Cause::Absent,
     Cause::Configuring,
     Cause::Setting,
@@ -66,7 +64,6 @@ const CAUSES: [Cause; 17] = [
     Cause::Proof,
     Cause::Spool,
     Cause::Bus,
-    Cause::Missing,
 ];
 
 /// What is wrong with a device.
@@ -122,7 +119,6 @@ impl fmt::Display for Fault {
             Cause::Valve => write!(out, "fault, status word {detail:04X}h"),
             Cause::Proof => out.write_str("did not stop when set points stopped: its time-out, 1400h:5, does not act"),
             Cause::Spool => write!(out, "spool at {} against its set point", detail as i16),
-            Cause::Missing => out.write_str("no position with this SYNC"),
             Cause::Bus => Ok(()),
         }
     }

@@ -40,7 +40,7 @@ pub struct AxisTarget {
 pub struct NetworkCounters {
     /// SYNC that were sent.
     pub syncs: u64,
-    /// Samples in which the position of an operational encoder was missing.
+    /// SYNC for which a position was missing: they are no sample.
     pub incomplete: u64,
     /// Frames that belong to no device.
     pub foreign: u64,
@@ -140,7 +140,7 @@ impl Network {
         self.axes.iter().all(|axis| axis.was_ready)
     }
 
-    /// Whether the positions of this SYNC have come from all encoders that send any.
+    /// Whether the positions of this SYNC have come from all encoders that are not at fault.
     pub fn is_complete(&self) -> bool {
         self.axes.iter().all(|axis| axis.devices.encoder.is_complete())
     }
@@ -148,8 +148,7 @@ impl Network {
     /// Counts and error word of an axis in the sample of this SYNC; the word is 0 where nothing is wrong.
     pub fn reading(&self, axis: usize) -> Option<(i64, u32)> {
         let axis = self.axes.get(axis)?;
-        let fault = axis.held.or_else(|| axis.devices.encoder.sample_fault());
-        Some((axis.devices.encoder.counts(), fault.map_or(0, Fault::word)))
+        Some((axis.devices.encoder.counts(), axis.held.map_or(0, Fault::word)))
     }
 
     /// All valves are switched off: the last frames of the program.

@@ -15,7 +15,6 @@
 
 use std::time::{Duration, Instant};
 
-use can::device::Cause;
 use humantime::format_duration;
 use pipeline::{
     channel::Prefix,
@@ -152,12 +151,12 @@ impl SourceWatch {
         self.tell(None, || format!("well: {rate:.1} readings/s"))
     }
 
-    /// The line about devices whose fault is new or over. A position that is missing once is none.
+    /// The line about devices whose fault is new or over.
     fn tell_devices(&mut self, last: &EncoderReading) -> Option<String> {
         let (mut told, mut is_fault) = (Vec::new(), false);
         for ((name, word), value) in self.devices.iter_mut().zip(&last.encoders) {
             let fault = can::device::Fault::of(value.error);
-            if value.error == *word || fault.is_some_and(|fault| fault.cause == Cause::Missing) {
+            if value.error == *word {
                 continue;
             }
             *word = value.error;

@@ -8,20 +8,22 @@
 //!
 //! No reading is sent before all devices are ready for the first time, or [`START_PATIENCE_NS`] has passed: a machine
 //! that is switched on is no fault. A SYNC for which a position is missing makes no reading: a sample is of one time, or
-//! it is none. The time of a reading is that of its SYNC: all encoders take their positions then. A command is looked
-//! for every [`COMMAND_POLL`] while the stage waits for frames, because it can wait for one of the two only.
+//! it is none. The time of a reading is that of its SYNC, because all encoders take their positions then. A command is
+//! looked for every [`COMMAND_POLL`] while the stage waits for frames: it can wait for one of the two only.
 
-use std::time::Duration;
+use std::{sync::atomic::Ordering, time::Duration};
 
 use can::{
-    bus::{Bus, open},
+    bus::{Address, Bus, open},
     device::{AxisTarget, Demand, Network},
 };
 use pipeline::{
     channel::{Group, Publisher, Reader},
     machine::Machine,
     message::{EncoderReading, ValveCommand, control_flag},
-    stage::{Channels, Next, Stage, StageError, StageKind, StageOptions, Turn, monotonic_ns, run as run_stage},
+    stage::{
+        Channels, Next, Stage, StageError, StageKind, StageOptions, Turn, monotonic_ns, run as run_stage, sleep_until,
+    },
 };
 
 use crate::wiring;
@@ -31,6 +33,10 @@ const COMMAND_POLL: Duration = Duration::from_micros(250);
 /// Most frames that are taken at once: a bus that is full must not keep the stage from its set points.
 const MOST_FRAMES: usize = 256;
 
+/// Time for which the stage waits for a bus that cannot be opened before it ends, and time between two tries, ns. The
+/// supervisor starts it again.
+const BUS_PATIENCE_NS: u64 = 8_000_000_000;
+const BUS_RETRY_NS: u64 = 200_000_000;
 /// Time that devices may take to be found, set up and proven before their faults are told, ns.
 const START_PATIENCE_NS: u64 = 5_000_000_000;
 
@@ -42,8 +48,34 @@ pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let network = wiring::network(machine).map_err(StageError::setup)?;
     let address = wiring::bus_address(machine).map_err(StageError::setup)?;
     let bit_rate = machine.can.as_ref().map_or(0, |can| can.bit_rate);
-    let bus = open(&address, bit_rate).map_err(StageError::setup)?;
+    let bus = await_bus(&address, bit_rate, &options)?;
     run_stage(StageKind::PlantSim, machine, options, |group, _| Process::new(machine, network, bus, group))
+}
+
+/// Opens the bus. An adapter that is not there may be plugged in again meanwhile.
+fn await_bus(address: &Address, bit_rate: u32, options: &StageOptions) -> Result<Box<dyn Bus>, StageError> {
+    let until_ns = monotonic_ns() + BUS_PATIENCE_NS;
+    let mut is_told = false;
+    loop {
+        match open(address, bit_rate) {
+            Ok(bus) => return Ok(bus),
+            Err(error) if monotonic_ns() >= until_ns || options.stop.load(Ordering::Relaxed) => {
+                return Err(StageError::setup(error));
+            }
+            Err(error) if !is_told => {
+                is_told = true;
+                eprintln!("can-proc: {}; waits for it", full(&error));
+            }
+            Err(_) => {}
+        }
+        sleep_until(monotonic_ns() + BUS_RETRY_NS);
+    }
+}
+
+/// An error with what has caused it.
+fn full(error: &dyn std::error::Error) -> String {
+    let cause = error.source().map(|cause| format!(": {}", full(cause)));
+    error.to_string() + &cause.unwrap_or_default()
 }
 
 struct Process {

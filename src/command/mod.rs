@@ -2,7 +2,7 @@
 //!
 //! | command | runs |
 //! |---|---|
-//! | `plant-sim`, `can-proc`, `sensor-proc`, `ident-proc`, `control-proc` ([`stage`]) | one stage of the loop, in this process |
+//! | `plant-sim`, `can-proc`, `sensor-proc`, `ident-proc`, `control-proc` ([`stage`]) | one stage, in this process |
 //! | [`run`], [`operate`], [`status`], [`record`] | beside the loop, in a process of its own |
 //! | [`commission`] | beside the loop, or on a simulated machine in this process |
 //! | [`simulate`], [`mod@bench`], [`identify`], [`predict`] | without a loop in real time, in this process |

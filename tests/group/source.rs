@@ -20,6 +20,7 @@ use rustix::process::Signal;
 
 use crate::harness::{
     FOUR_AXES,
+    bus::{self, Devices},
     channel::{AXES, await_message},
     hydraxis,
     running::{Running, Said},
@@ -50,7 +51,7 @@ struct Rig {
     running: Running,
     by_hand: Option<Child>,
     /// Devices on a bus.
-    devices: Option<Child>,
+    devices: Option<Devices>,
     readings: Reader<EncoderReading>,
     samples: Reader<EncoderSample>,
     commands: Reader<ValveCommand>,
@@ -74,8 +75,8 @@ impl Rig {
         }
         let (mut on_bus, mut devices) = (Vec::new(), None);
         if let Writer::Can(at) = writer {
-            on_bus = can_settings(at);
-            devices = Some(start_devices(at, &on_bus));
+            on_bus = bus::arguments(&bus::settings(at));
+            devices = Some(Devices::start(at));
         }
         arguments.extend(on_bus.iter().map(String::as_str));
         let kinds = [StageKind::SensorProc, StageKind::IdentProc, StageKind::ControlProc];
@@ -143,32 +144,8 @@ impl Rig {
     }
 }
 
-/// Settings of a machine whose devices are on the bus at this link. Their times are those of a busy computer.
-fn can_settings(at: &Path) -> Vec<String> {
-    let mut settings = vec!["source.kind=can".to_owned(), format!("can.interface=\"{}\"", at.display())];
-    settings.extend(["can.heartbeat=1s", "timing.drive_timeout=200ms"].map(str::to_owned));
-    for (i, axis) in ["boom", "arm", "telescope", "bucket"].iter().enumerate() {
-        settings.push(format!("axis.{axis}.can.encoder={}", 11 + i));
-        settings.push(format!("axis.{axis}.can.valve={}", 21 + i));
-    }
-    settings.into_iter().flat_map(|setting| ["--set".to_owned(), setting]).collect()
-}
-
-/// The devices at a link, once it is there.
-fn start_devices(at: &Path, settings: &[String]) -> Child {
-    let mut command = hydraxis();
-    command.args(["can", "simulate", FOUR_AXES, "--at"]).arg(at).args(PATIENT).args(settings);
-    let child = command.stderr(std::process::Stdio::null()).spawn().unwrap();
-    wait_for("devices", || at.exists().then_some(()));
-    child
-}
-
 impl Drop for Rig {
     fn drop(&mut self) {
-        if let Some(mut child) = self.devices.take() {
-            let _ = child.kill();
-            let _ = child.wait();
-        }
         if let Some(child) = &mut self.by_hand {
             let _ = child.kill();
             let _ = child.wait();
@@ -297,6 +274,33 @@ fn devices_on_a_can_bus_conform() {
     let said = conform("conform-can", Writer::Can(&folder.path().join("bus")));
     assert!(said.stderr.contains("source (CAN bus "), "{}", said.stderr);
     assert!(said.stderr.contains("plant-sim: started again"), "{}", said.stderr);
+}
+
+/// The adapter is unplugged while the axes are armed, and plugged in again after some seconds.
+#[test]
+fn an_adapter_that_comes_back_arms_nothing() {
+    let _cores = shared();
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path().join("bus");
+    let mut rig = Rig::start("can-unplugged", Writer::Can(&at));
+    rig.arm();
+    rig.devices.take().unwrap().end();
+    rig.command("a latch", |command| all(command, |flags| flags & control_flag::FEEDBACK != 0));
+    std::thread::sleep(Duration::from_secs(4));
+    rig.devices = Some(Devices::start(&at));
+    rig.readings.newest().unwrap();
+    await_message(&mut rig.readings, "readings of the next life", |reading| {
+        reading.encoders[..AXES].iter().all(|value| value.error == 0)
+    });
+    rig.command("a second", |command| {
+        assert!(command.axes[..AXES].iter().all(|axis| axis.command == 0.0), "{command:?}");
+        all(command, |flags| flags & control_flag::FEEDBACK != 0)
+    });
+    rig.type_in(&["reset"]);
+    rig.arm();
+    let said = rig.end();
+    assert!(said.stderr.contains("can-proc: the adapter is gone or the interface is down"), "{}", said.stderr);
+    assert!(said.stderr.contains("; waits for it"), "{}", said.stderr);
 }
 
 #[test]

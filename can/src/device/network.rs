@@ -7,10 +7,12 @@
 //!
 //! The interlock: an axis whose encoder or valve has a fault is held at once. Its error word stays until the controller
 //! shows by its flags that it has latched or disarmed the axis. So no fault is too short for the controller, and no
-//! axis goes on by itself after one. Devices that become ready for the first time have no error to show; but their axis
-//! follows no command either before the controller has shown once that it is latched or disarmed: a program that is
-//! started anew beside a controller that is armed moves nothing. A fault that the valve itself keeps is reset when the axis is disarmed: when a
+//! axis goes on by itself after one. A fault that the valve itself keeps is reset when the axis is disarmed: when a
 //! person has acknowledged the latch.
+//!
+//! Devices that become ready for the first time have no error to show. Their axis follows no command either before the
+//! controller has shown once that it is latched or disarmed: a program that is started anew beside a controller that is
+//! armed moves nothing.
 
 use super::{Cause, Demand, Encoder, Fault, Outbox, Valve};
 use crate::{Received, canopen::sync};

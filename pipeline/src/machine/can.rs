@@ -29,7 +29,7 @@ impl CanBus {
         let interface = section
             .key(
                 "interface",
-                "The bus, with source.kind = \"can\": an interface such as can0, or a serial port with an slcan adapter",
+                "The bus, with source.kind = \"can\": an interface such as can0, or a serial port with an adapter",
             )
             .text("an interface such as \"can0\", or a serial port such as \"/dev/ttyACM0\"");
         let bit_rate = section.key("bit_rate", "Bit rate, bit/s").integer_or(500_000, 10_000..=1_000_000) as u32;

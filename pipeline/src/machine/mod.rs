@@ -7,7 +7,7 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `timing`, `stages`, `source`, `can`, `fuzzy`, `hydraulics`, `mechanism`, `soil` | the tables of the whole machine |
+//! | `timing`, `stages`, `source`, `can`, `fuzzy`, `hydraulics`, `mechanism`, `soil` | tables of the whole machine |
 //! | `axis/` | the tables of one axis |
 //! | `count_length` | length of one count of a sensor at a joint |
 //! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |
@@ -235,10 +235,12 @@ impl Machine {
         let realtime = Realtime::read(root.section("realtime"));
         let (source, program) = Source::read(root.section("source"), folder);
         let drive = Drive::read(root.section("drive"), &source);
+        let has_program = source == Source::External;
         let mut stage = root.section("stage");
-        let mut stages = StageKind::ALL.map(|kind| StageSettings::read(stage.section(kind.name()), kind, &source));
+        let mut stages = StageKind::ALL
+            .map(|kind| StageSettings::read(stage.section(kind.name()), kind, source.is_real(), has_program));
         stage.finish();
-        if source == Source::External {
+        if has_program {
             stages[StageKind::PlantSim as usize].command = program;
         }
         let section = root.section("can");

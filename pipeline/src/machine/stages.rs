@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{document::Section, source::Source};
+use super::document::Section;
 
 /// How long `spin-then-event` polls by default: twice the work of one stage.
 const DEFAULT_SPIN: Duration = Duration::from_micros(200);
@@ -134,9 +134,9 @@ pub(super) fn program(section: &mut Section, meaning: &'static str, allowed: &st
 }
 
 impl StageSettings {
-    /// A real `source` stands in the place of plant-sim.
-    pub(super) fn read(mut section: Section, kind: StageKind, source: &Source) -> Self {
-        let is_rig = source.is_real() && kind == StageKind::PlantSim;
+    /// `is_real`: a real machine stands in the place of plant-sim; `has_program`: its program is that of the source.
+    pub(super) fn read(mut section: Section, kind: StageKind, is_real: bool, has_program: bool) -> Self {
+        let is_rig = is_real && kind == StageKind::PlantSim;
         // A simulated machine that starts again would jump to its initial position.
         let restart = if kind == StageKind::PlantSim && !is_rig { Restart::Never } else { Restart::OnFailure };
         let command = program(
@@ -144,7 +144,7 @@ impl StageSettings {
             "Another program that runs in the stage's place, with its arguments",
             "a program and its arguments, such as [\"python3\", \"my_plant.py\"]",
         );
-        if is_rig && *source == Source::External && command.is_some() {
+        if is_rig && has_program && command.is_some() {
             section.refuse("command", "a program", "source.command, with source.kind = \"external\"");
         }
         let spin = section

@@ -1,4 +1,4 @@
-//! The stage with the sources `sim`, `external` and `can`: readings come from plant-sim, or from any program that takes its
+//! The stage with the sources `sim`, `external` and `can`: readings come from plant-sim, or from whatever takes its
 //! place.
 
 use pipeline::{

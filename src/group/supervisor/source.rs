@@ -89,14 +89,7 @@ impl SourceWatch {
 
     /// The line to say now; most often none. `health` and `last` are counts and last message of the channel.
     pub fn look(&mut self, now: Instant, health: &ChannelHealth, last: Option<&EncoderReading>) -> Option<String> {
-        if health.received > self.received {
-            self.received = health.received;
-            if self.heard.replace(now).is_none() {
-                (self.window, self.before) = (now, *health);
-            }
-            let age_ns = last.map_or(0, |last| last.header.sent_ns.saturating_sub(last.header.acquired_ns));
-            self.age_ns = self.age_ns.max(age_ns);
-        }
+        self.hear(now, health, last);
         if let Some(line) = last.and_then(|last| self.tell_devices(last)) {
             return Some(line);
         }
@@ -149,6 +142,18 @@ impl SourceWatch {
             });
         }
         self.tell(None, || format!("well: {rate:.1} readings/s"))
+    }
+
+    /// Notes when a reading has come, and how old it was.
+    fn hear(&mut self, now: Instant, health: &ChannelHealth, last: Option<&EncoderReading>) {
+        if health.received > self.received {
+            self.received = health.received;
+            if self.heard.replace(now).is_none() {
+                (self.window, self.before) = (now, *health);
+            }
+            let age_ns = last.map_or(0, |last| last.header.sent_ns.saturating_sub(last.header.acquired_ns));
+            self.age_ns = self.age_ns.max(age_ns);
+        }
     }
 
     /// The line about devices whose fault is new or over.

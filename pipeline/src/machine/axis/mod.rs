@@ -153,17 +153,9 @@ impl Axis {
         let control = Control::read(section.section("control"), &owner);
         let limits = Limits { soft_limits, max_speed };
         let reference = ReferenceSource::read(section.section("reference"), limits, shared.folder, name);
-        let plant = section.section("plant");
-        let plant = if plant.is_given() {
-            let kind = encoder.angle.map(|sensor| sensor.kind);
-            let sensors = Sensors { kind, is_overridden, has_pressures: pressure.is_some() };
-            Some(Plant::read(plant, stroke, carried.is_some(), sensors))
-        } else {
-            if *shared.source == Source::Sim {
-                plant.refuse("", "nothing", "a table with the simulated axis: source is \"sim\"");
-            }
-            None
-        };
+        let kind = encoder.angle.map(|sensor| sensor.kind);
+        let sensors = Sensors { kind, is_overridden, has_pressures: pressure.is_some() };
+        let plant = read_plant(section.section("plant"), stroke, carried.is_some(), sensors, shared.source);
         let columns = read_columns(&mut section);
         section.finish();
         Self {
@@ -195,6 +187,17 @@ impl Axis {
             period,
         })
     }
+}
+
+/// The simulated axis; only source `sim` needs it.
+fn read_plant(section: Section, stroke: f64, is_carried: bool, sensors: Sensors, source: &Source) -> Option<Plant> {
+    if section.is_given() {
+        return Some(Plant::read(section, stroke, is_carried, sensors));
+    }
+    if *source == Source::Sim {
+        section.refuse("", "nothing", "a table with the simulated axis: source is \"sim\"");
+    }
+    None
 }
 
 fn read_soft_limits(section: &mut Section, stroke: f64) -> (f64, f64) {

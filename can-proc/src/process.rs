@@ -11,10 +11,10 @@
 //! it is none. The time of a reading is that of its SYNC, because all encoders take their positions then. A command is
 //! looked for every [`COMMAND_POLL`] while the stage waits for frames: it can wait for one of the two only.
 
-use std::{sync::atomic::Ordering, time::Duration};
+use std::time::Duration;
 
 use can::{
-    bus::{Address, Bus, open},
+    bus::{Address, Bus, BusError, open},
     device::{AxisTarget, Demand, Network},
 };
 use pipeline::{
@@ -33,43 +33,22 @@ const COMMAND_POLL: Duration = Duration::from_micros(250);
 /// Most frames that are taken at once: a bus that is full must not keep the stage from its set points.
 const MOST_FRAMES: usize = 256;
 
-/// Time for which the stage waits for a bus that cannot be opened before it ends, and time between two tries, ns. The
-/// supervisor starts it again.
-const BUS_PATIENCE_NS: u64 = 8_000_000_000;
-const BUS_RETRY_NS: u64 = 200_000_000;
+/// Time between two tries to open a bus that is gone, ns.
+const RETRY_NS: u64 = 200_000_000;
 /// Time that devices may take to be found, set up and proven before their faults are told, ns.
 const START_PATIENCE_NS: u64 = 5_000_000_000;
 
-/// Runs the stage until the last tick of `options`, the end of the bus, or a signal.
+/// Runs the stage until the last tick of `options` or a signal.
 ///
 /// # Errors
-/// The bus cannot be opened or has gone, or a channel cannot be used.
+/// The bus cannot be opened, or a channel cannot be used.
 pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let network = wiring::network(machine).map_err(StageError::setup)?;
     let address = wiring::bus_address(machine).map_err(StageError::setup)?;
     let bit_rate = machine.can.as_ref().map_or(0, |can| can.bit_rate);
-    let bus = await_bus(&address, bit_rate, &options)?;
-    run_stage(StageKind::PlantSim, machine, options, |group, _| Process::new(machine, network, bus, group))
-}
-
-/// Opens the bus. An adapter that is not there may be plugged in again meanwhile.
-fn await_bus(address: &Address, bit_rate: u32, options: &StageOptions) -> Result<Box<dyn Bus>, StageError> {
-    let until_ns = monotonic_ns() + BUS_PATIENCE_NS;
-    let mut is_told = false;
-    loop {
-        match open(address, bit_rate) {
-            Ok(bus) => return Ok(bus),
-            Err(error) if monotonic_ns() >= until_ns || options.stop.load(Ordering::Relaxed) => {
-                return Err(StageError::setup(error));
-            }
-            Err(error) if !is_told => {
-                is_told = true;
-                eprintln!("can-proc: {}; waits for it", full(&error));
-            }
-            Err(_) => {}
-        }
-        sleep_until(monotonic_ns() + BUS_RETRY_NS);
-    }
+    let bus = open(&address, bit_rate).map_err(StageError::setup)?;
+    let wired = Wired { network, bus, address, bit_rate };
+    run_stage(StageKind::PlantSim, machine, options, |group, _| Process::new(machine, wired, group))
 }
 
 /// An error with what has caused it.
@@ -78,9 +57,22 @@ fn full(error: &dyn std::error::Error) -> String {
     error.to_string() + &cause.unwrap_or_default()
 }
 
-struct Process {
+/// The devices, and the open bus.
+struct Wired {
     network: Network,
     bus: Box<dyn Bus>,
+    address: Address,
+    bit_rate: u32,
+}
+
+struct Process {
+    network: Network,
+    /// `None` while it is gone.
+    bus: Option<Box<dyn Bus>>,
+    address: Address,
+    bit_rate: u32,
+    /// When it is tried to open the bus again, ns.
+    next_try_ns: u64,
     readings: Publisher<EncoderReading>,
     commands: Reader<ValveCommand>,
     targets: Vec<AxisTarget>,
@@ -97,11 +89,14 @@ struct Process {
 }
 
 impl Process {
-    fn new(machine: &Machine, network: Network, bus: Box<dyn Bus>, group: &Group) -> Result<Self, StageError> {
+    fn new(machine: &Machine, wired: Wired, group: &Group) -> Result<Self, StageError> {
         let now_ns = monotonic_ns();
         Ok(Self {
-            network,
-            bus,
+            network: wired.network,
+            bus: Some(wired.bus),
+            address: wired.address,
+            bit_rate: wired.bit_rate,
+            next_try_ns: 0,
             readings: group.publisher()?,
             commands: group.reader()?,
             targets: vec![target(None); machine.axes.len()],
@@ -116,21 +111,53 @@ impl Process {
     }
 
     /// Hands the frames of the network to the bus.
-    fn send(&mut self) -> Result<(), StageError> {
-        for frame in self.network.outbox().frames() {
-            self.bus.send(frame).map_err(StageError::setup)?;
+    fn send(&mut self) {
+        let frames = self.network.outbox();
+        let sent = self.bus.as_mut().map(|bus| {
+            frames.frames().iter().try_for_each(|frame| bus.send(frame).map(|_| ()))?;
+            bus.flush()
+        });
+        frames.clear();
+        if let Some(Err(error)) = sent {
+            self.lose(&error);
         }
-        self.network.outbox().clear();
-        self.bus.flush().map_err(StageError::setup)
     }
 
     /// Takes the frames that have come.
-    fn receive(&mut self) -> Result<(), StageError> {
+    fn receive(&mut self) {
         for _ in 0..MOST_FRAMES {
-            let Some(received) = self.bus.receive().map_err(StageError::setup)? else { break };
-            self.network.take(&received, monotonic_ns());
+            match self.bus.as_mut().map(|bus| bus.receive()) {
+                Some(Ok(Some(received))) => self.network.take(&received, monotonic_ns()),
+                Some(Err(error)) => self.lose(&error),
+                Some(Ok(None)) | None => return,
+            }
         }
-        Ok(())
+    }
+
+    /// The bus is gone. No valve can be reached: the drives stop by their own time-outs.
+    fn lose(&mut self, error: &BusError) {
+        eprintln!("can-proc: {}; waits for it", full(error));
+        let now_ns = monotonic_ns();
+        (self.bus, self.next_try_ns, self.open_since_ns) = (None, now_ns + RETRY_NS, None);
+        self.network.lose_bus(now_ns);
+    }
+
+    /// Waits for frames; without a bus it is opened again. Only then this stage allocates, opens a file and waits for
+    /// an answer: there is nothing that it could control.
+    fn wait(&mut self) {
+        let rest = Duration::from_nanos(self.next_sync_ns.saturating_sub(monotonic_ns())).min(COMMAND_POLL);
+        match self.bus.as_mut().map(|bus| bus.wait(rest)) {
+            Some(Ok(())) => {}
+            Some(Err(error)) => self.lose(&error),
+            None if monotonic_ns() < self.next_try_ns => sleep_until(monotonic_ns() + rest.as_nanos() as u64),
+            None => {
+                self.bus = open(&self.address, self.bit_rate).ok();
+                self.next_try_ns = monotonic_ns() + RETRY_NS;
+                if self.bus.is_some() {
+                    eprintln!("can-proc: {}: is back", self.address);
+                }
+            }
+        }
     }
 
     /// Takes the newest command; without one for the drive's time-out all valves are held.
@@ -152,20 +179,21 @@ impl Process {
     }
 
     /// Sends SYNC where it is due. A SYNC that is late by more than a period leaves those out that have passed.
-    fn begin(&mut self, turn: &mut Turn) -> Result<(), StageError> {
+    fn begin(&mut self, turn: &mut Turn) {
         let due_ns = self.next_sync_ns;
         if monotonic_ns() < due_ns {
-            return Ok(());
+            return;
         }
         // What has come while this stage had no core is judged before what is missing.
-        self.receive()?;
+        self.receive();
         let now_ns = turn.release(due_ns);
         let passed = now_ns.saturating_sub(due_ns) / self.sync_ns;
         self.next_sync_ns = due_ns + (passed + 1) * self.sync_ns;
-        self.network.begin(now_ns);
-        self.send()?;
-        self.open_since_ns = Some(now_ns);
-        Ok(())
+        if self.bus.is_some() {
+            self.network.begin(now_ns);
+            self.open_since_ns = Some(now_ns);
+            self.send();
+        }
     }
 
     /// Sends the reading of the SYNC.
@@ -202,13 +230,12 @@ fn target(command: Option<(&ValveCommand, usize)>) -> AxisTarget {
 
 impl Stage for Process {
     fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
-        self.begin(turn)?;
+        self.begin(turn);
         let mut has_worked = false;
-        let rest = Duration::from_nanos(self.next_sync_ns.saturating_sub(monotonic_ns()));
-        self.bus.wait(rest.min(COMMAND_POLL)).map_err(StageError::setup)?;
-        self.receive()?;
+        self.wait();
+        self.receive();
         self.command()?;
-        self.send()?;
+        self.send();
         if self.open_since_ns.is_some() && self.network.is_complete() {
             self.publish(turn)?;
             has_worked = true;
@@ -223,10 +250,11 @@ impl Stage for Process {
         self.readings.greet();
     }
 
-    /// All valves are switched off. A bus that has gone cannot be told; the drives stop by their own time-out then.
+    /// All valves are switched off.
     fn stop(&mut self) -> Result<(), StageError> {
         self.network.end(monotonic_ns());
-        self.send()
+        self.send();
+        Ok(())
     }
 
     fn channels(&mut self, channels: &mut Channels<'_>) {

@@ -390,6 +390,23 @@ fn a_device_of_another_profile_or_scale_is_refused() {
 }
 
 #[test]
+fn a_bus_that_was_gone_leaves_all_axes_held() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    bench.network.lose_bus(bench.now_ns);
+    assert_eq!([bench.cause(0), bench.cause(1)], [Some(Cause::Bus); AXES]);
+    // The drives stop by themselves or by the configuration, and nothing goes on.
+    bench.run(60);
+    for _ in 0..2000 {
+        bench.step();
+        assert_eq!(bench.openings(), [0.0; AXES]);
+    }
+    bench.modes = [Mode::Disarmed; AXES];
+    bench.until("well", |bench| bench.faults() == [None; AXES]);
+    bench.drive();
+}
+
+#[test]
 fn a_setting_that_is_not_kept_is_named() {
     // 65 s do not fit into the object.
     let timing = NodeTiming { heartbeat_ns: HEARTBEAT_NS, answer_ns: 100 * MS };

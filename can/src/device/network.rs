@@ -110,6 +110,16 @@ impl Network {
         self.interlock(now_ns);
     }
 
+    /// The bus is gone: all axes are held, and all devices are set up anew once it is back.
+    pub fn lose_bus(&mut self, now_ns: u64) {
+        for axis in &mut self.axes {
+            axis.devices.encoder.lose_bus(now_ns);
+            axis.devices.valve.iter_mut().for_each(|valve| valve.lose_bus(now_ns));
+        }
+        self.interlock(now_ns);
+        self.outbox.clear();
+    }
+
     /// Takes what the controller says of all axes; `None` when it has said nothing for the drive's time-out.
     pub fn command(&mut self, targets: Option<&[AxisTarget]>, now_ns: u64) {
         for (i, axis) in self.axes.iter_mut().enumerate() {

@@ -103,6 +103,11 @@ impl Node {
         self.emergency = None;
     }
 
+    /// The bus is gone. The node is set up anew once it is back.
+    pub fn lose_bus(&mut self, now_ns: u64) {
+        self.lose(Cause::Bus, 0, now_ns);
+    }
+
     /// Does what is due: begins the configuration, ends a transfer without an answer, misses a heartbeat.
     pub fn check(&mut self, now_ns: u64, out: &mut Outbox) {
         match self.phase {

@@ -141,6 +141,11 @@ impl Valve {
         })
     }
 
+    /// The bus is gone.
+    pub fn lose_bus(&mut self, now_ns: u64) {
+        self.node.lose_bus(now_ns);
+    }
+
     /// Takes a frame from the bus: whether it was one of this valve.
     pub fn take(&mut self, received: &Received, now_ns: u64, out: &mut Outbox) -> bool {
         if received.frame.standard_id() != Some(self.settings.node.id(function::TPDO1)) {

@@ -179,6 +179,7 @@ fn run(examples: &[Example], group: &str) -> Vec<Vec<String>> {
         .env("PATH", format!("{programs}:{}", std::env::var("PATH").unwrap_or_default()))
         .env("TMPDIR", folder.path())
         .env("XDG_STATE_HOME", folder.path())
+        .env("HYDRAXIS_RECORDINGS", "off")
         .env_remove("STATE_DIRECTORY")
         .stdin(Stdio::null())
         .stdout(file.try_clone().unwrap())

@@ -78,3 +78,8 @@ fn messages() {
 fn buses() {
     try_all(targets::bus, &seeds("bus", &[]));
 }
+
+#[test]
+fn recordings_in_mcap() {
+    try_all(targets::recording, &seeds("recording", &[]));
+}

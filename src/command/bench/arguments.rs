@@ -4,7 +4,7 @@ use std::{path::PathBuf, time::Duration};
 
 use clap::{Args, Subcommand};
 
-use super::{contest::ControllerKind, drawn::Half};
+use super::{contest::ControllerKind, drawn::Half, tip::BenchTipArguments};
 use crate::arguments::{
     BareMachine,
     values::{duration, in_range, whole},
@@ -15,6 +15,8 @@ use crate::arguments::{
 pub enum Bench {
     /// Drive one course with every controller, under every scenario, and compare the tracking errors
     Control(BenchControlArguments),
+    /// Drive the bucket's teeth along lines, slopes and a circle, and compare their distances from the way
+    Tip(BenchTipArguments),
 }
 
 /// `bench control`.

@@ -12,6 +12,7 @@ mod contest;
 mod drawn;
 mod parallel;
 mod report;
+pub mod tip;
 
 use std::time::Duration;
 

@@ -261,15 +261,9 @@ impl Machine {
         }
         let mut section = root.section("mechanism");
         let mechanism = section.is_given().then(|| mechanism::read(&mut section));
-        let carried = if mechanism.is_some() { AXES } else { 0 };
-        let shared = Shared {
-            timing: &timing,
-            source: &source,
-            drive,
-            fuzzy,
-            folder,
-            carried: &names[..carried.min(names.len())],
-        };
+        let carried = if mechanism.is_some() { AXES.min(names.len()) } else { 0 };
+        let carried = &names[..carried];
+        let shared = Shared { timing: &timing, source: &source, drive, fuzzy, folder, carried };
         let mut axes: Vec<Axis> = names.iter().map(|name| Axis::read(name, table.section(name), &shared)).collect();
         table.finish();
         if let Some(mechanism) = &mechanism {
@@ -298,8 +292,8 @@ impl Machine {
         Self { name, timing, realtime, stages, source, drive, can, hydraulics, mechanism, soil, tip, scenario, axes }
     }
 
-    /// The twin of a real machine: the same machine, simulated by its tables `plant`, `supply` and
-    /// `oil`. A machine without them, or with another source, stays as it is.
+    /// The twin of a real machine: the same machine, simulated by its tables `plant`, `supply` and `oil`. A machine
+    /// without them, or with another source, stays as it is.
     #[must_use]
     pub fn into_twin(mut self) -> Self {
         let has_plants = self.hydraulics.is_some() && self.axes.iter().all(|axis| axis.plant.is_some());

@@ -62,3 +62,58 @@ impl CanBus {
         bus
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::machine::{Drive, Machine, Source};
+
+    const WIRED: [(&str, &str); 10] = [
+        ("source.kind", "can"),
+        ("can.interface", "\"can0\""),
+        ("axis.boom.can.encoder", "11"),
+        ("axis.boom.can.valve", "21"),
+        ("axis.arm.can.encoder", "12"),
+        ("axis.arm.can.valve", "22"),
+        ("axis.telescope.can.encoder", "13"),
+        ("axis.telescope.can.valve", "23"),
+        ("axis.bucket.can.encoder", "14"),
+        ("axis.bucket.can.valve", "24"),
+    ];
+
+    fn machine(more: &[(&str, &str)]) -> Result<Machine, String> {
+        let all = WIRED.iter().chain(more).map(|(key, value)| ((*key).to_owned(), (*value).to_owned()));
+        Machine::four_axes(&all.collect::<Vec<_>>()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_machine_on_a_bus_has_its_devices_and_is_real() {
+        let machine = machine(&[]).unwrap();
+        assert_eq!((&machine.source, machine.drive, machine.source.is_real()), (&Source::Can, Drive::Can, true));
+        assert_eq!(machine.can.as_ref().unwrap().sync, machine.timing.period / 2);
+        assert_eq!(machine.axes[3].can.unwrap().valve, Some(24));
+        // The wiring is nothing that identification and control depend on.
+        assert_eq!(machine.fingerprint(), Machine::four_axes(&[]).unwrap().fingerprint());
+        assert_eq!(machine.into_twin().source, Source::Sim);
+    }
+
+    #[test]
+    fn wrong_wiring_is_refused() {
+        for (key, value, expected) in [
+            ("axis.arm.can.encoder", "21", "axis.arm.can: found node 21; allowed: a number that no other device"),
+            ("axis.arm.can.encoder", "0", "axis.arm.can.encoder: found 0 (from the command line); allowed: a whole"),
+            ("axis.arm.can.full_scale", "0", "axis.arm.can.full_scale: found 0"),
+            ("can.bit_rate", "123456", "can.bit_rate: found 123456 (from the command line); allowed: 10000, 20000"),
+            ("can.sync", "20ms", "can.sync: found 20ms (from the command line); allowed: timing.period or shorter"),
+            ("timing.drive_timeout", "9ms", "can.sync: found 5ms"),
+            ("drive.kind", "sim", "drive.kind: found sim"),
+        ] {
+            let said = machine(&[(key, value)]).unwrap_err();
+            assert!(said.contains(expected), "{said}");
+        }
+        let missing = Machine::four_axes(&[("source.kind".to_owned(), "can".to_owned())]).unwrap_err().to_string();
+        assert!(
+            missing.contains("axis.boom.can.encoder: found nothing") && !missing.contains("found node"),
+            "{missing}"
+        );
+    }
+}

@@ -72,7 +72,8 @@ impl CanDevices {
         section.finish();
         let node = |number: usize| number as u8;
         Self {
-            encoder: encoder.map_or(1, node),
+            // In the place of a refused number one that no device has.
+            encoder: encoder.map_or(0, node),
             is_signed,
             is_precise,
             has_alarms,
@@ -83,8 +84,8 @@ impl CanDevices {
         }
     }
 
-    /// Numbers of its nodes.
+    /// Numbers of its nodes, without one that was refused.
     pub(in crate::machine) fn nodes(&self) -> impl Iterator<Item = u8> {
-        [Some(self.encoder), self.valve].into_iter().flatten()
+        [Some(self.encoder), self.valve].into_iter().flatten().filter(|node| *node > 0)
     }
 }

@@ -82,7 +82,7 @@ pub fn run(arguments: &ExampleArguments) -> Result<(), Failure> {
         Some(file) => file.to_owned(),
     };
     write(&path, example, arguments.force)?;
-    let needs = if [".py", ".ipynb"].iter().any(|ending| example.name.ends_with(ending)) {
+    let needs = if example.text.contains("import hydraxis") {
         "it needs the Python package: pip install ./python in the folder of Hydraxis\n"
     } else {
         ""
@@ -122,6 +122,8 @@ fn write(path: &Path, example: &Example, force: bool) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recording::schema::columns_of;
+    use pipeline::message::{EncoderSample, Message, ValveCommand};
 
     #[test]
     fn every_file_of_the_folder_is_an_example() {
@@ -136,5 +138,36 @@ mod tests {
         let mut names: Vec<&str> = EXAMPLES.iter().map(|example| example.name).collect();
         names.sort_unstable();
         assert_eq!(files, names);
+    }
+
+    /// Whether a channel has this number.
+    fn is_field(channel: &str, field: &str) -> bool {
+        let columns = match channel {
+            EncoderSample::CHANNEL => columns_of::<EncoderSample>(),
+            ValveCommand::CHANNEL => columns_of::<ValveCommand>(),
+            _ => return false,
+        };
+        columns.iter().any(|column| column.name == field)
+    }
+
+    #[test]
+    fn layouts_show_numbers_that_recordings_have() {
+        let plotjuggler = include_str!("../../examples/plotjuggler.xml");
+        let curves = plotjuggler.split("<curve name=\"").skip(1).filter_map(|rest| rest.split('"').next());
+        let curves: Vec<&str> = curves.collect();
+        assert_eq!(curves.len(), 32);
+        for curve in curves {
+            let (channel, field) = curve.split_once('/').unwrap();
+            assert!(is_field(channel, &field.replace('/', ".")), "{curve}");
+        }
+        let foxglove: serde_json::Value = serde_json::from_str(include_str!("../../examples/foxglove.json")).unwrap();
+        let panels = foxglove["configById"].as_object().unwrap();
+        let paths: Vec<_> = panels.values().flat_map(|panel| panel["paths"].as_array().unwrap()).collect();
+        assert_eq!((panels.len(), paths.len()), (3, 16));
+        for path in paths {
+            let value = path["value"].as_str().unwrap();
+            let (channel, field) = value[1..].split_once("\".").unwrap();
+            assert!(is_field(channel, field), "{value}");
+        }
     }
 }

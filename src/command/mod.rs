@@ -2,16 +2,18 @@
 //!
 //! | command | runs |
 //! |---|---|
-//! | `plant-sim`, `sensor-proc`, `ident-proc`, `control-proc` ([`stage`]) | one stage of the loop, in this process |
+//! | `plant-sim`, `can-proc`, `sensor-proc`, `ident-proc`, `control-proc` ([`stage`]) | one stage, in this process |
 //! | [`run`], [`operate`], [`status`], [`monitor`], [`record`] | beside the loop, in a process of its own |
 //! | [`commission`] | beside the loop, or on a simulated machine in this process |
 //! | [`simulate`], [`mod@bench`], [`identify`], [`predict`] | without a loop in real time, in this process |
 //! | [`init`], [`example`] | before there is a machine file |
+//! | [`mod@can`] | beside a CAN bus |
 //! | [`check`], [`mechanism`], [`doctor`], [`clean`] | before or after a run |
 //! | [`info`], [`recover`], [`export`], [`replay`], [`mod@report`], [`mod@plot`] | with files that were written |
 //! | [`completions`], [`manual`] | when the command is installed |
 
 mod bench;
+mod can;
 mod check;
 mod clean;
 mod commission;
@@ -41,6 +43,7 @@ use clap::{Parser, Subcommand};
 
 use pipeline::stage::StageKind;
 
+use self::can::Can;
 use self::mechanism::MechanismArguments;
 use crate::failure::Failure;
 use bench::Bench;
@@ -127,6 +130,9 @@ pub enum Command {
     /// Compare controllers on the simulated machine
     #[command(subcommand)]
     Bench(Bench),
+    /// Play the devices of a CAN bus without hardware
+    #[command(subcommand)]
+    Can(Can),
     /// Check a machine file and show everything that is wrong with it
     Check(CheckArguments),
     /// Show reach, joints, masses and loads of the machine's linkage, evaluate states, write URDF
@@ -137,6 +143,8 @@ pub enum Command {
     Clean(CleanArguments),
     /// Run the simulated machine alone, in the foreground
     PlantSim(StageArguments),
+    /// Drive the encoders and valves of a CAN bus alone, in the foreground
+    CanProc(StageArguments),
     /// Run the encoder acquisition alone, in the foreground
     SensorProc(StageArguments),
     /// Run the identification alone, in the foreground
@@ -177,12 +185,14 @@ impl Command {
             Self::Identify(arguments) => identify::run(arguments),
             Self::Predict(arguments) => predict::run(arguments),
             Self::Bench(Bench::Control(arguments)) => bench::run(arguments),
+            Self::Can(command) => self::can::run(command),
             Self::Bench(Bench::Tip(arguments)) => bench::tip::run(arguments),
             Self::Check(arguments) => check::run(arguments),
             Self::Mechanism(arguments) => mechanism::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
             Self::Clean(arguments) => clean::run(arguments),
             Self::PlantSim(arguments) => stage::run(StageKind::PlantSim, arguments),
+            Self::CanProc(arguments) => stage::run_can(arguments),
             Self::SensorProc(arguments) => stage::run(StageKind::SensorProc, arguments),
             Self::IdentProc(arguments) => stage::run(StageKind::IdentProc, arguments),
             Self::ControlProc(arguments) => stage::run(StageKind::ControlProc, arguments),

@@ -177,14 +177,15 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Ch
         }
         let rows = failures.take(check::deep(machine));
         failures.take(check::expect_controllable(machine));
-        if machine.source == Source::External && clock == Clock::LockStep {
-            failures.extend([Failure::usage(
-                "--lockstep: found a machine with source.kind \"external\", whose time nobody can hold; allowed: \
+        if machine.source.is_real() && clock == Clock::LockStep {
+            failures.extend([Failure::usage(format!(
+                "--lockstep: found a machine with source.kind \"{}\", whose time nobody can hold; allowed: \
                  \"sim\", with stage.plant-sim.command for a program that simulates in lock-step",
-            )]);
+                machine.source.kind()
+            ))]);
         }
         count = match (&machine.source, arguments.duration) {
-            (Source::External, None) => Some(None),
+            (Source::External | Source::Can, None) => Some(None),
             (_, duration) => rows.and_then(|rows| failures.take(ticks(machine, rows, duration))).map(Some),
         };
         let (followers, head) = stages(machine, clock);
@@ -206,6 +207,8 @@ fn stages(machine: &Machine, clock: Clock) -> (Vec<StageKind>, StageKind) {
         (Source::Replay(_), ..) => (vec![IdentProc], SensorProc),
         (Source::External, Drive::None, _) => (program.chain([IdentProc]).collect(), SensorProc),
         (Source::External, ..) => (program.chain([IdentProc, ControlProc]).collect(), SensorProc),
+        (Source::Can, Drive::None, _) => (vec![PlantSim, IdentProc], SensorProc),
+        (Source::Can, ..) => (vec![PlantSim, IdentProc, ControlProc], SensorProc),
         (Source::Sim, _, Clock::LockStep) => (vec![SensorProc, IdentProc, ControlProc], PlantSim),
         (Source::Sim, _, Clock::RealTime) => (vec![PlantSim, IdentProc, ControlProc], SensorProc),
     }
@@ -235,7 +238,7 @@ fn run_group(
     let scenario = &machine.scenario.name;
     let scenario = if machine.source == Source::Sim { format!(", scenario \"{scenario}\"") } else { String::new() };
     supervisor.say(format!("{}{scenario}: group \"{}\", Ctrl-C ends it", machine.name, options.prefix));
-    if machine.drive == Drive::External {
+    if machine.drive.is_real() {
         supervisor.say(format!("no axis moves before: hydraxis arm --prefix {}", options.prefix));
     }
     for warning in warnings {
@@ -339,7 +342,7 @@ fn watch(
         }
         // While a stage starts again, the others wait for it, and all wait for the first reading of an external
         // program; that is no stall.
-        let waits = machine.source == Source::External && monitor.last_sample().is_none();
+        let waits = machine.source.is_real() && monitor.last_sample().is_none();
         if waits && duration.is_some_and(|duration| started.elapsed() > duration) {
             break;
         }

@@ -153,7 +153,10 @@ impl Recorder {
         // In lock-step a batch can be large: the loop is as fast as the computer allows.
         let (queue, batches) = sync_channel::<Batch>(if waits { 1 } else { WAITING });
         let writer = thread::spawn(move || {
-            give_way();
+            // In lock-step the stages never leave a core idle while they wait for the writer.
+            if !waits {
+                give_way();
+            }
             for Batch { messages, lost } in batches {
                 store.take(&messages, lost);
             }

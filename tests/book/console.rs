@@ -308,6 +308,7 @@ pages! {
     command_commission: "docs/src/commands/commission.md",
     command_identify: "docs/src/commands/identify.md",
     command_predict: "docs/src/commands/predict.md",
+    command_replay: "docs/src/commands/replay.md",
     command_check: "docs/src/commands/check.md",
     command_mechanism: "docs/src/commands/mechanism.md",
     command_bench: "docs/src/commands/bench.md",

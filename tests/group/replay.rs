@@ -309,7 +309,7 @@ fn a_flipped_bit_is_found_and_named() {
 fn five_hundred_flipped_bits_in_60_s_are_found_and_named() {
     let _cores = shared();
     let folder = tempfile::tempdir().unwrap();
-    expect_found(&operated(folder.path()), 500);
+    expect_found(&operated(folder.path()), variable("HYDRAXIS_FLIPS", 500));
 }
 
 #[test]
@@ -348,6 +348,23 @@ fn another_estimator_and_controller_are_shown_beside_what_was() {
     };
     let largest = table.iter().map(difference).fold(0.0, f64::max);
     assert_eq!(largest, axes[1]["command"]["max"].as_f64().unwrap());
+}
+
+#[test]
+fn trajectories_come_out_of_the_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, trajectory) = (folder.path().join("run.mcap"), folder.path().join("path.csv"));
+    let rows = (0..40).map(|k| format!("{:.1},{:.4}\n", 0.1 * f64::from(k), 0.65 + 0.01 * (0.3 * f64::from(k)).sin()));
+    fs::write(&trajectory, format!("t,boom\n{}", rows.collect::<String>())).unwrap();
+    let from = format!("axis.boom.reference.file=\"{}\"", trajectory.display());
+    let set = ["--set", "axis.boom.reference.kind=trajectory", "--set", &from];
+    let run = ["run", "--lockstep", "--duration", "4s", FOUR_AXES, "--record", file.to_str().unwrap()];
+    report(&[&run[..], &set].concat());
+    fs::remove_file(trajectory).unwrap();
+    let report = verify(&file);
+    assert_eq!((&report["identical"], &report["ticks"]), (&true.into(), &400.into()), "{report}");
+    let info = succeed(&["info", file.to_str().unwrap(), "--json", "-"]);
+    assert!(String::from_utf8_lossy(&info.stdout).contains("trajectory-boom.csv"));
 }
 
 #[test]

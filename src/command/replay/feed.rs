@@ -19,6 +19,9 @@ use crate::{
 
 /// Samples that are read ahead: twice those that a channel keeps, so that all other messages of a tick have been read.
 const AHEAD: usize = 512;
+/// Most messages of a channel that are kept. A recording of a run has about as many as samples; others are refused, so
+/// that no file asks for all memory.
+const MOST: usize = 16_384;
 
 /// The messages of one channel that have been read and not been used yet.
 pub struct Queue<M> {
@@ -43,6 +46,10 @@ impl<M: Message> Queue<M> {
             Failure::run(format!("{channel}: message {number}: found bytes that are no message of this channel"))
         })?;
         self.messages.push_back(decoded);
+        if self.messages.len() > MOST {
+            let channel = M::CHANNEL;
+            return Err(Failure::usage(format!("{channel}: found more than {MOST} messages beside {AHEAD} samples")));
+        }
         Ok(())
     }
 

@@ -162,6 +162,7 @@ impl Command {
             Self::Identify(arguments) => identify::run(arguments),
             Self::Predict(arguments) => predict::run(arguments),
             Self::Bench(Bench::Control(arguments)) => bench::run(arguments),
+            Self::Bench(Bench::Identify(arguments)) => bench::identify(arguments),
             Self::Check(arguments) => check::run(arguments),
             Self::Mechanism(arguments) => mechanism::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),

@@ -271,7 +271,7 @@ impl Identifier {
             Progress::Complete => self.finish_training(),
             Progress::LastQuarter if self.adaptation.awaits_first_model() => {
                 let offline = self.training.solve();
-                self.adaptation.start(self.training.batch(), &offline);
+                self.adaptation.start(self.training.batch(), &offline, self.rest.travel());
             }
             Progress::LastQuarter | Progress::Collecting => {
                 self.models.adaptive = self.adaptation.known_model().unwrap_or(self.models.adaptive);
@@ -284,7 +284,7 @@ impl Identifier {
         let offline = self.training.finish();
         self.models.classical = offline.published;
         self.gate.trained(offline.residual_sigma);
-        self.adaptation.start(self.training.batch(), &offline);
+        self.adaptation.start(self.training.batch(), &offline, self.rest.travel());
         let advanced = self.comparison.start(&offline.published, self.adaptation.offline_products(), &self.past);
         self.faults.replace_lasting(if offline.rank_deficient { model_fault::RANK_DEFICIENT } else { 0 });
         self.publish(advanced);

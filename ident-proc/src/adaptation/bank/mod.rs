@@ -13,13 +13,14 @@
 //! | family | learns | forgetting factors |
 //! |---|---|---|
 //! | held | nothing: the classical model | |
+//! | still | nothing: y(k) = y(k-1) | |
 //! | linear | a, b | 0.99 |
 //! | increments | a, b of the increments of y, with one lag more | 0.99, 0.995 |
 //! | directional | as increments, with a b for each direction | 0.995 |
 //! | full | a and all products | 0.995, 0.998, 0.9998 |
 //! | smoothed | a and all products, with one lag more, from smoothed rows | 0.997, 0.9998 |
 //!
-//! The classical model is a member, so the bank cannot stay much worse than no adaptation. A sum of models is a model,
+//! The classical model and holding still are members, so the bank cannot stay much worse than either. A sum of models is a model,
 //! so a user of the bank needs no knowledge of its members. The weighing of predictors by their recent losses is known
 //! as prediction with expert advice (Cesa-Bianchi and Lugosi, Prediction, Learning, and Games, 2006).
 //!
@@ -37,7 +38,13 @@ mod smoothing;
 
 use pipeline::hammerstein::{Coefficients, MAX_LINEAR, Structure};
 
-use self::{competition::Competition, family::Family, idle::IdleSigns, mixture::Mixture, smoothing::Smoother};
+use self::{
+    competition::Competition,
+    family::Family,
+    idle::IdleSigns,
+    mixture::{FIXED, Mixture},
+    smoothing::Smoother,
+};
 use super::Learned;
 use crate::{
     least_squares::Triangle,
@@ -48,8 +55,8 @@ use crate::{
 
 /// Half rounds of separation at the start, from the separation of the training on.
 const FIRST_ROUNDS: usize = 40;
-/// Name of the first member in reports: the classical model.
-const CLASSICAL: &str = "held";
+/// Names in reports of the members that learn nothing: the classical model, and y(k) = y(k-1).
+const FIXED_NAMES: [&str; FIXED] = ["held", "still"];
 
 /// The bank of one output. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
@@ -81,7 +88,7 @@ impl Bank {
     pub fn new(structure: Structure, horizon: usize) -> Self {
         let row = Self::row_structure(structure);
         let families = Family::all(structure, &row);
-        let members = 1 + families.iter().map(Family::len).sum::<usize>();
+        let members = FIXED + families.iter().map(Family::len).sum::<usize>();
         let n = row.full_len();
         Self {
             structure,
@@ -108,8 +115,9 @@ impl Bank {
         self.smoothed_rows.add(row, target);
     }
 
-    /// Starts all members from the rows collected so far. A second start keeps the scores of the members.
-    pub fn start(&mut self, offline: &Offline) {
+    /// Starts all members from the rows collected so far. `travel`: root mean square of y(k) - y(k-h) over these rows. A
+    /// second start keeps the scores of the members.
+    pub fn start(&mut self, offline: &Offline, travel: f64) {
         let classical = &offline.coefficients;
         Family::hold_nonlinearity(&mut self.families, self.structure, &self.row_structure, &classical.nonlinearity());
         for family in &mut self.families {
@@ -117,6 +125,11 @@ impl Bank {
             family.start(rows, &self.row_structure);
         }
         self.mixture.start(&offline.published);
+        self.competition.start(travel);
+        if self.competition.scores().is_proven() {
+            // The members were compared on the last part of the training.
+            self.reweigh();
+        }
         self.separation.start(classical, &self.rows);
         for _ in 0..FIRST_ROUNDS {
             let _ = self.separation.separate(self.mixture.theta());
@@ -139,8 +152,8 @@ impl Bank {
         self.competition.score(y);
         let idle = self.idle.update(row.signs());
         let weights = self.mixture.weights();
-        let mut learned = Learned { factor: weights[0], bounded: false };
-        let mut weights = weights[1..].iter();
+        let mut learned = Learned { factor: weights[..FIXED].iter().sum(), bounded: false };
+        let mut weights = weights[FIXED..].iter();
         for family in &mut self.families {
             let (row, target) = if family.is_smoothed() { self.smoother.values() } else { (row.values(), y) };
             learned.bounded |= family.learn(target, row, &self.row_structure, idle);
@@ -169,10 +182,15 @@ impl Bank {
         self.competition.finish_sample();
         self.mixture.mix();
         if !self.mixture.is_stable() {
-            self.mixture.write_out(&self.families, true);
-            self.mixture.weigh(self.competition.scores());
-            self.mixture.mix();
+            self.reweigh();
         }
+    }
+
+    /// Weighs all members by the scores so far, and sums them up.
+    fn reweigh(&mut self) {
+        self.mixture.write_out(&self.families, true);
+        self.mixture.weigh(self.competition.scores());
+        self.mixture.mix();
     }
 
     /// Discards the forecasts on their way and the memory of the smoother, after a gap in the samples.
@@ -185,7 +203,7 @@ impl Bank {
     pub fn members(&self) -> impl Iterator<Item = (&'static str, f64, f64)> {
         let learning =
             self.families.iter().flat_map(|family| family.factors().iter().map(|factor| (family.name(), *factor)));
-        let members = std::iter::once((CLASSICAL, 1.0)).chain(learning);
+        let members = FIXED_NAMES.into_iter().map(|name| (name, 1.0)).chain(learning);
         members.zip(self.mixture.weights()).map(|((name, factor), weight)| (name, factor, *weight))
     }
 
@@ -201,10 +219,10 @@ impl Bank {
         (model, self.separation.residual())
     }
 
-    /// Trace of the covariance of the member with the largest weight; 0 for the classical model.
+    /// Trace of the covariance of the member with the largest weight; 0 for one that learns nothing.
     pub fn covariance_trace(&self) -> f64 {
         let most = self.mixture.heaviest();
-        let mut before = 1;
+        let mut before = FIXED;
         for family in &self.families {
             if (before..before + family.len()).contains(&most) {
                 return family.member(most - before).covariance_trace();

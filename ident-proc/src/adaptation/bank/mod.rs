@@ -43,7 +43,7 @@ use self::{
     family::Family,
     idle::IdleSigns,
     mixture::{FIXED, Mixture},
-    smoothing::Smoother,
+    smoothing::{INTEGRATED, SMOOTHED, Smoother},
 };
 use super::Learned;
 use crate::{
@@ -69,6 +69,9 @@ pub struct Bank {
     /// Rows of the training, smoothed.
     smoothed_rows: Triangle,
     smoother: Smoother,
+    /// Rows of the training, integrated over the horizon.
+    integrated_rows: Triangle,
+    integrator: Smoother,
     started: bool,
     mixture: Mixture,
     competition: Competition,
@@ -96,7 +99,9 @@ impl Bank {
             families,
             rows: Triangle::new(n),
             smoothed_rows: Triangle::new(n),
-            smoother: Smoother::new(n, horizon),
+            smoother: Smoother::new(n, SMOOTHED, horizon),
+            integrated_rows: Triangle::new(n),
+            integrator: Smoother::new(n, INTEGRATED, horizon),
             started: false,
             mixture: Mixture::new(row, members, horizon),
             competition: Competition::new(row, members, horizon),
@@ -106,13 +111,16 @@ impl Bank {
     }
 
     /// Takes in y(k) and the row of a training sample. In a started bank, call it after [`Self::learn`].
-    pub fn collect(&mut self, y: f64, row: &RegressorRow) {
-        self.rows.add(row.values(), y);
+    pub fn collect(&mut self, y: f64, measured: &RegressorRow) {
+        self.rows.add(measured.values(), y);
         if !self.started {
-            self.smoother.update(y, row.values());
+            self.smoother.update(y, measured.values());
         }
         let (row, target) = self.smoother.values();
         self.smoothed_rows.add(row, target);
+        self.integrator.update(y, measured.values());
+        let (row, target) = self.integrator.values();
+        self.integrated_rows.add(row, target);
     }
 
     /// Starts all members from the rows collected so far. `travel`: root mean square of y(k) - y(k-h) over these rows. A
@@ -130,7 +138,7 @@ impl Bank {
             // The members were compared on the last part of the training.
             self.reweigh();
         }
-        self.separation.start(classical, &self.rows);
+        self.separation.start(classical, &self.integrated_rows);
         for _ in 0..FIRST_ROUNDS {
             let _ = self.separation.separate(self.mixture.theta());
         }
@@ -197,6 +205,7 @@ impl Bank {
     pub fn interrupt(&mut self) {
         self.competition.interrupt();
         self.smoother.interrupt();
+        self.integrator.interrupt();
     }
 
     /// Family, forgetting factor and weight of every member, the classical model first.

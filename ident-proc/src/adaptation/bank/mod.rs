@@ -90,7 +90,7 @@ impl Bank {
     /// For models of `structure` whose predictions count over `horizon` samples. The bank knows nothing yet.
     pub fn new(structure: Structure, horizon: usize) -> Self {
         let row = Self::row_structure(structure);
-        let families = Family::all(structure, &row);
+        let families = Family::all(structure, &row, horizon);
         let members = FIXED + families.iter().map(Family::len).sum::<usize>();
         let n = row.full_len();
         Self {

@@ -6,20 +6,21 @@
 //! ```
 //!
 //! y output and y^ its predictions, e error, s its usual size, all in the unit of the output. sigma is the standard
-//! deviation of the training's residuals, w the usual size of y(k) - y(k-1) over the training. Without w, every change of a plant without noise would be an outlier. The predictions are those of the adaptive model, of the
-//! classical model and of persistence, y(k-1). A model that went wrong must not make the measurement an outlier, so the
-//! measurement has to be far from all three.
+//! deviation of the training's residuals, w the usual size of y(k) - y(k-1) over the training. Without w, every change
+//! of a plant without noise would be an outlier. The predictions are those of the adaptive model, of the classical model
+//! and of persistence, y(k-1). A model that went wrong must not make the measurement an outlier, so the measurement has
+//! to be far from all three.
 //!
-//! In the training s and w are sizes of a driven [`scale`](super::scale). Traps: a mean of squares would take in an early
-//! spike, and believe all later ones. Errors of an axis at rest would make its first motion an outlier.
+//! In the training s and w are sizes of a driven [`scale`](super::scale). Traps: a mean of squares would take in an
+//! early spike, and believe all later ones. Errors of an axis at rest would make its first motion an outlier.
 //!
 //! An outlier is not learned from and not counted in the errors. A prediction takes its place among the past outputs;
 //! otherwise every model would predict from the outlier for the next na samples.
 //!
 //! Trap: after an encoder was set to another zero, every sample is an outlier. After [`LONGEST`] outliers in a row the
 //! measurement is therefore believed, as a step of the output. A long dropout is a step too, and another one at its end.
-//! s stays as it is after a step: with s as large as the step, every later dropout would be believed. Only where one
-//! step follows upon another does s grow, because then the errors have become larger for good.
+//! s stays as it is after a step: with s as large as the step, every later dropout would be believed. s grows only where
+//! one step follows upon another, because then the errors have become larger for good. It grows no further than needed.
 
 use super::scale::Scale;
 
@@ -207,7 +208,9 @@ mod tests {
     #[test]
     fn while_the_past_is_refilled_no_level_is_combined_with_another() {
         let mut gate = trained();
-        (0..6).for_each(|_| drop(gate.judge(50.0, &[1.0; 3], true)));
+        (0..6).for_each(|_| {
+            let _ = gate.judge(50.0, &[1.0; 3], true);
+        });
         assert_eq!(gate.judge_refill(1.0, 50.0), Verdict::Step);
         assert_eq!(gate.judge_refill(1.1, 1.0), Verdict::Sound);
     }
@@ -257,7 +260,9 @@ mod tests {
     #[test]
     fn the_first_motion_after_a_rest_is_sound() {
         let mut gate = OutlierGate::default();
-        (0..10_000).for_each(|_| drop(gate.judge(1e-6, &[0.0], false)));
+        (0..10_000).for_each(|_| {
+            let _ = gate.judge(1e-6, &[0.0], false);
+        });
         (0..100).for_each(|_| assert_eq!(gate.judge(1.0, &[0.0], true), Verdict::Sound));
     }
 }

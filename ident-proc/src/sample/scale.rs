@@ -5,8 +5,8 @@
 //! later ones:                          s^2 <- s^2 + (min(x^2, 25 s^2) - s^2) / n,    n at most the memory
 //! ```
 //!
-//! x value and s size in the unit of the signal, n number of values. Trap: at a short period most increments of a coarse
-//! encoder are zero. Zeros do not count among the first values, and s is never below the smallest of these.
+//! x value and s size in the unit of the signal, n number of values. Trap: at a short period most increments of a
+//! coarse encoder are zero. Zeros do not count among the first values, and s is never below the smallest of these.
 
 /// Values of a driven axis before there is a size.
 const FIRST: usize = 100;

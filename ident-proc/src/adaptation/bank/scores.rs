@@ -128,15 +128,30 @@ mod tests {
     #[test]
     fn the_best_leads_and_the_others_count_by_how_much_worse_they_are() {
         let mut scores = Scores::new(3, 5, 20);
-        (0..1000).for_each(|_| scores.push(|member| [2.0, 1.0, 1.1f64.powf(0.5)][member]));
+        (0..1000).for_each(|_| scores.push(|member| [1.0, 1.5, 1.1f64.powf(0.5)][member]));
         let found = weights(&scores, |_| true);
-        let shares = [0.0, 1.0, 1.1f64.powi(-8)];
+        // Holding still counts as half as bad again as it is, and has less than a hundredth of the best weight.
+        let shares = [1.0, 0.0, 1.1f64.powi(-8)];
         let total: f64 = shares.iter().sum();
         for (found, share) in found.iter().zip(shares) {
             assert!((found - share / total).abs() < 1e-12);
         }
         assert_eq!(weights(&scores, |member| member == 2), [0.0, 0.0, 1.0]);
         assert_eq!(weights(&scores, |_| false), [0.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn scores_without_motion_do_not_count() {
+        let mut scores = Scores::new(3, 5, 20);
+        scores.start(1.0);
+        (0..100).for_each(|_| scores.push(|member| [1e-3, 1e-5, 1e-3][member]));
+        assert_eq!(weights(&scores, |_| true), [1.0, 0.0, 0.0]);
+        // A first model that knew too little: its scores are forgotten when the next one starts.
+        scores.start(0.0);
+        assert_eq!(weights(&scores, |_| true), [1.0, 0.0, 0.0]);
+        (0..100).for_each(|_| scores.push(|member| [1.0, 2.0, 0.1][member]));
+        scores.start(1.0);
+        assert_eq!(weights(&scores, |_| true), [0.0, 0.0, 1.0]);
     }
 
     #[test]

@@ -56,3 +56,6 @@ pub fn run(arguments: &BenchIdentifyArguments) -> Result<(), Failure> {
     let report = GeneratedReport::new(*seed, half.map(Half::name), trials, trials_of_rates);
     Ok(output.write(|| report.tables(), &report)?)
 }
+
+#[cfg(test)]
+mod tests;

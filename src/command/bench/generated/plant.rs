@@ -12,7 +12,7 @@
 //! opening at which the valve saturates, e exponent, r ratio of the speeds of retracting and extending, 1 when
 //! extending. Integrated by steps of at most a twentieth of 1 / w.
 
-use super::{class::Class, course::Course};
+use super::class::Class;
 use crate::command::bench::drawn::Draw;
 
 /// Longest step of the integration, in parts of 1 / w.
@@ -96,16 +96,16 @@ impl Plant {
         }
     }
 
-    /// Runs the plant for `samples` periods of `period` s. Returns the commands u(k) and the positions p(k) in m; u(k)
-    /// acts from sample k to sample k + 1.
-    pub fn run(&self, course: &mut Course, period: f64, samples: usize) -> (Vec<f64>, Vec<f64>) {
+    /// Runs the plant for `samples` periods of `period` s under the commands that `course` gives for a time in s and a
+    /// position in m. Returns the commands u(k) and the positions p(k) in m; u(k) acts from sample k to sample k + 1.
+    pub fn run(&self, mut course: impl FnMut(f64, f64) -> f64, period: f64, samples: usize) -> (Vec<f64>, Vec<f64>) {
         let steps = (period * self.oscillation.0 / LONGEST_STEP).ceil() as usize;
         let step = period / steps as f64;
         let (mut commands, mut positions) = (Vec::with_capacity(samples), Vec::with_capacity(samples));
         let mut state = State { spool: 0.0, acting: 0.0, speed: 0.0, acceleration: 0.0, position: 0.5 * self.stroke };
         for k in 0..samples {
             positions.push(state.position);
-            commands.push(course.command(k as f64 * period, state.position));
+            commands.push(course(k as f64 * period, state.position));
             for i in 0..steps {
                 let time = (k * steps + i) as f64 * step;
                 let part = time / (samples as f64 * period);

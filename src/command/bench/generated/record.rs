@@ -91,7 +91,7 @@ impl Record {
         let samples = (length / period).max(LEAST_SAMPLES) as usize;
         let course_draw = Draw::new(seed, STREAMS * number + 1);
         let mut course = Course::new(course_draw, plant, period, samples as f64 * period);
-        let (inputs, positions) = plant.run(&mut course, period, samples);
+        let (inputs, positions) = plant.run(|time, position| course.command(time, position), period, samples);
         let mut logger = Logger { draw: Draw::new(seed, STREAMS * number + 2), class: plant.class };
         let (inputs, outputs, without_wild) = logger.log(plant.stroke, inputs, positions);
         Self {

@@ -16,12 +16,14 @@
 
 /// tau, in horizons.
 const TIME_CONSTANT: f64 = 30.0;
-/// Largest square that counts, in mean squares of holding still. Without this limit one forecast that diverged would
+/// Largest square that counts, in mean squares of holding still or of the usual travel. Without this limit one forecast that diverged would
 /// shut its member out for good.
 const LARGEST_RATIO: f64 = 100.0;
 /// What the mean square of holding still is multiplied by before it is compared. It is a net below models that are of no
 /// use. Next to a good model it looks good in every pause, and would damp the model's prediction of the next motion.
 const STILL: f64 = 2.25;
+/// Mean square of the best model, in mean squares of holding still, from which on a first model knew too little.
+const USELESS: f64 = 4.0;
 /// Travel that the scores have to contain before they count, in parts of the usual travel of the training. Where hardly
 /// anything moves, every model predicts well.
 const PROOF: f64 = 0.3;
@@ -36,9 +38,9 @@ pub struct Scores {
     /// Sum of the weights of all errors so far.
     seen: f64,
     sums: Vec<f64>,
-    /// Least mean square of holding still before the scores count.
-    proof: f64,
-    /// Whether it was reached.
+    /// Usual travel over the horizon, in the unit of the output.
+    travel: f64,
+    /// Whether the scores contain motion enough to count.
     proven: bool,
 }
 
@@ -46,13 +48,15 @@ impl Scores {
     /// For members whose errors over `horizon` samples come every `stride` samples.
     pub fn new(members: usize, stride: usize, horizon: usize) -> Self {
         let keep = (-(stride as f64) / (TIME_CONSTANT * horizon as f64)).exp();
-        Self { keep, seen: 0.0, sums: vec![0.0; members], proof: 0.0, proven: false }
+        Self { keep, seen: 0.0, sums: vec![0.0; members], travel: 0.0, proven: false }
     }
 
     /// Takes in the errors of all members at one sample; `error(1)` is that of holding still.
     pub fn push(&mut self, error: impl Fn(usize) -> f64) {
         let still = error(1).powi(2);
-        let limit = LARGEST_RATIO * if self.seen > 0.0 { still.max(self.sums[1] / self.seen) } else { still };
+        let travel = self.travel * self.travel;
+        let usual = if self.seen > 0.0 { travel.max(self.sums[1] / self.seen) } else { travel };
+        let limit = LARGEST_RATIO * still.max(usual);
         self.seen = self.keep * self.seen + 1.0 - self.keep;
         for (member, sum) in self.sums.iter_mut().enumerate() {
             let square = error(member).powi(2);
@@ -64,19 +68,19 @@ impl Scores {
     }
 
     /// Begins to count, with the usual travel over the horizon in the unit of the output. Scores so far are kept unless
-    /// they find holding still the best: then they are those of a first model that knew too little.
+    /// holding still was far better than every model: then they are those of a first model that knew too little.
     pub fn start(&mut self, travel: f64) {
-        if self.sums.iter().all(|sum| self.sums[1] <= *sum) {
+        if self.sums.iter().enumerate().all(|(member, sum)| member == 1 || USELESS * self.sums[1] <= *sum) {
             self.seen = 0.0;
             self.sums.fill(0.0);
         }
-        self.proof = (PROOF * travel).powi(2);
+        self.travel = travel;
         self.proven = false;
         self.prove();
     }
 
     fn prove(&mut self) {
-        self.proven |= self.seen > 0.0 && self.sums[1] >= self.proof * self.seen;
+        self.proven |= self.seen > 0.0 && self.sums[1] >= (PROOF * self.travel).powi(2) * self.seen;
     }
 
     /// Whether the scores count: there were errors, and motion enough among them.

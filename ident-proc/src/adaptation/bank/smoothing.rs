@@ -4,14 +4,16 @@
 //! x_s(k) = p x_s(k-1) + (1 - p) x(k)          p = exp(-1 / (c h))
 //! ```
 //!
-//! c time constant in horizons, x any entry of the row, or the target; h horizon in samples. Row and target go through one filter, so the model
-//! stays the same. The noise of the encoder counts less in the fit, and errors that last over the horizon count more
-//! (Shook, Mohtadi and Shah, Identification for long-range predictive control, IEE Proceedings D 138, 1991).
+//! c time constant in horizons, x any entry of the row, or the target; h horizon in samples. Row and target go through
+//! one filter, so the model stays the same. The noise of the encoder counts less in the fit, and errors that last over
+//! the horizon count more (Shook, Mohtadi and Shah, Identification for long-range predictive control, IEE Proceedings D
+//! 138, 1991).
 
 /// Time constant of the filter that the family `smoothed` learns from, in horizons.
 pub const SMOOTHED: f64 = 0.12;
-/// Time constant of the filter whose rows weigh the products in their separation, in horizons. An error over the horizon
-/// sees the sum of the commands within it; an error of one step sees little more than their highest frequencies.
+/// Time constant of the filter whose rows weigh the products in their separation, in horizons. An error over the
+/// horizon sees the sum of the commands within it; an error of one step sees little more than their highest
+/// frequencies.
 pub const INTEGRATED: f64 = 0.5;
 
 /// The filter of row and target. Its memory is allocated at construction.

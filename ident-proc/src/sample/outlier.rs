@@ -7,9 +7,9 @@
 //!
 //! y output and y^ its predictions, e error, s its usual size, all in the unit of the output. sigma is the standard
 //! deviation of the training's residuals, w the usual size of y(k) - y(k-1) over the training. Without w, every change
-//! of a plant without noise would be an outlier. The predictions are those of the adaptive model, of the classical model
-//! and of persistence, y(k-1). A model that went wrong must not make the measurement an outlier, so the measurement has
-//! to be far from all three.
+//! of a plant without noise would be an outlier. The predictions are those of the adaptive model, of the classical
+//! model and of persistence, y(k-1). A model that went wrong must not make the measurement an outlier, so the
+//! measurement has to be far from all three.
 //!
 //! In the training s and w are sizes of a driven [`scale`](super::scale). Traps: a mean of squares would take in an
 //! early spike, and believe all later ones. Errors of an axis at rest would make its first motion an outlier.
@@ -18,9 +18,10 @@
 //! otherwise every model would predict from the outlier for the next na samples.
 //!
 //! Trap: after an encoder was set to another zero, every sample is an outlier. After [`LONGEST`] outliers in a row the
-//! measurement is therefore believed, as a step of the output. A long dropout is a step too, and another one at its end.
-//! s stays as it is after a step: with s as large as the step, every later dropout would be believed. s grows only where
-//! one step follows upon another, because then the errors have become larger for good. It grows no further than needed.
+//! measurement is therefore believed, as a step of the output. A long dropout is a step too, and another one at its
+//! end. s stays as it is after a step: with s as large as the step, every later dropout would be believed. s grows only
+//! where one step follows upon another, because then the errors have become larger for good. It grows no further than
+//! needed.
 
 use super::scale::Scale;
 

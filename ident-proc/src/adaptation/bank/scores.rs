@@ -19,8 +19,8 @@ const TIME_CONSTANT: f64 = 30.0;
 /// Largest square that counts, in mean squares of holding still or of the usual travel. Without this limit one forecast that diverged would
 /// shut its member out for good.
 const LARGEST_RATIO: f64 = 100.0;
-/// What the mean square of holding still is multiplied by before it is compared. It is a net below models that are of no
-/// use. Next to a good model it looks good in every pause, and would damp the model's prediction of the next motion.
+/// What the mean square of holding still is multiplied by before it is compared. It is a net below models that are of
+/// no use. Next to a good model it looks good in every pause, and would damp the model's prediction of the next motion.
 const STILL: f64 = 2.25;
 /// Mean square of the best model, in mean squares of holding still, from which on a first model knew too little.
 const USELESS: f64 = 4.0;
@@ -67,10 +67,11 @@ impl Scores {
         self.prove();
     }
 
-    /// Begins to count, with the usual travel over the horizon in the unit of the output. Scores so far are kept unless
-    /// holding still was far better than every model: then they are those of a first model that knew too little.
+    /// Begins to count, with the usual travel over the horizon in the unit of the output. Scores so far are kept,
+    /// unless holding still was far better than every model: then they are those of a first model that knew too little.
     pub fn start(&mut self, travel: f64) {
-        if self.sums.iter().enumerate().all(|(member, sum)| member == 1 || USELESS * self.sums[1] <= *sum) {
+        let is_useless = |(member, sum): (usize, &f64)| member == 1 || *sum >= USELESS * self.sums[1];
+        if self.sums.iter().enumerate().all(is_useless) {
             self.seen = 0.0;
             self.sums.fill(0.0);
         }
@@ -88,8 +89,8 @@ impl Scores {
         self.proven
     }
 
-    /// Writes the weights of all members. A member that is not `allowed` gets none. Before the scores count the
-    /// first member gets all of the weight, or the second one where the first is not allowed. When no member is allowed, the
+    /// Writes the weights of all members. A member that is not `allowed` gets none. Before the scores count, the first
+    /// member gets all of the weight, or the second one where the first is not allowed. When no member is allowed, the
     /// second one gets it.
     pub fn weigh(&self, allowed: impl Fn(usize) -> bool, weights: &mut [f64]) {
         weights.fill(0.0);

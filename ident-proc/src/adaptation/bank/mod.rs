@@ -10,25 +10,28 @@
 //! load that comes on wants gains that change by direction; a valve that wears wants all coefficients of its curve; a
 //! coarse encoder wants a smoothed row. The members differ in these respects:
 //!
-//! | family | learns | forgetting factors |
+//! | family | learns | memories in horizons |
 //! |---|---|---|
 //! | held | nothing: the classical model | |
 //! | still | nothing: y(k) = y(k-1) | |
-//! | linear | a, b | 0.99 |
-//! | increments | a, b of the increments of y, with one lag more | 0.99, 0.995 |
-//! | directional | as increments, with a b for each direction | 0.995 |
-//! | full | a and all products | 0.995, 0.998, 0.9998 |
-//! | smoothed | a and all products, with one lag more, from smoothed rows | 0.997, 0.9998 |
+//! | linear | a, b | 4 |
+//! | increments | a, b of the increments of y, with one lag more | 4, 8 |
+//! | directional | as increments, with a b for each direction | 8 |
+//! | full | a and all products | 8, 20, 200 |
+//! | smoothed | a and all products, with one lag more, from smoothed rows | 13, 200 |
 //!
-//! The classical model and holding still are members, so the bank cannot stay much worse than either. A sum of models is a model,
-//! so a user of the bank needs no knowledge of its members. The weighing of predictors by their recent losses is known
-//! as prediction with expert advice (Cesa-Bianchi and Lugosi, Prediction, Learning, and Games, 2006).
+//! A memory of m horizons is the forgetting factor 1 - 1 / (m h), h horizon in samples; each memory also has a least
+//! number of samples. The classical model and holding still are members, so the bank cannot stay much worse than
+//! either. A sum of models is a model, so a user of the bank needs no knowledge of its members. The weighing of predictors by
+//! their recent losses is known as prediction with expert advice (Cesa-Bianchi and Lugosi, Prediction, Learning, and
+//! Games, 2006).
 //!
 //! Traps: a member whose poles would make a prediction grow e-fold over the horizon gets no weight, however small its
 //! errors were. At rest every model predicts perfectly while its coefficients learn the noise, so a sample
 //! [at rest](crate::sample::rest) is neither learned nor scored. An axis that moves in one direction only would forget
 //! the other direction, so idle signs of the command are not forgotten.
 
+mod collected;
 mod competition;
 mod family;
 mod idle;
@@ -39,15 +42,15 @@ mod smoothing;
 use pipeline::hammerstein::{Coefficients, MAX_LINEAR, Structure};
 
 use self::{
+    collected::Collected,
     competition::Competition,
     family::Family,
     idle::IdleSigns,
     mixture::{FIXED, Mixture},
-    smoothing::{INTEGRATED, SMOOTHED, Smoother},
+    smoothing::{SMOOTHED, Smoother},
 };
 use super::Learned;
 use crate::{
-    least_squares::Triangle,
     offline::Offline,
     sample::{RegressorRow, SlidingBuffer},
     separation::OnlineSeparation,
@@ -64,14 +67,8 @@ pub struct Bank {
     structure: Structure,
     row_structure: Structure,
     families: Vec<Family>,
-    /// Rows of the training as they were measured.
-    rows: Triangle,
-    /// Rows of the training, smoothed.
-    smoothed_rows: Triangle,
+    collected: Collected,
     smoother: Smoother,
-    /// Rows of the training, integrated over the horizon.
-    integrated_rows: Triangle,
-    integrator: Smoother,
     started: bool,
     mixture: Mixture,
     competition: Competition,
@@ -97,11 +94,8 @@ impl Bank {
             structure,
             row_structure: row,
             families,
-            rows: Triangle::new(n),
-            smoothed_rows: Triangle::new(n),
+            collected: Collected::new(n, horizon),
             smoother: Smoother::new(n, SMOOTHED, horizon),
-            integrated_rows: Triangle::new(n),
-            integrator: Smoother::new(n, INTEGRATED, horizon),
             started: false,
             mixture: Mixture::new(row, members, horizon),
             competition: Competition::new(row, members, horizon),
@@ -111,25 +105,20 @@ impl Bank {
     }
 
     /// Takes in y(k) and the row of a training sample. In a started bank, call it after [`Self::learn`].
-    pub fn collect(&mut self, y: f64, measured: &RegressorRow) {
-        self.rows.add(measured.values(), y);
+    pub fn collect(&mut self, y: f64, row: &RegressorRow) {
         if !self.started {
-            self.smoother.update(y, measured.values());
+            self.smoother.update(y, row.values());
         }
-        let (row, target) = self.smoother.values();
-        self.smoothed_rows.add(row, target);
-        self.integrator.update(y, measured.values());
-        let (row, target) = self.integrator.values();
-        self.integrated_rows.add(row, target);
+        self.collected.add(y, row.values(), self.smoother.values());
     }
 
-    /// Starts all members from the rows collected so far. `travel`: root mean square of y(k) - y(k-h) over these rows. A
-    /// second start keeps the scores of the members.
+    /// Starts all members from the rows collected so far. `travel`: root mean square of y(k) - y(k-h) over these rows.
+    /// A second start keeps the scores of the members, unless its first model was of no use.
     pub fn start(&mut self, offline: &Offline, travel: f64) {
         let classical = &offline.coefficients;
         Family::hold_nonlinearity(&mut self.families, self.structure, &self.row_structure, &classical.nonlinearity());
         for family in &mut self.families {
-            let rows = if family.is_smoothed() { &self.smoothed_rows } else { &self.rows };
+            let rows = if family.is_smoothed() { &self.collected.smoothed } else { &self.collected.measured };
             family.start(rows, &self.row_structure);
         }
         self.mixture.start(&offline.published);
@@ -138,7 +127,7 @@ impl Bank {
             // The members were compared on the last part of the training.
             self.reweigh();
         }
-        self.separation.start(classical, &self.integrated_rows);
+        self.separation.start(classical, &self.collected.integrated);
         for _ in 0..FIRST_ROUNDS {
             let _ = self.separation.separate(self.mixture.theta());
         }
@@ -205,7 +194,7 @@ impl Bank {
     pub fn interrupt(&mut self) {
         self.competition.interrupt();
         self.smoother.interrupt();
-        self.integrator.interrupt();
+        self.collected.interrupt();
     }
 
     /// Family, forgetting factor and weight of every member, the classical model first.

@@ -16,8 +16,8 @@
 
 /// tau, in horizons.
 const TIME_CONSTANT: f64 = 30.0;
-/// Largest square that counts, in mean squares of holding still or of the usual travel. Without this limit one forecast that diverged would
-/// shut its member out for good.
+/// Largest square that counts, in mean squares of holding still or of the usual travel. Without this limit one forecast
+/// that diverged would shut its member out for good.
 const LARGEST_RATIO: f64 = 100.0;
 /// What the mean square of holding still is multiplied by before it is compared. It is a net below models that are of
 /// no use. Next to a good model it looks good in every pause, and would damp the model's prediction of the next motion.

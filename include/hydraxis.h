@@ -34,8 +34,8 @@
 #define HYDRAXIS_ENCODER_SAMPLE_BUFFER 256
 
 #define HYDRAXIS_VALVE_COMMAND_SERVICE "hydraxis/valve-command"
-#define HYDRAXIS_VALVE_COMMAND_TYPE "hydraxis.ValveCommand/7"
-#define HYDRAXIS_VALVE_COMMAND_LAYOUT "93fd5fc981ea5760"
+#define HYDRAXIS_VALVE_COMMAND_TYPE "hydraxis.ValveCommand/8"
+#define HYDRAXIS_VALVE_COMMAND_LAYOUT "bc674f142711d199"
 #define HYDRAXIS_VALVE_COMMAND_BUFFER 256
 
 #define HYDRAXIS_COEFFICIENT_SNAPSHOT_SERVICE "hydraxis/coefficient-snapshot"
@@ -380,6 +380,34 @@ HYDRAXIS_ASSERT(offsetof(HydraxisAxisCommand, latched_by) == 192, "HydraxisAxisC
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisCommand, slowed_ticks) == 196, "HydraxisAxisCommand.slowed_ticks");
 HYDRAXIS_ASSERT(sizeof(HydraxisAxisCommand) == 200, "HydraxisAxisCommand");
 
+typedef struct HydraxisCommandInputs {
+    // Number of the snapshot that was used, plus 1; 0 without a snapshot.
+    uint64_t snapshot;
+    // Session of the program that has sent the newest Reference; 0 without a reference.
+    uint64_t reference_session;
+    // Number of the newest reference.
+    uint64_t reference_number;
+    // Count of the Request messages that control-proc has read so far.
+    uint64_t requests;
+    // Session of the publisher of the last request that was read; 0 before the first one.
+    uint64_t request_session;
+    // Number of the last request that was read.
+    uint64_t request_number;
+    // What happened between the command before and this one, command_event bits.
+    uint32_t events;
+    // Zero.
+    uint32_t reserved;
+} HydraxisCommandInputs;
+HYDRAXIS_ASSERT(offsetof(HydraxisCommandInputs, snapshot) == 0, "HydraxisCommandInputs.snapshot");
+HYDRAXIS_ASSERT(offsetof(HydraxisCommandInputs, reference_session) == 8, "HydraxisCommandInputs.reference_session");
+HYDRAXIS_ASSERT(offsetof(HydraxisCommandInputs, reference_number) == 16, "HydraxisCommandInputs.reference_number");
+HYDRAXIS_ASSERT(offsetof(HydraxisCommandInputs, requests) == 24, "HydraxisCommandInputs.requests");
+HYDRAXIS_ASSERT(offsetof(HydraxisCommandInputs, request_session) == 32, "HydraxisCommandInputs.request_session");
+HYDRAXIS_ASSERT(offsetof(HydraxisCommandInputs, request_number) == 40, "HydraxisCommandInputs.request_number");
+HYDRAXIS_ASSERT(offsetof(HydraxisCommandInputs, events) == 48, "HydraxisCommandInputs.events");
+HYDRAXIS_ASSERT(offsetof(HydraxisCommandInputs, reserved) == 52, "HydraxisCommandInputs.reserved");
+HYDRAXIS_ASSERT(sizeof(HydraxisCommandInputs) == 56, "HydraxisCommandInputs");
+
 typedef struct HydraxisValveCommand {
     // sequence names the sample that the command was made from.
     HydraxisHeader header;
@@ -391,13 +419,16 @@ typedef struct HydraxisValveCommand {
     uint32_t reserved;
     // Session of the Requests that count, or counted last; 0 before the first.
     uint64_t operator_;
+    // What the command was made of; zero in a replay.
+    HydraxisCommandInputs inputs;
 } HydraxisValveCommand;
 HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, header) == 0, "HydraxisValveCommand.header");
 HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, axes) == 48, "HydraxisValveCommand.axes");
 HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, cut_off) == 1648, "HydraxisValveCommand.cut_off");
 HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, reserved) == 1652, "HydraxisValveCommand.reserved");
 HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, operator_) == 1656, "HydraxisValveCommand.operator");
-HYDRAXIS_ASSERT(sizeof(HydraxisValveCommand) == 1664, "HydraxisValveCommand");
+HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, inputs) == 1664, "HydraxisValveCommand.inputs");
+HYDRAXIS_ASSERT(sizeof(HydraxisValveCommand) == 1720, "HydraxisValveCommand");
 
 typedef struct HydraxisCoefficients {
     // Order of A.

@@ -15,8 +15,8 @@ use thiserror::Error as ThisError;
 use crate::{
     arguments::UnknownAxis,
     group::{
-        lifeline::LifelineError, operator::OperatorError, preflight::PreflightError, running::UnknownGroup,
-        signals::SignalError, supervisor::SupervisorError,
+        lifeline::LifelineError, operator::OperatorError, preflight::PreflightError, recorder::RecorderError,
+        running::UnknownGroup, signals::SignalError, supervisor::SupervisorError,
     },
     report::output::OutputError,
 };
@@ -76,6 +76,11 @@ impl Failure {
     pub fn advising(self, advice: impl Into<String>) -> Self {
         let Self { cause, error } = self;
         Self { cause, error: Advised { advice: advice.into(), source: error }.into() }
+    }
+
+    /// The error itself, where it is of this type.
+    pub fn of_type<T: Error + 'static>(&self) -> Option<&T> {
+        self.error.downcast_ref()
     }
 
     /// 1 or 2.
@@ -145,6 +150,18 @@ impl From<UnknownAxis> for Failure {
 impl From<ChannelError> for Failure {
     fn from(error: ChannelError) -> Self {
         Self::run(error)
+    }
+}
+
+impl From<BoardError> for Failure {
+    fn from(error: BoardError) -> Self {
+        Self::run(error)
+    }
+}
+
+impl From<RecorderError> for Failure {
+    fn from(error: RecorderError) -> Self {
+        Self::run(error).about("--record")
     }
 }
 

@@ -161,6 +161,7 @@ fn options(prefix: &Prefix, clock: Clock, stop: &Arc<AtomicBool>) -> StageOption
         seed: 1,
         arm: true,
         first_tick: 0,
+        is_recorded: false,
         warn: true,
         stop,
         reset,

@@ -173,6 +173,8 @@ impl Controller {
         self.path
             .advance(sequence, waits, |tick| axes.iter().map(|axis| axis.rate(tick, generator)).fold(1.0, f64::min));
 
+        self.lead_teeth();
+
         let mut command = self.empty(sequence);
         for (i, (axis, entry)) in self.axes.iter_mut().zip(&mut command.axes).enumerate() {
             let within = |header: &Header| i < header.axis_count as usize;
@@ -189,8 +191,57 @@ impl Controller {
                 path: self.path.ticks(),
             });
         }
-        command.cut_off = self.cut_off();
+        if self.cut_off() != 0 {
+            self.stop_without_pressure(&mut command);
+        }
         command
+    }
+
+    /// Begins the motion of the teeth when all of their axes have come to its begin. When one of them stops, the others
+    /// leave the way as well: it cannot be traced without it. A motion that was left begins anew.
+    fn lead_teeth(&mut self) {
+        let ticks = self.path.ticks();
+        let (now, last) = (ticks[0], ticks[ticks.len() - 1]);
+        let start = self.generator.tip_start();
+        let have_arrived = self.generator.tip_axes().all(|axis| match start {
+            Some(start) => self.axes[axis].tracks(start.max(now)),
+            None => self.axes[axis].has_arrived(last),
+        });
+        match (start.is_some(), have_arrived) {
+            // What a preview has shown so far stays as it is.
+            (false, true) if self.generator.tip_axes().next().is_some() => self.generator.begin_tip(Some(last)),
+            (true, false) => {
+                for axis in self.generator.tip_axes() {
+                    self.axes[axis].leave_way();
+                }
+                self.generator.begin_tip(None);
+            }
+            _ => {}
+        }
+    }
+
+    /// Tick along the path since which the teeth move along their way, and the present one; none before.
+    pub fn on_the_way(&self) -> Option<(f64, f64)> {
+        self.generator.tip_start().map(|start| (start, self.path.ticks()[0]))
+    }
+
+    /// Another controller has made the command that follows the last sample: what it commanded is on the valves in the
+    /// place of the controller's own commands. For a controller that runs beside a recorded one.
+    pub fn apply(&mut self, command: &ValveCommand) {
+        let count = command.header.axis_count as usize;
+        for (axis, applied) in self.axes.iter_mut().zip(&command.axes).take(count) {
+            axis.apply(applied.command);
+        }
+    }
+
+    /// Disarms the axes that another one has cut the pilot pressure off from. They cannot follow, and an axis that
+    /// waits for its pressure with a large error would jump when the pressure is back.
+    fn stop_without_pressure(&mut self, command: &mut ValveCommand) {
+        command.cut_off = 1;
+        for (axis, entry) in self.axes.iter_mut().zip(&mut command.axes).filter(|(axis, _)| axis.is_armed()) {
+            axis.stop(self.last_sequence);
+            *entry = axis.message();
+        }
     }
 
     /// The message that makes all axes neutral at once. It is only copied, and does not change the controller: a caller

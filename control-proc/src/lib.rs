@@ -20,6 +20,7 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`trajectory_file`] | reads trajectories from CSV files, once at the start |
+//! | [`tip`] | plans the motion of the teeth, once at the start |
 //! | [`margins`] | gain margin, delay margin, sensitivity and bandwidth of the linear loop |
 //! | [`tuning`] | gains of the fallback from a commissioned model, and the course for comparisons |
 //! | [`commission`] | the experiment that explores an axis, and the analysis of its record |
@@ -42,6 +43,7 @@ pub mod smith;
 pub mod standstill;
 
 pub mod margins;
+pub mod tip;
 pub mod trajectory_file;
 pub mod tuning;
 

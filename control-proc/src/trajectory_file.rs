@@ -1,4 +1,5 @@
-//! Reads the references that a machine file names from CSV files, once at the start. Never called in the loop.
+//! Reads the references that a machine file names from CSV files, and plans the motion of the teeth, once at the start.
+//! Never called in the loop.
 //!
 //! A file has a column `t` (s) and one column per axis (m). Trap: a row that cannot be read is refused, not skipped. A
 //! straight line over the missing row would be a motion that nobody planned.
@@ -10,39 +11,53 @@ use pipeline::{
     machine::{Axis, Machine, ReferenceSource},
 };
 
-use crate::reference::{
-    generator::{Generator, ReferenceGenerator},
-    trajectory::Trajectory,
+use crate::{
+    reference::{
+        generator::{Generator, ReferenceGenerator},
+        trajectory::Trajectory,
+    },
+    tip::{TipError, TipPlan},
 };
 
 /// Name of the column with the time, s.
 const TIME_COLUMN: &str = "t";
 
-/// Why the reference of an axis cannot be generated.
+/// Why references cannot be generated.
 #[derive(Debug, thiserror::Error)]
-#[error("axis.{axis}.reference.file: {source}")]
-pub struct ReferenceError {
-    /// Name of the axis.
-    pub axis: String,
-    /// Why its file is refused, by row and column.
-    pub source: TableError,
+pub enum ReferenceError {
+    /// The file of an axis is refused.
+    #[error("axis.{axis}.reference.file: {source}")]
+    File {
+        /// Name of the axis.
+        axis: String,
+        /// Why its file is refused, by row and column.
+        source: TableError,
+    },
+    /// The machine cannot do the task of its teeth.
+    #[error(transparent)]
+    Tip(#[from] TipError),
 }
 
 /// The reference generators of all axes of a machine.
 ///
 /// # Errors
-/// The trajectory file of an axis is refused.
+/// The trajectory file of an axis is refused, or the task of the teeth.
 pub fn read_references(machine: &Machine) -> Result<ReferenceGenerator, ReferenceError> {
-    machine.axes.iter().map(read_generator).collect()
+    let plan = TipPlan::of(machine)?;
+    machine.axes.iter().enumerate().map(|(i, axis)| read_generator(i, axis, plan.as_ref())).collect()
 }
 
-fn read_generator(axis: &Axis) -> Result<Generator, ReferenceError> {
+fn read_generator(index: usize, axis: &Axis, plan: Option<&TipPlan>) -> Result<Generator, ReferenceError> {
     Ok(match &axis.reference {
+        ReferenceSource::Tip => {
+            plan.map_or(Generator::None, |plan| Generator::Tip(Trajectory::through(plan.points(index))))
+        }
         ReferenceSource::Hold | ReferenceSource::Channel => Generator::None,
         ReferenceSource::Sines { center, sines } => Generator::Sines { center: *center, sines: sines.clone() },
         ReferenceSource::Ramps(points) => Generator::Ramps(Trajectory::through(points.clone())),
         ReferenceSource::Trajectory { file, column } => Generator::Trajectory(
-            read_trajectory(file, column, axis).map_err(|source| ReferenceError { axis: axis.name.clone(), source })?,
+            read_trajectory(file, column, axis)
+                .map_err(|source| ReferenceError::File { axis: axis.name.clone(), source })?,
         ),
     })
 }

@@ -1,7 +1,8 @@
 //! Columns of numbers from a CSV file: recordings for a replay, and trajectories.
 //!
 //! A field that is not a finite number is refused with file, line, row and column; no row is ever skipped. All problems
-//! are collected, so that one message is enough to correct the file. Nothing here runs in a stage's loop.
+//! are collected, so that one message is enough to correct the file. An empty field is a gap for those who allow gaps.
+//! Nothing here runs in a stage's loop.
 
 use std::{
     fmt,
@@ -122,6 +123,18 @@ impl Table {
     /// # Errors
     /// A column is missing or occurs twice, or fields are not finite numbers.
     pub fn numbers(&self, names: &[&str], rising: &str) -> Result<Columns, TableError> {
+        self.read_numbers(names, rising, false)
+    }
+
+    /// Like [`Table::numbers`], with NaN where a field of another column than `rising` is empty.
+    ///
+    /// # Errors
+    /// As [`Table::numbers`].
+    pub fn numbers_with_gaps(&self, names: &[&str], rising: &str) -> Result<Columns, TableError> {
+        self.read_numbers(names, rising, true)
+    }
+
+    fn read_numbers(&self, names: &[&str], rising: &str, has_gaps: bool) -> Result<Columns, TableError> {
         let places: Result<Vec<usize>, TableProblem> = names.iter().map(|name| self.place(name)).collect();
         let places = places.map_err(|problem| self.error(vec![problem]))?;
         let mut columns = Columns { values: vec![Vec::new(); names.len()], lines: Vec::new() };
@@ -137,7 +150,12 @@ impl Table {
             columns.lines.push(line);
             for ((name, place), values) in names.iter().zip(&places).zip(&mut columns.values) {
                 let before = if *name == rising { values.last().copied() } else { None };
-                match parse(record.get(*place).unwrap_or_default(), before) {
+                let text = record.get(*place).unwrap_or_default();
+                if has_gaps && *name != rising && text.is_empty() {
+                    values.push(f64::NAN);
+                    continue;
+                }
+                match parse(text, before) {
                     Ok(value) => values.push(value),
                     Err((found, allowed)) => {
                         let field = Some((row + 1, (*name).to_owned()));
@@ -228,6 +246,19 @@ mod tests {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), text).unwrap();
         Table::read(file.path())?.numbers(names, "t")
+    }
+
+    #[test]
+    fn an_empty_field_is_a_gap_where_gaps_are_allowed_and_never_in_the_time() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), "t,u\n0,\n1,2\n").unwrap();
+        let table = Table::read(file.path()).unwrap();
+        let values = table.numbers_with_gaps(&["t", "u"], "t").unwrap().values;
+        assert!(values[1][0].is_nan() && values[1][1] == 2.0 && values[0] == [0.0, 1.0]);
+        assert!(table.numbers(&["t", "u"], "t").unwrap_err().to_string().contains("an empty field"));
+        assert!(table.numbers_with_gaps(&["u", "t"], "u").unwrap_err().to_string().contains("an empty field"));
+        std::fs::write(file.path(), "t,u\n0,nonsense\n").unwrap();
+        assert!(Table::read(file.path()).unwrap().numbers_with_gaps(&["t", "u"], "t").is_err());
     }
 
     #[test]

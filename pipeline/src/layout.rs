@@ -4,8 +4,8 @@
 //! places. The fingerprint folds the name, type and offset of every field into one number. The number is an attribute
 //! of the channel and is checked on opening.
 //!
-//! Names and types of the fields, and a walk over their values, let a message be written in another format without a
-//! second list of its fields.
+//! Names and types of the fields, and a walk over their values, let a message be written in another format, and read
+//! from it, without a second list of its fields.
 
 /// A type whose memory layout is known.
 pub trait Layout {
@@ -16,6 +16,9 @@ pub trait Layout {
 
     /// Gives all its numbers to `sink`, in the order of the fields.
     fn walk(&self, sink: &mut impl Sink);
+
+    /// Takes all its numbers from `numbers`, in the order of the fields. None where they end before the fields do.
+    fn fill(&mut self, numbers: &mut impl Numbers) -> Option<()>;
 }
 
 /// What a type is made of.
@@ -44,6 +47,12 @@ pub struct Field {
 pub trait Sink {
     /// Takes one number as little-endian bytes.
     fn number<const N: usize>(&mut self, bytes: [u8; N]);
+}
+
+/// Gives numbers.
+pub trait Numbers {
+    /// The next number as little-endian bytes; none at the end.
+    fn number<const N: usize>(&mut self) -> Option<[u8; N]>;
 }
 
 const FNV_OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
@@ -85,6 +94,11 @@ macro_rules! primitive {
             fn walk(&self, sink: &mut impl Sink) {
                 sink.number(self.to_le_bytes());
             }
+
+            fn fill(&mut self, numbers: &mut impl Numbers) -> Option<()> {
+                *self = $ty::from_le_bytes(numbers.number()?);
+                Some(())
+            }
         })*
     };
 }
@@ -96,6 +110,10 @@ impl<T: Layout, const N: usize> Layout for [T; N] {
 
     fn walk(&self, sink: &mut impl Sink) {
         self.iter().for_each(|item| item.walk(sink));
+    }
+
+    fn fill(&mut self, numbers: &mut impl Numbers) -> Option<()> {
+        self.iter_mut().try_for_each(|item| item.fill(numbers))
     }
 }
 
@@ -129,6 +147,11 @@ macro_rules! shared_struct {
             fn walk(&self, sink: &mut impl $crate::layout::Sink) {
                 $($crate::layout::Layout::walk(&self.$field, sink);)*
             }
+
+            fn fill(&mut self, numbers: &mut impl $crate::layout::Numbers) -> Option<()> {
+                $($crate::layout::Layout::fill(&mut self.$field, numbers)?;)*
+                Some(())
+            }
         }
     };
 }
@@ -136,7 +159,7 @@ pub(crate) use shared_struct;
 
 #[cfg(test)]
 mod tests {
-    use super::{Field, Layout, Shape, Sink};
+    use super::{Field, Layout, Numbers, Shape, Sink};
 
     mod one {
         use iceoryx2::prelude::ZeroCopySend;
@@ -184,5 +207,16 @@ mod tests {
         let mut bytes = Bytes(Vec::new());
         [one::Pair { position: 1.0, speed: 2.0 }].walk(&mut bytes);
         assert_eq!(bytes.0, [1.0f64.to_le_bytes(), 2.0f64.to_le_bytes()].concat());
+
+        struct Given(Vec<u8>);
+        impl Numbers for Given {
+            fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
+                (self.0.len() >= N).then(|| self.0.drain(..N).collect::<Vec<_>>().try_into().unwrap())
+            }
+        }
+        let mut pairs = [one::Pair::default(); 1];
+        assert_eq!(pairs.fill(&mut Given(bytes.0.clone())), Some(()));
+        assert_eq!(pairs, [one::Pair { position: 1.0, speed: 2.0 }]);
+        assert_eq!(pairs.fill(&mut Given(bytes.0[..15].to_vec())), None);
     }
 }

@@ -8,11 +8,12 @@
 use std::time::Duration;
 
 use pipeline::{
-    channel::{Group, Publisher, Reader},
+    channel::{Board, Group, Publisher, Reader},
     machine::Machine,
     message::{CoefficientSnapshot, EncoderReading, ValveCommand},
     stage::{
-        Channels, Clock, Next, Stage, StageError, StageKind, StageOptions, Turn, Waiter, monotonic_ns, run as run_stage,
+        Channels, Clock, Next, RecorderGate, Stage, StageError, StageKind, StageOptions, Turn, Waiter, monotonic_ns,
+        run as run_stage,
     },
 };
 
@@ -27,7 +28,7 @@ const READING_PERIOD: Duration = Duration::from_millis(1);
 /// The machine cannot be simulated ([`PlantError`](crate::PlantError)), or a channel cannot be used.
 pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let setup = options.clone();
-    run_stage(StageKind::PlantSim, machine, options, |group, _| Process::new(machine, &setup, group))
+    run_stage(StageKind::PlantSim, machine, options, |group, board| Process::new(machine, &setup, group, board))
 }
 
 struct Process {
@@ -39,11 +40,12 @@ struct Process {
     snapshots: Option<Reader<CoefficientSnapshot>>,
     /// The last reading sent. In lock-step its number is the tick whose command and snapshot the stage waits for.
     last: Option<EncoderReading>,
+    recorder: RecorderGate,
     next_release_ns: u64,
 }
 
 impl Process {
-    fn new(machine: &Machine, options: &StageOptions, group: &Group) -> Result<Self, StageError> {
+    fn new(machine: &Machine, options: &StageOptions, group: &Group, board: Board) -> Result<Self, StageError> {
         let lock_step = options.clock == Clock::LockStep;
         Ok(Self {
             plant: PlantSim::new(machine, options.seed).map_err(StageError::setup)?,
@@ -52,6 +54,7 @@ impl Process {
             commands: group.reader()?,
             snapshots: if lock_step { Some(group.reader()?) } else { None },
             last: None,
+            recorder: RecorderGate::new(board, options),
             next_release_ns: monotonic_ns(),
         })
     }
@@ -100,7 +103,7 @@ impl Process {
             let command = commands.reach(tick)?;
             Ok(command && snapshots.as_mut().map_or(Ok(true), |snapshots| snapshots.reach(tick))?)
         })?;
-        if !answered {
+        if !answered || !self.recorder.admits(turn, tick + 1)? {
             return Ok(Next::Waiting);
         }
         turn.pick_up(self.commands.last().map_or(sent_ns, |command| command.header.sent_ns));

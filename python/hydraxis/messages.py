@@ -316,13 +316,35 @@ class AxisCommand(ctypes.Structure):
     ]
 
 
+class CommandInputs(ctypes.Structure):
+    SIZE = 56
+    _fields_ = [
+        # Number of the snapshot that was used, plus 1; 0 without a snapshot.
+        ("snapshot", u64),
+        # Session of the program that has sent the newest Reference; 0 without a reference.
+        ("reference_session", u64),
+        # Number of the newest reference.
+        ("reference_number", u64),
+        # Count of the Request messages that control-proc has read so far.
+        ("requests", u64),
+        # Session of the publisher of the last request that was read; 0 before the first one.
+        ("request_session", u64),
+        # Number of the last request that was read.
+        ("request_number", u64),
+        # What happened between the command before and this one, command_event bits.
+        ("events", u32),
+        # Zero.
+        ("reserved", u32),
+    ]
+
+
 class ValveCommand(ctypes.Structure):
     CHANNEL = "valve-command"
-    LAYOUT = "93fd5fc981ea5760"
+    LAYOUT = "bc674f142711d199"
     MAX_PUBLISHERS = 1
     BUFFER = 256  # messages that a reader may fall behind
     IS_FROM_CLIENTS = False
-    SIZE = 1664
+    SIZE = 1720
     _fields_ = [
         # sequence names the sample that the command was made from.
         ("header", Header),
@@ -334,11 +356,13 @@ class ValveCommand(ctypes.Structure):
         ("reserved", u32),
         # Session of the Requests that count, or counted last; 0 before the first.
         ("operator", u64),
+        # What the command was made of; zero in a replay.
+        ("inputs", CommandInputs),
     ]
 
     @staticmethod
     def type_name():
-        return "hydraxis.ValveCommand/7"
+        return "hydraxis.ValveCommand/8"
 
 
 class Coefficients(ctypes.Structure):

@@ -44,7 +44,7 @@ class Running:
         self.log = open(Path(self.folder.name) / "log.txt", "w+")
         command = [executable(), "run", *([str(machine)] if machine else []), "--prefix", self.prefix,
                    "--black-box", self.folder.name, "--duration", "10min", *(PATIENT if patient else []), *arguments]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "HYDRAXIS_RECORDINGS": "off"}
         self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log,
                                         cwd=ROOT, env=environment)
 

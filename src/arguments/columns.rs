@@ -10,6 +10,10 @@ use super::values::{column_unit, seconds};
 /// The columns of a recording.
 #[derive(Debug, Args)]
 pub struct ColumnArguments {
+    /// Axis of a recording of `hydraxis record`, or of a table of `hydraxis export`: its columns AXIS.command and
+    /// AXIS.position [default: the only axis of the recording]
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["input", "output"])]
+    pub axis: Option<String>,
     /// Column of the input u, the valve command: its name, or its number from 1
     #[arg(long, default_value = "u")]
     pub input: String,
@@ -31,9 +35,13 @@ pub struct ColumnArguments {
 impl ColumnArguments {
     /// What is to be read.
     pub fn wanted(&self) -> Wanted {
+        let column = |typed: &str, of_axis: &str| match &self.axis {
+            Some(axis) => format!("{axis}.{of_axis}"),
+            None => typed.to_owned(),
+        };
         Wanted {
-            input: self.input.clone(),
-            output: self.output.clone(),
+            input: column(&self.input, "command"),
+            output: column(&self.output, "position"),
             time: self.time.clone(),
             units: self.unit.clone(),
             period: self.period.map(|period| period.as_secs_f64()),

@@ -58,6 +58,9 @@ const EXAMPLES: &[Example] = &[
     example!("watch.py", "Python: watches a running group"),
     example!("logger.py", "Python: writes what a running group measures and commands to a CSV file"),
     example!("reference.py", "Python: gives the references of a running group"),
+    example!("read_recording.py", "Python: reads a recording, whole or damaged, and prints what each axis did"),
+    example!("plotjuggler.xml", "layout of PlotJuggler for recordings: commands, positions, errors"),
+    example!("foxglove.json", "layout of Foxglove for recordings: commands, positions, errors"),
     example!("commission.ipynb", "notebook: commissions an axis and draws what was found"),
     example!("watch.rs", "Rust: watches a running group"),
     example!("hydraxis.service", "a unit of systemd that runs a machine as a service"),
@@ -117,6 +120,8 @@ fn write(path: &Path, example: &Example, force: bool) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recording::schema::columns_of;
+    use pipeline::message::{EncoderSample, Message, ValveCommand};
 
     #[test]
     fn every_file_of_the_folder_is_an_example() {
@@ -131,5 +136,36 @@ mod tests {
         let mut names: Vec<&str> = EXAMPLES.iter().map(|example| example.name).collect();
         names.sort_unstable();
         assert_eq!(files, names);
+    }
+
+    /// Whether a channel has this number.
+    fn is_field(channel: &str, field: &str) -> bool {
+        let columns = match channel {
+            EncoderSample::CHANNEL => columns_of::<EncoderSample>(),
+            ValveCommand::CHANNEL => columns_of::<ValveCommand>(),
+            _ => return false,
+        };
+        columns.iter().any(|column| column.name == field)
+    }
+
+    #[test]
+    fn layouts_show_numbers_that_recordings_have() {
+        let plotjuggler = include_str!("../../examples/plotjuggler.xml");
+        let curves = plotjuggler.split("<curve name=\"").skip(1).filter_map(|rest| rest.split('"').next());
+        let curves: Vec<&str> = curves.collect();
+        assert_eq!(curves.len(), 32);
+        for curve in curves {
+            let (channel, field) = curve.split_once('/').unwrap();
+            assert!(is_field(channel, &field.replace('/', ".")), "{curve}");
+        }
+        let foxglove: serde_json::Value = serde_json::from_str(include_str!("../../examples/foxglove.json")).unwrap();
+        let panels = foxglove["configById"].as_object().unwrap();
+        let paths: Vec<_> = panels.values().flat_map(|panel| panel["paths"].as_array().unwrap()).collect();
+        assert_eq!((panels.len(), paths.len()), (3, 16));
+        for path in paths {
+            let value = path["value"].as_str().unwrap();
+            let (channel, field) = value[1..].split_once("\".").unwrap();
+            assert!(is_field(channel, field), "{value}");
+        }
     }
 }

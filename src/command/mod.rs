@@ -8,7 +8,7 @@
 //! | [`simulate`], [`mod@bench`], [`identify`], [`predict`] | without a loop in real time, in this process |
 //! | [`init`], [`example`] | before there is a machine file |
 //! | [`check`], [`mechanism`], [`doctor`], [`clean`] | before or after a run |
-//! | [`info`], [`recover`], [`export`], [`mod@plot`] | with files that were written |
+//! | [`info`], [`recover`], [`export`], [`replay`], [`mod@plot`] | with files that were written |
 //! | [`completions`], [`manual`] | when the command is installed |
 
 mod bench;
@@ -29,6 +29,7 @@ mod plot;
 mod predict;
 mod record;
 mod recover;
+mod replay;
 mod run;
 mod simulate;
 mod stage;
@@ -57,6 +58,7 @@ use plot::PlotArguments;
 use predict::PredictArguments;
 use record::RecordArguments;
 use recover::RecoverArguments;
+use replay::ReplayArguments;
 use run::RunArguments;
 use simulate::SimulateArguments;
 use stage::StageArguments;
@@ -106,6 +108,8 @@ pub enum Command {
     Info(InfoArguments),
     /// Write a damaged recording anew, as far as it can be read
     Recover(RecoverArguments),
+    /// Compute a recorded run again, bit for bit, or with another estimator or model beside what was
+    Replay(ReplayArguments),
     /// Write a recording as a table for other tools
     Export(ExportArguments),
     /// Identify a Hammerstein model on a recording: classical and adaptive side by side
@@ -158,11 +162,13 @@ impl Command {
             Self::Record(arguments) => record::run(arguments),
             Self::Info(arguments) => info::run(arguments),
             Self::Recover(arguments) => recover::run(arguments),
+            Self::Replay(arguments) => replay::run(arguments),
             Self::Export(arguments) => export::run(arguments),
             Self::Identify(arguments) => identify::run(arguments),
             Self::Predict(arguments) => predict::run(arguments),
             Self::Bench(Bench::Control(arguments)) => bench::run(arguments),
             Self::Bench(Bench::Identify(arguments)) => bench::identify(arguments),
+            Self::Bench(Bench::Tip(arguments)) => bench::tip::run(arguments),
             Self::Check(arguments) => check::run(arguments),
             Self::Mechanism(arguments) => mechanism::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),

@@ -1,4 +1,4 @@
-//! `hydraxis plot`: a picture of a trajectory that `hydraxis simulate --trajectory` has written.
+//! `hydraxis plot`: a picture of a trajectory that `hydraxis simulate --trajectory` or `hydraxis export` has written.
 
 use std::{io::Write, path::PathBuf};
 
@@ -20,6 +20,9 @@ const NEEDED: [&str; 2] = ["command", "position"];
 /// Columns that every axis of a closed loop has as well.
 const CONTROL: [&str; 3] = ["reference", "error", "mode"];
 
+/// End of the name of a column with who commands.
+const MODE: &str = ".mode";
+
 /// `plot`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -29,7 +32,8 @@ Examples:
   hydraxis plot motion.csv --axis arm --output arm.png
 
 Columns are found by their names: t, and for each axis AXIS.command and AXIS.position. Where every axis has
-AXIS.reference, AXIS.error and AXIS.mode as well, errors and who commands are drawn.")]
+AXIS.reference, AXIS.error and AXIS.mode as well, errors and who commands are drawn. An empty field, as a late tick
+leaves it in an exported recording, is a gap.")]
 pub struct PlotArguments {
     /// The trajectory
     #[arg(value_name = "FILE.csv")]
@@ -53,6 +57,15 @@ pub fn run(arguments: &PlotArguments) -> Result<(), Failure> {
             Err(OutputError::Write { option: "--output", path: arguments.output.clone(), source }.into())
         }
         _ => Ok(()),
+    }
+}
+
+/// Gives the rows without a mode the one of the row before.
+fn hold(modes: &mut [f64]) {
+    let mut last = f64::from(ControlMode::Neutral as u32);
+    for mode in modes {
+        last = if mode.is_nan() { last } else { *mode };
+        *mode = last;
     }
 }
 
@@ -82,7 +95,9 @@ fn read(arguments: &PlotArguments) -> Result<Plot, Failure> {
         .chain(axes.iter().flat_map(|(_, axis)| columns.iter().map(move |column| format!("{axis}.{column}"))))
         .collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let values = table.numbers(&names, TIME).map_err(Failure::usage)?.values;
+    let mut values = table.numbers_with_gaps(&names, TIME).map_err(Failure::usage)?.values;
+    let modes = names.iter().zip(&mut values).filter(|(name, _)| name.ends_with(MODE));
+    modes.for_each(|(_, modes)| hold(modes));
     let [Some(begin), Some(end)] = [values[0].first(), values[0].last()] else {
         return Err(Failure::usage(format!("{place}: found no row; allowed: one row or more")));
     };

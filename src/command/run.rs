@@ -15,7 +15,7 @@ use pipeline::{
     stage::{Clock, StageKind, StageOptions},
 };
 
-use super::{check, simulate::ticks};
+use super::{check, record::size, simulate::ticks};
 use crate::{
     arguments::{
         MachineFile, load,
@@ -25,11 +25,12 @@ use crate::{
     failure::{Failure, Failures},
     group::{
         monitor::Monitor,
-        preflight::{PreflightError, folders, programs, rights},
+        preflight::{PreflightError, folders, new_file, programs, rights},
+        recorder::LockStepRecorder,
         running::leave,
         supervisor::{Launch, Supervisor},
     },
-    recording::default_folder,
+    recording::{Facts, LIMIT, LOCK_STEP, default_folder, recordings_folder, store::Place},
     report::{control_loop::LoopReport, output::Output},
 };
 
@@ -46,6 +47,7 @@ const STALL_PERIODS: u32 = 3;
 Examples:
   hydraxis run                                        the built-in excavator in real time, 20 s
   hydraxis run --lockstep --duration 60s --seed 7     as fast as the computer allows, bit for bit repeatable
+  hydraxis run --lockstep --record run.mcap           the same, recorded whole: hydraxis replay run.mcap --verify
   hydraxis run --scenario payload                     with a load that grows during the run
   hydraxis run my.toml --set axis.boom.identification.estimator=constant:0.995 --json out.json
 
@@ -86,6 +88,28 @@ pub struct RunArguments {
     /// Write no black box; a run in lock-step writes none, since it can be repeated
     #[arg(long, conflicts_with = "black_box")]
     pub no_black_box: bool,
+    /// Record all channels to one new file, of any length; in lock-step without a gap, for `hydraxis replay` [default:
+    /// files in $HYDRAXIS_RECORDINGS, $STATE_DIRECTORY, $XDG_STATE_HOME/hydraxis or ~/.local/state/hydraxis, of which
+    /// the oldest ones are removed; in lock-step none]
+    #[arg(long, value_name = "FILE.mcap", conflicts_with = "no_record")]
+    pub record: Option<PathBuf>,
+    /// Most bytes of all recordings in the folder, such as 500MB or 2GB
+    #[arg(long, value_name = "SIZE", default_value = LIMIT, value_parser = size, conflicts_with = "record")]
+    pub record_limit: u64,
+    /// Record nothing, as HYDRAXIS_RECORDINGS=off does; a run in lock-step is recorded with --record only
+    #[arg(long)]
+    pub no_record: bool,
+}
+
+impl RunArguments {
+    /// Where the run is recorded, if it is.
+    fn recorded_to(&self) -> Option<Place> {
+        if self.no_record || self.lockstep {
+            return None;
+        }
+        let folder = || recordings_folder().map(|folder| Place::Folder(folder, self.record_limit));
+        self.record.clone().map(Place::File).or_else(folder)
+    }
 }
 
 /// Runs the command.
@@ -103,6 +127,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         // Only a simulated machine moves without being armed by a person.
         arm: is_simulated && !arguments.off,
         first_tick: 0,
+        is_recorded: arguments.lockstep && arguments.record.is_some(),
         warn: true,
         stop: Arc::default(),
         reset: Arc::default(),
@@ -131,6 +156,7 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Ch
     let mut failures = Failures::default();
     let claim = failures.take(Claim::take(prefix).map_err(PreflightError::from));
     failures.extend(folders(prefix, claim.as_ref(), arguments.log_folder.as_deref()));
+    failures.extend(arguments.record.as_deref().and_then(|file| new_file("--record", file).err()));
     let machine = failures.take(load(&arguments.machine));
     let (mut count, mut warnings) = (None, Vec::new());
     if let Some(machine) = &machine {
@@ -194,7 +220,7 @@ fn run_group(
     let has_black_box = options.clock == Clock::RealTime && !arguments.no_black_box;
     let black_boxes = has_black_box.then(|| arguments.black_box.clone().unwrap_or_else(default_folder));
     let mut monitor = Monitor::new(&group, machine, has_black_box)?;
-    leave(&options.prefix, &arguments.machine)?;
+    leave(&options.prefix, &arguments.machine, facts(machine, options))?;
     let launch = Launch { machine, arguments: &arguments.machine, options };
     let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref(), black_boxes.as_deref())?;
     let scenario = &machine.scenario.name;
@@ -206,17 +232,39 @@ fn run_group(
     for warning in warnings {
         supervisor.say(format!("warning: {warning}"));
     }
+    if let Some(place) = arguments.recorded_to() {
+        supervisor.record(place);
+    }
+    let whole = arguments.record.as_deref().filter(|_| arguments.lockstep);
+    let recorder = whole.map(|file| LockStepRecorder::start(&options.prefix, file)).transpose()?;
     let watched = start_and_watch(machine, options, &mut monitor, &mut supervisor);
     // A stage that does not end as it was asked to is a failure of the run as well.
     let stopped = supervisor.stop().map_or(Ok(()), Err);
+    let recorded = recorder.map(LockStepRecorder::finish).transpose();
     let polled = monitor.poll();
     supervisor.watch_faults(&mut monitor, true);
     let wall_s = watched?;
     stopped?;
+    recorded?.into_iter().for_each(|said| supervisor.say(said.trim_end()));
     polled?;
     let last = monitor.into_last(supervisor.restart_causes());
     let report = LoopReport::new(machine, &last, options.clock, wall_s);
     Ok(Ended { report, is_interrupted: supervisor.is_interrupted() })
+}
+
+/// What a recording says about the run, besides the machine.
+fn facts(machine: &Machine, options: &StageOptions) -> Facts {
+    let clock = if options.clock == Clock::LockStep { LOCK_STEP } else { "real time" };
+    [
+        ("clock", clock.to_owned()),
+        ("source", machine.source.kind().to_owned()),
+        ("scenario", machine.scenario.name.clone()),
+        ("seed", options.seed.to_string()),
+        ("ticks", options.ticks.map_or("without end".to_owned(), |ticks| ticks.to_string())),
+        ("armed at the start", options.arm.to_string()),
+    ]
+    .map(|(name, fact)| (name.to_owned(), fact))
+    .into()
 }
 
 /// Starts the stages, the one that all others wait for last, and supervises them until their end. The time since the

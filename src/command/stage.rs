@@ -16,6 +16,7 @@ use crate::{
         lifeline,
         signals::{off_flag, reset_flag, stop_flag},
     },
+    recording::rows::read_recordings,
 };
 
 /// One stage by name.
@@ -52,6 +53,9 @@ pub struct StageArguments {
     /// Number of the first tick, at which a source that was started again goes on
     #[arg(long, hide = true, default_value_t = 0)]
     pub first_tick: u64,
+    /// Lock-step: wait for the recorder of the group
+    #[arg(long, hide = true, requires = "lockstep")]
+    pub recorded: bool,
     /// End when the process with this number ends, or when standard input does
     #[arg(long, hide = true)]
     pub parent: Option<i32>,
@@ -72,6 +76,7 @@ pub fn run(kind: StageKind, arguments: &StageArguments) -> Result<(), Failure> {
         seed: arguments.seed,
         arm: arguments.arm,
         first_tick: arguments.first_tick,
+        is_recorded: arguments.recorded,
         // The supervisor has shown the warnings that were known before the start.
         warn: arguments.parent.is_none() || missing(&machine, clock).is_empty(),
         stop: stop_flag()?,
@@ -79,11 +84,12 @@ pub fn run(kind: StageKind, arguments: &StageArguments) -> Result<(), Failure> {
         off: off_flag()?,
     };
     if let Some(parent) = arguments.parent {
-        lifeline::hold(parent, kind.name()).map_err(|error| Failure::from(error).about(kind.name()))?;
+        let held = lifeline::hold(parent, kind.name(), lifeline::STAGE_PATIENCE);
+        held.map_err(|error| Failure::from(error).about(kind.name()))?;
     }
     let result = match kind {
         StageKind::PlantSim => plant_sim::process::run(&machine, options),
-        StageKind::SensorProc => sensor_proc::process::run(&machine, options),
+        StageKind::SensorProc => sensor_proc::process::run_with(&machine, options, read_recordings),
         StageKind::IdentProc => ident_proc::process::run(&machine, options),
         StageKind::ControlProc => control_proc::process::run(&machine, options),
     };

@@ -1,14 +1,15 @@
-//! The command line that starts a stage as a process of its own.
+//! The command lines that start a stage, and the recorder, as processes of their own.
 
 use std::{io, process::Command};
 
 use pipeline::{
-    machine::{Machine, MachineError},
+    channel::Prefix,
+    machine::{Machine, MachineError, Source},
     stage::{Clock, StageKind, StageOptions},
 };
 use thiserror::Error;
 
-use crate::arguments::MachineFile;
+use crate::{arguments::MachineFile, recording::store::Place};
 
 /// Why no command line can be made for a stage.
 #[derive(Debug, Error)]
@@ -60,8 +61,29 @@ pub fn command(
     if options.arm && kind == StageKind::ControlProc {
         command.arg("--arm");
     }
+    let source = if machine.source == Source::Sim { StageKind::PlantSim } else { StageKind::SensorProc };
+    // A foreign program does not know the option, and is not held back.
+    if options.is_recorded && kind == source && machine.stage(kind).command.is_none() {
+        command.arg("--recorded");
+    }
     if options.first_tick > 0 && kind == StageKind::SensorProc {
         command.arg("--first-tick").arg(options.first_tick.to_string());
     }
+    Ok(command)
+}
+
+/// The command that records all channels of a group.
+///
+/// # Errors
+/// The path of this program is not known.
+pub fn record_command(place: &Place, prefix: &Prefix) -> Result<Command, LaunchError> {
+    let mut command = Command::new(std::env::current_exe().map_err(LaunchError::OwnPath)?);
+    command.args(["record", "--parent", &std::process::id().to_string(), "--prefix", &prefix.to_string()]);
+    match place {
+        Place::File(file) => command.arg("--output").arg(file),
+        Place::Folder(folder, limit) => {
+            command.arg("--folder").arg(folder).arg("--limit").arg(format!("{}MB", *limit as f64 * 1e-6))
+        }
+    };
     Ok(command)
 }

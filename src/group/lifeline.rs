@@ -2,7 +2,7 @@
 //!
 //! Two signs tell the stage, and each of them is enough: the kernel's death signal; and the end of standard input,
 //! which is a pipe whose other end only the supervisor holds. Both ask the stage to end as Ctrl-C does, with neutral
-//! valves. A stage that has not ended after [`PATIENCE`] is ended here.
+//! valves. A stage that has not ended after its patience is ended here.
 //!
 //! Trap: the kernel does not send the death signal to a program with file capabilities, and it sends the signal already
 //! when the *thread* that started the stage ends. The pipe has neither defect.
@@ -19,8 +19,8 @@ use rustix::{
 };
 use thiserror::Error;
 
-/// Time in which the stage should end by itself.
-const PATIENCE: Duration = Duration::from_millis(500);
+/// Time in which a stage should end by itself.
+pub const STAGE_PATIENCE: Duration = Duration::from_millis(500);
 /// Stack of the watching thread, bytes. It is small because it may be locked into memory.
 const STACK: usize = 64 * 1024;
 
@@ -38,11 +38,12 @@ pub enum LifelineError {
     Thread(#[source] io::Error),
 }
 
-/// Arranges that this process ends when `parent` does. The stop flag must already be set by SIGTERM.
+/// Arranges that this process ends when `parent` does, by itself or after `patience` by force. The stop flag must
+/// already be set by SIGTERM.
 ///
 /// # Errors
 /// The parent has ended, or the thread cannot be started.
-pub fn hold(parent: i32, name: &'static str) -> Result<(), LifelineError> {
+pub fn hold(parent: i32, name: &'static str, patience: Duration) -> Result<(), LifelineError> {
     set_parent_process_death_signal(Some(Signal::TERM)).map_err(LifelineError::DeathSignal)?;
     // The parent may have ended before the call above.
     if getppid().map(|pid| pid.as_raw_pid()) != Some(parent) {
@@ -52,10 +53,10 @@ pub fn hold(parent: i32, name: &'static str) -> Result<(), LifelineError> {
         await_end_of_input();
         // A signal, because the flag alone does not end a sleep until the next tick.
         let _ = kill_process(getpid(), Signal::TERM);
-        sleep(PATIENCE);
-        let patience = humantime::format_duration(PATIENCE);
+        sleep(patience);
+        let patience = humantime::format_duration(patience);
         // The reader of standard error may have ended as well.
-        let _ = writeln!(stderr(), "{name}: its supervisor has ended, and the stage did not end within {patience}");
+        let _ = writeln!(stderr(), "{name}: its supervisor has ended, and it did not end within {patience}");
         std::process::exit(1);
     });
     watch.map(|_| ()).map_err(LifelineError::Thread)

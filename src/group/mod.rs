@@ -11,6 +11,7 @@ pub mod lifeline;
 pub mod monitor;
 pub mod operator;
 pub mod preflight;
+pub mod recorder;
 pub mod running;
 pub mod signals;
 pub mod supervisor;

@@ -40,6 +40,22 @@ pub enum PreflightError {
     /// The folder of the log is not usable.
     #[error("--log-folder: {0}")]
     LogFolder(FolderError),
+    /// A file that is to be made is there already.
+    #[error("{option}: {}: found a file; allowed: a new one", .path.display())]
+    Exists {
+        /// The option that names it.
+        option: &'static str,
+        /// The file.
+        path: PathBuf,
+    },
+    /// The folder of a file that is to be made is not usable.
+    #[error("{option}: {source}")]
+    FolderOfFile {
+        /// The option that names the file.
+        option: &'static str,
+        /// What is wrong.
+        source: FolderError,
+    },
     /// The program that replaces a stage cannot be executed.
     #[error(
         "{key}: found \"{program}\", which cannot be executed; allowed: a program by its path, or by \
@@ -106,6 +122,18 @@ pub fn folders(prefix: &Prefix, claim: Option<&Claim>, log_folder: Option<&Path>
         errors.extend(folder(existing, SMALL_FILES, "the log").err().map(PreflightError::LogFolder));
     }
     errors
+}
+
+/// Checks that a new file can be made.
+///
+/// # Errors
+/// It is there, or its folder is not usable.
+pub fn new_file(option: &'static str, path: &Path) -> Result<(), PreflightError> {
+    if path.symlink_metadata().is_ok() {
+        return Err(PreflightError::Exists { option, path: path.to_owned() });
+    }
+    let parent = current(path.parent().unwrap_or(Path::new("/")));
+    folder(parent, SMALL_FILES, "the recording").map_err(|source| PreflightError::FolderOfFile { option, source })
 }
 
 /// Checks the programs that replace these stages.

@@ -12,10 +12,15 @@ use pipeline::{
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::arguments::{BareMachine, MachineFile};
+use crate::{
+    arguments::{BareMachine, MachineFile},
+    recording::Facts,
+};
 
-/// Name of the file in the group's folder.
+/// Name of the file about the machine in the group's folder.
 const FILE: &str = "machine.json";
+/// Name of the file that says where the run is recorded.
+const RECORDING: &str = "recording";
 
 /// Why it is not known which group is meant, or which machine it runs.
 #[derive(Debug, Error)]
@@ -46,6 +51,13 @@ struct Started {
     file: Option<PathBuf>,
     /// Values that replace those of the file.
     settings: Vec<(String, String)>,
+    /// Further facts about the run.
+    facts: Facts,
+}
+
+/// The file that says where a run is recorded. The recorder writes it when it has attached to all channels.
+pub fn recording_mark(prefix: &Prefix) -> PathBuf {
+    prefix.folder().join(RECORDING)
 }
 
 /// The group that is meant: the one that is named, else the only one that runs.
@@ -65,13 +77,13 @@ pub fn meant(named: Option<&Prefix>) -> Result<Prefix, UnknownGroup> {
     }
 }
 
-/// Leaves in the group's folder what the group is started with.
+/// Leaves in the group's folder what the group is started with, and further `facts` about the run.
 ///
 /// # Errors
 /// The model file cannot be read.
-pub fn leave(prefix: &Prefix, machine: &MachineFile) -> Result<(), MachineError> {
+pub fn leave(prefix: &Prefix, machine: &MachineFile, facts: Facts) -> Result<(), MachineError> {
     let file = machine.bare.machine.as_ref().map(|file| file.canonicalize().unwrap_or_else(|_| file.clone()));
-    let started = Started { file, settings: machine.settings()? };
+    let started = Started { file, settings: machine.settings()?, facts };
     // Without the file a later program asks for the machine file.
     if let Ok(text) = serde_json::to_vec(&started) {
         let _ = fs::write(prefix.folder().join(FILE), text);
@@ -84,10 +96,21 @@ pub fn leave(prefix: &Prefix, machine: &MachineFile) -> Result<(), MachineError>
 /// # Errors
 /// The group has left nothing about its machine.
 pub fn machine_of(prefix: &Prefix, settings: &[(String, String)]) -> Result<BareMachine, UnknownGroup> {
-    let path = prefix.folder().join(FILE);
-    let read = || serde_json::from_slice::<Started>(&fs::read(&path)?).map_err(io::Error::from);
-    let Started { file, settings: mut all } =
-        read().map_err(|source| UnknownGroup::Machine { prefix: prefix.clone(), source })?;
+    let Started { file, settings: mut all, .. } = started(prefix)?;
     all.extend_from_slice(settings);
     Ok(BareMachine { machine: file, settings: all, model: None })
+}
+
+/// Further facts about the run of a group.
+///
+/// # Errors
+/// The group has left nothing about its machine.
+pub fn facts_of(prefix: &Prefix) -> Result<Facts, UnknownGroup> {
+    Ok(started(prefix)?.facts)
+}
+
+fn started(prefix: &Prefix) -> Result<Started, UnknownGroup> {
+    let path = prefix.folder().join(FILE);
+    let read = || serde_json::from_slice(&fs::read(&path)?).map_err(io::Error::from);
+    read().map_err(|source| UnknownGroup::Machine { prefix: prefix.clone(), source })
 }

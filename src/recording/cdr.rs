@@ -6,7 +6,7 @@
 //! Source: OMG DDS-XTYPES 1.3, 7.4.3 (XCDR version 1).
 
 use pipeline::{
-    layout::{Field, Shape, Sink},
+    layout::{Field, Numbers, Shape, Sink},
     message::Message,
 };
 
@@ -30,6 +30,30 @@ pub fn encode<M: Message>(message: &M, out: &mut Vec<u8>) {
     out.clear();
     out.extend_from_slice(&ENCAPSULATION);
     message.walk(&mut Bytes(out));
+}
+
+/// The numbers of a message, one after the other.
+struct Given<'a> {
+    bytes: &'a [u8],
+    /// Where the next number may begin, counted from behind the encapsulation.
+    next: usize,
+}
+
+impl Numbers for Given<'_> {
+    fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let begin = self.next.next_multiple_of(N);
+        self.next = begin + N;
+        let number = self.bytes.get(ENCAPSULATION.len() + begin..ENCAPSULATION.len() + begin + N)?;
+        number.try_into().ok()
+    }
+}
+
+/// Reads a message; none where the bytes end before it does, or have another encapsulation.
+pub fn decode<M: Message>(bytes: &[u8]) -> Option<M> {
+    let mut message = M::default();
+    (bytes.get(..ENCAPSULATION.len())? == ENCAPSULATION).then_some(())?;
+    message.fill(&mut Given { bytes, next: 0 })?;
+    Some(message)
 }
 
 /// Name of the type of a message.
@@ -126,6 +150,9 @@ mod tests {
         sample.emergency_stop = 1;
         let mut bytes = vec![9; 3];
         encode(&sample, &mut bytes);
+        assert_eq!(decode::<EncoderSample>(&bytes), Some(sample));
+        assert_eq!(decode::<EncoderSample>(&bytes[..bytes.len() - 1]), None);
+        assert_eq!(decode::<EncoderSample>(&[&[1], &bytes[1..]].concat()), None);
         // The structs are laid out like this in memory, too.
         assert_eq!(bytes.len(), 4 + size_of::<EncoderSample>());
         assert_eq!(bytes[..12], [0, 1, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0]);

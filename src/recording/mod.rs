@@ -12,18 +12,26 @@
 //! | `recorder` | all messages of all channels, into a queue that never waits |
 //! | `store` | the queue into files, whatever the disk does |
 //! | `file` | one file: MCAP, CDR, zstd |
+//! | `latency` | ages of the samples as histograms |
 //! | `cdr` | a message as bytes, and its schema |
 //! | `schema` | a schema as columns, and their values in bytes |
 //! | `reading` | the messages of a file, also of a damaged one |
+//! | `typed` | the messages of a file as structs |
+//! | `rows` | the position and the command of an axis at every tick |
 
 pub mod black_box;
-mod cdr;
+pub mod cdr;
 pub mod file;
+#[cfg(test)]
+mod hostile;
+mod latency;
 pub mod reading;
 pub mod recorder;
+pub mod rows;
 pub mod schema;
 pub mod store;
 pub mod tape;
+pub mod typed;
 
 use std::{collections::BTreeMap, path::PathBuf, time::SystemTime};
 
@@ -37,6 +45,18 @@ type Counts = BTreeMap<&'static str, u64>;
 
 /// Name of the record of facts that are known at the beginning.
 const FACTS: &str = "hydraxis";
+/// Name of the attached machine file.
+pub const MACHINE: &str = "machine.toml";
+/// Name of the attached list of values that replace those of the machine file.
+pub const SETTINGS: &str = "settings.json";
+/// What the fact `clock` says of a run in lock-step.
+pub const LOCK_STEP: &str = "lock-step";
+
+/// Name of the attached trajectory of an axis.
+pub fn trajectory_name(axis: &str) -> String {
+    format!("trajectory-{axis}.csv")
+}
+
 /// Name of the record of facts that are known at the end only.
 const END_FACTS: &str = "hydraxis.end";
 
@@ -44,6 +64,20 @@ const END_FACTS: &str = "hydraxis.end";
 fn clock_ns() -> i64 {
     let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     since.as_nanos() as i64 - monotonic_ns() as i64
+}
+
+/// Names the folder for recordings, or says that a run is not recorded.
+const VARIABLE: &str = "HYDRAXIS_RECORDINGS";
+/// Most bytes of all recordings in a folder, unless the user says otherwise.
+pub const LIMIT: &str = "2GB";
+
+/// Where recordings go unless the user says otherwise; none where the environment wants no recordings.
+pub fn recordings_folder() -> Option<PathBuf> {
+    match std::env::var_os(VARIABLE).filter(|value| !value.is_empty()) {
+        Some(off) if off == "off" => None,
+        Some(folder) => Some(folder.into()),
+        None => Some(default_folder()),
+    }
 }
 
 /// Where black boxes and recordings are kept unless the user says otherwise: where a service or a user keeps state.

@@ -3,6 +3,8 @@
 //! A file that was cut by a kill, a loss of power or a full disk has no end: all chunks that were flushed are there.
 //! What comes behind a damaged place is not read, because nothing says where the next record begins.
 //!
+//! Everything that is kept of a file is bounded, since a small compressed file can hold any amount.
+//!
 //! Trap: the index at the end of a file is not used, since a cut file has none. So a file is read from its beginning.
 
 use std::{
@@ -27,6 +29,11 @@ use super::{
 
 /// Longest record and chunk, bytes: a file could ask for any length.
 const LONGEST: usize = 64 << 20;
+/// Most schemas and most channels of a file: many times those of a recording.
+const MOST_CHANNELS: usize = 256;
+/// Most bytes of all schemas, facts and attached files together, and most columns of all channels.
+const MOST_BYTES: usize = 64 << 20;
+const MOST_COLUMNS: usize = 300_000;
 /// Bytes that are read at once.
 const PIECE: usize = 1 << 20;
 
@@ -147,10 +154,12 @@ impl Picked {
 /// A recording that is read from its beginning.
 pub struct Reading {
     path: PathBuf,
-    file: File,
+    source: Box<dyn Read>,
     reader: LinearReader,
     /// Bytes that were read.
     bytes: u64,
+    /// Bytes of schemas, facts and attached files that are kept.
+    kept: usize,
     schemas: BTreeMap<u16, (String, String, Vec<u8>)>,
     channels: BTreeMap<u16, Rc<ReadChannel>>,
     /// Facts of the beginning and of the end.
@@ -167,22 +176,28 @@ impl Reading {
     /// It cannot be read.
     pub fn open(path: &Path) -> Result<Self, ReadingError> {
         let file = File::open(path).map_err(|source| ReadingError::Io { path: path.to_owned(), source })?;
+        Ok(Self::of(path, file))
+    }
+
+    /// Reads from any source; `path` stands in the messages.
+    pub fn of(path: &Path, source: impl Read + 'static) -> Self {
         let options = LinearReaderOptions::default()
             .with_skip_end_magic(true)
             .with_prevalidate_chunk_crcs(true)
             .with_record_length_limit(LONGEST);
-        Ok(Self {
+        Self {
             path: path.to_owned(),
-            file,
+            source: Box::new(source),
             reader: LinearReader::new_with_options(options),
             bytes: 0,
+            kept: 0,
             schemas: BTreeMap::new(),
             channels: BTreeMap::new(),
             facts: Facts::new(),
             attached: Vec::new(),
             damage: None,
             is_over: false,
-        })
+        }
     }
 
     /// The next message; none at the end, or at a damaged place.
@@ -233,7 +248,7 @@ impl Reading {
             Some(Err(error)) => return self.broken(&error).map(|()| None),
             Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
                 let wanted = wanted.clamp(1, PIECE);
-                let read = self.file.read(self.reader.insert(wanted));
+                let read = self.source.read(self.reader.insert(wanted));
                 let read = read.map_err(|source| ReadingError::Io { path: self.path.clone(), source })?;
                 self.reader.notify_read(read);
                 self.bytes += read as u64;
@@ -248,6 +263,9 @@ impl Reading {
     }
 
     fn record(&mut self, record: Record<'static>) -> Result<Option<ReadMessage>, ReadingError> {
+        if !self.keep(&record) {
+            return Ok(None);
+        }
         match record {
             Record::Schema { header, data } => {
                 self.schemas.insert(header.id, (header.name, header.encoding, data.into_owned()));
@@ -280,6 +298,26 @@ impl Reading {
             _ => {}
         }
         Ok(None)
+    }
+
+    /// Whether what is to be kept of a record is within the bounds. A file beyond them ends here.
+    fn keep(&mut self, record: &Record<'_>) -> bool {
+        self.kept += match record {
+            Record::Schema { data, .. } => data.len(),
+            Record::Channel(channel) => channel.topic.len(),
+            Record::Attachment { header, data, .. } => header.name.len() + data.len(),
+            Record::Metadata(metadata) => metadata.metadata.iter().map(|(name, fact)| name.len() + fact.len()).sum(),
+            _ => return true,
+        };
+        let columns: usize = self.channels.values().map(|channel| channel.columns.len()).sum();
+        let is_full = self.schemas.len() > MOST_CHANNELS || self.channels.len() > MOST_CHANNELS;
+        if is_full || self.kept > MOST_BYTES || columns > MOST_COLUMNS {
+            self.end(format!(
+                "more than {MOST_CHANNELS} channels, {MOST_COLUMNS} columns, or {MOST_BYTES} bytes of schemas and \
+                 attached files"
+            ));
+        }
+        !self.is_over
     }
 
     fn channel(&self, name: &str, encoding: &str, schema: u16) -> Result<ReadChannel, ChannelProblem> {

@@ -2,6 +2,8 @@
 //!
 //! A disk can stop for seconds, and a channel keeps messages for a quarter of a second at 1 kHz. So the reader never
 //! waits for the writer: a queue is between them, and a batch that finds the queue full is counted and dropped.
+//!
+//! The writer, which compresses, runs only on a core that nobody else wants.
 
 use std::{
     sync::mpsc::{SyncSender, TrySendError, sync_channel},
@@ -12,13 +14,21 @@ use std::{
 use pipeline::{
     channel::{ChannelError, Group, Reader},
     message::{
-        CoefficientSnapshot, EncoderReading, EncoderSample, MachineState, Message, Reference, Request, StageHealth,
-        ValveCommand,
+        CoefficientSnapshot, EncoderReading, EncoderSample, Header, MachineState, Message, Reference, Request,
+        StageHealth, ValveCommand,
     },
     stage::monotonic_ns,
 };
 
-use super::{Counts, file::Encoded, store::Store};
+use thread_priority::{
+    NormalThreadSchedulePolicy, ThreadPriority, ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id,
+};
+
+use super::{
+    Counts,
+    file::Encoded,
+    store::{Store, Stored},
+};
 
 /// Time between two batches: what a kill of the recorder loses.
 pub const BATCH: Duration = Duration::from_millis(100);
@@ -104,6 +114,8 @@ pub struct Recorded {
     pub messages: u64,
     /// Messages that no file has, by channel.
     pub lost: Counts,
+    /// Where they are.
+    pub stored: Stored,
 }
 
 impl Recorded {
@@ -116,25 +128,35 @@ impl Recorded {
 /// Records a group.
 pub struct Recorder {
     channels: Channels,
+    /// Dropped after the channels.
+    group: Group,
     batch: Vec<Encoded>,
     due: Instant,
     queue: SyncSender<Batch>,
-    writer: JoinHandle<Counts>,
+    writer: JoinHandle<Stored>,
     /// Messages that found the queue full.
     dropped: Counts,
+    /// The loop waits for this recorder, which waits for the writer.
+    waits: bool,
     messages: u64,
     last_message: Instant,
 }
 
 impl Recorder {
-    /// Attaches to the channels of `group` and starts the writer.
+    /// Attaches to all channels of `group` and starts the writer. `waits`: the loop waits for this recorder, so that it
+    /// can wait for the writer and drop nothing.
     ///
     /// # Errors
     /// A channel cannot be opened.
-    pub fn new(group: &Group, mut store: Store) -> Result<Self, ChannelError> {
-        let channels = Channels::new(group)?;
-        let (queue, batches) = sync_channel::<Batch>(WAITING);
+    pub fn new(group: Group, mut store: Store, waits: bool) -> Result<Self, ChannelError> {
+        let channels = Channels::new(&group)?;
+        // In lock-step a batch can be large: the loop is as fast as the computer allows.
+        let (queue, batches) = sync_channel::<Batch>(if waits { 1 } else { WAITING });
         let writer = thread::spawn(move || {
+            // In lock-step the stages never leave a core idle while they wait for the writer.
+            if !waits {
+                give_way();
+            }
             for Batch { messages, lost } in batches {
                 store.take(&messages, lost);
             }
@@ -144,11 +166,13 @@ impl Recorder {
         let due = now + BATCH;
         Ok(Self {
             channels,
+            group,
             batch: Vec::new(),
             due,
             queue,
             writer,
             dropped: Counts::new(),
+            waits,
             messages: 0,
             last_message: now,
         })
@@ -172,30 +196,39 @@ impl Recorder {
         Ok(())
     }
 
+    /// Number of ticks whose command and snapshot have been read, and so whose sample and reading are about to be.
+    pub fn ticks(&self) -> u64 {
+        let after = |header: Option<&Header>| header.map_or(0, |header| header.sequence + 1);
+        let command = self.channels.commands.last().map(Message::header);
+        let snapshot = self.channels.snapshots.last().map(Message::header);
+        after(command).min(after(snapshot))
+    }
+
     /// Time since the last message of any channel.
     pub fn silent_for(&self) -> Duration {
         self.last_message.elapsed()
     }
 
-    /// Writes what was read, and ends the file.
-    pub fn finish(mut self) -> Recorded {
+    /// Leaves the group, which need not wait for the disk then.
+    pub fn leave(mut self) -> Ending {
         // What comes last need not find room in the queue: the writer empties it.
         let last = Batch { messages: std::mem::take(&mut self.batch), lost: self.lost() };
-        self.messages += last.messages.len() as u64;
-        let mut recorded = Recorded { messages: self.messages, lost: self.lost() };
-        let _ = self.queue.send(last);
-        drop(self.queue);
-        // A writer that has panicked has written nothing that can be counted.
-        for (channel, count) in self.writer.join().unwrap_or_default() {
-            *recorded.lost.entry(channel).or_default() += count;
-        }
-        recorded
+        let messages = self.messages + last.messages.len() as u64;
+        let Self { channels, group, queue, writer, .. } = self;
+        drop(channels);
+        drop(group);
+        Ending { last, messages, queue, writer }
     }
 
     fn hand_on(&mut self) {
         let batch = Batch { messages: std::mem::take(&mut self.batch), lost: self.lost() };
         self.messages += batch.messages.len() as u64;
-        if let Err(TrySendError::Full(batch) | TrySendError::Disconnected(batch)) = self.queue.try_send(batch) {
+        let sent = if self.waits {
+            self.queue.send(batch).map_err(|error| TrySendError::Disconnected(error.0))
+        } else {
+            self.queue.try_send(batch)
+        };
+        if let Err(TrySendError::Full(batch) | TrySendError::Disconnected(batch)) = sent {
             for message in &batch.messages {
                 *self.dropped.entry(message.channel).or_default() += 1;
             }
@@ -209,4 +242,34 @@ impl Recorder {
         }
         lost
     }
+}
+
+/// What is left to be written after the end.
+pub struct Ending {
+    last: Batch,
+    messages: u64,
+    queue: SyncSender<Batch>,
+    writer: JoinHandle<Stored>,
+}
+
+impl Ending {
+    /// Writes what was read, and ends the file.
+    pub fn finish(self) -> Recorded {
+        let mut lost = self.last.lost.clone();
+        let _ = self.queue.send(self.last);
+        drop(self.queue);
+        // A writer that has panicked has written nothing that can be counted.
+        let stored = self.writer.join().unwrap_or_default();
+        for (channel, count) in &stored.refused {
+            *lost.entry(channel).or_default() += count;
+        }
+        Recorded { messages: self.messages, lost, stored }
+    }
+}
+
+/// Lets this thread run only where no other one wants the core.
+fn give_way() {
+    let idle = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Idle);
+    // Without the right to it, the thread has the priority of its process, which is low.
+    let _ = set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Min, idle);
 }

@@ -13,6 +13,8 @@ use thiserror::Error;
 pub const ENCAPSULATION: usize = 4;
 /// Most columns of a message: a schema of nested arrays could ask for any number.
 const MOST_COLUMNS: usize = 100_000;
+/// Most bytes of the names of all columns of a message.
+const MOST_NAMES: usize = 16 << 20;
 /// Deepest nesting of structs.
 const DEEPEST: usize = 16;
 /// Length of the line of `=` before the definition of a struct.
@@ -28,7 +30,7 @@ pub enum SchemaError {
     #[error("found the type \"{0}\"; allowed: uint8, uint32, uint64, int64, float64, or a struct of the schema")]
     Type(String),
     /// It is deeper or larger than any message.
-    #[error("found more than {MOST_COLUMNS} numbers or {DEEPEST} levels of structs")]
+    #[error("found more than {MOST_COLUMNS} numbers, {DEEPEST} levels of structs or {MOST_NAMES} bytes of names")]
     Size,
 }
 
@@ -102,9 +104,24 @@ pub struct Column {
 }
 
 impl Column {
+    /// Its bytes in the CDR.
+    pub fn bytes(&self) -> std::ops::Range<usize> {
+        self.offset..self.offset + self.kind.size()
+    }
+
+    /// Whether another column has the same name and type.
+    pub fn is_same(&self, other: &Self) -> bool {
+        (&self.name, self.kind) == (&other.name, other.kind)
+    }
+
+    /// Type of the number.
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
     /// The value in a message; none where the message is too short.
     pub fn value(&self, message: &[u8]) -> Option<Value> {
-        let bytes = message.get(self.offset..self.offset + self.kind.size())?;
+        let bytes = message.get(self.bytes())?;
         let mut wide = [0; 8];
         wide[..bytes.len()].copy_from_slice(bytes);
         Some(match self.kind {
@@ -132,9 +149,15 @@ pub fn columns(schema: &str) -> Result<Vec<Column>, SchemaError> {
             structs.entry(name).or_default().push(line);
         }
     }
-    let mut walk = Walk { structs: &structs, columns: Vec::new(), end: 0 };
+    let mut walk = Walk { structs: &structs, columns: Vec::new(), end: 0, names: 0 };
     walk.fields("", "", 0)?;
     Ok(walk.columns)
+}
+
+/// The columns of a message of this version.
+#[cfg(test)]
+pub fn columns_of<M: pipeline::message::Message>() -> Vec<Column> {
+    columns(&super::cdr::schema::<M>()).expect("its own schema")
 }
 
 /// A walk over all numbers of a message, in the order of their bytes.
@@ -144,6 +167,8 @@ struct Walk<'a> {
     columns: Vec<Column>,
     /// Bytes so far, counted from behind the encapsulation.
     end: usize,
+    /// Bytes of all names so far.
+    names: usize,
 }
 
 impl Walk<'_> {
@@ -161,6 +186,10 @@ impl Walk<'_> {
                 None => self.field(kind, format!("{prefix}{field}"), depth)?,
                 Some((kind, count)) => {
                     let count: usize = count.strip_suffix(']').and_then(|count| count.parse().ok()).ok_or_else(bad)?;
+                    // Arrays of nothing could be nested until their walk never ends.
+                    if count == 0 {
+                        return Err(bad());
+                    }
                     if count > MOST_COLUMNS {
                         return Err(SchemaError::Size);
                     }
@@ -173,7 +202,8 @@ impl Walk<'_> {
 
     fn field(&mut self, kind: &str, name: String, depth: usize) -> Result<(), SchemaError> {
         let Some(kind) = Kind::of(kind) else { return self.fields(kind, &format!("{name}."), depth + 1) };
-        if self.columns.len() >= MOST_COLUMNS {
+        self.names += name.len();
+        if self.columns.len() >= MOST_COLUMNS || self.names > MOST_NAMES {
             return Err(SchemaError::Size);
         }
         let begin = self.end.next_multiple_of(kind.size());
@@ -236,5 +266,9 @@ mod tests {
         assert_eq!(refused(&format!("a/B b\n{ruler}\nMSG: a/B\na/B[2] b\n")), SchemaError::Size);
         assert_eq!(refused(&format!("a/B b\n{ruler}\nfloat64 b\n")), SchemaError::Line("float64 b".to_owned()));
         assert_eq!(refused(""), SchemaError::Type(String::new()));
+        assert_eq!(refused("uint8[0] a\n"), SchemaError::Line("uint8[0] a".to_owned()));
+        let nothing = format!("a/B[9999] b\n{ruler}\nMSG: a/B\na/C[9999] c\n{ruler}\nMSG: a/C\nuint8[0] d\n");
+        assert_eq!(refused(&nothing), SchemaError::Line("uint8[0] d".to_owned()));
+        assert_eq!(refused(&format!("uint8[9999] {}\n", "n".repeat(9999))), SchemaError::Size);
     }
 }

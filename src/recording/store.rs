@@ -6,6 +6,9 @@
 //!
 //! The disk can be full, slow or gone. That is said once, and once more when files can be written again. A file that
 //! the disk has refused stays as it is: it can be read up to there.
+//!
+//! Trap: on a small disk the limit of a folder may be more than there is. So recordings take at most half of the room
+//! that the disk has for them.
 
 use std::{
     fs, io,
@@ -13,14 +16,17 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
-use mcap::McapResult;
+use mcap::{McapError, McapResult};
 use pipeline::message::{
     CoefficientSnapshot, EncoderReading, EncoderSample, MachineState, Reference, Request, StageHealth, ValveCommand,
 };
 
+use rustix::fs::statvfs;
+
 use super::{
     Counts, Facts, clock_ns,
     file::{Encoded, RecordingFile},
+    latency::LatencyLog,
 };
 
 /// Beginning and end of the names of recordings in a folder.
@@ -28,6 +34,10 @@ const NAME: (&str, &str) = ("record-", ".mcap");
 /// Files that a full folder holds: the oldest one goes when there is no more room, so a file is a part of the past that
 /// is lost at once.
 const PARTS: u64 = 16;
+/// Least bytes of a file in a folder, unless the recording ends.
+const LEAST_PART: u64 = 100_000;
+/// Name of the attached file with the ages of the samples.
+const LATENCY: &str = "latency.hlog";
 /// Time between two tries to write again.
 const AGAIN: Duration = Duration::from_secs(5);
 
@@ -53,6 +63,22 @@ pub struct Contents {
 struct Open {
     file: RecordingFile,
     path: PathBuf,
+    /// Length at which the next file begins, bytes.
+    longest: u64,
+    /// What is to be added to `CLOCK_MONOTONIC` for the time since 1970, ns.
+    clock_ns: i64,
+    latency: LatencyLog,
+}
+
+/// What a store has written.
+#[derive(Debug, Default)]
+pub struct Stored {
+    /// The last file.
+    pub path: Option<PathBuf>,
+    /// Number of files.
+    pub files: u64,
+    /// Messages that the disk has not taken.
+    pub refused: Counts,
 }
 
 /// Writes messages to files.
@@ -63,6 +89,8 @@ pub struct Store {
     open: Option<Open>,
     /// When a file was tried for the last time, while none can be written.
     broken: Option<Instant>,
+    /// The last file.
+    last: Option<PathBuf>,
     /// Number of files so far.
     files: u64,
     /// Messages that the disk has not taken.
@@ -72,31 +100,40 @@ pub struct Store {
 }
 
 impl Store {
-    /// A store whose first file is there.
+    /// A store whose first file is there. `is_patient`: a file that cannot be made is a warning, and is tried again.
     ///
     /// # Errors
     /// The folder or the file cannot be made.
-    pub fn new(place: Place, contents: Contents, say: impl Fn(String) + Send + 'static) -> McapResult<Self> {
-        if let Place::Folder(folder, _) = &place {
-            fs::create_dir_all(folder)?;
-        }
+    pub fn new(
+        place: Place,
+        contents: Contents,
+        is_patient: bool,
+        say: impl Fn(String) + Send + 'static,
+    ) -> McapResult<Self> {
         let mut store = Self {
             place,
             contents,
             say: Box::new(say),
             open: None,
             broken: None,
+            last: None,
             files: 0,
             refused: Counts::new(),
             lost: Counts::new(),
         };
-        store.open = Some(store.create()?);
+        match store.create() {
+            Ok(open) => store.open = Some(open),
+            Err(error) if is_patient => store.fail(&store.place(), &error),
+            Err(error) => return Err(error),
+        }
         Ok(store)
     }
 
-    /// The file that is being written, or would be.
-    pub fn path(&self) -> Option<&Path> {
-        self.open.as_ref().map(|open| open.path.as_path())
+    /// The file that was written last; else where files are to go.
+    pub fn place(&self) -> PathBuf {
+        match (&self.last, &self.place) {
+            (Some(path), _) | (None, Place::File(path) | Place::Folder(path, _)) => path.clone(),
+        }
     }
 
     /// Writes messages. `lost`: those that did not come here, counted since the beginning.
@@ -105,11 +142,7 @@ impl Store {
         self.open_again();
         if let Err(error) = self.write(messages) {
             if let Some(Open { path, .. }) = self.open.take() {
-                self.broken = Some(Instant::now());
-                (self.say)(format!(
-                    "warning: recording: {}: {error}; nothing is recorded until it can be written again",
-                    path.display()
-                ));
+                self.fail(&path, &error);
             }
             for message in messages {
                 *self.refused.entry(message.channel).or_default() += 1;
@@ -117,10 +150,17 @@ impl Store {
         }
     }
 
-    /// Ends the last file. The messages that the disk has not taken.
-    pub fn finish(mut self) -> Counts {
+    /// Ends the last file.
+    pub fn finish(mut self) -> Stored {
         self.close();
-        self.refused
+        Stored { path: self.last, files: self.files, refused: self.refused }
+    }
+
+    /// Says once that nothing can be written.
+    fn fail(&mut self, path: &Path, error: &McapError) {
+        self.broken = Some(Instant::now());
+        let path = path.display();
+        (self.say)(format!("warning: recording: {path}: {error}; nothing is recorded until it can be written again"));
     }
 
     /// Tries a new file after a while, where none can be written.
@@ -139,11 +179,11 @@ impl Store {
 
     fn write(&mut self, messages: &[Encoded]) -> McapResult<()> {
         let Some(open) = &mut self.open else { return Err(io::Error::from(io::ErrorKind::StorageFull).into()) };
-        messages.iter().try_for_each(|message| open.file.write(message))?;
-        let length = open.file.flush()?;
-        if let Place::Folder(_, limit) = self.place
-            && length > limit / PARTS
-        {
+        for message in messages {
+            open.file.write(message)?;
+            open.latency.take(message, message.read_ns.saturating_add_signed(open.clock_ns));
+        }
+        if open.file.flush()? > open.longest {
             self.close();
             self.open = Some(self.create()?);
         }
@@ -151,31 +191,35 @@ impl Store {
     }
 
     fn close(&mut self) {
-        let Some(Open { file, path }) = self.open.take() else { return };
-        if let Err(error) = file.finish(&self.counts()) {
+        let Some(Open { mut file, path, latency, .. }) = self.open.take() else { return };
+        let attached = latency.finish().map_or(Ok(()), |log| file.attach(LATENCY, &log));
+        if let Err(error) = attached.and_then(|()| file.finish(&self.end_facts())) {
             (self.say)(format!("warning: recording: {}: {error}; it has no end", path.display()));
         }
     }
 
-    /// The counts as facts.
-    fn counts(&self) -> Facts {
+    /// What is known at the end: the counts, and the relation of the clocks, which somebody may have set meanwhile.
+    fn end_facts(&self) -> Facts {
         let mut all = self.lost.clone();
         for (channel, count) in &self.refused {
             *all.entry(channel).or_default() += count;
         }
-        all.into_iter().map(|(channel, count)| (format!("{channel} lost"), count.to_string())).collect()
+        let lost = all.into_iter().map(|(channel, count)| (format!("{channel} lost"), count.to_string()));
+        let clock = ("realtime_minus_monotonic_ns at the end".to_owned(), clock_ns().to_string());
+        lost.chain([clock]).collect()
     }
 
     fn create(&mut self) -> McapResult<Open> {
-        let path = match &self.place {
-            Place::File(path) if self.files == 0 => path.clone(),
-            Place::File(path) => numbered(path, self.files),
+        let (path, longest) = match &self.place {
+            Place::File(path) if self.files == 0 => (path.clone(), u64::MAX),
+            Place::File(path) => (free_name(path), u64::MAX),
             Place::Folder(folder, limit) => {
+                fs::create_dir_all(folder)?;
+                let limit = *limit.min(&room(folder)?);
                 remove_oldest(folder, limit - limit / PARTS)?;
-                folder.join(self.file_name(SystemTime::now()))
+                (folder.join(self.file_name(SystemTime::now())), (limit / PARTS).max(LEAST_PART))
             }
         };
-        self.files += 1;
         let clock = clock_ns();
         let mut facts = self.contents.facts.clone();
         facts.insert("realtime_minus_monotonic_ns".to_owned(), clock.to_string());
@@ -189,7 +233,9 @@ impl Store {
         file.add_channel::<StageHealth>()?;
         file.add_channel::<MachineState>()?;
         file.flush()?;
-        Ok(Open { file, path })
+        self.files += 1;
+        self.last = Some(path.clone());
+        Ok(Open { file, path, longest, clock_ns: clock, latency: LatencyLog::new() })
     }
 
     fn file_name(&self, now: SystemTime) -> String {
@@ -199,26 +245,25 @@ impl Store {
     }
 }
 
-/// The name of the file that goes on after a break: `run.mcap`, `run-1.mcap`.
-fn numbered(path: &Path, number: u64) -> PathBuf {
+/// The name of the file that goes on after a break, which no file has yet: `run-1.mcap` after `run.mcap`.
+pub fn free_name(path: &Path) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let ending = path.extension().map(|ending| format!(".{}", ending.to_string_lossy())).unwrap_or_default();
-    path.with_file_name(format!("{stem}-{number}{ending}"))
+    let mut names = (1u64..).map(|number| path.with_file_name(format!("{stem}-{number}{ending}")));
+    names.find(|path| !path.exists()).unwrap_or_else(|| path.to_owned())
+}
+
+/// Half of the room that the disk of a folder has for recordings: that of those in it, and what is free. Bytes.
+fn room(folder: &Path) -> io::Result<u64> {
+    let recorded: u64 = recordings(folder)?.iter().map(|(_, length)| length).sum();
+    let free = statvfs(folder).map_or(u64::MAX, |found| found.f_bavail.saturating_mul(found.f_frsize));
+    Ok(recorded.saturating_add(free) / 2)
 }
 
 /// Removes the oldest recordings of a folder until the others have at most `most` bytes. Their names begin with the
 /// time.
 fn remove_oldest(folder: &Path, most: u64) -> io::Result<()> {
-    let mut files = Vec::new();
-    for entry in fs::read_dir(folder)? {
-        let entry = entry?;
-        let name = entry.file_name();
-        if name.to_str().is_some_and(|name| name.starts_with(NAME.0) && name.ends_with(NAME.1)) {
-            // Another recorder may have removed it.
-            files.extend(entry.metadata().map(|data| (entry.path(), data.len())));
-        }
-    }
-    files.sort();
+    let files = recordings(folder)?;
     let mut all: u64 = files.iter().map(|(_, length)| length).sum();
     for (path, length) in files {
         if all <= most {
@@ -230,4 +275,19 @@ fn remove_oldest(folder: &Path, most: u64) -> io::Result<()> {
         }
     }
     Ok(())
+}
+
+/// The recordings of a folder with their lengths, the oldest first.
+fn recordings(folder: &Path) -> io::Result<Vec<(PathBuf, u64)>> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = entry.file_name();
+        if name.to_str().is_some_and(|name| name.starts_with(NAME.0) && name.ends_with(NAME.1)) {
+            // Another recorder may have removed it.
+            files.extend(entry.metadata().map(|data| (entry.path(), data.len())));
+        }
+    }
+    files.sort();
+    Ok(files)
 }

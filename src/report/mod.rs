@@ -13,4 +13,5 @@ pub mod output;
 pub mod page;
 pub mod rows;
 pub mod table;
+pub mod teeth;
 pub mod why;

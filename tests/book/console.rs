@@ -179,6 +179,7 @@ fn run(examples: &[Example], group: &str) -> Vec<Vec<String>> {
         .env("PATH", format!("{programs}:{}", std::env::var("PATH").unwrap_or_default()))
         .env("TMPDIR", folder.path())
         .env("XDG_STATE_HOME", folder.path())
+        .env("HYDRAXIS_RECORDINGS", "off")
         .env_remove("STATE_DIRECTORY")
         .stdin(Stdio::null())
         .stdout(file.try_clone().unwrap())
@@ -307,6 +308,7 @@ pages! {
     command_commission: "docs/src/commands/commission.md",
     command_identify: "docs/src/commands/identify.md",
     command_predict: "docs/src/commands/predict.md",
+    command_replay: "docs/src/commands/replay.md",
     command_check: "docs/src/commands/check.md",
     command_mechanism: "docs/src/commands/mechanism.md",
     command_bench: "docs/src/commands/bench.md",

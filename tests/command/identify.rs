@@ -4,6 +4,7 @@
 
 mod arguments;
 mod compare;
+mod many;
 mod models;
 mod options;
 mod pictures;

@@ -6,6 +6,7 @@ mod open_loop;
 mod recording;
 mod refusals;
 mod scenarios;
+mod teeth;
 
 use std::{fs, path::Path};
 

@@ -110,6 +110,7 @@ fn row_34_no_short_pulse_of_the_emergency_stop_is_lost_at_any_phase() {
         seed: 1,
         arm: false,
         first_tick: 0,
+        is_recorded: false,
         warn: false,
         stop: Arc::clone(&end),
         reset: Arc::default(),

@@ -48,6 +48,8 @@ pub fn hydraxis() -> Command {
     command.stdin(Stdio::null());
     // Black boxes of runs with faults.
     command.env("XDG_STATE_HOME", env!("CARGO_TARGET_TMPDIR")).env_remove("STATE_DIRECTORY");
+    // Most tests want no recording of their runs.
+    command.env("HYDRAXIS_RECORDINGS", "off");
     command
 }
 

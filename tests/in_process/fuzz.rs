@@ -73,3 +73,8 @@ fn trajectories() {
 fn messages() {
     try_all(targets::messages, &seeds("messages", &[]));
 }
+
+#[test]
+fn recordings_in_mcap() {
+    try_all(targets::recording, &seeds("recording", &[]));
+}

@@ -156,6 +156,13 @@ impl Feedback {
         }
     }
 
+    /// Another command than the last one taken in was on the valve.
+    pub fn replace_command(&mut self, command: f64) {
+        if let Some(history) = &mut self.history {
+            history.replace_command(command);
+        }
+    }
+
     /// Past positions and commands; none before the first usable position.
     pub fn history(&self) -> Option<&History> {
         self.history.as_ref()

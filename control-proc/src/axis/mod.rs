@@ -75,6 +75,11 @@ use law::ModelLaw;
 use operation::Operation;
 use state::{State, StateMachine, Transition};
 
+/// Following error at which an axis of the teeth has come to the begin of their way, m, and the same in counts of its
+/// encoder, of which the larger one counts.
+const ARRIVAL: f64 = 2e-3;
+const ARRIVAL_COUNTS: f64 = 3.0;
+
 /// What one axis gets for one tick.
 #[derive(Debug, Clone, Copy)]
 pub struct AxisInput<'a> {
@@ -111,6 +116,8 @@ pub struct AxisController {
     standstill: Standstill,
     protection: Protection,
     tracking: Tracking,
+    /// Following error at which the axis has come to the begin of a way, m.
+    arrival: f64,
     /// Of the last tick: its command is on the valve.
     decision: Decision,
 }
@@ -134,6 +141,7 @@ impl AxisController {
             standstill: Standstill::new(axis, period),
             protection: Protection::new(axis, period),
             tracking: Tracking::default(),
+            arrival: ARRIVAL.max(ARRIVAL_COUNTS * axis.encoder.resolution),
             decision: Decision::neutral(0.0, control_flag::DISARMED),
         }
     }
@@ -161,6 +169,12 @@ impl AxisController {
         self.message()
     }
 
+    /// The command on the valve since the last sample is this one in the place of the axis' own.
+    pub fn apply(&mut self, command: f64) {
+        self.decision.command = command;
+        self.feedback.replace_command(command);
+    }
+
     /// Number of coming references that the axis looks at.
     pub fn ahead(&self) -> usize {
         self.references.ahead()
@@ -171,9 +185,32 @@ impl AxisController {
         if self.follows() { self.references.rate(tick, generator) } else { 1.0 }
     }
 
+    /// Whether the axis settles or follows.
+    pub fn is_armed(&self) -> bool {
+        self.state.is_armed()
+    }
+
     /// Whether the axis is to follow a reference, but has had no reading for too long.
     pub fn waits(&self) -> bool {
         self.follows() && self.feedback.is_silent()
+    }
+
+    /// Whether the axis tracks its reference, and its reference has come to the generator at `tick` of the path.
+    pub fn tracks(&self, tick: f64) -> bool {
+        self.follows() && self.operation.mode == AxisMode::Track && self.references.has_arrived(tick)
+    }
+
+    /// Whether the axis has come to its reference as well.
+    pub fn has_arrived(&self, tick: f64) -> bool {
+        self.tracks(tick) && self.decision.error.abs() <= self.arrival
+    }
+
+    /// Lets an axis that tracks come to a stand and hold there, because another one does not trace the way with it.
+    pub fn leave_way(&mut self) {
+        if self.follows() && self.operation.mode == AxisMode::Track {
+            self.operation.mode = AxisMode::Hold;
+            self.references.hold(None);
+        }
     }
 
     fn follows(&self) -> bool {

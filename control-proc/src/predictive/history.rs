@@ -69,6 +69,11 @@ impl History {
         self.commands[0] = command;
     }
 
+    /// Puts a command in the place of the last one.
+    pub fn replace_command(&mut self, command: f64) {
+        self.commands[0] = command;
+    }
+
     /// Repeats the last command, which stayed on the valve for so many more ticks.
     pub fn hold_command(&mut self, ticks: u64) {
         for _ in 0..ticks.min(COMMANDS as u64) {

@@ -14,6 +14,7 @@
 //! In lock-step the command of tick k is made with the snapshot of tick k-1, and the stage waits for that.
 
 mod deadlines;
+mod trace;
 
 use std::sync::{
     Arc,
@@ -25,7 +26,7 @@ use pipeline::{
     machine::Machine,
     message::{
         CoefficientSnapshot, EncoderSample, Header, MachineState, MissCause, Reference, Request, ValveCommand,
-        control_flag,
+        command_event, control_flag,
     },
     stage::{
         Channels, Clock, Next, Stage, StageError, StageKind, StageOptions, Turn, Waiter, asleep_ns, monotonic_ns,
@@ -35,6 +36,7 @@ use pipeline::{
 
 use crate::Controller;
 use deadlines::{Deadlines, FeedbackAge};
+use trace::Trace;
 
 /// Runs the stage until its last tick or a signal; the last command is neutral.
 ///
@@ -63,12 +65,13 @@ struct Process {
     deadlines: Deadlines,
 }
 
-/// The channels that the stage reads.
+/// The channels that the stage reads, and what came from them.
 struct Inputs {
     samples: Reader<EncoderSample>,
     snapshots: Reader<CoefficientSnapshot>,
     references: Reader<Reference>,
     requests: Reader<Request>,
+    trace: Trace,
 }
 
 /// A sample that has come, and the ticks that it followed.
@@ -83,8 +86,10 @@ struct Arrival {
 impl Process {
     fn new(machine: &Machine, options: &StageOptions, group: &Group, board: Board) -> Result<Self, StageError> {
         let mut core = Controller::new(machine).map_err(StageError::setup)?;
+        let mut trace = Trace::new(machine);
         if options.arm {
             core.arm();
+            trace.note(command_event::ARMED);
         }
         Ok(Self {
             core,
@@ -93,6 +98,7 @@ impl Process {
                 snapshots: group.reader()?,
                 references: group.reader()?,
                 requests: group.reader()?,
+                trace,
             },
             stops: Stops::new(board),
             off: Arc::clone(&options.off),
@@ -109,7 +115,8 @@ impl Process {
 
     /// Waits for a sample; none if the turn ends without one.
     fn await_sample(&mut self, turn: &mut Turn) -> Result<Option<Arrival>, StageError> {
-        let (samples, clock, core) = (&mut self.inputs.samples, self.clock, &mut self.core);
+        let Inputs { samples, trace, .. } = &mut self.inputs;
+        let (clock, core) = (self.clock, &mut self.core);
         let before = samples.last().map(|sample| sample.header.sequence);
         let mut count = 0;
         turn.wait_for(&self.waiter, || {
@@ -118,7 +125,9 @@ impl Process {
                 count += 1;
                 // Also one between two others counts, and one that is too old to be acted on.
                 if sample.emergency_stop != 0 && clock == Clock::RealTime {
-                    core.stop(Stop { emergency: true, ..Stop::default() });
+                    let stop = Stop { emergency: true, ..Stop::default() };
+                    core.stop(stop);
+                    trace.stop(stop);
                 }
                 if clock == Clock::LockStep {
                     break;
@@ -142,6 +151,7 @@ impl Process {
         }
         if stop.is_any() {
             self.core.stop(stop);
+            self.inputs.trace.stop(stop);
         }
         stop.is_any()
     }
@@ -162,6 +172,8 @@ impl Process {
         let last = self.last.header;
         let mut command = self.core.message();
         command.header = Header { axis_count: command.header.axis_count, sent_ns: monotonic_ns(), ..last };
+        self.inputs.trace.note(command_event::REPEATED);
+        command.inputs = self.inputs.trace.take();
         self.last = command;
         self.commands.send(&command)?;
         self.answer_stops();
@@ -175,8 +187,10 @@ impl Process {
         let has_stopped = self.feedback.has_stopped(now);
         if self.clock == Clock::RealTime && (has_stopped || self.feedback.is_silent(now)) {
             self.core.fall_silent();
+            self.inputs.trace.note(command_event::SILENT);
             if has_stopped && self.feedback.lose() {
                 self.core.feedback_lost();
+                self.inputs.trace.note(command_event::LOST);
             }
             self.send_neutral(now)?;
         }
@@ -197,10 +211,12 @@ impl Process {
         }
         if self.feedback.was_suspended(asleep_ns()) {
             self.core.latch(control_flag::CLOCK);
+            self.inputs.trace.note(command_event::CLOCK);
         }
         let now = monotonic_ns();
         if acquired.is_some_and(|acquired| acquired > now) {
             self.core.latch(control_flag::CLOCK);
+            self.inputs.trace.note(command_event::CLOCK);
             self.send_neutral(now)?;
         }
         Ok(())
@@ -211,6 +227,8 @@ impl Process {
         let mut neutral = self.core.neutral(last.sequence);
         neutral.header.acquired_ns = last.acquired_ns.min(now);
         neutral.header.sent_ns = now;
+        self.inputs.trace.note(command_event::NEUTRAL);
+        neutral.inputs = self.inputs.trace.take();
         self.last = neutral;
         self.commands.send(&neutral)?;
         self.answer_stops();
@@ -240,14 +258,21 @@ impl Process {
     fn command(&mut self, header: &Header) -> Result<Option<ValveCommand>, StageError> {
         self.take_stops();
         self.inputs.references.newest()?;
-        let core = &mut self.core;
-        self.inputs.requests.each(|request| core.ask(request))?;
+        let (core, Inputs { requests, trace, .. }) = (&mut self.core, &mut self.inputs);
+        requests.each(|request| {
+            trace.request(&request.header);
+            core.ask(request);
+        })?;
         let Some(sample) = self.inputs.samples.last() else { return Ok(None) };
-        let command = self.core.update(sample, self.inputs.snapshots.last(), self.inputs.references.last());
+        let (snapshot, reference) = (self.inputs.snapshots.last(), self.inputs.references.last());
+        self.inputs.trace.messages(snapshot, reference);
+        let mut command = self.core.update(sample, snapshot, reference);
         if self.clock == Clock::RealTime && self.deadlines.are_missed(monotonic_ns(), header.acquired_ns) {
             self.core.lose(control_flag::DEADLINE);
-            return Ok(Some(self.core.neutral(header.sequence)));
+            self.inputs.trace.note(command_event::DEADLINE);
+            command = self.core.neutral(header.sequence);
         }
+        command.inputs = self.inputs.trace.take();
         Ok(Some(command))
     }
 }

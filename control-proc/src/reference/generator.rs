@@ -4,10 +4,14 @@
 //! sines        g(t) = center + sum amplitude sin(2 pi frequency t + phase)
 //! ramps        g(t) = straight lines through the points, t taken modulo the last point's time
 //! trajectory   g(t) = straight lines through the rows of a file, the last position is held
+//! tip          g(t) = straight lines through the motion that was planned for the teeth, the last position is held
 //! ```
 //!
 //! t time since the axis began to follow, s; g position, m. The settings are `[axis.NAME.reference]`. Trap: g does not
 //! depend on where the axis stands; [`super::References`] leads from there to g.
+//!
+//! The axes of the teeth have a time t of their own, which begins for all of them at once: when the last of them has
+//! come to its g(0).
 
 use std::f64::consts::TAU;
 
@@ -20,6 +24,8 @@ use super::trajectory::Trajectory;
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReferenceGenerator {
     axes: Vec<Generator>,
+    /// Tick along the path at which the motion of the teeth begins.
+    tip_start: Option<f64>,
 }
 
 /// The generator of one axis.
@@ -38,6 +44,8 @@ pub enum Generator {
     Ramps(Trajectory),
     /// A trajectory whose last position is held.
     Trajectory(Trajectory),
+    /// The axis' part of the motion of the teeth.
+    Tip(Trajectory),
 }
 
 impl ReferenceGenerator {
@@ -50,8 +58,31 @@ impl ReferenceGenerator {
                 Some(center + sum)
             }
             Generator::Ramps(round) => Some(round.position(t.rem_euclid(round.end()))),
-            Generator::Trajectory(trajectory) => Some(trajectory.position(t)),
+            Generator::Trajectory(trajectory) | Generator::Tip(trajectory) => Some(trajectory.position(t)),
         }
+    }
+
+    /// As [`Self::position`], at `tick` along the path, with periods of `period` s: an axis of the teeth is where their
+    /// common time has led to.
+    pub fn along(&self, axis: usize, t: f64, tick: f64, period: f64) -> Option<f64> {
+        let is_tip = matches!(self.axes.get(axis), Some(Generator::Tip(_)));
+        let since = || self.tip_start.map_or(0.0, |start| period * (tick - start).max(0.0));
+        self.position(axis, if is_tip { since() } else { t })
+    }
+
+    /// Numbers of the axes that move the teeth.
+    pub fn tip_axes(&self) -> impl Iterator<Item = usize> {
+        (0..self.axes.len()).filter(|axis| matches!(self.axes[*axis], Generator::Tip(_)))
+    }
+
+    /// Tick along the path at which the motion of the teeth begins; none while their axes are not there yet.
+    pub fn tip_start(&self) -> Option<f64> {
+        self.tip_start
+    }
+
+    /// Begins the motion of the teeth at this tick along the path; none ends it.
+    pub fn begin_tip(&mut self, tick: Option<f64>) {
+        self.tip_start = tick;
     }
 
     /// The time in s after which axis number `axis` stays where it is, or begins its round again; `None` without such a
@@ -59,13 +90,15 @@ impl ReferenceGenerator {
     pub fn end(&self, axis: usize) -> Option<f64> {
         match self.axes.get(axis)? {
             Generator::None | Generator::Sines { .. } => None,
-            Generator::Ramps(trajectory) | Generator::Trajectory(trajectory) => Some(trajectory.end()),
+            Generator::Ramps(trajectory) | Generator::Trajectory(trajectory) | Generator::Tip(trajectory) => {
+                Some(trajectory.end())
+            }
         }
     }
 }
 
 impl FromIterator<Generator> for ReferenceGenerator {
     fn from_iter<I: IntoIterator<Item = Generator>>(axes: I) -> Self {
-        Self { axes: axes.into_iter().collect() }
+        Self { axes: axes.into_iter().collect(), tip_start: None }
     }
 }

@@ -116,7 +116,12 @@ impl References {
     /// The reference of the generator at `tick` of the path, with the way to it, m.
     fn blended(&self, tick: f64, generator: &ReferenceGenerator) -> f64 {
         let t = self.blend.ticks(tick) * self.period;
-        self.blend.position(t, generator.position(self.axis, t))
+        self.blend.position(t, generator.along(self.axis, t, tick, self.period))
+    }
+
+    /// Whether the reference follows its generator and has come to it at `tick` of the path.
+    pub fn has_arrived(&self, tick: f64) -> bool {
+        self.state == State::Tracks && self.blend.is_over(self.blend.ticks(tick) * self.period)
     }
 
     /// Begins to track at `tick` of the path, from where the axis stands (m).

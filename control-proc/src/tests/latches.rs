@@ -2,8 +2,8 @@
 
 use pipeline::message::{AxisMode, ControlMode, EncoderSample, ValveCommand, control_flag, model_fault, sample_fault};
 
-use super::{Loop, SINES, machine, machine_with, models::actuator, modes::Operated, snapshot};
-use crate::axis::UNSOLVED_LIMIT;
+use super::{Loop, SINES, machine, machine_with, models::actuator, modes::Operated, plant::Actuator, sample, snapshot};
+use crate::{Controller, axis::UNSOLVED_LIMIT};
 
 /// A reference of 0.15 m/s at all times, to and fro.
 const RAMPS: &str = "kind = \"ramps\"\ntimes = [0.0, 4.0, 8.0]\npositions = [0.35, 0.95, 0.35]\n";
@@ -234,5 +234,33 @@ fn an_emergency_stop_is_neutral_in_the_same_tick_in_every_mode_and_cuts_the_pilo
         assert_eq!((off.axes[0].flags & control_flag::LATCHED, off.cut_off), (0, 0), "{mode:?}");
         axis.enable(AxisMode::Manual);
         assert!(axis.ask(AxisMode::Manual, 0.3, None).axes[0].command > 0.0);
+    }
+}
+
+/// Regression: the other axes stayed armed without pressure and would have jumped when it came back.
+#[test]
+fn an_axis_whose_pressure_another_one_has_cut_off_is_disarmed() {
+    let mut controller = Controller::new(&machine(2)).unwrap();
+    controller.arm();
+    let mut plants = [Actuator::new(0.6, 0.05), Actuator::new(0.6, 0.05)];
+    let mut commands = (0..400).map(|tick| {
+        let mut sample = sample(tick, &plants.each_ref().map(|plant| plant.position));
+        if tick >= 300 {
+            sample.axes[1].faults = sample_fault::RUNAWAY | sample_fault::SPEED;
+        }
+        if tick == 350 {
+            controller.arm();
+        }
+        let command = controller.update(&sample, None, None);
+        plants.iter_mut().zip(&command.axes).for_each(|(plant, axis)| plant.step(axis.command));
+        command
+    });
+    let before = commands.nth(299).unwrap();
+    assert_eq!((before.cut_off, before.axes[0].operation), (0, AxisMode::Track as u32));
+    for command in commands {
+        let [other, runaway] = [command.axes[0], command.axes[1]];
+        assert_eq!((command.cut_off, runaway.flags & control_flag::LATCHED), (1, control_flag::MOTION));
+        assert_eq!((other.command, other.operation), (0.0, AxisMode::Off as u32));
+        assert_eq!(other.flags & (control_flag::DISARMED | control_flag::LATCHED), control_flag::DISARMED);
     }
 }

@@ -13,6 +13,7 @@ mod slowing;
 mod snapshots;
 mod supervision;
 mod table_2;
+mod teeth;
 
 use std::path::Path;
 

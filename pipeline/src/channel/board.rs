@@ -11,20 +11,31 @@
 //!
 //! The flags of the last command are on the board too, so that a stop can be seen to have worked.
 //!
+//! In lock-step a recorder tells here how far it has read, so that the loop can wait for it: a run that can be repeated
+//! bit for bit is recorded whole.
+//!
 //! The machine is on the board so that names of axes come from the group that runs, never from a file that another
 //! program has read: with another order of axes, another axis would move.
 //!
 //! [`Stops`] runs in the loop of control-proc: loads and stores of a few words.
 
+use std::path::PathBuf;
+
 use iceoryx2::prelude::*;
-use iceoryx2_bb_concurrency::atomic::{AtomicU32, Ordering};
+use iceoryx2_bb_concurrency::atomic::{AtomicU32, AtomicU64, Ordering};
 use iceoryx2_cal::{
     dynamic_storage::{DynamicStorage, DynamicStorageBuilder, DynamicStorageOpenOrCreateError},
     named_concept::{NamedConceptBuilder, NamedConceptConfiguration, NamedConceptMgmt},
 };
 use thiserror::Error;
 
-use super::{prefix::Prefix, service::OPEN_PATIENCE, storage::Reserved};
+use super::{
+    folder::{Foreign, owned},
+    names::{BOARD, memory},
+    prefix::Prefix,
+    service::OPEN_PATIENCE,
+    storage::Reserved,
+};
 use crate::{MAX_AXES, MAX_NAME, layout::shared_struct, machine::Machine, message::ValveCommand};
 
 /// Parts of [`BOARD`](super::names::BOARD) for iceoryx2, which puts the line before them.
@@ -100,7 +111,7 @@ impl GroupMachine {
 /// What is in shared memory.
 #[derive(Debug, ZeroCopySend)]
 #[repr(C)]
-#[type_name("hydraxis.Board/1")]
+#[type_name("hydraxis.Board/2")]
 pub struct Page {
     machine: GroupMachine,
     /// Stops asked for, of each axis and of all with cut-off; and those that control-proc has acted on.
@@ -113,6 +124,8 @@ pub struct Page {
     /// Of the last command: flags and mode of each axis, as in its message.
     flags: [AtomicU32; MAX_AXES],
     operation: [AtomicU32; MAX_AXES],
+    /// Ticks whose messages a recorder has read, in lock-step.
+    recorded: AtomicU64,
 }
 
 /// Why there is no board of a group.
@@ -132,6 +145,17 @@ pub enum BoardError {
         /// What is different of the machine of this program.
         own: String,
     },
+    /// The group is another user's.
+    #[error(
+        "group \"{prefix}\" runs as user {owner}; allowed: commands of that user: type `sudo -u '#{owner}'` before \
+         this one"
+    )]
+    Foreign {
+        /// The group.
+        prefix: Prefix,
+        /// User that it belongs to.
+        owner: u32,
+    },
     /// The shared memory cannot be had.
     #[error("group \"{prefix}\": its board in shared memory cannot be used: {source:?}")]
     Library {
@@ -140,6 +164,16 @@ pub enum BoardError {
         /// What iceoryx2 said.
         source: DynamicStorageOpenOrCreateError,
     },
+}
+
+impl BoardError {
+    fn of(prefix: &Prefix, source: DynamicStorageOpenOrCreateError) -> Self {
+        let is_board = |path: &PathBuf| path.to_string_lossy().ends_with(BOARD);
+        match memory(prefix).into_iter().find(is_board).map(|path| owned(&path)) {
+            Some(Err(Foreign::Owner { owner, .. })) => Self::Foreign { prefix: prefix.clone(), owner },
+            _ => Self::Library { prefix: prefix.clone(), source },
+        }
+    }
 }
 
 /// The board of one group.
@@ -209,13 +243,14 @@ impl Board {
                     emergency_reset: AtomicU32::new(0),
                     flags: zero(),
                     operation: zero(),
+                    recorded: AtomicU64::new(0),
                 });
                 true
             })
             .open_or_create();
         match opened {
             Ok(page) => Ok(Self { prefix: prefix.clone(), page }),
-            Err(source) => Err(BoardError::Library { prefix: prefix.clone(), source }),
+            Err(source) => Err(BoardError::of(prefix, source)),
         }
     }
 
@@ -233,6 +268,16 @@ impl Board {
     pub fn state(&self, axis: usize) -> (u32, u32) {
         let page = self.page.get();
         (page.flags[axis].load(Ordering::Acquire), page.operation[axis].load(Ordering::Acquire))
+    }
+
+    /// Tells that a recorder has read all messages of so many ticks.
+    pub fn set_recorded(&self, ticks: u64) {
+        self.page.get().recorded.store(ticks, Ordering::Release);
+    }
+
+    /// Number of ticks whose messages a recorder has read.
+    pub fn recorded(&self) -> u64 {
+        self.page.get().recorded.load(Ordering::Acquire)
     }
 
     /// Numbers of stops that were asked for so far: of each axis, and of all with cut-off.

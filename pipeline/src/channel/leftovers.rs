@@ -14,13 +14,14 @@
 
 use std::{
     collections::BTreeMap,
-    fs::File,
+    fs::{File, OpenOptions},
     io::ErrorKind,
+    os::unix::fs::OpenOptionsExt,
     path::{Path, PathBuf},
     time::Duration,
 };
 
-use rustix::process::geteuid;
+use rustix::{fs::OFlags, process::geteuid};
 
 use super::{
     error::RemoveError,
@@ -92,9 +93,12 @@ pub fn groups() -> Vec<FoundGroup> {
     let one = |(prefix, mut files): (String, Vec<PathBuf>)| {
         let prefix: Prefix = prefix.parse().ok()?;
         files.sort();
-        let state = match lock(&prefix, false) {
-            _ if files.iter().any(|path| owned(path).is_err()) => GroupState::Foreign,
+        // A foreign folder is not looked into: what is in it is another user's. A foreign file beside a group that
+        // lives does not make it another user's.
+        let is_foreign = |path: &PathBuf| owned(path).is_err();
+        let state = match if is_foreign(&prefix.folder()) { Lock::Missing } else { lock(&prefix, false) } {
             Lock::Held => GroupState::Alive,
+            _ if files.iter().any(is_foreign) => GroupState::Foreign,
             Lock::Taken { .. } => GroupState::Dead,
             Lock::Missing if is_mapped(&files) => GroupState::Alive,
             Lock::Missing => GroupState::Unknown,
@@ -199,8 +203,11 @@ fn lock_file(path: &Path) -> Lock {
         if again > 0 {
             std::thread::sleep(PAUSE);
         }
-        let file = match File::open(path) {
-            Ok(file) => file,
+        // Trap: opening a FIFO waits for its writer, which may never come. A link may point to one.
+        let options = (OFlags::NONBLOCK | OFlags::NOFOLLOW).bits() as i32;
+        let file = match OpenOptions::new().read(true).custom_flags(options).open(path) {
+            Ok(file) if file.metadata().is_ok_and(|found| found.is_file()) => file,
+            Ok(_) => return Lock::Missing,
             // A file with the name of the folder is no group either.
             Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
                 return Lock::Missing;
@@ -247,7 +254,12 @@ fn is_member_program(process: &Path) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::{
+        atomic::{AtomicBool, Ordering},
+        mpsc::channel,
+    };
+
+    use rustix::fs::{CWD, FileType, Mode, mknodat};
 
     use super::*;
 
@@ -275,6 +287,22 @@ mod tests {
         ] {
             assert_eq!(prefix(&name), None, "{name}");
         }
+    }
+
+    #[test]
+    fn a_fifo_in_the_place_of_a_lock_keeps_nobody_waiting() {
+        let prefix: Prefix = format!("t{}-fifo", std::process::id()).parse().unwrap();
+        let folder = prefix.folder();
+        std::fs::create_dir_all(&folder).unwrap();
+        mknodat(CWD, folder.join(MEMBERS), FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
+        let (said, saying) = channel();
+        let looked = std::thread::spawn(move || said.send(matches!(lock(&prefix, false), Lock::Missing)));
+        let is_missing = saying.recv_timeout(Duration::from_secs(5));
+        // A thread that still waits gets its writer.
+        let _ = OpenOptions::new().write(true).custom_flags(OFlags::NONBLOCK.bits() as i32).open(folder.join(MEMBERS));
+        looked.join().unwrap().ok();
+        std::fs::remove_dir_all(&folder).unwrap();
+        assert_eq!(is_missing, Ok(true));
     }
 
     #[test]

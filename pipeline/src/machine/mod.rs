@@ -8,6 +8,7 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics`, `mechanism`, `soil` | the tables of the whole machine |
+//! | `tip` | a motion of the bucket's teeth |
 //! | `axis/` | the tables of one axis |
 //! | `count_length` | length of one count of a sensor at a joint |
 //! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |
@@ -34,6 +35,7 @@ mod soil;
 mod source;
 mod stages;
 mod timing;
+mod tip;
 
 use std::{
     borrow::Cow,
@@ -63,6 +65,7 @@ pub use soil::Soil;
 pub use source::{Drive, Source};
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
+pub use tip::{TipPiece, TipShape, TipTask};
 
 use crate::{MAX_AXES, layout, nearest::did_you_mean_file};
 
@@ -70,7 +73,7 @@ use crate::{MAX_AXES, layout, nearest::did_you_mean_file};
 pub const BUILT_IN: &str = include_str!("../../../examples/excavator.toml");
 
 /// The model of the built-in machine that commissioning has found; the same text is in `examples/`.
-const BUILT_IN_MODEL: &str = include_str!("../../../examples/excavator-model.toml");
+pub const BUILT_IN_MODEL: &str = include_str!("../../../examples/excavator-model.toml");
 
 /// A machine of four independent axes with fast valves, on which estimators and controllers are tested.
 pub const FOUR_AXES: &str = include_str!("../../../examples/four-axes.toml");
@@ -96,6 +99,8 @@ pub struct Machine {
     pub mechanism: Option<Mechanism>,
     /// Soil in front of the teeth of the mechanism, if there is one.
     pub soil: Option<Soil>,
+    /// The motion of the teeth that axes with a reference of kind `tip` follow, if there is one.
+    pub tip: Option<TipTask>,
     /// What changes while the simulated machine works.
     pub scenario: Scenario,
     /// The axes, in the order of the file.
@@ -194,7 +199,7 @@ impl Machine {
             }
             axis
         });
-        let text = format!("{:?} {:?}", self.timing, axes.collect::<Vec<_>>());
+        let text = format!("{:?} {:?} {:?}", self.timing, self.tip, axes.collect::<Vec<_>>());
         // The lower half goes into every message, where 0 means none.
         layout::named(&text) | 1
     }
@@ -265,6 +270,9 @@ impl Machine {
         let is_simulated = axes.iter().any(|axis| axis.plant.is_some());
         let hydraulics = Hydraulics::read(root.section("supply"), root.section("oil"), is_simulated);
         let soil = Soil::read(root.section("soil"), mechanism.is_some());
+        let section = root.section("tip");
+        let tip = TipTask::read(section, mechanism.is_some());
+        TipTask::expect_followers(tip.as_ref(), &root.section("tip"), &axes);
         let described = Described { axes: &names, has_mechanism: mechanism.is_some(), has_soil: soil.is_some() };
         let scenario = Scenario::read(&mut root, &described);
         let values = root.values();
@@ -272,7 +280,7 @@ impl Machine {
             axis.hardware = Hardware::of(&values, &names, &axis.name);
         }
         root.finish();
-        Self { name, timing, realtime, stages, source, drive, hydraulics, mechanism, soil, scenario, axes }
+        Self { name, timing, realtime, stages, source, drive, hydraulics, mechanism, soil, tip, scenario, axes }
     }
 
     /// The twin of a machine whose source is external: the same machine, simulated by its tables `plant`, `supply` and

@@ -53,7 +53,9 @@ impl Source {
         let source = match kind {
             Some(REPLAY) => {
                 let file = section.key("file", "The record to replay, with kind = \"replay\"");
-                Self::Replay(folder.join(file.text("the path of a CSV record, relative to the machine file")))
+                Self::Replay(folder.join(
+                    file.text("the path of a record, CSV or MCAP of `hydraxis record`, relative to the machine file"),
+                ))
             }
             Some(EXTERNAL) => {
                 command = program(

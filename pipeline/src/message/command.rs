@@ -147,9 +147,54 @@ pub mod control_flag {
     ];
 }
 
+/// Bits of [`CommandInputs::events`].
+pub mod command_event {
+    /// The lowest bits: these axes were disarmed by a stop, the first axis lowest.
+    pub const STOPPED: u32 = 255;
+    /// An emergency stop was asked for on the board, or came with a sample that was not worked.
+    pub const EMERGENCY_STOP: u32 = 256;
+    /// The controller began armed; in its first command only.
+    pub const ARMED: u32 = 512;
+    /// No sample came, so the axes were made neutral for now.
+    pub const SILENT: u32 = 1024;
+    /// No sample came for too long, so the axes were latched.
+    pub const LOST: u32 = 2048;
+    /// The clocks said nothing of the age of a sample, so the axes were latched.
+    pub const CLOCK: u32 = 4096;
+    /// Too many commands in a row were late, so the axes were latched and this command is neutral.
+    pub const DEADLINE: u32 = 8192;
+    /// The message repeats the command of its sample after a stop; no new sample had come.
+    pub const REPEATED: u32 = 16384;
+    /// The message is neutral without a decision: no new sample had come, or the controller ends.
+    pub const NEUTRAL: u32 = 32768;
+}
+
+shared_struct! {
+    /// What a [`ValveCommand`] was made of, beside its sample: enough to make it again from a recording.
+    #[type_name("hydraxis.CommandInputs/1")]
+    pub struct CommandInputs {
+        /// Number of the snapshot that was used, plus 1; 0 without a snapshot.
+        pub snapshot: u64,
+        /// Session of the program that has sent the newest [`Reference`](super::Reference); 0 without a reference.
+        pub reference_session: u64,
+        /// Number of the newest reference.
+        pub reference_number: u64,
+        /// Count of the [`Request`](super::Request) messages that control-proc has read so far.
+        pub requests: u64,
+        /// Session of the publisher of the last request that was read; 0 before the first one.
+        pub request_session: u64,
+        /// Number of the last request that was read.
+        pub request_number: u64,
+        /// What happened between the command before and this one, [`command_event`] bits.
+        pub events: u32,
+        /// Zero.
+        pub reserved: u32,
+    }
+}
+
 shared_struct! {
     /// The valve commands of one tick: control-proc (or a recording) to plant-sim and ident-proc.
-    #[type_name("hydraxis.ValveCommand/7")]
+    #[type_name("hydraxis.ValveCommand/8")]
     pub struct ValveCommand {
         /// `sequence` names the sample that the command was made from.
         pub header: Header,
@@ -161,6 +206,8 @@ shared_struct! {
         pub reserved: u32,
         /// Session of the [`Request`](super::Request)s that count, or counted last; 0 before the first.
         pub operator: u64,
+        /// What the command was made of; zero in a replay.
+        pub inputs: CommandInputs,
     }
 }
 message!(ValveCommand, "valve-command", publishers 1, buffer 256);

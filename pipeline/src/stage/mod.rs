@@ -15,10 +15,12 @@
 //! |---|---|---|
 //! | `run`, `turn`, `channels` | the loop, one turn of it, the channels that a stage reads | yes |
 //! | `accounting` | counters and latencies | yes |
+//! | `recorder` | waiting for a recorder, in lock-step | yes |
 //! | `rights` | core, priority, locked memory | no: before the loop |
 
 mod accounting;
 mod channels;
+mod recorder;
 mod rights;
 mod run;
 mod turn;
@@ -27,6 +29,7 @@ use std::sync::{Arc, atomic::AtomicBool};
 
 pub use accounting::Accounting;
 pub use channels::Channels;
+pub use recorder::RecorderGate;
 pub use rights::{Missing, RightError, lock_memory, missing, pin, schedule};
 pub use run::{Stage, run};
 pub use turn::{Next, Turn, Waiter};
@@ -66,6 +69,8 @@ pub struct StageOptions {
     /// Number of the first tick of a source that releases ticks by time. A source that was started again continues the
     /// numbers, since its readers take a number that does not rise for a repetition.
     pub first_tick: u64,
+    /// Lock-step only: the source of the ticks waits for a recorder, so that it misses no message.
+    pub is_recorded: bool,
     /// Whether the stage warns of rights that it could not have; false when the supervisor has warned already.
     pub warn: bool,
     /// Set by a signal: the stage ends soon, with the valve neutral.

@@ -1,16 +1,14 @@
 //! The stage with the source `replay`: a recording takes the place of encoders and controller.
 
-use std::path::Path;
-
 use pipeline::{
-    channel::{Group, Publisher, Reader},
+    channel::{Board, Group, Publisher, Reader},
     machine::Machine,
     message::{CoefficientSnapshot, ValveCommand},
-    stage::{Channels, Clock, Next, Stage, StageError, Turn, Waiter, monotonic_ns},
+    stage::{Channels, Clock, Next, RecorderGate, Stage, StageError, StageOptions, Turn, Waiter, monotonic_ns},
 };
 
 use super::{output::Output, timer::Timer};
-use crate::{recording::Recording, replay::Replay};
+use crate::replay::Replay;
 
 /// The stage with the source `replay`.
 pub struct Recorded {
@@ -19,32 +17,34 @@ pub struct Recorded {
     commands: Publisher<ValveCommand>,
     /// In lock-step only: the next row is sent after ident-proc has answered the last one.
     snapshots: Option<Reader<CoefficientSnapshot>>,
+    recorder: RecorderGate,
     timer: Option<Timer>,
     period_ns: u64,
     next: u64,
 }
 
 impl Recorded {
-    /// Reads the recording and joins the channels of `group`. The first row sent is that with the number `first_tick`.
+    /// Joins the channels of `group`. The first row sent is that with the number of the first tick of `options`.
     ///
     /// # Errors
-    /// The recording cannot be replayed on this machine, or a channel cannot be used.
+    /// A channel cannot be used.
     pub fn new(
+        core: Replay,
         machine: &Machine,
-        file: &Path,
-        clock: Clock,
-        first_tick: u64,
+        options: &StageOptions,
         group: &Group,
+        board: Board,
     ) -> Result<Self, StageError> {
-        let recordings = Recording::read_all(machine, file).map_err(StageError::setup)?;
+        let clock = options.clock;
         Ok(Self {
-            core: Replay::new(machine, recordings),
+            core,
             output: Output::new(group, clock)?,
             commands: group.publisher()?,
             snapshots: if clock == Clock::LockStep { Some(group.reader()?) } else { None },
+            recorder: RecorderGate::new(board, options),
             timer: None,
             period_ns: machine.timing.period.as_nanos() as u64,
-            next: first_tick,
+            next: options.first_tick,
         })
     }
 
@@ -55,6 +55,9 @@ impl Recorded {
                 if let Some(last) = self.next.checked_sub(1)
                     && !turn.wait_for(&Waiter::Yield, || snapshots.reach(last))?
                 {
+                    return Ok(None);
+                }
+                if !self.recorder.admits(turn, self.next)? {
                     return Ok(None);
                 }
                 turn.pick_up(snapshots.last().map_or_else(monotonic_ns, |snapshot| snapshot.header.sent_ns));

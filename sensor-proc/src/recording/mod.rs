@@ -85,13 +85,17 @@ impl Recording {
                 Err(RecordingError::NoTime(_)) => Self::read(file, input, output, Some(period.as_secs_f64()))?,
                 other => other?,
             };
-            recording.check_period(period, file)?;
+            recording.expect_period(period, file)?;
             recordings.push(recording);
         }
         Ok(recordings)
     }
 
-    fn check_period(&self, period: Duration, file: &Path) -> Result<(), ReplayError> {
+    /// Refuses a recording whose mean period is not `period`, within 1 %.
+    ///
+    /// # Errors
+    /// It was recorded with another period.
+    pub fn expect_period(&self, period: Duration, file: &Path) -> Result<(), ReplayError> {
         let expected = period.as_secs_f64();
         if (self.period / expected - 1.0).abs() > PERIOD_TOLERANCE {
             return Err(ReplayError::Period { file: file.into(), found: self.period, expected });

@@ -4,7 +4,7 @@ use std::{path::PathBuf, time::Duration};
 
 use clap::{Args, Subcommand};
 
-use super::{contest::ControllerKind, drawn::Half};
+use super::{contest::ControllerKind, drawn::Half, tip::BenchTipArguments};
 use crate::arguments::{
     BareMachine,
     values::{duration, in_range, whole},
@@ -17,6 +17,8 @@ pub enum Bench {
     Control(BenchControlArguments),
     /// Identify generated records with `auto` and with every constant forgetting factor, and compare the h-step errors
     Identify(BenchIdentifyArguments),
+    /// Drive the bucket's teeth along lines, slopes and a circle, and compare their distances from the way
+    Tip(BenchTipArguments),
 }
 
 /// `bench control`.

@@ -15,6 +15,7 @@ mod drawn;
 mod generated;
 mod parallel;
 mod report;
+pub mod tip;
 
 use std::time::Duration;
 

@@ -14,10 +14,10 @@ mod sensors;
 use std::path::PathBuf;
 
 use clap::Args;
-use control_proc::Controller;
+use control_proc::{Controller, tip::TipPlan};
 use pipeline::machine::{Axis, DeadBand, Drive, Machine, Source, StageKind};
 use plant_sim::PlantSim;
-use sensor_proc::{Recording, Replay};
+use sensor_proc::Replay;
 
 use super::{
     doctor::Kept,
@@ -26,6 +26,7 @@ use super::{
 use crate::{
     arguments::{MachineFile, load},
     failure::Failure,
+    recording::rows::read_recordings,
     report::output::show,
 };
 
@@ -183,13 +184,15 @@ pub fn deep(machine: &Machine) -> Result<Option<u64>, Failure> {
                 problems.extend(PlantSim::new(machine, 0).err().map(|error| error.to_string()));
             }
             Source::Sim => problems.extend(PlantSim::new(&alone, 0).err().map(|error| error.to_string())),
-            Source::Replay(file) => match Recording::read_all(&alone, file) {
+            Source::Replay(file) => match read_recordings(&alone, file) {
                 Ok(recordings) => rows = Some(Replay::new(&alone, recordings).len()),
                 Err(error) => problems.push(format!("source.file: {error}")),
             },
             Source::External => {}
         }
     }
+    // The axes of the teeth are planned together only.
+    problems.extend(TipPlan::of(machine).err().map(|error| error.to_string()));
     // A file that all axes share has the same problem for each of them.
     problems.dedup();
     verdict(&problems).map(|()| rows)

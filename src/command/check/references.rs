@@ -165,7 +165,7 @@ fn key(axis: &Axis) -> String {
         ReferenceSource::Sines { .. } => ".sines",
         ReferenceSource::Ramps(_) => ".positions",
         ReferenceSource::Trajectory { .. } => ".file",
-        ReferenceSource::Hold | ReferenceSource::Channel => "",
+        ReferenceSource::Hold | ReferenceSource::Channel | ReferenceSource::Tip => "",
     };
     format!("axis.{}.reference{key}", axis.name)
 }

@@ -2,10 +2,13 @@
 
 use crate::{
     failure::Failure,
-    recording::{reading::ReadMessage, schema::Column},
+    recording::{
+        reading::ReadMessage,
+        schema::{Column, Kind, Value},
+    },
 };
 
-use super::{Rows, Sheet};
+use super::{Rows, sheet::Sheet, table::Heading, units::unit};
 
 /// The table of one channel.
 pub(super) struct ChannelTable {
@@ -44,15 +47,17 @@ impl Rows for ChannelTable {
             let named = |column: &Column| Some((self.name(&column.name, axes)?, column.clone()));
             self.columns = message.channel.columns.iter().filter_map(named).collect();
         }
-        out.header(|| {
-            let names = self.columns.iter().map(|(name, _)| (name.clone(), ""));
-            [("t".to_owned(), "s"), ("log_time".to_owned(), "ns")].into_iter().chain(names).collect()
+        out.headings(|| {
+            let of = |(name, column): &(String, Column)| {
+                Heading::new(name.clone(), unit(&self.channel, &column.name), column.kind())
+            };
+            let log_time = Heading::new("log_time", "ns", Kind::Unsigned(8));
+            [log_time].into_iter().chain(self.columns.iter().map(of)).collect()
         })?;
         let t = message.log_ns.saturating_sub(begin) as f64 * 1e-9;
         out.row(t, || {
-            let value = |column: &Column| column.value(&message.bytes).map_or(String::new(), |value| value.to_string());
-            let values = self.columns.iter().map(|(_, column)| value(column));
-            [format!("{t:.9}"), message.log_ns.to_string()].into_iter().chain(values).collect()
+            let values = self.columns.iter().map(|(_, column)| column.value(&message.bytes));
+            [Some(Value::Unsigned(message.log_ns))].into_iter().chain(values).collect()
         })
     }
 

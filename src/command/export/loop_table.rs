@@ -8,28 +8,36 @@ use crate::{
     failure::Failure,
     recording::{
         reading::{Picked, ReadMessage},
-        schema::Value,
+        schema::{Kind, Value},
     },
 };
 
-use super::{Rows, Sheet};
+use super::{Rows, sheet::Sheet, table::Heading};
 
 /// Samples that wait for their commands.
 const WAITING: usize = 64;
 /// Numbers of the header before those of the axes: the tick, and the time of its acquisition.
 const OF_HEADER: [&str; 2] = ["header.sequence", "header.acquired_ns"];
+/// Type of bits and of numbers of modes.
+const BITS: Kind = Kind::Unsigned(4);
 /// Columns of every axis from the sample, with their units.
-const OF_SAMPLE: [(&str, &str); 3] = [("position", "m"), ("velocity", "m/s"), ("faults", "")];
+const OF_SAMPLE: [(&str, &str, Kind); 3] =
+    [("position", "m", Kind::Float), ("velocity", "m/s", Kind::Float), ("faults", "", BITS)];
 /// Columns of every axis from the command, with their units.
-const OF_COMMAND: [(&str, &str); 5] =
-    [("command", ""), ("reference", "m"), ("error", "m"), ("mode", ""), ("flags", "")];
+const OF_COMMAND: [(&str, &str, Kind); 5] = [
+    ("command", "", Kind::Float),
+    ("reference", "m", Kind::Float),
+    ("error", "m", Kind::Float),
+    ("mode", "", BITS),
+    ("flags", "", BITS),
+];
 
 /// A row that may wait for its command.
 struct Row {
     tick: u64,
     acquired_ns: u64,
-    of_sample: Vec<String>,
-    of_command: Option<Vec<String>>,
+    of_sample: Vec<Option<Value>>,
+    of_command: Option<Vec<Option<Value>>>,
 }
 
 /// The table of all ticks.
@@ -44,12 +52,12 @@ pub(super) struct LoopTable {
     waiting: VecDeque<Row>,
 }
 
-/// Tick, time of the acquisition, and the numbers of the axes as texts.
-fn numbers(picked: &mut Picked, message: &ReadMessage) -> (u64, u64, Vec<String>) {
+/// Tick, time of the acquisition, and the numbers of the axes.
+fn numbers(picked: &mut Picked, message: &ReadMessage) -> (u64, u64, Vec<Option<Value>>) {
     let mut values = picked.values(message);
     let mut header = || values.next().flatten().map_or(0, Value::as_u64);
     let (tick, acquired_ns) = (header(), header());
-    (tick, acquired_ns, values.map(|value| value.map_or(String::new(), |value| value.to_string())).collect())
+    (tick, acquired_ns, values.collect())
 }
 
 impl LoopTable {
@@ -68,9 +76,9 @@ impl LoopTable {
     fn choose(&mut self, all: &[String]) {
         let is_asked = |name: &String| self.asked.is_empty() || self.asked.contains(name);
         let chosen: Vec<(usize, &String)> = all.iter().enumerate().filter(|(_, name)| is_asked(name)).collect();
-        let picked = |fields: &[(&str, &str)]| {
+        let picked = |fields: &[(&str, &str, Kind)]| {
             let of_axes =
-                chosen.iter().flat_map(|(i, _)| fields.iter().map(move |(name, _)| format!("axes[{i}].{name}")));
+                chosen.iter().flat_map(|(i, _)| fields.iter().map(move |(name, ..)| format!("axes[{i}].{name}")));
             Picked::new(OF_HEADER.map(str::to_owned).into_iter().chain(of_axes))
         };
         (self.sample, self.command) = (picked(&OF_SAMPLE), picked(&OF_COMMAND));
@@ -81,12 +89,12 @@ impl LoopTable {
     fn write(&mut self, out: &mut Sheet) -> Result<(), Failure> {
         let Some(Row { tick, acquired_ns, of_sample, of_command }) = self.waiting.pop_front() else { return Ok(()) };
         let axes = self.axes.as_deref().unwrap_or_default();
-        out.header(|| header(axes))?;
+        out.headings(|| headings(axes))?;
         let begin = *self.begin_ns.get_or_insert(acquired_ns);
         let t = acquired_ns.saturating_sub(begin) as f64 * 1e-9;
         out.row(t, || {
-            let mut row = vec![format!("{t:.9}"), tick.to_string()];
-            let of_command = of_command.unwrap_or_else(|| vec![String::new(); OF_COMMAND.len() * axes.len()]);
+            let mut row = vec![Some(Value::Unsigned(tick))];
+            let of_command = of_command.unwrap_or_else(|| vec![None; OF_COMMAND.len() * axes.len()]);
             for (sample, command) in of_sample.chunks(OF_SAMPLE.len()).zip(of_command.chunks(OF_COMMAND.len())) {
                 row.extend_from_slice(sample);
                 row.extend_from_slice(command);
@@ -96,11 +104,15 @@ impl LoopTable {
     }
 }
 
-/// Names and units of the columns.
-fn header(axes: &[String]) -> Vec<(String, &'static str)> {
+/// The columns but the time.
+fn headings(axes: &[String]) -> Vec<Heading> {
     let all = || OF_SAMPLE.iter().chain(&OF_COMMAND);
-    let of_axes = axes.iter().flat_map(|axis| all().map(move |(name, unit)| (format!("{axis}.{name}"), *unit)));
-    [("t".to_owned(), "s"), ("tick".to_owned(), "")].into_iter().chain(of_axes).collect()
+    let of_axis = |axis: &String| {
+        let heading =
+            |(name, unit, kind): &(&str, &'static str, Kind)| Heading::new(format!("{axis}.{name}"), unit, *kind);
+        all().map(heading).collect::<Vec<_>>()
+    };
+    [Heading::new("tick", "", Kind::Unsigned(8))].into_iter().chain(axes.iter().flat_map(of_axis)).collect()
 }
 
 impl Rows for LoopTable {

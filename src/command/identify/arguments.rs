@@ -14,6 +14,9 @@ use crate::arguments::{
     values::{DeadBand, Knots, Rows, Samples, estimator, forgetting, in_range, positive},
 };
 
+/// Most files at a time.
+const MOST_JOBS: usize = 1024;
+
 /// `identify`.
 #[derive(Debug, Args)]
 #[command(allow_negative_numbers = true)]
@@ -25,16 +28,18 @@ Examples:
   hydraxis identify boom.csv --na 2 --integrator --drift --dead-band 0.07,0.1 --knots 0,0.2,0.5
   hydraxis identify step1.csv step2.csv --test step3.csv      several recordings, tested on another one
   hydraxis identify log.txt --input \"Valve command\" --output 4 --unit 4=mm
+  hydraxis identify run.mcap --axis boom                      an axis of a recording of `hydraxis record`
   hydraxis identify boom.csv --report boom.html --model-out boom.toml --csv boom_models.csv
   hydraxis identify boom.csv --select --na 2 --compare        search the structure with na = 2, compare estimators
+  hydraxis identify recordings/ --jsonl models.jsonl          each file on its own, a line of JSON for each
 
 Identifies a Hammerstein model offline on the first rows. Then it compares, on the other rows, the held classical model
 with the adaptive model that is updated at each row. A row has y(k), and the u(k) that was applied from t(k) on. The
 most important figure is the h-step error: the error of a prediction --horizon ahead with the coefficients held, which
 is how a predictive controller uses the model.")]
 pub struct IdentifyArguments {
-    /// Recordings: one row per sample, with commas, semicolons, tabs or blanks between the fields. Nothing is combined
-    /// over the gap between two of them
+    /// Recordings: tables with one row per sample, with commas, semicolons, tabs or blanks between the fields, or MCAP
+    /// as `hydraxis record` writes it. Nothing is combined over the gap between two of them. With --jsonl also folders
     #[arg(required = true)]
     pub data: Vec<PathBuf>,
     /// Recording for the test; may be given several times. All other recordings are for training then
@@ -125,6 +130,17 @@ pub struct IdentifyArguments {
     /// Write predictions, residuals and coefficients row by row as CSV to a file, or to standard output with -
     #[arg(long, value_name = "FILE.csv")]
     pub csv: Option<PathBuf>,
+    /// Identify a model on each recording on its own, and write a line of JSON for each: the file, its SHA-256, the
+    /// options, and the figures of --json or the error with its kind and place. Exit code 1 if a file failed
+    #[arg(long, value_name = "OUT", conflicts_with_all = ["test", "json", "report", "model_out", "csv"])]
+    pub jsonl: Option<PathBuf>,
+    /// Go on where another run has ended: files with a line of the same options in OUT are left out, unless their
+    /// content has changed. A last line that a kill has torn is removed
+    #[arg(long, requires = "jsonl")]
+    pub resume: bool,
+    /// Files at a time [default: one for each core]
+    #[arg(long, value_name = "N", requires = "jsonl", value_parser = in_range(1, MOST_JOBS))]
+    pub jobs: Option<usize>,
 }
 
 /// `--form`.

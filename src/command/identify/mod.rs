@@ -8,9 +8,11 @@ mod course;
 mod files;
 mod grid;
 mod held_out;
+mod many;
 mod model_out;
 mod pictures;
 mod record;
+mod recorded;
 mod report;
 mod residuals;
 mod rows;
@@ -20,6 +22,7 @@ mod settings;
 mod structure;
 mod verdict;
 
+use indicatif::ProgressBar;
 use pipeline::machine::Identification;
 
 use crate::{
@@ -42,6 +45,13 @@ pub use verdict::{Reason, Verdict};
 
 /// Runs the command.
 pub fn run(arguments: &IdentifyArguments) -> Result<(), Failure> {
+    if let Some(out) = &arguments.jsonl {
+        return many::run(arguments, out);
+    }
+    if let Some(folder) = arguments.data.iter().find(|path| path.is_dir()) {
+        let folder = folder.display();
+        return Err(Failure::usage(format!("{folder}: found a folder; allowed: files, or a folder with --jsonl OUT")));
+    }
     let typed = TypedStructure::new(arguments)?;
     let record = Record::read(&arguments.data, &arguments.test, &arguments.columns)?;
     let mut settings = settings(arguments, &typed, &record)?;
@@ -52,7 +62,8 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), Failure> {
     if others.iter().any(|(_, path)| path.as_deref().is_some_and(is_stdout)) {
         output = output.without_tables();
     }
-    let selection = if arguments.select { Some(search(&settings, &typed, &record)?) } else { None };
+    let structures = progress(0, "structures");
+    let selection = arguments.select.then(|| search(&settings, &typed, &record, &structures)).transpose()?;
     if let Some(selection) = &selection {
         settings.structure = selection.chosen.candidate.structure;
         check_estimator(&settings)?;
@@ -69,9 +80,14 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), Failure> {
     Ok(output.write(|| report.tables(), &report)?)
 }
 
-fn search(settings: &Identification, typed: &TypedStructure, record: &Record) -> Result<Selection, Failure> {
-    let progress = progress(0, "structures");
-    let selection = select(settings, typed, record, &progress);
+/// The best structure. `progress` shows how far the search is.
+fn search(
+    settings: &Identification,
+    typed: &TypedStructure,
+    record: &Record,
+    progress: &ProgressBar,
+) -> Result<Selection, Failure> {
+    let selection = select(settings, typed, record, progress);
     progress.finish_and_clear();
     selection.ok_or_else(|| {
         let gaps = if record.stretches().nth(1).is_some() { ": the gaps leave too few rows for it" } else { "" };

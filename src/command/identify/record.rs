@@ -12,6 +12,7 @@ use pipeline::{
 use sensor_proc::log::{Cause, Found, FoundColumn, Gap, Gaps, Log};
 use serde::Serialize;
 
+use super::recorded::{MCAP, read_log};
 use crate::{
     arguments::ColumnArguments,
     failure::Failure,
@@ -63,7 +64,6 @@ impl Record {
     /// # Errors
     /// A recording cannot be read, or its period or units are not those of the first one.
     pub fn read(data: &[PathBuf], test: &[PathBuf], columns: &ColumnArguments) -> Result<Self, Failure> {
-        let wanted = columns.wanted();
         let mut record = Self {
             period: 0.0,
             times: Vec::new(),
@@ -78,7 +78,7 @@ impl Record {
         let mut rows = 0.0;
         let training = data.iter().map(|file| (file, false));
         for (file, test) in training.chain(test.iter().map(|file| (file, true))) {
-            let log = Log::read(file, &wanted).map_err(Failure::usage)?;
+            let log = read_log(file, columns)?;
             record.expect_the_same(file, &log)?;
             rows += log.outputs.len() as f64;
             record.period += (log.period - record.period) * (log.outputs.len() as f64 / rows);
@@ -189,7 +189,7 @@ pub fn text(recordings: &[ReadRecording]) -> String {
         }
     }
     let with_gaps = recordings.iter().filter(|recording| recording.gaps.any());
-    text + &with_gaps.map(|recording| gaps(&recording.file, &recording.gaps)).collect::<String>()
+    text + &with_gaps.map(gaps).collect::<String>()
 }
 
 /// The format of a file in words.
@@ -214,6 +214,14 @@ fn format(found: &Found) -> String {
         (true, true) => ", a row of units",
         (true, false) => "",
     };
+    if found.separator == MCAP {
+        return format!(
+            "{MCAP}; time from the ticks, input \"{}\", output \"{}\"{}",
+            found.input.name,
+            found.output.name,
+            unit(&found.output)
+        );
+    }
     format!(
         "{}, {}, {}{row}; {time}, input \"{}\"{}, output \"{}\"{}",
         found.separator,
@@ -227,7 +235,10 @@ fn format(found: &Found) -> String {
 }
 
 /// The gaps of a file in words.
-fn gaps(file: &str, gaps: &Gaps) -> String {
+fn gaps(recording: &ReadRecording) -> String {
+    let ReadRecording { file, gaps, .. } = recording;
+    let line = if recording.found.separator == MCAP { "tick" } else { "line" };
+    let place = |number: usize| format!("{line} {number}");
     let count = |count: usize, one: &str, more: &str| match count {
         0 => None,
         1 => Some(format!("1 {one}")),
@@ -241,14 +252,13 @@ fn gaps(file: &str, gaps: &Gaps) -> String {
     let counts: Vec<String> = counts.into_iter().flatten().collect();
     let mut text = format!("{file}: gaps, over which nothing is combined: {}:", counts.join(", "));
     for Gap { line, cause } in gaps.places.iter().take(SHOWN_GAPS) {
-        let _ = match cause {
-            Cause::EmptyField { column } => write!(text, " line {line} (\"{column}\" empty),"),
-            Cause::MissingRows { seconds } => {
-                write!(text, " line {line} ({} s after the row before),", number(*seconds))
-            }
-            Cause::TimeNotRising { seconds: 0.0 } => write!(text, " line {line} (the time of the row before),"),
-            Cause::TimeNotRising { seconds } => write!(text, " line {line} ({} s backwards),", number(-seconds)),
+        let cause = match cause {
+            Cause::EmptyField { column } => format!("\"{column}\" empty"),
+            Cause::MissingRows { seconds } => format!("{} s after the row before", number(*seconds)),
+            Cause::TimeNotRising { seconds: 0.0 } => "the time of the row before".to_owned(),
+            Cause::TimeNotRising { seconds } => format!("{} s backwards", number(-seconds)),
         };
+        let _ = write!(text, " {} ({cause}),", place(*line));
     }
     let all = gaps.empty_rows + gaps.missing_rows + gaps.times_not_rising;
     let more = all.saturating_sub(SHOWN_GAPS);

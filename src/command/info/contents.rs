@@ -19,6 +19,9 @@ use crate::{
 
 /// Most events that the text shows.
 const SHOWN_EVENTS: usize = 20;
+/// Most events that are kept, and most lives of programs on a channel: what a file can ask for has no bound.
+const MOST_EVENTS: usize = 100_000;
+const MOST_SESSIONS: usize = 4096;
 /// Facts of the first lines of the text; the others are in the JSON only.
 const SHOWN_FACTS: [&str; 4] = ["machine", "axes", "group", "version"];
 
@@ -82,6 +85,9 @@ impl ChannelWatch {
         self.last_ns = self.last_ns.max(message.log_ns);
         self.report.messages += 1;
         let Some((session, number)) = field("header.session").zip(field("header.number")) else { return };
+        if self.last.len() >= MOST_SESSIONS && !self.last.contains_key(&session) {
+            return;
+        }
         if let Some(last) = self.last.insert(session, number) {
             self.report.missing += number.saturating_sub(last).saturating_sub(1);
         }
@@ -120,6 +126,9 @@ impl EventWatch {
         let before = std::mem::replace(&mut self.last, now);
         let axes = names.iter().zip(before.chunks(TELLING.len())).zip(self.last.chunks(TELLING.len()));
         for ((name, before), now) in axes {
+            if self.events.len() >= MOST_EVENTS {
+                break;
+            }
             let mut event = |what: String| self.events.push(Event { at_s, axis: name.clone(), what });
             let (operation, mode) = (now[0] as u32, now[1] as u32);
             if now[2] > before[2] {

@@ -142,7 +142,8 @@ Examples:
 
 Works while another program operates the group, hangs, or has taken the last place on a channel, and with the memory
 full: a stop has a path of its own. The axes move again only after `hydraxis arm` or `hydraxis operate --enable`, typed
-after this command. A latched axis is neutral already and stays latched: `hydraxis reset` shows the fault and releases
+after this command; one that was typed before it and suspended before it had looked at the group counts as typed after
+it. A latched axis is neutral already and stays latched: `hydraxis reset` shows the fault and releases
 the axis. This command is no emergency stop button, because it needs every program from here to the valve.")]
 pub struct DisarmArguments {
     /// Name of the running group [default: all groups of this user]

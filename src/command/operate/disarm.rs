@@ -57,12 +57,20 @@ fn ask(board: Board, arguments: &DisarmArguments) -> Result<Asked, Failure> {
 /// Asks every group of this user to stop. Returns those that run.
 fn ask_all(arguments: &DisarmArguments) -> Result<Vec<Asked>, Failure> {
     // The board of another user's group cannot be opened; that group is theirs to stop.
-    let own = boards().into_iter().filter_map(|prefix| Board::find(&prefix).ok().flatten());
-    let asked: Vec<Asked> = own.map(|board| ask(board, arguments)).collect::<Result<_, _>>()?;
+    let (mut asked, mut others) = (Vec::new(), String::new());
+    for prefix in boards() {
+        match Board::find(&prefix) {
+            Ok(board) => board.into_iter().try_for_each(|board| ask(board, arguments).map(|one| asked.push(one)))?,
+            Err(error) => others += &format!("\n{error}"),
+        }
+    }
     let alive: Vec<Prefix> =
         groups().into_iter().filter(|group| group.state == GroupState::Alive).map(|group| group.prefix).collect();
     let running: Vec<Asked> = asked.into_iter().filter(|(board, ..)| alive.contains(board.prefix())).collect();
-    if running.is_empty() { Err(Failure::run("no group of this user runs: nothing to disarm")) } else { Ok(running) }
+    if running.is_empty() {
+        return Err(Failure::run(format!("no group of this user runs: nothing to disarm{others}")));
+    }
+    Ok(running)
 }
 
 fn await_answer(board: &Board, ticket: &Ticket) -> Result<(), Failure> {

@@ -5,14 +5,16 @@
 mod arguments;
 
 use std::{
+    fs,
+    path::Path,
     sync::atomic::{AtomicBool, Ordering},
     thread::sleep,
     time::Duration,
 };
 
 use pipeline::{
-    channel::{ChannelError, FoundGroup, Group, GroupState, Prefix, groups, remove_leftovers},
-    machine::{BUILT_IN, Machine},
+    channel::{Board, ChannelError, FoundGroup, Group, GroupState, Prefix, groups, remove_leftovers},
+    machine::{BUILT_IN, BUILT_IN_MODEL, Machine, ReferenceSource, model_settings_in},
     stage::StageKind,
 };
 
@@ -22,22 +24,26 @@ use crate::{
     group::{
         lifeline,
         operator::OperatorError,
-        running::{machine_of, meant},
+        running::{facts_of, machine_of, meant, recording_mark},
         signals::stop_flag,
     },
     recording::{
-        Facts, default_folder,
+        Facts, MACHINE, SETTINGS, default_folder,
         recorder::{Recorded, Recorder},
+        recordings_folder,
         store::{Contents, Place, Store},
+        trajectory_name,
     },
     report::output::show,
 };
-pub use arguments::RecordArguments;
+pub use arguments::{RecordArguments, size};
 
 /// Time between two looks at the channels. At 1 kHz a channel keeps messages for ten of them.
 const POLL: Duration = Duration::from_millis(20);
 /// A group without any message for so long has ended.
 const SILENCE: Duration = Duration::from_secs(5);
+/// Longest time to end a file after the supervisor has died.
+const ENDING: Duration = Duration::from_secs(10);
 /// Least priority among the processes that share a core.
 const NICE: i32 = 19;
 
@@ -45,63 +51,103 @@ const NICE: i32 = 19;
 pub fn run(arguments: &RecordArguments) -> Result<(), Failure> {
     let stop = stop_flag()?;
     if let Some(parent) = arguments.parent {
-        lifeline::hold(parent, "record").map_err(|error| Failure::from(error).about("record"))?;
+        let held = lifeline::hold(parent, "record", ENDING);
+        held.map_err(|error| Failure::from(error).about("record"))?;
     }
     let prefix = meant(arguments.prefix.as_ref())?;
     let alive = |group: &FoundGroup| group.state == GroupState::Alive && group.prefix == prefix;
     if arguments.parent.is_none() && !groups().iter().any(alive) {
         return Err(OperatorError::NoGroup(prefix).into());
     }
-    // Without the right to it, the process keeps its priority.
-    let _ = rustix::process::nice(NICE);
     let group = Group::join(&prefix, "record").map_err(ChannelError::from)?;
     let contents = contents(&prefix)?;
     let place = match (&arguments.output, &arguments.folder) {
         (Some(file), _) => Place::File(file.clone()),
-        (None, folder) => Place::Folder(folder.clone().unwrap_or_else(default_folder), arguments.limit),
+        (None, Some(folder)) => Place::Folder(folder.clone(), arguments.limit),
+        (None, None) => Place::Folder(recordings_folder().unwrap_or_else(default_folder), arguments.limit),
     };
-    let store = Store::new(place, contents, |said| eprintln!("{said}"));
+    // A run in lock-step waits for its recorder, and does not begin without one.
+    let is_part_of_run = arguments.parent.is_some() && !arguments.lockstep;
+    let store = Store::new(place, contents, is_part_of_run, |said| eprintln!("{said}"));
     let store = store.map_err(|error| Failure::run(error).about("record"))?;
-    let path = store.path().map(|path| path.display().to_string()).unwrap_or_default();
-    let mut recorder = Recorder::new(&group, store)?;
-    show(&format!("recording: {path}\n"))?;
-    let ended = record(&mut recorder, &stop);
-    let recorded = recorder.finish();
-    drop(group);
+    let path = store.place().display().to_string();
+    let mut recorder = Recorder::new(group, store, arguments.lockstep)?;
+    if !arguments.lockstep {
+        // Without the right to it, the process keeps its priority.
+        let _ = rustix::process::nice(NICE);
+    }
+    if is_part_of_run {
+        // The supervisor goes on without it after a while.
+        let _ = fs::write(recording_mark(&prefix), path);
+    } else {
+        show(&format!("recording: {path}\n"))?;
+    }
+    let ended = if arguments.lockstep {
+        keep_up(&mut recorder, &stop, &prefix)
+    } else {
+        record(&mut recorder, &stop, is_part_of_run)
+    };
+    let ending = recorder.leave();
     // The last member of a group that has ended meanwhile removes its files.
     let _ = remove_leftovers(&prefix);
+    let recorded = ending.finish();
     ended?;
     show(&text(&recorded))?;
     Ok(())
 }
 
-/// Records until a signal or the end of the group.
-fn record(recorder: &mut Recorder, stop: &AtomicBool) -> Result<(), ChannelError> {
-    while !stop.load(Ordering::Relaxed) && recorder.silent_for() < SILENCE {
+/// Records until a signal, or, where it is no part of a run, until the end of the group.
+fn record(recorder: &mut Recorder, stop: &AtomicBool, is_part_of_run: bool) -> Result<(), Failure> {
+    while !stop.load(Ordering::Relaxed) && (is_part_of_run || recorder.silent_for() < SILENCE) {
         recorder.step()?;
         sleep(POLL);
     }
-    recorder.step()
+    Ok(recorder.step()?)
+}
+
+/// Records in lock-step until a signal: the loop waits for what is told on the board of the group.
+fn keep_up(recorder: &mut Recorder, stop: &AtomicBool, prefix: &Prefix) -> Result<(), Failure> {
+    let board = Board::find(prefix)?.ok_or_else(|| OperatorError::NoGroup(prefix.clone()))?;
+    while !stop.load(Ordering::Relaxed) {
+        recorder.step()?;
+        board.set_recorded(recorder.ticks());
+        rustix::thread::sched_yield();
+    }
+    // The stages have ended. What they have sent last is still on the channels.
+    Ok(recorder.step()?)
 }
 
 /// What stands in every file of the group.
 fn contents(prefix: &Prefix) -> Result<Contents, Failure> {
     let bare = machine_of(prefix, &[])?;
     let machine = load_bare(&bare, None).map_err(Failure::usage)?;
-    let BareMachine { machine: file, settings, .. } = bare;
+    let BareMachine { machine: file, mut settings, .. } = bare;
+    let read = |file: &Path| fs::read(file).map_err(|error| Failure::run(error).about(file.display().to_string()));
     let text = match &file {
-        Some(file) => std::fs::read(file).map_err(|error| Failure::run(error).about(file.display().to_string()))?,
-        None => BUILT_IN.as_bytes().to_vec(),
+        Some(file) => read(file)?,
+        None => {
+            // The built-in machine has its model in a text of its own.
+            settings.splice(..0, model_settings_in(BUILT_IN_MODEL, "built-in model")?);
+            BUILT_IN.as_bytes().to_vec()
+        }
     };
     let settings = serde_json::to_vec_pretty(&settings).map_err(Failure::run)?;
-    let attached = vec![("machine.toml".to_owned(), text), ("settings.json".to_owned(), settings)];
-    Ok(Contents { facts: facts(prefix, &machine), attached })
+    let mut attached = vec![(MACHINE.to_owned(), text), (SETTINGS.to_owned(), settings)];
+    for axis in &machine.axes {
+        if let ReferenceSource::Trajectory { file, .. } = &axis.reference {
+            attached.push((trajectory_name(&axis.name), read(file)?));
+        }
+    }
+    let mut facts = facts(prefix, &machine);
+    facts.extend(facts_of(prefix)?);
+    Ok(Contents { facts, attached })
 }
 
 fn facts(prefix: &Prefix, machine: &Machine) -> Facts {
     let axes: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
     [
         ("version", env!("HYDRAXIS_VERSION").to_owned()),
+        ("system", system()),
         ("group", prefix.to_string()),
         ("machine", machine.name.clone()),
         ("axes", axes.join(" ")),
@@ -112,8 +158,21 @@ fn facts(prefix: &Prefix, machine: &Machine) -> Facts {
     .into()
 }
 
+/// Name, release and processor of this computer's system.
+fn system() -> String {
+    let found = rustix::system::uname();
+    [found.sysname(), found.release(), found.machine()].map(|part| part.to_string_lossy()).join(" ")
+}
+
 fn text(recorded: &Recorded) -> String {
-    let mut text = format!("{} messages recorded, {} lost\n", recorded.messages, recorded.all_lost());
+    let mut text = match &recorded.stored.path {
+        Some(path) => format!("recording: {}", path.display()),
+        None => "recording: no file".to_owned(),
+    };
+    if recorded.stored.files > 1 {
+        text += &format!(", the last of {} files", recorded.stored.files);
+    }
+    text += &format!("; {} messages recorded, {} lost\n", recorded.messages, recorded.all_lost());
     for (channel, lost) in recorded.lost.iter().filter(|(_, lost)| **lost > 0) {
         text += &format!("warning: {channel}: {lost} lost\n");
     }

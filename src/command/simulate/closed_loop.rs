@@ -13,9 +13,11 @@ use pipeline::{
     stage::{StageKind, monotonic_ns},
 };
 use plant_sim::PlantSim;
-use sensor_proc::{Acquisition, Recording, Replay, is_implausible};
+use sensor_proc::{Acquisition, Replay, is_implausible};
 
-use crate::{arguments::simulated_only, failure::Failure, report::control_loop::LastMessages};
+use crate::{
+    arguments::simulated_only, failure::Failure, recording::rows::read_recordings, report::control_loop::LastMessages,
+};
 
 /// One tick, after the controller.
 pub struct Tick<'a> {
@@ -25,6 +27,8 @@ pub struct Tick<'a> {
     pub plant: Option<&'a PlantSim>,
     /// The command that was computed from the sample of this tick.
     pub command: &'a ValveCommand,
+    /// Ticks along the path: that at which the motion of the teeth has begun, and the present one.
+    pub way: Option<(f64, f64)>,
 }
 
 /// Runs `ticks` ticks and shows each of them to `look`. Returns the last messages of the loop.
@@ -59,7 +63,7 @@ pub fn run(
                 made
             }
         };
-        look(&Tick { number: tick, plant: ends.plant(), command: &applied })?;
+        look(&Tick { number: tick, plant: ends.plant(), command: &applied, way: controller.on_the_way() })?;
         command = Some(applied);
     }
     Ok(LastMessages { command, snapshot, health: times.into_health(), ..LastMessages::default() })
@@ -79,7 +83,7 @@ impl Ends {
                 Ok(Self::Live(Box::new(plant), Acquisition::new(machine)))
             }
             Source::Replay(file) => {
-                let recordings = Recording::read_all(machine, file).map_err(Failure::usage)?;
+                let recordings = read_recordings(machine, file).map_err(Failure::usage)?;
                 Ok(Self::Recorded(Replay::new(machine, recordings)))
             }
             Source::External => Err(Failure::usage(simulated_only(machine))),

@@ -21,6 +21,7 @@ use super::check;
 use crate::{
     arguments::{load, simulated_only},
     failure::Failure,
+    report::teeth::Teeth,
     report::{
         control_loop::LoopReport,
         output::{Output, is_stdout},
@@ -65,11 +66,15 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
     }
     let duration = machine.timing.period.as_secs_f64() * ticks as f64;
     let mut recorder = Recorder::for_closed_loop(&machine, &arguments.recording, duration)?;
+    let mut teeth = Teeth::of(&machine).map_err(Failure::usage)?;
     let started = Instant::now();
     let progress = progress(ticks, "ticks");
     let last = closed_loop::run(&machine, arguments.seed, ticks, |tick| {
         if tick.number % 1024 == 0 {
             progress.set_position(tick.number);
+        }
+        if let (Some(teeth), Some(plant)) = (&mut teeth, tick.plant) {
+            teeth.observe(tick.way, plant);
         }
         match (&mut recorder, tick.plant) {
             (Some(recorder), Some(plant)) => {
@@ -79,7 +84,8 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
         }
     })?;
     progress.finish_and_clear();
-    let report = LoopReport::new(&machine, &last, Clock::LockStep, started.elapsed().as_secs_f64());
+    let mut report = LoopReport::new(&machine, &last, Clock::LockStep, started.elapsed().as_secs_f64());
+    report.teeth = teeth.map(|teeth| teeth.figures());
     recorder.map_or(Ok(()), Recorder::finish)?;
     output.write(|| report.tables(&machine), &report)?;
     report.verdict().map_err(Failure::run)

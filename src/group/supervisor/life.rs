@@ -14,12 +14,11 @@ use std::{
     time::{Duration, Instant},
 };
 
-use pipeline::stage::StageKind;
 use rustix::process::{Pid, Signal, kill_process_group};
 
 use super::{
     deaths::{Deaths, Watched},
-    log::Log,
+    log::{Log, Origin},
 };
 
 /// Stack of a thread that only copies lines, bytes.
@@ -41,7 +40,7 @@ pub struct Life {
 
 impl Life {
     /// Starts the process. `deaths` reports its end.
-    pub fn begin(kind: StageKind, mut command: Command, log: &Log, deaths: &Deaths) -> io::Result<Self> {
+    pub fn begin(from: Origin, mut command: Command, log: &Log, deaths: &Deaths) -> io::Result<Self> {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).process_group(0);
         for name in NOT_INHERITED {
             command.env_remove(name);
@@ -56,7 +55,7 @@ impl Life {
             started: Instant::now(),
             process,
         };
-        let begun = life.watch(kind, log, deaths);
+        let begun = life.watch(from, log, deaths);
         if begun.is_err() {
             life.signal(Signal::KILL);
             let _ = life.process.wait();
@@ -64,13 +63,13 @@ impl Life {
         begun.map(|()| life)
     }
 
-    fn watch(&mut self, kind: StageKind, log: &Log, deaths: &Deaths) -> io::Result<()> {
+    fn watch(&mut self, from: Origin, log: &Log, deaths: &Deaths) -> io::Result<()> {
         let thread = || Builder::new().stack_size(STACK);
         if let Some(stdout) = self.process.stdout.take() {
-            self.readers.push(thread().spawn(log.drain(kind, stdout))?);
+            self.readers.push(thread().spawn(log.drain(from, stdout))?);
         }
         if let Some(stderr) = self.process.stderr.take() {
-            self.readers.push(thread().spawn(log.drain(kind, stderr))?);
+            self.readers.push(thread().spawn(log.drain(from, stderr))?);
         }
         self._watched = Some(deaths.watch(self.pid)?);
         Ok(())

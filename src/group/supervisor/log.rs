@@ -36,10 +36,31 @@ const KEPT: usize = 8;
 /// Time in which the writer must write the remaining lines at the end.
 const CLOSING: Duration = Duration::from_millis(500);
 
+/// Who writes a line of the log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// The supervisor itself.
+    Supervisor,
+    /// A stage.
+    Stage(StageKind),
+    /// The process that records the channels.
+    Recorder,
+}
+
+impl Origin {
+    /// Its name in the file of the log.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Supervisor => "hydraxis",
+            Self::Stage(kind) => kind.name(),
+            Self::Recorder => "record",
+        }
+    }
+}
+
 /// One line of the log.
 struct LogLine {
-    /// The stage that wrote it; none for the supervisor.
-    from: Option<StageKind>,
+    from: Origin,
     at: SystemTime,
     text: String,
 }
@@ -89,7 +110,7 @@ impl Log {
     /// Logs a line of the supervisor's own.
     pub fn say(&self, text: impl Into<String>) {
         if let Some(entrance) = &self.entrance {
-            entrance.take(None, text.into());
+            entrance.take(Origin::Supervisor, text.into());
         }
     }
 
@@ -102,15 +123,15 @@ impl Log {
         }
     }
 
-    /// The work of a thread that reads one pipe of a stage until the pipe ends.
-    pub fn drain(&self, kind: StageKind, pipe: impl Read + Send + 'static) -> impl FnOnce() + Send + 'static {
+    /// The work of a thread that reads one pipe of a process until the pipe ends.
+    pub fn drain(&self, from: Origin, pipe: impl Read + Send + 'static) -> impl FnOnce() + Send + 'static {
         let entrance = self.entrance.clone();
         move || {
             let (mut pipe, mut line) = (BufReader::new(pipe), Vec::new());
             while let Ok(1..) = (&mut pipe).take(LONGEST_LINE).read_until(b'\n', &mut line) {
                 if let Some(entrance) = &entrance {
                     let text = String::from_utf8_lossy(&line);
-                    entrance.take(Some(kind), text.trim_end_matches(['\n', '\r']).to_owned());
+                    entrance.take(from, text.trim_end_matches(['\n', '\r']).to_owned());
                 }
                 line.clear();
             }
@@ -136,8 +157,8 @@ impl Drop for Log {
 }
 
 impl Entrance {
-    fn take(&self, from: Option<StageKind>, text: String) {
-        if let Some(kind) = from {
+    fn take(&self, from: Origin, text: String) {
+        if let Origin::Stage(kind) = from {
             let mut kept = self.kept[kind as usize].lock().unwrap_or_else(PoisonError::into_inner);
             if kept.len() == KEPT {
                 kept.pop_front();
@@ -169,15 +190,18 @@ fn write(entries: &Receiver<Entry>, mut file: Option<File>, left_out: &AtomicU64
         };
         let missing = left_out.swap(0, Ordering::Relaxed);
         let missing = (missing > 0).then(|| LogLine {
-            from: None,
+            from: Origin::Supervisor,
             at: line.at,
             text: format!("{missing} lines left out: they came faster than they can be written"),
         });
         for LogLine { from, at, text } in missing.into_iter().chain([line]) {
-            let shown = from.map_or_else(|| format!("{text}\n"), |kind| format!("{} | {text}\n", kind.name()));
+            let shown = match from {
+                Origin::Supervisor => format!("{text}\n"),
+                from => format!("{} | {text}\n", from.name()),
+            };
             print(&shown, &mut block);
             let Some(open) = &mut file else { continue };
-            let (at, from) = (humantime::format_rfc3339_millis(at), from.map_or("hydraxis", StageKind::name));
+            let (at, from) = (humantime::format_rfc3339_millis(at), from.name());
             if let Err(error) = open.write_all(format!("{at} {from} | {text}\n").as_bytes()) {
                 print(&format!("warning: the log file takes no more lines: {error}\n"), &mut block);
                 file = None;
@@ -213,9 +237,9 @@ mod tests {
         let file = folder.path().join("new").join("run.log");
         let log = Log::start(Some(&file)).unwrap();
         let said: String = (0..20).map(|i| format!("line {i}\r\n")).collect();
-        log.drain(StageKind::SensorProc, std::io::Cursor::new(said + "no end"))();
+        log.drain(Origin::Stage(StageKind::SensorProc), std::io::Cursor::new(said + "no end"))();
         let long = "x".repeat(LONGEST_LINE as usize + 1);
-        log.drain(StageKind::IdentProc, std::io::Cursor::new([long.as_bytes(), b"\n\xff"].concat()))();
+        log.drain(Origin::Stage(StageKind::IdentProc), std::io::Cursor::new([long.as_bytes(), b"\n\xff"].concat()))();
         let last = log.last_lines(StageKind::SensorProc);
         assert!(last.starts_with("\n  sensor-proc | line 13\n") && last.ends_with(" | no end"), "{last}");
         drop(log);

@@ -19,6 +19,7 @@ mod error;
 mod interrupts;
 mod life;
 mod log;
+mod recorder;
 mod restarts;
 mod room;
 mod service_manager;
@@ -41,12 +42,16 @@ use super::{
     launch::command,
     monitor::{Monitor, Second},
 };
-use crate::{arguments::MachineFile, recording::black_box::BlackBox};
+use crate::{
+    arguments::MachineFile,
+    recording::{black_box::BlackBox, store::Place},
+};
 use deaths::Deaths;
 pub use error::SupervisorError;
 use interrupts::Interrupts;
 use life::Life;
-use log::Log;
+use log::{Log, Origin};
+use recorder::RecorderProcess;
 use restarts::RestartHistory;
 use room::RoomWatch;
 use service_manager::ServiceManager;
@@ -111,6 +116,7 @@ pub struct Supervisor<'a> {
     failure: Option<SupervisorError>,
     log: Log,
     black_box: Option<BlackBox>,
+    recorder: Option<RecorderProcess>,
 }
 
 impl<'a> Supervisor<'a> {
@@ -141,6 +147,7 @@ impl<'a> Supervisor<'a> {
             failure: None,
             log: Log::start(file.as_deref())?,
             black_box: None,
+            recorder: None,
         };
         if let Some(file) = file {
             supervisor.say(format!("log: {}", file.display()));
@@ -168,6 +175,11 @@ impl<'a> Supervisor<'a> {
         self.log.show(second.lines);
     }
 
+    /// Starts the process that records the run. Nothing that happens to it ends the run.
+    pub fn record(&mut self, place: Place) {
+        self.recorder = Some(RecorderProcess::start(place, self.group, &self.log, &self.deaths));
+    }
+
     /// Starts a stage for the first time.
     ///
     /// # Errors
@@ -181,7 +193,7 @@ impl<'a> Supervisor<'a> {
     fn begin(&self, kind: StageKind, options: &StageOptions) -> Result<Life, SupervisorError> {
         let command = command(kind, self.launch.machine, self.launch.arguments, options)?;
         let program = command.get_program().to_string_lossy().into_owned();
-        Life::begin(kind, command, &self.log, &self.deaths).map_err(|source| SupervisorError::Start {
+        Life::begin(Origin::Stage(kind), command, &self.log, &self.deaths).map_err(|source| SupervisorError::Start {
             stage: kind.name(),
             program,
             source,

@@ -48,6 +48,11 @@ impl Supervisor<'_> {
             self.stages.iter_mut().for_each(|stage| stage.due = None);
             self.settle(Duration::ZERO);
             self.end_all();
+            // After the stages, whose last messages are wanted in the file.
+            if let Some(mut recorder) = self.recorder.take() {
+                let interrupts = &mut self.interrupts;
+                recorder.end(&self.log, &self.deaths, || interrupts.again());
+            }
         }
         self.failure.take()
     }

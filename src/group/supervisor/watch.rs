@@ -42,7 +42,9 @@ impl Supervisor<'_> {
         self.suspend();
         monitor.poll()?;
         for pid in deaths {
-            self.take_death(pid, monitor)?;
+            if !self.take_recorder_death(pid) {
+                self.take_death(pid, monitor)?;
+            }
         }
         self.watch_faults(monitor, false);
         // A reader in lock-step does not see every command.
@@ -65,7 +67,15 @@ impl Supervisor<'_> {
             // A program that was killed still holds its place, which it needs when it is started again.
             self.group.bury_the_dead();
         }
+        if let Some(recorder) = &mut self.recorder {
+            recorder.start_again(self.group, &self.log, &self.deaths);
+        }
         self.start_again(monitor)
+    }
+
+    /// Takes in the end of the recorder. False for another process.
+    fn take_recorder_death(&mut self, pid: Pid) -> bool {
+        self.recorder.as_mut().is_some_and(|recorder| recorder.take_death(pid, &self.log))
     }
 
     /// At Ctrl-Z: axes must not go on while nobody watches their stages.

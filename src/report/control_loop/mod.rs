@@ -23,6 +23,7 @@ use super::{
     events::Event,
     figures::{CoefficientLists, ErrorFigures, Reduction},
     table::number,
+    teeth::TeethFigures,
     why::why_fallback,
 };
 
@@ -37,6 +38,9 @@ pub struct LatchedAtEnd {
 #[derive(Debug, Serialize)]
 pub struct LoopReport {
     axes: BTreeMap<String, AxisReport>,
+    /// Present where the axes have followed a task of the teeth in a simulation of one process.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub teeth: Option<TeethFigures>,
     /// What happened; in real time only, since a reader in lock-step does not see every command.
     #[serde(skip_serializing_if = "Option::is_none")]
     events: Option<Vec<Event>>,
@@ -205,6 +209,7 @@ impl LoopReport {
         let ticks = last.sum(StageKind::SensorProc, |health| health.samples);
         let (events, events_left_out) = last.events.clone().filter(|_| clock == Clock::RealTime).unzip();
         Self {
+            teeth: None,
             axes: axes.collect(),
             events,
             events_left_out,

@@ -11,6 +11,7 @@ use super::{AxisReport, LoopReport, Operation};
 use crate::report::{
     events::{Event, LATCH, RESTART},
     table::{nanoseconds, number, percent, table},
+    teeth::TeethFigures,
 };
 
 /// Events that the tables show.
@@ -41,6 +42,7 @@ impl LoopReport {
             self.training_hints(machine),
             self.fallbacks(machine),
             self.gains(machine),
+            self.teeth.as_ref().map(TeethFigures::line).unwrap_or_default(),
         ];
         let total = format!(
             "{} ticks, {} s of the machine in {} s: {} lost.\n",

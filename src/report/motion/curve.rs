@@ -1,5 +1,5 @@
-//! A curve through points (s, value), thinned so that no extreme is lost; and spans of time in which a number is
-//! constant.
+//! A curve through points (s, value), thinned so that no extreme is lost, with gaps where there is no value; and spans
+//! of time in which a number is constant.
 
 /// Stretches that the time of a picture is divided into. Each is drawn by its lowest and its highest point.
 const STRETCHES: f64 = 1000.0;
@@ -11,7 +11,8 @@ pub fn stretch(duration: f64) -> f64 {
 
 /// A curve.
 pub struct Curve {
-    points: Vec<(f64, f64)>,
+    /// The pieces between the gaps.
+    pieces: Vec<Vec<(f64, f64)>>,
     /// Length of a stretch, s.
     stretch: f64,
     /// Begin, lowest and highest point of the stretch that is not closed yet.
@@ -21,14 +22,19 @@ pub struct Curve {
 impl Curve {
     /// A curve without points.
     pub fn new(stretch: f64) -> Self {
-        Self { points: Vec::new(), stretch, open: None }
+        Self { pieces: vec![Vec::new()], stretch, open: None }
     }
 
-    /// Adds a point. A value that is not finite is left out.
+    /// Adds a point. A value that is not finite is a gap.
     pub fn push(&mut self, t: f64, value: f64) {
         let point = (t, value);
         match &mut self.open {
-            _ if !value.is_finite() => {}
+            _ if !value.is_finite() => {
+                self.close();
+                if self.pieces.last().is_some_and(|piece| !piece.is_empty()) {
+                    self.pieces.push(Vec::new());
+                }
+            }
             Some([begin, low, high]) if t - begin.0 < self.stretch => {
                 if value < low.1 {
                     *low = point;
@@ -48,16 +54,18 @@ impl Curve {
     fn close(&mut self) {
         let Some([_, low, high]) = self.open.take() else { return };
         let (first, second) = if low.0 <= high.0 { (low, high) } else { (high, low) };
-        self.points.push(first);
+        let Some(piece) = self.pieces.last_mut() else { return };
+        piece.push(first);
         if second != first {
-            self.points.push(second);
+            piece.push(second);
         }
     }
 
-    /// All points.
-    pub fn points(mut self) -> Vec<(f64, f64)> {
+    /// The points of each piece.
+    pub fn pieces(mut self) -> Vec<Vec<(f64, f64)>> {
         self.close();
-        self.points
+        self.pieces.retain(|piece| !piece.is_empty());
+        self.pieces
     }
 }
 
@@ -104,7 +112,7 @@ mod tests {
             let spike = if i == 34_567 { 5.0 } else { 0.0 };
             line.push(f64::from(i) * 1e-3, f64::from(i).sin() + spike);
         }
-        let points = line.points();
+        let points = line.pieces().concat();
         assert!((1000..=2002).contains(&points.len()), "{}", points.len());
         assert!(points.contains(&(34.567, f64::from(34_567).sin() + 5.0)));
         assert!(points.windows(2).all(|pair| pair[0].0 < pair[1].0));
@@ -115,9 +123,18 @@ mod tests {
         let mut line = Curve::new(stretch(4.0));
         let points = [(1.0, 0.5), (2.0, -0.5), (2.1, 0.25), (5.0, 0.0)];
         points.iter().for_each(|(t, value)| line.push(*t, *value));
-        let drawn = line.points();
-        assert_eq!(drawn, points);
-        assert_eq!(held(&drawn)[..3], [(1.0, 0.5), (2.0, 0.5), (2.0, -0.5)]);
+        let drawn = line.pieces();
+        assert_eq!(drawn, [points]);
+        assert_eq!(held(&drawn[0])[..3], [(1.0, 0.5), (2.0, 0.5), (2.0, -0.5)]);
+    }
+
+    #[test]
+    fn a_line_has_a_gap_where_values_are_missing() {
+        let mut line = Curve::new(stretch(100.0));
+        let values = [f64::NAN, 1.0, 2.0, f64::NAN, f64::NAN, 3.0, f64::INFINITY];
+        values.iter().zip(0..).for_each(|(value, t)| line.push(f64::from(t), *value));
+        assert_eq!(line.pieces(), [vec![(1.0, 1.0), (2.0, 2.0)], vec![(5.0, 3.0)]]);
+        assert!(Curve::new(1.0).pieces().is_empty());
     }
 
     #[test]

@@ -93,7 +93,7 @@ impl Format {
     }
 }
 
-/// An axis at one time; SI units. NaN is not drawn.
+/// An axis at one time; SI units. NaN is a gap.
 #[derive(Debug, Clone, Copy)]
 pub struct AxisPoint {
     /// In [-1, 1].
@@ -126,7 +126,7 @@ struct AxisCurves {
     mode: Spans,
 }
 
-/// One line of a panel.
+/// One line of a panel, without a gap.
 struct Line {
     points: Vec<(f64, f64)>,
     colour: RGBColor,
@@ -250,11 +250,12 @@ impl Plot {
         for axis in self.axes {
             let colour = COLOURS[axis.index % COLOURS.len()];
             let line = |points| Line { points, colour, is_dashed: false };
-            commands.push(line(held(&axis.command.points())));
-            positions.push(line(axis.position.points()));
+            commands.extend(axis.command.pieces().iter().map(|piece| line(held(piece))));
+            positions.extend(axis.position.pieces().into_iter().map(line));
             // Above the position, so that both are seen where they coincide.
-            references.push(Line { points: axis.reference.points(), colour: BLACK, is_dashed: true });
-            errors.push(line(axis.error.points()));
+            let reference = |points| Line { points, colour: BLACK, is_dashed: true };
+            references.extend(axis.reference.pieces().into_iter().map(reference));
+            errors.extend(axis.error.pieces().into_iter().map(line));
         }
         positions.extend(references);
         let mut panels = vec![

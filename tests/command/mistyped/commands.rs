@@ -17,7 +17,7 @@ const COMMANDS: &[Row] = &[
     ("doctr", &["found \"doctr\"", "did you mean `doctor`?", "next: "]),
     (
         "bench contol",
-        &["found \"contol\"; allowed: one of control, identify; did you mean `control`?", "hydraxis bench --help"],
+        &["found \"contol\"; allowed: one of control, identify, tip; did you mean `control`?", "hydraxis bench --help"],
     ),
     ("four.toml", &["found \"four.toml\"; allowed: one of init", "next: hydraxis check four.toml"]),
     ("--machine four.toml", &["--machine: found an option before the command; allowed: first one of init", "next: "]),

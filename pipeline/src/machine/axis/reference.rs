@@ -27,6 +27,8 @@ pub enum ReferenceSource {
     },
     /// The channel of [`Reference`](crate::message::Reference) messages.
     Channel,
+    /// The motion of the teeth, [`TipTask`](crate::machine::TipTask), which four axes follow together.
+    Tip,
 }
 
 /// One sine of a sum.
@@ -56,6 +58,7 @@ enum Kind {
     Ramps,
     Trajectory,
     Channel,
+    Tip,
 }
 
 impl ReferenceSource {
@@ -66,11 +69,13 @@ impl ReferenceSource {
             ("ramps", Kind::Ramps),
             ("trajectory", Kind::Trajectory),
             ("channel", Kind::Channel),
+            ("tip", Kind::Tip),
         ];
         let chosen = section.key("kind", "Where the reference comes from").choice(&kinds);
         let source = match chosen {
             None | Some(Kind::Hold) => Self::Hold,
             Some(Kind::Channel) => Self::Channel,
+            Some(Kind::Tip) => Self::Tip,
             Some(Kind::Sines) => read_sines(&mut section, limits),
             Some(Kind::Ramps) => read_ramps(&mut section, limits),
             Some(Kind::Trajectory) => Self::Trajectory {

@@ -1,0 +1,106 @@
+//! Four axes that move the bucket's teeth together.
+
+use mechanism::AXES;
+use pipeline::{
+    machine::{Machine, ReferenceSource, TipPiece, TipShape, TipTask},
+    message::{AxisMode, ValveCommand, control_flag, sample_fault},
+};
+
+use super::sample;
+use crate::{Controller, tip::TipPlan};
+
+/// Axes that are where their references were a tick before.
+struct Ideal {
+    controller: Controller,
+    plan: TipPlan,
+    positions: [f64; AXES],
+    sequence: u64,
+    /// An axis whose encoder has failed.
+    failed: Option<usize>,
+}
+
+impl Ideal {
+    fn new() -> Self {
+        let mut machine = Machine::load(None, &[]).unwrap();
+        let pieces = vec![TipPiece { shape: TipShape::Line([5.7, 0.0]), pitch: None }];
+        machine.tip = Some(TipTask { start: [7.2, 0.0], pitch: -115.0, speed: 0.5, telescope: None, pieces });
+        machine.axes.iter_mut().for_each(|axis| axis.reference = ReferenceSource::Tip);
+        let plan = TipPlan::of(&machine).unwrap().unwrap();
+        let first: Vec<f64> = (0..AXES).map(|axis| plan.points(axis)[0].1).collect();
+        let positions = std::array::from_fn(|i| first[i] + 0.02 * (i as f64 - 1.0));
+        Self { controller: Controller::new(&machine).unwrap(), plan, positions, sequence: 0, failed: None }
+    }
+
+    fn tick(&mut self) -> ValveCommand {
+        let mut sample = sample(self.sequence, &self.positions);
+        if let Some(axis) = self.failed {
+            sample.axes[axis].faults = sample_fault::ENCODER;
+        }
+        let command = self.controller.update(&sample, None, None);
+        for (position, axis) in self.positions.iter_mut().zip(&command.axes) {
+            *position = axis.reference;
+        }
+        self.sequence += 1;
+        command
+    }
+
+    /// Ticks until the teeth are on their way, 1000 at most.
+    fn await_way(&mut self) -> usize {
+        let on_the_way = |controller: &Controller| controller.on_the_way().is_some_and(|(start, now)| now >= start);
+        (0..1000)
+            .take_while(|_| {
+                self.tick();
+                !on_the_way(&self.controller)
+            })
+            .count()
+    }
+}
+
+#[test]
+fn the_axes_begin_together_once_all_of_them_are_at_the_begin_and_trace_the_plan() {
+    let mut ideal = Ideal::new();
+    ideal.controller.arm();
+    let waited = ideal.await_way();
+    // 0.2 s to settle, 2 s to the begin of the way, and the preview.
+    assert!((220..400).contains(&waited), "{waited}");
+    let ticks = (ideal.plan.duration() / 0.01) as usize;
+    for k in 0..ticks {
+        for axis in 0..AXES {
+            let planned = ideal.plan.points(axis)[k].1;
+            assert!((ideal.positions[axis] - planned).abs() < 1e-3, "{axis} {k}");
+        }
+        ideal.tick();
+    }
+}
+
+#[test]
+fn the_others_come_to_a_stand_and_hold_when_one_axis_leaves_the_way_and_all_begin_anew() {
+    let mut ideal = Ideal::new();
+    ideal.controller.arm();
+    ideal.await_way();
+    (0..150).for_each(|_| {
+        ideal.tick();
+    });
+    ideal.failed = Some(3);
+    let stopped = (0..100).take_while(|_| ideal.tick().axes[3].flags & control_flag::LATCHED == 0).count();
+    assert!(stopped < 100);
+    let before = ideal.positions;
+    let command = (0..200).map(|_| ideal.tick()).last().unwrap();
+    assert_eq!(ideal.controller.on_the_way(), None);
+    for (axis, before) in before.iter().enumerate().take(3) {
+        assert_eq!(command.axes[axis].operation, AxisMode::Hold as u32, "{axis}");
+        assert!((ideal.positions[axis] - before).abs() < 0.1, "{axis}");
+    }
+    let stand = ideal.positions;
+    (0..50).for_each(|_| {
+        ideal.tick();
+    });
+    assert_eq!(ideal.positions, stand);
+    ideal.failed = None;
+    ideal.controller.disarm();
+    ideal.controller.arm();
+    assert!(ideal.await_way() > 220);
+    for axis in 0..AXES {
+        assert!((ideal.positions[axis] - ideal.plan.points(axis)[0].1).abs() < 2e-3, "{axis}");
+    }
+}

@@ -1,0 +1,204 @@
+//! References of the teeth: the cylinders' motions under which the bucket's teeth follow the task `[tip]`.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`way`] | straight lines and arcs of the teeth |
+//! | [`posture`] | the cylinders along the way; the boom moves as little as possible |
+//! | [`timing`] | how fast the teeth go: speeds, pump, accelerations, jerk |
+//!
+//! A task is planned once, when a controller is made, and refused if the machine cannot do it. In the loop the four
+//! axes only look up where they should be. What they trace together is the way, however slowly time goes on along it
+//! ([`crate::reference::path`]).
+
+pub mod posture;
+pub mod timing;
+pub mod way;
+
+use mechanism::{AXES, Dynamics, Mechanism, Pose, Vector};
+use pipeline::machine::{Machine, TipTask};
+use posture::{Cylinders, Freedom, NoPosture, Short};
+use timing::Timing;
+use way::{TipPlace, Way};
+
+/// Part of a cylinder's largest force that may hold bodies and payload; the rest moves them.
+const HOLDING: f64 = 0.9;
+/// Length between two places at which forces are looked at, m.
+const FORCE_STEP: f64 = 0.05;
+
+/// Why a machine cannot do its task.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TipError {
+    /// A piece has no length.
+    #[error("tip.piece[{0}]: found a piece that neither moves the teeth nor turns the bucket; allowed: another end")]
+    NoWay(usize),
+    /// The teeth cannot be at a place.
+    #[error("tip.piece[{piece}]: found {place}, {what}")]
+    Place {
+        /// Number of the piece.
+        piece: usize,
+        /// Place and pitch, in words.
+        place: String,
+        /// What is in the way there.
+        what: String,
+    },
+    /// No smooth motion of the boom leads along the runs.
+    #[error(
+        "tip.piece[{piece}]: found a way from {from} to {to} along which the boom would have to jump; allowed: a \
+         shorter way, another pitch, or a position tip.telescope"
+    )]
+    Run {
+        /// Number of the piece with which the run begins.
+        piece: usize,
+        /// Its begin, in words.
+        from: String,
+        /// Its end, in words.
+        to: String,
+    },
+}
+
+/// The motion of the cylinders of one task.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TipPlan {
+    way: Way,
+    /// T, s.
+    period: f64,
+    /// s at every period, m.
+    lengths: Vec<f64>,
+    /// Positions of the cylinders at every period, m.
+    positions: Vec<[f64; AXES]>,
+}
+
+impl TipPlan {
+    /// Plans the task of a machine; `None` for a machine without one.
+    ///
+    /// # Errors
+    /// The machine cannot do it: a place is out of reach, needs a position outside the soft limits or more force than a
+    /// cylinder has.
+    pub fn of(machine: &Machine) -> Result<Option<Self>, TipError> {
+        let (Some(task), Some(mechanism)) = (&machine.tip, &machine.mechanism) else { return Ok(None) };
+        if machine.axes.len() < AXES {
+            return Ok(None);
+        }
+        Self::new(machine, mechanism, task).map(Some)
+    }
+
+    fn new(machine: &Machine, mechanism: &Mechanism, task: &TipTask) -> Result<Self, TipError> {
+        let way = Way::new(task, mechanism.geometry.bucket_length).map_err(TipError::NoWay)?;
+        let cylinders = Cylinders::new(machine, mechanism);
+        let freedom = Freedom::choose(&cylinders, &way, task.telescope).map_err(|why| refused(machine, &way, why))?;
+        let at = |s: f64| cylinders.positions(&way.place(s), freedom.at(s));
+        // All places between those that were tried are within reach as well: the way is smooth.
+        let positions = |s: f64| at(s).unwrap_or([f64::NAN; AXES]);
+        expect_forces(machine, mechanism, &way, positions)?;
+        let timing = Timing::new(machine, task.speed);
+        let runs = way.runs();
+        let mut lengths = vec![0.0];
+        for run in &runs {
+            // The end of a run is the begin of the next one.
+            let inside = |s: f64| {
+                let s = s.clamp(run.0, run.1 - 1e-9 * (run.1 - run.0));
+                positions(s)
+            };
+            lengths.extend(timing.run(*run, inside));
+        }
+        let mut plan = Self { period: machine.timing.period.as_secs_f64(), lengths, positions: Vec::new(), way };
+        plan.positions = plan
+            .lengths
+            .iter()
+            .map(|s| cylinders.positions(&plan.way.place(*s), freedom.at(*s)).unwrap_or([f64::NAN; AXES]))
+            .collect();
+        Ok(plan)
+    }
+
+    /// Time of the whole motion, s.
+    pub fn duration(&self) -> f64 {
+        self.period * (self.lengths.len() - 1) as f64
+    }
+
+    /// Points (s, m) of the motion of one axis.
+    pub fn points(&self, axis: usize) -> Vec<(f64, f64)> {
+        self.positions.iter().enumerate().map(|(k, all)| (k as f64 * self.period, all[axis])).collect()
+    }
+
+    /// The way of the teeth.
+    pub fn way(&self) -> &Way {
+        &self.way
+    }
+
+    /// Where the teeth should be at `t` s.
+    pub fn place(&self, t: f64) -> TipPlace {
+        self.way.place(self.length(t))
+    }
+
+    /// s at `t` s, m.
+    pub fn length(&self, t: f64) -> f64 {
+        let place = (t / self.period).clamp(0.0, (self.lengths.len() - 1) as f64);
+        let (k, rest) = (place.floor() as usize, place.fract());
+        let next = self.lengths[(k + 1).min(self.lengths.len() - 1)];
+        self.lengths[k] + rest * (next - self.lengths[k])
+    }
+}
+
+fn refused(machine: &Machine, way: &Way, why: NoPosture) -> TipError {
+    match why {
+        NoPosture::Place(s, short) => {
+            let what = match short {
+                Short::Reach => {
+                    "where the teeth cannot be; allowed: places in reach of boom, arm and bucket".to_owned()
+                }
+                Short::Axis(i, position) => {
+                    let axis = &machine.axes[i];
+                    let (low, high) = axis.soft_limits;
+                    format!(
+                        "where axis.{} would have to be at {position:.3} m; allowed: {low} to {high} m, its soft \
+                         limits",
+                        axis.name
+                    )
+                }
+            };
+            TipError::Place { piece: way.piece(s), place: told(&way.place(s)), what }
+        }
+        NoPosture::Run(from, to) => {
+            TipError::Run { piece: way.piece(from), from: told(&way.place(from)), to: told(&way.place(to)) }
+        }
+    }
+}
+
+fn told(place: &TipPlace) -> String {
+    format!("[{:.3}, {:.3}] m at a pitch of {:.1} degrees", place.at.x, place.at.z, place.pitch.to_degrees())
+}
+
+/// Refuses places at which bodies and payload are too heavy for a cylinder.
+fn expect_forces(
+    machine: &Machine,
+    mechanism: &Mechanism,
+    way: &Way,
+    positions: impl Fn(f64) -> [f64; AXES],
+) -> Result<(), TipError> {
+    let Some(supply) = machine.hydraulics.map(|hydraulics| hydraulics.supply) else { return Ok(()) };
+    let parts = (way.length() / FORCE_STEP).ceil().max(1.0);
+    for s in (0..=parts as usize).map(|k| way.length() * k as f64 / parts) {
+        let pose = Pose::new(&mechanism.geometry, &mechanism.lengths(&positions(s)));
+        let holding = Dynamics::new(&mechanism.masses, &pose, &[0.0; AXES]).holding_force(&pose, Vector::default());
+        for (axis, force) in machine.axes.iter().zip(holding) {
+            let Some(plant) = &axis.plant else { continue };
+            let of =
+                |filled: f64, drained: f64| HOLDING * (supply.pressure * filled - supply.return_pressure * drained);
+            let (push, pull) = (of(plant.piston_area, plant.rod_area), of(plant.rod_area, plant.piston_area));
+            if force > push || force < -pull {
+                let what = format!(
+                    "where the cylinder of axis.{} would have to hold {:.0} kN; allowed: {:.0} to {:.0} kN",
+                    axis.name,
+                    1e-3 * force,
+                    -1e-3 * pull,
+                    1e-3 * push
+                );
+                return Err(TipError::Place { piece: way.piece(s), place: told(&way.place(s)), what });
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

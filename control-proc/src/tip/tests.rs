@@ -1,0 +1,134 @@
+//! Plans on the built-in excavator.
+
+use pipeline::machine::{TipPiece, TipShape};
+
+use super::*;
+
+fn planned_for(machine: &mut Machine, task: TipTask) -> Result<TipPlan, TipError> {
+    machine.tip = Some(task);
+    TipPlan::of(machine).map(Option::unwrap)
+}
+
+fn planned(task: TipTask) -> Result<TipPlan, TipError> {
+    planned_for(&mut Machine::load(None, &[]).unwrap(), task)
+}
+
+fn task(start: [f64; 2], pitch: f64, pieces: &[(TipShape, Option<f64>)]) -> TipTask {
+    let pieces = pieces.iter().map(|(shape, pitch)| TipPiece { shape: *shape, pitch: *pitch }).collect();
+    TipTask { start, pitch, speed: 0.5, telescope: None, pieces }
+}
+
+/// A level cut.
+fn level() -> TipTask {
+    task([7.2, 0.0], -115.0, &[(TipShape::Line([3.7, 0.0]), None)])
+}
+
+/// Level cut, slopes, a circle, and a dig cycle.
+fn tasks() -> Vec<TipTask> {
+    let line = TipShape::Line;
+    let dig = [
+        (line([7.0, -0.2]), None),
+        (line([4.8, -0.2]), None),
+        (line([4.8, 0.3]), Some(-150.0)),
+        (line([5.0, 1.5]), None),
+        (line([5.0, 1.5]), Some(-120.0)),
+        (line([7.0, 1.5]), Some(-100.0)),
+    ];
+    vec![
+        level(),
+        TipTask { telescope: Some(0.6), ..level() },
+        task([7.25, 0.2], -115.0, &[(line([4.22, -1.55]), None)]),
+        task([7.5, -0.5], -110.0, &[(line([4.47, 1.25]), None)]),
+        task([7.0, -0.5], -115.0, &[(TipShape::Arc { center: [6.0, -0.5], angle: -360.0 }, None)]),
+        task([7.0, 0.5], -110.0, &dig),
+    ]
+}
+
+#[test]
+fn the_cylinders_of_a_plan_put_the_teeth_on_their_way_within_what_the_axes_can_give() {
+    let machine = Machine::load(None, &[]).unwrap();
+    let mechanism = machine.mechanism.unwrap();
+    for task in tasks() {
+        let plan = planned(task.clone()).unwrap();
+        let name = &task.pieces;
+        for (positions, s) in plan.positions.iter().zip(&plan.lengths) {
+            let pose = Pose::new(&mechanism.geometry, &mechanism.lengths(positions));
+            let wanted = plan.way.place(*s);
+            assert!((pose.tip - wanted.at).norm() < 1e-9, "{name:?} {s}");
+            assert!((pose.bucket * mechanism::Rotation::by(-wanted.pitch)).angle().abs() < 1e-9, "{name:?} {s}");
+            for (axis, position) in machine.axes.iter().zip(positions) {
+                assert!((axis.soft_limits.0..=axis.soft_limits.1).contains(position), "{name:?} {s} {}", axis.name);
+            }
+        }
+        let period = plan.period;
+        let speeds: Vec<[f64; AXES]> =
+            plan.positions.windows(2).map(|pair| std::array::from_fn(|i| (pair[1][i] - pair[0][i]) / period)).collect();
+        for (i, axis) in machine.axes.iter().enumerate() {
+            let (retract, extend) = axis.commissioned.as_ref().unwrap().tested_speeds(axis.control.command_limit);
+            let limits = axis.motion_limits(period);
+            let of = |k: usize| speeds[k][i];
+            assert!(of(0).abs() < 0.01 && of(speeds.len() - 1).abs() < 0.01, "stands at both ends");
+            for k in 1..speeds.len() {
+                assert!((-retract..=extend).contains(&of(k)), "{name:?} {} {}", axis.name, of(k));
+                let acceleration = (of(k) - of(k - 1)) / period;
+                assert!(acceleration.abs() < 1.3 * limits.stop_deceleration, "{name:?} {} {acceleration}", axis.name);
+            }
+        }
+        // The teeth are as fast as they should be where nothing is in the way.
+        let fastest = plan.lengths.windows(2).map(|pair| (pair[1] - pair[0]) / period).fold(0.0, f64::max);
+        assert!(fastest <= task.speed * (1.0 + 1e-9), "{name:?} {fastest}");
+        assert_eq!(*plan.lengths.last().unwrap(), plan.way.length());
+    }
+}
+
+#[test]
+fn the_boom_stands_where_telescope_and_arm_can_do_the_task() {
+    let plan = planned(level()).unwrap();
+    assert!(plan.positions.iter().all(|positions| (positions[0] - plan.positions[0][0]).abs() < 1e-6));
+    let still = planned(TipTask { telescope: Some(0.6), ..level() }).unwrap();
+    assert!(still.positions.iter().all(|positions| (positions[2] - 0.6).abs() < 1e-9));
+    assert!(still.positions.iter().any(|positions| (positions[0] - still.positions[0][0]).abs() > 0.05));
+}
+
+#[test]
+fn the_whole_way_is_slower_where_the_pump_is_short() {
+    let mut machine = Machine::load(None, &[]).unwrap();
+    let usual = planned_for(&mut machine, level()).unwrap().duration();
+    machine.hydraulics.as_mut().unwrap().supply.flow = 1.5e-3;
+    let plan = planned_for(&mut machine, level()).unwrap();
+    assert!(plan.duration() > 1.3 * usual, "{} {usual}", plan.duration());
+    let areas = machine.axes.iter().map(|axis| {
+        let plant = axis.plant.as_ref().unwrap();
+        (plant.rod_area, plant.piston_area)
+    });
+    let areas: Vec<(f64, f64)> = areas.collect();
+    for pair in plan.positions.windows(2) {
+        let flow: f64 = (0..AXES)
+            .map(|i| {
+                let speed = (pair[1][i] - pair[0][i]) / plan.period;
+                speed.abs() * if speed > 0.0 { areas[i].1 } else { areas[i].0 }
+            })
+            .sum();
+        assert!(flow <= 1.5e-3, "{flow}");
+    }
+}
+
+#[test]
+fn a_task_that_the_machine_cannot_do_is_refused_with_the_place_and_the_axis() {
+    let refused = |task: TipTask| planned(task).unwrap_err().to_string();
+    let line = |x, z| [(TipShape::Line([x, z]), None)];
+    let text = refused(task([7.2, 0.0], -115.0, &line(12.0, 0.0)));
+    assert!(text.contains("tip.piece[0]: found [8.") && text.contains("axis.telescope would have to be"), "{text}");
+    let text = refused(TipTask { telescope: Some(0.6), ..task([14.0, 0.0], -115.0, &line(12.0, 0.0)) });
+    assert!(text.contains("in reach of boom, arm and bucket"), "{text}");
+    let text = refused(task([7.2, 0.0], -115.0, &line(2.0, 0.0)));
+    assert!(text.contains("its soft limits"), "{text}");
+    let text = refused(TipTask { telescope: Some(1.19), ..level() });
+    assert!(text.contains("where axis.telescope would have to be at 1.190 m; allowed: 0.05 to 1.15 m"), "{text}");
+    let text = refused(task([7.2, 0.0], -115.0, &line(7.2, 0.0)));
+    assert!(text.contains("tip.piece[0]: found a piece that neither moves"), "{text}");
+    let mut machine = Machine::load(None, &[]).unwrap();
+    machine.mechanism.as_mut().unwrap().masses.payload.mass = 9e3;
+    let text = planned_for(&mut machine, level()).unwrap_err().to_string();
+    assert!(text.contains("would have to hold"), "{text}");
+}

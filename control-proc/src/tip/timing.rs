@@ -1,0 +1,187 @@
+//! How fast the teeth go along a run.
+//!
+//! ```text
+//! x(s) = s'^2 <= min( v^2,  min_i (c_i/|q_i'|)^2,  (Q / sum_i A_i |q_i'|)^2,  min_i a_i / (2 |q_i''|) )
+//! |s''| <= min_i (a_i - |q_i''| x) / |q_i'|
+//! ```
+//!
+//! s length of the way in m, s' speed of the teeth in m/s, v speed of the task in m/s; q_i position of a cylinder in m,
+//! q' and q'' its derivatives by s; c_i speed in m/s that the axis can give that way and there: 0.9 of the largest
+//! measured one, and less near a soft limit ([`EndStops`]); a_i `stop_deceleration` in m/s2; Q nine tenths of the
+//! pump's flow in m3/s, A_i area in m2 that the pump fills. x rises and falls as steeply as allowed, and is 0 at both
+//! ends of the run.
+//!
+//! s(t) of these speeds has steps of the acceleration. Its mean over the time 2 max_i (a_i/j_i) has none: j_i `jerk` of
+//! an axis in m/s3. The mean is as long as the run and stands at both ends.
+
+use mechanism::AXES;
+use pipeline::machine::{Axis, Machine};
+
+use crate::protection::end_stops::EndStops;
+
+/// Length between two points of the way at which speeds are worked out, m, and the least number of parts of a run.
+const STEP: f64 = 0.01;
+const LEAST_PARTS: usize = 100;
+/// Part of the largest speed and flow that a task may ask for: the rest makes good what disturbances cost.
+const GIVEN: f64 = 0.9;
+/// Speed with which an axis may arrive at a soft limit, m/s.
+const ARRIVAL: f64 = 0.01;
+/// Slowest speed of the teeth, m/s, so that a run ends.
+const LEAST_SPEED: f64 = 1e-3;
+
+/// What one axis can give.
+struct Bounds {
+    /// Fastest speeds, retracting and extending, m/s.
+    speeds: (f64, f64),
+    end_stops: EndStops,
+    /// a, m/s2.
+    acceleration: f64,
+    /// j, m/s3.
+    jerk: f64,
+    /// Areas that the pump fills, retracting and extending, m2.
+    areas: (f64, f64),
+}
+
+impl Bounds {
+    fn new(axis: &Axis, period: f64) -> Self {
+        let measured = axis.commissioned.as_ref().map(|model| model.tested_speeds(axis.control.command_limit));
+        let (retract, extend) = measured.unwrap_or((axis.max_speed, axis.max_speed));
+        let limits = axis.motion_limits(period);
+        Self {
+            speeds: (GIVEN * retract.min(axis.max_speed), GIVEN * extend.min(axis.max_speed)),
+            end_stops: EndStops::new(axis, period),
+            acceleration: limits.stop_deceleration,
+            jerk: limits.jerk,
+            areas: axis.plant.as_ref().map_or((0.0, 0.0), |plant| (plant.rod_area, plant.piston_area)),
+        }
+    }
+
+    /// c with the cylinder at `position` m, by the sign of its speed.
+    fn speed(&self, sign: f64, position: f64) -> f64 {
+        let most = if sign > 0.0 { self.speeds.1 } else { self.speeds.0 };
+        most.min(self.end_stops.stopping_speed(sign, position) + ARRIVAL)
+    }
+}
+
+/// What the axes of a machine can give.
+pub struct Timing {
+    bounds: Vec<Bounds>,
+    /// Q, m3/s; infinite where no pump is known.
+    flow: f64,
+    /// v, m/s.
+    speed: f64,
+    /// T, s.
+    period: f64,
+}
+
+/// A run point by point: s in m, x in m2/s2.
+struct Profile {
+    step: f64,
+    squares: Vec<f64>,
+}
+
+impl Timing {
+    /// Of the first four axes of a machine, for teeth of this speed, m/s.
+    pub fn new(machine: &Machine, speed: f64) -> Self {
+        let period = machine.timing.period.as_secs_f64();
+        Self {
+            bounds: machine.axes.iter().take(AXES).map(|axis| Bounds::new(axis, period)).collect(),
+            flow: machine.hydraulics.map_or(f64::INFINITY, |hydraulics| GIVEN * hydraulics.supply.flow),
+            speed,
+            period,
+        }
+    }
+
+    /// s at every period from the begin of a run to its end, m; `positions` are those of the cylinders at s, m.
+    pub fn run(&self, (begin, end): (f64, f64), positions: impl Fn(f64) -> [f64; AXES]) -> Vec<f64> {
+        let parts = LEAST_PARTS.max(((end - begin) / STEP).ceil() as usize);
+        let step = (end - begin) / parts as f64;
+        let points: Vec<[f64; AXES]> = (0..=parts).map(|k| positions(begin + step * k as f64)).collect();
+        let profile = self.profile(&points, step);
+        let smooth = self.smooth(&profile.sampled(self.period)).into_iter();
+        let mut ways: Vec<f64> = smooth.map(|way| (begin + way).min(end)).collect();
+        // The mean ends there but for rounding.
+        if let Some(last) = ways.last_mut() {
+            *last = end;
+        }
+        ways
+    }
+
+    /// The fastest x that is allowed at all points.
+    fn profile(&self, points: &[[f64; AXES]], step: f64) -> Profile {
+        let last = points.len() - 1;
+        // Derivatives by s; at the ends those of the point beside them.
+        let inner = |k: usize| k.clamp(1, last - 1);
+        let first = |k: usize, i: usize| (points[inner(k) + 1][i] - points[inner(k) - 1][i]) / (2.0 * step);
+        let second = |k: usize, i: usize| {
+            let k = inner(k);
+            (points[k + 1][i] - 2.0 * points[k][i] + points[k - 1][i]) / (step * step)
+        };
+        let cap = |k: usize| {
+            let axes = self.bounds.iter().enumerate().map(|(i, bounds)| {
+                let (rate, bend) = (first(k, i), second(k, i));
+                let speed = bounds.speed(rate.signum(), points[k][i]) / rate.abs();
+                (speed * speed).min(bounds.acceleration / (2.0 * bend.abs()))
+            });
+            let filled = |(i, bounds): (usize, &Bounds)| {
+                let rate = first(k, i);
+                rate.abs() * if rate > 0.0 { bounds.areas.1 } else { bounds.areas.0 }
+            };
+            let flow = self.flow / self.bounds.iter().enumerate().map(filled).sum::<f64>();
+            axes.fold((self.speed * self.speed).min(flow * flow), f64::min).max(LEAST_SPEED * LEAST_SPEED)
+        };
+        let rise = |k: usize, square: f64| {
+            let axes =
+                self.bounds.iter().enumerate().map(|(i, bounds)| {
+                    (bounds.acceleration - second(k, i).abs() * square).max(0.0) / first(k, i).abs()
+                });
+            2.0 * step * axes.fold(f64::INFINITY, f64::min)
+        };
+        let mut squares: Vec<f64> = (0..=last).map(cap).collect();
+        (squares[0], squares[last]) = (0.0, 0.0);
+        for k in 1..=last {
+            squares[k] = squares[k].min(squares[k - 1] + rise(k - 1, squares[k - 1]));
+        }
+        for k in (0..last).rev() {
+            squares[k] = squares[k].min(squares[k + 1] + rise(k + 1, squares[k + 1]));
+        }
+        Profile { step, squares }
+    }
+
+    /// The mean over the time of smoothing of a way that stands before and after.
+    fn smooth(&self, ways: &[f64]) -> Vec<f64> {
+        let time = self.bounds.iter().map(|bounds| 2.0 * bounds.acceleration / bounds.jerk).fold(0.0, f64::max);
+        let width = ((time / self.period).ceil() as usize).max(1);
+        let last = ways.last().copied().unwrap_or_default();
+        let at = |k: usize| ways.get(k).copied().unwrap_or(last);
+        let mut sum = 0.0;
+        (0..ways.len() + width)
+            .map(|k| {
+                // Before the begin the way is 0.
+                sum += at(k) - if k >= width { at(k - width) } else { 0.0 };
+                sum / width as f64
+            })
+            .collect()
+    }
+}
+
+impl Profile {
+    /// The way at every period, m, from the begin to the first period after the end.
+    fn sampled(&self, period: f64) -> Vec<f64> {
+        let mut ways = vec![0.0];
+        let mut passed = 0.0;
+        for (k, pair) in self.squares.windows(2).enumerate() {
+            let (from, to) = (pair[0].sqrt(), pair[1].sqrt());
+            let time = 2.0 * self.step / (from + to);
+            let acceleration = (to - from) / time;
+            while let t = ways.len() as f64 * period - passed
+                && t <= time
+            {
+                ways.push(self.step * k as f64 + t * (from + 0.5 * acceleration * t));
+            }
+            passed += time;
+        }
+        ways.push(self.step * (self.squares.len() - 1) as f64);
+        ways
+    }
+}

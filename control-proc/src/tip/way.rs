@@ -1,0 +1,215 @@
+//! The way of the teeth: straight lines and arcs, one after the other.
+//!
+//! ```text
+//! line    p(f) = p_0 + f (p_1 - p_0)                  arc    p(f) = c + R(f a) (p_0 - c)
+//! pitch   phi(f) = phi_0 + f (phi_1 - phi_0)          length = max(length of the shape, L |phi_1 - phi_0|)
+//! ```
+//!
+//! f part of the piece from 0 to 1, p place of the teeth in m, c centre in m, a angle of the arc in rad, R rotation,
+//! phi pitch of the bucket in rad, L length of the bucket in m. A piece on which the teeth stay in place and the bucket
+//! turns has a length as well: the way of the teeth about the pin. s is the length along all pieces, m.
+
+use std::f64::consts::PI;
+
+use mechanism::{Rotation, Vector};
+use pipeline::machine::{TipShape, TipTask};
+
+/// Directions, curvatures and changes of pitch that differ by less than this are the same.
+const SAME: f64 = 1e-6;
+/// Shortest piece, m.
+const SHORTEST: f64 = 1e-6;
+
+/// A place of the teeth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TipPlace {
+    /// Place of the teeth, m.
+    pub at: Vector,
+    /// Pitch of the bucket, rad.
+    pub pitch: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Shape {
+    /// From the start by this vector, m.
+    Line(Vector),
+    /// About a centre (m) by an angle (rad).
+    Arc(Vector, f64),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Piece {
+    start: TipPlace,
+    shape: Shape,
+    /// Change of pitch over the piece, rad.
+    turn: f64,
+    /// m.
+    length: f64,
+}
+
+impl Piece {
+    fn place(&self, part: f64) -> TipPlace {
+        let at = match self.shape {
+            Shape::Line(way) => self.start.at + part * way,
+            Shape::Arc(center, angle) => center + Rotation::by(part * angle) * (self.start.at - center),
+        };
+        TipPlace { at, pitch: self.start.pitch + part * self.turn }
+    }
+
+    /// Change of place and of pitch per length, at a part of the piece.
+    fn rates(&self, part: f64) -> (Vector, f64) {
+        let way = match self.shape {
+            Shape::Line(way) => way,
+            Shape::Arc(center, angle) => angle * (self.place(part).at - center).normal(),
+        };
+        ((1.0 / self.length) * way, self.turn / self.length)
+    }
+
+    /// Distance of a place from the shape, m.
+    fn distance(&self, at: Vector) -> f64 {
+        let part = match self.shape {
+            Shape::Line(way) if way.dot(way) > 0.0 => (at - self.start.at).dot(way) / way.dot(way),
+            Shape::Line(_) => 0.0,
+            Shape::Arc(center, angle) => {
+                let (from, to) = (self.start.at - center, at - center);
+                let turned = from.cross(to).atan2(from.dot(to));
+                // Counted the way round that the arc goes.
+                let turned = if turned * angle < 0.0 { turned + 2.0 * PI * angle.signum() } else { turned };
+                let part = turned / angle;
+                // Beyond the end: as far from it as from the start, the other way round.
+                let beyond = 0.5 * (1.0 + 2.0 * PI / angle.abs());
+                if part > beyond { 0.0 } else { part }
+            }
+        };
+        (at - self.place(part.clamp(0.0, 1.0)).at).norm()
+    }
+}
+
+/// The way of the teeth, by its length s in m.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Way {
+    pieces: Vec<Piece>,
+    /// s at the end of each piece, m.
+    ends: Vec<f64>,
+}
+
+impl Way {
+    /// The way of a task of a machine whose bucket is `bucket_length` m long. Or the number of a piece without length.
+    pub fn new(task: &TipTask, bucket_length: f64) -> Result<Self, usize> {
+        let mut place = TipPlace { at: Vector::new(task.start[0], task.start[1]), pitch: task.pitch.to_radians() };
+        let (mut pieces, mut ends, mut end) = (Vec::new(), Vec::new(), 0.0);
+        for (i, piece) in task.pieces.iter().enumerate() {
+            let (shape, way) = match piece.shape {
+                TipShape::Line([x, z]) => {
+                    let way = Vector::new(x, z) - place.at;
+                    (Shape::Line(way), way.norm())
+                }
+                TipShape::Arc { center: [x, z], angle } => {
+                    let (center, angle) = (Vector::new(x, z), angle.to_radians());
+                    (Shape::Arc(center, angle), angle.abs() * (place.at - center).norm())
+                }
+            };
+            let turn = piece.pitch.map_or(0.0, |pitch| pitch.to_radians() - place.pitch);
+            let length = way.max(bucket_length * turn.abs());
+            if length < SHORTEST {
+                return Err(i);
+            }
+            let piece = Piece { start: place, shape, turn, length };
+            place = piece.place(1.0);
+            end += length;
+            pieces.push(piece);
+            ends.push(end);
+        }
+        Ok(Self { pieces, ends })
+    }
+
+    /// s at the end, m.
+    pub fn length(&self) -> f64 {
+        self.ends.last().copied().unwrap_or_default()
+    }
+
+    /// Where the teeth are at s, m.
+    pub fn place(&self, s: f64) -> TipPlace {
+        let i = self.piece(s);
+        let piece = &self.pieces[i];
+        piece.place(((s - (self.ends[i] - piece.length)) / piece.length).clamp(0.0, 1.0))
+    }
+
+    /// Number of the piece at s, m.
+    pub fn piece(&self, s: f64) -> usize {
+        self.ends.partition_point(|end| *end <= s).min(self.pieces.len() - 1)
+    }
+
+    /// The runs of the way: from s to s, m. Between two of them the teeth or the bucket change their direction, so they
+    /// stand there.
+    pub fn runs(&self) -> Vec<(f64, f64)> {
+        let mut runs = Vec::new();
+        let mut begin = 0.0;
+        for (i, end) in self.ends.iter().enumerate() {
+            let goes_on = self.pieces.get(i + 1).is_some_and(|next| {
+                let ((way, turn), (next_way, next_turn)) = (self.pieces[i].rates(1.0), next.rates(0.0));
+                (way - next_way).norm() < SAME && (turn - next_turn).abs() < SAME
+            });
+            if !goes_on {
+                runs.push((begin, *end));
+                begin = *end;
+            }
+        }
+        runs
+    }
+
+    /// Distance of a place (m) from the way between two s, m.
+    pub fn distance(&self, at: Vector, (from, to): (f64, f64)) -> f64 {
+        let pieces = &self.pieces[self.piece(from)..=self.piece(to)];
+        pieces.iter().map(|piece| piece.distance(at)).fold(f64::INFINITY, f64::min)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pipeline::machine::TipPiece;
+
+    use super::*;
+
+    fn task(pieces: &[(TipShape, Option<f64>)]) -> TipTask {
+        let pieces = pieces.iter().map(|(shape, pitch)| TipPiece { shape: *shape, pitch: *pitch }).collect();
+        TipTask { start: [7.0, 0.0], pitch: -90.0, speed: 0.5, telescope: None, pieces }
+    }
+
+    #[test]
+    fn a_line_an_arc_and_a_turn_follow_each_other() {
+        let pieces = [
+            (TipShape::Line([5.0, 0.0]), None),
+            (TipShape::Arc { center: [5.0, 1.0], angle: -90.0 }, None),
+            (TipShape::Line([4.0, 1.0]), Some(-150.0)),
+        ];
+        let way = Way::new(&task(&pieces), 1.5).unwrap();
+        let (arc, turn) = (PI / 2.0, 1.5 * PI / 3.0);
+        assert!((way.length() - (2.0 + arc + turn)).abs() < 1e-12);
+        // Line and arc have the same direction where they meet; the turn begins from a stand.
+        assert_eq!(way.runs().len(), 2);
+        assert!((way.runs()[0].1 - (2.0 + arc)).abs() < 1e-12);
+        let middle = way.place(2.0 + 0.5 * arc);
+        let expected = Vector::new(5.0, 1.0) + (-(0.5f64.sqrt())) * Vector::new(1.0, 1.0);
+        assert!((middle.at - expected).norm() < 1e-12, "{middle:?}");
+        let end = way.place(way.length());
+        assert!((end.at - Vector::new(4.0, 1.0)).norm() < 1e-12 && (end.pitch + 150f64.to_radians()).abs() < 1e-12);
+        assert_eq!(Way::new(&task(&[(TipShape::Line([7.0, 0.0]), None)]), 1.5), Err(0));
+    }
+
+    #[test]
+    fn the_distance_is_that_to_the_nearest_place_of_the_way() {
+        let pieces = [(TipShape::Line([5.0, 0.0]), None), (TipShape::Arc { center: [5.0, 1.0], angle: -270.0 }, None)];
+        let way = Way::new(&task(&pieces), 1.5).unwrap();
+        let all = (0.0, way.length());
+        let near = |x, z| way.distance(Vector::new(x, z), all);
+        assert!((near(6.0, 0.01) - 0.01).abs() < 1e-12);
+        assert!((near(3.9, 1.0) - 0.1).abs() < 1e-12);
+        assert!((near(5.0, 2.2) - 0.2).abs() < 1e-12);
+        assert!((near(7.3, 0.4) - 0.5).abs() < 1e-12);
+        // Every place of the way is on it, and every place beside it as far as it is away.
+        for i in 0..500 {
+            let s = way.length() * f64::from(i) / 499.0;
+            assert!(way.distance(way.place(s).at, all) < 1e-9, "{s}");
+        }
+    }
+}

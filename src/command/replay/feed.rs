@@ -1,0 +1,157 @@
+//! The messages of a recording, channel by channel, a few hundred ticks ahead of the replay.
+//!
+//! The recorder reads one channel after the other. So the messages of one tick stand in a file apart from each other,
+//! but not farther than a channel keeps messages.
+
+use std::{collections::VecDeque, rc::Rc};
+
+use pipeline::message::{
+    CoefficientSnapshot, EncoderReading, EncoderSample, MachineState, Message, Reference, Request, ValveCommand,
+};
+
+use crate::{
+    failure::Failure,
+    recording::{
+        reading::{Damage, ReadChannel, ReadMessage, Reading},
+        typed::{Decoder, Typed},
+    },
+};
+
+/// Samples that are read ahead: twice those that a channel keeps, so that all other messages of a tick have been read.
+const AHEAD: usize = 512;
+/// Most messages of a channel that are kept. A recording of a run has about as many as samples; others are refused, so
+/// that no file asks for all memory.
+const MOST: usize = 16_384;
+
+/// The messages of one channel that have been read and not been used yet.
+pub struct Queue<M> {
+    channel: Option<(Rc<ReadChannel>, Decoder<M>)>,
+    messages: VecDeque<Typed<M>>,
+}
+
+impl<M: Message> Queue<M> {
+    fn new() -> Self {
+        Self { channel: None, messages: VecDeque::new() }
+    }
+
+    /// Takes in a message of this channel.
+    fn push(&mut self, message: ReadMessage) -> Result<(), Failure> {
+        if !self.channel.as_ref().is_some_and(|(channel, _)| Rc::ptr_eq(channel, &message.channel)) {
+            let decoder = Decoder::new(&message.channel).map_err(Failure::usage)?;
+            self.channel = Some((Rc::clone(&message.channel), decoder));
+        }
+        let decoded = self.channel.as_ref().and_then(|(_, decoder)| decoder.decode(message.bytes));
+        let decoded = decoded.ok_or_else(|| {
+            let (channel, number) = (M::CHANNEL, message.sequence);
+            Failure::run(format!("{channel}: message {number}: found bytes that are no message of this channel"))
+        })?;
+        self.messages.push_back(decoded);
+        if self.messages.len() > MOST {
+            let channel = M::CHANNEL;
+            return Err(Failure::usage(format!("{channel}: found more than {MOST} messages beside {AHEAD} samples")));
+        }
+        Ok(())
+    }
+
+    /// Whether the recording has the messages of today.
+    pub fn is_exact(&self) -> bool {
+        self.channel.as_ref().is_none_or(|(_, decoder)| decoder.is_exact())
+    }
+
+    /// The next message, which stays.
+    pub fn peek(&self) -> Option<&M> {
+        self.messages.front().map(|typed| &typed.message)
+    }
+
+    /// The next message.
+    pub fn pop(&mut self) -> Option<Typed<M>> {
+        self.messages.pop_front()
+    }
+
+    /// The messages that wait.
+    pub fn waiting(&self) -> &VecDeque<Typed<M>> {
+        &self.messages
+    }
+
+    /// The next message of this tick; those of ticks before it are dropped.
+    pub fn of_tick(&mut self, tick: u64) -> Option<Typed<M>> {
+        while self.peek().is_some_and(|message| message.header().sequence < tick) {
+            self.pop();
+        }
+        self.peek().is_some_and(|message| message.header().sequence == tick).then(|| self.pop()).flatten()
+    }
+}
+
+/// All messages that a replay needs.
+pub struct Feed {
+    reading: Reading,
+    is_over: bool,
+    /// Of channel `encoder-reading`.
+    pub readings: Queue<EncoderReading>,
+    /// Of channel `encoder-sample`.
+    pub samples: Queue<EncoderSample>,
+    /// Of channel `coefficient-snapshot`.
+    pub snapshots: Queue<CoefficientSnapshot>,
+    /// Of channel `valve-command`.
+    pub commands: Queue<ValveCommand>,
+    /// Of channel `reference`.
+    pub references: Queue<Reference>,
+    /// Of channel `request`.
+    pub requests: Queue<Request>,
+    /// Of channel `machine-state`.
+    pub states: Queue<MachineState>,
+}
+
+impl Feed {
+    /// From the beginning of a recording.
+    pub fn new(reading: Reading) -> Self {
+        Self {
+            reading,
+            is_over: false,
+            readings: Queue::new(),
+            samples: Queue::new(),
+            snapshots: Queue::new(),
+            commands: Queue::new(),
+            references: Queue::new(),
+            requests: Queue::new(),
+            states: Queue::new(),
+        }
+    }
+
+    /// Reads ahead, so that all messages of the next tick are there.
+    ///
+    /// # Errors
+    /// The file cannot be read, or a message is too short.
+    pub fn fill(&mut self) -> Result<(), Failure> {
+        while !self.is_over && self.samples.messages.len() < AHEAD {
+            match self.reading.next()? {
+                Some(message) => self.sort(message)?,
+                None => self.is_over = true,
+            }
+        }
+        Ok(())
+    }
+
+    /// Why the recording ends before its end.
+    pub fn damage(&self) -> Option<&Damage> {
+        self.reading.damage()
+    }
+
+    /// A fact of the recording; those of the end are known at the end.
+    pub fn fact(&self, name: &str) -> Option<&str> {
+        self.reading.facts().get(name).map(String::as_str)
+    }
+
+    fn sort(&mut self, message: ReadMessage) -> Result<(), Failure> {
+        match message.channel.name.as_str() {
+            EncoderReading::CHANNEL => self.readings.push(message),
+            EncoderSample::CHANNEL => self.samples.push(message),
+            CoefficientSnapshot::CHANNEL => self.snapshots.push(message),
+            ValveCommand::CHANNEL => self.commands.push(message),
+            Reference::CHANNEL => self.references.push(message),
+            Request::CHANNEL => self.requests.push(message),
+            MachineState::CHANNEL => self.states.push(message),
+            _ => Ok(()),
+        }
+    }
+}

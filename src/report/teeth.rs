@@ -1,0 +1,134 @@
+//! How far the bucket's teeth were from their way.
+//!
+//! ```text
+//! e = distance of the teeth from the way, perpendicular to it          lag = s_planned - s(nearest place)
+//! ```
+//!
+//! The teeth are where the true positions of the cylinders put them. The error counts from the begin of the motion to
+//! its planned end; before, the axes come to the begin of the way.
+
+use control_proc::{ReferenceError, tip::TipPlan};
+use mechanism::{AXES, PreparedMechanism};
+use pipeline::{machine::Machine, statistics::ErrorStatistics};
+use plant_sim::PlantSim;
+use serde::Serialize;
+
+use super::table::number;
+
+/// Length of the way, before and after the planned place, in which the nearest place is looked for, m.
+const NEAR: f64 = 0.5;
+
+/// Errors of the teeth during a run.
+#[derive(Debug, Clone)]
+pub struct Teeth {
+    plan: TipPlan,
+    mechanism: PreparedMechanism,
+    /// T, s.
+    period: f64,
+    /// Distance from the way, m.
+    error: ErrorStatistics,
+    /// Pitch minus the planned one, degrees.
+    pitch: ErrorStatistics,
+    /// Where the error was largest, m.
+    worst: [f64; 2],
+    is_done: bool,
+}
+
+/// The figures of a run; m, degrees and s.
+#[derive(Debug, Clone, Serialize)]
+pub struct TeethFigures {
+    /// Root mean square of the distance from the way, m; none where the teeth have not begun.
+    pub rms: Option<f64>,
+    /// Largest distance from the way, m.
+    pub max: Option<f64>,
+    /// Where it was, `[x, z]` in m.
+    pub max_at: Option<[f64; 2]>,
+    /// Root mean square of the error of the pitch, degrees.
+    pub pitch_rms: Option<f64>,
+    /// Planned time of the motion, s.
+    pub duration: f64,
+    /// Length of the way, m.
+    pub length: f64,
+    /// The planned time has passed.
+    pub is_done: bool,
+    /// Statistics, to be merged.
+    #[serde(skip)]
+    pub error: ErrorStatistics,
+}
+
+impl Teeth {
+    /// Of a machine whose axes follow a task; none for another machine.
+    ///
+    /// # Errors
+    /// The machine cannot do the task.
+    pub fn of(machine: &Machine) -> Result<Option<Self>, ReferenceError> {
+        let plan = TipPlan::of(machine)?;
+        Ok(plan.zip(machine.mechanism.as_ref()).map(|(plan, mechanism)| Self {
+            plan,
+            mechanism: mechanism.prepared(),
+            period: machine.timing.period.as_secs_f64(),
+            error: ErrorStatistics::default(),
+            pitch: ErrorStatistics::default(),
+            worst: [f64::NAN; 2],
+            is_done: false,
+        }))
+    }
+
+    /// The plan.
+    pub fn plan(&self) -> &TipPlan {
+        &self.plan
+    }
+
+    /// Takes in a tick; `way` is [`control_proc::Controller::on_the_way`].
+    pub fn observe(&mut self, way: Option<(f64, f64)>, plant: &PlantSim) {
+        let Some(t) = way.map(|(start, now)| self.period * (now - start)).filter(|t| *t >= 0.0) else { return };
+        if t > self.plan.duration() {
+            self.is_done = true;
+            return;
+        }
+        let positions: [f64; AXES] = std::array::from_fn(|i| plant.axes()[i].position);
+        let pose = self.mechanism.pose(&positions);
+        let s = self.plan.length(t);
+        let way = self.plan.way();
+        let distance = way.distance(pose.tip, ((s - NEAR).max(0.0), (s + NEAR).min(way.length())));
+        if distance > self.error.max {
+            self.worst = [pose.tip.x, pose.tip.z];
+        }
+        self.error.push(distance);
+        let wanted = mechanism::Rotation::by(self.plan.place(t).pitch);
+        self.pitch.push((pose.bucket * wanted.inverse()).angle().to_degrees());
+    }
+
+    /// The figures so far.
+    pub fn figures(&self) -> TeethFigures {
+        let has_begun = self.error.count > 0;
+        TeethFigures {
+            rms: has_begun.then(|| self.error.rmse()),
+            max: has_begun.then_some(self.error.max),
+            max_at: has_begun.then_some(self.worst),
+            pitch_rms: has_begun.then(|| self.pitch.rmse()),
+            duration: self.plan.duration(),
+            length: self.plan.way().length(),
+            is_done: self.is_done,
+            error: self.error,
+        }
+    }
+}
+
+impl TeethFigures {
+    /// A line for people.
+    pub fn line(&self) -> String {
+        let planned = format!("{} m in {} s", number(self.length), number(self.duration));
+        match (self.rms, self.max, self.max_at, self.pitch_rms) {
+            (Some(rms), Some(max), Some([x, z]), Some(pitch)) => format!(
+                "Teeth, {planned}: {} mm rms and at most {} mm from their way, at [{x:.2}, {z:.2}] m; pitch {} degrees \
+                 rms{}.\n",
+                number(1e3 * rms),
+                number(1e3 * max),
+                number(pitch),
+                if self.is_done { "" } else { "; the run ended before the way" }
+            ),
+            _ => format!("Teeth, {planned}: not begun; all four axes have to track, and to come to its begin first.\n"),
+        }
+    }
+}

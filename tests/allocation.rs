@@ -12,11 +12,16 @@ use std::{
     time::Duration,
 };
 
-use harness::{TestGroup, mechanism::joint_sensors, wait_for};
+use harness::{
+    TestGroup,
+    bus::{self, Devices},
+    mechanism::joint_sensors,
+    wait_for,
+};
 use pipeline::{
     channel::Prefix,
     hammerstein::{Basis, InputMap, Structure},
-    machine::{Form, IdentifiedOutput, Machine},
+    machine::{Form, IdentifiedOutput, Machine, Source},
     message::{AxisMode, AxisRequest, CoefficientSnapshot, EncoderSample, Request, ValveCommand},
     stage::{Clock, StageError, StageKind, StageOptions},
 };
@@ -118,9 +123,11 @@ fn allocations_with(name: &str, machine: &Machine, clock: Clock, from: u64, to: 
     let stop = Arc::new(AtomicBool::new(false));
     let threads: Vec<_> = STAGES
         .into_iter()
-        .map(|(_, run)| {
+        .map(|(kind, run)| {
             let options = options(&group.prefix, clock, &stop);
             let machine = machine.clone();
+            let is_bus = kind == StageKind::PlantSim && machine.source == Source::Can;
+            let run: Run = if is_bus { can_proc::process::run } else { run };
             std::thread::spawn(move || {
                 IS_STAGE.with(|stage| stage.set(true));
                 let ended = run(&machine, options);
@@ -186,6 +193,17 @@ fn unheard_bells() -> u64 {
     ALLOCATIONS.load(Ordering::Relaxed) - before
 }
 
+/// Allocations of a group whose devices are on a CAN bus.
+fn on_bus() -> u64 {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path().join("bus");
+    let mut settings = bus::settings(&at);
+    settings.push(("timing.feedback_timeout".to_owned(), "1s".to_owned()));
+    let machine = Machine::four_axes(&settings).unwrap();
+    let _devices = Devices::start(&at);
+    allocations("bus", &machine, Clock::RealTime, 100, 400)
+}
+
 /// A single test, since the allocator counts for the whole process.
 #[test]
 fn the_stage_loops_allocate_nothing_after_start() {
@@ -232,6 +250,8 @@ fn the_stage_loops_allocate_nothing_after_start() {
     machine.axes.iter_mut().for_each(|axis| axis.identification.training = 400);
     machine.timing.feedback_timeout = Duration::from_secs(1);
     assert_eq!(allocations("realtime", &machine, Clock::RealTime, 100, 1200), 0);
+    // Encoders and valves on a CAN bus.
+    assert_eq!(on_bus(), 0);
     // Modes that change all the time.
     assert_eq!(allocations_with("modes", &machine, Clock::RealTime, 100, 2000, true), 0);
 }

@@ -5,16 +5,19 @@
 //! | [`machine_file`] | a machine file, then settings | refused with an error, or a machine that runs |
 //! | [`csv`] | a recording | refused with an error, or columns of finite numbers with equal lengths |
 //! | [`trajectory`] | a trajectory's file | refused with an error, or positions inside the soft limits at any time |
+//! | [`bus`] | text of an adapter, frames of devices, a log of a bus | nothing but frames; no dialogue without an end |
 //! | [`recording`] | a recording in MCAP | refused with an error, or read as far as it goes, in bounded memory |
 //! | [`messages`] | changes to the messages of a working loop | valid commands, neutral where they have to be |
 //!
 //! The fuzzer calls these functions. A test of the project calls them with the seeds and some mutations of the seeds.
 
+mod bus;
 mod csv;
 mod machine;
 mod messages;
 mod recording;
 
+pub use bus::bus;
 pub use csv::{csv, trajectory};
 pub use machine::machine_file;
 pub use messages::messages;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use pipeline::{
-    machine::{Machine, MachineError, Scenario, Source, model_settings},
+    machine::{Machine, MachineError, Scenario, model_settings},
     nearest::did_you_mean,
 };
 use thiserror::Error;
@@ -93,7 +93,7 @@ pub fn load_bare(arguments: &BareMachine, scenario: Option<&str>) -> Result<Mach
 /// What can be simulated, for a refusal of `machine`, whose source is another one.
 pub fn simulated_only(machine: &Machine) -> String {
     let found = machine.source.kind();
-    let twin = if machine.source == Source::External {
+    let twin = if machine.source.is_real() {
         ", or tables [axis.NAME.plant], [supply] and [oil] for a twin of the machine"
     } else {
         ""

@@ -64,6 +64,8 @@ const EXAMPLES: &[Example] = &[
     example!("commission.ipynb", "notebook: commissions an axis and draws what was found"),
     example!("watch.rs", "Rust: watches a running group"),
     example!("hydraxis.service", "a unit of systemd that runs a machine as a service"),
+    example!("prometheus.yml", "Prometheus: collects the figures of `hydraxis monitor`"),
+    example!("grafana.json", "Grafana: a dashboard of these figures"),
 ];
 
 /// Runs the command.
@@ -80,7 +82,7 @@ pub fn run(arguments: &ExampleArguments) -> Result<(), Failure> {
         Some(file) => file.to_owned(),
     };
     write(&path, example, arguments.force)?;
-    let needs = if [".py", ".ipynb"].iter().any(|ending| example.name.ends_with(ending)) {
+    let needs = if example.text.contains("import hydraxis") {
         "it needs the Python package: pip install ./python in the folder of Hydraxis\n"
     } else {
         ""

@@ -2,16 +2,18 @@
 //!
 //! | command | runs |
 //! |---|---|
-//! | `plant-sim`, `sensor-proc`, `ident-proc`, `control-proc` ([`stage`]) | one stage of the loop, in this process |
-//! | [`run`], [`operate`], [`status`], [`record`] | beside the loop, in a process of its own |
+//! | `plant-sim`, `can-proc`, `sensor-proc`, `ident-proc`, `control-proc` ([`stage`]) | one stage, in this process |
+//! | [`run`], [`operate`], [`status`], [`monitor`], [`record`] | beside the loop, in a process of its own |
 //! | [`commission`] | beside the loop, or on a simulated machine in this process |
 //! | [`simulate`], [`mod@bench`], [`identify`], [`predict`] | without a loop in real time, in this process |
 //! | [`init`], [`example`] | before there is a machine file |
+//! | [`mod@can`] | beside a CAN bus |
 //! | [`check`], [`mechanism`], [`doctor`], [`clean`] | before or after a run |
-//! | [`info`], [`recover`], [`export`], [`replay`], [`mod@plot`] | with files that were written |
+//! | [`info`], [`recover`], [`export`], [`replay`], [`mod@report`], [`mod@plot`] | with files that were written |
 //! | [`completions`], [`manual`] | when the command is installed |
 
 mod bench;
+mod can;
 mod check;
 mod clean;
 mod commission;
@@ -24,12 +26,14 @@ mod info;
 mod init;
 mod manual;
 mod mechanism;
+mod monitor;
 mod operate;
 mod plot;
 mod predict;
 mod record;
 mod recover;
 mod replay;
+mod report;
 mod run;
 mod simulate;
 mod stage;
@@ -39,6 +43,7 @@ use clap::{Parser, Subcommand};
 
 use pipeline::stage::StageKind;
 
+use self::can::Can;
 use self::mechanism::MechanismArguments;
 use crate::failure::Failure;
 use bench::Bench;
@@ -53,12 +58,14 @@ use identify::IdentifyArguments;
 use info::InfoArguments;
 use init::InitArguments;
 use manual::ManualArguments;
+use monitor::MonitorArguments;
 use operate::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
 use plot::PlotArguments;
 use predict::PredictArguments;
 use record::RecordArguments;
 use recover::RecoverArguments;
 use replay::ReplayArguments;
+use report::ReportArguments;
 use run::RunArguments;
 use simulate::SimulateArguments;
 use stage::StageArguments;
@@ -102,6 +109,8 @@ pub enum Command {
     Reset(ResetArguments),
     /// Show the state of a running group: stages, channels, latencies, axes
     Status(StatusArguments),
+    /// Show a running group as a page for browsers, and its figures for Prometheus
+    Monitor(MonitorArguments),
     /// Record all messages of a running group
     Record(RecordArguments),
     /// Show what a recording holds: channels, gaps, faults, changes of mode
@@ -112,6 +121,8 @@ pub enum Command {
     Replay(ReplayArguments),
     /// Write a recording as a table for other tools
     Export(ExportArguments),
+    /// Write a page about a recorded run: verdict, axes, models, latencies, faults
+    Report(ReportArguments),
     /// Identify a Hammerstein model on a recording: classical and adaptive side by side
     Identify(Box<IdentifyArguments>),
     /// Apply a model that identify has saved to another recording
@@ -119,6 +130,9 @@ pub enum Command {
     /// Compare controllers on the simulated machine
     #[command(subcommand)]
     Bench(Bench),
+    /// Play the devices of a CAN bus without hardware
+    #[command(subcommand)]
+    Can(Can),
     /// Check a machine file and show everything that is wrong with it
     Check(CheckArguments),
     /// Show reach, joints, masses and loads of the machine's linkage, evaluate states, write URDF
@@ -129,6 +143,8 @@ pub enum Command {
     Clean(CleanArguments),
     /// Run the simulated machine alone, in the foreground
     PlantSim(StageArguments),
+    /// Drive the encoders and valves of a CAN bus alone, in the foreground
+    CanProc(StageArguments),
     /// Run the encoder acquisition alone, in the foreground
     SensorProc(StageArguments),
     /// Run the identification alone, in the foreground
@@ -159,21 +175,25 @@ impl Command {
             Self::Disarm(arguments) => operate::disarm(arguments),
             Self::Reset(arguments) => operate::reset(arguments),
             Self::Status(arguments) => status::run(arguments),
+            Self::Monitor(arguments) => monitor::run(arguments),
             Self::Record(arguments) => record::run(arguments),
             Self::Info(arguments) => info::run(arguments),
             Self::Recover(arguments) => recover::run(arguments),
             Self::Replay(arguments) => replay::run(arguments),
             Self::Export(arguments) => export::run(arguments),
+            Self::Report(arguments) => report::run(arguments),
             Self::Identify(arguments) => identify::run(arguments),
             Self::Predict(arguments) => predict::run(arguments),
             Self::Bench(Bench::Control(arguments)) => bench::run(arguments),
             Self::Bench(Bench::Identify(arguments)) => bench::identify(arguments),
+            Self::Can(command) => self::can::run(command),
             Self::Bench(Bench::Tip(arguments)) => bench::tip::run(arguments),
             Self::Check(arguments) => check::run(arguments),
             Self::Mechanism(arguments) => mechanism::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
             Self::Clean(arguments) => clean::run(arguments),
             Self::PlantSim(arguments) => stage::run(StageKind::PlantSim, arguments),
+            Self::CanProc(arguments) => stage::run_can(arguments),
             Self::SensorProc(arguments) => stage::run(StageKind::SensorProc, arguments),
             Self::IdentProc(arguments) => stage::run(StageKind::IdentProc, arguments),
             Self::ControlProc(arguments) => stage::run(StageKind::ControlProc, arguments),

@@ -3,6 +3,7 @@
 //! This process runs beside the loop. It reads channels that no stage waits for.
 
 use std::{
+    net::SocketAddr,
     path::PathBuf,
     sync::Arc,
     time::{Duration, Instant},
@@ -25,6 +26,7 @@ use crate::{
     failure::{Failure, Failures},
     group::{
         monitor::Monitor,
+        page::{self, LISTEN, Page},
         preflight::{PreflightError, folders, new_file, programs, rights},
         recorder::LockStepRecorder,
         running::leave,
@@ -85,6 +87,9 @@ pub struct RunArguments {
     /// ~/.local/state/hydraxis]
     #[arg(long, value_name = "DIR")]
     pub black_box: Option<PathBuf>,
+    /// Also show the run as a page for browsers, as `hydraxis monitor` does; port 0 takes a free one
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = LISTEN)]
+    pub monitor: Option<SocketAddr>,
     /// Write no black box; a run in lock-step writes none, since it can be repeated
     #[arg(long, conflicts_with = "black_box")]
     pub no_black_box: bool,
@@ -156,6 +161,10 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Ch
     let mut failures = Failures::default();
     let claim = failures.take(Claim::take(prefix).map_err(PreflightError::from));
     failures.extend(folders(prefix, claim.as_ref(), arguments.log_folder.as_deref()));
+    if let Some(Err(error)) = arguments.monitor.map(page::check) {
+        let allowed = "allowed: an address of this computer with a free port, such as 127.0.0.1:0";
+        failures.extend([Failure::usage(format!("--monitor: the address cannot be used ({error}); {allowed}"))]);
+    }
     failures.extend(arguments.record.as_deref().and_then(|file| new_file("--record", file).err()));
     let machine = failures.take(load(&arguments.machine));
     let (mut count, mut warnings) = (None, Vec::new());
@@ -168,14 +177,15 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Ch
         }
         let rows = failures.take(check::deep(machine));
         failures.take(check::expect_controllable(machine));
-        if machine.source == Source::External && clock == Clock::LockStep {
-            failures.extend([Failure::usage(
-                "--lockstep: found a machine with source.kind \"external\", whose time nobody can hold; allowed: \
+        if machine.source.is_real() && clock == Clock::LockStep {
+            failures.extend([Failure::usage(format!(
+                "--lockstep: found a machine with source.kind \"{}\", whose time nobody can hold; allowed: \
                  \"sim\", with stage.plant-sim.command for a program that simulates in lock-step",
-            )]);
+                machine.source.kind()
+            ))]);
         }
         count = match (&machine.source, arguments.duration) {
-            (Source::External, None) => Some(None),
+            (Source::External | Source::Can, None) => Some(None),
             (_, duration) => rows.and_then(|rows| failures.take(ticks(machine, rows, duration))).map(Some),
         };
         let (followers, head) = stages(machine, clock);
@@ -197,6 +207,8 @@ fn stages(machine: &Machine, clock: Clock) -> (Vec<StageKind>, StageKind) {
         (Source::Replay(_), ..) => (vec![IdentProc], SensorProc),
         (Source::External, Drive::None, _) => (program.chain([IdentProc]).collect(), SensorProc),
         (Source::External, ..) => (program.chain([IdentProc, ControlProc]).collect(), SensorProc),
+        (Source::Can, Drive::None, _) => (vec![PlantSim, IdentProc], SensorProc),
+        (Source::Can, ..) => (vec![PlantSim, IdentProc, ControlProc], SensorProc),
         (Source::Sim, _, Clock::LockStep) => (vec![SensorProc, IdentProc, ControlProc], PlantSim),
         (Source::Sim, _, Clock::RealTime) => (vec![PlantSim, IdentProc, ControlProc], SensorProc),
     }
@@ -226,7 +238,7 @@ fn run_group(
     let scenario = &machine.scenario.name;
     let scenario = if machine.source == Source::Sim { format!(", scenario \"{scenario}\"") } else { String::new() };
     supervisor.say(format!("{}{scenario}: group \"{}\", Ctrl-C ends it", machine.name, options.prefix));
-    if machine.drive == Drive::External {
+    if machine.drive.is_real() {
         supervisor.say(format!("no axis moves before: hydraxis arm --prefix {}", options.prefix));
     }
     for warning in warnings {
@@ -237,6 +249,16 @@ fn run_group(
     }
     let whole = arguments.record.as_deref().filter(|_| arguments.lockstep);
     let recorder = whole.map(|file| LockStepRecorder::start(&options.prefix, file)).transpose()?;
+    let page = arguments.monitor.and_then(|address| match Page::start(&options.prefix, address) {
+        Ok((page, line)) => {
+            supervisor.say(line);
+            Some(page)
+        }
+        Err(error) => {
+            supervisor.say(format!("warning: --monitor: {error}; the group runs without a page"));
+            None
+        }
+    });
     let watched = start_and_watch(machine, options, &mut monitor, &mut supervisor);
     // A stage that does not end as it was asked to is a failure of the run as well.
     let stopped = supervisor.stop().map_or(Ok(()), Err);
@@ -247,6 +269,7 @@ fn run_group(
     stopped?;
     recorded?.into_iter().for_each(|said| supervisor.say(said.trim_end()));
     polled?;
+    drop(page);
     let last = monitor.into_last(supervisor.restart_causes());
     let report = LoopReport::new(machine, &last, options.clock, wall_s);
     Ok(Ended { report, is_interrupted: supervisor.is_interrupted() })
@@ -319,7 +342,7 @@ fn watch(
         }
         // While a stage starts again, the others wait for it, and all wait for the first reading of an external
         // program; that is no stall.
-        let waits = machine.source == Source::External && monitor.last_sample().is_none();
+        let waits = machine.source.is_real() && monitor.last_sample().is_none();
         if waits && duration.is_some_and(|duration| started.elapsed() > duration) {
             break;
         }

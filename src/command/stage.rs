@@ -5,7 +5,8 @@
 use clap::Args;
 use pipeline::{
     channel::{Prefix, remove_leftovers},
-    stage::{Clock, StageKind, StageOptions, missing},
+    machine::{Machine, Source},
+    stage::{Clock, StageError, StageKind, StageOptions, missing},
 };
 
 use super::check;
@@ -64,9 +65,37 @@ pub struct StageArguments {
 /// Runs one stage until its last tick or a signal.
 pub fn run(kind: StageKind, arguments: &StageArguments) -> Result<(), Failure> {
     let machine = load(&arguments.machine)?;
+    run_as(kind, kind.name(), arguments, &machine, |options| match kind {
+        StageKind::PlantSim => plant_sim::process::run(&machine, options),
+        StageKind::SensorProc => sensor_proc::process::run_with(&machine, options, read_recordings),
+        StageKind::IdentProc => ident_proc::process::run(&machine, options),
+        StageKind::ControlProc => control_proc::process::run(&machine, options),
+    })
+}
+
+/// Runs the stage of a CAN bus, which stands in the place of plant-sim.
+pub fn run_can(arguments: &StageArguments) -> Result<(), Failure> {
+    let machine = load(&arguments.machine)?;
+    if machine.source != Source::Can {
+        let found = machine.source.kind();
+        return Err(Failure::usage(format!("source.kind: found \"{found}\"; allowed: \"can\"")).about("can-proc"));
+    }
+    if arguments.lockstep {
+        return Err(Failure::usage("--lockstep: found a CAN bus, whose time nobody can hold; allowed: without it"));
+    }
+    run_as(StageKind::PlantSim, "can-proc", arguments, &machine, |options| can_proc::process::run(&machine, options))
+}
+
+fn run_as(
+    kind: StageKind,
+    name: &'static str,
+    arguments: &StageArguments,
+    machine: &Machine,
+    run: impl FnOnce(StageOptions) -> Result<(), StageError>,
+) -> Result<(), Failure> {
     // The supervisor has checked the machine before it starts the stages.
     if kind == StageKind::ControlProc && arguments.parent.is_none() {
-        check::expect_controllable(&machine)?;
+        check::expect_controllable(machine)?;
     }
     let clock = if arguments.lockstep { Clock::LockStep } else { Clock::RealTime };
     let options = StageOptions {
@@ -78,22 +107,17 @@ pub fn run(kind: StageKind, arguments: &StageArguments) -> Result<(), Failure> {
         first_tick: arguments.first_tick,
         is_recorded: arguments.recorded,
         // The supervisor has shown the warnings that were known before the start.
-        warn: arguments.parent.is_none() || missing(&machine, clock).is_empty(),
+        warn: arguments.parent.is_none() || missing(machine, clock).is_empty(),
         stop: stop_flag()?,
         reset: reset_flag()?,
         off: off_flag()?,
     };
     if let Some(parent) = arguments.parent {
-        let held = lifeline::hold(parent, kind.name(), lifeline::STAGE_PATIENCE);
-        held.map_err(|error| Failure::from(error).about(kind.name()))?;
+        let held = lifeline::hold(parent, name, lifeline::STAGE_PATIENCE);
+        held.map_err(|error| Failure::from(error).about(name))?;
     }
-    let result = match kind {
-        StageKind::PlantSim => plant_sim::process::run(&machine, options),
-        StageKind::SensorProc => sensor_proc::process::run_with(&machine, options, read_recordings),
-        StageKind::IdentProc => ident_proc::process::run(&machine, options),
-        StageKind::ControlProc => control_proc::process::run(&machine, options),
-    };
+    let result = run(options);
     // The last member of a group that was started by hand removes its files.
     let _ = remove_leftovers(&arguments.prefix);
-    result.map_err(|error| Failure::run(error).about(kind.name()))
+    result.map_err(|error| Failure::run(error).about(name))
 }

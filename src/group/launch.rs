@@ -22,6 +22,11 @@ pub enum LaunchError {
     Machine(#[from] MachineError),
 }
 
+/// The subcommand of a stage: on a CAN bus another one than plant-sim is in its place.
+fn subcommand(kind: StageKind, machine: &Machine) -> &'static str {
+    if kind == StageKind::PlantSim && machine.source == Source::Can { "can-proc" } else { kind.name() }
+}
+
 /// The command that starts a stage of `machine`: this program, or the one that the machine file names.
 ///
 /// # Errors
@@ -40,7 +45,7 @@ pub fn command(
         }
         None => {
             let mut command = Command::new(std::env::current_exe().map_err(LaunchError::OwnPath)?);
-            command.arg(kind.name());
+            command.arg(subcommand(kind, machine));
             // Only this program knows the option. Another one learns the end of the supervisor from SIGTERM, and from
             // the end of its standard input.
             command.arg("--parent").arg(std::process::id().to_string());

@@ -8,8 +8,10 @@
 mod glance;
 mod launch;
 pub mod lifeline;
+pub mod live;
 pub mod monitor;
 pub mod operator;
+pub mod page;
 pub mod preflight;
 pub mod recorder;
 pub mod running;

@@ -14,6 +14,11 @@ const SIZE: (usize, usize) = (24, 80);
 /// End of a line that has been cut.
 const CUT: &str = ">";
 
+/// Whether the terminal, if there is one, can move its cursor.
+pub fn can_move() -> bool {
+    std::env::var_os("TERM").is_none_or(|name| name != "dumb")
+}
+
 /// The lines of one terminal.
 #[derive(Debug)]
 pub struct Block {
@@ -29,14 +34,8 @@ impl Block {
         Self::on(Term::stderr())
     }
 
-    /// A block on standard output; none where standard output is no terminal, or one that cannot move its cursor.
-    pub fn on_stdout() -> Option<Self> {
-        Self::on(Term::stdout())
-    }
-
     fn on(term: Term) -> Option<Self> {
-        let can_move = std::env::var_os("TERM").is_none_or(|name| name != "dumb");
-        (term.is_term() && can_move).then(|| Self { term, lines: Vec::new(), drawn: Vec::new() })
+        (term.is_term() && can_move()).then(|| Self { term, lines: Vec::new(), drawn: Vec::new() })
     }
 
     /// What to write to the terminal so that these lines stand in the block. Without lines the block is gone.

@@ -77,6 +77,8 @@ pub struct Chart {
     pub labels: [String; 2],
     /// The text of a number on the lower edge.
     pub tick: fn(&f64) -> String,
+    /// The text of a number on the left edge; without it, one whose decimals fit the height.
+    pub y_tick: Option<fn(&f64) -> String>,
     /// The later ones are drawn over the earlier ones.
     pub series: Vec<Series>,
     /// Texts and where they begin.
@@ -93,6 +95,11 @@ pub fn register_font() {
 }
 
 impl Chart {
+    /// Whether there is anything to draw.
+    pub fn has_points(&self) -> bool {
+        self.series.iter().flat_map(|series| &series.points).any(|point| point.1.is_finite())
+    }
+
     /// The chart as SVG.
     ///
     /// # Errors
@@ -141,7 +148,9 @@ impl Chart {
         let points = || self.series.iter().flat_map(|series| &series.points).filter(|point| point.1.is_finite());
         let [(begin, end), (low, high)] = self.frame.unwrap_or_else(|| {
             let x = range(points().map(|point| point.0), 0.0, 1e-9);
-            [x, range(points().map(|point| point.1), MARGIN, LEAST_HEIGHT)]
+            let y = range(points().map(|point| point.1), MARGIN, LEAST_HEIGHT);
+            // Without a point there is no range.
+            if self.has_points() { [x, y] } else { [(0.0, 1.0); 2] }
         });
         let mut chart = ChartBuilder::on(area)
             .margin_left(10)
@@ -155,11 +164,11 @@ impl Chart {
             .x_desc(self.labels[0].as_str())
             .y_desc(self.labels[1].as_str())
             .x_label_formatter(&self.tick)
-            .y_label_formatter(&|y| value(*y, high - low))
+            .y_label_formatter(&|y| self.y_tick.map_or_else(|| value(*y, high - low), |text| text(y)))
             .label_style((FONT, 22))
             .axis_desc_style((FONT, 26))
             .bold_line_style(RGBColor(210, 210, 210))
-            .light_line_style(WHITE)
+            .max_light_lines(0)
             .draw()?;
         for Series { points, colour, mark, .. } in &self.series {
             let parts = points.split(|point| !point.1.is_finite()).filter(|part| !part.is_empty());
@@ -239,6 +248,7 @@ mod tests {
             size: HALF,
             labels: [String::new(), String::new()],
             tick,
+            y_tick: None,
             series,
             notes: Vec::new(),
             frame: Some([(0.0, 3.0), (0.0, 3.0)]),
@@ -265,6 +275,7 @@ mod tests {
             size: HALF,
             labels: ["time, s", "speed, m/s"].map(String::from),
             tick,
+            y_tick: None,
             series: vec![line, dots],
             notes: vec![((1.0, 2.0), "gain margin".to_owned())],
             frame: None,

@@ -209,11 +209,26 @@ impl Events {
         }
     }
 
+    /// What has happened since the last call.
+    pub fn news(&mut self) -> &[Event] {
+        let taken = std::mem::replace(&mut self.taken, self.list.len());
+        &self.list[taken..]
+    }
+
     /// The lines about what has happened since the last call, without deaths.
     pub fn lines(&mut self) -> Vec<String> {
-        let new = self.list[self.taken..].iter().filter(|event| event.kind != RESTART).map(Event::line).collect();
-        self.taken = self.list.len();
-        new
+        self.news().iter().filter(|event| event.kind != RESTART).map(Event::line).collect()
+    }
+
+    /// Takes all events out of the list, so that there is room for new ones.
+    pub fn drain(&mut self) -> Vec<Event> {
+        self.taken = 0;
+        std::mem::take(&mut self.list)
+    }
+
+    /// Number of events that were too many for the list.
+    pub fn left_out(&self) -> u64 {
+        self.left_out
     }
 
     /// All events, and the number of those that were too many for the list.

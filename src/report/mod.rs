@@ -12,6 +12,7 @@ pub mod motion;
 pub mod output;
 pub mod page;
 pub mod rows;
+pub mod status;
 pub mod table;
 pub mod teeth;
 pub mod why;

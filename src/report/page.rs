@@ -10,7 +10,7 @@ h1{font-size:1.6em}h2{font-size:1.25em;margin-top:1.6em}\
 .verdict{font-size:1.15em;padding:.6em 1em;border-left:.5em solid #b3261e;background:#fbeceb}\
 .verdict.good{border-color:#1b7f3b;background:#eaf6ed}\
 table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #ccc;padding:.25em .7em;text-align:right}\
-td:first-child,th:first-child{text-align:left}.facts td{text-align:left}\
+td:first-child,th:first-child{text-align:left}.facts td,.facts th{text-align:left}.texts{width:100%;font-size:.85em}\
 .pictures{display:grid;grid-template-columns:1fr 1fr;gap:1.2em}figure{margin:0}.wide{grid-column:1/-1}\
 figcaption{font-size:.9em;color:#444;margin:.2em 1em}svg{width:100%;height:auto;display:block}\
 @media screen and (max-width:760px){.pictures{grid-template-columns:1fr}}\
@@ -37,7 +37,10 @@ impl Page {
     /// A page with this title.
     pub fn new(title: &str) -> Self {
         let title = escaped(title);
-        let head = format!("<meta charset=\"utf-8\"><title>{title}</title><style>{STYLE}</style>");
+        let head = format!(
+            "<meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
+             <title>{title}</title><style>{STYLE}</style>"
+        );
         Self { text: format!("<!DOCTYPE html>\n<html lang=\"en\"><head>{head}</head>\n<body><h1>{title}</h1>\n") }
     }
 
@@ -69,12 +72,35 @@ impl Page {
 
     /// A table of numbers, whose first column names them.
     pub fn table(&mut self, header: &[String], rows: &[Vec<String>]) {
+        self.rows("<table>", header, rows);
+    }
+
+    fn rows(&mut self, table: &str, header: &[String], rows: &[Vec<String>]) {
         let row = |tag: &str, cells: &[String]| {
             let cells: String = cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell))).collect();
             format!("<tr>{cells}</tr>\n")
         };
         let rows: String = rows.iter().map(|cells| row("td", cells)).collect();
-        let _ = write!(self.text, "<table>\n{}{rows}</table>\n", row("th", header));
+        let _ = write!(self.text, "{table}\n{}{rows}</table>\n", row("th", header));
+    }
+
+    /// A list of sentences; nothing without any.
+    pub fn list(&mut self, sentences: &[String]) {
+        if sentences.is_empty() {
+            return;
+        }
+        let items: String = sentences.iter().map(|sentence| format!("<li>{}</li>\n", escaped(sentence))).collect();
+        let _ = write!(self.text, "<ul>\n{items}</ul>\n");
+    }
+
+    /// A table of texts over the whole width.
+    pub fn wide_table(&mut self, header: &[String], rows: &[Vec<String>]) {
+        self.rows("<table class=\"facts texts\">", header, rows);
+    }
+
+    /// A picture that is SVG already, over the whole width.
+    pub fn svg(&mut self, svg: &str, caption: &str) {
+        let _ = writeln!(self.text, "<figure>{svg}<figcaption>{}</figcaption></figure>", escaped(caption));
     }
 
     /// Pictures, two beside each other where they are narrow.
@@ -107,8 +133,8 @@ fn fitted(svg: &str, (width, height): (u32, u32)) -> String {
 }
 
 /// Text in HTML.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+pub fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]

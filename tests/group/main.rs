@@ -8,10 +8,12 @@ mod events;
 #[path = "../harness/mod.rs"]
 mod harness;
 mod lock_step;
+mod monitor;
 mod operation;
 mod processes;
 mod record;
 mod replay;
+mod report;
 mod scripted_stage;
 mod source;
 mod status;

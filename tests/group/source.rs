@@ -1,6 +1,7 @@
 //! Sources and drives: what a group does with readings, whoever writes them. The same tests run against the simulated
-//! machine, against a program that the supervisor starts, and against one that is started by hand. The program is
-//! plant-sim, which knows of no supervisor here. A recording takes the parts that need no controller: rate, times,
+//! machine, against a program that the supervisor starts, against one that is started by hand, and against devices on a
+//! CAN bus. The program is plant-sim, which knows of no supervisor here; the devices are those of `hydraxis can
+//! simulate` on a pseudo terminal. A recording takes the parts that need no controller: rate, times,
 //! losses, a silence, and a restart.
 
 use std::{
@@ -19,6 +20,7 @@ use rustix::process::Signal;
 
 use crate::harness::{
     FOUR_AXES,
+    bus::{self, Devices},
     channel::{AXES, await_message},
     hydraxis,
     running::{Running, Said},
@@ -38,6 +40,8 @@ enum Writer<'w> {
     PlantSim,
     Started,
     ByHand,
+    /// Devices on a CAN bus, at this link.
+    Can(&'w Path),
     /// A recording.
     Replay(&'w Path),
 }
@@ -46,6 +50,8 @@ enum Writer<'w> {
 struct Rig {
     running: Running,
     by_hand: Option<Child>,
+    /// Devices on a bus.
+    devices: Option<Devices>,
     readings: Reader<EncoderReading>,
     samples: Reader<EncoderSample>,
     commands: Reader<ValveCommand>,
@@ -64,14 +70,22 @@ impl Rig {
             Writer::PlantSim => arguments.extend(["--off", "--duration", "10min"]),
             Writer::Started => arguments.extend([EXTERNAL[0], EXTERNAL[1], "--set", &program]),
             Writer::ByHand => arguments.extend(EXTERNAL),
+            Writer::Can(_) => arguments.extend(["--duration", "10min"]),
             Writer::Replay(_) => arguments.extend(["--set", "source.kind=replay", "--set", &recording]),
         }
+        let (mut on_bus, mut devices) = (Vec::new(), None);
+        if let Writer::Can(at) = writer {
+            on_bus = bus::arguments(&bus::settings(at));
+            devices = Some(Devices::start(at));
+        }
+        arguments.extend(on_bus.iter().map(String::as_str));
         let kinds = [StageKind::SensorProc, StageKind::IdentProc, StageKind::ControlProc];
         let stages = if matches!(writer, Writer::Replay(_)) { &kinds[..2] } else { &kinds[..] };
         let running = Running::spawn(test, &arguments, stages, |_| ());
         let channels = running.group.join();
         let mut rig = Self {
             by_hand: None,
+            devices,
             readings: channels.reader().unwrap(),
             samples: channels.reader().unwrap(),
             commands: channels.reader().unwrap(),
@@ -252,6 +266,41 @@ fn a_program_that_is_started_by_hand_conforms() {
     let name = "source (a program that is started by hand)";
     assert!(said.stderr.contains(&format!("{name}: no reading for the feedback time-out")), "{}", said.stderr);
     assert!(said.stderr.contains(&format!("{name}: well: ")), "{}", said.stderr);
+}
+
+#[test]
+fn devices_on_a_can_bus_conform() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = conform("conform-can", Writer::Can(&folder.path().join("bus")));
+    assert!(said.stderr.contains("source (CAN bus "), "{}", said.stderr);
+    assert!(said.stderr.contains("plant-sim: started again"), "{}", said.stderr);
+}
+
+/// The adapter is unplugged while the axes are armed, and plugged in again after some seconds.
+#[test]
+fn an_adapter_that_comes_back_arms_nothing() {
+    let _cores = shared();
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path().join("bus");
+    let mut rig = Rig::start("can-unplugged", Writer::Can(&at));
+    rig.arm();
+    rig.devices.take().unwrap().end();
+    rig.command("a latch", |command| all(command, |flags| flags & control_flag::FEEDBACK != 0));
+    std::thread::sleep(Duration::from_secs(4));
+    rig.devices = Some(Devices::start(&at));
+    rig.readings.newest().unwrap();
+    await_message(&mut rig.readings, "readings of devices that are well", |reading| {
+        reading.encoders[..AXES].iter().all(|value| value.error == 0)
+    });
+    rig.command("a second", |command| {
+        assert!(command.axes[..AXES].iter().all(|axis| axis.command == 0.0), "{command:?}");
+        all(command, |flags| flags & control_flag::FEEDBACK != 0)
+    });
+    rig.type_in(&["reset"]);
+    rig.arm();
+    let said = rig.end();
+    assert!(said.stderr.contains("can-proc: the adapter is gone or the interface is down"), "{}", said.stderr);
+    assert!(said.stderr.contains("; waits for it") && said.stderr.contains(": is back"), "{}", said.stderr);
 }
 
 #[test]

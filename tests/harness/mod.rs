@@ -1,6 +1,7 @@
 //! What the test binaries share: running the command, groups of real processes, waiting within a bound.
 #![allow(dead_code, unused_imports, reason = "each test binary uses a part of the harness")]
 
+pub mod bus;
 pub mod channel;
 pub mod cli;
 mod cores;

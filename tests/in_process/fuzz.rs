@@ -75,6 +75,11 @@ fn messages() {
 }
 
 #[test]
+fn buses() {
+    try_all(targets::bus, &seeds("bus", &[]));
+}
+
+#[test]
 fn recordings_in_mcap() {
     try_all(targets::recording, &seeds("recording", &[]));
 }

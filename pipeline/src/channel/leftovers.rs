@@ -108,6 +108,12 @@ pub fn groups() -> Vec<FoundGroup> {
     files.into_iter().filter_map(one).collect()
 }
 
+/// Whether a process is a member of the group. A supervisor that has only claimed the name is none yet. A process that
+/// removes the files of the group looks like a member for some milliseconds.
+pub fn is_joined(prefix: &Prefix) -> bool {
+    matches!(lock_file(&prefix.folder().join(MEMBERS)), Lock::Held)
+}
+
 /// Names of the groups that have a board, alive or not, sorted.
 pub fn boards() -> Vec<Prefix> {
     let has_board = |path: &PathBuf| path.to_string_lossy().ends_with(BOARD);

@@ -48,7 +48,7 @@ pub use error::{
 pub use event::{Listener, Notifier};
 pub use folder::{Exposed, Foreign, UnusableFolder};
 pub use group::{Group, Member};
-pub use leftovers::{FoundGroup, GroupState, boards, exposed, groups, remove_leftovers};
+pub use leftovers::{FoundGroup, GroupState, boards, exposed, groups, is_joined, remove_leftovers};
 pub use prefix::{Prefix, PrefixError, place};
 pub use publisher::Publisher;
 pub use reader::{Read, Reader};

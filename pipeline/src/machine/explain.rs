@@ -62,13 +62,14 @@ const SPECIMEN: &str = r#"
 "#;
 
 /// Settings under which the reader asks for keys that it does not ask for otherwise.
-const VARIANTS: [(&str, &str); 9] = [
+const VARIANTS: [(&str, &str); 10] = [
     ("axis.NAME.reference.kind", "sines"),
     ("axis.NAME.reference.kind", "ramps"),
     ("axis.NAME.reference.kind", "trajectory"),
     ("axis.NAME.encoder.kind", "inclinometer"),
     ("source.kind", "replay"),
     ("source.kind", "external"),
+    ("source.kind", "can"),
     ("supply.kind", "load-sensing"),
     ("mechanism.boom.length", "1"),
     ("soil.width", "1"),

@@ -7,7 +7,7 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `timing`, `stages`, `source`, `fuzzy`, `hydraulics`, `mechanism`, `soil` | the tables of the whole machine |
+//! | `timing`, `stages`, `source`, `can`, `fuzzy`, `hydraulics`, `mechanism`, `soil` | tables of the whole machine |
 //! | `tip` | a motion of the bucket's teeth |
 //! | `axis/` | the tables of one axis |
 //! | `count_length` | length of one count of a sensor at a joint |
@@ -21,6 +21,7 @@
 //! Nothing here runs in a stage's loop: files are read and memory is taken before the loop begins.
 
 mod axis;
+mod can;
 mod count_length;
 mod document;
 mod error;
@@ -47,12 +48,13 @@ use axis::Shared;
 use document::{Document, Section, Setting};
 
 pub use axis::{
-    AngleKind, AngleSensor, Axis, COMPENSATED, Commissioned, Control, DeadBand, Directions, Encoder, Estimator, Form,
-    GREY_BOX_MEMORY, Hardware, Identification, IdentifiedOutput, Law, LimitSettings, LoadForce, LoadHolding,
-    MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MOST_POINTS, ModelChoice, MotionLimits, MoveWeight, Plan, PlanSettings,
-    Plant, Ports, PressureTransducers, ReferenceSource, SMITH_MEMORY, SensorErrors, Sine, SmithSettings, Split,
-    ValveCurve, shortest_training,
+    AngleKind, AngleSensor, Axis, COMPENSATED, CanDevices, Commissioned, Control, DeadBand, Directions, Encoder,
+    Estimator, Form, GREY_BOX_MEMORY, Hardware, Identification, IdentifiedOutput, Law, LimitSettings, LoadForce,
+    LoadHolding, MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MOST_POINTS, ModelChoice, MotionLimits, MoveWeight, Plan,
+    PlanSettings, Plant, Ports, PressureTransducers, ReferenceSource, SMITH_MEMORY, SensorErrors, Sine, SmithSettings,
+    Split, ValveCurve, shortest_training,
 };
+pub use can::CanBus;
 pub use document::{DefaultValue, EffectiveValue, Origin, ValueForm, samples_of};
 pub use error::{MachineError, Problem};
 pub use explain::{Key, keys};
@@ -93,6 +95,8 @@ pub struct Machine {
     pub source: Source,
     /// Where commands go.
     pub drive: Drive,
+    /// The CAN bus, if there is one.
+    pub can: Option<CanBus>,
     /// Pump and oil of the simulated axes, if there are any.
     pub hydraulics: Option<Hydraulics>,
     /// Pins, lengths and masses of the excavator that the first four axes move, if there is one.
@@ -191,7 +195,7 @@ impl Machine {
     /// by where its file is, from whatever folder it is named.
     pub fn fingerprint(&self) -> u64 {
         let axes = self.axes.iter().map(|axis| {
-            let mut axis = Axis { plant: None, hardware: Hardware::default(), ..axis.clone() };
+            let mut axis = Axis { plant: None, can: None, hardware: Hardware::default(), ..axis.clone() };
             if let ReferenceSource::Trajectory { file, .. } = &mut axis.reference
                 && let Ok(absolute) = file.canonicalize()
             {
@@ -236,13 +240,17 @@ impl Machine {
         let realtime = Realtime::read(root.section("realtime"));
         let (source, program) = Source::read(root.section("source"), folder);
         let drive = Drive::read(root.section("drive"), &source);
+        let has_program = source == Source::External;
         let mut stage = root.section("stage");
         let mut stages = StageKind::ALL
-            .map(|kind| StageSettings::read(stage.section(kind.name()), kind, source == Source::External));
+            .map(|kind| StageSettings::read(stage.section(kind.name()), kind, source.is_real(), has_program));
         stage.finish();
-        if source == Source::External {
+        if has_program {
             stages[StageKind::PlantSim as usize].command = program;
         }
+        let section = root.section("can");
+        let has_bus = section.is_given() || source == Source::Can;
+        let can = has_bus.then(|| CanBus::read(section, &timing));
         let fuzzy = Fuzzy::read(root.section("fuzzy"));
 
         let mut table = root.section("axis");
@@ -253,9 +261,9 @@ impl Machine {
         }
         let mut section = root.section("mechanism");
         let mechanism = section.is_given().then(|| mechanism::read(&mut section));
-        let carried = if mechanism.is_some() { AXES } else { 0 };
-        let shared =
-            Shared { timing: &timing, source: &source, fuzzy, folder, carried: &names[..carried.min(names.len())] };
+        let carried = if mechanism.is_some() { AXES.min(names.len()) } else { 0 };
+        let carried = &names[..carried];
+        let shared = Shared { timing: &timing, source: &source, drive, fuzzy, folder, carried };
         let mut axes: Vec<Axis> = names.iter().map(|name| Axis::read(name, table.section(name), &shared)).collect();
         table.finish();
         if let Some(mechanism) = &mechanism {
@@ -267,6 +275,7 @@ impl Machine {
             }
         }
         section.finish();
+        expect_one_node_each(&root, &axes);
         let is_simulated = axes.iter().any(|axis| axis.plant.is_some());
         let hydraulics = Hydraulics::read(root.section("supply"), root.section("oil"), is_simulated);
         let soil = Soil::read(root.section("soil"), mechanism.is_some());
@@ -280,15 +289,15 @@ impl Machine {
             axis.hardware = Hardware::of(&values, &names, &axis.name);
         }
         root.finish();
-        Self { name, timing, realtime, stages, source, drive, hydraulics, mechanism, soil, tip, scenario, axes }
+        Self { name, timing, realtime, stages, source, drive, can, hydraulics, mechanism, soil, tip, scenario, axes }
     }
 
-    /// The twin of a machine whose source is external: the same machine, simulated by its tables `plant`, `supply` and
-    /// `oil`. A machine without them, or with another source, stays as it is.
+    /// The twin of a real machine: the same machine, simulated by its tables `plant`, `supply` and `oil`. A machine
+    /// without them, or with another source, stays as it is.
     #[must_use]
     pub fn into_twin(mut self) -> Self {
         let has_plants = self.hydraulics.is_some() && self.axes.iter().all(|axis| axis.plant.is_some());
-        if self.source == Source::External && has_plants {
+        if self.source.is_real() && has_plants {
             (self.source, self.drive) = (Source::Sim, Drive::Sim);
             self.stages[StageKind::PlantSim as usize].command = None;
             for axis in &mut self.axes {
@@ -309,6 +318,20 @@ impl Machine {
     /// Settings of one stage.
     pub fn stage(&self, kind: StageKind) -> &StageSettings {
         &self.stages[kind as usize]
+    }
+}
+
+/// Refuses two devices of one number on the bus.
+fn expect_one_node_each(root: &Section, axes: &[Axis]) {
+    let mut taken: Vec<u8> = Vec::new();
+    for axis in axes {
+        for node in axis.can.iter().flat_map(CanDevices::nodes) {
+            if taken.contains(&node) {
+                let key = format!("axis.{}.can", axis.name);
+                root.refuse(&key, format!("node {node}"), "a number that no other device of the machine has");
+            }
+            taken.push(node);
+        }
     }
 }
 

@@ -14,6 +14,8 @@ pub enum Source {
     Replay(PathBuf),
     /// A program that writes [`EncoderReading`](crate::message::EncoderReading)s: a driver of real encoders.
     External,
+    /// Encoders on a CAN bus: [`Machine::can`](super::Machine::can) and [`Axis::can`](super::Axis::can).
+    Can,
 }
 
 /// Where commands go.
@@ -23,6 +25,8 @@ pub enum Drive {
     Sim,
     /// A program that reads [`ValveCommand`](crate::message::ValveCommand)s: a driver of real valves.
     External,
+    /// Valves on the CAN bus of the encoders.
+    Can,
     /// Nowhere. No controller runs. The commands of the controller that the machine has may come as
     /// [`ValveCommand`](crate::message::ValveCommand)s, so that models are identified.
     None,
@@ -31,21 +35,23 @@ pub enum Drive {
 const SIM: &str = "sim";
 const REPLAY: &str = "replay";
 const EXTERNAL: &str = "external";
+const CAN: &str = "can";
 const NONE: &str = "none";
-const ALL_DRIVES: [(&str, Drive); 3] = [(SIM, Drive::Sim), (NONE, Drive::None), (EXTERNAL, Drive::External)];
+const ALL_DRIVES: [(&str, Drive); 4] =
+    [(SIM, Drive::Sim), (NONE, Drive::None), (EXTERNAL, Drive::External), (CAN, Drive::Can)];
 
 impl Source {
     /// The source, and the program that `run` starts for it.
     ///
     /// A kind that is refused is read as the nearest one, so that only the kind is refused and not what belongs to it.
     pub(super) fn read(mut section: Section, folder: &Path) -> (Self, Option<Vec<String>>) {
-        let kinds = [SIM, REPLAY, EXTERNAL];
+        let kinds = [SIM, REPLAY, EXTERNAL, CAN];
         let typed = section.text_of("kind");
         let kind = section
             .key(
                 "kind",
-                "Where samples come from: the simulated machine, a record that is replayed, or a program that writes \
-                 encoder-reading",
+                "Where samples come from: the simulated machine, a record that is replayed, a program that writes \
+                 encoder-reading, or encoders on a CAN bus",
             )
             .choice(&kinds.map(|kind| (kind, kind)))
             .or_else(|| nearest(&typed?, kinds).first().copied());
@@ -66,6 +72,7 @@ impl Source {
                 );
                 Self::External
             }
+            Some(CAN) => Self::Can,
             _ => Self::Sim,
         };
         match kind {
@@ -82,7 +89,13 @@ impl Source {
             Self::Sim => SIM,
             Self::Replay(_) => REPLAY,
             Self::External => EXTERNAL,
+            Self::Can => CAN,
         }
+    }
+
+    /// Whether it is a real machine, whose time nobody can hold and which a person arms.
+    pub fn is_real(&self) -> bool {
+        matches!(self, Self::External | Self::Can)
     }
 
     /// The drives that go with the source, its own first.
@@ -91,19 +104,25 @@ impl Source {
             Self::Sim => &[(SIM, Drive::Sim)],
             Self::Replay(_) => &[(NONE, Drive::None)],
             Self::External => &[(EXTERNAL, Drive::External), (NONE, Drive::None)],
+            Self::Can => &[(CAN, Drive::Can), (NONE, Drive::None)],
         }
     }
 }
 
 impl Drive {
+    /// Whether it moves a real machine.
+    pub fn is_real(self) -> bool {
+        matches!(self, Self::External | Self::Can)
+    }
+
     pub(super) fn read(mut section: Section, source: &Source) -> Self {
         // A source that was refused may be any.
         let choices = if section.is_refused("source.kind") { &ALL_DRIVES } else { source.drives() };
         let drive = section
             .key(
                 "kind",
-                "Where commands go: the simulated machine, a program that reads valve-command, or nowhere, so that no \
-                 controller runs",
+                "Where commands go: the simulated machine, a program that reads valve-command, valves on the CAN bus, \
+                 or nowhere, so that no controller runs",
             )
             .rule("as the source; \"none\" with source.kind = \"replay\"")
             .choice_or(choices[0].1, choices);

@@ -134,9 +134,9 @@ pub(super) fn program(section: &mut Section, meaning: &'static str, allowed: &st
 }
 
 impl StageSettings {
-    /// `is_external`: the source is a program of the user, which stands in the place of plant-sim.
-    pub(super) fn read(mut section: Section, kind: StageKind, is_external: bool) -> Self {
-        let is_rig = is_external && kind == StageKind::PlantSim;
+    /// `is_real`: a real machine stands in the place of plant-sim; `has_program`: its program is that of the source.
+    pub(super) fn read(mut section: Section, kind: StageKind, is_real: bool, has_program: bool) -> Self {
+        let is_rig = is_real && kind == StageKind::PlantSim;
         // A simulated machine that starts again would jump to its initial position.
         let restart = if kind == StageKind::PlantSim && !is_rig { Restart::Never } else { Restart::OnFailure };
         let command = program(
@@ -144,7 +144,7 @@ impl StageSettings {
             "Another program that runs in the stage's place, with its arguments",
             "a program and its arguments, such as [\"python3\", \"my_plant.py\"]",
         );
-        if is_rig && command.is_some() {
+        if is_rig && has_program && command.is_some() {
             section.refuse("command", "a program", "source.command, with source.kind = \"external\"");
         }
         let spin = section

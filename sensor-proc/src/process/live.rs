@@ -1,4 +1,4 @@
-//! The stage with the sources `sim` and `external`: readings come from plant-sim, or from any program that takes its
+//! The stage with the sources `sim`, `external` and `can`: readings come from plant-sim, or from whatever takes its
 //! place.
 
 use pipeline::{
@@ -14,7 +14,7 @@ use crate::acquisition::Acquisition;
 /// Period at which the stage looks for the first reading, ns.
 const FIRST_READING_POLL_NS: u64 = 1_000_000;
 
-/// The stage with the sources `sim` and `external`.
+/// The stage with the sources `sim`, `external` and `can`.
 pub struct Live {
     core: Acquisition,
     readings: Reader<EncoderReading>,

@@ -2,7 +2,7 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | `live` | the stage with the sources `sim` and `external` |
+//! | `live` | the stage with the sources `sim`, `external` and `can` |
 //! | `recorded` | the stage with the source `replay` |
 //! | `timer` | release of ticks in real time |
 //! | `output` | publisher of the samples |
@@ -43,7 +43,7 @@ pub fn run_with(machine: &Machine, options: StageOptions, read: ReadRecordings) 
     let clock = options.clock;
     let setup = options.clone();
     match &machine.source {
-        Source::Sim | Source::External => {
+        Source::Sim | Source::External | Source::Can => {
             run_stage(StageKind::SensorProc, machine, options, |group, board| Live::new(machine, clock, group, board))
         }
         Source::Replay(file) => run_stage(StageKind::SensorProc, machine, options, |group, board| {

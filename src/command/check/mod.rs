@@ -75,6 +75,7 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
             Some(words) => format!("read by {}", words.join(" ")),
             None => "read by a program that is started by hand".to_owned(),
         },
+        Source::Can => format!("on CAN bus {}", machine.can.as_ref().map_or("", |can| &can.interface)),
     };
     let text = format!(
         "{}: {} {} ({}), every {}, {source}: no problem found.\n",
@@ -188,8 +189,12 @@ pub fn deep(machine: &Machine) -> Result<Option<u64>, Failure> {
                 Ok(recordings) => rows = Some(Replay::new(&alone, recordings).len()),
                 Err(error) => problems.push(format!("source.file: {error}")),
             },
-            Source::External => {}
+            Source::External | Source::Can => {}
         }
+    }
+    if machine.source == Source::Can {
+        problems.extend(can_proc::bus_address(machine).err().map(|error| error.to_string()));
+        problems.extend(can_proc::network(machine).err().map(|error| error.to_string()));
     }
     // The axes of the teeth are planned together only.
     problems.extend(TipPlan::of(machine).err().map(|error| error.to_string()));

@@ -1,10 +1,10 @@
 //! Models of the machine file and of `--model` that were measured on another machine.
 
-use pipeline::machine::{Axis, Machine, Source};
+use pipeline::machine::{Axis, Machine};
 
 /// One problem for each axis of a real machine whose model was measured on another machine, or on a simulated one.
 pub fn refused(machine: &Machine) -> Vec<String> {
-    if machine.source == Source::External {
+    if machine.source.is_real() {
         foreign(machine, "leave this model out of the run, and measure its own")
     } else {
         Vec::new()
@@ -13,7 +13,7 @@ pub fn refused(machine: &Machine) -> Vec<String> {
 
 /// One warning for each axis of a simulated machine whose model was measured on another one.
 pub fn doubtful(machine: &Machine) -> Vec<String> {
-    if machine.source == Source::External { Vec::new() } else { foreign(machine, "measure its own") }
+    if machine.source.is_real() { Vec::new() } else { foreign(machine, "measure its own") }
 }
 
 fn foreign(machine: &Machine, what_to_do: &str) -> Vec<String> {

@@ -86,7 +86,7 @@ impl Ends {
                 let recordings = read_recordings(machine, file).map_err(Failure::usage)?;
                 Ok(Self::Recorded(Replay::new(machine, recordings)))
             }
-            Source::External => Err(Failure::usage(simulated_only(machine))),
+            Source::External | Source::Can => Err(Failure::usage(simulated_only(machine))),
         }
     }
 

@@ -95,7 +95,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
 fn expect_compatible(arguments: &SimulateArguments, machine: &Machine, is_open: bool) -> Result<(), Failure> {
     let recording = &arguments.recording;
     let refuse = |text: &str| Err(Failure::usage(text));
-    if machine.source == Source::External {
+    if machine.source.is_real() {
         return refuse(&simulated_only(machine));
     }
     if machine.source != Source::Sim && (is_open || recording.trajectory.is_some() || recording.plot.is_some()) {

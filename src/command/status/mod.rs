@@ -7,16 +7,17 @@
 //! to no channel that a stage sends on within a tick.
 
 mod arguments;
-mod report;
+mod watch;
 
 use std::{
+    io::{IsTerminal, stdout},
     sync::atomic::{AtomicBool, Ordering},
     thread::sleep,
     time::{Duration, Instant},
 };
 
 use pipeline::{
-    channel::{ChannelError, Group, GroupState, Member, Prefix, Reader, Room, groups, rooms},
+    channel::{ChannelError, Group, GroupState, Prefix, Reader, groups, rooms},
     message::{MachineState, StageHealth, StageState},
     stage::{StageKind, monotonic_ns},
 };
@@ -26,13 +27,12 @@ use crate::{
     failure::Failure,
     group::{operator::OperatorError, running::meant, signals::stop_flag},
     report::{
-        block::Block,
+        block::can_move,
         output::{Output, show_to_reader},
+        status::{Collected, SILENT_NS, StatusReport},
     },
 };
 pub use arguments::StatusArguments;
-
-use report::StatusReport;
 
 /// Time for which heartbeats are collected: several of each stage, so that the first and the last give a rate.
 const LISTEN: Duration = Duration::from_millis(550);
@@ -40,30 +40,19 @@ const LISTEN: Duration = Duration::from_millis(550);
 const POLL: Duration = Duration::from_millis(20);
 /// Time between two outputs of `--watch`.
 const WATCH_PERIOD: Duration = Duration::from_secs(1);
-/// A stage whose last heartbeat is older than this, ns, is silent: ten heartbeats are missing.
-const SILENT_NS: u64 = 1_000_000_000;
-
-/// The messages of a group within [`LISTEN`].
-struct Collected {
-    prefix: Prefix,
-    /// First and last heartbeat of each stage.
-    stages: [Option<(StageHealth, StageHealth)>; 4],
-    state: Option<MachineState>,
-    /// The processes of the group.
-    members: Vec<Member>,
-    /// The room for a stage that starts again.
-    rooms: Vec<Room>,
-    now_ns: u64,
-}
-
 /// Runs the command.
 pub fn run(arguments: &StatusArguments) -> Result<(), Failure> {
     let output = Output::open(arguments.json.as_deref())?;
     let prefix = meant(arguments.prefix.as_ref())?;
     let stop = stop_flag()?;
+    expect_alive(&prefix)?;
+    let has_screen = arguments.watch && stdout().is_terminal() && can_move();
+    if has_screen && watch::watch(&prefix, &stop)? {
+        return Ok(());
+    }
     let mut reader = StatusReader::join(&prefix)?;
     if arguments.watch {
-        return watch(&mut reader, &stop);
+        return print(&mut reader, &stop);
     }
     let collected = reader.collect()?;
     let report = StatusReport::new(&collected);
@@ -77,17 +66,17 @@ pub fn run(arguments: &StatusArguments) -> Result<(), Failure> {
     }
 }
 
-/// Shows the state every second until a signal, or until nobody reads it any more. A terminal shows one state, which is
-/// redrawn in place.
-fn watch(reader: &mut StatusReader, stop: &AtomicBool) -> Result<(), Failure> {
-    let mut block = Block::on_stdout();
+/// Refuses a group that does not run: to join it would create it.
+fn expect_alive(prefix: &Prefix) -> Result<(), Failure> {
+    let is_alive = groups().iter().any(|group| group.state == GroupState::Alive && group.prefix == *prefix);
+    if is_alive { Ok(()) } else { Err(OperatorError::NoGroup(prefix.clone()).into()) }
+}
+
+/// Prints the state every second until a signal, or until nobody reads it any more.
+fn print(reader: &mut StatusReader, stop: &AtomicBool) -> Result<(), Failure> {
     while !stop.load(Ordering::Relaxed) {
         let report = StatusReport::new(&reader.collect()?);
-        let text = match &mut block {
-            Some(block) => block.show(report.watched().lines().map(str::to_owned).collect()),
-            None => format!("{}\n", report.tables()),
-        };
-        if !show_to_reader(&text)? {
+        if !show_to_reader(&format!("{}\n", report.tables()))? {
             break;
         }
         sleep(WATCH_PERIOD.saturating_sub(LISTEN));
@@ -105,10 +94,6 @@ struct StatusReader {
 
 impl StatusReader {
     fn join(prefix: &Prefix) -> Result<Self, Failure> {
-        // To join a group that does not exist would create it.
-        if !groups().iter().any(|group| group.state == GroupState::Alive && group.prefix == *prefix) {
-            return Err(OperatorError::NoGroup(prefix.clone()).into());
-        }
         let group = Group::join(prefix, "status").map_err(ChannelError::from)?;
         Ok(Self {
             prefix: prefix.clone(),

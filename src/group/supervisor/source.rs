@@ -8,6 +8,7 @@
 //! | age | a reading was acquired more than half of the feedback time-out before it was sent |
 //! | axes | a reading has another number of axes than the machine |
 //! | foreign | readings are about another machine |
+//! | device | a device of a CAN bus is at fault: the error word of its axis says why |
 //!
 //! Runs in the supervisor, beside the loop. What the readings may do to the axes is decided by sensor-proc and
 //! control-proc.
@@ -57,16 +58,22 @@ pub struct SourceWatch {
     /// Oldest reading of the window, ns.
     age_ns: u64,
     fault: Option<Fault>,
+    /// Names of the axes, and the error words that were told of them; only of a CAN bus.
+    devices: Vec<(String, u32)>,
 }
 
 impl SourceWatch {
-    /// Of a group that runs `machine`; none where its source is not external.
+    /// Of a group that runs `machine`; none where it is simulated or replayed.
     pub fn new(machine: &Machine, group: &Prefix) -> Option<Self> {
         let now = Instant::now();
         let program = machine.stage(StageKind::PlantSim).command.as_ref().map(|words| words.join(" "));
-        (machine.source == Source::External).then(|| Self {
+        let bus = machine.can.as_ref().filter(|_| machine.source == Source::Can);
+        let program = program.or_else(|| bus.map(|bus| format!("CAN bus {}", bus.interface)));
+        let devices = machine.axes.iter().filter(|_| bus.is_some()).map(|axis| (axis.name.clone(), 0));
+        machine.source.is_real().then(|| Self {
             group: group.to_string(),
             program: program.unwrap_or_else(|| "a program that is started by hand".to_owned()),
+            devices: devices.collect(),
             period: machine.timing.period,
             timeout: machine.timing.feedback_timeout,
             axes: machine.axes.len() as u32,
@@ -82,13 +89,9 @@ impl SourceWatch {
 
     /// The line to say now; most often none. `health` and `last` are counts and last message of the channel.
     pub fn look(&mut self, now: Instant, health: &ChannelHealth, last: Option<&EncoderReading>) -> Option<String> {
-        if health.received > self.received {
-            self.received = health.received;
-            if self.heard.replace(now).is_none() {
-                (self.window, self.before) = (now, *health);
-            }
-            let age_ns = last.map_or(0, |last| last.header.sent_ns.saturating_sub(last.header.acquired_ns));
-            self.age_ns = self.age_ns.max(age_ns);
+        self.hear(now, health, last);
+        if let Some(line) = last.and_then(|last| self.tell_devices(last)) {
+            return Some(line);
         }
         let Some(heard) = self.heard else { return self.before_first(now, health) };
         if now.saturating_duration_since(heard) > self.timeout {
@@ -139,6 +142,34 @@ impl SourceWatch {
             });
         }
         self.tell(None, || format!("well: {rate:.1} readings/s"))
+    }
+
+    /// Notes when a reading has come, and how old it was.
+    fn hear(&mut self, now: Instant, health: &ChannelHealth, last: Option<&EncoderReading>) {
+        if health.received > self.received {
+            self.received = health.received;
+            if self.heard.replace(now).is_none() {
+                (self.window, self.before) = (now, *health);
+            }
+            let age_ns = last.map_or(0, |last| last.header.sent_ns.saturating_sub(last.header.acquired_ns));
+            self.age_ns = self.age_ns.max(age_ns);
+        }
+    }
+
+    /// The line about devices whose fault is new or over.
+    fn tell_devices(&mut self, last: &EncoderReading) -> Option<String> {
+        let (mut told, mut is_fault) = (Vec::new(), false);
+        for ((name, word), value) in self.devices.iter_mut().zip(&last.encoders) {
+            let fault = can::device::Fault::of(value.error);
+            if value.error == *word {
+                continue;
+            }
+            *word = value.error;
+            is_fault |= fault.is_some();
+            told.push(fault.map_or_else(|| format!("axis.{name}: well"), |fault| format!("axis.{name}: {fault}")));
+        }
+        let weight = if is_fault { "warning: " } else { "" };
+        (!told.is_empty()).then(|| format!("{weight}source ({}): {}", self.program, told.join("; ")))
     }
 
     fn before_first(&mut self, now: Instant, health: &ChannelHealth) -> Option<String> {

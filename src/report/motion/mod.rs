@@ -13,6 +13,7 @@
 mod curve;
 mod poses;
 mod raster;
+pub mod side;
 
 use std::{error::Error, path::Path};
 

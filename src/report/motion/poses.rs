@@ -4,7 +4,7 @@
 
 use std::error::Error;
 
-use mechanism::{AXES, Mechanism, Pose, PreparedMechanism, Vector};
+use mechanism::{AXES, Mechanism, Vector};
 use plotters::{
     chart::ChartBuilder,
     coord::Shift,
@@ -12,7 +12,11 @@ use plotters::{
     prelude::{Color, DrawingArea, DrawingBackend, IntoFont, RGBColor},
 };
 
-use super::{FONT, WHITE, tick};
+use super::{
+    FONT, WHITE,
+    side::{Drawn, Side},
+    tick,
+};
 
 /// Number of poses, evenly spread over time from the first row to the last.
 const DRAWN: usize = 4;
@@ -31,8 +35,7 @@ const BESIDE: [f64; 2] = [0.12, -0.75];
 
 /// Positions of the pistons over time, from which poses and path are drawn.
 pub struct Poses {
-    mechanism: Mechanism,
-    prepared: PreparedMechanism,
+    side: Side,
     /// Least time between two rows that are kept, s.
     stretch: f64,
     /// s, m.
@@ -44,8 +47,7 @@ pub struct Poses {
 impl Poses {
     /// No rows yet.
     pub fn new(mechanism: &Mechanism, stretch: f64) -> Self {
-        let prepared = mechanism.prepared();
-        Self { mechanism: *mechanism, prepared, stretch, rows: Vec::new(), last: None }
+        Self { side: Side::new(mechanism), stretch, rows: Vec::new(), last: None }
     }
 
     /// Adds the positions of the pistons at `t` s.
@@ -63,13 +65,13 @@ impl Poses {
     {
         let rows: Vec<_> = self.rows.iter().chain(&self.last).copied().collect();
         let Some(end) = rows.len().checked_sub(1) else { return Ok(()) };
-        let path: Vec<Vector> = rows.iter().map(|(_, positions)| self.prepared.pose(positions).tip).collect();
+        let path: Vec<Vector> = rows.iter().map(|(_, positions)| self.side.tip(positions)).collect();
         let (begin, last) = (rows[0].0, rows[end].0);
         let shown = (0..DRAWN).map(|i| {
             let time = begin + (last - begin) * i as f64 / (DRAWN - 1) as f64;
             rows[rows.partition_point(|(t, _)| *t < time).min(end)]
         });
-        let poses: Vec<(f64, Drawn)> = shown.map(|(t, positions)| (t, self.drawn(&positions))).collect();
+        let poses: Vec<(f64, Drawn)> = shown.map(|(t, positions)| (t, self.side.drawn(&positions))).collect();
         let all = || poses.iter().flat_map(|(_, drawn)| drawn.points()).chain(&path);
 
         let (x, z) = self.ranges(area.dim_in_pixel(), all());
@@ -93,7 +95,7 @@ impl Poses {
         let ground = PathElement::new([(x.0, 0.0), (x.1, 0.0)], GROUND.stroke_width(4));
         chart.draw_series([ground])?;
         let pairs = |points: &[Vector]| points.iter().map(|at| (at.x, at.z)).collect::<Vec<_>>();
-        for (i, (_, Drawn { bodies, lines, .. })) in poses.iter().enumerate() {
+        for (i, (_, Drawn { bodies, cylinders, links, .. })) in poses.iter().enumerate() {
             let part = FAINTEST + (1.0 - FAINTEST) * i as f64 / (DRAWN - 1) as f64;
             let surface = |points: &Vec<Vector>| Polygon::new(pairs(points), STRUCTURE.mix(SURFACE * part).filled());
             chart.draw_series(bodies.iter().map(surface))?;
@@ -102,10 +104,11 @@ impl Poses {
                 PathElement::new(pairs(&closed), STRUCTURE.mix(part).stroke_width(4))
             };
             chart.draw_series(bodies.iter().map(edge))?;
-            let line = |(points, colour): &(Vec<Vector>, RGBColor)| {
+            let line = |points: &Vec<Vector>, colour: RGBColor| {
                 PathElement::new(pairs(points), colour.mix(part).stroke_width(5))
             };
-            chart.draw_series(lines.iter().map(line))?;
+            chart.draw_series(cylinders.iter().map(|points| line(points, CYLINDER)))?;
+            chart.draw_series([line(links, STRUCTURE)])?;
         }
         chart.draw_series([PathElement::new(pairs(&path), PATH.stroke_width(4))])?;
         let dots = poses.iter().map(|(_, drawn)| Circle::new((drawn.tip.x, drawn.tip.z), 7, PATH.filled()));
@@ -134,48 +137,5 @@ impl Poses {
         let middle = 0.5 * (low + high);
         let half = Vector::new(0.5 * scale * width, 0.5 * scale * height);
         ((middle.x - half.x, middle.x + half.x), (middle.z - half.z, middle.z + half.z))
-    }
-
-    /// Bodies and cylinders at these positions of the pistons.
-    fn drawn(&self, positions: &[f64; AXES]) -> Drawn {
-        let pose: Pose = self.prepared.pose(positions);
-        let pins = &self.mechanism.geometry;
-        let on_boom = |at: Vector| pose.boom_foot + pose.boom * at;
-        let on_arm = |at: Vector| pose.arm_pin + pose.arm * at;
-        let by_bucket = |at: Vector| pose.bucket_pin + pose.arm * at;
-        let rocker_end = by_bucket(pins.bucket.rocker_end(self.mechanism.lengths(positions)[3]));
-        let link_pin = pose.bucket_pin + pose.bucket * pins.bucket.link_pin;
-        let (boom_rod, arm_rod) = (on_boom(pins.boom_cylinder_rod), on_arm(pins.arm_cylinder_rod));
-        let (arm_base, bucket_base) = (on_boom(pins.arm_cylinder_base), by_bucket(pins.bucket.cylinder_base));
-        let boom_base = pose.boom_foot + pins.boom_cylinder_base;
-        Drawn {
-            bodies: vec![
-                vec![pose.boom_foot, boom_rod, arm_base, pose.arm_pin],
-                vec![pose.arm_pin, arm_rod, bucket_base, pose.bucket_pin],
-                vec![pose.bucket_pin, link_pin, pose.tip],
-            ],
-            lines: vec![
-                (vec![boom_base, boom_rod], CYLINDER),
-                (vec![arm_base, arm_rod], CYLINDER),
-                (vec![bucket_base, rocker_end], CYLINDER),
-                (vec![by_bucket(pins.bucket.rocker_pin), rocker_end, link_pin], STRUCTURE),
-            ],
-            tip: pose.tip,
-        }
-    }
-}
-
-/// What is drawn of one pose.
-struct Drawn {
-    /// Corners of boom, arm and bucket.
-    bodies: Vec<Vec<Vector>>,
-    /// Cylinders, and rocker with link.
-    lines: Vec<(Vec<Vector>, RGBColor)>,
-    tip: Vector,
-}
-
-impl Drawn {
-    fn points(&self) -> impl Iterator<Item = &Vector> {
-        self.bodies.iter().flatten().chain(self.lines.iter().flat_map(|(points, _)| points))
     }
 }

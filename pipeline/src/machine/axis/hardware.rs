@@ -24,7 +24,7 @@ use super::Axis;
 use crate::machine::document::{EffectiveValue, Origin};
 
 /// How the value of `source.kind` of a real machine is shown.
-const EXTERNAL: &str = "\"external\"";
+const REAL: [&str; 2] = ["\"external\"", "\"can\""];
 /// Keys of the simulated axis that its model does not depend on.
 const OTHERS: [&str; 6] =
     ["initial_position", "encoder_noise", "angle_noise", "angle_error", "angle_bandwidth", "pressure_noise"];
@@ -69,7 +69,8 @@ impl Hardware {
             }
             hardware.is_typed |= value.origin == Origin::CommandLine;
         }
-        let is_real = values.iter().any(|value| value.key == "source.kind" && value.value.as_deref() == Some(EXTERNAL));
+        let kind = values.iter().find(|value| value.key == "source.kind");
+        let is_real = kind.and_then(|kind| kind.value.as_deref()).is_some_and(|kind| REAL.contains(&kind));
         let text = |kind, number: FnvHasher| {
             format!("stroke {length} m, period {}, {kind} {:08x}", time.trim_matches('"'), number.finish() as u32)
         };

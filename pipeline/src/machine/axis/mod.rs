@@ -3,6 +3,7 @@
 //! | file | table | what it says |
 //! |---|---|---|
 //! | `encoder` | `[axis.NAME.encoder]` | the position sensor |
+//! | `can` | `[axis.NAME.can]` | encoder and valve on a CAN bus |
 //! | `pressure` | `[axis.NAME.pressure]` | the pressure transducers |
 //! | `commissioned` | `[axis.NAME.commissioned]` | the model that `hydraxis commission` has found |
 //! | `hardware` | | what that model depends on: it recognises another machine |
@@ -15,6 +16,7 @@
 //!
 //! Dead band and dead time of the commissioned model are the defaults of identification and control.
 
+mod can;
 mod commissioned;
 mod control;
 mod dead_band;
@@ -32,6 +34,7 @@ mod sensor_errors;
 
 use std::path::Path;
 
+pub use can::CanDevices;
 pub use commissioned::{COMPENSATED, Commissioned, MOST_POINTS};
 use control::Owner;
 pub use control::{Control, Law, ModelChoice, SmithSettings};
@@ -53,13 +56,19 @@ pub use reference::{ReferenceSource, Sine};
 pub use sensor_errors::SensorErrors;
 use sensor_errors::Sensors;
 
-use super::{document::Section, fuzzy::Fuzzy, source::Source, timing::Timing};
+use super::{
+    document::Section,
+    fuzzy::Fuzzy,
+    source::{Drive, Source},
+    timing::Timing,
+};
 use crate::{MAX_NAME, nearest::nearest};
 
 /// What the tables of the axes need from the rest of the machine file.
 pub(super) struct Shared<'a> {
     pub timing: &'a Timing,
     pub source: &'a Source,
+    pub drive: Drive,
     pub fuzzy: Fuzzy,
     /// Folder that paths in the machine file are relative to.
     pub folder: &'a Path,
@@ -80,6 +89,8 @@ pub struct Axis {
     pub soft_limits: (f64, f64),
     /// The position sensor.
     pub encoder: Encoder,
+    /// Encoder and valve on the CAN bus, if they are there.
+    pub can: Option<CanDevices>,
     /// The pressure transducers at both chambers, if there are any.
     pub pressure: Option<PressureTransducers>,
     /// How the axis is identified.
@@ -124,6 +135,9 @@ impl Axis {
         let encoder = section.section("encoder");
         let is_overridden = encoder.is_set("kind");
         let encoder = Encoder::read(encoder, carried);
+        let can = section.section("can");
+        let has_devices = can.is_given() || *shared.source == Source::Can;
+        let can = has_devices.then(|| CanDevices::read(can, shared.drive == Drive::Can));
         let pressure = PressureTransducers::read(section.section("pressure"));
         section.renamed("forgetting", "identification.estimator");
         let mut commissioned = section.section("commissioned");
@@ -139,17 +153,9 @@ impl Axis {
         let control = Control::read(section.section("control"), &owner);
         let limits = Limits { soft_limits, max_speed };
         let reference = ReferenceSource::read(section.section("reference"), limits, shared.folder, name);
-        let plant = section.section("plant");
-        let plant = if plant.is_given() {
-            let kind = encoder.angle.map(|sensor| sensor.kind);
-            let sensors = Sensors { kind, is_overridden, has_pressures: pressure.is_some() };
-            Some(Plant::read(plant, stroke, carried.is_some(), sensors))
-        } else {
-            if *shared.source == Source::Sim {
-                plant.refuse("", "nothing", "a table with the simulated axis: source is \"sim\"");
-            }
-            None
-        };
+        let kind = encoder.angle.map(|sensor| sensor.kind);
+        let sensors = Sensors { kind, is_overridden, has_pressures: pressure.is_some() };
+        let plant = read_plant(section.section("plant"), stroke, carried.is_some(), sensors, shared.source);
         let columns = read_columns(&mut section);
         section.finish();
         Self {
@@ -158,6 +164,7 @@ impl Axis {
             max_speed,
             soft_limits,
             encoder,
+            can,
             pressure,
             identification,
             control,
@@ -180,6 +187,17 @@ impl Axis {
             period,
         })
     }
+}
+
+/// The simulated axis; only source `sim` needs it.
+fn read_plant(section: Section, stroke: f64, is_carried: bool, sensors: Sensors, source: &Source) -> Option<Plant> {
+    if section.is_given() {
+        return Some(Plant::read(section, stroke, is_carried, sensors));
+    }
+    if *source == Source::Sim {
+        section.refuse("", "nothing", "a table with the simulated axis: source is \"sim\"");
+    }
+    None
 }
 
 fn read_soft_limits(section: &mut Section, stroke: f64) -> (f64, f64) {

@@ -102,6 +102,7 @@ impl History {
             size,
             labels: ["time, s".to_owned(), label.to_owned()],
             tick,
+            y_tick: None,
             series,
             notes: Vec::new(),
             frame: None,

@@ -89,7 +89,7 @@ fn measured(shown: &Shown<'_>, (first, end): (usize, usize), title: String) -> C
     let frame = [(axis.times[first], axis.times[end - 1].max(axis.times[first] + 1e-9)), y];
     series.splice(0..0, marks(shown, (first, end), frame[1]));
     let labels = ["time, s".to_owned(), shown.output.clone()];
-    Chart { title, size: WIDE, labels, tick, series, notes: Vec::new(), frame: Some(frame) }
+    Chart { title, size: WIDE, labels, tick, y_tick: None, series, notes: Vec::new(), frame: Some(frame) }
 }
 
 /// Lines at the end of the training and at the beginning of each recording.
@@ -114,7 +114,7 @@ fn error(shown: &Shown<'_>) -> Chart {
     ];
     let labels = ["time, s".to_owned(), shown.error.clone()];
     let title = format!("Error of the prediction {} ahead", shown.ahead);
-    Chart { title, size: WIDE, labels, tick, series, notes: Vec::new(), frame: None }
+    Chart { title, size: WIDE, labels, tick, y_tick: None, series, notes: Vec::new(), frame: None }
 }
 
 /// Lowest and highest of the values that are finite.

@@ -1,23 +1,43 @@
-//! The report of `hydraxis status`: the figures of a running group, for tables and for JSON.
+//! The figures of a running group, for the tables and the JSON of `hydraxis status` and for the page of `hydraxis
+//! monitor`.
 
 use std::collections::BTreeMap;
 
 use pipeline::{
-    channel::Room,
+    MAX_AXES,
+    channel::{Member, Prefix, Room},
     latency::Percentiles,
     message::{
-        AxisMode, AxisState, ControlMode, MissCause, StageHealth, StageState, bit_names, control_flag, model_fault,
-        sample_fault,
+        AxisMode, AxisState, ControlMode, MachineState, MissCause, StageHealth, StageState, bit_names, control_flag,
+        model_fault, sample_fault,
     },
     stage::StageKind,
 };
 use serde::Serialize;
 
-use super::{Collected, SILENT_NS};
-use crate::report::{
+use super::{
     table::{nanoseconds, number, table},
     why::why_fallback,
 };
+
+/// A stage whose last heartbeat is older than this, ns, is silent: ten heartbeats are missing.
+pub const SILENT_NS: u64 = 1_000_000_000;
+
+/// The messages of a group within a short time.
+pub struct Collected {
+    /// Name of the group.
+    pub prefix: Prefix,
+    /// First and last heartbeat of each stage.
+    pub stages: [Option<(StageHealth, StageHealth)>; 4],
+    /// The newest state of the axes.
+    pub state: Option<MachineState>,
+    /// The processes of the group, without the one that asks.
+    pub members: Vec<Member>,
+    /// The room for a stage that starts again.
+    pub rooms: Vec<Room>,
+    /// When they were collected, ns of `CLOCK_MONOTONIC`.
+    pub now_ns: u64,
+}
 
 /// The figures of a group, as JSON has them.
 #[derive(Debug, Serialize)]
@@ -51,76 +71,85 @@ impl OtherProcess {
     }
 }
 
+/// The figures of one stage.
 #[derive(Debug, Serialize)]
-struct StageFigures {
-    pid: u32,
-    state: &'static str,
-    heartbeat_age_ns: u64,
+pub struct StageFigures {
+    pub pid: u32,
+    pub state: &'static str,
+    pub heartbeat_age_ns: u64,
     /// Time over which the stage has counted, ns.
-    counted_ns: u64,
-    tick: u64,
-    rate_hz: f64,
-    samples: u64,
-    implausible: u64,
-    lost: u64,
-    missed_deadlines: u64,
-    missed_by_late_input: u64,
-    missed_by_late_release: u64,
-    missed_by_long_work: u64,
-    last_missed_tick: Option<u64>,
-    last_missed_cause: &'static str,
-    channels: BTreeMap<&'static str, ChannelFigures>,
-    wait_ns: Percentiles,
-    work_ns: Percentiles,
-    end_to_end_ns: Percentiles,
-    release_jitter_ns: Percentiles,
+    pub counted_ns: u64,
+    pub tick: u64,
+    pub rate_hz: f64,
+    pub samples: u64,
+    pub implausible: u64,
+    pub lost: u64,
+    pub missed_deadlines: u64,
+    pub missed_by_late_input: u64,
+    pub missed_by_late_release: u64,
+    pub missed_by_long_work: u64,
+    pub last_missed_tick: Option<u64>,
+    pub last_missed_cause: &'static str,
+    pub channels: BTreeMap<&'static str, ChannelFigures>,
+    pub wait_ns: Percentiles,
+    pub work_ns: Percentiles,
+    pub end_to_end_ns: Percentiles,
+    pub release_jitter_ns: Percentiles,
 }
 
+/// A channel, as counted by the stage that reads it.
 #[derive(Debug, Serialize)]
-struct ChannelFigures {
-    received: u64,
-    lost: u64,
+pub struct ChannelFigures {
+    pub received: u64,
+    /// Messages that the stage has not read.
+    pub lost: u64,
     /// Messages about another machine, or that do not say about which: not read.
-    foreign: u64,
-    writer_restarts: u64,
-    age_ns: Option<u64>,
-    longest_gap_ns: u64,
+    pub foreign: u64,
+    pub writer_restarts: u64,
+    /// Age of the newest message at the heartbeat.
+    pub age_ns: Option<u64>,
+    pub longest_gap_ns: u64,
 }
 
+/// The figures of one axis.
 #[derive(Debug, Serialize)]
-struct AxisFigures {
-    mode: &'static str,
-    command_by: &'static str,
-    command: f64,
+pub struct AxisFigures {
+    pub mode: &'static str,
+    pub command_by: &'static str,
+    pub command: f64,
     /// None before the first plausible position.
-    position: Option<f64>,
-    velocity: Option<f64>,
+    pub position: Option<f64>,
+    pub velocity: Option<f64>,
     /// Pressures of piston side and rod side, Pa, if they are measured.
-    pressures: Option<(f64, f64)>,
-    reference: f64,
-    error: f64,
-    flags: Vec<&'static str>,
-    sample_faults: Vec<&'static str>,
-    model_age_ns: Option<u64>,
-    model_faults: Vec<&'static str>,
-    forgetting_factor: Option<f64>,
-    h_step_sigma: Option<f64>,
-    rejected_snapshots: u64,
-    unsolved_plans: u64,
-    slowed_ticks: u32,
-    refused_requests: u32,
+    pub pressures: Option<(f64, f64)>,
+    pub reference: f64,
+    pub error: f64,
+    pub flags: Vec<&'static str>,
+    /// A fault keeps the axis neutral until it is released.
+    pub is_latched: bool,
+    pub sample_faults: Vec<&'static str>,
+    pub model_age_ns: Option<u64>,
+    pub model_faults: Vec<&'static str>,
+    pub forgetting_factor: Option<f64>,
+    pub h_step_sigma: Option<f64>,
+    pub rejected_snapshots: u64,
+    pub unsolved_plans: u64,
+    pub slowed_ticks: u32,
+    pub refused_requests: u32,
     /// Why the fallback controls the axis.
-    why_fallback: Option<String>,
+    pub why_fallback: Option<String>,
 }
 
 impl StatusReport {
-    pub(super) fn new(collected: &Collected) -> Self {
+    /// The figures of what was collected.
+    pub fn new(collected: &Collected) -> Self {
         let stages = StageKind::ALL.into_iter().filter_map(|kind| {
             let (first, last) = collected.stages[kind as usize].as_ref()?;
             Some((kind.name(), StageFigures::new(first, last, collected.now_ns)))
         });
         let stages: Vec<_> = stages.collect();
-        let axes = collected.state.iter().flat_map(|state| &state.axes[..(state.header.axis_count as usize).min(8)]);
+        let axes =
+            collected.state.iter().flat_map(|state| &state.axes[..(state.header.axis_count as usize).min(MAX_AXES)]);
         let axes: Vec<_> = axes.map(|axis| (axis.name().to_owned(), AxisFigures::new(axis))).collect();
         let is_heard = |pid: u32| collected.stages.iter().flatten().any(|(_, last)| last.pid == pid);
         let others = collected.members.iter().filter(|member| !is_heard(member.pid)).map(|member| OtherProcess {
@@ -163,23 +192,24 @@ impl StatusReport {
         parts.concat()
     }
 
-    /// All tables for a terminal that may be too low for them: axes stand before channels and latencies.
-    pub fn watched(&self) -> String {
-        let parts = [
-            format!("Group \"{}\"\n", self.group),
-            self.stage_table(),
-            self.axis_table().trim_start_matches('\n').to_owned(),
-            self.warnings.iter().map(|warning| format!("warning: {warning}\n")).collect(),
-            self.others(),
-            "\n".to_owned(),
-            self.channel_table(),
-            self.latency_table(),
-        ];
-        parts.concat()
+    /// Name of the group.
+    pub fn group(&self) -> &str {
+        &self.group
     }
 
-    fn stages(&self) -> impl Iterator<Item = (&'static str, &StageFigures)> {
+    /// Names and figures of the stages, in the order in which the data goes through them.
+    pub fn stages(&self) -> impl Iterator<Item = (&'static str, &StageFigures)> {
         self.order.iter().map(|name| (*name, &self.stages[name]))
+    }
+
+    /// Names and figures of the axes, in the order of the machine.
+    pub fn axes(&self) -> impl Iterator<Item = (&str, &AxisFigures)> {
+        self.names.iter().map(|name| (name.as_str(), &self.axes[name]))
+    }
+
+    /// What keeps a stage that dies from starting again.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
     }
 
     fn stage_table(&self) -> String {
@@ -358,6 +388,7 @@ impl AxisFigures {
             reference: command.reference,
             error: command.error,
             flags: bit_names(command.flags, &control_flag::NAMES).collect(),
+            is_latched: command.flags & control_flag::LATCHED != 0,
             sample_faults: bit_names(sample.faults, &sample_fault::NAMES).collect(),
             model_age_ns: has_model.then_some(axis.model_age_ns),
             model_faults: bit_names(axis.model_faults, &model_fault::NAMES).collect(),

@@ -1,0 +1,21 @@
+//! The stage of a machine with encoders and valves on a CAN bus. It stands in the place of plant-sim.
+//!
+//! ```text
+//! valve-command --> set points --> bus --> valves
+//! encoders --> bus --> positions of one SYNC --> encoder-reading
+//! ```
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `wiring` | the devices of a machine file |
+//! | `process` | the stage: bus, channels, time |
+//!
+//! What a device is told and when it is at fault is in the crate `can`.
+//!
+//! One process has the whole bus: an adapter can be opened once, configuration and process data of a device are one
+//! dialogue, and an axis whose encoder has a fault is held without a way through other processes.
+
+pub mod process;
+mod wiring;
+
+pub use wiring::{WiringError, bus_address, network};

@@ -1,0 +1,157 @@
+//! The devices of a machine file.
+
+use can::{
+    bus::Address,
+    canopen::{MappingError, NodeId},
+    device::{AxisDevices, Encoder, EncoderSettings, Network, NodeTiming, Valve, ValveSettings},
+};
+use pipeline::machine::{Axis, CanBus, CanDevices, Machine};
+
+/// One micrometre, m: the unit of 6005h.
+const MICROMETRE: f64 = 1e-6;
+/// Least number of SYNC without a position after which an encoder is silent: two may be lost.
+const LEAST_SILENCE: u128 = 3;
+
+/// Why a machine has no network of devices.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum WiringError {
+    /// The machine file has no bus, or no devices of an axis.
+    #[error("{0}: found nothing; allowed: a table, with source.kind = \"can\"")]
+    Missing(String),
+    /// The bus is none.
+    #[error("can.interface: {0}")]
+    Address(String),
+    /// A number is none of a node.
+    #[error("axis.{axis}.can: found node {found}; allowed: 1 to 127")]
+    Node {
+        /// The axis.
+        axis: String,
+        /// The number.
+        found: u8,
+    },
+    /// The messages of a device cannot be made.
+    #[error("axis.{axis}.can: {source}")]
+    Mapping {
+        /// The axis.
+        axis: String,
+        /// What is wrong.
+        #[source]
+        source: MappingError,
+    },
+}
+
+fn bus(machine: &Machine) -> Result<&CanBus, WiringError> {
+    machine.can.as_ref().ok_or_else(|| WiringError::Missing("can".to_owned()))
+}
+
+/// Where the bus of a machine is.
+///
+/// # Errors
+/// The machine has no bus, or its interface is none.
+pub fn bus_address(machine: &Machine) -> Result<Address, WiringError> {
+    bus(machine)?.interface.parse().map_err(|error| WiringError::Address(format!("{error}")))
+}
+
+/// All devices of a machine, which have not been heard yet.
+///
+/// # Errors
+/// The machine has no bus, or an axis no devices.
+pub fn network(machine: &Machine) -> Result<Network, WiringError> {
+    let bus = bus(machine)?;
+    let timing = NodeTiming { heartbeat_ns: bus.heartbeat.as_nanos() as u64, answer_ns: bus.answer.as_nanos() as u64 };
+    let timeout_ms = machine.timing.drive_timeout.as_millis().clamp(1, u128::from(u16::MAX)) as u16;
+    let has_valves = machine.drive.is_real();
+    let silent_after = machine.timing.feedback_timeout.as_nanos().div_ceil(bus.sync.as_nanos().max(1));
+    let silent_after = silent_after.clamp(LEAST_SILENCE, u128::from(u32::MAX)) as u32;
+    let shared = Shared { timing, silent_after, timeout_ms: has_valves.then_some(timeout_ms) };
+    let devices = machine.axes.iter().map(|axis| devices(axis, &shared));
+    Ok(Network::new(devices.collect::<Result<_, _>>()?))
+}
+
+/// What the devices of all axes share.
+struct Shared {
+    timing: NodeTiming,
+    silent_after: u32,
+    /// Time-out of the valves, ms, where there are any.
+    timeout_ms: Option<u16>,
+}
+
+/// Devices of one axis.
+fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
+    let timing = shared.timing;
+    let name = || axis.name.clone();
+    let missing = || WiringError::Missing(format!("axis.{}.can", axis.name));
+    let node = |found: u8| NodeId::new(found).ok_or_else(|| WiringError::Node { axis: name(), found });
+    let failed = |source| WiringError::Mapping { axis: name(), source };
+    let wired: &CanDevices = axis.can.as_ref().ok_or_else(missing)?;
+    let settings = EncoderSettings {
+        node: node(wired.encoder)?,
+        is_signed: wired.is_signed,
+        is_precise: wired.is_precise,
+        has_alarms: wired.has_alarms,
+        is_fixed: wired.is_fixed,
+        step_um: step_um(axis),
+        silent_after: shared.silent_after,
+    };
+    let encoder = Encoder::new(settings, timing).map_err(failed)?;
+    let Some(timeout_ms) = shared.timeout_ms else { return Ok(AxisDevices { encoder, valve: None }) };
+    let settings = ValveSettings {
+        node: node(wired.valve.ok_or_else(missing)?)?,
+        full_scale: wired.full_scale,
+        timeout_ms,
+        spool_tolerance: wired.spool_tolerance,
+        is_fixed: wired.is_fixed,
+    };
+    Ok(AxisDevices { encoder, valve: Some(Valve::new(settings, timing).map_err(failed)?) })
+}
+
+/// Length of a count in 0.001 mm, where the sensor is at the cylinder and the length is a whole number of them. Only
+/// such an encoder has it in 6005h.
+fn step_um(axis: &Axis) -> Option<u32> {
+    let step = axis.encoder.resolution / MICROMETRE;
+    let is_whole = (step - step.round()).abs() < 1e-6 * step && step >= 0.5;
+    (axis.encoder.angle.is_none() && is_whole).then(|| step.round() as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use pipeline::machine::FOUR_AXES;
+
+    use super::*;
+
+    fn machine(more: &[(&str, &str)]) -> Machine {
+        let mut settings = vec![("source.kind".to_owned(), "can".to_owned())];
+        settings.push(("can.interface".to_owned(), "\"can0\"".to_owned()));
+        for (i, axis) in ["boom", "arm", "telescope", "bucket"].iter().enumerate() {
+            settings.push((format!("axis.{axis}.can.encoder"), format!("{}", 11 + i)));
+            settings.push((format!("axis.{axis}.can.valve"), format!("{}", 21 + i)));
+        }
+        settings.extend(more.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())));
+        Machine::parse(FOUR_AXES, "m.toml", Path::new("."), &settings).unwrap()
+    }
+
+    #[test]
+    fn every_axis_has_its_devices() {
+        let machine = machine(&[]);
+        assert_eq!(bus_address(&machine), Ok(Address::Interface("can0".to_owned())));
+        let network = network(&machine).unwrap();
+        for i in 0..4 {
+            assert!(network.devices(i).unwrap().valve.is_some());
+        }
+        assert!(network.devices(4).is_none());
+    }
+
+    #[test]
+    fn without_a_drive_there_are_no_valves() {
+        let network = network(&machine(&[("drive.kind", "none")])).unwrap();
+        assert!(network.devices(0).unwrap().valve.is_none());
+    }
+
+    #[test]
+    fn an_interface_that_is_none_is_refused() {
+        let error = bus_address(&machine(&[("can.interface", "\"no interface\"")])).unwrap_err();
+        assert!(error.to_string().starts_with("can.interface: found \"no interface\"; allowed: "), "{error}");
+    }
+}

@@ -1,0 +1,78 @@
+//! Addresses of buses, as texts of a machine file.
+//!
+//! | text | bus |
+//! |---|---|
+//! | `can0`, `vcan0` | an interface of the kernel, by SocketCAN |
+//! | `/dev/ttyACM0`, `/dev/pts/3` | an adapter that speaks slcan |
+
+use std::{fmt, path::PathBuf, str::FromStr};
+
+use super::{Bus, BusError, slcan::SlcanBus, socket::SocketBus};
+
+/// Longest name of an interface that the kernel takes.
+const MAX_INTERFACE: usize = 15;
+
+/// Where a bus is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Address {
+    /// An interface of the kernel.
+    Interface(String),
+    /// A serial port or a pseudo terminal with an adapter that speaks slcan.
+    Serial(PathBuf),
+}
+
+/// A text that is no address.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("found \"{0}\"; allowed: an interface such as can0, or a serial port such as /dev/ttyACM0")]
+pub struct NoAddress(String);
+
+impl FromStr for Address {
+    type Err = NoAddress;
+
+    fn from_str(text: &str) -> Result<Self, NoAddress> {
+        let is_name = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
+        if text.starts_with('/') {
+            Ok(Self::Serial(text.into()))
+        } else if (1..=MAX_INTERFACE).contains(&text.len()) && text.chars().all(is_name) {
+            Ok(Self::Interface(text.to_owned()))
+        } else {
+            Err(NoAddress(text.to_owned()))
+        }
+    }
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Interface(name) => out.write_str(name),
+            Self::Serial(path) => write!(out, "{}", path.display()),
+        }
+    }
+}
+
+/// Opens a bus. The bit rate, bit/s, is set at an adapter; that of an interface is set by `ip link` before.
+///
+/// # Errors
+/// The kernel has no CAN, there is no such interface or port, it is down, the right is missing, or the adapter does not
+/// answer.
+pub fn open(address: &Address, bit_rate: u32) -> Result<Box<dyn Bus>, BusError> {
+    Ok(match address {
+        Address::Interface(name) => Box::new(SocketBus::open(name)?),
+        Address::Serial(path) => Box::new(SlcanBus::open(path, bit_rate)?),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_interfaces_or_paths() {
+        for text in ["can0", "vcan0", "/dev/ttyACM0"] {
+            assert_eq!(text.parse::<Address>().unwrap().to_string(), text);
+        }
+        for text in ["", "a name with spaces", "an-interface-that-is-too-long", "can/0"] {
+            assert!(text.parse::<Address>().is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! SocketCAN: an interface of the kernel.
+//!
+//! The time of a frame is the kernel's where it gives one. It counts on the clock of the day, so the age of the frame
+//! is taken from there and put onto `CLOCK_MONOTONIC`; a clock that was set meanwhile gives an age that no frame has,
+//! and the time of reading is taken then.
+//!
+//! Trap: the kernel sends the frame of a full queue to nobody and says `ENOBUFS`: the frame is counted as unsent. A
+//! controller that goes bus-off says so by an error frame; without `restart-ms` it stays off.
+
+use std::{
+    io::{self, ErrorKind},
+    os::fd::AsFd,
+    time::{Duration, SystemTime},
+};
+
+use embedded_can::Frame as _;
+use socketcan::{CanDataFrame, CanFrame, CanRemoteFrame, CanSocket, Socket as _, SocketOptions as _};
+
+use super::{Bus, BusError, serial::wait_for};
+use crate::{Counters, Frame, Received, frame_clock::monotonic_ns};
+
+/// Older than this no frame can be that is still in the queue of the socket.
+const OLDEST: Duration = Duration::from_secs(1);
+/// The kernel has no CAN.
+const EAFNOSUPPORT: i32 = 97;
+/// There is no such interface.
+const ENODEV: i32 = 19;
+/// The interface is down.
+const ENETDOWN: i32 = 100;
+/// The queue of the interface is full.
+const ENOBUFS: i32 = 105;
+/// Class bit of an error frame: the controller has gone bus-off.
+const BUS_OFF: u32 = 0x40;
+
+/// An interface of the kernel.
+pub struct SocketBus {
+    socket: CanSocket,
+    has_times: bool,
+    counters: Counters,
+}
+
+impl SocketBus {
+    /// Opens the interface `name`, such as `can0`.
+    ///
+    /// # Errors
+    /// The kernel has no CAN, there is no such interface, it is down, or the right is missing.
+    pub fn open(name: &str) -> Result<Self, BusError> {
+        let socket = CanSocket::open(name).map_err(|error| BusError::open(name, &explain(name, &error), error))?;
+        let failed = |error| BusError::open(name, "the socket cannot be set up", error);
+        socket.set_nonblocking(true).map_err(failed)?;
+        socket.set_error_filter_accept_all().map_err(failed)?;
+        let has_times = socket.set_recv_timestamp(true).is_ok();
+        Ok(Self { socket, has_times, counters: Counters::default() })
+    }
+
+    fn read(&self) -> io::Result<(CanFrame, Option<SystemTime>)> {
+        if self.has_times {
+            let (frame, times) = self.socket.read_frame_with_timestamp().map(|(frame, time)| (frame, Some(time)))?;
+            return Ok((frame, times));
+        }
+        self.socket.read_frame().map(|frame| (frame, None))
+    }
+
+    /// Counts an error frame by its class bits.
+    fn count_error(&mut self, class: u32) {
+        if class & BUS_OFF != 0 {
+            self.counters.bus_off += 1;
+        } else {
+            self.counters.errors += 1;
+        }
+    }
+}
+
+fn explain(name: &str, error: &io::Error) -> String {
+    match error.raw_os_error() {
+        Some(EAFNOSUPPORT) => "this kernel has no CAN (AF_CAN); type: modprobe can can_raw".to_owned(),
+        Some(ENODEV) => format!("there is no such interface; `ip link` shows those there are, {name} is none of them"),
+        Some(ENETDOWN) => format!("the interface is down; type: ip link set {name} up type can bitrate 500000"),
+        _ if error.kind() == ErrorKind::PermissionDenied => "this user may not open CAN sockets".to_owned(),
+        _ => "cannot be opened as a CAN interface".to_owned(),
+    }
+}
+
+/// The frame as ours; `None` of an error frame.
+fn ours(frame: &CanFrame) -> Option<Frame> {
+    match frame {
+        CanFrame::Data(frame) => Frame::new(frame.id(), frame.data()),
+        CanFrame::Remote(frame) => Frame::new_remote(frame.id(), frame.dlc()),
+        CanFrame::Error(_) => None,
+    }
+}
+
+fn theirs(frame: &Frame) -> Option<CanFrame> {
+    if frame.is_remote_frame() {
+        CanRemoteFrame::new_remote(frame.id(), frame.dlc()).map(CanFrame::Remote)
+    } else {
+        CanDataFrame::new(frame.id(), frame.data()).map(CanFrame::Data)
+    }
+}
+
+/// The time of `stamp` on the monotonic clock, where `now_ns` and `today` are the same time on both clocks.
+fn onto_monotonic(stamp: SystemTime, today: SystemTime, now_ns: u64) -> u64 {
+    match today.duration_since(stamp) {
+        Ok(age) if age < OLDEST => now_ns.saturating_sub(age.as_nanos() as u64),
+        _ => now_ns,
+    }
+}
+
+impl Bus for SocketBus {
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
+        loop {
+            match self.read() {
+                Ok((CanFrame::Error(error), _)) => self.count_error(error.error_bits()),
+                Ok((frame, stamp)) => {
+                    let now_ns = monotonic_ns();
+                    let time_ns = stamp.map_or(now_ns, |stamp| onto_monotonic(stamp, SystemTime::now(), now_ns));
+                    if let Some(frame) = ours(&frame) {
+                        self.counters.count_received(&frame);
+                        return Ok(Some(Received { frame, time_ns }));
+                    }
+                    self.counters.malformed += 1;
+                }
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(None),
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(BusError::Gone(error)),
+            }
+        }
+    }
+
+    fn send(&mut self, frame: &Frame) -> Result<bool, BusError> {
+        let Some(theirs) = theirs(frame) else { return Ok(false) };
+        match self.socket.write_frame(&theirs) {
+            Ok(()) => {
+                self.counters.count_sent(frame);
+                Ok(true)
+            }
+            Err(error) if error.raw_os_error() == Some(ENOBUFS) || error.kind() == ErrorKind::WouldBlock => {
+                self.counters.unsent += 1;
+                Ok(false)
+            }
+            Err(error) => Err(BusError::Gone(error)),
+        }
+    }
+
+    fn flush(&mut self) -> Result<(), BusError> {
+        Ok(())
+    }
+
+    fn wait(&mut self, longest: Duration) -> Result<(), BusError> {
+        wait_for(self.socket.as_fd(), longest).map_err(BusError::Gone)
+    }
+
+    fn counters(&self) -> &Counters {
+        &self.counters
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_age_of_a_frame_is_put_onto_the_monotonic_clock() {
+        let today = SystemTime::UNIX_EPOCH + Duration::from_secs(1000);
+        let stamp = today - Duration::from_micros(150);
+        assert_eq!(onto_monotonic(stamp, today, 1_000_000), 850_000);
+        assert_eq!(onto_monotonic(today + Duration::from_secs(3600), today, 1_000_000), 1_000_000);
+        assert_eq!(onto_monotonic(today - Duration::from_secs(3600), today, 1_000_000), 1_000_000);
+    }
+
+    #[test]
+    fn an_interface_that_cannot_be_opened_is_explained() {
+        let Err(error) = SocketBus::open("none-such0") else { panic!("there is an interface none-such0") };
+        let said = error.to_string();
+        let expected = ["none-such0: this kernel has no CAN (AF_CAN)", "none-such0: there is no such interface"];
+        assert!(expected.iter().any(|start| said.starts_with(start)), "{said}");
+    }
+}

@@ -1,0 +1,448 @@
+//! A master and simulated devices on one bus, in simulated time: start-up, motion, and every fault.
+
+use can::{
+    Frame, Received,
+    canopen::NodeId,
+    device::{
+        AxisDevices, AxisTarget, Cause, Demand, Encoder, EncoderSettings, Fault, Network, NodeTiming, Outbox, Proof,
+        Valve, ValveSettings,
+    },
+    simulated::{Flaw, SimulatedEncoder, SimulatedValve},
+};
+use embedded_can::Frame as _;
+use proptest::prelude::*;
+
+const AXES: usize = 2;
+const MS: u64 = 1_000_000;
+const SYNC_NS: u64 = 5 * MS;
+const HEARTBEAT_NS: u64 = 50 * MS;
+const TIMEOUT_MS: u16 = 50;
+const FULL_SCALE: i16 = 16384;
+
+fn node(number: usize) -> NodeId {
+    NodeId::new(number as u8).unwrap()
+}
+
+fn encoder_settings(axis: usize) -> EncoderSettings {
+    EncoderSettings {
+        node: node(10 + axis),
+        is_signed: true,
+        is_precise: false,
+        has_alarms: true,
+        is_fixed: false,
+        step_um: Some(50),
+        silent_after: 3,
+    }
+}
+
+fn valve_settings(axis: usize) -> ValveSettings {
+    ValveSettings {
+        node: node(20 + axis),
+        full_scale: FULL_SCALE,
+        timeout_ms: TIMEOUT_MS,
+        spool_tolerance: Some(0.12),
+        is_fixed: false,
+    }
+}
+
+/// What the controller does with an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Mode {
+    Disarmed,
+    Latched,
+    Armed(f64),
+}
+
+struct Bench {
+    network: Network,
+    encoders: Vec<SimulatedEncoder>,
+    valves: Vec<SimulatedValve>,
+    modes: [Mode; AXES],
+    /// Whether the controller says anything.
+    is_commanding: bool,
+    /// Whether the master is there.
+    is_alive: bool,
+    now_ns: u64,
+    /// Frames from the devices.
+    replies: Outbox,
+    sent: u64,
+}
+
+impl Bench {
+    fn with(adapt: impl Fn(&mut EncoderSettings, &mut ValveSettings)) -> Self {
+        let timing = NodeTiming { heartbeat_ns: HEARTBEAT_NS, answer_ns: 100 * MS };
+        let devices = (0..AXES).map(|axis| {
+            let (mut encoder, mut valve) = (encoder_settings(axis), valve_settings(axis));
+            adapt(&mut encoder, &mut valve);
+            let valve = Some(Valve::new(valve, timing).unwrap());
+            AxisDevices { encoder: Encoder::new(encoder, timing).unwrap(), valve }
+        });
+        Self {
+            network: Network::new(devices.collect()),
+            encoders: (0..AXES).map(|axis| SimulatedEncoder::new(node(10 + axis), 50)).collect(),
+            valves: (0..AXES).map(|axis| SimulatedValve::new(node(20 + axis), FULL_SCALE)).collect(),
+            modes: [Mode::Disarmed; AXES],
+            is_commanding: true,
+            is_alive: true,
+            now_ns: 1_000_000_000,
+            replies: Outbox::default(),
+            sent: 0,
+        }
+    }
+
+    fn new() -> Self {
+        Self::with(|_, _| {})
+    }
+
+    /// A bench whose devices are all ready.
+    fn ready() -> Self {
+        let mut bench = Self::new();
+        bench.run(1000);
+        assert_eq!(bench.faults(), [None; AXES]);
+        bench
+    }
+
+    fn targets(&self) -> [AxisTarget; AXES] {
+        self.modes.map(|mode| match mode {
+            Mode::Armed(command) => {
+                AxisTarget { demand: Demand::Follow(command), is_disarmed: false, is_latched: false }
+            }
+            Mode::Latched => AxisTarget { demand: Demand::Hold, is_disarmed: false, is_latched: true },
+            Mode::Disarmed => AxisTarget { demand: Demand::Hold, is_disarmed: true, is_latched: false },
+        })
+    }
+
+    /// Hands the frames of the master to the devices, and theirs to the master, until there are none.
+    fn exchange(&mut self) {
+        for _ in 0..100 {
+            let frames: Vec<Frame> = self.network.outbox().frames().to_vec();
+            self.network.outbox().clear();
+            self.sent += frames.len() as u64;
+            for frame in frames.iter().filter(|_| self.is_alive) {
+                self.encoders.iter_mut().for_each(|encoder| encoder.take(frame, &mut self.replies));
+                self.valves.iter_mut().for_each(|valve| valve.take(frame, self.now_ns, &mut self.replies));
+            }
+            let replies: Vec<Frame> = self.replies.frames().to_vec();
+            self.replies.clear();
+            if replies.is_empty() && frames.is_empty() {
+                return;
+            }
+            for frame in replies.iter().filter(|_| self.is_alive) {
+                self.network.take(&Received { frame: *frame, time_ns: self.now_ns }, self.now_ns);
+            }
+        }
+        panic!("frames without an end");
+    }
+
+    /// One millisecond.
+    fn step(&mut self) {
+        self.now_ns += MS;
+        for i in 0..AXES {
+            self.encoders[i].step(self.now_ns, &mut self.replies);
+            self.valves[i].step(self.now_ns, &mut self.replies);
+        }
+        if self.now_ns.is_multiple_of(SYNC_NS) && self.is_alive {
+            self.network.begin(self.now_ns);
+        }
+        self.exchange();
+        if self.now_ns.is_multiple_of(2 * SYNC_NS) && self.is_alive {
+            let targets = self.is_commanding.then(|| self.targets());
+            self.network.command(targets.as_ref().map(|targets| &targets[..]), self.now_ns);
+        }
+        self.exchange();
+    }
+
+    fn run(&mut self, milliseconds: u32) {
+        (0..milliseconds).for_each(|_| self.step());
+    }
+
+    /// Milliseconds until something is so.
+    fn until(&mut self, what: &str, is_so: impl Fn(&Self) -> bool) -> u32 {
+        for passed in 0..30_000 {
+            if is_so(self) {
+                return passed;
+            }
+            self.step();
+        }
+        panic!("{what}: not within 30 s; {:?}", self.faults());
+    }
+
+    fn faults(&self) -> [Option<Fault>; AXES] {
+        std::array::from_fn(|axis| Fault::of(self.network.reading(axis).unwrap().1))
+    }
+
+    fn cause(&self, axis: usize) -> Option<Cause> {
+        self.faults()[axis].map(|fault| fault.cause)
+    }
+
+    /// Both axes follow.
+    fn drive(&mut self) {
+        self.modes = [Mode::Armed(0.5), Mode::Armed(-0.25)];
+        self.run(20);
+        assert_eq!(self.openings(), [0.5, -0.25]);
+    }
+
+    fn openings(&self) -> [f64; AXES] {
+        std::array::from_fn(|axis| self.valves[axis].opening())
+    }
+
+    /// The first axis has come to neutral for this cause, and the second one goes on. When the fault is over and a
+    /// person has acknowledged it, the axis can be driven again, and does not move before.
+    fn expect_stop(&mut self, cause: Cause, within_ms: u32) {
+        let passed = self.until("neutral", |bench| bench.openings()[0] == 0.0 && bench.cause(0).is_some());
+        assert!(passed <= within_ms, "{passed} ms");
+        assert_eq!((self.cause(0), self.openings()[1]), (Some(cause), -0.25));
+        // The controller has not noticed yet: nothing moves.
+        self.run(1500);
+        assert!(self.cause(0).is_some() && self.openings()[0] == 0.0, "{:?}", self.faults());
+    }
+
+    fn expect_recovery(&mut self) {
+        self.modes[0] = Mode::Latched;
+        self.run(1500);
+        assert_eq!(self.openings()[0], 0.0);
+        self.modes[0] = Mode::Disarmed;
+        self.until("well", |bench| bench.cause(0).is_none());
+        assert_eq!(self.openings()[0], 0.0);
+        self.modes[0] = Mode::Armed(0.75);
+        self.run(20);
+        assert_eq!(self.openings(), [0.75, -0.25]);
+    }
+}
+
+#[test]
+fn devices_are_set_up_and_proven_and_positions_are_read() {
+    let mut bench = Bench::new();
+    assert_eq!(bench.cause(0), Some(Cause::Absent));
+    let passed = bench.until("ready", |bench| bench.faults() == [None; AXES]);
+    // The proof alone takes the drive's time-out.
+    assert!((50..500).contains(&passed), "{passed} ms");
+    for axis in 0..AXES {
+        assert_eq!(bench.network.devices(axis).unwrap().valve.as_ref().unwrap().proof(), Proof::Passed);
+    }
+    for counts in [0, 12_345, -7, i64::from(i32::MAX)] {
+        bench.encoders[1].set_counts(counts);
+        bench.run(5);
+        assert_eq!(bench.network.reading(1), Some((counts, 0)));
+    }
+    assert_eq!((bench.network.counters().foreign, bench.network.outbox().dropped()), (0, 0));
+}
+
+#[test]
+fn nothing_moves_before_it_is_armed_and_everything_stops_at_the_end() {
+    let mut bench = Bench::new();
+    for _ in 0..1000 {
+        bench.step();
+        assert_eq!(bench.openings(), [0.0; AXES]);
+    }
+    bench.drive();
+    bench.network.end(bench.now_ns);
+    bench.exchange();
+    assert_eq!(bench.openings(), [0.0; AXES]);
+}
+
+#[test]
+fn a_master_that_is_started_beside_an_armed_controller_moves_nothing() {
+    let mut bench = Bench::new();
+    bench.modes = [Mode::Armed(0.5); AXES];
+    for _ in 0..2000 {
+        bench.step();
+        assert_eq!(bench.openings(), [0.0; AXES]);
+    }
+    // The positions are well: what the controller may do is its own decision.
+    assert_eq!(bench.faults(), [None; AXES]);
+    bench.modes = [Mode::Disarmed; AXES];
+    bench.run(20);
+    bench.drive();
+}
+
+#[test]
+fn commands_beyond_the_range_and_those_that_are_no_numbers_are_bounded() {
+    let mut bench = Bench::ready();
+    for (command, expected) in [(7.0, 1.0), (-7.0, -1.0), (f64::NAN, 0.0), (f64::INFINITY, 0.0), (1e-9, 0.0)] {
+        bench.modes[0] = Mode::Armed(command);
+        bench.run(20);
+        assert_eq!(bench.openings()[0], expected, "{command}");
+    }
+}
+
+#[test]
+fn a_controller_that_is_silent_holds_the_valves() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    bench.is_commanding = false;
+    bench.run(11);
+    assert_eq!(bench.openings(), [0.0; AXES]);
+    assert_eq!(bench.faults(), [None; AXES]);
+}
+
+#[test]
+fn a_master_that_dies_leaves_it_to_the_time_out_of_the_drive() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    bench.is_alive = false;
+    let passed = bench.until("neutral", |bench| bench.openings() == [0.0; AXES]);
+    assert!(passed <= u32::from(TIMEOUT_MS) + 6, "{passed} ms");
+}
+
+#[test]
+fn a_valve_whose_time_out_does_not_act_is_refused() {
+    let mut bench = Bench::new();
+    bench.valves[0].spoil(Some(Flaw::NoTimeout));
+    bench.run(1000);
+    assert_eq!((bench.cause(0), bench.cause(1)), (Some(Cause::Proof), None));
+    bench.modes = [Mode::Armed(0.5); AXES];
+    bench.run(100);
+    assert_eq!(bench.openings(), [0.0, 0.5]);
+    // Repaired, and acknowledged.
+    bench.valves[0].spoil(None);
+    bench.modes[0] = Mode::Disarmed;
+    bench.until("well", |bench| bench.cause(0).is_none());
+}
+
+#[test]
+fn a_missing_heartbeat_stops_the_axis() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    bench.encoders[0].spoil(Some(Flaw::Mute));
+    // Three positions are missed before the heartbeat is: one and a half of its periods.
+    bench.expect_stop(Cause::Silent, 25);
+    bench.encoders[0].spoil(None);
+    bench.expect_recovery();
+    bench.valves[0].spoil(Some(Flaw::Mute));
+    bench.expect_stop(Cause::Heartbeat, 80);
+    bench.valves[0].spoil(None);
+    bench.expect_recovery();
+}
+
+#[test]
+fn a_device_that_restarts_stops_the_axis_and_is_set_up_again() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    bench.encoders[0].restart();
+    bench.expect_stop(Cause::Restart, 2);
+    bench.expect_recovery();
+    bench.valves[0].restart();
+    bench.expect_stop(Cause::Restart, 2);
+    bench.expect_recovery();
+}
+
+#[test]
+fn an_emergency_or_an_alarm_stops_the_axis() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    bench.encoders[0].emergency(0x5000, &mut bench.replies);
+    bench.expect_stop(Cause::Emergency, 1);
+    bench.encoders[0].emergency(0, &mut bench.replies);
+    bench.expect_recovery();
+    bench.encoders[0].alarm(1);
+    bench.expect_stop(Cause::Alarm, 5);
+    bench.encoders[0].alarm(0);
+    bench.expect_recovery();
+}
+
+#[test]
+fn a_valve_with_a_fault_stops_the_axis_and_is_reset_once_it_is_acknowledged() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    bench.valves[0].fail(0x6300, &mut bench.replies);
+    bench.expect_stop(Cause::Emergency, 1);
+    bench.expect_recovery();
+}
+
+#[test]
+fn a_spool_that_is_stuck_open_is_found() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    bench.valves[0].stick(Some(0.3));
+    // Less far out than commanded is no fault.
+    bench.run(1000);
+    assert_eq!(bench.cause(0), None);
+    bench.modes[0] = Mode::Armed(-0.2);
+    let passed = bench.until("a fault", |bench| bench.cause(0) == Some(Cause::Spool));
+    assert!((490..=520).contains(&passed), "{passed} ms");
+    bench.valves[0].stick(None);
+    bench.expect_recovery();
+}
+
+#[test]
+fn two_devices_of_one_number_are_found() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    bench.encoders[0].spoil(Some(Flaw::Double));
+    bench.expect_stop(Cause::Double, 30);
+    bench.encoders[0].spoil(None);
+    bench.expect_recovery();
+}
+
+#[test]
+fn a_device_of_another_profile_or_scale_is_refused() {
+    let mut bench = Bench::with(|encoder, _| {
+        if encoder.node == node(10) {
+            encoder.node = node(21);
+        } else {
+            encoder.step_um = Some(100);
+        }
+    });
+    bench.run(1000);
+    assert_eq!(bench.faults()[1], Some(Fault { cause: Cause::Scale, node: 11, detail: 50 }));
+    assert_eq!(bench.faults()[0], Some(Fault { cause: Cause::Profile, node: 21, detail: 408 }));
+}
+
+#[test]
+fn a_bus_that_was_gone_leaves_all_axes_held() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    bench.network.lose_bus(bench.now_ns);
+    assert_eq!([bench.cause(0), bench.cause(1)], [Some(Cause::Bus); AXES]);
+    // The drives stop by themselves or by the configuration, and nothing goes on.
+    bench.run(60);
+    for _ in 0..2000 {
+        bench.step();
+        assert_eq!(bench.openings(), [0.0; AXES]);
+    }
+    bench.modes = [Mode::Disarmed; AXES];
+    bench.until("well", |bench| bench.faults() == [None; AXES]);
+    bench.drive();
+}
+
+#[test]
+fn a_setting_that_is_not_kept_is_named() {
+    // 65 s do not fit into the object.
+    let timing = NodeTiming { heartbeat_ns: HEARTBEAT_NS, answer_ns: 100 * MS };
+    let mut bench = Bench::new();
+    // The position of 64 bits and a fixed mapping of 32 bits.
+    let settings = EncoderSettings { is_precise: true, has_alarms: false, is_fixed: true, ..encoder_settings(0) };
+    let encoder = Encoder::new(settings, timing).unwrap();
+    bench.network = Network::new(vec![AxisDevices { encoder, valve: None }]);
+    bench.run(300);
+    let fault = Fault::of(bench.network.reading(0).unwrap().1).unwrap();
+    assert_eq!((fault.cause, fault.detail), (Cause::Setting, 0x1A00));
+    let settings = EncoderSettings { is_precise: true, ..encoder_settings(0) };
+    assert!(Encoder::new(settings, timing).is_err(), "64 bits and alarms are no message");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(20))]
+
+    /// Frames of a babbling device: no panic, and no valve that moves against its controller.
+    #[test]
+    fn random_frames_move_nothing(
+        frames in prop::collection::vec((0_u16..0x800, any::<[u8; 8]>(), 0_usize..=8), 500), seed: u16
+    ) {
+        let mut bench = Bench::ready();
+        for (i, (id, data, length)) in frames.into_iter().enumerate() {
+            // Half of them are about the devices.
+            let id = if i % 2 == 0 { (id & 0x780) | (10 + (seed ^ id) % 12) } else { id };
+            let frame = Frame::standard_of(id, data, length);
+            prop_assert!(frame.dlc() <= 8);
+            bench.network.take(&Received { frame, time_ns: bench.now_ns }, bench.now_ns);
+            bench.exchange();
+            if i % 5 == 0 {
+                bench.step();
+            }
+            prop_assert_eq!(bench.openings(), [0.0; AXES]);
+        }
+        prop_assert_eq!(bench.network.outbox().dropped(), 0);
+    }
+}

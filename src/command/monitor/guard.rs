@@ -1,0 +1,118 @@
+//! Which requests are refused.
+//!
+//! A page from elsewhere, open in the same browser, must neither read the machine's state nor reach this server under a
+//! name of its own (DNS rebinding). So the name in a request must be an address, `localhost`, or a name that the user
+//! has given; and a request that another page has caused is refused.
+
+use std::net::IpAddr;
+
+use axum::http::{HeaderMap, HeaderName, Method, StatusCode, header};
+
+/// What the browser says about the page that has caused a request.
+const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
+
+/// The names under which the server may be asked.
+#[derive(Debug, Clone)]
+pub struct Guard {
+    names: Vec<String>,
+}
+
+impl Guard {
+    /// Besides all addresses and `localhost`, these names.
+    pub fn new(names: &[String]) -> Self {
+        Self { names: names.iter().map(|name| name.to_ascii_lowercase()).collect() }
+    }
+
+    /// Why a request is refused, if it is.
+    pub fn refusal(&self, method: &Method, headers: &HeaderMap) -> Option<(StatusCode, &'static str)> {
+        let text = |name: &HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
+        if *method != Method::GET && *method != Method::HEAD {
+            return Some((StatusCode::METHOD_NOT_ALLOWED, "found another method; allowed: GET, HEAD\n"));
+        }
+        let has_body = text(&header::CONTENT_LENGTH).is_some_and(|length| length.trim() != "0");
+        if has_body || headers.contains_key(header::TRANSFER_ENCODING) {
+            return Some((StatusCode::PAYLOAD_TOO_LARGE, "found a request with a body; allowed: none\n"));
+        }
+        let Some(host) = text(&header::HOST) else {
+            return Some((StatusCode::BAD_REQUEST, "found no Host; allowed: the address of the server\n"));
+        };
+        if headers.get_all(header::HOST).iter().count() > 1 || !self.is_own(host) {
+            return Some((
+                StatusCode::MISDIRECTED_REQUEST,
+                "found a name that is not the server's; allowed: its address, localhost, or a name of --host\n",
+            ));
+        }
+        let is_same =
+            |origin: &str| origin.split_once("://").is_some_and(|(_, origin)| origin.eq_ignore_ascii_case(host));
+        let is_foreign = text(&header::ORIGIN).is_some_and(|origin| !is_same(origin));
+        // A link on another page may lead here, so a navigation is no request of that page.
+        let is_navigation = text(&HeaderName::from_static("sec-fetch-mode")) == Some("navigate");
+        let is_cross = matches!(text(&FETCH_SITE), Some("cross-site" | "same-site")) && !is_navigation;
+        (is_foreign || is_cross)
+            .then_some((StatusCode::FORBIDDEN, "found a request of another page; allowed: those of this page\n"))
+    }
+
+    /// Whether a Host, with or without a port, is this server.
+    fn is_own(&self, host: &str) -> bool {
+        let name = match host.rsplit_once(':') {
+            Some((name, port)) if !port.is_empty() && port.bytes().all(|byte| byte.is_ascii_digit()) => name,
+            _ => host,
+        };
+        let address = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);
+        let name = name.to_ascii_lowercase();
+        address.parse::<IpAddr>().is_ok() || name == "localhost" || self.names.contains(&name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::http::HeaderValue;
+
+    use super::*;
+
+    fn status(method: Method, headers: &[(&'static str, &'static str)]) -> u16 {
+        let guard = Guard::new(&["Cab.local".to_owned()]);
+        let mut map = HeaderMap::new();
+        for (name, value) in headers {
+            map.append(*name, HeaderValue::from_static(value));
+        }
+        guard.refusal(&method, &map).map_or(200, |(status, _)| status.as_u16())
+    }
+
+    #[test]
+    fn addresses_and_names_of_the_server_are_taken() {
+        for host in ["127.0.0.1:8787", "localhost", "LOCALHOST:80", "[::1]:8787", "192.168.0.7", "cab.local:8787"] {
+            assert_eq!(status(Method::GET, &[("host", host)]), 200, "{host}");
+        }
+        for host in ["evil.example", "evil.example:8787", "127.0.0.1.evil.example", "", ":", "localhost.evil"] {
+            assert_eq!(status(Method::GET, &[("host", host)]), 421, "{host}");
+        }
+        assert_eq!(status(Method::GET, &[]), 400);
+        assert_eq!(status(Method::GET, &[("host", "localhost"), ("host", "evil.example")]), 421);
+    }
+
+    #[test]
+    fn requests_of_other_pages_are_refused() {
+        let host = ("host", "127.0.0.1:8787");
+        assert_eq!(status(Method::GET, &[host, ("origin", "http://127.0.0.1:8787")]), 200);
+        for origin in ["http://evil.example", "null", "http://127.0.0.1:9999", "http://127.0.0.1:8787.evil.example"] {
+            assert_eq!(status(Method::GET, &[host, ("origin", origin)]), 403, "{origin}");
+        }
+        assert_eq!(status(Method::GET, &[host, ("sec-fetch-site", "cross-site")]), 403);
+        assert_eq!(status(Method::GET, &[host, ("sec-fetch-site", "same-origin")]), 200);
+        let navigation = [host, ("sec-fetch-site", "cross-site"), ("sec-fetch-mode", "navigate")];
+        assert_eq!(status(Method::GET, &navigation), 200);
+    }
+
+    #[test]
+    fn only_requests_without_a_body_are_taken() {
+        let host = ("host", "127.0.0.1:8787");
+        for method in [Method::POST, Method::PUT, Method::DELETE, Method::OPTIONS, Method::TRACE, Method::CONNECT] {
+            assert_eq!(status(method, &[host]), 405);
+        }
+        assert_eq!(status(Method::HEAD, &[host]), 200);
+        assert_eq!(status(Method::GET, &[host, ("content-length", "5")]), 413);
+        assert_eq!(status(Method::GET, &[host, ("content-length", "0")]), 200);
+        assert_eq!(status(Method::GET, &[host, ("transfer-encoding", "chunked")]), 413);
+    }
+}

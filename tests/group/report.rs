@@ -1,0 +1,91 @@
+//! The page about a recorded run.
+
+use std::{fs, path::Path, process::Command};
+
+use rustix::process::Signal;
+
+use crate::harness::{
+    hydraxis,
+    running::{Running, text},
+    shared, signal, wait_for,
+};
+
+/// Largest page about a short run, bytes.
+const MOST_BYTES: usize = 2_000_000;
+
+/// Records a part of a run that has at least so many bytes.
+fn recorded(test: &str, file: &Path, bytes: u64) -> Running {
+    let running = Running::start_with(test, &["--duration", "600s"]);
+    let mut command = hydraxis();
+    command.args(["record", "--prefix", &running.group.prefix.to_string(), "--output"]).arg(file);
+    let mut recorder = command.spawn().unwrap();
+    wait_for("a recording", || (fs::metadata(file).ok()?.len() > bytes).then_some(()));
+    signal(recorder.id(), Signal::INT);
+    assert!(recorder.wait().unwrap().success());
+    running
+}
+
+fn report(file: &Path, arguments: &[&str]) -> Command {
+    let mut command = hydraxis();
+    command.arg("report").arg(file).args(arguments);
+    command
+}
+
+#[test]
+fn a_recorded_run_becomes_a_page_that_needs_nothing_else() {
+    let _cores = shared();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("run.mcap");
+    let running = recorded("report", &file, 400_000);
+    drop(running);
+    let output = report(&file, &[]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let page = fs::read_to_string(folder.path().join("run.html")).unwrap();
+    assert!(page.len() < MOST_BYTES, "{}", page.len());
+    let said = text(Some(&*output.stdout));
+    assert!(said.contains("run.html: "), "{said}");
+    // The verdict comes before everything else.
+    let place = |part: &str| page.find(part).unwrap_or_else(|| panic!("{part} is not on the page"));
+    let parts = ["class=\"verdict", "following error rms", "What ran", "Who commanded", "Axis boom", "Latencies"];
+    assert!(parts.windows(2).all(|pair| place(pair[0]) < place(pair[1])));
+    for axis in ["boom", "arm", "telescope", "bucket"] {
+        assert!(
+            page.contains(&format!("<h2>Axis {axis}</h2>")) && page.contains(&format!("<td>{axis}</td>")),
+            "{axis}"
+        );
+    }
+    for part in ["Reference and position", "Following error", "Valve command", "by release", "release jitter"] {
+        assert!(page.contains(part), "{part}");
+    }
+    assert_eq!(page.matches("<svg").count(), page.matches("</svg>").count());
+    // No script, and no address but the names of XML.
+    let without_names = page.replace("http://www.w3.org/2000/svg", "");
+    for part in ["<script", "http:", "https:", "src=", "url(", "@import", "javascript:", "onload="] {
+        assert!(!without_names.contains(part), "{part}");
+    }
+    assert!(!page.contains("NaN") && !page.contains("inf,"), "a picture has a place that is no number");
+}
+
+#[test]
+fn a_cut_recording_gives_a_page_that_says_so_and_something_else_gives_none() {
+    let _cores = shared();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("run.mcap");
+    drop(recorded("report-cut", &file, 400_000));
+    let bytes = fs::read(&file).unwrap();
+    let cut = folder.path().join("cut<b>.mcap");
+    fs::write(&cut, &bytes[..bytes.len() * 2 / 3]).unwrap();
+    let output = report(&cut, &["--output", "-"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let page = text(Some(&*output.stdout));
+    assert!(page.contains("before its end: the file"), "{}", &page[..4000]);
+    assert!(page.contains("cut&lt;b&gt;.mcap") && !page.contains("cut<b>"));
+    assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>\n"));
+
+    let other = folder.path().join("other.mcap");
+    fs::write(&other, "no recording").unwrap();
+    let output = report(&other, &[]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(Some(&*output.stderr)).contains("other.mcap: found no MCAP file"));
+    assert!(!folder.path().join("other.html").exists());
+}

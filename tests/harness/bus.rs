@@ -1,0 +1,55 @@
+//! Devices of a CAN bus on a pseudo terminal: those of `hydraxis can simulate`.
+
+use std::{
+    path::Path,
+    process::{Child, Stdio},
+};
+
+use rustix::process::Signal;
+
+use super::{FOUR_AXES, hydraxis, signal, wait_for};
+
+/// Settings that put the axes of [`FOUR_AXES`] on the bus at this link. The times are those of a busy computer.
+pub fn settings(at: &Path) -> Vec<(String, String)> {
+    let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
+    let mut settings = vec![pair("source.kind", "can"), pair("can.interface", &format!("\"{}\"", at.display()))];
+    settings.push(pair("can.heartbeat", "1s"));
+    settings.push(pair("timing.drive_timeout", "200ms"));
+    for (i, axis) in ["boom", "arm", "telescope", "bucket"].iter().enumerate() {
+        settings.push(pair(&format!("axis.{axis}.can.encoder"), &(11 + i).to_string()));
+        settings.push(pair(&format!("axis.{axis}.can.valve"), &(21 + i).to_string()));
+    }
+    settings
+}
+
+/// Settings as arguments of the command.
+pub fn arguments(settings: &[(String, String)]) -> Vec<String> {
+    settings.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]).collect()
+}
+
+/// The devices, which end with this value.
+pub struct Devices(Child);
+
+impl Devices {
+    /// Starts them; they are at the link then.
+    pub fn start(at: &Path) -> Self {
+        let mut command = hydraxis();
+        command.args(["can", "simulate", FOUR_AXES, "--at"]).arg(at).args(arguments(&settings(at)));
+        let child = command.stderr(Stdio::null()).spawn().unwrap();
+        wait_for("devices", || at.exists().then_some(()));
+        Self(child)
+    }
+
+    /// Ends them, and waits for their end.
+    pub fn end(mut self) {
+        signal(self.0.id(), Signal::INT);
+        assert!(self.0.wait().unwrap().success());
+    }
+}
+
+impl Drop for Devices {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}

@@ -185,6 +185,7 @@ impl Command {
             Self::Identify(arguments) => identify::run(arguments),
             Self::Predict(arguments) => predict::run(arguments),
             Self::Bench(Bench::Control(arguments)) => bench::run(arguments),
+            Self::Bench(Bench::Identify(arguments)) => bench::identify(arguments),
             Self::Can(command) => self::can::run(command),
             Self::Bench(Bench::Tip(arguments)) => bench::tip::run(arguments),
             Self::Check(arguments) => check::run(arguments),

@@ -1,4 +1,4 @@
-//! `hydraxis bench control`: figures, options and refusals.
+//! `hydraxis bench`: figures, options and refusals.
 
 use std::{fs, path::Path};
 
@@ -163,4 +163,55 @@ fn invalid_options_are_refused() {
     let record = "t,u,y\n0,0,0\n";
     fs::write(folder.path().join("r.csv"), record).unwrap();
     refuse(&["--set", "source.kind=replay", "--set", "source.file=r.csv"], &["source.kind: found \"replay\""]);
+}
+
+#[test]
+fn generated_records_are_identified_and_compared_and_the_same_every_time() {
+    let folder = tempfile::tempdir().unwrap();
+    // A dropout, a rest and a record of feedback.
+    let chosen = ["bench", "identify", "--records", "136", "--only", "50", "--only", "88", "--only", "24"];
+    let tables = success(folder.path(), &[&chosen[..], &["--json", "out.json"]].concat());
+    assert!(tables.contains("auto / best constant") && tables.contains("dropouts"), "{tables}");
+    let text = fs::read_to_string(folder.path().join("out.json")).unwrap();
+    assert_eq!(success(folder.path(), &[&chosen[..], &["--threads", "1", "--json", "-"]].concat()), text);
+    let figures: Value = serde_json::from_str(&text).unwrap();
+    let records = figures["records"].as_array().unwrap();
+    let classes: Vec<&str> = records.iter().map(|record| record["class"].as_str().unwrap()).collect();
+    assert_eq!(classes, ["feedback", "dropouts", "rest"]);
+    let ratio = |name: &str, figure: &str| {
+        let all = figures["all"].as_array().unwrap();
+        all.iter().find(|ratios| ratios["name"] == name).unwrap()[figure].as_f64().unwrap()
+    };
+    // Wild samples, a training that nearly rests and feedback must not make auto worse than doing nothing.
+    assert!(ratio("auto / still", "worst") < 1.0, "{tables}");
+    assert!(ratio("auto / held", "worst") < 1.1, "{tables}");
+    assert!(ratio("auto / without wild", "worst") < 1.1, "{tables}");
+    assert_eq!(ratio("auto / best constant", "records"), 3.0);
+    for record in records {
+        assert!(record["best"]["sigma"].as_f64().unwrap() > 0.0, "{record}");
+    }
+}
+
+#[test]
+fn the_same_plants_are_recorded_at_all_periods() {
+    let small = ["bench", "identify", "--records", "2", "--half", "judge", "--plants", "2", "--quick", "--json", "-"];
+    let figures: Value = serde_json::from_str(&success(Path::new("."), &small)).unwrap();
+    let periods: Vec<f64> =
+        figures["rates"].as_array().unwrap().iter().map(|row| row["period_s"].as_f64().unwrap()).collect();
+    assert_eq!(periods, [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1]);
+    assert_eq!((figures["half"].as_str(), figures["records"][0]["number"].as_u64()), (Some("judge"), Some(1)));
+    assert!(figures["records"][0].get("best").is_none(), "{figures}");
+}
+
+#[test]
+fn invalid_options_of_generated_records_are_refused() {
+    let refuse = |arguments: &[&str], expected: &[&str]| {
+        expect_refusal(Path::new("."), &[&["bench", "identify"], arguments].concat(), expected);
+    };
+    refuse(&["--records", "0"], &["--records", "from 1 to 100000"]);
+    refuse(&["--records", "5", "--only", "5"], &["--only: found 5; allowed: 0 to 4"]);
+    refuse(&["--records", "5", "--half", "judge", "--only", "2"], &["--only, --half: found no record"]);
+    refuse(&["--half", "third"], &["third", "design", "judge"]);
+    refuse(&["--plants", "many"], &["--plants", "from 0 to 1000"]);
+    refuse(&["--json", "no/such/folder.json"], &["--json: no/such/folder.json"]);
 }

@@ -125,11 +125,11 @@ impl Adaptation {
         matches!(self, Self::Bank(bank) if !bank.is_started())
     }
 
-    /// Starts from offline identification.
-    pub fn start(&mut self, batch: &Batch, offline: &Offline) {
+    /// Starts from offline identification. `travel`: root mean square of y(k) - y(k-h) over the training, h horizon.
+    pub fn start(&mut self, batch: &Batch, offline: &Offline, travel: f64) {
         match self {
             Self::Single(single) => single.start(batch, offline),
-            Self::Bank(bank) => bank.start(offline),
+            Self::Bank(bank) => bank.start(offline, travel),
             // The grey box has started from what was commissioned.
             Self::GreyBox(_) => {}
         }

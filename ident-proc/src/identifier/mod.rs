@@ -136,14 +136,13 @@ impl Identifier {
 
     fn take_output(&mut self, y: f64) {
         if !self.past.is_complete() {
-            self.skip();
-            self.past.push_output(y);
+            self.refill(y);
             return;
         }
         self.past.fill_row();
         let predicted = self.predict(y);
         let mut predictions = self.predictions(predicted.as_ref());
-        let advanced = match self.gate.judge(y, &predictions) {
+        let advanced = match self.gate.judge(y, &predictions, self.training.is_driven()) {
             Verdict::Sound => {
                 let advanced = self.use_sample(y, predicted);
                 self.past.push_output(y);
@@ -166,6 +165,16 @@ impl Identifier {
         if let Some(advanced) = advanced {
             self.publish(advanced);
         }
+    }
+
+    /// A sample before there are enough outputs and commands for a regressor row.
+    fn refill(&mut self, y: f64) {
+        self.skip();
+        let before = self.past.output_before(1);
+        if before.is_some_and(|before| self.gate.judge_refill(y, before) == Verdict::Step) {
+            self.past.interrupt_outputs();
+        }
+        self.past.push_output(y);
     }
 
     /// One-step predictions of y(k) by the models, after training.
@@ -210,7 +219,7 @@ impl Identifier {
             self.adaptation.pass(self.past.row());
             return;
         }
-        self.gate.collect(y - self.past.outputs().latest(1)[0]);
+        self.gate.collect(y - self.past.outputs().latest(1)[0], self.training.is_driven());
         let travel = self.past.output_before(self.settings.horizon).map(|before| y - before);
         self.rest.collect(travel, self.past.command());
         self.adaptation.collect(y, self.past.row(), resting);
@@ -262,7 +271,7 @@ impl Identifier {
             Progress::Complete => self.finish_training(),
             Progress::LastQuarter if self.adaptation.awaits_first_model() => {
                 let offline = self.training.solve();
-                self.adaptation.start(self.training.batch(), &offline);
+                self.adaptation.start(self.training.batch(), &offline, self.rest.travel());
             }
             Progress::LastQuarter | Progress::Collecting => {
                 self.models.adaptive = self.adaptation.known_model().unwrap_or(self.models.adaptive);
@@ -275,7 +284,7 @@ impl Identifier {
         let offline = self.training.finish();
         self.models.classical = offline.published;
         self.gate.trained(offline.residual_sigma);
-        self.adaptation.start(self.training.batch(), &offline);
+        self.adaptation.start(self.training.batch(), &offline, self.rest.travel());
         let advanced = self.comparison.start(&offline.published, self.adaptation.offline_products(), &self.past);
         self.faults.replace_lasting(if offline.rank_deficient { model_fault::RANK_DEFICIENT } else { 0 });
         self.publish(advanced);

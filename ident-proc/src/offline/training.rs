@@ -21,6 +21,10 @@ pub struct Training {
     patience: Option<usize>,
     /// Samples since a command last opened the valve.
     shut: usize,
+    /// Whether a command has opened the valve at all.
+    opened: bool,
+    /// Samples after such a command in which the axis still counts as driven.
+    horizon: usize,
     /// Samples until the regressor row holds measurements only.
     contaminated: usize,
     batch: Batch,
@@ -47,6 +51,8 @@ impl Training {
             seen: 0,
             patience: None,
             shut: 0,
+            opened: false,
+            horizon: settings.horizon,
             contaminated: 0,
             batch: Batch::new(settings.structure, settings.split),
             offline: None,
@@ -60,6 +66,7 @@ impl Training {
 
     /// Counts a sample, used or not. `opens`: the command before it opens the valve.
     pub fn count_sample(&mut self, opens: bool) {
+        self.opened |= opens;
         self.shut = if opens { 0 } else { self.shut.saturating_add(1) };
         self.seen += u64::from(!self.is_waiting());
     }
@@ -67,6 +74,11 @@ impl Training {
     /// Whether the samples are left out until the axis is driven.
     pub fn is_waiting(&self) -> bool {
         self.patience.is_some_and(|samples| self.shut > samples)
+    }
+
+    /// Whether a command has opened the valve within the last horizon.
+    pub fn is_driven(&self) -> bool {
+        self.opened && self.shut <= self.horizon
     }
 
     /// Notes that the newest output is a prediction: the regressor rows of the next `samples` samples contain it.

@@ -45,6 +45,11 @@ impl RestDetection {
         self.largest_command = self.largest_command.max(command.abs());
     }
 
+    /// The travel: root mean square of y(k) - y(k-h) over the training so far, 0 without one.
+    pub fn travel(&self) -> f64 {
+        if self.travel.count > 0 { self.travel.rmse() } else { 0.0 }
+    }
+
     /// Takes in a sample: its output and the command before it. Returns whether the axis rests.
     pub fn update(&mut self, output: f64, command: f64) -> bool {
         // Without travel in the training the band has no width: such an axis counts as moving at any change.

@@ -15,6 +15,8 @@ use crate::arguments::{
 pub enum Bench {
     /// Drive one course with every controller, under every scenario, and compare the tracking errors
     Control(BenchControlArguments),
+    /// Identify generated records with `auto` and with every constant forgetting factor, and compare the h-step errors
+    Identify(BenchIdentifyArguments),
     /// Drive the bucket's teeth along lines, slopes and a circle, and compare their distances from the way
     Tip(BenchTipArguments),
 }
@@ -94,6 +96,48 @@ pub struct BenchControlArguments {
     /// Write the machine files of the drawn machines into this folder, and run nothing
     #[arg(long, value_name = "FOLDER", requires = "machines", conflicts_with = "json")]
     pub write: Option<PathBuf>,
+    /// Number of threads [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = in_range(1_u16, u16::MAX), allow_hyphen_values = true)]
+    pub threads: Option<u16>,
+}
+
+/// `bench identify`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+A record is 40 s to 50 min of a simulated axis at a period of 1 ms to 1 s; 40 % of it is for training. There are 17
+classes of records: constant, fast, slow, warm-up, payload, delay, play, quantised, dropouts, spikes, rest, one-sided,
+feedback, saturation, drift, units, offsets. A ratio below 1 means that auto is better.
+
+Examples:
+  hydraxis bench identify                                  68 records, some minutes
+  hydraxis bench identify --records 408 --half judge       204 records that no constant was chosen on
+  hydraxis bench identify --seed 7 --json out.json         another set, with the figures of every record
+  hydraxis bench identify --quick                          auto, the held model and holding still only
+  hydraxis bench identify --only 17                        one record")]
+pub struct BenchIdentifyArguments {
+    /// Number of records
+    #[arg(long, value_name = "N", default_value_t = 68, value_parser = in_range(1_u64, 100_000),
+          allow_hyphen_values = true)]
+    pub records: u64,
+    /// Seed of the records
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = whole, allow_hyphen_values = true)]
+    pub seed: u64,
+    /// Only one half of the records
+    #[arg(long, value_enum)]
+    pub half: Option<Half>,
+    /// Only the record with this number, from 0; may be given several times
+    #[arg(long, value_name = "NUMBER", value_parser = whole, allow_hyphen_values = true)]
+    pub only: Vec<u64>,
+    /// Number of plants that are recorded at 1, 2, 5, 10, 20, 50 and 100 ms
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = in_range(0_u64, 1000),
+          allow_hyphen_values = true)]
+    pub plants: u64,
+    /// Leave the constant forgetting factors out
+    #[arg(long)]
+    pub quick: bool,
+    /// Write the figures as JSON to a file, or to standard output with -
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
     /// Number of threads [default: one for each core]
     #[arg(long, value_name = "N", value_parser = in_range(1_u16, u16::MAX), allow_hyphen_values = true)]
     pub threads: Option<u16>,

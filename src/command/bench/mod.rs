@@ -1,3 +1,5 @@
+//! `hydraxis bench`: controllers and estimators against each other. [`generated`] is about `bench identify`.
+//!
 //! `hydraxis bench control`: every controller drives one course, under every scenario, on the simulated machine.
 //!
 //! The machine drives [`control_proc::tuning::course`]: in the first 8 s the identifiers learn, and the fallback
@@ -10,6 +12,7 @@
 mod arguments;
 mod contest;
 mod drawn;
+mod generated;
 mod parallel;
 mod report;
 pub mod tip;
@@ -27,9 +30,10 @@ use crate::{
     failure::Failure,
     report::output::Output,
 };
-pub use arguments::{Bench, BenchControlArguments};
+pub use arguments::{Bench, BenchControlArguments, BenchIdentifyArguments};
 use contest::{Case, Contest, ControllerKind};
-use drawn::Choice;
+use drawn::{Choice, Half};
+pub use generated::run as identify;
 use report::BenchReport;
 
 /// Longest dead time of a simulated valve.

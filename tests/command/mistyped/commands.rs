@@ -15,7 +15,10 @@ const COMMANDS: &[Row] = &[
     ("plantsim --prefix nobody", &["found \"plantsim\"", "did you mean `plant-sim`?", "next: "]),
     ("exmaple", &["found \"exmaple\"", "did you mean `example`?", "next: "]),
     ("doctr", &["found \"doctr\"", "did you mean `doctor`?", "next: "]),
-    ("bench contol", &["found \"contol\"; allowed: one of control; did you mean `control`?", "hydraxis bench --help"]),
+    (
+        "bench contol",
+        &["found \"contol\"; allowed: one of control, identify, tip; did you mean `control`?", "hydraxis bench --help"],
+    ),
     ("four.toml", &["found \"four.toml\"; allowed: one of init", "next: hydraxis check four.toml"]),
     ("--machine four.toml", &["--machine: found an option before the command; allowed: first one of init", "next: "]),
 ];

@@ -87,6 +87,11 @@ impl Competition {
         self.launched = 0;
     }
 
+    /// Begins to score, with the usual travel over the horizon in the unit of the output.
+    pub fn start(&mut self, travel: f64) {
+        self.scores.start(travel);
+    }
+
     /// The scores of all members.
     pub fn scores(&self) -> &Scores {
         &self.scores

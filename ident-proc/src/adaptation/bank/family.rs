@@ -7,10 +7,18 @@ use crate::{least_squares::Triangle, offline::Projection, recursive::RecursiveLe
 /// Number of families.
 const COUNT: usize = 5;
 
+/// Memory of a member in horizons, and the shortest one in samples.
+///
+/// What changes on a machine takes seconds, whatever the period. The errors that count are those over the horizon, so
+/// that is the unit. At long periods a memory also needs samples enough for its coefficients.
+type Memory = (f64, f64);
+
 /// One family of members.
 #[derive(Debug, Clone)]
 pub struct Family {
     kind: Kind,
+    /// Forgetting factor of each member.
+    factors: Vec<f64>,
     members: Vec<RecursiveLeastSquares>,
     phi: Vec<f64>,
     idle: Vec<bool>,
@@ -22,7 +30,7 @@ pub struct Family {
 struct Kind {
     name: &'static str,
     regression: Regression,
-    factors: &'static [f64],
+    memories: &'static [Memory],
     /// Whether regressor and target are smoothed.
     smoothed: bool,
 }
@@ -37,27 +45,31 @@ fn kinds(structure: Structure, row: &Structure, held: &Nonlinearity) -> [Kind; C
         ..structure
     };
     let wide = Structure { nb: row.nb, ..structure };
-    let kind = |name, regression, factors| Kind { name, regression, factors, smoothed: false };
+    let kind = |name, regression, memories| Kind { name, regression, memories, smoothed: false };
     [
-        kind("linear", Regression::linear(structure, held), &[0.99]),
-        kind("increments", Regression::linear(increments, held), &[0.99, 0.995]),
-        kind("directional", Regression::directional(increments, held), &[0.995]),
-        kind("full", Regression::full(structure), &[0.995, 0.998, 0.9998]),
-        Kind { smoothed: true, ..kind("smoothed", Regression::full(wide), &[0.997, 0.9998]) },
+        kind("linear", Regression::linear(structure, held), &[(4.0, 100.0)]),
+        kind("increments", Regression::linear(increments, held), &[(4.0, 100.0), (8.0, 200.0)]),
+        kind("directional", Regression::directional(increments, held), &[(8.0, 200.0)]),
+        kind("full", Regression::full(structure), &[(8.0, 200.0), (20.0, 500.0), (200.0, 5000.0)]),
+        Kind { smoothed: true, ..kind("smoothed", Regression::full(wide), &[(13.0, 333.0), (200.0, 5000.0)]) },
     ]
 }
 
 impl Family {
     /// All families of a bank for `structure`, whose rows have the structure `row`. They know nothing yet.
-    pub fn all(structure: Structure, row: &Structure) -> Vec<Self> {
+    /// `horizon` in samples.
+    pub fn all(structure: Structure, row: &Structure, horizon: usize) -> Vec<Self> {
         let unknown = Coefficients::zero(structure).nonlinearity();
-        kinds(structure, row, &unknown).into_iter().map(Self::new).collect()
+        kinds(structure, row, &unknown).into_iter().map(|kind| Self::new(kind, horizon)).collect()
     }
 
-    fn new(kind: Kind) -> Self {
+    fn new(kind: Kind, horizon: usize) -> Self {
         let n = kind.regression.len();
+        let samples = |(horizons, least): &Memory| (horizons * horizon as f64).max(*least);
+        let factors: Vec<f64> = kind.memories.iter().map(|memory| 1.0 - 1.0 / samples(memory)).collect();
         Self {
-            members: vec![RecursiveLeastSquares::new(n); kind.factors.len()],
+            members: vec![RecursiveLeastSquares::new(n); factors.len()],
+            factors,
             phi: vec![0.0; n],
             idle: vec![false; n],
             projection: Projection::new(n),
@@ -87,7 +99,7 @@ impl Family {
         regression.mark_idle(idle, &mut self.idle);
         let selective = self.idle.contains(&true);
         let mut bounded = false;
-        for (member, factor) in self.members.iter_mut().zip(self.kind.factors) {
+        for (member, factor) in self.members.iter_mut().zip(&self.factors) {
             let factor = if selective {
                 bounded |= member.forget_selectively(*factor, &self.idle);
                 1.0
@@ -115,8 +127,8 @@ impl Family {
     }
 
     /// The forgetting factors of the members.
-    pub fn factors(&self) -> &'static [f64] {
-        self.kind.factors
+    pub fn factors(&self) -> &[f64] {
+        &self.factors
     }
 
     /// The recursion of a member.

@@ -5,6 +5,9 @@ use pipeline::hammerstein::{Coefficients, Structure, poles_within};
 use super::{family::Family, scores::Scores};
 use crate::regression::write_out;
 
+/// Members that learn nothing: the classical model, then holding still.
+pub const FIXED: usize = 2;
+
 /// Coefficients and weights of all members, the classical model first.
 #[derive(Debug, Clone)]
 pub struct Mixture {
@@ -19,16 +22,13 @@ pub struct Mixture {
 }
 
 impl Mixture {
-    /// For `members` models written out for the row of the structure `row`, and a horizon in samples.
-    pub fn new(row: Structure, members: usize, horizon: usize) -> Self {
+    /// For `count` models written out for the row of the structure `row`, and a horizon in samples.
+    pub fn new(row: Structure, count: usize, horizon: usize) -> Self {
         let n = row.full_len();
-        Self {
-            row,
-            members: vec![vec![0.0; n]; members],
-            weights: vec![0.0; members],
-            theta: vec![0.0; n],
-            pole_limit: 1.0 + 1.0 / horizon as f64,
-        }
+        let mut members = vec![vec![0.0; n]; count];
+        // Holding still: y(k) = y(k-1).
+        members[1][0] = -1.0;
+        Self { row, members, weights: vec![0.0; count], theta: vec![0.0; n], pole_limit: 1.0 + 1.0 / horizon as f64 }
     }
 
     /// Makes `classical` the first member, and the sum until the next [`Self::mix`].
@@ -39,7 +39,7 @@ impl Mixture {
 
     /// Writes the coefficients of all members out, or only of those that have a weight.
     pub fn write_out(&mut self, families: &[Family], all: bool) {
-        let mut members = self.members[1..].iter_mut().zip(&self.weights[1..]);
+        let mut members = self.members[FIXED..].iter_mut().zip(&self.weights[FIXED..]);
         for family in families {
             for (member, (theta, weight)) in (0..family.len()).zip(&mut members) {
                 if all || *weight > 0.0 {
@@ -49,10 +49,10 @@ impl Mixture {
         }
     }
 
-    /// Sets the weights by the scores. An unstable member gets none, unless it is the classical model.
+    /// Sets the weights by the scores. An unstable member gets none.
     pub fn weigh(&mut self, scores: &Scores) {
         let (members, na, limit) = (&self.members, self.row.na, self.pole_limit);
-        scores.weigh(|member| member == 0 || poles_within(&members[member][..na], limit), &mut self.weights);
+        scores.weigh(|member| poles_within(&members[member][..na], limit), &mut self.weights);
     }
 
     /// Sums the members up by their weights.

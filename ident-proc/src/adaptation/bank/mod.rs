@@ -10,24 +10,28 @@
 //! load that comes on wants gains that change by direction; a valve that wears wants all coefficients of its curve; a
 //! coarse encoder wants a smoothed row. The members differ in these respects:
 //!
-//! | family | learns | forgetting factors |
+//! | family | learns | memories in horizons |
 //! |---|---|---|
 //! | held | nothing: the classical model | |
-//! | linear | a, b | 0.99 |
-//! | increments | a, b of the increments of y, with one lag more | 0.99, 0.995 |
-//! | directional | as increments, with a b for each direction | 0.995 |
-//! | full | a and all products | 0.995, 0.998, 0.9998 |
-//! | smoothed | a and all products, with one lag more, from smoothed rows | 0.997, 0.9998 |
+//! | still | nothing: y(k) = y(k-1) | |
+//! | linear | a, b | 4 |
+//! | increments | a, b of the increments of y, with one lag more | 4, 8 |
+//! | directional | as increments, with a b for each direction | 8 |
+//! | full | a and all products | 8, 20, 200 |
+//! | smoothed | a and all products, with one lag more, from smoothed rows | 13, 200 |
 //!
-//! The classical model is a member, so the bank cannot stay much worse than no adaptation. A sum of models is a model,
-//! so a user of the bank needs no knowledge of its members. The weighing of predictors by their recent losses is known
-//! as prediction with expert advice (Cesa-Bianchi and Lugosi, Prediction, Learning, and Games, 2006).
+//! A memory of m horizons is the forgetting factor 1 - 1 / (m h), h horizon in samples; each memory also has a least
+//! number of samples. The classical model and holding still are members, so the bank cannot stay much worse than
+//! either. A sum of models is a model, so a user of the bank needs no knowledge of its members. The weighing of
+//! predictors by their recent losses is known as prediction with expert advice (Cesa-Bianchi and Lugosi, Prediction,
+//! Learning, and Games, 2006).
 //!
 //! Traps: a member whose poles would make a prediction grow e-fold over the horizon gets no weight, however small its
 //! errors were. At rest every model predicts perfectly while its coefficients learn the noise, so a sample
 //! [at rest](crate::sample::rest) is neither learned nor scored. An axis that moves in one direction only would forget
 //! the other direction, so idle signs of the command are not forgotten.
 
+mod collected;
 mod competition;
 mod family;
 mod idle;
@@ -37,10 +41,16 @@ mod smoothing;
 
 use pipeline::hammerstein::{Coefficients, MAX_LINEAR, Structure};
 
-use self::{competition::Competition, family::Family, idle::IdleSigns, mixture::Mixture, smoothing::Smoother};
+use self::{
+    collected::Collected,
+    competition::Competition,
+    family::Family,
+    idle::IdleSigns,
+    mixture::{FIXED, Mixture},
+    smoothing::{SMOOTHED, Smoother},
+};
 use super::Learned;
 use crate::{
-    least_squares::Triangle,
     offline::Offline,
     sample::{RegressorRow, SlidingBuffer},
     separation::OnlineSeparation,
@@ -48,8 +58,8 @@ use crate::{
 
 /// Half rounds of separation at the start, from the separation of the training on.
 const FIRST_ROUNDS: usize = 40;
-/// Name of the first member in reports: the classical model.
-const CLASSICAL: &str = "held";
+/// Names in reports of the members that learn nothing: the classical model, and y(k) = y(k-1).
+const FIXED_NAMES: [&str; FIXED] = ["held", "still"];
 
 /// The bank of one output. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
@@ -57,10 +67,7 @@ pub struct Bank {
     structure: Structure,
     row_structure: Structure,
     families: Vec<Family>,
-    /// Rows of the training as they were measured.
-    rows: Triangle,
-    /// Rows of the training, smoothed.
-    smoothed_rows: Triangle,
+    collected: Collected,
     smoother: Smoother,
     started: bool,
     mixture: Mixture,
@@ -80,16 +87,15 @@ impl Bank {
     /// For models of `structure` whose predictions count over `horizon` samples. The bank knows nothing yet.
     pub fn new(structure: Structure, horizon: usize) -> Self {
         let row = Self::row_structure(structure);
-        let families = Family::all(structure, &row);
-        let members = 1 + families.iter().map(Family::len).sum::<usize>();
+        let families = Family::all(structure, &row, horizon);
+        let members = FIXED + families.iter().map(Family::len).sum::<usize>();
         let n = row.full_len();
         Self {
             structure,
             row_structure: row,
             families,
-            rows: Triangle::new(n),
-            smoothed_rows: Triangle::new(n),
-            smoother: Smoother::new(n, horizon),
+            collected: Collected::new(n, horizon),
+            smoother: Smoother::new(n, SMOOTHED, horizon),
             started: false,
             mixture: Mixture::new(row, members, horizon),
             competition: Competition::new(row, members, horizon),
@@ -100,24 +106,28 @@ impl Bank {
 
     /// Takes in y(k) and the row of a training sample. In a started bank, call it after [`Self::learn`].
     pub fn collect(&mut self, y: f64, row: &RegressorRow) {
-        self.rows.add(row.values(), y);
         if !self.started {
             self.smoother.update(y, row.values());
         }
-        let (row, target) = self.smoother.values();
-        self.smoothed_rows.add(row, target);
+        self.collected.add(y, row.values(), self.smoother.values());
     }
 
-    /// Starts all members from the rows collected so far. A second start keeps the scores of the members.
-    pub fn start(&mut self, offline: &Offline) {
+    /// Starts all members from the rows collected so far. `travel`: root mean square of y(k) - y(k-h) over these rows.
+    /// A second start keeps the scores of the members, unless its first model was of no use.
+    pub fn start(&mut self, offline: &Offline, travel: f64) {
         let classical = &offline.coefficients;
         Family::hold_nonlinearity(&mut self.families, self.structure, &self.row_structure, &classical.nonlinearity());
         for family in &mut self.families {
-            let rows = if family.is_smoothed() { &self.smoothed_rows } else { &self.rows };
+            let rows = if family.is_smoothed() { &self.collected.smoothed } else { &self.collected.measured };
             family.start(rows, &self.row_structure);
         }
         self.mixture.start(&offline.published);
-        self.separation.start(classical, &self.rows);
+        self.competition.start(travel);
+        if self.competition.scores().is_proven() {
+            // The members were compared on the last part of the training.
+            self.reweigh();
+        }
+        self.separation.start(classical, &self.collected.integrated);
         for _ in 0..FIRST_ROUNDS {
             let _ = self.separation.separate(self.mixture.theta());
         }
@@ -139,8 +149,8 @@ impl Bank {
         self.competition.score(y);
         let idle = self.idle.update(row.signs());
         let weights = self.mixture.weights();
-        let mut learned = Learned { factor: weights[0], bounded: false };
-        let mut weights = weights[1..].iter();
+        let mut learned = Learned { factor: weights[..FIXED].iter().sum(), bounded: false };
+        let mut weights = weights[FIXED..].iter();
         for family in &mut self.families {
             let (row, target) = if family.is_smoothed() { self.smoother.values() } else { (row.values(), y) };
             learned.bounded |= family.learn(target, row, &self.row_structure, idle);
@@ -169,23 +179,29 @@ impl Bank {
         self.competition.finish_sample();
         self.mixture.mix();
         if !self.mixture.is_stable() {
-            self.mixture.write_out(&self.families, true);
-            self.mixture.weigh(self.competition.scores());
-            self.mixture.mix();
+            self.reweigh();
         }
+    }
+
+    /// Weighs all members by the scores so far, and sums them up.
+    fn reweigh(&mut self) {
+        self.mixture.write_out(&self.families, true);
+        self.mixture.weigh(self.competition.scores());
+        self.mixture.mix();
     }
 
     /// Discards the forecasts on their way and the memory of the smoother, after a gap in the samples.
     pub fn interrupt(&mut self) {
         self.competition.interrupt();
         self.smoother.interrupt();
+        self.collected.interrupt();
     }
 
     /// Family, forgetting factor and weight of every member, the classical model first.
     pub fn members(&self) -> impl Iterator<Item = (&'static str, f64, f64)> {
         let learning =
             self.families.iter().flat_map(|family| family.factors().iter().map(|factor| (family.name(), *factor)));
-        let members = std::iter::once((CLASSICAL, 1.0)).chain(learning);
+        let members = FIXED_NAMES.into_iter().map(|name| (name, 1.0)).chain(learning);
         members.zip(self.mixture.weights()).map(|((name, factor), weight)| (name, factor, *weight))
     }
 
@@ -201,10 +217,10 @@ impl Bank {
         (model, self.separation.residual())
     }
 
-    /// Trace of the covariance of the member with the largest weight; 0 for the classical model.
+    /// Trace of the covariance of the member with the largest weight; 0 for one that learns nothing.
     pub fn covariance_trace(&self) -> f64 {
         let most = self.mixture.heaviest();
-        let mut before = 1;
+        let mut before = FIXED;
         for family in &self.families {
             if (before..before + family.len()).contains(&most) {
                 return family.member(most - before).covariance_trace();

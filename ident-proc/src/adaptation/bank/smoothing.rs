@@ -1,15 +1,20 @@
 //! The smoothed row and target.
 //!
 //! ```text
-//! x_s(k) = p x_s(k-1) + (1 - p) x(k)          p = exp(-1 / (0.12 h))
+//! x_s(k) = p x_s(k-1) + (1 - p) x(k)          p = exp(-1 / (c h))
 //! ```
 //!
-//! x any entry of the row, or the target; h horizon in samples. Row and target go through one filter, so the model
-//! stays the same. The noise of the encoder counts less in the fit, and errors that last over the horizon count more
-//! (Shook, Mohtadi and Shah, Identification for long-range predictive control, IEE Proceedings D 138, 1991).
+//! c time constant in horizons, x any entry of the row, or the target; h horizon in samples. Row and target go through
+//! one filter, so the model stays the same. The noise of the encoder counts less in the fit, and errors that last over
+//! the horizon count more (Shook, Mohtadi and Shah, Identification for long-range predictive control, IEE Proceedings D
+//! 138, 1991).
 
-/// Time constant of the filter, in horizons.
-const TIME_CONSTANT: f64 = 0.12;
+/// Time constant of the filter that the family `smoothed` learns from, in horizons.
+pub const SMOOTHED: f64 = 0.12;
+/// Time constant of the filter whose rows weigh the products in their separation, in horizons. An error over the
+/// horizon sees the sum of the commands within it; an error of one step sees little more than their highest
+/// frequencies.
+pub const INTEGRATED: f64 = 0.5;
 
 /// The filter of row and target. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
@@ -23,9 +28,9 @@ pub struct Smoother {
 }
 
 impl Smoother {
-    /// For rows of `n` entries and a horizon in samples.
-    pub fn new(n: usize, horizon: usize) -> Self {
-        let keep = (-1.0 / (TIME_CONSTANT * horizon as f64)).exp();
+    /// For rows of `n` entries, a time constant in horizons, and a horizon in samples.
+    pub fn new(n: usize, time_constant: f64, horizon: usize) -> Self {
+        let keep = (-1.0 / (time_constant * horizon as f64)).exp();
         Self { keep, values: vec![0.0; n + 1], running: false }
     }
 
@@ -56,7 +61,7 @@ mod tests {
 
     #[test]
     fn it_is_a_first_order_lag_that_begins_at_its_first_input() {
-        let mut smoother = Smoother::new(2, 25);
+        let mut smoother = Smoother::new(2, SMOOTHED, 25);
         smoother.update(3.0, &[1.0, 2.0]);
         assert_eq!(smoother.values(), (&[1.0, 2.0][..], 3.0));
         (0..3).for_each(|_| smoother.update(0.0, &[0.0, 2.0]));

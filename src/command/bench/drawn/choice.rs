@@ -7,17 +7,23 @@ use clap::ValueEnum;
 
 use super::rig::Rig;
 
-/// A half of the drawn machines.
+/// A half of the drawn machines or of the generated records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Half {
-    /// machines with even numbers, which may be looked at while a controller is designed
+    /// even numbers, which may be looked at during design
     Design,
-    /// machines with odd numbers, which judge it
+    /// odd numbers, which judge
     Judge,
 }
 
 impl Half {
-    fn has(self, number: u64) -> bool {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        if self == Self::Design { "design" } else { "judge" }
+    }
+
+    /// Whether this number belongs to it.
+    pub fn has(self, number: u64) -> bool {
         number.is_multiple_of(2) == (self == Self::Design)
     }
 }

@@ -34,6 +34,7 @@ use self::{
 use super::parallel;
 use crate::{failure::Failure, report::output::Output};
 pub use choice::{Choice, Half};
+pub use rig::Draw;
 
 /// Runs `bench control --machines`.
 ///

@@ -38,7 +38,7 @@ impl SetRow {
         Self {
             seed: choice.seed,
             set: choice.count,
-            half: choice.half.map(|half| if half == Half::Design { "design" } else { "judge" }),
+            half: choice.half.map(Half::name),
             drawn: outcomes.len(),
             commissioned: commissioned().count(),
             second_try: outcomes.iter().filter(is_second).count(),

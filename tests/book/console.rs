@@ -318,6 +318,7 @@ pages! {
     command_clean: "docs/src/commands/clean.md",
     machine_file: "docs/src/machine.md",
     mechanism: "docs/src/mechanism.md",
+    tip: "docs/src/tip.md",
 }
 
 #[test]

@@ -94,11 +94,14 @@ fn settings_that_their_keys_do_not_take_are_refused() {
 fn a_setting_of_an_unknown_key_is_refused_with_the_keys_of_its_table() {
     let folder = tempfile::tempdir().unwrap();
     for (key, expected) in [
-        ("axis.boom.kq", "--set axis.boom.kq: found an unknown key; allowed: one of columns, commissioned, control,"),
+        (
+            "axis.boom.kq",
+            "--set axis.boom.kq: found an unknown key; allowed: one of can, columns, commissioned, control,",
+        ),
         ("axis.boom.control.kq", "--set axis.boom.control.kq: found an unknown key; allowed: one of command_limit,"),
         ("axis.crane.stroke", "--set axis.crane: found an unknown key; allowed: one of arm, boom, bucket, telescope"),
         ("axis.boom.reference.sines[9].phase", "--set axis.boom.reference.sines[9]: found an unknown key; allowed:"),
-        ("controler", "--set controler: found an unknown key; allowed: one of axis, drive, fuzzy,"),
+        ("controler", "--set controler: found an unknown key; allowed: one of axis, can, drive, fuzzy,"),
         ("axis.boom", "--set axis.boom: found an unknown key; allowed: a key of the machine file, not a table"),
     ] {
         let error = refusal(folder.path(), &check_with(&format!("{key}=3")));
@@ -111,7 +114,7 @@ fn a_setting_in_the_wrong_table_is_refused_with_the_keys_of_that_name() {
     let folder = tempfile::tempdir().unwrap();
     for (setting, expected) in [
         ("axis.boom.kp=3", "reference, soft_limits, stroke; or axis.boom.control.kp\n"),
-        ("kp=3", "timing; or axis.boom.control.kp, axis.arm.control.kp, axis.telescope.control.kp, axis.bucket."),
+        ("kp=3", "timing, tip; or axis.boom.control.kp, axis.arm.control.kp, axis.telescope.control.kp, axis.bucket."),
     ] {
         expect_refusal(folder.path(), &check_with(setting), &[expected]);
     }

@@ -161,7 +161,6 @@ mod tests {
 
     #[test]
     fn one_divergence_is_forgotten_in_time_and_lasting_divergence_is_not() {
-        let mut scores = Scores::new(3, 5, 20);
         let weights = |scores: &Scores| {
             let mut weights = vec![0.0; 4];
             scores.weigh(|_| true, &mut weights);

@@ -144,7 +144,7 @@ impl GeneratedReport {
     }
 
     fn worst(&self) -> String {
-        let by_best = |trial: &Trial| QUOTIENTS[0].1(trial).filter(|ratio| !(*ratio <= WORSE));
+        let by_best = |trial: &Trial| QUOTIENTS[0].1(trial).filter(|ratio| ratio.is_nan() || *ratio > WORSE);
         let mut worst: Vec<(f64, &Trial)> =
             self.records.iter().filter_map(|trial| Some((by_best(trial)?, trial))).collect();
         if worst.is_empty() {

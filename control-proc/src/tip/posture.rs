@@ -10,9 +10,9 @@
 //! ```
 //!
 //! b position of the boom's cylinder in m, s length of the way in m, index 0 begin and 1 end of a run. The positions at
-//! the ends of all runs are chosen together, out of [`CHOICES`] over the soft limits: those with the least way of the
+//! the ends of all runs are chosen together, out of 81 over the soft limits: those with the least way of the
 //! boom, and of these the ones with the most room to the soft limits. Where no even motion of the boom leads along a
-//! run, such as along a circle, its positions are chosen every [`SEGMENT`] and joined by a smooth curve.
+//! run, such as along a circle, its positions are chosen every 0.4 m and joined by a smooth curve.
 
 use mechanism::{AXES, Joint, Linkage, Mechanism, Rotation};
 use pipeline::machine::Machine;

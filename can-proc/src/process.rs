@@ -6,10 +6,10 @@
 //! set points: with every SYNC, and as soon as a command comes
 //! ```
 //!
-//! No reading is sent before all devices are ready for the first time, or [`START_PATIENCE_NS`] has passed: a machine
+//! No reading is sent before all devices are ready for the first time, or `START_PATIENCE_NS` has passed: a machine
 //! that is switched on is no fault. A SYNC for which a position is missing makes no reading: a sample is of one time,
 //! or it is none. The time of a reading is that of its SYNC, because all encoders take their positions then. A command
-//! is looked for every [`COMMAND_POLL`] while the stage waits for frames: it can wait for one of the two only.
+//! is looked for every `COMMAND_POLL` while the stage waits for frames: it can wait for one of the two only.
 
 use std::time::Duration;
 

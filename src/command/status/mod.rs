@@ -10,7 +10,7 @@ mod arguments;
 mod watch;
 
 use std::{
-    io::{IsTerminal, stdout},
+    io::{IsTerminal, stdin, stdout},
     sync::atomic::{AtomicBool, Ordering},
     thread::sleep,
     time::{Duration, Instant},
@@ -46,7 +46,7 @@ pub fn run(arguments: &StatusArguments) -> Result<(), Failure> {
     let prefix = meant(arguments.prefix.as_ref())?;
     let stop = stop_flag()?;
     expect_alive(&prefix)?;
-    let has_screen = arguments.watch && stdout().is_terminal() && can_move();
+    let has_screen = arguments.watch && stdin().is_terminal() && stdout().is_terminal() && can_move();
     if has_screen && watch::watch(&prefix, &stop)? {
         return Ok(());
     }

@@ -17,6 +17,7 @@ use ratatui::{
     DefaultTerminal,
     crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers},
 };
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::{
     failure::Failure,
@@ -46,11 +47,24 @@ pub fn watch(prefix: &Prefix, stop: &AtomicBool) -> Result<bool, Failure> {
         search: Search::new(Some(prefix.clone())),
     };
     let ended = watch.run(&mut terminal, stop);
-    ratatui::restore();
+    // A terminal that is gone needs nothing more.
+    let _ = ratatui::try_restore();
     if let Some(live) = watch.live {
         live.leave();
     }
     ended.map(|()| true)
+}
+
+/// Waits for a key up to [`POLL`], and says whether the terminal is gone.
+///
+/// Trap: crossterm reads a terminal that is gone without end, whatever the time-out, and says nothing.
+fn is_terminal_gone() -> bool {
+    let input = std::io::stdin();
+    let mut terminal = [PollFd::new(&input, PollFlags::IN)];
+    let timeout = Timespec { tv_sec: 0, tv_nsec: POLL.as_nanos() as i64 };
+    // A signal ends the wait as well.
+    let has_answer = poll(&mut terminal, Some(&timeout)).is_ok_and(|answers| answers > 0);
+    has_answer && terminal[0].revents().intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)
 }
 
 /// The group that is watched, and what is shown of it.
@@ -68,7 +82,11 @@ impl Watch {
         while !stop.load(Ordering::Relaxed) {
             self.read();
             let mut is_due = drawn.is_none_or(|drawn: Instant| drawn.elapsed() > FRAME);
-            if event::poll(POLL).map_err(Failure::run)? {
+            if is_terminal_gone() {
+                return Ok(());
+            }
+            // Windows that change their size are events without input.
+            if event::poll(Duration::ZERO).map_err(Failure::run)? {
                 match event::read().map_err(Failure::run)? {
                     Event::Key(key) if key.kind != KeyEventKind::Release => {
                         if is_end(key) {

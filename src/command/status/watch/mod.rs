@@ -47,21 +47,25 @@ pub fn watch(prefix: &Prefix, stop: &AtomicBool) -> Result<bool, Failure> {
         search: Search::new(Some(prefix.clone())),
     };
     let ended = watch.run(&mut terminal, stop);
-    // A terminal that is gone needs nothing more.
-    let _ = ratatui::try_restore();
     if let Some(live) = watch.live {
         live.leave();
+    }
+    if is_terminal_gone(Duration::ZERO) {
+        // Its destructor would tell so on the terminal, which ends in a panic.
+        std::mem::forget(terminal);
+    } else {
+        ratatui::restore();
     }
     ended.map(|()| true)
 }
 
-/// Waits for a key up to [`POLL`], and says whether the terminal is gone.
+/// Waits for a key, and says whether the terminal is gone.
 ///
 /// Trap: crossterm reads a terminal that is gone without end, whatever the time-out, and says nothing.
-fn is_terminal_gone() -> bool {
+fn is_terminal_gone(longest: Duration) -> bool {
     let input = std::io::stdin();
     let mut terminal = [PollFd::new(&input, PollFlags::IN)];
-    let timeout = Timespec { tv_sec: 0, tv_nsec: POLL.as_nanos() as i64 };
+    let timeout = Timespec { tv_sec: 0, tv_nsec: longest.as_nanos() as i64 };
     // A signal ends the wait as well.
     let has_answer = poll(&mut terminal, Some(&timeout)).is_ok_and(|answers| answers > 0);
     has_answer && terminal[0].revents().intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)
@@ -82,7 +86,7 @@ impl Watch {
         while !stop.load(Ordering::Relaxed) {
             self.read();
             let mut is_due = drawn.is_none_or(|drawn: Instant| drawn.elapsed() > FRAME);
-            if is_terminal_gone() {
+            if is_terminal_gone(POLL) {
                 return Ok(());
             }
             // Windows that change their size are events without input.

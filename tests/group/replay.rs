@@ -7,7 +7,6 @@ use std::{
     mem::offset_of,
     path::{Path, PathBuf},
     process::Output,
-    time::{Duration, Instant},
 };
 
 use mcap::{
@@ -41,8 +40,8 @@ const COMPUTED: [&str; 5] =
 const AXIS_NAMES: [&str; AXES] = ["boom", "arm", "telescope", "bucket"];
 /// Bytes of CDR before the first field.
 const ENCAPSULATION: usize = 4;
-/// Time between two stops, in the time of the computer.
-const STOPS_APART: Duration = Duration::from_millis(400);
+/// Ticks between two stops: a model has taken over before.
+const STOPS_APART: u64 = 900;
 
 fn replay(file: &Path, options: &[&str]) -> Output {
     hydraxis().arg("replay").arg(file).args(options).output().unwrap()
@@ -80,7 +79,10 @@ struct Operator {
     board: Board,
     enable: u32,
     stops: u32,
-    stopped: Instant,
+    /// Tick of the last stop.
+    stopped: u64,
+    /// Mode that is asked for.
+    mode: AxisMode,
     // After its readers and publishers.
     _channels: Group,
 }
@@ -96,7 +98,8 @@ impl Operator {
             board: Board::find(&running.group.prefix).unwrap().unwrap(),
             enable: 0,
             stops: 0,
-            stopped: Instant::now(),
+            stopped: 0,
+            mode: AxisMode::Track,
             _channels: channels,
         }
     }
@@ -112,7 +115,10 @@ impl Operator {
         let is_latched = last.axes[..AXES].iter().any(|axis| axis.flags & control_flag::LATCHED != 0);
         self.enable += u32::from(last.axes[0].operation == AxisMode::Off as u32 && dice.once_in(5));
         let modes = [AxisMode::Track, AxisMode::Track, AxisMode::Track, AxisMode::Hold, AxisMode::Unchanged];
-        let mode = if is_latched && dice.once_in(2) { AxisMode::Off } else { dice.one_of(&modes) };
+        if dice.once_in(300) {
+            self.mode = dice.one_of(&modes);
+        }
+        let mode = if is_latched && dice.once_in(2) { AxisMode::Off } else { self.mode };
         let mut request = Request { session: 7, ..Request::default() };
         for axis in &mut request.axes[..AXES] {
             (axis.mode, axis.enable) = (mode as u32, self.enable);
@@ -125,8 +131,8 @@ impl Operator {
         reference.header.machine = sample.header.machine;
         reference.positions.iter_mut().zip(&sample.axes).for_each(|(positions, axis)| positions[0] = axis.position);
         send(&self.references, reference, sample.header.sequence);
-        if self.stopped.elapsed() > STOPS_APART {
-            (self.stopped, self.stops) = (Instant::now(), self.stops + 1);
+        if sample.header.sequence > self.stopped + STOPS_APART {
+            (self.stopped, self.stops) = (sample.header.sequence, self.stops + 1);
             let board = &self.board;
             if self.stops.is_multiple_of(3) {
                 board.emergency_stop()

@@ -1,7 +1,8 @@
 //! `hydraxis status`: what it shows of a running group, and that it does not disturb the group.
 
 use std::{
-    io::{BufRead, BufReader},
+    fs::File,
+    io::{BufRead, BufReader, Read},
     process::Stdio,
 };
 
@@ -69,6 +70,27 @@ fn watching_ends_when_nobody_reads_any_more() {
     // The pipe closes at the end of this line, as with `| head -n 1`.
     BufReader::new(watch.stdout.take().unwrap()).read_line(&mut line).unwrap();
     assert!(line.starts_with("Group ") && !line.contains('\x1b'), "plain text, since it is no terminal: {line:?}");
+    let status = wait_for("the command to end", || watch.try_wait().unwrap());
+    assert!(status.success(), "{status}");
+}
+
+/// Regression: the screen went on without its terminal, took a core and could only be killed.
+#[test]
+fn a_screen_ends_when_its_terminal_is_gone() {
+    let _cores = shared();
+    let running = start("status-gone");
+    let (master, path) = can::bus::pseudo_terminal().unwrap();
+    let mut terminal = File::from(master);
+    let slave = || File::options().read(true).write(true).open(&path).unwrap();
+    let mut command = hydraxis();
+    command.args(["status", "--watch", "--prefix", &running.group.prefix.to_string()]).env("TERM", "xterm");
+    let mut watch = command.stdin(slave()).stdout(slave()).stderr(slave()).spawn().unwrap();
+    // The streams of this process would keep the terminal.
+    drop(command);
+    let mut drawn = [0; 1000];
+    let length = terminal.read(&mut drawn).unwrap();
+    assert!(drawn[..length].contains(&0x1b), "{:?}", String::from_utf8_lossy(&drawn[..length]));
+    drop(terminal);
     let status = wait_for("the command to end", || watch.try_wait().unwrap());
     assert!(status.success(), "{status}");
 }

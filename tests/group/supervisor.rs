@@ -208,7 +208,7 @@ fn a_stage_that_does_not_end_with_its_input_is_ended() {
     let status = wait_for("its end", || stage.try_wait().unwrap());
     let said = text(stage.stderr.take());
     assert_eq!(status.code(), Some(1), "{said}");
-    assert!(said.contains("its supervisor has ended, and the stage did not end within 500ms"), "{said}");
+    assert!(said.contains("control-proc: its supervisor has ended, and it did not end within 500ms"), "{said}");
 }
 
 #[test]

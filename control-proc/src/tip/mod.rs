@@ -15,7 +15,7 @@ pub mod timing;
 pub mod way;
 
 use mechanism::{AXES, Dynamics, Mechanism, Pose, Vector};
-use pipeline::machine::{Machine, TipTask};
+use pipeline::machine::{Axis, Machine, ReferenceSource, TipTask};
 use posture::{Cylinders, Freedom, NoPosture, Short};
 use timing::Timing;
 use way::{TipPlace, Way};
@@ -69,14 +69,15 @@ pub struct TipPlan {
 }
 
 impl TipPlan {
-    /// Plans the task of a machine; `None` for a machine without one.
+    /// Plans the task of a machine; `None` for a machine whose axes follow none.
     ///
     /// # Errors
     /// The machine cannot do it: a place is out of reach, needs a position outside the soft limits or more force than a
     /// cylinder has.
     pub fn of(machine: &Machine) -> Result<Option<Self>, TipError> {
         let (Some(task), Some(mechanism)) = (&machine.tip, &machine.mechanism) else { return Ok(None) };
-        if machine.axes.len() < AXES {
+        let follows = |axis: &Axis| axis.reference == ReferenceSource::Tip;
+        if machine.axes.len() < AXES || !machine.axes[..AXES].iter().all(follows) {
             return Ok(None);
         }
         Self::new(machine, mechanism, task).map(Some)

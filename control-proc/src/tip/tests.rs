@@ -6,6 +6,7 @@ use super::*;
 
 fn planned_for(machine: &mut Machine, task: TipTask) -> Result<TipPlan, TipError> {
     machine.tip = Some(task);
+    machine.axes.iter_mut().for_each(|axis| axis.reference = ReferenceSource::Tip);
     TipPlan::of(machine).map(Option::unwrap)
 }
 

@@ -20,8 +20,8 @@ fn the_example_has_four_axes_and_no_problem() {
 
 #[test]
 fn an_unknown_key_is_refused_with_those_that_are_known() {
-    let expected = "axis.boom.max_sped: found an unknown key; allowed: one of columns, commissioned, control, encoder, \
-                    identification, max_speed, plant, pressure, reference, soft_limits, stroke";
+    let expected = "axis.boom.max_sped: found an unknown key; allowed: one of can, columns, commissioned, control, \
+                    encoder, identification, max_speed, plant, pressure, reference, soft_limits, stroke";
     expect_broken("max_speed = 1.0 ", "max_sped = 1.0 ", expected);
 }
 

@@ -102,7 +102,11 @@ fn a_file_that_is_not_there_is_refused() {
 fn a_folder_in_the_place_of_a_file_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("r.csv")).unwrap();
-    expect_refusal(folder.path(), &["identify", "r.csv"], &["r.csv: ", "Is a directory"]);
+    expect_refusal(
+        folder.path(),
+        &["identify", "r.csv"],
+        &["r.csv: found a folder; allowed: files, or a folder with --jsonl OUT"],
+    );
 }
 
 #[test]

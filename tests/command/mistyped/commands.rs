@@ -54,7 +54,10 @@ const OPTIONS: &[Row] = &[
     ("commission four.toml --model", &["--model: found nothing; allowed: --model MODEL.toml", "next: "]),
     (
         "identify",
-        &["DATA: found nothing; allowed: DATA (Recordings: one row per sample", "next: hydraxis identify --help"],
+        &[
+            "DATA: found nothing; allowed: DATA (Recordings: tables with one row per sample",
+            "next: hydraxis identify --help",
+        ],
     ),
     ("identify record.csv --inputs u", &["--inputs: found an unknown", "`--input`?", "next: "]),
     ("bench control --seed 3", &["--machines: found nothing, and another option here needs it; allowed: --machines N"]),

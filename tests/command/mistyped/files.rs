@@ -79,7 +79,7 @@ const ROWS: &[Row] = &[
     ("plot motion.csv --output no/x.svg", &["--output: no/x.svg cannot be written", NO_FOLDER]),
     ("identify missing.csv", &["missing.csv", UNREADABLE, CSV]),
     ("identify recrd.csv", &["recrd.csv", UNREADABLE, CSV, "did you mean `record.csv`?"]),
-    ("identify folder", &["folder", UNREADABLE, CSV]),
+    ("identify folder", &["folder: found a folder; allowed: files, or a folder with --jsonl OUT"]),
     ("identify empty.csv", &["empty.csv: found an empty file; ", CSV]),
     (
         "identify four.toml",

@@ -54,6 +54,8 @@ const SPECIMEN: &str = r#"
     commands = [{}]
     [supply]
     [oil]
+    [tip]
+    piece = [{ to = [0.0, 0.0] }, { center = [0.0, 0.0] }]
     [axis.NAME.pressure]
     [axis.NAME.commissioned]
     [axis.NAME.reference]
@@ -135,7 +137,7 @@ impl Machine {
     /// let of = |key: &str| values.iter().find(|value| value.key == key).unwrap();
     /// assert_eq!(of("axis.boom.control.kp").value.as_deref(), Some("3.0"));
     /// assert_eq!(of("axis.boom.control.kp").origin, Origin::CommandLine);
-    /// assert_eq!(of("axis.boom.identification.split").origin, Origin::Default);
+    /// assert_eq!(of("axis.boom.control.hold_to_run").origin, Origin::Default);
     /// assert_eq!(of("timing.feedback_timeout").origin.to_string(), "derived: 3 periods");
     /// # Ok::<(), pipeline::machine::MachineError>(())
     /// ```

@@ -50,11 +50,14 @@ class Running:
 
     def __enter__(self):
         until = time.monotonic() + START_PATIENCE_S
-        while not (hydraxis.is_running(self.prefix) and self.is_sending()):
-            if self.process.poll() is not None or time.monotonic() > until:
-                self.__exit__()
-                raise AssertionError(f"the group does not start: {self.said}")
-            time.sleep(0.05)
+        try:
+            while not (hydraxis.is_running(self.prefix) and self.is_sending()):
+                if self.process.poll() is not None or time.monotonic() > until:
+                    raise TimeoutError("no heartbeat")
+                time.sleep(0.05)
+        except Exception as error:
+            self.__exit__()
+            raise AssertionError(f"the group does not start: {self.said}") from error
         return self
 
     def is_sending(self):

@@ -121,6 +121,19 @@ class Terminal:
                 column += 1
         return [*found, [line.rstrip() for line in rows]]
 
+    def window(self, rows=24):
+        """The whole window as it stands now, for a program that writes at places of it: a list of lines."""
+        window, row, column, place = [[" "] * self.columns for _ in range(rows)], 0, 0, 0
+        while place < len(self.text):
+            escape = ESCAPE.match(self.text, place)
+            if escape and escape[2] == "H":
+                row, column = (int(number) - 1 for number in escape[1].split(";"))
+            elif not escape:
+                window[row][column] = self.text[place]
+                column += 1
+            place = escape.end() if escape else place + 1
+        return ["".join(line).rstrip() for line in window]
+
     def drawn_lines(self):
         """The lines that were drawn over others, without their colours."""
         return [ESCAPE.sub("", line) for line in re.findall(r"\x1b\[K([^\r\n]*)\r?\n", self.text)]

@@ -86,13 +86,22 @@ class Redrawn(unittest.TestCase):
                 self.assertEqual(terminal.end(), 0, terminal.text)
         self.expect_in_place(terminal, terminal.screens()[:-1], r" axis +error  by ")
 
-    def test_status_redraws_until_ctrl_c(self):
+
+class FullScreen(unittest.TestCase):
+    def test_status_shows_the_group_until_ctrl_c(self):
         with Running() as running:
             with Terminal("status", "--watch", "--prefix", running.prefix) as terminal:
-                terminal.expect(r"\x1b\[\d+A", 3)
+                # It has drawn ten times: the cursor is hidden at the end of each.
+                terminal.expect(r"\x1b\[\?25l", 10)
+                window = terminal.window()
                 terminal.type(CTRL_C)
                 self.assertEqual(terminal.end(), 0, terminal.text)
-            self.expect_in_place(terminal, terminal.screens(), r'Group "')
+        self.assertRegex(window[0], rf"^ {running.prefix} +live +[\d.]+ m?s, tick \d+", "\n".join(window))
+        for axis in ["boom", "arm", "telescope", "bucket"]:
+            self.assertTrue(any(re.match(rf" {axis} +\w+ +\w+ +[+-]", line) for line in window), "\n".join(window))
+        self.assertTrue(any(re.match(r" control-proc +running ", line) for line in window), "\n".join(window))
+        self.assertTrue(terminal.text.startswith("\x1b[?1049h"), "a screen of its own")
+        self.assertTrue(terminal.text.endswith("\x1b[?1049l\x1b[?25h"), "the terminal is given back")
 
 
 if __name__ == "__main__":

@@ -90,6 +90,9 @@ pub struct RunArguments {
     /// Also show the run as a page for browsers, as `hydraxis monitor` does; port 0 takes a free one
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = LISTEN)]
     pub monitor: Option<SocketAddr>,
+    /// Let the page operate axes, as `hydraxis monitor --allow-control` does
+    #[arg(long, requires = "monitor")]
+    pub allow_control: bool,
     /// Write no black box; a run in lock-step writes none, since it can be repeated
     #[arg(long, conflicts_with = "black_box")]
     pub no_black_box: bool,
@@ -165,6 +168,8 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Ch
         let allowed = "allowed: an address of this computer with a free port, such as 127.0.0.1:0";
         failures.extend([Failure::usage(format!("--monitor: the address cannot be used ({error}); {allowed}"))]);
     }
+    let controlled = arguments.monitor.filter(|_| arguments.allow_control);
+    failures.extend(controlled.and_then(page::refuse_control).map(Failure::usage));
     failures.extend(arguments.record.as_deref().and_then(|file| new_file("--record", file).err()));
     let machine = failures.take(load(&arguments.machine));
     let (mut count, mut warnings) = (None, Vec::new());
@@ -249,16 +254,17 @@ fn run_group(
     }
     let whole = arguments.record.as_deref().filter(|_| arguments.lockstep);
     let recorder = whole.map(|file| LockStepRecorder::start(&options.prefix, file)).transpose()?;
-    let page = arguments.monitor.and_then(|address| match Page::start(&options.prefix, address) {
-        Ok((page, line)) => {
-            supervisor.say(line);
-            Some(page)
-        }
-        Err(error) => {
-            supervisor.say(format!("warning: --monitor: {error}; the group runs without a page"));
-            None
-        }
-    });
+    let page =
+        arguments.monitor.and_then(|address| match Page::start(&options.prefix, address, arguments.allow_control) {
+            Ok((page, line)) => {
+                supervisor.say(line);
+                Some(page)
+            }
+            Err(error) => {
+                supervisor.say(format!("warning: --monitor: {error}; the group runs without a page"));
+                None
+            }
+        });
     let watched = start_and_watch(machine, options, &mut monitor, &mut supervisor);
     // A stage that does not end as it was asked to is a failure of the run as well.
     let stopped = supervisor.stop().map_or(Ok(()), Err);

@@ -280,6 +280,10 @@ async function main() {
     await sameValues(page);
     if (pictures) await sleep(15000);
     await shoot(page, "first", SIZES);
+    if (pictures) {
+      if ((await page.evaluate(() => document.documentElement.dataset.theme)) !== "light") await page.click("#theme");
+      await (await page.$("#pose")).screenshot({ path: `${pictures}/machine.png` });
+    }
     await accessible(page);
     if (pictures) await sleep(25000);
     await shoot(page, "details", SIZES);

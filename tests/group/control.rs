@@ -207,12 +207,10 @@ fn an_axis_is_off_after_each_way_to_lose_its_page() {
     let id = operated.hold(server);
     let (stale, lost) = (operated.stamp, Instant::now());
     // A network that keeps requests back delivers the beats of then, which have the stamp of then.
-    while lost.elapsed() < Duration::from_millis(400) {
+    while operated.newest().axes[0].flags & control_flag::DISARMED == 0 && lost.elapsed() < BUSY {
         operated.ask(server, "beat", &json!({"hold": id, "stamp": stale, "command": 0.2}), Some(&operated.token));
-        thread::sleep(BEAT);
+        thread::sleep(BEAT / 5);
     }
-    let boom = operated.newest().axes[0];
-    assert!(is_strict() == (boom.operation == AxisMode::Off as u32) || boom.command == 0.0, "{boom:?}");
     operated.expect_off("beats come late", lost);
 
     let network = Network::to(server);

@@ -168,7 +168,7 @@ const Control = (() => {
     by("row-command").hidden = mode() !== "manual";
     by("command-now").textContent = `${by("command").value} %`;
     const allowed = range();
-    by("target-range").textContent = allowed ? `${allowed.map((edge) => (1000 * edge).toFixed(0)).join(" to ")} mm` : "";
+    by("target-range").textContent = allowed ? `${allowed.map((edge) => (1000 * edge).toFixed(0)).join(" to ")} mm` : "choose an axis first";
   }
 
   // Another machine, or none.

@@ -79,11 +79,13 @@ const Details = (() => {
     const plot = new uPlot({
       width: Math.max(220, box.clientWidth), height: 240, cursor: { drag: { x: false, y: false } },
       scales: { x: { time: x.isTime } },
-      axes: [{ ...edge, space: 70, label: x.label, labelSize: 20 }, { ...edge, size: 66, label, labelSize: 20 }],
+      axes: [{ ...edge, space: 70, label: x.label, labelSize: 20, ...(x.isTime && { values: (_, ticks) => ticks.map(clock) }) }, { ...edge, size: 66, label, labelSize: 20 }],
       series: [{ label: x.name, value: x.isTime ? () => "" : value }, ...series.map((line) => ({ points: { show: false }, spanGaps: true, value, ...line }))],
     }, [[]].concat(series.map(() => [])), box);
     return plot;
   }
+
+  const clock = (t) => new Date(1000 * t).toLocaleTimeString([], { hour12: false });
 
   function models() {
     const axis = newest.axes.find((axis) => axis.name === by("model-axis").value);
@@ -124,7 +126,7 @@ const Details = (() => {
     const band = ({ dead_band: [low, high] }) => `${low.toFixed(3)} to ${high.toFixed(3)}`;
     const reduction = 100 * (1 - adaptive.h_step.sigma / held.h_step.sigma);
     const list = ({ coefficients }, name) => coefficients[name].map((value) => value.toPrecision(3)).join("  ");
-    rows("model-table", ["", "held model", "adaptive model"], [
+    rows("model-table", ["figure", "held model", "adaptive model"], [
       [`prediction error, ${axis.horizon} samples ahead`, mm(held.h_step.sigma), `${mm(adaptive.h_step.sigma)} (${reduction.toFixed(1)} % less)`],
       ["one sample ahead", mm(held.one_step.sigma), mm(adaptive.one_step.sigma)],
       ["dead band of N(u)", band(held), band(adaptive)],

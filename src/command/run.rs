@@ -16,7 +16,7 @@ use pipeline::{
     stage::{Clock, StageKind, StageOptions},
 };
 
-use super::{check, record::size, simulate::ticks};
+use super::{check, record::size, report, simulate::ticks};
 use crate::{
     arguments::{
         MachineFile, load,
@@ -101,6 +101,9 @@ pub struct RunArguments {
     /// the oldest ones are removed; in lock-step none]
     #[arg(long, value_name = "FILE.mcap", conflicts_with = "no_record")]
     pub record: Option<PathBuf>,
+    /// Also write the page about the recording that `hydraxis report` makes
+    #[arg(long, value_name = "FILE.html", requires = "record")]
+    pub report: Option<PathBuf>,
     /// Most bytes of all recordings in the folder, such as 500MB or 2GB
     #[arg(long, value_name = "SIZE", default_value = LIMIT, value_parser = size, conflicts_with = "record")]
     pub record_limit: u64,
@@ -145,8 +148,14 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     // A client that is still attached keeps the files; the next run of this name removes them.
     let _ = claim.remove_leftovers();
     drop(claim);
+    // A run that has failed has a page as well.
+    let page =
+        arguments.record.as_deref().zip(arguments.report.as_deref()).map(|(file, page)| report::write(file, page));
     let Ended { report, is_interrupted } = result?;
     output.write_or_keep(|| report.tables(&machine), &report, is_interrupted)?;
+    if let Some(said) = page.transpose()? {
+        eprint!("{said}");
+    }
     report.verdict().map_err(Failure::run)
 }
 
@@ -171,6 +180,7 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Ch
     let controlled = arguments.monitor.filter(|_| arguments.allow_control);
     failures.extend(controlled.and_then(page::refuse_control).map(Failure::usage));
     failures.extend(arguments.record.as_deref().and_then(|file| new_file("--record", file).err()));
+    failures.extend(arguments.report.as_deref().and_then(|file| new_file("--report", file).err()));
     let machine = failures.take(load(&arguments.machine));
     let (mut count, mut warnings) = (None, Vec::new());
     if let Some(machine) = &machine {

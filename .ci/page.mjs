@@ -179,10 +179,12 @@ async function control(browser, page, server, eye) {
 
   await press(page, eye);
   lost = Date.now();
-  await page.evaluate(() => {
-    for (const end = performance.now() + 2000; performance.now() < end; );
-  }).catch(() => {});
-  await off(eye, "page frozen for 2 s", lost + 2000);
+  const frozen = page.evaluate(() => {
+    for (const end = performance.now() + 3000; performance.now() < end; );
+  });
+  await off(eye, "page frozen", lost);
+  await frozen;
+  await until("the page to notice it", () => page.evaluate(() => !document.body.hasAttribute("data-held")));
   const { why } = await page.evaluate(() => ({ why: document.getElementById("control-state").textContent }));
   said(`after the freeze the page says: ${why}`);
   await page.mouse.up();
@@ -289,7 +291,7 @@ async function main() {
     await shoot(page, "first", SIZES);
     if (pictures) {
       if ((await page.evaluate(() => document.documentElement.dataset.theme)) !== "light") await page.click("#theme");
-      await (await page.$("#pose")).screenshot({ path: `${pictures}/machine.png` });
+      await (await page.$("#drawing")).screenshot({ path: `${pictures}/machine.png` });
     }
     await accessible(page);
     if (pictures) await sleep(25000);

@@ -123,11 +123,11 @@ const Details = (() => {
     });
     plots[1].setData([x, ...kept.ghosts.map(on), on(held.curve), on(adaptive.curve)]);
     plots[2].setData([times, ...Array.from({ length: count }, (_, i) => kept.rows.map((row) => row[group][i] ?? null))]);
-    const band = ({ dead_band: [low, high] }) => `${low.toFixed(3)} to ${high.toFixed(3)}`;
+    const band = ({ dead_band: [low, high] }) => `-${low.toFixed(3)} to +${high.toFixed(3)}`;
     const reduction = 100 * (1 - adaptive.h_step.sigma / held.h_step.sigma);
     const list = ({ coefficients }, name) => coefficients[name].map((value) => value.toPrecision(3)).join("  ");
     rows("model-table", ["figure", "held model", "adaptive model"], [
-      [`prediction error, ${axis.horizon} samples ahead`, mm(held.h_step.sigma), `${mm(adaptive.h_step.sigma)} (${reduction.toFixed(1)} % less)`],
+      [`prediction error, ${axis.horizon} samples ahead`, mm(held.h_step.sigma), `${mm(adaptive.h_step.sigma)} (${Math.abs(reduction).toFixed(1)} % ${reduction < 0 ? "more" : "less"})`],
       ["one sample ahead", mm(held.one_step.sigma), mm(adaptive.one_step.sigma)],
       ["dead band of N(u)", band(held), band(adaptive)],
       ...["a", "b", "f", "g"].map((name) => [`coefficients ${name}`, list(held, name), list(adaptive, name)]),

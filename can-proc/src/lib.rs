@@ -18,4 +18,4 @@
 pub mod process;
 mod wiring;
 
-pub use wiring::{WiringError, bus_address, network};
+pub use wiring::{WiringError, bus_address, network, position_object, step};

@@ -3,12 +3,14 @@
 use can::{
     bus::Address,
     canopen::{MappingError, NodeId},
-    device::{AxisDevices, Encoder, EncoderSettings, Network, NodeTiming, Valve, ValveSettings},
+    device::{AxisDevices, Encoder, EncoderSettings, Network, NodeTiming, PositionObject, Valve, ValveSettings},
 };
-use pipeline::machine::{Axis, CanBus, CanDevices, Machine};
+use pipeline::machine::{Axis, CanBus, CanDevices, CanPosition, Machine, Slope};
 
 /// One micrometre, m: the unit of 6005h.
 const MICROMETRE: f64 = 1e-6;
+/// The unit of 6000h, degrees.
+const MILLIDEGREE: f64 = 1e-3;
 /// Least number of SYNC without a position after which an encoder is silent: two may be lost.
 const LEAST_SILENCE: u128 = 3;
 
@@ -86,11 +88,13 @@ fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
     let wired: &CanDevices = axis.can.as_ref().ok_or_else(missing)?;
     let settings = EncoderSettings {
         node: node(wired.encoder)?,
+        object: position_object(wired),
         is_signed: wired.is_signed,
-        is_precise: wired.is_precise,
+        is_reversed: wired.is_reversed,
+        zero: wired.zero,
         has_alarms: wired.has_alarms,
         is_fixed: wired.is_fixed,
-        step_um: step_um(axis),
+        step: step(axis),
         silent_after: shared.silent_after,
     };
     let encoder = Encoder::new(settings, timing).map_err(failed)?;
@@ -105,12 +109,29 @@ fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
     Ok(AxisDevices { encoder, valve: Some(Valve::new(settings, timing).map_err(failed)?) })
 }
 
-/// Length of a count in 0.001 mm, where the sensor is at the cylinder and the length is a whole number of them. Only
-/// such an encoder has it in 6005h.
-fn step_um(axis: &Axis) -> Option<u32> {
-    let step = axis.encoder.resolution / MICROMETRE;
+/// The object that has the position.
+pub fn position_object(wired: &CanDevices) -> PositionObject {
+    match wired.object {
+        CanPosition::Position => PositionObject::Position,
+        CanPosition::HighPrecision => PositionObject::HighPrecision,
+        CanPosition::Slope(Slope::Long16) => PositionObject::SlopeLong16,
+        CanPosition::Slope(Slope::Lateral16) => PositionObject::SlopeLateral16,
+        CanPosition::Slope(Slope::Long32) => PositionObject::SlopeLong32,
+        CanPosition::Slope(Slope::Lateral32) => PositionObject::SlopeLateral32,
+    }
+}
+
+/// Length of a count that the device has to have: in 0.001 mm of an encoder at the cylinder, in 0.001 degrees of an
+/// inclinometer, and where it is a whole number of them.
+pub fn step(axis: &Axis) -> Option<u32> {
+    let is_slope = axis.can.as_ref().is_some_and(|wired| matches!(wired.object, CanPosition::Slope(_)));
+    let step = match axis.encoder.angle {
+        None => axis.encoder.resolution / MICROMETRE,
+        Some(sensor) if is_slope => sensor.resolution.to_degrees() / MILLIDEGREE,
+        Some(_) => return None,
+    };
     let is_whole = (step - step.round()).abs() < 1e-6 * step && step >= 0.5;
-    (axis.encoder.angle.is_none() && is_whole).then(|| step.round() as u32)
+    is_whole.then(|| step.round() as u32)
 }
 
 #[cfg(test)]

@@ -20,7 +20,8 @@ pub enum Cause {
     Setting = 3,
     /// A device of another profile; the detail is the number of its profile.
     Profile = 4,
-    /// The step of the encoder is another one than the machine file says; the detail is the step in 0.001 mm.
+    /// The step of the encoder is another one than the machine file says; the detail is the step in 0.001 mm, or in
+    /// 0.001 degrees.
     Scale = 5,
     /// The heartbeat has stopped.
     Heartbeat = 6,
@@ -103,9 +104,18 @@ impl fmt::Display for Fault {
             Cause::Configuring => out.write_str("is being set up"),
             Cause::Setting => write!(out, "refuses {detail:04X}h, or keeps another value"),
             Cause::Profile => {
-                write!(out, "found a device of profile {detail}; allowed: 406 of encoders, 408 of valves")
+                write!(
+                    out,
+                    "found a device of profile {detail}; allowed: 406 of encoders, 408 of valves, 410 of inclinometers"
+                )
             }
-            Cause::Scale => write!(out, "6005h: found {detail} um; allowed: encoder.resolution of the machine file"),
+            Cause::Scale => {
+                write!(
+                    out,
+                    "a count of {detail} um (6005h), or of {detail} thousandths of a degree (6000h); allowed: "
+                )?;
+                out.write_str("the length of a count in the machine file, encoder.resolution or angle_resolution")
+            }
             Cause::Heartbeat => out.write_str("the heartbeat has stopped"),
             Cause::Restart => out.write_str("has restarted"),
             Cause::State => match NodeState::of(detail as u8) {

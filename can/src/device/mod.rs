@@ -1,4 +1,5 @@
-//! Devices of a machine as their master sees them: encoders (CiA 406), valves (CiA 408), and all of them together.
+//! Devices of a machine as their master sees them: encoders (CiA 406), inclinometers (CiA 410), valves (CiA 408), and
+//! all of them together.
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -20,7 +21,7 @@ mod plan;
 mod proof;
 mod valve;
 
-pub use encoder::{Encoder, EncoderSettings};
+pub use encoder::{Encoder, EncoderSettings, PositionObject};
 pub use fault::{Cause, Fault};
 pub use network::{AxisDevices, AxisTarget, Network, NetworkCounters};
 pub use node::{Node, NodeTiming};

@@ -48,11 +48,11 @@ use axis::Shared;
 use document::{Document, Section, Setting};
 
 pub use axis::{
-    AngleKind, AngleSensor, Axis, COMPENSATED, CanDevices, Commissioned, Control, DeadBand, Directions, Encoder,
-    Estimator, Form, GREY_BOX_MEMORY, Hardware, Identification, IdentifiedOutput, Law, LimitSettings, LoadForce,
-    LoadHolding, MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MOST_POINTS, ModelChoice, MotionLimits, MoveWeight, Plan,
-    PlanSettings, Plant, Ports, PressureTransducers, ReferenceSource, SMITH_MEMORY, SensorErrors, Sine, SmithSettings,
-    Split, ValveCurve, shortest_training,
+    AngleKind, AngleSensor, Axis, COMPENSATED, CanDevices, CanPosition, Commissioned, Control, DeadBand, Directions,
+    Encoder, Estimator, Form, GREY_BOX_MEMORY, Hardware, Identification, IdentifiedOutput, Law, LimitSettings,
+    LoadForce, LoadHolding, MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MOST_POINTS, ModelChoice, MotionLimits, MoveWeight,
+    Plan, PlanSettings, Plant, Ports, PressureTransducers, ReferenceSource, SMITH_MEMORY, SensorErrors, Sine, Slope,
+    SmithSettings, Split, ValveCurve, shortest_training,
 };
 pub use can::CanBus;
 pub use document::{DefaultValue, EffectiveValue, Origin, ValueForm, samples_of};

@@ -7,10 +7,14 @@ use crate::machine::document::Section;
 pub struct CanDevices {
     /// Number of the encoder's node.
     pub encoder: u8,
+    /// What has the position.
+    pub object: CanPosition,
     /// Whether the position has a sign.
     pub is_signed: bool,
-    /// Whether the position of 64 bits is read.
-    pub is_precise: bool,
+    /// Whether the position grows while the axis retracts.
+    pub is_reversed: bool,
+    /// Position of the encoder at count 0.
+    pub zero: i64,
     /// Whether alarms and warnings travel with the position.
     pub has_alarms: bool,
     /// Whether the mapping of the messages cannot be written.
@@ -23,6 +27,40 @@ pub struct CanDevices {
     pub spool_tolerance: Option<f64>,
 }
 
+/// Which position of the encoder is read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CanPosition {
+    /// 6004h of an encoder.
+    Position,
+    /// 6008h of an encoder, 64 bits.
+    HighPrecision,
+    /// A slope of an inclinometer.
+    Slope(Slope),
+}
+
+/// Slopes of an inclinometer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Slope {
+    /// 6010h, 16 bits.
+    Long16,
+    /// 6020h, 16 bits.
+    Lateral16,
+    /// 6110h, 32 bits.
+    Long32,
+    /// 6120h, 32 bits.
+    Lateral32,
+}
+
+/// Names of slopes in the machine file; none is an encoder.
+const SLOPES: [(&str, Option<Slope>); 5] = [
+    ("none", None),
+    ("long16", Some(Slope::Long16)),
+    ("lateral16", Some(Slope::Lateral16)),
+    ("long32", Some(Slope::Long32)),
+    ("lateral32", Some(Slope::Lateral32)),
+];
+/// Largest zero of an encoder: floating point numbers of this size are whole.
+const MAX_ZERO: f64 = 9e15;
 /// Largest number of a node.
 const MAX_NODE: usize = 127;
 /// Set point of 100 % that the profile of fluid power has.
@@ -31,20 +69,31 @@ const FULL_SCALE: f64 = 16_384.0;
 const SPOOL_TOLERANCE: f64 = 0.12;
 
 impl CanDevices {
-    /// `has_valve`: the drive of the machine is CAN.
-    pub(super) fn read(mut section: Section, has_valve: bool) -> Self {
+    /// `has_valve`: the drive of the machine is CAN. `is_inclinometer`: the axis has one.
+    pub(super) fn read(mut section: Section, has_valve: bool, is_inclinometer: bool) -> Self {
         let encoder = section.key("encoder", "Number of the encoder's node").optional_integer(1..=MAX_NODE);
         if encoder.is_none() && !section.is_present("encoder") {
             section.refuse("encoder", "nothing", "1 to 127, the number of a node");
         }
-        let is_signed = section.key("signed", "Whether the encoder's position has a sign").flag_or(false);
+        let slope = section
+            .key("slope", "Which slope of an inclinometer (CiA 410) is read, with encoder.kind = \"inclinometer\"")
+            .rule("\"long16\" with an inclinometer, else \"none\": an encoder (CiA 406)")
+            .choice_or(is_inclinometer.then_some(Slope::Long16), &SLOPES);
+        if slope.is_some() && !is_inclinometer {
+            section.refuse("slope", "a slope", "\"none\", but with encoder.kind = \"inclinometer\"");
+        }
+        let is_signed = section
+            .key("signed", "Whether the encoder's position has a sign")
+            .rule("true with a slope, else false")
+            .flag_or(slope.is_some());
+        let (is_reversed, zero) = mounting(&mut section);
         let is_precise = section
             .key("high_precision", "Whether the position of 64 bits, 6008h, is read in the place of 6004h")
             .flag_or(false);
         let has_alarms = section
             .key("alarms", "Whether alarms and warnings, 6503h and 6505h, travel with every position")
-            .rule("true, but with high_precision")
-            .flag_or(!is_precise);
+            .rule("true, but with high_precision or a slope")
+            .flag_or(!is_precise && slope.is_none());
         if has_alarms && is_precise {
             section.refuse("alarms", "true", "false with high_precision: a message has 64 bits");
         }
@@ -74,8 +123,14 @@ impl CanDevices {
         Self {
             // In the place of a refused number one that no device has.
             encoder: encoder.map_or(0, node),
+            object: match slope {
+                Some(slope) => CanPosition::Slope(slope),
+                None if is_precise => CanPosition::HighPrecision,
+                None => CanPosition::Position,
+            },
             is_signed,
-            is_precise,
+            is_reversed,
+            zero,
             has_alarms,
             is_fixed,
             valve: valve.map(node),
@@ -88,4 +143,21 @@ impl CanDevices {
     pub(in crate::machine) fn nodes(&self) -> impl Iterator<Item = u8> {
         [Some(self.encoder), self.valve].into_iter().flatten().filter(|node| *node > 0)
     }
+}
+
+/// How the encoder is mounted: whether it is reversed, and its zero.
+fn mounting(section: &mut Section) -> (bool, i64) {
+    let is_reversed = section
+        .key(
+            "reversed",
+            "Whether the encoder's position grows while the axis retracts; as `hydraxis can calibrate` finds",
+        )
+        .flag_or(false);
+    let zero = section
+        .key("zero", "Position of the encoder at count 0 of the axis; as `hydraxis can calibrate` finds")
+        .number_or(0.0, -MAX_ZERO..=MAX_ZERO, "");
+    if zero.fract() != 0.0 {
+        section.refuse("zero", zero.to_string(), "a whole number of counts");
+    }
+    (is_reversed, zero as i64)
 }

@@ -8,6 +8,7 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `wiring` | the devices of a machine file |
+//! | `messages` | its messages that are no CANopen |
 //! | `process` | the stage: bus, channels, time |
 //!
 //! What a device is told and when it is at fault is in the crate `can`.
@@ -15,7 +16,9 @@
 //! One process has the whole bus: an adapter can be opened once, configuration and process data of a device are one
 //! dialogue, and an axis whose encoder has a fault is held without a way through other processes.
 
+mod messages;
 pub mod process;
 mod wiring;
 
+pub use messages::database;
 pub use wiring::{WiringError, bus_address, network, position_object, step};

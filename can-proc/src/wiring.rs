@@ -1,5 +1,6 @@
 //! The devices of a machine file.
 
+use crate::messages::frames;
 use can::{
     bus::Address,
     canopen::{MappingError, NodeId},
@@ -23,6 +24,9 @@ pub enum WiringError {
     /// The bus is none.
     #[error("can.interface: {0}")]
     Address(String),
+    /// A message or signal is none, with its place, what was found, and what is allowed.
+    #[error("{0}")]
+    Text(String),
     /// A number is none of a node.
     #[error("axis.{axis}.can: found node {found}; allowed: 1 to 127")]
     Node {
@@ -67,7 +71,8 @@ pub fn network(machine: &Machine) -> Result<Network, WiringError> {
     let silent_after = silent_after.clamp(LEAST_SILENCE, u128::from(u32::MAX)) as u32;
     let shared = Shared { timing, silent_after, timeout_ms: has_valves.then_some(timeout_ms) };
     let devices = machine.axes.iter().map(|axis| devices(axis, &shared));
-    Ok(Network::new(devices.collect::<Result<_, _>>()?))
+    let devices = devices.collect::<Result<_, _>>()?;
+    Ok(Network::with_frames(devices, frames(machine, bus)?))
 }
 
 /// What the devices of all axes share.
@@ -86,8 +91,8 @@ fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
     let node = |found: u8| NodeId::new(found).ok_or_else(|| WiringError::Node { axis: name(), found });
     let failed = |source| WiringError::Mapping { axis: name(), source };
     let wired: &CanDevices = axis.can.as_ref().ok_or_else(missing)?;
-    let settings = EncoderSettings {
-        node: node(wired.encoder)?,
+    let encoder_settings = |id: NodeId| EncoderSettings {
+        node: id,
         object: position_object(wired),
         is_signed: wired.is_signed,
         is_reversed: wired.is_reversed,
@@ -97,8 +102,14 @@ fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
         step: step(axis),
         silent_after: shared.silent_after,
     };
-    let encoder = Encoder::new(settings, timing).map_err(failed)?;
-    let Some(timeout_ms) = shared.timeout_ms else { return Ok(AxisDevices { encoder, valve: None }) };
+    let encoder = match (wired.encoder, &wired.signals.position) {
+        (Some(found), _) => Some(Encoder::new(encoder_settings(node(found)?), timing).map_err(failed)?),
+        (None, Some(_)) => None,
+        (None, None) => return Err(missing()),
+    };
+    let Some(timeout_ms) = shared.timeout_ms.filter(|_| wired.signals.command.is_none()) else {
+        return Ok(AxisDevices { encoder, valve: None });
+    };
     let settings = ValveSettings {
         node: node(wired.valve.ok_or_else(missing)?)?,
         full_scale: wired.full_scale,

@@ -77,7 +77,7 @@ impl Bench {
             let (mut encoder, mut valve) = (encoder_settings(axis), valve_settings(axis));
             adapt(&mut encoder, &mut valve);
             let valve = Some(Valve::new(valve, timing).unwrap());
-            AxisDevices { encoder: Encoder::new(encoder, timing).unwrap(), valve }
+            AxisDevices { encoder: Some(Encoder::new(encoder, timing).unwrap()), valve }
         });
         Self {
             network: Network::new(devices.collect()),
@@ -423,7 +423,7 @@ fn a_setting_that_is_not_kept_is_named() {
         ..encoder_settings(0)
     };
     let encoder = Encoder::new(settings, timing).unwrap();
-    bench.network = Network::new(vec![AxisDevices { encoder, valve: None }]);
+    bench.network = Network::new(vec![AxisDevices { encoder: Some(encoder), valve: None }]);
     bench.run(300);
     let fault = Fault::of(bench.network.reading(0).unwrap().1).unwrap();
     assert_eq!((fault.cause, fault.detail), (Cause::Setting, 0x1A00));

@@ -63,7 +63,9 @@ pub enum DatabaseError {
     #[error("found {0}; allowed: a DBC file whose messages and signals belong together")]
     Contents(String),
     /// A message has an identifier that CAN does not have.
-    #[error("line {line}: message {name}: found the identifier {found}; allowed: up to 2047, or 2147483648 and 29 bits")]
+    #[error(
+        "line {line}: message {name}: found the identifier {found}; allowed: up to 2047, or 2147483648 and 29 bits"
+    )]
     Identifier {
         /// Number of the line, from 1 on.
         line: usize,
@@ -114,10 +116,16 @@ impl Database {
                 MessageId::Standard(id) => (u32::from(id), false),
                 MessageId::Extended(id) => (id, true),
             };
-            let mut found =
-                Message { name: message.name.clone(), id, is_extended, length: message.size as u8, signals: Vec::new() };
+            let mut found = Message {
+                name: message.name.clone(),
+                id,
+                is_extended,
+                length: message.size as u8,
+                signals: Vec::new(),
+            };
             for signal in &message.signals {
-                if !matches!(signal.multiplexer_indicator, MultiplexIndicator::Plain | MultiplexIndicator::Multiplexor) {
+                if !matches!(signal.multiplexer_indicator, MultiplexIndicator::Plain | MultiplexIndicator::Multiplexor)
+                {
                     continue;
                 }
                 let kind = (signal.byte_order == ByteOrder::BigEndian, signal.value_type == ValueType::Signed);
@@ -129,7 +137,11 @@ impl Database {
                     name: signal.name.clone(),
                     source,
                 })?;
-                found.signals.push(NamedSignal { name: signal.name.clone(), signal: placed, unit: signal.unit.clone() });
+                found.signals.push(NamedSignal {
+                    name: signal.name.clone(),
+                    signal: placed,
+                    unit: signal.unit.clone(),
+                });
             }
             database.add(found)?;
         }

@@ -123,7 +123,7 @@ impl NamedBus {
         axes.iter().find_map(|axis| {
             let wired = axis.can.as_ref()?;
             match node.number() {
-                number if number == wired.encoder => Some(format!("{} encoder", axis.name)),
+                number if Some(number) == wired.encoder => Some(format!("{} encoder", axis.name)),
                 number if Some(number) == wired.valve => Some(format!("{} valve", axis.name)),
                 _ => None,
             }

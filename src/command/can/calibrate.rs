@@ -180,7 +180,7 @@ impl<'b> RawEncoder<'b> {
     fn of(axis: &Axis, bus: &'b mut dyn Bus, patience: Duration) -> Result<Self, Failure> {
         let missing = || Failure::usage(format!("axis.{}.can.encoder: found nothing; allowed: a node", axis.name));
         let wired = axis.can.as_ref().ok_or_else(missing)?;
-        let node = NodeId::new(wired.encoder).ok_or_else(missing)?;
+        let node = wired.encoder.and_then(NodeId::new).ok_or_else(missing)?;
         let object = can_proc::position_object(wired).mapped();
         Ok(Self { dialogue: Dialogue { bus, patience }, node, object, is_signed: wired.is_signed })
     }
@@ -277,7 +277,7 @@ fn angular(
 
 fn counts(axis: &Axis, one: Mark, two: Mark) -> Result<i64, CalibrationError> {
     let counts = two.raw.saturating_sub(one.raw);
-    let node = axis.can.as_ref().map_or(0, |wired| wired.encoder);
+    let node = axis.can.as_ref().and_then(|wired| wired.encoder).unwrap_or_default();
     if counts.abs() < MOVED { Err(CalibrationError::Still { node, counts }) } else { Ok(counts) }
 }
 

@@ -130,13 +130,17 @@ fn plant(machine: &Machine, seed: u64) -> Result<PlantSim, Failure> {
 
 fn devices(axis: &Axis) -> Result<Devices, Failure> {
     let missing = || Failure::usage(format!("axis.{}.can: found nothing; allowed: a table with nodes", axis.name));
-    let wired = axis.can.ok_or_else(missing)?;
+    let wired = axis.can.as_ref().ok_or_else(missing)?;
     // A step that is none of a device is not compared either.
     let step = can_proc::step(axis).unwrap_or(1);
     let node = |number| NodeId::new(number).ok_or_else(missing);
     let valve = wired.valve.map(node).transpose()?;
     Ok(Devices {
-        encoder: SimulatedEncoder::new(node(wired.encoder)?, can_proc::position_object(&wired), step),
+        encoder: SimulatedEncoder::new(
+            node(wired.encoder.unwrap_or_default())?,
+            can_proc::position_object(wired),
+            step,
+        ),
         is_reversed: wired.is_reversed,
         zero: wired.zero,
         valve: valve.map(|id| SimulatedValve::new(id, wired.full_scale)),

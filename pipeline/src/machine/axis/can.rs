@@ -3,10 +3,10 @@
 use crate::machine::document::Section;
 
 /// Devices of an axis on the CAN bus.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct CanDevices {
-    /// Number of the encoder's node.
-    pub encoder: u8,
+    /// Number of the encoder's node; `None` where the position is a signal.
+    pub encoder: Option<u8>,
     /// What has the position.
     pub object: CanPosition,
     /// Whether the position has a sign.
@@ -19,12 +19,31 @@ pub struct CanDevices {
     pub has_alarms: bool,
     /// Whether the mapping of the messages cannot be written.
     pub is_fixed: bool,
-    /// Number of the valve's node; only a machine whose drive is another one has none.
+    /// Number of the valve's node; without one the command is a signal, or the drive of the machine is another one.
     pub valve: Option<u8>,
     /// Set point at command 1; negative where a positive one retracts.
     pub full_scale: i16,
     /// How much further out than commanded the spool may be, as a part of full scale; `None`: is not compared.
     pub spool_tolerance: Option<f64>,
+    /// Signals of messages that are no CANopen.
+    pub signals: CanSignals,
+}
+
+/// Names of signals such as `Message.Signal`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CanSignals {
+    /// The position, in the place of an encoder's node.
+    pub position: Option<String>,
+    /// The command, in the place of a valve's node.
+    pub command: Option<String>,
+    /// Its direction, where the command has no sign.
+    pub direction: Option<String>,
+    /// By which the drive says that it follows the command.
+    pub active: Option<String>,
+    /// Set point at command 1, in the unit of the signal; negative where a positive one retracts.
+    pub scale: f64,
+    /// Pressures of piston side and rod side.
+    pub pressures: Option<[String; 2]>,
 }
 
 /// Which position of the encoder is read.
@@ -72,8 +91,17 @@ impl CanDevices {
     /// `has_valve`: the drive of the machine is CAN. `is_inclinometer`: the axis has one.
     pub(super) fn read(mut section: Section, has_valve: bool, is_inclinometer: bool) -> Self {
         let encoder = section.key("encoder", "Number of the encoder's node").optional_integer(1..=MAX_NODE);
-        if encoder.is_none() && !section.is_present("encoder") {
-            section.refuse("encoder", "nothing", "1 to 127, the number of a node");
+        let signals = CanSignals::read(&mut section);
+        match (encoder, &signals.position) {
+            (None, None) if !section.is_present("encoder") => {
+                section.refuse(
+                    "encoder",
+                    "nothing",
+                    "1 to 127, the number of a node, or position, the name of a signal",
+                );
+            }
+            (Some(_), Some(_)) => section.refuse("position", "a signal", "encoder or position, not both"),
+            _ => {}
         }
         let slope = section
             .key("slope", "Which slope of an inclinometer (CiA 410) is read, with encoder.kind = \"inclinometer\"")
@@ -103,8 +131,13 @@ impl CanDevices {
         let valve = section
             .key("valve", "Number of the valve's node, with drive.kind = \"can\"")
             .optional_integer(1..=MAX_NODE);
-        if valve.is_none() && has_valve && !section.is_present("valve") {
-            section.refuse("valve", "nothing", "1 to 127, the number of a node: drive.kind is \"can\"");
+        match (valve, &signals.command) {
+            (None, None) if has_valve && !section.is_present("valve") => {
+                let allowed = "1 to 127, the number of a node, or command, the name of a signal: drive.kind is \"can\"";
+                section.refuse("valve", "nothing", allowed);
+            }
+            (Some(_), Some(_)) => section.refuse("command", "a signal", "valve or command, not both"),
+            _ => {}
         }
         let full_scale = section
             .key("full_scale", "Set point of the valve at command 1; negative where a positive set point retracts")
@@ -121,8 +154,7 @@ impl CanDevices {
         section.finish();
         let node = |number: usize| number as u8;
         Self {
-            // In the place of a refused number one that no device has.
-            encoder: encoder.map_or(0, node),
+            encoder: encoder.map(node),
             object: match slope {
                 Some(slope) => CanPosition::Slope(slope),
                 None if is_precise => CanPosition::HighPrecision,
@@ -136,12 +168,48 @@ impl CanDevices {
             valve: valve.map(node),
             full_scale: full_scale as i16,
             spool_tolerance: has_feedback.then_some(tolerance),
+            signals,
         }
     }
 
     /// Numbers of its nodes, without one that was refused.
     pub(in crate::machine) fn nodes(&self) -> impl Iterator<Item = u8> {
-        [Some(self.encoder), self.valve].into_iter().flatten().filter(|node| *node > 0)
+        [self.encoder, self.valve].into_iter().flatten()
+    }
+}
+
+impl CanSignals {
+    fn read(section: &mut Section) -> Self {
+        let position = section
+            .key("position", "Signal with the position, such as \"Boom.Angle\", in the place of an encoder's node")
+            .optional_text();
+        let command = section
+            .key("command", "Signal with the set point, such as \"Levers.Boom\", in the place of a valve's node")
+            .optional_text();
+        let direction = section
+            .key("direction", "Signal with the direction of a set point without a sign: 0 neutral, 1 extend, 2 retract")
+            .optional_text();
+        let active = section
+            .key("active", "Signal that is not 0 while the drive follows the command; its time-out is proven by it")
+            .optional_text();
+        if command.is_some() && active.is_none() {
+            let allowed =
+                "a signal: without it the time-out of the drive cannot be proven, and the axis is never armed";
+            section.refuse("active", "nothing", allowed);
+        }
+        let scale = section
+            .key("command_scale", "Set point at command 1, in the unit of the signal; negative where that retracts")
+            .number_or(1.0, -1e9..=1e9, "");
+        if scale == 0.0 {
+            section.refuse("command_scale", "0", "a number that is not 0");
+        }
+        let piston = section.key("piston_pressure", "Signal with the pressure of the piston side").optional_text();
+        let rod = section.key("rod_pressure", "Signal with the pressure of the rod side").optional_text();
+        if piston.is_some() != rod.is_some() {
+            section.refuse("piston_pressure", "one pressure", "piston_pressure and rod_pressure, or neither");
+        }
+        let pressures = piston.zip(rod).map(|(piston, rod)| [piston, rod]);
+        Self { position, command, direction, active, scale, pressures }
     }
 }
 

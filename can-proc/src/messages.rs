@@ -8,7 +8,7 @@ use can::{
 };
 use pipeline::machine::{Axis, CanBus, CanMessage, CanSignals, ChecksumKind, Machine};
 
-use crate::wiring::WiringError;
+use crate::error::WiringError;
 
 /// Pa of a unit of pressure.
 const PRESSURES: [(&str, f64); 5] = [("Pa", 1.0), ("kPa", 1e3), ("bar", 1e5), ("MPa", 1e6), ("psi", 6894.757_293)];
@@ -214,7 +214,7 @@ fn value(message: &Message, text: &str) -> Result<(Signal, f64), String> {
     Ok((signal, value))
 }
 
-/// Refuses a signal whose count has another length than the machine file says, where its unit is one of length or angle.
+/// Refuses a signal whose count has another length than the machine file says, where its unit is known.
 fn expect_scale(axis: &Axis, key: &str, named: &NamedSignal) -> Result<(), WiringError> {
     let (units, own, name): (&[(&str, f64)], f64, &str) = match axis.encoder.angle {
         None => (&[("m", 1.0), ("mm", 1e-3), ("um", 1e-6)], axis.encoder.resolution, "resolution"),
@@ -229,4 +229,110 @@ fn expect_scale(axis: &Axis, key: &str, named: &NamedSignal) -> Result<(), Wirin
     }
     let allowed = format!("axis.{}.encoder.{name} = {found:e}", axis.name);
     Err(WiringError::Text(format!("{key}: found {own:e} for a count of {}; allowed: {allowed}", named.name)))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use can::{
+        Frame, Received,
+        device::{Cause, Fault},
+    };
+
+    use super::*;
+
+    const EXCAVATOR: &str = include_str!("../../examples/excavator.toml");
+    const TABLES: &str = include_str!("../../examples/excavator-can.toml");
+
+    /// The excavator with the tables of the example, one of whose texts is replaced.
+    fn machine(from: &str, to: &str) -> Result<Machine, String> {
+        assert!(TABLES.contains(from), "{from}");
+        let mut settings = vec![("source.kind", "can"), ("timing.drive_timeout", "100ms")];
+        settings.push(("axis.telescope.encoder.resolution", "1e-4"));
+        let mut settings: Vec<(String, String)> =
+            settings.into_iter().map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
+        for axis in ["boom", "arm", "bucket"] {
+            settings.push((format!("axis.{axis}.encoder.kind"), "rotary-encoder".to_owned()));
+            settings.push((format!("axis.{axis}.encoder.angle_resolution"), "1e-4".to_owned()));
+        }
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
+        let text = format!("{EXCAVATOR}\n{}", TABLES.replacen(from, to, 1));
+        Machine::parse(&text, "m.toml", &folder, &settings).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_example_is_a_machine_whose_messages_are_known() {
+        let mut network = crate::network(&machine("", "").unwrap()).unwrap();
+        let held = Fault::of(network.reading(0).unwrap().1).unwrap();
+        assert_eq!((held.cause, held.detail), (Cause::Absent, 0x0100), "message 18FF0100h of the boom");
+        // A good message of the boom: its count is 1, and its checksum fits.
+        let mut data = [0x10, 0x27, 0, 0, 60, 0, 1, 0];
+        data[7] = data.iter().fold(0, |sum, byte| sum ^ byte);
+        let id = embedded_can::ExtendedId::new(0x18FF_0100).unwrap();
+        let frame = <Frame as embedded_can::Frame>::new(id, &data).unwrap();
+        network.take(&Received { frame, time_ns: 1000 }, 1000);
+        assert_eq!((network.reading(0).unwrap().0, network.pressures(0)), (10_000, Some([12e6, 0.0])));
+        // Without a SYNC: there is no node.
+        network.begin(2000);
+        assert!(network.outbox().frames().iter().all(|frame| frame.standard_id().is_none()));
+    }
+
+    #[test]
+    fn names_and_values_that_are_none_are_refused() {
+        for (from, to, expected) in [
+            ("\"excavator.dbc\"", "\"none.dbc\"", "can.dbc: "),
+            ("BoomState.Angle", "BoomState.Angel", "axis.boom.can.position: found \"Angel\"; allowed: a signal of"),
+            ("Levers.Boom", "Lever.Boom", "axis.boom.can.command: found \"Lever\"; allowed: a message: BoomState"),
+            ("counter = \"Alive\"", "counter = \"Live\"", "can.message \"BoomState\": counter: found \"Live\""),
+            (
+                "Mode=1",
+                "Mode=9",
+                "can.message \"Levers\": found \"Mode=9\"; allowed: a signal of the message and a value",
+            ),
+            ("BoomState.Piston", "BoomState.Rate", "found the unit \"rad/s\" of BoomState.Rate; allowed: Pa, kPa"),
+            (
+                "command = \"Levers.Boom\"",
+                "command = \"Levers.Boom\"\ncommand_scale = 2",
+                "axis.boom.can.command_scale: found 2 for Levers.Boom; allowed: a command_scale that the signal",
+            ),
+            ("BoomState.Angle", "BoomState.Rod", ""),
+        ] {
+            let said = crate::network(&machine(from, to).unwrap()).unwrap_err().to_string();
+            assert!(said.contains(expected), "{said}");
+        }
+        for (from, to, expected) in [
+            (
+                "active = \"MachineState.Lock\"",
+                "",
+                "axis.boom.can.active: found nothing; allowed: a signal: without it",
+            ),
+            ("rod_pressure = \"BoomState.Rod\"", "", "axis.boom.can.piston_pressure: found one pressure"),
+            ("position = \"BoomState.Angle\"", "", "axis.boom.can.encoder: found nothing; allowed: 1 to 127"),
+            ("position = \"BoomState.Angle\"", "encoder = 7\nposition = \"BoomState.Angle\"", "encoder or position"),
+            ("name = \"Levers\"", "name = \"Levers\"\nperiod = \"90ms\"", "half of timing.drive_timeout"),
+        ] {
+            let said = machine(from, to).unwrap_err();
+            assert!(said.contains(expected), "{said}");
+        }
+    }
+
+    #[test]
+    fn messages_are_written_in_the_machine_file_as_well() {
+        let own = "[[can.message]]\nname = \"Own\"\nid = 0x123\nlength = 4\nsignals = [\"Place 0|16@1- (1e-4,0) m\"]\n";
+        let tables = format!("{own}\n[axis.boom.can]");
+        let with_own = machine("[axis.boom.can]", &tables).unwrap();
+        let database = database(with_own.can.as_ref().unwrap()).unwrap();
+        let (message, place) = database.signal("Own.Place").unwrap();
+        assert_eq!((message.id, message.is_extended, place.unit.as_str()), (0x123, false, "m"));
+        for (from, to, expected) in [
+            ("0|16@1-", "0|40@1-", "can.message \"Own\": signal Place: found bits up to byte 4"),
+            ("Place 0|16@1- (1e-4,0) m", "Place", "found \"Place\"; allowed: NAME START|BITS"),
+            ("\"Own\"", "\"Levers\"", "message Levers: found twice"),
+        ] {
+            let wrong = machine("[axis.boom.can]", &tables.replacen(from, to, 1)).unwrap();
+            let said = super::database(wrong.can.as_ref().unwrap()).unwrap_err().to_string();
+            assert!(said.contains(expected), "{said}");
+        }
+    }
 }

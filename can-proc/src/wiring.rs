@@ -1,9 +1,9 @@
 //! The devices of a machine file.
 
-use crate::messages::frames;
+use crate::{error::WiringError, messages::frames};
 use can::{
     bus::Address,
-    canopen::{MappingError, NodeId},
+    canopen::NodeId,
     device::{AxisDevices, Encoder, EncoderSettings, Network, NodeTiming, PositionObject, Valve, ValveSettings},
 };
 use pipeline::machine::{Axis, CanBus, CanDevices, CanPosition, Machine, Slope};
@@ -14,37 +14,6 @@ const MICROMETRE: f64 = 1e-6;
 const MILLIDEGREE: f64 = 1e-3;
 /// Least number of SYNC without a position after which an encoder is silent: two may be lost.
 const LEAST_SILENCE: u128 = 3;
-
-/// Why a machine has no network of devices.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum WiringError {
-    /// The machine file has no bus, or no devices of an axis.
-    #[error("{0}: found nothing; allowed: a table, with source.kind = \"can\"")]
-    Missing(String),
-    /// The bus is none.
-    #[error("can.interface: {0}")]
-    Address(String),
-    /// A message or signal is none, with its place, what was found, and what is allowed.
-    #[error("{0}")]
-    Text(String),
-    /// A number is none of a node.
-    #[error("axis.{axis}.can: found node {found}; allowed: 1 to 127")]
-    Node {
-        /// The axis.
-        axis: String,
-        /// The number.
-        found: u8,
-    },
-    /// The messages of a device cannot be made.
-    #[error("axis.{axis}.can: {source}")]
-    Mapping {
-        /// The axis.
-        axis: String,
-        /// What is wrong.
-        #[source]
-        source: MappingError,
-    },
-}
 
 fn bus(machine: &Machine) -> Result<&CanBus, WiringError> {
     machine.can.as_ref().ok_or_else(|| WiringError::Missing("can".to_owned()))

@@ -185,7 +185,7 @@ fn decode_frame(line: &[u8]) -> Option<Frame> {
 fn explain(error: &std::io::Error) -> &'static str {
     match error.kind() {
         ErrorKind::WouldBlock => {
-            "another program has this port, such as a running group; allowed: one program at a time, so end that one first"
+            "another program has this port, such as a running group; allowed: one at a time, so end that one first"
         }
         ErrorKind::PermissionDenied => {
             "this user may not open the port; allowed: members of its group, mostly dialout: usermod -aG dialout USER"

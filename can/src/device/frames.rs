@@ -1,6 +1,6 @@
 //! Everything of a machine that is no CANopen: messages that are received, and drives that are commanded by frames.
 
-use super::{AxisTarget, Cause, Demand, Fault, FrameDrive, Outbox, Receiver, fault::FRAME};
+use super::{Cause, Demand, Fault, FrameDrive, Outbox, Receiver, fault::FRAME};
 use crate::{Received, frames::Signal};
 
 /// A signal of a received message: the place of its receiver, and where it is.
@@ -39,18 +39,9 @@ pub struct Frames {
     pub emergency_stop: Option<Source>,
     /// A signal that is 0 while the pilot pressure is cut off.
     pub pilot: Option<Source>,
-    /// Good frames of each receiver since the last sample.
-    fresh: Vec<bool>,
 }
 
 impl Frames {
-    /// Makes room for what is counted.
-    #[must_use]
-    pub fn prepared(mut self) -> Self {
-        self.fresh = vec![false; self.receivers.len()];
-        self
-    }
-
     /// A new cycle begins: messages that are late are found, and frames that are due are sent.
     pub fn begin(&mut self, now_ns: u64, out: &mut Outbox) {
         self.receivers.iter_mut().for_each(|receiver| receiver.check(now_ns));
@@ -62,10 +53,8 @@ impl Frames {
     /// Takes a frame from the bus: whether it was one of these messages.
     pub fn take(&mut self, received: &Received) -> bool {
         let mut is_known = false;
-        for (receiver, fresh) in self.receivers.iter_mut().zip(&mut self.fresh) {
-            if let Some(is_good) = receiver.take(received) {
-                (is_known, *fresh) = (true, *fresh || is_good);
-            }
+        for receiver in &mut self.receivers {
+            is_known |= receiver.take(received);
         }
         is_known
     }
@@ -109,13 +98,12 @@ impl Frames {
     /// Whether a new position of an axis has come since the last sample, or none is expected.
     pub fn is_complete(&self, axis: usize) -> bool {
         let Some(position) = self.axes.get(axis).and_then(|axis| axis.position) else { return true };
-        let receiver = position.source.0;
-        self.fresh.get(receiver).copied().unwrap_or_default() || self.receiver_fault(Some(position.source)).is_some()
+        self.receivers.get(position.source.0).is_none_or(|receiver| receiver.is_fresh() || receiver.fault().is_some())
     }
 
     /// The sample was taken: new frames make the next one.
     pub fn begin_sample(&mut self) {
-        self.fresh.fill(false);
+        self.receivers.iter_mut().for_each(Receiver::begin_sample);
     }
 
     /// Counts of an axis; `None` where its position is of no frame.
@@ -154,10 +142,7 @@ impl Frames {
     }
 
     /// A person has acknowledged the fault of an axis.
-    pub fn reset(&mut self, axis: usize, target: Option<AxisTarget>, now_ns: u64) {
-        let is_acknowledged = target.is_some_and(|target| target.is_disarmed && !target.is_latched);
-        if is_acknowledged {
-            self.drives.iter_mut().filter(|drive| drive.moves(axis)).for_each(|drive| drive.reset(now_ns));
-        }
+    pub fn reset(&mut self, axis: usize, now_ns: u64) {
+        self.drives.iter_mut().filter(|drive| drive.moves(axis)).for_each(|drive| drive.reset(now_ns));
     }
 }

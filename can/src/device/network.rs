@@ -83,7 +83,6 @@ impl Network {
 
     /// Devices and messages that have not been heard yet; all axes are held.
     pub fn with_frames(devices: Vec<AxisDevices>, frames: Frames) -> Self {
-        let frames = frames.prepared();
         let has_nodes = devices.iter().any(|devices| devices.encoder.is_some() || devices.valve.is_some());
         let axes = devices.into_iter().enumerate().map(|(i, devices)| {
             let held = devices.fault().or_else(|| frames.fault(i));
@@ -163,7 +162,9 @@ impl Network {
                 }
                 (Some(held), Some(fault)) => {
                     axis.hold_by(held, fault, now_ns);
-                    self.frames.reset(i, axis.target, now_ns);
+                    if axis.is_acknowledged() {
+                        self.frames.reset(i, now_ns);
+                    }
                 }
                 (Some(_), None) if axis.is_let_go() || !axis.was_ready => (axis.held, axis.was_ready) = (None, true),
                 _ => {}
@@ -269,10 +270,16 @@ impl Axis {
         if is_start(held) || !is_start(fault) {
             self.held = Some(fault);
         }
-        let is_acknowledged = self.target.is_some_and(|target| target.is_disarmed && !target.is_latched);
-        if is_acknowledged && let Some(valve) = &mut self.devices.valve {
+        if self.is_acknowledged()
+            && let Some(valve) = &mut self.devices.valve
+        {
             valve.reset(now_ns);
         }
+    }
+
+    /// Whether a person has acknowledged the fault: the axis is disarmed, and not latched any more.
+    fn is_acknowledged(&self) -> bool {
+        self.target.is_some_and(|target| target.is_disarmed && !target.is_latched)
     }
 
     /// Whether the controller shows that it knows of the fault: the axis is latched or disarmed. An axis without a

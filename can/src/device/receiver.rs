@@ -33,6 +33,8 @@ pub struct Receiver {
     /// What was wrong with the frames since the last good one.
     cause: Cause,
     is_late: bool,
+    /// Whether a good frame has come since the last sample.
+    is_fresh: bool,
     counters: ReceiverCounters,
 }
 
@@ -50,6 +52,7 @@ impl Receiver {
             counter: None,
             cause: Cause::Absent,
             is_late: true,
+            is_fresh: false,
             counters: ReceiverCounters::default(),
         }
     }
@@ -58,11 +61,11 @@ impl Receiver {
         frame.raw_id() == self.id && frame.is_extended() == self.is_extended && !frame.is_remote_frame()
     }
 
-    /// Takes a frame: `None` where it is of another message, else whether it is good.
-    pub fn take(&mut self, received: &Received) -> Option<bool> {
+    /// Takes a frame from the bus: whether it was this message.
+    pub fn take(&mut self, received: &Received) -> bool {
         let frame = &received.frame;
         if !self.is_it(frame) {
-            return None;
+            return false;
         }
         let verdict = match frame.data().get(..self.length) {
             None => Verdict::Checksum,
@@ -72,6 +75,7 @@ impl Receiver {
             Verdict::Good(lost) => {
                 self.data[..self.length].copy_from_slice(&frame.data()[..self.length]);
                 (self.heard_ns, self.is_late, self.cause) = (Some(received.time_ns), false, Cause::Stale);
+                self.is_fresh = true;
                 self.counters.lost += lost;
             }
             Verdict::Checksum => {
@@ -83,7 +87,17 @@ impl Receiver {
                 self.counters.repeated += 1;
             }
         }
-        Some(matches!(verdict, Verdict::Good(_)))
+        true
+    }
+
+    /// Whether a good frame has come since [`Self::begin_sample`].
+    pub fn is_fresh(&self) -> bool {
+        self.is_fresh
+    }
+
+    /// A sample was taken.
+    pub fn begin_sample(&mut self) {
+        self.is_fresh = false;
     }
 
     /// Looks whether the message is late.

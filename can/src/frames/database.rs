@@ -1,7 +1,7 @@
 //! Messages with their signals: those of a DBC file, and those that are written in the machine file.
 //!
-//! A DBC file is read by the crate `can-dbc`. Signals that are there only for one value of a multiplexor are left out, and
-//! so are messages of CAN FD and the pseudo message of signals without one.
+//! A DBC file is read by the crate `can-dbc`. Signals that are there only for one value of a multiplexor are left out,
+//! and so are messages of CAN FD and the pseudo message of signals without one.
 
 use can_dbc::{ByteOrder, Dbc, MessageId, MultiplexIndicator, ValueType};
 

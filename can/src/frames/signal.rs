@@ -5,9 +5,9 @@
 //! START|BITS@ORDER SIGN (FACTOR,OFFSET)      0|16@1- (0.001,0)
 //! ```
 //!
-//! Order 1 is little-endian (Intel): START is the lowest bit, and bits go up. Order 0 is big-endian (Motorola): START is
-//! the highest bit; the next one is the bit below, and below bit 0 of a byte comes bit 7 of the next byte. Bit n of a
-//! frame is bit n mod 8 of byte n / 8. Sign - is two's complement.
+//! Order 1 is little-endian (Intel): START is the lowest bit, and bits go up. Order 0 is big-endian (Motorola): START
+//! is the highest bit; the next one is the bit below, and below bit 0 of a byte comes bit 7 of the next byte. Bit n of
+//! a frame is bit n mod 8 of byte n / 8. Sign - is two's complement.
 //!
 //! Trap: the same START means another place in each of the two orders.
 
@@ -253,7 +253,8 @@ mod tests {
         fn numbers_are_read_as_they_were_written(
             start in 0_u64..64, bits in 1_u64..=64, is_big_endian: bool, is_signed: bool, raw: i64, before: [u8; 8]
         ) {
-            let Ok(signal) = Signal::new((start, bits), (is_big_endian, is_signed), (1.0, 0.0), 8) else { return Ok(()) };
+            let kind = (is_big_endian, is_signed);
+            let Ok(signal) = Signal::new((start, bits), kind, (1.0, 0.0), 8) else { return Ok(()) };
             let mut data = before;
             signal.put_raw(raw, &mut data);
             let mask = u64::MAX >> (64 - bits);

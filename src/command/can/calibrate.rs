@@ -5,8 +5,8 @@
 //! at a joint        q = q_0 + s r (n - z)        the mechanism gives q of y, and z is 0
 //! ```
 //!
-//! n position of the encoder; y of the piston, m; q angle of the joint or of the body, rad; s 1, or -1 where the encoder
-//! is reversed; z its zero. Nothing is written to the encoder.
+//! n position of the encoder; y of the piston, m; q angle of the joint or of the body, rad; s 1, or -1 where the
+//! encoder is reversed; z its zero. Nothing is written to the encoder.
 
 use std::{
     fmt::Write as _,
@@ -33,7 +33,7 @@ use crate::{arguments::axes, failure::Failure, report::output::show};
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  hydraxis can calibrate machine.toml --axis boom                        direction: move the axis by hand while it watches
+  hydraxis can calibrate machine.toml --axis boom                        direction: move the axis by hand
   hydraxis can calibrate machine.toml --axis boom --mark 0               zero: the axis is fully retracted
   hydraxis can calibrate machine.toml --axis boom --mark 0 --mark 0.85   direction, scale and zero by two positions
   hydraxis can calibrate machine.toml --axis arm --mark 0 --mark 1.0 --at boom=0.4
@@ -45,7 +45,8 @@ near. The marks should be far apart: an error of 1 mm over 1 m is one of 0.1 % o
 
 An inclinometer on arm or bucket measures from level: --at says where the pistons of the axes before it stand.
 
-Prints the lines for the machine file. Nothing is written, not to the encoder either. Refused while a group has the bus.")]
+Prints the lines for the machine file. Nothing is written, not to the encoder either. Refused while a group has the
+bus.")]
 pub struct CalibrateArguments {
     #[command(flatten)]
     bus: BusArguments,

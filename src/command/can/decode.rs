@@ -1,10 +1,11 @@
-//! What frames mean: CANopen, with the names of a machine file's devices.
+//! What frames mean: CANopen with the names of a machine file's devices, and the signals of its messages.
 
 use std::collections::BTreeMap;
 
 use can::{
     Frame,
     canopen::{Emergency, NodeId, NodeState, function, heartbeat_of, signed},
+    frames::{Database, Message, NamedSignal},
 };
 use embedded_can::Frame as _;
 
@@ -16,24 +17,32 @@ use crate::failure::Failure;
 pub struct Decoder {
     /// Devices of the machine file by their numbers, and whether each is a valve.
     devices: BTreeMap<NodeId, (String, bool)>,
+    /// Messages that are no CANopen.
+    database: Database,
 }
 
 impl Decoder {
     /// Of a bus.
     ///
     /// # Errors
-    /// Never yet.
+    /// The messages of the machine file are none.
     pub fn of(named: &NamedBus) -> Result<Self, Failure> {
         let devices = NodeId::all().filter_map(|node| {
             let name = named.device(node)?;
             let is_valve = name.ends_with("valve");
             Some((node, (name, is_valve)))
         });
-        Ok(Self { devices: devices.collect() })
+        let bus = named.machine.as_ref().and_then(|machine| machine.can.as_ref());
+        let database = bus.map(can_proc::database).transpose().map_err(Failure::usage)?.unwrap_or_default();
+        Ok(Self { devices: devices.collect(), database })
     }
 
     /// What a frame says.
     pub fn meaning(&self, frame: &Frame) -> String {
+        let is_it = |message: &&Message| message.id == frame.raw_id() && message.is_extended == frame.is_extended();
+        if let Some(message) = self.database.messages().iter().find(is_it) {
+            return signals(message, frame.data());
+        }
         let Some(id) = frame.standard_id() else { return String::new() };
         let (function, node) = (id & !0x7F, NodeId::new((id & 0x7F) as u8));
         let data = frame.data();
@@ -101,6 +110,17 @@ impl Decoder {
     }
 }
 
+/// All signals of a message.
+fn signals(message: &Message, data: &[u8]) -> String {
+    let values = message.signals.iter().map(|NamedSignal { name, signal, unit }| match signal.value(data) {
+        Some(value) if unit.is_empty() => format!("{name} {value}"),
+        // No more digits than the factor has.
+        Some(value) => format!("{name} {} {unit}", (value * 1e9).round() / 1e9),
+        None => format!("{name} missing"),
+    });
+    format!("{}: {}", message.name, values.collect::<Vec<_>>().join(", "))
+}
+
 fn nmt(data: &[u8]) -> String {
     let &[command, node] = data else { return String::new() };
     let to = if node == 0 { "all nodes".to_owned() } else { format!("node {node}") };
@@ -155,7 +175,12 @@ mod tests {
 
     fn decoder() -> Decoder {
         let device = |node, name: &str, is_valve| (NodeId::new(node).unwrap(), (name.to_owned(), is_valve));
-        Decoder { devices: [device(11, "boom encoder", false), device(21, "boom valve", true)].into() }
+        let text = "VERSION \"\"\n\nNS_ :\n\nBS_:\n\nBU_: A\n\nBO_ 1911 Oil: 2 A\n \
+                    SG_ Temperature : 0|8@1+ (0.5,-40) [0|0] \"degC\" A\n SG_ Alive : 8|8@1+ (1,0) [0|0] \"\" A\n";
+        Decoder {
+            devices: [device(11, "boom encoder", false), device(21, "boom valve", true)].into(),
+            database: Database::parse(text).unwrap(),
+        }
     }
 
     #[test]
@@ -181,6 +206,8 @@ mod tests {
             (Frame::standard(0x281, [0; 8]), "node 1: TPDO 2"),
             (Frame::standard(0x301, [0; 8]), "node 1: RPDO 2"),
             (Frame::standard(0x7FF, [0; 8]), ""),
+            (Frame::standard(1911, [130, 7]), "Oil: Temperature 25 degC, Alive 7"),
+            (Frame::standard(1911, [130]), "Oil: Temperature 25 degC, Alive missing"),
         ] {
             assert_eq!(decoder().meaning(&frame), expected);
         }

@@ -38,7 +38,7 @@ Examples:
   id         identifier, hexadecimal; eight digits are one of 29 bits
   rate       frames in a second, since the last table
   jitter     largest less smallest time between two of them, since the last table
-  meaning    what the last frame says: CANopen with the names of the machine file's axes, and signals of its [can] tables
+  meaning    what the last frame says: CANopen with the names of the machine file's axes, and signals of its messages
 
 The load counts bits without stuff bits: a bus is full before it says 100 %. Sends nothing. An interface of the kernel
 can be watched while a group runs on it; a serial adapter belongs to one program.")]

@@ -91,54 +91,17 @@ impl CanDevices {
     /// `has_valve`: the drive of the machine is CAN. `is_inclinometer`: the axis has one.
     pub(super) fn read(mut section: Section, has_valve: bool, is_inclinometer: bool) -> Self {
         let encoder = section.key("encoder", "Number of the encoder's node").optional_integer(1..=MAX_NODE);
-        let signals = CanSignals::read(&mut section);
-        match (encoder, &signals.position) {
-            (None, None) if !section.is_present("encoder") => {
-                section.refuse(
-                    "encoder",
-                    "nothing",
-                    "1 to 127, the number of a node, or position, the name of a signal",
-                );
-            }
-            (Some(_), Some(_)) => section.refuse("position", "a signal", "encoder or position, not both"),
-            _ => {}
-        }
-        let slope = section
-            .key("slope", "Which slope of an inclinometer (CiA 410) is read, with encoder.kind = \"inclinometer\"")
-            .rule("\"long16\" with an inclinometer, else \"none\": an encoder (CiA 406)")
-            .choice_or(is_inclinometer.then_some(Slope::Long16), &SLOPES);
-        if slope.is_some() && !is_inclinometer {
-            section.refuse("slope", "a slope", "\"none\", but with encoder.kind = \"inclinometer\"");
-        }
-        let is_signed = section
-            .key("signed", "Whether the encoder's position has a sign")
-            .rule("true with a slope, else false")
-            .flag_or(slope.is_some());
-        let (is_reversed, zero) = mounting(&mut section);
-        let is_precise = section
-            .key("high_precision", "Whether the position of 64 bits, 6008h, is read in the place of 6004h")
-            .flag_or(false);
-        let has_alarms = section
-            .key("alarms", "Whether alarms and warnings, 6503h and 6505h, travel with every position")
-            .rule("true, but with high_precision or a slope")
-            .flag_or(!is_precise && slope.is_none());
-        if has_alarms && is_precise {
-            section.refuse("alarms", "true", "false with high_precision: a message has 64 bits");
-        }
-        let is_fixed = section
-            .key("fixed_mapping", "Whether the devices' mappings cannot be written, and are compared only")
-            .flag_or(false);
         let valve = section
             .key("valve", "Number of the valve's node, with drive.kind = \"can\"")
             .optional_integer(1..=MAX_NODE);
-        match (valve, &signals.command) {
-            (None, None) if has_valve && !section.is_present("valve") => {
-                let allowed = "1 to 127, the number of a node, or command, the name of a signal: drive.kind is \"can\"";
-                section.refuse("valve", "nothing", allowed);
-            }
-            (Some(_), Some(_)) => section.refuse("command", "a signal", "valve or command, not both"),
-            _ => {}
-        }
+        let signals = CanSignals::read(&mut section);
+        expect_one(&section, ("encoder", encoder), ("position", &signals.position), true);
+        expect_one(&section, ("valve", valve), ("command", &signals.command), has_valve);
+        let (object, is_signed, has_alarms) = position(&mut section, is_inclinometer);
+        let (is_reversed, zero) = mounting(&mut section);
+        let is_fixed = section
+            .key("fixed_mapping", "Whether the devices' mappings cannot be written, and are compared only")
+            .flag_or(false);
         let full_scale = section
             .key("full_scale", "Set point of the valve at command 1; negative where a positive set point retracts")
             .number_or(FULL_SCALE, -32_767.0..=32_767.0, "");
@@ -155,11 +118,7 @@ impl CanDevices {
         let node = |number: usize| number as u8;
         Self {
             encoder: encoder.map(node),
-            object: match slope {
-                Some(slope) => CanPosition::Slope(slope),
-                None if is_precise => CanPosition::HighPrecision,
-                None => CanPosition::Position,
-            },
+            object,
             is_signed,
             is_reversed,
             zero,
@@ -228,4 +187,48 @@ fn mounting(section: &mut Section) -> (bool, i64) {
         section.refuse("zero", zero.to_string(), "a whole number of counts");
     }
     (is_reversed, zero as i64)
+}
+
+/// Refuses a node and a signal for the same thing, and neither of them where it is needed.
+fn expect_one(section: &Section, node: (&str, Option<usize>), signal: (&str, &Option<String>), is_needed: bool) {
+    match (node.1, signal.1) {
+        // A number that was refused is there.
+        (None, None) if is_needed && !section.is_present(node.0) => {
+            let allowed = format!("1 to 127, the number of a node, or {}, the name of a signal", signal.0);
+            section.refuse(node.0, "nothing", allowed);
+        }
+        (Some(_), Some(_)) => section.refuse(signal.0, "a signal", format!("{} or {}, not both", node.0, signal.0)),
+        _ => {}
+    }
+}
+
+/// What has the position of a node, whether it has a sign, and whether alarms travel with it.
+fn position(section: &mut Section, is_inclinometer: bool) -> (CanPosition, bool, bool) {
+    let slope = section
+        .key("slope", "Which slope of an inclinometer (CiA 410) is read, with encoder.kind = \"inclinometer\"")
+        .rule("\"long16\" with an inclinometer, else \"none\": an encoder (CiA 406)")
+        .choice_or(is_inclinometer.then_some(Slope::Long16), &SLOPES);
+    if slope.is_some() && !is_inclinometer {
+        section.refuse("slope", "a slope", "\"none\", but with encoder.kind = \"inclinometer\"");
+    }
+    let is_signed = section
+        .key("signed", "Whether the encoder's position has a sign")
+        .rule("true with a slope, else false")
+        .flag_or(slope.is_some());
+    let is_precise = section
+        .key("high_precision", "Whether the position of 64 bits, 6008h, is read in the place of 6004h")
+        .flag_or(false);
+    let has_alarms = section
+        .key("alarms", "Whether alarms and warnings, 6503h and 6505h, travel with every position")
+        .rule("true, but with high_precision or a slope")
+        .flag_or(!is_precise && slope.is_none());
+    if has_alarms && is_precise {
+        section.refuse("alarms", "true", "false with high_precision: a message has 64 bits");
+    }
+    let object = match slope {
+        Some(slope) => CanPosition::Slope(slope),
+        None if is_precise => CanPosition::HighPrecision,
+        None => CanPosition::Position,
+    };
+    (object, is_signed, has_alarms)
 }

@@ -10,6 +10,7 @@ mod identify;
 mod init;
 mod mechanism;
 mod mistyped;
+mod outputs;
 mod predict;
 mod service;
 mod simulate;

@@ -20,7 +20,6 @@ use crate::{
     model::{
         IdentifiedModel,
         prediction::{Predictions, memory, statistics, still},
-        without_commands,
     },
     report::{
         figures::ErrorFigures,
@@ -209,15 +208,13 @@ impl<'a> PredictReport<'a> {
             (Reason::NotExcited, stands),
             (Reason::IrregularTime, irregular_steps as f64 > LARGEST_PART * outputs.len() as f64),
         ];
-        let na = coefficients.na as usize;
-        let past_outputs = without_commands::rmse(outputs, &record.begins, horizon, na);
         let [low, high] = model.commands;
         let structure = coefficients.structure().map(|structure| description(&structure, IdentifiedOutput::Position));
         let (recordings, estimator) = (model.origin.recordings.as_str(), model.origin.estimator.as_str());
         let (verdict, commands) = (model.origin.verdict.as_str(), model.commands);
         let structure = structure.unwrap_or_default();
         Self {
-            verdict: Verdict::of(found, h_step.rmse() / still_h.rmse(), h_step.rmse(), past_outputs),
+            verdict: Verdict::of(found, h_step.rmse() / still_h.rmse()),
             model: Source { file, recordings, estimator, verdict, structure, commands },
             rows: outputs.len(),
             period_s: record.period,

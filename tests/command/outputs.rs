@@ -9,7 +9,7 @@ const CLASHES: [(&str, [&str; 2]); 12] = [
     ("identify r.csv --csv r.csv", ["--csv", "DATA"]),
     ("identify r.csv --json ./r.csv", ["--json", "DATA"]),
     ("identify r.csv --report linked.csv", ["--report", "DATA"]),
-    ("identify r.csv --test other.csv --model-out other.csv", ["--model-out", "--test"]),
+    ("identify r.csv --test m.toml --model-out m.toml", ["--model-out", "--test"]),
     ("identify r.csv --csv new.csv --json new.csv", ["--json", "--csv"]),
     ("predict m.toml r.csv --csv r.csv", ["--csv", "DATA"]),
     ("simulate m.toml --duration 1s --trajectory m.toml", ["--trajectory", "MACHINE.toml"]),

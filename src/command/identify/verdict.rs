@@ -36,7 +36,9 @@ pub struct Verdict {
     reasons: Vec<Reason>,
     /// h-step rmse of the adaptive model, as published, over that of holding still.
     to_holding_still: f64,
-    /// The same over that of the best prediction from the past outputs alone; none where there are too few rows.
+    /// The same over that of the best prediction from the past outputs alone; none where there are too few rows, and for
+    /// a model from another record.
+    #[serde(skip_serializing_if = "Option::is_none")]
     to_past_outputs: Option<f64>,
 }
 
@@ -82,26 +84,26 @@ impl Verdict {
         ];
         let outputs = identified(record, settings.output);
         let (outputs, begins) = (&outputs[settings.training..], &record.begins[settings.training..]);
-        let na = settings.structure.na;
-        Self::of(found, model / still, model, without_commands::rmse(outputs, begins, settings.horizon, na))
+        let past = without_commands::rmse(outputs, begins, settings.horizon, settings.structure.na);
+        Self::of(found, model / still).beside_past_outputs(past.map(|past| model / past))
     }
 
-    /// The verdict from the reasons that hold among those `found`, from the error `to_holding_still`, and from the
-    /// error and that of the past outputs alone.
-    pub fn of(
-        found: impl IntoIterator<Item = (Reason, bool)>,
-        to_holding_still: f64,
-        error: f64,
-        past_outputs: Option<f64>,
-    ) -> Self {
-        let mut reasons: Vec<Reason> =
-            found.into_iter().filter(|(_, holds)| *holds).map(|(reason, _)| reason).collect();
+    /// The verdict from the reasons that hold among those `found`, and from the error over that of holding still.
+    pub fn of(found: impl IntoIterator<Item = (Reason, bool)>, to_holding_still: f64) -> Self {
+        let reasons: Vec<Reason> = found.into_iter().filter(|(_, holds)| *holds).map(|(reason, _)| reason).collect();
+        Self { usable: reasons.is_empty(), reasons, to_holding_still, to_past_outputs: None }
+    }
+
+    /// This verdict beside the best prediction from the past outputs alone, with the error of the model over
+    /// that of this prediction.
+    fn beside_past_outputs(mut self, to_past_outputs: Option<f64>) -> Self {
+        self.to_past_outputs = to_past_outputs;
         // Another reason says more: a model that is worse than holding still is worse than the past outputs as well.
-        if reasons.is_empty() && past_outputs.is_some_and(|past| error >= NO_EFFECT * past) {
-            reasons.push(Reason::NoEffect);
+        if self.usable && to_past_outputs.is_some_and(|part| part >= NO_EFFECT) {
+            self.reasons.push(Reason::NoEffect);
+            self.usable = false;
         }
-        let to_past_outputs = past_outputs.map(|past| error / past);
-        Self { usable: reasons.is_empty(), reasons, to_holding_still, to_past_outputs }
+        self
     }
 
     /// Whether the model is usable.

@@ -10,7 +10,7 @@ const CLASHES: [(&str, [&str; 2]); 12] = [
     ("identify r.csv --json ./r.csv", ["--json", "DATA"]),
     ("identify r.csv --report linked.csv", ["--report", "DATA"]),
     ("identify r.csv --test m.toml --model-out m.toml", ["--model-out", "--test"]),
-    ("identify r.csv --csv new.csv --json new.csv", ["--json", "--csv"]),
+    ("identify r.csv --csv new.csv --json new.csv", ["--csv", "--json"]),
     ("predict m.toml r.csv --csv r.csv", ["--csv", "DATA"]),
     ("simulate m.toml --duration 1s --trajectory m.toml", ["--trajectory", "MACHINE.toml"]),
     ("simulate m.toml --duration 1s --json m.toml", ["--json", "MACHINE.toml"]),

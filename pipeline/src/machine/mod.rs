@@ -69,7 +69,7 @@ pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
 pub use tip::{TipPiece, TipShape, TipTask};
 
-use crate::{MAX_AXES, layout, nearest::did_you_mean_file};
+use crate::{MAX_AXES, bounded, layout, nearest::did_you_mean_file};
 
 /// The built-in machine, a 20 t excavator; the same text is in `examples/`.
 pub const BUILT_IN: &str = include_str!("../../../examples/excavator.toml");
@@ -112,7 +112,7 @@ pub struct Machine {
 }
 
 fn read_file(path: &Path, allowed: &str) -> Result<String, MachineError> {
-    std::fs::read_to_string(path).map_err(|error| {
+    bounded::read_text(path, bounded::SETTINGS).map_err(|error| {
         let found = format!("a file that cannot be read ({error})");
         MachineError::of_file(path.display().to_string(), found, format!("{allowed}{}", did_you_mean_file(path)))
     })

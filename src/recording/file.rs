@@ -19,7 +19,7 @@ use mcap::{
 use pipeline::message::{Header, Message};
 
 use super::{
-    END_FACTS, FACTS, Facts, cdr,
+    END_FACTS, FACTS, Facts, cdr, checksum, controller_state,
     reading::{ReadChannel, ReadMessage},
 };
 
@@ -31,7 +31,7 @@ pub struct Encoded {
     pub read_ns: u64,
     /// Its header.
     pub header: Header,
-    /// The message as CDR.
+    /// The message as CDR, with its checksum.
     pub bytes: Vec<u8>,
 }
 
@@ -40,6 +40,7 @@ impl Encoded {
     pub fn new<M: Message>(read_ns: u64, message: &M) -> Self {
         let mut bytes = Vec::new();
         cdr::encode(message, &mut bytes);
+        checksum::seal(&mut bytes);
         Self { channel: M::CHANNEL, read_ns, header: *message.header(), bytes }
     }
 }
@@ -106,9 +107,21 @@ impl RecordingFile {
     /// # Errors
     /// The file cannot be written.
     pub fn add_channel<M: Message>(&mut self) -> McapResult<()> {
-        let schema = self.writer.add_schema(&cdr::type_name::<M>(), "ros2msg", cdr::schema::<M>().as_bytes())?;
-        let channel = self.writer.add_channel(schema, M::CHANNEL, "cdr", &BTreeMap::new())?;
-        self.channels.insert(M::CHANNEL, channel);
+        self.add(M::CHANNEL, &cdr::type_name::<M>(), &checksum::schema(cdr::schema::<M>()))
+    }
+
+    /// Adds the channel of the states of controllers of these axes.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn add_controller_states(&mut self, axes: &[String]) -> McapResult<()> {
+        self.add(controller_state::CHANNEL, controller_state::TYPE_NAME, &controller_state::schema(axes))
+    }
+
+    fn add(&mut self, name: &'static str, type_name: &str, schema: &str) -> McapResult<()> {
+        let schema = self.writer.add_schema(type_name, "ros2msg", schema.as_bytes())?;
+        let channel = self.writer.add_channel(schema, name, "cdr", &BTreeMap::new())?;
+        self.channels.insert(name, channel);
         Ok(())
     }
 

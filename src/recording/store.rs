@@ -24,7 +24,7 @@ use pipeline::message::{
 use rustix::fs::statvfs;
 
 use super::{
-    Counts, Facts, clock_ns,
+    Counts, Facts, axes_in, clock_ns,
     file::{Encoded, RecordingFile},
     latency::LatencyLog,
 };
@@ -57,6 +57,13 @@ pub struct Contents {
     pub facts: Facts,
     /// Names and contents of files.
     pub attached: Vec<(String, Vec<u8>)>,
+}
+
+impl Contents {
+    /// Names of the axes.
+    pub fn axes(&self) -> Vec<String> {
+        axes_in(&self.facts)
+    }
 }
 
 /// A file that is being written.
@@ -227,6 +234,7 @@ impl Store {
         file.add_channel::<EncoderReading>()?;
         file.add_channel::<EncoderSample>()?;
         file.add_channel::<ValveCommand>()?;
+        file.add_controller_states(&self.contents.axes())?;
         file.add_channel::<CoefficientSnapshot>()?;
         file.add_channel::<Reference>()?;
         file.add_channel::<Request>()?;

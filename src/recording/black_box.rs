@@ -138,7 +138,7 @@ impl StatesStrip {
 
 impl Messages for StatesStrip {
     fn write(&self, file: &mut RecordingFile) -> McapResult<()> {
-        file.add_controller_states(&self.axes)?;
+        controller_state::add_to(file, &self.axes)?;
         self.states.iter().try_for_each(|state| file.write(state))
     }
 

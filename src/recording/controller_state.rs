@@ -14,14 +14,18 @@
 
 use std::collections::VecDeque;
 
+use mcap::McapResult;
 use pipeline::message::{EncoderSample, Header, ValveCommand};
 
-use super::{cdr, checksum, file::Encoded};
+use super::{
+    cdr, checksum,
+    file::{Encoded, RecordingFile},
+};
 
 /// The channel in recordings. No process sends on it.
 pub const CHANNEL: &str = "controller-state";
 /// Name of the type.
-pub const TYPE_NAME: &str = "hydraxis/msg/ControllerState";
+const TYPE_NAME: &str = "hydraxis/msg/ControllerState";
 /// Samples that wait for their command at most: those that a channel keeps.
 const WAITING: usize = 256;
 
@@ -64,8 +68,16 @@ impl ControllerStates {
     }
 }
 
+/// Adds the channel to a file, for axes of these names.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn add_to(file: &mut RecordingFile, axes: &[String]) -> McapResult<()> {
+    file.add(CHANNEL, TYPE_NAME, &schema(axes))
+}
+
 /// The schema for axes of these names.
-pub fn schema(axes: &[String]) -> String {
+fn schema(axes: &[String]) -> String {
     let ruler = "=".repeat(80);
     let mut taken = vec!["header".to_owned(), "checksum".to_owned()];
     let mut fields = String::new();

@@ -19,7 +19,7 @@ use mcap::{
 use pipeline::message::{Header, Message};
 
 use super::{
-    END_FACTS, FACTS, Facts, cdr, checksum, controller_state,
+    END_FACTS, FACTS, Facts, cdr, checksum,
     reading::{ReadChannel, ReadMessage},
 };
 
@@ -110,15 +110,11 @@ impl RecordingFile {
         self.add(M::CHANNEL, &cdr::type_name::<M>(), &checksum::schema(cdr::schema::<M>()))
     }
 
-    /// Adds the channel of the states of controllers of these axes.
+    /// Adds a channel with this schema, whose messages may follow.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn add_controller_states(&mut self, axes: &[String]) -> McapResult<()> {
-        self.add(controller_state::CHANNEL, controller_state::TYPE_NAME, &controller_state::schema(axes))
-    }
-
-    fn add(&mut self, name: &'static str, type_name: &str, schema: &str) -> McapResult<()> {
+    pub fn add(&mut self, name: &'static str, type_name: &str, schema: &str) -> McapResult<()> {
         let schema = self.writer.add_schema(type_name, "ros2msg", schema.as_bytes())?;
         let channel = self.writer.add_channel(schema, name, "cdr", &BTreeMap::new())?;
         self.channels.insert(name, channel);

@@ -24,7 +24,7 @@ use pipeline::message::{
 use rustix::fs::statvfs;
 
 use super::{
-    Counts, Facts, axes_in, clock_ns,
+    Counts, Facts, axes_in, clock_ns, controller_state,
     file::{Encoded, RecordingFile},
     latency::LatencyLog,
 };
@@ -234,7 +234,7 @@ impl Store {
         file.add_channel::<EncoderReading>()?;
         file.add_channel::<EncoderSample>()?;
         file.add_channel::<ValveCommand>()?;
-        file.add_controller_states(&self.contents.axes())?;
+        controller_state::add_to(&mut file, &self.contents.axes())?;
         file.add_channel::<CoefficientSnapshot>()?;
         file.add_channel::<Reference>()?;
         file.add_channel::<Request>()?;

@@ -1,7 +1,7 @@
 //! Two messages that should be equal, compared byte by byte, and the first field in which they are not.
 //!
-//! A time of a clock, such as `header.sent_ns`, is computed by no replay. Such a field, and all fields of a message that
-//! is not computed, are compared with the [checksum] of the message.
+//! A time of a clock, such as `header.sent_ns`, is computed by no replay. Such a field, and all fields of a message
+//! that is not computed, are compared with the [checksum] of the message.
 
 use std::collections::VecDeque;
 

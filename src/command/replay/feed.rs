@@ -32,13 +32,18 @@ pub struct Queue<M> {
     messages: VecDeque<Typed<M>>,
 }
 
-impl<M: Message> Queue<M> {
-    fn new() -> Self {
+impl<M> Default for Queue<M> {
+    fn default() -> Self {
         Self { channel: None, messages: VecDeque::new() }
     }
+}
 
-    /// Takes in a message of this channel.
-    fn push(&mut self, message: ReadMessage) -> Result<(), Failure> {
+impl<M: Message> Queue<M> {
+    /// Takes in a message of this channel, of which it keeps at most so many.
+    ///
+    /// # Errors
+    /// The message cannot be read, or there are too many.
+    pub fn push(&mut self, message: ReadMessage, most: usize) -> Result<(), Failure> {
         if !self.channel.as_ref().is_some_and(|(channel, _)| Rc::ptr_eq(channel, &message.channel)) {
             let decoder = Decoder::new(&message.channel).map_err(Failure::usage)?;
             self.channel = Some((Rc::clone(&message.channel), decoder));
@@ -49,9 +54,11 @@ impl<M: Message> Queue<M> {
             Failure::run(format!("{channel}: message {number}: found bytes that are no message of this channel"))
         })?;
         self.messages.push_back(decoded);
-        if self.messages.len() > MOST {
+        if self.messages.len() > most {
             let channel = M::CHANNEL;
-            return Err(Failure::usage(format!("{channel}: found more than {MOST} messages beside {AHEAD} samples")));
+            return Err(Failure::usage(format!(
+                "{channel}: found more than {most} messages; allowed: no more at once"
+            )));
         }
         Ok(())
     }
@@ -117,13 +124,13 @@ impl Feed {
             computed: None,
             changed: None,
             is_over: false,
-            readings: Queue::new(),
-            samples: Queue::new(),
-            snapshots: Queue::new(),
-            commands: Queue::new(),
-            references: Queue::new(),
-            requests: Queue::new(),
-            states: Queue::new(),
+            readings: Queue::default(),
+            samples: Queue::default(),
+            snapshots: Queue::default(),
+            commands: Queue::default(),
+            references: Queue::default(),
+            requests: Queue::default(),
+            states: Queue::default(),
         }
     }
 
@@ -183,13 +190,13 @@ impl Feed {
             return Ok(());
         }
         match message.channel.name.as_str() {
-            EncoderReading::CHANNEL => self.readings.push(message),
-            EncoderSample::CHANNEL => self.samples.push(message),
-            CoefficientSnapshot::CHANNEL => self.snapshots.push(message),
-            ValveCommand::CHANNEL => self.commands.push(message),
-            Reference::CHANNEL => self.references.push(message),
-            Request::CHANNEL => self.requests.push(message),
-            MachineState::CHANNEL => self.states.push(message),
+            EncoderReading::CHANNEL => self.readings.push(message, MOST),
+            EncoderSample::CHANNEL => self.samples.push(message, MOST),
+            CoefficientSnapshot::CHANNEL => self.snapshots.push(message, MOST),
+            ValveCommand::CHANNEL => self.commands.push(message, MOST),
+            Reference::CHANNEL => self.references.push(message, MOST),
+            Request::CHANNEL => self.requests.push(message, MOST),
+            MachineState::CHANNEL => self.states.push(message, MOST),
             _ => Ok(()),
         }
     }

@@ -364,9 +364,15 @@ fn living_stages_command_the_same_on_a_recording_as_in_the_run() {
     assert_eq!((was.len(), now.len()), (1501, 1501));
     was.iter().zip(&now).enumerate().for_each(|(k, (was, now))| assert_eq!(was, now, "command {k}"));
     assert!(was.iter().any(|row| row["arm.mode"] == "2"), "a model controls");
-    // Another gain of the fallback is seen in the commands before.
+    // Another estimator of an axis is seen in its commands, and in those of no other axis.
     let other = folder.path().join("other.mcap");
-    live(&["--lockstep", "--set", "axis.arm.control.kp=1", "--record", other.to_str().unwrap()]);
+    live(&[
+        "--lockstep",
+        "--set",
+        "axis.arm.identification.estimator=constant:0.99",
+        "--record",
+        other.to_str().unwrap(),
+    ]);
     let other = commands(&other);
     let differ = |column: &str| was.iter().zip(&other).filter(|(was, other)| was[column] != other[column]).count();
     assert!(differ("arm.command") > 100 && differ("boom.command") == 0, "{}", differ("arm.command"));

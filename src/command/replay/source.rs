@@ -5,8 +5,8 @@
 //! ```
 //!
 //! What came before a command is sent before the reading of its sample. In lock-step each reading that a sample was
-//! made of is a tick; in real time all readings come at the times that they were acquired at. Everything is read from
-//! the file before the first tick.
+//! made of is a tick; in real time all readings come at the times that they were acquired at, and those of a run in
+//! lock-step one period after the other. Everything is read from the file before the first tick.
 //!
 //! Trap: ticks are numbered from 0 again, as the stages begin anew.
 
@@ -30,7 +30,10 @@ use pipeline::{
 };
 
 use super::feed::Queue;
-use crate::{failure::Failure, recording::reading::Reading};
+use crate::{
+    failure::Failure,
+    recording::{LOCK_STEP, reading::Reading},
+};
 
 /// Most readings of a recording: all of them are in memory. An hour of encoders with 1 kHz.
 const MOST: usize = 4_000_000;
@@ -39,6 +42,8 @@ const MOST: usize = 4_000_000;
 #[derive(Debug, Default)]
 struct Step {
     reading: EncoderReading,
+    /// Time since the first reading, ns.
+    at_ns: u64,
     requests: Vec<Request>,
     references: Vec<Reference>,
     /// Axes that were stopped, the first one lowest.
@@ -74,7 +79,10 @@ impl Script {
         if let Some(damage) = reading.damage() {
             eprintln!("warning: {}: read as far as it goes: byte {}: {}", file.display(), damage.byte, damage.what);
         }
-        let script = all.script(lock_step);
+        let facts = reading.facts();
+        let period = facts.get("period_s").and_then(|period| period.parse::<f64>().ok());
+        let was_lock_step = facts.get("clock").is_some_and(|clock| clock == LOCK_STEP);
+        let script = all.script(lock_step, period.filter(|_| was_lock_step));
         if script.steps.is_empty() {
             return Err(Failure::usage(format!("{}: found no reading of encoders", file.display())));
         }
@@ -88,8 +96,7 @@ impl Script {
 
     /// Time from the first reading to the last one, ns.
     pub fn span_ns(&self) -> u64 {
-        let time = |step: Option<&Step>| step.map_or(0, |step| step.reading.header.acquired_ns);
-        time(self.steps.back()).saturating_sub(time(self.steps.front()))
+        self.steps.back().map_or(0, |step| step.at_ns)
     }
 }
 
@@ -104,7 +111,8 @@ struct Messages {
 }
 
 impl Messages {
-    fn script(mut self, lock_step: bool) -> Script {
+    /// `period`: that of a run in lock-step, whose readings were acquired as fast as they could be, s.
+    fn script(mut self, lock_step: bool, period: Option<f64>) -> Script {
         let acquired = |header: &pipeline::message::Header| header.acquired_ns;
         let of_samples: HashMap<u64, u64> = self
             .samples
@@ -114,10 +122,15 @@ impl Messages {
             .map(|header| (acquired(header), header.sequence))
             .collect();
         let is_used = |reading: &EncoderReading| !lock_step || of_samples.contains_key(&reading.header.acquired_ns);
-        let mut steps = VecDeque::new();
+        let mut steps: VecDeque<Step> = VecDeque::new();
+        let mut first_ns = None;
         while let Some(typed) = self.readings.pop() {
-            if is_used(&typed.message) {
-                steps.push_back(Step { reading: typed.message, ..Step::default() });
+            let reading = typed.message;
+            if is_used(&reading) {
+                let since =
+                    reading.header.acquired_ns.saturating_sub(*first_ns.get_or_insert(reading.header.acquired_ns));
+                let at_ns = period.map_or(since, |period| (period * 1e9 * steps.len() as f64) as u64);
+                steps.push_back(Step { reading, at_ns, ..Step::default() });
             }
         }
         let is_armed = self
@@ -193,8 +206,8 @@ struct Recorded {
     snapshots: Option<Reader<CoefficientSnapshot>>,
     board: Board,
     recorder: RecorderGate,
-    /// When the first reading was sent, and its time in the recording, ns; none before it.
-    begin: Option<(u64, u64)>,
+    /// When the first reading was due, ns; none before it.
+    begin_ns: Option<u64>,
 }
 
 impl Recorded {
@@ -212,7 +225,7 @@ impl Recorded {
             snapshots: if lock_step { Some(group.reader()?) } else { None },
             recorder: RecorderGate::new(board, options),
             board: own,
-            begin: None,
+            begin_ns: None,
         })
     }
 
@@ -253,9 +266,8 @@ impl Recorded {
 
     /// Waits until the next reading is due, in real time. When it was due, ns; none while it is not.
     fn due(&mut self, turn: &mut Turn) -> Option<u64> {
-        let acquired_ns = self.steps.front()?.reading.header.acquired_ns;
-        let (begin_ns, first_ns) = *self.begin.get_or_insert_with(|| (monotonic_ns(), acquired_ns));
-        let due_ns = begin_ns + acquired_ns.saturating_sub(first_ns);
+        let at_ns = self.steps.front()?.at_ns;
+        let due_ns = self.begin_ns.get_or_insert_with(monotonic_ns).saturating_add(at_ns);
         turn.sleep_until(due_ns).then(|| turn.release(due_ns)).map(|_| due_ns)
     }
 }

@@ -7,8 +7,8 @@
 use std::{
     collections::BTreeMap,
     fs::{File, OpenOptions},
-    io::{BufWriter, Write},
-    os::unix::fs::OpenOptionsExt,
+    io::{self, BufWriter, Write},
+    os::unix::fs::{MetadataExt, OpenOptionsExt},
     path::Path,
 };
 
@@ -142,10 +142,14 @@ impl RecordingFile {
     /// Ends the chunk, so that a reader of the file finds all messages so far. The length of the file, bytes.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The file cannot be written, or somebody has removed it.
     pub fn flush(&mut self) -> McapResult<u64> {
         self.writer.flush()?;
-        Ok(self.file.metadata()?.len())
+        let data = self.file.metadata()?;
+        if data.nlink() == 0 {
+            return Err(io::Error::new(io::ErrorKind::NotFound, "the file was removed").into());
+        }
+        Ok(data.len())
     }
 
     /// Writes facts that are known at the end, ends the file and waits for the disk.
@@ -163,5 +167,23 @@ impl RecordingFile {
 
     fn facts(&mut self, name: &str, facts: &Facts) -> McapResult<()> {
         self.writer.write_metadata(&Metadata { name: name.to_owned(), metadata: facts.clone() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pipeline::message::EncoderSample;
+
+    #[test]
+    fn a_file_that_somebody_removes_is_an_error_with_the_next_flush() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        let mut file = RecordingFile::create(&path, &Facts::new(), &[], 0).unwrap();
+        file.add_channel::<EncoderSample>().unwrap();
+        assert!(file.flush().unwrap() > 0);
+        std::fs::remove_file(&path).unwrap();
+        file.write(&Encoded::new(0, &EncoderSample::default())).unwrap();
+        assert!(matches!(file.flush(), Err(McapError::Io(error)) if error.kind() == io::ErrorKind::NotFound));
     }
 }

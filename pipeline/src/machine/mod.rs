@@ -8,7 +8,7 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `timing`, `stages`, `source`, `can`, `fuzzy`, `hydraulics`, `mechanism`, `soil` | tables of the whole machine |
-//! | `tip` | a motion of the bucket's teeth |
+//! | `tip`, `walls` | a motion of the bucket's teeth; places that boom, arm and bucket do not pass |
 //! | `axis/` | the tables of one axis |
 //! | `count_length` | length of one count of a sensor at a joint |
 //! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |
@@ -37,6 +37,7 @@ mod source;
 mod stages;
 mod timing;
 mod tip;
+mod walls;
 
 use std::{
     borrow::Cow,
@@ -68,6 +69,7 @@ pub use source::{Drive, Source};
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
 pub use tip::{TipPiece, TipShape, TipTask};
+pub use walls::{MOST_CORNERS, Walls};
 
 use crate::{MAX_AXES, layout, nearest::did_you_mean_file};
 
@@ -105,6 +107,8 @@ pub struct Machine {
     pub soil: Option<Soil>,
     /// The motion of the teeth that axes with a reference of kind `tip` follow, if there is one.
     pub tip: Option<TipTask>,
+    /// Walls that boom, arm and bucket do not cross, if there are any.
+    pub walls: Option<Walls>,
     /// What changes while the simulated machine works.
     pub scenario: Scenario,
     /// The axes, in the order of the file.
@@ -203,7 +207,7 @@ impl Machine {
             }
             axis
         });
-        let text = format!("{:?} {:?} {:?}", self.timing, self.tip, axes.collect::<Vec<_>>());
+        let text = format!("{:?} {:?} {:?} {:?}", self.timing, self.tip, self.walls, axes.collect::<Vec<_>>());
         // The lower half goes into every message, where 0 means none.
         layout::named(&text) | 1
     }
@@ -282,6 +286,7 @@ impl Machine {
         let section = root.section("tip");
         let tip = TipTask::read(section, mechanism.is_some());
         TipTask::expect_followers(tip.as_ref(), &root.section("tip"), &axes);
+        let walls = Walls::read(root.section("walls"), mechanism.is_some());
         let described = Described { axes: &names, has_mechanism: mechanism.is_some(), has_soil: soil.is_some() };
         let scenario = Scenario::read(&mut root, &described);
         let values = root.values();
@@ -289,7 +294,22 @@ impl Machine {
             axis.hardware = Hardware::of(&values, &names, &axis.name);
         }
         root.finish();
-        Self { name, timing, realtime, stages, source, drive, can, hydraulics, mechanism, soil, tip, scenario, axes }
+        Self {
+            name,
+            timing,
+            realtime,
+            stages,
+            source,
+            drive,
+            can,
+            hydraulics,
+            mechanism,
+            soil,
+            tip,
+            walls,
+            scenario,
+            axes,
+        }
     }
 
     /// The twin of a real machine: the same machine, simulated by its tables `plant`, `supply` and `oil`. A machine

@@ -171,6 +171,11 @@ fn attempt(seed: u64, driver: Driver, scenario: &str) -> (f64, f64) {
         plant.command(&command);
         plant.advance(machine.timing.period);
         let positions = std::array::from_fn(|i| plant.axes()[i].position);
+        if std::env::var("TRACE").is_ok() {
+            let beyond = walls.least_distance(&positions).unwrap();
+            let speeds: Vec<_> = plant.axes()[..4].iter().map(|a| (1e3 * a.velocity).round()).collect();
+            println!("{tick} {beyond:?} v {speeds:?} u {:?} f {:?} asked {commands:?}", command.axes[..4].iter().map(|a| (1e3*a.command).round()/1e3).collect::<Vec<_>>(), command.axes[..4].iter().map(|a| a.flags).collect::<Vec<_>>());
+        }
         crossed = crossed.max(walls.crossed(&positions).map_or(0.0, |(_, beyond)| beyond));
     }
     (crossed, acted)
@@ -196,15 +201,15 @@ fn row_50_nobody_crosses_a_virtual_wall() {
     let (attempts, seed) = (number("HYDRAXIS_WALLS", 24), number("HYDRAXIS_WALLS_SEED", 1));
     for driver in [Driver::Hand, Driver::Axes, Driver::Teeth] {
         let (mut worst, mut acted) = ((0.0, 0), 0);
-        for k in (0..attempts).filter(|k| k % 3 == driver as u64) {
-            let number = 1_000_000 * seed + k;
-            let (crossed, time) = attempt(number, driver, "nominal");
+        for k in (0..attempts).filter(|k| k % 3 == driver as u64 && number("ONLY", *k) == *k) {
+            let id = 1_000_000 * seed + k;
+            let (crossed, time) = attempt(id, driver, "nominal");
             acted += u64::from(time > 0.0);
             if crossed > worst.0 {
-                worst = (crossed, number);
+                worst = (crossed, id);
             }
             if crossed > 0.5 * ALLOWED {
-                println!("{driver:?} {number}: {:.1} mm", 1e3 * crossed);
+                println!("{driver:?} {id}: {:.1} mm", 1e3 * crossed);
             }
         }
         println!("{driver:?}: {acted} of {} met a wall, crossed by {:.1} mm at most", attempts / 3, 1e3 * worst.0);

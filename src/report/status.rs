@@ -67,7 +67,9 @@ impl TeethNow {
         let [x, z] = self.at;
         let place = format!("teeth at [{x:.3}, {z:.3}] m, pitch {:.1} degrees", self.pitch);
         match self.error.zip(self.pitch_error) {
-            Some((error, pitch)) => format!("{place}; {:.1} mm from their way, pitch off by {pitch:+.2}\n", 1e3 * error),
+            Some((error, pitch)) => {
+                format!("{place}; {:.1} mm from their way, pitch off by {pitch:+.2}\n", 1e3 * error)
+            }
             None => place + "\n",
         }
     }

@@ -117,7 +117,8 @@ impl Teeth {
 
     /// The teeth of a tick as a picture shows them; none before the begin and after the end of the way.
     pub fn trace(&self, way: Option<(f64, f64)>, plant: &PlantSim) -> Option<TracePoint> {
-        let t = way.map(|(start, now)| self.period * (now - start)).filter(|t| (0.0..=self.plan.duration()).contains(t))?;
+        let t =
+            way.map(|(start, now)| self.period * (now - start)).filter(|t| (0.0..=self.plan.duration()).contains(t))?;
         let positions: [f64; AXES] = std::array::from_fn(|i| plant.axes()[i].position);
         let (tip, s, way) = (self.mechanism.pose(&positions).tip, self.plan.length(t), self.plan.way());
         let beside = |by: f64| way.place((s + by).clamp(0.0, way.length())).at;

@@ -3,13 +3,15 @@
 //! ```text
 //! d   = limit - n . P - r                           distance of a part from a wall
 //! w_i = n . dP/dy_i v_i                             what axis i adds to the speed towards it
-//! H(s) = sum_{w_i > 0} (s w_i t_i + s^2 w_i |v_i| / (2 a_i)) - sum_{w_i < 0} s |w_i| c_i
+//! H(s) = sum_{w_i > 0} (s w_i t_i + s^2 w_i |v_i| / (2 a_i)) - sum_{w_i < 0} s |w_i| c_i + s sum_i |n . dP/dy_i| x_i
+//! x_i = sum_{j /= i} |M_ij v_j| / (M_ii w0_i)      how far axis i swings when the others stop
 //! s   = the largest s <= 1 with H(s) <= max(d, 0), over all walls and parts
 //! ```
 //!
 //! P place of a part and r how far the body stands out there in m, n normal of the wall, y_i position of a cylinder in
 //! m, v_i its speed in m/s; t_i time in s and a_i deceleration in m/s2 with which it stops, c_i time in s for which an
-//! axis that leads away goes on at least. A part is a pin, the end of the rocker, the teeth, or a corner of the bucket:
+//! axis that leads away goes on at least; M mass matrix of the cylinders with the heaviest payload in kg, w0 angular
+//! frequency of an axis on its spring of oil in rad/s, 2 pi 4 Hz where it was not found. A part is a pin, the end of the rocker, the teeth, or a corner of the bucket:
 //! between them the bodies are taken as straight, so the farthest place is one of these.
 //!
 //! Two rules, both for all four cylinders together, because one that stops while another goes on moves the teeth:
@@ -17,10 +19,10 @@
 //! | rule | v | t_i | what it does |
 //! |---|---|---|---|
 //! | gentle | of the commands of a person, by the static curve | `stop_reaction` | all speeds of the person become s times as fast |
-//! | hard | the greater of measured and commanded speed | 1.5 (t_d + tau) + T + 20 ms + 1/w | s < 1: neutral, but for axes that lead away |
+//! | hard | the greater of measured and commanded speed | 1.5 (t_d + tau) + T + 20 ms + 1/w0 | s < 1: neutral, but for axes that lead away |
 //!
-//! t_d dead time, tau lag, w angular frequency of the load on its spring of oil, of the commissioned model; a_i is
-//! `stop_deceleration`. An axis without a commissioned model has t_i = 1 s and c_i = 0, others c_i = (t_d + tau)/2.
+//! t_d dead time, tau lag of the commissioned model, 1/w0 only where a swing was found; a_i is `stop_deceleration`. An
+//! axis without a commissioned model has t_i = 1 s and c_i = 0, others c_i = (t_d + tau)/2.
 //!
 //! Trap: an axis whose position is not known may be anywhere. Then all four are neutral.
 
@@ -32,6 +34,8 @@ const UNKNOWN_TIME: f64 = 1.0;
 /// Part of dead time and lag that stopping may take longer by, and part of it for which motion away goes on for sure.
 const LATER: f64 = 1.5;
 const SOONER: f64 = 0.5;
+/// w0 of an axis of which no swing was found, rad/s: 4 Hz.
+const UNKNOWN_SWING: f64 = 2.0 * std::f64::consts::PI * 4.0;
 /// Half of the time over which speeds are measured, s.
 const SPEED_DELAY: f64 = 0.02;
 /// Way beyond d before the hard rule acts, m: the noise of the encoders at rest.
@@ -75,6 +79,8 @@ struct Stop {
     away: f64,
     /// a, m/s2.
     deceleration: f64,
+    /// w0, rad/s.
+    swing: f64,
     /// Part of the difference to a commanded speed that the axis makes good in a period.
     decay: f64,
     curve: Curve,
@@ -119,14 +125,18 @@ impl Stop {
         let limits = axis.motion_limits(period);
         let control = &axis.control;
         let (mut hard, mut away, mut lag) = (UNKNOWN_TIME, 0.0, UNKNOWN_TIME);
+        let mut swing = UNKNOWN_SWING;
         let mut curve = Curve::Assumed(
             (control.dead_band.extend, control.dead_band.retract),
             control.command_limit,
             axis.max_speed,
         );
         if let Some(model) = &axis.commissioned {
-            let swing = std::f64::consts::TAU * model.natural_frequency;
-            hard = LATER * model.reaction() + period + SPEED_DELAY + if swing > 0.0 { 1.0 / swing } else { 0.0 };
+            hard = LATER * model.reaction() + period + SPEED_DELAY;
+            if model.natural_frequency > 0.0 {
+                swing = std::f64::consts::TAU * model.natural_frequency;
+                hard += 1.0 / swing;
+            }
             (away, lag) = (SOONER * model.reaction(), model.time_constant);
             curve = Curve::Measured(model.clone());
         }
@@ -135,6 +145,7 @@ impl Stop {
             hard,
             away,
             deceleration: limits.stop_deceleration,
+            swing,
             decay: 1.0 - (-period / lag.max(1e-6)).exp(),
             curve,
             coming: 0.0,
@@ -214,7 +225,8 @@ pub struct Walls {
 impl Walls {
     /// Of a machine with `[walls]`, `[mechanism]` and four axes; none for another one.
     pub fn of(machine: &Machine) -> Option<Self> {
-        let (settings, mechanism) = (machine.walls.as_ref()?, machine.mechanism?);
+        let (settings, mut mechanism) = (machine.walls.as_ref()?, machine.mechanism?);
+        mechanism.masses.payload.mass = settings.payload;
         let axes: &[Axis; AXES] = machine.axes.first_chunk()?;
         let period = machine.timing.period.as_secs_f64();
         let limit = |limit: Option<f64>| limit.unwrap_or(f64::INFINITY);
@@ -250,14 +262,26 @@ impl Walls {
     /// `margin` m before all walls by the hard rule.
     pub fn factor(&self, positions: &[f64; AXES], speeds: &[f64; AXES], margin: f64) -> f64 {
         let mut least = 1.0_f64;
+        let swings = self.swings(positions, speeds);
         self.each(positions, |_, distance, rates| {
             let mut headway = Headway::default();
             for (i, stop) in self.stops.iter().enumerate() {
                 headway.add(rates[i] * speeds[i], speeds[i], stop.hard, stop);
+                headway.linear += rates[i].abs() * swings[i];
             }
             least = least.min(headway.factor(distance - margin));
         });
         least
+    }
+
+    /// x, m: how far each axis swings when the others stop, which have these speeds, m/s.
+    fn swings(&self, positions: &[f64; AXES], speeds: &[f64; AXES]) -> [f64; AXES] {
+        let pose = self.mechanism.pose(positions);
+        let mass = self.mechanism.dynamics(&pose, &[0.0; AXES], Vector::default()).mass;
+        std::array::from_fn(|i| {
+            let others = (0..AXES).filter(|j| *j != i).map(|j| (mass[i][j] * speeds[j]).abs());
+            others.sum::<f64>() / (mass[i][i] * self.stops[i].swing)
+        })
     }
 
     /// What may be commanded in this tick.
@@ -282,6 +306,8 @@ impl Walls {
         for i in 0..AXES {
             asked[i] = self.stops[i].curve.speed(wanted[i].command);
         }
+        let fastest = std::array::from_fn(|i| f64::max(motion[i].1.abs(), self.stops[i].coming.abs()));
+        let (swings, asked_swings) = (self.swings(&positions, &fastest), self.swings(&positions, &asked));
         let mut gentle: f64 = 1.0;
         self.each(&positions, |_, distance, rates| {
             let (mut by_hand, mut hard) = (Headway::default(), Headway::default());
@@ -291,6 +317,8 @@ impl Walls {
                 let (v, rate) = (motion[i].1, rates[i]);
                 let worst = if rate * v > rate * stop.coming { v } else { stop.coming };
                 hard.add(rate * worst, worst, stop.hard, stop);
+                hard.linear += rate.abs() * swings[i];
+                by_hand.linear += rate.abs() * asked_swings[i];
                 if wanted[i].is_manual {
                     by_hand.add(rate * asked[i], asked[i], stop.gentle, stop);
                 } else {

@@ -33,6 +33,7 @@ depth = 1.2
 height = 6.0
 reach = 8.2
 clearance = 0.3
+payload = 1500
 [[walls.corner]]
 at = [1.15, 0.62]
 [[walls.corner]]
@@ -64,7 +65,6 @@ fn excavator(walls: &str) -> Machine {
     let settings = model_settings_in(model, "model").unwrap();
     let mut machine =
         Machine::parse(&format!("{BUILT_IN}{walls}"), "excavator.toml", Path::new("."), &settings).unwrap();
-    machine.mechanism.as_mut().unwrap().masses.payload.mass = 1500.0;
     machine
 }
 
@@ -136,7 +136,7 @@ fn axes(machine: &mut Machine, start: &[f64; AXES], dice: &mut Dice) {
 
 /// Drives an attempt. The farthest that a wall was crossed, m, the time at which a wall acted first, s, and the time
 /// for which it did, s.
-fn attempt(seed: u64, driver: Driver, scenario: &str) -> (f64, f64) {
+fn attempt(seed: u64, driver: Driver) -> (f64, f64) {
     let mut dice = Dice(Pcg64Mcg::seed_from_u64(seed));
     let mut machine = excavator(WALLS);
     let mut start = posture(&machine, &mut dice);
@@ -148,9 +148,11 @@ fn attempt(seed: u64, driver: Driver, scenario: &str) -> (f64, f64) {
     for (axis, position) in machine.axes.iter_mut().zip(start) {
         axis.plant.as_mut().unwrap().initial_position = position;
     }
-    let _ = scenario;
     let walls = Walls::of(&machine).unwrap();
-    let mut plant = PlantSim::new(&machine, seed).unwrap();
+    // Only the simulated machine knows what is in its bucket.
+    let mut loaded = machine.clone();
+    loaded.mechanism.as_mut().unwrap().masses.payload.mass = 1500.0;
+    let mut plant = PlantSim::new(&loaded, seed).unwrap();
     let (mut acquisition, mut controller) = (Acquisition::new(&machine), Controller::new(&machine).unwrap());
     let (mut commands, mut until) = ([0.0; AXES], 0);
     let (mut crossed, mut acted) = (0.0_f64, 0.0);
@@ -171,11 +173,6 @@ fn attempt(seed: u64, driver: Driver, scenario: &str) -> (f64, f64) {
         plant.command(&command);
         plant.advance(machine.timing.period);
         let positions = std::array::from_fn(|i| plant.axes()[i].position);
-        if std::env::var("TRACE").is_ok() {
-            let beyond = walls.least_distance(&positions).unwrap();
-            let speeds: Vec<_> = plant.axes()[..4].iter().map(|a| (1e3 * a.velocity).round()).collect();
-            println!("{tick} {beyond:?} v {speeds:?} u {:?} f {:?} asked {commands:?}", command.axes[..4].iter().map(|a| (1e3*a.command).round()/1e3).collect::<Vec<_>>(), command.axes[..4].iter().map(|a| a.flags).collect::<Vec<_>>());
-        }
         crossed = crossed.max(walls.crossed(&positions).map_or(0.0, |(_, beyond)| beyond));
     }
     (crossed, acted)
@@ -201,9 +198,9 @@ fn row_50_nobody_crosses_a_virtual_wall() {
     let (attempts, seed) = (number("HYDRAXIS_WALLS", 24), number("HYDRAXIS_WALLS_SEED", 1));
     for driver in [Driver::Hand, Driver::Axes, Driver::Teeth] {
         let (mut worst, mut acted) = ((0.0, 0), 0);
-        for k in (0..attempts).filter(|k| k % 3 == driver as u64 && number("ONLY", *k) == *k) {
+        for k in (0..attempts).filter(|k| k % 3 == driver as u64) {
             let id = 1_000_000 * seed + k;
-            let (crossed, time) = attempt(id, driver, "nominal");
+            let (crossed, time) = attempt(id, driver);
             acted += u64::from(time > 0.0);
             if crossed > worst.0 {
                 worst = (crossed, id);

@@ -21,6 +21,8 @@ pub struct Walls {
     pub reach: Option<f64>,
     /// How far boom, arm and the linkage of the bucket stand out beyond their pins, m.
     pub clearance: f64,
+    /// Heaviest load of the bucket, kg.
+    pub payload: f64,
     /// Corners of the bucket beside its teeth, from the bucket pin, x towards the teeth, m.
     pub corners: Vec<[f64; 2]>,
 }
@@ -51,6 +53,9 @@ impl Walls {
             clearance: section
                 .key("clearance", "How far boom, arm and the linkage of the bucket stand out beyond their pins")
                 .number(0.0..=5.0, "m"),
+            payload: section
+                .key("payload", "Heaviest load that the bucket carries: the machine swings with it when an axis stops")
+                .number(0.0..=1e6, "kg"),
             corners: section.list("corner").into_iter().map(read_corner).collect(),
         };
         if walls.depth.or(walls.height).or(walls.reach).is_none() {

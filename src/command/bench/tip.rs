@@ -23,11 +23,7 @@ use pipeline::{
 };
 use serde::Serialize;
 
-use super::{
-    super::simulate::closed_loop,
-    parallel,
-    tip_picture::picture,
-};
+use super::{super::simulate::closed_loop, parallel, tip_picture::picture};
 use crate::{
     arguments::{
         BareMachine, load_bare, simulated_only,

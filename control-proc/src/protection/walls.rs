@@ -4,7 +4,7 @@
 //! d   = limit - n . P - r                           distance of a part from a wall
 //! w_i = n . dP/dy_i v_i                             what axis i adds to the speed towards it
 //! H(s) = sum_{w_i > 0} (s w_i t_i + s^2 w_i |v_i| / (2 a_i)) - sum_{w_i < 0} s |w_i| c_i + s sum_i |n . dP/dy_i| x_i
-//! x_i = sum_{j /= i} |M_ij v_j| / (M_ii w0_i)      how far axis i swings when the others stop
+//! x_i = 2 sum_{j /= i} |M_ij v_j| / (M_ii w0_i)    how far axis i swings when the others stop and swing back
 //! s   = the largest s <= 1 with H(s) <= max(d, 0), over all walls and parts
 //! ```
 //!
@@ -36,6 +36,8 @@ const LATER: f64 = 1.5;
 const SOONER: f64 = 0.5;
 /// w0 of an axis of which no swing was found, rad/s: 4 Hz.
 const UNKNOWN_SWING: f64 = 2.0 * std::f64::consts::PI * 4.0;
+/// Momentum that an axis passes on when it stops, in parts of its own: on its spring of oil it comes back as fast.
+const RECOIL: f64 = 2.0;
 /// Half of the time over which speeds are measured, s.
 const SPEED_DELAY: f64 = 0.02;
 /// Way beyond d before the hard rule acts, m: the noise of the encoders at rest.
@@ -280,7 +282,7 @@ impl Walls {
         let mass = self.mechanism.dynamics(&pose, &[0.0; AXES], Vector::default()).mass;
         std::array::from_fn(|i| {
             let others = (0..AXES).filter(|j| *j != i).map(|j| (mass[i][j] * speeds[j]).abs());
-            others.sum::<f64>() / (mass[i][i] * self.stops[i].swing)
+            RECOIL * others.sum::<f64>() / (mass[i][i] * self.stops[i].swing)
         })
     }
 
@@ -307,18 +309,19 @@ impl Walls {
             asked[i] = self.stops[i].curve.speed(wanted[i].command);
         }
         let fastest = std::array::from_fn(|i| f64::max(motion[i].1.abs(), self.stops[i].coming.abs()));
-        let (swings, asked_swings) = (self.swings(&positions, &fastest), self.swings(&positions, &asked));
+        let swings = self.swings(&positions, &fastest);
         let mut gentle: f64 = 1.0;
         self.each(&positions, |_, distance, rates| {
             let (mut by_hand, mut hard) = (Headway::default(), Headway::default());
-            let mut others = 0.0;
+            // What is under way whatever the person commands now.
+            let (mut others, mut swing) = (0.0_f64, 0.0);
             for (i, stop) in self.stops.iter().enumerate() {
                 // The greater speed towards the wall, the smaller one away from it.
                 let (v, rate) = (motion[i].1, rates[i]);
                 let worst = if rate * v > rate * stop.coming { v } else { stop.coming };
                 hard.add(rate * worst, worst, stop.hard, stop);
                 hard.linear += rate.abs() * swings[i];
-                by_hand.linear += rate.abs() * asked_swings[i];
+                swing += rate.abs() * swings[i];
                 if wanted[i].is_manual {
                     by_hand.add(rate * asked[i], asked[i], stop.gentle, stop);
                 } else {
@@ -327,7 +330,7 @@ impl Walls {
                     others += one.at(1.0);
                 }
             }
-            gentle = gentle.min(by_hand.factor(distance - others.max(0.0)));
+            gentle = gentle.min(by_hand.factor(distance - others.max(0.0) - swing));
             // Not a number is too far as well.
             let is_safe = hard.at(1.0) <= distance.max(0.0) + SLACK;
             for i in 0..AXES {

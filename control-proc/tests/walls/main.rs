@@ -63,9 +63,7 @@ impl Dice {
 fn excavator(walls: &str) -> Machine {
     let model = include_str!("../../../examples/excavator-model.toml");
     let settings = model_settings_in(model, "model").unwrap();
-    let mut machine =
-        Machine::parse(&format!("{BUILT_IN}{walls}"), "excavator.toml", Path::new("."), &settings).unwrap();
-    machine
+    Machine::parse(&format!("{BUILT_IN}{walls}"), "excavator.toml", Path::new("."), &settings).unwrap()
 }
 
 /// A posture whose distance from all walls is [`CLEAR`] at least.

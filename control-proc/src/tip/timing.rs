@@ -9,8 +9,8 @@
 //! q' and q'' its derivatives by s; c_i speed in m/s that the axis can give that way and there: 0.9 of the largest
 //! measured one, and less near a soft limit ([`EndStops`]); a_i `stop_deceleration` in m/s2; Q nine tenths of the
 //! pump's flow in m3/s, A_i area in m2 that the pump fills. x rises and falls as steeply as allowed, and is 0 at both
-//! ends of the run. Near a virtual wall x is bounded as well: from 0.8 of the speed with which the cylinders would still
-//! stop [`WALL_MARGIN`]/2 before it ([`Walls`]).
+//! ends of the run. Near a virtual wall x is bounded as well: by 0.8 of the speed with which the cylinders would
+//! still stop [`WALL_MARGIN`]/2 before it ([`Walls`]).
 //!
 //! s(t) of these speeds has steps of the acceleration. Its mean over the time 2 max_i (a_i/j_i) has none: j_i `jerk` of
 //! an axis in m/s3. The mean is as long as the run and stands at both ends.

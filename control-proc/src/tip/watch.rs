@@ -16,7 +16,7 @@ use pipeline::message::{TeethState, TipState};
 
 use crate::tip::TipPlan;
 
-/// Lag of the teeth up to which time along the way goes on at its full pace, m: more than an undisturbed controller has.
+/// Lag of the teeth up to which time goes on at its full pace, m: more than an undisturbed controller has.
 const EASY: f64 = 0.06;
 /// Lag at which it goes on at the least pace, m.
 const MOST: f64 = 0.25;

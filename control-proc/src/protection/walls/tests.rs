@@ -5,8 +5,8 @@ use pipeline::machine::{BUILT_IN, BUILT_IN_MODEL, model_settings_in};
 
 use super::*;
 
-const TABLE: &str = "[walls]\ndepth = 1.0\nheight = 7.0\nreach = 9.0\nclearance = 0.3\npayload = 1500\n[[walls.corner]]\n\
-                     at = [1.1, 0.6]\n";
+const TABLE: &str = "[walls]\ndepth = 1.0\nheight = 7.0\nreach = 9.0\nclearance = 0.3\npayload = 1500\n\
+                     [[walls.corner]]\nat = [1.1, 0.6]\n";
 
 fn excavator() -> Machine {
     let settings = model_settings_in(BUILT_IN_MODEL, "model").unwrap();

@@ -181,13 +181,7 @@ impl Controller {
         };
         (self.last_sequence, self.repeated) = (Some(sequence), 0);
 
-        let (axes, generator) = (&self.axes, &self.generator);
-        let waits = axes.iter().any(AxisController::waits);
-        let ease = self.teeth.as_ref().map_or(1.0, TipWatch::pace);
-        self.path.advance(sequence, (waits, ease), |tick| {
-            axes.iter().map(|axis| axis.rate(tick, generator)).fold(1.0, f64::min)
-        });
-
+        self.advance_path(sequence);
         self.lead_teeth();
 
         let mut command = self.empty(sequence);
@@ -212,6 +206,16 @@ impl Controller {
             self.stop_without_pressure(&mut command);
         }
         command
+    }
+
+    /// Goes on along the path of the generators, as far as axes and teeth follow.
+    fn advance_path(&mut self, sequence: u64) {
+        let (axes, generator) = (&self.axes, &self.generator);
+        let waits = axes.iter().any(AxisController::waits);
+        let ease = self.teeth.as_ref().map_or(1.0, TipWatch::pace);
+        self.path.advance(sequence, (waits, ease), |tick| {
+            axes.iter().map(|axis| axis.rate(tick, generator)).fold(1.0, f64::min)
+        });
     }
 
     /// Works out where the teeth are.

@@ -11,20 +11,20 @@
 //! P place of a part and r how far the body stands out there in m, n normal of the wall, y_i position of a cylinder in
 //! m, v_i its speed in m/s; t_i time in s and a_i deceleration in m/s2 with which it stops, c_i time in s for which an
 //! axis that leads away goes on at least; M mass matrix of the cylinders with the heaviest payload in kg, w0 angular
-//! frequency of an axis on its spring of oil in rad/s, 2 pi 4 Hz where it was not found. A part is a pin, the end of the
-//! rocker, the teeth, or a corner of the bucket: between them the bodies are taken as straight, so the farthest place is
-//! one of these.
+//! frequency of an axis on its spring of oil in rad/s, 2 pi 4 Hz where it was not found. A part is a pin, the end of
+//! the rocker, the teeth, or a corner of the bucket: between them the bodies are taken as straight, so the farthest
+//! place is one of these.
 //!
 //! Two rules, both for all four cylinders together, because one that stops while another goes on moves the teeth:
 //!
 //! | rule | v | t_i | what it does |
 //! |---|---|---|---|
-//! | gentle | of the commands of a person, by the static curve | `stop_reaction` | a person's speeds become s times as fast |
+//! | gentle | of a person's commands, by the static curve | `stop_reaction` | these speeds become s times as fast |
 //! | hard | the greater of measured and commanded | 1.5 (t_d + tau) + T + 20 ms + 1/w0 | s < 1: neutral |
 //!
-//! The hard rule spares axes that lead away. t_d is the dead time and tau the lag of the commissioned model; 1/w0 counts
-//! only where a swing was found; a_i is `stop_deceleration`. An axis without a commissioned model has t_i = 1 s and
-//! c_i = 0, others have c_i = (t_d + tau)/2.
+//! The hard rule spares axes that lead away. t_d is the dead time and tau the lag of the commissioned model; 1/w0
+//! counts only where a swing was found; a_i is `stop_deceleration`. An axis without a commissioned model has t_i = 1 s
+//! and c_i = 0, others have c_i = (t_d + tau)/2.
 //!
 //! Trap: an axis whose position is not known may be anywhere. Then all four are neutral.
 

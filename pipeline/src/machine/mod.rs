@@ -244,14 +244,7 @@ impl Machine {
         let realtime = Realtime::read(root.section("realtime"));
         let (source, program) = Source::read(root.section("source"), folder);
         let drive = Drive::read(root.section("drive"), &source);
-        let has_program = source == Source::External;
-        let mut stage = root.section("stage");
-        let mut stages = StageKind::ALL
-            .map(|kind| StageSettings::read(stage.section(kind.name()), kind, source.is_real(), has_program));
-        stage.finish();
-        if has_program {
-            stages[StageKind::PlantSim as usize].command = program;
-        }
+        let stages = read_stages(&mut root, &source, program);
         let section = root.section("can");
         let has_bus = section.is_given() || source == Source::Can;
         let can = has_bus.then(|| CanBus::read(section, &timing));
@@ -271,20 +264,14 @@ impl Machine {
         let mut axes: Vec<Axis> = names.iter().map(|name| Axis::read(name, table.section(name), &shared)).collect();
         table.finish();
         if let Some(mechanism) = &mechanism {
-            let strokes: Vec<f64> = axes.iter().map(|axis| axis.stroke).collect();
-            mechanism::expect_order(&section, &names);
-            mechanism::expect_movable(&section, mechanism, &strokes);
-            if section.is_sound() {
-                count_length::complete(mechanism, &mut axes);
-            }
+            expect_carried(&section, mechanism, &names, &mut axes);
         }
         section.finish();
         expect_one_node_each(&root, &axes);
         let is_simulated = axes.iter().any(|axis| axis.plant.is_some());
         let hydraulics = Hydraulics::read(root.section("supply"), root.section("oil"), is_simulated);
         let soil = Soil::read(root.section("soil"), mechanism.is_some());
-        let section = root.section("tip");
-        let tip = TipTask::read(section, mechanism.is_some());
+        let tip = TipTask::read(root.section("tip"), mechanism.is_some());
         TipTask::expect_followers(tip.as_ref(), &root.section("tip"), &axes);
         let walls = Walls::read(root.section("walls"), mechanism.is_some());
         let described = Described { axes: &names, has_mechanism: mechanism.is_some(), has_soil: soil.is_some() };
@@ -338,6 +325,29 @@ impl Machine {
     /// Settings of one stage.
     pub fn stage(&self, kind: StageKind) -> &StageSettings {
         &self.stages[kind as usize]
+    }
+}
+
+/// How each stage runs; `program` takes the place of the simulated machine where the source is external.
+fn read_stages(root: &mut Section, source: &Source, program: Option<Vec<String>>) -> [StageSettings; 4] {
+    let has_program = *source == Source::External;
+    let mut stage = root.section("stage");
+    let mut stages =
+        StageKind::ALL.map(|kind| StageSettings::read(stage.section(kind.name()), kind, source.is_real(), has_program));
+    stage.finish();
+    if has_program {
+        stages[StageKind::PlantSim as usize].command = program;
+    }
+    stages
+}
+
+/// Refuses a mechanism that does not fit the axes, and completes the sensors of its joints.
+fn expect_carried(section: &Section, mechanism: &Mechanism, names: &[String], axes: &mut [Axis]) {
+    let strokes: Vec<f64> = axes.iter().map(|axis| axis.stroke).collect();
+    mechanism::expect_order(section, names);
+    mechanism::expect_movable(section, mechanism, &strokes);
+    if section.is_sound() {
+        count_length::complete(mechanism, axes);
     }
 }
 

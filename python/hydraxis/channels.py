@@ -176,7 +176,7 @@ class Publisher:
                 break
             except iox2.PublisherCreateError as error:
                 if time.monotonic() > until:
-                    raise NoChannel(f'channel "{message.CHANNEL}" of group "{membership.prefix}" has '
+                    raise NoPlace(f'channel "{message.CHANNEL}" of group "{membership.prefix}" has '
                                     f"{message.MAX_PUBLISHERS} writer(s) already, as many as it takes ({error}); end "
                                     f"one first: hydraxis status --prefix {membership.prefix}") from None
                 time.sleep(0.05)

@@ -69,7 +69,8 @@ fn request(tick: u64, mode: AxisMode, command: f64) -> Request {
 }
 
 /// What each axis did after the begin of the fault: time from the begin of its motion to the latch, s, its travel until
-/// then, m, and the cause. None for an axis that was not latched.
+/// then, m, and the cause. None for an axis that was not latched. What is reversed is so from the start; it begins with
+/// the first command.
 type Seen = [Option<(f64, f64, u32)>; AXES];
 
 /// Runs the excavator in `mode`, off for no mode, with a fault from [`BEGIN`] on.
@@ -83,6 +84,8 @@ fn watched(machine: &Machine, mode: AxisMode, fault: Fault) -> (Seen, [f64; AXES
     let mut plant = PlantSim::new(&machine, 1).unwrap();
     let (mut acquisition, mut controller) = (Acquisition::new(&machine), Controller::new(&machine).unwrap());
     let (mut seen, mut from, mut begun) = ([None; AXES], [0.0; AXES], [None; AXES]);
+    let is_reversed = matches!(fault, Fault::Valve | Fault::Encoder);
+    let mut has_begun = [false; AXES];
     for tick in 0..END {
         let mut reading = plant.read();
         for (encoder, axis) in reading.encoders.iter_mut().zip(&machine.axes) {
@@ -99,7 +102,8 @@ fn watched(machine: &Machine, mode: AxisMode, fault: Fault) -> (Seen, [f64; AXES
         let command = controller.update(&sample, None, None);
         for i in 0..AXES {
             let way = (plant.axes()[i].position - from[i]).abs();
-            if tick <= BEGIN {
+            has_begun[i] |= if is_reversed { command.axes[i].command != 0.0 } else { tick > BEGIN };
+            if !has_begun[i] {
                 from[i] = plant.axes()[i].position;
             } else if way > BEGUN {
                 begun[i].get_or_insert(tick);

@@ -17,6 +17,9 @@ use clap::{CommandFactory, Parser};
 use failure::Failure;
 
 fn main() -> ExitCode {
+    if let Some(stop) = command::Stop::typed() {
+        return ended(stop.run());
+    }
     let arguments = match command::Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => {
@@ -28,7 +31,11 @@ fn main() -> ExitCode {
             return refused(&Failure::usage(refusal));
         }
     };
-    match arguments.command.run() {
+    ended(arguments.command.run())
+}
+
+fn ended(result: Result<(), Failure>) -> ExitCode {
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => refused(&failure),
     }

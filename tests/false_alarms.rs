@@ -74,7 +74,8 @@ impl Seen {
         assert_eq!(drawn.len() as u64, machines);
         for machine in drawn {
             let tasks = machine["tasks"].as_object().unwrap();
-            let runs = || tasks.iter().flat_map(|(name, pair)| ["fallback", "adaptive"].map(|by| (name, by, &pair[by])));
+            let runs =
+                || tasks.iter().flat_map(|(name, pair)| ["fallback", "adaptive"].map(|by| (name, by, &pair[by])));
             for (task, by, run) in runs() {
                 let what = format!("machine {} of seed {seed}, {task}, {by}", machine["machine"]);
                 self.take(&what, DRAWN / runs().count() as f64, run["latched"].as_array().unwrap().iter());

@@ -29,6 +29,6 @@ __all__ = [
     "EncoderValue", "frame", "Group", "GroupEnded", "HydraxisError", "Identification", "identify", "is_running",
     "Latched", "load_machine", "Machine", "MAX_AXES", "MAX_PREVIEW", "MESSAGES", "MissCause", "MissingPackage",
     "ModelFault", "names_of", "NoAnswer", "NoChannel", "NoGroup", "NoPlace", "Operator", "OtherLayout", "Plant",
-    "read_black_box", "read_csv", "Reader", "ReferenceWriter", "REFUSALS", "Replaced", "running_groups", "SampleFault", "simulate",
-    "Simulation", "STAGES", "StageState", "Taken", "text_of", "Timeout",
+    "read_black_box", "read_csv", "Reader", "ReferenceWriter", "REFUSALS", "Replaced", "running_groups", "SampleFault",
+    "simulate", "Simulation", "STAGES", "StageState", "Taken", "text_of", "Timeout",
 ]

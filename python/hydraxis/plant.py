@@ -53,9 +53,9 @@ class Plant:
     def advance(self, commands, seconds):
         """Moves on under these commands, one per axis in [-1, 1]; all 0 while the pilot pressure is cut off.
 
-        The last call has commands of 0 and 0 seconds, whatever ends the program but a kill and a loss of power. A second
-        program in a plant's place is refused without this call: the valves are those of the first one. Let the output
-        of a real valve have a time-out of its own as well.
+        The last call has commands of 0 and 0 seconds, whatever ends the program but a kill and a loss of power. A
+        second program in a plant's place is refused without this call: the valves are those of the first one. Let the
+        output of a real valve have a time-out of its own as well.
         """
         raise NotImplementedError
 

@@ -122,7 +122,8 @@ class ByHand(unittest.TestCase):
                 self.assertEqual(group.readings().next(20.0).header.session, session)
                 # A second one by mistake, at the same valves: it sends nothing to them, not even neutral.
                 second = subprocess.run(
-                    [sys.executable, "-c", SECOND, EXAMPLES / "four-axes.toml", "--prefix", self.prefix, *self.settings],
+                    [sys.executable, "-c", SECOND, EXAMPLES / "four-axes.toml", "--prefix", self.prefix,
+                     *self.settings],
                     cwd=ROOT, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60,
                     env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
                 self.assertEqual((second.returncode, second.stdout), (1, ""))

@@ -14,8 +14,8 @@ use crate::{
     plausibility::{Plausibility, Value, pressure::PressureCheck},
 };
 
-/// How long before its tick a reading was made, ticks. Its sensors were read at some time after the begin of the reading
-/// (`acquired_ns`) and before it was sent (`sent_ns`): a program may lose its core in between.
+/// How long before its tick a reading was made, ticks. Its sensors were read at some time after the begin of the
+/// reading (`acquired_ns`) and before it was sent (`sent_ns`): a program may lose its core in between.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Age {
     /// If they were read at once.

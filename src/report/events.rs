@@ -128,8 +128,8 @@ impl Events {
         }
         self.operator = command.operator;
         // The last command of a controller is neutral as well.
-        let ends = command.inputs.events & command_event::NEUTRAL != 0
-            && command.inputs.events & command_event::SILENT == 0;
+        let ends =
+            command.inputs.events & command_event::NEUTRAL != 0 && command.inputs.events & command_event::SILENT == 0;
         for i in 0..self.seen.len() {
             let (now, faults) = (&command.axes[i], sample.map_or(0, |sample| sample.axes[i].faults));
             let after = Seen {

@@ -1,5 +1,5 @@
-//! A shell with a real-time priority, as the program of a stop button may have it: what it starts need not wait until an
-//! ordinary program leaves it a core.
+//! A shell with a real-time priority, as the program of a stop button may have it: what it starts need not wait until
+//! an ordinary program leaves it a core.
 
 use std::{
     process::{Child, Command},

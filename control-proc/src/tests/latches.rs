@@ -270,7 +270,6 @@ fn an_axis_whose_pressure_another_one_has_cut_off_is_disarmed() {
 fn an_axis_that_runs_away_is_found_as_early_when_it_is_disarmed_on_its_way() {
     let latched_at = |disarm: bool| {
         let mut controller = Controller::new(&machine(1)).unwrap();
-        controller.arm();
         // It stands for 10 s, and then goes with 0.1 m/s.
         (0..1200u64).find(|tick| {
             let noise = 1e-4 * (tick % 2) as f64;

@@ -5,7 +5,7 @@
 //!       = 1.5 v_max where s u > d/2, else 0                                       without one
 //! b(k)  = max(largest c of the last n ticks, b(k-1) exp(-T/tau_b))
 //! e(k)  = max(0, e(k-1) + s dy(k) - T (b(k) + v_d))
-//! r(k)  = r(k-1) exp(-T/1.5 s) + new ground of y in the direction s while b(k) > 0
+//! r(k)  = r(k-1) exp(-T/1.5 s) + s dy(k) while b(k) > 0 and s dy(k) > 0
 //! fault   e > e_0 + min(0.4 r', 0.08 s v_m), and beyond the soft limit of this direction e > e_0/2
 //! ```
 //!
@@ -13,8 +13,7 @@
 //! s, v the commissioned curve as a magnitude m/s, h hysteresis, f natural frequency Hz where the load swings, d
 //! calibrated dead band, v_max `max_speed` m/s, v_m the commissioned speed at the largest command, at most v_max, or
 //! v_max without a model. c is the largest speed that a command explains, b the one that all commands so far explain, e
-//! the way that they do not explain m, r the way of the last 1.5 s that was commanded m, r' of the other direction. A
-//! way back of up to five counts and the way over it again are noise, and no new ground.
+//! the way that they do not explain m, r the way of the last 1.5 s that was commanded m, r' of the other direction.
 //!
 //! | bound | is | reason |
 //! |---|---|---|
@@ -115,18 +114,6 @@ struct Direction {
     way: f64,
     /// r, m.
     commanded: f64,
-    /// How far the axis is from its farthest position in this direction, m; 0 or negative, and at least the noise.
-    behind: f64,
-}
-
-impl Direction {
-    /// New ground of the axis in this direction, m, after a way of this length.
-    fn gain(&mut self, way: f64, noise: f64) -> f64 {
-        self.behind += way;
-        let gained = self.behind.max(0.0);
-        self.behind = self.behind.clamp(-noise, 0.0);
-        gained
-    }
 }
 
 /// What the commands of an axis explain.
@@ -146,8 +133,6 @@ pub struct Uncommanded {
     max_speed: f64,
     /// v_d, m/s.
     drift: f64,
-    /// Way that the noise of the encoder makes, m.
-    noise: f64,
     soft_limits: (f64, f64),
     /// v_m, m/s.
     fastest: f64,
@@ -180,7 +165,6 @@ impl Uncommanded {
             bound: UNKNOWN_FACTOR * axis.max_speed,
             way: 0.0,
             commanded: axis.max_speed,
-            behind: 0.0,
         };
         Self {
             period,
@@ -189,7 +173,6 @@ impl Uncommanded {
             }),
             max_speed: axis.max_speed,
             drift: axis.control.drift,
-            noise: NOISE_COUNTS * axis.encoder.resolution,
             soft_limits: axis.soft_limits,
             fastest,
             lag: model.map_or(MotionLimits::UNKNOWN_REACTION, |model| LAG_FACTOR * model.time_constant),
@@ -232,8 +215,7 @@ impl Uncommanded {
         for ((direction, sign), speed) in self.directions.iter_mut().zip([-1.0, 1.0]).zip(explained) {
             direction.bound = direction.largest.update(elapsed, speed).max(kept * direction.bound);
             direction.way = (direction.way + sign * way - seen * (direction.bound + self.drift)).max(0.0);
-            let gained = direction.gain(sign * way, self.noise);
-            let made = if direction.bound > self.drift { gained } else { 0.0 };
+            let made = if direction.bound > self.drift { (sign * way).max(0.0) } else { 0.0 };
             direction.commanded = forgotten * direction.commanded + made;
         }
         let is_beyond = |sign: f64, at: f64| if sign > 0.0 { at > self.soft_limits.1 } else { at < self.soft_limits.0 };
@@ -309,19 +291,6 @@ mod tests {
             assert_eq!(largest.update(1, values[k]), expected, "{k}");
         }
         assert_eq!(largest.update(10, 1.0), 1.0);
-    }
-
-    /// Regression: the noise of the encoder counted as way under a command, after which the axis might swing back.
-    #[test]
-    fn noise_under_a_command_allows_no_swing_against_it() {
-        for is_known in [false, true] {
-            let noisy = |t: f64| if (t * 100.0).round() as i64 % 2 == 0 { 1e-4 } else { -1e-4 };
-            let way = |noise: f64| {
-                let position = |t: f64| 0.6 + 0.05 * (t - 3.0).max(0.0) + noise * noisy(t);
-                latches(is_known, |_| -0.5, position).unwrap().1
-            };
-            assert!(way(1.0) <= way(0.0) + 1e-3, "{is_known}: {} m, {} m", way(1.0), way(0.0));
-        }
     }
 
     #[test]

@@ -16,7 +16,7 @@ use pipeline::{
     stage::{Clock, StageKind, StageOptions},
 };
 
-use super::{check, record::size, simulate::ticks};
+use super::{check, record::size, report, simulate::ticks};
 use crate::{
     arguments::{
         MachineFile, load,
@@ -90,6 +90,9 @@ pub struct RunArguments {
     /// Also show the run as a page for browsers, as `hydraxis monitor` does; port 0 takes a free one
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = LISTEN)]
     pub monitor: Option<SocketAddr>,
+    /// Let the page operate axes, as `hydraxis monitor --allow-control` does
+    #[arg(long, requires = "monitor")]
+    pub allow_control: bool,
     /// Write no black box; a run in lock-step writes none, since it can be repeated
     #[arg(long, conflicts_with = "black_box")]
     pub no_black_box: bool,
@@ -98,6 +101,9 @@ pub struct RunArguments {
     /// the oldest ones are removed; in lock-step none]
     #[arg(long, value_name = "FILE.mcap", conflicts_with = "no_record")]
     pub record: Option<PathBuf>,
+    /// Also write the page about the recording that `hydraxis report` makes
+    #[arg(long, value_name = "FILE.html", requires = "record")]
+    pub report: Option<PathBuf>,
     /// Most bytes of all recordings in the folder, such as 500MB or 2GB
     #[arg(long, value_name = "SIZE", default_value = LIMIT, value_parser = size, conflicts_with = "record")]
     pub record_limit: u64,
@@ -142,8 +148,14 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     // A client that is still attached keeps the files; the next run of this name removes them.
     let _ = claim.remove_leftovers();
     drop(claim);
+    // A run that has failed has a page as well.
+    let page =
+        arguments.record.as_deref().zip(arguments.report.as_deref()).map(|(file, page)| report::write(file, page));
     let Ended { report, is_interrupted } = result?;
     output.write_or_keep(|| report.tables(&machine), &report, is_interrupted)?;
+    if let Some(said) = page.transpose()? {
+        eprint!("{said}");
+    }
     report.verdict().map_err(Failure::run)
 }
 
@@ -165,7 +177,10 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Ch
         let allowed = "allowed: an address of this computer with a free port, such as 127.0.0.1:0";
         failures.extend([Failure::usage(format!("--monitor: the address cannot be used ({error}); {allowed}"))]);
     }
+    let controlled = arguments.monitor.filter(|_| arguments.allow_control);
+    failures.extend(controlled.and_then(page::refuse_control).map(Failure::usage));
     failures.extend(arguments.record.as_deref().and_then(|file| new_file("--record", file).err()));
+    failures.extend(arguments.report.as_deref().and_then(|file| new_file("--report", file).err()));
     let machine = failures.take(load(&arguments.machine));
     let (mut count, mut warnings) = (None, Vec::new());
     if let Some(machine) = &machine {
@@ -249,16 +264,17 @@ fn run_group(
     }
     let whole = arguments.record.as_deref().filter(|_| arguments.lockstep);
     let recorder = whole.map(|file| LockStepRecorder::start(&options.prefix, file)).transpose()?;
-    let page = arguments.monitor.and_then(|address| match Page::start(&options.prefix, address) {
-        Ok((page, line)) => {
-            supervisor.say(line);
-            Some(page)
-        }
-        Err(error) => {
-            supervisor.say(format!("warning: --monitor: {error}; the group runs without a page"));
-            None
-        }
-    });
+    let page =
+        arguments.monitor.and_then(|address| match Page::start(&options.prefix, address, arguments.allow_control) {
+            Ok((page, line)) => {
+                supervisor.say(line);
+                Some(page)
+            }
+            Err(error) => {
+                supervisor.say(format!("warning: --monitor: {error}; the group runs without a page"));
+                None
+            }
+        });
     let watched = start_and_watch(machine, options, &mut monitor, &mut supervisor);
     // A stage that does not end as it was asked to is a failure of the run as well.
     let stopped = supervisor.stop().map_or(Ok(()), Err);

@@ -13,7 +13,7 @@ use std::{
 use pipeline::{
     channel::{ChannelError, Group, Member, Prefix, Reader, Room, is_joined, remove_leftovers, rooms},
     machine::Machine,
-    message::{MachineState, StageHealth, StageState, ValveCommand},
+    message::{MachineState, Message, StageHealth, StageState, ValveCommand},
     stage::{StageKind, monotonic_ns},
 };
 use serde::Serialize;
@@ -163,6 +163,14 @@ impl Live {
     /// The machine of the group, or why it is not known.
     pub fn machine(&self) -> &Result<Machine, String> {
         &self.machine
+    }
+
+    /// A reader of one more channel.
+    ///
+    /// # Errors
+    /// The channel cannot be opened.
+    pub fn reader<M: Message>(&self) -> Result<Reader<M>, ChannelError> {
+        Ok(self.group.reader()?)
     }
 
     /// The newest state of the axes.

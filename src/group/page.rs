@@ -33,15 +33,29 @@ pub fn check(address: SocketAddr) -> io::Result<()> {
     TcpListener::bind(address).map(drop)
 }
 
+/// Why a page at this address may not operate axes, if it may not.
+pub fn refuse_control(address: SocketAddr) -> Option<String> {
+    (!address.ip().is_loopback()).then(|| {
+        format!(
+            "--allow-control: found the address {address}, where the token could be read on the way; allowed: an \
+             address of this computer only, such as {LISTEN}; from elsewhere come through ssh or a proxy with TLS"
+        )
+    })
+}
+
 impl Page {
-    /// Starts the process for a group. The process, and the line in which it says where the page is.
+    /// Starts the process for a group. With `allow_control` the page may operate axes. Returns the process, and the
+    /// line in which it says where the page is.
     ///
     /// # Errors
     /// It cannot be started, or it has ended at once, for the reason that it has written to standard error.
-    pub fn start(prefix: &Prefix, address: SocketAddr) -> io::Result<(Self, String)> {
+    pub fn start(prefix: &Prefix, address: SocketAddr, allow_control: bool) -> io::Result<(Self, String)> {
         let mut command = Command::new(std::env::current_exe()?);
         command.args(["monitor", "--parent", &std::process::id().to_string(), "--prefix", &prefix.to_string()]);
         command.args(["--listen", &address.to_string()]);
+        if allow_control {
+            command.arg("--allow-control");
+        }
         // In a process group of its own, Ctrl-C reaches the supervisor only.
         let process = command.stdin(Stdio::piped()).stdout(Stdio::piped()).process_group(0).spawn()?;
         let mut page = Self { process };

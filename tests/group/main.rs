@@ -4,6 +4,7 @@ mod arming;
 mod black_box;
 mod campaign;
 mod clean;
+mod control;
 mod events;
 #[path = "../harness/mod.rs"]
 mod harness;
@@ -14,6 +15,7 @@ mod processes;
 mod record;
 mod replay;
 mod report;
+mod screen;
 mod scripted_stage;
 mod source;
 mod status;

@@ -5,7 +5,7 @@ use std::{fs, path::Path, process::Command};
 use rustix::process::Signal;
 
 use crate::harness::{
-    hydraxis,
+    FOUR_AXES, hydraxis,
     running::{Running, text},
     shared, signal, wait_for,
 };
@@ -88,4 +88,24 @@ fn a_cut_recording_gives_a_page_that_says_so_and_something_else_gives_none() {
     assert_eq!(output.status.code(), Some(2));
     assert!(text(Some(&*output.stderr)).contains("other.mcap: found no MCAP file"));
     assert!(!folder.path().join("other.html").exists());
+}
+/// Regression: a recording in lock-step was as long as the computer had taken for it.
+#[test]
+fn a_run_in_lock_step_has_a_page_with_the_times_of_the_machine() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, page) = (folder.path().join("run.mcap"), folder.path().join("run.html"));
+    let run = || {
+        let mut command = hydraxis();
+        command.args(["run", FOUR_AXES, "--lockstep", "--duration", "5s", "--record"]).arg(&file);
+        command.arg("--report").arg(&page).output().unwrap()
+    };
+    let output = run();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && said.contains("run.html: "), "{said}");
+    let text = fs::read_to_string(&page).unwrap();
+    assert!(text.contains("<td>4s 990ms</td>"), "{}", &text[..6000]);
+    // Neither the recording nor the page is overwritten.
+    let again = run();
+    let said = String::from_utf8_lossy(&again.stderr).into_owned();
+    assert!(again.status.code() == Some(2) && said.contains("--record") && said.contains("--report"), "{said}");
 }

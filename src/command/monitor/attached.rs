@@ -4,10 +4,12 @@ use std::time::{Duration, Instant};
 
 use pipeline::{
     channel::{ChannelError, Prefix},
+    message::AxisState,
     stage::monotonic_ns,
 };
 
 use super::{
+    details::{Details, is_looked_at},
     frame::{AxesFrame, Hello, StagesFrame, line},
     published::{Kind, Published},
 };
@@ -25,10 +27,14 @@ const STAGES_APART: Duration = Duration::from_millis(450);
 pub struct Attached {
     /// Number of the attachment.
     attachment: u64,
+    /// The page may operate axes.
+    controls: bool,
     live: Live,
     side: Option<Side>,
     /// Number of the newest event that was published.
     told: u64,
+    /// While somebody looks at them.
+    details: Option<Details>,
     framed: Instant,
     staged: Instant,
 }
@@ -38,12 +44,13 @@ impl Attached {
     ///
     /// # Errors
     /// Its channels cannot be opened.
-    pub fn join(prefix: &Prefix, attachment: u64, published: &Published) -> Result<Self, ChannelError> {
+    pub fn join(prefix: &Prefix, attachment: u64, controls: bool, published: &Published) -> Result<Self, ChannelError> {
         let live = Live::join(prefix, "monitor")?;
         let now = Instant::now();
         published.history().clear();
         published.put(Kind::Events, "[]".to_owned());
-        let mut attached = Self { attachment, live, side: None, told: 0, framed: now, staged: now };
+        let mut attached =
+            Self { attachment, controls, live, side: None, told: 0, details: None, framed: now, staged: now };
         attached.greet(published);
         Ok(attached)
     }
@@ -62,7 +69,7 @@ impl Attached {
     fn greet(&mut self, published: &Published) {
         let machine = self.live.machine();
         self.side = machine.as_ref().ok().and_then(|machine| machine.mechanism.as_ref()).map(Side::new);
-        published.put(Kind::Hello, line(&Hello::of(self.attachment, self.live.prefix(), machine)));
+        published.put(Kind::Hello, line(&Hello::of(self.attachment, self.live.prefix(), machine, self.controls)));
     }
 
     /// Reads what has come and publishes it.
@@ -80,9 +87,30 @@ impl Attached {
             self.told = number;
             published.put(Kind::Events, line(told));
         }
+        self.look_closer(published)?;
         if !new.is_empty() || self.framed.elapsed() > LONGEST {
             self.framed = Instant::now();
             self.frame(published);
+        }
+        Ok(())
+    }
+
+    /// Listens to the channels of the details while somebody looks at them.
+    fn look_closer(&mut self, published: &Published) -> Result<(), ChannelError> {
+        if !is_looked_at(*published.details_asked()) {
+            self.details = None;
+            return Ok(());
+        }
+        let details = match &mut self.details {
+            Some(details) => details,
+            none => none.insert(Details::open(&self.live)?),
+        };
+        let names: Vec<&str> = match self.live.state() {
+            Some(state) => state.axes.iter().take(state.header.axis_count as usize).map(AxisState::name).collect(),
+            None => Vec::new(),
+        };
+        if let Some(frame) = details.step(&names)? {
+            *published.details() = line(&frame);
         }
         Ok(())
     }

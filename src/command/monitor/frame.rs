@@ -32,6 +32,8 @@ pub struct Hello {
     /// Number of the attachment: another one says that everything begins anew.
     attachment: u64,
     group: Option<String>,
+    /// The page may operate axes.
+    controls: bool,
     /// Why there is no group, or no machine.
     why: Option<String>,
     machine: Option<String>,
@@ -50,11 +52,12 @@ struct AxisFacts {
 
 impl Hello {
     /// No group, for this reason.
-    pub fn absent(attachment: u64, why: String) -> Self {
+    pub fn absent(attachment: u64, why: String, controls: bool) -> Self {
         Self {
             version: env!("HYDRAXIS_VERSION"),
             attachment,
             group: None,
+            controls,
             why: Some(why),
             machine: None,
             period_s: None,
@@ -64,7 +67,7 @@ impl Hello {
     }
 
     /// A group, with its machine or why that is not known.
-    pub fn of(attachment: u64, prefix: &Prefix, machine: &Result<Machine, String>) -> Self {
+    pub fn of(attachment: u64, prefix: &Prefix, machine: &Result<Machine, String>, controls: bool) -> Self {
         let known = machine.as_ref().ok();
         let facts = |machine: &Machine| {
             let of_axis = |axis: &pipeline::machine::Axis| AxisFacts {
@@ -81,7 +84,7 @@ impl Hello {
             period_s: known.map(|machine| machine.timing.period.as_secs_f64()),
             axes: known.map(facts).unwrap_or_default(),
             view: known.and_then(|machine| Some(view(machine.mechanism.as_ref()?, machine))),
-            ..Self::absent(attachment, String::new())
+            ..Self::absent(attachment, String::new(), controls)
         }
     }
 }
@@ -223,10 +226,10 @@ mod tests {
 
     #[test]
     fn a_group_without_a_known_machine_says_why() {
-        let hello = Hello::of(3, &"demo".parse().unwrap(), &Err("no file".to_owned()));
+        let hello = Hello::of(3, &"demo".parse().unwrap(), &Err("no file".to_owned()), false);
         let json: serde_json::Value = serde_json::from_str(&line(&hello)).unwrap();
         assert_eq!((json["group"].as_str(), json["why"].as_str()), (Some("demo"), Some("no file")));
-        let json: serde_json::Value = serde_json::from_str(&line(&Hello::absent(1, "none".to_owned()))).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&line(&Hello::absent(1, "none".to_owned(), true))).unwrap();
         assert!(json["group"].is_null() && json["why"] == "none");
     }
 }

@@ -8,6 +8,11 @@ use std::net::IpAddr;
 
 use axum::http::{HeaderMap, HeaderName, Method, StatusCode, header};
 
+/// Begin of the paths that operate axes.
+const CONTROL: &str = "/control/";
+/// Longest body of a request that operates axes, bytes.
+pub const BODY: usize = 1024;
+
 /// What the browser says about the page that has caused a request.
 const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 
@@ -15,17 +20,22 @@ const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 #[derive(Debug, Clone)]
 pub struct Guard {
     names: Vec<String>,
+    /// Axes may be operated.
+    controls: bool,
 }
 
 impl Guard {
-    /// Besides all addresses and `localhost`, these names.
-    pub fn new(names: &[String]) -> Self {
-        Self { names: names.iter().map(|name| name.to_ascii_lowercase()).collect() }
+    /// Besides all addresses and `localhost`, these names. `controls`: axes may be operated.
+    pub fn new(names: &[String], controls: bool) -> Self {
+        Self { names: names.iter().map(|name| name.to_ascii_lowercase()).collect(), controls }
     }
 
     /// Why a request is refused, if it is.
-    pub fn refusal(&self, method: &Method, headers: &HeaderMap) -> Option<(StatusCode, &'static str)> {
+    pub fn refusal(&self, method: &Method, path: &str, headers: &HeaderMap) -> Option<(StatusCode, &'static str)> {
         let text = |name: &HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
+        if self.controls && *method == Method::POST && path.starts_with(CONTROL) {
+            return no_command(headers).or_else(|| self.foreign(headers));
+        }
         if *method != Method::GET && *method != Method::HEAD {
             return Some((StatusCode::METHOD_NOT_ALLOWED, "found another method; allowed: GET, HEAD\n"));
         }
@@ -33,6 +43,12 @@ impl Guard {
         if has_body || headers.contains_key(header::TRANSFER_ENCODING) {
             return Some((StatusCode::PAYLOAD_TOO_LARGE, "found a request with a body; allowed: none\n"));
         }
+        self.foreign(headers)
+    }
+
+    /// Why a request is not one of the server's own pages, if it is not.
+    fn foreign(&self, headers: &HeaderMap) -> Option<(StatusCode, &'static str)> {
+        let text = |name: &HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
         let Some(host) = text(&header::HOST) else {
             return Some((StatusCode::BAD_REQUEST, "found no Host; allowed: the address of the server\n"));
         };
@@ -64,6 +80,27 @@ impl Guard {
     }
 }
 
+/// Why a request cannot be one that operates axes, if it cannot. A browser sends Origin with each of them, and asks
+/// before it sends JSON to another server.
+fn no_command(headers: &HeaderMap) -> Option<(StatusCode, &'static str)> {
+    let one = |name: HeaderName| {
+        let mut all = headers.get_all(name).iter();
+        let first = all.next().and_then(|value| value.to_str().ok());
+        first.filter(|_| all.next().is_none())
+    };
+    let length = one(header::CONTENT_LENGTH).and_then(|length| length.parse::<usize>().ok());
+    if one(header::ORIGIN).is_none() {
+        return Some((StatusCode::FORBIDDEN, "found no Origin; allowed: requests of the page\n"));
+    }
+    if one(header::CONTENT_TYPE) != Some("application/json") {
+        return Some((StatusCode::UNSUPPORTED_MEDIA_TYPE, "found another type; allowed: application/json\n"));
+    }
+    if length.is_none_or(|length| length > BODY) || headers.contains_key(header::TRANSFER_ENCODING) {
+        return Some((StatusCode::PAYLOAD_TOO_LARGE, "found no length, or a long body; allowed: 1 kB\n"));
+    }
+    None
+}
+
 #[cfg(test)]
 mod tests {
     use axum::http::HeaderValue;
@@ -71,12 +108,16 @@ mod tests {
     use super::*;
 
     fn status(method: Method, headers: &[(&'static str, &'static str)]) -> u16 {
-        let guard = Guard::new(&["Cab.local".to_owned()]);
+        refusal(false, method, "/state", headers)
+    }
+
+    fn refusal(controls: bool, method: Method, path: &str, headers: &[(&'static str, &'static str)]) -> u16 {
+        let guard = Guard::new(&["Cab.local".to_owned()], controls);
         let mut map = HeaderMap::new();
         for (name, value) in headers {
             map.append(*name, HeaderValue::from_static(value));
         }
-        guard.refusal(&method, &map).map_or(200, |(status, _)| status.as_u16())
+        guard.refusal(&method, path, &map).map_or(200, |(status, _)| status.as_u16())
     }
 
     #[test]
@@ -102,6 +143,39 @@ mod tests {
         assert_eq!(status(Method::GET, &[host, ("sec-fetch-site", "same-origin")]), 200);
         let navigation = [host, ("sec-fetch-site", "cross-site"), ("sec-fetch-mode", "navigate")];
         assert_eq!(status(Method::GET, &navigation), 200);
+    }
+
+    #[test]
+    fn axes_are_operated_by_the_own_page_only() {
+        const OWN: [(&str, &str); 4] = [
+            ("host", "127.0.0.1:8787"),
+            ("origin", "http://127.0.0.1:8787"),
+            ("content-type", "application/json"),
+            ("content-length", "2"),
+        ];
+        let post = |controls, path, headers: &[_]| refusal(controls, Method::POST, path, headers);
+        assert_eq!(post(true, "/control/off", &OWN), 200);
+        assert_eq!((post(false, "/control/off", &OWN), post(true, "/state", &OWN)), (405, 405));
+        for (without, expected) in [(0, 400), (1, 403), (2, 415), (3, 413)] {
+            let headers: Vec<_> = (0..4).filter(|i| *i != without).map(|i| OWN[i]).collect();
+            assert_eq!(post(true, "/control/off", &headers), expected, "without {:?}", OWN[without]);
+        }
+        for (i, value, expected) in [
+            (0, "evil.example", 421),
+            (1, "http://evil.example", 403),
+            (1, "null", 403),
+            (2, "text/plain", 415),
+            (3, "1025", 413),
+            (3, "-1", 413),
+        ] {
+            let mut headers = OWN;
+            headers[i].1 = value;
+            assert_eq!(post(true, "/control/off", &headers), expected, "{value}");
+        }
+        let with = |header| [&OWN[..], &[header]].concat();
+        assert_eq!(post(true, "/control/off", &with(("sec-fetch-site", "cross-site"))), 403);
+        assert_eq!(post(true, "/control/off", &with(("transfer-encoding", "chunked"))), 413);
+        assert_eq!(post(true, "/control/off", &with(("origin", "http://evil.example"))), 403);
     }
 
     #[test]

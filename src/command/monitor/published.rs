@@ -1,7 +1,11 @@
 //! What the watcher publishes and the server reads.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::{
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    time::Instant,
+};
 
+use pipeline::channel::Prefix;
 use tokio::sync::watch;
 
 use super::history::History;
@@ -47,6 +51,9 @@ pub struct Published {
     parts: watch::Sender<Parts>,
     history: Mutex<History>,
     report: Mutex<Option<StatusReport>>,
+    group: Mutex<Option<Prefix>>,
+    details: Mutex<String>,
+    details_asked: Mutex<Option<Instant>>,
 }
 
 impl Published {
@@ -54,7 +61,14 @@ impl Published {
     pub fn new() -> Self {
         let none = || Part { version: 0, text: Arc::from("{}") };
         let (parts, _) = watch::channel([none(), none(), none(), none()]);
-        Self { parts, history: Mutex::new(History::new()), report: Mutex::new(None) }
+        Self {
+            parts,
+            history: Mutex::new(History::new()),
+            report: Mutex::new(None),
+            group: Mutex::new(None),
+            details: Mutex::new("{}".to_owned()),
+            details_asked: Mutex::new(None),
+        }
     }
 
     /// Replaces a part.
@@ -79,6 +93,21 @@ impl Published {
     pub fn history(&self) -> MutexGuard<'_, History> {
         // A thread that panicked while it held the lock has left whole rows.
         self.history.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The details as JSON.
+    pub fn details(&self) -> MutexGuard<'_, String> {
+        self.details.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// When somebody asked for the details last.
+    pub fn details_asked(&self) -> MutexGuard<'_, Option<Instant>> {
+        self.details_asked.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The group that is shown; none while there is none.
+    pub fn group(&self) -> MutexGuard<'_, Option<Prefix>> {
+        self.group.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The figures of the group; none while there is no group.

@@ -1,8 +1,9 @@
 //! Connections, their limits, and what is at which path.
 //!
-//! One thread serves all connections. A connection carries one request. It is closed when its request does not come
-//! within [`PATIENCE`], when its answer is not taken within [`PATIENCE`], or when a browser that watches reads nothing
-//! for [`PATIENCE`]. So no client holds memory or a place for longer than that by doing nothing.
+//! One thread serves all connections. A connection carries one request, or those of one page that operates axes, so
+//! that its place is not lost while a button is held. It is closed when its request does not come within
+//! [`PATIENCE`], when its answer is not taken within [`PATIENCE`], or when a browser that watches reads nothing for
+//! [`PATIENCE`]. So no client holds memory or a place for longer than that by doing nothing.
 
 use std::{
     convert::Infallible,
@@ -17,8 +18,8 @@ use std::{
 
 use axum::{
     Extension, Router,
-    extract::{Request, State},
-    http::{HeaderValue, StatusCode, header},
+    extract::{DefaultBodyLimit, Request, State},
+    http::{HeaderValue, Method, StatusCode, header},
     middleware::{Next, from_fn_with_state},
     response::{
         IntoResponse, Response,
@@ -38,7 +39,8 @@ use tokio::{
 };
 
 use super::{
-    guard::Guard,
+    control::{self, Control, StaysOpen},
+    guard::{BODY, Guard},
     metrics,
     published::{Kind, Part, Parts, Published},
 };
@@ -47,6 +49,8 @@ use super::{
 const MOST: usize = 64;
 /// Longest time without progress of a connection.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// Time in which a request that operates axes must be answered.
+const COMMAND_PATIENCE: Duration = Duration::from_secs(8);
 /// Time between two looks at the progress of a connection.
 const LOOK: Duration = Duration::from_millis(500);
 /// Longest head of a request, bytes; also what is kept for a browser that reads slowly.
@@ -64,6 +68,8 @@ const STYLE: (&str, &str) = ("text/css; charset=utf-8", include_str!("page/style
 const SCRIPT: (&str, &str) = ("text/javascript; charset=utf-8", include_str!("page/page.js"));
 const MACHINE: (&str, &str) = ("text/javascript; charset=utf-8", include_str!("page/machine.js"));
 const TRENDS: (&str, &str) = ("text/javascript; charset=utf-8", include_str!("page/trends.js"));
+const DETAILS: (&str, &str) = ("text/javascript; charset=utf-8", include_str!("page/details.js"));
+const CONTROL: (&str, &str) = ("text/javascript; charset=utf-8", include_str!("page/control.js"));
 const PLOT: (&str, &str) = ("text/javascript; charset=utf-8", include_str!("page/uPlot.iife.min.js"));
 const PLOT_STYLE: (&str, &str) = ("text/css; charset=utf-8", include_str!("page/uPlot.min.css"));
 const ICON: (&str, &str) = ("image/svg+xml", include_str!("page/icon.svg"));
@@ -101,13 +107,18 @@ impl Progress {
 ///
 /// # Errors
 /// The system gives no thread, or no means to wait for connections.
-pub fn start(listener: TcpListener, guard: Guard, published: Arc<Published>) -> std::io::Result<()> {
+pub fn start(
+    listener: TcpListener,
+    guard: Guard,
+    published: Arc<Published>,
+    control: Option<&Arc<Control>>,
+) -> std::io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
     let listener = {
         let _inside = runtime.enter();
         tokio::net::TcpListener::from_std(listener)?
     };
-    let router = routes(guard, published);
+    let router = routes(guard, published, control);
     let serve = move || runtime.block_on(accept(&listener, &router));
     thread::Builder::new().name("server".to_owned()).spawn(serve).map(|_| ())
 }
@@ -137,7 +148,7 @@ async fn serve(stream: TcpStream, router: Router) {
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(PATIENCE)
-        .keep_alive(false)
+        .keep_alive(true)
         .max_buf_size(HEAD)
         .max_headers(MOST_HEADERS)
         .serve_connection(TokioIo::new(stream), service);
@@ -148,7 +159,7 @@ async fn serve(stream: TcpStream, router: Router) {
     }
 }
 
-fn routes(guard: Guard, published: Arc<Published>) -> Router {
+fn routes(guard: Guard, published: Arc<Published>, control: Option<&Arc<Control>>) -> Router {
     let file = |(kind, text): (&'static str, &'static str)| get(move || async move { (with_kind(kind), text) });
     Router::new()
         .route("/", file(HTML))
@@ -156,18 +167,23 @@ fn routes(guard: Guard, published: Arc<Published>) -> Router {
         .route("/page.js", file(SCRIPT))
         .route("/machine.js", file(MACHINE))
         .route("/trends.js", file(TRENDS))
+        .route("/details.js", file(DETAILS))
+        .route("/control.js", file(CONTROL))
         .route("/uPlot.js", file(PLOT))
         .route("/uPlot.css", file(PLOT_STYLE))
         .route("/icon.svg", file(ICON))
         .route("/events", get(events))
         .route("/state", get(state))
         .route("/history", get(history))
+        .route("/details", get(details))
         .route("/metrics", get(figures))
         .route("/health", get(health))
         .fallback(|| async {
             (StatusCode::NOT_FOUND, "found no such path; allowed: /, /state, /history, /metrics, /health\n")
         })
         .with_state(published)
+        .merge(control.map(control::routes).unwrap_or_default())
+        .layer(DefaultBodyLimit::max(BODY))
         .layer(from_fn_with_state(guard, guarded))
 }
 
@@ -176,11 +192,24 @@ fn with_kind(kind: &'static str) -> [(header::HeaderName, HeaderValue); 1] {
 }
 
 /// Refuses requests, and adds the headers that all answers have.
-async fn guarded(State(guard): State<Guard>, request: Request, next: Next) -> Response {
-    let mut response = match guard.refusal(request.method(), request.headers()) {
+async fn guarded(
+    State(guard): State<Guard>,
+    Extension(progress): Extension<Arc<Progress>>,
+    request: Request,
+    next: Next,
+) -> Response {
+    progress.step();
+    let mut response = match guard.refusal(request.method(), request.uri().path(), request.headers()) {
         Some(refusal) => refusal.into_response(),
+        None if request.method() == Method::POST => {
+            let answer = tokio::time::timeout(COMMAND_PATIENCE, next.run(request)).await;
+            answer.unwrap_or_else(|_| StatusCode::REQUEST_TIMEOUT.into_response())
+        }
         None => next.run(request).await,
     };
+    if response.extensions().get::<StaysOpen>().is_none() {
+        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
     for (name, value) in [
         (header::CONTENT_SECURITY_POLICY, POLICY),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
@@ -249,6 +278,12 @@ async fn state(State(published): State<Arc<Published>>) -> impl IntoResponse {
 
 async fn history(State(published): State<Arc<Published>>) -> impl IntoResponse {
     json(published.history().json())
+}
+
+/// Models and hops. They are listened to while somebody asks, so the first answer may be empty.
+async fn details(State(published): State<Arc<Published>>) -> impl IntoResponse {
+    *published.details_asked() = Some(Instant::now());
+    json(published.details().clone())
 }
 
 async fn figures(State(published): State<Arc<Published>>) -> impl IntoResponse {

@@ -25,6 +25,8 @@ const POLL: Duration = Duration::from_millis(25);
 pub struct Watcher {
     search: Search,
     published: Arc<Published>,
+    /// The page may operate axes.
+    controls: bool,
     attached: Option<(Prefix, Attached)>,
     /// Number of groups so far.
     attachments: u64,
@@ -33,9 +35,9 @@ pub struct Watcher {
 }
 
 impl Watcher {
-    /// Of this group.
-    pub fn new(prefix: Option<Prefix>, published: Arc<Published>) -> Self {
-        Self { search: Search::new(prefix), published, attached: None, attachments: 0, why: None }
+    /// Of this group. `controls`: the page may operate axes.
+    pub fn new(prefix: Option<Prefix>, published: Arc<Published>, controls: bool) -> Self {
+        Self { search: Search::new(prefix), published, controls, attached: None, attachments: 0, why: None }
     }
 
     /// Watches until the flag is set.
@@ -58,13 +60,14 @@ impl Watcher {
     fn search(&mut self) {
         let Some(found) = self.search.look() else { return };
         let joined = found.and_then(|prefix| {
-            let joined = Attached::join(&prefix, self.attachments + 1, &self.published);
+            let joined = Attached::join(&prefix, self.attachments + 1, self.controls, &self.published);
             joined.map(|attached| (prefix, attached)).map_err(|error| error.to_string())
         });
         match joined {
             Ok(joined) => {
                 self.attachments += 1;
                 self.why = None;
+                *self.published.group() = Some(joined.0.clone());
                 self.attached = Some(joined);
             }
             Err(why) => self.absent(why),
@@ -73,6 +76,8 @@ impl Watcher {
 
     fn leave(&mut self, why: &str) {
         let Some((prefix, attached)) = self.attached.take() else { return };
+        *self.published.group() = None;
+        *self.published.details() = "{}".to_owned();
         attached.leave();
         *self.published.report() = None;
         self.absent(format!("group \"{prefix}\": {why}"));
@@ -81,7 +86,7 @@ impl Watcher {
     /// Publishes that there is no group, once for each reason.
     fn absent(&mut self, why: String) {
         if self.why.as_ref() != Some(&why) {
-            self.published.put(Kind::Hello, line(&Hello::absent(self.attachments, why.clone())));
+            self.published.put(Kind::Hello, line(&Hello::absent(self.attachments, why.clone(), self.controls)));
             self.why = Some(why);
         }
     }

@@ -14,7 +14,10 @@ mod timeline;
 mod verdict;
 mod watch;
 
-use std::{io::Write, path::PathBuf};
+use std::{
+    io::Write,
+    path::{Path, PathBuf},
+};
 
 use clap::Args;
 
@@ -50,17 +53,26 @@ pub struct ReportArguments {
 /// Runs the command.
 pub fn run(arguments: &ReportArguments) -> Result<(), Failure> {
     let path = arguments.output.clone().unwrap_or_else(|| arguments.file.with_extension("html"));
-    let name = arguments.file.file_name().unwrap_or_default().to_string_lossy();
-    let reading = Reading::open(&arguments.file).map_err(Failure::usage)?;
-    let story = Story::read(reading).map_err(|failure| failure.about(arguments.file.display().to_string()))?;
-    let text = page::html(&story, &name).map_err(|error| Failure::run(error).about("report"))?;
-    let mut file = create("--output", &path)?;
-    let written = file.write_all(text.as_bytes()).and_then(|()| file.flush());
-    written.map_err(|source| OutputError::Write { option: "--output", path: path.clone(), source })?;
+    let said = write(&arguments.file, &path)?;
     if !is_stdout(&path) {
-        let verdict = Verdict::new(&story);
-        println!("{}: {}", path.display(), verdict.word);
-        verdict.wrong.iter().for_each(|sentence| println!("  {sentence}"));
+        print!("{said}");
     }
     Ok(())
+}
+
+/// Writes the page about a recording. Returns the verdict, one line for each sentence.
+///
+/// # Errors
+/// The file is no recording, or the page cannot be written.
+pub fn write(recording: &Path, path: &Path) -> Result<String, Failure> {
+    let name = recording.file_name().unwrap_or_default().to_string_lossy();
+    let reading = Reading::open(recording).map_err(Failure::usage)?;
+    let story = Story::read(reading).map_err(|failure| failure.about(recording.display().to_string()))?;
+    let text = page::html(&story, &name).map_err(|error| Failure::run(error).about("report"))?;
+    let mut file = create("--output", path)?;
+    let written = file.write_all(text.as_bytes()).and_then(|()| file.flush());
+    written.map_err(|source| OutputError::Write { option: "--output", path: path.to_owned(), source })?;
+    let verdict = Verdict::new(&story);
+    let wrong: String = verdict.wrong.iter().map(|sentence| format!("  {sentence}\n")).collect();
+    Ok(format!("{}: {}\n{wrong}", path.display(), verdict.word))
 }

@@ -5,7 +5,9 @@ use std::path::Path;
 use pipeline::{
     MAX_AXES,
     machine::{BUILT_IN, Machine},
-    message::{AxisCommand, CoefficientSnapshot, ControlMode, EncoderSample, Message, StageHealth, ValveCommand},
+    message::{
+        AxisCommand, CoefficientSnapshot, ControlMode, EncoderSample, Header, Message, StageHealth, ValveCommand,
+    },
     stage::StageKind,
     statistics::ErrorStatistics,
 };
@@ -20,7 +22,7 @@ use super::{
 use crate::{
     failure::Failure,
     recording::{
-        Facts, MACHINE, SETTINGS,
+        Facts, LOCK_STEP, MACHINE, SETTINGS,
         reading::{Damage, ReadMessage, Reading},
         typed::Decoder,
     },
@@ -137,7 +139,7 @@ impl Story {
         while let Some(message) = reading.next().map_err(Failure::usage)? {
             teller.get_or_insert_with(|| Teller::new(&reading, message.log_ns)).look(&message);
         }
-        let Some(teller) = teller.filter(|teller| teller.first_ns.is_some()) else {
+        let Some(teller) = teller.filter(|teller| teller.first.is_some()) else {
             return Err(Failure::usage("found neither samples nor commands; allowed: a recording of a group that ran"));
         };
         Ok(teller.finish(&reading))
@@ -174,13 +176,15 @@ struct Teller {
     snapshots: Channel<CoefficientSnapshot>,
     health: Channel<StageHealth>,
     watch: Watch,
-    /// Acquisition of the first sample, ns of `CLOCK_MONOTONIC`.
-    first_ns: Option<u64>,
+    /// Acquisition of the first sample, ns of `CLOCK_MONOTONIC`; in lock-step its number.
+    first: Option<u64>,
     /// Newest sample, and the time of its acquisition, s.
     sample: Option<(EncoderSample, f64)>,
     /// Time of the newest command, s.
     command_s: f64,
     last_log_ns: u64,
+    /// In lock-step the ticks are the time of the machine, whatever time they took.
+    is_lock_step: bool,
 }
 
 impl Teller {
@@ -190,6 +194,7 @@ impl Teller {
         let period = facts.get("period_s").and_then(|period| period.parse().ok());
         let period = period.or_else(|| Some(machine.as_ref()?.timing.period.as_secs_f64()));
         let names = reading.axes().into_iter().take(MAX_AXES).map(AxisStory::new);
+        let is_lock_step = facts.get("clock").is_some_and(|clock| clock == LOCK_STEP);
         let watch = Watch::new(machine.as_ref(), facts.get("group").map_or("", String::as_str));
         let story = Story {
             damage: None,
@@ -211,17 +216,20 @@ impl Teller {
             snapshots: Channel::default(),
             health: Channel::default(),
             watch,
-            first_ns: None,
+            first: None,
             sample: None,
             command_s: 0.0,
             last_log_ns: begin_ns,
+            is_lock_step,
         }
     }
 
     /// Time of an acquisition, s since the first one.
-    fn time(&mut self, acquired_ns: u64) -> f64 {
-        let first = *self.first_ns.get_or_insert(acquired_ns);
-        acquired_ns.saturating_sub(first) as f64 * 1e-9
+    fn time(&mut self, header: &Header) -> f64 {
+        let now = if self.is_lock_step { header.sequence } else { header.acquired_ns };
+        let unit = if self.is_lock_step { self.story.period } else { 1e-9 };
+        let first = *self.first.get_or_insert(now);
+        now.saturating_sub(first) as f64 * unit
     }
 
     fn look(&mut self, message: &ReadMessage) {
@@ -233,7 +241,8 @@ impl Teller {
         } else if let Some(health) = self.health.decode(message) {
             self.health(&health);
         } else if message.channel.name == CoefficientSnapshot::CHANNEL {
-            let t = message.log_ns.saturating_sub(self.story.begin_ns) as f64 * 1e-9;
+            let logged = message.log_ns.saturating_sub(self.story.begin_ns) as f64 * 1e-9;
+            let t = if self.is_lock_step { self.command_s } else { logged };
             if let Some(snapshot) = self.snapshots.decode(message) {
                 let axes = self.story.axes.iter_mut().zip(&snapshot.axes);
                 axes.for_each(|(axis, snapshot)| axis.models.look(t, snapshot));
@@ -242,10 +251,11 @@ impl Teller {
     }
 
     fn sample(&mut self, sample: EncoderSample) {
-        let t = self.time(sample.header.acquired_ns);
+        let t = self.time(&sample.header);
         let is_gap = self.is_gap(self.sample.as_ref().map(|(_, before)| *before), t);
         if let Some((before, _)) = self.sample
             && before.header.sequence + 1 == sample.header.sequence
+            && !self.is_lock_step
         {
             let between = sample.header.acquired_ns.saturating_sub(before.header.acquired_ns);
             self.story.jitter.record(between.abs_diff((self.story.period * 1e9) as u64));
@@ -260,7 +270,7 @@ impl Teller {
     }
 
     fn command(&mut self, command: &ValveCommand) {
-        let t = self.time(command.header.acquired_ns);
+        let t = self.time(&command.header);
         let is_gap = self.is_gap(Some(self.command_s).filter(|before| *before > 0.0), t);
         self.command_s = t;
         self.story.end_to_end.record(command.header.sent_ns.saturating_sub(command.header.acquired_ns));
@@ -288,9 +298,10 @@ impl Teller {
     }
 
     fn finish(self, reading: &Reading) -> Story {
-        let Self { mut story, watch, last_log_ns, .. } = self;
+        let Self { mut story, watch, last_log_ns, is_lock_step, command_s, .. } = self;
         story.found = watch.finish();
-        story.duration = last_log_ns.saturating_sub(story.begin_ns) as f64 * 1e-9;
+        let logged = last_log_ns.saturating_sub(story.begin_ns) as f64 * 1e-9;
+        story.duration = if is_lock_step { command_s } else { logged };
         story.facts = reading.facts().clone();
         story.damage = reading.damage().cloned();
         story

@@ -60,13 +60,15 @@
     hello = said;
     // A newer server has another page.
     if (isOther) return location.reload();
-    set(by("version"), `Hydraxis ${said.version}.`);
+    set(by("version"), `Hydraxis ${said.version}. ${said.controls ? "" : "This page shows and operates nothing."}`);
+    Control.begin(said.controls, said.axes);
     if (!said.group) return look();
     set(by("machine-name"), said.machine ?? "Hydraxis");
     set(by("group"), `group ${said.group}`);
     document.title = `${said.machine ?? "Hydraxis"}: ${said.group}`;
     if (!isNew && cards.size) return;
     frame = null;
+    Details.begin();
     Machine.begin(said.view);
     cards = new Map();
     by("cards").replaceChildren();

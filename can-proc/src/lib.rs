@@ -8,6 +8,8 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `wiring` | the devices of a machine file |
+//! | `error` | what can be wrong with them |
+//! | `messages` | its messages that are no CANopen |
 //! | `process` | the stage: bus, channels, time |
 //!
 //! What a device is told and when it is at fault is in the crate `can`.
@@ -15,7 +17,11 @@
 //! One process has the whole bus: an adapter can be opened once, configuration and process data of a device are one
 //! dialogue, and an axis whose encoder has a fault is held without a way through other processes.
 
+mod error;
+mod messages;
 pub mod process;
 mod wiring;
 
-pub use wiring::{WiringError, bus_address, network};
+pub use error::WiringError;
+pub use messages::database;
+pub use wiring::{bus_address, network, position_object, step};

@@ -202,10 +202,15 @@ impl Process {
         if self.sequence == 0 && !self.network.was_ready() && acquired_ns < self.patient_until_ns {
             return Ok(());
         }
-        let mut reading = EncoderReading::default();
+        let acquired_ns = self.network.take_sample(acquired_ns);
+        let mut reading =
+            EncoderReading { emergency_stop: u32::from(self.network.is_stopped()), ..EncoderReading::default() };
         for (i, value) in reading.encoders.iter_mut().enumerate().take(self.targets.len()) {
             if let Some((counts, error)) = self.network.reading(i) {
                 (value.counts, value.error) = (counts, error);
+            }
+            if let Some([piston, rod]) = self.network.pressures(i) {
+                (value.piston_pressure, value.rod_pressure, value.has_pressures) = (piston, rod, 1);
             }
         }
         reading.header.axis_count = self.targets.len() as u32;

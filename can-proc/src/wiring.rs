@@ -1,44 +1,19 @@
 //! The devices of a machine file.
 
+use crate::{error::WiringError, messages::frames};
 use can::{
     bus::Address,
-    canopen::{MappingError, NodeId},
-    device::{AxisDevices, Encoder, EncoderSettings, Network, NodeTiming, Valve, ValveSettings},
+    canopen::NodeId,
+    device::{AxisDevices, Encoder, EncoderSettings, Network, NodeTiming, PositionObject, Valve, ValveSettings},
 };
-use pipeline::machine::{Axis, CanBus, CanDevices, Machine};
+use pipeline::machine::{Axis, CanBus, CanDevices, CanPosition, Machine, Slope};
 
 /// One micrometre, m: the unit of 6005h.
 const MICROMETRE: f64 = 1e-6;
+/// The unit of 6000h, degrees.
+const MILLIDEGREE: f64 = 1e-3;
 /// Least number of SYNC without a position after which an encoder is silent: two may be lost.
 const LEAST_SILENCE: u128 = 3;
-
-/// Why a machine has no network of devices.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum WiringError {
-    /// The machine file has no bus, or no devices of an axis.
-    #[error("{0}: found nothing; allowed: a table, with source.kind = \"can\"")]
-    Missing(String),
-    /// The bus is none.
-    #[error("can.interface: {0}")]
-    Address(String),
-    /// A number is none of a node.
-    #[error("axis.{axis}.can: found node {found}; allowed: 1 to 127")]
-    Node {
-        /// The axis.
-        axis: String,
-        /// The number.
-        found: u8,
-    },
-    /// The messages of a device cannot be made.
-    #[error("axis.{axis}.can: {source}")]
-    Mapping {
-        /// The axis.
-        axis: String,
-        /// What is wrong.
-        #[source]
-        source: MappingError,
-    },
-}
 
 fn bus(machine: &Machine) -> Result<&CanBus, WiringError> {
     machine.can.as_ref().ok_or_else(|| WiringError::Missing("can".to_owned()))
@@ -65,7 +40,8 @@ pub fn network(machine: &Machine) -> Result<Network, WiringError> {
     let silent_after = silent_after.clamp(LEAST_SILENCE, u128::from(u32::MAX)) as u32;
     let shared = Shared { timing, silent_after, timeout_ms: has_valves.then_some(timeout_ms) };
     let devices = machine.axes.iter().map(|axis| devices(axis, &shared));
-    Ok(Network::new(devices.collect::<Result<_, _>>()?))
+    let devices = devices.collect::<Result<_, _>>()?;
+    Ok(Network::with_frames(devices, frames(machine, bus)?))
 }
 
 /// What the devices of all axes share.
@@ -84,17 +60,25 @@ fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
     let node = |found: u8| NodeId::new(found).ok_or_else(|| WiringError::Node { axis: name(), found });
     let failed = |source| WiringError::Mapping { axis: name(), source };
     let wired: &CanDevices = axis.can.as_ref().ok_or_else(missing)?;
-    let settings = EncoderSettings {
-        node: node(wired.encoder)?,
+    let encoder_settings = |id: NodeId| EncoderSettings {
+        node: id,
+        object: position_object(wired),
         is_signed: wired.is_signed,
-        is_precise: wired.is_precise,
+        is_reversed: wired.is_reversed,
+        zero: wired.zero,
         has_alarms: wired.has_alarms,
         is_fixed: wired.is_fixed,
-        step_um: step_um(axis),
+        step: step(axis),
         silent_after: shared.silent_after,
     };
-    let encoder = Encoder::new(settings, timing).map_err(failed)?;
-    let Some(timeout_ms) = shared.timeout_ms else { return Ok(AxisDevices { encoder, valve: None }) };
+    let encoder = match (wired.encoder, &wired.signals.position) {
+        (Some(found), _) => Some(Encoder::new(encoder_settings(node(found)?), timing).map_err(failed)?),
+        (None, Some(_)) => None,
+        (None, None) => return Err(missing()),
+    };
+    let Some(timeout_ms) = shared.timeout_ms.filter(|_| wired.signals.command.is_none()) else {
+        return Ok(AxisDevices { encoder, valve: None });
+    };
     let settings = ValveSettings {
         node: node(wired.valve.ok_or_else(missing)?)?,
         full_scale: wired.full_scale,
@@ -105,12 +89,29 @@ fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
     Ok(AxisDevices { encoder, valve: Some(Valve::new(settings, timing).map_err(failed)?) })
 }
 
-/// Length of a count in 0.001 mm, where the sensor is at the cylinder and the length is a whole number of them. Only
-/// such an encoder has it in 6005h.
-fn step_um(axis: &Axis) -> Option<u32> {
-    let step = axis.encoder.resolution / MICROMETRE;
+/// The object that has the position.
+pub fn position_object(wired: &CanDevices) -> PositionObject {
+    match wired.object {
+        CanPosition::Position => PositionObject::Position,
+        CanPosition::HighPrecision => PositionObject::HighPrecision,
+        CanPosition::Slope(Slope::Long16) => PositionObject::SlopeLong16,
+        CanPosition::Slope(Slope::Lateral16) => PositionObject::SlopeLateral16,
+        CanPosition::Slope(Slope::Long32) => PositionObject::SlopeLong32,
+        CanPosition::Slope(Slope::Lateral32) => PositionObject::SlopeLateral32,
+    }
+}
+
+/// Length of a count that the device has to have: in 0.001 mm of an encoder at the cylinder, in 0.001 degrees of an
+/// inclinometer, and where it is a whole number of them.
+pub fn step(axis: &Axis) -> Option<u32> {
+    let is_slope = axis.can.as_ref().is_some_and(|wired| matches!(wired.object, CanPosition::Slope(_)));
+    let step = match axis.encoder.angle {
+        None => axis.encoder.resolution / MICROMETRE,
+        Some(sensor) if is_slope => sensor.resolution.to_degrees() / MILLIDEGREE,
+        Some(_) => return None,
+    };
     let is_whole = (step - step.round()).abs() < 1e-6 * step && step >= 0.5;
-    (axis.encoder.angle.is_none() && is_whole).then(|| step.round() as u32)
+    is_whole.then(|| step.round() as u32)
 }
 
 #[cfg(test)]

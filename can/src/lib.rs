@@ -7,6 +7,7 @@
 //! | [`bus`] | the trait of a bus; SocketCAN, slcan, candump logs, a bus in memory |
 //! | [`canopen`] | the codec: NMT, SYNC, EMCY, heartbeat, PDO, SDO |
 //! | [`device`] | encoders (CiA 406) and valves (CiA 408) as their master sees them |
+//! | [`frames`] | signals in frames of other protocols; DBC files |
 //! | [`simulated`] | the devices themselves, simulated |
 //!
 //! Nothing here allocates, locks or waits after construction, but what its documentation says.
@@ -17,6 +18,7 @@ mod counters;
 pub mod device;
 mod frame;
 mod frame_clock;
+pub mod frames;
 pub mod simulated;
 
 pub use counters::{Counters, Load};

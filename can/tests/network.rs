@@ -4,8 +4,8 @@ use can::{
     Frame, Received,
     canopen::NodeId,
     device::{
-        AxisDevices, AxisTarget, Cause, Demand, Encoder, EncoderSettings, Fault, Network, NodeTiming, Outbox, Proof,
-        Valve, ValveSettings,
+        AxisDevices, AxisTarget, Cause, Demand, Encoder, EncoderSettings, Fault, Network, NodeTiming, Outbox,
+        PositionObject, Proof, Valve, ValveSettings,
     },
     simulated::{Flaw, SimulatedEncoder, SimulatedValve},
 };
@@ -26,11 +26,13 @@ fn node(number: usize) -> NodeId {
 fn encoder_settings(axis: usize) -> EncoderSettings {
     EncoderSettings {
         node: node(10 + axis),
+        object: PositionObject::Position,
         is_signed: true,
-        is_precise: false,
+        is_reversed: false,
+        zero: 0,
         has_alarms: true,
         is_fixed: false,
-        step_um: Some(50),
+        step: Some(50),
         silent_after: 3,
     }
 }
@@ -75,11 +77,13 @@ impl Bench {
             let (mut encoder, mut valve) = (encoder_settings(axis), valve_settings(axis));
             adapt(&mut encoder, &mut valve);
             let valve = Some(Valve::new(valve, timing).unwrap());
-            AxisDevices { encoder: Encoder::new(encoder, timing).unwrap(), valve }
+            AxisDevices { encoder: Some(Encoder::new(encoder, timing).unwrap()), valve }
         });
         Self {
             network: Network::new(devices.collect()),
-            encoders: (0..AXES).map(|axis| SimulatedEncoder::new(node(10 + axis), 50)).collect(),
+            encoders: (0..AXES)
+                .map(|axis| SimulatedEncoder::new(node(10 + axis), PositionObject::Position, 50))
+                .collect(),
             valves: (0..AXES).map(|axis| SimulatedValve::new(node(20 + axis), FULL_SCALE)).collect(),
             modes: [Mode::Disarmed; AXES],
             is_commanding: true,
@@ -381,7 +385,7 @@ fn a_device_of_another_profile_or_scale_is_refused() {
         if encoder.node == node(10) {
             encoder.node = node(21);
         } else {
-            encoder.step_um = Some(100);
+            encoder.step = Some(100);
         }
     });
     bench.run(1000);
@@ -412,13 +416,18 @@ fn a_setting_that_is_not_kept_is_named() {
     let timing = NodeTiming { heartbeat_ns: HEARTBEAT_NS, answer_ns: 100 * MS };
     let mut bench = Bench::new();
     // The position of 64 bits and a fixed mapping of 32 bits.
-    let settings = EncoderSettings { is_precise: true, has_alarms: false, is_fixed: true, ..encoder_settings(0) };
+    let settings = EncoderSettings {
+        object: PositionObject::HighPrecision,
+        has_alarms: false,
+        is_fixed: true,
+        ..encoder_settings(0)
+    };
     let encoder = Encoder::new(settings, timing).unwrap();
-    bench.network = Network::new(vec![AxisDevices { encoder, valve: None }]);
+    bench.network = Network::new(vec![AxisDevices { encoder: Some(encoder), valve: None }]);
     bench.run(300);
     let fault = Fault::of(bench.network.reading(0).unwrap().1).unwrap();
     assert_eq!((fault.cause, fault.detail), (Cause::Setting, 0x1A00));
-    let settings = EncoderSettings { is_precise: true, ..encoder_settings(0) };
+    let settings = EncoderSettings { object: PositionObject::HighPrecision, ..encoder_settings(0) };
     assert!(Encoder::new(settings, timing).is_err(), "64 bits and alarms are no message");
 }
 

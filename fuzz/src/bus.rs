@@ -1,11 +1,12 @@
-//! Bytes from a bus: text of an adapter, frames of devices, a log.
+//! Bytes from a bus: text of an adapter, frames of devices, a log; and a data base of its messages.
 
 use can::{
-    Frame,
+    Frame, MAX_DATA,
     bus::{Decoded, Decoder, LogLine, MAX_TEXT, encode},
     canopen::{
         AbortCode, Dictionary, Emergency, MAX_VALUE, NodeId, Object, SdoClient, SdoEvent, SdoServer, heartbeat_of,
     },
+    frames::Database,
 };
 
 /// A device that takes and gives any value.
@@ -50,6 +51,18 @@ pub fn bus(data: &[u8]) {
         if let Some(LogLine::Frame(received)) = LogLine::parse(line) {
             expect_same_text(&received.frame);
         }
+    }
+}
+
+/// A data base. Each of its signals is read and put in some bytes.
+pub fn dbc(data: &[u8]) {
+    let Ok(database) = Database::parse(&String::from_utf8_lossy(data)) else { return };
+    for named in database.messages().iter().flat_map(|message| &message.signals) {
+        let mut bytes = [0x5A; MAX_DATA];
+        let raw = named.signal.raw(&bytes);
+        named.signal.put(f64::from(data.len() as u32), &mut bytes);
+        named.signal.put_raw(raw.unwrap_or_default(), &mut bytes);
+        assert_eq!((named.signal.raw(&bytes), bytes), (raw, [0x5A; MAX_DATA]));
     }
 }
 

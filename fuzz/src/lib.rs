@@ -6,6 +6,7 @@
 //! | [`csv`] | a recording | refused with an error, or columns of finite numbers with equal lengths |
 //! | [`trajectory`] | a trajectory's file | refused with an error, or positions inside the soft limits at any time |
 //! | [`bus`] | text of an adapter, frames of devices, a log of a bus | nothing but frames; no dialogue without an end |
+//! | [`dbc`] | a data base of messages | refused with an error, or signals that are read as they were put |
 //! | [`recording`] | a recording in MCAP | refused with an error, or read as far as it goes, in bounded memory |
 //! | [`messages`] | changes to the messages of a working loop | valid commands, neutral where they have to be |
 //!
@@ -17,7 +18,7 @@ mod machine;
 mod messages;
 mod recording;
 
-pub use bus::bus;
+pub use bus::{bus, dbc};
 pub use csv::{csv, trajectory};
 pub use machine::machine_file;
 pub use messages::messages;

@@ -53,6 +53,8 @@ const EXAMPLES: &[Example] = &[
     example!("excavator-model.toml", "model file: what commissioning has found for excavator.toml"),
     example!("excavator-servo.toml", "machine file: the same excavator with servo valves"),
     example!("four-axes.toml", "machine file: four independent cylinders with fast valves"),
+    example!("excavator-can.toml", "tables for a machine file: positions, levers and interlocks by messages of a bus"),
+    example!("excavator.dbc", "data base of the messages in excavator-can.toml"),
     example!("mechanism.toml", "tables for a machine file: the linkage of the excavator"),
     example!("plant.py", "Python: a plant in the place of plant-sim, or of a rig"),
     example!("watch.py", "Python: watches a running group"),

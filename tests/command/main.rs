@@ -1,6 +1,7 @@
 //! The commands of `hydraxis` that run to their end, as a user types them.
 
 mod bench;
+mod can;
 mod check;
 mod commission;
 mod doctor;

@@ -33,8 +33,15 @@ pub struct Devices(Child);
 impl Devices {
     /// Starts them; they are at the link then.
     pub fn start(at: &Path) -> Self {
+        Self::start_with(at, &[])
+    }
+
+    /// Starts those of a machine with more settings.
+    pub fn start_with(at: &Path, more: &[(&str, &str)]) -> Self {
+        let mut settings = settings(at);
+        settings.extend(more.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())));
         let mut command = hydraxis();
-        command.args(["can", "simulate", FOUR_AXES, "--at"]).arg(at).args(arguments(&settings(at)));
+        command.args(["can", "simulate", FOUR_AXES, "--at"]).arg(at).args(arguments(&settings));
         let child = command.stderr(Stdio::null()).spawn().unwrap();
         wait_for("devices", || at.exists().then_some(()));
         Self(child)

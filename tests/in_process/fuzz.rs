@@ -80,6 +80,11 @@ fn buses() {
 }
 
 #[test]
+fn data_bases() {
+    try_all(targets::dbc, &seeds("dbc", &["examples/excavator.dbc"]));
+}
+
+#[test]
 fn recordings_in_mcap() {
     try_all(targets::recording, &seeds("recording", &[]));
 }

@@ -50,16 +50,28 @@ impl fmt::Display for Address {
     }
 }
 
-/// Opens a bus. The bit rate, bit/s, is set at an adapter; that of an interface is set by `ip link` before.
+/// Opens a bus to send on it. The bit rate, bit/s, is set at an adapter; that of an interface is set by `ip link`
+/// before. One program at a time has the bus.
 ///
 /// # Errors
-/// The kernel has no CAN, there is no such interface or port, it is down, the right is missing, or the adapter does not
-/// answer.
+/// The kernel has no CAN, there is no such interface or port, it is down, the right is missing, another program has it,
+/// or the adapter does not answer.
 pub fn open(address: &Address, bit_rate: u32) -> Result<Box<dyn Bus>, BusError> {
     Ok(match address {
-        Address::Interface(name) => Box::new(SocketBus::open(name)?),
+        Address::Interface(name) => Box::new(SocketBus::open(name)?.claimed(name)?),
         Address::Serial(path) => Box::new(SlcanBus::open(path, bit_rate)?),
     })
+}
+
+/// Opens a bus to listen. An interface may have another program that sends on it; a serial port cannot.
+///
+/// # Errors
+/// Those of [`open`]; an interface may be claimed by another program.
+pub fn listen(address: &Address, bit_rate: u32) -> Result<Box<dyn Bus>, BusError> {
+    match address {
+        Address::Interface(name) => Ok(Box::new(SocketBus::open(name)?)),
+        Address::Serial(_) => open(address, bit_rate),
+    }
 }
 
 #[cfg(test)]

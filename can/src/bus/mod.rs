@@ -3,6 +3,7 @@
 //! | file | bus |
 //! |---|---|
 //! | `socket` | SocketCAN: an interface of the kernel, such as `can0` |
+//! | `claim` | which program may send on an interface |
 //! | `slcan`, `serial` | adapters that speak the text protocol slcan over a serial port or a pseudo terminal |
 //! | `candump` | a log of `candump -l`, played; writing one |
 //! | `memory` | two ends in one process, for tests |
@@ -11,6 +12,7 @@
 
 mod address;
 mod candump;
+mod claim;
 mod memory;
 mod serial;
 mod slcan;
@@ -18,8 +20,9 @@ mod socket;
 
 use std::{io, time::Duration};
 
-pub use address::{Address, open};
+pub use address::{Address, NoAddress, listen, open};
 pub use candump::{LogError, LogLine, Playback, write_line};
+pub use claim::Claim;
 pub use memory::{MemoryBus, pair};
 pub use serial::pseudo_terminal;
 pub use slcan::{BIT_RATES, Decoded, Decoder, MAX_TEXT, SlcanBus, encode};

@@ -10,7 +10,7 @@ use std::{
 
 use rustix::{
     event::{PollFd, PollFlags, Timespec, poll},
-    fs::{Mode, OFlags, fcntl_getfl, fcntl_setfl, open},
+    fs::{FlockOperation, Mode, OFlags, fcntl_getfl, fcntl_setfl, flock, open},
     io::{Errno, read, write},
     pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt},
     termios::{OptionalActions, Termios, tcgetattr, tcsetattr},
@@ -32,10 +32,12 @@ fn raw(port: BorrowedFd<'_>) -> io::Result<()> {
 }
 
 impl Port {
-    /// Opens a serial port or a pseudo terminal.
+    /// Opens a serial port or a pseudo terminal, and locks it: two programs that read one port would each get a part of
+    /// the text. A port that another program has locked is [`io::ErrorKind::WouldBlock`].
     pub fn open(path: &Path) -> io::Result<Self> {
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
         let port = open(path, flags, Mode::empty())?;
+        flock(&port, FlockOperation::NonBlockingLockExclusive)?;
         raw(port.as_fd())?;
         Ok(Self(port))
     }

@@ -13,6 +13,7 @@
 //! program is no error of the bus. `C` closes the channel first, and all text before the first answer is passed over.
 
 use std::{
+    io::ErrorKind,
     os::fd::OwnedFd,
     path::Path,
     time::{Duration, Instant},
@@ -181,6 +182,18 @@ fn decode_frame(line: &[u8]) -> Option<Frame> {
     Frame::from_raw(number(id)?, is_extended, is_remote, length, &data[..bytes])
 }
 
+fn explain(error: &std::io::Error) -> &'static str {
+    match error.kind() {
+        ErrorKind::WouldBlock => {
+            "another program has this port, such as a running group; allowed: one at a time, so end that one first"
+        }
+        ErrorKind::PermissionDenied => {
+            "this user may not open the port; allowed: members of its group, mostly dialout: usermod -aG dialout USER"
+        }
+        _ => "cannot be opened as a serial port",
+    }
+}
+
 /// An adapter that speaks slcan.
 pub struct SlcanBus {
     port: Port,
@@ -204,8 +217,7 @@ impl SlcanBus {
     /// The port cannot be opened, or the adapter does not answer or refuses.
     pub fn open(path: &Path, bit_rate: u32) -> Result<Self, BusError> {
         let name = path.display().to_string();
-        let port =
-            Port::open(path).map_err(|error| BusError::open(&name, "cannot be opened as a serial port", error))?;
+        let port = Port::open(path).map_err(|error| BusError::open(&name, explain(&error), error))?;
         let mut bus = Self::with(port);
         let bit_rate = format!("S{}\r", bit_rate_digit(bit_rate));
         // The first C may end a line that was cut off. An adapter whose channel is closed may refuse C.
@@ -265,7 +277,7 @@ impl SlcanBus {
             }
         }
         let what = format!("no answer to {command} within 500ms; allowed: an adapter that speaks slcan");
-        Err(BusError::open(name, &what, std::io::ErrorKind::TimedOut.into()))
+        Err(BusError::open(name, &what, ErrorKind::TimedOut.into()))
     }
 
     /// The next line; `None` where nothing has come. One read for each [`READ_ROOM`] bytes.

@@ -16,7 +16,7 @@ use std::{
 use embedded_can::Frame as _;
 use socketcan::{CanDataFrame, CanFrame, CanRemoteFrame, CanSocket, Socket as _, SocketOptions as _};
 
-use super::{Bus, BusError, serial::wait_for};
+use super::{Bus, BusError, Claim, serial::wait_for};
 use crate::{Counters, Frame, Received, frame_clock::monotonic_ns};
 
 /// Older than this no frame can be that is still in the queue of the socket.
@@ -37,6 +37,7 @@ pub struct SocketBus {
     socket: CanSocket,
     has_times: bool,
     counters: Counters,
+    claim: Option<Claim>,
 }
 
 impl SocketBus {
@@ -50,7 +51,15 @@ impl SocketBus {
         socket.set_nonblocking(true).map_err(failed)?;
         socket.set_error_filter_accept_all().map_err(failed)?;
         let has_times = socket.set_recv_timestamp(true).is_ok();
-        Ok(Self { socket, has_times, counters: Counters::default() })
+        Ok(Self { socket, has_times, counters: Counters::default(), claim: None })
+    }
+
+    /// With the right to send, which no other program has then.
+    ///
+    /// # Errors
+    /// Another program has it.
+    pub fn claimed(self, name: &str) -> Result<Self, BusError> {
+        Ok(Self { claim: Some(Claim::take(name)?), ..self })
     }
 
     fn read(&self) -> io::Result<(CanFrame, Option<SystemTime>)> {
@@ -128,7 +137,10 @@ impl Bus for SocketBus {
     }
 
     fn send(&mut self, frame: &Frame) -> Result<bool, BusError> {
-        let Some(theirs) = theirs(frame) else { return Ok(false) };
+        let Some(theirs) = theirs(frame).filter(|_| self.claim.is_some()) else {
+            self.counters.unsent += 1;
+            return Ok(false);
+        };
         match self.socket.write_frame(&theirs) {
             Ok(()) => {
                 self.counters.count_sent(frame);

@@ -40,6 +40,11 @@ impl NodeId {
         (1..=Self::MAX).contains(&number).then_some(Self(number))
     }
 
+    /// All numbers, 1 to 127.
+    pub fn all() -> impl Iterator<Item = Self> {
+        (1..=Self::MAX).map(Self)
+    }
+
     /// The number.
     pub fn number(self) -> u8 {
         self.0

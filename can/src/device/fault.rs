@@ -3,6 +3,8 @@
 //! ```text
 //! word = detail << 16 | node << 8 | cause         0: nothing is wrong
 //! ```
+//!
+//! A message that is no CANopen has no node: it has the number 255, and the detail is the lower half of its identifier.
 
 use std::fmt;
 
@@ -20,7 +22,8 @@ pub enum Cause {
     Setting = 3,
     /// A device of another profile; the detail is the number of its profile.
     Profile = 4,
-    /// The step of the encoder is another one than the machine file says; the detail is the step in 0.001 mm.
+    /// The step of the encoder is another one than the machine file says; the detail is the step in 0.001 mm, or in
+    /// 0.001 degrees.
     Scale = 5,
     /// The heartbeat has stopped.
     Heartbeat = 6,
@@ -44,10 +47,21 @@ pub enum Cause {
     Spool = 15,
     /// The bus is gone: adapter unplugged, interface down.
     Bus = 16,
+    /// The message has not come for its time-out.
+    Stale = 17,
+    /// The alive counter of the message stands still.
+    Counter = 18,
+    /// The checksum of the message is wrong, or the message is too short.
+    Checksum = 19,
+    /// The pilot pressure is cut off, by the signal of the machine.
+    Pilot = 20,
 }
 
+/// In the place of a node's number: the detail has the lower half of a message's identifier.
+pub(super) const FRAME: u8 = 255;
+
 /// Causes in the order of their numbers.
-const CAUSES: [Cause; 16] = [
+const CAUSES: [Cause; 20] = [
     Cause::Absent,
     Cause::Configuring,
     Cause::Setting,
@@ -64,6 +78,10 @@ const CAUSES: [Cause; 16] = [
     Cause::Proof,
     Cause::Spool,
     Cause::Bus,
+    Cause::Stale,
+    Cause::Counter,
+    Cause::Checksum,
+    Cause::Pilot,
 ];
 
 /// What is wrong with a device.
@@ -91,11 +109,34 @@ impl Fault {
     }
 }
 
+impl Cause {
+    /// What is wrong with a message, or with the drive that takes it.
+    fn of_message(self) -> &'static str {
+        match self {
+            Self::Absent => "has not come yet: check power, wiring, bit rate and identifier",
+            Self::Configuring => "the time-out of its drive is being proven",
+            Self::Stale => "comes no more",
+            Self::Counter => "its alive counter stands still",
+            Self::Checksum => "its checksum is wrong, or it is too short",
+            Self::Proof => "its drive did not stop when the message stopped: its time-out does not act",
+            Self::Valve => "its drive does not follow it",
+            _ => "a fault",
+        }
+    }
+}
+
 impl fmt::Display for Fault {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let detail = self.detail;
         if self.cause == Cause::Bus {
             return out.write_str("the bus is gone: adapter unplugged or interface down");
+        }
+        if self.cause == Cause::Pilot {
+            return out.write_str("the pilot pressure is cut off, by its signal");
+        }
+        if self.node == FRAME {
+            write!(out, "message ..{detail:04X}h: ")?;
+            return out.write_str(self.cause.of_message());
         }
         write!(out, "node {}: ", self.node)?;
         match self.cause {
@@ -103,9 +144,18 @@ impl fmt::Display for Fault {
             Cause::Configuring => out.write_str("is being set up"),
             Cause::Setting => write!(out, "refuses {detail:04X}h, or keeps another value"),
             Cause::Profile => {
-                write!(out, "found a device of profile {detail}; allowed: 406 of encoders, 408 of valves")
+                write!(
+                    out,
+                    "found a device of profile {detail}; allowed: 406 of encoders, 408 of valves, 410 of inclinometers"
+                )
             }
-            Cause::Scale => write!(out, "6005h: found {detail} um; allowed: encoder.resolution of the machine file"),
+            Cause::Scale => {
+                write!(
+                    out,
+                    "a count of {detail} um (6005h), or of {detail} thousandths of a degree (6000h); allowed: "
+                )?;
+                out.write_str("the length of a count in the machine file, encoder.resolution or angle_resolution")
+            }
             Cause::Heartbeat => out.write_str("the heartbeat has stopped"),
             Cause::Restart => out.write_str("has restarted"),
             Cause::State => match NodeState::of(detail as u8) {
@@ -119,7 +169,8 @@ impl fmt::Display for Fault {
             Cause::Valve => write!(out, "fault, status word {detail:04X}h"),
             Cause::Proof => out.write_str("did not stop when set points stopped: its time-out, 1400h:5, does not act"),
             Cause::Spool => write!(out, "spool at {} against its set point", detail as i16),
-            Cause::Bus => Ok(()),
+            // Those of messages, and of the whole bus.
+            Cause::Bus | Cause::Stale | Cause::Counter | Cause::Checksum | Cause::Pilot => Ok(()),
         }
     }
 }

@@ -14,15 +14,15 @@
 //! controller has shown once that it is latched or disarmed: a program that is started anew beside a controller that is
 //! armed moves nothing.
 
-use super::{Cause, Demand, Encoder, Fault, Outbox, Valve};
+use super::{Cause, Demand, Encoder, Fault, Frames, Outbox, Valve};
 use crate::{Received, canopen::sync};
 
-/// Devices of one axis.
+/// Nodes of one axis. What it has not comes from frames.
 #[derive(Debug, Clone)]
 pub struct AxisDevices {
     /// Its encoder.
-    pub encoder: Encoder,
-    /// Its valve; without one the axis is only read.
+    pub encoder: Option<Encoder>,
+    /// Its valve; without one, and without a drive by frames, the axis is only read.
     pub valve: Option<Valve>,
 }
 
@@ -53,6 +53,8 @@ pub struct NetworkCounters {
 #[derive(Debug, Clone)]
 struct Axis {
     devices: AxisDevices,
+    /// Whether anything moves it.
+    has_drive: bool,
     /// Why the axis is held.
     held: Option<Fault>,
     /// Whether the devices have been ready.
@@ -66,6 +68,9 @@ struct Axis {
 #[derive(Debug, Clone)]
 pub struct Network {
     axes: Vec<Axis>,
+    frames: Frames,
+    /// Whether there are nodes, which are told by SYNC when to take their positions.
+    has_nodes: bool,
     outbox: Outbox,
     counters: NetworkCounters,
 }
@@ -73,23 +78,36 @@ pub struct Network {
 impl Network {
     /// Devices that have not been heard yet; all axes are held.
     pub fn new(devices: Vec<AxisDevices>) -> Self {
-        let axes = devices.into_iter().map(|devices| {
-            let held = devices.encoder.fault();
-            Axis { devices, held, was_ready: false, may_follow: false, target: None }
+        Self::with_frames(devices, Frames::default())
+    }
+
+    /// Devices and messages that have not been heard yet; all axes are held.
+    pub fn with_frames(devices: Vec<AxisDevices>, frames: Frames) -> Self {
+        let has_nodes = devices.iter().any(|devices| devices.encoder.is_some() || devices.valve.is_some());
+        let axes = devices.into_iter().enumerate().map(|(i, devices)| {
+            let held = devices.fault().or_else(|| frames.fault(i));
+            let has_drive = devices.valve.is_some() || frames.has_drive(i);
+            Axis { devices, has_drive, held, was_ready: false, may_follow: false, target: None }
         });
-        Self { axes: axes.collect(), outbox: Outbox::default(), counters: NetworkCounters::default() }
+        let axes = axes.collect();
+        Self { axes, frames, has_nodes, outbox: Outbox::default(), counters: NetworkCounters::default() }
     }
 
     /// Sends SYNC: a new sample begins. Devices that are due are set up, and all set points are sent again.
     pub fn begin(&mut self, now_ns: u64) {
         if self.counters.syncs > 0 {
-            let is_incomplete = self.axes.iter().any(|axis| !axis.devices.encoder.is_complete());
+            let is_incomplete = self.axes.iter().any(|axis| !axis.devices.is_complete());
             self.counters.incomplete += u64::from(is_incomplete);
         }
-        self.outbox.push(sync());
+        if self.has_nodes {
+            self.outbox.push(sync());
+        }
         self.counters.syncs += 1;
+        self.frames.begin(now_ns, &mut self.outbox);
         for axis in &mut self.axes {
-            axis.devices.encoder.begin(now_ns, &mut self.outbox);
+            if let Some(encoder) = &mut axis.devices.encoder {
+                encoder.begin(now_ns, &mut self.outbox);
+            }
             if let Some(valve) = &mut axis.devices.valve {
                 valve.begin(now_ns, &mut self.outbox);
             }
@@ -99,9 +117,11 @@ impl Network {
 
     /// Takes a frame from the bus.
     pub fn take(&mut self, received: &Received, now_ns: u64) {
-        let mut is_known = false;
+        let mut is_known = self.frames.take(received);
         for axis in &mut self.axes {
-            is_known |= axis.devices.encoder.take(received, now_ns, &mut self.outbox);
+            if let Some(encoder) = &mut axis.devices.encoder {
+                is_known |= encoder.take(received, now_ns, &mut self.outbox);
+            }
             if let Some(valve) = &mut axis.devices.valve {
                 is_known |= valve.take(received, now_ns, &mut self.outbox);
             }
@@ -113,9 +133,10 @@ impl Network {
     /// The bus is gone: all axes are held, and all devices are set up anew once it is back.
     pub fn lose_bus(&mut self, now_ns: u64) {
         for axis in &mut self.axes {
-            axis.devices.encoder.lose_bus(now_ns);
+            axis.devices.encoder.iter_mut().for_each(|encoder| encoder.lose_bus(now_ns));
             axis.devices.valve.iter_mut().for_each(|valve| valve.lose_bus(now_ns));
         }
+        self.frames.lose_bus();
         self.interlock(now_ns);
         self.outbox.clear();
     }
@@ -124,22 +145,27 @@ impl Network {
     pub fn command(&mut self, targets: Option<&[AxisTarget]>, now_ns: u64) {
         for (i, axis) in self.axes.iter_mut().enumerate() {
             axis.target = targets.and_then(|targets| targets.get(i)).copied();
-            axis.demand(&mut self.outbox);
+            axis.demand(i, &mut self.frames, now_ns, &mut self.outbox);
         }
         self.interlock(now_ns);
     }
 
     /// Holds axes with a fault, and lets those go whose fault is over and which the controller has let go.
     fn interlock(&mut self, now_ns: u64) {
-        for axis in &mut self.axes {
-            let fault = axis.fault();
+        for (i, axis) in self.axes.iter_mut().enumerate() {
+            let fault = axis.devices.fault().or_else(|| self.frames.fault(i));
             match (axis.held, fault) {
                 (None, Some(fault)) => {
                     (axis.held, axis.may_follow) = (Some(fault), false);
                     self.counters.trips += 1;
-                    axis.demand(&mut self.outbox);
+                    axis.demand(i, &mut self.frames, now_ns, &mut self.outbox);
                 }
-                (Some(held), Some(fault)) => axis.hold_by(held, fault, now_ns),
+                (Some(held), Some(fault)) => {
+                    axis.hold_by(held, fault, now_ns);
+                    if axis.is_acknowledged() {
+                        self.frames.reset(i, now_ns);
+                    }
+                }
                 (Some(_), None) if axis.is_let_go() || !axis.was_ready => (axis.held, axis.was_ready) = (None, true),
                 _ => {}
             }
@@ -154,21 +180,46 @@ impl Network {
 
     /// Whether the positions of this SYNC have come from all encoders that are not at fault.
     pub fn is_complete(&self) -> bool {
-        self.axes.iter().all(|axis| axis.devices.encoder.is_complete())
+        self.axes.iter().enumerate().all(|(i, axis)| axis.devices.is_complete() && self.frames.is_complete(i))
+    }
+
+    /// The sample is taken: when its positions were taken, where `begun_ns` is the time of the SYNC. The oldest
+    /// position counts.
+    pub fn take_sample(&mut self, begun_ns: u64) -> u64 {
+        let oldest_ns = self.frames.acquired_ns();
+        self.frames.begin_sample();
+        let has_encoder = self.axes.iter().any(|axis| axis.devices.encoder.is_some());
+        match oldest_ns {
+            Some(oldest_ns) if has_encoder => oldest_ns.min(begun_ns),
+            Some(oldest_ns) => oldest_ns,
+            None => begun_ns,
+        }
+    }
+
+    /// Pressures of piston side and rod side of an axis, Pa, where they are signals of frames.
+    pub fn pressures(&self, axis: usize) -> Option<[f64; 2]> {
+        self.frames.pressures(axis)
+    }
+
+    /// Whether a signal says that the emergency stop is pressed.
+    pub fn is_stopped(&self) -> bool {
+        self.frames.is_stopped()
     }
 
     /// Counts and error word of an axis in the sample of this SYNC; the word is 0 where nothing is wrong.
     pub fn reading(&self, axis: usize) -> Option<(i64, u32)> {
+        let place = axis;
         let axis = self.axes.get(axis)?;
-        Some((axis.devices.encoder.counts(), axis.held.map_or(0, Fault::word)))
+        let counts = axis.devices.encoder.as_ref().map(Encoder::counts).or_else(|| self.frames.counts(place));
+        Some((counts.unwrap_or_default(), axis.held.map_or(0, Fault::word)))
     }
 
     /// All valves are switched off: the last frames of the program.
     pub fn end(&mut self, now_ns: u64) {
         let off = AxisTarget { demand: Demand::Off, is_disarmed: true, is_latched: false };
-        for axis in &mut self.axes {
+        for (i, axis) in self.axes.iter_mut().enumerate() {
             axis.target = Some(off);
-            axis.demand(&mut self.outbox);
+            axis.demand(i, &mut self.frames, now_ns, &mut self.outbox);
         }
         self.interlock(now_ns);
     }
@@ -189,21 +240,28 @@ impl Network {
     }
 }
 
-impl Axis {
+impl AxisDevices {
     fn fault(&self) -> Option<Fault> {
-        let valve = self.devices.valve.as_ref().and_then(Valve::fault);
-        self.devices.encoder.fault().or(valve)
+        self.encoder.as_ref().and_then(Encoder::fault).or_else(|| self.valve.as_ref().and_then(Valve::fault))
     }
 
-    /// Tells the valve what to do: hold, where the axis is held or nobody commands it.
-    fn demand(&mut self, out: &mut Outbox) {
-        let Some(valve) = &mut self.devices.valve else { return };
+    fn is_complete(&self) -> bool {
+        self.encoder.as_ref().is_none_or(Encoder::is_complete)
+    }
+}
+
+impl Axis {
+    /// Tells the drive what to do: hold, where the axis is held or nobody commands it.
+    fn demand(&mut self, place: usize, frames: &mut Frames, now_ns: u64, out: &mut Outbox) {
         let demand = match (self.held, self.target) {
             (_, Some(AxisTarget { demand: Demand::Off, .. })) => Demand::Off,
             (None, Some(target)) if self.may_follow && !target.is_disarmed && !target.is_latched => target.demand,
             _ => Demand::Hold,
         };
-        valve.demand(demand, out);
+        if let Some(valve) = &mut self.devices.valve {
+            valve.demand(demand, out);
+        }
+        frames.demand(place, demand, now_ns, out);
     }
 
     /// The axis stays held. A fault that says more takes the place of "is being set up".
@@ -212,15 +270,21 @@ impl Axis {
         if is_start(held) || !is_start(fault) {
             self.held = Some(fault);
         }
-        let is_acknowledged = self.target.is_some_and(|target| target.is_disarmed && !target.is_latched);
-        if is_acknowledged && let Some(valve) = &mut self.devices.valve {
+        if self.is_acknowledged()
+            && let Some(valve) = &mut self.devices.valve
+        {
             valve.reset(now_ns);
         }
+    }
+
+    /// Whether a person has acknowledged the fault: the axis is disarmed, and not latched any more.
+    fn is_acknowledged(&self) -> bool {
+        self.target.is_some_and(|target| target.is_disarmed && !target.is_latched)
     }
 
     /// Whether the controller shows that it knows of the fault: the axis is latched or disarmed. An axis without a
     /// valve has nothing to be held.
     fn is_let_go(&self) -> bool {
-        self.devices.valve.is_none() || self.target.is_some_and(|target| target.is_disarmed || target.is_latched)
+        !self.has_drive || self.target.is_some_and(|target| target.is_disarmed || target.is_latched)
     }
 }

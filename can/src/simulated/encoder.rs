@@ -1,4 +1,4 @@
-//! A simulated encoder (CiA 406).
+//! A simulated encoder (CiA 406) or inclinometer (CiA 410).
 
 use super::{
     node::{Flaw, SimulatedNode},
@@ -7,25 +7,29 @@ use super::{
 use crate::{
     Frame,
     canopen::{NodeId, function},
-    device::Outbox,
+    device::{Outbox, PositionObject},
 };
 
 /// A simulated encoder. It sends its position with every SYNC.
 #[derive(Debug, Clone)]
 pub struct SimulatedEncoder {
     node: SimulatedNode,
+    object: PositionObject,
 }
 
 impl SimulatedEncoder {
-    /// An encoder whose count is `step_um` long, in 0.001 mm.
-    pub fn new(id: NodeId, step_um: u32) -> Self {
+    /// An encoder with its position in `object`, whose count has the length `step`: 0.001 mm, or 0.001 degrees.
+    pub fn new(id: NodeId, object: PositionObject, step: u32) -> Self {
         let mut objects = Objects::default();
-        objects.add_message(0x1800, id.id(function::TPDO1), &[0x6004_0020]);
-        for (index, bytes) in [(0x6003, 4), (0x6004, 4), (0x6008, 8), (0x6503, 2), (0x6505, 2)] {
-            objects.add(index, 0, 0, bytes, index != 0x6003);
+        let (mapped, length) = (object.mapped(), object.step());
+        objects.add_message(0x1800, id.id(function::TPDO1), &[mapped.entry()]);
+        objects.add(mapped.object.index, 0, 0, usize::from(mapped.bits / 8), true);
+        for (index, bytes, is_read_only) in [(0x6003, 4, false), (0x6503, 2, true), (0x6505, 2, true)] {
+            objects.add(index, 0, 0, bytes, is_read_only);
         }
-        objects.add(0x6005, 1, step_um.into(), 4, false);
-        Self { node: SimulatedNode::new(id, 406, objects) }
+        let bytes = if object.profile() == 406 { 4 } else { 2 };
+        objects.add(length.index, length.sub, step.into(), bytes, false);
+        Self { node: SimulatedNode::new(id, object.profile(), objects), object }
     }
 
     /// What is wrong with it from now on.
@@ -50,8 +54,7 @@ impl SimulatedEncoder {
 
     /// Moves to a position, counts.
     pub fn set_counts(&mut self, counts: i64) {
-        self.node.objects.set(0x6004, 0, counts as u64);
-        self.node.objects.set(0x6008, 0, counts as u64);
+        self.node.objects.set(self.object.mapped().object.index, 0, counts as u64);
     }
 
     /// Sends what is due.

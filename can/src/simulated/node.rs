@@ -35,6 +35,11 @@ impl SimulatedNode {
     pub fn new(id: NodeId, profile: u16, mut objects: Objects) -> Self {
         objects.add(0x1000, 0, profile.into(), 4, true);
         objects.add(0x1017, 0, 0, 2, false);
+        // Identity: no maker, the profile as product, the number of the node as serial number.
+        for (sub, number) in [(1, 0), (2, profile), (3, 1), (4, u16::from(id.number()))] {
+            objects.add(0x1018, sub, number.into(), 4, true);
+        }
+        objects.add_text(0x1008, &format!("simulated {profile}"));
         Self {
             id,
             fresh: objects.clone(),

@@ -22,6 +22,12 @@ impl Objects {
         self.entries.push(Entry { object: Object::new(index, sub), value, is_read_only });
     }
 
+    /// Adds an object with a text, which can only be read.
+    pub fn add_text(&mut self, index: u16, text: &str) {
+        let value = text.as_bytes()[..text.len().min(MAX_VALUE)].to_vec();
+        self.entries.push(Entry { object: Object::new(index, 0), value, is_read_only: true });
+    }
+
     /// Adds the parameters and the mapping of a message. `parameters` is 1400h.. or 1800h...
     pub fn add_message(&mut self, parameters: u16, id: u16, entries: &[u32]) {
         self.add(parameters, 1, u64::from(id), 4, false);
@@ -42,7 +48,8 @@ impl Objects {
     pub fn number(&self, index: u16, sub: u8) -> u64 {
         let mut bytes = [0; 8];
         if let Some(entry) = self.find(Object::new(index, sub)) {
-            bytes[..entry.value.len()].copy_from_slice(&entry.value);
+            let length = entry.value.len().min(bytes.len());
+            bytes[..length].copy_from_slice(&entry.value[..length]);
         }
         u64::from_le_bytes(bytes)
     }

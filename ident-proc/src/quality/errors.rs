@@ -9,6 +9,9 @@
 //! y output in its unit, phi regressor row (14), theta coefficients, h horizon in samples. A predictive controller uses
 //! h-step predictions, and fast adaptation cannot make their error look small. Trap: the one-step error of a position
 //! says next to nothing, because y(k-1) is nearly as good a prediction.
+//!
+//! At most fifty predictions over the horizon are on their way. With more samples in the horizon, an h-step error
+//! counts for two, three .. samples, up to the next one.
 
 use pipeline::message::ModelErrors;
 
@@ -18,15 +21,22 @@ use crate::{
     sample::{RegressorRow, SlidingBuffer},
 };
 
+/// Most forecasts on their way at any time. Errors of forecasts any closer together are nearly equal, and a horizon of
+/// 500 samples would make them most of the work of an update.
+const FORECASTS: usize = 50;
+
 /// The errors of one model. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct ErrorTracker {
     horizon: usize,
     ahead: Forecasts,
-    /// The lane of the forecast that was launched longest ago.
-    lane: usize,
-    /// Number of forecasts on their way, up to `horizon`.
-    launched: usize,
+    lanes: usize,
+    /// Samples between two launches.
+    stride: usize,
+    /// Samples since the first launch; `None` before it.
+    since: Option<usize>,
+    /// The newest h-step error since the first launch.
+    newest: Option<f64>,
     /// theta(k-1), written out for the row.
     theta: Vec<f64>,
     free_run: SlidingBuffer,
@@ -37,11 +47,15 @@ impl ErrorTracker {
     /// For models that are written out for `row`, and a horizon of `horizon` samples.
     pub fn new(row: &RegressorRow, horizon: usize) -> Self {
         let (na, n) = (row.structure().na, row.values().len());
+        let stride = horizon.div_ceil(FORECASTS);
+        let lanes = horizon.div_ceil(stride);
         Self {
             horizon,
-            ahead: Forecasts::new(na, n - na, horizon),
-            lane: 0,
-            launched: 0,
+            ahead: Forecasts::new(na, n - na, lanes),
+            lanes,
+            stride,
+            since: None,
+            newest: None,
             theta: vec![0.0; n],
             free_run: SlidingBuffer::new(na, 1),
             errors: ModelErrors::default(),
@@ -53,9 +67,9 @@ impl ErrorTracker {
         &self.errors
     }
 
-    /// Carries all predictions on to the sample of `row`, without its output. `outputs` = y(..k-1). Returns whether an
-    /// h-step prediction of that sample exists.
-    pub fn pass(&mut self, row: &RegressorRow, outputs: &SlidingBuffer) -> bool {
+    /// Carries all predictions on to the sample of `row`, without its output. `outputs` = y(..k-1). Returns the h-step
+    /// prediction of that sample, if one was launched h samples ago.
+    pub fn pass(&mut self, row: &RegressorRow, outputs: &SlidingBuffer) -> Option<f64> {
         let na = row.structure().na;
         self.ahead.advance(row.driven());
         if self.free_run.len() < na {
@@ -64,7 +78,11 @@ impl ErrorTracker {
         let own: f64 = dot(&self.theta[na..], row.driven())
             - self.theta[..na].iter().zip(self.free_run.latest(na).iter().rev()).map(|(a, y)| a * y).sum::<f64>();
         self.free_run.push(own);
-        self.launched == self.horizon
+        let since = self.since.as_mut()?;
+        *since += 1;
+        let launched = since.checked_sub(self.horizon)?;
+        let lane = launched / self.stride % self.lanes;
+        launched.is_multiple_of(self.stride).then(|| self.ahead.predicted(lane))
     }
 
     /// The one-step prediction of y(k) from the row of sample k.
@@ -78,27 +96,64 @@ impl ErrorTracker {
         let ahead = self.pass(row, outputs);
         self.errors.one_step.push(y - predicted);
         self.errors.free_run.push(y - self.free_run.latest(1)[0]);
-        if ahead {
-            self.errors.h_step.push(y - self.ahead.predicted(self.lane));
+        self.newest = ahead.map(|predicted| y - predicted).or(self.newest);
+        if let Some(error) = self.newest {
+            self.errors.h_step.push(error);
         }
-        ahead
+        self.newest.is_some()
     }
 
-    /// Takes in the coefficients known after sample k, written out for the row, and launches the prediction of y(k+h).
-    /// `outputs` = y(..k); with fewer than na of them no prediction is launched.
+    /// Takes in the coefficients known after sample k, written out for the row, and launches the prediction of y(k+h)
+    /// where one is due. `outputs` = y(..k); with fewer than na of them no prediction is launched.
     pub fn store(&mut self, theta: &[f64], outputs: &SlidingBuffer) {
         self.theta.copy_from_slice(theta);
         let na = self.ahead.na();
-        if outputs.len() >= na {
-            self.ahead.launch(self.lane, theta, outputs.latest(na));
-            self.lane = (self.lane + 1) % self.horizon;
-            self.launched = (self.launched + 1).min(self.horizon);
+        if outputs.len() < na {
+            return;
+        }
+        let since = *self.since.get_or_insert(0);
+        if since.is_multiple_of(self.stride) {
+            self.ahead.launch(since / self.stride % self.lanes, theta, outputs.latest(na));
         }
     }
 
     /// Discards the predictions on their way and the model's own outputs, after a gap in the samples.
     pub fn interrupt(&mut self) {
         self.free_run.clear();
-        self.launched = 0;
+        (self.since, self.newest) = (None, None);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pipeline::hammerstein::Structure;
+
+    /// y(k) = 0.5 y(k-1) + u(k-1).
+    const STRUCTURE: Structure = Structure { na: 1, nb: 0, nk: 1, order: 1, ..Structure::PAPER };
+
+    #[test]
+    fn with_a_long_horizon_every_error_counts_for_the_samples_up_to_the_next_one() {
+        const HORIZON: usize = 2 * FORECASTS + 20;
+        let mut row = RegressorRow::new(STRUCTURE);
+        let mut tracker = ErrorTracker::new(&row, HORIZON);
+        let (mut outputs, mut commands) = (SlidingBuffer::new(1, 1), SlidingBuffer::new(1, 2));
+        let mut y = 1.0;
+        outputs.push(y);
+        // b is half as large again as it is.
+        tracker.store(&[-0.5, 1.5, 1.5], &outputs);
+        for k in 1..=400 {
+            commands.push_with(|slot| STRUCTURE.input.features(0.2, slot));
+            row.fill(&outputs, &commands);
+            y = 0.5 * y + 0.2;
+            let predicted = tracker.predict(&row);
+            assert_eq!(tracker.observe(y, predicted, &row, &outputs), k >= HORIZON, "{k}");
+            outputs.push(y);
+            tracker.store(&[-0.5, 1.5, 1.5], &outputs);
+        }
+        let errors = tracker.errors();
+        assert_eq!((errors.one_step.count, errors.h_step.count), (400, 401 - HORIZON as u64));
+        // -0.1 (1 + 0.5 + 0.25 + ..).
+        assert!((errors.h_step.mean + 0.2).abs() < 1e-12 && errors.h_step.sigma() < 1e-12);
     }
 }

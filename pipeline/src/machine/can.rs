@@ -1,6 +1,10 @@
-//! The CAN bus with encoders and valves: `[can]`. Its devices are in `[axis.NAME.can]`.
+//! The CAN bus with encoders and valves: `[can]`. Its devices are in `[axis.NAME.can]`, and its messages that are no
+//! CANopen in `[[can.message]]` or a DBC file.
 
-use std::time::Duration;
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use super::{document::Section, timing::Timing};
 
@@ -17,13 +21,116 @@ pub struct CanBus {
     pub heartbeat: Duration,
     /// Longest time that a device may take to answer while it is set up.
     pub answer: Duration,
+    /// A DBC file with the messages that are no CANopen.
+    pub dbc: Option<PathBuf>,
+    /// Messages, or what the DBC file does not say of them.
+    pub messages: Vec<CanMessage>,
+    /// Signal that is not 0 while the emergency stop is pressed.
+    pub emergency_stop: Option<String>,
+    /// Signal that is 0 while the pilot pressure is cut off.
+    pub pilot: Option<String>,
+}
+
+/// A message that is no CANopen.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CanMessage {
+    /// Its name.
+    pub name: String,
+    /// Its identifier and whether that has 29 bits; `None` where the DBC file has it.
+    pub id: Option<(u32, bool)>,
+    /// Its bytes.
+    pub length: u8,
+    /// Its signals, in the notation of DBC files with the name in front.
+    pub signals: Vec<String>,
+    /// Name of the signal with the alive counter.
+    pub counter: Option<String>,
+    /// Byte of the checksum, from 0.
+    pub checksum: Option<u8>,
+    /// How it is made.
+    pub checksum_kind: ChecksumKind,
+    /// Time without the message after which it is a fault.
+    pub timeout: Option<Duration>,
+    /// Least time between two of them, where it is sent.
+    pub period: Duration,
+    /// Values of signals while an axis follows, while none does, and with the pilot pressure cut off, where it is sent.
+    pub patterns: [Vec<String>; 3],
+}
+
+/// How a checksum is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ChecksumKind {
+    /// Exclusive or of all other bytes.
+    Xor,
+    /// Sum of all other bytes.
+    Sum,
+    /// CRC of 8 bits of SAE J1850.
+    Crc8J1850,
+}
+
+/// Largest identifier of 29 bits, and of 11 bits.
+const MAX_EXTENDED: usize = 0x1FFF_FFFF;
+const MAX_STANDARD: usize = 0x7FF;
+
+impl CanMessage {
+    fn read(mut section: Section) -> Self {
+        let name = section.key("name", "Name of the message; that of the DBC file, or any other").text("a name");
+        let id = section
+            .key("id", "Identifier of the message, where the DBC file has none of this name")
+            .optional_integer(0..=MAX_EXTENDED);
+        let is_extended = section
+            .key("extended", "Whether the identifier has 29 bits")
+            .rule("true above 2047")
+            .flag_or(id.is_some_and(|id| id > MAX_STANDARD));
+        if !is_extended && id.is_some_and(|id| id > MAX_STANDARD) {
+            section.refuse("extended", "false", "true with an identifier above 2047");
+        }
+        let length = section.key("length", "Bytes of the message").integer_or(8, 1..=8) as u8;
+        let mut texts = |key, meaning, allowed| section.key(key, meaning).optional_texts(allowed).unwrap_or_default();
+        let signals = texts(
+            "signals",
+            "Its signals: NAME START|BITS@ORDER SIGN (FACTOR,OFFSET) UNIT, as in a DBC file",
+            "a list of texts such as [\"Boom 0|16@1- (0.001,0) m\"]",
+        );
+        let values = "a list of texts such as [\"Enable=1\"]";
+        let patterns = [
+            texts("active", "Values of its signals while an axis follows, with a message that is sent", values),
+            texts("neutral", "Values of its signals while no axis follows", values),
+            texts("off", "Values of its signals with the pilot pressure cut off", values),
+        ];
+        let kinds = [("xor", ChecksumKind::Xor), ("sum", ChecksumKind::Sum), ("crc8-j1850", ChecksumKind::Crc8J1850)];
+        let message = Self {
+            name,
+            id: id.map(|id| (id as u32, is_extended)),
+            length,
+            signals,
+            counter: section.key("counter", "Signal with the alive counter").optional_text(),
+            checksum: section
+                .key("checksum", "Byte of the checksum, from 0")
+                .optional_integer(0..=7)
+                .map(|byte| byte as u8),
+            checksum_kind: section
+                .key("checksum_kind", "How the checksum of all other bytes is made")
+                .choice_or(ChecksumKind::Xor, &kinds),
+            timeout: section
+                .key("timeout", "Time without the message after which it is a fault")
+                .rule("timing.feedback_timeout")
+                .optional_duration(Duration::from_millis(1)..=Duration::from_secs(60)),
+            period: section
+                .key("period", "Least time between two messages that are sent; one that stops an axis goes at once")
+                .rule("every can.sync, and with every command")
+                .duration_or(Duration::ZERO, Duration::ZERO..=Duration::from_secs(1)),
+            patterns,
+        };
+        section.finish();
+        message
+    }
 }
 
 /// Bit rates of CAN.
 const BIT_RATES: [u32; 9] = [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 
 impl CanBus {
-    pub(super) fn read(mut section: Section, timing: &Timing) -> Self {
+    pub(super) fn read(mut section: Section, timing: &Timing, folder: &Path) -> Self {
         let period = timing.period;
         let millis = Duration::from_millis;
         let interface = section
@@ -50,7 +157,21 @@ impl CanBus {
             answer: section
                 .key("answer", "Longest time that a device may take to answer while it is set up")
                 .duration_or(millis(200), millis(5)..=millis(10_000)),
+            dbc: section
+                .key("dbc", "A DBC file with messages that are no CANopen, relative to the machine file")
+                .optional_text()
+                .map(|file| folder.join(file)),
+            messages: section.list("message").into_iter().map(CanMessage::read).collect(),
+            emergency_stop: section
+                .key("emergency_stop", "Signal that is not 0 while the emergency stop is pressed")
+                .optional_text(),
+            pilot: section.key("pilot", "Signal that is 0 while the pilot pressure is cut off").optional_text(),
         };
+        for message in bus.messages.iter().filter(|message| message.period * 2 > timing.drive_timeout) {
+            let allowed =
+                "half of timing.drive_timeout or shorter, so that the drive does not stop between two messages";
+            section.refuse("message", format!("{}: period = {:?}", message.name, message.period), allowed);
+        }
         if bus.sync > period {
             section.refuse("sync", format!("{:?}", bus.sync), "timing.period or shorter: a tick needs a new position");
         }
@@ -90,7 +211,7 @@ mod tests {
         let machine = machine(&[]).unwrap();
         assert_eq!((&machine.source, machine.drive, machine.source.is_real()), (&Source::Can, Drive::Can, true));
         assert_eq!(machine.can.as_ref().unwrap().sync, machine.timing.period / 2);
-        assert_eq!(machine.axes[3].can.unwrap().valve, Some(24));
+        assert_eq!(machine.axes[3].can.as_ref().unwrap().valve, Some(24));
         // The wiring is nothing that identification and control depend on.
         assert_eq!(machine.fingerprint(), Machine::four_axes(&[]).unwrap().fingerprint());
         assert_eq!(machine.into_twin().source, Source::Sim);

@@ -48,13 +48,13 @@ use axis::Shared;
 use document::{Document, Section, Setting};
 
 pub use axis::{
-    AngleKind, AngleSensor, Axis, COMPENSATED, CanDevices, Commissioned, Control, DeadBand, Directions, Encoder,
-    Estimator, Form, GREY_BOX_MEMORY, Hardware, Identification, IdentifiedOutput, Law, LimitSettings, LoadForce,
-    LoadHolding, MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MOST_POINTS, ModelChoice, MotionLimits, MoveWeight, Plan,
-    PlanSettings, Plant, Ports, PressureTransducers, ReferenceSource, SMITH_MEMORY, SensorErrors, Sine, SmithSettings,
-    Split, ValveCurve, shortest_training,
+    AngleKind, AngleSensor, Axis, COMPENSATED, CanDevices, CanPosition, CanSignals, Commissioned, Control, DeadBand,
+    Directions, Encoder, Estimator, Form, GREY_BOX_MEMORY, Hardware, Identification, IdentifiedOutput, Law,
+    LimitSettings, LoadForce, LoadHolding, MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MOST_POINTS, ModelChoice,
+    MotionLimits, MoveWeight, Plan, PlanSettings, Plant, Ports, PressureTransducers, ReferenceSource, SMITH_MEMORY,
+    SensorErrors, Sine, Slope, SmithSettings, Split, ValveCurve, shortest_training,
 };
-pub use can::CanBus;
+pub use can::{CanBus, CanMessage, ChecksumKind};
 pub use document::{DefaultValue, EffectiveValue, Origin, ValueForm, samples_of};
 pub use error::{MachineError, Problem};
 pub use explain::{Key, keys};
@@ -250,7 +250,7 @@ impl Machine {
         }
         let section = root.section("can");
         let has_bus = section.is_given() || source == Source::Can;
-        let can = has_bus.then(|| CanBus::read(section, &timing));
+        let can = has_bus.then(|| CanBus::read(section, &timing, folder));
         let fuzzy = Fuzzy::read(root.section("fuzzy"));
 
         let mut table = root.section("axis");

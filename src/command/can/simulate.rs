@@ -39,8 +39,6 @@ use crate::{
 const STEP: Duration = Duration::from_millis(1);
 /// Most steps that are made up for at once, after a time without a core.
 const MOST_STEPS: u64 = 100;
-/// One micrometre, m: the unit of 6005h.
-const MICROMETRE: f64 = 1e-6;
 
 /// `can simulate`.
 #[derive(Debug, Args)]
@@ -76,6 +74,9 @@ impl Drop for Link<'_> {
 /// Devices of one axis.
 struct Devices {
     encoder: SimulatedEncoder,
+    /// How the encoder is mounted.
+    is_reversed: bool,
+    zero: i64,
     valve: Option<SimulatedValve>,
 }
 
@@ -99,7 +100,7 @@ pub fn run(arguments: &SimulateBusArguments) -> Result<(), Failure> {
             let steps = ((now_ns - next_ns) / step_ns + 1).min(MOST_STEPS);
             next_ns = now_ns + step_ns;
             advance(&mut plant, &mut devices, steps);
-            for Devices { encoder, valve } in &mut devices {
+            for Devices { encoder, valve, .. } in &mut devices {
                 encoder.step(now_ns, &mut out);
                 valve.iter_mut().for_each(|valve| valve.step(now_ns, &mut out));
             }
@@ -129,12 +130,19 @@ fn plant(machine: &Machine, seed: u64) -> Result<PlantSim, Failure> {
 
 fn devices(axis: &Axis) -> Result<Devices, Failure> {
     let missing = || Failure::usage(format!("axis.{}.can: found nothing; allowed: a table with nodes", axis.name));
-    let wired = axis.can.ok_or_else(missing)?;
-    let step_um = (axis.encoder.resolution / MICROMETRE).round() as u32;
+    let wired = axis.can.as_ref().ok_or_else(missing)?;
+    // A step that is none of a device is not compared either.
+    let step = can_proc::step(axis).unwrap_or(1);
     let node = |number| NodeId::new(number).ok_or_else(missing);
     let valve = wired.valve.map(node).transpose()?;
     Ok(Devices {
-        encoder: SimulatedEncoder::new(node(wired.encoder)?, step_um),
+        encoder: SimulatedEncoder::new(
+            node(wired.encoder.unwrap_or_default())?,
+            can_proc::position_object(wired),
+            step,
+        ),
+        is_reversed: wired.is_reversed,
+        zero: wired.zero,
         valve: valve.map(|id| SimulatedValve::new(id, wired.full_scale)),
     })
 }
@@ -150,15 +158,16 @@ fn advance(plant: &mut PlantSim, devices: &mut [Devices], steps: u64) {
         plant.advance(STEP);
     }
     let reading = plant.read();
-    for (Devices { encoder, .. }, value) in devices.iter_mut().zip(&reading.encoders) {
-        encoder.set_counts(value.counts);
+    for (device, value) in devices.iter_mut().zip(&reading.encoders) {
+        let counts = if device.is_reversed { -value.counts } else { value.counts };
+        device.encoder.set_counts(device.zero + counts);
     }
 }
 
 /// Takes the frames that have come, and sends what the devices answer.
 fn exchange(bus: &mut SlcanBus, devices: &mut [Devices], out: &mut Outbox) -> Result<(), BusError> {
     while let Some(received) = bus.receive()? {
-        for Devices { encoder, valve } in devices.iter_mut() {
+        for Devices { encoder, valve, .. } in devices.iter_mut() {
             encoder.take(&received.frame, out);
             valve.iter_mut().for_each(|valve| valve.take(&received.frame, monotonic_ns(), out));
         }

@@ -125,7 +125,8 @@ fn expect_travel(arguments: &CommissionArguments, machine: &Machine, axes: &[usi
     match travels.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, travel)| found > *travel * (1.0 + 1e-9)) {
         None => Ok(()),
         Some((name, travel)) => Err(Failure::usage(format!(
-            "--travel: found {found} m; allowed: up to {travel:.4} m, the travel between the soft limits of axis {name}"
+            "--travel: found {found} m; allowed: up to {} m, the travel between the soft limits of axis {name}",
+            (1e4 * travel * (1.0 + 1e-9)).floor() / 1e4
         ))),
     }
 }

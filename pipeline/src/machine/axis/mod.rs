@@ -34,7 +34,7 @@ mod sensor_errors;
 
 use std::path::Path;
 
-pub use can::CanDevices;
+pub use can::{CanDevices, CanPosition, CanSignals, Slope};
 pub use commissioned::{COMPENSATED, Commissioned, MOST_POINTS};
 use control::Owner;
 pub use control::{Control, Law, ModelChoice, SmithSettings};
@@ -137,7 +137,8 @@ impl Axis {
         let encoder = Encoder::read(encoder, carried);
         let can = section.section("can");
         let has_devices = can.is_given() || *shared.source == Source::Can;
-        let can = has_devices.then(|| CanDevices::read(can, shared.drive == Drive::Can));
+        let is_inclinometer = encoder.angle.is_some_and(|sensor| sensor.kind == AngleKind::Inclinometer);
+        let can = has_devices.then(|| CanDevices::read(can, shared.drive == Drive::Can, is_inclinometer));
         let pressure = PressureTransducers::read(section.section("pressure"));
         section.renamed("forgetting", "identification.estimator");
         let mut commissioned = section.section("commissioned");

@@ -1,0 +1,338 @@
+//! The messages of a machine file that are no CANopen: DBC file, signals, drives.
+
+use std::collections::BTreeMap;
+
+use can::{
+    device::{AxisFrames, FrameDrive, FrameDriveSettings, Frames, Pattern, Receiver, SetPoint, SignalPosition, Source},
+    frames::{Checksum, Database, Guard, Message, NamedSignal, Signal},
+};
+use pipeline::machine::{Axis, CanBus, CanMessage, CanSignals, ChecksumKind, Machine};
+
+use crate::error::WiringError;
+
+/// Pa of a unit of pressure.
+const PRESSURES: [(&str, f64); 5] = [("Pa", 1.0), ("kPa", 1e3), ("bar", 1e5), ("MPa", 1e6), ("psi", 6894.757_293)];
+/// Part by which the length of a count may differ between machine file and data base.
+const SAME: f64 = 1e-6;
+
+/// The messages of a machine that its bus and axes name.
+///
+/// # Errors
+/// The DBC file or a message is none, or a name is none of them.
+pub fn frames(machine: &Machine, bus: &CanBus) -> Result<Frames, WiringError> {
+    let mut wiring =
+        Wiring { database: database(bus)?, bus, machine, frames: Frames::default(), places: BTreeMap::new() };
+    let mut drives: BTreeMap<String, Vec<SetPoint>> = BTreeMap::new();
+    for (i, axis) in machine.axes.iter().enumerate() {
+        let wired = axis.can.as_ref().map(|wired| (&wired.signals, wired.is_reversed, wired.zero));
+        let Some((signals, is_reversed, zero)) = wired else { continue };
+        let key = |name: &str| format!("axis.{}.can.{name}", axis.name);
+        let mut own = AxisFrames::default();
+        if let Some(name) = &signals.position {
+            expect_scale(axis, &key("position"), &wiring.signal(&key("position"), name)?.1)?;
+            let source = wiring.source(&key("position"), name)?;
+            own.position = Some(SignalPosition { source, is_reversed, zero });
+        }
+        if let Some([piston, rod]) = &signals.pressures {
+            let piston = wiring.pressure(&key("piston_pressure"), piston)?;
+            own.pressures = Some([piston, wiring.pressure(&key("rod_pressure"), rod)?]);
+        }
+        wiring.frames.axes.push(own);
+        if let (Some(name), true) = (&signals.command, machine.drive.is_real()) {
+            let (message, set_point) = wiring.set_point(i, axis, signals, name)?;
+            drives.entry(message).or_default().push(set_point);
+        }
+    }
+    for (message, set_points) in drives {
+        let drive = wiring.drive(&message, set_points)?;
+        wiring.frames.drives.push(drive);
+    }
+    wiring.frames.emergency_stop =
+        bus.emergency_stop.as_ref().map(|name| wiring.source("can.emergency_stop", name)).transpose()?;
+    wiring.frames.pilot = bus.pilot.as_ref().map(|name| wiring.source("can.pilot", name)).transpose()?;
+    Ok(wiring.frames)
+}
+
+/// The messages of the DBC file, and those that the machine file writes itself.
+///
+/// # Errors
+/// The file cannot be read, or is none; a message or signal is none.
+pub fn database(bus: &CanBus) -> Result<Database, WiringError> {
+    let mut database = Database::default();
+    if let Some(file) = &bus.dbc {
+        let wrong = |error: String| WiringError::Text(format!("can.dbc: {}: {error}", file.display()));
+        let text = std::fs::read(file).map_err(|error| wrong(format!("{error}; allowed: a DBC file")))?;
+        // Comments of older editors are no UTF-8; names are ASCII.
+        database = Database::parse(&String::from_utf8_lossy(&text)).map_err(|error| wrong(error.to_string()))?;
+    }
+    for message in &bus.messages {
+        let key = format!("can.message \"{}\"", message.name);
+        let wrong = |error: &dyn std::fmt::Display| WiringError::Text(format!("{key}: {error}"));
+        let Some((id, is_extended)) = message.id else {
+            database.message(&message.name).map_err(|error| wrong(&error))?;
+            continue;
+        };
+        let signals = message.signals.iter().map(|text| named(text, message.length).map_err(|error| wrong(&error)));
+        let signals = signals.collect::<Result<_, _>>()?;
+        let found = Message { name: message.name.clone(), id, is_extended, length: message.length, signals };
+        database.add(found).map_err(|error| wrong(&error))?;
+    }
+    Ok(database)
+}
+
+/// A signal with its name in front and its unit behind.
+fn named(text: &str, length: u8) -> Result<NamedSignal, String> {
+    let allowed = "NAME START|BITS@ORDER SIGN (FACTOR,OFFSET) UNIT, such as Boom 0|16@1- (0.001,0) m";
+    let (name, rest) = text.trim().split_once(' ').ok_or_else(|| format!("found \"{text}\"; allowed: {allowed}"))?;
+    let end = rest.find(')').map_or(rest.len(), |place| place + 1);
+    let (notation, unit) = rest.split_at(end);
+    let signal = Signal::parse(notation, length).map_err(|error| format!("signal {name}: {error}"))?;
+    Ok(NamedSignal { name: name.to_owned(), signal, unit: unit.trim().to_owned() })
+}
+
+struct Wiring<'m> {
+    database: Database,
+    bus: &'m CanBus,
+    machine: &'m Machine,
+    frames: Frames,
+    /// Receivers by the names of their messages.
+    places: BTreeMap<String, usize>,
+}
+
+impl Wiring<'_> {
+    fn signal(&self, key: &str, name: &str) -> Result<(Message, NamedSignal), WiringError> {
+        let found = self.database.signal(name).map_err(|error| WiringError::Text(format!("{key}: {error}")))?;
+        Ok((found.0.clone(), found.1.clone()))
+    }
+
+    /// What the machine file says of a message.
+    fn said(&self, message: &Message) -> Option<&CanMessage> {
+        self.bus.messages.iter().find(|said| said.name == message.name)
+    }
+
+    fn guard(&self, message: &Message) -> Result<Guard, WiringError> {
+        let Some(said) = self.said(message) else { return Ok(Guard::default()) };
+        let wrong = |text: String| WiringError::Text(format!("can.message \"{}\": {text}", message.name));
+        let counter = said.counter.as_ref().map(|name| message.signal(name)).transpose();
+        let counter = counter.map_err(|error| wrong(format!("counter: {error}")))?.map(|named| named.signal);
+        let kind = match said.checksum_kind {
+            ChecksumKind::Xor => Checksum::Xor,
+            ChecksumKind::Sum => Checksum::Sum,
+            ChecksumKind::Crc8J1850 => Checksum::Crc8J1850,
+        };
+        if let Some(byte) = said.checksum.filter(|byte| *byte >= message.length) {
+            return Err(wrong(format!("checksum: found byte {byte}; allowed: 0 to {}", message.length - 1)));
+        }
+        Ok(Guard { counter, checksum: said.checksum.map(|byte| (byte, kind)) })
+    }
+
+    /// A signal that is received.
+    fn source(&mut self, key: &str, name: &str) -> Result<Source, WiringError> {
+        let (message, signal) = self.signal(key, name)?;
+        if let Some(place) = self.places.get(&message.name) {
+            return Ok((*place, signal.signal));
+        }
+        let timeout = self.said(&message).and_then(|said| said.timeout).unwrap_or(self.machine.timing.feedback_timeout);
+        let receiver = Receiver::new(&message, self.guard(&message)?, timeout.as_nanos() as u64);
+        let place = self.frames.receivers.len();
+        self.frames.receivers.push(receiver);
+        self.places.insert(message.name, place);
+        Ok((place, signal.signal))
+    }
+
+    fn pressure(&mut self, key: &str, name: &str) -> Result<(Source, f64), WiringError> {
+        let unit = self.signal(key, name)?.1.unit;
+        let Some((_, pascal)) = PRESSURES.iter().find(|(known, _)| *known == unit) else {
+            let allowed = PRESSURES.map(|(known, _)| known).join(", ");
+            return Err(WiringError::Text(format!("{key}: found the unit \"{unit}\" of {name}; allowed: {allowed}")));
+        };
+        Ok((self.source(key, name)?, *pascal))
+    }
+
+    /// Where the command of an axis is, and the message that has it.
+    fn set_point(
+        &mut self,
+        place: usize,
+        axis: &Axis,
+        signals: &CanSignals,
+        name: &str,
+    ) -> Result<(String, SetPoint), WiringError> {
+        let key = |name: &str| format!("axis.{}.can.{name}", axis.name);
+        let (message, signal) = self.signal(&key("command"), name)?;
+        let direction = signals.direction.as_ref().map(|name| self.signal(&key("direction"), name)).transpose()?;
+        if let Some((other, _)) = direction.as_ref().filter(|(other, _)| other.name != message.name) {
+            let allowed = format!("a signal of {}, which has the command", message.name);
+            return Err(WiringError::Text(format!(
+                "{}: found message {}; allowed: {allowed}",
+                key("direction"),
+                other.name
+            )));
+        }
+        let scale = signals.scale;
+        let needed = if direction.is_some() { [scale.abs(), 0.0] } else { [scale, -scale] };
+        if let Some(value) = needed.iter().find(|value| !signal.signal.holds(**value)) {
+            let allowed = "a command_scale that the signal can say in both directions, or a direction";
+            return Err(WiringError::Text(format!(
+                "{}: found {value} for {name}; allowed: {allowed}",
+                key("command_scale")
+            )));
+        }
+        let active = signals.active.as_ref().ok_or_else(|| WiringError::Missing(key("active")))?;
+        let active = self.source(&key("active"), active)?;
+        let direction = direction.map(|(_, direction)| direction.signal);
+        Ok((message.name, SetPoint { axis: place, signal: signal.signal, scale, direction, active }))
+    }
+
+    fn drive(&self, name: &str, set_points: Vec<SetPoint>) -> Result<FrameDrive, WiringError> {
+        let wrong = |error: String| WiringError::Text(format!("can.message \"{name}\": {error}"));
+        let message = self.database.message(name).map_err(|error| wrong(error.to_string()))?.clone();
+        let said = self.said(&message);
+        let pattern = |i: usize| {
+            let texts = said.map_or(&[][..], |said| &said.patterns[i]);
+            texts.iter().map(|text| value(&message, text).map_err(wrong)).collect::<Result<Pattern, _>>()
+        };
+        Ok(FrameDrive::new(FrameDriveSettings {
+            guard: self.guard(&message)?,
+            set_points,
+            active: pattern(0)?,
+            neutral: pattern(1)?,
+            off: pattern(2)?,
+            timeout_ns: self.machine.timing.drive_timeout.as_nanos() as u64,
+            period_ns: said.map_or(0, |said| said.period.as_nanos() as u64),
+            message,
+        }))
+    }
+}
+
+/// A text such as `Enable=1`.
+fn value(message: &Message, text: &str) -> Result<(Signal, f64), String> {
+    let allowed =
+        || format!("found \"{text}\"; allowed: a signal of the message and a value that it can have, such as Enable=1");
+    let (name, value) = text.split_once('=').ok_or_else(allowed)?;
+    let signal = message.signal(name.trim()).map_err(|error| error.to_string())?.signal;
+    let value = value.trim().parse().ok().filter(|value| signal.holds(*value)).ok_or_else(allowed)?;
+    Ok((signal, value))
+}
+
+/// Refuses a signal whose count has another length than the machine file says, where its unit is known.
+fn expect_scale(axis: &Axis, key: &str, named: &NamedSignal) -> Result<(), WiringError> {
+    let (units, own, name): (&[(&str, f64)], f64, &str) = match axis.encoder.angle {
+        None => (&[("m", 1.0), ("mm", 1e-3), ("um", 1e-6)], axis.encoder.resolution, "resolution"),
+        Some(sensor) => {
+            (&[("rad", 1.0), ("mrad", 1e-3), ("deg", 1_f64.to_radians())], sensor.resolution, "angle_resolution")
+        }
+    };
+    let Some((_, unit)) = units.iter().find(|(unit, _)| *unit == named.unit) else { return Ok(()) };
+    let found = named.signal.factor().abs() * unit;
+    if (found - own).abs() <= SAME * own {
+        return Ok(());
+    }
+    let allowed = format!("axis.{}.encoder.{name} = {found:e}", axis.name);
+    Err(WiringError::Text(format!("{key}: found {own:e} for a count of {}; allowed: {allowed}", named.name)))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use can::{
+        Frame, Received,
+        device::{Cause, Fault},
+    };
+
+    use super::*;
+
+    const EXCAVATOR: &str = include_str!("../../examples/excavator.toml");
+    const TABLES: &str = include_str!("../../examples/excavator-can.toml");
+
+    /// The excavator with the tables of the example, one of whose texts is replaced.
+    fn machine(from: &str, to: &str) -> Result<Machine, String> {
+        assert!(TABLES.contains(from), "{from}");
+        let mut settings = vec![("source.kind", "can"), ("timing.drive_timeout", "100ms")];
+        settings.push(("axis.telescope.encoder.resolution", "1e-4"));
+        let mut settings: Vec<(String, String)> =
+            settings.into_iter().map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
+        for axis in ["boom", "arm", "bucket"] {
+            settings.push((format!("axis.{axis}.encoder.kind"), "rotary-encoder".to_owned()));
+            settings.push((format!("axis.{axis}.encoder.angle_resolution"), "1e-4".to_owned()));
+        }
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
+        let text = format!("{EXCAVATOR}\n{}", TABLES.replacen(from, to, 1));
+        Machine::parse(&text, "m.toml", &folder, &settings).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_example_is_a_machine_whose_messages_are_known() {
+        let mut network = crate::network(&machine("", "").unwrap()).unwrap();
+        let held = Fault::of(network.reading(0).unwrap().1).unwrap();
+        assert_eq!((held.cause, held.detail), (Cause::Absent, 0x0100), "message 18FF0100h of the boom");
+        // A good message of the boom: its count is 1, and its checksum fits.
+        let mut data = [0x10, 0x27, 0, 0, 60, 0, 1, 0];
+        data[7] = data.iter().fold(0, |sum, byte| sum ^ byte);
+        let id = embedded_can::ExtendedId::new(0x18FF_0100).unwrap();
+        let frame = <Frame as embedded_can::Frame>::new(id, &data).unwrap();
+        network.take(&Received { frame, time_ns: 1000 }, 1000);
+        assert_eq!((network.reading(0).unwrap().0, network.pressures(0)), (10_000, Some([12e6, 0.0])));
+        // Without a SYNC: there is no node.
+        network.begin(2000);
+        assert!(network.outbox().frames().iter().all(|frame| frame.standard_id().is_none()));
+    }
+
+    #[test]
+    fn names_and_values_that_are_none_are_refused() {
+        for (from, to, expected) in [
+            ("\"excavator.dbc\"", "\"none.dbc\"", "can.dbc: "),
+            ("BoomState.Angle", "BoomState.Angel", "axis.boom.can.position: found \"Angel\"; allowed: a signal of"),
+            ("Levers.Boom", "Lever.Boom", "axis.boom.can.command: found \"Lever\"; allowed: a message: BoomState"),
+            ("counter = \"Alive\"", "counter = \"Live\"", "can.message \"BoomState\": counter: found \"Live\""),
+            (
+                "Mode=1",
+                "Mode=9",
+                "can.message \"Levers\": found \"Mode=9\"; allowed: a signal of the message and a value",
+            ),
+            ("BoomState.Piston", "BoomState.Rate", "found the unit \"rad/s\" of BoomState.Rate; allowed: Pa, kPa"),
+            (
+                "command = \"Levers.Boom\"",
+                "command = \"Levers.Boom\"\ncommand_scale = 2",
+                "axis.boom.can.command_scale: found 2 for Levers.Boom; allowed: a command_scale that the signal",
+            ),
+            ("BoomState.Angle", "BoomState.Rod", ""),
+        ] {
+            let said = crate::network(&machine(from, to).unwrap()).unwrap_err().to_string();
+            assert!(said.contains(expected), "{said}");
+        }
+        for (from, to, expected) in [
+            (
+                "active = \"MachineState.Lock\"",
+                "",
+                "axis.boom.can.active: found nothing; allowed: a signal: without it",
+            ),
+            ("rod_pressure = \"BoomState.Rod\"", "", "axis.boom.can.piston_pressure: found one pressure"),
+            ("position = \"BoomState.Angle\"", "", "axis.boom.can.encoder: found nothing; allowed: 1 to 127"),
+            ("position = \"BoomState.Angle\"", "encoder = 7\nposition = \"BoomState.Angle\"", "encoder or position"),
+            ("name = \"Levers\"", "name = \"Levers\"\nperiod = \"90ms\"", "half of timing.drive_timeout"),
+        ] {
+            let said = machine(from, to).unwrap_err();
+            assert!(said.contains(expected), "{said}");
+        }
+    }
+
+    #[test]
+    fn messages_are_written_in_the_machine_file_as_well() {
+        let own = "[[can.message]]\nname = \"Own\"\nid = 0x123\nlength = 4\nsignals = [\"Place 0|16@1- (1e-4,0) m\"]\n";
+        let tables = format!("{own}\n[axis.boom.can]");
+        let with_own = machine("[axis.boom.can]", &tables).unwrap();
+        let database = database(with_own.can.as_ref().unwrap()).unwrap();
+        let (message, place) = database.signal("Own.Place").unwrap();
+        assert_eq!((message.id, message.is_extended, place.unit.as_str()), (0x123, false, "m"));
+        for (from, to, expected) in [
+            ("0|16@1-", "0|40@1-", "can.message \"Own\": signal Place: found bits up to byte 4"),
+            ("Place 0|16@1- (1e-4,0) m", "Place", "found \"Place\"; allowed: NAME START|BITS"),
+            ("\"Own\"", "\"Levers\"", "message Levers: found twice"),
+        ] {
+            let wrong = machine("[axis.boom.can]", &tables.replacen(from, to, 1)).unwrap();
+            let said = super::database(wrong.can.as_ref().unwrap()).unwrap_err().to_string();
+            assert!(said.contains(expected), "{said}");
+        }
+    }
+}

@@ -1,0 +1,294 @@
+//! Messages with their signals: those of a DBC file, and those that are written in the machine file.
+//!
+//! A DBC file is read by the crate `can-dbc`. Signals that are there only for one value of a multiplexor are left out,
+//! and so are messages of CAN FD and the pseudo message of signals without one.
+
+use can_dbc::{ByteOrder, Dbc, MessageId, MultiplexIndicator, ValueType};
+
+use super::{Signal, SignalError};
+use crate::MAX_DATA;
+
+/// Pseudo message of DBC editors, which holds signals without a message.
+const ORPHANS: &str = "VECTOR__INDEPENDENT_SIG_MSG";
+/// Bit of an identifier of 29 bits in a DBC file.
+const EXTENDED: u64 = 1 << 31;
+
+/// A signal with its name and unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedSignal {
+    /// Its name.
+    pub name: String,
+    /// Where it is.
+    pub signal: Signal,
+    /// Unit of its value; empty where none is given.
+    pub unit: String,
+}
+
+/// A message.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Message {
+    /// Its name.
+    pub name: String,
+    /// Its identifier.
+    pub id: u32,
+    /// Whether the identifier has 29 bits.
+    pub is_extended: bool,
+    /// Its bytes, 1 to 8.
+    pub length: u8,
+    /// Its signals.
+    pub signals: Vec<NamedSignal>,
+}
+
+/// Messages by their names.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Database {
+    messages: Vec<Message>,
+}
+
+/// Why a DBC file cannot be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DatabaseError {
+    /// The text is none of a DBC file.
+    #[error("line {line}: found \"{found}\"; allowed: {allowed}")]
+    Syntax {
+        /// Number of the line, from 1 on.
+        line: usize,
+        /// The line.
+        found: String,
+        /// What could stand there.
+        allowed: String,
+    },
+    /// The file is read, and its contents contradict each other.
+    #[error("found {0}; allowed: a DBC file whose messages and signals belong together")]
+    Contents(String),
+    /// A message has an identifier that CAN does not have.
+    #[error(
+        "line {line}: message {name}: found the identifier {found}; allowed: up to 2047, or 2147483648 and 29 bits"
+    )]
+    Identifier {
+        /// Number of the line, from 1 on.
+        line: usize,
+        /// The message.
+        name: String,
+        /// The number.
+        found: String,
+    },
+    /// A signal is none.
+    #[error("line {line}: signal {message}.{name}: {source}")]
+    Signal {
+        /// Number of the line, from 1 on.
+        line: usize,
+        /// Its message.
+        message: String,
+        /// Its name.
+        name: String,
+        /// What is wrong with it.
+        source: SignalError,
+    },
+    /// Two messages have one name.
+    #[error("message {0}: found twice; allowed: one message of each name")]
+    Twice(String),
+}
+
+/// A name of no message or signal.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("found \"{found}\"; allowed: {allowed}")]
+pub struct UnknownName {
+    found: String,
+    allowed: String,
+}
+
+impl Database {
+    /// Reads a DBC file.
+    ///
+    /// # Errors
+    /// The text is none, or a message or signal is none; the line is named.
+    pub fn parse(text: &str) -> Result<Self, DatabaseError> {
+        expect_identifiers(text)?;
+        let dbc = Dbc::try_from(text).map_err(|error| explained(&error.to_string(), text))?;
+        let mut database = Self::default();
+        for message in dbc.messages.iter().filter(|message| message.name != ORPHANS) {
+            if !(1..=MAX_DATA as u64).contains(&message.size) {
+                continue;
+            }
+            let (id, is_extended) = match message.id {
+                MessageId::Standard(id) => (u32::from(id), false),
+                MessageId::Extended(id) => (id, true),
+            };
+            let mut found = Message {
+                name: message.name.clone(),
+                id,
+                is_extended,
+                length: message.size as u8,
+                signals: Vec::new(),
+            };
+            for signal in &message.signals {
+                if !matches!(signal.multiplexer_indicator, MultiplexIndicator::Plain | MultiplexIndicator::Multiplexor)
+                {
+                    continue;
+                }
+                let kind = (signal.byte_order == ByteOrder::BigEndian, signal.value_type == ValueType::Signed);
+                let scale = (signal.factor, signal.offset);
+                let placed = Signal::new((signal.start_bit, signal.size), kind, scale, found.length);
+                let placed = placed.map_err(|source| DatabaseError::Signal {
+                    line: line_of(text, "SG_", &signal.name),
+                    message: message.name.clone(),
+                    name: signal.name.clone(),
+                    source,
+                })?;
+                found.signals.push(NamedSignal {
+                    name: signal.name.clone(),
+                    signal: placed,
+                    unit: signal.unit.clone(),
+                });
+            }
+            database.add(found)?;
+        }
+        Ok(database)
+    }
+
+    /// Adds a message.
+    ///
+    /// # Errors
+    /// There is one of its name.
+    pub fn add(&mut self, message: Message) -> Result<(), DatabaseError> {
+        if self.message(&message.name).is_ok() {
+            return Err(DatabaseError::Twice(message.name));
+        }
+        self.messages.push(message);
+        Ok(())
+    }
+
+    /// All messages.
+    pub fn messages(&self) -> &[Message] {
+        &self.messages
+    }
+
+    /// The message of a name.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn message(&self, name: &str) -> Result<&Message, UnknownName> {
+        self.messages.iter().find(|message| message.name == name).ok_or_else(|| {
+            let names = self.messages.iter().map(|message| message.name.as_str());
+            UnknownName { found: name.to_owned(), allowed: listed("a message", names) }
+        })
+    }
+
+    /// The signal of a name such as `Message.Signal`, and its message.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn signal(&self, name: &str) -> Result<(&Message, &NamedSignal), UnknownName> {
+        let Some((message, signal)) = name.split_once('.') else {
+            let allowed = "a message and its signal, such as Message.Signal".to_owned();
+            return Err(UnknownName { found: name.to_owned(), allowed });
+        };
+        let message = self.message(message)?;
+        Ok((message, message.signal(signal)?))
+    }
+}
+
+impl Message {
+    /// The signal of a name.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn signal(&self, name: &str) -> Result<&NamedSignal, UnknownName> {
+        self.signals.iter().find(|signal| signal.name == name).ok_or_else(|| {
+            let names = self.signals.iter().map(|signal| signal.name.as_str());
+            UnknownName { found: name.to_owned(), allowed: listed(&format!("a signal of {}", self.name), names) }
+        })
+    }
+}
+
+/// Names for a message, the first ones of many.
+fn listed<'n>(what: &str, names: impl Iterator<Item = &'n str>) -> String {
+    let names: Vec<&str> = names.collect();
+    match names.len() {
+        0 => format!("{what}, and there is none"),
+        1..=12 => format!("{what}: {}", names.join(", ")),
+        many => format!("{what}: {}, .. ({many} of them)", names[..12].join(", ")),
+    }
+}
+
+/// Refuses identifiers that the reader of DBC files would cut off.
+fn expect_identifiers(text: &str) -> Result<(), DatabaseError> {
+    for (i, line) in text.lines().enumerate() {
+        let Some(rest) = line.trim_start().strip_prefix("BO_ ") else { continue };
+        let mut words = rest.split_whitespace();
+        let (Some(id), name) = (words.next(), words.next().unwrap_or_default()) else { continue };
+        let is_sound = id.parse::<u64>().is_ok_and(|id| id <= 0x7FF || (EXTENDED..EXTENDED + (1 << 29)).contains(&id));
+        let name = name.trim_end_matches(':').to_owned();
+        // The pseudo message has a number of its own.
+        if !is_sound && name != ORPHANS {
+            return Err(DatabaseError::Identifier { line: i + 1, name, found: id.chars().take(20).collect() });
+        }
+    }
+    Ok(())
+}
+
+/// Line of the first message or signal of a name; 1 where it is not found.
+fn line_of(text: &str, keyword: &str, name: &str) -> usize {
+    let is_it = |line: &str| {
+        let mut words = line.split_whitespace();
+        words.next() == Some(keyword) && words.next().map(|word| word.trim_end_matches(':')) == Some(name)
+    };
+    text.lines().position(is_it).map_or(1, |line| line + 1)
+}
+
+/// The parser's message with place, found and allowed. It begins with ` --> LINE:COLUMN` and ends with `= expected ..`.
+fn explained(error: &str, text: &str) -> DatabaseError {
+    let place = error.split("--> ").nth(1).and_then(|rest| rest.split(':').next()?.trim().parse::<usize>().ok());
+    let Some(line) = place else { return DatabaseError::Contents(error.to_owned()) };
+    let found = text.lines().nth(line.saturating_sub(1)).unwrap_or_default().trim();
+    let expected = error.rsplit("= expected ").next().filter(|expected| expected.len() < error.len());
+    let allowed = expected.map_or_else(|| "a line of a DBC file".to_owned(), |expected| expected.trim().to_owned());
+    DatabaseError::Syntax { line, found: found.chars().take(60).collect(), allowed }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DBC: &str = "VERSION \"\"\n\nNS_ :\n\nBS_:\n\nBU_: Machine PC\n\n\
+                       BO_ 2566848513 Boom: 8 Machine\n SG_ Angle : 0|16@1- (0.0001,0) [-3|3] \"rad\" PC\n \
+                       SG_ Alive : 56|8@1+ (1,0) [0|255] \"\" PC\n\nBO_ 291 Levers: 4 Machine\n \
+                       SG_ Pilot : 7|16@0+ (0.1,-5) [0|0] \"MPa\" PC\n";
+
+    #[test]
+    fn signals_are_found_by_their_names() {
+        let database = Database::parse(DBC).unwrap();
+        let (message, angle) = database.signal("Boom.Angle").unwrap();
+        assert_eq!((message.id, message.is_extended, message.length), (2_566_848_513 & 0x1FFF_FFFF, true, 8));
+        assert_eq!((angle.unit.as_str(), angle.signal.value(&[0xF0, 0xD8])), ("rad", Some(-1.0)));
+        let (levers, pilot) = database.signal("Levers.Pilot").unwrap();
+        assert_eq!((levers.id, levers.is_extended), (291, false));
+        assert_eq!(pilot.signal.value(&[0, 100, 0, 0]), Some(5.0));
+        for (name, expected) in [
+            ("Boom", "found \"Boom\"; allowed: a message and its signal, such as Message.Signal"),
+            ("Bom.Angle", "found \"Bom\"; allowed: a message: Boom, Levers"),
+            ("Boom.Angel", "found \"Angel\"; allowed: a signal of Boom: Angle, Alive"),
+        ] {
+            assert_eq!(database.signal(name).unwrap_err().to_string(), expected);
+        }
+    }
+
+    #[test]
+    fn a_line_that_is_none_is_named() {
+        for (from, to, expected) in [
+            ("SG_ Alive : 56|8@1+", "SG_ Alive : 56|8@7+", "line 11: found \"SG_ Alive"),
+            ("56|8@1+", "60|8@1+", "line 11: signal Boom.Alive: found bits up to byte 8"),
+            ("(0.1,-5)", "(0,-5)", "line 14: signal Levers.Pilot: found the factor 0"),
+            ("BO_ 291", "BO_ 4000", "line 13: message Levers: found the identifier 4000; allowed: up to 2047"),
+            ("BO_ 291", "BO_ x291", "line 13: message Levers: found the identifier x291"),
+        ] {
+            let said = Database::parse(&DBC.replacen(from, to, 1)).unwrap_err().to_string();
+            assert!(said.starts_with(expected), "{said}");
+            assert!(said.contains("; allowed: "), "{said}");
+        }
+        let twice = format!("{DBC}\nBO_ 5 Boom: 8 Machine\n SG_ A : 0|8@1+ (1,0) [0|0] \"\" PC\n");
+        assert_eq!(Database::parse(&twice).unwrap_err(), DatabaseError::Twice("Boom".to_owned()));
+    }
+}

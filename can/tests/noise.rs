@@ -1,0 +1,142 @@
+//! A million random, malformed and out-of-order frames, texts and dialogues: no panic, no allocation, all of them
+//! counted, and no valve that moves.
+
+use std::{
+    alloc::{GlobalAlloc, Layout, System},
+    sync::atomic::{AtomicU64, Ordering},
+};
+
+use can::{
+    Frame, Received,
+    bus::{Decoded, Decoder, MAX_TEXT, encode},
+    canopen::{NodeId, Object, SdoClient, SdoEvent},
+    device::{
+        AxisDevices, AxisTarget, Demand, Encoder, EncoderSettings, Network, NodeTiming, PositionObject, Valve,
+        ValveSettings,
+    },
+};
+
+/// Counts what is taken from the heap.
+struct Counting;
+
+static TAKEN: AtomicU64 = AtomicU64::new(0);
+
+// SAFETY: all calls go to the allocator of the system as they are.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        TAKEN.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the contract.
+        unsafe { System.dealloc(place, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Numbers after Marsaglia: xorshift of 64 bits.
+struct Dice(u64);
+
+impl Dice {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+
+    /// A frame, half of them of the devices.
+    fn frame(&mut self) -> Frame {
+        let (id, length) = (self.next(), self.next() % 9);
+        let of_device = [0x080, 0x180, 0x580, 0x700][(id >> 8) as usize % 4] + [11, 21][(id >> 10) as usize % 2];
+        let id = if id.is_multiple_of(2) { of_device } else { (id >> 1) as u16 & 0x7FF };
+        Frame::standard_of(id, self.next().to_le_bytes(), length as usize)
+    }
+}
+
+fn node(number: u8) -> NodeId {
+    NodeId::new(number).unwrap()
+}
+
+fn network() -> Network {
+    let timing = NodeTiming { heartbeat_ns: 50_000_000, answer_ns: 100_000_000 };
+    let encoder = EncoderSettings {
+        node: node(11),
+        object: PositionObject::Position,
+        is_signed: true,
+        is_reversed: false,
+        zero: 0,
+        has_alarms: true,
+        is_fixed: false,
+        step: None,
+        silent_after: 3,
+    };
+    let valve =
+        ValveSettings { node: node(21), full_scale: 16384, timeout_ms: 50, spool_tolerance: None, is_fixed: false };
+    Network::new(vec![AxisDevices {
+        encoder: Some(Encoder::new(encoder, timing).unwrap()),
+        valve: Some(Valve::new(valve, timing).unwrap()),
+    }])
+}
+
+/// A single test, since the allocator counts for the whole process.
+#[test]
+fn a_million_frames_take_no_memory_and_move_nothing() {
+    let mut dice = Dice(20_261_124);
+    let (mut network, mut client) = (network(), SdoClient::new(node(11), 1000));
+    let (mut decoder, mut text) = (Decoder::default(), [0; MAX_TEXT]);
+    let before = TAKEN.load(Ordering::Relaxed);
+    drop(std::hint::black_box(Box::new(1)));
+    assert_eq!(TAKEN.load(Ordering::Relaxed) - before, 1, "the allocator counts");
+    let before = TAKEN.load(Ordering::Relaxed);
+    let (mut frames, mut malformed, mut moving, mut dialogues) = (0_u64, 0_u64, 0_u64, 0_u64);
+    for i in 0..1_000_000_u64 {
+        let frame = dice.frame();
+        // Across the text of an adapter, of which one line in eight has another byte somewhere.
+        let length = encode(&frame, &mut text);
+        if i.is_multiple_of(8) {
+            text[dice.next() as usize % (length - 1)] = dice.next() as u8;
+        }
+        for byte in &text[..length] {
+            match decoder.take(*byte) {
+                Some(Decoded::Frame(frame)) => {
+                    frames += 1;
+                    let now_ns = i * 100_000;
+                    network.take(&Received { frame, time_ns: now_ns }, now_ns);
+                    if client.is_idle() {
+                        client.read(Object::new(dice.next() as u16, 0), now_ns);
+                        dialogues += 1;
+                    }
+                    if !matches!(client.take(&frame, now_ns), SdoEvent::Ignored) {
+                        client.check(now_ns + 1_000_000);
+                    }
+                }
+                Some(Decoded::Malformed) => malformed += 1,
+                _ => {}
+            }
+        }
+        if i.is_multiple_of(50) {
+            network.begin(i * 100_000);
+            let target =
+                AxisTarget { demand: Demand::Follow(0.7), is_disarmed: i.is_multiple_of(1000), is_latched: false };
+            network.command(Some(&[target]), i * 100_000);
+        }
+        // A set point that is not 0, to the valve.
+        let moves = |frame: &Frame| {
+            let data = embedded_can::Frame::data(frame);
+            frame.standard_id() == Some(0x215) && data.len() == 4 && data[2..] != [0, 0]
+        };
+        moving += network.outbox().frames().iter().filter(|frame| moves(frame)).count() as u64;
+        network.outbox().clear();
+    }
+    assert_eq!(TAKEN.load(Ordering::Relaxed), before, "nothing was taken from the heap");
+    // Every line was either a frame, an answer or malformed, and no valve that was not proven has got a set point.
+    assert!(frames > 870_000 && malformed > 50_000 && dialogues > 1000, "{frames} {malformed} {dialogues}");
+    assert_eq!((moving, network.outbox().dropped()), (0, 0));
+    assert!(network.counters().foreign > 100_000);
+    println!("{frames} frames, {malformed} malformed lines, {dialogues} dialogues; {:?}", network.counters());
+}

@@ -17,6 +17,9 @@ use clap::{CommandFactory, FromArgMatches};
 use failure::Failure;
 
 fn main() -> ExitCode {
+    if let Some(stop) = command::Stop::typed() {
+        return ended(stop.run());
+    }
     let mut command = command::Arguments::command();
     let parsed = command.try_get_matches_from_mut(std::env::args_os());
     let arguments = match parsed.and_then(|matches| Ok((command::Arguments::from_arg_matches(&matches)?, matches))) {
@@ -33,7 +36,11 @@ fn main() -> ExitCode {
             return refused(&Failure::usage(refusal));
         }
     };
-    match arguments.command.run() {
+    ended(arguments.command.run())
+}
+
+fn ended(result: Result<(), Failure>) -> ExitCode {
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => refused(&failure),
     }

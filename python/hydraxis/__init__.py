@@ -14,7 +14,7 @@ CLOCK_MONOTONIC, which is time.monotonic_ns().
 from .channels import Reader, names_of, text_of
 from .command import Commissioning, Identification, Simulation, commission, identify, simulate
 from .errors import (CommandFailed, Disarmed, GroupEnded, HydraxisError, Latched, MissingPackage, NoAnswer, NoChannel,
-                     NoGroup, OtherLayout, Replaced, Taken, Timeout)
+                     NoGroup, NoPlace, OtherLayout, Replaced, Taken, Timeout)
 from .frames import BlackBox, frame, read_black_box, read_csv
 from .group import Group, Machine, is_running, running_groups
 from .messages import (MAX_AXES, MAX_PREVIEW, MESSAGES, REFUSALS, AxisMode, ControlFlag, ControlMode, EncoderValue,
@@ -28,7 +28,7 @@ __all__ = [
     "AxisMode", "BlackBox", "CommandFailed", "commission", "Commissioning", "ControlFlag", "ControlMode", "Disarmed",
     "EncoderValue", "frame", "Group", "GroupEnded", "HydraxisError", "Identification", "identify", "is_running",
     "Latched", "load_machine", "Machine", "MAX_AXES", "MAX_PREVIEW", "MESSAGES", "MissCause", "MissingPackage",
-    "ModelFault", "names_of", "NoAnswer", "NoChannel", "NoGroup", "Operator", "OtherLayout", "Plant", "read_black_box",
-    "read_csv", "Reader", "ReferenceWriter", "REFUSALS", "Replaced", "running_groups", "SampleFault", "simulate",
-    "Simulation", "STAGES", "StageState", "Taken", "text_of", "Timeout",
+    "ModelFault", "names_of", "NoAnswer", "NoChannel", "NoGroup", "NoPlace", "Operator", "OtherLayout", "Plant",
+    "read_black_box", "read_csv", "Reader", "ReferenceWriter", "REFUSALS", "Replaced", "running_groups", "SampleFault",
+    "simulate", "Simulation", "STAGES", "StageState", "Taken", "text_of", "Timeout",
 ]

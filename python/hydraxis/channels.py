@@ -11,7 +11,7 @@ import time
 import weakref
 from pathlib import Path
 
-from .errors import GroupEnded, MissingPackage, NoChannel, OtherLayout, Timeout, no_group
+from .errors import GroupEnded, MissingPackage, NoChannel, NoPlace, OtherLayout, Timeout, no_group
 
 POLL_S = 0.001  # between two looks at a channel; the smallest buffer of a channel at 1 kHz lasts for 64 ms
 END_S = 0.1  # between two looks whether the group has ended
@@ -176,9 +176,9 @@ class Publisher:
                 break
             except iox2.PublisherCreateError as error:
                 if time.monotonic() > until:
-                    raise NoChannel(f'channel "{message.CHANNEL}" of group "{membership.prefix}" has '
-                                    f"{message.MAX_PUBLISHERS} writer(s) already, as many as it takes ({error}); end "
-                                    f"one first: hydraxis status --prefix {membership.prefix}") from None
+                    raise NoPlace(f'channel "{message.CHANNEL}" of group "{membership.prefix}" has '
+                                  f"{message.MAX_PUBLISHERS} writer(s) already, as many as it takes ({error}); end "
+                                  f"one first: hydraxis status --prefix {membership.prefix}") from None
                 time.sleep(0.05)
         self._service = service
         membership.keep(service, self._port)

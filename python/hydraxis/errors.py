@@ -18,6 +18,10 @@ class NoChannel(HydraxisError):
     """The group has no such channel, or the channel has no place left."""
 
 
+class NoPlace(NoChannel):
+    """Other programs write the channel already, as many as it takes."""
+
+
 class OtherLayout(HydraxisError):
     """The group was built for other messages than this package."""
 

@@ -35,7 +35,7 @@ import time
 
 from .channels import Membership, Publisher, Reader
 from .command import run
-from .errors import GroupEnded, HydraxisError
+from .errors import GroupEnded, HydraxisError, NoPlace
 from .group import is_running
 from .messages import CoefficientSnapshot, EncoderReading, EncoderValue, ValveCommand
 
@@ -53,7 +53,8 @@ class Plant:
     def advance(self, commands, seconds):
         """Moves on under these commands, one per axis in [-1, 1]; all 0 while the pilot pressure is cut off.
 
-        The last call has commands of 0 and 0 seconds, whatever ends the program but a kill and a loss of power. Let the
+        The last call has commands of 0 and 0 seconds, whatever ends the program but a kill and a loss of power. A
+        second program in a plant's place is refused without this call: the valves are those of the first one. Let the
         output of a real valve have a time-out of its own as well.
         """
         raise NotImplementedError
@@ -69,13 +70,17 @@ class Plant:
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # leave the group in order, as at Ctrl-C
         try:
             machine = load_machine(arguments.machine or cls.built_in, arguments.set)
-            plant = cls(machine)
+            plant, has_place = cls(machine), True
             try:
                 if await_group(arguments):
                     _Process(plant, machine, arguments).run()
+            except NoPlace:
+                has_place = False
+                raise
             finally:
                 # Whatever has ended the program: a valve that keeps its last command would stay open.
-                plant.advance([0.0] * len(machine["axis"]), 0.0)
+                if has_place:
+                    plant.advance([0.0] * len(machine["axis"]), 0.0)
         except KeyboardInterrupt:
             pass
         except (HydraxisError, OSError, KeyError, ValueError) as error:

@@ -29,6 +29,24 @@ def run(*arguments):
         return json.loads(report.read_text())
 
 
+# A plant that tells what it gives to its valves.
+SECOND = """
+import hydraxis
+
+class Rig(hydraxis.Plant):
+    def __init__(self, machine):
+        pass
+
+    def advance(self, commands, seconds):
+        print("valves", commands, flush=True)
+
+    def read(self):
+        return [0, 0, 0, 0]
+
+Rig.main()
+"""
+
+
 class Plants(unittest.TestCase):
     def test_axes_of_the_plant_follow_in_lock_step_and_runs_are_equal(self):
         reports = [run("--lockstep", "--duration", "6s") for _ in range(2)]
@@ -102,6 +120,14 @@ class ByHand(unittest.TestCase):
                 samples.next()
                 session = group.readings().next(20.0).header.session
                 self.assertEqual(group.readings().next(20.0).header.session, session)
+                # A second one by mistake, at the same valves: it sends nothing to them, not even neutral.
+                second = subprocess.run(
+                    [sys.executable, "-c", SECOND, EXAMPLES / "four-axes.toml", "--prefix", self.prefix,
+                     *self.settings],
+                    cwd=ROOT, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60,
+                    env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
+                self.assertEqual((second.returncode, second.stdout), (1, ""))
+                self.assertIn("NoPlace: ", second.stderr)
         _, told = self.program.communicate(timeout=30)
         self.assertEqual(self.program.returncode, 1)
         self.assertEqual(told, f'GroupEnded: group "{self.prefix}" has ended; start this program again after the next '

@@ -14,6 +14,16 @@ use crate::{
     plausibility::{Plausibility, Value, pressure::PressureCheck},
 };
 
+/// How long before its tick a reading was made, ticks. Its sensors were read at some time after the begin of the
+/// reading (`acquired_ns`) and before it was sent (`sent_ns`): a program may lose its core in between.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Age {
+    /// If they were read at once.
+    pub most: f64,
+    /// If they were read at last.
+    pub least: f64,
+}
+
 /// Conversion and checks of all axes.
 #[derive(Debug, Clone)]
 pub struct Acquisition {
@@ -22,8 +32,8 @@ pub struct Acquisition {
     conversion: Conversion,
     /// Tick of the last sample.
     last: Option<u64>,
-    /// Ticks by which the last reading was older than its tick.
-    age: u64,
+    /// Of the last reading.
+    age: Age,
     /// Emergency stop in the last reading that counts; 0 while released.
     emergency_stop: u32,
 }
@@ -36,7 +46,7 @@ impl Acquisition {
             pressures: machine.axes.iter().map(|axis| PressureCheck::new(axis.pressure.as_ref())).collect(),
             conversion: Conversion::new(machine),
             last: None,
-            age: 0,
+            age: Age::default(),
             emergency_stop: 0,
         }
     }
@@ -46,15 +56,16 @@ impl Acquisition {
     /// A reading with a wrong number of axes counts as no reading, but a pressed emergency stop in it counts. Without a
     /// reading the emergency stop keeps its last value. The times of the header stay zero; the process fills them in.
     pub fn update(&mut self, sequence: u64, reading: Option<&EncoderReading>) -> EncoderSample {
-        self.update_aged(sequence, reading, 0)
+        self.update_aged(sequence, reading, Age::default())
     }
 
-    /// As [`Self::update`], with a reading that was made `age` ticks before this tick. An axis that was read late has
-    /// had more time for its way to the next reading than the ticks between the two.
-    pub fn update_aged(&mut self, sequence: u64, reading: Option<&EncoderReading>, age: u64) -> EncoderSample {
+    /// As [`Self::update`], with a reading of this age. An axis that was read late has had more time for its way to the
+    /// next reading than the ticks between the two.
+    pub fn update_aged(&mut self, sequence: u64, reading: Option<&EncoderReading>, age: Age) -> EncoderSample {
         let ticks = self.last.replace(sequence).map_or(1, |last| sequence.saturating_sub(last));
-        let caught_up = if reading.is_some() { std::mem::replace(&mut self.age, age).saturating_sub(age) } else { 0 };
-        let elapsed = ticks.saturating_add(caught_up);
+        let caught_up = if reading.is_some() { std::mem::replace(&mut self.age, age).most - age.least } else { 0.0 };
+        let whole = caught_up.max(0.0).trunc();
+        let (elapsed, more) = (ticks.saturating_add(whole as u64), caught_up.max(0.0) - whole);
         let pressed = reading.map_or(0, |reading| reading.emergency_stop);
         let reading = reading.filter(|reading| reading.header.axis_count as usize == self.checks.len());
         if reading.is_some() || pressed != 0 {
@@ -72,7 +83,7 @@ impl Acquisition {
             let needs = self.conversion.needs(i);
             let lacks = (0..i).any(|other| needs & (1 << other) != 0 && sample.axes[other].usable().is_none());
             let is_wrong = encoder.is_some_and(|encoder| encoder.error != 0 || lacks);
-            sample.axes[i] = check.judge_value(elapsed, value, is_wrong);
+            sample.axes[i] = check.judge_value(elapsed, more, value, is_wrong);
             self.pressures[i].judge(encoder, &mut sample.axes[i]);
         }
         sample
@@ -128,26 +139,27 @@ mod tests {
     #[test]
     fn an_axis_that_was_read_late_has_had_the_time_until_the_next_reading() {
         let machine = Machine::four_axes(&[]).unwrap();
-        let faults = |age: u64, way: i64| {
+        let now = Age::default();
+        let faults = |age: f64, way: i64| {
             let mut acquisition = Acquisition::new(&machine);
-            let mut sample = |tick, counts, age| {
+            let mut sample = |tick, counts, age: Age| {
                 let mut reading = EncoderReading::default();
                 reading.header.axis_count = 4;
                 reading.encoders[..4].fill(EncoderValue { counts, ..EncoderValue::default() });
                 acquisition.update_aged(tick, Some(&reading), age).axes[0].faults
             };
             // 0.6 m/s of at most 1 m/s; then acquisition stands still for 30 ticks of 10 ms.
-            (0..5).for_each(|tick| assert_eq!(sample(tick, 6000 + 60 * tick as i64, 0), 0));
-            assert_eq!(sample(34, 6300, age), 0, "the reading that waited");
-            let next = sample(35, 6300 + way, 0);
+            (0..5).for_each(|tick| assert_eq!(sample(tick, 6000 + 60 * tick as i64, now), 0));
+            assert_eq!(sample(34, 6300, Age { most: age, least: age }), 0, "the reading that waited");
+            let next = sample(35, 6300 + way, now);
             // From then on a tick is a tick.
-            assert_eq!(sample(36, 6300 + way + 60, 0), next);
-            assert_ne!(sample(37, 6300 + way + 260, 0), 0);
+            assert_eq!(sample(36, 6300 + way + 60, now), next);
+            assert_ne!(sample(37, 6300 + way + 260, now), 0);
             next
         };
-        assert_eq!(faults(29, 30 * 60), 0);
-        assert_ne!(faults(0, 30 * 60), 0, "a jump of 0.18 m in a tick");
-        assert_ne!(faults(29, 32 * 100), 0, "more than the axis moves in that time");
+        assert_eq!(faults(29.0, 30 * 60), 0);
+        assert_ne!(faults(0.0, 30 * 60), 0, "a jump of 0.18 m in a tick");
+        assert_ne!(faults(29.0, 32 * 100), 0, "more than the axis moves in that time");
     }
 
     #[test]
@@ -166,5 +178,32 @@ mod tests {
         let later = sample(2, 6104);
         assert_eq!(later.faults, 0);
         assert!((later.velocity - 0.52).abs() < 1e-9, "{}", later.velocity);
+    }
+
+    /// Regression: an axis near its largest speed latched when its program had lost the core for less than a period.
+    #[test]
+    fn a_reading_that_took_long_leaves_its_axis_the_time_in_which_it_was_made() {
+        let machine = Machine::four_axes(&[]).unwrap();
+        // Ages in ms of two readings, the ticks of 10 ms between them, and the time in which the axis moved.
+        let faults = |first: (f64, f64), second: (f64, f64), ticks: u64, moved: f64| {
+            let mut acquisition = Acquisition::new(&machine);
+            let mut sample = |tick, counts, (most, least): (f64, f64)| {
+                let mut reading = EncoderReading::default();
+                reading.header.axis_count = 4;
+                reading.encoders[..4].fill(EncoderValue { counts, ..EncoderValue::default() });
+                let age = Age { most: 0.1 * most, least: 0.1 * least };
+                acquisition.update_aged(tick, Some(&reading), age).axes[0].faults
+            };
+            // 0.95 m/s of at most 1 m/s, in counts of 0.1 mm.
+            (0..5).for_each(|tick| assert_eq!(sample(tick, 3000 + 95 * tick as i64, first), 0));
+            sample(4 + ticks, 3380 + (9.5 * moved) as i64, second)
+        };
+        // Begun 9 ms before its tick and read at once; the next one is read right at its tick.
+        assert_eq!(faults((9.0, 0.0), (0.0, 0.0), 1, 19.0), 0);
+        assert_ne!(faults((0.0, 0.0), (0.0, 0.0), 1, 19.0), 0, "a jump");
+        // The next one is begun early, and its program loses the core for 17 ms before it reads.
+        assert_eq!(faults((1.0, 1.0), (18.0, 1.0), 2, 20.0), 0);
+        assert_eq!(faults((5.0, 5.0), (18.0, 1.0), 2, 24.0), 0);
+        assert_ne!(faults((5.0, 5.0), (18.0, 1.0), 2, 34.0), 0, "more than the axis moves in that time");
     }
 }

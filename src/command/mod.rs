@@ -157,6 +157,31 @@ pub enum Command {
     Man(ManualArguments),
 }
 
+/// The command line of a stop. It is read without those of the other commands, whose help alone takes longer than a
+/// stop.
+#[derive(Debug, Parser)]
+#[command(name = "hydraxis")]
+pub enum Stop {
+    /// As [`Command::Disarm`].
+    Disarm(DisarmArguments),
+}
+
+impl Stop {
+    /// What was typed, if it is a stop without a mistake.
+    pub fn typed() -> Option<Self> {
+        (std::env::args_os().nth(1)? == "disarm").then(|| Self::try_parse().ok())?
+    }
+
+    /// Asks for the stop.
+    ///
+    /// # Errors
+    /// No group runs, or one does not answer.
+    pub fn run(&self) -> Result<(), Failure> {
+        let Self::Disarm(arguments) = self;
+        operate::disarm(arguments)
+    }
+}
+
 impl Command {
     /// Runs the subcommand.
     ///

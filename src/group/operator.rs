@@ -100,6 +100,12 @@ pub enum OperatorError {
         /// The group.
         prefix: Prefix,
     },
+    /// The emergency stop is pressed, which nothing releases but the stop itself.
+    #[error(
+        "group \"{0}\": the emergency stop is pressed, so its latch cannot be released: release the stop, then type \
+         the command again"
+    )]
+    Pressed(Prefix),
     /// A fault latched an axis on its way to a mode.
     #[error("{state}: not {wanted}, a fault has latched it")]
     Latched {
@@ -334,10 +340,15 @@ impl Operator {
     /// them is what a person has seen and acknowledges.
     ///
     /// # Errors
-    /// Another fault latches one of them meanwhile, or the controller does not say so in time.
+    /// The emergency stop is pressed, another fault latches one of them meanwhile, or the controller does not say so in
+    /// time.
     pub fn release(&mut self, axes: &[usize]) -> Result<(), OperatorError> {
         let causes = |command: &ValveCommand, axis: usize| command.axes[axis].flags & control_flag::LATCHED;
         let seen = self.commands.last().copied().unwrap_or_default();
+        let is_stopped = axes.iter().any(|axis| causes(&seen, *axis) & control_flag::EMERGENCY_STOP != 0);
+        if is_stopped && self.samples.last().is_some_and(|sample| sample.emergency_stop != 0) {
+            return Err(OperatorError::Pressed(self.prefix.clone()));
+        }
         let mut latched = None;
         axes.iter().for_each(|axis| self.axis(*axis).mode = AxisMode::Off as u32);
         self.switch_off(|command, request| {

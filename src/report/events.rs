@@ -15,7 +15,7 @@ use pipeline::{
     machine::{Axis, Machine},
     message::{
         AxisCommand, AxisMode, ControlMode, EncoderSample, REFUSALS, StageHealth, ValveCommand, bit_names,
-        control_flag, sample_fault,
+        command_event, control_flag, sample_fault,
     },
     stage::StageKind,
 };
@@ -47,7 +47,8 @@ pub struct Event {
     pub time_s: f64,
     /// The axis that it happened to; none for the whole group.
     pub axis: Option<String>,
-    /// What happened: `latch`, `release`, `mode`, `controller`, `loss`, `restart`, `operator`, or the name of a flag.
+    /// What happened: `latch`, `release`, `wait`, `mode`, `controller`, `loss`, `restart`, `operator`, or the name of a
+    /// flag.
     pub kind: &'static str,
     /// Cause, value and limit.
     pub text: String,
@@ -78,6 +79,7 @@ struct Seen {
     mode: u32,
     rejected: [u64; REFUSALS.len()],
     error: f64,
+    waits: bool,
 }
 
 /// The events of a group.
@@ -118,9 +120,16 @@ impl Events {
     pub fn command(&mut self, command: &ValveCommand, sample: Option<&EncoderSample>) {
         self.time_s = command.header.sequence as f64 * self.machine.timing.period.as_secs_f64();
         if command.operator != self.operator && command.operator != 0 {
-            self.add("operator", None, "a program operates the group", "", false);
+            let text = match self.operator {
+                0 => "a program operates the group",
+                _ => "another program operates the group; the one before has no effect any more",
+            };
+            self.add("operator", None, text, "", false);
         }
         self.operator = command.operator;
+        // The last command of a controller is neutral as well.
+        let ends =
+            command.inputs.events & command_event::NEUTRAL != 0 && command.inputs.events & command_event::SILENT == 0;
         for i in 0..self.seen.len() {
             let (now, faults) = (&command.axes[i], sample.map_or(0, |sample| sample.axes[i].faults));
             let after = Seen {
@@ -130,9 +139,18 @@ impl Events {
                 mode: now.mode,
                 rejected: now.rejected_snapshots,
                 error: now.error,
+                waits: waits(now) && !ends,
             };
             let before = self.seen[i].replace(after);
             let first = Seen { operation: now.operation, mode: now.mode, ..Seen::default() };
+            if after.waits && !before.is_some_and(|before| before.waits) {
+                let timeout = humantime::format_duration(self.machine.timing.feedback_timeout);
+                let text = format!(
+                    "no usable reading for a moment: the axis waits at neutral, and latches after \
+                     timing.feedback_timeout, {timeout}"
+                );
+                self.add("wait", Some(i), &text, "it goes on slowly when readings are back", true);
+            }
             self.axis(i, before.unwrap_or(first), now, faults);
         }
     }
@@ -235,6 +253,13 @@ impl Events {
     pub fn into_list(self) -> (Vec<Event>, u64) {
         (self.list, self.left_out)
     }
+}
+
+/// Whether the axis is armed in hold or track, and nobody commands it. An axis that rests has a controller.
+fn waits(axis: &AxisCommand) -> bool {
+    const NOT_ARMED: u32 = control_flag::DISARMED | control_flag::SETTLING | control_flag::LATCHED;
+    let follows = [AxisMode::Hold, AxisMode::Track].map(|mode| mode as u32).contains(&axis.operation);
+    follows && axis.mode == ControlMode::Neutral as u32 && axis.flags & NOT_ARMED == 0
 }
 
 /// Why a fault has latched the axis, with value and limit. `error` is the following error of the tick before, m: a
@@ -441,6 +466,35 @@ mod tests {
         {
             assert!(lines.contains(part), "{part}: {lines}");
         }
+    }
+
+    #[test]
+    fn an_axis_that_waits_for_readings_is_told_and_the_end_of_a_controller_is_not() {
+        let mut events = events();
+        let mut command = at(100);
+        command.axes[2].operation = AxisMode::Track as u32;
+        command.axes[2].mode = ControlMode::Fallback as u32;
+        events.command(&command, None);
+        command.axes[2].mode = ControlMode::Neutral as u32;
+        command.inputs.events = command_event::NEUTRAL;
+        events.command(&command, None);
+        assert_eq!(events.lines(), Vec::<String>::new());
+        command.inputs.events |= command_event::SILENT;
+        events.command(&command, None);
+        events.command(&command, None);
+        let lines = events.lines();
+        assert_eq!(lines.len(), 1, "{lines:?}");
+        assert!(lines[0].contains("axis.telescope: wait: no usable reading for a moment"), "{lines:?}");
+        command.axes[2].mode = ControlMode::Fallback as u32;
+        events.command(&command, None);
+        command.header.sequence = 300;
+        (command.axes[2].mode, command.inputs.events) = (ControlMode::Neutral as u32, 0);
+        command.axes[2].flags = control_flag::SETTLING;
+        events.command(&command, None);
+        assert_eq!(events.lines(), Vec::<String>::new());
+        command.axes[2].flags = 0;
+        events.command(&command, None);
+        assert_eq!(events.lines().len(), 1);
     }
 
     #[test]

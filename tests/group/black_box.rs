@@ -31,7 +31,10 @@ fn a_killed_acquisition_leaves_a_file_with_what_came_before_and_after() {
     let _cores = shared();
     let folder = tempfile::tempdir().unwrap();
     let boxes = folder.path().join("boxes");
-    let mut running = Running::start_with("black-box", &["--duration", "60s", "--black-box", boxes.to_str().unwrap()]);
+    // A busy computer meets this time-out, and a stage that starts again does not.
+    let patient = ["--set", "timing.feedback_timeout=150ms"];
+    let boxes_there = ["--duration", "60s", "--black-box", boxes.to_str().unwrap()];
+    let mut running = Running::start_with("black-box", &[&boxes_there[..], &patient].concat());
     std::thread::sleep(std::time::Duration::from_secs(2));
     let was_at = signalled(&running);
     let file =
@@ -76,13 +79,41 @@ fn signalled(running: &Running) -> u64 {
     pipeline::stage::monotonic_ns()
 }
 
+/// Also the end of the simulated machine, which ends the run.
+#[test]
+fn the_death_of_any_stage_leaves_a_file() {
+    let _cores = shared();
+    let folder = tempfile::tempdir().unwrap();
+    for kind in [StageKind::IdentProc, StageKind::ControlProc, StageKind::PlantSim] {
+        let boxes = folder.path().join(kind.name());
+        let arguments = ["--duration", "60s", "--black-box", boxes.to_str().unwrap()];
+        let mut running = Running::start_with(
+            "black-box-death",
+            &[&arguments[..], &["--set", "timing.feedback_timeout=1s"]].concat(),
+        );
+        signal(running.pid(kind), Signal::KILL);
+        let is_whole = |file: &PathBuf| Summary::read(&fs::read(file).unwrap()).is_ok();
+        let file = wait_for("a black box", || files(&boxes).pop().filter(is_whole));
+        let bytes = fs::read(&file).unwrap();
+        let summary = Summary::read(&bytes).unwrap().unwrap();
+        let facts = read::metadata(&bytes, &summary.metadata_indexes[0]).unwrap().metadata;
+        assert!(facts["cause"].contains(&format!("{} killed by SIGKILL", kind.name())), "{facts:?}");
+        if kind == StageKind::PlantSim {
+            running.expect_end(1);
+        } else {
+            running.interrupt();
+        }
+    }
+}
+
 #[test]
 fn a_run_writes_no_black_box_without_a_fault_nor_where_none_is_wanted() {
     let _cores = shared();
     let folder = tempfile::tempdir().unwrap();
     let run = |arguments: &[&str]| {
         let prefix = format!("t{}-no-box", std::process::id());
-        let common = ["run", "--prefix", &prefix, "--duration", "500ms", "--off"];
+        let patient = "timing.feedback_timeout=1s";
+        let common = ["run", "--prefix", &prefix, "--duration", "500ms", "--off", "--set", patient];
         let mut command = hydraxis();
         command.args(common).args(arguments).env("XDG_STATE_HOME", folder.path());
         let said = command.output().unwrap();

@@ -166,7 +166,7 @@ fn what_happens_to_a_group_is_told_in_every_kind_of_event() {
 
     signal(group.running.pid(StageKind::IdentProc), Signal::KILL);
     group.expect("ident-proc killed by SIGKILL; starts again in 0.2 s");
-    group.pause(StageKind::SensorProc, &["axis.arm: latch: feedback: ", "reset --prefix"]);
+    group.pause(StageKind::SensorProc, &["axis.arm: wait: ", "axis.arm: latch: feedback: ", "reset --prefix"]);
     wait_for("a reset", || group.command(&["reset"]).status().unwrap().success().then_some(()));
     group.expect("axis.arm: release: the latch was released");
     assert!(group.command(&["disarm", "--emergency"]).status().unwrap().success());
@@ -185,6 +185,7 @@ fn what_happens_to_a_group_is_told_in_every_kind_of_event() {
         "release",
         "request",
         "request-stopped",
+        "wait",
     ];
     for kind in expected {
         assert!(kinds.contains(kind), "{kind}: {kinds:?}");

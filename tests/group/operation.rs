@@ -169,6 +169,57 @@ fn an_axis_is_neutral_when_its_operating_program_is_killed() {
     running.end();
 }
 
+/// Waits until all axes are off after a signal to the operating program, and prints how long that took, and how far the
+/// boom went meanwhile.
+fn off_after(running: &mut Operated, tool: u32, how: Signal, what: &str) {
+    let mut samples: Reader<EncoderSample> = running.channels.reader().unwrap();
+    let from = await_message(&mut samples, "a sample", |_| true).axes[0].position;
+    let at = monotonic_ns();
+    signal(tool, how);
+    let off = running.wait_until("neutral", is_off);
+    let took = off.header.sent_ns.saturating_sub(at) / 1_000_000;
+    assert!(off.axes[..4].iter().all(|axis| axis.flags & control_flag::REQUEST_STOPPED != 0), "{what}");
+    // The valve shuts, and the axis runs out.
+    let until = at + 800_000_000;
+    let to = await_message(&mut samples, "a later sample", |sample| sample.header.acquired_ns > until).axes[0].position;
+    println!("{what}, {how:?}: off after {took} ms, the boom went {:.1} mm", 1e3 * (to - from));
+    assert!(took < 1000, "{what}: {took} ms");
+}
+
+#[test]
+fn what_is_held_to_run_is_off_in_every_mode_when_its_program_dies_or_hangs_and_nothing_arms_it_again() {
+    let mut running = Operated::start_with("hold-to-run", &["--set", "axis.bucket.control.hold_to_run=true"]);
+    let modes = [("manual", AxisMode::Manual), ("hold", AxisMode::Hold), ("track", AxisMode::Track)];
+    for (name, mode) in modes {
+        for how in [Signal::KILL, Signal::STOP] {
+            let mut arguments = vec!["--mode", name, "--enable", "--hold-to-run"];
+            arguments.extend(if mode == AxisMode::Manual { &["--command", "0.3"][..] } else { &[] });
+            let mut tool = running.operate(&arguments).spawn().unwrap();
+            running.wait_until("the mode", |command| {
+                command.axes[..4]
+                    .iter()
+                    .all(|axis| axis.operation == mode as u32 && axis.flags & control_flag::SETTLING == 0)
+            });
+            off_after(&mut running, tool.id(), how, name);
+            // A program that hung asks for the mode again.
+            signal(tool.id(), Signal::CONT);
+            wait_for("the program to end", || tool.try_wait().unwrap());
+            let refused = running.operated(&["--mode", "hold"]);
+            assert_eq!(refused.status.code(), Some(2), "without --enable: {}", text(&refused.stderr));
+            assert!(is_off(&running.wait_until("a command", |_| true)), "{name} {how:?}");
+        }
+    }
+    // The key makes it the rule for the bucket: what `arm` leaves behind does not last.
+    assert!(running.operated(&["--mode", "hold", "--enable", "--leave"]).status.success());
+    let hold = |command: &ValveCommand, axis: usize| command.axes[axis].operation == AxisMode::Hold as u32;
+    running.wait_until("all to hold", |command| (0..4).all(|axis| hold(command, axis)));
+    let after = running.wait_until("the bucket to be off", |command| {
+        command.axes[3].operation == AxisMode::Off as u32 && command.axes[3].command == 0.0
+    });
+    assert!((0..3).all(|axis| hold(&after, axis)), "the others hold");
+    running.end();
+}
+
 #[test]
 fn an_axis_is_brought_to_a_target_and_left_there() {
     let mut running = Operated::start("hold");

@@ -267,7 +267,8 @@ fn without_a_name_all_groups_are_stopped() {
     let script = format!(
         "mount -t tmpfs tmpfs /dev/shm || exit 77; H={}
         $H disarm; echo none: $?
-        $H run {FOUR_AXES} --prefix a --duration 60s & $H run {FOUR_AXES} --prefix b --duration 60s &
+        run() {{ exec $H run {FOUR_AXES} --prefix $1 --duration 60s --set timing.feedback_timeout=2s; }}
+        run a & run b &
         started() {{ for i in $(seq 200); do $H status --prefix $1 > /dev/null && break; sleep 0.1; done; }}
         started a; started b
         $H disarm; echo two: $?

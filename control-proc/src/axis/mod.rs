@@ -288,12 +288,16 @@ impl AxisController {
     }
 
     /// Makes the axis neutral from the next command on, releases the latch and forgets the past. Without effect while
-    /// the emergency stop is pressed.
+    /// the emergency stop is pressed. The way that nobody has commanded is measured anew only where a latch is
+    /// released: an axis that is disarmed while its spool is stuck goes on.
     pub fn disarm(&mut self) {
+        let was_latched = self.cause() != 0;
         if self.state.disarm() {
             self.stand(0);
             self.feedback.reset();
-            self.protection.uncommanded().reset();
+            if was_latched {
+                self.protection.uncommanded().reset();
+            }
             self.gate.reset();
         }
     }

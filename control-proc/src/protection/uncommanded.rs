@@ -21,7 +21,7 @@
 //! | 0.1 of the command | margin of a stall | a dead band that has shrunk by a quarter |
 //! | n | 1.5 t_d + 3 T + 1/(2 f) | dead time, missing samples, and half a swing by which a load on oil lags its valve |
 //! | tau_b | 2 tau; 0.3 s without a model | lag of a valve whose oil is as viscous as four times before |
-//! | v_d | 2 % of v_max | drift is no fault, whatever the way: a worn telescope under load has 1.5 % |
+//! | v_d | `drift`, 2 % of v_max | drift is no fault, whatever the way: a worn telescope under load has 1.5 % |
 //! | e_0 | 5 mm + 20 ms v_m, at most 20 mm | a load that pushes the piston against its oil; as in a commissioning |
 //! | 0.4 r', 0.08 s v_m | as in a commissioning | a load on oil swings back when its valve shuts |
 //!
@@ -60,8 +60,6 @@ const DEAD_TIME_FACTOR: f64 = 1.5;
 const MORE_TICKS: usize = 3;
 /// Factor of the time constant with which the motion of past commands may end.
 const LAG_FACTOR: f64 = 2.0;
-/// Part of `max_speed` that is drift.
-const DRIFT: f64 = 0.02;
 /// Most way without a command that is no fault, m.
 const LONGEST_WAY: f64 = 0.02;
 /// Time for which commanded motion makes the load swing back, s.
@@ -133,6 +131,8 @@ pub struct Uncommanded {
     period: f64,
     explained: Explained,
     max_speed: f64,
+    /// v_d, m/s.
+    drift: f64,
     soft_limits: (f64, f64),
     /// v_m, m/s.
     fastest: f64,
@@ -172,6 +172,7 @@ impl Uncommanded {
                 Explained::Model(Box::new(model.clone()))
             }),
             max_speed: axis.max_speed,
+            drift: axis.control.drift,
             soft_limits: axis.soft_limits,
             fastest,
             lag: model.map_or(MotionLimits::UNKNOWN_REACTION, |model| LAG_FACTOR * model.time_constant),
@@ -211,11 +212,10 @@ impl Uncommanded {
         let way = way.clamp(-most, most);
         let (kept, forgotten) = ((-time / self.lag.max(self.period)).exp(), (-time / SWING_MEMORY).exp());
         let explained = [-1.0, 1.0].map(|sign| self.speed(sign, command));
-        let drift = DRIFT * self.max_speed;
         for ((direction, sign), speed) in self.directions.iter_mut().zip([-1.0, 1.0]).zip(explained) {
             direction.bound = direction.largest.update(elapsed, speed).max(kept * direction.bound);
-            direction.way = (direction.way + sign * way - seen * (direction.bound + drift)).max(0.0);
-            let made = if direction.bound > drift { (sign * way).max(0.0) } else { 0.0 };
+            direction.way = (direction.way + sign * way - seen * (direction.bound + self.drift)).max(0.0);
+            let made = if direction.bound > self.drift { (sign * way).max(0.0) } else { 0.0 };
             direction.commanded = forgotten * direction.commanded + made;
         }
         let is_beyond = |sign: f64, at: f64| if sign > 0.0 { at > self.soft_limits.1 } else { at < self.soft_limits.0 };
@@ -275,7 +275,7 @@ mod tests {
             for speed in [-0.8, -0.1, 0.1, 0.8] {
                 for command in [0.0, -0.5f64.copysign(speed)] {
                     let (time, way) = latches(is_known, |_| command, |t| 0.6 + speed * t).unwrap();
-                    let bound = LONGEST_WAY + 1e-3 + DRIFT * time + 2.0 * PERIOD * speed.abs();
+                    let bound = LONGEST_WAY + 1e-3 + 0.02 * time + 2.0 * PERIOD * speed.abs();
                     assert!(way <= bound, "{is_known} {speed} {command}: {time} s, {way} m");
                 }
             }
@@ -299,6 +299,20 @@ mod tests {
             assert_eq!(latches(is_known, |_| 0.0, |t| 0.6 - 0.019 * t), None);
             assert_eq!(latches(is_known, |_| 0.0, |t| 0.6 + 4e-3 * (25.0 * t).sin()), None);
         }
+    }
+
+    #[test]
+    fn an_axis_whose_drift_is_known_latches_at_half_of_the_usual_drift() {
+        let way = |drift: f64| {
+            let mut axis = machine(1).axes[0].clone();
+            axis.control.drift = drift;
+            let mut watch = Uncommanded::new(&axis, PERIOD);
+            // 10 mm/s, where 20 mm/s are usual.
+            let way = |k: u32| 1e-4 * f64::from(k.saturating_sub(1000));
+            (0..3000).find(|k| watch.update(1, 0.0, Some(0.6 - way(*k)), 3)).map(way)
+        };
+        assert_eq!((way(0.02), way(0.0101)), (None, None));
+        assert!(way(2e-3).is_some_and(|way| way <= LONGEST_WAY / 0.8 + 1e-3), "{:?}", way(2e-3));
     }
 
     #[test]

@@ -264,3 +264,23 @@ fn an_axis_whose_pressure_another_one_has_cut_off_is_disarmed() {
         assert_eq!(other.flags & (control_flag::DISARMED | control_flag::LATCHED), control_flag::DISARMED);
     }
 }
+
+/// Regression: an axis with a stuck spool that was disarmed on its way was found only after the whole way again.
+#[test]
+fn an_axis_that_runs_away_is_found_as_early_when_it_is_disarmed_on_its_way() {
+    let latched_at = |disarm: bool| {
+        let mut controller = Controller::new(&machine(1)).unwrap();
+        // It stands for 10 s, and then goes with 0.1 m/s.
+        (0..1200u64).find(|tick| {
+            let noise = 1e-4 * (tick % 2) as f64;
+            let position = 0.6 + 1e-3 * tick.saturating_sub(1000) as f64 + noise;
+            if disarm && [1008, 1012].contains(tick) {
+                controller.stop(pipeline::channel::Stop::ALL);
+            }
+            let command = controller.update(&sample(*tick, &[position]), None, None);
+            command.axes[0].flags & control_flag::MOTION != 0
+        })
+    };
+    let disarmed = latched_at(true).unwrap();
+    assert!((1013..=1032).contains(&disarmed), "{disarmed}");
+}

@@ -85,6 +85,8 @@ pub struct Plausibility {
     speeds: [f64; 3],
     /// Whether a position since the last good one was implausible.
     suspect: bool,
+    /// Part of a tick that the way to the present position may have taken in addition.
+    more: f64,
     /// Number of ticks for which positions have followed each other plausibly.
     steady: u32,
     /// Position of the last reading, m.
@@ -112,6 +114,7 @@ impl Plausibility {
             ticks_since_good: 0,
             speeds: [0.0; 3],
             suspect: false,
+            more: 0.0,
             steady: 0,
             last: f64::NAN,
             raw: f64::NAN,
@@ -124,11 +127,13 @@ impl Plausibility {
     /// Checks the position of this tick, m, or `None` when no reading arrived. This tick is `elapsed` ticks after the
     /// last one. `encoder_error` tells whether the encoder itself reports an error.
     pub fn judge(&mut self, elapsed: u64, position: Option<f64>, encoder_error: bool) -> AxisSample {
-        self.judge_value(elapsed, position.map(|position| Value { position, raw: position }), encoder_error)
+        self.judge_value(elapsed, 0.0, position.map(|position| Value { position, raw: position }), encoder_error)
     }
 
-    /// As [`Self::judge`], of a position that may change while the raw value of its own sensor does not.
-    pub fn judge_value(&mut self, elapsed: u64, value: Option<Value>, encoder_error: bool) -> AxisSample {
+    /// As [`Self::judge`], of a position that may change while the raw value of its own sensor does not. The axis may
+    /// have had `more` ticks, less than 1, for its way.
+    pub fn judge_value(&mut self, elapsed: u64, more: f64, value: Option<Value>, encoder_error: bool) -> AxisSample {
+        self.more = more;
         let elapsed = u32::try_from(elapsed.max(1)).unwrap_or(u32::MAX);
         self.ticks_since_good = self.ticks_since_good.saturating_add(elapsed);
         let mut faults = 0;
@@ -174,7 +179,7 @@ impl Plausibility {
 
     /// Largest distance that an axis moves in `ticks` ticks, including noise, m.
     fn within(&self, ticks: f64) -> f64 {
-        self.step * ticks + self.margin
+        self.step * (ticks + self.more) + self.margin
     }
 
     /// Whether the axis can have reached this position since the last good one, or whether it is the new base.

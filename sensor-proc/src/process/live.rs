@@ -9,7 +9,7 @@ use pipeline::{
 };
 
 use super::{output::Output, timer::Timer};
-use crate::acquisition::Acquisition;
+use crate::acquisition::{Acquisition, Age};
 
 /// Period at which the stage looks for the first reading, ns.
 const FIRST_READING_POLL_NS: u64 = 1_000_000;
@@ -24,7 +24,7 @@ pub struct Live {
     output: Output,
     period_ns: u64,
     /// Readings that are older than this are all as old, ticks: nobody controls with them.
-    most_age: u64,
+    most_age: f64,
     /// In real time only; set by the first reading.
     timer: Option<Timer>,
 }
@@ -42,7 +42,7 @@ impl Live {
             is_pressed: false,
             output: Output::new(group, clock)?,
             period_ns: machine.timing.period.as_nanos() as u64,
-            most_age: samples_of(machine.timing.feedback_timeout, machine.timing.period) as u64,
+            most_age: samples_of(machine.timing.feedback_timeout, machine.timing.period) as f64,
             timer: None,
         })
     }
@@ -77,8 +77,10 @@ impl Live {
         if let Some(reading) = reading {
             turn.pick_up(reading.header.sent_ns);
         }
-        let age = due_ns.saturating_sub(acquired_ns) / self.period_ns;
-        let mut sample = self.core.update_aged(tick, reading, age.min(self.most_age));
+        let age = |at: u64| (due_ns.saturating_sub(at) as f64 / self.period_ns as f64).min(self.most_age);
+        let sent_ns = reading.map_or(acquired_ns, |reading| reading.header.sent_ns.max(acquired_ns));
+        let age = Age { most: age(acquired_ns), least: age(sent_ns) };
+        let mut sample = self.core.update_aged(tick, reading, age);
         self.output.send(turn, &mut sample, acquired_ns, due_ns)?;
         Ok(if turn.is_last(tick) { Next::Finished } else { Next::Worked })
     }

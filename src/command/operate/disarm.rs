@@ -11,6 +11,7 @@ use std::{
 use pipeline::{
     channel::{Board, GroupState, Prefix, Ticket, boards, groups},
     message::control_flag,
+    stage::schedule,
 };
 
 use super::{DisarmArguments, arm::next};
@@ -26,9 +27,13 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const PERIODS: u32 = 3;
 /// Time between two looks at the board.
 const POLL: Duration = Duration::from_micros(200);
+/// Priority of SCHED_FIFO while it stops: before every ordinary program, and behind the stages that have one.
+const PRIORITY: u8 = 1;
 
 /// Disarms all axes but the latched ones.
 pub fn disarm(arguments: &DisarmArguments) -> Result<(), Failure> {
+    // Without the right to it the stop comes as soon as an ordinary program can.
+    let _ = schedule(PRIORITY);
     let asked = match &arguments.prefix {
         Some(prefix) => vec![ask(board(prefix)?, arguments)?],
         None => ask_all(arguments)?,

@@ -1,7 +1,7 @@
 //! A running group, the stops that it was asked for, and the rules that hold after a stop.
 
 use std::{
-    process::{Child, ExitStatus, Stdio},
+    process::{Child, Command, ExitStatus, Stdio},
     time::{Duration, Instant},
 };
 
@@ -188,11 +188,16 @@ impl Watched {
         false
     }
 
+    /// Another command about this group.
+    pub fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = hydraxis();
+        command.args(arguments).args(["--prefix", &self.prefix()]).stdout(Stdio::null()).stderr(Stdio::null());
+        command
+    }
+
     /// Starts another command about this group.
     pub fn client(&self, arguments: &[&str]) -> Child {
-        let mut command = hydraxis();
-        command.args(arguments).args(["--prefix", &self.prefix()]);
-        command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+        self.command(arguments).spawn().unwrap()
     }
 
     /// Reads all channels until another command has ended.
@@ -268,8 +273,10 @@ fn is_kept(command: &ValveCommand, axis: usize, kept: Kept) -> bool {
 }
 
 /// Stops all groups of this user.
-pub fn everywhere() -> Child {
-    hydraxis().arg("disarm").stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+pub fn everywhere() -> Command {
+    let mut command = hydraxis();
+    command.arg("disarm").stdout(Stdio::null()).stderr(Stdio::null());
+    command
 }
 
 /// The present time, ns.

@@ -30,6 +30,8 @@ pub struct Control {
     pub command_rate: f64,
     /// Largest following error for a reference that stands, m; a larger error for too long is a fault.
     pub following_error: f64,
+    /// Speed up to which motion that nobody has commanded is drift, m/s.
+    pub drift: f64,
     /// Which model controls.
     pub model: ModelChoice,
     /// What is given of the plan of the predictive controller.
@@ -43,6 +45,9 @@ pub struct Control {
     /// Whether the axis is disarmed in every mode when the requests to it stop.
     pub hold_to_run: bool,
 }
+
+/// Part of `max_speed` that is drift: a worn telescope under load has 1.5 %.
+const DRIFT: f64 = 0.02;
 
 /// What the control of an axis needs from the rest of the axis.
 pub(super) struct Owner<'a> {
@@ -107,6 +112,10 @@ impl Control {
                      and a larger error for 200 ms is a fault",
                 )
                 .number_or(0.03, 1e-4..=100.0, "m"),
+            drift: section
+                .key("drift", "Speed up to which motion that nobody has commanded is drift, and no fault")
+                .rule("0.02 times max_speed")
+                .number_or_derived(Some(DRIFT * max_speed), 1e-5..=10.0, "m/s"),
             model: section
                 .key("model", "Model that controls; with none the fallback always controls")
                 .choice_or(ModelChoice::Adaptive, &models),

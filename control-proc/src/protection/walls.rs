@@ -337,7 +337,8 @@ impl Walls {
             // Not a number is too far as well.
             let is_safe = hard.at(1.0) <= distance.max(0.0) + SLACK;
             for i in 0..AXES {
-                let leads_away = rates[i] * asked[i] < 0.0;
+                // Within the dead band as well: a command that may only rise step by step has to cross it.
+                let leads_away = rates[i] * wanted[i].command < 0.0;
                 allowed.stopped[i] |= !is_safe && !leads_away;
             }
         });

@@ -232,7 +232,9 @@ impl AxisController {
     pub fn stop_before_wall(&mut self, command: f64, is_stopped: bool) {
         self.apply(command);
         self.decision.set_flag(control_flag::WALL, true);
-        if is_stopped && self.follows() {
+        // A set point that stands stays: an axis that sinks by leakage is to be brought back to it.
+        let moves = self.operation.mode == AxisMode::Track || self.references.speed() != 0.0;
+        if is_stopped && moves && self.follows() {
             self.operation.mode = AxisMode::Hold;
             self.references.hold(self.feedback.position().map(|position| (position, self.feedback.speed())));
         }

@@ -34,8 +34,8 @@
 #define HYDRAXIS_ENCODER_SAMPLE_BUFFER 256
 
 #define HYDRAXIS_VALVE_COMMAND_SERVICE "hydraxis/valve-command"
-#define HYDRAXIS_VALVE_COMMAND_TYPE "hydraxis.ValveCommand/8"
-#define HYDRAXIS_VALVE_COMMAND_LAYOUT "bc674f142711d199"
+#define HYDRAXIS_VALVE_COMMAND_TYPE "hydraxis.ValveCommand/9"
+#define HYDRAXIS_VALVE_COMMAND_LAYOUT "d88cc2cf841614d1"
 #define HYDRAXIS_VALVE_COMMAND_BUFFER 256
 
 #define HYDRAXIS_COEFFICIENT_SNAPSHOT_SERVICE "hydraxis/coefficient-snapshot"
@@ -59,8 +59,8 @@
 #define HYDRAXIS_STAGE_HEALTH_BUFFER 16
 
 #define HYDRAXIS_MACHINE_STATE_SERVICE "hydraxis/machine-state"
-#define HYDRAXIS_MACHINE_STATE_TYPE "hydraxis.MachineState/4"
-#define HYDRAXIS_MACHINE_STATE_LAYOUT "ac198e7862484509"
+#define HYDRAXIS_MACHINE_STATE_TYPE "hydraxis.MachineState/5"
+#define HYDRAXIS_MACHINE_STATE_LAYOUT "f9c6a6fd39f7687e"
 #define HYDRAXIS_MACHINE_STATE_BUFFER 16
 
 enum HydraxisAxisMode {
@@ -154,6 +154,8 @@ enum HydraxisControlFlag {
     // The computer has been suspended, or a sample has a time that is still to come, so that nobody knows how old it
     // is.
     HYDRAXIS_CONTROL_FLAG_CLOCK = 524288,
+    // A virtual wall is near: the command that was asked for would not stop boom, arm and bucket before it.
+    HYDRAXIS_CONTROL_FLAG_WALL = 1048576,
     HYDRAXIS_CONTROL_FLAG_LATCHED = 818180,
     HYDRAXIS_CONTROL_FLAG_CUT_OFF = 278528
 };
@@ -380,6 +382,34 @@ HYDRAXIS_ASSERT(offsetof(HydraxisAxisCommand, latched_by) == 192, "HydraxisAxisC
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisCommand, slowed_ticks) == 196, "HydraxisAxisCommand.slowed_ticks");
 HYDRAXIS_ASSERT(sizeof(HydraxisAxisCommand) == 200, "HydraxisAxisCommand");
 
+typedef struct HydraxisTeethState {
+    // Forward of the centre of swing, m.
+    double x;
+    // Above ground, m.
+    double z;
+    // Pitch of the bucket, from the x axis to the teeth, rad.
+    double pitch;
+    // Distance of the teeth from their way, perpendicular to it, m; 0 unless they follow it.
+    double error;
+    // Pitch minus the planned one, rad; 0 unless the teeth follow their way.
+    double pitch_error;
+    // Length of the way up to where the teeth should be, m; 0 unless they follow it.
+    double way;
+    // A TipState as number.
+    uint32_t state;
+    // Zero.
+    uint32_t reserved;
+} HydraxisTeethState;
+HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, x) == 0, "HydraxisTeethState.x");
+HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, z) == 8, "HydraxisTeethState.z");
+HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, pitch) == 16, "HydraxisTeethState.pitch");
+HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, error) == 24, "HydraxisTeethState.error");
+HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, pitch_error) == 32, "HydraxisTeethState.pitch_error");
+HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, way) == 40, "HydraxisTeethState.way");
+HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, state) == 48, "HydraxisTeethState.state");
+HYDRAXIS_ASSERT(offsetof(HydraxisTeethState, reserved) == 52, "HydraxisTeethState.reserved");
+HYDRAXIS_ASSERT(sizeof(HydraxisTeethState) == 56, "HydraxisTeethState");
+
 typedef struct HydraxisCommandInputs {
     // Number of the snapshot that was used, plus 1; 0 without a snapshot.
     uint64_t snapshot;
@@ -419,6 +449,8 @@ typedef struct HydraxisValveCommand {
     uint32_t reserved;
     // Session of the Requests that count, or counted last; 0 before the first.
     uint64_t operator_;
+    // Where the bucket's teeth are; without a [mechanism] and in a replay nothing is known of them.
+    HydraxisTeethState teeth;
     // What the command was made of; zero in a replay.
     HydraxisCommandInputs inputs;
 } HydraxisValveCommand;
@@ -427,8 +459,9 @@ HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, axes) == 48, "HydraxisValveComman
 HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, cut_off) == 1648, "HydraxisValveCommand.cut_off");
 HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, reserved) == 1652, "HydraxisValveCommand.reserved");
 HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, operator_) == 1656, "HydraxisValveCommand.operator");
-HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, inputs) == 1664, "HydraxisValveCommand.inputs");
-HYDRAXIS_ASSERT(sizeof(HydraxisValveCommand) == 1720, "HydraxisValveCommand");
+HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, teeth) == 1664, "HydraxisValveCommand.teeth");
+HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, inputs) == 1720, "HydraxisValveCommand.inputs");
+HYDRAXIS_ASSERT(sizeof(HydraxisValveCommand) == 1776, "HydraxisValveCommand");
 
 typedef struct HydraxisCoefficients {
     // Order of A.
@@ -787,9 +820,12 @@ typedef struct HydraxisMachineState {
     HydraxisHeader header;
     // One entry per axis.
     HydraxisAxisState axes[8];
+    // Where the bucket's teeth are.
+    HydraxisTeethState teeth;
 } HydraxisMachineState;
 HYDRAXIS_ASSERT(offsetof(HydraxisMachineState, header) == 0, "HydraxisMachineState.header");
 HYDRAXIS_ASSERT(offsetof(HydraxisMachineState, axes) == 48, "HydraxisMachineState.axes");
-HYDRAXIS_ASSERT(sizeof(HydraxisMachineState) == 2544, "HydraxisMachineState");
+HYDRAXIS_ASSERT(offsetof(HydraxisMachineState, teeth) == 2544, "HydraxisMachineState.teeth");
+HYDRAXIS_ASSERT(sizeof(HydraxisMachineState) == 2600, "HydraxisMachineState");
 
 #endif

@@ -13,15 +13,20 @@ use std::{
     process::ExitCode,
 };
 
-use clap::{CommandFactory, Parser};
+use clap::{CommandFactory, FromArgMatches};
 use failure::Failure;
 
 fn main() -> ExitCode {
     if let Some(stop) = command::Stop::typed() {
         return ended(stop.run());
     }
-    let arguments = match command::Arguments::try_parse() {
-        Ok(arguments) => arguments,
+    let mut command = command::Arguments::command();
+    let parsed = command.try_get_matches_from_mut(std::env::args_os());
+    let arguments = match parsed.and_then(|matches| Ok((command::Arguments::from_arg_matches(&matches)?, matches))) {
+        Ok((arguments, matches)) => match arguments::clash(&command, &matches) {
+            Some(clash) => return refused(&Failure::usage(clash)),
+            None => arguments,
+        },
         Err(error) => {
             let typed: Vec<String> =
                 std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();

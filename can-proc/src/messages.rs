@@ -11,7 +11,7 @@ use pipeline::machine::{Axis, CanBus, CanMessage, CanSignals, ChecksumKind, Mach
 use crate::error::WiringError;
 
 /// Pa of a unit of pressure.
-const PRESSURES: [(&str, f64); 5] = [("Pa", 1.0), ("kPa", 1e3), ("bar", 1e5), ("MPa", 1e6), ("psi", 6894.757_293)];
+const PRESSURES: [(&str, f64); 5] = [("Pa", 1.0), ("kPa", 1e3), ("bar", 1e5), ("MPa", 1e6), ("psi", 6_894.757_293)];
 /// Part by which the length of a count may differ between machine file and data base.
 const SAME: f64 = 1e-6;
 

@@ -72,7 +72,6 @@ fn frames() -> Frames {
         axes: vec![position("Angles.Boom", false, 0), position("Angles.Arm", true, 100)],
         emergency_stop: Some((1, signal("State.Stop"))),
         pilot: Some((1, signal("State.Pilot"))),
-        ..Frames::default()
     }
 }
 

@@ -1,6 +1,8 @@
 //! A million random, malformed and out-of-order frames, texts and dialogues: no panic, no allocation, all of them
 //! counted, and no valve that moves.
 
+#![allow(unsafe_code, reason = "a global allocator that counts")]
+
 use std::{
     alloc::{GlobalAlloc, Layout, System},
     sync::atomic::{AtomicU64, Ordering},

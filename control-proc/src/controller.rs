@@ -9,9 +9,12 @@
 //! that repeats itself is as blind as one that is silent, so the last command is repeated twice at most. A source that
 //! has started again, with another session in its headers, latches every armed axis and is followed after a reset.
 //!
+//! Virtual walls look at the commands of all axes of a tick together ([`Walls`]).
+//!
 //! The emergency stop comes before everything else. All axes are neutral and latched with the sample that reports it.
 //! The message asks to cut off the pilot pressure until the stop is released and every axis has been reset.
 
+use mechanism::AXES;
 use pipeline::{
     MAX_AXES,
     channel::Stop,
@@ -24,7 +27,9 @@ use pipeline::{
 use crate::{
     axis::{AxisController, AxisInput, UNUSABLE_LIMIT, patience, requests::STREAM_TIMEOUT},
     operators::Operators,
+    protection::walls::{Walls, Wanted},
     reference::{generator::ReferenceGenerator, path::Path},
+    tip::watch::TipWatch,
     trajectory_file::{ReferenceError, read_references},
 };
 
@@ -33,7 +38,12 @@ use crate::{
 pub struct Controller {
     generator: ReferenceGenerator,
     path: Path,
+    /// T, s.
+    period: f64,
     axes: Vec<AxisController>,
+    walls: Option<Walls>,
+    /// None for a machine without a mechanism.
+    teeth: Option<TipWatch>,
     request: Option<Request>,
     operators: Operators,
     last_sequence: Option<u64>,
@@ -54,8 +64,11 @@ impl Controller {
         let period = machine.timing.period.as_secs_f64();
         Ok(Self {
             generator: read_references(machine)?,
+            period,
             path: Path::new(axes.iter().map(AxisController::ahead).max().unwrap_or_default(), period, patience(period)),
             axes,
+            walls: Walls::of(machine),
+            teeth: machine.mechanism.as_ref().filter(|_| machine.axes.len() >= AXES).map(TipWatch::new),
             request: None,
             operators: Operators::new(samples_of(STREAM_TIMEOUT, machine.timing.period).max(1) as u64),
             last_sequence: None,
@@ -168,11 +181,7 @@ impl Controller {
         };
         (self.last_sequence, self.repeated) = (Some(sequence), 0);
 
-        let (axes, generator) = (&self.axes, &self.generator);
-        let waits = axes.iter().any(AxisController::waits);
-        self.path
-            .advance(sequence, waits, |tick| axes.iter().map(|axis| axis.rate(tick, generator)).fold(1.0, f64::min));
-
+        self.advance_path(sequence);
         self.lead_teeth();
 
         let mut command = self.empty(sequence);
@@ -191,10 +200,55 @@ impl Controller {
                 path: self.path.ticks(),
             });
         }
+        self.keep_within_walls(&mut command);
+        self.watch_teeth(&mut command);
         if self.cut_off() != 0 {
             self.stop_without_pressure(&mut command);
         }
         command
+    }
+
+    /// Goes on along the path of the generators, as far as axes and teeth follow.
+    fn advance_path(&mut self, sequence: u64) {
+        let (axes, generator) = (&self.axes, &self.generator);
+        let waits = axes.iter().any(AxisController::waits);
+        let ease = self.teeth.as_ref().map_or(1.0, TipWatch::pace);
+        self.path.advance(sequence, (waits, ease), |tick| {
+            axes.iter().map(|axis| axis.rate(tick, generator)).fold(1.0, f64::min)
+        });
+    }
+
+    /// Works out where the teeth are.
+    fn watch_teeth(&mut self, command: &mut ValveCommand) {
+        let Some(teeth) = &mut self.teeth else { return };
+        let (mut positions, mut references) = (Some([0.0; AXES]), [0.0; AXES]);
+        for (i, axis) in self.axes.iter().enumerate().take(AXES) {
+            references[i] = command.axes[i].reference;
+            positions = positions.zip(axis.position()).map(|(mut all, position)| {
+                all[i] = position;
+                all
+            });
+        }
+        let now = self.path.ticks()[0];
+        let since = self.generator.tip_start().map(|start| self.period * (now - start)).filter(|t| *t >= 0.0);
+        let plan = self.generator.plan().zip(since).filter(|(plan, t)| *t <= plan.duration());
+        command.teeth = teeth.update(positions, &references, plan);
+    }
+
+    /// Leaves of the commands what keeps boom, arm and bucket within the virtual walls.
+    fn keep_within_walls(&mut self, command: &mut ValveCommand) {
+        let Some(walls) = &mut self.walls else { return };
+        let mut wanted = [Wanted::default(); AXES];
+        for (wanted, axis) in wanted.iter_mut().zip(&self.axes) {
+            *wanted = axis.wanted();
+        }
+        let allowed = walls.update(&wanted);
+        for (i, (axis, entry)) in self.axes.iter_mut().zip(&mut command.axes).enumerate().take(AXES) {
+            if allowed.commands[i] != wanted[i].command {
+                axis.stop_before_wall(allowed.commands[i], allowed.stopped[i]);
+                *entry = axis.message();
+            }
+        }
     }
 
     /// Begins the motion of the teeth when all of their axes have come to its begin. When one of them stops, the others

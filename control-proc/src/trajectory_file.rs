@@ -44,7 +44,8 @@ pub enum ReferenceError {
 /// The trajectory file of an axis is refused, or the task of the teeth.
 pub fn read_references(machine: &Machine) -> Result<ReferenceGenerator, ReferenceError> {
     let plan = TipPlan::of(machine)?;
-    machine.axes.iter().enumerate().map(|(i, axis)| read_generator(i, axis, plan.as_ref())).collect()
+    let axes = machine.axes.iter().enumerate().map(|(i, axis)| read_generator(i, axis, plan.as_ref()));
+    Ok(axes.collect::<Result<ReferenceGenerator, _>>()?.with_plan(plan))
 }
 
 fn read_generator(index: usize, axis: &Axis, plan: Option<&TipPlan>) -> Result<Generator, ReferenceError> {

@@ -18,6 +18,10 @@ use reading::Reading;
 type Facts = BTreeMap<String, String>;
 
 const FACTS: &str = "hydraxis";
+fn axes_in(facts: &Facts) -> Vec<String> {
+    facts.get("axes").into_iter().cloned().collect()
+}
+
 const END_FACTS: &str = "hydraxis.end";
 
 /// Reads a recording with all values of all messages.

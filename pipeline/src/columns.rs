@@ -9,7 +9,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::nearest::{did_you_mean, did_you_mean_file};
+use crate::{
+    bounded,
+    nearest::{did_you_mean, did_you_mean_file},
+};
 
 /// Number of problems that are kept; a file that is no CSV file has one in every row.
 const MAX_PROBLEMS: usize = 20;
@@ -85,7 +88,7 @@ impl Table {
             file: file.to_owned(),
             problems: vec![TableProblem { line: None, field: None, found, allowed: allowed.to_owned() }],
         };
-        let text = std::fs::read_to_string(file).map_err(|error| {
+        let text = bounded::read_text(file, bounded::TABLE).map_err(|error| {
             let mut refused = refuse(format!("a file that cannot be read ({error})"));
             refused.problems[0].allowed += &did_you_mean_file(file);
             refused

@@ -17,6 +17,7 @@
 //! Units are SI throughout. A valve command has no unit and lies in [-1, 1]; a positive one extends the cylinder. Times
 //! are nanoseconds of `CLOCK_MONOTONIC`. No code that runs in a loop allocates memory, takes a lock or reads a file.
 
+pub mod bounded;
 pub mod channel;
 mod clock;
 pub mod columns;

@@ -106,6 +106,8 @@ class ControlFlag(IntFlag):
     MOTION = 262144
     # The computer has been suspended, or a sample has a time that is still to come, so that nobody knows how old it is.
     CLOCK = 524288
+    # A virtual wall is near: the command that was asked for would not stop boom, arm and bucket before it.
+    WALL = 1048576
     LATCHED = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | EMERGENCY_STOP | MOTION | CLOCK
     CUT_OFF = EMERGENCY_STOP | MOTION
 
@@ -316,6 +318,28 @@ class AxisCommand(ctypes.Structure):
     ]
 
 
+class TeethState(ctypes.Structure):
+    SIZE = 56
+    _fields_ = [
+        # Forward of the centre of swing, m.
+        ("x", f64),
+        # Above ground, m.
+        ("z", f64),
+        # Pitch of the bucket, from the x axis to the teeth, rad.
+        ("pitch", f64),
+        # Distance of the teeth from their way, perpendicular to it, m; 0 unless they follow it.
+        ("error", f64),
+        # Pitch minus the planned one, rad; 0 unless the teeth follow their way.
+        ("pitch_error", f64),
+        # Length of the way up to where the teeth should be, m; 0 unless they follow it.
+        ("way", f64),
+        # A TipState as number.
+        ("state", u32),
+        # Zero.
+        ("reserved", u32),
+    ]
+
+
 class CommandInputs(ctypes.Structure):
     SIZE = 56
     _fields_ = [
@@ -340,11 +364,11 @@ class CommandInputs(ctypes.Structure):
 
 class ValveCommand(ctypes.Structure):
     CHANNEL = "valve-command"
-    LAYOUT = "bc674f142711d199"
+    LAYOUT = "d88cc2cf841614d1"
     MAX_PUBLISHERS = 1
     BUFFER = 256  # messages that a reader may fall behind
     IS_FROM_CLIENTS = False
-    SIZE = 1720
+    SIZE = 1776
     _fields_ = [
         # sequence names the sample that the command was made from.
         ("header", Header),
@@ -356,13 +380,15 @@ class ValveCommand(ctypes.Structure):
         ("reserved", u32),
         # Session of the Requests that count, or counted last; 0 before the first.
         ("operator", u64),
+        # Where the bucket's teeth are; without a [mechanism] and in a replay nothing is known of them.
+        ("teeth", TeethState),
         # What the command was made of; zero in a replay.
         ("inputs", CommandInputs),
     ]
 
     @staticmethod
     def type_name():
-        return "hydraxis.ValveCommand/8"
+        return "hydraxis.ValveCommand/9"
 
 
 class Coefficients(ctypes.Structure):
@@ -679,21 +705,23 @@ class AxisState(ctypes.Structure):
 
 class MachineState(ctypes.Structure):
     CHANNEL = "machine-state"
-    LAYOUT = "ac198e7862484509"
+    LAYOUT = "f9c6a6fd39f7687e"
     MAX_PUBLISHERS = 1
     BUFFER = 16  # messages that a reader may fall behind
     IS_FROM_CLIENTS = False
-    SIZE = 2544
+    SIZE = 2600
     _fields_ = [
         # sequence names the sample.
         ("header", Header),
         # One entry per axis.
         ("axes", AxisState * 8),
+        # Where the bucket's teeth are.
+        ("teeth", TeethState),
     ]
 
     @staticmethod
     def type_name():
-        return "hydraxis.MachineState/4"
+        return "hydraxis.MachineState/5"
 
 
 # All messages, by the names of their channels, in the order of the data.

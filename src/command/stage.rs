@@ -2,6 +2,8 @@
 //!
 //! This is the only command whose process runs the loop. It sets up signals and the lifeline, and then calls the stage.
 
+use std::path::PathBuf;
+
 use clap::Args;
 use pipeline::{
     channel::{Prefix, remove_leftovers},
@@ -9,7 +11,7 @@ use pipeline::{
     stage::{Clock, StageError, StageKind, StageOptions, missing},
 };
 
-use super::check;
+use super::{check, replay};
 use crate::{
     arguments::{MachineFile, load, values::whole},
     failure::Failure,
@@ -57,6 +59,9 @@ pub struct StageArguments {
     /// Lock-step: wait for the recorder of the group
     #[arg(long, hide = true, requires = "lockstep")]
     pub recorded: bool,
+    /// plant-sim only: the readings of this recording in the place of the simulated ones
+    #[arg(long, hide = true)]
+    pub recording: Option<PathBuf>,
     /// End when the process with this number ends, or when standard input does
     #[arg(long, hide = true)]
     pub parent: Option<i32>,
@@ -66,7 +71,10 @@ pub struct StageArguments {
 pub fn run(kind: StageKind, arguments: &StageArguments) -> Result<(), Failure> {
     let machine = load(&arguments.machine)?;
     run_as(kind, kind.name(), arguments, &machine, |options| match kind {
-        StageKind::PlantSim => plant_sim::process::run(&machine, options),
+        StageKind::PlantSim => match &arguments.recording {
+            Some(file) => replay::source::run(&machine, file, options),
+            None => plant_sim::process::run(&machine, options),
+        },
         StageKind::SensorProc => sensor_proc::process::run_with(&machine, options, read_recordings),
         StageKind::IdentProc => ident_proc::process::run(&machine, options),
         StageKind::ControlProc => control_proc::process::run(&machine, options),

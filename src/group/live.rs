@@ -282,7 +282,7 @@ impl Live {
 
 /// The commands in a state of the machine.
 fn command_of(state: &MachineState) -> ValveCommand {
-    let mut command = ValveCommand { header: state.header, ..ValveCommand::default() };
+    let mut command = ValveCommand { header: state.header, teeth: state.teeth, ..ValveCommand::default() };
     for (to, from) in command.axes.iter_mut().zip(&state.axes) {
         *to = from.command;
     }

@@ -6,6 +6,7 @@
 use std::{fmt::Write as _, path::Path};
 
 use pipeline::{
+    bounded,
     hammerstein::{Basis, Coefficients, InputMap, MAX_A, MAX_DELAY, MAX_LINEAR, MAX_ORDER, Structure},
     nearest::did_you_mean_file,
 };
@@ -124,7 +125,7 @@ impl IdentifiedModel {
     /// The file cannot be read, or is no model of this kind and version.
     pub fn read(path: &Path) -> Result<Self, ModelFileError> {
         let file = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| ModelFileError {
+        let text = bounded::read_text(path, bounded::SETTINGS).map_err(|error| ModelFileError {
             file: file.clone(),
             line: None,
             found: format!("a file that cannot be read ({error})"),

@@ -7,6 +7,7 @@
 //! | `source` | the model as C, Python and MATLAB |
 //! | `prediction` | predictions one step and h steps ahead, and free runs |
 //! | `response` | poles, and the answer to a command that is held |
+//! | `without_commands` | how well the past outputs alone predict |
 //!
 //! Nothing here runs beside the loop or in a stage.
 
@@ -14,6 +15,7 @@ pub mod file;
 pub mod prediction;
 pub mod response;
 pub mod source;
+pub mod without_commands;
 
 use pipeline::hammerstein::Coefficients;
 

@@ -26,6 +26,7 @@ use mcap::McapResult;
 
 use super::{
     Facts, clock_ns,
+    controller_state::{self, ControllerStates},
     file::{Encoded, RecordingFile},
     tape::{Strip, Tape},
 };
@@ -77,11 +78,14 @@ impl Tapes {
         })
     }
 
-    fn take(&mut self) -> Vec<Box<dyn Messages>> {
+    fn take(&mut self, axes: &[String]) -> Vec<Box<dyn Messages>> {
+        let (samples, commands) = (self.samples.take(), self.commands.take());
+        let states = StatesStrip::new(axes, &samples, &commands);
         vec![
             Box::new(self.readings.take()),
-            Box::new(self.samples.take()),
-            Box::new(self.commands.take()),
+            Box::new(samples),
+            Box::new(commands),
+            Box::new(states),
             Box::new(self.snapshots.take()),
             Box::new(self.references.take()),
             Box::new(self.requests.take()),
@@ -107,6 +111,39 @@ impl<M: Message + Send> Messages for Strip<M> {
 
     fn lost(&self) -> (&'static str, u64) {
         (M::CHANNEL, self.lost)
+    }
+}
+
+/// The states of the controllers.
+struct StatesStrip {
+    axes: Vec<String>,
+    states: Vec<Encoded>,
+    lost: u64,
+}
+
+impl StatesStrip {
+    fn new(axes: &[String], samples: &Strip<EncoderSample>, commands: &Strip<ValveCommand>) -> Self {
+        let mut states = ControllerStates::new(axes.len());
+        let mut samples = samples.messages.iter().peekable();
+        let state = |(read_ns, command): &(u64, ValveCommand)| {
+            let tick = command.header.sequence;
+            while let Some((_, sample)) = samples.next_if(|(_, sample)| sample.header.sequence <= tick) {
+                states.sample(sample);
+            }
+            states.state(*read_ns, command)
+        };
+        Self { axes: axes.to_vec(), states: commands.messages.iter().map(state).collect(), lost: commands.lost }
+    }
+}
+
+impl Messages for StatesStrip {
+    fn write(&self, file: &mut RecordingFile) -> McapResult<()> {
+        controller_state::add_to(file, &self.axes)?;
+        self.states.iter().try_for_each(|state| file.write(state))
+    }
+
+    fn lost(&self) -> (&'static str, u64) {
+        (controller_state::CHANNEL, self.lost)
     }
 }
 
@@ -201,7 +238,7 @@ impl BlackBox {
         let fault = self.fault.take()?;
         self.last = Some(now);
         let path = self.folder.join(self.file_name(SystemTime::now()));
-        let (channels, facts) = (tapes.take(), self.facts(&fault));
+        let (channels, facts) = (tapes.take(&self.axes), self.facts(&fault));
         let (folder, clock_ns) = (self.folder.clone(), clock_ns());
         self.writer = Some(std::thread::spawn(move || {
             let said = match write(&path, facts, clock_ns, &channels) {

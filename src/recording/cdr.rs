@@ -6,14 +6,14 @@
 //! Source: OMG DDS-XTYPES 1.3, 7.4.3 (XCDR version 1).
 
 use pipeline::{
-    layout::{Field, Numbers, Shape, Sink},
+    layout::{Field, Layout, Numbers, Shape, Sink},
     message::Message,
 };
 
 /// Package of all types.
 const PACKAGE: &str = "hydraxis";
 /// First bytes: little-endian, no options.
-const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
+pub const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 
 struct Bytes<'a>(&'a mut Vec<u8>);
 
@@ -26,10 +26,15 @@ impl Sink for Bytes<'_> {
 }
 
 /// Writes a message into `out`, in the place of what was there.
-pub fn encode<M: Message>(message: &M, out: &mut Vec<u8>) {
+pub fn encode<L: Layout>(message: &L, out: &mut Vec<u8>) {
     out.clear();
     out.extend_from_slice(&ENCAPSULATION);
-    message.walk(&mut Bytes(out));
+    append(message, out);
+}
+
+/// Adds fields to a message.
+pub fn append<L: Layout>(fields: &L, out: &mut Vec<u8>) {
+    fields.walk(&mut Bytes(out));
 }
 
 /// The numbers of a message, one after the other.
@@ -65,9 +70,9 @@ pub fn type_name<M: Message>() -> String {
 }
 
 /// The schema of a message: its fields, then those of every struct in it.
-pub fn schema<M: Message>() -> String {
+pub fn schema<L: Layout>() -> String {
     let mut found = Vec::new();
-    find(&M::SHAPE, &mut found);
+    find(&L::SHAPE, &mut found);
     let mut parts = found.iter().map(|(name, fields)| {
         let lines: String = fields.iter().map(line).collect();
         (*name, lines)

@@ -7,8 +7,8 @@
 use std::{
     collections::BTreeMap,
     fs::{File, OpenOptions},
-    io::{BufWriter, Write},
-    os::unix::fs::OpenOptionsExt,
+    io::{self, BufWriter, Write},
+    os::unix::fs::{MetadataExt, OpenOptionsExt},
     path::Path,
 };
 
@@ -19,7 +19,7 @@ use mcap::{
 use pipeline::message::{Header, Message};
 
 use super::{
-    END_FACTS, FACTS, Facts, cdr,
+    END_FACTS, FACTS, Facts, cdr, checksum,
     reading::{ReadChannel, ReadMessage},
 };
 
@@ -31,7 +31,7 @@ pub struct Encoded {
     pub read_ns: u64,
     /// Its header.
     pub header: Header,
-    /// The message as CDR.
+    /// The message as CDR, with its checksum.
     pub bytes: Vec<u8>,
 }
 
@@ -40,6 +40,7 @@ impl Encoded {
     pub fn new<M: Message>(read_ns: u64, message: &M) -> Self {
         let mut bytes = Vec::new();
         cdr::encode(message, &mut bytes);
+        checksum::seal(&mut bytes);
         Self { channel: M::CHANNEL, read_ns, header: *message.header(), bytes }
     }
 }
@@ -106,9 +107,17 @@ impl RecordingFile {
     /// # Errors
     /// The file cannot be written.
     pub fn add_channel<M: Message>(&mut self) -> McapResult<()> {
-        let schema = self.writer.add_schema(&cdr::type_name::<M>(), "ros2msg", cdr::schema::<M>().as_bytes())?;
-        let channel = self.writer.add_channel(schema, M::CHANNEL, "cdr", &BTreeMap::new())?;
-        self.channels.insert(M::CHANNEL, channel);
+        self.add(M::CHANNEL, &cdr::type_name::<M>(), &checksum::schema(cdr::schema::<M>()))
+    }
+
+    /// Adds a channel with this schema, whose messages may follow.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn add(&mut self, name: &'static str, type_name: &str, schema: &str) -> McapResult<()> {
+        let schema = self.writer.add_schema(type_name, "ros2msg", schema.as_bytes())?;
+        let channel = self.writer.add_channel(schema, name, "cdr", &BTreeMap::new())?;
+        self.channels.insert(name, channel);
         Ok(())
     }
 
@@ -133,10 +142,14 @@ impl RecordingFile {
     /// Ends the chunk, so that a reader of the file finds all messages so far. The length of the file, bytes.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The file cannot be written, or somebody has removed it.
     pub fn flush(&mut self) -> McapResult<u64> {
         self.writer.flush()?;
-        Ok(self.file.metadata()?.len())
+        let data = self.file.metadata()?;
+        if data.nlink() == 0 {
+            return Err(io::Error::new(io::ErrorKind::NotFound, "the file was removed").into());
+        }
+        Ok(data.len())
     }
 
     /// Writes facts that are known at the end, ends the file and waits for the disk.
@@ -154,5 +167,23 @@ impl RecordingFile {
 
     fn facts(&mut self, name: &str, facts: &Facts) -> McapResult<()> {
         self.writer.write_metadata(&Metadata { name: name.to_owned(), metadata: facts.clone() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pipeline::message::EncoderSample;
+
+    #[test]
+    fn a_file_that_somebody_removes_is_an_error_with_the_next_flush() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        let mut file = RecordingFile::create(&path, &Facts::new(), &[], 0).unwrap();
+        file.add_channel::<EncoderSample>().unwrap();
+        assert!(file.flush().unwrap() > 0);
+        std::fs::remove_file(&path).unwrap();
+        file.write(&Encoded::new(0, &EncoderSample::default())).unwrap();
+        assert!(matches!(file.flush(), Err(McapError::Io(error)) if error.kind() == io::ErrorKind::NotFound));
     }
 }

@@ -14,6 +14,8 @@
 //! | `file` | one file: MCAP, CDR, zstd |
 //! | `latency` | ages of the samples as histograms |
 //! | `cdr` | a message as bytes, and its schema |
+//! | `checksum` | the last field of every message |
+//! | `controller_state` | a command and its sample under the names of ROS |
 //! | `schema` | a schema as columns, and their values in bytes |
 //! | `reading` | the messages of a file, also of a damaged one |
 //! | `typed` | the messages of a file as structs |
@@ -21,6 +23,8 @@
 
 pub mod black_box;
 pub mod cdr;
+pub mod checksum;
+pub mod controller_state;
 pub mod file;
 #[cfg(test)]
 mod hostile;
@@ -55,6 +59,11 @@ pub const LOCK_STEP: &str = "lock-step";
 /// Name of the attached trajectory of an axis.
 pub fn trajectory_name(axis: &str) -> String {
     format!("trajectory-{axis}.csv")
+}
+
+/// Names of the axes, as far as the facts tell them.
+fn axes_in(facts: &Facts) -> Vec<String> {
+    facts.get("axes").map(|axes| axes.split_whitespace().map(str::to_owned).collect()).unwrap_or_default()
 }
 
 /// Name of the record of facts that are known at the end only.

@@ -23,7 +23,7 @@ use mcap::{
 use thiserror::Error;
 
 use super::{
-    END_FACTS, FACTS, Facts,
+    END_FACTS, FACTS, Facts, axes_in,
     schema::{self, Column, SchemaError, Value},
 };
 
@@ -89,6 +89,8 @@ pub struct Damage {
     pub byte: u64,
     /// What was found there.
     pub what: String,
+    /// Nothing is wrong but that the rest is missing, as after a kill.
+    pub is_cut: bool,
 }
 
 /// A channel of a recording.
@@ -235,14 +237,14 @@ impl Reading {
 
     /// Names of the axes, as far as the file says them.
     pub fn axes(&self) -> Vec<String> {
-        self.facts.get("axes").map(|axes| axes.split_whitespace().map(str::to_owned).collect()).unwrap_or_default()
+        axes_in(&self.facts)
     }
 
     /// One event of the reader.
     fn step(&mut self) -> Result<Option<ReadMessage>, ReadingError> {
         let (opcode, data) = match self.reader.next_event() {
             None => {
-                self.end("the file has no end".to_owned());
+                self.end("the file has no end".to_owned(), true);
                 return Ok(None);
             }
             Some(Err(error)) => return self.broken(&error).map(|()| None),
@@ -287,7 +289,7 @@ impl Reading {
                     let (log_ns, sent_ns, sequence) = (header.log_time, header.publish_time, header.sequence);
                     return Ok(Some(ReadMessage { channel, log_ns, sent_ns, sequence, bytes: data.into_owned() }));
                 }
-                None => self.end(format!("a message of channel {}, which is not defined", header.channel_id)),
+                None => self.end(format!("a message of channel {}, which is not defined", header.channel_id), false),
             },
             Record::Metadata(metadata) if [FACTS, END_FACTS].contains(&metadata.name.as_str()) => {
                 self.facts.extend(metadata.metadata);
@@ -312,10 +314,13 @@ impl Reading {
         let columns: usize = self.channels.values().map(|channel| channel.columns.len()).sum();
         let is_full = self.schemas.len() > MOST_CHANNELS || self.channels.len() > MOST_CHANNELS;
         if is_full || self.kept > MOST_BYTES || columns > MOST_COLUMNS {
-            self.end(format!(
-                "more than {MOST_CHANNELS} channels, {MOST_COLUMNS} columns, or {MOST_BYTES} bytes of schemas and \
+            self.end(
+                format!(
+                    "more than {MOST_CHANNELS} channels, {MOST_COLUMNS} columns, or {MOST_BYTES} bytes of schemas and \
                  attached files"
-            ));
+                ),
+                false,
+            );
         }
         !self.is_over
     }
@@ -339,15 +344,17 @@ impl Reading {
         if matches!(error, McapError::BadMagic) && self.schemas.is_empty() && self.facts.is_empty() {
             return Err(ReadingError::Foreign(self.path.clone()));
         }
-        self.end(match error {
-            McapError::UnexpectedEof | McapError::UnexpectedEoc => "the file ends within a record".to_owned(),
-            other => other.to_string(),
-        });
+        match error {
+            McapError::UnexpectedEof | McapError::UnexpectedEoc => {
+                self.end("the file ends within a record".to_owned(), true);
+            }
+            other => self.end(other.to_string(), false),
+        }
         Ok(())
     }
 
-    fn end(&mut self, what: String) {
+    fn end(&mut self, what: String, is_cut: bool) {
         self.is_over = true;
-        self.damage = Some(Damage { byte: self.bytes, what });
+        self.damage = Some(Damage { byte: self.bytes, what, is_cut });
     }
 }

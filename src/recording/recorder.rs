@@ -26,6 +26,7 @@ use thread_priority::{
 
 use super::{
     Counts,
+    controller_state::{self, ControllerStates},
     file::Encoded,
     store::{Store, Stored},
 };
@@ -45,10 +46,11 @@ struct Channels {
     requests: Reader<Request>,
     health: Reader<StageHealth>,
     states: Reader<MachineState>,
+    controllers: ControllerStates,
 }
 
 impl Channels {
-    fn new(group: &Group) -> Result<Self, ChannelError> {
+    fn new(group: &Group, axes: usize) -> Result<Self, ChannelError> {
         Ok(Self {
             readings: group.reader()?,
             samples: group.reader()?,
@@ -58,19 +60,21 @@ impl Channels {
             requests: group.reader()?,
             health: group.reader()?,
             states: group.reader()?,
+            controllers: ControllerStates::new(axes),
         })
     }
 
     /// Adds all messages that have come to a batch.
     fn drain(&mut self, batch: &mut Vec<Encoded>) -> Result<(), ChannelError> {
-        drain(&mut self.readings, batch)?;
-        drain(&mut self.samples, batch)?;
-        drain(&mut self.commands, batch)?;
-        drain(&mut self.snapshots, batch)?;
-        drain(&mut self.references, batch)?;
-        drain(&mut self.requests, batch)?;
-        drain(&mut self.health, batch)?;
-        drain(&mut self.states, batch)
+        drain(&mut self.readings, batch, |_, _, _| ())?;
+        let controllers = &mut self.controllers;
+        drain(&mut self.samples, batch, |_, sample, _| controllers.sample(sample))?;
+        drain(&mut self.commands, batch, |read_ns, command, batch| batch.push(controllers.state(read_ns, command)))?;
+        drain(&mut self.snapshots, batch, |_, _, _| ())?;
+        drain(&mut self.references, batch, |_, _, _| ())?;
+        drain(&mut self.requests, batch, |_, _, _| ())?;
+        drain(&mut self.health, batch, |_, _, _| ())?;
+        drain(&mut self.states, batch, |_, _, _| ())
     }
 
     /// Messages that the readers have missed.
@@ -84,14 +88,22 @@ impl Channels {
             lost(&self.requests),
             lost(&self.health),
             lost(&self.states),
+            (controller_state::CHANNEL, self.commands.lost()),
         ]
         .into()
     }
 }
 
-fn drain<M: Message>(reader: &mut Reader<M>, batch: &mut Vec<Encoded>) -> Result<(), ChannelError> {
+/// Adds all messages that have come to a batch; `look` may add more to each.
+fn drain<M: Message>(
+    reader: &mut Reader<M>,
+    batch: &mut Vec<Encoded>,
+    mut look: impl FnMut(u64, &M, &mut Vec<Encoded>),
+) -> Result<(), ChannelError> {
     while let Some(message) = reader.read()?.if_new() {
-        batch.push(Encoded::new(monotonic_ns(), message));
+        let read_ns = monotonic_ns();
+        batch.push(Encoded::new(read_ns, message));
+        look(read_ns, message, batch);
     }
     Ok(())
 }
@@ -143,13 +155,13 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Attaches to all channels of `group` and starts the writer. `waits`: the loop waits for this recorder, so that it
-    /// can wait for the writer and drop nothing.
+    /// Attaches to all channels of `group`, whose machine has so many axes, and starts the writer. `waits`: the loop
+    /// waits for this recorder, so that it can wait for the writer and drop nothing.
     ///
     /// # Errors
     /// A channel cannot be opened.
-    pub fn new(group: Group, mut store: Store, waits: bool) -> Result<Self, ChannelError> {
-        let channels = Channels::new(&group)?;
+    pub fn new(group: Group, axes: usize, mut store: Store, waits: bool) -> Result<Self, ChannelError> {
+        let channels = Channels::new(&group, axes)?;
         // In lock-step a batch can be large: the loop is as fast as the computer allows.
         let (queue, batches) = sync_channel::<Batch>(if waits { 1 } else { WAITING });
         let writer = thread::spawn(move || {

@@ -24,7 +24,7 @@ use pipeline::message::{
 use rustix::fs::statvfs;
 
 use super::{
-    Counts, Facts, clock_ns,
+    Counts, Facts, axes_in, clock_ns, controller_state,
     file::{Encoded, RecordingFile},
     latency::LatencyLog,
 };
@@ -57,6 +57,13 @@ pub struct Contents {
     pub facts: Facts,
     /// Names and contents of files.
     pub attached: Vec<(String, Vec<u8>)>,
+}
+
+impl Contents {
+    /// Names of the axes.
+    pub fn axes(&self) -> Vec<String> {
+        axes_in(&self.facts)
+    }
 }
 
 /// A file that is being written.
@@ -159,7 +166,7 @@ impl Store {
     /// Says once that nothing can be written.
     fn fail(&mut self, path: &Path, error: &McapError) {
         self.broken = Some(Instant::now());
-        let path = path.display();
+        let (path, error) = (path.display(), cause(error));
         (self.say)(format!("warning: recording: {path}: {error}; nothing is recorded until it can be written again"));
     }
 
@@ -194,7 +201,7 @@ impl Store {
         let Some(Open { mut file, path, latency, .. }) = self.open.take() else { return };
         let attached = latency.finish().map_or(Ok(()), |log| file.attach(LATENCY, &log));
         if let Err(error) = attached.and_then(|()| file.finish(&self.end_facts())) {
-            (self.say)(format!("warning: recording: {}: {error}; it has no end", path.display()));
+            (self.say)(format!("warning: recording: {}: {}; it has no end", path.display(), cause(&error)));
         }
     }
 
@@ -227,6 +234,7 @@ impl Store {
         file.add_channel::<EncoderReading>()?;
         file.add_channel::<EncoderSample>()?;
         file.add_channel::<ValveCommand>()?;
+        controller_state::add_to(&mut file, &self.contents.axes())?;
         file.add_channel::<CoefficientSnapshot>()?;
         file.add_channel::<Reference>()?;
         file.add_channel::<Request>()?;
@@ -243,6 +251,11 @@ impl Store {
         let group = self.contents.facts.get("group").map(String::as_str).unwrap_or_default();
         format!("{}{now}-{group}{}", NAME.0, NAME.1)
     }
+}
+
+/// What the system says, which the error of a file leaves out.
+fn cause(error: &McapError) -> String {
+    if let McapError::Io(error) = error { error.to_string() } else { error.to_string() }
 }
 
 /// The name of the file that goes on after a break, which no file has yet: `run-1.mcap` after `run.mcap`.

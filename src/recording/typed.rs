@@ -7,7 +7,7 @@ use std::{collections::HashMap, marker::PhantomData};
 use pipeline::message::Message;
 
 use super::{
-    cdr,
+    cdr, checksum,
     reading::ReadChannel,
     schema::{self, Column, SchemaError},
 };
@@ -38,7 +38,8 @@ impl<M: Message> Decoder<M> {
     pub fn new(channel: &ReadChannel) -> Result<Self, SchemaError> {
         let mut zero = Vec::new();
         cdr::encode(&M::default(), &mut zero);
-        let pairs = if channel.schema == cdr::schema::<M>() {
+        checksum::seal(&mut zero);
+        let pairs = if channel.schema == checksum::schema(cdr::schema::<M>()) {
             None
         } else {
             let recorded: HashMap<&str, &Column> =
@@ -70,12 +71,12 @@ impl<M: Message> Decoder<M> {
     }
 }
 
-/// The columns of the messages of today.
+/// The columns of the messages of today, as they are recorded.
 ///
 /// # Errors
 /// None: the schema is sound.
 pub fn columns<M: Message>() -> Result<Vec<Column>, SchemaError> {
-    schema::columns(&cdr::schema::<M>())
+    schema::columns(&checksum::schema(cdr::schema::<M>()))
 }
 
 #[cfg(test)]

@@ -8,8 +8,8 @@ use pipeline::{
     channel::{Member, Prefix, Room},
     latency::Percentiles,
     message::{
-        AxisMode, AxisState, ControlMode, MachineState, MissCause, StageHealth, StageState, bit_names, control_flag,
-        model_fault, sample_fault,
+        AxisMode, AxisState, ControlMode, MachineState, MissCause, StageHealth, StageState, TeethState, TipState,
+        bit_names, control_flag, model_fault, sample_fault,
     },
     stage::StageKind,
 };
@@ -39,12 +39,51 @@ pub struct Collected {
     pub now_ns: u64,
 }
 
+/// Where the bucket's teeth are; m and degrees.
+#[derive(Debug, Serialize)]
+pub struct TeethNow {
+    /// `[x, z]`, m.
+    at: [f64; 2],
+    /// Pitch of the bucket, degrees.
+    pitch: f64,
+    /// Distance from the way, m, and error of the pitch, degrees; none while the teeth follow no way.
+    error: Option<f64>,
+    pitch_error: Option<f64>,
+}
+
+impl TeethNow {
+    fn new(teeth: &TeethState) -> Option<Self> {
+        let follows = teeth.state == TipState::OnTheWay as u32;
+        (teeth.state != TipState::Unknown as u32).then(|| Self {
+            at: [teeth.x, teeth.z],
+            pitch: teeth.pitch.to_degrees(),
+            error: follows.then_some(teeth.error),
+            pitch_error: follows.then_some(teeth.pitch_error.to_degrees()),
+        })
+    }
+
+    /// A line for people.
+    fn line(&self) -> String {
+        let [x, z] = self.at;
+        let place = format!("teeth at [{x:.3}, {z:.3}] m, pitch {:.1} degrees", self.pitch);
+        match self.error.zip(self.pitch_error) {
+            Some((error, pitch)) => {
+                format!("{place}; {:.1} mm from their way, pitch off by {pitch:+.2}\n", 1e3 * error)
+            }
+            None => place + "\n",
+        }
+    }
+}
+
 /// The figures of a group, as JSON has them.
 #[derive(Debug, Serialize)]
 pub struct StatusReport {
     group: String,
     stages: BTreeMap<&'static str, StageFigures>,
     axes: BTreeMap<String, AxisFigures>,
+    /// Where the bucket's teeth are; none without a mechanism, and while the position of an axis is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    teeth: Option<TeethNow>,
     /// The processes of the group that have sent no heartbeat.
     others: Vec<OtherProcess>,
     /// What keeps a stage that dies from starting again.
@@ -158,6 +197,7 @@ impl StatusReport {
             is_alive: member.is_alive,
         });
         Self {
+            teeth: collected.state.as_ref().and_then(|state| TeethNow::new(&state.teeth)),
             others: others.collect(),
             warnings: collected.rooms.iter().filter(|room| room.is_short()).map(Room::to_string).collect(),
             group: collected.prefix.to_string(),
@@ -188,6 +228,7 @@ impl StatusReport {
             self.others(),
             self.warnings.iter().map(|warning| format!("\nwarning: {warning}\n")).collect(),
             self.axis_table(),
+            self.teeth.as_ref().map(TeethNow::line).unwrap_or_default(),
         ];
         parts.concat()
     }

@@ -7,16 +7,32 @@
 //! The teeth are where the true positions of the cylinders put them. The error counts from the begin of the motion to
 //! its planned end; before, the axes come to the begin of the way.
 
-use control_proc::{ReferenceError, tip::TipPlan};
-use mechanism::{AXES, PreparedMechanism};
+use control_proc::{
+    ReferenceError,
+    tip::{TipPlan, watch::NEAR},
+};
+use mechanism::{AXES, PreparedMechanism, Vector};
 use pipeline::{machine::Machine, statistics::ErrorStatistics};
 use plant_sim::PlantSim;
 use serde::Serialize;
 
 use super::table::number;
 
-/// Length of the way, before and after the planned place, in which the nearest place is looked for, m.
-const NEAR: f64 = 0.5;
+/// Way before and after a place by which its direction is told, m.
+const BESIDE: f64 = 1e-3;
+
+/// A place of the teeth on their way.
+#[derive(Debug, Clone, Copy)]
+pub struct TracePoint {
+    /// Length of the way, m.
+    pub s: f64,
+    /// The planned place, m.
+    pub planned: Vector,
+    /// Distance of the teeth, m, positive to the left of the way.
+    pub error: f64,
+    /// Positions of the cylinders, m.
+    pub positions: [f64; AXES],
+}
 
 /// Errors of the teeth during a run.
 #[derive(Debug, Clone)]
@@ -97,6 +113,18 @@ impl Teeth {
         self.error.push(distance);
         let wanted = mechanism::Rotation::by(self.plan.place(t).pitch);
         self.pitch.push((pose.bucket * wanted.inverse()).angle().to_degrees());
+    }
+
+    /// The teeth of a tick as a picture shows them; none before the begin and after the end of the way.
+    pub fn trace(&self, way: Option<(f64, f64)>, plant: &PlantSim) -> Option<TracePoint> {
+        let t =
+            way.map(|(start, now)| self.period * (now - start)).filter(|t| (0.0..=self.plan.duration()).contains(t))?;
+        let positions: [f64; AXES] = std::array::from_fn(|i| plant.axes()[i].position);
+        let (tip, s, way) = (self.mechanism.pose(&positions).tip, self.plan.length(t), self.plan.way());
+        let beside = |by: f64| way.place((s + by).clamp(0.0, way.length())).at;
+        let side = (beside(BESIDE) - beside(-BESIDE)).cross(tip - beside(0.0));
+        let error = way.distance(tip, ((s - NEAR).max(0.0), (s + NEAR).min(way.length())));
+        Some(TracePoint { s, planned: beside(0.0), error: error.copysign(side), positions })
     }
 
     /// The figures so far.

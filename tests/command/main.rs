@@ -11,6 +11,7 @@ mod identify;
 mod init;
 mod mechanism;
 mod mistyped;
+mod outputs;
 mod predict;
 mod service;
 mod simulate;

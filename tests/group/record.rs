@@ -23,6 +23,9 @@ use crate::harness::{
     shared, signal, wait_for,
 };
 
+/// The channel that only recordings have.
+const STATES: &str = "controller-state";
+
 /// Starts `hydraxis record` on a group, and waits until its file is there.
 fn record(running: &Running, file: &Path) -> Child {
     let mut command = hydraxis();
@@ -65,6 +68,22 @@ fn value(row: &BTreeMap<String, String>, column: &str) -> f64 {
     row[column].parse().unwrap()
 }
 
+/// Expects each command of a recording once more, under the names of ROS and of the axes.
+fn expect_states(file: &Path, rows: &[BTreeMap<String, String>]) {
+    let (commands, states) = (exported(file, &["--channel", "valve-command"]), exported(file, &["--channel", STATES]));
+    assert_eq!(commands.len(), states.len());
+    for (command, state) in commands.iter().zip(&states) {
+        assert_eq!(command["header.number"], state["header.number"]);
+        for (name, field) in [("reference", "reference"), ("error", "error"), ("output", "command")] {
+            assert_eq!(state[&format!("bucket.{name}")], command[&format!("bucket.{field}")]);
+        }
+    }
+    let positions: BTreeMap<&str, &str> = rows.iter().map(|row| (&*row["tick"], &*row["boom.position"])).collect();
+    let measured = states.iter().filter(|state| state["boom.feedback"] != "NaN");
+    let known = measured.inspect(|state| assert_eq!(state["boom.feedback"], positions[&*state["header.sequence"]]));
+    assert!(known.count() + 10 > states.len());
+}
+
 #[test]
 fn a_running_group_is_recorded_whole_and_exported() {
     let _cores = shared();
@@ -88,7 +107,7 @@ fn a_running_group_is_recorded_whole_and_exported() {
     assert_eq!(info["attached"], serde_json::json!(["machine.toml", "settings.json", "latency.hlog"]));
     let channels = info["channels"].as_array().unwrap();
     let names: Vec<&str> = channels.iter().map(|channel| channel["channel"].as_str().unwrap()).collect();
-    assert_eq!(names, CHANNELS);
+    assert_eq!(names, [&CHANNELS[..3], &[STATES], &CHANNELS[3..]].concat());
     for channel in channels {
         let name = channel["channel"].as_str().unwrap();
         assert_eq!(channel["messages"], counts.get(name).copied().unwrap_or_default(), "{name}");
@@ -109,6 +128,7 @@ fn a_running_group_is_recorded_whole_and_exported() {
     }
     let ticks: Vec<f64> = rows.iter().map(|row| value(row, "tick")).collect();
     assert!(ticks.windows(2).all(|pair| pair[1] > pair[0]));
+    expect_states(&file, &rows);
     let part = exported(&file, &["--axis", "arm", "--every", "10"]);
     assert_eq!(part.len() as u64, samples.div_ceil(10));
     assert!(part[0].contains_key("arm.position") && !part[0].contains_key("boom.position"));

@@ -112,7 +112,7 @@ impl Receiver {
 
     /// What is wrong.
     pub fn fault(&self) -> Option<Fault> {
-        self.is_late.then(|| Fault { cause: self.cause, node: FRAME, detail: self.id as u16 })
+        self.is_late.then_some(Fault { cause: self.cause, node: FRAME, detail: self.id as u16 })
     }
 
     /// When the last good frame came, ns; 0 before the first one.

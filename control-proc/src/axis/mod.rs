@@ -64,7 +64,7 @@ use pipeline::{
 use crate::{
     fallback::Fallback,
     model::gate::Gate,
-    protection::Protection,
+    protection::{Protection, walls::Wanted},
     reference::{References, generator::ReferenceGenerator},
     standstill::Standstill,
 };
@@ -210,6 +210,31 @@ impl AxisController {
         if self.follows() && self.operation.mode == AxisMode::Track {
             self.operation.mode = AxisMode::Hold;
             self.references.hold(None);
+        }
+    }
+
+    /// The newest position, m; none before the first one, and while readings are missing.
+    pub fn position(&self) -> Option<f64> {
+        self.feedback.position().filter(|_| !self.feedback.is_silent())
+    }
+
+    /// What the axis asks of the virtual walls after [`Self::update`].
+    pub fn wanted(&self) -> Wanted {
+        Wanted {
+            command: self.decision.command,
+            motion: self.position().map(|position| (position, self.feedback.speed())),
+            is_manual: self.operation.mode == AxisMode::Manual,
+        }
+    }
+
+    /// A virtual wall leaves this command of the one that [`Self::update`] has made. `is_stopped`: an axis in closed
+    /// loop leaves its reference, comes to a stand and holds.
+    pub fn stop_before_wall(&mut self, command: f64, is_stopped: bool) {
+        self.apply(command);
+        self.decision.set_flag(control_flag::WALL, true);
+        if is_stopped && self.follows() {
+            self.operation.mode = AxisMode::Hold;
+            self.references.hold(self.feedback.position().map(|position| (position, self.feedback.speed())));
         }
     }
 

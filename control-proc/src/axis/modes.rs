@@ -44,6 +44,9 @@ impl AxisController {
             State::Settling(_) => (self.operation.mode, self.operation.set_point) = (mode, accepted.set_point),
             State::Following => {
                 let before = std::mem::replace(&mut self.operation.mode, mode);
+                if before != mode {
+                    self.operation.turns_at_once = false;
+                }
                 if before.is_direct() && !mode.is_direct() {
                     self.take_over();
                 }
@@ -72,12 +75,15 @@ impl AxisController {
     }
 
     /// The decision in a direct mode: the command of the request within all limits, at a position in m.
-    pub(super) fn command_directly(&self, sequence: u64, position: f64) -> Decision {
+    pub(super) fn command_directly(&mut self, sequence: u64, position: f64) -> Decision {
         let mode = self.operation.mode;
         let requested = self.operation.requests.command(sequence, mode).unwrap_or(0.0);
         let (is_manual, last) = (mode == AxisMode::Manual, self.decision.command);
-        // A commissioning relies on a change of direction that passes neutral at once.
-        let from = if is_manual || requested * last > 0.0 { last } else { 0.0 };
+        // A commissioning relies on a change of direction that passes neutral at once. What the mode before it has
+        // commanded goes to neutral at its rate.
+        let turns = requested * last < 0.0;
+        self.operation.turns_at_once |= !is_manual && !turns;
+        let from = if turns && self.operation.turns_at_once { 0.0 } else { last };
         let limited = self.protection.limits().apply(requested, from);
         let command = self.protection.end_stops().apply(limited, position, self.feedback.speed(), is_manual);
         Decision {

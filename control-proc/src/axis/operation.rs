@@ -32,6 +32,8 @@ pub struct Operation {
     is_rule: bool,
     /// Where the axis holds when it begins to follow in hold, m.
     pub set_point: Option<f64>,
+    /// A commissioning has taken over the command of the mode before it, so its own may change direction at once.
+    pub turns_at_once: bool,
 }
 
 impl Operation {
@@ -49,6 +51,6 @@ impl Operation {
     pub fn new(index: usize, axis: &Axis, timing: &Timing) -> Self {
         let is_rule = axis.control.hold_to_run;
         let requests = Requests::new(index, axis, timing);
-        Self { requests, mode: AxisMode::Track, hold_to_run: is_rule, is_rule, set_point: None }
+        Self { requests, mode: AxisMode::Track, hold_to_run: is_rule, is_rule, set_point: None, turns_at_once: false }
     }
 }

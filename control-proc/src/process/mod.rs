@@ -329,6 +329,7 @@ impl Stage for Process {
     fn tell(&mut self) -> Result<(), StageError> {
         let now = monotonic_ns();
         self.state.header = Header { sent_ns: now, ..self.last.header };
+        self.state.teeth = self.last.teeth;
         let (sample, snapshot) = (self.inputs.samples.last(), self.inputs.snapshots.last());
         for (i, state) in self.state.axes.iter_mut().enumerate() {
             state.command = self.last.axes[i];

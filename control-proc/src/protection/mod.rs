@@ -7,6 +7,7 @@
 //! | [`following_error`] | the bound on the difference between reference and position |
 //! | [`motion`] | whether an axis that is driven moves |
 //! | [`uncommanded`] | whether an axis moves that nobody has commanded to move |
+//! | [`walls`] | commands of all axes near places that no part of the machine passes |
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
@@ -15,6 +16,7 @@ pub mod following_error;
 pub mod limits;
 pub mod motion;
 pub mod uncommanded;
+pub mod walls;
 
 use pipeline::machine::Axis;
 

@@ -18,6 +18,7 @@ use std::f64::consts::TAU;
 use pipeline::machine::Sine;
 
 use super::trajectory::Trajectory;
+use crate::tip::TipPlan;
 
 /// The reference generators of a machine, one per axis. Collected from [`Generator`]s in the order of the axes;
 /// [`crate::trajectory_file::read_references`] makes them from a machine file.
@@ -26,6 +27,8 @@ pub struct ReferenceGenerator {
     axes: Vec<Generator>,
     /// Tick along the path at which the motion of the teeth begins.
     tip_start: Option<f64>,
+    /// The motion of the teeth, where axes follow one.
+    plan: Option<TipPlan>,
 }
 
 /// The generator of one axis.
@@ -80,6 +83,17 @@ impl ReferenceGenerator {
         self.tip_start
     }
 
+    /// The same generators with the plan that those of the teeth are parts of.
+    #[must_use]
+    pub fn with_plan(self, plan: Option<TipPlan>) -> Self {
+        Self { plan, ..self }
+    }
+
+    /// The motion of the teeth, where axes follow one.
+    pub fn plan(&self) -> Option<&TipPlan> {
+        self.plan.as_ref()
+    }
+
     /// Begins the motion of the teeth at this tick along the path; none ends it.
     pub fn begin_tip(&mut self, tick: Option<f64>) {
         self.tip_start = tick;
@@ -99,6 +113,6 @@ impl ReferenceGenerator {
 
 impl FromIterator<Generator> for ReferenceGenerator {
     fn from_iter<I: IntoIterator<Item = Generator>>(axes: I) -> Self {
-        Self { axes: axes.into_iter().collect(), tip_start: None }
+        Self { axes: axes.into_iter().collect(), tip_start: None, plan: None }
     }
 }

@@ -1,9 +1,10 @@
 //! The time of the references along their path, which all axes share.
 //!
 //! ```text
-//! s(k+1) = s(k) + min(r(s(k)), p(k))
+//! s(k+1) = s(k) + min(r(s(k)), p(k), q_2(k))
 //! r(s)   = min over the axes of min(1, v_a / |v|), at least 0.001
 //! p(k+1) = p(k) - T / 0.2 s while an axis waits for readings, else p(k) + T / 1 s; from 0 to 1
+//! q_1(k+1) = q_1(k) + (q - q_1(k)) T / 0.25 s          q_2(k+1) = q_2(k) + (q_1(k) - q_2(k)) T / 0.25 s
 //! v      = (y_r(s+1) - y_r(s)) / T      v_a = min(0.9 c, v_s(y_r) + 10 mm/s)
 //! ```
 //!
@@ -15,6 +16,9 @@
 //!
 //! A tenth of c is left for the controller, to make good what disturbances cost. Without the 10 mm/s a reference would
 //! never arrive at a soft limit.
+//!
+//! q is the pace that the lag of the teeth leaves ([`crate::tip::watch`]), 1 without them. Behind its two lags the path
+//! slows and goes on again with a bounded jerk: at most v / (0.25 s)^2 for teeth of the speed v.
 //!
 //! While an axis waits at neutral for readings, the path comes to a stand for all of them, and goes on slowly when the
 //! readings are back: an axis never has to make good what it has not been able to follow.
@@ -39,6 +43,8 @@ const LEAST_RATE: f64 = 1e-3;
 pub(super) const FALL_TIME: f64 = 0.2;
 /// Time in which the path goes on at its full rate, s.
 pub(super) const RISE_TIME: f64 = 1.0;
+/// Lags behind which the pace follows q, s.
+const EASE_TIME: f64 = 0.25;
 /// s of this tick and of all coming ones that any axis can look at, and of one more.
 const LENGTH: usize = MAX_AHEAD + 1;
 
@@ -58,6 +64,8 @@ pub struct Path {
     patience: u64,
     /// An axis waits.
     waits: bool,
+    /// q_1 and q_2.
+    ease: (f64, f64),
 }
 
 impl Path {
@@ -65,7 +73,16 @@ impl Path {
     /// `patience` ticks are missing.
     pub fn new(ahead: usize, period: f64, patience: u64) -> Self {
         let length = (ahead + 2).min(LENGTH);
-        Self { ticks: [0.0; LENGTH], length, sequence: None, pace: 1.0, period, patience, waits: false }
+        Self {
+            ticks: [0.0; LENGTH],
+            length,
+            sequence: None,
+            pace: 1.0,
+            period,
+            patience,
+            waits: false,
+            ease: (1.0, 1.0),
+        }
     }
 
     /// Begins anew with the next tick, which may have any number.
@@ -73,8 +90,8 @@ impl Path {
         self.sequence = None;
     }
 
-    /// Goes on to tick `sequence`; `rate` is r(s), and `waits` says whether an axis waits for readings.
-    pub fn advance(&mut self, sequence: u64, waits: bool, rate: impl Fn(f64) -> f64) {
+    /// Goes on to tick `sequence`; `rate` is r(s), `waits` says whether an axis waits for readings, and `ease` is q.
+    pub fn advance(&mut self, sequence: u64, (waits, ease): (bool, f64), rate: impl Fn(f64) -> f64) {
         let length = self.length;
         match self.sequence.replace(sequence).map(|last| sequence.saturating_sub(last)) {
             // Nobody has commanded anything meanwhile.
@@ -86,6 +103,9 @@ impl Path {
             Some(elapsed) => {
                 for _ in 0..elapsed {
                     self.ticks.copy_within(1..length, 0);
+                    let part = self.period / EASE_TIME;
+                    self.ease.1 += part.min(1.0) * (self.ease.0 - self.ease.1);
+                    self.ease.0 += part.min(1.0) * (ease - self.ease.0);
                     self.plan(length - 1, waits, &rate);
                 }
                 // What was planned does not count any more.
@@ -107,7 +127,7 @@ impl Path {
         let change = if waits { -self.period / FALL_TIME } else { self.period / RISE_TIME };
         self.pace = (self.pace + change).clamp(0.0, 1.0);
         let last = self.ticks[i - 1];
-        self.ticks[i] = last + rate(last).max(LEAST_RATE).min(self.pace);
+        self.ticks[i] = last + rate(last).max(LEAST_RATE).min(self.pace).min(self.ease.1);
     }
 
     /// s(k), s(k+1), ..
@@ -153,31 +173,50 @@ mod tests {
     fn at_full_rate_the_ticks_are_those_of_the_samples() {
         let mut path = Path::new(3, 0.01, 5);
         for sequence in [7, 8, 11, 16, 17] {
-            path.advance(sequence, false, |_| 1.0);
+            path.advance(sequence, (false, 1.0), |_| 1.0);
             let expected: Vec<f64> = (0..5).map(|i| (sequence + i) as f64).collect();
             assert_eq!(path.ticks(), expected);
         }
         // A source that has begun again.
         path.reset();
-        path.advance(2, false, |_| 1.0);
+        path.advance(2, (false, 1.0), |_| 1.0);
         assert_eq!(path.ticks()[0], 2.0);
     }
 
     #[test]
     fn the_ticks_of_a_preview_come_in_their_order_and_time_never_stops() {
         let mut path = Path::new(3, 0.01, 5);
-        path.advance(0, false, |_| 1.0);
+        path.advance(0, (false, 1.0), |_| 1.0);
         let rate = |tick: f64| if (6.0..8.0).contains(&tick) { 0.25 } else { 1.0 };
         for sequence in 1..30 {
             let before = path.ticks().to_vec();
-            path.advance(sequence, false, rate);
+            path.advance(sequence, (false, 1.0), rate);
             assert_eq!(path.ticks()[..4], before[1..]);
         }
         // Two ticks of the path have taken eight.
         assert_eq!(path.ticks()[0], 29.0 - 6.0);
         let before = path.ticks()[4];
-        path.advance(30, false, |_| 0.0);
+        path.advance(30, (false, 1.0), |_| 0.0);
         assert!(path.ticks()[4] > before);
+    }
+
+    #[test]
+    fn the_path_slows_by_the_lag_of_the_teeth_with_bounded_acceleration_and_jerk_and_goes_on_again() {
+        let mut path = Path::new(5, 0.01, 5);
+        let mut ticks = vec![];
+        for sequence in 0..900 {
+            let ease = if (200..500).contains(&sequence) { 0.1 } else { 1.0 };
+            path.advance(sequence, (false, ease), |_| 1.0);
+            ticks.push(path.ticks()[0]);
+        }
+        let differences = |of: &[f64]| of.windows(2).map(|pair| (pair[1] - pair[0]) / 0.01).collect::<Vec<_>>();
+        // Seconds of the path per second.
+        let pace: Vec<f64> = differences(&ticks).iter().map(|pace| 0.01 * pace).collect();
+        let acceleration = differences(&pace);
+        let jerk = differences(&acceleration);
+        let most = |of: &[f64]| of.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+        assert!((pace[495] - 0.1).abs() < 1e-3 && (pace[890] - 1.0).abs() < 1e-3 && pace[100] == 1.0);
+        assert!(most(&acceleration) < 0.9 / 0.25 && most(&jerk) < 1.001 * 0.9 / 0.0625, "{}", most(&jerk));
     }
 
     #[test]
@@ -185,11 +224,11 @@ mod tests {
         let mut path = Path::new(10, 0.01, 5);
         let pace = |path: &mut Path, sequence: u64, waits: bool| {
             let before = path.ticks()[0];
-            path.advance(sequence, waits, |_| 1.0);
+            path.advance(sequence, (waits, 1.0), |_| 1.0);
             assert!(path.ticks().windows(2).all(|pair| pair[0] <= pair[1]), "{:?}", path.ticks());
             path.ticks()[0] - before
         };
-        (0..100).for_each(|sequence| path.advance(sequence, false, |_| 1.0));
+        (0..100).for_each(|sequence| path.advance(sequence, (false, 1.0), |_| 1.0));
         let falling: Vec<f64> = (100..140).map(|sequence| pace(&mut path, sequence, true)).collect();
         assert!(falling.windows(2).all(|pair| pair[1] <= pair[0] && pair[0] - pair[1] < 0.051), "{falling:?}");
         assert!(falling[21..].iter().all(|pace| *pace == 0.0) && falling.iter().sum::<f64>() < 11.5, "{falling:?}");

@@ -464,21 +464,23 @@ proptest! {
     ) {
         let mut axis = if by_model { Operated::modelled() } else { Operated::new() };
         axis.enable(AxisMode::Hold);
-        let (mut last, mut before) = (0.0, AxisMode::Hold);
+        let (mut last, mut before, mut has_commissioned) = (0.0, AxisMode::Hold, false);
         for (mode, command, target, ticks) in steps {
             let mode = AxisMode::from_number(mode).unwrap();
             if axis.is_off() && mode != AxisMode::Off {
                 axis.enable(mode);
                 (last, before) = (0.0, mode);
             }
+            has_commissioned &= before == AxisMode::Commission;
             for k in 0..ticks {
                 let sent = axis.ask(mode, command, target).axes[0];
                 let step = (sent.command - last).abs();
                 prop_assert!(sent.command.is_finite() && sent.command.abs() <= 1.0);
                 // A command may change to neutral at once, and near a soft limit.
                 let stops = sent.command == 0.0 || sent.flags & control_flag::SOFT_LIMIT != 0;
-                // The other direction of a commissioning begins at neutral.
-                let turns = mode == AxisMode::Commission && sent.command.abs() <= RATE;
+                // The other direction of a commissioning begins at neutral, but not that of the mode before it.
+                let turns = has_commissioned && mode == AxisMode::Commission && sent.command.abs() <= RATE;
+                has_commissioned = mode == AxisMode::Commission && (has_commissioned || sent.command * command >= 0.0);
                 prop_assert!(step <= RATE || stops || turns, "{before:?} to {mode:?}: {step}");
                 let (to, from) = (mode as u32, before);
                 if k == 0 && to != from as u32 && !mode.is_direct() && mode != AxisMode::Off && !stops {

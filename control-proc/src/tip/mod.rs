@@ -5,6 +5,7 @@
 //! | [`way`] | straight lines and arcs of the teeth |
 //! | [`posture`] | the cylinders along the way; the boom moves as little as possible |
 //! | [`timing`] | how fast the teeth go: speeds, pump, accelerations, jerk |
+//! | [`watch`] | in the loop: where the teeth are, and their distance from the way |
 //!
 //! A task is planned once, when a controller is made, and refused if the machine cannot do it. In the loop the four
 //! axes only look up where they should be. What they trace together is the way, however slowly time goes on along it
@@ -12,6 +13,7 @@
 
 pub mod posture;
 pub mod timing;
+pub mod watch;
 pub mod way;
 
 use mechanism::{AXES, Dynamics, Mechanism, Pose, Vector};
@@ -20,9 +22,13 @@ use posture::{Cylinders, Freedom, NoPosture, Short};
 use timing::Timing;
 use way::{TipPlace, Way};
 
+use crate::protection::walls::Walls;
+
 /// Part of a cylinder's largest force that may hold bodies and payload; the rest moves them.
 const HOLDING: f64 = 0.9;
-/// Length between two places at which forces are looked at, m.
+/// Least distance of a task from a virtual wall, m: what a controller is off its way must not stop the task.
+pub const WALL_MARGIN: f64 = 0.03;
+/// Length between two places at which forces and walls are looked at, m.
 const FORCE_STEP: f64 = 0.05;
 
 /// Why a machine cannot do its task.
@@ -91,6 +97,7 @@ impl TipPlan {
         // All places between those that were tried are within reach as well: the way is smooth.
         let positions = |s: f64| at(s).unwrap_or([f64::NAN; AXES]);
         expect_forces(machine, mechanism, &way, positions)?;
+        expect_within_walls(machine, &way, positions)?;
         let timing = Timing::new(machine, task.speed);
         let runs = way.runs();
         let mut lengths = vec![0.0];
@@ -167,6 +174,24 @@ fn refused(machine: &Machine, way: &Way, why: NoPosture) -> TipError {
 
 fn told(place: &TipPlace) -> String {
     format!("[{:.3}, {:.3}] m at a pitch of {:.1} degrees", place.at.x, place.at.z, place.pitch.to_degrees())
+}
+
+/// Refuses places at which boom, arm or bucket would be beyond a virtual wall, or so close to it that no speed is safe.
+fn expect_within_walls(machine: &Machine, way: &Way, positions: impl Fn(f64) -> [f64; AXES]) -> Result<(), TipError> {
+    let Some(walls) = Walls::of(machine) else { return Ok(()) };
+    let parts = (way.length() / FORCE_STEP).ceil().max(1.0);
+    for s in (0..=parts as usize).map(|k| way.length() * k as f64 / parts) {
+        if let Some((wall, margin)) = walls.least_distance(&positions(s)).filter(|(_, d)| *d < WALL_MARGIN) {
+            let what = if margin < 0.0 {
+                format!("where boom, arm or bucket would be {:.3} m beyond walls.{wall}", -margin)
+            } else {
+                format!("where boom, arm or bucket would be {margin:.3} m before walls.{wall}")
+            };
+            let what = format!("{what}; allowed: at least {WALL_MARGIN} m before it");
+            return Err(TipError::Place { piece: way.piece(s), place: told(&way.place(s)), what });
+        }
+    }
+    Ok(())
 }
 
 /// Refuses places at which bodies and payload are too heavy for a cylinder.

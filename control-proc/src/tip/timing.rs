@@ -9,7 +9,8 @@
 //! q' and q'' its derivatives by s; c_i speed in m/s that the axis can give that way and there: 0.9 of the largest
 //! measured one, and less near a soft limit ([`EndStops`]); a_i `stop_deceleration` in m/s2; Q nine tenths of the
 //! pump's flow in m3/s, A_i area in m2 that the pump fills. x rises and falls as steeply as allowed, and is 0 at both
-//! ends of the run.
+//! ends of the run. Near a virtual wall x is bounded as well: by 0.8 of the speed with which the cylinders would
+//! still stop [`WALL_MARGIN`]/2 before it ([`Walls`]).
 //!
 //! s(t) of these speeds has steps of the acceleration. Its mean over the time 2 max_i (a_i/j_i) has none: j_i `jerk` of
 //! an axis in m/s3. The mean is as long as the run and stands at both ends.
@@ -17,7 +18,8 @@
 use mechanism::AXES;
 use pipeline::machine::{Axis, Machine};
 
-use crate::protection::end_stops::EndStops;
+use super::WALL_MARGIN;
+use crate::protection::{end_stops::EndStops, walls::Walls};
 
 /// Length between two points of the way at which speeds are worked out, m, and the least number of parts of a run.
 const STEP: f64 = 0.01;
@@ -26,6 +28,8 @@ const LEAST_PARTS: usize = 100;
 const GIVEN: f64 = 0.9;
 /// Speed with which an axis may arrive at a soft limit, m/s.
 const ARRIVAL: f64 = 0.01;
+/// Part of the speed that a virtual wall allows.
+const BEFORE_WALL: f64 = 0.8;
 /// Slowest speed of the teeth, m/s, so that a run ends.
 const LEAST_SPEED: f64 = 1e-3;
 
@@ -66,6 +70,7 @@ impl Bounds {
 /// What the axes of a machine can give.
 pub struct Timing {
     bounds: Vec<Bounds>,
+    walls: Option<Walls>,
     /// Q, m3/s; infinite where no pump is known.
     flow: f64,
     /// v, m/s.
@@ -86,6 +91,7 @@ impl Timing {
         let period = machine.timing.period.as_secs_f64();
         Self {
             bounds: machine.axes.iter().take(AXES).map(|axis| Bounds::new(axis, period)).collect(),
+            walls: Walls::of(machine),
             flow: machine.hydraulics.map_or(f64::INFINITY, |hydraulics| GIVEN * hydraulics.supply.flow),
             speed,
             period,
@@ -128,7 +134,8 @@ impl Timing {
                 rate.abs() * if rate > 0.0 { bounds.areas.1 } else { bounds.areas.0 }
             };
             let flow = self.flow / self.bounds.iter().enumerate().map(filled).sum::<f64>();
-            axes.fold((self.speed * self.speed).min(flow * flow), f64::min).max(LEAST_SPEED * LEAST_SPEED)
+            let wall = self.before_walls(&points[k], std::array::from_fn(|i| first(k, i)));
+            axes.fold((wall * wall).min(flow * flow), f64::min).max(LEAST_SPEED * LEAST_SPEED)
         };
         let rise = |k: usize, square: f64| {
             let axes =
@@ -146,6 +153,13 @@ impl Timing {
             squares[k] = squares[k].min(squares[k + 1] + rise(k + 1, squares[k + 1]));
         }
         Profile { step, squares }
+    }
+
+    /// Speed of the teeth with which virtual walls let the cylinders pass `positions`, m/s; `rates` are q'.
+    fn before_walls(&self, positions: &[f64; AXES], rates: [f64; AXES]) -> f64 {
+        let factor = |walls: &Walls| walls.factor(positions, &rates.map(|rate| rate * self.speed), 0.5 * WALL_MARGIN);
+        let factor = self.walls.as_ref().map_or(1.0, factor);
+        if factor < 1.0 { BEFORE_WALL * factor * self.speed } else { self.speed }
     }
 
     /// The mean over the time of smoothing of a way that stands before and after.

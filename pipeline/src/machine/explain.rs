@@ -56,6 +56,8 @@ const SPECIMEN: &str = r#"
     [oil]
     [tip]
     piece = [{ to = [0.0, 0.0] }, { center = [0.0, 0.0] }]
+    [walls]
+    corner = [{}]
     [axis.NAME.pressure]
     [axis.NAME.commissioned]
     [axis.NAME.reference]

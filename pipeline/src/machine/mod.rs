@@ -8,7 +8,7 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `timing`, `stages`, `source`, `can`, `fuzzy`, `hydraulics`, `mechanism`, `soil` | tables of the whole machine |
-//! | `tip` | a motion of the bucket's teeth |
+//! | `tip`, `walls` | a motion of the bucket's teeth; places that boom, arm and bucket do not pass |
 //! | `axis/` | the tables of one axis |
 //! | `count_length` | length of one count of a sensor at a joint |
 //! | `scenario`, `scenarios.toml` | what changes while the simulated machine works |
@@ -37,6 +37,7 @@ mod source;
 mod stages;
 mod timing;
 mod tip;
+mod walls;
 
 use std::{
     borrow::Cow,
@@ -68,8 +69,9 @@ pub use source::{Drive, Source};
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
 pub use tip::{TipPiece, TipShape, TipTask};
+pub use walls::{MOST_CORNERS, Walls};
 
-use crate::{MAX_AXES, layout, nearest::did_you_mean_file};
+use crate::{MAX_AXES, bounded, layout, nearest::did_you_mean_file};
 
 /// The built-in machine, a 20 t excavator; the same text is in `examples/`.
 pub const BUILT_IN: &str = include_str!("../../../examples/excavator.toml");
@@ -105,6 +107,8 @@ pub struct Machine {
     pub soil: Option<Soil>,
     /// The motion of the teeth that axes with a reference of kind `tip` follow, if there is one.
     pub tip: Option<TipTask>,
+    /// Walls that boom, arm and bucket do not cross, if there are any.
+    pub walls: Option<Walls>,
     /// What changes while the simulated machine works.
     pub scenario: Scenario,
     /// The axes, in the order of the file.
@@ -112,7 +116,7 @@ pub struct Machine {
 }
 
 fn read_file(path: &Path, allowed: &str) -> Result<String, MachineError> {
-    std::fs::read_to_string(path).map_err(|error| {
+    bounded::read_text(path, bounded::SETTINGS).map_err(|error| {
         let found = format!("a file that cannot be read ({error})");
         MachineError::of_file(path.display().to_string(), found, format!("{allowed}{}", did_you_mean_file(path)))
     })
@@ -203,7 +207,7 @@ impl Machine {
             }
             axis
         });
-        let text = format!("{:?} {:?} {:?}", self.timing, self.tip, axes.collect::<Vec<_>>());
+        let text = format!("{:?} {:?} {:?} {:?}", self.timing, self.tip, self.walls, axes.collect::<Vec<_>>());
         // The lower half goes into every message, where 0 means none.
         layout::named(&text) | 1
     }
@@ -240,14 +244,7 @@ impl Machine {
         let realtime = Realtime::read(root.section("realtime"));
         let (source, program) = Source::read(root.section("source"), folder);
         let drive = Drive::read(root.section("drive"), &source);
-        let has_program = source == Source::External;
-        let mut stage = root.section("stage");
-        let mut stages = StageKind::ALL
-            .map(|kind| StageSettings::read(stage.section(kind.name()), kind, source.is_real(), has_program));
-        stage.finish();
-        if has_program {
-            stages[StageKind::PlantSim as usize].command = program;
-        }
+        let stages = read_stages(&mut root, &source, program);
         let section = root.section("can");
         let has_bus = section.is_given() || source == Source::Can;
         let can = has_bus.then(|| CanBus::read(section, &timing, folder));
@@ -267,21 +264,16 @@ impl Machine {
         let mut axes: Vec<Axis> = names.iter().map(|name| Axis::read(name, table.section(name), &shared)).collect();
         table.finish();
         if let Some(mechanism) = &mechanism {
-            let strokes: Vec<f64> = axes.iter().map(|axis| axis.stroke).collect();
-            mechanism::expect_order(&section, &names);
-            mechanism::expect_movable(&section, mechanism, &strokes);
-            if section.is_sound() {
-                count_length::complete(mechanism, &mut axes);
-            }
+            expect_carried(&section, mechanism, &names, &mut axes);
         }
         section.finish();
         expect_one_node_each(&root, &axes);
         let is_simulated = axes.iter().any(|axis| axis.plant.is_some());
         let hydraulics = Hydraulics::read(root.section("supply"), root.section("oil"), is_simulated);
         let soil = Soil::read(root.section("soil"), mechanism.is_some());
-        let section = root.section("tip");
-        let tip = TipTask::read(section, mechanism.is_some());
+        let tip = TipTask::read(root.section("tip"), mechanism.is_some());
         TipTask::expect_followers(tip.as_ref(), &root.section("tip"), &axes);
+        let walls = Walls::read(root.section("walls"), mechanism.is_some());
         let described = Described { axes: &names, has_mechanism: mechanism.is_some(), has_soil: soil.is_some() };
         let scenario = Scenario::read(&mut root, &described);
         let values = root.values();
@@ -289,7 +281,22 @@ impl Machine {
             axis.hardware = Hardware::of(&values, &names, &axis.name);
         }
         root.finish();
-        Self { name, timing, realtime, stages, source, drive, can, hydraulics, mechanism, soil, tip, scenario, axes }
+        Self {
+            name,
+            timing,
+            realtime,
+            stages,
+            source,
+            drive,
+            can,
+            hydraulics,
+            mechanism,
+            soil,
+            tip,
+            walls,
+            scenario,
+            axes,
+        }
     }
 
     /// The twin of a real machine: the same machine, simulated by its tables `plant`, `supply` and `oil`. A machine
@@ -318,6 +325,29 @@ impl Machine {
     /// Settings of one stage.
     pub fn stage(&self, kind: StageKind) -> &StageSettings {
         &self.stages[kind as usize]
+    }
+}
+
+/// How each stage runs; `program` takes the place of the simulated machine where the source is external.
+fn read_stages(root: &mut Section, source: &Source, program: Option<Vec<String>>) -> [StageSettings; 4] {
+    let has_program = *source == Source::External;
+    let mut stage = root.section("stage");
+    let mut stages =
+        StageKind::ALL.map(|kind| StageSettings::read(stage.section(kind.name()), kind, source.is_real(), has_program));
+    stage.finish();
+    if has_program {
+        stages[StageKind::PlantSim as usize].command = program;
+    }
+    stages
+}
+
+/// Refuses a mechanism that does not fit the axes, and completes the sensors of its joints.
+fn expect_carried(section: &Section, mechanism: &Mechanism, names: &[String], axes: &mut [Axis]) {
+    let strokes: Vec<f64> = axes.iter().map(|axis| axis.stroke).collect();
+    mechanism::expect_order(section, names);
+    mechanism::expect_movable(section, mechanism, &strokes);
+    if section.is_sound() {
+        count_length::complete(mechanism, axes);
     }
 }
 

@@ -117,13 +117,15 @@ pub mod control_flag {
     /// The computer has been suspended, or a sample has a time that is still to come, so that nobody knows how old it
     /// is.
     pub const CLOCK: u32 = 524_288;
+    /// A virtual wall is near: the command that was asked for would not stop boom, arm and bucket before it.
+    pub const WALL: u32 = 1_048_576;
 
     /// The bits of faults that keep the axis neutral until it is disarmed and armed again.
     pub const LATCHED: u32 = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | CLOCK | CUT_OFF;
     /// Those of them that ask for the pilot pressure to be cut off.
     pub const CUT_OFF: u32 = EMERGENCY_STOP | MOTION;
     /// Names of the bits, lowest first.
-    pub const NAMES: [&str; 20] = [
+    pub const NAMES: [&str; 21] = [
         "disarmed",
         "settling",
         "feedback",
@@ -144,6 +146,7 @@ pub mod control_flag {
         "slowed",
         "motion",
         "clock",
+        "wall",
     ];
 }
 
@@ -192,9 +195,44 @@ shared_struct! {
     }
 }
 
+/// What is known of the bucket's teeth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum TipState {
+    /// Nothing: the machine has no mechanism, or the position of one of its axes is not known.
+    Unknown = 0,
+    /// Where they are.
+    Known = 1,
+    /// They follow their way.
+    OnTheWay = 2,
+}
+
+shared_struct! {
+    /// Where the bucket's teeth are, by the positions of the sample.
+    #[type_name("hydraxis.TeethState/1")]
+    pub struct TeethState {
+        /// Forward of the centre of swing, m.
+        pub x: f64,
+        /// Above ground, m.
+        pub z: f64,
+        /// Pitch of the bucket, from the x axis to the teeth, rad.
+        pub pitch: f64,
+        /// Distance of the teeth from their way, perpendicular to it, m; 0 unless they follow it.
+        pub error: f64,
+        /// Pitch minus the planned one, rad; 0 unless the teeth follow their way.
+        pub pitch_error: f64,
+        /// Length of the way up to where the teeth should be, m; 0 unless they follow it.
+        pub way: f64,
+        /// A [`TipState`] as number.
+        pub state: u32,
+        /// Zero.
+        pub reserved: u32,
+    }
+}
+
 shared_struct! {
     /// The valve commands of one tick: control-proc (or a recording) to plant-sim and ident-proc.
-    #[type_name("hydraxis.ValveCommand/8")]
+    #[type_name("hydraxis.ValveCommand/9")]
     pub struct ValveCommand {
         /// `sequence` names the sample that the command was made from.
         pub header: Header,
@@ -206,6 +244,8 @@ shared_struct! {
         pub reserved: u32,
         /// Session of the [`Request`](super::Request)s that count, or counted last; 0 before the first.
         pub operator: u64,
+        /// Where the bucket's teeth are; without a [mechanism] and in a replay nothing is known of them.
+        pub teeth: TeethState,
         /// What the command was made of; zero in a replay.
         pub inputs: CommandInputs,
     }

@@ -2,7 +2,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::{AxisCommand, AxisSample, Header, Message};
+use super::{AxisCommand, AxisSample, Header, Message, TeethState};
 use crate::{MAX_AXES, layout::shared_struct};
 
 shared_struct! {
@@ -48,12 +48,14 @@ impl AxisState {
 
 shared_struct! {
     /// The newest sample and command of all axes. Control-proc sends one at each of its heartbeats.
-    #[type_name("hydraxis.MachineState/4")]
+    #[type_name("hydraxis.MachineState/5")]
     pub struct MachineState {
         /// `sequence` names the sample.
         pub header: Header,
         /// One entry per axis.
         pub axes: [AxisState; MAX_AXES],
+        /// Where the bucket's teeth are.
+        pub teeth: TeethState,
     }
 }
 message!(MachineState, "machine-state", publishers 1, buffer 16);

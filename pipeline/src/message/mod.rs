@@ -81,7 +81,9 @@ mod reference;
 mod request;
 mod snapshot;
 
-pub use command::{AxisCommand, CommandInputs, ControlMode, REFUSALS, ValveCommand, command_event, control_flag};
+pub use command::{
+    AxisCommand, CommandInputs, ControlMode, REFUSALS, TeethState, TipState, ValveCommand, command_event, control_flag,
+};
 pub use encoder::{AxisSample, EncoderReading, EncoderSample, EncoderValue, sample_fault};
 pub use health::{ChannelHealth, MissCause, MissedDeadlines, StageHealth, StageState};
 pub use machine_state::{AxisState, MachineState};

@@ -4,15 +4,14 @@
 //! between quotes do not count. Where several separators are left, the order is semicolon, tab, comma, blanks, because
 //! a comma may be a decimal comma, and a blank a part of a name.
 
-use std::{fs::File, io::Read, path::Path};
+use std::path::Path;
 
 use pipeline::{
+    bounded,
     columns::{TableError, TableProblem},
     nearest::did_you_mean_file,
 };
 
-/// Largest file, bytes: its text is in memory as a whole.
-const LARGEST: u64 = 1 << 30;
 /// Lines below the first one that the separator must suit.
 const EXAMINED: usize = 50;
 /// What a file may be.
@@ -95,15 +94,10 @@ impl Text {
             file: file.to_owned(),
             problems: vec![TableProblem { line: None, field: None, found, allowed }],
         };
-        let mut bytes = Vec::new();
-        let read = File::open(file).and_then(|opened| opened.take(LARGEST + 1).read_to_end(&mut bytes));
-        read.map_err(|error| {
+        let bytes = bounded::read(file, bounded::TABLE).map_err(|error| {
             let found = format!("a file that cannot be read ({error})");
             refuse(found, format!("{ALLOWED}{}", did_you_mean_file(file)))
         })?;
-        if bytes.len() as u64 > LARGEST {
-            return Err(refuse("more than 1 GiB".to_owned(), "at most 1 GiB for each recording".to_owned()));
-        }
         let (text, encoding) = decode(bytes)
             .map_err(|found| refuse(found.to_owned(), format!("{ALLOWED}, as text in UTF-8 or Latin-1")))?;
         if text.trim().is_empty() {

@@ -12,7 +12,7 @@
 //! controller that the machine file says and by its fallback. The error is the distance of the true teeth from the way,
 //! perpendicular to it.
 
-use std::{path::PathBuf, time::Duration};
+use std::{io::Write, path::PathBuf, time::Duration};
 
 use clap::{Args, ValueEnum};
 use control_proc::ReferenceError;
@@ -23,7 +23,7 @@ use pipeline::{
 };
 use serde::Serialize;
 
-use super::{super::simulate::closed_loop, parallel};
+use super::{super::simulate::closed_loop, parallel, tip_picture::picture};
 use crate::{
     arguments::{
         BareMachine, load_bare, simulated_only,
@@ -32,14 +32,19 @@ use crate::{
     command::check,
     failure::Failure,
     report::{
-        output::Output,
+        output::{Output, OutputError, create},
         table::{number, table},
-        teeth::Teeth,
+        teeth::{Teeth, TracePoint},
     },
 };
 
 /// Time in which the axes settle, come to the begin of the way, and stand after its end, s.
 const AROUND: f64 = 5.0;
+
+/// Ticks between two places of the teeth that are kept for a picture.
+const TRACED: u64 = 5;
+/// Controllers of a task: that of the machine file and its fallback.
+const CONTROLLERS: usize = 2;
 
 /// `bench tip`.
 #[derive(Debug, Args)]
@@ -76,6 +81,9 @@ pub struct BenchTipArguments {
     /// Write the figures as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// Draw the machine, the way and the error of the teeth: an SVG of one task, speed, payload and scenario
+    #[arg(long, value_name = "FILE.svg")]
+    pub picture: Option<PathBuf>,
     /// Number of threads [default: one for each core]
     #[arg(long, value_name = "N", value_parser = in_range(1_u16, u16::MAX), allow_hyphen_values = true)]
     pub threads: Option<u16>,
@@ -171,6 +179,8 @@ struct Row {
     is_latched: bool,
     #[serde(skip)]
     error: ErrorStatistics,
+    #[serde(skip)]
+    trace: Vec<TracePoint>,
 }
 
 #[derive(Debug, Serialize)]
@@ -192,9 +202,23 @@ pub fn run(arguments: &BenchTipArguments) -> Result<(), Failure> {
             }
         }
     }
+    if arguments.picture.is_some() && cases.len() != CONTROLLERS {
+        return Err(Failure::usage(format!(
+            "--picture: found {} runs; allowed: one task, speed, payload, scenario and seed",
+            cases.len()
+        )));
+    }
     let output = Output::open(arguments.json.as_deref())?;
     let threads = arguments.threads.map_or_else(super::all_cores, usize::from);
     let report = TipReport { rows: parallel::map(threads, "runs", &cases, drive)? };
+    if let (Some(file), Some(mechanism)) = (&arguments.picture, &machines[0].mechanism) {
+        let runs: Vec<_> = report.rows.iter().map(|row| (row.controller, row.trace.clone())).collect();
+        let row = &report.rows[0];
+        let title = format!("{}, {} m/s, {} kg, {}", row.task, row.speed, row.payload, row.scenario);
+        let text = picture(mechanism, &title, &runs);
+        let failed = |source| OutputError::Write { option: "--picture", path: file.clone(), source };
+        create("--picture", file)?.write_all(text.as_bytes()).map_err(failed)?;
+    }
     Ok(output.write(|| report.tables(), &report)?)
 }
 
@@ -248,6 +272,7 @@ fn drive(case: &Case<'_>) -> Result<Row, Failure> {
         duration: None,
         is_latched: false,
         error: ErrorStatistics::default(),
+        trace: Vec::new(),
     };
     let mut teeth = match Teeth::of(&machine) {
         Ok(teeth) => teeth.ok_or_else(|| Failure::run("found no plan"))?,
@@ -265,6 +290,7 @@ fn drive(case: &Case<'_>) -> Result<Row, Failure> {
     closed_loop::run(&machine, case.seed, ticks, |tick| {
         if let Some(plant) = tick.plant {
             teeth.observe(tick.way, plant);
+            row.trace.extend((tick.number % TRACED == 0).then(|| teeth.trace(tick.way, plant)).flatten());
         }
         row.is_latched |= tick.command.axes.iter().any(|axis| axis.flags & control_flag::LATCHED != 0);
         Ok(())

@@ -10,6 +10,7 @@ mod plausible;
 mod references;
 mod schema;
 mod sensors;
+mod walls;
 
 use std::path::PathBuf;
 
@@ -112,7 +113,7 @@ pub fn findings(machine: &Machine) -> Result<Vec<String>, Failure> {
 
 /// What may go wrong in a run of this machine.
 pub fn warnings(machine: &Machine) -> Vec<String> {
-    [warnings_of_plant(machine), control::doubtful(machine)].concat()
+    [warnings_of_plant(machine), control::doubtful(machine), walls::doubtful(machine)].concat()
 }
 
 /// What may go wrong in a run of this machine without a controller.

@@ -16,7 +16,10 @@ use pipeline::{message::CHANNELS, nearest::did_you_mean};
 use crate::{
     arguments::values::seconds,
     failure::Failure,
-    recording::reading::{ReadMessage, Reading, ReadingError},
+    recording::{
+        controller_state,
+        reading::{ReadMessage, Reading, ReadingError},
+    },
 };
 use channel::ChannelTable;
 use loop_table::LoopTable;
@@ -84,9 +87,10 @@ trait Rows {
 
 /// Runs the command.
 pub fn run(arguments: &ExportArguments) -> Result<(), Failure> {
-    if let Some(unknown) = arguments.channel.as_deref().filter(|name| !CHANNELS.contains(name)) {
-        let hint = did_you_mean(unknown, CHANNELS.iter().copied());
-        let allowed = CHANNELS.join(", ");
+    let channels = [&CHANNELS[..], &[controller_state::CHANNEL]].concat();
+    if let Some(unknown) = arguments.channel.as_deref().filter(|name| !channels.contains(name)) {
+        let hint = did_you_mean(unknown, channels.iter().copied());
+        let allowed = channels.join(", ");
         return Err(Failure::usage(format!("--channel: found \"{unknown}\"; allowed: one of {allowed}{hint}")));
     }
     let mut reading = Reading::open(&arguments.file).map_err(Failure::usage)?;

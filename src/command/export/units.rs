@@ -6,13 +6,14 @@
 use pipeline::message::{EncoderReading, Message, Reference, Request, StageHealth};
 
 /// Ends of names, with their units. The first one that matches counts.
-const ENDINGS: [(&str, &str); 13] = [
+const ENDINGS: [(&str, &str); 14] = [
     ("_ns", "ns"),
     (".piston_pressure", "Pa"),
     (".rod_pressure", "Pa"),
     (".position", "m"),
     (".velocity", "m/s"),
     (".reference", "m"),
+    (".feedback", "m"),
     (".error", "m"),
     (".tracking.mean", "m"),
     (".tracking.max", "m"),

@@ -1,22 +1,33 @@
 //! Whether the adaptive model of a recording is usable, and why not.
 //!
 //! ```text
-//! worse than holding still  <=>  rmse of y(k) - y(k | k-h)  >=  rmse of y(k) - y(k-h)
+//! worse than holding still  <=>  E >= rmse of y(k) - y(k-h)
+//! command without effect    <=>  E >= 0.95 E_y
 //! ```
 //!
-//! y output, h horizon; the prediction is that of the model as it is published. Trap: the reduction compares the
-//! adaptive model with the classical one only. Against a classical model that has lost the axis every model looks good.
+//! E rmse of y(k) - y(k | k-h), y output, h horizon; the prediction is that of the published model. E_y rmse of
+//! the best prediction from the past outputs alone ([`without_commands`]). Traps: the reduction compares the adaptive
+//! model with the classical one only. Against a classical model that has lost the axis every model looks good. Holding
+//! still is beaten by any model of a smooth output, also by one whose commands are those of another axis.
 
 use console::style;
 use ident_proc::Identifier;
-use pipeline::{machine::Identification, message::model_fault};
+use pipeline::{
+    machine::{Identification, IdentifiedOutput},
+    message::model_fault,
+};
 use serde::Serialize;
 
 use super::record::Record;
-use crate::report::table::{number, percent};
+use crate::{
+    model::without_commands,
+    report::table::{number, percent},
+};
 
 /// Largest part of the rows that may be outliers, or have an irregular time.
 const LARGEST_PART: f64 = 0.01;
+/// E in parts of E_y from which on the commands explain nothing: a tenth of what the past outputs leave.
+const NO_EFFECT: f64 = 0.95;
 
 /// The verdict, as JSON has it.
 #[derive(Debug, Serialize)]
@@ -25,6 +36,10 @@ pub struct Verdict {
     reasons: Vec<Reason>,
     /// h-step rmse of the adaptive model, as published, over that of holding still.
     to_holding_still: f64,
+    /// The same over that of the best prediction from the past outputs alone; none where there are too few rows, and for
+    /// a model from another record.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    to_past_outputs: Option<f64>,
 }
 
 /// Why a model is not usable.
@@ -35,6 +50,8 @@ pub enum Reason {
     Unstable,
     /// The model predicts no better than the last output.
     WorseThanHoldingStill,
+    /// The model predicts no better than the past outputs do without any command.
+    NoEffect,
     /// Fewer commands of the training open the valve than there are coefficients, or the output never changes.
     NotExcited,
     /// The training does not determine every coefficient.
@@ -65,13 +82,28 @@ impl Verdict {
             (Reason::Outliers, many(snapshot.outliers as f64)),
             (Reason::IrregularTime, many(record.irregular_steps() as f64)),
         ];
-        Self::of(found, model / still)
+        let outputs = identified(record, settings.output);
+        let (outputs, begins) = (&outputs[settings.training..], &record.begins[settings.training..]);
+        let past = without_commands::rmse(outputs, begins, settings.horizon, settings.structure.na);
+        Self::of(found, model / still).beside_past_outputs(past.map(|past| model / past))
     }
 
     /// The verdict from the reasons that hold among those `found`, and from the error over that of holding still.
     pub fn of(found: impl IntoIterator<Item = (Reason, bool)>, to_holding_still: f64) -> Self {
         let reasons: Vec<Reason> = found.into_iter().filter(|(_, holds)| *holds).map(|(reason, _)| reason).collect();
-        Self { usable: reasons.is_empty(), reasons, to_holding_still }
+        Self { usable: reasons.is_empty(), reasons, to_holding_still, to_past_outputs: None }
+    }
+
+    /// This verdict beside the best prediction from the past outputs alone, with the error of the model over
+    /// that of this prediction.
+    fn beside_past_outputs(mut self, to_past_outputs: Option<f64>) -> Self {
+        self.to_past_outputs = to_past_outputs;
+        // Another reason says more: a model that is worse than holding still is worse than the past outputs as well.
+        if self.usable && to_past_outputs.is_some_and(|part| part >= NO_EFFECT) {
+            self.reasons.push(Reason::NoEffect);
+            self.usable = false;
+        }
+        self
     }
 
     /// Whether the model is usable.
@@ -101,11 +133,29 @@ impl Verdict {
                 format!("worse than holding still ({} times its error {ahead} ahead)", number(ratio))
             }
             Reason::WorseThanHoldingStill => "worse than holding still".to_owned(),
+            Reason::NoEffect => {
+                "the command has no effect: the past positions alone predict as well; is it the command of \
+                                 this axis?"
+                    .to_owned()
+            }
             Reason::NotExcited => "not excited".to_owned(),
             Reason::RankDeficient => "rank-deficient".to_owned(),
             Reason::Outliers => "outliers".to_owned(),
             Reason::IrregularTime => "irregular time".to_owned(),
         };
         ("not usable", self.reasons.iter().map(reason).collect::<Vec<_>>().join(", "))
+    }
+}
+
+/// What is identified, row by row; NaN where there is none.
+fn identified(record: &Record, output: IdentifiedOutput) -> Vec<f64> {
+    match output {
+        IdentifiedOutput::Position => record.outputs.clone(),
+        IdentifiedOutput::Velocity => {
+            let steps = record.outputs.windows(2).zip(&record.begins[1..]);
+            let velocity =
+                |(pair, begins): (&[f64], &bool)| if *begins { f64::NAN } else { (pair[1] - pair[0]) / record.period };
+            std::iter::once(f64::NAN).chain(steps.map(velocity)).collect()
+        }
     }
 }

@@ -17,13 +17,13 @@ use crate::{
     report::table::{number, table},
 };
 
-/// Most events that the text shows.
-const SHOWN_EVENTS: usize = 20;
+/// Lines of a terminal, one less for its prompt: the text has no more, unless all events are asked for.
+const SCREEN: usize = 23;
 /// Most events that are kept, and most lives of programs on a channel: what a file can ask for has no bound.
 const MOST_EVENTS: usize = 100_000;
 const MOST_SESSIONS: usize = 4096;
 /// Facts of the first lines of the text; the others are in the JSON only.
-const SHOWN_FACTS: [&str; 4] = ["machine", "axes", "group", "version"];
+const SHOWN_FACTS: [&[&str]; 2] = [&["machine", "axes"], &["group", "version"]];
 
 /// Contents of a recording, as JSON has them.
 #[derive(Debug, Serialize)]
@@ -60,7 +60,17 @@ struct Event {
     /// Time since the first message, s.
     at_s: f64,
     axis: String,
+    #[serde(skip)]
+    kind: Kind,
     what: String,
+}
+
+/// What kind of event it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Latch,
+    Operation,
+    Controller,
 }
 
 /// What is known of a channel while the file is read.
@@ -129,17 +139,18 @@ impl EventWatch {
             if self.events.len() >= MOST_EVENTS {
                 break;
             }
-            let mut event = |what: String| self.events.push(Event { at_s, axis: name.clone(), what });
+            let mut event = |kind, what: String| self.events.push(Event { at_s, axis: name.clone(), kind, what });
             let (operation, mode) = (now[0] as u32, now[1] as u32);
             if now[2] > before[2] {
                 let faults: Vec<&str> = bit_names(now[3] as u32, &control_flag::NAMES).collect();
-                event(format!("latched by {}", faults.join(", ")));
+                event(Kind::Latch, format!("latched by {}", faults.join(", ")));
             }
             if now[0] != before[0] {
-                event(format!("operated: {}", AxisMode::from_number(operation).map_or("unknown", AxisMode::name)));
+                let mode = AxisMode::from_number(operation).map_or("unknown", AxisMode::name);
+                event(Kind::Operation, format!("operated: {mode}"));
             }
             if now[1] != before[1] {
-                event(format!("commanded by: {}", ControlMode::name(mode)));
+                event(Kind::Controller, format!("commanded by: {}", ControlMode::name(mode)));
             }
         }
     }
@@ -177,18 +188,18 @@ impl ContentsReport {
         })
     }
 
-    /// All of it for people.
-    pub fn text(&self, file: &str) -> String {
+    /// For people: one screen, or all events.
+    pub fn text(&self, file: &str, all_events: bool) -> String {
         let begin = self.begin.as_deref().unwrap_or("without a message");
         let duration = humantime::format_duration(Duration::from_millis((self.duration_s * 1e3) as u64));
         let mut text = format!("{file}: {begin}, {duration}\n");
         if let Some(damage) = &self.damage {
             text += &format!("warning: read as far as it goes: {damage}\n");
         }
-        for name in SHOWN_FACTS {
-            if let Some(fact) = self.facts.get(name) {
-                text += &format!("{name}: {fact}\n");
-            }
+        for names in SHOWN_FACTS {
+            let said = names.iter().filter_map(|name| Some(format!("{name} {}", self.facts.get(*name)?)));
+            let said: Vec<String> = said.collect();
+            text += &if said.is_empty() { String::new() } else { format!("{}\n", said.join(", ")) };
         }
         if let Some(cause) = self.facts.get("cause") {
             text += &format!("black box: {cause}\n");
@@ -196,6 +207,12 @@ impl ContentsReport {
         if !self.attached.is_empty() {
             text += &format!("attached: {}\n", self.attached.join(", "));
         }
+        text += &format!("{}\n", self.channel_table());
+        let lines = if all_events { usize::MAX } else { SCREEN.saturating_sub(text.lines().count()) };
+        text + &self.event_text(lines)
+    }
+
+    fn channel_table(&self) -> String {
         let row = |channel: &ChannelReport| {
             let lost = self.facts.get(&format!("{} lost", channel.channel)).map_or("?", String::as_str);
             vec![
@@ -209,13 +226,31 @@ impl ContentsReport {
             ]
         };
         let header = ["channel", "messages", "Hz", "longest gap, ms", "missing", "lost", "publishers"];
-        text += &format!("{}\n", table(&header, self.channels.iter().map(row).collect()));
-        for Event { at_s, axis, what } in self.events.iter().take(SHOWN_EVENTS) {
-            text += &format!("{at_s:9.3} s  {axis}: {what}\n");
+        table(&header, self.channels.iter().map(row).collect()).to_string()
+    }
+
+    /// The events in so many lines; where there are more, a line for each axis says how many, and which was the first
+    /// latch.
+    fn event_text(&self, lines: usize) -> String {
+        if self.events.len() <= lines {
+            let line = |Event { at_s, axis, what, .. }: &Event| format!("{at_s:9.3} s  {axis}: {what}\n");
+            return self.events.iter().map(line).collect();
         }
-        if self.events.len() > SHOWN_EVENTS {
-            text += &format!("and {} more events: --json\n", self.events.len() - SHOWN_EVENTS);
+        let mut axes: Vec<&str> = Vec::new();
+        for event in &self.events {
+            if !axes.contains(&event.axis.as_str()) {
+                axes.push(&event.axis);
+            }
         }
-        text
+        let line = |axis: &&str| {
+            let of = |kind| self.events.iter().filter(move |event| event.axis == **axis && event.kind == kind);
+            let first = of(Kind::Latch).next();
+            let first = first.map_or(String::new(), |event| format!(", first at {:.3} s {}", event.at_s, event.what));
+            let [latches, operations, controllers] =
+                [Kind::Latch, Kind::Operation, Kind::Controller].map(|kind| of(kind).count());
+            format!("{axis}: {latches} latches{first}; {operations} changes of mode, {controllers} of controller\n")
+        };
+        let said: String = axes.iter().map(line).collect();
+        format!("{said}{} events: --events shows them\n", self.events.len())
     }
 }

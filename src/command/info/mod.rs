@@ -14,6 +14,7 @@ use contents::ContentsReport;
 #[command(after_help = "\
 Examples:
   hydraxis info demo.mcap
+  hydraxis info demo.mcap --events                 each change of mode and of controller
   hydraxis info fault-2026-01-31T10-20-30.125Z-demo.mcap --json -
 
 A file without an end, as a kill or a full disk leaves it, is read as far as it goes. Exit codes: 0 read, 2 no
@@ -22,6 +23,9 @@ pub struct InfoArguments {
     /// A recording, or a black box
     #[arg(value_name = "FILE.mcap")]
     pub file: PathBuf,
+    /// Show all events, not only what fits on a screen
+    #[arg(long)]
+    pub events: bool,
     /// Write what was found as JSON to a file, or to standard output with -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -32,5 +36,5 @@ pub fn run(arguments: &InfoArguments) -> Result<(), Failure> {
     let output = Output::open(arguments.json.as_deref())?;
     let reading = Reading::open(&arguments.file).map_err(Failure::usage)?;
     let report = ContentsReport::read(reading).map_err(Failure::usage)?;
-    Ok(output.write(|| report.text(&arguments.file.display().to_string()), &report)?)
+    Ok(output.write(|| report.text(&arguments.file.display().to_string(), arguments.events), &report)?)
 }

@@ -17,7 +17,7 @@ mod rig;
 mod template;
 
 use std::{
-    fs::OpenOptions,
+    fs::{self, OpenOptions},
     io::{IsTerminal, Write, stderr, stdin},
     path::Path,
 };
@@ -114,7 +114,10 @@ fn write(arguments: &InitArguments, text: &str) -> Result<(), Failure> {
         // Another program may have written the file meanwhile.
         options.write(true).create_new(true);
     }
-    let written = options.open(path).and_then(|mut file| file.write_all(text.as_bytes()));
+    let written = options.open(path).and_then(|mut file| {
+        // A part of a file would keep the next `init` from writing a whole one.
+        file.write_all(text.as_bytes()).inspect_err(|_| drop(fs::remove_file(path)))
+    });
     written.map_err(|error| Failure::run(format!("--output: {} cannot be written: {error}", path.display())))
 }
 

@@ -61,6 +61,7 @@ pub fn run(arguments: &RecordArguments) -> Result<(), Failure> {
     }
     let group = Group::join(&prefix, "record").map_err(ChannelError::from)?;
     let contents = contents(&prefix)?;
+    let axes = contents.axes().len();
     let place = match (&arguments.output, &arguments.folder) {
         (Some(file), _) => Place::File(file.clone()),
         (None, Some(folder)) => Place::Folder(folder.clone(), arguments.limit),
@@ -71,7 +72,7 @@ pub fn run(arguments: &RecordArguments) -> Result<(), Failure> {
     let store = Store::new(place, contents, is_part_of_run, |said| eprintln!("{said}"));
     let store = store.map_err(|error| Failure::run(error).about("record"))?;
     let path = store.place().display().to_string();
-    let mut recorder = Recorder::new(group, store, arguments.lockstep)?;
+    let mut recorder = Recorder::new(group, axes, store, arguments.lockstep)?;
     if !arguments.lockstep {
         // Without the right to it, the process keeps its priority.
         let _ = rustix::process::nice(NICE);

@@ -1,6 +1,7 @@
 //! Two messages that should be equal, compared byte by byte, and the first field in which they are not.
 //!
-//! `header.sent_ns` is the time of a clock at which a stage sent a message. It is the only field that is not compared.
+//! A time of a clock, such as `header.sent_ns`, is computed by no replay. Such a field, and all fields of a message
+//! that is not computed, are compared with the [checksum] of the message.
 
 use std::collections::VecDeque;
 
@@ -10,7 +11,7 @@ use serde::Serialize;
 use crate::{
     failure::Failure,
     recording::{
-        cdr,
+        cdr, checksum,
         schema::Column,
         typed::{Typed, columns},
     },
@@ -23,7 +24,7 @@ pub const FIRST: usize = 3;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Difference {
     /// Channel of the message.
-    pub channel: &'static str,
+    pub channel: String,
     /// Tick of the message.
     pub tick: u64,
     /// Axis of the field; none for a field of the whole message.
@@ -35,6 +36,18 @@ pub struct Difference {
     pub recorded: String,
     /// Its value now.
     pub replayed: String,
+    /// Where that is from.
+    pub by: By,
+}
+
+/// What says that a field is another one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum By {
+    /// The message was computed.
+    Replay,
+    /// The checksum of the message, which is not computed.
+    Checksum,
 }
 
 /// What all channels share.
@@ -112,30 +125,67 @@ impl<M: Message> Channel<M> {
         header.number = self.number;
         (header.session, header.machine) = (self.session, shared.machine);
         cdr::encode(replayed, &mut self.bytes);
+        checksum::seal(&mut self.bytes);
     }
 
     fn difference(&self, recorded: &Typed<M>, tick: u64, shared: &Shared) -> Option<Difference> {
         if self.bytes == recorded.bytes {
             return None;
         }
-        let value = |column: &Column, bytes: &[u8]| match column.value(bytes) {
-            Some(value) if value.to_string() == "NaN" => format!("NaN ({:02x?})", &bytes[column.bytes()]),
-            Some(value) => value.to_string(),
-            None => "nothing".to_owned(),
-        };
-        let differs = |column: &&Column| recorded.bytes.get(column.bytes()) != self.bytes.get(column.bytes());
-        let (channel, of_axis) = (M::CHANNEL, |field: &str| axis(field, &shared.axes));
-        Some(match self.columns.iter().find(differs) {
-            Some(column) => Difference {
-                channel,
-                tick,
-                axis: of_axis(&column.name),
-                field: column.name.clone(),
-                recorded: value(column, &recorded.bytes),
-                replayed: value(column, &self.bytes),
-            },
-            None => padding(channel, tick, &recorded.bytes, &self.bytes),
-        })
+        let place = Place { channel: M::CHANNEL.to_owned(), tick, axes: &shared.axes };
+        let found = first(&place, &self.columns, &recorded.bytes, &self.bytes, By::Replay);
+        // Only a time of a clock has another value then.
+        let by_checksum = if found.field == CHECKSUM { damage(&place, &self.columns, &recorded.bytes) } else { None };
+        Some(by_checksum.unwrap_or(found))
+    }
+}
+
+/// The field behind all others.
+pub const CHECKSUM: &str = "checksum";
+
+/// Where two messages differ.
+pub struct Place<'a> {
+    /// Channel of the message.
+    pub channel: String,
+    /// Its tick.
+    pub tick: u64,
+    /// Names of the axes.
+    pub axes: &'a [String],
+}
+
+/// The field that a message does not have as it was sealed; none for a whole message.
+pub fn damage(place: &Place<'_>, columns: &[Column], recorded: &[u8]) -> Option<Difference> {
+    if checksum::is_whole(recorded) {
+        return None;
+    }
+    if let Some(mended) = checksum::mended(recorded) {
+        return Some(first(place, columns, recorded, &mended, By::Checksum));
+    }
+    let (field, more) = ("message".to_owned(), "another one, in more than one bit".to_owned());
+    let recorded = format!("{} bytes", recorded.len());
+    let (channel, tick) = (place.channel.clone(), place.tick);
+    Some(Difference { channel, tick, axis: None, field, recorded, replayed: more, by: By::Checksum })
+}
+
+/// The first field in which two messages differ.
+fn first(place: &Place<'_>, columns: &[Column], recorded: &[u8], other: &[u8], by: By) -> Difference {
+    let value = |column: &Column, bytes: &[u8]| match column.value(bytes) {
+        Some(value) if value.to_string() == "NaN" => format!("NaN ({:02x?})", &bytes[column.bytes()]),
+        Some(value) => value.to_string(),
+        None => "nothing".to_owned(),
+    };
+    let differs = |column: &&Column| recorded.get(column.bytes()) != other.get(column.bytes());
+    match columns.iter().find(differs) {
+        Some(column) => Difference {
+            channel: place.channel.clone(),
+            tick: place.tick,
+            axis: axis(&column.name, place.axes),
+            field: column.name.clone(),
+            recorded: value(column, recorded),
+            replayed: value(column, other),
+            by,
+        },
+        None => padding(place, recorded, other, by),
     }
 }
 
@@ -148,19 +198,20 @@ pub fn most<T: Copy + Ord + Default>(values: impl Iterator<Item = T>) -> T {
 }
 
 /// A difference in bytes that belong to no field.
-fn padding(channel: &'static str, tick: u64, recorded: &[u8], replayed: &[u8]) -> Difference {
+fn padding(place: &Place<'_>, recorded: &[u8], replayed: &[u8], by: By) -> Difference {
     let at = recorded.iter().zip(replayed).position(|(recorded, replayed)| recorded != replayed);
     let byte = |bytes: &[u8]| match at {
         Some(at) => bytes[at].to_string(),
         None => format!("{} bytes", bytes.len()),
     };
     Difference {
-        channel,
-        tick,
+        channel: place.channel.clone(),
+        tick: place.tick,
         axis: None,
         field: at.map_or("length".to_owned(), |at| format!("byte {at} between the fields")),
         recorded: byte(recorded),
         replayed: byte(replayed),
+        by,
     }
 }
 
@@ -177,48 +228,36 @@ mod tests {
     use pipeline::message::EncoderSample;
 
     #[test]
-    fn every_bit_but_those_of_the_time_of_sending_makes_a_difference_that_is_named() {
+    fn every_bit_makes_a_difference_that_is_named() {
         let mut message = EncoderSample::default();
         (message.header.axis_count, message.header.machine) = (4, 77);
         message.axes[1].piston_pressure = f64::NAN;
         let mut bytes = Vec::new();
         cdr::encode(&message, &mut bytes);
+        checksum::seal(&mut bytes);
         let columns = columns::<EncoderSample>().unwrap();
         let first = VecDeque::from([Typed { message, bytes: bytes.clone() }]);
         let shared = Shared { axes: ["boom", "arm"].map(str::to_owned).into(), machine: 77 };
         let of = |byte: usize| columns.iter().find(|column| column.bytes().contains(&byte));
-        let mut named = 0;
-        for bit in 0..8 * bytes.len() {
+        for bit in 8 * cdr::ENCAPSULATION.len()..8 * bytes.len() {
             let mut channel = Channel::new(&first).unwrap();
             assert_eq!(channel.compare(message, &first[0], 0, &shared), None);
             let mut next = message;
             next.header.number = 1;
             let mut recorded = Vec::new();
             cdr::encode(&next, &mut recorded);
+            checksum::seal(&mut recorded);
             recorded[bit / 8] ^= 1 << (bit % 8);
-            let Some(read) = cdr::decode(&recorded) else {
-                assert!(bit / 8 < 4);
-                continue;
-            };
+            let read = cdr::decode(&recorded).unwrap();
             let difference = channel.compare(message, &Typed { message: read, bytes: recorded }, 9, &shared);
-            let field = of(bit / 8).map(|column| column.name.as_str());
-            match (difference, field) {
-                (None, Some("header.sent_ns")) => {}
-                (Some(difference), Some(field)) => {
-                    assert_eq!((difference.field.as_str(), difference.tick), (field, 9));
-                    assert_ne!(difference.recorded, difference.replayed, "{field}");
-                    assert_eq!(
-                        difference.axis.as_deref(),
-                        field
-                            .starts_with("axes[1]")
-                            .then_some("arm")
-                            .or(field.starts_with("axes[0]").then_some("boom"))
-                    );
-                    named += 1;
-                }
-                other => panic!("bit {bit}: {other:?}"),
-            }
+            let difference = difference.unwrap_or_else(|| panic!("bit {bit}"));
+            let field = of(bit / 8).unwrap().name.as_str();
+            assert_eq!((difference.field.as_str(), difference.tick), (field, 9));
+            assert_ne!(difference.recorded, difference.replayed, "{field}");
+            let is_time = ["header.sent_ns", CHECKSUM].contains(&field);
+            assert_eq!(difference.by, if is_time { By::Checksum } else { By::Replay }, "{field}");
+            let axis = [("axes[0]", "boom"), ("axes[1]", "arm")].iter().find(|(array, _)| field.starts_with(array));
+            assert_eq!(difference.axis.as_deref(), axis.map(|(_, name)| *name));
         }
-        assert_eq!(named, 8 * (bytes.len() - 4 - 8));
     }
 }

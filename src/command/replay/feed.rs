@@ -9,10 +9,13 @@ use pipeline::message::{
     CoefficientSnapshot, EncoderReading, EncoderSample, MachineState, Message, Reference, Request, ValveCommand,
 };
 
+use super::difference::{self, Difference, Place};
 use crate::{
     failure::Failure,
     recording::{
+        cdr, checksum,
         reading::{Damage, ReadChannel, ReadMessage, Reading},
+        schema::Value,
         typed::{Decoder, Typed},
     },
 };
@@ -29,13 +32,18 @@ pub struct Queue<M> {
     messages: VecDeque<Typed<M>>,
 }
 
-impl<M: Message> Queue<M> {
-    fn new() -> Self {
+impl<M> Default for Queue<M> {
+    fn default() -> Self {
         Self { channel: None, messages: VecDeque::new() }
     }
+}
 
-    /// Takes in a message of this channel.
-    fn push(&mut self, message: ReadMessage) -> Result<(), Failure> {
+impl<M: Message> Queue<M> {
+    /// Takes in a message of this channel, of which it keeps at most so many.
+    ///
+    /// # Errors
+    /// The message cannot be read, or there are too many.
+    pub fn push(&mut self, message: ReadMessage, most: usize) -> Result<(), Failure> {
         if !self.channel.as_ref().is_some_and(|(channel, _)| Rc::ptr_eq(channel, &message.channel)) {
             let decoder = Decoder::new(&message.channel).map_err(Failure::usage)?;
             self.channel = Some((Rc::clone(&message.channel), decoder));
@@ -46,9 +54,11 @@ impl<M: Message> Queue<M> {
             Failure::run(format!("{channel}: message {number}: found bytes that are no message of this channel"))
         })?;
         self.messages.push_back(decoded);
-        if self.messages.len() > MOST {
+        if self.messages.len() > most {
             let channel = M::CHANNEL;
-            return Err(Failure::usage(format!("{channel}: found more than {MOST} messages beside {AHEAD} samples")));
+            return Err(Failure::usage(format!(
+                "{channel}: found more than {most} messages; allowed: no more at once"
+            )));
         }
         Ok(())
     }
@@ -85,6 +95,10 @@ impl<M: Message> Queue<M> {
 /// All messages that a replay needs.
 pub struct Feed {
     reading: Reading,
+    /// Where messages are compared with their checksums: the channels that need no comparison, as they are computed.
+    computed: Option<Vec<&'static str>>,
+    /// The first message that is not as it was recorded.
+    changed: Option<Difference>,
     is_over: bool,
     /// Of channel `encoder-reading`.
     pub readings: Queue<EncoderReading>,
@@ -107,14 +121,16 @@ impl Feed {
     pub fn new(reading: Reading) -> Self {
         Self {
             reading,
+            computed: None,
+            changed: None,
             is_over: false,
-            readings: Queue::new(),
-            samples: Queue::new(),
-            snapshots: Queue::new(),
-            commands: Queue::new(),
-            references: Queue::new(),
-            requests: Queue::new(),
-            states: Queue::new(),
+            readings: Queue::default(),
+            samples: Queue::default(),
+            snapshots: Queue::default(),
+            commands: Queue::default(),
+            references: Queue::default(),
+            requests: Queue::default(),
+            states: Queue::default(),
         }
     }
 
@@ -132,6 +148,16 @@ impl Feed {
         Ok(())
     }
 
+    /// Compares all messages with their checksums, but for those on `computed` channels.
+    pub fn check_all_but(&mut self, computed: Vec<&'static str>) {
+        self.computed = Some(computed);
+    }
+
+    /// The first message that is not as it was recorded, among those that are compared with their checksums.
+    pub fn changed(&mut self) -> Option<Difference> {
+        self.changed.take()
+    }
+
     /// Why the recording ends before its end.
     pub fn damage(&self) -> Option<&Damage> {
         self.reading.damage()
@@ -142,15 +168,35 @@ impl Feed {
         self.reading.facts().get(name).map(String::as_str)
     }
 
+    /// Compares a message with its checksum. Whether it can be read.
+    fn check(&mut self, message: &ReadMessage) -> bool {
+        let ReadMessage { channel, bytes, .. } = message;
+        let Some(computed) = &self.computed else { return true };
+        let has_one = channel.columns.last().is_some_and(|column| column.name == difference::CHECKSUM);
+        let is_readable = bytes.starts_with(&cdr::ENCAPSULATION);
+        if !has_one || is_readable && computed.contains(&channel.name.as_str()) || checksum::is_whole(bytes) {
+            return true;
+        }
+        let tick = channel.column("header.sequence").and_then(|column| column.value(bytes)).map_or(0, Value::as_u64);
+        let axes = self.reading.axes();
+        let place = Place { channel: channel.name.clone(), tick, axes: &axes };
+        let damage = difference::damage(&place, &channel.columns, bytes);
+        self.changed = self.changed.take().or(damage);
+        is_readable
+    }
+
     fn sort(&mut self, message: ReadMessage) -> Result<(), Failure> {
+        if !self.check(&message) {
+            return Ok(());
+        }
         match message.channel.name.as_str() {
-            EncoderReading::CHANNEL => self.readings.push(message),
-            EncoderSample::CHANNEL => self.samples.push(message),
-            CoefficientSnapshot::CHANNEL => self.snapshots.push(message),
-            ValveCommand::CHANNEL => self.commands.push(message),
-            Reference::CHANNEL => self.references.push(message),
-            Request::CHANNEL => self.requests.push(message),
-            MachineState::CHANNEL => self.states.push(message),
+            EncoderReading::CHANNEL => self.readings.push(message, MOST),
+            EncoderSample::CHANNEL => self.samples.push(message, MOST),
+            CoefficientSnapshot::CHANNEL => self.snapshots.push(message, MOST),
+            ValveCommand::CHANNEL => self.commands.push(message, MOST),
+            Reference::CHANNEL => self.references.push(message, MOST),
+            Request::CHANNEL => self.requests.push(message, MOST),
+            MachineState::CHANNEL => self.states.push(message, MOST),
             _ => Ok(()),
         }
     }

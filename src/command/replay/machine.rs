@@ -19,10 +19,12 @@ pub struct Recorded {
     pub path: PathBuf,
     /// Its facts; those of the end only where they had to be read for the attached files.
     pub facts: Facts,
-    machine: String,
-    settings: Vec<(String, String)>,
+    /// Its machine file.
+    pub machine: String,
+    /// Values that replaced those of the file.
+    pub settings: Vec<(String, String)>,
     /// Holds the trajectories while the machine is in use.
-    folder: TempDir,
+    pub folder: TempDir,
     trajectories: Vec<String>,
 }
 
@@ -81,6 +83,11 @@ impl Recorded {
             }
         }
         Ok(machine)
+    }
+
+    /// The axes with a trajectory, and its file.
+    pub fn trajectory_files(&self) -> impl Iterator<Item = (&str, PathBuf)> {
+        self.trajectories.iter().map(|axis| (axis.as_str(), self.folder.path().join(trajectory_name(axis))))
     }
 
     /// Whether the run was in lock-step.

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{
-    difference::Difference,
+    difference::{By, Difference},
     figures::{AxisFigures, PairFigures},
 };
 use crate::{
@@ -39,6 +39,8 @@ pub struct VerifyReport {
     pub difference: Option<Difference>,
     /// Where a damaged recording ends, and why.
     pub damage: Option<String>,
+    /// It is whole, or only its end is missing.
+    pub is_cut: bool,
 }
 
 impl VerifyReport {
@@ -58,10 +60,11 @@ impl VerifyReport {
         let (ticks, seconds) = (self.ticks, number(self.model_s));
         match &self.difference {
             None => text += &format!("{file}: {ticks} ticks, {seconds} s: every message is identical\n"),
-            Some(Difference { channel, tick, axis, field, recorded, replayed }) => {
+            Some(Difference { channel, tick, axis, field, recorded, replayed, by }) => {
                 let of = axis.as_ref().map(|axis| format!(" (axis {axis})")).unwrap_or_default();
+                let by = if *by == By::Replay { "replayed" } else { "by its checksum" };
                 text += &format!(
-                    "{file}: first difference: {channel}, tick {tick}, {field}{of}: recorded {recorded}, replayed \
+                    "{file}: first difference: {channel}, tick {tick}, {field}{of}: recorded {recorded}, {by} \
                      {replayed}\n"
                 );
             }
@@ -69,14 +72,17 @@ impl VerifyReport {
         text + &format!("compared: {}\n", counts.join(", "))
     }
 
-    /// A failure where there is a difference.
+    /// A failure where there is a difference, or where the recording is damaged before its end.
     ///
     /// # Errors
     /// There is one.
     pub fn verdict(&self) -> Result<(), Failure> {
-        match &self.difference {
-            None => Ok(()),
-            Some(Difference { channel, tick, field, .. }) => {
+        match (&self.difference, &self.damage) {
+            (None, Some(damage)) if !self.is_cut => {
+                Err(Failure::run(format!("the recording is damaged, and was verified up to there only: {damage}")))
+            }
+            (None, _) => Ok(()),
+            (Some(Difference { channel, tick, field, .. }), _) => {
                 Err(Failure::run(format!("the replay differs from the recording: {channel}, tick {tick}, {field}")))
             }
         }

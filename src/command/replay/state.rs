@@ -44,6 +44,7 @@ impl States {
     fn state(&self, command: &ValveCommand, recorded: &MachineState) -> MachineState {
         let mut state = self.now;
         state.header = command.header;
+        state.teeth = command.teeth;
         for (i, axis) in state.axes.iter_mut().enumerate() {
             axis.command = command.axes[i];
             if let Some(sample) = &self.sample {

@@ -23,7 +23,7 @@ use sensor_proc::Acquisition;
 
 use super::{
     controller::ReplayedController,
-    difference::{Channel, Difference, FIRST, Shared, most},
+    difference::{By, Channel, Difference, FIRST, Shared, most},
     feed::Feed,
     machine::Recorded,
     report::{CheckedChannel, VerifyReport},
@@ -82,10 +82,11 @@ pub fn verify(recorded: &Recorded) -> Result<VerifyReport, Failure> {
     }
     let machine = recorded.machine(None, &[])?;
     let names = machine.axes.iter().map(|axis| axis.name.clone()).collect();
+    let mut cores = Cores::new(machine, recorded)?;
     let mut feed = Feed::new(Reading::open(&recorded.path)?);
+    feed.check_all_but(cores.computed().into_iter().filter_map(|(name, is)| is.then_some(name)).collect());
     feed.fill()?;
     expect_exact(recorded, &feed)?;
-    let mut cores = Cores::new(machine, recorded)?;
     let mut channels = Channels {
         readings: Channel::new(feed.readings.waiting())?,
         samples: Channel::new(feed.samples.waiting())?,
@@ -115,6 +116,7 @@ pub fn verify(recorded: &Recorded) -> Result<VerifyReport, Failure> {
         difference,
         lost: lost(&feed),
         damage: feed.damage().map(|damage| format!("byte {}: {}", damage.byte, damage.what)),
+        is_cut: feed.damage().is_none_or(|damage| damage.is_cut),
     })
 }
 
@@ -174,19 +176,34 @@ impl Cores {
 
     /// The channels that are computed, with what was compared of them.
     fn checked(&self, channels: &Channels) -> Vec<CheckedChannel> {
-        let checked = |channel, is_computed: bool, messages| CheckedChannel { channel, is_computed, messages };
-        vec![
-            checked(EncoderReading::CHANNEL, self.plant.is_some(), channels.readings.count()),
-            checked(EncoderSample::CHANNEL, self.acquisition.is_some(), channels.samples.count()),
-            checked(CoefficientSnapshot::CHANNEL, self.identifiers.is_some(), channels.snapshots.count()),
-            checked(ValveCommand::CHANNEL, self.controller.is_some(), channels.commands.count()),
-            checked(MachineState::CHANNEL, self.controller.is_some(), channels.states.count()),
+        let counts = [
+            channels.readings.count(),
+            channels.samples.count(),
+            channels.snapshots.count(),
+            channels.commands.count(),
+            channels.states.count(),
+        ];
+        let checked = |((channel, is_computed), messages)| CheckedChannel { channel, is_computed, messages };
+        self.computed().into_iter().zip(counts).map(checked).collect()
+    }
+
+    /// The channels of the loop, and whether they are computed.
+    fn computed(&self) -> [(&'static str, bool); 5] {
+        [
+            (EncoderReading::CHANNEL, self.plant.is_some()),
+            (EncoderSample::CHANNEL, self.acquisition.is_some()),
+            (CoefficientSnapshot::CHANNEL, self.identifiers.is_some()),
+            (ValveCommand::CHANNEL, self.controller.is_some()),
+            (MachineState::CHANNEL, self.controller.is_some()),
         ]
     }
 
     /// Computes one tick.
     fn step(&mut self, tick: u64, feed: &mut Feed, channels: &mut Channels, last: &mut Last) -> Result<Step, Failure> {
         feed.fill()?;
+        if let Some(difference) = feed.changed() {
+            return Ok(Step::Differs(Box::new(difference)));
+        }
         if let Some(difference) = self.between(tick, feed, channels, last) {
             return Ok(Step::Differs(Box::new(difference)));
         }
@@ -206,12 +223,13 @@ impl Cores {
         }
         if waiting(feed) > 1 {
             return Step::Differs(Box::new(Difference {
-                channel: missing,
+                channel: missing.to_owned(),
                 tick,
                 axis: None,
                 field: "message".to_owned(),
                 recorded: "none".to_owned(),
                 replayed: "one".to_owned(),
+                by: By::Replay,
             }));
         }
         // A state of a tick that does not come.

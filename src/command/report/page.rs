@@ -161,7 +161,9 @@ fn events(page: &mut Page, story: &Story) {
     page.wide_table(&["number", "time, s", "axis", "what", "why, and what to do"].map(str::to_owned), &rows);
     let left_out = (story.found.list.len() - shown.len()) as u64 + story.found.left_out;
     if left_out > 0 {
-        page.paragraph(&format!("{left_out} more events are not listed; hydraxis info --json lists changes of modes."));
+        page.paragraph(&format!(
+            "{left_out} more events are not listed; hydraxis info --events lists changes of modes."
+        ));
     }
 }
 

@@ -71,6 +71,17 @@ fn a_model_that_has_lost_the_axis_is_worse_than_holding_still_and_reduces_nothin
 }
 
 #[test]
+fn the_command_of_another_axis_has_no_effect() {
+    let other = |k: usize| 0.5 * (0.17 * k as f64 + 1.0).sin() + 0.4 * (0.71 * k as f64).cos();
+    let mut record = simulate(2000, |_| 1.0);
+    record.iter_mut().enumerate().for_each(|(k, row)| row[1] = other(k));
+    let expected = [("no-effect", "is it the command of this axis?")];
+    let figures = expect_reasons(folder_with(&csv("t,u,y", &record)).path(), &[], &expected);
+    assert!(number(&figures, "/verdict/to_past_outputs") > 0.95);
+    assert!(number(&figures, "/verdict/to_holding_still") < 1.0, "holding still does not tell");
+}
+
+#[test]
 fn a_record_without_motion_is_not_excited() {
     let record = first_order(0.9, 600, |_| 0.0, |_| 1.0).into_iter().map(|[t, u, _]| [t, u, 0.3]).collect::<Vec<_>>();
     let folder = folder_with(&csv("t,u,y", &record));

@@ -1,0 +1,77 @@
+//! Where the bucket's teeth are, and how far they are from where they should be.
+//!
+//! ```text
+//! e   = distance of the teeth from their way, perpendicular to it
+//! lag = |tip(y_r) - tip(y)|                           along the way as well
+//! p   = 1 for lag <= L_0,  falling evenly to 0.1 at L_1
+//! ```
+//!
+//! y positions and y_r references of the cylinders in m, tip the place of the teeth that they make in m; L_0 and L_1
+//! [`EASY`] and [`MOST`]; p the pace at which time may go on along the way ([`crate::reference::path`]).
+//!
+//! Runs in the loop: nothing here allocates after construction.
+
+use mechanism::{AXES, Mechanism, PreparedMechanism, Rotation};
+use pipeline::message::{TeethState, TipState};
+
+use crate::tip::TipPlan;
+
+/// Lag of the teeth up to which time goes on at its full pace, m: more than an undisturbed controller has.
+const EASY: f64 = 0.06;
+/// Lag at which it goes on at the least pace, m.
+const MOST: f64 = 0.25;
+const LEAST_PACE: f64 = 0.1;
+/// Length of the way, before and after the planned place, in which the nearest place is looked for, m.
+pub const NEAR: f64 = 0.5;
+
+/// The teeth of a machine.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TipWatch {
+    mechanism: PreparedMechanism,
+    lag: f64,
+}
+
+impl TipWatch {
+    /// Of a machine with this mechanism.
+    pub fn new(mechanism: &Mechanism) -> Self {
+        Self { mechanism: mechanism.prepared(), lag: 0.0 }
+    }
+
+    /// The teeth with the cylinders at `positions` m, whose references are `references` m, at `t` s of a plan.
+    pub fn update(
+        &mut self,
+        positions: Option<[f64; AXES]>,
+        references: &[f64; AXES],
+        plan: Option<(&TipPlan, f64)>,
+    ) -> TeethState {
+        self.lag = 0.0;
+        let Some(pose) = positions.map(|positions| self.mechanism.pose(&positions)) else {
+            return TeethState::default();
+        };
+        if !(pose.tip.x.is_finite() && pose.tip.z.is_finite()) {
+            return TeethState::default();
+        }
+        let mut state = TeethState {
+            x: pose.tip.x,
+            z: pose.tip.z,
+            pitch: pose.bucket.angle(),
+            state: TipState::Known as u32,
+            ..TeethState::default()
+        };
+        if let Some((plan, t)) = plan {
+            let (way, s) = (plan.way(), plan.length(t));
+            self.lag = (self.mechanism.pose(references).tip - pose.tip).norm();
+            state.error = way.distance(pose.tip, ((s - NEAR).max(0.0), (s + NEAR).min(way.length())));
+            state.pitch_error = (Rotation::by(way.place(s).pitch).inverse() * pose.bucket).angle();
+            state.way = s;
+            state.state = TipState::OnTheWay as u32;
+        }
+        state
+    }
+
+    /// p after the last tick.
+    pub fn pace(&self) -> f64 {
+        let part = (self.lag - EASY) / (MOST - EASY);
+        1.0 - (1.0 - LEAST_PACE) * part.clamp(0.0, 1.0)
+    }
+}

@@ -1,0 +1,137 @@
+//! The picture of one task of `hydraxis bench tip`: the machine seen from the side, the way of its teeth, and how far
+//! they were from it.
+//!
+//! The band about the way is the distance of the teeth times [`LARGER`], on the side on which they were. Below it the
+//! same distance over the length of the way, in mm.
+
+use std::fmt::Write as _;
+
+use mechanism::{Mechanism, Vector};
+
+use crate::report::{motion::side::Side, teeth::TracePoint};
+
+/// How much larger than the machine errors are drawn.
+const LARGER: f64 = 20.0;
+/// Pixels per metre, and size of the picture.
+const SCALE: f64 = 78.0;
+const SIZE: (f64, f64) = (1000.0, 860.0);
+/// Where the centre of swing is on the picture.
+const ORIGIN: (f64, f64) = (110.0, 470.0);
+/// Lower panel: left, top, width, height.
+const PANEL: (f64, f64, f64, f64) = (90.0, 670.0, 860.0, 140.0);
+/// Poses of the machine that are drawn.
+const POSES: usize = 3;
+/// Least range of the lower panel, m.
+const LEAST_RANGE: f64 = 5e-3;
+const COLOURS: [&str; 2] = ["#d55e00", "#0072b2"];
+
+/// Draws the runs of one task by the names of their controllers.
+pub fn picture(mechanism: &Mechanism, title: &str, runs: &[(&str, Vec<TracePoint>)]) -> String {
+    let (width, height) = SIZE;
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" \
+         font-size=\"16\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n\
+         <text x=\"20\" y=\"30\" font-size=\"20\">{title}</text>\n"
+    );
+    let ground = ORIGIN.1;
+    line(&mut svg, &[(0.0, ground), (width, ground)], "#8c6e46", 2.0, "");
+    if let Some((_, first)) = runs.first() {
+        poses(&mut svg, &Side::new(mechanism), first);
+        let way: Vec<_> = first.iter().map(|point| on_picture(point.planned)).collect();
+        line(&mut svg, &way, "#202020", 1.5, " stroke-dasharray=\"6 4\"");
+    }
+    for ((name, run), colour) in runs.iter().zip(COLOURS) {
+        band(&mut svg, run, colour);
+        let x = 20.0 + 330.0 * runs.iter().position(|(other, _)| other == name).unwrap_or_default() as f64;
+        let rms = (run.iter().map(|point| point.error * point.error).sum::<f64>() / run.len().max(1) as f64).sqrt();
+        let most = run.iter().map(|point| point.error.abs()).fold(0.0, f64::max);
+        let text = format!("{name}: {:.1} mm rms, at most {:.1} mm", 1e3 * rms, 1e3 * most);
+        let _ = writeln!(svg, "<text x=\"{x}\" y=\"56\" fill=\"{colour}\">{text}</text>");
+    }
+    let _ = writeln!(svg, "<text x=\"20\" y=\"80\" fill=\"#606060\">band: error times {LARGER}</text>");
+    panel(&mut svg, runs);
+    svg + "</svg>\n"
+}
+
+fn on_picture(at: Vector) -> (f64, f64) {
+    (ORIGIN.0 + SCALE * at.x, ORIGIN.1 - SCALE * at.z)
+}
+
+fn line(svg: &mut String, points: &[(f64, f64)], colour: &str, width: f64, more: &str) {
+    let _ = writeln!(
+        svg,
+        "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\"{more}/>",
+        listed(points)
+    );
+}
+
+fn listed(points: &[(f64, f64)]) -> String {
+    points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect::<Vec<_>>().join(" ")
+}
+
+fn poses(svg: &mut String, side: &Side, run: &[TracePoint]) {
+    let last = run.len().saturating_sub(1);
+    for k in 0..POSES {
+        let Some(point) = run.get(last * k / (POSES - 1)) else { continue };
+        let drawn = side.drawn(&point.positions);
+        let opacity = 0.35 + 0.65 * k as f64 / (POSES - 1) as f64;
+        let faint = format!(" opacity=\"{opacity:.2}\"");
+        for body in &drawn.bodies {
+            let points: Vec<_> = body.iter().chain(body.first()).map(|at| on_picture(*at)).collect();
+            line(svg, &points, "#303030", 2.0, &faint);
+        }
+        for cylinder in &drawn.cylinders {
+            let points: Vec<_> = cylinder.iter().map(|at| on_picture(*at)).collect();
+            line(svg, &points, "#56a0d0", 4.0, &faint);
+        }
+        let links: Vec<_> = drawn.links.iter().map(|at| on_picture(*at)).collect();
+        line(svg, &links, "#303030", 2.0, &faint);
+    }
+}
+
+/// The area between the way and the teeth.
+fn band(svg: &mut String, run: &[TracePoint], colour: &str) {
+    let mut outer = Vec::new();
+    for (k, point) in run.iter().enumerate() {
+        let (before, after) = (run[k.saturating_sub(1)].planned, run[(k + 1).min(run.len() - 1)].planned);
+        let way = after - before;
+        let normal = if way.norm() > 0.0 { (1.0 / way.norm()) * way.normal() } else { Vector::default() };
+        outer.push(on_picture(point.planned + (LARGER * point.error) * normal));
+    }
+    let back = run.iter().rev().map(|point| on_picture(point.planned));
+    let points: Vec<_> = outer.into_iter().chain(back).collect();
+    let _ = writeln!(
+        svg,
+        "<polygon points=\"{}\" fill=\"{colour}\" fill-opacity=\"0.35\" stroke=\"{colour}\" stroke-width=\"1\"/>",
+        listed(&points)
+    );
+}
+
+/// Errors over the length of the way.
+fn panel(svg: &mut String, runs: &[(&str, Vec<TracePoint>)]) {
+    let (left, top, width, height) = PANEL;
+    let all = || runs.iter().flat_map(|(_, run)| run);
+    let most = all().map(|point| point.error.abs()).fold(LEAST_RANGE, f64::max);
+    let length = all().map(|point| point.s).fold(f64::MIN_POSITIVE, f64::max);
+    let at = |s: f64, error: f64| (left + width * s / length, top + 0.5 * height * (1.0 - error / most));
+    for error in [-most, 0.0, most] {
+        line(svg, &[at(0.0, error), at(length, error)], "#d0d0d0", 1.0, "");
+        let (_, y) = at(0.0, error);
+        let _ = writeln!(
+            svg,
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{:.1}</text>",
+            left - 8.0,
+            y + 5.0,
+            1e3 * error
+        );
+    }
+    for ((_, run), colour) in runs.iter().zip(COLOURS) {
+        let points: Vec<_> = run.iter().map(|point| at(point.s, point.error)).collect();
+        line(svg, &points, colour, 1.5, "");
+    }
+    let _ = writeln!(
+        svg,
+        "<text x=\"{left}\" y=\"{:.1}\">distance of the teeth from their way, mm, over its {length:.2} m</text>",
+        top + height + 30.0
+    );
+}

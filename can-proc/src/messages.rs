@@ -296,7 +296,6 @@ mod tests {
                 "command = \"Levers.Boom\"\ncommand_scale = 2",
                 "axis.boom.can.command_scale: found 2 for Levers.Boom; allowed: a command_scale that the signal",
             ),
-            ("BoomState.Angle", "BoomState.Rod", ""),
         ] {
             let said = crate::network(&machine(from, to).unwrap()).unwrap_err().to_string();
             assert!(said.contains(expected), "{said}");

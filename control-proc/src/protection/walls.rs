@@ -250,8 +250,9 @@ impl Walls {
         let mut least: Option<(&'static str, f64)> = None;
         self.each(positions, |wall, distance, _| {
             // Not a number is beyond every wall.
-            if least.is_none_or(|(_, least)| !(distance >= least)) {
-                least = Some((NAMES[wall], if distance.is_nan() { f64::NEG_INFINITY } else { distance }));
+            let distance = if distance.is_nan() { f64::NEG_INFINITY } else { distance };
+            if least.is_none_or(|(_, least)| distance < least) {
+                least = Some((NAMES[wall], distance));
             }
         });
         least

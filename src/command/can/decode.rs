@@ -61,8 +61,8 @@ impl Decoder {
             },
             (function::SDO_REQUEST, Some(node)) => format!("{}: asked {}", self.name(node), sdo(data)),
             (function::SDO_RESPONSE, Some(node)) => format!("{}: answers {}", self.name(node), sdo(data)),
-            (0x180..=0x480, Some(node)) if function & 0x80 != 0 => self.from_device(node, function, data),
-            (0x200..=0x500, Some(node)) => self.to_device(node, function, data),
+            (0x180..=0x480, Some(node)) if function & 0x80 != 0 => self.device_says(node, function, data),
+            (0x200..=0x500, Some(node)) => self.device_is_told(node, function, data),
             _ => String::new(),
         }
     }
@@ -75,7 +75,7 @@ impl Decoder {
     }
 
     /// The first process data of a known device are mapped as `can-proc` does it.
-    fn from_device(&self, node: NodeId, function: u16, data: &[u8]) -> String {
+    fn device_says(&self, node: NodeId, function: u16, data: &[u8]) -> String {
         let name = self.name(node);
         match (self.devices.get(&node), data) {
             (Some((_, false)), &[a, b, c, d, ref rest @ ..]) if function == function::TPDO1 => {
@@ -98,7 +98,7 @@ impl Decoder {
         }
     }
 
-    fn to_device(&self, node: NodeId, function: u16, data: &[u8]) -> String {
+    fn device_is_told(&self, node: NodeId, function: u16, data: &[u8]) -> String {
         let name = self.name(node);
         match (self.devices.get(&node), data) {
             (Some((_, true)), &[a, b, c, d]) if function == function::RPDO1 => {
@@ -141,7 +141,7 @@ fn sdo(data: &[u8]) -> String {
     let object = format!("{:04X}h:{sub}", u16::from_le_bytes([low, high]));
     match (command >> 5, <[u8; 4]>::try_from(value)) {
         (4, Ok(code)) => format!("{object}, {}", can::canopen::AbortCode(u32::from_le_bytes(code))),
-        (1 | 2 | 3, _) if low != 0 || high != 0 => object,
+        (1..=3, _) if low != 0 || high != 0 => object,
         _ => "a segment".to_owned(),
     }
 }

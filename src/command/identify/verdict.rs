@@ -36,8 +36,8 @@ pub struct Verdict {
     reasons: Vec<Reason>,
     /// h-step rmse of the adaptive model, as published, over that of holding still.
     to_holding_still: f64,
-    /// The same over that of the best prediction from the past outputs alone; none where there are too few rows, and for
-    /// a model from another record.
+    /// h-step rmse of the adaptive model over that of the best prediction from the past outputs alone; none where there
+    /// are too few rows, and for a model from another record.
     #[serde(skip_serializing_if = "Option::is_none")]
     to_past_outputs: Option<f64>,
 }

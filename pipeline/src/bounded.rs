@@ -32,7 +32,8 @@ pub fn read(file: &Path, largest: u64) -> io::Result<Vec<u8>> {
 /// # Errors
 /// As [`read`], or it is not UTF-8.
 pub fn read_text(file: &Path, largest: u64) -> io::Result<String> {
-    String::from_utf8(read(file, largest)?).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+    let no_text = |_| io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8");
+    String::from_utf8(read(file, largest)?).map_err(no_text)
 }
 
 #[cfg(test)]

@@ -79,11 +79,12 @@ impl AxisController {
         let mode = self.operation.mode;
         let requested = self.operation.requests.command(sequence, mode).unwrap_or(0.0);
         let (is_manual, last) = (mode == AxisMode::Manual, self.decision.command);
-        // A commissioning relies on a change of direction that passes neutral at once. What the mode before it has
-        // commanded goes to neutral at its rate.
+        // A commissioning relies on a change of direction that passes neutral at once, and on a command that is neutral
+        // at once when requests stop. What the mode before it has commanded goes through neutral at its rate.
         let turns = requested * last < 0.0;
         self.operation.turns_at_once |= !is_manual && !turns;
-        let from = if turns && self.operation.turns_at_once { 0.0 } else { last };
+        let is_neutral_first = requested == 0.0 || (turns && self.operation.turns_at_once);
+        let from = if !is_manual && is_neutral_first { 0.0 } else { last };
         let limited = self.protection.limits().apply(requested, from);
         let command = self.protection.end_stops().apply(limited, position, self.feedback.speed(), is_manual);
         Decision {

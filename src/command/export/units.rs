@@ -6,7 +6,7 @@
 use pipeline::message::{EncoderReading, Message, Reference, Request, StageHealth};
 
 /// Ends of names, with their units. The first one that matches counts.
-const ENDINGS: [(&str, &str); 14] = [
+const ENDINGS: [(&str, &str); 19] = [
     ("_ns", "ns"),
     (".piston_pressure", "Pa"),
     (".rod_pressure", "Pa"),
@@ -21,6 +21,11 @@ const ENDINGS: [(&str, &str); 14] = [
     (".model_tracking.mean", "m"),
     (".model_tracking.max", "m"),
     (".model_tracking.m2", "m^2"),
+    ("teeth.x", "m"),
+    ("teeth.z", "m"),
+    ("teeth.way", "m"),
+    ("teeth.pitch", "rad"),
+    ("teeth.pitch_error", "rad"),
 ];
 /// Groups of figures in a heartbeat that are times, and those of their numbers that are not.
 const LATENCIES: [&str; 4] = ["wait.", "work.", "end_to_end.", "release_jitter."];
@@ -62,8 +67,9 @@ mod tests {
         assert_eq!(with_unit::<EncoderSample>("Pa"), 2 * axes);
         assert_eq!(with_unit::<EncoderSample>("ns"), 2);
         assert_eq!(with_unit::<EncoderReading>("m"), 0);
-        // Reference and error; mean and largest of both errors.
-        assert_eq!(with_unit::<ValveCommand>("m"), 6 * axes);
+        // Reference and error; mean and largest of both errors. Place, error and way of the teeth.
+        assert_eq!(with_unit::<ValveCommand>("m"), 6 * axes + 4);
+        assert_eq!(with_unit::<ValveCommand>("rad"), 2);
         assert_eq!(with_unit::<ValveCommand>("m^2"), 2 * axes);
         assert_eq!(with_unit::<Reference>("m"), 32 * axes);
         assert_eq!(with_unit::<Request>("m"), axes);

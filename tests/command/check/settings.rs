@@ -114,7 +114,10 @@ fn a_setting_in_the_wrong_table_is_refused_with_the_keys_of_that_name() {
     let folder = tempfile::tempdir().unwrap();
     for (setting, expected) in [
         ("axis.boom.kp=3", "reference, soft_limits, stroke; or axis.boom.control.kp\n"),
-        ("kp=3", "timing, tip; or axis.boom.control.kp, axis.arm.control.kp, axis.telescope.control.kp, axis.bucket."),
+        (
+            "kp=3",
+            "timing, tip, walls; or axis.boom.control.kp, axis.arm.control.kp, axis.telescope.control.kp, axis.bucket.",
+        ),
     ] {
         expect_refusal(folder.path(), &check_with(setting), &[expected]);
     }

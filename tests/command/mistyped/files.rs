@@ -100,7 +100,7 @@ const ROWS: &[Row] = &[
     ("commission four.toml --out no/model.toml", &["--out: found no/model.toml; ", NO_FOLDER]),
     (
         "commission four.toml --out four.toml",
-        &["--out: found four.toml, which is there already; allowed: a new file, or"],
+        &["--out: found four.toml, the file that MACHINE.toml reads; allowed: a file of its own"],
     ),
     ("commission four.toml --out new.toml --report no/r.html", &["--report: no/r.html cannot be written", NO_FOLDER]),
     ("bench control --json no/x.json", &["--json: no/x.json cannot be written", NO_FOLDER]),

@@ -80,7 +80,7 @@ impl Operated {
         (status(&answer), json.unwrap_or_default())
     }
 
-    /// The same with the token, over this address. Takes over the stamp.
+    /// Asks with the token over this address, and takes over the stamp of the answer.
     fn say(&mut self, to: SocketAddr, path: &str, body: &Value) -> (u32, Value) {
         let (status, said) = self.ask(to, path, body, Some(&self.token));
         self.stamp = said["stamp"].as_u64().unwrap_or(self.stamp);

@@ -37,7 +37,7 @@ const UNKNOWN_TIME: f64 = 1.0;
 const LATER: f64 = 1.5;
 const SOONER: f64 = 0.5;
 /// w0 of an axis of which no swing was found, rad/s: 4 Hz.
-const UNKNOWN_SWING: f64 = 2.0 * std::f64::consts::PI * 4.0;
+const UNKNOWN_SWING: f64 = 4.0 * std::f64::consts::TAU;
 /// Momentum that an axis passes on when it stops, in parts of its own: on its spring of oil it comes back as fast.
 const RECOIL: f64 = 2.0;
 /// Half of the time over which speeds are measured, s.
@@ -323,7 +323,6 @@ impl Walls {
                 let (v, rate) = (motion[i].1, rates[i]);
                 let worst = if rate * v > rate * stop.coming { v } else { stop.coming };
                 hard.add(rate * worst, worst, stop.hard, stop);
-                hard.linear += rate.abs() * swings[i];
                 swing += rate.abs() * swings[i];
                 if wanted[i].is_manual {
                     by_hand.add(rate * asked[i], asked[i], stop.gentle, stop);
@@ -333,6 +332,7 @@ impl Walls {
                     others += one.at(1.0);
                 }
             }
+            hard.linear += swing;
             gentle = gentle.min(by_hand.factor(distance - others.max(0.0) - swing));
             // Not a number is too far as well.
             let is_safe = hard.at(1.0) <= distance.max(0.0) + SLACK;

@@ -83,7 +83,7 @@ impl ReferenceGenerator {
         self.tip_start
     }
 
-    /// The same generators with the plan that those of the teeth are parts of.
+    /// Gives the generators of the teeth the plan that they are parts of.
     #[must_use]
     pub fn with_plan(self, plan: Option<TipPlan>) -> Self {
         Self { plan, ..self }

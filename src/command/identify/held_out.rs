@@ -18,7 +18,7 @@ use ident_proc::{
 };
 use pipeline::{
     hammerstein::{Coefficients, MAX_A, MAX_LINEAR, Structure},
-    machine::{Identification, IdentifiedOutput, Split},
+    machine::{Identification, Split},
     statistics::ErrorStatistics,
 };
 use serde::Serialize;
@@ -86,16 +86,9 @@ impl<'a> HeldOut<'a> {
     /// Divides the training part of a record.
     pub fn new(settings: &Identification, record: &'a Record) -> Self {
         let inputs = &record.inputs[..settings.training];
-        let positions = &record.outputs[..settings.training];
         let ages: Vec<usize> = record.stretches().flat_map(|rows| 0..rows.len()).take(settings.training).collect();
-        let velocity = |k: usize| match ages[k] {
-            0 => f64::NAN,
-            _ => (positions[k] - positions[k - 1]) / settings.period,
-        };
-        let outputs: Vec<f64> = match settings.output {
-            IdentifiedOutput::Position => positions.to_vec(),
-            IdentifiedOutput::Velocity => (0..positions.len()).map(velocity).collect(),
-        };
+        let mut outputs = record.identified(settings.output);
+        outputs.truncate(settings.training);
         let fit = fit_rows(settings.training);
         let mut spread = ErrorStatistics::default();
         outputs[fit..].iter().filter(|y| y.is_finite()).for_each(|y| spread.push(*y));

@@ -146,6 +146,18 @@ impl Record {
         })
     }
 
+    /// What is identified, row by row; NaN for the velocity of a row without one before it.
+    pub fn identified(&self, output: IdentifiedOutput) -> Vec<f64> {
+        let velocity = |k: usize| match self.begins[k] {
+            true => f64::NAN,
+            false => (self.outputs[k] - self.outputs[k - 1]) / self.period,
+        };
+        match output {
+            IdentifiedOutput::Position => self.outputs.clone(),
+            IdentifiedOutput::Velocity => (0..self.outputs.len()).map(velocity).collect(),
+        }
+    }
+
     /// Number of steps of time that no missing row explains: those shorter than half of the median step, and times that
     /// do not rise.
     pub fn irregular_steps(&self) -> usize {

@@ -12,10 +12,7 @@
 
 use console::style;
 use ident_proc::Identifier;
-use pipeline::{
-    machine::{Identification, IdentifiedOutput},
-    message::model_fault,
-};
+use pipeline::{machine::Identification, message::model_fault};
 use serde::Serialize;
 
 use super::record::Record;
@@ -82,7 +79,7 @@ impl Verdict {
             (Reason::Outliers, many(snapshot.outliers as f64)),
             (Reason::IrregularTime, many(record.irregular_steps() as f64)),
         ];
-        let outputs = identified(record, settings.output);
+        let outputs = record.identified(settings.output);
         let (outputs, begins) = (&outputs[settings.training..], &record.begins[settings.training..]);
         let past = without_commands::rmse(outputs, begins, settings.horizon, settings.structure.na);
         Self::of(found, model / still).beside_past_outputs(past.map(|past| model / past))
@@ -134,9 +131,8 @@ impl Verdict {
             }
             Reason::WorseThanHoldingStill => "worse than holding still".to_owned(),
             Reason::NoEffect => {
-                "the command has no effect: the past positions alone predict as well; is it the command of \
-                                 this axis?"
-                    .to_owned()
+                let found = "the command has no effect: the past positions alone predict as well";
+                format!("{found}; is it the command of this axis?")
             }
             Reason::NotExcited => "not excited".to_owned(),
             Reason::RankDeficient => "rank-deficient".to_owned(),
@@ -144,18 +140,5 @@ impl Verdict {
             Reason::IrregularTime => "irregular time".to_owned(),
         };
         ("not usable", self.reasons.iter().map(reason).collect::<Vec<_>>().join(", "))
-    }
-}
-
-/// What is identified, row by row; NaN where there is none.
-fn identified(record: &Record, output: IdentifiedOutput) -> Vec<f64> {
-    match output {
-        IdentifiedOutput::Position => record.outputs.clone(),
-        IdentifiedOutput::Velocity => {
-            let steps = record.outputs.windows(2).zip(&record.begins[1..]);
-            let velocity =
-                |(pair, begins): (&[f64], &bool)| if *begins { f64::NAN } else { (pair[1] - pair[0]) / record.period };
-            std::iter::once(f64::NAN).chain(steps.map(velocity)).collect()
-        }
     }
 }

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! y positions and y_r references of the cylinders in m, tip the place of the teeth that they make in m; L_0 and L_1
-//! [`EASY`] and [`MOST`]; p the pace at which time may go on along the way ([`crate::reference::path`]).
+//! `EASY` and `MOST`; p the pace at which time may go on along the way ([`crate::reference::path`]).
 //!
 //! Runs in the loop: nothing here allocates after construction.
 

@@ -58,6 +58,8 @@ const SPECIMEN: &str = r#"
     piece = [{ to = [0.0, 0.0] }, { center = [0.0, 0.0] }]
     [walls]
     corner = [{}]
+    [can]
+    message = [{}]
     [axis.NAME.pressure]
     [axis.NAME.commissioned]
     [axis.NAME.reference]

@@ -1,13 +1,17 @@
 //! The supervision of motion raises no false alarm: no axis is latched by `motion` where no spool is stuck, no sign is
 //! wrong and no hose has burst. Machines are shipped ones under every scenario, and drawn ones.
 //!
+//! The first cause of a latch stays, and of all other causes only motion and an emergency stop are added to it. So an
+//! axis that was latched by something else may have `motion` as well: its load swings on against a shut valve. That is
+//! counted, and is no false alarm.
+//!
 //! The test is short by default. The long form (`--ignored`) simulates `HYDRAXIS_ALARM_HOURS` (10) of the shipped
 //! machines with other noise in every run, and `HYDRAXIS_ALARM_MACHINES` (100) drawn machines of `HYDRAXIS_ALARM_SEED`
 //! (1). Use the release profile then.
 
 mod harness;
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, iter};
 
 use pipeline::machine::Scenario;
 use serde_json::Value;
@@ -33,12 +37,16 @@ struct Seen {
 }
 
 impl Seen {
-    fn take<'v>(&mut self, what: &str, seconds: f64, causes: impl Iterator<Item = &'v Value>) {
+    /// Takes in a run with the causes of the latch of each axis, none without one.
+    fn take<'v>(&mut self, what: &str, seconds: f64, axes: impl Iterator<Item = &'v Value>) {
         self.runs += 1;
         self.seconds += seconds;
-        for cause in causes.filter_map(Value::as_str) {
-            *self.latched.entry(cause.to_owned()).or_default() += 1;
-            if cause == "motion" {
+        for axis in axes {
+            let causes: Vec<&str> = axis.as_array().unwrap().iter().filter_map(Value::as_str).collect();
+            if !causes.is_empty() {
+                *self.latched.entry(causes.join(", ")).or_default() += 1;
+            }
+            if causes == ["motion"] {
                 println!("false alarm: {what}");
                 self.alarms.push(what.to_owned());
             }
@@ -57,8 +65,8 @@ impl Seen {
             .unwrap_or_else(|error| panic!("{what}: {error}: {}", String::from_utf8_lossy(&output.stderr)));
         let axes = report["axes"].as_object().unwrap();
         assert!(!axes.is_empty(), "{what}");
-        let causes = axes.values().filter_map(|axis| axis["latch"]["by"].as_array()).flatten();
-        self.take(&what, seconds.into(), causes);
+        let latches = axes.values().map(|axis| &axis["latch"]["by"]).filter(|by| by.is_array());
+        self.take(&what, seconds.into(), latches);
     }
 
     /// Drawn machines, with all their tasks.
@@ -78,7 +86,7 @@ impl Seen {
                 || tasks.iter().flat_map(|(name, pair)| ["fallback", "adaptive"].map(|by| (name, by, &pair[by])));
             for (task, by, run) in runs() {
                 let what = format!("machine {} of seed {seed}, {task}, {by}", machine["machine"]);
-                self.take(&what, DRAWN / runs().count() as f64, run["latched"].as_array().unwrap().iter());
+                self.take(&what, DRAWN / runs().count() as f64, iter::once(&run["latched"]));
             }
         }
     }

@@ -21,18 +21,19 @@ shared_struct! {
 shared_struct! {
     /// One axis of a [`CoefficientSnapshot`]. Both models are models of the position. Errors are in the unit of the
     /// identified output: m, or m/s where the identified output is the velocity.
-    #[type_name("hydraxis.AxisSnapshot/3")]
+    #[type_name("hydraxis.AxisSnapshot/4")]
     pub struct AxisSnapshot {
         /// The adaptive model, updated online.
         pub adaptive: Coefficients,
         /// The classical model, identified offline and held.
         pub classical: Coefficients,
-        /// Errors of the adaptive model, with its coefficients before they are separated into b, f and g.
+        /// Errors of `adaptive`.
         pub adaptive_errors: ModelErrors,
-        /// Errors of the classical model.
+        /// Errors of `classical`.
         pub classical_errors: ModelErrors,
-        /// h-step errors of `adaptive`, with its coefficients after they are separated into b, f and g.
-        pub separated_h_step: ErrorStatistics,
+        /// h-step errors of the adaptive model's coefficients before they are separated into b, f and g: what the
+        /// separation costs. No program is given these coefficients.
+        pub unseparated_h_step: ErrorStatistics,
         /// The output over these samples; the fit in percent needs its spread.
         pub output: ErrorStatistics,
         /// Output minus the output `horizon` samples before: the error of predicting no change.
@@ -119,7 +120,7 @@ pub mod model_fault {
 
 shared_struct! {
     /// The models after one sample: ident-proc to control-proc. Only the newest snapshot counts.
-    #[type_name("hydraxis.CoefficientSnapshot/4")]
+    #[type_name("hydraxis.CoefficientSnapshot/5")]
     pub struct CoefficientSnapshot {
         /// `sequence` names the last sample that updated the coefficients.
         pub header: Header,

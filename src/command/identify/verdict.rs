@@ -63,7 +63,7 @@ impl Verdict {
     /// The verdict after the last sample.
     pub fn new(settings: &Identification, record: &Record, identifier: &Identifier) -> Self {
         let snapshot = identifier.snapshot();
-        let (still, model) = (snapshot.persistence.rmse(), snapshot.separated_h_step.rmse());
+        let (still, model) = (snapshot.persistence.rmse(), snapshot.adaptive_errors.h_step.rmse());
         let opens = |u: &&f64| settings.structure.input.opening(**u) != 0.0;
         let opened = record.inputs[..settings.training].iter().filter(opens).count();
         let stands = record.outputs.iter().all(|y| *y == record.outputs[0]);

@@ -40,8 +40,7 @@ fn sines(k: usize) -> f64 {
 #[test]
 fn a_model_that_predicts_better_than_holding_still_is_usable() {
     let figures = expect_reasons(changing_plant().path(), &[], &[]);
-    let [model, still] =
-        ["/adaptive/separated_h_step/rmse", "/persistence/h_step/rmse"].map(|place| number(&figures, place));
+    let [model, still] = ["/adaptive/h_step/rmse", "/persistence/h_step/rmse"].map(|place| number(&figures, place));
     assert_eq!(number(&figures, "/verdict/to_holding_still"), model / still);
     assert!(number(&figures, "/persistence/one_step/rmse") < still);
 }

@@ -70,6 +70,20 @@ fn a_model_that_has_lost_the_axis_is_worse_than_holding_still_and_reduces_nothin
 }
 
 #[test]
+fn a_period_that_changes_is_told_with_its_place() {
+    let mut record = simulate(2000, |_| 1.0);
+    let time = |k: usize| 0.014 * k.min(1200) as f64 + 0.020 * k.saturating_sub(1200) as f64;
+    record.iter_mut().enumerate().for_each(|(k, row)| row[0] = time(k));
+    let folder = folder_with(&csv("t,u,y", &record));
+    let figures = expect_reasons(folder.path(), &[], &[("irregular-time", "irregular time")]);
+    let change = &figures["recordings"][0]["gaps"]["period_change"];
+    assert_eq!(change["line"], 1203, "{change}");
+    assert!((number(change, "/before_s") - 0.014).abs() < 1e-9 && (number(change, "/after_s") - 0.020).abs() < 1e-9);
+    let text = success(folder.path(), &[&["identify", "r.csv"], &OPTIONS[..]].concat());
+    assert!(text.contains("warning: r.csv: the period changes from 0.014000 s to 0.020000 s at line 1203, "), "{text}");
+}
+
+#[test]
 fn the_command_of_another_axis_has_no_effect() {
     let other = |k: usize| 0.5 * (0.17 * k as f64 + 1.0).sin() + 0.4 * (0.71 * k as f64).cos();
     let mut record = simulate(2000, |_| 1.0);

@@ -528,8 +528,8 @@ typedef struct HydraxisAxisSnapshot {
     HydraxisModelErrors adaptive_errors;
     // Errors of classical.
     HydraxisModelErrors classical_errors;
-    // h-step errors of the adaptive model's coefficients before they are separated into b, f and g: what the
-    // separation costs. No program is given these coefficients.
+    // h-step errors of the adaptive model's coefficients before they are separated into b, f and g: what the separation
+    // costs. No program is given these coefficients.
     HydraxisErrorStatistics unseparated_h_step;
     // The output over these samples; the fit in percent needs its spread.
     HydraxisErrorStatistics output;

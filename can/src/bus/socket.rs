@@ -6,6 +6,9 @@
 //!
 //! Trap: the kernel sends the frame of a full queue to nobody and says `ENOBUFS`: the frame is counted as unsent. A
 //! controller that goes bus-off says so by an error frame; without `restart-ms` it stays off.
+//!
+//! An interface with flexible data rate (CAN FD) has frames of up to 64 bytes besides. No profile here uses them: CiA 406,
+//! 408 and 410 are of classical CANopen. They are received and counted as malformed, so that none is lost unseen.
 
 use std::{
     io::{self, ErrorKind},
@@ -14,7 +17,7 @@ use std::{
 };
 
 use embedded_can::Frame as _;
-use socketcan::{CanDataFrame, CanFrame, CanRemoteFrame, CanSocket, Socket as _, SocketOptions as _};
+use socketcan::{CanAnyFrame, CanDataFrame, CanFdSocket, CanFrame, CanRemoteFrame, Socket as _, SocketOptions as _};
 
 use super::{Bus, BusError, Claim, serial::wait_for};
 use crate::{Counters, Frame, Received, frame_clock::monotonic_ns};
@@ -34,7 +37,7 @@ const BUS_OFF: u32 = 0x40;
 
 /// An interface of the kernel.
 pub struct SocketBus {
-    socket: CanSocket,
+    socket: CanFdSocket,
     has_times: bool,
     counters: Counters,
     claim: Option<Claim>,
@@ -46,7 +49,7 @@ impl SocketBus {
     /// # Errors
     /// The kernel has no CAN, there is no such interface, it is down, or the right is missing.
     pub fn open(name: &str) -> Result<Self, BusError> {
-        let socket = CanSocket::open(name).map_err(|error| BusError::open(name, &explain(name, &error), error))?;
+        let socket = CanFdSocket::open(name).map_err(|error| BusError::open(name, &explain(name, &error), error))?;
         let failed = |error| BusError::open(name, "the socket cannot be set up", error);
         socket.set_nonblocking(true).map_err(failed)?;
         socket.set_error_filter_accept_all().map_err(failed)?;
@@ -62,7 +65,7 @@ impl SocketBus {
         Ok(Self { claim: Some(Claim::take(name)?), ..self })
     }
 
-    fn read(&self) -> io::Result<(CanFrame, Option<SystemTime>)> {
+    fn read(&self) -> io::Result<(CanAnyFrame, Option<SystemTime>)> {
         if self.has_times {
             let (frame, times) = self.socket.read_frame_with_timestamp().map(|(frame, time)| (frame, Some(time)))?;
             return Ok((frame, times));
@@ -90,12 +93,12 @@ fn explain(name: &str, error: &io::Error) -> String {
     }
 }
 
-/// The frame as ours; `None` of an error frame.
-fn ours(frame: &CanFrame) -> Option<Frame> {
+/// The frame as ours; `None` of an error frame, and of one with flexible data rate.
+fn ours(frame: &CanAnyFrame) -> Option<Frame> {
     match frame {
-        CanFrame::Data(frame) => Frame::new(frame.id(), frame.data()),
-        CanFrame::Remote(frame) => Frame::new_remote(frame.id(), frame.dlc()),
-        CanFrame::Error(_) => None,
+        CanAnyFrame::Normal(frame) => Frame::new(frame.id(), frame.data()),
+        CanAnyFrame::Remote(frame) => Frame::new_remote(frame.id(), frame.dlc()),
+        CanAnyFrame::Error(_) | CanAnyFrame::Fd(_) => None,
     }
 }
 
@@ -119,7 +122,7 @@ impl Bus for SocketBus {
     fn receive(&mut self) -> Result<Option<Received>, BusError> {
         loop {
             match self.read() {
-                Ok((CanFrame::Error(error), _)) => self.count_error(error.error_bits()),
+                Ok((CanAnyFrame::Error(error), _)) => self.count_error(error.error_bits()),
                 Ok((frame, stamp)) => {
                     let now_ns = monotonic_ns();
                     let time_ns = stamp.map_or(now_ns, |stamp| onto_monotonic(stamp, SystemTime::now(), now_ns));

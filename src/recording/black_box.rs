@@ -1,8 +1,9 @@
 //! The black box of a group: the last seconds of all channels, in a file, when a fault latches an axis or a stage dies.
 //!
-//! The messages are in the memory of the supervisor until then, and are lost with it. A thread of its own writes the
-//! file, because the supervisor has other things to watch. A file holds what came before the fault and [`AFTER`] of
-//! what came after it; further faults within the span share it.
+//! The messages are in shared memory until then ([`super::kept`]). A thread of its own writes the file, because the
+//! supervisor has other things to watch. A file holds what came before the fault and [`AFTER`] of what came after it;
+//! further faults within the span share it. What a supervisor that was killed has left in shared memory, the next
+//! `hydraxis run` or `hydraxis clean` writes.
 
 use std::{
     fs, io,
@@ -22,12 +23,14 @@ use pipeline::{
     stage::monotonic_ns,
 };
 
-use mcap::McapResult;
+use mcap::{McapError, McapResult};
 
 use super::{
-    Facts, clock_ns,
+    Facts, axes_in, clock_ns,
     controller_state::{self, ControllerStates},
+    default_folder,
     file::{Encoded, RecordingFile},
+    kept::{self, About, KeptFile, LeftFile},
     tape::{Strip, Tape},
 };
 
@@ -60,37 +63,94 @@ pub struct Tapes {
 }
 
 impl Tapes {
-    /// Attaches to the channels of `group`. `keeps`: what is read is kept for [`SPAN`].
+    /// Attaches to the channels of `group`, and keeps nothing.
     ///
     /// # Errors
     /// A channel cannot be opened.
-    pub fn new(group: &Group, keeps: bool) -> Result<Self, ChannelError> {
-        let span = if keeps { SPAN.as_nanos() as u64 } else { 0 };
+    pub fn new(group: &Group) -> Result<Self, ChannelError> {
         Ok(Self {
-            readings: Tape::new(group, span, 0)?,
-            samples: Tape::new(group, span, 0)?,
-            commands: Tape::new(group, span, 0)?,
-            snapshots: Tape::new(group, span, SNAPSHOTS_APART.as_nanos() as u64)?,
-            references: Tape::new(group, span, 0)?,
-            requests: Tape::new(group, span, 0)?,
-            health: Tape::new(group, span, 0)?,
-            states: Tape::new(group, span, 0)?,
+            readings: Tape::new(group)?,
+            samples: Tape::new(group)?,
+            commands: Tape::new(group)?,
+            snapshots: Tape::new(group)?,
+            references: Tape::new(group)?,
+            requests: Tape::new(group)?,
+            health: Tape::new(group)?,
+            states: Tape::new(group)?,
         })
     }
 
-    fn take(&mut self, axes: &[String]) -> Vec<Box<dyn Messages>> {
-        let (samples, commands) = (self.samples.take(), self.commands.take());
-        let states = StatesStrip::new(axes, &samples, &commands);
+    /// Keeps what is read in this file for [`SPAN`], in the order in which [`Strips::left`] reads it.
+    ///
+    /// # Errors
+    /// Shared memory has no room.
+    pub fn keep(&mut self, file: &mut KeptFile) -> io::Result<()> {
+        self.readings.keep(file, SPAN, 0)?;
+        self.samples.keep(file, SPAN, 0)?;
+        self.commands.keep(file, SPAN, 0)?;
+        self.snapshots.keep(file, SPAN, SNAPSHOTS_APART.as_nanos() as u64)?;
+        self.references.keep(file, SPAN, 0)?;
+        self.requests.keep(file, SPAN, 0)?;
+        self.health.keep(file, SPAN, 0)?;
+        self.states.keep(file, SPAN, 0)
+    }
+
+    fn take(&mut self) -> io::Result<Strips> {
+        Ok(Strips {
+            readings: self.readings.take()?,
+            samples: self.samples.take()?,
+            commands: self.commands.take()?,
+            snapshots: self.snapshots.take()?,
+            references: self.references.take()?,
+            requests: self.requests.take()?,
+            health: self.health.take()?,
+            states: self.states.take()?,
+        })
+    }
+}
+
+/// What was kept of all channels.
+struct Strips {
+    readings: Strip<EncoderReading>,
+    samples: Strip<EncoderSample>,
+    commands: Strip<ValveCommand>,
+    snapshots: Strip<CoefficientSnapshot>,
+    references: Strip<Reference>,
+    requests: Strip<Request>,
+    health: Strip<StageHealth>,
+    states: Strip<MachineState>,
+}
+
+impl Strips {
+    /// What a dead supervisor has left.
+    fn left(file: &mut LeftFile) -> io::Result<Self> {
+        fn next<M: Message>(file: &mut LeftFile, apart_ns: u64) -> io::Result<Strip<M>> {
+            Ok(Strip { messages: file.next(SPAN, apart_ns)?, lost: 0 })
+        }
+        Ok(Self {
+            readings: next(file, 0)?,
+            samples: next(file, 0)?,
+            commands: next(file, 0)?,
+            snapshots: next(file, SNAPSHOTS_APART.as_nanos() as u64)?,
+            references: next(file, 0)?,
+            requests: next(file, 0)?,
+            health: next(file, 0)?,
+            states: next(file, 0)?,
+        })
+    }
+
+    fn channels(self, axes: &[String]) -> Vec<Box<dyn Messages>> {
+        let states = StatesStrip::new(axes, &self.samples, &self.commands);
         vec![
-            Box::new(self.readings.take()),
-            Box::new(samples),
-            Box::new(commands),
+            Box::new(self.readings),
+            Box::new(self.samples),
+            Box::new(self.commands),
             Box::new(states),
-            Box::new(self.snapshots.take()),
-            Box::new(self.references.take()),
-            Box::new(self.requests.take()),
-            Box::new(self.health.take()),
-            Box::new(self.states.take()),
+            Box::new(self.snapshots),
+            Box::new(self.references),
+            Box::new(self.requests),
+            Box::new(self.health),
+            Box::new(self.states),
         ]
     }
 }
@@ -147,20 +207,55 @@ impl Messages for StatesStrip {
     }
 }
 
-/// Writes a new file with all messages.
-fn write(path: &Path, mut facts: Facts, clock_ns: i64, channels: &[Box<dyn Messages>]) -> McapResult<()> {
+/// Writes a new file with all messages into a folder, and removes the oldest ones there. What is to be said about it,
+/// also where it could not be written.
+fn write(
+    folder: &Path,
+    prefix: &Prefix,
+    mut facts: Facts,
+    fault: &Fault,
+    channels: &[Box<dyn Messages>],
+) -> Result<String, String> {
+    let clock_ns = clock_ns();
+    facts.extend(
+        [
+            ("cause", fault.cause.clone()),
+            ("cause_monotonic_ns", fault.at.to_string()),
+            ("realtime_minus_monotonic_ns", clock_ns.to_string()),
+        ]
+        .map(|(name, fact)| (name.to_owned(), fact)),
+    );
     facts.extend(channels.iter().map(|channel| {
         let (name, lost) = channel.lost();
         (format!("{name} lost"), lost.to_string())
     }));
-    let mut file = RecordingFile::create(path, &facts, &[], clock_ns)?;
-    let written = channels.iter().try_for_each(|channel| channel.write(&mut file));
-    let written = written.and_then(|()| file.finish(&Facts::new()));
-    if written.is_err() {
-        // Half a file explains nothing; the disk may be full.
-        let _ = fs::remove_file(path);
-    }
-    written
+    let path = folder.join(file_name(prefix, SystemTime::now()));
+    let written = RecordingFile::create(&path, &facts, &[], clock_ns).and_then(|mut file| {
+        let written = channels.iter().try_for_each(|channel| channel.write(&mut file));
+        written.and_then(|()| file.finish(&Facts::new())).inspect_err(|_| {
+            // Half a file explains nothing; the disk may be full.
+            let _ = fs::remove_file(&path);
+        })
+    });
+    let is_written = written.is_ok();
+    let said = match written {
+        Ok(()) => format!("black box: {}: {}", fault.cause, path.display()),
+        Err(error) => {
+            // What this error says of itself is that there was one.
+            let error = if let McapError::Io(source) = error { source.to_string() } else { error.to_string() };
+            format!("warning: no black box of \"{}\": {}: {error}", fault.cause, path.display())
+        }
+    };
+    let said = match remove_oldest(folder) {
+        Err(error) if is_written => format!("{said}; older files could not be removed: {error}"),
+        _ => said,
+    };
+    if is_written { Ok(said) } else { Err(said) }
+}
+
+fn file_name(prefix: &Prefix, now: SystemTime) -> String {
+    let now = humantime::format_rfc3339_millis(now).to_string().replace(':', "-");
+    format!("{}{now}-{prefix}{}", NAME.0, NAME.1)
 }
 
 /// A fault that is to be written.
@@ -174,7 +269,7 @@ struct Fault {
 pub struct BlackBox {
     folder: PathBuf,
     prefix: Prefix,
-    machine: String,
+    facts: Facts,
     axes: Vec<String>,
     /// Latches of each axis so far, as its commands count them.
     latches: [u64; MAX_AXES],
@@ -183,6 +278,8 @@ pub struct BlackBox {
     /// When the last file was begun, ns.
     last: Option<u64>,
     writer: Option<JoinHandle<String>>,
+    /// Removed when the run ends.
+    kept: Option<KeptFile>,
 }
 
 impl BlackBox {
@@ -195,13 +292,26 @@ impl BlackBox {
         Ok(Self {
             folder,
             prefix: prefix.clone(),
-            machine: machine.name.clone(),
+            facts: facts(prefix, machine),
             axes: machine.axes.iter().map(|axis| axis.name.clone()).collect(),
             latches: [0; MAX_AXES],
             fault: None,
             last: None,
             writer: None,
+            kept: None,
         })
+    }
+
+    /// Keeps the messages of all channels in shared memory, from now until the end of the run.
+    ///
+    /// # Errors
+    /// The file in shared memory is there, or there is no room for it.
+    pub fn keep(&mut self, period: Duration, tapes: &mut Tapes) -> io::Result<()> {
+        let (folder, facts) = (self.folder.clone(), self.facts.clone());
+        let mut file = KeptFile::create(&self.prefix, &About { folder, facts, period_ns: period.as_nanos() as u64 })?;
+        tapes.keep(&mut file)?;
+        self.kept = Some(file);
+        Ok(())
     }
 
     /// Notes that something has failed.
@@ -237,18 +347,13 @@ impl BlackBox {
         }
         let fault = self.fault.take()?;
         self.last = Some(now);
-        let path = self.folder.join(self.file_name(SystemTime::now()));
-        let (channels, facts) = (tapes.take(&self.axes), self.facts(&fault));
-        let (folder, clock_ns) = (self.folder.clone(), clock_ns());
-        self.writer = Some(std::thread::spawn(move || {
-            let said = match write(&path, facts, clock_ns, &channels) {
-                Ok(()) => format!("black box: {}: {}", fault.cause, path.display()),
-                Err(error) => format!("warning: no black box of \"{}\": {}: {error}", fault.cause, path.display()),
-            };
-            match remove_oldest(&folder) {
-                Ok(()) => said,
-                Err(error) => format!("{said}; older files could not be removed: {error}"),
-            }
+        let channels = match tapes.take() {
+            Ok(strips) => strips.channels(&self.axes),
+            Err(error) => return Some(format!("warning: no black box of \"{}\": {error}", fault.cause)),
+        };
+        let (folder, prefix, facts) = (self.folder.clone(), self.prefix.clone(), self.facts.clone());
+        self.writer = Some(std::thread::spawn(move || match write(&folder, &prefix, facts, &fault, &channels) {
+            Ok(said) | Err(said) => said,
         }));
         self.written(ends)
     }
@@ -274,25 +379,59 @@ impl BlackBox {
         }
         Some(writer.join().unwrap_or_else(|_| "warning: the black box could not be written".to_owned()))
     }
+}
 
-    fn file_name(&self, now: SystemTime) -> String {
-        let now = humantime::format_rfc3339_millis(now).to_string().replace(':', "-");
-        format!("{}{now}-{}{}", NAME.0, self.prefix, NAME.1)
-    }
+/// What is known of a run at its begin.
+fn facts(prefix: &Prefix, machine: &Machine) -> Facts {
+    let axes: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
+    [
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("group", prefix.to_string()),
+        ("machine", machine.name.clone()),
+        ("axes", axes.join(" ")),
+    ]
+    .map(|(name, fact)| (name.to_owned(), fact))
+    .into()
+}
 
-    fn facts(&self, fault: &Fault) -> Facts {
-        [
-            ("version", env!("CARGO_PKG_VERSION").to_owned()),
-            ("group", self.prefix.to_string()),
-            ("machine", self.machine.clone()),
-            ("axes", self.axes.join(" ")),
-            ("cause", fault.cause.clone()),
-            ("cause_monotonic_ns", fault.at.to_string()),
-            ("realtime_minus_monotonic_ns", clock_ns().to_string()),
-        ]
-        .map(|(name, fact)| (name.to_owned(), fact))
-        .into()
+/// Writes what dead supervisors have left in shared memory, of this group or of all groups of this user, and removes
+/// it there. A line for each.
+pub fn write_left(prefix: Option<&Prefix>) -> Vec<String> {
+    let paths = prefix.map_or_else(kept::paths, |prefix| vec![kept::path(prefix)]);
+    paths
+        .iter()
+        .filter_map(|path| {
+            written_left(path).unwrap_or_else(|error| {
+                let is_none = matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::PermissionDenied);
+                (!is_none).then(|| format!("warning: {}: no black box can be read from it: {error}", path.display()))
+            })
+        })
+        .collect()
+}
+
+fn written_left(path: &Path) -> io::Result<Option<String>> {
+    let Some(mut left) = LeftFile::open(path)? else { return Ok(None) };
+    let facts = left.about.facts.clone();
+    let fact = |name: &str| facts.get(name).cloned().unwrap_or_default();
+    if fact("version") != env!("CARGO_PKG_VERSION") {
+        let other = format!("it was kept by version {}, whose `hydraxis clean` writes it", fact("version"));
+        return Err(io::Error::new(io::ErrorKind::InvalidData, other));
     }
+    let Ok(prefix) = fact("group").parse() else {
+        return Err(io::Error::new(io::ErrorKind::InvalidData, "it names no group"));
+    };
+    let strips = Strips::left(&mut left)?;
+    let at = strips.health.messages.last().map_or(0, |(read_ns, _)| *read_ns);
+    let fault = Fault { at, cause: "the supervisor was killed".to_owned() };
+    let channels = strips.channels(&axes_in(&facts));
+    let folder = &left.about.folder;
+    // The folder of that run may be gone, or be full.
+    let said = write(folder, &prefix, facts.clone(), &fault, &channels)
+        .or_else(|_| write(&default_folder(), &prefix, facts, &fault, &channels));
+    if said.is_ok() {
+        left.remove()?;
+    }
+    Ok(Some(said.unwrap_or_else(|said| said)))
 }
 
 /// Removes the oldest black boxes of a folder until [`MOST_FILES`] are left. Their names begin with the time.

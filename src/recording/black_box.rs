@@ -302,7 +302,8 @@ impl BlackBox {
         })
     }
 
-    /// Keeps the messages of all channels in shared memory, from now until the end of the run.
+    /// Keeps the messages of all channels in shared memory, from now until the end of the run. Begins to write what other
+    /// supervisors have left there.
     ///
     /// # Errors
     /// The file in shared memory is there, or there is no room for it.
@@ -311,6 +312,8 @@ impl BlackBox {
         let mut file = KeptFile::create(&self.prefix, &About { folder, facts, period_ns: period.as_nanos() as u64 })?;
         tapes.keep(&mut file)?;
         self.kept = Some(file);
+        // A start does not wait for a disk.
+        self.writer = Some(std::thread::spawn(|| write_left(None).join("\n")));
         Ok(())
     }
 
@@ -377,7 +380,8 @@ impl BlackBox {
             let folder = self.folder.display();
             return Some(format!("warning: {folder}: the disk has not confirmed the black box within {patience}"));
         }
-        Some(writer.join().unwrap_or_else(|_| "warning: the black box could not be written".to_owned()))
+        let said = writer.join().unwrap_or_else(|_| "warning: the black box could not be written".to_owned());
+        Some(said).filter(|said| !said.is_empty())
     }
 }
 

@@ -153,9 +153,10 @@ impl<'a> Supervisor<'a> {
         Ok(supervisor)
     }
 
-    /// Keeps the last messages for a black box in `folder`. Writes first what supervisors that were killed have kept.
+    /// Keeps the last messages for a black box in `folder`. Writes first what a supervisor of this group that was killed
+    /// has kept.
     pub fn keep_black_box(&mut self, folder: PathBuf, monitor: &mut Monitor) {
-        write_left(None).into_iter().for_each(|line| self.say(line));
+        write_left(Some(self.group.prefix())).into_iter().for_each(|line| self.say(line));
         let machine = self.launch.machine;
         let is_unusable = |error| format!("{}: {error}; --black-box FOLDER names another folder", folder.display());
         let made = BlackBox::new(folder.clone(), self.group.prefix(), machine).map_err(is_unusable);

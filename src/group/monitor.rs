@@ -13,7 +13,7 @@ use pipeline::{
 
 use super::glance;
 use crate::{
-    recording::black_box::Tapes,
+    recording::tapes::Tapes,
     report::{control_loop::LastMessages, events::Events},
 };
 

@@ -12,34 +12,24 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
+use mcap::McapError;
 use pipeline::{
     MAX_AXES,
-    channel::{ChannelError, Group, Prefix},
+    channel::Prefix,
     machine::Machine,
-    message::{
-        CoefficientSnapshot, EncoderReading, EncoderSample, MachineState, Message, Reference, Request, StageHealth,
-        ValveCommand, bit_names, control_flag,
-    },
+    message::{ValveCommand, bit_names, control_flag},
     stage::monotonic_ns,
 };
 
-use mcap::{McapError, McapResult};
-
 use super::{
-    Facts, axes_in, clock_ns,
-    controller_state::{self, ControllerStates},
-    default_folder,
-    file::{Encoded, RecordingFile},
+    Facts, axes_in, clock_ns, default_folder,
+    file::RecordingFile,
     kept::{self, About, KeptFile, LeftFile},
-    tape::{Strip, Tape},
+    tapes::{Messages, SPAN, Strips, Tapes},
 };
 
-/// What a file holds.
-pub const SPAN: Duration = Duration::from_secs(10);
-/// Part of it that comes after the fault.
+/// Part of a file that comes after the fault.
 const AFTER: Duration = Duration::from_secs(1);
-/// Least time between two snapshots: a snapshot is by far the largest message.
-const SNAPSHOTS_APART: Duration = Duration::from_millis(50);
 /// Longest wait for the disk at the end of a run. What was written by then is in the memory of the system, from which
 /// the disk takes it later.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -49,163 +39,6 @@ const LOOK: Duration = Duration::from_millis(5);
 pub const MOST_FILES: usize = 20;
 /// Beginning and end of their names.
 const NAME: (&str, &str) = ("fault-", ".mcap");
-
-/// All channels of a group, read by one reader each.
-pub struct Tapes {
-    pub readings: Tape<EncoderReading>,
-    pub samples: Tape<EncoderSample>,
-    pub commands: Tape<ValveCommand>,
-    pub snapshots: Tape<CoefficientSnapshot>,
-    pub references: Tape<Reference>,
-    pub requests: Tape<Request>,
-    pub health: Tape<StageHealth>,
-    pub states: Tape<MachineState>,
-}
-
-impl Tapes {
-    /// Attaches to the channels of `group`, and keeps nothing.
-    ///
-    /// # Errors
-    /// A channel cannot be opened.
-    pub fn new(group: &Group) -> Result<Self, ChannelError> {
-        Ok(Self {
-            readings: Tape::new(group)?,
-            samples: Tape::new(group)?,
-            commands: Tape::new(group)?,
-            snapshots: Tape::new(group)?,
-            references: Tape::new(group)?,
-            requests: Tape::new(group)?,
-            health: Tape::new(group)?,
-            states: Tape::new(group)?,
-        })
-    }
-
-    /// Keeps what is read in this file for [`SPAN`], in the order in which [`Strips::left`] reads it.
-    ///
-    /// # Errors
-    /// Shared memory has no room.
-    pub fn keep(&mut self, file: &mut KeptFile) -> io::Result<()> {
-        self.readings.keep(file, SPAN, 0)?;
-        self.samples.keep(file, SPAN, 0)?;
-        self.commands.keep(file, SPAN, 0)?;
-        self.snapshots.keep(file, SPAN, SNAPSHOTS_APART.as_nanos() as u64)?;
-        self.references.keep(file, SPAN, 0)?;
-        self.requests.keep(file, SPAN, 0)?;
-        self.health.keep(file, SPAN, 0)?;
-        self.states.keep(file, SPAN, 0)
-    }
-
-    fn take(&mut self) -> io::Result<Strips> {
-        Ok(Strips {
-            readings: self.readings.take()?,
-            samples: self.samples.take()?,
-            commands: self.commands.take()?,
-            snapshots: self.snapshots.take()?,
-            references: self.references.take()?,
-            requests: self.requests.take()?,
-            health: self.health.take()?,
-            states: self.states.take()?,
-        })
-    }
-}
-
-/// What was kept of all channels.
-struct Strips {
-    readings: Strip<EncoderReading>,
-    samples: Strip<EncoderSample>,
-    commands: Strip<ValveCommand>,
-    snapshots: Strip<CoefficientSnapshot>,
-    references: Strip<Reference>,
-    requests: Strip<Request>,
-    health: Strip<StageHealth>,
-    states: Strip<MachineState>,
-}
-
-impl Strips {
-    /// What a dead supervisor has left.
-    fn left(file: &mut LeftFile) -> io::Result<Self> {
-        fn next<M: Message>(file: &mut LeftFile, apart_ns: u64) -> io::Result<Strip<M>> {
-            Ok(Strip { messages: file.next(SPAN, apart_ns)?, lost: 0 })
-        }
-        Ok(Self {
-            readings: next(file, 0)?,
-            samples: next(file, 0)?,
-            commands: next(file, 0)?,
-            snapshots: next(file, SNAPSHOTS_APART.as_nanos() as u64)?,
-            references: next(file, 0)?,
-            requests: next(file, 0)?,
-            health: next(file, 0)?,
-            states: next(file, 0)?,
-        })
-    }
-
-    fn channels(self, axes: &[String]) -> Vec<Box<dyn Messages>> {
-        let states = StatesStrip::new(axes, &self.samples, &self.commands);
-        vec![
-            Box::new(self.readings),
-            Box::new(self.samples),
-            Box::new(self.commands),
-            Box::new(states),
-            Box::new(self.snapshots),
-            Box::new(self.references),
-            Box::new(self.requests),
-            Box::new(self.health),
-            Box::new(self.states),
-        ]
-    }
-}
-
-/// The messages of one channel, of any type.
-trait Messages: Send {
-    /// Adds the channel and all its messages to a file.
-    fn write(&self, file: &mut RecordingFile) -> McapResult<()>;
-    /// Name of the channel, and messages that were lost before they came here.
-    fn lost(&self) -> (&'static str, u64);
-}
-
-impl<M: Message + Send> Messages for Strip<M> {
-    fn write(&self, file: &mut RecordingFile) -> McapResult<()> {
-        file.add_channel::<M>()?;
-        self.messages.iter().try_for_each(|(read_ns, message)| file.write(&Encoded::new(*read_ns, message)))
-    }
-
-    fn lost(&self) -> (&'static str, u64) {
-        (M::CHANNEL, self.lost)
-    }
-}
-
-/// The states of the controllers.
-struct StatesStrip {
-    axes: Vec<String>,
-    states: Vec<Encoded>,
-    lost: u64,
-}
-
-impl StatesStrip {
-    fn new(axes: &[String], samples: &Strip<EncoderSample>, commands: &Strip<ValveCommand>) -> Self {
-        let mut states = ControllerStates::new(axes.len());
-        let mut samples = samples.messages.iter().peekable();
-        let state = |(read_ns, command): &(u64, ValveCommand)| {
-            let tick = command.header.sequence;
-            while let Some((_, sample)) = samples.next_if(|(_, sample)| sample.header.sequence <= tick) {
-                states.sample(sample);
-            }
-            states.state(*read_ns, command)
-        };
-        Self { axes: axes.to_vec(), states: commands.messages.iter().map(state).collect(), lost: commands.lost }
-    }
-}
-
-impl Messages for StatesStrip {
-    fn write(&self, file: &mut RecordingFile) -> McapResult<()> {
-        controller_state::add_to(file, &self.axes)?;
-        self.states.iter().try_for_each(|state| file.write(state))
-    }
-
-    fn lost(&self) -> (&'static str, u64) {
-        (controller_state::CHANNEL, self.lost)
-    }
-}
 
 /// Writes a new file with all messages into a folder, and removes the oldest ones there. What is to be said about it,
 /// also where it could not be written.
@@ -302,15 +135,16 @@ impl BlackBox {
         })
     }
 
-    /// Keeps the messages of all channels in shared memory, from now until the end of the run. Begins to write what other
-    /// supervisors have left there.
+    /// Keeps the messages of all channels in shared memory, from now until the end of the run. Begins to write what
+    /// other supervisors have left there.
     ///
     /// # Errors
-    /// The file in shared memory is there, or there is no room for it.
-    pub fn keep(&mut self, period: Duration, tapes: &mut Tapes) -> io::Result<()> {
-        let (folder, facts) = (self.folder.clone(), self.facts.clone());
-        let mut file = KeptFile::create(&self.prefix, &About { folder, facts, period_ns: period.as_nanos() as u64 })?;
-        tapes.keep(&mut file)?;
+    /// The file in shared memory is there, or there is no room for it; with its path.
+    pub fn keep(&mut self, period: Duration, tapes: &mut Tapes) -> Result<(), String> {
+        let about =
+            About { folder: self.folder.clone(), facts: self.facts.clone(), period_ns: period.as_nanos() as u64 };
+        let made = KeptFile::create(&self.prefix, &about).and_then(|mut file| tapes.keep(&mut file).map(|()| file));
+        let file = made.map_err(|error| format!("{}: {error}", kept::path(&self.prefix).display()))?;
         self.kept = Some(file);
         // A start does not wait for a disk.
         self.writer = Some(std::thread::spawn(|| write_left(None).join("\n")));

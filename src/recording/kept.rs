@@ -3,7 +3,7 @@
 //! ```text
 //! header, 4 KiB: facts about the run, as JSON
 //! for each channel a ring of slots, and in each slot:
-//!   CRC-32 of the rest | length of the message | number of the message | time at which it was read, ns | message as CDR
+//!   CRC-32 of the rest | length of the message | its number | time at which it was read, ns | the message as CDR
 //! ```
 //!
 //! The supervisor alone writes, one slot at a time, and holds a lock on the file until its end. A process that gets

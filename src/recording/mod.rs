@@ -8,6 +8,7 @@
 //! | file | what |
 //! |---|---|
 //! | `tape` | the last messages of one channel |
+//! | `tapes` | all channels of a group |
 //! | `kept` | the last messages of all channels in shared memory, also after the death of the supervisor |
 //! | `black_box` | when a file is written, and where |
 //! | `recorder` | all messages of all channels, into a queue that never waits |
@@ -37,6 +38,7 @@ pub mod rows;
 pub mod schema;
 pub mod store;
 pub mod tape;
+pub mod tapes;
 pub mod typed;
 
 use std::{collections::BTreeMap, path::PathBuf, time::SystemTime};

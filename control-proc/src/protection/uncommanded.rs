@@ -15,9 +15,9 @@
 //! s, v the commissioned curve as a magnitude m/s, h hysteresis, f natural frequency Hz where the load swings, d
 //! calibrated dead band, v_max `max_speed` m/s, v_m the commissioned speed at the largest command, at most v_max, or
 //! v_max without a model. c is the largest speed that a command explains, b the one that all commands so far explain, e
-//! the way that they do not explain m, r the way of the last 1.5 s that was commanded m, r' of the other direction. Where
-//! o holds, the valve has long been open the other way, beyond d_w, the wider of the calibrated and the commissioned
-//! dead band.
+//! the way that they do not explain m, r the way of the last 1.5 s that was commanded m, r' of the other direction.
+//! Where o holds, the valve has long been open the other way, beyond d_w, the wider of the calibrated and the
+//! commissioned dead band.
 //!
 //! | bound | is | reason |
 //! |---|---|---|

@@ -219,7 +219,7 @@ fn row_27_a_spool_that_is_stuck_open_latches_and_cuts_the_pilot_off_in_every_mod
     }
 }
 
-/// Row 27: of a disarmed axis, a spool that is open by a tenth is as slow as drift may be, unless the key `drift` says less.
+/// Row 27: a disarmed axis whose spool is open by a tenth is as slow as drift may be, unless the key `drift` says less.
 #[test]
 fn row_27_a_spool_that_is_open_by_a_tenth_latches_where_the_drift_is_known() {
     let machine = excavator_with(true, Some(3e-3));

@@ -153,8 +153,8 @@ impl<'a> Supervisor<'a> {
         Ok(supervisor)
     }
 
-    /// Keeps the last messages for a black box in `folder`. Writes first what a supervisor of this group that was killed
-    /// has kept.
+    /// Keeps the last messages for a black box in `folder`. Writes first what a supervisor of this group has kept that
+    /// was killed.
     pub fn keep_black_box(&mut self, folder: PathBuf, monitor: &mut Monitor) {
         write_left(Some(self.group.prefix())).into_iter().for_each(|line| self.say(line));
         let machine = self.launch.machine;
@@ -162,7 +162,7 @@ impl<'a> Supervisor<'a> {
         let made = BlackBox::new(folder.clone(), self.group.prefix(), machine).map_err(is_unusable);
         let kept = made.and_then(|mut black_box| {
             let kept = black_box.keep(machine.timing.period, monitor.tapes());
-            kept.map(|()| black_box).map_err(|error| format!("the messages cannot be kept in /dev/shm: {error}"))
+            kept.map(|()| black_box)
         });
         match kept {
             Ok(black_box) => self.black_box = Some(black_box),

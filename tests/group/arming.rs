@@ -4,7 +4,7 @@ use std::{
     process::Output,
     sync::{
         Arc,
-        atomic::{AtomicBool, AtomicU32, Ordering},
+        atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering},
     },
     thread::{JoinHandle, sleep},
     time::{Duration, Instant},
@@ -13,7 +13,7 @@ use std::{
 use crate::harness::{Cores, TestGroup, channel::await_message, hydraxis, shared};
 use pipeline::{
     channel::{Group, Prefix, Reader},
-    message::{AxisMode, EncoderSample, Header, ValveCommand, control_flag, sample_fault},
+    message::{AxisMode, EncoderSample, Header, Request, ValveCommand, control_flag, sample_fault},
     stage::{StageKind, monotonic_ns},
 };
 
@@ -41,6 +41,8 @@ struct Played {
     faults: Arc<[AtomicU32; 4]>,
     /// The emergency stop.
     is_pressed: Arc<AtomicBool>,
+    /// Ticks without a sample, once a request has come that arms an axis.
+    gap: Arc<AtomicU64>,
     stop: Arc<AtomicBool>,
     sensor: Option<JoinHandle<()>>,
     commands: Reader<ValveCommand>,
@@ -56,24 +58,16 @@ impl Played {
         let mut group = TestGroup::new(test);
         let channels = group.join();
         let commands = channels.reader().unwrap();
-        let (faults, is_pressed) = (Arc::<[AtomicU32; 4]>::default(), Arc::<AtomicBool>::default());
-        let stop = Arc::<AtomicBool>::default();
+        let (faults, gap) = (Arc::<[AtomicU32; 4]>::default(), Arc::<AtomicU64>::default());
+        let (is_pressed, stop) = (Arc::<AtomicBool>::default(), Arc::<AtomicBool>::default());
         let sensor = std::thread::spawn({
-            let (prefix, stop) = (group.prefix.clone(), Arc::clone(&stop));
-            let (faults, is_pressed) = (Arc::clone(&faults), Arc::clone(&is_pressed));
-            move || play_sensor(&prefix, &faults, &is_pressed, &stop)
+            let (prefix, faults, gap) = (group.prefix.clone(), Arc::clone(&faults), Arc::clone(&gap));
+            let (is_pressed, stop) = (Arc::clone(&is_pressed), Arc::clone(&stop));
+            move || play_sensor(&prefix, &faults, &gap, &is_pressed, &stop)
         });
         group.start(StageKind::ControlProc, &MACHINE);
-        let mut played = Self {
-            faults,
-            is_pressed,
-            stop,
-            sensor: Some(sensor),
-            commands,
-            _channels: channels,
-            group,
-            _cores: cores,
-        };
+        let (sensor, _channels, _cores) = (Some(sensor), channels, cores);
+        let mut played = Self { faults, gap, is_pressed, stop, sensor, commands, _channels, group, _cores };
         played.wait_until("its first command", |_| true);
         played
     }
@@ -140,8 +134,9 @@ impl Drop for Played {
     }
 }
 
-fn play_sensor(prefix: &Prefix, faults: &[AtomicU32; 4], is_pressed: &AtomicBool, stop: &AtomicBool) {
+fn play_sensor(prefix: &Prefix, faults: &[AtomicU32; 4], gap: &AtomicU64, is_pressed: &AtomicBool, stop: &AtomicBool) {
     let channels = Group::join(prefix, "sensor").unwrap();
+    let mut requests: Reader<Request> = channels.reader().unwrap();
     let samples = channels.publisher::<EncoderSample>().unwrap();
     let notifier = channels.notifier::<EncoderSample>().unwrap();
     let mut sequence = 0;
@@ -157,6 +152,11 @@ fn play_sensor(prefix: &Prefix, faults: &[AtomicU32; 4], is_pressed: &AtomicBool
         notifier.notify().unwrap();
         sequence += 1;
         sleep(PERIOD);
+        while let Some(request) = requests.read().unwrap().if_new() {
+            if request.axes.iter().any(|axis| axis.enable != 0) {
+                sequence += gap.swap(0, Ordering::Relaxed);
+            }
+        }
     }
 }
 
@@ -187,6 +187,16 @@ fn arm_enables_what_is_off_and_leaves_it_so_and_disarm_ends_it() {
     played.succeed("disarm", &[]);
     let off = *played.seen().last().unwrap();
     assert!(off.axes[..4].iter().all(|axis| axis.command == 0.0 && axis.operation == Off as u32));
+}
+
+#[test]
+fn a_request_that_comes_too_late_is_asked_for_again() {
+    let mut played = Played::start("arm-late");
+    // The controller refuses a message that is older than 100 ms, five samples: the edge that arms is lost with it.
+    played.gap.store(100, Ordering::Relaxed);
+    assert_eq!(played.succeed("arm", &["--mode", "hold", "--axis", "boom"]), "axis.boom: hold\n");
+    assert_eq!(played.gap.load(Ordering::Relaxed), 0, "no request has been too late");
+    assert_eq!(played.modes(), [Hold, Off, Off, Off]);
 }
 
 #[test]

@@ -168,8 +168,8 @@ impl<'a> Ready<'a> {
     }
 
     fn drive(self) -> Result<Driven, Failure> {
-        let period = self.still.timing.period.as_secs_f64();
-        let loops = self.control.map_or_else(Vec::new, |control| LoopMargins::of(AXIS, &control, &self.model, period));
+        let of = |control| LoopMargins::of(&self.still.axes[0], &control, &self.model, self.still.timing.period);
+        let loops = self.control.map_or_else(Vec::new, of);
         let pair = |task: &Task| {
             let with = |model| run(self.rig, *task, &self.settings, model);
             Ok(Pair { task: *task, fallback: with("none")?, adaptive: with("adaptive")? })

@@ -12,8 +12,15 @@ use super::{
     feedback::UNUSABLE_LIMIT,
 };
 use crate::{
-    model::{age::Age, gate::ModelAnswer},
-    protection::{following_error::Deviation, limits::Limits},
+    model::{
+        age::Age,
+        gate::{Admission, ModelAnswer},
+    },
+    protection::{
+        following_error::Deviation,
+        hunting::{Caution, Pace},
+        limits::Limits,
+    },
     reference::ReferenceStatus,
     smith::LastBy,
 };
@@ -53,9 +60,18 @@ impl AxisController {
             return Err(control_flag::FOLLOWING);
         }
 
+        let pace = Pace { elapsed: input.elapsed, axis: self.feedback.speed(), reference: deviation.speed };
+        if self.hunting.update(&pace, last.by == ControlMode::Model) {
+            return Err(control_flag::SWING);
+        }
+        let caution = self.hunting.caution();
+
         let answer = self.plan(input.sequence, &limits, &last)?;
         let shadow = self.shadowed(deviation.error, &last, &limits);
-        let admission = self.gate.admit(answer, &deviation, shadow, last.by == ControlMode::Model, at_limit);
+        let mut admission = self.gate.admit(answer, &deviation, shadow, last.by == ControlMode::Model, at_limit);
+        if caution != Caution::Free {
+            admission = Admission { command: None, flags: admission.flags | control_flag::CAUTION };
+        }
 
         let comes_back = admission.command.is_some() && self.law.comes_back();
         let positions = self.references.positions();
@@ -120,6 +136,7 @@ impl AxisController {
             self.fallback.resume(last.command, error, forward);
         }
         self.fallback.limit(limits.magnitude);
+        self.fallback.weaken(self.hunting.caution().gain());
         self.fallback.update(error, forward, last.command)
     }
 

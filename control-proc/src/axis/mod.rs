@@ -27,6 +27,7 @@
 //! | `FEEDBACK` | three samples in a row without a usable position, one outside the stroke, or a stuck encoder |
 //! | `STALL` | no motion of a driven axis in hold and track ([`crate::protection::motion`]) |
 //! | `FOLLOWING` | a following error ([`crate::protection::following_error`]) |
+//! | `SWING` | a swing that the lowest gains do not end ([`crate::protection::hunting`]) |
 //! | `SOLVER` | [`UNSOLVED_LIMIT`] plans in a row without an answer of the solver |
 //! | `DEADLINE` | late commands ([`crate::process`]) |
 //! | `MOTION` | motion that nobody commanded, in every state ([`crate::protection::uncommanded`]) |
@@ -64,13 +65,13 @@ use pipeline::{
 use crate::{
     fallback::Fallback,
     model::gate::Gate,
-    protection::{Protection, walls::Wanted},
+    protection::{Protection, hunting::Hunting, walls::Wanted},
     reference::{References, generator::ReferenceGenerator},
     standstill::Standstill,
 };
 use command::Tracking;
 use decision::Decision;
-use feedback::{Feedback, Observation};
+use feedback::{Feedback, Observation, SPEED_TIME};
 use law::ModelLaw;
 use operation::Operation;
 use state::{State, StateMachine, Transition};
@@ -115,6 +116,7 @@ pub struct AxisController {
     fallback: Fallback,
     standstill: Standstill,
     protection: Protection,
+    hunting: Hunting,
     tracking: Tracking,
     /// Following error at which the axis has come to the begin of a way, m.
     arrival: f64,
@@ -140,6 +142,7 @@ impl AxisController {
             fallback,
             standstill: Standstill::new(axis, period),
             protection: Protection::new(axis, period),
+            hunting: Hunting::new(axis, period, SPEED_TIME.max(period)),
             tracking: Tracking::default(),
             arrival: ARRIVAL.max(ARRIVAL_COUNTS * axis.encoder.resolution),
             decision: Decision::neutral(0.0, control_flag::DISARMED),
@@ -375,6 +378,7 @@ impl AxisController {
         self.fallback.reset();
         self.standstill.reset();
         self.protection.reset();
+        self.hunting.reset();
         self.references.begin(input.path[0], position, input.generator);
         if self.operation.mode == AxisMode::Hold {
             self.references.hold(None);

@@ -5,6 +5,7 @@
 //! | [`limits`] | largest magnitude and rate of a command, and half of the speed |
 //! | [`end_stops`] | commands near the soft limits |
 //! | [`following_error`] | the bound on the difference between reference and position |
+//! | [`hunting`] | whether an axis swings though its reference does not ask for it |
 //! | [`motion`] | whether an axis that is driven moves |
 //! | [`uncommanded`] | whether an axis moves that nobody has commanded to move |
 //! | [`walls`] | commands of all axes near places that no part of the machine passes |
@@ -13,6 +14,7 @@
 
 pub mod end_stops;
 pub mod following_error;
+pub mod hunting;
 pub mod limits;
 pub mod motion;
 pub mod uncommanded;

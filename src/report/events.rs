@@ -371,7 +371,7 @@ fn warning(flag: u32, machine: &Machine, axis: &Axis, before: &Seen, now: &AxisC
             (format!("the model may not control: {why}"), String::new())
         }
         control_flag::MODEL_TRIAL => (
-            "the model may be worse than the fallback, or swings: the fallback controls for some seconds and is compared"
+            "the model may be worse than the fallback, or swings: the fallback controls for some seconds to compare"
                 .to_owned(),
             "the model controls again if it was no worse".to_owned(),
         ),

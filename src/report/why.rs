@@ -40,8 +40,8 @@ pub fn why_fallback(
         "no model has come from ident-proc; hydraxis status shows whether it works".to_owned()
     } else if has(control_flag::CAUTION) {
         format!(
-            "the axis swung though its reference did not ask for it; more is tried after 30 s without a swing. Look for \
-             air in the oil and for gains that are too high, or {again}"
+            "the axis swung though its reference did not ask for it; more is tried after 30 s without a swing. Look \
+             for air in the oil and for gains that are too high, or {again}"
         )
     } else if has(control_flag::MODEL_TRIAL) {
         "the model is on trial: the fallback controls for some seconds and is compared with it".to_owned()

@@ -65,7 +65,7 @@ use pipeline::{
 use crate::{
     fallback::Fallback,
     model::gate::Gate,
-    protection::{Protection, hunting::Hunting, walls::Wanted},
+    protection::{Protection, walls::Wanted},
     reference::{References, generator::ReferenceGenerator},
     standstill::Standstill,
 };
@@ -116,7 +116,6 @@ pub struct AxisController {
     fallback: Fallback,
     standstill: Standstill,
     protection: Protection,
-    hunting: Hunting,
     tracking: Tracking,
     /// Following error at which the axis has come to the begin of a way, m.
     arrival: f64,
@@ -141,8 +140,7 @@ impl AxisController {
             law,
             fallback,
             standstill: Standstill::new(axis, period),
-            protection: Protection::new(axis, period),
-            hunting: Hunting::new(axis, period, SPEED_TIME.max(period)),
+            protection: Protection::new(axis, period, SPEED_TIME.max(period)),
             tracking: Tracking::default(),
             arrival: ARRIVAL.max(ARRIVAL_COUNTS * axis.encoder.resolution),
             decision: Decision::neutral(0.0, control_flag::DISARMED),
@@ -378,7 +376,6 @@ impl AxisController {
         self.fallback.reset();
         self.standstill.reset();
         self.protection.reset();
-        self.hunting.reset();
         self.references.begin(input.path[0], position, input.generator);
         if self.operation.mode == AxisMode::Hold {
             self.references.hold(None);

@@ -68,7 +68,6 @@ impl AxisController {
         self.gate.begin();
         self.standstill.reset();
         self.protection.reset();
-        self.hunting.reset();
         self.law.interrupt();
         if let Some(position) = self.feedback.position() {
             self.references.hold(Some((position, self.feedback.speed())));

@@ -21,8 +21,8 @@
 //!
 //! The shadow is as right as the commissioned model; what it says of a machine that has changed is confirmed by the
 //! fallback itself. While many errors do not count after an acquittal, B is at least E_f max(V_m/V_f, 1): the fallback
-//! has just shown what it does. A model that is far from the axis makes its shadow swing, and would then excuse every error; hence
-//! the bound on E_s by E_f.
+//! has just shown what it does. A model that is far from the axis makes its shadow swing, and would then excuse every
+//! error; hence the bound on E_s by E_f.
 //!
 //! The reference stands from max(1 s, 6 L) after its last motion on.
 //!

@@ -23,14 +23,13 @@
 //! plant has become four times as fast, times its gain margin.
 //!
 //! Traps: the swing has to be found before it is faster than `max_speed`, where its positions are not believed any
-//! more and the axis latches for another cause; hence speeds and not errors. And a load swings on for a while under any
-//! controller; hence the time after a step. Without it the gains of an axis that others have shaken go down for nothing.
+//! more and the axis latches for another cause; hence speeds and not errors. A faster position has jumped, which is no
+//! swing. And a load swings on for a while under any controller; hence the time after a step. Without it the gains of an
+//! axis that others have shaken go down for nothing.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
 use pipeline::machine::{Axis, Commissioned};
-
-use crate::model::squares::TRANSIENT;
 
 /// W in s and in reactions of the axis.
 const WINDOW: (f64, f64) = (3.0, 20.0);
@@ -43,6 +42,8 @@ const FLIPS: f64 = 3.0;
 const TURN: f64 = 2.0;
 /// |d| that counts twice, and at the end latches, in parts of h.
 const VIOLENT: f64 = 2.0;
+/// Time in which a load swings on after a step, in s and in reactions of the axis.
+const TRANSIENT: (f64, f64) = (1.0, 6.0);
 /// Time without a swing after which a step is taken back, s, and how often it is doubled at most.
 const QUIET: f64 = 30.0;
 const DOUBLINGS: u32 = 4;
@@ -108,6 +109,8 @@ pub struct Hunting {
     window: f64,
     /// Time after a step in which no flip counts, s.
     transient: f64,
+    /// `max_speed`, m/s.
+    fastest: f64,
     /// h_0, m/s.
     floor: f64,
     /// Largest d on the side on which it was last beyond h, and the last speed of the reference; 0 for none yet.
@@ -134,6 +137,7 @@ impl Hunting {
             period,
             window: WINDOW.0.max(WINDOW.1 * reaction),
             transient: TRANSIENT.0.max(TRANSIENT.1 * reaction),
+            fastest: axis.max_speed,
             floor: (FLOOR.0 * axis.max_speed).max(FLOOR.1 * axis.encoder.resolution / speed_time),
             sides: (0.0, 0.0),
             speed: 0.0,
@@ -191,7 +195,7 @@ impl Hunting {
         }
         let (difference, side) = (axis - reference, self.sides.0);
         let bound = self.floor.max(OF_REFERENCE * self.speed.sqrt());
-        if difference.abs() <= bound {
+        if difference.abs() <= bound || axis.abs() > self.fastest {
             return;
         }
         if difference * side < 0.0 {

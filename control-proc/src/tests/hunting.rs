@@ -22,7 +22,7 @@ fn reach(commands: &[AxisCommand]) -> (f64, f64) {
 
 #[test]
 fn a_fallback_that_swings_goes_on_with_lower_gains_and_swings_no_more() {
-    let commands = run("40.0");
+    let commands = run("80.0");
     let cautious = first(&commands, control_flag::CAUTION).unwrap();
     assert!(cautious < 220, "within 2 s of following: {cautious}");
     assert_eq!(first(&commands, control_flag::LATCHED), None);

@@ -177,7 +177,10 @@ mod tests {
         let margins = |command_rate: f64| {
             let control = control(6.0, 0.0, command_rate);
             let linear = Loop::new(&control, &model, mean_slope(&model), PERIOD).margins();
-            (RestLoop { control: &control, model: &model, resolution: 1e-6, period: PERIOD }.margins().gain, linear.gain)
+            (
+                RestLoop { control: &control, model: &model, resolution: 1e-6, period: PERIOD }.margins().gain,
+                linear.gain,
+            )
         };
         let (fast, slow) = (margins(1e3), margins(0.05));
         assert!((fast.0 / fast.1 - 1.0).abs() < 0.15 && slow.1 == fast.1, "{fast:?}");

@@ -94,8 +94,8 @@ pub struct Run {
     pub by_model: u64,
     /// The faults that latched the axis, [`control_flag`] bits.
     pub latched: u32,
-    /// Time from the first tick by the model to the first tick at which it had lost control to the fallback: by a trial,
-    /// for being worse, or for a swing, s.
+    /// Time from the first tick by the model to the first tick at which it had lost control to the fallback, s: by a
+    /// trial, for being worse, or for a swing.
     pub suspected: Option<f64>,
     /// What the axis did while it held a set point; empty for other tasks.
     pub hold: Hold,

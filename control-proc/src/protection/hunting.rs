@@ -24,8 +24,8 @@
 //!
 //! Traps: the swing has to be found before it is faster than `max_speed`, where its positions are not believed any
 //! more and the axis latches for another cause; hence speeds and not errors. A faster position has jumped, which is no
-//! swing. And a load swings on for a while under any controller; hence the time after a step. Without it the gains of an
-//! axis that others have shaken go down for nothing.
+//! swing. And a load swings on for a while under any controller; hence the time after a step. Without it the gains of
+//! an axis that others have shaken go down for nothing.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 

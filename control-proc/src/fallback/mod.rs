@@ -66,6 +66,8 @@ pub struct Fallback {
     ki_period: f64,
     extend: f64,
     retract: f64,
+    /// Part of these gains that is in use.
+    gain: f64,
     limits: Limits,
     feedforward: Option<Feedforward>,
     memory: Memory,
@@ -81,6 +83,7 @@ impl Fallback {
         Self {
             kp: control.kp,
             ki_period: control.ki * period,
+            gain: 1.0,
             extend: control.dead_band.extend,
             retract: control.dead_band.retract,
             limits: Limits::new(control, period),
@@ -102,6 +105,11 @@ impl Fallback {
     /// Changes the largest magnitude of a command.
     pub fn limit(&mut self, magnitude: f64) {
         self.limits.magnitude = magnitude;
+    }
+
+    /// Changes the part of the gains that is in use. The command does not jump by more than the change of kp e.
+    pub fn weaken(&mut self, gain: f64) {
+        self.gain = gain;
     }
 
     /// What is remembered.
@@ -135,14 +143,14 @@ impl Fallback {
     pub fn resume(&mut self, last: f64, error: f64, forward: f64) {
         self.memory.hysteresis.reset();
         self.memory.offset =
-            self.uncompensated(last) - self.kp * error - self.uncompensated(forward) - self.memory.integral;
+            self.uncompensated(last) - self.gain * self.kp * error - self.uncompensated(forward) - self.memory.integral;
     }
 
     /// Another controller has sent `last` at a following error of `error` m: the integral comes to what it would have
     /// to be for that, within its own time kp/ki.
     pub fn track(&mut self, last: f64, error: f64, forward: f64) {
         let part = 1.0 - (-self.ki_period / self.kp).exp();
-        let needed = self.uncompensated(last) - self.kp * error - self.uncompensated(forward);
+        let needed = self.uncompensated(last) - self.gain * self.kp * error - self.uncompensated(forward);
         if part.is_finite() {
             self.memory.integral = self.bounded(self.memory.integral + part * (needed - self.memory.integral));
         }
@@ -151,12 +159,13 @@ impl Fallback {
     /// The command for a following error of `error` m and `forward` as u_r, after the command `last`, within the
     /// limits.
     pub fn update(&mut self, error: f64, forward: f64, last: f64) -> f64 {
-        let opening = self.kp * error + self.memory.integral + self.memory.offset + self.uncompensated(forward);
+        let proportional = self.gain * self.kp * error;
+        let opening = proportional + self.memory.integral + self.memory.offset + self.uncompensated(forward);
         let wanted = self.memory.hysteresis.update(self.compensated(opening));
         self.memory.offset *= self.kept;
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
-            self.memory.integral = self.bounded(self.memory.integral + self.ki_period * error);
+            self.memory.integral = self.bounded(self.memory.integral + self.gain * self.ki_period * error);
         }
         command
     }
@@ -208,6 +217,14 @@ mod tests {
         fallback.reset();
         // Inside the blend, v = 0.004 adds 0.4 of the dead band.
         assert!((fallback.update(0.001, 0.0, 0.0) - (0.004 + 0.4 * 0.08)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_part_of_the_gains_leaves_dead_band_and_feed_forward_as_they_are() {
+        let mut fallback = fallback();
+        fallback.weaken(0.25);
+        assert!((fallback.update(0.1, 0.0, 0.18) - (0.25 * 0.4 + 0.08)).abs() < 1e-12);
+        assert!((fallback.memory.integral - 0.25 * 0.001).abs() < 1e-12);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 mod feedback;
 mod handover;
+mod hunting;
 mod latches;
 pub mod models;
 mod modes;

@@ -275,14 +275,20 @@ fn an_expired_button_cannot_be_held_again_and_wrong_values_are_refused() {
             })
         });
     }
-    let request = |origin: &str, length: usize, body: &str| {
+    let request_to = |uri: &str, origin: &str, length: usize, body: &str| {
         let token = &operated.token;
         let text = format!(
-            "POST /control/press HTTP/1.1\r\nHost: {server}\r\nOrigin: {origin}\r\nContent-Type: application/json\r\n\
+            "POST {uri} HTTP/1.1\r\nHost: {server}\r\nOrigin: {origin}\r\nContent-Type: application/json\r\n\
              X-Hydraxis-Token: {token}\r\nContent-Length: {length}\r\n\r\n{body}"
         );
         status(&exchange(server, text.as_bytes()))
     };
+    let request = |origin: &str, length, body: &str| request_to("/control/press", origin, length, body);
+    for path in ["hello", "press", "beat", "release", "reset", "off"] {
+        let uri = format!("http://evil.example/control/{path}");
+        assert_eq!(request_to(&uri, &format!("http://{server}"), 2, "{}"), 421, "{uri}");
+    }
+    assert_eq!(request_to(&format!("http://{server}/control/hello"), &format!("http://{server}"), 2, "{}"), 200);
     assert_eq!(request("http://evil.example", 2, "{}"), 403);
     assert_eq!(request(&format!("http://{server}"), 5000, &" ".repeat(5000)), 413);
     let begin = Instant::now();
@@ -294,7 +300,7 @@ fn an_expired_button_cannot_be_held_again_and_wrong_values_are_refused() {
 
 /// A random request without the token. Its parts are those of right requests, of wrong ones, and noise.
 fn request(dice: &mut Dice, host: SocketAddr) -> Vec<u8> {
-    const PATHS: [&str; 14] = [
+    const PATHS: [&str; 16] = [
         "/control/press",
         "/control/press",
         "/control/beat",
@@ -309,6 +315,8 @@ fn request(dice: &mut Dice, host: SocketAddr) -> Vec<u8> {
         "/",
         "/control/Press",
         "/control/press/",
+        "http://HOST/control/press",
+        "http://evil.example/control/press",
     ];
     const BODIES: [&str; 6] = [
         r#"{"hold":1,"stamp":STAMP,"axes":["boom"],"mode":"manual","command":0.5}"#,
@@ -334,7 +342,7 @@ fn request(dice: &mut Dice, host: SocketAddr) -> Vec<u8> {
     };
     let kind = dice.one_of(&["application/json", "application/json", "text/plain", "application/json; x=1"]);
     let length = if dice.once_in(10) { dice.below(5000) as usize } else { body.len() };
-    let path = dice.one_of(&PATHS);
+    let path = dice.one_of(&PATHS).replace("HOST", &host.to_string());
     let text = format!(
         "{method} {path} HTTP/1.1\r\nHost: {host}\r\n{origin}Content-Type: {kind}\r\n{token}Connection: close\r\n\
          Content-Length: {length}\r\n\r\n{body}"

@@ -87,6 +87,11 @@ impl Controller {
         self
     }
 
+    #[cfg(test)]
+    pub(crate) fn allow_each_gain(&mut self, range: [f64; 2]) {
+        self.axes.iter_mut().for_each(|axis| axis.allow_gains(range));
+    }
+
     /// Arms the axes: they settle and then follow. Without effect on axes that are armed already or latched.
     pub fn arm(&mut self) {
         self.axes.iter_mut().for_each(AxisController::arm);

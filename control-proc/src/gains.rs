@@ -33,7 +33,8 @@ pub fn range(axis: &Axis, period: f64) -> [f64; 2] {
     // L is in proportion to p, so its gain margin is known for all p; the delay margin is not.
     let largest = (margins(1.0, slope).gain / LEAST_GAIN_MARGIN).min(LARGEST);
     let largest = if largest > 1.0 {
-        reduced(&with(largest), model, slope, period, Margins::is_kept).map_or(1.0, |(part, _)| (part * largest).max(1.0))
+        reduced(&with(largest), model, slope, period, Margins::is_kept)
+            .map_or(1.0, |(part, _)| (part * largest).max(1.0))
     } else {
         1.0
     };

@@ -107,7 +107,9 @@ pub enum OperatorError {
     )]
     Pressed(Prefix),
     /// The controller has refused other gains.
-    #[error("{state}: gains of {gain} times those of the machine file are refused; allowed: {allowed}, while it is off")]
+    #[error(
+        "{state}: gains of {gain} times those of the machine file are refused; allowed: {allowed}, while it is off"
+    )]
     Gain {
         /// The state of the axis.
         state: String,

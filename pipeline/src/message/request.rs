@@ -23,9 +23,9 @@ shared_struct! {
         /// 1 to disarm the axis when the messages of this session stop, in every mode; 0 only in the modes manual and
         /// commission.
         pub hold_to_run: u32,
-        /// Gains of the fallback from now on, as a part of those in the machine file; 0 leaves them as they are. Only for
-        /// an axis that is not armed, within [`AxisState::gain_range`](super::AxisState::gain_range), and not in the
-        /// first message of a session. With the mode off it is not looked at.
+        /// Gains of the fallback from now on, as a part of those in the machine file; 0 leaves them as they are. Only
+        /// for an axis that is not armed, within [`AxisState::gain_range`](super::AxisState::gain_range), and not in
+        /// the first message of a session. With the mode off it is not looked at.
         pub gain: f64,
     }
 }

@@ -69,8 +69,8 @@ shared_struct! {
         pub outliers: u64,
         /// Number of samples since the last sample that updated the coefficients.
         pub since_update: u64,
-        /// Weights of the estimators that the estimator `auto` runs side by side, in the order of [`MEMBERS`]; their sum
-        /// is 1. All are 0 with another estimator, and before training has found a first model.
+        /// Weights of the estimators that the estimator `auto` runs side by side, in the order of [`MEMBERS`]; their
+        /// sum is 1. All are 0 with another estimator, and before training has found a first model.
         pub weights: [f64; MEMBERS.len()],
         /// Length of the horizon, samples.
         pub horizon: u32,
@@ -79,8 +79,8 @@ shared_struct! {
     }
 }
 
-/// The estimators that the estimator `auto` runs side by side, in the order of [`AxisSnapshot::weights`]: what they learn,
-/// and their memory in horizons.
+/// The estimators that the estimator `auto` runs side by side, in the order of [`AxisSnapshot::weights`]: what they
+/// learn, and their memory in horizons.
 pub const MEMBERS: [&str; 11] = [
     "held",
     "still",

@@ -12,7 +12,9 @@ use std::time::{Duration, Instant};
 use pipeline::{
     channel::{ChannelError, Reader},
     hammerstein::Coefficients,
-    message::{AxisSnapshot, CoefficientSnapshot, EncoderSample, MEMBERS, ModelErrors, ValveCommand, bit_names, model_fault},
+    message::{
+        AxisSnapshot, CoefficientSnapshot, EncoderSample, MEMBERS, ModelErrors, ValveCommand, bit_names, model_fault,
+    },
     statistics::ErrorStatistics,
 };
 use serde::Serialize;

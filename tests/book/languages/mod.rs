@@ -16,7 +16,8 @@ use pipeline::{
     layout::{Field, Layout, Shape, named, with_name, with_number},
     message::{
         AxisMode, CHANNELS, CoefficientSnapshot, ControlMode, EncoderReading, EncoderSample, MAX_PREVIEW, MEMBERS,
-        MachineState, Message, REFUSALS, Reference, Request, StageHealth, ValveCommand, control_flag, model_fault, sample_fault,
+        MachineState, Message, REFUSALS, Reference, Request, StageHealth, ValveCommand, control_flag, model_fault,
+        sample_fault,
     },
 };
 

@@ -35,7 +35,8 @@ async function until(what, look, patience = 30000) {
 }
 
 const group = () =>
-  start(["run", "--prefix", PREFIX, "--duration", "20min", "--no-black-box", "--set", "timing.feedback_timeout=1s"]);
+  start(["run", "--prefix", PREFIX, "--duration", "20min", "--no-black-box", "--set", "timing.feedback_timeout=1s",
+    "--set", "axis.boom.identification.estimator=auto"]);
 
 async function monitor(address) {
   const child = start(["monitor", "--prefix", PREFIX, "--allow-control", "--listen", address]);

@@ -52,7 +52,7 @@ mod tests {
         let mut axis = crate::tests::machine(1).axes[0].clone();
         assert_eq!(range(&axis, 0.01), FIXED, "without a model");
         let model = commissioned();
-        axis.commissioned = Some(model);
+        axis.commissioned = Some(model.clone());
         let mut raised = 0;
         for kp in [0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0] {
             axis.control = Control { kp, ki: 0.25 * kp, ..axis.control };

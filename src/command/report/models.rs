@@ -109,9 +109,10 @@ impl Models {
             line(name, kept.iter().map(|(t, moment)| (*t, of(name, moment))).collect(), colour, 3)
         });
         let chart = chart("Weights of the estimators", "weight", HALF, series.collect());
-        let caption = "Several estimators run side by side; the adaptive model is their sum by these weights. held and \
+        let caption =
+            "Several estimators run side by side; the adaptive model is their sum by these weights. held and \
                        still learn nothing: the held model, and no motion. The others are named by what they learn."
-            .to_owned();
+                .to_owned();
         Some(Figure { chart, caption })
     }
 

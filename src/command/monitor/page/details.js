@@ -142,7 +142,7 @@ const Details = (() => {
   function weights(list) {
     by("bank").hidden = !list.length;
     if (bars.map((bar) => bar.name).join() !== list.map(([name]) => name).join()) {
-      rows("weight-table", ["what it learns, memory in horizons", "", "weight"], list.map(([name]) => [name, "", ""]));
+      rows("weight-table", ["what it learns, memory in horizons", "of 100 %", "weight"], list.map(([name]) => [name, "", ""]));
       bars = [...by("weight-table").querySelectorAll("tbody tr")].map((row, i) => {
         const svg = document.createElementNS(NAMES, "svg");
         svg.setAttribute("viewBox", "0 0 100 10");

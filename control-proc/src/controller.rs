@@ -34,6 +34,9 @@ use crate::{
     trajectory_file::{ReferenceError, read_references},
 };
 
+/// Time for which the teeth wait for axes that come no closer to the begin of their way, s.
+const PATIENCE_AT_BEGIN: f64 = 5.0;
+
 /// The controller of a machine. Disarmed until [`Controller::arm`] or a request arms its axes.
 #[derive(Debug, Clone)]
 pub struct Controller {
@@ -52,6 +55,8 @@ pub struct Controller {
     session: u64,
     /// Samples in a row that were not newer than the last.
     repeated: u64,
+    /// Ticks for which the references of all axes of the teeth have been at the begin of the way.
+    at_begin: u64,
 }
 
 impl Controller {
@@ -75,6 +80,7 @@ impl Controller {
             last_sequence: None,
             session: 0,
             repeated: 0,
+            at_begin: 0,
         })
     }
 
@@ -266,15 +272,19 @@ impl Controller {
         }
     }
 
-    /// Begins the motion of the teeth when all of their axes have come to its begin. When one of them stops, the others
+    /// Begins the motion of the teeth when all of their axes have come to its begin; an axis that comes no closer for
+    /// [`PATIENCE_AT_BEGIN`] begins with what is left of its error. When one of them stops, the others
     /// leave the way as well: it cannot be traced without it. A motion that was left begins anew.
     fn lead_teeth(&mut self) {
         let ticks = self.path.ticks();
         let (now, last) = (ticks[0], ticks[ticks.len() - 1]);
         let start = self.generator.tip_start();
+        let are_at_begin = start.is_none() && self.generator.tip_axes().all(|axis| self.axes[axis].tracks(last));
+        self.at_begin = if are_at_begin { self.at_begin.saturating_add(1) } else { 0 };
+        let is_late = self.at_begin as f64 * self.period >= PATIENCE_AT_BEGIN;
         let have_arrived = self.generator.tip_axes().all(|axis| match start {
             Some(start) => self.axes[axis].tracks(start.max(now)),
-            None => self.axes[axis].has_arrived(last),
+            None => self.axes[axis].has_arrived(last, is_late),
         });
         match (start.is_some(), have_arrived) {
             // What a preview has shown so far stays as it is.

@@ -48,6 +48,9 @@ pub struct Teeth {
     /// Where the error was largest, m.
     worst: [f64; 2],
     is_done: bool,
+    names: Vec<String>,
+    /// Where the cylinders were at the last tick before the way, m.
+    before: [f64; AXES],
 }
 
 /// The figures of a run; m, degrees and s.
@@ -67,6 +70,8 @@ pub struct TeethFigures {
     pub length: f64,
     /// The planned time has passed.
     pub is_done: bool,
+    /// Where the teeth have not begun: the axis that is furthest from the begin of the way, and how far, m.
+    pub awaited: Option<(String, f64)>,
     /// Statistics, to be merged.
     #[serde(skip)]
     pub error: ErrorStatistics,
@@ -87,6 +92,8 @@ impl Teeth {
             pitch: ErrorStatistics::default(),
             worst: [f64::NAN; 2],
             is_done: false,
+            names: machine.axes.iter().take(AXES).map(|axis| axis.name.clone()).collect(),
+            before: [f64::NAN; AXES],
         }))
     }
 
@@ -97,12 +104,15 @@ impl Teeth {
 
     /// Takes in a tick; `way` is [`control_proc::Controller::on_the_way`].
     pub fn observe(&mut self, way: Option<(f64, f64)>, plant: &PlantSim) {
-        let Some(t) = way.map(|(start, now)| self.period * (now - start)).filter(|t| *t >= 0.0) else { return };
+        let positions: [f64; AXES] = std::array::from_fn(|i| plant.axes()[i].position);
+        let Some(t) = way.map(|(start, now)| self.period * (now - start)).filter(|t| *t >= 0.0) else {
+            self.before = positions;
+            return;
+        };
         if t > self.plan.duration() {
             self.is_done = true;
             return;
         }
-        let positions: [f64; AXES] = std::array::from_fn(|i| plant.axes()[i].position);
         let pose = self.mechanism.pose(&positions);
         let s = self.plan.length(t);
         let way = self.plan.way();
@@ -138,8 +148,19 @@ impl Teeth {
             duration: self.plan.duration(),
             length: self.plan.way().length(),
             is_done: self.is_done,
+            awaited: if has_begun { None } else { self.awaited() },
             error: self.error,
         }
+    }
+
+    /// The axis that is furthest from its begin of the way, and how far, m; none before the first tick.
+    fn awaited(&self) -> Option<(String, f64)> {
+        let away = self.names.iter().enumerate().filter_map(|(i, name)| {
+            let (_, begin) = *self.plan.points(i).first()?;
+            let error = (self.before[i] - begin).abs();
+            error.is_finite().then(|| (name.clone(), error))
+        });
+        away.max_by(|a, b| a.1.total_cmp(&b.1))
     }
 }
 
@@ -156,7 +177,15 @@ impl TeethFigures {
                 number(pitch),
                 if self.is_done { "" } else { "; the run ended before the way" }
             ),
-            _ => format!("Teeth, {planned}: not begun; all four axes have to track, and to come to its begin first.\n"),
+            _ => {
+                let awaited = self.awaited.as_ref().map(|(axis, error)| {
+                    format!(" axis.{axis} was furthest from it at the end, {} mm.", number(1e3 * error))
+                });
+                format!(
+                    "Teeth, {planned}: not begun; all four axes have to track, and to come to its begin first.{}\n",
+                    awaited.unwrap_or_default()
+                )
+            }
         }
     }
 }

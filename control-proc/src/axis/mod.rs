@@ -79,6 +79,9 @@ use state::{State, StateMachine, Transition};
 /// encoder, of which the larger one counts.
 const ARRIVAL: f64 = 2e-3;
 const ARRIVAL_COUNTS: f64 = 3.0;
+/// Following error with which an axis may begin that has not come closer for a time, m: its load drifts, or its valve
+/// does not answer so close to its middle.
+const LATE_ARRIVAL: f64 = 1e-2;
 
 /// What one axis gets for one tick.
 #[derive(Debug, Clone, Copy)]
@@ -205,9 +208,10 @@ impl AxisController {
         self.follows() && self.operation.mode == AxisMode::Track && self.references.has_arrived(tick)
     }
 
-    /// Whether the axis has come to its reference as well.
-    pub fn has_arrived(&self, tick: f64) -> bool {
-        self.tracks(tick) && self.decision.error.abs() <= self.arrival
+    /// Whether the axis has come to its reference as well; `is_late` says that it has had much time for it.
+    pub fn has_arrived(&self, tick: f64, is_late: bool) -> bool {
+        let allowed = if is_late { self.arrival.max(LATE_ARRIVAL) } else { self.arrival };
+        self.tracks(tick) && self.decision.error.abs() <= allowed
     }
 
     /// Lets an axis that tracks come to a stand and hold there, because another one does not trace the way with it.

@@ -17,6 +17,8 @@ struct Ideal {
     sequence: u64,
     /// An axis whose encoder has failed.
     failed: Option<usize>,
+    /// How far the bucket stays behind its reference, m.
+    beside: f64,
 }
 
 impl Ideal {
@@ -28,7 +30,7 @@ impl Ideal {
         let plan = TipPlan::of(&machine).unwrap().unwrap();
         let first: Vec<f64> = (0..AXES).map(|axis| plan.points(axis)[0].1).collect();
         let positions = std::array::from_fn(|i| first[i] + 0.02 * (i as f64 - 1.0));
-        Self { controller: Controller::new(&machine).unwrap(), plan, positions, sequence: 0, failed: None }
+        Self { controller: Controller::new(&machine).unwrap(), plan, positions, sequence: 0, failed: None, beside: 0.0 }
     }
 
     fn tick(&mut self) -> ValveCommand {
@@ -40,6 +42,7 @@ impl Ideal {
         for (position, axis) in self.positions.iter_mut().zip(&command.axes) {
             *position = axis.reference;
         }
+        self.positions[3] -= self.beside;
         self.sequence += 1;
         command
     }
@@ -71,6 +74,22 @@ fn the_axes_begin_together_once_all_of_them_are_at_the_begin_and_trace_the_plan(
         }
         ideal.tick();
     }
+}
+
+#[test]
+fn an_axis_that_comes_no_closer_begins_late_and_one_that_is_far_away_never() {
+    let waited = |beside: f64| {
+        let mut ideal = Ideal { beside, ..Ideal::new() };
+        ideal.controller.arm();
+        ideal.await_way()
+    };
+    let in_time = waited(1.8e-3);
+    assert!(in_time < 400, "{in_time}");
+    for beside in [2.5e-3, 9.5e-3] {
+        let late = waited(beside);
+        assert!((450..=550).contains(&(late - in_time)), "{beside} m: {late} and {in_time} ticks");
+    }
+    assert_eq!(waited(10.5e-3), 1000);
 }
 
 #[test]

@@ -84,8 +84,8 @@ impl Controller {
         })
     }
 
-    /// Requests may change the gains of the fallback, within [`gains::range`] of each axis of `machine`. Not for the loop:
-    /// it works out the margins.
+    /// Requests may change the gains of the fallback, within [`gains::range`] of each axis of `machine`. Not for the
+    /// loop: it works out the margins.
     pub fn with_gains(mut self, machine: &Machine) -> Self {
         for (controller, axis) in self.axes.iter_mut().zip(&machine.axes) {
             controller.allow_gains(gains::range(axis, self.period));

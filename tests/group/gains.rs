@@ -1,5 +1,5 @@
-//! Gains of a running group that are changed from the page: within their range, while the axis is off, and for as long as
-//! the controller lives.
+//! Gains of a running group that are changed from the page: within their range, while the axis is off, and for as long
+//! as the controller lives.
 
 use pipeline::{
     channel::{Group, Reader},

@@ -233,7 +233,7 @@ fn figure(figures: &[Value], n: usize, name: &str, key: &str) -> f64 {
 }
 
 fn main() {
-    let arguments = Arguments::read();
+    let arguments = Arguments::read(&[]);
     let (samples, axis_samples) = if arguments.quick { (50, 500) } else { (10_000, 10_000) };
     let before = report::load();
     let figures = [compare::<5>(samples), compare::<15>(samples), compare::<40>(samples)].concat();

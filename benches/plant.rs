@@ -79,7 +79,7 @@ struct Subject {
 }
 
 fn main() {
-    let arguments = Arguments::read();
+    let arguments = Arguments::read(&[]);
     let samples = if arguments.quick { 200 } else { 20_000 };
     let cases = [
         ("nominal", 4, false),

@@ -140,7 +140,7 @@ fn cost<const N: usize>(problem: &Problem<N, N>, x: &[f64; N]) -> f64 {
 }
 
 fn main() {
-    let arguments = Arguments::read();
+    let arguments = Arguments::read(&[]);
     let samples = if arguments.quick { 200 } else { 20_000 };
     let before = report::load();
     let mut figures = Vec::new();

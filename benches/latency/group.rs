@@ -48,7 +48,7 @@ impl Running {
         let mut running = Self::new(name);
         let period = format!("timing.period={}us", PERIOD.as_micros());
         let settings: Vec<&str> = [period.as_str()].iter().chain(settings).flat_map(|s| ["--set", *s]).collect();
-        running.start(&[&["run", "--duration", "3600s"], &settings[..]].concat());
+        running.start(&[&["run", "--duration", "3600s", "--no-record"], &settings[..]].concat());
         await_some(|| running.prefix.folder().join("members").exists().then_some(()));
         let group = running.join();
         let mut health: Reader<StageHealth> = group.reader().expect("a place among the readers");

@@ -29,13 +29,13 @@ const BUSY: Duration = Duration::from_millis(4 * 300 + 150);
 const BEAT: Duration = Duration::from_millis(50);
 
 /// A group with all axes off, its commands, and a monitor that may operate it.
-struct Operated {
+pub struct Operated {
     commands: Reader<ValveCommand>,
     requests: Reader<Request>,
     _channels: Group,
-    running: Running,
+    pub running: Running,
     monitor: Child,
-    address: SocketAddr,
+    pub address: SocketAddr,
     token: String,
     /// What the server has told last.
     stamp: u64,
@@ -43,8 +43,13 @@ struct Operated {
 
 impl Operated {
     fn start(test: &str) -> Self {
+        Self::start_with(test, &[])
+    }
+
+    /// With more arguments of the run.
+    pub fn start_with(test: &str, arguments: &[&str]) -> Self {
         let options = ["--off", "--duration", "600s", "--set", "timing.feedback_timeout=1s"];
-        let running = Running::start_with(test, &options);
+        let running = Running::start_with(test, &[arguments, &options].concat());
         let prefix = running.group.prefix.to_string();
         let mut command = hydraxis();
         command.args(["monitor", "--allow-control", "--listen", "127.0.0.1:0", "--prefix", &prefix]);
@@ -66,7 +71,7 @@ impl Operated {
     }
 
     /// Status and JSON of the answer to a request of the own page; 0 where there is none.
-    fn ask(&self, to: SocketAddr, path: &str, body: &Value, token: Option<&str>) -> (u32, Value) {
+    pub fn ask(&self, to: SocketAddr, path: &str, body: &Value, token: Option<&str>) -> (u32, Value) {
         let body = body.to_string();
         let token = token.map(|token| format!("X-Hydraxis-Token: {token}\r\n")).unwrap_or_default();
         let host = self.address;
@@ -81,14 +86,14 @@ impl Operated {
     }
 
     /// Asks with the token over this address, and takes over the stamp of the answer.
-    fn say(&mut self, to: SocketAddr, path: &str, body: &Value) -> (u32, Value) {
+    pub fn say(&mut self, to: SocketAddr, path: &str, body: &Value) -> (u32, Value) {
         let (status, said) = self.ask(to, path, body, Some(&self.token));
         self.stamp = said["stamp"].as_u64().unwrap_or(self.stamp);
         (status, said)
     }
 
     /// Holds the button of the boom over this address until its valve opens. Returns the number of the button.
-    fn hold(&mut self, to: SocketAddr) -> u64 {
+    pub fn hold(&mut self, to: SocketAddr) -> u64 {
         let mut id = 0;
         wait_for("a press that arms the boom", || {
             id += 1;
@@ -113,7 +118,7 @@ impl Operated {
         id
     }
 
-    fn newest(&mut self) -> ValveCommand {
+    pub fn newest(&mut self) -> ValveCommand {
         while self.commands.read().unwrap().if_new().is_some() {}
         self.commands.last().copied().unwrap_or_default()
     }
@@ -275,14 +280,20 @@ fn an_expired_button_cannot_be_held_again_and_wrong_values_are_refused() {
             })
         });
     }
-    let request = |origin: &str, length: usize, body: &str| {
+    let request_to = |uri: &str, origin: &str, length: usize, body: &str| {
         let token = &operated.token;
         let text = format!(
-            "POST /control/press HTTP/1.1\r\nHost: {server}\r\nOrigin: {origin}\r\nContent-Type: application/json\r\n\
+            "POST {uri} HTTP/1.1\r\nHost: {server}\r\nOrigin: {origin}\r\nContent-Type: application/json\r\n\
              X-Hydraxis-Token: {token}\r\nContent-Length: {length}\r\n\r\n{body}"
         );
         status(&exchange(server, text.as_bytes()))
     };
+    let request = |origin: &str, length, body: &str| request_to("/control/press", origin, length, body);
+    for path in ["hello", "press", "beat", "release", "reset", "off"] {
+        let uri = format!("http://evil.example/control/{path}");
+        assert_eq!(request_to(&uri, &format!("http://{server}"), 2, "{}"), 421, "{uri}");
+    }
+    assert_eq!(request_to(&format!("http://{server}/control/hello"), &format!("http://{server}"), 2, "{}"), 200);
     assert_eq!(request("http://evil.example", 2, "{}"), 403);
     assert_eq!(request(&format!("http://{server}"), 5000, &" ".repeat(5000)), 413);
     let begin = Instant::now();
@@ -294,7 +305,8 @@ fn an_expired_button_cannot_be_held_again_and_wrong_values_are_refused() {
 
 /// A random request without the token. Its parts are those of right requests, of wrong ones, and noise.
 fn request(dice: &mut Dice, host: SocketAddr) -> Vec<u8> {
-    const PATHS: [&str; 14] = [
+    const PATHS: [&str; 17] = [
+        "/control/gain",
         "/control/press",
         "/control/press",
         "/control/beat",
@@ -309,8 +321,11 @@ fn request(dice: &mut Dice, host: SocketAddr) -> Vec<u8> {
         "/",
         "/control/Press",
         "/control/press/",
+        "http://HOST/control/press",
+        "http://evil.example/control/press",
     ];
-    const BODIES: [&str; 6] = [
+    const BODIES: [&str; 7] = [
+        r#"{"axis":"boom","gain":0.5}"#,
         r#"{"hold":1,"stamp":STAMP,"axes":["boom"],"mode":"manual","command":0.5}"#,
         r#"{"hold":1,"stamp":STAMP,"command":0.5}"#,
         r#"{"axes":["boom"]}"#,
@@ -334,7 +349,7 @@ fn request(dice: &mut Dice, host: SocketAddr) -> Vec<u8> {
     };
     let kind = dice.one_of(&["application/json", "application/json", "text/plain", "application/json; x=1"]);
     let length = if dice.once_in(10) { dice.below(5000) as usize } else { body.len() };
-    let path = dice.one_of(&PATHS);
+    let path = dice.one_of(&PATHS).replace("HOST", &host.to_string());
     let text = format!(
         "{method} {path} HTTP/1.1\r\nHost: {host}\r\n{origin}Content-Type: {kind}\r\n{token}Connection: close\r\n\
          Content-Length: {length}\r\n\r\n{body}"

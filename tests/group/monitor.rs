@@ -225,8 +225,12 @@ fn wrong_requests_are_refused_and_the_server_goes_on() {
     assert_eq!(with("GET / HTTP/1.1\nHost: HOST\n\n"), 200);
     assert_eq!(with("HEAD / HTTP/1.1\nHost: HOST\n\n"), 200);
     assert_eq!(with("GET / HTTP/1.1\nHost: cab.local\n\n"), 200);
+    assert_eq!(with("GET http://HOST/ HTTP/1.1\nHost: HOST\n\n"), 200);
     for (expected, request) in [
         (421, "GET /state HTTP/1.1\nHost: evil.example\n\n"),
+        (421, "GET http://evil.example/state HTTP/1.1\nHost: HOST\n\n"),
+        (421, "GET http://evil.example/events HTTP/1.1\nHost: HOST\n\n"),
+        (421, "HEAD https://evil.example/ HTTP/1.1\nHost: HOST\n\n"),
         (400, "GET /state HTTP/1.1\n\n"),
         (403, "GET /state HTTP/1.1\nHost: HOST\nOrigin: http://evil.example\n\n"),
         (403, "GET /events HTTP/1.1\nHost: HOST\nSec-Fetch-Site: cross-site\n\n"),

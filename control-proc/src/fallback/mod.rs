@@ -61,6 +61,8 @@ pub struct Memory {
 /// The fallback controller of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fallback {
+    /// kp and ki of the machine file.
+    gains: [f64; 2],
     kp: f64,
     /// ki T, 1/m.
     ki_period: f64,
@@ -69,6 +71,7 @@ pub struct Fallback {
     limits: Limits,
     feedforward: Option<Feedforward>,
     memory: Memory,
+    period: f64,
     /// Part of this difference that is left a tick later.
     kept: f64,
 }
@@ -79,6 +82,7 @@ impl Fallback {
     pub fn new(control: &Control, commissioned: Option<&Commissioned>, period: f64) -> Self {
         let model = commissioned.filter(|_| control.feedforward);
         Self {
+            gains: [control.kp, control.ki],
             kp: control.kp,
             ki_period: control.ki * period,
             extend: control.dead_band.extend,
@@ -90,6 +94,7 @@ impl Fallback {
                 integral: 0.0,
                 offset: 0.0,
             },
+            period,
             kept: (-period / HANDOVER).exp(),
         }
     }
@@ -102,6 +107,13 @@ impl Fallback {
     /// Changes the largest magnitude of a command.
     pub fn limit(&mut self, magnitude: f64) {
         self.limits.magnitude = magnitude;
+    }
+
+    /// Uses this part of both gains of the machine file. Before the axis begins to follow: the integral is not carried
+    /// over.
+    pub fn scale(&mut self, part: f64) {
+        let [kp, ki] = self.gains;
+        (self.kp, self.ki_period) = (part * kp, part * ki * self.period);
     }
 
     /// What is remembered.
@@ -208,6 +220,18 @@ mod tests {
         fallback.reset();
         // Inside the blend, v = 0.004 adds 0.4 of the dead band.
         assert!((fallback.update(0.001, 0.0, 0.0) - (0.004 + 0.4 * 0.08)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn scaled_gains_scale_the_command_beyond_the_dead_band() {
+        let (mut whole, mut half) = (fallback(), fallback());
+        half.scale(0.5);
+        assert!((half.update(0.05, 0.0, 0.18) - (0.1 + 0.08)).abs() < 1e-12);
+        assert!((half.update(0.05, 0.0, 0.18) - (0.1 + 0.00025 + 0.08)).abs() < 1e-12);
+        half.reset();
+        half.scale(1.0);
+        assert_eq!(half, whole);
+        assert_eq!(half.update(0.013, 0.0, 0.1), whole.update(0.013, 0.0, 0.1));
     }
 
     #[test]

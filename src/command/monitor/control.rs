@@ -6,6 +6,7 @@
 //! | `/control/hello` | needed | tells the server's time, which later requests send back as their stamp |
 //! | `/control/press`, `beat`, `release` | needed | arm axes for as long as a button is held: [`super::hold`] |
 //! | `/control/reset` | needed | releases latched axes, which stay disarmed |
+//! | `/control/gain` | needed | changes the gains of the fallback of an axis that is off |
 //!
 //! All are POST with a body of JSON of the page's own origin, which the guard has checked.
 
@@ -91,6 +92,14 @@ struct Release {
 #[serde(deny_unknown_fields)]
 struct Reset {
     axes: Vec<String>,
+}
+
+/// An axis, and the part of the gains in the machine file that its fallback is to have.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Gain {
+    axis: String,
+    gain: f64,
 }
 
 impl Control {
@@ -180,6 +189,13 @@ impl Control {
         Ok(json!({ "stamp": self.stamp(), "phase": "arming" }))
     }
 
+    /// The parts of its gains that an axis may have, as its controller has told them last.
+    fn gain_range(&self, name: &str) -> Result<[f64; 2], Refused> {
+        let report = self.published.report();
+        let figures = report.as_ref().and_then(|report| report.axes().find(|(axis, _)| *axis == name));
+        figures.map(|(_, figures)| figures.gain_range).ok_or_else(|| unusable(format!("axis: found {name:?}, unknown")))
+    }
+
     fn beat(&self, beat: &Beat) -> Answer {
         let stamp = self.time_of(beat.stamp)?;
         let Some(hold) = self.held(beat.hold) else {
@@ -247,7 +263,7 @@ pub fn routes(control: &Arc<Control>) -> Router {
         let control = Arc::clone(control);
         post(move |headers: HeaderMap, body: Bytes| async move { answer(act(&control, &headers, &body)) })
     };
-    let (stopping, resetting) = (Arc::clone(control), Arc::clone(control));
+    let (stopping, resetting, scaling) = (Arc::clone(control), Arc::clone(control), Arc::clone(control));
     Router::new()
         .route(
             "/control/hello",
@@ -283,6 +299,7 @@ pub fn routes(control: &Arc<Control>) -> Router {
             }),
         )
         .route("/control/reset", post(move |headers: HeaderMap, body: Bytes| reset(resetting, headers, body)))
+        .route("/control/gain", post(move |headers: HeaderMap, body: Bytes| scale(scaling, headers, body)))
         .route("/control/off", post(move || off(stopping)))
 }
 
@@ -320,11 +337,44 @@ async fn reset(control: Arc<Control>, headers: HeaderMap, body: Bytes) -> Respon
         Ok(asked) => asked,
         Err(refused) => return answer(Err(refused)),
     };
-    let done = tokio::task::spawn_blocking(move || {
+    operate(move || {
         let released = release(&prefix, &reset.axes);
         let _ = remove_leftovers(&prefix);
-        released.map_err(|failure| failed(failure.to_string()))
+        released
+    })
+    .await
+}
+
+/// Changes the gains of the fallback of an axis. It waits for the controller, so it has a thread.
+async fn scale(control: Arc<Control>, headers: HeaderMap, body: Bytes) -> Response {
+    let asked = control.admit(&headers, None).and_then(|()| {
+        let gain = parsed::<Gain>(&body)?;
+        Ok((control.group()?, control.gain_range(&gain.axis)?, gain))
     });
+    let (prefix, range, Gain { axis, gain }) = match asked {
+        Ok(asked) => asked,
+        Err(refused) => return answer(Err(refused)),
+    };
+    if !(range[0]..=range[1]).contains(&gain) {
+        let [least, largest] = range;
+        return answer(Err(unusable(format!("gain: found {gain}; allowed: {least:.3} to {largest:.3}"))));
+    }
+    operate(move || {
+        let scaled = Operator::join(&prefix, false, Arc::new(AtomicBool::new(false))).map_err(Failure::from).and_then(
+            |mut operator| {
+                let place = axes_of(operator.machine().names(), &[axis]).map_err(Failure::usage)?[0];
+                Ok(json!({ "gain": gain, "before": operator.scale(place, gain, range)? }))
+            },
+        );
+        let _ = remove_leftovers(&prefix);
+        scaled
+    })
+    .await
+}
+
+/// Does on a thread what waits for the controller.
+async fn operate(act: impl FnOnce() -> Result<Value, Failure> + Send + 'static) -> Response {
+    let done = tokio::task::spawn_blocking(move || act().map_err(|failure| failed(failure.to_string())));
     answer(done.await.unwrap_or_else(|error| Err(failed(error))))
 }
 

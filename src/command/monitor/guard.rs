@@ -6,7 +6,7 @@
 
 use std::net::IpAddr;
 
-use axum::http::{HeaderMap, HeaderName, Method, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, Method, StatusCode, Uri, header};
 
 /// Begin of the paths that operate axes.
 const CONTROL: &str = "/control/";
@@ -31,10 +31,10 @@ impl Guard {
     }
 
     /// Why a request is refused, if it is.
-    pub fn refusal(&self, method: &Method, path: &str, headers: &HeaderMap) -> Option<(StatusCode, &'static str)> {
+    pub fn refusal(&self, method: &Method, uri: &Uri, headers: &HeaderMap) -> Option<(StatusCode, &'static str)> {
         let text = |name: &HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
-        if self.controls && *method == Method::POST && path.starts_with(CONTROL) {
-            return no_command(headers).or_else(|| self.foreign(headers));
+        if self.controls && *method == Method::POST && uri.path().starts_with(CONTROL) {
+            return no_command(headers).or_else(|| self.foreign(uri, headers));
         }
         if *method != Method::GET && *method != Method::HEAD {
             return Some((StatusCode::METHOD_NOT_ALLOWED, "found another method; allowed: GET, HEAD\n"));
@@ -43,16 +43,18 @@ impl Guard {
         if has_body || headers.contains_key(header::TRANSFER_ENCODING) {
             return Some((StatusCode::PAYLOAD_TOO_LARGE, "found a request with a body; allowed: none\n"));
         }
-        self.foreign(headers)
+        self.foreign(uri, headers)
     }
 
     /// Why a request is not one of the server's own pages, if it is not.
-    fn foreign(&self, headers: &HeaderMap) -> Option<(StatusCode, &'static str)> {
+    fn foreign(&self, uri: &Uri, headers: &HeaderMap) -> Option<(StatusCode, &'static str)> {
         let text = |name: &HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
         let Some(host) = text(&header::HOST) else {
             return Some((StatusCode::BAD_REQUEST, "found no Host; allowed: the address of the server\n"));
         };
-        if headers.get_all(header::HOST).iter().count() > 1 || !self.is_own(host) {
+        // A request line may name a server, too (RFC 9112, 3.2.2): that one counts, and must be the one of Host.
+        let is_another = uri.authority().is_some_and(|named| !named.as_str().eq_ignore_ascii_case(host));
+        if headers.get_all(header::HOST).iter().count() > 1 || is_another || !self.is_own(host) {
             return Some((
                 StatusCode::MISDIRECTED_REQUEST,
                 "found a name that is not the server's; allowed: its address, localhost, or a name of --host\n",
@@ -111,13 +113,13 @@ mod tests {
         refusal(false, method, "/state", headers)
     }
 
-    fn refusal(controls: bool, method: Method, path: &str, headers: &[(&'static str, &'static str)]) -> u16 {
+    fn refusal(controls: bool, method: Method, uri: &str, headers: &[(&'static str, &'static str)]) -> u16 {
         let guard = Guard::new(&["Cab.local".to_owned()], controls);
         let mut map = HeaderMap::new();
         for (name, value) in headers {
             map.append(*name, HeaderValue::from_static(value));
         }
-        guard.refusal(&method, path, &map).map_or(200, |(status, _)| status.as_u16())
+        guard.refusal(&method, &uri.parse().unwrap(), &map).map_or(200, |(status, _)| status.as_u16())
     }
 
     #[test]
@@ -146,6 +148,28 @@ mod tests {
     }
 
     #[test]
+    fn a_request_line_may_name_no_other_server() {
+        let host = [("host", "127.0.0.1:8787")];
+        let get = |uri, headers: &[_]| refusal(false, Method::GET, uri, headers);
+        for uri in ["http://127.0.0.1:8787/state", "HTTP://127.0.0.1:8787/state"] {
+            assert_eq!(get(uri, &host), 200, "{uri}");
+        }
+        assert_eq!(get("http://CAB.local/state", &[("host", "cab.local")]), 200);
+        for uri in [
+            "http://evil.example/state",
+            "https://evil.example:8787/state",
+            "http://127.0.0.1:9999/state",
+            "http://127.0.0.1:8787@evil.example/state",
+            "http://evil.example@127.0.0.1:8787/state",
+            "http://localhost:8787/state",
+        ] {
+            assert_eq!(get(uri, &host), 421, "{uri}");
+        }
+        assert_eq!(get("http://evil.example/state", &[("host", "evil.example")]), 421);
+        assert_eq!(get("http://127.0.0.1:8787/state", &[]), 400);
+    }
+
+    #[test]
     fn axes_are_operated_by_the_own_page_only() {
         const OWN: [(&str, &str); 4] = [
             ("host", "127.0.0.1:8787"),
@@ -153,7 +177,7 @@ mod tests {
             ("content-type", "application/json"),
             ("content-length", "2"),
         ];
-        let post = |controls, path, headers: &[_]| refusal(controls, Method::POST, path, headers);
+        let post = |controls, uri: &str, headers: &[_]| refusal(controls, Method::POST, uri, headers);
         assert_eq!(post(true, "/control/off", &OWN), 200);
         assert_eq!((post(false, "/control/off", &OWN), post(true, "/state", &OWN)), (405, 405));
         for (without, expected) in [(0, 400), (1, 403), (2, 415), (3, 413)] {
@@ -171,6 +195,10 @@ mod tests {
             let mut headers = OWN;
             headers[i].1 = value;
             assert_eq!(post(true, "/control/off", &headers), expected, "{value}");
+        }
+        assert_eq!(post(true, "http://127.0.0.1:8787/control/off", &OWN), 200);
+        for path in ["off", "press", "beat", "release", "reset", "hello"] {
+            assert_eq!(post(true, &format!("http://evil.example/control/{path}"), &OWN), 421, "{path}");
         }
         let with = |header| [&OWN[..], &[header]].concat();
         assert_eq!(post(true, "/control/off", &with(("sec-fetch-site", "cross-site"))), 403);

@@ -199,7 +199,7 @@ async fn guarded(
     next: Next,
 ) -> Response {
     progress.step();
-    let mut response = match guard.refusal(request.method(), request.uri().path(), request.headers()) {
+    let mut response = match guard.refusal(request.method(), request.uri(), request.headers()) {
         Some(refusal) => refusal.into_response(),
         None if request.method() == Method::POST => {
             let answer = tokio::time::timeout(COMMAND_PATIENCE, next.run(request)).await;

@@ -206,7 +206,7 @@ impl<'a> PredictReport<'a> {
             (Reason::Unstable, !coefficients.poles_within((1.0 / horizon as f64).exp())),
             (Reason::WorseThanHoldingStill, !stands && !is_better),
             (Reason::NotExcited, stands),
-            (Reason::IrregularTime, irregular_steps as f64 > LARGEST_PART * outputs.len() as f64),
+            (Reason::IrregularTime, record.is_irregular(LARGEST_PART)),
         ];
         let [low, high] = model.commands;
         let structure = coefficients.structure().map(|structure| description(&structure, IdentifiedOutput::Position));

@@ -315,7 +315,7 @@ fn the_rows_of_identify_have_the_errors_of_its_report() {
         let rmse = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
         assert!((number(&figures, place) / rmse - 1.0).abs() < 1e-6, "{place}: {rmse}");
     };
-    expect("/adaptive/separated_h_step/rmse", &h_steps, 3600 - 24);
+    expect("/adaptive/h_step/rmse", &h_steps, 3600 - 24);
     expect("/classical/one_step/rmse", &held_one_step, 3600);
     expect("/classical/h_step/rmse", &held_h_steps, 3600 - 24);
     assert!(residual[..2400].iter().all(|r| r.is_nan()) && residual[2400..].iter().all(|r| r.is_finite()));

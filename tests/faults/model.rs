@@ -205,8 +205,8 @@ fn row_20_a_model_that_predicts_worse_is_replaced_by_the_classical_one() {
             for axis in &mut snapshot.axes[..AXES] {
                 // Its reported errors are twice as large.
                 axis.classical_errors.h_step.count = axis.classical_errors.h_step.count.max(200);
-                axis.separated_h_step = axis.classical_errors.h_step;
-                axis.separated_h_step.m2 = 4.0 * axis.separated_h_step.m2.max(1e-12);
+                axis.adaptive_errors.h_step = axis.classical_errors.h_step;
+                axis.adaptive_errors.h_step.m2 = 4.0 * axis.adaptive_errors.h_step.m2.max(1e-12);
                 axis.adaptive.b.iter_mut().for_each(|b| *b *= 2.0);
             }
         });

@@ -142,7 +142,7 @@ impl Gate {
         {
             return seen.flags;
         }
-        self.comparison.update(&snapshot.separated_h_step, &snapshot.classical_errors.h_step);
+        self.comparison.update(&snapshot.adaptive_errors.h_step, &snapshot.classical_errors.h_step);
         let (model, flags) = self.approve(sequence, snapshot);
         if let Some(model) = model {
             self.last.keep(&model, made_after);

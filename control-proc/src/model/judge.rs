@@ -210,7 +210,7 @@ fn without_integrator(identification: &Identification) -> Structure {
 
 /// Whether the adaptive model predicts clearly worse than the classical one, as far as both are known.
 fn is_worse(snapshot: &AxisSnapshot) -> bool {
-    let (adaptive, classical) = (&snapshot.separated_h_step, &snapshot.classical_errors.h_step);
+    let (adaptive, classical) = (&snapshot.adaptive_errors.h_step, &snapshot.classical_errors.h_step);
     if adaptive.count < LEAST_COUNT || classical.count < LEAST_COUNT {
         return false;
     }
@@ -356,7 +356,7 @@ mod tests {
     #[test]
     fn the_adaptive_model_may_not_be_clearly_worse_than_the_classical_one() {
         let with = |adaptive: ErrorStatistics, classical: ErrorStatistics| {
-            refusal(move |s| (s.separated_h_step, s.classical_errors.h_step) = (adaptive, classical))
+            refusal(move |s| (s.adaptive_errors.h_step, s.classical_errors.h_step) = (adaptive, classical))
         };
         assert_eq!(with(errors(100, 1.4), errors(100, 1.0)), None);
         assert_eq!(with(errors(100, 1.6), errors(100, 1.0)), Some(Some(Refusal::Worse)));

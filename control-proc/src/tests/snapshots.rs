@@ -34,8 +34,8 @@ fn spoil(axis: &mut AxisSnapshot, way: usize, place: usize, size: f64) {
         14 => axis.faults |= model_fault::NOT_FINITE,
         15 => model.b[0] *= 1e-4 * size.min(1.0),
         _ => {
-            axis.separated_h_step.count = 200;
-            axis.separated_h_step.m2 = 200.0 * (1.6 + size).powi(2);
+            axis.adaptive_errors.h_step.count = 200;
+            axis.adaptive_errors.h_step.m2 = 200.0 * (1.6 + size).powi(2);
             axis.classical_errors.h_step.count = 200;
             axis.classical_errors.h_step.m2 = 200.0;
         }

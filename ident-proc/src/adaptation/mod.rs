@@ -139,7 +139,10 @@ impl Adaptation {
     pub fn learn(&mut self, y: f64, row: &RegressorRow, resting: bool) -> Learned {
         match self {
             Self::Single(single) => single.learn(y, row),
-            Self::Bank(bank) => bank.learn(y, row, resting),
+            Self::Bank(bank) => {
+                bank.weigh(y, row, resting);
+                bank.learn(y, row, resting)
+            }
             Self::GreyBox(grey_box) => grey_box.learn(y, row),
         }
     }
@@ -199,15 +202,6 @@ impl Adaptation {
             Self::Single(single) => single.theta(),
             Self::Bank(bank) => bank.theta(),
             Self::GreyBox(grey_box) => grey_box.theta(),
-        }
-    }
-
-    /// The products of offline identification before their separation, written out for the row, right after
-    /// [`Self::start`]. `None` where the adaptive model starts from the separated one.
-    pub fn offline_products(&self) -> Option<&[f64]> {
-        match self {
-            Self::Single(single) if single.learns_nonlinearity() => Some(single.theta()),
-            Self::Single(_) | Self::Bank(_) | Self::GreyBox(_) => None,
         }
     }
 

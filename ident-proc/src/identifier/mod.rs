@@ -285,7 +285,7 @@ impl Identifier {
         self.models.classical = offline.published;
         self.gate.trained(offline.residual_sigma);
         self.adaptation.start(self.training.batch(), &offline, self.rest.travel());
-        let advanced = self.comparison.start(&offline.published, self.adaptation.offline_products(), &self.past);
+        let advanced = self.comparison.start(&offline.published, &self.past);
         self.faults.replace_lasting(if offline.rank_deficient { model_fault::RANK_DEFICIENT } else { 0 });
         self.publish(advanced);
     }
@@ -300,7 +300,7 @@ impl Identifier {
         if !self.models.adaptive.is_finite() || !self.models.covariance_trace.is_finite() {
             self.faults.raise(model_fault::NOT_FINITE);
         }
-        self.comparison.store(advanced, self.adaptation.theta(), &self.models.adaptive, &self.past);
+        self.comparison.store(advanced, &self.models.adaptive, self.adaptation.theta(), &self.past);
         self.faults.raise(self.health.faults());
     }
 
@@ -311,7 +311,7 @@ impl Identifier {
             classical: self.published(&self.models.classical),
             adaptive_errors: *self.comparison.adaptive(),
             classical_errors: *self.comparison.classical(),
-            separated_h_step: self.comparison.separated().h_step,
+            unseparated_h_step: self.comparison.unseparated().h_step,
             output: *self.comparison.output(),
             persistence: *self.comparison.persistence(),
             covariance_trace: self.models.covariance_trace,

@@ -2,8 +2,8 @@
 //!
 //! | tracked | coefficients |
 //! |---|---|
-//! | adaptive | as they are estimated, before they are separated into b, f and g |
-//! | separated | the adaptive model as it is published |
+//! | adaptive | the adaptive model as it is published, separated into b, f and g |
+//! | unseparated | of the adaptive model as they are estimated: they tell what the separation costs |
 //! | classical | identified offline, never changed |
 //! | persistence | none: the prediction of y(k) is y(k-h), or y(k-1) one step ahead |
 //!
@@ -28,7 +28,7 @@ use crate::{regression::write_out, sample::Past};
 pub struct Comparison {
     horizon: usize,
     adaptive: ErrorTracker,
-    separated: ErrorTracker,
+    unseparated: ErrorTracker,
     classical: ErrorTracker,
     /// The output itself.
     output: ErrorStatistics,
@@ -36,8 +36,8 @@ pub struct Comparison {
     persistence_one_step: ErrorStatistics,
     /// The classical model, written out for the row.
     classical_theta: Vec<f64>,
-    /// The separated model, written out for the row.
-    separated_theta: Vec<f64>,
+    /// The adaptive model as it is published, written out for the row.
+    adaptive_theta: Vec<f64>,
 }
 
 /// The one-step predictions of one sample, before its output is counted.
@@ -45,7 +45,7 @@ pub struct Comparison {
 #[must_use = "the trackers have to observe or to pass the sample"]
 pub struct Predictions {
     adaptive: f64,
-    separated: f64,
+    unseparated: f64,
     classical: f64,
 }
 
@@ -73,23 +73,19 @@ impl Comparison {
         Self {
             horizon,
             adaptive: tracker.clone(),
-            separated: tracker.clone(),
+            unseparated: tracker.clone(),
             classical: tracker,
             output: ErrorStatistics::default(),
             persistence: ErrorStatistics::default(),
             persistence_one_step: ErrorStatistics::default(),
             classical_theta: vec![0.0; n],
-            separated_theta: vec![0.0; n],
+            adaptive_theta: vec![0.0; n],
         }
     }
 
-    /// Begins at the end of training. `unseparated` are the classical model's coefficients where it is to be judged
-    /// before its separation, written out for the row; else those of `classical` are used.
-    pub fn start(&mut self, classical: &Coefficients, unseparated: Option<&[f64]>, past: &Past) -> Advanced {
-        match unseparated {
-            Some(theta) => self.classical_theta.copy_from_slice(theta),
-            None => write_out(classical, &past.row().structure(), &mut self.classical_theta),
-        }
+    /// Begins at the end of training, with the classical model as it is published.
+    pub fn start(&mut self, classical: &Coefficients, past: &Past) -> Advanced {
+        write_out(classical, &past.row().structure(), &mut self.classical_theta);
         Advanced(())
     }
 
@@ -97,7 +93,7 @@ impl Comparison {
     pub fn predict(&self, past: &Past) -> Predictions {
         Predictions {
             adaptive: self.adaptive.predict(past.row()),
-            separated: self.separated.predict(past.row()),
+            unseparated: self.unseparated.predict(past.row()),
             classical: self.classical.predict(past.row()),
         }
     }
@@ -106,7 +102,7 @@ impl Comparison {
     pub fn observe(&mut self, predicted: Predictions, y: f64, past: &Past) -> Advanced {
         let (row, outputs) = (past.row(), past.outputs());
         self.adaptive.observe(y, predicted.adaptive, row, outputs);
-        self.separated.observe(y, predicted.separated, row, outputs);
+        self.unseparated.observe(y, predicted.unseparated, row, outputs);
         if self.classical.observe(y, predicted.classical, row, outputs) {
             self.persistence.push(y - outputs.latest(self.horizon)[0]);
         }
@@ -117,7 +113,7 @@ impl Comparison {
 
     /// Carries the predictions past a sample whose output is not used; `past` does not contain y(k) yet.
     pub fn pass(&mut self, _not_compared: Predictions, past: &Past) -> Advanced {
-        for tracker in [&mut self.adaptive, &mut self.classical, &mut self.separated] {
+        for tracker in [&mut self.adaptive, &mut self.classical, &mut self.unseparated] {
             tracker.pass(past.row(), past.outputs());
         }
         Advanced(())
@@ -125,29 +121,29 @@ impl Comparison {
 
     /// Discards all predictions on their way, after a gap in the samples.
     pub fn interrupt(&mut self) -> Advanced {
-        for tracker in [&mut self.adaptive, &mut self.classical, &mut self.separated] {
+        for tracker in [&mut self.adaptive, &mut self.classical, &mut self.unseparated] {
             tracker.interrupt();
         }
         Advanced(())
     }
 
-    /// Takes in the adaptive model known after sample k, as `theta` written out for the row and as `separated` model;
-    /// `past` contains y(k). The predictions of y(k+h) start here.
-    pub fn store(&mut self, _: Advanced, theta: &[f64], separated: &Coefficients, past: &Past) {
-        self.adaptive.store(theta, past.outputs());
+    /// Takes in the `adaptive` model that is published after sample k, and `theta`, its coefficients before their
+    /// separation, written out for the row; `past` contains y(k). The predictions of y(k+h) start here.
+    pub fn store(&mut self, _: Advanced, adaptive: &Coefficients, theta: &[f64], past: &Past) {
+        write_out(adaptive, &past.row().structure(), &mut self.adaptive_theta);
+        self.adaptive.store(&self.adaptive_theta, past.outputs());
+        self.unseparated.store(theta, past.outputs());
         self.classical.store(&self.classical_theta, past.outputs());
-        write_out(separated, &past.row().structure(), &mut self.separated_theta);
-        self.separated.store(&self.separated_theta, past.outputs());
     }
 
-    /// Errors of the adaptive model before its separation.
+    /// Errors of the adaptive model as it is published.
     pub fn adaptive(&self) -> &ModelErrors {
         self.adaptive.errors()
     }
 
-    /// Errors of the adaptive model as it is published.
-    pub fn separated(&self) -> &ModelErrors {
-        self.separated.errors()
+    /// Errors of the adaptive model before its separation.
+    pub fn unseparated(&self) -> &ModelErrors {
+        self.unseparated.errors()
     }
 
     /// Errors of the classical model.
@@ -200,7 +196,7 @@ mod tests {
             let mut past = Past::new(&settings, STRUCTURE);
             past.push_output(1.0);
             let mut comparison = Comparison::new(&past, HORIZON);
-            let start = comparison.start(&exact(), None, &past);
+            let start = comparison.start(&exact(), &past);
             let mut run = Self { past, comparison, y: 1.0 };
             run.store(start, adaptive);
             run
@@ -209,7 +205,7 @@ mod tests {
         fn store(&mut self, stand: Advanced, adaptive: &Coefficients) {
             let mut theta = vec![0.0; STRUCTURE.full_len()];
             write_out(adaptive, &STRUCTURE, &mut theta);
-            self.comparison.store(stand, &theta, adaptive, &self.past);
+            self.comparison.store(stand, adaptive, &theta, &self.past);
         }
 
         /// One sample, observed or passed.
@@ -238,7 +234,7 @@ mod tests {
         assert!(compared.classical().free_run.max < 1e-15 && compared.classical().h_step.max < 1e-15);
         // 0.5 u at every sample, and 0.5 u (1 + 0.5 + 0.25) over three.
         assert!((compared.adaptive().one_step.mean + 0.1).abs() < 1e-12);
-        assert!((compared.separated().h_step.mean + 0.175).abs() < 1e-12);
+        assert!((compared.unseparated().h_step.mean + 0.175).abs() < 1e-12);
         // The first prediction over the horizon ends HORIZON samples after it was launched.
         assert_eq!((compared.classical().h_step.count, compared.persistence().count), (18, 18));
         // y(k) - y(k-1) = -0.6 0.5^k from y(0) = 1 towards 0.4.

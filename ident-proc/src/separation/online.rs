@@ -6,10 +6,13 @@
 //! G_c c = sum_j b_j (W C)_.j     G_c = sum_jl b_j b_l W_.j.l          with b held
 //! ```
 //!
-//! C products (16), Phi_c columns of the training rows that the commands contribute, W their normal equations. So a
-//! product counts by its effect on the training's outputs, and directions that the training did not excite count
-//! nothing. a stays as it was estimated. b is solved for at one sample and c at the next, each from the last
-//! separation: that is enough to follow coefficients that change slowly.
+//! C products (16), Phi_c columns of the rows that the commands contribute, W their normal equations. So a product
+//! counts by its effect on the outputs, and directions that no row has excited count nothing. a stays as it was
+//! estimated. b is solved for at one sample and c at the next, each from the last separation: that is enough to follow
+//! coefficients that change slowly.
+//!
+//! W begins with the rows of the training, and [`OnlineSeparation::weigh`] adds later ones. Trap: with the training
+//! alone, commands beyond those of the training count nothing, and the separated model is far from the products there.
 //!
 //! Trap: the squared condition of W would cost an offline fit its digits. Here b and c are already close. A weak pull
 //! determines what W does not: b is pulled to its last value, c to the products as they are.
@@ -75,6 +78,18 @@ impl OnlineSeparation {
         self.c = [0.0; MAX_WIDTH];
         self.c[..order].copy_from_slice(&model.f[..order]);
         self.c[order..2 * order].copy_from_slice(&model.g[..order]);
+    }
+
+    /// Takes the row of a sample into W.
+    pub fn weigh(&mut self, row: &[f64]) {
+        let m = self.weighted.len();
+        let driven = &row[self.structure.na..self.structure.na + m];
+        for (metric, one) in self.metric.chunks_exact_mut(m).zip(driven) {
+            // The features of the sign that the command does not have are zero: half of them.
+            if *one != 0.0 {
+                metric.iter_mut().zip(driven).for_each(|(w, other)| *w += one * other);
+            }
+        }
     }
 
     /// Half a round for `theta`, written out for the row. Returns the separated model.
@@ -256,6 +271,31 @@ mod tests {
         separation.start(&before, &rows(true));
         let found = (0..200).map(|_| separation.separate(&theta(&after))).last().unwrap();
         assert!(distance(&found, &after) < 1e-6, "{found:?}");
+    }
+
+    #[test]
+    fn commands_that_come_after_the_training_count_as_well() {
+        let theta = theta(&model([0.3, 0.2, 0.0], [1.0, 0.4, -0.3], [0.8, -0.2, 0.1]));
+        // The products of u < 0, which the training did not have, get another shape.
+        let mut other = theta.clone();
+        (0..3).for_each(|power| other[2 + 9 + 3 * power..].swap(0, 2));
+        let mut separation = OnlineSeparation::new(STRUCTURE);
+        separation.start(&model([0.3, 0.2, 0.0], [1.0, 0.4, -0.3], [0.8, -0.2, 0.1]), &rows(true));
+        (0..50).for_each(|_| assert!(separation.separate(&other).is_finite()));
+        assert!(separation.residual() < 1e-6, "{}", separation.residual());
+        let mut row = vec![0.0; STRUCTURE.full_len()];
+        for k in 0..2000 {
+            row[2 + 9..]
+                .iter_mut()
+                .enumerate()
+                .for_each(|(i, value)| *value = (k as f64 * (0.3 + 0.1 * i as f64)).sin());
+            separation.weigh(&row);
+        }
+        (0..50).for_each(|_| assert!(separation.separate(&other).is_finite()));
+        assert!(separation.residual() > 0.2, "{}", separation.residual());
+        // Products of one shape are still separated exactly.
+        (0..200).for_each(|_| assert!(separation.separate(&theta).is_finite()));
+        assert!(separation.residual() < 1e-6, "{}", separation.residual());
     }
 
     #[test]

@@ -27,12 +27,13 @@ shared_struct! {
         pub adaptive: Coefficients,
         /// The classical model, identified offline and held.
         pub classical: Coefficients,
-        /// Errors of the adaptive model, with its coefficients before they are separated into b, f and g.
+        /// Errors of `adaptive`.
         pub adaptive_errors: ModelErrors,
-        /// Errors of the classical model.
+        /// Errors of `classical`.
         pub classical_errors: ModelErrors,
-        /// h-step errors of `adaptive`, with its coefficients after they are separated into b, f and g.
-        pub separated_h_step: ErrorStatistics,
+        /// h-step errors of the adaptive model's coefficients before they are separated into b, f and g: what the
+        /// separation costs. No program is given these coefficients.
+        pub unseparated_h_step: ErrorStatistics,
         /// The output over these samples; the fit in percent needs its spread.
         pub output: ErrorStatistics,
         /// Output minus the output `horizon` samples before: the error of predicting no change.

@@ -14,6 +14,7 @@
 
 mod header;
 mod number;
+mod rate;
 mod reader;
 mod stretches;
 mod text;
@@ -27,6 +28,7 @@ use serde::Serialize;
 
 use self::{reader::Reader, text::Text};
 
+pub use rate::PeriodChange;
 pub use stretches::{Cause, Gap, Gaps};
 
 /// What is to be read.

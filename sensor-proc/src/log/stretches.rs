@@ -11,6 +11,8 @@
 
 use serde::Serialize;
 
+use super::rate::{PeriodChange, period_change};
+
 /// Most places of gaps that are kept.
 const MOST_PLACES: usize = 100;
 /// A step of time is irregular if it differs from the median step by more than this part of the median.
@@ -58,6 +60,8 @@ pub struct Gaps {
     pub times_not_rising: usize,
     /// The first gaps, in the order of the file.
     pub places: Vec<Gap>,
+    /// Where the period changes, which is no gap.
+    pub period_change: Option<PeriodChange>,
 }
 
 /// Rows of a recording, before their gaps are known.
@@ -144,6 +148,7 @@ impl Rows {
                 }
             }
             timing.duration += self.times.last().copied().unwrap_or_default() - start;
+            self.gaps.period_change = period_change(&self.times, &begins, &self.lines);
         }
         self.gaps.sort();
         (begins, timing)

@@ -9,7 +9,7 @@ use pipeline::{
     columns::{TableError, TableProblem},
     machine::IdentifiedOutput,
 };
-use sensor_proc::log::{Cause, Found, FoundColumn, Gap, Gaps, Log};
+use sensor_proc::log::{Cause, Found, FoundColumn, Gap, Gaps, Log, PeriodChange};
 use serde::Serialize;
 
 use super::recorded::{MCAP, read_log};
@@ -164,6 +164,13 @@ impl Record {
         self.short_steps + self.recordings.iter().map(|recording| recording.gaps.times_not_rising).sum::<usize>()
     }
 
+    /// Whether the samples are not one period apart: a period changes, or more than the `part` of the steps is
+    /// irregular.
+    pub fn is_irregular(&self, part: f64) -> bool {
+        let changes = self.recordings.iter().any(|recording| recording.gaps.period_change.is_some());
+        changes || self.irregular_steps() as f64 > part * self.outputs.len() as f64
+    }
+
     /// The rows of each stretch without a gap, as ranges.
     pub fn stretches(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
         stretches(&self.begins)
@@ -197,6 +204,17 @@ pub fn text(recordings: &[ReadRecording]) -> String {
             text += &format!(
                 "warning: {names}: the times are taken as seconds, a second or more apart; otherwise state their unit: \
                  --unit \"{name}=ms\" for milliseconds, \"{name}=us\" (\"{name}=s\" ends this warning)\n"
+            );
+        }
+    }
+    for ReadRecording { file, gaps, .. } in recordings {
+        if let Some(PeriodChange { line, seconds, before_s, after_s }) = gaps.period_change {
+            text += &format!(
+                "warning: {file}: the period changes from {} s to {} s at line {line}, {} s after the first row; make \
+                 a recording of each part\n",
+                number(before_s),
+                number(after_s),
+                number(seconds)
             );
         }
     }

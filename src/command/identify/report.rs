@@ -83,8 +83,8 @@ struct Adaptive {
     h_step: ErrorFigures,
     free_run: ErrorFigures,
     coefficients: CoefficientLists,
-    /// h-step errors of the published model, which is separated into b, f and g.
-    separated_h_step: ErrorFigures,
+    /// h-step errors before the separation into b, f and g: what that costs.
+    unseparated_h_step: ErrorFigures,
     split_residual: f64,
     forgetting_factor: FactorFigures,
     /// The estimators of auto and their weights after the last sample.
@@ -155,7 +155,7 @@ impl<'a> IdentifyReport<'a> {
                     mean: 1.0 - snapshot.forgetting.mean,
                     min: 1.0 - snapshot.forgetting.max,
                 },
-                separated_h_step: figures(&snapshot.separated_h_step),
+                unseparated_h_step: figures(&snapshot.unseparated_h_step),
                 split_residual: snapshot.split_residual,
                 members: identifier.bank().map_or_else(Vec::new, |bank| bank.members().map(BankMember::from).collect()),
                 ns_per_update,

@@ -55,7 +55,7 @@ pub enum Reason {
     RankDeficient,
     /// More outliers than [`LARGEST_PART`] of the rows.
     Outliers,
-    /// More steps of time that are too short, or do not rise, than [`LARGEST_PART`] of the rows.
+    /// The period changes, or more steps of time than [`LARGEST_PART`] of the rows are too short or do not rise.
     IrregularTime,
 }
 
@@ -63,7 +63,7 @@ impl Verdict {
     /// The verdict after the last sample.
     pub fn new(settings: &Identification, record: &Record, identifier: &Identifier) -> Self {
         let snapshot = identifier.snapshot();
-        let (still, model) = (snapshot.persistence.rmse(), snapshot.separated_h_step.rmse());
+        let (still, model) = (snapshot.persistence.rmse(), snapshot.adaptive_errors.h_step.rmse());
         let opens = |u: &&f64| settings.structure.input.opening(**u) != 0.0;
         let opened = record.inputs[..settings.training].iter().filter(opens).count();
         let stands = record.outputs.iter().all(|y| *y == record.outputs[0]);
@@ -77,7 +77,7 @@ impl Verdict {
             (Reason::NotExcited, stands || opened < settings.structure.full_len()),
             (Reason::RankDeficient, fault(model_fault::RANK_DEFICIENT)),
             (Reason::Outliers, many(snapshot.outliers as f64)),
-            (Reason::IrregularTime, many(record.irregular_steps() as f64)),
+            (Reason::IrregularTime, record.is_irregular(LARGEST_PART)),
         ];
         let outputs = record.identified(settings.output);
         let (outputs, begins) = (&outputs[settings.training..], &record.begins[settings.training..]);

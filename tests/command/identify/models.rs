@@ -63,7 +63,7 @@ fn a_model_of_the_true_plant_predicts_without_error() {
 #[test]
 fn no_figure_is_reported_under_two_names() {
     let figures = figures(changing_plant().path(), &["--horizon", "10"]);
-    let errors = ["one_step", "h_step", "free_run", "separated_h_step"];
+    let errors = ["one_step", "h_step", "free_run", "unseparated_h_step"];
     for (name, value) in figures["adaptive"].as_object().unwrap() {
         assert!(value.get("rmse").is_none() || errors.contains(&name.as_str()), "{name}");
     }
@@ -167,5 +167,5 @@ fn auto_tells_what_it_is_made_of() {
     assert!((total - 1.0).abs() < 1e-9 && members.len() > 5, "{members:?}");
     assert_eq!(members[0]["family"], "held");
     assert_eq!(figures["outliers"], 0);
-    assert!(number(&figures, "/adaptive/separated_h_step/sigma") <= 1e-6);
+    assert!(number(&figures, "/adaptive/h_step/sigma") <= 1e-6);
 }

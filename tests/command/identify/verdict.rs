@@ -40,8 +40,7 @@ fn sines(k: usize) -> f64 {
 #[test]
 fn a_model_that_predicts_better_than_holding_still_is_usable() {
     let figures = expect_reasons(changing_plant().path(), &[], &[]);
-    let [model, still] =
-        ["/adaptive/separated_h_step/rmse", "/persistence/h_step/rmse"].map(|place| number(&figures, place));
+    let [model, still] = ["/adaptive/h_step/rmse", "/persistence/h_step/rmse"].map(|place| number(&figures, place));
     assert_eq!(number(&figures, "/verdict/to_holding_still"), model / still);
     assert!(number(&figures, "/persistence/one_step/rmse") < still);
 }
@@ -68,6 +67,20 @@ fn a_model_that_has_lost_the_axis_is_worse_than_holding_still_and_reduces_nothin
     let text = success(folder.path(), &[&["identify", "r.csv"], &OPTIONS[..], &options].concat());
     let row = text.lines().find(|line| line.trim_start().starts_with("h steps")).unwrap();
     assert!(!row.split_whitespace().take(6).any(|word| word == "%") && row.contains(" - "), "{row}");
+}
+
+#[test]
+fn a_period_that_changes_is_told_with_its_place() {
+    let mut record = simulate(2000, |_| 1.0);
+    let time = |k: usize| 0.014 * k.min(1200) as f64 + 0.020 * k.saturating_sub(1200) as f64;
+    record.iter_mut().enumerate().for_each(|(k, row)| row[0] = time(k));
+    let folder = folder_with(&csv("t,u,y", &record));
+    let figures = expect_reasons(folder.path(), &[], &[("irregular-time", "irregular time")]);
+    let change = &figures["recordings"][0]["gaps"]["period_change"];
+    assert_eq!(change["line"], 1203, "{change}");
+    assert!((number(change, "/before_s") - 0.014).abs() < 1e-9 && (number(change, "/after_s") - 0.020).abs() < 1e-9);
+    let text = success(folder.path(), &[&["identify", "r.csv"], &OPTIONS[..]].concat());
+    assert!(text.contains("warning: r.csv: the period changes from 0.014000 s to 0.020000 s at line 1203, "), "{text}");
 }
 
 #[test]

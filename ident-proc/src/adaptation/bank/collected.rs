@@ -41,6 +41,12 @@ impl Collected {
         self.integrated.add(row, target);
     }
 
+    /// Integrates the row of a sample after the training, which is not collected.
+    pub fn integrate(&mut self, y: f64, row: &[f64]) -> &[f64] {
+        self.integrator.update(y, row);
+        self.integrator.values().0
+    }
+
     /// Begins anew after a gap in the samples. The rows so far stay.
     pub fn interrupt(&mut self) {
         self.integrator.interrupt();

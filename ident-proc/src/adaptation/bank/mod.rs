@@ -161,6 +161,13 @@ impl Bank {
         learned
     }
 
+    /// Takes the row of a sample after the training into the metric of the separation. Call it before [`Self::learn`].
+    pub fn weigh(&mut self, y: f64, row: &RegressorRow, resting: bool) {
+        if !resting {
+            self.separation.weigh(self.collected.integrate(y, row.values()));
+        }
+    }
+
     /// Advances the forecasts past a sample whose output is not used.
     pub fn pass(&mut self, row: &RegressorRow) {
         self.competition.advance(row.driven());

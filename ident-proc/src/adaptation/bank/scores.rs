@@ -81,7 +81,9 @@ impl Scores {
     }
 
     fn prove(&mut self) {
-        self.proven |= self.seen > 0.0 && self.sums[1] >= (PROOF * self.travel).powi(2) * self.seen;
+        // A classical model that predicts travel that does not come is proven wrong by that.
+        let travel = self.sums[0].max(self.sums[1]);
+        self.proven |= self.seen > 0.0 && travel >= (PROOF * self.travel).powi(2) * self.seen;
     }
 
     /// Whether the scores count: there were errors, and motion enough among them.
@@ -157,6 +159,15 @@ mod tests {
         (0..100).for_each(|_| scores.push(|member| [1.0, 2.0, 0.1][member]));
         scores.start(1.0);
         assert_eq!(weights(&scores, |_| true), [0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn travel_that_was_predicted_and_does_not_come_counts() {
+        // An axis at its end stop: the classical model predicts motion, and nothing moves.
+        let mut scores = Scores::new(3, 5, 20);
+        scores.start(1.0);
+        (0..100).for_each(|_| scores.push(|member| [0.5, 1e-4, 0.5][member]));
+        assert!(weights(&scores, |_| true)[1] > 0.99);
     }
 
     #[test]

@@ -60,7 +60,7 @@ impl Trial {
         let auto = identify(record, &record.outputs, Estimator::Auto, Form::Linear);
         let without_wild = record.without_wild.as_ref().map(|outputs| {
             let snapshot = identify(record, outputs, Estimator::Auto, Form::Linear);
-            snapshot.separated_h_step.sigma()
+            snapshot.adaptive_errors.h_step.sigma()
         });
         Self {
             number: record.number,
@@ -68,8 +68,8 @@ impl Trial {
             period_s: record.period,
             horizon: record.horizon,
             delay: record.delay,
-            auto: auto.separated_h_step.sigma(),
-            mixture: auto.adaptive_errors.h_step.sigma(),
+            auto: auto.adaptive_errors.h_step.sigma(),
+            mixture: auto.unseparated_h_step.sigma(),
             held: auto.classical_errors.h_step.sigma(),
             still: auto.persistence.sigma(),
             best: constants.then(|| best_constant(record)),
@@ -83,7 +83,7 @@ fn best_constant(record: &Record) -> Best {
     let of = |form| {
         CONSTANTS.map(|factor| {
             let snapshot = identify(record, &record.outputs, Estimator::Constant(factor), form);
-            let sigma = snapshot.adaptive_errors.h_step.sigma();
+            let sigma = snapshot.unseparated_h_step.sigma();
             Best { factor, form, sigma: if sigma.is_nan() { f64::INFINITY } else { sigma } }
         })
     };

@@ -144,7 +144,7 @@ enum HydraxisControlFlag {
     HYDRAXIS_CONTROL_FLAG_EMERGENCY_STOP = 16384,
     // No model has been usable for so long that the axis is limited to half of its speed.
     HYDRAXIS_CONTROL_FLAG_HALF_SPEED = 32768,
-    // The model followed worse than the fallback would, or swung: the fallback controls.
+    // The model followed worse than the fallback, which a trial has shown: the fallback controls.
     HYDRAXIS_CONTROL_FLAG_MODEL_WORSE = 65536,
     // The reference goes on more slowly: it asks for more than an axis can give, or an axis waits for readings, or has
     // only just been taken up.
@@ -156,7 +156,14 @@ enum HydraxisControlFlag {
     HYDRAXIS_CONTROL_FLAG_CLOCK = 524288,
     // A virtual wall is near: the command that was asked for would not stop boom, arm and bucket before it.
     HYDRAXIS_CONTROL_FLAG_WALL = 1048576,
-    HYDRAXIS_CONTROL_FLAG_LATCHED = 818180,
+    // The fallback controls for a few seconds, so that the model can be compared with it.
+    HYDRAXIS_CONTROL_FLAG_MODEL_TRIAL = 2097152,
+    // The axis swung though its reference did not ask for it: the fallback controls, with lower gains where it swung as
+    // well.
+    HYDRAXIS_CONTROL_FLAG_CAUTION = 4194304,
+    // The axis swung on under the lowest gains; latched.
+    HYDRAXIS_CONTROL_FLAG_SWING = 8388608,
+    HYDRAXIS_CONTROL_FLAG_LATCHED = 9206788,
     HYDRAXIS_CONTROL_FLAG_CUT_OFF = 278528
 };
 

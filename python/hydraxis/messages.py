@@ -97,7 +97,7 @@ class ControlFlag(IntFlag):
     EMERGENCY_STOP = 16384
     # No model has been usable for so long that the axis is limited to half of its speed.
     HALF_SPEED = 32768
-    # The model followed worse than the fallback would, or swung: the fallback controls.
+    # The model followed worse than the fallback, which a trial has shown: the fallback controls.
     MODEL_WORSE = 65536
     # The reference goes on more slowly: it asks for more than an axis can give, or an axis waits for readings, or has
     # only just been taken up.
@@ -108,7 +108,14 @@ class ControlFlag(IntFlag):
     CLOCK = 524288
     # A virtual wall is near: the command that was asked for would not stop boom, arm and bucket before it.
     WALL = 1048576
-    LATCHED = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | EMERGENCY_STOP | MOTION | CLOCK
+    # The fallback controls for a few seconds, so that the model can be compared with it.
+    MODEL_TRIAL = 2097152
+    # The axis swung though its reference did not ask for it: the fallback controls, with lower gains where it swung as
+    # well.
+    CAUTION = 4194304
+    # The axis swung on under the lowest gains; latched.
+    SWING = 8388608
+    LATCHED = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | EMERGENCY_STOP | MOTION | CLOCK | SWING
     CUT_OFF = EMERGENCY_STOP | MOTION
 
 

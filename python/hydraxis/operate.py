@@ -15,7 +15,7 @@ from .messages import AxisMode, ControlFlag, Request
 
 ANSWER_PATIENCE_S = 5.0  # for what the controller is asked, settling included
 FLAGS_OF_MODELS = (ControlFlag.NO_MODEL | ControlFlag.MODEL_STALE | ControlFlag.MODEL_REFUSED
-                   | ControlFlag.MODEL_WORSE)
+                   | ControlFlag.MODEL_WORSE | ControlFlag.MODEL_TRIAL)
 
 
 class Operator:

@@ -16,6 +16,8 @@ const SHOWN: u32 = control_flag::LATCHED
     | control_flag::SOFT_LIMIT
     | control_flag::HALF_SPEED
     | control_flag::MODEL_WORSE
+    | control_flag::MODEL_TRIAL
+    | control_flag::CAUTION
     | control_flag::SLOWED;
 
 /// All axes in one line; none before the first tick.

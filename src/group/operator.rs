@@ -40,8 +40,11 @@ const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
 const ANSWER_PERIODS: u32 = 50;
 
 /// Flags about models. They do not matter to an operator and are not shown.
-const ABOUT_MODELS: u32 =
-    control_flag::NO_MODEL | control_flag::MODEL_STALE | control_flag::MODEL_REFUSED | control_flag::MODEL_WORSE;
+const ABOUT_MODELS: u32 = control_flag::NO_MODEL
+    | control_flag::MODEL_STALE
+    | control_flag::MODEL_REFUSED
+    | control_flag::MODEL_WORSE
+    | control_flag::MODEL_TRIAL;
 
 /// Why a group cannot be operated.
 #[derive(Debug, Error)]

@@ -30,13 +30,15 @@ pub const RESTART: &str = "restart";
 /// Events that are listed. Later ones are counted.
 const MOST: usize = 1000;
 /// Flags that are events when they come, but latch nothing.
-const WARNINGS: [u32; 7] = [
+const WARNINGS: [u32; 9] = [
     control_flag::REFERENCE,
     control_flag::REQUEST,
     control_flag::REQUEST_STOPPED,
     control_flag::MODEL_STALE,
     control_flag::MODEL_REFUSED,
+    control_flag::MODEL_TRIAL,
     control_flag::MODEL_WORSE,
+    control_flag::CAUTION,
     control_flag::HALF_SPEED,
 ];
 
@@ -180,7 +182,8 @@ impl Events {
         for flag in WARNINGS.into_iter().filter(|flag| came & flag != 0) {
             let kind = bit_names(flag, &control_flag::NAMES).next().unwrap_or("unknown");
             let (text, next) = warning(flag, &self.machine, &self.machine.axes[index], &before, now);
-            self.add(kind, Some(index), &text, &next, true);
+            // A trial finds out whether something is wrong.
+            self.add(kind, Some(index), &text, &next, flag != control_flag::MODEL_TRIAL);
         }
     }
 
@@ -299,6 +302,12 @@ fn latch(machine: &Machine, axis: &Axis, latched_by: u32, error: f64, faults: u3
             1e3 * axis.control.following_error,
             axis.name
         ),
+        control_flag::SWING => format!(
+            "the axis swung on, though its reference did not ask for it, with a quarter of the gains; allowed: a speed \
+             of {} m/s to and fro (30 % of axis.{}.max_speed)",
+            0.3 * axis.max_speed,
+            axis.name
+        ),
         control_flag::EMERGENCY_STOP => {
             "the emergency stop was pressed, or asked for; the pilot pressure is cut off".to_owned()
         }
@@ -361,8 +370,22 @@ fn warning(flag: u32, machine: &Machine, axis: &Axis, before: &Seen, now: &AxisC
             let why = if reasons.is_empty() { "following error under it".to_owned() } else { reasons.join(", ") };
             (format!("the model may not control: {why}"), String::new())
         }
+        control_flag::MODEL_TRIAL => (
+            "the model may be worse than the fallback, or swings: the fallback controls for some seconds to compare"
+                .to_owned(),
+            "the model controls again if it was no worse".to_owned(),
+        ),
+        control_flag::CAUTION => (
+            "the axis swung though its reference did not ask for it: the fallback controls, with half or a quarter of \
+             its gains where it swung as well"
+                .to_owned(),
+            format!(
+                "more is tried after 30 s without a swing; look for air in the oil and for gains that are too high \
+                 (hydraxis check, hydraxis commission --enable --axis {name})"
+            ),
+        ),
         control_flag::MODEL_WORSE => (
-            "the model followed worse than the fallback would, or swung: the fallback controls".to_owned(),
+            "the model followed worse than the fallback, as a trial has shown: the fallback controls".to_owned(),
             format!("it is tried again later; if it comes again, type: hydraxis commission --enable --axis {name}"),
         ),
         _ => (

@@ -1,7 +1,12 @@
 //! Margins of the loops of an axis, as tables and JSON have them.
 
-use control_proc::margins::{LEAST_DELAY_MARGIN, LEAST_GAIN_MARGIN, Loop, mean_slope, steepest};
-use pipeline::machine::{Commissioned, Control, Law};
+use std::time::Duration;
+
+use control_proc::{
+    margins::{LEAST_DELAY_MARGIN, LEAST_GAIN_MARGIN, Loop, mean_slope, steepest},
+    tuning::rest::RestLoop,
+};
+use pipeline::machine::{Axis, Commissioned, Control, Law};
 use serde::Serialize;
 
 use super::table::table;
@@ -31,19 +36,27 @@ pub struct LoopMargins {
     pub crossover_hz: f64,
     /// Frequency at which the closed loop has a gain of -3 dB.
     pub bandwidth_hz: f64,
-    /// Whether the margins are those that commissioning asks for.
+    /// The gain margin of the whole loop about a reference that stands.
+    pub rest_gain_margin: f64,
+    /// The delay margin of the whole loop about a reference that stands.
+    pub rest_delay_margin_s: f64,
+    /// Whether the margins, about rest too, are those that commissioning asks for.
     pub is_kept: bool,
 }
 
 impl LoopMargins {
-    /// The loops of the axis with this name, of its control settings on its model: the fallback's, and the Smith
-    /// predictor's where it has one. `period` in s.
-    pub fn of(axis: &str, control: &Control, model: &Commissioned, period: f64) -> Vec<Self> {
+    /// The loops of an axis with these settings on this model: the fallback's, and the Smith predictor's where it has
+    /// one.
+    pub fn of(axis: &Axis, control: &Control, model: &Commissioned, period: Duration) -> Vec<Self> {
+        let (period, resolution) = (period.as_secs_f64(), axis.encoder.resolution);
         let row = |controller, law| {
-            let at = |slope| Loop::new(&Control { law, ..*control }, model, slope, period).margins();
+            let control = &Control { law, ..*control };
+            let at = |slope| Loop::new(control, model, slope, period).margins();
             let (margins, mean) = (at(steepest(model)), at(mean_slope(model)));
+            let rest = RestLoop { control, model, resolution, period }.margins();
+            let is_quiet = rest.gain >= LEAST_GAIN_MARGIN && rest.delay >= LEAST_DELAY_MARGIN * model.dead_time;
             Self {
-                axis: axis.to_owned(),
+                axis: axis.name.clone(),
                 controller,
                 gain_margin: margins.gain,
                 swing_hz: margins.swing,
@@ -54,7 +67,9 @@ impl LoopMargins {
                 largest_sensitivity: margins.sensitivity,
                 crossover_hz: margins.crossover,
                 bandwidth_hz: margins.bandwidth,
-                is_kept: margins.is_kept(),
+                rest_gain_margin: rest.gain,
+                rest_delay_margin_s: rest.delay,
+                is_kept: margins.is_kept() && is_quiet,
             }
         };
         let mut loops = vec![row("fallback", Law::Predictive)];
@@ -107,10 +122,12 @@ impl LoopMargins {
     /// What is short of the margins that commissioning asks for, in words.
     pub fn found(&self) -> String {
         format!(
-            "a gain margin of {} and a delay margin of {}, {} of the dead time",
+            "a gain margin of {} and a delay margin of {}, {} of the dead time; about rest {} and {}",
             short(self.gain_margin),
             milliseconds(self.delay_margin_s),
-            part(self.delay_margin)
+            part(self.delay_margin),
+            short(self.rest_gain_margin),
+            milliseconds(self.rest_delay_margin_s)
         )
     }
 }

@@ -38,9 +38,16 @@ pub fn why_fallback(
         )
     } else if has(control_flag::NO_MODEL) {
         "no model has come from ident-proc; hydraxis status shows whether it works".to_owned()
+    } else if has(control_flag::CAUTION) {
+        format!(
+            "the axis swung though its reference did not ask for it; more is tried after 30 s without a swing. Look \
+             for air in the oil and for gains that are too high, or {again}"
+        )
+    } else if has(control_flag::MODEL_TRIAL) {
+        "the model is on trial: the fallback controls for some seconds and is compared with it".to_owned()
     } else if has(control_flag::MODEL_WORSE) {
         format!(
-            "the model followed worse than the fallback would, or swung; it is tried again later. If this comes \
+            "the model followed worse than the fallback, as a trial has shown; it is tried again later. If this comes \
              back, {again}"
         )
     } else if has(control_flag::MODEL_STALE) {
@@ -70,11 +77,13 @@ mod tests {
             why(control_flag::NO_MODEL, 0),
             why(control_flag::NO_MODEL, model_fault::TRAINING),
             why(control_flag::MODEL_WORSE, 0),
+            why(control_flag::MODEL_TRIAL, 0),
+            why(control_flag::CAUTION, 0),
             why(control_flag::MODEL_STALE | control_flag::HALF_SPEED, 0),
             why(control_flag::MODEL_REFUSED, 0),
         ]
         .into();
-        assert_eq!(texts.len(), 7);
+        assert_eq!(texts.len(), 9);
     }
 
     #[test]

@@ -228,6 +228,12 @@ fn an_axis_is_off_after_each_way_to_lose_its_page() {
     assert_eq!(operated.ask(server, "off", &json!({}), None).0, 200, "off needs no token");
     operated.expect_off("off", lost);
 
+    let id = operated.hold(server);
+    operated.say(server, "hello", &json!({}));
+    let body = json!({"hold": id, "stamp": operated.stamp, "command": 0.9});
+    assert_ne!(operated.say(server, "beat", &body).0, 200, "more than a page may command");
+    operated.expect_off("the command is refused", Instant::now());
+
     operated.hold(server);
     signal(operated.monitor.id(), Signal::STOP);
     operated.expect_off("the server hangs", Instant::now());
@@ -264,6 +270,7 @@ fn an_expired_button_cannot_be_held_again_and_wrong_values_are_refused() {
         (422, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "commission"})),
         (422, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "hold", "target": 99.0})),
         (422, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "manual", "command": 1.5})),
+        (422, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "manual", "command": -0.301})),
         (400, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "hold", "force": 1})),
         (400, json!({"hold": 9})),
     ] {

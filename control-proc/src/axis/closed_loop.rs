@@ -12,8 +12,15 @@ use super::{
     feedback::UNUSABLE_LIMIT,
 };
 use crate::{
-    model::{age::Age, gate::ModelAnswer},
-    protection::{following_error::Deviation, limits::Limits},
+    model::{
+        age::Age,
+        gate::{Admission, ModelAnswer},
+    },
+    protection::{
+        following_error::Deviation,
+        hunting::{Caution, Pace},
+        limits::Limits,
+    },
     reference::ReferenceStatus,
     smith::LastBy,
 };
@@ -53,9 +60,13 @@ impl AxisController {
             return Err(control_flag::FOLLOWING);
         }
 
+        let pace = Pace { elapsed: input.elapsed, axis: self.feedback.speed(), reference: deviation.speed };
+        if self.protection.hunting().update(&pace, last.by == ControlMode::Model) {
+            return Err(control_flag::SWING);
+        }
+
         let answer = self.plan(input.sequence, &limits, &last)?;
-        let shadow = self.shadowed(deviation.error, &last, &limits);
-        let admission = self.gate.admit(answer, &deviation, shadow, last.by == ControlMode::Model, at_limit);
+        let admission = self.admit(answer, &deviation, &limits, &last);
 
         let comes_back = admission.command.is_some() && self.law.comes_back();
         let positions = self.references.positions();
@@ -103,6 +114,17 @@ impl AxisController {
         Ok(answer)
     }
 
+    /// Whether the answer of the controller by the model may go out.
+    fn admit(&mut self, answer: ModelAnswer, deviation: &Deviation, limits: &Limits, last: &Decision) -> Admission {
+        let shadow = self.shadowed(deviation.error, last, limits);
+        let at_limit = limits.is_reached_by(last.command);
+        let admission = self.gate.admit(answer, deviation, shadow, last.by == ControlMode::Model, at_limit);
+        match self.protection.hunting().caution() {
+            Caution::Free => admission,
+            _ => Admission { command: None, flags: admission.flags | control_flag::CAUTION },
+        }
+    }
+
     /// The following error that the fallback would have now, m, while the model commands.
     fn shadowed(&mut self, error: f64, last: &Decision, limits: &Limits) -> Option<f64> {
         let (references, memory) = (self.references.positions(), self.fallback.memory());
@@ -120,6 +142,7 @@ impl AxisController {
             self.fallback.resume(last.command, error, forward);
         }
         self.fallback.limit(limits.magnitude);
+        self.fallback.weaken(self.protection.hunting().caution().gain());
         self.fallback.update(error, forward, last.command)
     }
 

@@ -25,7 +25,7 @@ pub const UNUSABLE_LIMIT: u64 = 3;
 const LEAKY_LIMIT: f64 = 8.0;
 const LEAK: f64 = 0.25;
 /// Time over which the speed of an axis is taken, s: a count of 0.1 mm is 2.5 mm/s then.
-const SPEED_TIME: f64 = 0.04;
+pub(super) const SPEED_TIME: f64 = 0.04;
 
 /// Silence after which references wait, s; a shorter one leaves an axis less behind than a person sees.
 const SILENCE: f64 = 0.05;

@@ -27,6 +27,7 @@
 //! | `FEEDBACK` | three samples in a row without a usable position, one outside the stroke, or a stuck encoder |
 //! | `STALL` | no motion of a driven axis in hold and track ([`crate::protection::motion`]) |
 //! | `FOLLOWING` | a following error ([`crate::protection::following_error`]) |
+//! | `SWING` | a swing that the lowest gains do not end ([`crate::protection::hunting`]) |
 //! | `SOLVER` | [`UNSOLVED_LIMIT`] plans in a row without an answer of the solver |
 //! | `DEADLINE` | late commands ([`crate::process`]) |
 //! | `MOTION` | motion that nobody commanded, in every state ([`crate::protection::uncommanded`]) |
@@ -70,7 +71,7 @@ use crate::{
 };
 use command::Tracking;
 use decision::Decision;
-use feedback::{Feedback, Observation};
+use feedback::{Feedback, Observation, SPEED_TIME};
 use law::ModelLaw;
 use operation::Operation;
 use state::{State, StateMachine, Transition};
@@ -142,7 +143,7 @@ impl AxisController {
             law,
             fallback,
             standstill: Standstill::new(axis, period),
-            protection: Protection::new(axis, period),
+            protection: Protection::new(axis, period, SPEED_TIME.max(period)),
             tracking: Tracking::default(),
             arrival: ARRIVAL.max(ARRIVAL_COUNTS * axis.encoder.resolution),
             decision: Decision::neutral(0.0, control_flag::DISARMED),

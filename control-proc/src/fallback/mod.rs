@@ -68,6 +68,8 @@ pub struct Fallback {
     ki_period: f64,
     extend: f64,
     retract: f64,
+    /// Part of kp and ki that is in use.
+    gain: f64,
     limits: Limits,
     feedforward: Option<Feedforward>,
     memory: Memory,
@@ -85,6 +87,7 @@ impl Fallback {
             gains: [control.kp, control.ki],
             kp: control.kp,
             ki_period: control.ki * period,
+            gain: 1.0,
             extend: control.dead_band.extend,
             retract: control.dead_band.retract,
             limits: Limits::new(control, period),
@@ -114,6 +117,11 @@ impl Fallback {
     pub fn scale(&mut self, part: f64) {
         let [kp, ki] = self.gains;
         (self.kp, self.ki_period) = (part * kp, part * ki * self.period);
+    }
+
+    /// Changes the part of the gains that is in use. The command does not jump by more than the change of kp e.
+    pub fn weaken(&mut self, gain: f64) {
+        self.gain = gain;
     }
 
     /// What is remembered.
@@ -147,14 +155,14 @@ impl Fallback {
     pub fn resume(&mut self, last: f64, error: f64, forward: f64) {
         self.memory.hysteresis.reset();
         self.memory.offset =
-            self.uncompensated(last) - self.kp * error - self.uncompensated(forward) - self.memory.integral;
+            self.uncompensated(last) - self.gain * self.kp * error - self.uncompensated(forward) - self.memory.integral;
     }
 
     /// Another controller has sent `last` at a following error of `error` m: the integral comes to what it would have
     /// to be for that, within its own time kp/ki.
     pub fn track(&mut self, last: f64, error: f64, forward: f64) {
         let part = 1.0 - (-self.ki_period / self.kp).exp();
-        let needed = self.uncompensated(last) - self.kp * error - self.uncompensated(forward);
+        let needed = self.uncompensated(last) - self.gain * self.kp * error - self.uncompensated(forward);
         if part.is_finite() {
             self.memory.integral = self.bounded(self.memory.integral + part * (needed - self.memory.integral));
         }
@@ -163,12 +171,13 @@ impl Fallback {
     /// The command for a following error of `error` m and `forward` as u_r, after the command `last`, within the
     /// limits.
     pub fn update(&mut self, error: f64, forward: f64, last: f64) -> f64 {
-        let opening = self.kp * error + self.memory.integral + self.memory.offset + self.uncompensated(forward);
+        let proportional = self.gain * self.kp * error;
+        let opening = proportional + self.memory.integral + self.memory.offset + self.uncompensated(forward);
         let wanted = self.memory.hysteresis.update(self.compensated(opening));
         self.memory.offset *= self.kept;
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
-            self.memory.integral = self.bounded(self.memory.integral + self.ki_period * error);
+            self.memory.integral = self.bounded(self.memory.integral + self.gain * self.ki_period * error);
         }
         command
     }
@@ -232,6 +241,14 @@ mod tests {
         half.scale(1.0);
         assert_eq!(half, whole);
         assert_eq!(half.update(0.013, 0.0, 0.1), whole.update(0.013, 0.0, 0.1));
+    }
+
+    #[test]
+    fn a_part_of_the_gains_leaves_dead_band_and_feed_forward_as_they_are() {
+        let mut fallback = fallback();
+        fallback.weaken(0.25);
+        assert!((fallback.update(0.1, 0.0, 0.18) - (0.25 * 0.4 + 0.08)).abs() < 1e-12);
+        assert!((fallback.memory.integral - 0.25 * 0.001).abs() < 1e-12);
     }
 
     #[test]

@@ -31,7 +31,7 @@ use super::{
     age::{Age, LastApproved},
     comparison::Comparison,
     judge::{Approved, Judge, Refusal},
-    supervision::Supervision,
+    supervision::{Supervision, Verdict},
     trust::Trust,
 };
 use crate::protection::following_error::Deviation;
@@ -202,8 +202,12 @@ impl Gate {
         }
         if let Some(supervision) = &mut self.supervision {
             supervision.update(deviation, shadow, at_limit);
-            if !supervision.trusts() {
-                flags |= control_flag::MODEL_WORSE;
+            flags |= match supervision.verdict() {
+                Verdict::Trusted => 0,
+                Verdict::Tried => control_flag::MODEL_TRIAL,
+                Verdict::Worse => control_flag::MODEL_WORSE,
+            };
+            if supervision.verdict() != Verdict::Trusted {
                 self.usable_ticks = 0;
             }
         }

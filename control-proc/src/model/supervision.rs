@@ -7,7 +7,8 @@
 //!           after 2 tau of control, while the command is not at its limit;  B = min(E_s, 2.25 E_f max(V_m/V_f, 1))
 //! or        it swings ([`super::swing`])
 //! trial     of a suspect: the fallback controls for max(5 s, 15 L), at most four times that while V_f < V_m/4
-//! acquitted E_f max(V_m/V_f, 1) >= 0.8 E_m of before, V_f >= V_m/4: the model controls as before
+//! acquitted E_f max(V_m/V_f, 1) >= 0.8 E_m of before, V_f >= V_m/4: the model controls as before; at once where
+//!           E_f max(V_m/V_f, 1) > 4 E_m after max(2 s, 6 L)
 //!           a model that was suspect by its last errors or its swing while the reference stood: the same, of the time
 //!           in which the reference stands alone, with at least max(2 s, 6 L) of it in the place of V_f >= V_m/4
 //! guilty    otherwise: out for 30 s, 60 s .. 480 s
@@ -19,8 +20,9 @@
 //! model. 4 is twice the error, 1.2 a tenth more, 2.25 half as much again.
 //!
 //! The shadow is as right as the commissioned model; what it says of a machine that has changed is confirmed by the
-//! fallback itself. A model that is far from the axis makes its shadow swing, and would then excuse every error; hence
-//! the bound on E_s by E_f.
+//! fallback itself. While many errors do not count after an acquittal, B is at least E_f max(V_m/V_f, 1): the fallback
+//! has just shown what it does. A model that is far from the axis makes its shadow swing, and would then excuse every
+//! error; hence the bound on E_s by E_f.
 //!
 //! The reference stands from max(1 s, 6 L) after its last motion on.
 //!
@@ -50,6 +52,8 @@ const TRIALS: f64 = 4.0;
 const MOTION: f64 = 0.25;
 /// E_f in parts of E_m that acquits.
 const NO_BETTER: f64 = 0.8;
+/// E_f in parts of E_m that acquits before the trial is over.
+const CLEARLY: f64 = 4.0;
 /// First time of trust after an acquittal, and of distrust, s, and how often they are doubled at most.
 const GRACE: f64 = 20.0;
 const DISTRUST: f64 = 30.0;
@@ -64,6 +68,17 @@ enum Phase {
     Trial(Trial),
     /// The fallback controls for so many seconds more.
     Out(f64),
+}
+
+/// What a model may do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// Control.
+    Trusted,
+    /// Wait until the fallback has been measured.
+    Tried,
+    /// Wait, because the fallback was better.
+    Worse,
 }
 
 /// A trial of the fallback.
@@ -95,11 +110,12 @@ impl Look {
         (self.model, self.shadow) = Default::default();
     }
 
-    /// B, m2, beside a fallback of `fallback`.
-    fn bound(&self, fallback: Option<&Squares>) -> f64 {
-        // `min` leaves out what is not a number: a fallback that has never moved.
-        let measured = fallback.map_or(f64::NAN, |fallback| EXCUSED * fallback.for_speed(self.model.speed, 1.0));
-        self.shadow.error.min(measured)
+    /// B, m2, beside a fallback of `fallback`, which is a fresh measurement or not.
+    fn bound(&self, fallback: Option<&Squares>, is_fresh: bool) -> f64 {
+        let measured = fallback.map_or(f64::NAN, |fallback| fallback.for_speed(self.model.speed, 1.0));
+        // `min` and `max` leave out what is not a number: a fallback that has never moved.
+        let bound = self.shadow.error.min(EXCUSED * measured);
+        if is_fresh { bound.max(measured) } else { bound }
     }
 
     /// Whether the model is suspect with a bound of `bound` m2.
@@ -168,9 +184,13 @@ impl Supervision {
         (self.phase, self.grace, self.times) = (Phase::Trusted, 0.0, [0; 2]);
     }
 
-    /// Whether the model may control.
-    pub fn trusts(&self) -> bool {
-        self.phase == Phase::Trusted
+    /// What the model may do.
+    pub fn verdict(&self) -> Verdict {
+        match self.phase {
+            Phase::Trusted => Verdict::Trusted,
+            Phase::Trial(_) => Verdict::Tried,
+            Phase::Out(_) => Verdict::Worse,
+        }
     }
 
     /// Takes in a tick. `shadow`: the error that the fallback would have, m, if the model made the last command.
@@ -223,7 +243,7 @@ impl Supervision {
     fn suspect(&mut self, swings: bool, stands: bool, time: f64) {
         self.grace = (self.grace - time).max(0.0);
         let fallback = Some(&self.fallback).filter(|fallback| fallback.time >= self.measured);
-        let [now, usual] = self.looks.map(|look| look.bound(fallback));
+        let [now, usual] = self.looks.map(|look| look.bound(fallback, self.grace > 0.0));
         // A moment in which the fallback would do far better than it does otherwise says nothing of the model.
         let (last, many) = (self.looks[0].is_worse(now.max(usual)), self.looks[1].is_worse(usual));
         if swings || last || (many && self.grace == 0.0) {
@@ -240,11 +260,12 @@ impl Supervision {
         let Trial { model, stands, since } = trial;
         let fallback = if stands { self.rest[1] } else { self.fallback };
         let lacks = if stands { fallback.time < self.measured } else { fallback.speed < MOTION * model.speed };
-        if since < self.trial.0 || (lacks && since < TRIALS * self.trial.0) {
+        let error = if stands { fallback.error } else { fallback.for_speed(model.speed, 1.0) };
+        let is_clear = !lacks && fallback.time >= self.measured && error > CLEARLY * model.error;
+        if !is_clear && (since < self.trial.0 || (lacks && since < TRIALS * self.trial.0)) {
             self.phase = Phase::Trial(trial);
             return;
         }
-        let error = if stands { fallback.error } else { fallback.for_speed(model.speed, 1.0) };
         self.phase = Phase::Trusted;
         if !lacks && error >= NO_BETTER * model.error {
             self.grace = doubled(GRACE, &mut self.times[1]);
@@ -270,6 +291,10 @@ mod tests {
     const CAUGHT: f64 = 1.02;
     const TRIED: f64 = 5.0;
 
+    fn trusts(supervision: &Supervision) -> bool {
+        supervision.verdict() == Verdict::Trusted
+    }
+
     fn at(error: f64) -> Deviation {
         Deviation { elapsed: 1, error, speed: 0.1 }
     }
@@ -278,22 +303,22 @@ mod tests {
     fn supervision() -> Supervision {
         let mut supervision = Supervision::new(0.05, 1e-5, PERIOD);
         (0..800).for_each(|_| supervision.update(&at(2e-3), None, false));
-        assert!(supervision.trusts());
+        assert!(trusts(&supervision));
         supervision
     }
 
     /// Whether a model is trusted that has this error in m at every tick of so many, where the shadow has the other
     /// one, and the fallback in control the last one; as (seconds, trusted) of the changes.
     fn changes(supervision: &mut Supervision, ticks: u32, error: f64, shadow: f64, fallback: f64) -> Vec<(f64, bool)> {
-        let mut changes = vec![(0.0, supervision.trusts())];
+        let mut changes = vec![(0.0, trusts(supervision))];
         for tick in 0..ticks {
-            if supervision.trusts() {
+            if trusts(supervision) {
                 supervision.update(&at(error), Some(shadow), false);
             } else {
                 supervision.update(&at(fallback), None, false);
             }
-            if supervision.trusts() != changes[changes.len() - 1].1 {
-                changes.push((f64::from(tick) * PERIOD, supervision.trusts()));
+            if trusts(supervision) != changes[changes.len() - 1].1 {
+                changes.push((f64::from(tick) * PERIOD, trusts(supervision)));
             }
         }
         changes
@@ -341,10 +366,22 @@ mod tests {
     }
 
     #[test]
+    fn a_fallback_that_is_far_worse_acquits_the_model_before_the_trial_is_over_and_its_shadow_is_not_believed() {
+        let mut supervision = supervision();
+        let found = changes(&mut supervision, 1500, 13e-3, 2e-3, 40e-3);
+        // 1 s does not count, and 2 s are enough.
+        expect(&found, &[(CAUGHT, false), (CAUGHT + 3.0, true)]);
+        // A model with more than twice the error that the fallback has had is tried again.
+        assert_eq!(supervision.verdict(), Verdict::Trusted);
+        changes(&mut supervision, 400, 90e-3, 2e-3, 40e-3);
+        assert_eq!(supervision.verdict(), Verdict::Tried);
+    }
+
+    #[test]
     fn what_the_model_has_left_behind_does_not_acquit_it() {
         let mut supervision = supervision();
         changes(&mut supervision, 110, 5e-3, 2e-3, 2e-3);
-        assert!(!supervision.trusts());
+        assert!(!trusts(&supervision));
         // 90 ticks of 50 mm, then the fallback as it is.
         changes(&mut supervision, 85, 5e-3, 2e-3, 50e-3);
         assert_eq!(changes(&mut supervision, 1000, 5e-3, 2e-3, 2e-3).len(), 1, "it is out");
@@ -369,7 +406,7 @@ mod tests {
         let mut out = None;
         for tick in 0..1200 {
             let error = 8e-3 * (0.2 * f64::from(tick)).sin();
-            if supervision.trusts() {
+            if trusts(&supervision) {
                 supervision.update(&at(error), Some(error), false);
             } else {
                 supervision.update(&at(2e-3), None, false);
@@ -387,7 +424,7 @@ mod tests {
         for tick in 0..3000 {
             let moves = tick % 500 >= 400;
             let swing = 8e-3 * (0.1 * f64::from(tick)).sin();
-            let by_model = supervision.trusts();
+            let by_model = trusts(&supervision);
             let at_rest = if by_model { swing } else { fallback * swing.signum() };
             let error = if moves { 80e-3 } else { at_rest };
             let deviation = Deviation { elapsed: 1, error, speed: if moves { 0.3 } else { 0.0 } };
@@ -406,7 +443,7 @@ mod tests {
     fn a_command_at_its_limit_says_nothing() {
         let mut supervision = supervision();
         (0..3000).for_each(|_| supervision.update(&at(0.02), Some(2e-3), true));
-        assert!(supervision.trusts());
+        assert!(trusts(&supervision));
     }
 
     #[test]
@@ -416,7 +453,7 @@ mod tests {
         for tick in 0..4500 {
             let shadow = if tick % 1000 < 900 { 3.2e-3 } else { 1e-3 };
             supervision.update(&at(3e-3), Some(shadow), false);
-            assert!(supervision.trusts(), "{tick}");
+            assert!(trusts(&supervision), "{tick}");
         }
         // A model that becomes worse is found as soon as before.
         expect(&changes(&mut supervision, 150, 12e-3, 3.2e-3, 3e-3), &[(0.06, false)]);
@@ -428,7 +465,7 @@ mod tests {
         let gap = Deviation { elapsed: 20, ..at(5e-3) };
         let looks = (0..100).take_while(|_| {
             supervision.update(&gap, Some(2e-3), false);
-            supervision.trusts()
+            trusts(&supervision)
         });
         assert!((4..=9).contains(&looks.count()));
     }

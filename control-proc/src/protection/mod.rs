@@ -5,6 +5,7 @@
 //! | [`limits`] | largest magnitude and rate of a command, and half of the speed |
 //! | [`end_stops`] | commands near the soft limits |
 //! | [`following_error`] | the bound on the difference between reference and position |
+//! | [`hunting`] | whether an axis swings though its reference does not ask for it |
 //! | [`motion`] | whether an axis that is driven moves |
 //! | [`uncommanded`] | whether an axis moves that nobody has commanded to move |
 //! | [`walls`] | commands of all axes near places that no part of the machine passes |
@@ -13,6 +14,7 @@
 
 pub mod end_stops;
 pub mod following_error;
+pub mod hunting;
 pub mod limits;
 pub mod motion;
 pub mod uncommanded;
@@ -22,6 +24,7 @@ use pipeline::machine::Axis;
 
 use end_stops::EndStops;
 use following_error::{Deviation, FollowingError};
+use hunting::Hunting;
 use limits::{Limits, half_speed};
 use uncommanded::Uncommanded;
 
@@ -34,23 +37,31 @@ pub struct Protection {
     end_stops: EndStops,
     following_error: FollowingError,
     uncommanded: Uncommanded,
+    hunting: Hunting,
 }
 
 impl Protection {
-    /// As the machine file sets it for `axis`; `period` in s.
-    pub fn new(axis: &Axis, period: f64) -> Self {
+    /// As the machine file sets it for `axis`; `period` in s, and `speed_time`, over which its speed is taken.
+    pub fn new(axis: &Axis, period: f64, speed_time: f64) -> Self {
         Self {
             limits: Limits::new(&axis.control, period),
             half_speed: half_speed(axis),
             end_stops: EndStops::new(axis, period),
             following_error: FollowingError::new(axis.control.following_error, period),
             uncommanded: Uncommanded::new(axis, period),
+            hunting: Hunting::new(axis, period, speed_time),
         }
     }
 
     /// Begins anew: the axis begins to follow, or a controller takes over.
     pub fn reset(&mut self) {
         self.following_error.reset();
+        self.hunting.reset();
+    }
+
+    /// The watch for swings in closed loop.
+    pub fn hunting(&mut self) -> &mut Hunting {
+        &mut self.hunting
     }
 
     /// The watch for motion that nobody commanded, in every state.

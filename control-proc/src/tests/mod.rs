@@ -3,6 +3,7 @@
 mod feedback;
 mod gains;
 mod handover;
+mod hunting;
 mod latches;
 pub mod models;
 mod modes;

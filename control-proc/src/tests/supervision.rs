@@ -42,11 +42,12 @@ fn run(model: Option<Coefficients>, delay: usize) -> Run {
     let mut axis = Loop::new(&rig(delay), 0.0);
     let commands = axis.run(TICKS, model);
     let counted: Vec<_> = commands[FIRST..].iter().map(|command| command.axes[0]).collect();
+    let ousted = control_flag::MODEL_TRIAL | control_flag::MODEL_WORSE | control_flag::CAUTION;
     let mean = |value: &dyn Fn(usize) -> f64| (0..counted.len()).map(value).sum::<f64>() / counted.len() as f64;
     Run {
         far: mean(&|k| f64::from(u8::from(counted[k].error.abs() > FAR))),
         by_model: mean(&|k| f64::from(u8::from(counted[k].mode == ControlMode::Model as u32))),
-        is_worse: counted.iter().any(|command| command.flags & control_flag::MODEL_WORSE != 0),
+        is_worse: counted.iter().any(|command| command.flags & ousted != 0),
     }
 }
 

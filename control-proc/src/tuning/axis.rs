@@ -63,6 +63,11 @@ impl<'a> SimulatedAxis<'a> {
         Self::new(model, Plant { gain: 1.0, dead_time: 1.0, lag }, swing, step, 0.0)
     }
 
+    /// With `gain` times its gain.
+    pub fn with_gain(self, gain: f64) -> Self {
+        Self { gain: gain * self.gain, ..self }
+    }
+
     /// A step with `command` on the valve.
     pub fn advance(&mut self, command: f64) {
         let (Swing { frequency, damping }, step) = (self.swing, self.step);

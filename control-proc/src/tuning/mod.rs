@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`mod@course`] | the course on which controllers are tuned and compared |
 //! | [`axis`] | the axis of the simulation |
+//! | [`rest`] | margins of the whole loop about a reference that stands |
 //!
 //! ```text
 //! l tau dx/dt + x = H(u(t - m t_d))             (g, m, l) in (0.7, 1, 1), (1, 1, 1), (1.4, 1.2, 2)
@@ -39,6 +40,7 @@
 
 pub mod axis;
 pub mod course;
+pub mod rest;
 
 use std::f64::consts::TAU;
 

@@ -109,7 +109,7 @@ pub mod control_flag {
     pub const EMERGENCY_STOP: u32 = 16384;
     /// No model has been usable for so long that the axis is limited to half of its speed.
     pub const HALF_SPEED: u32 = 32768;
-    /// The model followed worse than the fallback would, or swung: the fallback controls.
+    /// The model followed worse than the fallback, which a trial has shown: the fallback controls.
     pub const MODEL_WORSE: u32 = 65536;
 
     /// The reference goes on more slowly: it asks for more than an axis can give, or an axis waits for readings, or has
@@ -122,13 +122,20 @@ pub mod control_flag {
     pub const CLOCK: u32 = 524_288;
     /// A virtual wall is near: the command that was asked for would not stop boom, arm and bucket before it.
     pub const WALL: u32 = 1_048_576;
+    /// The fallback controls for a few seconds, so that the model can be compared with it.
+    pub const MODEL_TRIAL: u32 = 2_097_152;
+    /// The axis swung though its reference did not ask for it: the fallback controls, with lower gains where it swung
+    /// as well.
+    pub const CAUTION: u32 = 4_194_304;
+    /// The axis swung on under the lowest gains; latched.
+    pub const SWING: u32 = 8_388_608;
 
     /// The bits of faults that keep the axis neutral until it is disarmed and armed again.
-    pub const LATCHED: u32 = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | CLOCK | CUT_OFF;
+    pub const LATCHED: u32 = FEEDBACK | DEADLINE | SOLVER | STALL | FOLLOWING | CLOCK | SWING | CUT_OFF;
     /// Those of them that ask for the pilot pressure to be cut off.
     pub const CUT_OFF: u32 = EMERGENCY_STOP | MOTION;
     /// Names of the bits, lowest first.
-    pub const NAMES: [&str; 21] = [
+    pub const NAMES: [&str; 24] = [
         "disarmed",
         "settling",
         "feedback",
@@ -150,6 +157,9 @@ pub mod control_flag {
         "motion",
         "clock",
         "wall",
+        "model-trial",
+        "caution",
+        "swing",
     ];
 }
 

@@ -22,7 +22,7 @@ pub fn judge(machine: &Machine) -> Judgement {
     let mut all = Vec::new();
     for axis in &machine.axes {
         let Some(model) = &axis.commissioned else { continue };
-        for of in LoopMargins::of(&axis.name, &axis.control, model, period) {
+        for of in LoopMargins::of(axis, &axis.control, model, machine.timing.period) {
             if of.mean_gain_margin <= 1.0 {
                 judgement.problems.push(unstable(axis, model, period, &of));
             } else if !of.is_kept {

@@ -148,7 +148,7 @@ impl<'a> Found<'a> {
     fn new(machine: &'a Machine, axis: usize, (model, record): (Commissioned, ExperimentRecord)) -> Self {
         let name = machine.axes[axis].name.as_str();
         let control = tuned(machine, axis, &model);
-        let of = |control| LoopMargins::of(name, &control, &model, machine.timing.period.as_secs_f64());
+        let of = |control| LoopMargins::of(&machine.axes[axis], &control, &model, machine.timing.period);
         Self { axis, name, loops: control.map_or_else(Vec::new, of), model, record, control }
     }
 }

@@ -43,6 +43,8 @@ use crate::{
 /// Header that carries the token. No form and no link of another page can send it, and the passwords of a proxy have
 /// another one.
 const TOKEN: HeaderName = HeaderName::from_static("x-hydraxis-token");
+/// Largest command from the page: whoever holds its button may not see the machine.
+const LARGEST_COMMAND: f64 = 0.3;
 /// Time in which a stop is to be answered.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Time between two looks at the board.
@@ -201,14 +203,13 @@ impl Control {
         let Some(hold) = self.held(beat.hold) else {
             return Err(refused(StatusCode::CONFLICT, "found a button that is not held"));
         };
-        // The controller refuses a command or set point outside its range as well.
-        let is_sound = beat.command.is_none_or(|command| (-1.0..=1.0).contains(&command))
-            && beat.target.is_none_or(f64::is_finite);
+        let command = beat.command.unwrap_or_default();
+        let is_sound = is_small(command) && beat.target.is_none_or(f64::is_finite);
         if !is_sound {
             hold.release();
-            return Err(unusable("found a command outside [-1, 1]"));
+            return Err(unusable(format!("found a command of {command} or no set point; allowed: -0.3 to 0.3")));
         }
-        let (phase, why) = match hold.beat(stamp, beat.target, beat.command.unwrap_or_default()) {
+        let (phase, why) = match hold.beat(stamp, beat.target, command) {
             Phase::Arming => ("arming", String::new()),
             Phase::Held => ("held", String::new()),
             Phase::Ended(why) => ("ended", why),
@@ -217,13 +218,18 @@ impl Control {
     }
 }
 
+/// Whether a person who sees the machine on a page only may command this.
+fn is_small(command: f64) -> bool {
+    command.abs() <= LARGEST_COMMAND
+}
+
 /// Refuses a set point or a command outside its range.
 fn check(name: &str, [low, high]: [f64; 2], wanted: &Wanted) -> Result<(), Refused> {
     if let Some(target) = wanted.target.filter(|target| !(low..=high).contains(target)) {
         return Err(unusable(format!("target: found {target} m; allowed: axis.{name} within {low} to {high} m")));
     }
-    if !(-1.0..=1.0).contains(&wanted.command) {
-        return Err(unusable(format!("command: found {}; allowed: -1 to 1", wanted.command)));
+    if !is_small(wanted.command) {
+        return Err(unusable(format!("command: found {}; allowed: -0.3 to 0.3", wanted.command)));
     }
     Ok(())
 }

@@ -58,6 +58,9 @@ pub struct Refusal {
     next: Option<ExperimentOptions>,
 }
 
+/// Flags of a model that has lost control to the fallback.
+const OUSTED: u32 = control_flag::MODEL_TRIAL | control_flag::MODEL_WORSE | control_flag::CAUTION;
+
 /// A commissioned machine that was driven.
 #[derive(Debug, Clone)]
 pub struct Driven {
@@ -91,8 +94,8 @@ pub struct Run {
     pub by_model: u64,
     /// The faults that latched the axis, [`control_flag`] bits.
     pub latched: u32,
-    /// Time from the first tick by the model to the first tick at which it was said to be worse than the fallback
-    /// ([`control_flag::MODEL_WORSE`]), s.
+    /// Time from the first tick by the model to the first tick at which it had lost control to the fallback, s: by a
+    /// trial, for being worse, or for a swing.
     pub suspected: Option<f64>,
     /// What the axis did while it held a set point; empty for other tasks.
     pub hold: Hold,
@@ -168,8 +171,8 @@ impl<'a> Ready<'a> {
     }
 
     fn drive(self) -> Result<Driven, Failure> {
-        let period = self.still.timing.period.as_secs_f64();
-        let loops = self.control.map_or_else(Vec::new, |control| LoopMargins::of(AXIS, &control, &self.model, period));
+        let of = |control| LoopMargins::of(&self.still.axes[0], &control, &self.model, self.still.timing.period);
+        let loops = self.control.map_or_else(Vec::new, of);
         let pair = |task: &Task| {
             let with = |model| run(self.rig, *task, &self.settings, model);
             Ok(Pair { task: *task, fallback: with("none")?, adaptive: with("adaptive")? })
@@ -258,7 +261,7 @@ fn watched(machine: &Machine, task: Task) -> Result<Run, Failure> {
         if is_by_model {
             first_by_model.get_or_insert(time);
         }
-        if let Some(first) = first_by_model.filter(|_| command.flags & control_flag::MODEL_WORSE != 0) {
+        if let Some(first) = first_by_model.filter(|_| command.flags & OUSTED != 0) {
             run.suspected.get_or_insert(time - first);
         }
         if time < BEGIN {

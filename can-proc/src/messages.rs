@@ -12,6 +12,12 @@ use crate::error::WiringError;
 
 /// Pa of a unit of pressure.
 const PRESSURES: [(&str, f64); 5] = [("Pa", 1.0), ("kPa", 1e3), ("bar", 1e5), ("MPa", 1e6), ("psi", 6_894.757_293)];
+/// m of a unit of length.
+const LENGTHS: [(&str, f64); 4] = [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6)];
+/// rad of a degree.
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+/// rad of a unit of angle.
+const ANGLES: [(&str, f64); 4] = [("rad", 1.0), ("mrad", 1e-3), ("deg", DEGREE), ("°", DEGREE)];
 /// Part by which the length of a count may differ between machine file and data base.
 const SAME: f64 = 1e-6;
 
@@ -214,15 +220,24 @@ fn value(message: &Message, text: &str) -> Result<(Signal, f64), String> {
     Ok((signal, value))
 }
 
-/// Refuses a signal whose count has another length than the machine file says, where its unit is known.
+/// Refuses a signal of another unit than the position, and one whose count has another length than the machine file
+/// says. A signal without a unit is taken: its data base does not say what a count is.
 fn expect_scale(axis: &Axis, key: &str, named: &NamedSignal) -> Result<(), WiringError> {
     let (units, own, name): (&[(&str, f64)], f64, &str) = match axis.encoder.angle {
-        None => (&[("m", 1.0), ("mm", 1e-3), ("um", 1e-6)], axis.encoder.resolution, "resolution"),
-        Some(sensor) => {
-            (&[("rad", 1.0), ("mrad", 1e-3), ("deg", 1_f64.to_radians())], sensor.resolution, "angle_resolution")
-        }
+        None => (&LENGTHS, axis.encoder.resolution, "resolution"),
+        Some(sensor) => (&ANGLES, sensor.resolution, "angle_resolution"),
     };
-    let Some((_, unit)) = units.iter().find(|(unit, _)| *unit == named.unit) else { return Ok(()) };
+    if named.unit.is_empty() {
+        return Ok(());
+    }
+    let Some((_, unit)) = units.iter().find(|(unit, _)| *unit == named.unit) else {
+        let known: Vec<&str> = units.iter().map(|(known, _)| *known).collect();
+        let (found, allowed) = (&named.unit, known.join(", "));
+        return Err(WiringError::Text(format!(
+            "{key}: found the unit \"{found}\" of {}; allowed: {allowed}, or none",
+            named.name
+        )));
+    };
     let found = named.signal.factor().abs() * unit;
     if (found - own).abs() <= SAME * own {
         return Ok(());
@@ -289,6 +304,11 @@ mod tests {
                 "Mode=1",
                 "Mode=9",
                 "can.message \"Levers\": found \"Mode=9\"; allowed: a signal of the message and a value",
+            ),
+            (
+                "BoomState.Angle",
+                "BoomState.Rate",
+                "axis.boom.can.position: found the unit \"rad/s\" of Rate; allowed: rad, mrad, deg, °, or none",
             ),
             ("BoomState.Piston", "BoomState.Rate", "found the unit \"rad/s\" of BoomState.Rate; allowed: Pa, kPa"),
             (

@@ -14,6 +14,7 @@
 use std::time::Duration;
 
 use can::{
+    Counters,
     bus::{Address, Bus, BusError, open},
     device::{AxisTarget, Demand, Network},
 };
@@ -73,6 +74,8 @@ struct Process {
     bit_rate: u32,
     /// When it is tried to open the bus again, ns.
     next_try_ns: u64,
+    /// What has happened on the bus before it was opened again.
+    before: Counters,
     readings: Publisher<EncoderReading>,
     commands: Reader<ValveCommand>,
     targets: Vec<AxisTarget>,
@@ -97,6 +100,7 @@ impl Process {
             address: wired.address,
             bit_rate: wired.bit_rate,
             next_try_ns: 0,
+            before: Counters::default(),
             readings: group.publisher()?,
             commands: group.reader()?,
             targets: vec![target(None); machine.axes.len()],
@@ -123,23 +127,33 @@ impl Process {
         }
     }
 
-    /// Takes the frames that have come.
+    /// Takes the frames that have come. A controller that has gone bus-off reaches no device, even if it is back soon.
     fn receive(&mut self) {
+        let before = self.bus.as_ref().map_or(0, |bus| bus.counters().bus_off);
         for _ in 0..MOST_FRAMES {
             match self.bus.as_mut().map(|bus| bus.receive()) {
                 Some(Ok(Some(received))) => self.network.take(&received, monotonic_ns()),
                 Some(Err(error)) => self.lose(&error),
-                Some(Ok(None)) | None => return,
+                Some(Ok(None)) | None => break,
             }
+        }
+        if self.bus.as_ref().is_some_and(|bus| bus.counters().bus_off > before) {
+            self.lose(&BusError::Off);
         }
     }
 
     /// The bus is gone. No valve can be reached: the drives stop by their own time-outs.
     fn lose(&mut self, error: &BusError) {
+        self.before = self.counters();
         eprintln!("can-proc: {}; waits for it", full(error));
         let now_ns = monotonic_ns();
         (self.bus, self.next_try_ns, self.open_since_ns) = (None, now_ns + RETRY_NS, None);
         self.network.lose_bus(now_ns);
+    }
+
+    /// What has happened on the bus since the start.
+    fn counters(&self) -> Counters {
+        self.bus.as_ref().map_or(self.before, |bus| self.before + *bus.counters())
     }
 
     /// Waits for frames; without a bus it is opened again. Only then this stage allocates, opens a file and waits for
@@ -255,10 +269,15 @@ impl Stage for Process {
         self.readings.greet();
     }
 
-    /// All valves are switched off.
+    /// All valves are switched off. Then the loop is over, and what has happened on the bus is told.
     fn stop(&mut self) -> Result<(), StageError> {
         self.network.end(monotonic_ns());
         self.send();
+        let (all, network) = (self.counters(), self.network.counters());
+        eprintln!(
+            "can-proc: {}: {all}; {} foreign frames, {} of {} SYNC without all positions",
+            self.address, network.foreign, network.incomplete, network.syncs
+        );
         Ok(())
     }
 

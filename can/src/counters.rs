@@ -6,6 +6,8 @@
 //!
 //! Trap: stuff bits are not counted. They make a frame up to a fifth longer, so a bus is full before the load says 1.
 
+use std::{fmt, ops::Add};
+
 use crate::Frame;
 
 /// Numbers of events since the bus was opened.
@@ -27,6 +29,34 @@ pub struct Counters {
     pub malformed: u64,
     /// Bits of all frames received and sent, without stuff bits.
     pub bits: u64,
+}
+
+impl Add for Counters {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            received: self.received + other.received,
+            sent: self.sent + other.sent,
+            unsent: self.unsent + other.unsent,
+            lost: self.lost + other.lost,
+            errors: self.errors + other.errors,
+            bus_off: self.bus_off + other.bus_off,
+            malformed: self.malformed + other.malformed,
+            bits: self.bits + other.bits,
+        }
+    }
+}
+
+impl fmt::Display for Counters {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { received, sent, unsent, lost, errors, bus_off, malformed, .. } = self;
+        write!(
+            out,
+            "received {received}, sent {sent}, unsent {unsent}, lost {lost}, errors {errors}, bus-off {bus_off}, "
+        )?;
+        write!(out, "malformed {malformed}")
+    }
 }
 
 impl Counters {

@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use crate::{
     failure::Failure,
+    recording::black_box::write_left,
     report::{output::Output, table::table},
 };
 
@@ -27,7 +28,8 @@ Examples:
             to another program. Removed only with --prefix, and only while no process has it mapped
   foreign   its folder, or one of its files, belongs to another user: never touched
 
-A group that ends by itself leaves nothing, and `hydraxis run --prefix NAME` removes what a dead group of that name has
+What the supervisor of a dead group has kept for a black box is written to the folder of its run, and named. A group
+that ends by itself leaves nothing, and `hydraxis run --prefix NAME` removes what a dead group of that name has
 left before it starts. Exit codes: 0 done, 1 the group of --prefix is alive or something could not be removed.")]
 pub struct CleanArguments {
     /// Only this group [default: all groups of this computer]
@@ -69,6 +71,10 @@ pub fn run(arguments: &CleanArguments) -> Result<(), Failure> {
         && let Err(error) = remove_leftovers(prefix)
     {
         return Err(Failure::run(format!("{error}; nothing was removed")));
+    }
+    if !arguments.dry_run {
+        // A person reads them also where standard output is JSON.
+        write_left(arguments.prefix.as_ref()).iter().for_each(|line| eprintln!("{line}"));
     }
     let cleaned: Vec<CleanedGroup> = found.into_iter().map(|group| clean(group, arguments)).collect();
     output.write(|| text(&cleaned, arguments), &cleaned)?;

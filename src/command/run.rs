@@ -245,11 +245,13 @@ fn run_group(
 ) -> Result<Ended, Failure> {
     let group = Group::join(&options.prefix, "supervisor").map_err(ChannelError::from)?;
     let has_black_box = options.clock == Clock::RealTime && !arguments.no_black_box;
-    let black_boxes = has_black_box.then(|| arguments.black_box.clone().unwrap_or_else(default_folder));
-    let mut monitor = Monitor::new(&group, machine, has_black_box)?;
+    let mut monitor = Monitor::new(&group, machine)?;
     leave(&options.prefix, &arguments.machine, facts(machine, options))?;
     let launch = Launch { machine, arguments: &arguments.machine, options };
-    let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref(), black_boxes.as_deref())?;
+    let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref())?;
+    if has_black_box {
+        supervisor.keep_black_box(arguments.black_box.clone().unwrap_or_else(default_folder), &mut monitor);
+    }
     let scenario = &machine.scenario.name;
     let scenario = if machine.source == Source::Sim { format!(", scenario \"{scenario}\"") } else { String::new() };
     supervisor.say(format!("{}{scenario}: group \"{}\", Ctrl-C ends it", machine.name, options.prefix));

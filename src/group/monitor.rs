@@ -13,7 +13,7 @@ use pipeline::{
 
 use super::glance;
 use crate::{
-    recording::black_box::Tapes,
+    recording::tapes::Tapes,
     report::{control_loop::LastMessages, events::Events},
 };
 
@@ -43,14 +43,14 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// Attaches to the group's channels. `keeps`: the messages are kept for a black box.
+    /// Attaches to the group's channels.
     ///
     /// # Errors
     /// A channel cannot be opened.
-    pub fn new(group: &Group, machine: &Machine, keeps: bool) -> Result<Self, ChannelError> {
+    pub fn new(group: &Group, machine: &Machine) -> Result<Self, ChannelError> {
         let now = Instant::now();
         Ok(Self {
-            tapes: Tapes::new(group, keeps)?,
+            tapes: Tapes::new(group)?,
             last: LastMessages::default(),
             operator: 0,
             heartbeats: [None; 4],
@@ -132,7 +132,7 @@ impl Monitor {
         before != 0 && command.operator != 0 && before != command.operator && takes_over
     }
 
-    /// What the black box writes.
+    /// What the black box keeps and writes.
     pub fn tapes(&mut self) -> &mut Tapes {
         &mut self.tapes
     }

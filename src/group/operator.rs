@@ -387,6 +387,9 @@ impl Operator {
     /// Changes axes to a mode, arms those that are disarmed, and waits until all are in it; false when the program is
     /// to end before.
     ///
+    /// The controller takes no edge of a message that comes too late, or too long after the one before. A program that
+    /// had no core for a moment asks for another edge then, until the axis has been armed once.
+    ///
     /// # Errors
     /// They are not in the mode in time, or a fault latches one of them on the way.
     pub fn change(&mut self, axes: &[usize], mode: AxisMode) -> Result<bool, OperatorError> {
@@ -397,7 +400,17 @@ impl Operator {
         }
         self.arming[MAX_AXES] = true;
         let mut latched = None;
-        let is_changed = self.ask_until(mode.name(), |command, _| {
+        let (mut was_armed, mut taken) = ([false; MAX_AXES], [u64::MAX; MAX_AXES]);
+        let is_changed = self.ask_until(mode.name(), |command, request| {
+            for axis in axes.iter().copied() {
+                let found = &command.axes[axis];
+                was_armed[axis] |= found.flags & control_flag::DISARMED == 0;
+                // A message with the edge was taken, and has not armed the axis.
+                if !was_armed[axis] && found.taken_requests > taken[axis] {
+                    request.axes[axis].enable = request.axes[axis].enable.wrapping_add(1);
+                }
+                taken[axis] = found.taken_requests;
+            }
             let is_in = |axis: &AxisCommand| axis.operation == mode as u32 && axis.flags & control_flag::SETTLING == 0;
             latched = axes.iter().copied().find(|axis| command.axes[*axis].flags & control_flag::LATCHED != 0);
             latched.is_some() || axes.iter().all(|axis| is_in(&command.axes[*axis]))

@@ -1,8 +1,9 @@
 //! The black box of a group: the last seconds of all channels, in a file, when a fault latches an axis or a stage dies.
 //!
-//! The messages are in the memory of the supervisor until then, and are lost with it. A thread of its own writes the
-//! file, because the supervisor has other things to watch. A file holds what came before the fault and [`AFTER`] of
-//! what came after it; further faults within the span share it.
+//! The messages are in shared memory until then ([`super::kept`]). A thread of its own writes the file, because the
+//! supervisor has other things to watch. A file holds what came before the fault and [`AFTER`] of what came after it;
+//! further faults within the span share it. What a supervisor that was killed has left in shared memory, the next
+//! `hydraxis run` or `hydraxis clean` writes.
 
 use std::{
     fs, io,
@@ -11,32 +12,24 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
+use mcap::McapError;
 use pipeline::{
     MAX_AXES,
-    channel::{ChannelError, Group, Prefix},
+    channel::Prefix,
     machine::Machine,
-    message::{
-        CoefficientSnapshot, EncoderReading, EncoderSample, MachineState, Message, Reference, Request, StageHealth,
-        ValveCommand, bit_names, control_flag,
-    },
+    message::{ValveCommand, bit_names, control_flag},
     stage::monotonic_ns,
 };
 
-use mcap::McapResult;
-
 use super::{
-    Facts, clock_ns,
-    controller_state::{self, ControllerStates},
-    file::{Encoded, RecordingFile},
-    tape::{Strip, Tape},
+    Facts, axes_in, clock_ns, default_folder,
+    file::RecordingFile,
+    kept::{self, About, KeptFile, LeftFile},
+    tapes::{Messages, SPAN, Strips, Tapes},
 };
 
-/// What a file holds.
-pub const SPAN: Duration = Duration::from_secs(10);
-/// Part of it that comes after the fault.
+/// Part of a file that comes after the fault.
 const AFTER: Duration = Duration::from_secs(1);
-/// Least time between two snapshots: a snapshot is by far the largest message.
-const SNAPSHOTS_APART: Duration = Duration::from_millis(50);
 /// Longest wait for the disk at the end of a run. What was written by then is in the memory of the system, from which
 /// the disk takes it later.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -47,120 +40,55 @@ pub const MOST_FILES: usize = 20;
 /// Beginning and end of their names.
 const NAME: (&str, &str) = ("fault-", ".mcap");
 
-/// All channels of a group, read by one reader each.
-pub struct Tapes {
-    pub readings: Tape<EncoderReading>,
-    pub samples: Tape<EncoderSample>,
-    pub commands: Tape<ValveCommand>,
-    pub snapshots: Tape<CoefficientSnapshot>,
-    pub references: Tape<Reference>,
-    pub requests: Tape<Request>,
-    pub health: Tape<StageHealth>,
-    pub states: Tape<MachineState>,
-}
-
-impl Tapes {
-    /// Attaches to the channels of `group`. `keeps`: what is read is kept for [`SPAN`].
-    ///
-    /// # Errors
-    /// A channel cannot be opened.
-    pub fn new(group: &Group, keeps: bool) -> Result<Self, ChannelError> {
-        let span = if keeps { SPAN.as_nanos() as u64 } else { 0 };
-        Ok(Self {
-            readings: Tape::new(group, span, 0)?,
-            samples: Tape::new(group, span, 0)?,
-            commands: Tape::new(group, span, 0)?,
-            snapshots: Tape::new(group, span, SNAPSHOTS_APART.as_nanos() as u64)?,
-            references: Tape::new(group, span, 0)?,
-            requests: Tape::new(group, span, 0)?,
-            health: Tape::new(group, span, 0)?,
-            states: Tape::new(group, span, 0)?,
-        })
-    }
-
-    fn take(&mut self, axes: &[String]) -> Vec<Box<dyn Messages>> {
-        let (samples, commands) = (self.samples.take(), self.commands.take());
-        let states = StatesStrip::new(axes, &samples, &commands);
-        vec![
-            Box::new(self.readings.take()),
-            Box::new(samples),
-            Box::new(commands),
-            Box::new(states),
-            Box::new(self.snapshots.take()),
-            Box::new(self.references.take()),
-            Box::new(self.requests.take()),
-            Box::new(self.health.take()),
-            Box::new(self.states.take()),
+/// Writes a new file with all messages into a folder, and removes the oldest ones there. What is to be said about it,
+/// also where it could not be written.
+fn write(
+    folder: &Path,
+    prefix: &Prefix,
+    mut facts: Facts,
+    fault: &Fault,
+    channels: &[Box<dyn Messages>],
+) -> Result<String, String> {
+    let clock_ns = clock_ns();
+    facts.extend(
+        [
+            ("cause", fault.cause.clone()),
+            ("cause_monotonic_ns", fault.at.to_string()),
+            ("realtime_minus_monotonic_ns", clock_ns.to_string()),
         ]
-    }
-}
-
-/// The messages of one channel, of any type.
-trait Messages: Send {
-    /// Adds the channel and all its messages to a file.
-    fn write(&self, file: &mut RecordingFile) -> McapResult<()>;
-    /// Name of the channel, and messages that were lost before they came here.
-    fn lost(&self) -> (&'static str, u64);
-}
-
-impl<M: Message + Send> Messages for Strip<M> {
-    fn write(&self, file: &mut RecordingFile) -> McapResult<()> {
-        file.add_channel::<M>()?;
-        self.messages.iter().try_for_each(|(read_ns, message)| file.write(&Encoded::new(*read_ns, message)))
-    }
-
-    fn lost(&self) -> (&'static str, u64) {
-        (M::CHANNEL, self.lost)
-    }
-}
-
-/// The states of the controllers.
-struct StatesStrip {
-    axes: Vec<String>,
-    states: Vec<Encoded>,
-    lost: u64,
-}
-
-impl StatesStrip {
-    fn new(axes: &[String], samples: &Strip<EncoderSample>, commands: &Strip<ValveCommand>) -> Self {
-        let mut states = ControllerStates::new(axes.len());
-        let mut samples = samples.messages.iter().peekable();
-        let state = |(read_ns, command): &(u64, ValveCommand)| {
-            let tick = command.header.sequence;
-            while let Some((_, sample)) = samples.next_if(|(_, sample)| sample.header.sequence <= tick) {
-                states.sample(sample);
-            }
-            states.state(*read_ns, command)
-        };
-        Self { axes: axes.to_vec(), states: commands.messages.iter().map(state).collect(), lost: commands.lost }
-    }
-}
-
-impl Messages for StatesStrip {
-    fn write(&self, file: &mut RecordingFile) -> McapResult<()> {
-        controller_state::add_to(file, &self.axes)?;
-        self.states.iter().try_for_each(|state| file.write(state))
-    }
-
-    fn lost(&self) -> (&'static str, u64) {
-        (controller_state::CHANNEL, self.lost)
-    }
-}
-
-/// Writes a new file with all messages.
-fn write(path: &Path, mut facts: Facts, clock_ns: i64, channels: &[Box<dyn Messages>]) -> McapResult<()> {
+        .map(|(name, fact)| (name.to_owned(), fact)),
+    );
     facts.extend(channels.iter().map(|channel| {
         let (name, lost) = channel.lost();
         (format!("{name} lost"), lost.to_string())
     }));
-    let mut file = RecordingFile::create(path, &facts, &[], clock_ns)?;
-    let written = channels.iter().try_for_each(|channel| channel.write(&mut file));
-    let written = written.and_then(|()| file.finish(&Facts::new()));
-    if written.is_err() {
-        // Half a file explains nothing; the disk may be full.
-        let _ = fs::remove_file(path);
-    }
-    written
+    let path = folder.join(file_name(prefix, SystemTime::now()));
+    let written = RecordingFile::create(&path, &facts, &[], clock_ns).and_then(|mut file| {
+        let written = channels.iter().try_for_each(|channel| channel.write(&mut file));
+        written.and_then(|()| file.finish(&Facts::new())).inspect_err(|_| {
+            // Half a file explains nothing; the disk may be full.
+            let _ = fs::remove_file(&path);
+        })
+    });
+    let is_written = written.is_ok();
+    let said = match written {
+        Ok(()) => format!("black box: {}: {}", fault.cause, path.display()),
+        Err(error) => {
+            // What this error says of itself is that there was one.
+            let error = if let McapError::Io(source) = error { source.to_string() } else { error.to_string() };
+            format!("warning: no black box of \"{}\": {}: {error}", fault.cause, path.display())
+        }
+    };
+    let said = match remove_oldest(folder) {
+        Err(error) if is_written => format!("{said}; older files could not be removed: {error}"),
+        _ => said,
+    };
+    if is_written { Ok(said) } else { Err(said) }
+}
+
+fn file_name(prefix: &Prefix, now: SystemTime) -> String {
+    let now = humantime::format_rfc3339_millis(now).to_string().replace(':', "-");
+    format!("{}{now}-{prefix}{}", NAME.0, NAME.1)
 }
 
 /// A fault that is to be written.
@@ -174,7 +102,7 @@ struct Fault {
 pub struct BlackBox {
     folder: PathBuf,
     prefix: Prefix,
-    machine: String,
+    facts: Facts,
     axes: Vec<String>,
     /// Latches of each axis so far, as its commands count them.
     latches: [u64; MAX_AXES],
@@ -183,6 +111,8 @@ pub struct BlackBox {
     /// When the last file was begun, ns.
     last: Option<u64>,
     writer: Option<JoinHandle<String>>,
+    /// Removed when the run ends.
+    kept: Option<KeptFile>,
 }
 
 impl BlackBox {
@@ -195,13 +125,30 @@ impl BlackBox {
         Ok(Self {
             folder,
             prefix: prefix.clone(),
-            machine: machine.name.clone(),
+            facts: facts(prefix, machine),
             axes: machine.axes.iter().map(|axis| axis.name.clone()).collect(),
             latches: [0; MAX_AXES],
             fault: None,
             last: None,
             writer: None,
+            kept: None,
         })
+    }
+
+    /// Keeps the messages of all channels in shared memory, from now until the end of the run. Begins to write what
+    /// other supervisors have left there.
+    ///
+    /// # Errors
+    /// The file in shared memory is there, or there is no room for it; with its path.
+    pub fn keep(&mut self, period: Duration, tapes: &mut Tapes) -> Result<(), String> {
+        let about =
+            About { folder: self.folder.clone(), facts: self.facts.clone(), period_ns: period.as_nanos() as u64 };
+        let made = KeptFile::create(&self.prefix, &about).and_then(|mut file| tapes.keep(&mut file).map(|()| file));
+        let file = made.map_err(|error| format!("{}: {error}", kept::path(&self.prefix).display()))?;
+        self.kept = Some(file);
+        // A start does not wait for a disk.
+        self.writer = Some(std::thread::spawn(|| write_left(None).join("\n")));
+        Ok(())
     }
 
     /// Notes that something has failed.
@@ -237,18 +184,13 @@ impl BlackBox {
         }
         let fault = self.fault.take()?;
         self.last = Some(now);
-        let path = self.folder.join(self.file_name(SystemTime::now()));
-        let (channels, facts) = (tapes.take(&self.axes), self.facts(&fault));
-        let (folder, clock_ns) = (self.folder.clone(), clock_ns());
-        self.writer = Some(std::thread::spawn(move || {
-            let said = match write(&path, facts, clock_ns, &channels) {
-                Ok(()) => format!("black box: {}: {}", fault.cause, path.display()),
-                Err(error) => format!("warning: no black box of \"{}\": {}: {error}", fault.cause, path.display()),
-            };
-            match remove_oldest(&folder) {
-                Ok(()) => said,
-                Err(error) => format!("{said}; older files could not be removed: {error}"),
-            }
+        let channels = match tapes.take() {
+            Ok(strips) => strips.channels(&self.axes),
+            Err(error) => return Some(format!("warning: no black box of \"{}\": {error}", fault.cause)),
+        };
+        let (folder, prefix, facts) = (self.folder.clone(), self.prefix.clone(), self.facts.clone());
+        self.writer = Some(std::thread::spawn(move || match write(&folder, &prefix, facts, &fault, &channels) {
+            Ok(said) | Err(said) => said,
         }));
         self.written(ends)
     }
@@ -272,27 +214,62 @@ impl BlackBox {
             let folder = self.folder.display();
             return Some(format!("warning: {folder}: the disk has not confirmed the black box within {patience}"));
         }
-        Some(writer.join().unwrap_or_else(|_| "warning: the black box could not be written".to_owned()))
+        let said = writer.join().unwrap_or_else(|_| "warning: the black box could not be written".to_owned());
+        Some(said).filter(|said| !said.is_empty())
     }
+}
 
-    fn file_name(&self, now: SystemTime) -> String {
-        let now = humantime::format_rfc3339_millis(now).to_string().replace(':', "-");
-        format!("{}{now}-{}{}", NAME.0, self.prefix, NAME.1)
-    }
+/// What is known of a run at its begin.
+fn facts(prefix: &Prefix, machine: &Machine) -> Facts {
+    let axes: Vec<&str> = machine.axes.iter().map(|axis| axis.name.as_str()).collect();
+    [
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("group", prefix.to_string()),
+        ("machine", machine.name.clone()),
+        ("axes", axes.join(" ")),
+    ]
+    .map(|(name, fact)| (name.to_owned(), fact))
+    .into()
+}
 
-    fn facts(&self, fault: &Fault) -> Facts {
-        [
-            ("version", env!("CARGO_PKG_VERSION").to_owned()),
-            ("group", self.prefix.to_string()),
-            ("machine", self.machine.clone()),
-            ("axes", self.axes.join(" ")),
-            ("cause", fault.cause.clone()),
-            ("cause_monotonic_ns", fault.at.to_string()),
-            ("realtime_minus_monotonic_ns", clock_ns().to_string()),
-        ]
-        .map(|(name, fact)| (name.to_owned(), fact))
-        .into()
+/// Writes what dead supervisors have left in shared memory, of this group or of all groups of this user, and removes
+/// it there. A line for each.
+pub fn write_left(prefix: Option<&Prefix>) -> Vec<String> {
+    let paths = prefix.map_or_else(kept::paths, |prefix| vec![kept::path(prefix)]);
+    paths
+        .iter()
+        .filter_map(|path| {
+            written_left(path).unwrap_or_else(|error| {
+                let is_none = matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::PermissionDenied);
+                (!is_none).then(|| format!("warning: {}: no black box can be read from it: {error}", path.display()))
+            })
+        })
+        .collect()
+}
+
+fn written_left(path: &Path) -> io::Result<Option<String>> {
+    let Some(mut left) = LeftFile::open(path)? else { return Ok(None) };
+    let facts = left.about.facts.clone();
+    let fact = |name: &str| facts.get(name).cloned().unwrap_or_default();
+    if fact("version") != env!("CARGO_PKG_VERSION") {
+        let other = format!("it was kept by version {}, whose `hydraxis clean` writes it", fact("version"));
+        return Err(io::Error::new(io::ErrorKind::InvalidData, other));
     }
+    let Ok(prefix) = fact("group").parse() else {
+        return Err(io::Error::new(io::ErrorKind::InvalidData, "it names no group"));
+    };
+    let strips = Strips::left(&mut left)?;
+    let at = strips.health.messages.last().map_or(0, |(read_ns, _)| *read_ns);
+    let fault = Fault { at, cause: "the supervisor was killed".to_owned() };
+    let channels = strips.channels(&axes_in(&facts));
+    let folder = &left.about.folder;
+    // The folder of that run may be gone, or be full.
+    let said = write(folder, &prefix, facts.clone(), &fault, &channels)
+        .or_else(|_| write(&default_folder(), &prefix, facts, &fault, &channels));
+    if said.is_ok() {
+        left.remove()?;
+    }
+    Ok(Some(said.unwrap_or_else(|said| said)))
 }
 
 /// Removes the oldest black boxes of a folder until [`MOST_FILES`] are left. Their names begin with the time.

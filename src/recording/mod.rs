@@ -1,13 +1,15 @@
 //! Messages of a group kept and written to files, beside the loop.
 //!
 //! ```text
-//! channels --tapes: the last seconds of each--> black box --a latch, a death--> file
+//! channels --tapes--> shared memory: the last seconds of each --a latch, a death--> black box, a file
 //! channels --recorder--> queue --store--> files, the oldest ones removed
 //! ```
 //!
 //! | file | what |
 //! |---|---|
 //! | `tape` | the last messages of one channel |
+//! | `tapes` | all channels of a group |
+//! | `kept` | the last messages of all channels in shared memory, also after the death of the supervisor |
 //! | `black_box` | when a file is written, and where |
 //! | `recorder` | all messages of all channels, into a queue that never waits |
 //! | `store` | the queue into files, whatever the disk does |
@@ -28,6 +30,7 @@ pub mod controller_state;
 pub mod file;
 #[cfg(test)]
 mod hostile;
+mod kept;
 mod latency;
 pub mod reading;
 pub mod recorder;
@@ -35,6 +38,7 @@ pub mod rows;
 pub mod schema;
 pub mod store;
 pub mod tape;
+pub mod tapes;
 pub mod typed;
 
 use std::{collections::BTreeMap, path::PathBuf, time::SystemTime};

@@ -1,6 +1,6 @@
 //! The last messages of a channel.
 
-use std::collections::VecDeque;
+use std::{io, time::Duration};
 
 use pipeline::{
     channel::{ChannelError, Group, Reader},
@@ -8,34 +8,43 @@ use pipeline::{
     stage::monotonic_ns,
 };
 
-/// Most messages that a tape holds: twice those of 1 kHz in the longest span.
-const MOST: usize = 20_000;
+use super::kept::{KeptFile, Ring};
 
 /// A reader that keeps what it has read for a while.
 pub struct Tape<M: Message> {
     reader: Reader<M>,
-    /// Time for which messages are kept, ns; 0 keeps none.
-    span_ns: u64,
-    /// Least time between two messages that are kept, ns.
-    apart_ns: u64,
-    kept: VecDeque<(u64, M)>,
+    /// None keeps nothing.
+    kept: Option<Ring>,
+    apart: Apart,
+    /// Messages that could not be kept.
+    unkept: u64,
 }
 
 /// Messages taken from a tape, with the times at which they were read, ns of `CLOCK_MONOTONIC`.
 pub struct Strip<M> {
     /// Time and message, the oldest first.
-    pub messages: VecDeque<(u64, M)>,
+    pub messages: Vec<(u64, M)>,
     /// Messages of the channel that the tape has missed since it was made.
     pub lost: u64,
 }
 
 impl<M: Message> Tape<M> {
-    /// Of a channel of `group`. It keeps messages for `span_ns`, those closer together than `apart_ns` left out.
+    /// Of a channel of `group` that keeps nothing.
     ///
     /// # Errors
     /// The channel cannot be read.
-    pub fn new(group: &Group, span_ns: u64, apart_ns: u64) -> Result<Self, ChannelError> {
-        Ok(Self { reader: group.reader()?, span_ns, apart_ns, kept: VecDeque::new() })
+    pub fn new(group: &Group) -> Result<Self, ChannelError> {
+        Ok(Self { reader: group.reader()?, kept: None, apart: Apart::default(), unkept: 0 })
+    }
+
+    /// Keeps messages in `file` for `span` from now on, those closer together than `apart_ns` left out.
+    ///
+    /// # Errors
+    /// Shared memory has no room.
+    pub fn keep(&mut self, file: &mut KeptFile, span: Duration, apart_ns: u64) -> io::Result<()> {
+        self.kept = Some(file.add::<M>(span, apart_ns)?);
+        self.apart = Apart { apart_ns, last_ns: None };
+        Ok(())
     }
 
     /// The next message in order, if one has come; kept with the time at which it was read.
@@ -44,7 +53,10 @@ impl<M: Message> Tape<M> {
     /// The channel cannot be read.
     pub fn read(&mut self) -> Result<Option<M>, ChannelError> {
         let Some(message) = self.reader.read()?.if_new().copied() else { return Ok(None) };
-        keep(&mut self.kept, (monotonic_ns(), message), self.span_ns, self.apart_ns);
+        let now = monotonic_ns();
+        if let Some(ring) = self.kept.as_mut().filter(|_| self.apart.takes(now)) {
+            self.unkept += u64::from(ring.write(now, &message).is_err());
+        }
         Ok(Some(message))
     }
 
@@ -71,38 +83,42 @@ impl<M: Message> Tape<M> {
     }
 
     /// Takes all that is kept.
-    pub fn take(&mut self) -> Strip<M> {
-        Strip { messages: std::mem::take(&mut self.kept), lost: self.reader.lost() }
+    ///
+    /// # Errors
+    /// The file of what is kept cannot be read.
+    pub fn take(&mut self) -> io::Result<Strip<M>> {
+        let messages = self.kept.as_mut().map(Ring::take).transpose()?.unwrap_or_default();
+        Ok(Strip { messages, lost: self.reader.lost() + self.unkept })
     }
 }
 
-/// Adds a message with its time, and drops those that are too old or too many.
-fn keep<M>(kept: &mut VecDeque<(u64, M)>, message: (u64, M), span_ns: u64, apart_ns: u64) {
-    let now = message.0;
-    if span_ns == 0 || kept.back().is_some_and(|(before, _)| now.saturating_sub(*before) < apart_ns) {
-        return;
+/// Leaves out messages that come too soon after the last one that was kept.
+#[derive(Default)]
+struct Apart {
+    apart_ns: u64,
+    last_ns: Option<u64>,
+}
+
+impl Apart {
+    fn takes(&mut self, now: u64) -> bool {
+        let is_apart = self.last_ns.is_none_or(|last| now.saturating_sub(last) >= self.apart_ns);
+        if is_apart {
+            self.last_ns = Some(now);
+        }
+        is_apart
     }
-    while kept.len() >= MOST || kept.front().is_some_and(|(time, _)| now.saturating_sub(*time) > span_ns) {
-        kept.pop_front();
-    }
-    kept.push_back(message);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn times(span_ns: u64, apart_ns: u64, times: impl IntoIterator<Item = u64>) -> Vec<u64> {
-        let mut kept = VecDeque::new();
-        times.into_iter().for_each(|time| keep(&mut kept, (time, ()), span_ns, apart_ns));
-        kept.iter().map(|(time, ())| *time).collect()
-    }
-
     #[test]
-    fn messages_of_the_span_are_kept() {
-        assert_eq!(times(10, 0, [1, 1, 5, 11, 12]), [5, 11, 12]);
-        assert_eq!(times(10, 4, [0, 1, 5, 8, 9]), [0, 5, 9]);
-        assert!(times(0, 0, [1, 2]).is_empty());
-        assert_eq!(times(u64::MAX, 0, 0..MOST as u64 + 3)[0], 3);
+    fn messages_that_are_apart_are_kept() {
+        let kept = |apart_ns: u64| {
+            let mut apart = Apart { apart_ns, last_ns: None };
+            [0, 1, 5, 8, 9].into_iter().filter(|now| apart.takes(*now)).collect::<Vec<u64>>()
+        };
+        assert_eq!((kept(0), kept(4)), (vec![0, 1, 5, 8, 9], vec![0, 5, 9]));
     }
 }

@@ -143,8 +143,13 @@ impl Watch {
 
     fn take_command(&mut self, command: &ValveCommand) {
         let header = command.header;
+        let first = &mut self.first[StageKind::ControlProc as usize];
         if header.number == 0 {
-            self.first[StageKind::ControlProc as usize] = Some((header.sequence, header.sent_ns));
+            *first = None;
+        }
+        // A stop is answered also by a controller that has not had a sample yet: its command has the tick 0.
+        if header.acquired_ns > 0 {
+            first.get_or_insert((header.sequence, header.sent_ns));
         }
         self.controller.take(header.number, &command.axes[..AXES]);
         for (i, axis) in command.axes[..AXES].iter().enumerate() {

@@ -160,6 +160,37 @@ fn a_bus_that_another_program_has_is_refused() {
 }
 
 #[test]
+fn a_link_of_a_killed_program_is_replaced_and_one_of_a_living_program_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path().join("bus");
+    let start = || {
+        let mut command = hydraxis();
+        command.args(["can", "simulate", FOUR_AXES, "--at"]).arg(&at).args(bus::arguments(&bus::settings(&at)));
+        command.output().unwrap()
+    };
+    // It is killed, which leaves the link.
+    let killed = Devices::start(&at);
+    let said = start();
+    assert_eq!(said.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&said.stderr).into_owned();
+    assert!(said.contains("other simulated devices are there; allowed: a path of its own"), "{said}");
+    drop(killed);
+    assert!(at.is_symlink());
+    let old = std::fs::read_link(&at).unwrap();
+    let devices = Devices::start(&at);
+    crate::harness::wait_for("a bus that answers", || {
+        can::bus::open(&Address::Serial(at.clone()), 500_000).ok().map(drop)
+    });
+    devices.end();
+    assert!(!at.exists(), "removed, was {}", old.display());
+    // What is no link to a pseudo terminal stays.
+    std::fs::write(&at, "mine").unwrap();
+    let said = start();
+    assert_eq!((said.status.code(), std::fs::read_to_string(&at).unwrap().as_str()), (Some(2), "mine"));
+    assert!(String::from_utf8_lossy(&said.stderr).contains("--at: "));
+}
+
+#[test]
 fn words_that_are_none_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     for (words, expected) in [

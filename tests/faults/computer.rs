@@ -127,6 +127,7 @@ fn row_42_another_user_reaches_no_file_of_a_running_group() {
         thread::sleep(Duration::from_millis(200));
         (before == files).then_some(())
     });
+    files.push(running.group.black_box());
     for file in &files {
         let mode = file.symlink_metadata().unwrap().permissions().mode() & 0o777;
         assert_eq!(mode & 0o077, 0, "{}: {mode:o}", file.display());

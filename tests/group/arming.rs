@@ -4,16 +4,16 @@ use std::{
     process::Output,
     sync::{
         Arc,
-        atomic::{AtomicBool, AtomicU32, Ordering},
+        atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering},
     },
     thread::{JoinHandle, sleep},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use crate::harness::{Cores, TestGroup, channel::await_message, hydraxis, shared};
 use pipeline::{
     channel::{Group, Prefix, Reader},
-    message::{AxisMode, EncoderSample, Header, ValveCommand, control_flag, sample_fault},
+    message::{AxisMode, EncoderSample, Header, Request, ValveCommand, control_flag, sample_fault},
     stage::{StageKind, monotonic_ns},
 };
 
@@ -39,6 +39,10 @@ const MACHINE: [&str; 12] = [
 /// A control-proc that gets samples of axes at rest in the middle, with faults that the test sets.
 struct Played {
     faults: Arc<[AtomicU32; 4]>,
+    /// The emergency stop.
+    is_pressed: Arc<AtomicBool>,
+    /// Ticks without a sample, once a request has come that arms an axis.
+    gap: Arc<AtomicU64>,
     stop: Arc<AtomicBool>,
     sensor: Option<JoinHandle<()>>,
     commands: Reader<ValveCommand>,
@@ -54,14 +58,16 @@ impl Played {
         let mut group = TestGroup::new(test);
         let channels = group.join();
         let commands = channels.reader().unwrap();
-        let (faults, stop) = (Arc::<[AtomicU32; 4]>::default(), Arc::<AtomicBool>::default());
+        let (faults, gap) = (Arc::<[AtomicU32; 4]>::default(), Arc::<AtomicU64>::default());
+        let (is_pressed, stop) = (Arc::<AtomicBool>::default(), Arc::<AtomicBool>::default());
         let sensor = std::thread::spawn({
-            let (prefix, faults, stop) = (group.prefix.clone(), Arc::clone(&faults), Arc::clone(&stop));
-            move || play_sensor(&prefix, &faults, &stop)
+            let (prefix, faults, gap) = (group.prefix.clone(), Arc::clone(&faults), Arc::clone(&gap));
+            let (is_pressed, stop) = (Arc::clone(&is_pressed), Arc::clone(&stop));
+            move || play_sensor(&prefix, &faults, &gap, &is_pressed, &stop)
         });
         group.start(StageKind::ControlProc, &MACHINE);
-        let mut played =
-            Self { faults, stop, sensor: Some(sensor), commands, _channels: channels, group, _cores: cores };
+        let (sensor, _channels, _cores) = (Some(sensor), channels, cores);
+        let mut played = Self { faults, gap, is_pressed, stop, sensor, commands, _channels, group, _cores };
         played.wait_until("its first command", |_| true);
         played
     }
@@ -128,15 +134,17 @@ impl Drop for Played {
     }
 }
 
-fn play_sensor(prefix: &Prefix, faults: &[AtomicU32; 4], stop: &AtomicBool) {
+fn play_sensor(prefix: &Prefix, faults: &[AtomicU32; 4], gap: &AtomicU64, is_pressed: &AtomicBool, stop: &AtomicBool) {
     let channels = Group::join(prefix, "sensor").unwrap();
+    let mut requests: Reader<Request> = channels.reader().unwrap();
     let samples = channels.publisher::<EncoderSample>().unwrap();
     let notifier = channels.notifier::<EncoderSample>().unwrap();
     let mut sequence = 0;
     while !stop.load(Ordering::Relaxed) {
         let now = monotonic_ns();
         let header = Header { sequence, acquired_ns: now, sent_ns: now, axis_count: 4, ..Header::default() };
-        let mut sample = EncoderSample { header, ..EncoderSample::default() };
+        let emergency_stop = u32::from(is_pressed.load(Ordering::Relaxed));
+        let mut sample = EncoderSample { header, emergency_stop, ..EncoderSample::default() };
         for (axis, fault) in sample.axes.iter_mut().zip(faults) {
             (axis.position, axis.faults) = (0.65, fault.load(Ordering::Relaxed));
         }
@@ -144,6 +152,11 @@ fn play_sensor(prefix: &Prefix, faults: &[AtomicU32; 4], stop: &AtomicBool) {
         notifier.notify().unwrap();
         sequence += 1;
         sleep(PERIOD);
+        while let Some(request) = requests.read().unwrap().if_new() {
+            if request.axes.iter().any(|axis| axis.enable != 0) {
+                sequence += gap.swap(0, Ordering::Relaxed);
+            }
+        }
     }
 }
 
@@ -177,6 +190,16 @@ fn arm_enables_what_is_off_and_leaves_it_so_and_disarm_ends_it() {
 }
 
 #[test]
+fn a_request_that_comes_too_late_is_asked_for_again() {
+    let mut played = Played::start("arm-late");
+    // The controller refuses a message that is older than 100 ms, five samples: the edge that arms is lost with it.
+    played.gap.store(100, Ordering::Relaxed);
+    assert_eq!(played.succeed("arm", &["--mode", "hold", "--axis", "boom"]), "axis.boom: hold\n");
+    assert_eq!(played.gap.load(Ordering::Relaxed), 0, "no request has been too late");
+    assert_eq!(played.modes(), [Hold, Off, Off, Off]);
+}
+
+#[test]
 fn reset_names_and_releases_what_is_latched_and_touches_nothing_else() {
     let mut played = Played::start("reset");
     let prefix = played.group.prefix.to_string();
@@ -202,6 +225,34 @@ fn reset_names_and_releases_what_is_latched_and_touches_nothing_else() {
     let said = played.succeed("reset", &["--axis", "boom"]);
     assert_eq!(said, "axis.boom: off (disarmed): not latched\n");
     assert_eq!(played.succeed("arm", &["--axis", "boom"]), "axis.boom: track\n");
+}
+
+/// It says so at once, and does not wait for an answer that cannot come.
+#[test]
+fn reset_under_a_pressed_stop_is_refused_at_once_and_works_when_the_stop_is_released() {
+    let mut played = Played::start("reset-pressed");
+    played.succeed("arm", &["--axis", "boom"]);
+    played.is_pressed.store(true, Ordering::Relaxed);
+    played.wait_until("the latch", |command| command.axes[0].flags & control_flag::EMERGENCY_STOP != 0);
+    let began = Instant::now();
+    let said = played.fail("reset", &[]);
+    let took = began.elapsed();
+    assert!(said.contains("the emergency stop is pressed, so its latch cannot be released"), "{said}");
+    assert!(took < Duration::from_millis(2500), "{took:?}; a controller without an answer is given 5 s");
+    let is_latched = |command: &ValveCommand| {
+        command.cut_off == 1
+            && command.axes[..4]
+                .iter()
+                .all(|axis| axis.flags & control_flag::EMERGENCY_STOP != 0 && axis.command == 0.0)
+    };
+    assert!(played.seen().iter().all(is_latched));
+    played.is_pressed.store(false, Ordering::Relaxed);
+    sleep(5 * PERIOD);
+    assert!(played.seen().last().is_some_and(is_latched), "the end of the press releases nothing");
+    let said = played.succeed("reset", &[]);
+    assert!(said.starts_with("axis.boom: off (disarmed): was latched by emergency-stop\n"), "{said}");
+    // A busy computer may slow the axis down meanwhile, which is said as well.
+    assert!(played.succeed("arm", &["--axis", "boom"]).starts_with("axis.boom: track"));
 }
 
 #[test]

@@ -11,7 +11,12 @@ use mcap::{MessageStream, Summary, read};
 use pipeline::{message::CHANNELS, stage::StageKind};
 use rustix::process::Signal;
 
-use crate::harness::{hydraxis, running::Running, shared, signal, wait_for};
+use crate::harness::{
+    hydraxis, is_running,
+    place::{FullMemory, in_own_place},
+    running::Running,
+    shared, signal, wait_for,
+};
 
 /// Black boxes in a folder, the oldest first.
 fn files(folder: &Path) -> Vec<PathBuf> {
@@ -77,6 +82,108 @@ fn a_killed_acquisition_leaves_a_file_with_what_came_before_and_after() {
 fn signalled(running: &Running) -> u64 {
     signal(running.pid(StageKind::SensorProc), Signal::KILL);
     pipeline::stage::monotonic_ns()
+}
+
+/// What a file says about its fault, and the times of its commands, ns.
+fn facts_and_commands(file: &Path) -> (BTreeMap<String, String>, Vec<u64>) {
+    let bytes = fs::read(file).unwrap();
+    let summary = Summary::read(&bytes).unwrap().unwrap();
+    let facts = read::metadata(&bytes, &summary.metadata_indexes[0]).unwrap().metadata;
+    let messages = MessageStream::new(&bytes).unwrap().map(Result::unwrap);
+    let commands = messages.filter(|message| message.channel.topic == "valve-command");
+    (facts, commands.map(|message| message.log_time).collect())
+}
+
+/// The messages are in shared memory, which outlives the supervisor and all stages.
+#[test]
+fn what_a_killed_supervisor_has_kept_is_written_by_clean_or_by_the_next_run() {
+    let _cores = shared();
+    let folder = tempfile::tempdir().unwrap();
+    for (name, next_run) in [("black-box-clean", false), ("black-box-next", true)] {
+        let boxes = folder.path().join(name);
+        // A busy computer latches nothing by itself.
+        let patient = ["--set", "timing.feedback_timeout=5s", "--set", "timing.period=20ms"];
+        let arguments = ["--duration", "60s", "--black-box", boxes.to_str().unwrap(), "--no-record"];
+        let mut running = Running::start_with(name, &[&arguments[..], &patient].concat());
+        let kept = running.group.black_box();
+        assert_eq!(fs::metadata(&kept).unwrap().permissions().mode() & 0o777, 0o600);
+        std::thread::sleep(std::time::Duration::from_secs(2));
+        let clean = || {
+            let prefix = running.group.prefix.to_string();
+            let mut command = hydraxis();
+            if next_run {
+                let quiet = ["--duration", "200ms", "--off", "--no-record", "--set", "timing.feedback_timeout=5s"];
+                command.args(["run", "--black-box", boxes.to_str().unwrap()]).args(quiet);
+            } else {
+                command.args(["clean", "--prefix", &prefix]);
+            }
+            String::from_utf8(command.output().unwrap().stderr).unwrap()
+        };
+        if !next_run {
+            let said = clean();
+            assert!(
+                said.contains("is alive") && kept.exists() && files(&boxes).is_empty(),
+                "{said} {:?}",
+                files(&boxes)
+            );
+        }
+        signal(running.supervisor.id(), Signal::KILL);
+        running.supervisor.wait().unwrap();
+        wait_for("the end of the stages", || running.none_runs().then_some(()));
+        assert!(kept.exists() && files(&boxes).is_empty());
+        let said = clean();
+        let [file] = &files(&boxes)[..] else { panic!("{:?}: {said}", files(&boxes)) };
+        assert!(said.contains(&format!("black box: the supervisor was killed: {}", file.display())), "{said}");
+        assert!(!kept.exists());
+        let (facts, commands) = facts_and_commands(file);
+        assert_eq!(
+            (&*facts["cause"], &*facts["group"]),
+            ("the supervisor was killed", &*running.group.prefix.to_string())
+        );
+        assert!(commands.len() > 50 && commands[commands.len() - 1] - commands[0] > 1_500_000_000, "{commands:?}");
+    }
+}
+
+#[test]
+fn axes_that_latch_at_once_share_a_file() {
+    let _cores = shared();
+    let folder = tempfile::tempdir().unwrap();
+    let boxes = folder.path().join("boxes");
+    let arguments = ["--duration", "60s", "--black-box", boxes.to_str().unwrap(), "--no-record"];
+    let patient = ["--set", "timing.feedback_timeout=5s"];
+    let mut running = Running::start_with("black-box-all", &[&arguments[..], &patient].concat());
+    let stop = ["disarm", "--emergency", "--prefix", &running.group.prefix.to_string()];
+    assert!(hydraxis().args(stop).output().unwrap().status.success());
+    running.interrupt();
+    let [file] = &files(&boxes)[..] else { panic!("{:?}", files(&boxes)) };
+    let cause = facts_and_commands(file).0["cause"].clone();
+    let expected = ["boom", "arm", "telescope", "bucket"].map(|axis| format!("axis.{axis} latched by emergency-stop"));
+    assert_eq!(cause, expected.join("; "));
+}
+
+#[test]
+fn a_folder_without_room_costs_the_black_box_and_nothing_else() {
+    in_own_place("black_box::a_folder_without_room_costs_the_black_box_and_nothing_else", |is_private| {
+        if !is_private {
+            return;
+        }
+        let boxes = Path::new("/dev/shm/boxes");
+        let arguments = ["--duration", "60s", "--black-box", boxes.to_str().unwrap(), "--no-record"];
+        let patient = ["--set", "timing.feedback_timeout=5s"];
+        let mut running = Running::start_with("black-box-full", &[&arguments[..], &patient].concat());
+        let full = FullMemory::take();
+        let stop = ["disarm", "--emergency", "--prefix", &running.group.prefix.to_string()];
+        assert!(hydraxis().args(stop).output().unwrap().status.success());
+        let before = running.pids;
+        std::thread::sleep(std::time::Duration::from_secs(2));
+        assert!(before.iter().all(|pid| is_running(*pid)), "a stage has ended");
+        drop(full);
+        let said = running.interrupt().stderr;
+        assert!(said.contains("warning: no black box of \"axis.boom latched by emergency-stop; "), "{said}");
+        assert!(said.contains("No space left"), "{said}");
+        assert!(files(boxes).is_empty(), "{:?}", files(boxes));
+        fs::remove_dir(boxes).unwrap();
+    });
 }
 
 /// Also the end of the simulated machine, which ends the run.

@@ -1,8 +1,11 @@
 //! Devices of a CAN bus on a pseudo terminal: those of `hydraxis can simulate`.
 
 use std::{
+    io::{BufRead, BufReader, Write},
     path::Path,
     process::{Child, Stdio},
+    sync::mpsc::{Receiver, channel},
+    thread::spawn,
 };
 
 use rustix::process::Signal;
@@ -29,6 +32,42 @@ pub fn arguments(settings: &[(String, String)]) -> Vec<String> {
 
 /// The devices, which end with this value.
 pub struct Devices(Child);
+
+/// Devices that take faults, and say when valves open and close.
+pub struct Spoiled {
+    devices: Devices,
+    said: Receiver<String>,
+}
+
+impl Spoiled {
+    /// Starts them; they are at the link then.
+    pub fn start(at: &Path) -> Self {
+        let mut command = hydraxis();
+        command.args(["can", "simulate", FOUR_AXES, "--faults", "--at"]).arg(at).args(arguments(&settings(at)));
+        let mut child = command.stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let lines = BufReader::new(child.stderr.take().unwrap()).lines();
+        let (sender, said) = channel();
+        spawn(move || lines.map_while(Result::ok).try_for_each(|line| sender.send(line)));
+        wait_for("devices", || at.exists().then_some(()));
+        Self { devices: Devices(child), said }
+    }
+
+    /// Injects a fault.
+    pub fn spoil(&mut self, fault: &str) {
+        writeln!(self.devices.0.stdin.as_mut().unwrap(), "{fault}").unwrap();
+        self.await_line(fault);
+    }
+
+    /// Waits until the devices have said a line with this text; returns it.
+    pub fn await_line(&self, text: &str) -> String {
+        wait_for(text, || self.said.try_iter().find(|line| line.contains(text)))
+    }
+
+    /// The lines that have come since.
+    pub fn lines(&self) -> Vec<String> {
+        self.said.try_iter().collect()
+    }
+}
 
 impl Devices {
     /// Starts them; they are at the link then.

@@ -62,6 +62,11 @@ impl TestGroup {
         }
     }
 
+    /// The file in which the supervisor keeps messages for a black box.
+    pub fn black_box(&self) -> PathBuf {
+        PathBuf::from(format!("/dev/shm/hydraxis-black-box.{}", self.prefix))
+    }
+
     /// Files of the group, in shared memory and elsewhere.
     pub fn files(&self) -> Vec<PathBuf> {
         files(&self.prefix)
@@ -76,6 +81,8 @@ impl Drop for TestGroup {
         }
         // A process that is still attached belongs to a test that has failed.
         let _ = remove_leftovers(&self.prefix);
+        // A supervisor that was killed leaves it to `hydraxis clean`, which writes it to the folder of its run.
+        let _ = std::fs::remove_file(self.black_box());
     }
 }
 

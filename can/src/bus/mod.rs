@@ -79,6 +79,12 @@ pub enum BusError {
     /// The adapter is unplugged, or the interface is down.
     #[error("the adapter is gone or the interface is down")]
     Gone(#[source] io::Error),
+    /// The adapter takes no frames.
+    #[error("no frame was taken for 100ms: the bus is full, or the adapter hangs")]
+    Full,
+    /// The controller of the interface has gone bus-off.
+    #[error("bus-off: too many errors on the wire; check wiring, bit rate and terminating resistors")]
+    Off,
     /// The adapter or the log has come to its end.
     #[error("the bus has ended")]
     Ended,

@@ -13,7 +13,7 @@ use rustix::{
     fs::{FlockOperation, Mode, OFlags, fcntl_getfl, fcntl_setfl, flock, open},
     io::{Errno, read, write},
     pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt},
-    termios::{OptionalActions, Termios, tcgetattr, tcsetattr},
+    termios::{OptionalActions, QueueSelector, Termios, tcflush, tcgetattr, tcsetattr},
 };
 
 /// Speed of the port where the adapter has one, bit/s. Adapters with USB take any.
@@ -33,12 +33,14 @@ fn raw(port: BorrowedFd<'_>) -> io::Result<()> {
 
 impl Port {
     /// Opens a serial port or a pseudo terminal, and locks it: two programs that read one port would each get a part of
-    /// the text. A port that another program has locked is [`io::ErrorKind::WouldBlock`].
+    /// the text. A port that another program has locked is [`io::ErrorKind::WouldBlock`]. Text that waits in the port
+    /// is dropped: set points of a time before must not reach a valve now.
     pub fn open(path: &Path) -> io::Result<Self> {
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
         let port = open(path, flags, Mode::empty())?;
         flock(&port, FlockOperation::NonBlockingLockExclusive)?;
         raw(port.as_fd())?;
+        tcflush(&port, QueueSelector::IOFlush)?;
         Ok(Self(port))
     }
 

@@ -11,11 +11,15 @@
 //!
 //! Trap: an adapter keeps its channel open when the program ends, and a line that was cut off at the start of the
 //! program is no error of the bus. `C` closes the channel first, and all text before the first answer is passed over.
+//!
+//! Trap: text waits where the adapter takes none. A set point that came late would move a valve that has been neutral
+//! since. What has waited for [`STALL_NS`] is dropped and counted, and the bus is full.
 
 use std::{
     io::ErrorKind,
     os::fd::OwnedFd,
     path::Path,
+    thread::sleep,
     time::{Duration, Instant},
 };
 
@@ -34,6 +38,8 @@ const READ_ROOM: usize = 4096;
 const WRITE_ROOM: usize = 64 * MAX_TEXT;
 /// Longest time that an adapter may take to answer when it is opened.
 const ANSWER: Duration = Duration::from_millis(500);
+/// Time without progress after which the frames that wait are given up, ns. A bus of 10 kbit/s takes a frame in 11 ms.
+const STALL_NS: u64 = 100_000_000;
 /// Status bits of the answer to `F`: bus error, and data overrun with receive queue full.
 const STATUS_ERRORS: u8 = 0x80;
 const STATUS_LOST: u8 = 0x09;
@@ -205,6 +211,8 @@ pub struct SlcanBus {
     time_ns: u64,
     output: Box<[u8; WRITE_ROOM]>,
     waiting: usize,
+    /// Since when the adapter has taken nothing of what waits, ns.
+    stalled_since_ns: Option<u64>,
     /// Whether this is the end of the adapter, which answers commands.
     is_adapter: bool,
     counters: Counters,
@@ -247,9 +255,26 @@ impl SlcanBus {
             time_ns: 0,
             output: Box::new([0; WRITE_ROOM]),
             waiting: 0,
+            stalled_since_ns: None,
             is_adapter: false,
             counters: Counters::default(),
         }
+    }
+
+    /// Drops the frames that wait where none of them was taken for too long.
+    fn watch(&mut self, has_gone_on: bool) -> Result<(), BusError> {
+        let now_ns = monotonic_ns();
+        if has_gone_on {
+            self.stalled_since_ns = None;
+            return Ok(());
+        }
+        if now_ns.saturating_sub(*self.stalled_since_ns.get_or_insert(now_ns)) < STALL_NS {
+            return Ok(());
+        }
+        self.counters.unsent += self.output[..self.waiting].iter().filter(|byte| **byte == b'\r').count() as u64;
+        (self.waiting, self.stalled_since_ns) = (0, None);
+        // Nobody listens to a simulated adapter: that is no fault of it.
+        if self.is_adapter { Ok(()) } else { Err(BusError::Full) }
     }
 
     /// Writes all of `bytes`, within the time of an answer.
@@ -258,6 +283,10 @@ impl SlcanBus {
         while !bytes.is_empty() && Instant::now() < until {
             let length = self.port.write(bytes)?;
             bytes = &bytes[length..];
+            if length == 0 {
+                // A port that takes nothing must not keep a core of real time busy.
+                sleep(Duration::from_millis(1));
+            }
         }
         Ok(())
     }
@@ -339,6 +368,7 @@ impl Bus for SlcanBus {
             let length = self.port.write(&self.output[..self.waiting]).map_err(BusError::Gone)?;
             self.output.copy_within(length..self.waiting, 0);
             self.waiting -= length;
+            self.watch(length > 0)?;
         }
         Ok(())
     }
@@ -455,6 +485,37 @@ mod tests {
         assert_eq!((bus.counters().received, bus.counters().sent, bus.counters().malformed), (1000, 1000, 0));
         // The adapter is unplugged.
         assert!(matches!(bus.receive(), Err(BusError::Gone(_))));
+    }
+
+    #[test]
+    fn an_adapter_that_takes_nothing_is_a_full_bus_and_no_old_frame_reaches_it_later() {
+        let (adapter, path) = pseudo_terminal().unwrap();
+        let port = Port::of(adapter).unwrap();
+        let mut bus = SlcanBus::with(Port::open(Path::new(&path)).unwrap());
+        let (begun, mut sent) = (Instant::now(), 0);
+        let error = loop {
+            bus.send(&Frame::standard(0x215, [7, 0, 0, 0x40])).unwrap();
+            sent += 1;
+            match bus.flush() {
+                Err(error) => break error,
+                Ok(()) => assert!(begun.elapsed() < Duration::from_secs(20), "nobody reads, and the bus is not full"),
+            }
+        };
+        assert!(matches!(error, BusError::Full), "{error}");
+        assert!(begun.elapsed() >= Duration::from_nanos(STALL_NS));
+        // What the kernel holds was sent; the rest is counted.
+        let counters = *bus.counters();
+        assert!(counters.unsent > 0 && counters.sent + counters.unsent >= sent, "{counters:?} of {sent}");
+        drop(bus);
+        let mut bus = SlcanBus::with(Port::open(Path::new(&path)).unwrap());
+        bus.send(&Frame::standard(0x300, [])).unwrap();
+        bus.flush().unwrap();
+        let (mut text, mut length) = ([0; READ_ROOM], 0);
+        while length < text.len() && !text[..length].ends_with(b"t3000\r") {
+            length += port.read(&mut text[length..]).unwrap();
+        }
+        let old = text[..length].windows(4).filter(|four| four == b"t215").count();
+        assert!((old as u64) < sent - counters.unsent, "{old} of {sent}");
     }
 
     #[test]

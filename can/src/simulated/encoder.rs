@@ -32,6 +32,11 @@ impl SimulatedEncoder {
         Self { node: SimulatedNode::new(id, object.profile(), objects), object }
     }
 
+    /// Its number.
+    pub fn id(&self) -> NodeId {
+        self.node.id
+    }
+
     /// What is wrong with it from now on.
     pub fn spoil(&mut self, flaw: Option<Flaw>) {
         self.node.flaw = flaw;

@@ -16,7 +16,12 @@ pub enum Flaw {
     NoTimeout,
     /// It sends each of its process data twice, as a second device with its number would.
     Double,
+    /// It sends its process data at every step, whoever asks.
+    Babble,
 }
+
+/// Messages of a babbling device at each step.
+const BABBLE: usize = 3;
 
 /// States, heartbeat and service data of a device.
 #[derive(Debug, Clone)]
@@ -67,6 +72,9 @@ impl SimulatedNode {
         if period_ns > 0 && now_ns >= self.next_beat_ns {
             self.next_beat_ns = now_ns + period_ns;
             self.push(heartbeat(self.id, self.state), out);
+        }
+        if self.flaw == Some(Flaw::Babble) {
+            (0..BABBLE).for_each(|_| self.send_process_data(out));
         }
     }
 

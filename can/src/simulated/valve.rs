@@ -53,6 +53,11 @@ impl SimulatedValve {
         Self { node, full_scale: full_scale.into(), heard_ns: 0, last_word: 0, stuck: None }
     }
 
+    /// Its number.
+    pub fn id(&self) -> NodeId {
+        self.node.id
+    }
+
     /// What is wrong with it from now on.
     pub fn spoil(&mut self, flaw: Option<Flaw>) {
         self.node.flaw = flaw;
@@ -66,6 +71,11 @@ impl SimulatedValve {
     /// A fault: it goes to hold and sends an emergency.
     pub fn fail(&mut self, code: u16, out: &mut Outbox) {
         self.set_state(FAULT);
+        self.node.emergency(code, out);
+    }
+
+    /// Sends an emergency; code 0 says that it is over.
+    pub fn emergency(&self, code: u16, out: &mut Outbox) {
         self.node.emergency(code, out);
     }
 

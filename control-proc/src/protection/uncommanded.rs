@@ -3,10 +3,12 @@
 //! ```text
 //! c(k)  = 2 v(s u + h + 0.1) where s u > 0, else 2 v(s u + h)                     with a commissioned model
 //!       = 1.5 v_max where s u > d/2, else 0                                       without one
-//! b(k)  = max(largest c of the last n ticks, b(k-1) exp(-T/tau_b))
-//! e(k)  = max(0, e(k-1) + s dy(k) - T (b(k) + v_d))
+//! b(k)  = max(largest c of the last n ticks, min(b(k-1) exp(-T/tau_b), 1.5 largest s dy/T of the last n ticks))
+//! o(k)  : -s u > d_w + 0.1 at each of the last n ticks, or o(k-1) and e(k-1) > 0
+//! e(k)  = max(0, e(k-1) + s dy(k) - T (b(k) + v_d)), without v_d where o(k)
 //! r(k)  = r(k-1) exp(-T/1.5 s) + s dy(k) while b(k) > 0 and s dy(k) > 0
-//! fault   e > e_0 + min(0.4 r', 0.08 s v_m), and beyond the soft limit of this direction e > e_0/2
+//! fault   e > e_0 + min(0.4 r', 0.08 s v_m); where o(k), e > e_0/2 + the same;
+//!         beyond the soft limit of this direction e > e_0/2
 //! ```
 //!
 //! s direction, 1 extending and -1 retracting: all of this is computed once for each. u command, y position m, T period
@@ -14,6 +16,8 @@
 //! calibrated dead band, v_max `max_speed` m/s, v_m the commissioned speed at the largest command, at most v_max, or
 //! v_max without a model. c is the largest speed that a command explains, b the one that all commands so far explain, e
 //! the way that they do not explain m, r the way of the last 1.5 s that was commanded m, r' of the other direction.
+//! Where o holds, the valve has long been open the other way, beyond d_w, the wider of the calibrated and the
+//! commissioned dead band.
 //!
 //! | bound | is | reason |
 //! |---|---|---|
@@ -21,7 +25,9 @@
 //! | 0.1 of the command | margin of a stall | a dead band that has shrunk by a quarter |
 //! | n | 1.5 t_d + 3 T + 1/(2 f) | dead time, missing samples, and half a swing by which a load on oil lags its valve |
 //! | tau_b | 2 tau; 0.3 s without a model | lag of a valve whose oil is as viscous as four times before |
+//! | 1.5 of the measured speed | - | a load swings; an axis does not get faster after its valve has shut |
 //! | v_d | `drift`, 2 % of v_max | drift is no fault, whatever the way: a worn telescope under load has 1.5 % |
+//! | no v_d | where o | a leak moves no cylinder against an open valve |
 //! | e_0 | 5 mm + 20 ms v_m, at most 20 mm | a load that pushes the piston against its oil; as in a commissioning |
 //! | 0.4 r', 0.08 s v_m | as in a commissioning | a load on oil swings back when its valve shuts |
 //!
@@ -36,7 +42,7 @@
 
 use pipeline::machine::{Axis, Commissioned, MotionLimits};
 
-use super::motion::{NOISE_COUNTS, STALL_MARGIN};
+use super::motion::{NOISE_COUNTS, STALL_MARGIN, widest_dead_band};
 
 /// Way without a command that is a fault, m: a load that is pushed moves the piston on its oil. Of a commissioning,
 /// this and the next are the way against the command within 0.2 s.
@@ -64,8 +70,10 @@ const LAG_FACTOR: f64 = 2.0;
 const LONGEST_WAY: f64 = 0.02;
 /// Time for which commanded motion makes the load swing back, s.
 const SWING_MEMORY: f64 = 1.5;
-/// Part of e_0 that is allowed beyond a soft limit: only the end stop comes after it.
-const BEYOND_LIMIT: f64 = 0.5;
+/// Part of e_0 that is allowed beyond a soft limit, since only the end stop comes after it, and against an open valve.
+const STRICT: f64 = 0.5;
+/// Factor of the measured speed with which an axis may run out.
+const RUN_OUT_FACTOR: f64 = 1.5;
 
 /// The largest of the last values, for as many ticks as it was made for.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,6 +90,13 @@ struct Largest {
 impl Largest {
     fn new(ticks: usize) -> Self {
         Self { ticks: ticks as u64, now: 0, values: vec![(0, 0.0); ticks + 2].into(), oldest: 0, count: 0 }
+    }
+
+    /// Begins with a value.
+    fn from(ticks: usize, value: f64) -> Self {
+        let mut largest = Self::new(ticks);
+        largest.update(1, value);
+        largest
     }
 
     /// Takes in the value of the last `elapsed` ticks, at least 1, and returns the largest.
@@ -107,7 +122,16 @@ impl Largest {
 /// One direction.
 #[derive(Debug, Clone, PartialEq)]
 struct Direction {
-    largest: Largest,
+    /// c, m/s.
+    explained: Largest,
+    /// s dy/T, m/s.
+    measured: Largest,
+    /// s u; a drive that holds its command against this direction has none but small values.
+    commanded_along: Largest,
+    /// d_w of the other direction.
+    dead_band_against: f64,
+    /// o.
+    is_against: bool,
     /// b, m/s.
     bound: f64,
     /// e, m.
@@ -160,8 +184,13 @@ impl Uncommanded {
         let fastest = model.map_or(axis.max_speed, |model| model.speed(limit).max(-model.speed(-limit)));
         let fastest = fastest.min(axis.max_speed);
         let dead_band = axis.control.dead_band;
-        let direction = Direction {
-            largest: Largest::new(ticks),
+        let widest = widest_dead_band(axis);
+        let direction = |dead_band_against| Direction {
+            explained: Largest::new(ticks),
+            measured: Largest::from(ticks, UNKNOWN_FACTOR * axis.max_speed),
+            commanded_along: Largest::new(ticks),
+            dead_band_against,
+            is_against: false,
             bound: UNKNOWN_FACTOR * axis.max_speed,
             way: 0.0,
             commanded: axis.max_speed,
@@ -181,7 +210,7 @@ impl Uncommanded {
                 .max(2.0 * NOISE_COUNTS * axis.encoder.resolution),
             last: None,
             blind: 0,
-            directions: [direction.clone(), direction],
+            directions: [direction(widest.extend), direction(widest.retract)],
         }
     }
 
@@ -189,7 +218,7 @@ impl Uncommanded {
     pub fn reset(&mut self) {
         self.last = None;
         for direction in &mut self.directions {
-            direction.way = 0.0;
+            (direction.way, direction.is_against) = (0.0, false);
         }
     }
 
@@ -213,21 +242,33 @@ impl Uncommanded {
         let (kept, forgotten) = ((-time / self.lag.max(self.period)).exp(), (-time / SWING_MEMORY).exp());
         let explained = [-1.0, 1.0].map(|sign| self.speed(sign, command));
         for ((direction, sign), speed) in self.directions.iter_mut().zip([-1.0, 1.0]).zip(explained) {
-            direction.bound = direction.largest.update(elapsed, speed).max(kept * direction.bound);
-            direction.way = (direction.way + sign * way - seen * (direction.bound + self.drift)).max(0.0);
+            // An axis that is not seen may have any speed.
+            let speed_now = if seen > 0.0 { sign * way / seen } else { UNKNOWN_FACTOR * self.max_speed };
+            let measured = direction.measured.update(elapsed, speed_now);
+            let runs_out = (kept * direction.bound).min((RUN_OUT_FACTOR * measured).max(0.0));
+            direction.bound = direction.explained.update(elapsed, speed).max(runs_out);
+            let is_open =
+                direction.commanded_along.update(elapsed, sign * command) < -direction.dead_band_against - STALL_MARGIN;
+            direction.is_against = is_open || (direction.is_against && direction.way > 0.0);
+            let drift = if direction.is_against { 0.0 } else { self.drift };
+            direction.way = (direction.way + sign * way - seen * (direction.bound + drift)).max(0.0);
             let made = if direction.bound > self.drift { (sign * way).max(0.0) } else { 0.0 };
             direction.commanded = forgotten * direction.commanded + made;
         }
         let is_beyond = |sign: f64, at: f64| if sign > 0.0 { at > self.soft_limits.1 } else { at < self.soft_limits.0 };
-        let allowed = |other: &Direction, sign: f64| {
-            if self.last.is_some_and(|at| is_beyond(sign, at)) {
-                BEYOND_LIMIT * self.allowed
+        let is_fault = |direction: &Direction, other: &Direction, sign: f64| {
+            let swing = (SWING * other.commanded).min(SWING_TIME * self.fastest);
+            let allowed = if self.last.is_some_and(|at| is_beyond(sign, at)) {
+                STRICT * self.allowed
+            } else if direction.is_against {
+                STRICT * self.allowed + swing
             } else {
-                self.allowed + (SWING * other.commanded).min(SWING_TIME * self.fastest)
-            }
+                self.allowed + swing
+            };
+            direction.way > allowed
         };
         let [retract, extend] = &self.directions;
-        retract.way > allowed(extend, -1.0) || extend.way > allowed(retract, 1.0)
+        is_fault(retract, extend, -1.0) || is_fault(extend, retract, 1.0)
     }
 
     /// c, m/s: the largest speed in the direction `sign` that a command explains.
@@ -287,7 +328,7 @@ mod tests {
         let mut largest = Largest::new(3);
         let values: Vec<f64> = (0..200u32).map(|k| f64::from(k * 7919 % 31)).collect();
         for k in 0..values.len() {
-            let expected = values[k.saturating_sub(3)..=k].iter().copied().fold(0.0, f64::max);
+            let expected = values[k.saturating_sub(3)..=k].iter().copied().fold(f64::NEG_INFINITY, f64::max);
             assert_eq!(largest.update(1, values[k]), expected, "{k}");
         }
         assert_eq!(largest.update(10, 1.0), 1.0);
@@ -299,6 +340,37 @@ mod tests {
             assert_eq!(latches(is_known, |_| 0.0, |t| 0.6 - 0.019 * t), None);
             assert_eq!(latches(is_known, |_| 0.0, |t| 0.6 + 4e-3 * (25.0 * t).sin()), None);
         }
+    }
+
+    /// A leak moves no cylinder against an open valve, but one whose valve is shut.
+    #[test]
+    fn motion_as_slow_as_drift_latches_against_an_open_valve_alone() {
+        for is_known in [false, true] {
+            for speed in [-0.01, 0.01f64] {
+                let (time, way) = latches(is_known, |_| -0.3f64.copysign(speed), |t| 0.6 + speed * t).unwrap();
+                assert!(way <= STRICT * LONGEST_WAY + 0.01 * 0.5, "{is_known} {speed}: {time} s, {way} m");
+                assert_eq!(latches(is_known, |_| -0.1f64.copysign(speed), |t| 0.6 + speed * t), None);
+                // The command that has seen it may end before the way is made.
+                let ends = |t: f64| if t < 0.7 { -0.3f64.copysign(speed) } else { 0.0 };
+                assert!(latches(is_known, ends, |t| 0.6 + speed * t).is_some());
+            }
+        }
+    }
+
+    /// An axis that has moved with 0.1 m/s does not run out as one that has moved with 1.5 m/s.
+    #[test]
+    fn what_an_axis_may_run_out_comes_from_the_speed_that_it_had() {
+        let command = |t: f64| if t < 2.0 { 0.5 } else { -0.3 };
+        for is_known in [false, true] {
+            let (time, _) = latches(is_known, command, |t| 0.3 + 0.1 * t).unwrap();
+            assert!(time < 2.0 + 0.6, "{is_known}: {time} s");
+        }
+        // One that obeys after 0.2 s, with a lag of as much.
+        let obeys = |t: f64| {
+            let after = (t - 2.2).max(0.0);
+            0.3 + 0.1 * t.min(2.2) + 0.1 * 0.2 * (1.0 - (-after / 0.2).exp())
+        };
+        assert_eq!(latches(false, command, obeys), None);
     }
 
     #[test]

@@ -28,7 +28,7 @@ mod stop;
 mod watch;
 
 use std::{
-    path::Path,
+    path::{Path, PathBuf},
     time::{Duration, Instant, SystemTime},
 };
 
@@ -44,7 +44,10 @@ use super::{
 };
 use crate::{
     arguments::MachineFile,
-    recording::{black_box::BlackBox, store::Place},
+    recording::{
+        black_box::{BlackBox, write_left},
+        store::Place,
+    },
 };
 use deaths::Deaths;
 pub use error::SupervisorError;
@@ -120,20 +123,15 @@ pub struct Supervisor<'a> {
 }
 
 impl<'a> Supervisor<'a> {
-    /// The supervisor of a group without stages yet. With a folder for black boxes it has one.
+    /// The supervisor of a group without stages yet.
     ///
     /// # Errors
     /// The group runs another machine, the file of the log cannot be created, or signals cannot be handled.
-    pub fn new(
-        launch: Launch<'a>,
-        group: &'a Group,
-        log_folder: Option<&Path>,
-        black_boxes: Option<&Path>,
-    ) -> Result<Self, SupervisorError> {
+    pub fn new(launch: Launch<'a>, group: &'a Group, log_folder: Option<&Path>) -> Result<Self, SupervisorError> {
         let board = Board::of(group.prefix(), launch.machine)?;
         let source = SourceWatch::new(launch.machine, group.prefix());
         let file = log_folder.map(|folder| log::file_name(folder, group.prefix(), SystemTime::now()));
-        let mut supervisor = Self {
+        let supervisor = Self {
             launch,
             group,
             board,
@@ -152,16 +150,24 @@ impl<'a> Supervisor<'a> {
         if let Some(file) = file {
             supervisor.say(format!("log: {}", file.display()));
         }
-        if let Some(folder) = black_boxes {
-            match BlackBox::new(folder.to_owned(), group.prefix(), supervisor.launch.machine) {
-                Ok(black_box) => supervisor.black_box = Some(black_box),
-                Err(error) => supervisor.say(format!(
-                    "warning: no black box: {}: {error}; --black-box FOLDER names another folder",
-                    folder.display()
-                )),
-            }
-        }
         Ok(supervisor)
+    }
+
+    /// Keeps the last messages for a black box in `folder`. Writes first what a supervisor of this group has kept that
+    /// was killed.
+    pub fn keep_black_box(&mut self, folder: PathBuf, monitor: &mut Monitor) {
+        write_left(Some(self.group.prefix())).into_iter().for_each(|line| self.say(line));
+        let machine = self.launch.machine;
+        let is_unusable = |error| format!("{}: {error}; --black-box FOLDER names another folder", folder.display());
+        let made = BlackBox::new(folder.clone(), self.group.prefix(), machine).map_err(is_unusable);
+        let kept = made.and_then(|mut black_box| {
+            let kept = black_box.keep(machine.timing.period, monitor.tapes());
+            kept.map(|()| black_box)
+        });
+        match kept {
+            Ok(black_box) => self.black_box = Some(black_box),
+            Err(error) => self.say(format!("warning: no black box: {error}")),
+        }
     }
 
     /// Logs a line of the supervisor's own, in order with those of the stages.

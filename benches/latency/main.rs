@@ -48,7 +48,7 @@ fn main() {
     for section in SECTIONS.into_iter().filter(|name| arguments.only.as_deref().is_none_or(|only| only == *name)) {
         sections.push(match section {
             "jitter" => jitter::measure(seconds(3, 60)),
-            "hops" => hops::measure(rounds(2_000, 50_000)),
+            "hops" => hops::measure(if quick { 2_000 } else { 50_000 }),
             "watchers" => watchers::measure(rounds(2, 20), seconds(1, 3)),
             "recorder" => beside::recorder(rounds(2, 40), seconds(1, 2)),
             _ => beside::clients(rounds(2, 40), seconds(1, 2)),

@@ -254,7 +254,8 @@ fn reset_under_a_pressed_stop_is_refused_at_once_and_works_when_the_stop_is_rele
     assert!(played.seen().last().is_some_and(is_latched), "the end of the press releases nothing");
     let said = played.succeed("reset", &[]);
     assert!(said.starts_with("axis.boom: off (disarmed): was latched by emergency-stop\n"), "{said}");
-    assert_eq!(played.succeed("arm", &["--axis", "boom"]), "axis.boom: track\n");
+    // A busy computer may slow the axis down meanwhile, which is said as well.
+    assert!(played.succeed("arm", &["--axis", "boom"]).starts_with("axis.boom: track"));
 }
 
 #[test]

@@ -101,8 +101,10 @@ fn what_a_killed_supervisor_has_kept_is_written_by_clean_or_by_the_next_run() {
     let folder = tempfile::tempdir().unwrap();
     for (name, next_run) in [("black-box-clean", false), ("black-box-next", true)] {
         let boxes = folder.path().join(name);
-        let mut running =
-            Running::start_with(name, &["--duration", "60s", "--black-box", boxes.to_str().unwrap(), "--no-record"]);
+        // A busy computer latches nothing by itself.
+        let patient = ["--set", "timing.feedback_timeout=5s", "--set", "timing.period=20ms"];
+        let arguments = ["--duration", "60s", "--black-box", boxes.to_str().unwrap(), "--no-record"];
+        let mut running = Running::start_with(name, &[&arguments[..], &patient].concat());
         let kept = running.group.black_box();
         assert_eq!(fs::metadata(&kept).unwrap().permissions().mode() & 0o777, 0o600);
         std::thread::sleep(std::time::Duration::from_secs(2));
@@ -118,7 +120,12 @@ fn what_a_killed_supervisor_has_kept_is_written_by_clean_or_by_the_next_run() {
             String::from_utf8(command.output().unwrap().stderr).unwrap()
         };
         if !next_run {
-            assert!(clean().contains("is alive") && kept.exists() && files(&boxes).is_empty());
+            let said = clean();
+            assert!(
+                said.contains("is alive") && kept.exists() && files(&boxes).is_empty(),
+                "{said} {:?}",
+                files(&boxes)
+            );
         }
         signal(running.supervisor.id(), Signal::KILL);
         running.supervisor.wait().unwrap();
@@ -133,7 +140,7 @@ fn what_a_killed_supervisor_has_kept_is_written_by_clean_or_by_the_next_run() {
             (&*facts["cause"], &*facts["group"]),
             ("the supervisor was killed", &*running.group.prefix.to_string())
         );
-        assert!(commands.len() > 100 && commands[commands.len() - 1] - commands[0] > 1_500_000_000, "{commands:?}");
+        assert!(commands.len() > 50 && commands[commands.len() - 1] - commands[0] > 1_500_000_000, "{commands:?}");
     }
 }
 

@@ -303,6 +303,27 @@ fn an_adapter_that_comes_back_arms_nothing() {
     assert!(said.stderr.contains("; waits for it") && said.stderr.contains(": is back"), "{}", said.stderr);
 }
 
+/// The boom moves by hand at this command: the program that drives it.
+fn drive(devices: &mut Spoiled, prefix: &str, command: &str) -> Child {
+    let words =
+        ["operate", "--axis", "boom", "--mode", "manual", "--duration", "60s", "--enable", "--command", command];
+    wait_for("an axis that moves", || {
+        let _ = hydraxis().args(["reset", "--prefix", prefix]).output();
+        devices.lines();
+        let mut driving = hydraxis();
+        driving.args(words).args(["--prefix", prefix]).stdout(Stdio::null()).stderr(Stdio::null());
+        let mut driving = driving.spawn().unwrap();
+        // On a busy computer its requests may be late, which ends it.
+        while driving.try_wait().unwrap().is_none() {
+            if devices.lines().iter().any(|line| line.ends_with("boom.valve: open")) {
+                return Some(driving);
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        None
+    })
+}
+
 /// Whatever happens to bus or devices while an axis moves: its valve becomes neutral, it is latched, and nothing opens
 /// after that, also when all is well again, until it was acknowledged and armed.
 #[test]
@@ -319,7 +340,6 @@ fn no_axis_moves_after_a_fault_of_bus_or_devices_before_it_is_acknowledged() {
     let channels = running.group.join();
     let (mut readings, mut commands) = (channels.reader().unwrap(), channels.reader().unwrap());
     let prefix = running.group.prefix.to_string();
-    let type_in = |words: &[&str]| hydraxis().args(words).args(["--prefix", &prefix]).output().unwrap();
     let faults = [
         "boom.encoder mute",
         "boom.encoder number 99",
@@ -334,22 +354,7 @@ fn no_axis_moves_after_a_fault_of_bus_or_devices_before_it_is_acknowledged() {
         await_message(&mut readings, "devices that are well", |reading: &EncoderReading| {
             reading.encoders[..AXES].iter().all(|value| value.error == 0)
         });
-        let direction = if i % 2 == 0 { "0.6" } else { "-0.6" };
-        let drive = ["operate", "--axis", "boom", "--mode", "manual", "--duration", "60s", "--enable", "--command"];
-        let mut driving = wait_for("an axis that moves", || {
-            let _ = type_in(&["reset"]);
-            devices.lines();
-            let mut driving = hydraxis();
-            driving.args(drive).args([direction, "--prefix", &prefix]).stdout(Stdio::null()).stderr(Stdio::null());
-            let mut driving = driving.spawn().unwrap();
-            // On a busy computer its requests may be late, which ends it.
-            while driving.try_wait().unwrap().is_none() {
-                if devices.lines().iter().any(|line| line.ends_with("boom.valve: open")) {
-                    return Some(driving);
-                }
-            }
-            None
-        });
+        let mut driving = drive(&mut devices, &prefix, if i % 2 == 0 { "0.6" } else { "-0.6" });
         devices.spoil(fault);
         devices.await_line("boom.valve: neutral");
         await_message(&mut commands, fault, |command: &ValveCommand| {

@@ -33,8 +33,8 @@ fn raw(port: BorrowedFd<'_>) -> io::Result<()> {
 
 impl Port {
     /// Opens a serial port or a pseudo terminal, and locks it: two programs that read one port would each get a part of
-    /// the text. A port that another program has locked is [`io::ErrorKind::WouldBlock`]. Text that waits in the port is
-    /// dropped: set points of a time before must not reach a valve now.
+    /// the text. A port that another program has locked is [`io::ErrorKind::WouldBlock`]. Text that waits in the port
+    /// is dropped: set points of a time before must not reach a valve now.
     pub fn open(path: &Path) -> io::Result<Self> {
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
         let port = open(path, flags, Mode::empty())?;

@@ -7,12 +7,14 @@
 //! Trap: the kernel sends the frame of a full queue to nobody and says `ENOBUFS`: the frame is counted as unsent. A
 //! controller that goes bus-off says so by an error frame; without `restart-ms` it stays off.
 //!
-//! An interface with flexible data rate (CAN FD) has frames of up to 64 bytes besides. No profile here uses them: CiA 406,
-//! 408 and 410 are of classical CANopen. They are received and counted as malformed, so that none is lost unseen.
+//! An interface with flexible data rate (CAN FD) has frames of up to 64 bytes besides. No profile here uses them: CiA
+//! 406, 408 and 410 are of classical CANopen. They are received and counted as malformed, so that none is lost unseen.
 
 use std::{
+    fs,
     io::{self, ErrorKind},
     os::fd::AsFd,
+    path::Path,
     time::{Duration, SystemTime},
 };
 
@@ -24,12 +26,18 @@ use crate::{Counters, Frame, Received, frame_clock::monotonic_ns};
 
 /// Older than this no frame can be that is still in the queue of the socket.
 const OLDEST: Duration = Duration::from_secs(1);
+/// What is said where the kernel has no CAN.
+const NO_CAN: &str = "this kernel has no CAN (AF_CAN), or has not loaded it; type: modprobe can_raw";
+/// Is there where the kernel has CAN.
+const CAN_FOLDER: &str = "/proc/net/can";
 /// The kernel has no CAN.
 const EAFNOSUPPORT: i32 = 97;
 /// There is no such interface.
 const ENODEV: i32 = 19;
 /// The interface is down.
 const ENETDOWN: i32 = 100;
+/// Flag of an interface that is up.
+const IFF_UP: u32 = 1;
 /// The queue of the interface is full.
 const ENOBUFS: i32 = 105;
 /// Class bit of an error frame: the controller has gone bus-off.
@@ -50,6 +58,11 @@ impl SocketBus {
     /// The kernel has no CAN, there is no such interface, it is down, or the right is missing.
     pub fn open(name: &str) -> Result<Self, BusError> {
         let socket = CanFdSocket::open(name).map_err(|error| BusError::open(name, &explain(name, &error), error))?;
+        if !is_up(name) {
+            // The socket itself would say so with the first frame only.
+            let down = io::Error::from_raw_os_error(ENETDOWN);
+            return Err(BusError::open(name, &explain(name, &down), down));
+        }
         let failed = |error| BusError::open(name, "the socket cannot be set up", error);
         socket.set_nonblocking(true).map_err(failed)?;
         socket.set_error_filter_accept_all().map_err(failed)?;
@@ -83,9 +96,18 @@ impl SocketBus {
     }
 }
 
+/// Whether an interface is up, by its flags; an unknown one is taken as up.
+fn is_up(name: &str) -> bool {
+    let flags = fs::read_to_string(format!("/sys/class/net/{name}/flags")).ok();
+    let flags = flags.and_then(|text| u32::from_str_radix(text.trim().trim_start_matches("0x"), 16).ok());
+    flags.is_none_or(|flags| flags & IFF_UP != 0)
+}
+
 fn explain(name: &str, error: &io::Error) -> String {
     match error.raw_os_error() {
-        Some(EAFNOSUPPORT) => "this kernel has no CAN (AF_CAN); type: modprobe can can_raw".to_owned(),
+        Some(EAFNOSUPPORT) => NO_CAN.to_owned(),
+        // The name is looked up before the kernel is asked for CAN.
+        Some(ENODEV) if !Path::new(CAN_FOLDER).exists() => NO_CAN.to_owned(),
         Some(ENODEV) => format!("there is no such interface; `ip link` shows those there are, {name} is none of them"),
         Some(ENETDOWN) => format!("the interface is down; type: ip link set {name} up type can bitrate 500000"),
         _ if error.kind() == ErrorKind::PermissionDenied => "this user may not open CAN sockets".to_owned(),
@@ -187,6 +209,7 @@ mod tests {
     fn an_interface_that_cannot_be_opened_is_explained() {
         let Err(error) = SocketBus::open("none-such0") else { panic!("there is an interface none-such0") };
         let said = error.to_string();
+        assert!(is_up("lo") && is_up("none-such0"));
         let expected = ["none-such0: this kernel has no CAN (AF_CAN)", "none-such0: there is no such interface"];
         assert!(expected.iter().any(|start| said.starts_with(start)), "{said}");
     }

@@ -5,7 +5,8 @@ use can::canopen::NodeId;
 /// What a line may be.
 pub const FAULTS: &str = "allowed: AXIS.encoder or AXIS.valve with well, mute, restart, babble, double, \
                           emergency CODE (hexadecimal) or number 1 to 127; AXIS.encoder alarm BITS (hexadecimal); \
-                          AXIS.valve with stuck -1 to 1, fail CODE or no-timeout; bus with well, unplugged, off or full";
+                          AXIS.valve with stuck -1 to 1, fail CODE or no-timeout; \
+                          bus with well, unplugged, off or full";
 
 /// What can be wrong with a device.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,6 +3,7 @@
 //! ```text
 //! d           = v - v_r
 //! a flip      d passes +h after it has been below -h, or -h after it has been above +h          h = max(h_0, V/2)
+//!             while d and v have one sign: the axis goes back, or faster than its reference
 //! c(k)        = exp(-n T/W) c(k-1), 1 more at a flip, 2 more where the last |d| was above 2 h,
 //!               2 less when the reference turns, 0 at least                                      W = max(3 s, 20 L)
 //! swings      c > 3
@@ -195,7 +196,8 @@ impl Hunting {
         }
         let (difference, side) = (axis - reference, self.sides.0);
         let bound = self.floor.max(OF_REFERENCE * self.speed.sqrt());
-        if difference.abs() <= bound || axis.abs() > self.fastest {
+        let is_behind = difference * axis <= 0.0;
+        if difference.abs() <= bound || is_behind || axis.abs() > self.fastest {
             return;
         }
         if difference * side < 0.0 {
@@ -276,6 +278,9 @@ mod tests {
 
     #[test]
     fn a_swing_between_the_bounds_is_controlled_with_the_lowest_gains_and_not_stopped() {
+        // An axis that stands and then catches up is late, and goes one way.
+        let sticks = |t: f64, _| if (2.0 * t).fract() < 0.5 { 0.0 } else { 0.8 };
+        assert_eq!(steps(false, sticks, |_| 0.4), (Vec::new(), None));
         let (steps, stopped) = steps(false, swing(2.0, 0.2), |_| 0.0);
         assert!(steps.len() == 2 && stopped.is_none(), "{steps:?} {stopped:?}");
     }

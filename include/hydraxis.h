@@ -39,8 +39,8 @@
 #define HYDRAXIS_VALVE_COMMAND_BUFFER 256
 
 #define HYDRAXIS_COEFFICIENT_SNAPSHOT_SERVICE "hydraxis/coefficient-snapshot"
-#define HYDRAXIS_COEFFICIENT_SNAPSHOT_TYPE "hydraxis.CoefficientSnapshot/4"
-#define HYDRAXIS_COEFFICIENT_SNAPSHOT_LAYOUT "2f854a37310b0e7c"
+#define HYDRAXIS_COEFFICIENT_SNAPSHOT_TYPE "hydraxis.CoefficientSnapshot/5"
+#define HYDRAXIS_COEFFICIENT_SNAPSHOT_LAYOUT "dd73a354394314c5"
 #define HYDRAXIS_COEFFICIENT_SNAPSHOT_BUFFER 64
 
 #define HYDRAXIS_REFERENCE_SERVICE "hydraxis/reference"
@@ -531,12 +531,13 @@ typedef struct HydraxisAxisSnapshot {
     HydraxisCoefficients adaptive;
     // The classical model, identified offline and held.
     HydraxisCoefficients classical;
-    // Errors of the adaptive model, with its coefficients before they are separated into b, f and g.
+    // Errors of adaptive.
     HydraxisModelErrors adaptive_errors;
-    // Errors of the classical model.
+    // Errors of classical.
     HydraxisModelErrors classical_errors;
-    // h-step errors of adaptive, with its coefficients after they are separated into b, f and g.
-    HydraxisErrorStatistics separated_h_step;
+    // h-step errors of the adaptive model's coefficients before they are separated into b, f and g: what the separation
+    // costs. No program is given these coefficients.
+    HydraxisErrorStatistics unseparated_h_step;
     // The output over these samples; the fit in percent needs its spread.
     HydraxisErrorStatistics output;
     // Output minus the output horizon samples before: the error of predicting no change.
@@ -582,7 +583,7 @@ HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, adaptive) == 0, "HydraxisAxisSnap
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, classical) == 264, "HydraxisAxisSnapshot.classical");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, adaptive_errors) == 528, "HydraxisAxisSnapshot.adaptive_errors");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, classical_errors) == 624, "HydraxisAxisSnapshot.classical_errors");
-HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, separated_h_step) == 720, "HydraxisAxisSnapshot.separated_h_step");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, unseparated_h_step) == 720, "HydraxisAxisSnapshot.unseparated_h_step");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, output) == 752, "HydraxisAxisSnapshot.output");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, persistence) == 784, "HydraxisAxisSnapshot.persistence");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, forgetting) == 816, "HydraxisAxisSnapshot.forgetting");

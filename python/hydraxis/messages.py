@@ -449,12 +449,13 @@ class AxisSnapshot(ctypes.Structure):
         ("adaptive", Coefficients),
         # The classical model, identified offline and held.
         ("classical", Coefficients),
-        # Errors of the adaptive model, with its coefficients before they are separated into b, f and g.
+        # Errors of adaptive.
         ("adaptive_errors", ModelErrors),
-        # Errors of the classical model.
+        # Errors of classical.
         ("classical_errors", ModelErrors),
-        # h-step errors of adaptive, with its coefficients after they are separated into b, f and g.
-        ("separated_h_step", ErrorStatistics),
+        # h-step errors of the adaptive model's coefficients before they are separated into b, f and g: what the
+        # separation costs. No program is given these coefficients.
+        ("unseparated_h_step", ErrorStatistics),
         # The output over these samples; the fit in percent needs its spread.
         ("output", ErrorStatistics),
         # Output minus the output horizon samples before: the error of predicting no change.
@@ -500,7 +501,7 @@ class AxisSnapshot(ctypes.Structure):
 
 class CoefficientSnapshot(ctypes.Structure):
     CHANNEL = "coefficient-snapshot"
-    LAYOUT = "2f854a37310b0e7c"
+    LAYOUT = "dd73a354394314c5"
     MAX_PUBLISHERS = 1
     BUFFER = 64  # messages that a reader may fall behind
     IS_FROM_CLIENTS = False
@@ -514,7 +515,7 @@ class CoefficientSnapshot(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.CoefficientSnapshot/4"
+        return "hydraxis.CoefficientSnapshot/5"
 
 
 class Reference(ctypes.Structure):

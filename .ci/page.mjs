@@ -35,7 +35,8 @@ async function until(what, look, patience = 30000) {
 }
 
 const group = () =>
-  start(["run", "--prefix", PREFIX, "--duration", "20min", "--no-black-box", "--set", "timing.feedback_timeout=1s"]);
+  start(["run", "--prefix", PREFIX, "--duration", "20min", "--no-black-box", "--set", "timing.feedback_timeout=1s",
+    "--set", "axis.boom.identification.estimator=auto"]);
 
 async function monitor(address) {
   const child = start(["monitor", "--prefix", PREFIX, "--allow-control", "--listen", address]);
@@ -105,19 +106,30 @@ async function sameValues(page) {
   said(`${compared} ticks: the cards show what the server tells`);
 }
 
-async function accessible(page) {
-  await page.evaluate(() => document.querySelectorAll("details").forEach((details) => (details.open = true)));
-  await until("the models", () => page.evaluate(() => document.querySelectorAll("#model-table td").length > 6));
+// The rules of axe in both colours. The colours are set without a click, which would let a held button go.
+async function accessible(page, what) {
   await page.evaluate(axe);
+  const before = await page.evaluate(() => document.documentElement.dataset.theme);
   for (const theme of ["light", "dark"]) {
-    if ((await page.evaluate(() => document.documentElement.dataset.theme)) !== theme) await page.click("#theme");
+    await page.evaluate((theme) => (document.documentElement.dataset.theme = theme), theme);
     await sleep(300);
     const { violations, passes } = await page.evaluate(() =>
       axe.run(document, { runOnly: ["wcag2a", "wcag2aa", "wcag21aa", "best-practice"] }));
     const told = violations.map(({ id, nodes }) => `${id}: ${nodes.slice(0, 3).map((node) => node.html.slice(0, 120)).join(" | ")}`);
-    said(`${theme}: axe: ${passes.length} rules passed, ${violations.length} violated`);
+    said(`${what}, ${theme}: axe: ${passes.length} rules passed, ${violations.length} violated`);
+    if (pictures) await page.screenshot({ path: `${pictures}/axe-${what.replaceAll(" ", "-")}-${theme}.png` });
     assert.deepEqual(told, []);
   }
+  await page.evaluate((theme) => (document.documentElement.dataset.theme = theme), before);
+}
+
+async function open_all(page) {
+  await page.evaluate(() => document.querySelectorAll("details").forEach((details) => (details.open = true)));
+  await until("the models", () => page.evaluate(() => document.querySelectorAll("#model-table td").length > 6));
+  await until("the weights", () => page.evaluate(() => document.querySelectorAll("#weight-table tbody tr").length > 6));
+  const sum = await page.evaluate(() =>
+    [...document.querySelectorAll("#weight-table td:last-child")].reduce((sum, cell) => sum + parseFloat(cell.textContent), 0));
+  assert(Math.abs(sum - 100) < 1, `the weights are ${sum} % together`);
 }
 
 async function shoot(page, name, sizes) {
@@ -169,10 +181,38 @@ async function off(eye, way, lost) {
   assert(took < 1500, `${way}: ${took} ms`);
 }
 
+// One parameter of an axis that is off, and back; refused while another one is held, and outside of its range.
+async function tune(page, eye) {
+  const gain = async () => (await state(eye.base)).axes.axes[0].gain;
+  const set = async (value) => {
+    await page.$eval("#gain", (input, value) => (input.value = value), value);
+    await page.evaluate(() => document.getElementById("gain-set").click());
+  };
+  await until("an axis whose gains can be set", () => page.evaluate(() => !document.getElementById("gain-set").disabled));
+  await set("0.8");
+  await until("gains of 0.8", async () => (await gain()) === 0.8);
+  await set("77");
+  await until("a refusal", () => page.evaluate(() => /allowed/.test(document.getElementById("control-state").textContent)));
+  said(`gains of 77: ${await page.evaluate(() => document.getElementById("control-state").textContent)}`);
+  await until("undo", () => page.evaluate(() => !document.getElementById("gain-undo").disabled));
+  if (pictures) {
+    await page.$eval("#control", (section) => section.scrollIntoView());
+    await page.screenshot({ path: `${pictures}/gains.png` });
+  }
+  await page.evaluate(() => document.getElementById("gain-undo").click());
+  await until("the gains of the machine file", async () => (await gain()) === 1);
+  said("gains set and undone");
+}
+
 async function control(browser, page, server, eye) {
   page.isExpected = () => true;
+  // Axes that track are switched off first.
+  await page.evaluate(() => document.getElementById("off").click());
+  await off(eye, "OFF", Date.now());
+  await tune(page, eye);
   await press(page, eye);
-  if (pictures) await page.screenshot({ path: `${pictures}/held.png` });
+  await accessible(page, "held");
+  assert.equal((await state(eye.base)).axes.axes[0].mode, "manual", "held all the time");
   let lost = Date.now();
   await page.mouse.up();
   await off(eye, "button released", lost);
@@ -209,6 +249,20 @@ async function control(browser, page, server, eye) {
   server.kill("SIGKILL");
   await off(eye, "server killed", lost);
   await page.mouse.up();
+}
+
+// Axes that an emergency stop has latched, until they are reset from the page.
+async function latch(page) {
+  const stop = start(["disarm", "--emergency", "--prefix", PREFIX]);
+  await stop.over;
+  await until("latched axes", () => page.evaluate(() => document.querySelectorAll(".card[data-look=bad]").length === 4));
+  await until("the fault in the list", () => page.evaluate(() => document.querySelector("#event-list .fault")));
+  await accessible(page, "latched");
+  await page.evaluate(() => document.querySelectorAll("#control-axes input").forEach((box) => box.click()));
+  await page.evaluate(() => document.getElementById("reset").click());
+  await until("released axes", () => page.evaluate(() => !document.querySelector(".card[data-look=bad]")));
+  await page.evaluate(() => document.querySelectorAll("#control-axes input").forEach((box) => box.click()));
+  said("latched axes are reset from the page");
 }
 
 // An hour of states, as fast as the page takes them, through a server that has the page of the real one.
@@ -293,7 +347,8 @@ async function main() {
       if ((await page.evaluate(() => document.documentElement.dataset.theme)) !== "light") await page.click("#theme");
       await (await page.$("#drawing")).screenshot({ path: `${pictures}/machine.png` });
     }
-    await accessible(page);
+    await open_all(page);
+    await accessible(page, "live");
     if (pictures) await sleep(25000);
     await shoot(page, "details", SIZES);
     await hour(browser, server.base);
@@ -305,12 +360,15 @@ async function main() {
     await until("the page to say that the group has ended", async () => (await lamp(page)) === "absent");
     await running.over;
     await shoot(page, "absent", SIZES.slice(0, 1));
+    await accessible(page, "absent");
     running = group();
     await until("the page to come back with the group", async () => (await lamp(page)) === "live");
     said("back with the next group");
+    await latch(page);
 
     await control(browser, page, server, eye);
     await until("the page to say that the server is gone", async () => (await lamp(page)) === "lost");
+    await accessible(page, "lost");
     const address = new URL(server.base).host;
     server = await monitor(address);
     await until("the page to come back with the server", async () => (await lamp(page)) === "live");

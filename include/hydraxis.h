@@ -34,13 +34,13 @@
 #define HYDRAXIS_ENCODER_SAMPLE_BUFFER 256
 
 #define HYDRAXIS_VALVE_COMMAND_SERVICE "hydraxis/valve-command"
-#define HYDRAXIS_VALVE_COMMAND_TYPE "hydraxis.ValveCommand/9"
-#define HYDRAXIS_VALVE_COMMAND_LAYOUT "d88cc2cf841614d1"
+#define HYDRAXIS_VALVE_COMMAND_TYPE "hydraxis.ValveCommand/10"
+#define HYDRAXIS_VALVE_COMMAND_LAYOUT "d71ac3aca7919779"
 #define HYDRAXIS_VALVE_COMMAND_BUFFER 256
 
 #define HYDRAXIS_COEFFICIENT_SNAPSHOT_SERVICE "hydraxis/coefficient-snapshot"
 #define HYDRAXIS_COEFFICIENT_SNAPSHOT_TYPE "hydraxis.CoefficientSnapshot/5"
-#define HYDRAXIS_COEFFICIENT_SNAPSHOT_LAYOUT "dd73a354394314c5"
+#define HYDRAXIS_COEFFICIENT_SNAPSHOT_LAYOUT "f1146bb091332a2a"
 #define HYDRAXIS_COEFFICIENT_SNAPSHOT_BUFFER 64
 
 #define HYDRAXIS_REFERENCE_SERVICE "hydraxis/reference"
@@ -49,8 +49,8 @@
 #define HYDRAXIS_REFERENCE_BUFFER 128
 
 #define HYDRAXIS_REQUEST_SERVICE "hydraxis/request"
-#define HYDRAXIS_REQUEST_TYPE "hydraxis.Request/3"
-#define HYDRAXIS_REQUEST_LAYOUT "a2d2150177954ef9"
+#define HYDRAXIS_REQUEST_TYPE "hydraxis.Request/4"
+#define HYDRAXIS_REQUEST_LAYOUT "2be21f0c58a2d60f"
 #define HYDRAXIS_REQUEST_BUFFER 128
 
 #define HYDRAXIS_STAGE_HEALTH_SERVICE "hydraxis/stage-health"
@@ -59,8 +59,8 @@
 #define HYDRAXIS_STAGE_HEALTH_BUFFER 16
 
 #define HYDRAXIS_MACHINE_STATE_SERVICE "hydraxis/machine-state"
-#define HYDRAXIS_MACHINE_STATE_TYPE "hydraxis.MachineState/5"
-#define HYDRAXIS_MACHINE_STATE_LAYOUT "f9c6a6fd39f7687e"
+#define HYDRAXIS_MACHINE_STATE_TYPE "hydraxis.MachineState/6"
+#define HYDRAXIS_MACHINE_STATE_LAYOUT "b8bcf896e42e999e"
 #define HYDRAXIS_MACHINE_STATE_BUFFER 16
 
 enum HydraxisAxisMode {
@@ -370,6 +370,8 @@ typedef struct HydraxisAxisCommand {
     uint32_t latched_by;
     // Number of ticks with a slowed reference since the axis was armed.
     uint32_t slowed_ticks;
+    // Gains of the fallback, as a part of those in the machine file: 1 until a Request has changed them, 0 in a replay.
+    double gain;
 } HydraxisAxisCommand;
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisCommand, command) == 0, "HydraxisAxisCommand.command");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisCommand, reference) == 8, "HydraxisAxisCommand.reference");
@@ -387,7 +389,8 @@ HYDRAXIS_ASSERT(offsetof(HydraxisAxisCommand, latches) == 176, "HydraxisAxisComm
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisCommand, latched_at) == 184, "HydraxisAxisCommand.latched_at");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisCommand, latched_by) == 192, "HydraxisAxisCommand.latched_by");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisCommand, slowed_ticks) == 196, "HydraxisAxisCommand.slowed_ticks");
-HYDRAXIS_ASSERT(sizeof(HydraxisAxisCommand) == 200, "HydraxisAxisCommand");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisCommand, gain) == 200, "HydraxisAxisCommand.gain");
+HYDRAXIS_ASSERT(sizeof(HydraxisAxisCommand) == 208, "HydraxisAxisCommand");
 
 typedef struct HydraxisTeethState {
     // Forward of the centre of swing, m.
@@ -463,12 +466,12 @@ typedef struct HydraxisValveCommand {
 } HydraxisValveCommand;
 HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, header) == 0, "HydraxisValveCommand.header");
 HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, axes) == 48, "HydraxisValveCommand.axes");
-HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, cut_off) == 1648, "HydraxisValveCommand.cut_off");
-HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, reserved) == 1652, "HydraxisValveCommand.reserved");
-HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, operator_) == 1656, "HydraxisValveCommand.operator");
-HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, teeth) == 1664, "HydraxisValveCommand.teeth");
-HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, inputs) == 1720, "HydraxisValveCommand.inputs");
-HYDRAXIS_ASSERT(sizeof(HydraxisValveCommand) == 1776, "HydraxisValveCommand");
+HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, cut_off) == 1712, "HydraxisValveCommand.cut_off");
+HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, reserved) == 1716, "HydraxisValveCommand.reserved");
+HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, operator_) == 1720, "HydraxisValveCommand.operator");
+HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, teeth) == 1728, "HydraxisValveCommand.teeth");
+HYDRAXIS_ASSERT(offsetof(HydraxisValveCommand, inputs) == 1784, "HydraxisValveCommand.inputs");
+HYDRAXIS_ASSERT(sizeof(HydraxisValveCommand) == 1840, "HydraxisValveCommand");
 
 typedef struct HydraxisCoefficients {
     // Order of A.
@@ -574,6 +577,9 @@ typedef struct HydraxisAxisSnapshot {
     uint64_t outliers;
     // Number of samples since the last sample that updated the coefficients.
     uint64_t since_update;
+    // Weights of the estimators that the estimator auto runs side by side, in the order of MEMBERS; their sum is 1. All
+    // are 0 with another estimator, and before training has found a first model.
+    double weights[11];
     // Length of the horizon, samples.
     uint32_t horizon;
     // Reasons to distrust the model, model_fault bits; 0 is healthy.
@@ -601,9 +607,10 @@ HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, updates) == 944, "HydraxisAxisSna
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, skipped) == 952, "HydraxisAxisSnapshot.skipped");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, outliers) == 960, "HydraxisAxisSnapshot.outliers");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, since_update) == 968, "HydraxisAxisSnapshot.since_update");
-HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, horizon) == 976, "HydraxisAxisSnapshot.horizon");
-HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, faults) == 980, "HydraxisAxisSnapshot.faults");
-HYDRAXIS_ASSERT(sizeof(HydraxisAxisSnapshot) == 984, "HydraxisAxisSnapshot");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, weights) == 976, "HydraxisAxisSnapshot.weights");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, horizon) == 1064, "HydraxisAxisSnapshot.horizon");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, faults) == 1068, "HydraxisAxisSnapshot.faults");
+HYDRAXIS_ASSERT(sizeof(HydraxisAxisSnapshot) == 1072, "HydraxisAxisSnapshot");
 
 typedef struct HydraxisCoefficientSnapshot {
     // sequence names the last sample that updated the coefficients.
@@ -613,7 +620,7 @@ typedef struct HydraxisCoefficientSnapshot {
 } HydraxisCoefficientSnapshot;
 HYDRAXIS_ASSERT(offsetof(HydraxisCoefficientSnapshot, header) == 0, "HydraxisCoefficientSnapshot.header");
 HYDRAXIS_ASSERT(offsetof(HydraxisCoefficientSnapshot, axes) == 48, "HydraxisCoefficientSnapshot.axes");
-HYDRAXIS_ASSERT(sizeof(HydraxisCoefficientSnapshot) == 7920, "HydraxisCoefficientSnapshot");
+HYDRAXIS_ASSERT(sizeof(HydraxisCoefficientSnapshot) == 8624, "HydraxisCoefficientSnapshot");
 
 typedef struct HydraxisReference {
     // sequence is the tick that the first reference is meant for; it must not go back.
@@ -646,6 +653,10 @@ typedef struct HydraxisAxisRequest {
     // 1 to disarm the axis when the messages of this session stop, in every mode; 0 only in the modes manual and
     // commission.
     uint32_t hold_to_run;
+    // Gains of the fallback from now on, as a part of those in the machine file; 0 leaves them as they are. Only for an
+    // axis that is not armed, within AxisState::gain_range, and not in the first message of a session. With the mode
+    // off it is not looked at.
+    double gain;
 } HydraxisAxisRequest;
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisRequest, mode) == 0, "HydraxisAxisRequest.mode");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisRequest, enable) == 4, "HydraxisAxisRequest.enable");
@@ -653,7 +664,8 @@ HYDRAXIS_ASSERT(offsetof(HydraxisAxisRequest, command) == 8, "HydraxisAxisReques
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisRequest, target) == 16, "HydraxisAxisRequest.target");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisRequest, has_target) == 24, "HydraxisAxisRequest.has_target");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisRequest, hold_to_run) == 28, "HydraxisAxisRequest.hold_to_run");
-HYDRAXIS_ASSERT(sizeof(HydraxisAxisRequest) == 32, "HydraxisAxisRequest");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisRequest, gain) == 32, "HydraxisAxisRequest.gain");
+HYDRAXIS_ASSERT(sizeof(HydraxisAxisRequest) == 40, "HydraxisAxisRequest");
 
 typedef struct HydraxisRequest {
     // sequence is the newest sample that the program has read; it shows how old the request is.
@@ -672,7 +684,7 @@ HYDRAXIS_ASSERT(offsetof(HydraxisRequest, session) == 48, "HydraxisRequest.sessi
 HYDRAXIS_ASSERT(offsetof(HydraxisRequest, takes_over) == 56, "HydraxisRequest.takes_over");
 HYDRAXIS_ASSERT(offsetof(HydraxisRequest, reserved) == 60, "HydraxisRequest.reserved");
 HYDRAXIS_ASSERT(offsetof(HydraxisRequest, axes) == 64, "HydraxisRequest.axes");
-HYDRAXIS_ASSERT(sizeof(HydraxisRequest) == 320, "HydraxisRequest");
+HYDRAXIS_ASSERT(sizeof(HydraxisRequest) == 384, "HydraxisRequest");
 
 typedef struct HydraxisMissedDeadlines {
     // MissCause::LateInput.
@@ -812,16 +824,20 @@ typedef struct HydraxisAxisState {
     uint32_t model_faults;
     // 1 after the first snapshot; before it 0.
     uint32_t has_model;
+    // Least and largest AxisCommand::gain that a request may ask for: the loop on the commissioned model keeps its
+    // margins. Both are 1 without such a model.
+    double gain_range[2];
 } HydraxisAxisState;
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, name) == 0, "HydraxisAxisState.name");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, sample) == 32, "HydraxisAxisState.sample");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, command) == 80, "HydraxisAxisState.command");
-HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, forgetting_factor) == 280, "HydraxisAxisState.forgetting_factor");
-HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, h_step_sigma) == 288, "HydraxisAxisState.h_step_sigma");
-HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, model_age_ns) == 296, "HydraxisAxisState.model_age_ns");
-HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, model_faults) == 304, "HydraxisAxisState.model_faults");
-HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, has_model) == 308, "HydraxisAxisState.has_model");
-HYDRAXIS_ASSERT(sizeof(HydraxisAxisState) == 312, "HydraxisAxisState");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, forgetting_factor) == 288, "HydraxisAxisState.forgetting_factor");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, h_step_sigma) == 296, "HydraxisAxisState.h_step_sigma");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, model_age_ns) == 304, "HydraxisAxisState.model_age_ns");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, model_faults) == 312, "HydraxisAxisState.model_faults");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, has_model) == 316, "HydraxisAxisState.has_model");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisState, gain_range) == 320, "HydraxisAxisState.gain_range");
+HYDRAXIS_ASSERT(sizeof(HydraxisAxisState) == 336, "HydraxisAxisState");
 
 typedef struct HydraxisMachineState {
     // sequence names the sample.
@@ -833,7 +849,7 @@ typedef struct HydraxisMachineState {
 } HydraxisMachineState;
 HYDRAXIS_ASSERT(offsetof(HydraxisMachineState, header) == 0, "HydraxisMachineState.header");
 HYDRAXIS_ASSERT(offsetof(HydraxisMachineState, axes) == 48, "HydraxisMachineState.axes");
-HYDRAXIS_ASSERT(offsetof(HydraxisMachineState, teeth) == 2544, "HydraxisMachineState.teeth");
-HYDRAXIS_ASSERT(sizeof(HydraxisMachineState) == 2600, "HydraxisMachineState");
+HYDRAXIS_ASSERT(offsetof(HydraxisMachineState, teeth) == 2736, "HydraxisMachineState.teeth");
+HYDRAXIS_ASSERT(sizeof(HydraxisMachineState) == 2792, "HydraxisMachineState");
 
 #endif

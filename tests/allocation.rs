@@ -103,6 +103,7 @@ impl Restless {
             target: 0.6 + 0.05 * (turn as f64).sin(),
             has_target: 1,
             hold_to_run: 0,
+            gain: [0.0, 0.8, 1.0][turn as usize % 3],
         });
         self.requests.send(&self.request).unwrap();
     }

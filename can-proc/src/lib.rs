@@ -18,6 +18,7 @@
 //! dialogue, and an axis whose encoder has a fault is held without a way through other processes.
 
 mod error;
+mod judge;
 mod messages;
 pub mod process;
 mod wiring;

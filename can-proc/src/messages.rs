@@ -8,7 +8,7 @@ use can::{
 };
 use pipeline::machine::{Axis, CanBus, CanMessage, CanSignals, ChecksumKind, Machine};
 
-use crate::error::WiringError;
+use crate::{error::WiringError, judge::Uses};
 
 /// Pa of a unit of pressure.
 const PRESSURES: [(&str, f64); 5] = [("Pa", 1.0), ("kPa", 1e3), ("bar", 1e5), ("MPa", 1e6), ("psi", 6_894.757_293)];
@@ -26,8 +26,14 @@ const SAME: f64 = 1e-6;
 /// # Errors
 /// The DBC file or a message is none, or a name is none of them.
 pub fn frames(machine: &Machine, bus: &CanBus) -> Result<Frames, WiringError> {
-    let mut wiring =
-        Wiring { database: database(bus)?, bus, machine, frames: Frames::default(), places: BTreeMap::new() };
+    let mut wiring = Wiring {
+        database: database(bus)?,
+        bus,
+        machine,
+        frames: Frames::default(),
+        places: BTreeMap::new(),
+        uses: Uses::default(),
+    };
     let mut drives: BTreeMap<String, Vec<SetPoint>> = BTreeMap::new();
     for (i, axis) in machine.axes.iter().enumerate() {
         let wired = axis.can.as_ref().map(|wired| (&wired.signals, wired.is_reversed, wired.zero));
@@ -35,6 +41,7 @@ pub fn frames(machine: &Machine, bus: &CanBus) -> Result<Frames, WiringError> {
         let key = |name: &str| format!("axis.{}.can.{name}", axis.name);
         let mut own = AxisFrames::default();
         if let Some(name) = &signals.position {
+            expect_own(&machine.axes[..i], &key("position"), name)?;
             expect_scale(axis, &key("position"), &wiring.signal(&key("position"), name)?.1)?;
             let source = wiring.source(&key("position"), name)?;
             own.position = Some(SignalPosition { source, is_reversed, zero });
@@ -56,6 +63,7 @@ pub fn frames(machine: &Machine, bus: &CanBus) -> Result<Frames, WiringError> {
     wiring.frames.emergency_stop =
         bus.emergency_stop.as_ref().map(|name| wiring.source("can.emergency_stop", name)).transpose()?;
     wiring.frames.pilot = bus.pilot.as_ref().map(|name| wiring.source("can.pilot", name)).transpose()?;
+    wiring.expect_sound()?;
     Ok(wiring.frames)
 }
 
@@ -103,6 +111,7 @@ struct Wiring<'m> {
     frames: Frames,
     /// Receivers by the names of their messages.
     places: BTreeMap<String, usize>,
+    uses: Uses,
 }
 
 impl Wiring<'_> {
@@ -132,9 +141,27 @@ impl Wiring<'_> {
         Ok(Guard { counter, checksum: said.checksum.map(|byte| (byte, kind)) })
     }
 
+    /// Refuses a message whose counter, checksum or states overlap with what it is used for.
+    fn expect_guarded(&self, message: &Message, states: &[&Pattern; 3]) -> Result<(), WiringError> {
+        let guard = self.guard(message)?;
+        let checksum = guard.checksum.map(|(byte, _)| ("checksum", Signal::byte(byte)));
+        let own: Vec<_> = guard.counter.map(|counter| ("counter", counter)).into_iter().chain(checksum).collect();
+        self.uses.guarded(message, &own, states)
+    }
+
+    /// Refuses messages that contradict each other.
+    fn expect_sound(&self) -> Result<(), WiringError> {
+        for name in self.places.keys() {
+            let message = self.database.message(name).map_err(|error| WiringError::Text(error.to_string()))?;
+            self.expect_guarded(message, &[&Pattern::new(); 3])?;
+        }
+        self.uses.expect_identifiers(self.machine)
+    }
+
     /// A signal that is received.
     fn source(&mut self, key: &str, name: &str) -> Result<Source, WiringError> {
         let (message, signal) = self.signal(key, name)?;
+        self.uses.add(key, &message, signal.signal, false)?;
         if let Some(place) = self.places.get(&message.name) {
             return Ok((*place, signal.signal));
         }
@@ -185,7 +212,11 @@ impl Wiring<'_> {
         }
         let active = signals.active.as_ref().ok_or_else(|| WiringError::Missing(key("active")))?;
         let active = self.source(&key("active"), active)?;
+        self.uses.add(&key("command"), &message, signal.signal, true)?;
         let direction = direction.map(|(_, direction)| direction.signal);
+        if let Some(direction) = direction {
+            self.uses.add(&key("direction"), &message, direction, true)?;
+        }
         Ok((message.name, SetPoint { axis: place, signal: signal.signal, scale, direction, active }))
     }
 
@@ -197,12 +228,14 @@ impl Wiring<'_> {
             let texts = said.map_or(&[][..], |said| &said.patterns[i]);
             texts.iter().map(|text| value(&message, text).map_err(wrong)).collect::<Result<Pattern, _>>()
         };
+        let (active, neutral, off) = (pattern(0)?, pattern(1)?, pattern(2)?);
+        self.expect_guarded(&message, &[&active, &neutral, &off])?;
         Ok(FrameDrive::new(FrameDriveSettings {
             guard: self.guard(&message)?,
             set_points,
-            active: pattern(0)?,
-            neutral: pattern(1)?,
-            off: pattern(2)?,
+            active,
+            neutral,
+            off,
             timeout_ns: self.machine.timing.drive_timeout.as_nanos() as u64,
             period_ns: said.map_or(0, |said| said.period.as_nanos() as u64),
             message,
@@ -220,13 +253,29 @@ fn value(message: &Message, text: &str) -> Result<(Signal, f64), String> {
     Ok((signal, value))
 }
 
-/// Refuses a signal of another unit than the position, and one whose count has another length than the machine file
-/// says. A signal without a unit is taken: its data base does not say what a count is.
+/// Refuses a position that an axis before has as well.
+fn expect_own(before: &[Axis], key: &str, name: &str) -> Result<(), WiringError> {
+    let has = |axis: &&Axis| axis.can.as_ref().is_some_and(|wired| wired.signals.position.as_deref() == Some(name));
+    let Some(other) = before.iter().find(has) else { return Ok(()) };
+    let allowed = "a position of its own for every axis";
+    Err(WiringError::Text(format!("{key}: found {name}, the position of axis.{}; allowed: {allowed}", other.name)))
+}
+
+/// Refuses a signal with a negative factor, one of another unit than the position, and one whose count has another length
+/// than the machine file says. A signal without a unit is taken: its data base does not say what a count is.
 fn expect_scale(axis: &Axis, key: &str, named: &NamedSignal) -> Result<(), WiringError> {
     let (units, own, name): (&[(&str, f64)], f64, &str) = match axis.encoder.angle {
         None => (&LENGTHS, axis.encoder.resolution, "resolution"),
         Some(sensor) => (&ANGLES, sensor.resolution, "angle_resolution"),
     };
+    if named.signal.factor() < 0.0 {
+        let allowed = "a factor above 0; where the signal falls while the axis extends, reversed = true";
+        return Err(WiringError::Text(format!(
+            "{key}: found the factor {} of {}; allowed: {allowed}",
+            named.signal.factor(),
+            named.name
+        )));
+    }
     if named.unit.is_empty() {
         return Ok(());
     }
@@ -316,6 +365,18 @@ mod tests {
                 "command = \"Levers.Boom\"\ncommand_scale = 2",
                 "axis.boom.can.command_scale: found 2 for Levers.Boom; allowed: a command_scale that the signal",
             ),
+            ("off = [\"Mode=2\"]", "off = [\"Mode=1\"]", "can.message \"Levers\".off: found the values of active"),
+            ("neutral = [\"Mode=0\"]", "neutral = [\"Mode=1\"]", "\"Levers\".neutral: found the values of active"),
+            (
+                "neutral = [\"Mode=0\"]",
+                "neutral = [\"Mode=0\", \"Boom=1\"]",
+                "can.message \"Levers\".neutral: found bits that axis.boom.can.command has; allowed: a signal with bits",
+            ),
+            ("counter = \"Alive\"", "counter = \"Angle\"", "counter: found bits that axis.boom.can.position has"),
+            ("checksum = 7", "checksum = 6", "checksum: found bits that can.message \"BoomState\".counter has"),
+            ("MachineState.Lock", "Levers.Mode", "axis.boom.can.command: found message Levers, which is sent and"),
+            ("Levers.Arm", "Levers.Boom", "axis.arm.can.command: found bits that axis.boom.can.command has"),
+            ("ArmState.Angle", "BoomState.Angle", "axis.arm.can.position: found BoomState.Angle, the position of"),
         ] {
             let said = crate::network(&machine(from, to).unwrap()).unwrap_err().to_string();
             assert!(said.contains(expected), "{said}");
@@ -353,5 +414,33 @@ mod tests {
             let said = super::database(wrong.can.as_ref().unwrap()).unwrap_err().to_string();
             assert!(said.contains(expected), "{said}");
         }
+        // The telescope has its position of this message, with the identifier of another one, and reversed by its factor.
+        let telescope = "[axis.telescope.can]\nposition = \"TelescopeState.Length\"";
+        let of_own = telescope.replace("TelescopeState.Length", "Own.Place");
+        for (own, expected) in [
+            (own.replace("0x123", "0x18FF0100"), "18FF0100h, which message BoomState has; allowed: one message"),
+            (own.replace("1e-4", "-1e-4"), "axis.telescope.can.position: found the factor -0.0001 of Place"),
+        ] {
+            let wrong = machine(telescope, &format!("{own}\n{of_own}")).unwrap();
+            let said = crate::network(&wrong).unwrap_err().to_string();
+            assert!(said.contains(expected), "{said}");
+        }
+    }
+
+    #[test]
+    fn identifiers_of_canopen_are_no_messages_where_there_are_nodes() {
+        let with_node = machine("position = \"TelescopeState.Length\"", "encoder = 13").unwrap();
+        let without = machine("", "").unwrap();
+        let refuses = |machine: &Machine, id: u32, is_extended: bool| {
+            let message = Message { name: "Own".to_owned(), id, is_extended, length: 8, signals: Vec::new() };
+            let mut uses = Uses::default();
+            uses.add("own", &message, Signal::byte(0), false).unwrap();
+            uses.expect_identifiers(machine).is_err()
+        };
+        for id in [0x00, 0x80, 0x8D, 0x18D, 0x70D] {
+            assert!(refuses(&with_node, id, false) && !refuses(&with_node, id, true), "{id:X}");
+            assert!(!refuses(&without, id, false), "{id:X}");
+        }
+        assert!(!refuses(&with_node, 0x123, false) && !refuses(&with_node, 0x100, false));
     }
 }

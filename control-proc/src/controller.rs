@@ -26,6 +26,7 @@ use pipeline::{
 
 use crate::{
     axis::{AxisController, AxisInput, UNUSABLE_LIMIT, patience, requests::STREAM_TIMEOUT},
+    gains,
     operators::Operators,
     protection::walls::{Walls, Wanted},
     reference::{generator::ReferenceGenerator, path::Path},
@@ -81,6 +82,20 @@ impl Controller {
             repeated: 0,
             at_begin: 0,
         })
+    }
+
+    /// Requests may change the gains of the fallback, within [`gains::range`] of each axis of `machine`. Not for the
+    /// loop: it works out the margins.
+    pub fn with_gains(mut self, machine: &Machine) -> Self {
+        for (controller, axis) in self.axes.iter_mut().zip(&machine.axes) {
+            controller.allow_gains(gains::range(axis, self.period));
+        }
+        self
+    }
+
+    #[cfg(test)]
+    pub(crate) fn allow_each_gain(&mut self, range: [f64; 2]) {
+        self.axes.iter_mut().for_each(|axis| axis.allow_gains(range));
     }
 
     /// Arms the axes: they settle and then follow. Without effect on axes that are armed already or latched.

@@ -21,6 +21,7 @@
 //! |---|---|
 //! | [`trajectory_file`] | reads trajectories from CSV files, once at the start |
 //! | [`tip`] | plans the motion of the teeth, once at the start |
+//! | [`gains`] | by how much the gains of the fallback may be changed while a group runs |
 //! | [`margins`] | gain margin, delay margin, sensitivity and bandwidth of the linear loop |
 //! | [`tuning`] | gains of the fallback from a commissioned model, and the course for comparisons |
 //! | [`commission`] | the experiment that explores an axis, and the analysis of its record |
@@ -42,6 +43,7 @@ pub mod reference;
 pub mod smith;
 pub mod standstill;
 
+pub mod gains;
 pub mod margins;
 pub mod tip;
 pub mod trajectory_file;

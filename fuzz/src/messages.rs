@@ -190,6 +190,7 @@ impl ControlLoop {
             target: value,
             has_target: u32::from(how >> 6 & 1),
             hold_to_run: 0,
+            gain: if how >> 7 & 1 == 1 { value } else { 0.0 },
         };
         self.controller.ask(request);
     }

@@ -12,6 +12,8 @@ MAX_AXES = 8  # axes in a message; the entries beyond header.axis_count are zero
 MAX_PREVIEW = 32  # positions of an axis in a Reference, the present tick included
 # Why models were refused, in the order of AxisCommand.rejected_snapshots.
 REFUSALS = ["not-finite", "structure", "unstable", "direction", "unreachable", "speed", "worse"]
+# Estimators that run side by side, and their memory in horizons, in the order of AxisSnapshot.weights.
+MEMBERS = ["held", "still", "linear 4", "increments 4", "increments 8", "directional 8", "full 8", "full 20", "full 200", "smoothed 13", "smoothed 200"]
 # Stages, in the order of StageHealth.stage.
 STAGES = ["plant-sim", "sensor-proc", "ident-proc", "control-proc"]
 
@@ -288,7 +290,7 @@ class ErrorStatistics(ctypes.Structure):
 
 
 class AxisCommand(ctypes.Structure):
-    SIZE = 200
+    SIZE = 208
     _fields_ = [
         # Valve command in [-1, 1], positive extends; made from sample sequence and held until the next.
         ("command", f64),
@@ -322,6 +324,9 @@ class AxisCommand(ctypes.Structure):
         ("latched_by", u32),
         # Number of ticks with a slowed reference since the axis was armed.
         ("slowed_ticks", u32),
+        # Gains of the fallback, as a part of those in the machine file: 1 until a Request has changed them, 0 in a
+        # replay.
+        ("gain", f64),
     ]
 
 
@@ -371,11 +376,11 @@ class CommandInputs(ctypes.Structure):
 
 class ValveCommand(ctypes.Structure):
     CHANNEL = "valve-command"
-    LAYOUT = "d88cc2cf841614d1"
+    LAYOUT = "d71ac3aca7919779"
     MAX_PUBLISHERS = 1
     BUFFER = 256  # messages that a reader may fall behind
     IS_FROM_CLIENTS = False
-    SIZE = 1776
+    SIZE = 1840
     _fields_ = [
         # sequence names the sample that the command was made from.
         ("header", Header),
@@ -395,7 +400,7 @@ class ValveCommand(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.ValveCommand/9"
+        return "hydraxis.ValveCommand/10"
 
 
 class Coefficients(ctypes.Structure):
@@ -443,7 +448,7 @@ class ModelErrors(ctypes.Structure):
 
 
 class AxisSnapshot(ctypes.Structure):
-    SIZE = 984
+    SIZE = 1072
     _fields_ = [
         # The adaptive model, updated online.
         ("adaptive", Coefficients),
@@ -492,6 +497,9 @@ class AxisSnapshot(ctypes.Structure):
         ("outliers", u64),
         # Number of samples since the last sample that updated the coefficients.
         ("since_update", u64),
+        # Weights of the estimators that the estimator auto runs side by side, in the order of MEMBERS; their sum is 1.
+        # All are 0 with another estimator, and before training has found a first model.
+        ("weights", f64 * 11),
         # Length of the horizon, samples.
         ("horizon", u32),
         # Reasons to distrust the model, model_fault bits; 0 is healthy.
@@ -501,11 +509,11 @@ class AxisSnapshot(ctypes.Structure):
 
 class CoefficientSnapshot(ctypes.Structure):
     CHANNEL = "coefficient-snapshot"
-    LAYOUT = "dd73a354394314c5"
+    LAYOUT = "f1146bb091332a2a"
     MAX_PUBLISHERS = 1
     BUFFER = 64  # messages that a reader may fall behind
     IS_FROM_CLIENTS = False
-    SIZE = 7920
+    SIZE = 8624
     _fields_ = [
         # sequence names the last sample that updated the coefficients.
         ("header", Header),
@@ -542,7 +550,7 @@ class Reference(ctypes.Structure):
 
 
 class AxisRequest(ctypes.Structure):
-    SIZE = 32
+    SIZE = 40
     _fields_ = [
         # Mode that is asked for, an AxisMode as number.
         ("mode", u32),
@@ -558,16 +566,20 @@ class AxisRequest(ctypes.Structure):
         # 1 to disarm the axis when the messages of this session stop, in every mode; 0 only in the modes manual and
         # commission.
         ("hold_to_run", u32),
+        # Gains of the fallback from now on, as a part of those in the machine file; 0 leaves them as they are. Only for
+        # an axis that is not armed, within AxisState::gain_range, and not in the first message of a session. With the
+        # mode off it is not looked at.
+        ("gain", f64),
     ]
 
 
 class Request(ctypes.Structure):
     CHANNEL = "request"
-    LAYOUT = "a2d2150177954ef9"
+    LAYOUT = "2be21f0c58a2d60f"
     MAX_PUBLISHERS = 4
     BUFFER = 128  # messages that a reader may fall behind
     IS_FROM_CLIENTS = True
-    SIZE = 320
+    SIZE = 384
     _fields_ = [
         # sequence is the newest sample that the program has read; it shows how old the request is.
         ("header", Header),
@@ -583,7 +595,7 @@ class Request(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.Request/3"
+        return "hydraxis.Request/4"
 
 
 class MissedDeadlines(ctypes.Structure):
@@ -690,7 +702,7 @@ class StageHealth(ctypes.Structure):
 
 
 class AxisState(ctypes.Structure):
-    SIZE = 312
+    SIZE = 336
     _fields_ = [
         # Name of the axis in UTF-8, cut to the length of the array and filled up with zeros.
         ("name", u8 * 32),
@@ -708,16 +720,19 @@ class AxisState(ctypes.Structure):
         ("model_faults", u32),
         # 1 after the first snapshot; before it 0.
         ("has_model", u32),
+        # Least and largest AxisCommand::gain that a request may ask for: the loop on the commissioned model keeps its
+        # margins. Both are 1 without such a model.
+        ("gain_range", f64 * 2),
     ]
 
 
 class MachineState(ctypes.Structure):
     CHANNEL = "machine-state"
-    LAYOUT = "f9c6a6fd39f7687e"
+    LAYOUT = "b8bcf896e42e999e"
     MAX_PUBLISHERS = 1
     BUFFER = 16  # messages that a reader may fall behind
     IS_FROM_CLIENTS = False
-    SIZE = 2600
+    SIZE = 2792
     _fields_ = [
         # sequence names the sample.
         ("header", Header),
@@ -729,7 +744,7 @@ class MachineState(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.MachineState/5"
+        return "hydraxis.MachineState/6"
 
 
 # All messages, by the names of their channels, in the order of the data.

@@ -130,7 +130,7 @@ pub enum Command {
     /// Compare controllers on the simulated machine
     #[command(subcommand)]
     Bench(Bench),
-    /// Play the devices of a CAN bus without hardware
+    /// Look at a CAN bus: its nodes, objects and messages; calibrate encoders; play devices without hardware
     #[command(subcommand)]
     Can(Can),
     /// Check a machine file and show everything that is wrong with it

@@ -109,6 +109,18 @@ pub enum OperatorError {
          the command again"
     )]
     Pressed(Prefix),
+    /// The controller has refused other gains.
+    #[error(
+        "{state}: gains of {gain} times those of the machine file are refused; allowed: {allowed}, while it is off"
+    )]
+    Gain {
+        /// The state of the axis.
+        state: String,
+        /// The part that was asked for.
+        gain: f64,
+        /// The parts that are allowed.
+        allowed: String,
+    },
     /// A fault latched an axis on its way to a mode.
     #[error("{state}: not {wanted}, a fault has latched it")]
     Latched {
@@ -411,6 +423,29 @@ impl Operator {
             Some(axis) => Err(OperatorError::Latched { state: self.state(axis), wanted: mode.name() }),
             None => is_changed,
         }
+    }
+
+    /// Changes the gains of the fallback of an axis to this part of those in the machine file. `range`: the parts that
+    /// are allowed, for what is said. Returns the part before.
+    ///
+    /// # Errors
+    /// The controller refuses it, or does not answer in time.
+    pub fn scale(&mut self, axis: usize, gain: f64, range: [f64; 2]) -> Result<f64, OperatorError> {
+        let before = self.last(axis).unwrap_or_default();
+        self.axis(axis).gain = gain;
+        let mut is_refused = false;
+        let answered = self.ask_until("the new gains", |command, _| {
+            let now = &command.axes[axis];
+            is_refused = now.refused_requests != before.refused_requests;
+            is_refused || now.gain == gain
+        });
+        self.axis(axis).gain = 0.0;
+        answered?;
+        if is_refused {
+            let allowed = format!("{:.3} to {:.3}", range[0], range[1]);
+            return Err(OperatorError::Gain { state: self.state(axis), gain, allowed });
+        }
+        Ok(before.gain)
     }
 
     /// Names of the faults that have latched an axis; empty when it is not latched.

@@ -175,6 +175,9 @@ pub struct AxisFigures {
     pub unsolved_plans: u64,
     pub slowed_ticks: u32,
     pub refused_requests: u32,
+    /// Gains of the fallback, as a part of those of the machine file, and the least and largest that may be asked for.
+    pub gain: f64,
+    pub gain_range: [f64; 2],
     /// Why the fallback controls the axis.
     pub why_fallback: Option<String>,
 }
@@ -439,6 +442,8 @@ impl AxisFigures {
             unsolved_plans: command.unsolved_plans,
             slowed_ticks: command.slowed_ticks,
             refused_requests: command.refused_requests,
+            gain: command.gain,
+            gain_range: axis.gain_range,
             why_fallback: why_fallback(axis.name(), None, command, axis.model_faults),
         }
     }

@@ -36,14 +36,20 @@ const MACHINE: [&str; 12] = [
     "axis.bucket.reference.kind=hold",
 ];
 
-/// A control-proc that gets samples of axes at rest in the middle, with faults that the test sets.
-struct Played {
-    faults: Arc<[AtomicU32; 4]>,
+/// What the samples of a played sensor say; the test sets it.
+#[derive(Default)]
+struct Script {
+    faults: [AtomicU32; 4],
     /// The emergency stop.
-    is_pressed: Arc<AtomicBool>,
+    is_pressed: AtomicBool,
     /// Ticks without a sample, once a request has come that arms an axis.
-    gap: Arc<AtomicU64>,
-    stop: Arc<AtomicBool>,
+    gap: AtomicU64,
+    stop: AtomicBool,
+}
+
+/// A control-proc that gets samples of axes at rest in the middle.
+struct Played {
+    script: Arc<Script>,
     sensor: Option<JoinHandle<()>>,
     commands: Reader<ValveCommand>,
     _channels: Group,
@@ -58,16 +64,13 @@ impl Played {
         let mut group = TestGroup::new(test);
         let channels = group.join();
         let commands = channels.reader().unwrap();
-        let (faults, gap) = (Arc::<[AtomicU32; 4]>::default(), Arc::<AtomicU64>::default());
-        let (is_pressed, stop) = (Arc::<AtomicBool>::default(), Arc::<AtomicBool>::default());
+        let script = Arc::<Script>::default();
         let sensor = std::thread::spawn({
-            let (prefix, faults, gap) = (group.prefix.clone(), Arc::clone(&faults), Arc::clone(&gap));
-            let (is_pressed, stop) = (Arc::clone(&is_pressed), Arc::clone(&stop));
-            move || play_sensor(&prefix, &faults, &gap, &is_pressed, &stop)
+            let (prefix, script) = (group.prefix.clone(), Arc::clone(&script));
+            move || play_sensor(&prefix, &script)
         });
         group.start(StageKind::ControlProc, &MACHINE);
-        let (sensor, _channels, _cores) = (Some(sensor), channels, cores);
-        let mut played = Self { faults, gap, is_pressed, stop, sensor, commands, _channels, group, _cores };
+        let mut played = Self { script, sensor: Some(sensor), commands, _channels: channels, group, _cores: cores };
         played.wait_until("its first command", |_| true);
         played
     }
@@ -115,7 +118,7 @@ impl Played {
     }
 
     fn set_fault(&self, axis: usize, fault: u32) {
-        self.faults[axis].store(fault, Ordering::Relaxed);
+        self.script.faults[axis].store(fault, Ordering::Relaxed);
     }
 
     fn latch(&mut self, axis: usize) {
@@ -127,25 +130,25 @@ impl Played {
 
 impl Drop for Played {
     fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
+        self.script.stop.store(true, Ordering::Relaxed);
         if let Some(sensor) = self.sensor.take() {
             let _ = sensor.join();
         }
     }
 }
 
-fn play_sensor(prefix: &Prefix, faults: &[AtomicU32; 4], gap: &AtomicU64, is_pressed: &AtomicBool, stop: &AtomicBool) {
+fn play_sensor(prefix: &Prefix, script: &Script) {
     let channels = Group::join(prefix, "sensor").unwrap();
     let mut requests: Reader<Request> = channels.reader().unwrap();
     let samples = channels.publisher::<EncoderSample>().unwrap();
     let notifier = channels.notifier::<EncoderSample>().unwrap();
     let mut sequence = 0;
-    while !stop.load(Ordering::Relaxed) {
+    while !script.stop.load(Ordering::Relaxed) {
         let now = monotonic_ns();
         let header = Header { sequence, acquired_ns: now, sent_ns: now, axis_count: 4, ..Header::default() };
-        let emergency_stop = u32::from(is_pressed.load(Ordering::Relaxed));
+        let emergency_stop = u32::from(script.is_pressed.load(Ordering::Relaxed));
         let mut sample = EncoderSample { header, emergency_stop, ..EncoderSample::default() };
-        for (axis, fault) in sample.axes.iter_mut().zip(faults) {
+        for (axis, fault) in sample.axes.iter_mut().zip(&script.faults) {
             (axis.position, axis.faults) = (0.65, fault.load(Ordering::Relaxed));
         }
         samples.send(&sample).unwrap();
@@ -154,7 +157,7 @@ fn play_sensor(prefix: &Prefix, faults: &[AtomicU32; 4], gap: &AtomicU64, is_pre
         sleep(PERIOD);
         while let Some(request) = requests.read().unwrap().if_new() {
             if request.axes.iter().any(|axis| axis.enable != 0) {
-                sequence += gap.swap(0, Ordering::Relaxed);
+                sequence += script.gap.swap(0, Ordering::Relaxed);
             }
         }
     }
@@ -193,9 +196,9 @@ fn arm_enables_what_is_off_and_leaves_it_so_and_disarm_ends_it() {
 fn a_request_that_comes_too_late_is_asked_for_again() {
     let mut played = Played::start("arm-late");
     // The controller refuses a message that is older than 100 ms, five samples: the edge that arms is lost with it.
-    played.gap.store(100, Ordering::Relaxed);
+    played.script.gap.store(100, Ordering::Relaxed);
     assert_eq!(played.succeed("arm", &["--mode", "hold", "--axis", "boom"]), "axis.boom: hold\n");
-    assert_eq!(played.gap.load(Ordering::Relaxed), 0, "no request has been too late");
+    assert_eq!(played.script.gap.load(Ordering::Relaxed), 0, "no request has been too late");
     assert_eq!(played.modes(), [Hold, Off, Off, Off]);
 }
 
@@ -232,7 +235,7 @@ fn reset_names_and_releases_what_is_latched_and_touches_nothing_else() {
 fn reset_under_a_pressed_stop_is_refused_at_once_and_works_when_the_stop_is_released() {
     let mut played = Played::start("reset-pressed");
     played.succeed("arm", &["--axis", "boom"]);
-    played.is_pressed.store(true, Ordering::Relaxed);
+    played.script.is_pressed.store(true, Ordering::Relaxed);
     played.wait_until("the latch", |command| command.axes[0].flags & control_flag::EMERGENCY_STOP != 0);
     let began = Instant::now();
     let said = played.fail("reset", &[]);
@@ -246,7 +249,7 @@ fn reset_under_a_pressed_stop_is_refused_at_once_and_works_when_the_stop_is_rele
                 .all(|axis| axis.flags & control_flag::EMERGENCY_STOP != 0 && axis.command == 0.0)
     };
     assert!(played.seen().iter().all(is_latched));
-    played.is_pressed.store(false, Ordering::Relaxed);
+    played.script.is_pressed.store(false, Ordering::Relaxed);
     sleep(5 * PERIOD);
     assert!(played.seen().last().is_some_and(is_latched), "the end of the press releases nothing");
     let said = played.succeed("reset", &[]);

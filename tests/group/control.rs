@@ -29,13 +29,13 @@ const BUSY: Duration = Duration::from_millis(4 * 300 + 150);
 const BEAT: Duration = Duration::from_millis(50);
 
 /// A group with all axes off, its commands, and a monitor that may operate it.
-struct Operated {
+pub struct Operated {
     commands: Reader<ValveCommand>,
     requests: Reader<Request>,
     _channels: Group,
-    running: Running,
+    pub running: Running,
     monitor: Child,
-    address: SocketAddr,
+    pub address: SocketAddr,
     token: String,
     /// What the server has told last.
     stamp: u64,
@@ -43,8 +43,13 @@ struct Operated {
 
 impl Operated {
     fn start(test: &str) -> Self {
+        Self::start_with(test, &[])
+    }
+
+    /// With more arguments of the run.
+    pub fn start_with(test: &str, arguments: &[&str]) -> Self {
         let options = ["--off", "--duration", "600s", "--set", "timing.feedback_timeout=1s"];
-        let running = Running::start_with(test, &options);
+        let running = Running::start_with(test, &[arguments, &options].concat());
         let prefix = running.group.prefix.to_string();
         let mut command = hydraxis();
         command.args(["monitor", "--allow-control", "--listen", "127.0.0.1:0", "--prefix", &prefix]);
@@ -66,7 +71,7 @@ impl Operated {
     }
 
     /// Status and JSON of the answer to a request of the own page; 0 where there is none.
-    fn ask(&self, to: SocketAddr, path: &str, body: &Value, token: Option<&str>) -> (u32, Value) {
+    pub fn ask(&self, to: SocketAddr, path: &str, body: &Value, token: Option<&str>) -> (u32, Value) {
         let body = body.to_string();
         let token = token.map(|token| format!("X-Hydraxis-Token: {token}\r\n")).unwrap_or_default();
         let host = self.address;
@@ -81,14 +86,14 @@ impl Operated {
     }
 
     /// Asks with the token over this address, and takes over the stamp of the answer.
-    fn say(&mut self, to: SocketAddr, path: &str, body: &Value) -> (u32, Value) {
+    pub fn say(&mut self, to: SocketAddr, path: &str, body: &Value) -> (u32, Value) {
         let (status, said) = self.ask(to, path, body, Some(&self.token));
         self.stamp = said["stamp"].as_u64().unwrap_or(self.stamp);
         (status, said)
     }
 
     /// Holds the button of the boom over this address until its valve opens. Returns the number of the button.
-    fn hold(&mut self, to: SocketAddr) -> u64 {
+    pub fn hold(&mut self, to: SocketAddr) -> u64 {
         let mut id = 0;
         wait_for("a press that arms the boom", || {
             id += 1;
@@ -113,7 +118,7 @@ impl Operated {
         id
     }
 
-    fn newest(&mut self) -> ValveCommand {
+    pub fn newest(&mut self) -> ValveCommand {
         while self.commands.read().unwrap().if_new().is_some() {}
         self.commands.last().copied().unwrap_or_default()
     }
@@ -223,6 +228,12 @@ fn an_axis_is_off_after_each_way_to_lose_its_page() {
     assert_eq!(operated.ask(server, "off", &json!({}), None).0, 200, "off needs no token");
     operated.expect_off("off", lost);
 
+    let id = operated.hold(server);
+    operated.say(server, "hello", &json!({}));
+    let body = json!({"hold": id, "stamp": operated.stamp, "command": 0.9});
+    assert_ne!(operated.say(server, "beat", &body).0, 200, "more than a page may command");
+    operated.expect_off("the command is refused", Instant::now());
+
     operated.hold(server);
     signal(operated.monitor.id(), Signal::STOP);
     operated.expect_off("the server hangs", Instant::now());
@@ -259,6 +270,7 @@ fn an_expired_button_cannot_be_held_again_and_wrong_values_are_refused() {
         (422, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "commission"})),
         (422, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "hold", "target": 99.0})),
         (422, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "manual", "command": 1.5})),
+        (422, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "manual", "command": -0.301})),
         (400, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "hold", "force": 1})),
         (400, json!({"hold": 9})),
     ] {
@@ -300,7 +312,8 @@ fn an_expired_button_cannot_be_held_again_and_wrong_values_are_refused() {
 
 /// A random request without the token. Its parts are those of right requests, of wrong ones, and noise.
 fn request(dice: &mut Dice, host: SocketAddr) -> Vec<u8> {
-    const PATHS: [&str; 16] = [
+    const PATHS: [&str; 17] = [
+        "/control/gain",
         "/control/press",
         "/control/press",
         "/control/beat",
@@ -318,7 +331,8 @@ fn request(dice: &mut Dice, host: SocketAddr) -> Vec<u8> {
         "http://HOST/control/press",
         "http://evil.example/control/press",
     ];
-    const BODIES: [&str; 6] = [
+    const BODIES: [&str; 7] = [
+        r#"{"axis":"boom","gain":0.5}"#,
         r#"{"hold":1,"stamp":STAMP,"axes":["boom"],"mode":"manual","command":0.5}"#,
         r#"{"hold":1,"stamp":STAMP,"command":0.5}"#,
         r#"{"axes":["boom"]}"#,

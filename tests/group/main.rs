@@ -6,6 +6,7 @@ mod campaign;
 mod clean;
 mod control;
 mod events;
+mod gains;
 #[path = "../harness/mod.rs"]
 mod harness;
 mod lock_step;

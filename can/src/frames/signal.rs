@@ -134,6 +134,17 @@ impl Signal {
         })
     }
 
+    /// Whether both have a bit in common.
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.places().any(|place| other.places().any(|other| other == place))
+    }
+
+    /// A whole byte of a frame, from 0, as a number without a sign.
+    pub fn byte(place: u8) -> Self {
+        let start = place.saturating_mul(8);
+        Self { start, bits: 8, is_big_endian: false, is_signed: false, factor: 1.0, offset: 0.0 }
+    }
+
     /// The number in these bytes; `None` where they are too few.
     pub fn raw(&self, data: &[u8]) -> Option<i64> {
         let mut raw = 0_u64;

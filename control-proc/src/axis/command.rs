@@ -60,6 +60,7 @@ impl AxisController {
             latched_at: latches.tick,
             latched_by: latches.cause,
             slowed_ticks: self.tracking.slowed,
+            gain: self.operation.gain,
         }
     }
 }

@@ -65,6 +65,13 @@ impl ModelLaw {
         }
     }
 
+    /// The fallback in the shadow uses this part of its gains.
+    pub fn scale(&mut self, part: f64) {
+        if let Some(shadow) = &mut self.shadow {
+            shadow.scale(part);
+        }
+    }
+
     /// Forgets what it knows from one approved model to the next: there has been no model, or no closed loop.
     pub fn interrupt(&mut self) {
         if let Law::Predictive(predictive) = &mut self.law {

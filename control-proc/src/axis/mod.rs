@@ -150,6 +150,11 @@ impl AxisController {
         }
     }
 
+    /// Requests may change the gains of the fallback within this range of parts, [`crate::gains`].
+    pub fn allow_gains(&mut self, range: [f64; 2]) {
+        self.operation.gain_range = range;
+    }
+
     /// The command for one sample.
     pub fn update(&mut self, input: &AxisInput<'_>) -> AxisCommand {
         self.state.begin_tick(input.sequence);

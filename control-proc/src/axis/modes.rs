@@ -2,17 +2,22 @@
 
 use pipeline::message::{AxisMode, ControlMode, control_flag};
 
-use super::{AxisController, AxisInput, command::Tracking, decision::Decision, requests::Accepted, state::State};
+use super::{
+    AxisController, AxisInput, command::Tracking, decision::Decision, operation::Operation, requests::Accepted,
+    state::State,
+};
 
 impl AxisController {
     /// Takes in the newest request. Disarms an axis that needs requests, and whose requests have stopped.
     pub(super) fn take_request(&mut self, input: &AxisInput<'_>) {
-        let requests = &mut self.operation.requests;
-        if let Some(accepted) = input.request.and_then(|request| requests.update(request, input.sequence)) {
+        let Operation { requests, gain, gain_range, .. } = &mut self.operation;
+        let gains = if self.state.is_armed() { [*gain; 2] } else { *gain_range };
+        if let Some(accepted) = input.request.and_then(|request| requests.update(request, input.sequence, gains)) {
             let is_kept = self.state.is_pressed() || (self.state.cause() != 0 && !accepted.can_release);
             if accepted.mode == Some(AxisMode::Off) && is_kept {
                 requests.refuse();
             } else {
+                accepted.gain.into_iter().for_each(|gain| self.scale(gain));
                 self.operation.ask_hold_to_run(accepted.hold_to_run);
                 self.change_mode(&accepted);
             }
@@ -23,6 +28,13 @@ impl AxisController {
             self.disarm();
             self.state.note_stopped_requests();
         }
+    }
+
+    /// The fallback uses this part of its gains from now on.
+    fn scale(&mut self, gain: f64) {
+        self.operation.gain = gain;
+        self.fallback.scale(gain);
+        self.law.scale(gain);
     }
 
     /// Arms a disarmed axis in this mode, with the set point of hold in m.

@@ -18,6 +18,7 @@ use pipeline::{
 };
 
 use super::requests::Requests;
+use crate::gains::FIXED;
 
 /// How one axis is operated.
 #[derive(Debug, Clone)]
@@ -32,6 +33,10 @@ pub struct Operation {
     is_rule: bool,
     /// Where the axis holds when it begins to follow in hold, m.
     pub set_point: Option<f64>,
+    /// Gains of the fallback, as a part of those of the machine file.
+    pub gain: f64,
+    /// Least and largest of them that a request may ask for.
+    pub gain_range: [f64; 2],
     /// A commissioning has taken over the command of the mode before it, so its own may change direction at once.
     pub turns_at_once: bool,
 }
@@ -51,6 +56,15 @@ impl Operation {
     pub fn new(index: usize, axis: &Axis, timing: &Timing) -> Self {
         let is_rule = axis.control.hold_to_run;
         let requests = Requests::new(index, axis, timing);
-        Self { requests, mode: AxisMode::Track, hold_to_run: is_rule, is_rule, set_point: None, turns_at_once: false }
+        Self {
+            requests,
+            mode: AxisMode::Track,
+            hold_to_run: is_rule,
+            is_rule,
+            set_point: None,
+            gain: 1.0,
+            gain_range: FIXED,
+            turns_at_once: false,
+        }
     }
 }

@@ -19,6 +19,8 @@
 //! - a mode that does not exist,
 //! - a command or a set point that is not finite,
 //! - a command outside [-1, 1], or a set point outside the soft limits,
+//! - other gains of the fallback for an axis that is armed, or gains outside of their range; off is never refused for
+//!   that,
 //! - a message without this axis,
 //! - a message for another time, or one that goes back in time.
 //!
@@ -51,6 +53,8 @@ pub struct Accepted {
     pub hold_to_run: bool,
     /// Off releases a latched axis.
     pub can_release: bool,
+    /// Gains of the fallback from now on, as a part of those of the machine file.
+    pub gain: Option<f64>,
 }
 
 /// A message that was looked at.
@@ -125,9 +129,9 @@ impl Requests {
         }
     }
 
-    /// Takes in the newest message at tick `sequence`. None for a message that was seen before, and for one that is
-    /// refused.
-    pub fn update(&mut self, request: &Request, sequence: u64) -> Option<Accepted> {
+    /// Takes in the newest message at tick `sequence`. `gains` are the least and the largest gain that may be asked for
+    /// now. None for a message that was seen before, and for one that is refused.
+    pub fn update(&mut self, request: &Request, sequence: u64, gains: [f64; 2]) -> Option<Accepted> {
         let Request { header, session, .. } = request;
         let this = Seen { session: *session, number: header.number, sequence: header.sequence };
         if self.seen == Some(this) {
@@ -143,7 +147,7 @@ impl Requests {
         let can_release = before.is_some() && !last.is_off && is_after_stop;
         let goes_back = before.is_some_and(|before| this.number <= before.number || this.sequence < before.sequence);
         let is_in_time = sequence.abs_diff(this.sequence) <= self.manual_ticks;
-        let sound = self.sound(request).filter(|_| is_in_time && !goes_back);
+        let sound = self.sound(request, gains).filter(|_| is_in_time && !goes_back);
         self.is_refused = sound.is_none();
         let Some((mode, axis)) = sound else {
             self.refused = self.refused.saturating_add(1);
@@ -154,7 +158,8 @@ impl Requests {
         self.command = axis.command;
         let mode = Some(mode).filter(|mode| *mode != AxisMode::Unchanged);
         let set_point = (axis.has_target == 1).then_some(axis.target);
-        Some(Accepted { mode, is_enabled, set_point, hold_to_run: axis.hold_to_run == 1, can_release })
+        let gain = Some(axis.gain).filter(|gain| *gain != 0.0 && before.is_some() && !entry.is_off);
+        Some(Accepted { mode, is_enabled, set_point, hold_to_run: axis.hold_to_run == 1, can_release, gain })
     }
 
     /// A stop at tick `sequence`. Messages that were sent before it arm no axis.
@@ -197,7 +202,7 @@ impl Requests {
     }
 
     /// Mode and entry of this axis, if the message makes sense by itself.
-    fn sound(&self, request: &Request) -> Option<(AxisMode, AxisRequest)> {
+    fn sound(&self, request: &Request, [least, largest]: [f64; 2]) -> Option<(AxisMode, AxisRequest)> {
         let count = request.header.axis_count as usize;
         let axis = *request.axes.get(self.axis).filter(|_| self.axis < count && count <= MAX_AXES)?;
         let mode = AxisMode::from_number(axis.mode)?;
@@ -206,7 +211,8 @@ impl Requests {
             && axis.has_target <= 1
             && axis.hold_to_run <= 1
             && axis.target.is_finite()
-            && (axis.has_target == 0 || (low..=high).contains(&axis.target));
+            && (axis.has_target == 0 || (low..=high).contains(&axis.target))
+            && (mode == AxisMode::Off || axis.gain == 0.0 || (least..=largest).contains(&axis.gain));
         is_sound.then_some((mode, axis))
     }
 }

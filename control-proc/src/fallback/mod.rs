@@ -61,16 +61,19 @@ pub struct Memory {
 /// The fallback controller of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fallback {
+    /// kp and ki of the machine file.
+    gains: [f64; 2],
     kp: f64,
     /// ki T, 1/m.
     ki_period: f64,
     extend: f64,
     retract: f64,
-    /// Part of these gains that is in use.
+    /// Part of kp and ki that is in use.
     gain: f64,
     limits: Limits,
     feedforward: Option<Feedforward>,
     memory: Memory,
+    period: f64,
     /// Part of this difference that is left a tick later.
     kept: f64,
 }
@@ -81,6 +84,7 @@ impl Fallback {
     pub fn new(control: &Control, commissioned: Option<&Commissioned>, period: f64) -> Self {
         let model = commissioned.filter(|_| control.feedforward);
         Self {
+            gains: [control.kp, control.ki],
             kp: control.kp,
             ki_period: control.ki * period,
             gain: 1.0,
@@ -93,6 +97,7 @@ impl Fallback {
                 integral: 0.0,
                 offset: 0.0,
             },
+            period,
             kept: (-period / HANDOVER).exp(),
         }
     }
@@ -105,6 +110,13 @@ impl Fallback {
     /// Changes the largest magnitude of a command.
     pub fn limit(&mut self, magnitude: f64) {
         self.limits.magnitude = magnitude;
+    }
+
+    /// Uses this part of both gains of the machine file. Before the axis begins to follow: the integral is not carried
+    /// over.
+    pub fn scale(&mut self, part: f64) {
+        let [kp, ki] = self.gains;
+        (self.kp, self.ki_period) = (part * kp, part * ki * self.period);
     }
 
     /// Changes the part of the gains that is in use. The command does not jump by more than the change of kp e.
@@ -217,6 +229,18 @@ mod tests {
         fallback.reset();
         // Inside the blend, v = 0.004 adds 0.4 of the dead band.
         assert!((fallback.update(0.001, 0.0, 0.0) - (0.004 + 0.4 * 0.08)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn scaled_gains_scale_the_command_beyond_the_dead_band() {
+        let (mut whole, mut half) = (fallback(), fallback());
+        half.scale(0.5);
+        assert!((half.update(0.05, 0.0, 0.18) - (0.1 + 0.08)).abs() < 1e-12);
+        assert!((half.update(0.05, 0.0, 0.18) - (0.1 + 0.00025 + 0.08)).abs() < 1e-12);
+        half.reset();
+        half.scale(1.0);
+        assert_eq!(half, whole);
+        assert_eq!(half.update(0.013, 0.0, 0.1), whole.update(0.013, 0.0, 0.1));
     }
 
     #[test]

@@ -50,6 +50,11 @@ impl Shadow {
         }
     }
 
+    /// The fallback uses this part of its gains.
+    pub fn scale(&mut self, part: f64) {
+        self.fallback.scale(part);
+    }
+
     /// Forgets the past: the axis stands, and the spool is in the middle.
     pub fn reset(&mut self) {
         self.actual.reset();

@@ -34,7 +34,7 @@ use pipeline::{
     },
 };
 
-use crate::Controller;
+use crate::{Controller, gains};
 use deadlines::{Deadlines, FeedbackAge};
 use trace::Trace;
 
@@ -85,7 +85,7 @@ struct Arrival {
 
 impl Process {
     fn new(machine: &Machine, options: &StageOptions, group: &Group, board: Board) -> Result<Self, StageError> {
-        let mut core = Controller::new(machine).map_err(StageError::setup)?;
+        let mut core = Controller::new(machine).map_err(StageError::setup)?.with_gains(machine);
         let mut trace = Trace::new(machine);
         if options.arm {
             core.arm();
@@ -104,7 +104,7 @@ impl Process {
             off: Arc::clone(&options.off),
             commands: group.publisher()?,
             states: group.publisher()?,
-            state: named(machine),
+            state: at_rest(machine),
             last: ValveCommand::default(),
             waiter: Waiter::new::<EncoderSample>(group, machine, StageKind::ControlProc, options.clock)?,
             clock: options.clock,
@@ -348,9 +348,12 @@ impl Stage for Process {
     }
 }
 
-/// The state of a machine of which only the names of the axes are known.
-fn named(machine: &Machine) -> MachineState {
-    let mut state = MachineState::default();
-    state.axes.iter_mut().zip(&machine.axes).for_each(|(state, axis)| state.set_name(&axis.name));
+/// The state of a machine before its first sample: what the machine file says.
+pub fn at_rest(machine: &Machine) -> MachineState {
+    let (mut state, period) = (MachineState::default(), machine.timing.period.as_secs_f64());
+    for (state, axis) in state.axes.iter_mut().zip(&machine.axes) {
+        state.set_name(&axis.name);
+        state.gain_range = gains::range(axis, period);
+    }
     state
 }

@@ -1,6 +1,7 @@
 //! Tests of the whole core: closed loops with a small simulated axis, faults, poisoned models, bad references.
 
 mod feedback;
+mod gains;
 mod handover;
 mod hunting;
 mod latches;

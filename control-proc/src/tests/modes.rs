@@ -27,6 +27,8 @@ pub struct Operated {
     number: u64,
     pub(super) enable: u32,
     pub(super) hold_to_run: bool,
+    /// Gains of the fallback that are asked for; 0 for none.
+    pub(super) gain: f64,
     /// The model of the snapshots, if any come.
     model: Option<Coefficients>,
 }
@@ -43,10 +45,10 @@ impl Operated {
         Self { model: Some(actuator()), ..operated }
     }
 
-    fn of(machine: &pipeline::machine::Machine) -> Self {
+    pub(super) fn of(machine: &pipeline::machine::Machine) -> Self {
         let mut axis = Loop::new(machine, 0.05);
         axis.controller = Controller::new(machine).unwrap();
-        Self { axis, session: 1, number: 0, enable: 0, hold_to_run: false, model: None }
+        Self { axis, session: 1, number: 0, enable: 0, hold_to_run: false, gain: 0.0, model: None }
     }
 
     /// The next message of the program, made from the newest sample.
@@ -63,6 +65,7 @@ impl Operated {
             target: target.unwrap_or(0.0),
             has_target: u32::from(target.is_some()),
             hold_to_run: u32::from(self.hold_to_run),
+            gain: self.gain,
         };
         request
     }

@@ -325,6 +325,9 @@ impl Identifier {
             snapshot.gain_ratio = self.health.gain_ratio();
             snapshot.excitation = self.health.excitation();
         }
+        if let Some(bank) = self.bank() {
+            snapshot.weights.iter_mut().zip(bank.weights()).for_each(|(weight, of)| *weight = *of);
+        }
         self.figures.write_to(&mut snapshot);
         snapshot
     }

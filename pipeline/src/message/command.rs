@@ -7,7 +7,7 @@ use crate::{MAX_AXES, layout::shared_struct, statistics::ErrorStatistics};
 
 shared_struct! {
     /// One axis of a [`ValveCommand`].
-    #[type_name("hydraxis.AxisCommand/4")]
+    #[type_name("hydraxis.AxisCommand/5")]
     pub struct AxisCommand {
         /// Valve command in [-1, 1], positive extends; made from sample `sequence` and held until the next.
         pub command: f64,
@@ -41,6 +41,9 @@ shared_struct! {
         pub latched_by: u32,
         /// Number of ticks with a slowed reference since the axis was armed.
         pub slowed_ticks: u32,
+        /// Gains of the fallback, as a part of those in the machine file: 1 until a [`Request`](super::Request) has
+        /// changed them, 0 in a replay.
+        pub gain: f64,
     }
 }
 
@@ -242,7 +245,7 @@ shared_struct! {
 
 shared_struct! {
     /// The valve commands of one tick: control-proc (or a recording) to plant-sim and ident-proc.
-    #[type_name("hydraxis.ValveCommand/9")]
+    #[type_name("hydraxis.ValveCommand/10")]
     pub struct ValveCommand {
         /// `sequence` names the sample that the command was made from.
         pub header: Header,

@@ -7,7 +7,7 @@ use crate::{MAX_AXES, layout::shared_struct};
 
 shared_struct! {
     /// One axis of a [`MachineState`].
-    #[type_name("hydraxis.AxisState/2")]
+    #[type_name("hydraxis.AxisState/3")]
     pub struct AxisState {
         /// Name of the axis in UTF-8, cut to the length of the array and filled up with zeros.
         pub name: [u8; 32],
@@ -25,6 +25,9 @@ shared_struct! {
         pub model_faults: u32,
         /// 1 after the first snapshot; before it 0.
         pub has_model: u32,
+        /// Least and largest [`AxisCommand::gain`] that a request may ask for: the loop on the commissioned model keeps
+        /// its margins. Both are 1 without such a model.
+        pub gain_range: [f64; 2],
     }
 }
 
@@ -48,7 +51,7 @@ impl AxisState {
 
 shared_struct! {
     /// The newest sample and command of all axes. Control-proc sends one at each of its heartbeats.
-    #[type_name("hydraxis.MachineState/5")]
+    #[type_name("hydraxis.MachineState/6")]
     pub struct MachineState {
         /// `sequence` names the sample.
         pub header: Header,

@@ -89,7 +89,7 @@ pub use health::{ChannelHealth, MissCause, MissedDeadlines, StageHealth, StageSt
 pub use machine_state::{AxisState, MachineState};
 pub use reference::{MAX_PREVIEW, Reference};
 pub use request::{AxisMode, AxisRequest, Request};
-pub use snapshot::{AxisSnapshot, CoefficientSnapshot, ModelErrors, model_fault};
+pub use snapshot::{AxisSnapshot, CoefficientSnapshot, MEMBERS, ModelErrors, model_fault};
 
 shared_struct! {
     /// The first field of every message.

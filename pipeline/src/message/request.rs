@@ -7,7 +7,7 @@ use crate::{MAX_AXES, layout::shared_struct};
 
 shared_struct! {
     /// One axis of a [`Request`].
-    #[type_name("hydraxis.AxisRequest/2")]
+    #[type_name("hydraxis.AxisRequest/3")]
     pub struct AxisRequest {
         /// Mode that is asked for, an [`AxisMode`] as number.
         pub mode: u32,
@@ -23,6 +23,10 @@ shared_struct! {
         /// 1 to disarm the axis when the messages of this session stop, in every mode; 0 only in the modes manual and
         /// commission.
         pub hold_to_run: u32,
+        /// Gains of the fallback from now on, as a part of those in the machine file; 0 leaves them as they are. Only
+        /// for an axis that is not armed, within [`AxisState::gain_range`](super::AxisState::gain_range), and not in
+        /// the first message of a session. With the mode off it is not looked at.
+        pub gain: f64,
     }
 }
 
@@ -67,7 +71,7 @@ impl AxisMode {
 shared_struct! {
     /// Asks for the modes of the axes, from any program to control-proc. A program that gives valve commands sends one
     /// request for every sample.
-    #[type_name("hydraxis.Request/3")]
+    #[type_name("hydraxis.Request/4")]
     pub struct Request {
         /// `sequence` is the newest sample that the program has read; it shows how old the request is.
         pub header: Header,

@@ -70,12 +70,31 @@ shared_struct! {
         pub outliers: u64,
         /// Number of samples since the last sample that updated the coefficients.
         pub since_update: u64,
+        /// Weights of the estimators that the estimator `auto` runs side by side, in the order of [`MEMBERS`]; their
+        /// sum is 1. All are 0 with another estimator, and before training has found a first model.
+        pub weights: [f64; MEMBERS.len()],
         /// Length of the horizon, samples.
         pub horizon: u32,
         /// Reasons to distrust the model, [`model_fault`] bits; 0 is healthy.
         pub faults: u32,
     }
 }
+
+/// The estimators that the estimator `auto` runs side by side, in the order of [`AxisSnapshot::weights`]: what they
+/// learn, and their memory in horizons.
+pub const MEMBERS: [&str; 11] = [
+    "held",
+    "still",
+    "linear 4",
+    "increments 4",
+    "increments 8",
+    "directional 8",
+    "full 8",
+    "full 20",
+    "full 200",
+    "smoothed 13",
+    "smoothed 200",
+];
 
 /// Bits of [`AxisSnapshot::faults`]; 0 is healthy.
 pub mod model_fault {

@@ -6,6 +6,7 @@
 //! | `/control/hello` | needed | tells the server's time, which later requests send back as their stamp |
 //! | `/control/press`, `beat`, `release` | needed | arm axes for as long as a button is held: [`super::hold`] |
 //! | `/control/reset` | needed | releases latched axes, which stay disarmed |
+//! | `/control/gain` | needed | changes the gains of the fallback of an axis that is off |
 //!
 //! All are POST with a body of JSON of the page's own origin, which the guard has checked.
 
@@ -42,6 +43,8 @@ use crate::{
 /// Header that carries the token. No form and no link of another page can send it, and the passwords of a proxy have
 /// another one.
 const TOKEN: HeaderName = HeaderName::from_static("x-hydraxis-token");
+/// Largest command from the page: whoever holds its button may not see the machine.
+const LARGEST_COMMAND: f64 = 0.3;
 /// Time in which a stop is to be answered.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Time between two looks at the board.
@@ -91,6 +94,14 @@ struct Release {
 #[serde(deny_unknown_fields)]
 struct Reset {
     axes: Vec<String>,
+}
+
+/// An axis, and the part of the gains in the machine file that its fallback is to have.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Gain {
+    axis: String,
+    gain: f64,
 }
 
 impl Control {
@@ -180,19 +191,25 @@ impl Control {
         Ok(json!({ "stamp": self.stamp(), "phase": "arming" }))
     }
 
+    /// The parts of its gains that an axis may have, as its controller has told them last.
+    fn gain_range(&self, name: &str) -> Result<[f64; 2], Refused> {
+        let report = self.published.report();
+        let figures = report.as_ref().and_then(|report| report.axes().find(|(axis, _)| *axis == name));
+        figures.map(|(_, figures)| figures.gain_range).ok_or_else(|| unusable(format!("axis: found {name:?}, unknown")))
+    }
+
     fn beat(&self, beat: &Beat) -> Answer {
         let stamp = self.time_of(beat.stamp)?;
         let Some(hold) = self.held(beat.hold) else {
             return Err(refused(StatusCode::CONFLICT, "found a button that is not held"));
         };
-        // The controller refuses a command or set point outside its range as well.
-        let is_sound = beat.command.is_none_or(|command| (-1.0..=1.0).contains(&command))
-            && beat.target.is_none_or(f64::is_finite);
+        let command = beat.command.unwrap_or_default();
+        let is_sound = is_small(command) && beat.target.is_none_or(f64::is_finite);
         if !is_sound {
             hold.release();
-            return Err(unusable("found a command outside [-1, 1]"));
+            return Err(unusable(format!("found a command of {command} or no set point; allowed: -0.3 to 0.3")));
         }
-        let (phase, why) = match hold.beat(stamp, beat.target, beat.command.unwrap_or_default()) {
+        let (phase, why) = match hold.beat(stamp, beat.target, command) {
             Phase::Arming => ("arming", String::new()),
             Phase::Held => ("held", String::new()),
             Phase::Ended(why) => ("ended", why),
@@ -201,13 +218,18 @@ impl Control {
     }
 }
 
+/// Whether a person who sees the machine on a page only may command this.
+fn is_small(command: f64) -> bool {
+    command.abs() <= LARGEST_COMMAND
+}
+
 /// Refuses a set point or a command outside its range.
 fn check(name: &str, [low, high]: [f64; 2], wanted: &Wanted) -> Result<(), Refused> {
     if let Some(target) = wanted.target.filter(|target| !(low..=high).contains(target)) {
         return Err(unusable(format!("target: found {target} m; allowed: axis.{name} within {low} to {high} m")));
     }
-    if !(-1.0..=1.0).contains(&wanted.command) {
-        return Err(unusable(format!("command: found {}; allowed: -1 to 1", wanted.command)));
+    if !is_small(wanted.command) {
+        return Err(unusable(format!("command: found {}; allowed: -0.3 to 0.3", wanted.command)));
     }
     Ok(())
 }
@@ -247,7 +269,7 @@ pub fn routes(control: &Arc<Control>) -> Router {
         let control = Arc::clone(control);
         post(move |headers: HeaderMap, body: Bytes| async move { answer(act(&control, &headers, &body)) })
     };
-    let (stopping, resetting) = (Arc::clone(control), Arc::clone(control));
+    let (stopping, resetting, scaling) = (Arc::clone(control), Arc::clone(control), Arc::clone(control));
     Router::new()
         .route(
             "/control/hello",
@@ -283,6 +305,7 @@ pub fn routes(control: &Arc<Control>) -> Router {
             }),
         )
         .route("/control/reset", post(move |headers: HeaderMap, body: Bytes| reset(resetting, headers, body)))
+        .route("/control/gain", post(move |headers: HeaderMap, body: Bytes| scale(scaling, headers, body)))
         .route("/control/off", post(move || off(stopping)))
 }
 
@@ -320,11 +343,44 @@ async fn reset(control: Arc<Control>, headers: HeaderMap, body: Bytes) -> Respon
         Ok(asked) => asked,
         Err(refused) => return answer(Err(refused)),
     };
-    let done = tokio::task::spawn_blocking(move || {
+    operate(move || {
         let released = release(&prefix, &reset.axes);
         let _ = remove_leftovers(&prefix);
-        released.map_err(|failure| failed(failure.to_string()))
+        released
+    })
+    .await
+}
+
+/// Changes the gains of the fallback of an axis. It waits for the controller, so it has a thread.
+async fn scale(control: Arc<Control>, headers: HeaderMap, body: Bytes) -> Response {
+    let asked = control.admit(&headers, None).and_then(|()| {
+        let gain = parsed::<Gain>(&body)?;
+        Ok((control.group()?, control.gain_range(&gain.axis)?, gain))
     });
+    let (prefix, range, Gain { axis, gain }) = match asked {
+        Ok(asked) => asked,
+        Err(refused) => return answer(Err(refused)),
+    };
+    if !(range[0]..=range[1]).contains(&gain) {
+        let [least, largest] = range;
+        return answer(Err(unusable(format!("gain: found {gain}; allowed: {least:.3} to {largest:.3}"))));
+    }
+    operate(move || {
+        let scaled = Operator::join(&prefix, false, Arc::new(AtomicBool::new(false))).map_err(Failure::from).and_then(
+            |mut operator| {
+                let place = axes_of(operator.machine().names(), &[axis]).map_err(Failure::usage)?[0];
+                Ok(json!({ "gain": gain, "before": operator.scale(place, gain, range)? }))
+            },
+        );
+        let _ = remove_leftovers(&prefix);
+        scaled
+    })
+    .await
+}
+
+/// Does on a thread what waits for the controller.
+async fn operate(act: impl FnOnce() -> Result<Value, Failure> + Send + 'static) -> Response {
+    let done = tokio::task::spawn_blocking(move || act().map_err(|failure| failed(failure.to_string())));
     answer(done.await.unwrap_or_else(|error| Err(failed(error))))
 }
 

@@ -12,7 +12,9 @@ use std::time::{Duration, Instant};
 use pipeline::{
     channel::{ChannelError, Reader},
     hammerstein::Coefficients,
-    message::{AxisSnapshot, CoefficientSnapshot, EncoderSample, ModelErrors, ValveCommand, bit_names, model_fault},
+    message::{
+        AxisSnapshot, CoefficientSnapshot, EncoderSample, MEMBERS, ModelErrors, ValveCommand, bit_names, model_fault,
+    },
     statistics::ErrorStatistics,
 };
 use serde::Serialize;
@@ -67,6 +69,8 @@ struct AxisFrame {
     /// Held, adaptive.
     models: [ModelFrame; 2],
     persistence_sigma: f64,
+    /// Name and weight of each estimator that runs beside others; empty with a single one.
+    weights: Vec<(&'static str, f64)>,
 }
 
 #[derive(Debug, Serialize)]
@@ -178,7 +182,13 @@ fn axis_frame(name: &str, axis: &AxisSnapshot) -> Option<AxisFrame> {
         faults: bit_names(axis.faults, &model_fault::NAMES).collect(),
         models: [model(&axis.classical, &axis.classical_errors), model(&axis.adaptive, &axis.adaptive_errors)],
         persistence_sigma: axis.persistence.sigma(),
+        weights: weights(axis),
     })
+}
+
+fn weights(axis: &AxisSnapshot) -> Vec<(&'static str, f64)> {
+    let all = || MEMBERS.into_iter().zip(axis.weights);
+    if all().all(|(_, weight)| weight == 0.0) { Vec::new() } else { all().collect() }
 }
 
 /// The travel that a held command causes within the horizon, over the commands that the model has seen.

@@ -36,7 +36,7 @@ impl ReplayedController {
         let any = axes | command_event::EMERGENCY_STOP | command_event::ARMED;
         let real_time = command_event::SILENT | command_event::LOST | command_event::CLOCK | command_event::DEADLINE;
         Ok(Self {
-            core: Controller::new(machine).map_err(Failure::usage)?,
+            core: Controller::new(machine).map_err(Failure::usage)?.with_gains(machine),
             reference: None,
             inputs: CommandInputs::default(),
             known: if lock_step { any } else { any | real_time },

@@ -1,5 +1,6 @@
 //! What control-proc tells at its heartbeats, made of its last messages.
 
+use control_proc::process::at_rest;
 use pipeline::{
     machine::Machine,
     message::{CoefficientSnapshot, EncoderSample, MachineState, ValveCommand},
@@ -18,9 +19,7 @@ pub struct States {
 impl States {
     /// Before the first sample.
     pub fn new(machine: &Machine) -> Self {
-        let mut now = MachineState::default();
-        now.axes.iter_mut().zip(&machine.axes).for_each(|(state, axis)| state.set_name(&axis.name));
-        Self { now, sample: None, snapshot: None, commands: Vec::new() }
+        Self { now: at_rest(machine), sample: None, snapshot: None, commands: Vec::new() }
     }
 
     /// A command was made of a sample and with a snapshot.

@@ -7,7 +7,7 @@
 
 use pipeline::{
     hammerstein::Coefficients,
-    message::{AxisSnapshot, model_fault},
+    message::{AxisSnapshot, MEMBERS, model_fault},
     statistics::ErrorStatistics,
 };
 use plotters::prelude::{Color, RGBAColor};
@@ -44,6 +44,8 @@ struct Moment {
     adaptive: Coefficients,
     /// h-step errors of held and adaptive model so far.
     errors: [ErrorStatistics; 2],
+    /// Weights of the estimators that run side by side.
+    weights: [f64; MEMBERS.len()],
 }
 
 impl Models {
@@ -61,6 +63,7 @@ impl Models {
         self.spread.push(t, || Moment {
             adaptive: snapshot.adaptive,
             errors: [snapshot.classical_errors.h_step, snapshot.adaptive_errors.h_step],
+            weights: snapshot.weights,
         });
         match &mut self.last {
             Some(last) => **last = *snapshot,
@@ -84,8 +87,33 @@ impl Models {
             let chart = coefficients((name, first), &lists, of, of(&held));
             figures.push(Figure { chart, caption: format!("{name} is {what}. Thin lines: the held model.") });
         }
+        figures.extend(self.weights());
         figures.push(self.forgetting());
         figures
+    }
+
+    /// Weights of the estimators over time, those that learn from one regressor together; none with a single estimator.
+    fn weights(&self) -> Option<Figure> {
+        let kept = self.spread.kept();
+        if kept.iter().all(|(_, moment)| moment.weights.iter().all(|weight| *weight == 0.0)) {
+            return None;
+        }
+        let family = |member: &'static str| member.split(' ').next().unwrap_or(member);
+        let mut families: Vec<&str> = MEMBERS.map(family).to_vec();
+        families.dedup();
+        let of = |wanted: &str, moment: &Moment| {
+            let own = MEMBERS.into_iter().zip(moment.weights).filter(|(member, _)| family(member) == wanted);
+            own.map(|(_, weight)| weight).sum::<f64>()
+        };
+        let series = families.iter().zip(COLOURS).map(|(name, colour)| {
+            line(name, kept.iter().map(|(t, moment)| (*t, of(name, moment))).collect(), colour, 3)
+        });
+        let chart = chart("Weights of the estimators", "weight", HALF, series.collect());
+        let caption =
+            "Several estimators run side by side; the adaptive model is their sum by these weights. held and \
+                       still learn nothing: the held model, and no motion. The others are named by what they learn."
+                .to_owned();
+        Some(Figure { chart, caption })
     }
 
     /// Errors of both models over time, in spans of equal length.
@@ -194,6 +222,24 @@ pub fn chart(title: &str, label: &str, size: (u32, u32), series: Vec<Series>) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn weights_are_drawn_by_families_where_there_are_any() {
+        let mut snapshot = AxisSnapshot { adaptive: Coefficients::TABLE_2, ..AxisSnapshot::default() };
+        let mut alone = Models::new();
+        (0..10).for_each(|t| alone.look(f64::from(t), &snapshot));
+        assert!(alone.weights().is_none());
+        let mut models = Models::new();
+        for t in 0..10 {
+            snapshot.weights = [0.0; MEMBERS.len()];
+            (snapshot.weights[0], snapshot.weights[6], snapshot.weights[8]) = (0.5, 0.25, 0.25);
+            models.look(f64::from(t), &snapshot);
+        }
+        let series = models.weights().unwrap().chart.series;
+        let drawn: Vec<(&str, f64)> = series.iter().map(|of| (of.name.as_str(), of.points[0].1)).collect();
+        let rest = ["still", "linear", "increments", "directional"].map(|name| (name, 0.0));
+        assert_eq!(drawn, [&[("held", 0.5)], &rest[..], &[("full", 0.5), ("smoothed", 0.0)]].concat());
+    }
 
     #[test]
     fn the_error_of_a_span_is_that_of_its_own_values() {

@@ -15,8 +15,9 @@ use pipeline::{
     MAX_AXES,
     layout::{Field, Layout, Shape, named, with_name, with_number},
     message::{
-        AxisMode, CHANNELS, CoefficientSnapshot, ControlMode, EncoderReading, EncoderSample, MAX_PREVIEW, MachineState,
-        Message, REFUSALS, Reference, Request, StageHealth, ValveCommand, control_flag, model_fault, sample_fault,
+        AxisMode, CHANNELS, CoefficientSnapshot, ControlMode, EncoderReading, EncoderSample, MAX_PREVIEW, MEMBERS,
+        MachineState, Message, REFUSALS, Reference, Request, StageHealth, ValveCommand, control_flag, model_fault,
+        sample_fault,
     },
 };
 

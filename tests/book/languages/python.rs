@@ -2,7 +2,7 @@
 
 use pipeline::stage::StageKind;
 
-use super::{Definitions, MAX_AXES, MAX_PREVIEW, Names, REFUSALS, Shape, Struct, comment};
+use super::{Definitions, MAX_AXES, MAX_PREVIEW, MEMBERS, Names, REFUSALS, Shape, Struct, comment};
 
 const HEAD: &str = r#""""Messages, channels, flags and modes of Hydraxis, as structures of ctypes.
 
@@ -23,6 +23,8 @@ pub fn module(definitions: &Definitions) -> String {
     text += &format!("MAX_PREVIEW = {MAX_PREVIEW}  # positions of an axis in a Reference, the present tick included\n");
     text += "# Why models were refused, in the order of AxisCommand.rejected_snapshots.\n";
     text += &format!("REFUSALS = {REFUSALS:?}\n");
+    text += "# Estimators that run side by side, and their memory in horizons, in the order of AxisSnapshot.weights.\n";
+    text += &format!("MEMBERS = {MEMBERS:?}\n");
     text += "# Stages, in the order of StageHealth.stage.\n";
     text += &format!("STAGES = {:?}\n", StageKind::ALL.map(StageKind::name));
     definitions.names.iter().for_each(|names| text += &enumeration(names));

@@ -212,6 +212,11 @@ impl Bank {
         members.zip(self.mixture.weights()).map(|((name, factor), weight)| (name, factor, *weight))
     }
 
+    /// The weight of every member, in the order of [`pipeline::message::MEMBERS`].
+    pub fn weights(&self) -> &[f64] {
+        self.mixture.weights()
+    }
+
     /// The coefficients of the mixture, written out for the row.
     pub fn theta(&self) -> &[f64] {
         self.mixture.theta()
@@ -235,5 +240,29 @@ impl Bank {
             before += family.len();
         }
         0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pipeline::{machine::Machine, message::MEMBERS};
+
+    #[test]
+    fn members_have_the_names_and_memories_of_their_weights() {
+        let machine = Machine::four_axes(&[]).unwrap();
+        let structure = machine.axes[0].identification.structure;
+        // With a long horizon each memory is a whole number of horizons, beyond its least number of samples.
+        let horizon = 10_000;
+        let bank = Bank::new(structure, horizon);
+        assert_eq!(bank.weights().len(), MEMBERS.len());
+        let found: Vec<String> = bank
+            .members()
+            .map(|(name, factor, _)| match factor {
+                1.0 => name.to_owned(),
+                _ => format!("{name} {:.0}", 1.0 / (1.0 - factor) / horizon as f64),
+            })
+            .collect();
+        assert_eq!(found, MEMBERS);
     }
 }

@@ -129,6 +129,50 @@ const Control = (() => {
     }
   }
 
+  // Gains that were used before the present ones, by axis; and what the axes have told last.
+  const gainsBefore = new Map();
+  let now = [];
+  const tuned = () => now.find((axis) => axis.name === by("gain-axis").value);
+
+  async function setGain(gain, isUndo) {
+    const axis = tuned();
+    if (!axis) return say("No axis yet.", true);
+    const [least, largest] = axis.gain_range;
+    if (!(gain >= least && gain <= largest)) {
+      return say(`Gains: found ${by("gain").value || "nothing"}; allowed: ${least.toFixed(2)} to ${largest.toFixed(2)}`, true);
+    }
+    try {
+      const said = await post("gain", { axis: axis.name, gain });
+      const before = gainsBefore.get(axis.name) ?? [];
+      if (isUndo) before.pop();
+      else if (said.before !== gain) before.push(said.before);
+      gainsBefore.set(axis.name, before);
+      by("gain").value = "";
+      say(`${axis.name}: gains ${gain.toFixed(2)} times those of the machine file; before ${said.before.toFixed(2)}.`);
+    } catch (error) {
+      say(`Gains not changed: ${error.message}`, true);
+    }
+    showGain();
+  }
+
+  function showGain() {
+    const axis = tuned();
+    const isOff = axis && axis.mode === "off";
+    const [least, largest] = axis?.gain_range ?? [1, 1];
+    const range = least === largest ? "none, without a commissioned model" : `${least.toFixed(2)} to ${largest.toFixed(2)}`;
+    const text = [axis ? `${axis.gain.toFixed(2)} times` : "-", !axis ? "-" : isOff ? range : `${range}, when the axis is off`];
+    if (by("gain-now").textContent !== text[0]) by("gain-now").textContent = text[0];
+    if (by("gain-range").textContent !== text[1]) by("gain-range").textContent = text[1];
+    by("gain-set").disabled = !token || !isOff || Boolean(held) || least === largest;
+    by("gain-undo").disabled = !token || !isOff || Boolean(held) || !gainsBefore.get(axis.name)?.length;
+  }
+
+  // The newest state of the axes.
+  function see(axes) {
+    now = axes;
+    if (!by("control").hidden) showGain();
+  }
+
   // The range in which all chosen axes can hold.
   function range() {
     const axes = facts.filter((axis) => chosen().includes(axis.name));
@@ -186,6 +230,8 @@ const Control = (() => {
       label.append(box, ` ${axis.name}`);
       return label;
     }));
+    by("gain-axis").replaceChildren(...axes.map((axis) => new Option(axis.name, axis.name)));
+    gainsBefore.clear();
     by("no-token").hidden = Boolean(token);
     choose();
   }
@@ -204,6 +250,10 @@ const Control = (() => {
   by("set").addEventListener("click", apply);
   by("target").addEventListener("keydown", (event) => event.key === "Enter" && apply());
   by("undo").addEventListener("click", () => setTarget(before.length ? before.pop() : null));
+  by("gain-set").addEventListener("click", () => setGain(Number(by("gain").value || NaN), false));
+  by("gain").addEventListener("keydown", (event) => event.key === "Enter" && setGain(Number(by("gain").value || NaN), false));
+  by("gain-undo").addEventListener("click", () => setGain(gainsBefore.get(by("gain-axis").value)?.at(-1), true));
+  by("gain-axis").addEventListener("change", showGain);
   by("control-mode").addEventListener("change", show);
   by("command").addEventListener("input", show);
   const arm = by("arm");
@@ -229,5 +279,5 @@ const Control = (() => {
     });
   }, GREET);
 
-  return { begin };
+  return { begin, see };
 })();

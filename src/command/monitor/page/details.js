@@ -126,6 +126,7 @@ const Details = (() => {
     const band = ({ dead_band: [low, high] }) => `-${low.toFixed(3)} to +${high.toFixed(3)}`;
     const reduction = 100 * (1 - adaptive.h_step.sigma / held.h_step.sigma);
     const list = ({ coefficients }, name) => coefficients[name].map((value) => value.toPrecision(3)).join("  ");
+    weights(axis.weights);
     rows("model-table", ["figure", "held model", "adaptive model"], [
       [`prediction error, ${axis.horizon} samples ahead`, mm(held.h_step.sigma), `${mm(adaptive.h_step.sigma)} (${Math.abs(reduction).toFixed(1)} % ${reduction < 0 ? "more" : "less"})`],
       ["one sample ahead", mm(held.one_step.sigma), mm(adaptive.one_step.sigma)],
@@ -134,6 +135,29 @@ const Details = (() => {
       ["forgetting factor, updates", "-", `${axis.forgetting_factor.toFixed(5)}, ${axis.updates}`],
       ["faults", "-", axis.faults.join(", ") || "none"],
     ]);
+  }
+
+  // A bar for each estimator. The bars stay, so that a reader can select them.
+  let bars = [];
+  function weights(list) {
+    by("bank").hidden = !list.length;
+    if (bars.map((bar) => bar.name).join() !== list.map(([name]) => name).join()) {
+      rows("weight-table", ["what it learns, memory in horizons", "of 100 %", "weight"], list.map(([name]) => [name, "", ""]));
+      bars = [...by("weight-table").querySelectorAll("tbody tr")].map((row, i) => {
+        const svg = document.createElementNS(NAMES, "svg");
+        svg.setAttribute("viewBox", "0 0 100 10");
+        svg.setAttribute("preserveAspectRatio", "none");
+        svg.setAttribute("aria-hidden", "true");
+        draw(svg, "rect", { width: 100, height: 10, class: "bar" });
+        draw(svg, "rect", { width: 0, height: 10, class: "bar-fill" });
+        row.children[1].append(svg);
+        return { name: list[i][0], fill: svg.lastChild, text: row.children[2] };
+      });
+    }
+    list.forEach(([, weight], i) => {
+      bars[i].fill.setAttribute("width", (100 * weight).toFixed(1));
+      bars[i].text.textContent = `${(100 * weight).toFixed(1)} %`;
+    });
   }
 
   function rows(id, header, list) {

@@ -132,8 +132,9 @@
     const flags = node("ul", "flags");
     flags.setAttribute("aria-label", `Flags of ${name}`);
     const why = node("p", "why");
-    root.append(head, list, place.svg, more, push.svg, rest, flags, why);
-    return { root, mode, error, position, reference, place, command, push, model, flags, why, shown: "" };
+    const gain = node("p", "why");
+    root.append(head, list, place.svg, more, push.svg, rest, flags, gain, why);
+    return { root, mode, error, position, reference, place, command, push, model, flags, gain, why, shown: "" };
   }
 
   function look_of(axis) {
@@ -179,6 +180,7 @@
       card.shown = text;
       card.flags.replaceChildren(...flags.map(([flag, isBad]) => node("li", isBad ? "bad" : "", flag)));
     }
+    set(card.gain, axis.gain === 1 || axis.gain === 0 ? "" : `Gains of the fallback: ${fixed(axis.gain, 2)} times those of the machine file`);
     set(card.why, axis.why_fallback ? `By the fallback: ${axis.why_fallback}` : "");
   }
 
@@ -188,6 +190,7 @@
     frame = said;
     came = performance.now();
     said.axes.forEach(show);
+    Control.see(said.axes);
     Machine.draw(said.pose);
     if (said.age_ns !== null && said.age_ns < 1e6 * STALE) Trends.push(said.unix_ms, said.axes);
     set(by("tick"), said.tick === null ? "-" : String(said.tick));

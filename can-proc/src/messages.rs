@@ -261,8 +261,8 @@ fn expect_own(before: &[Axis], key: &str, name: &str) -> Result<(), WiringError>
     Err(WiringError::Text(format!("{key}: found {name}, the position of axis.{}; allowed: {allowed}", other.name)))
 }
 
-/// Refuses a signal with a negative factor, one of another unit than the position, and one whose count has another length
-/// than the machine file says. A signal without a unit is taken: its data base does not say what a count is.
+/// Refuses a signal with a negative factor, one of another unit than the position, and one whose count has another
+/// length than the machine file says. A signal without a unit is taken: its data base does not say what a count is.
 fn expect_scale(axis: &Axis, key: &str, named: &NamedSignal) -> Result<(), WiringError> {
     let (units, own, name): (&[(&str, f64)], f64, &str) = match axis.encoder.angle {
         None => (&LENGTHS, axis.encoder.resolution, "resolution"),
@@ -370,7 +370,7 @@ mod tests {
             (
                 "neutral = [\"Mode=0\"]",
                 "neutral = [\"Mode=0\", \"Boom=1\"]",
-                "can.message \"Levers\".neutral: found bits that axis.boom.can.command has; allowed: a signal with bits",
+                "can.message \"Levers\".neutral: found bits that axis.boom.can.command has; allowed: a signal",
             ),
             ("counter = \"Alive\"", "counter = \"Angle\"", "counter: found bits that axis.boom.can.position has"),
             ("checksum = 7", "checksum = 6", "checksum: found bits that can.message \"BoomState\".counter has"),
@@ -414,7 +414,7 @@ mod tests {
             let said = super::database(wrong.can.as_ref().unwrap()).unwrap_err().to_string();
             assert!(said.contains(expected), "{said}");
         }
-        // The telescope has its position of this message, with the identifier of another one, and reversed by its factor.
+        // The telescope has its position of this message: with the identifier of another one, and reversed.
         let telescope = "[axis.telescope.can]\nposition = \"TelescopeState.Length\"";
         let of_own = telescope.replace("TelescopeState.Length", "Own.Place");
         for (own, expected) in [

@@ -13,7 +13,19 @@ MAX_PREVIEW = 32  # positions of an axis in a Reference, the present tick includ
 # Why models were refused, in the order of AxisCommand.rejected_snapshots.
 REFUSALS = ["not-finite", "structure", "unstable", "direction", "unreachable", "speed", "worse"]
 # Estimators that run side by side, and their memory in horizons, in the order of AxisSnapshot.weights.
-MEMBERS = ["held", "still", "linear 4", "increments 4", "increments 8", "directional 8", "full 8", "full 20", "full 200", "smoothed 13", "smoothed 200"]
+MEMBERS = [
+    "held",
+    "still",
+    "linear 4",
+    "increments 4",
+    "increments 8",
+    "directional 8",
+    "full 8",
+    "full 20",
+    "full 200",
+    "smoothed 13",
+    "smoothed 200",
+]
 # Stages, in the order of StageHealth.stage.
 STAGES = ["plant-sim", "sensor-proc", "ident-proc", "control-proc"]
 

@@ -24,7 +24,8 @@ pub fn module(definitions: &Definitions) -> String {
     text += "# Why models were refused, in the order of AxisCommand.rejected_snapshots.\n";
     text += &format!("REFUSALS = {REFUSALS:?}\n");
     text += "# Estimators that run side by side, and their memory in horizons, in the order of AxisSnapshot.weights.\n";
-    text += &format!("MEMBERS = {MEMBERS:?}\n");
+    text += &MEMBERS.iter().fold("MEMBERS = [\n".to_owned(), |text, name| text + &format!("    {name:?},\n"));
+    text += "]\n";
     text += "# Stages, in the order of StageHealth.stage.\n";
     text += &format!("STAGES = {:?}\n", StageKind::ALL.map(StageKind::name));
     definitions.names.iter().for_each(|names| text += &enumeration(names));

@@ -39,9 +39,9 @@ const HALVINGS: usize = 8;
 /// Margins about a reference that stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RestMargins {
-    /// Factor in the gain of the plant; infinite beyond [`MOST_GAIN`], less than 1 for a loop that swings as it is.
+    /// Factor in the gain of the plant; infinite beyond `MOST_GAIN`, less than 1 for a loop that swings as it is.
     pub gain: f64,
-    /// Additional dead time, s; infinite beyond [`MOST_DELAY`], 0 for a loop that swings as it is.
+    /// Additional dead time, s; infinite beyond `MOST_DELAY`, 0 for a loop that swings as it is.
     pub delay: f64,
 }
 

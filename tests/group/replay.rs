@@ -285,6 +285,18 @@ fn expect_found(file: &Path, flips: u64) {
 }
 
 #[test]
+fn the_table_of_a_run_in_lock_step_has_the_time_of_the_machine() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path(), &[FOUR_AXES, "--duration", "2s"]);
+    let table = rows(&hydraxis().arg("export").arg(&file).args(["--csv", "-"]).output().unwrap());
+    assert_eq!(table.len(), 200);
+    for (k, row) in table.iter().enumerate() {
+        let [t, tick] = ["t", "tick"].map(|column| row[column].parse::<f64>().unwrap());
+        assert!((t - 0.01 * k as f64).abs() < 1e-9 && tick == k as f64, "row {k}: {row:?}");
+    }
+}
+
+#[test]
 fn a_flipped_bit_is_found_and_named() {
     let folder = tempfile::tempdir().unwrap();
     let file = recorded(folder.path(), &[FOUR_AXES, "--duration", "2s"]);

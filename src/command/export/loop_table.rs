@@ -48,7 +48,10 @@ pub(super) struct LoopTable {
     axes: Option<Vec<String>>,
     sample: Picked,
     command: Picked,
-    begin_ns: Option<u64>,
+    /// Period of the ticks, s, where they are the time of the machine.
+    lock_step: Option<f64>,
+    /// Tick and time of the acquisition of the first row.
+    begin: Option<(u64, u64)>,
     waiting: VecDeque<Row>,
 }
 
@@ -61,13 +64,14 @@ fn numbers(picked: &mut Picked, message: &ReadMessage) -> (u64, u64, Vec<Option<
 }
 
 impl LoopTable {
-    pub(super) fn new(asked: Vec<String>) -> Self {
+    pub(super) fn new(asked: Vec<String>, lock_step: Option<f64>) -> Self {
         Self {
             asked,
             axes: None,
             sample: Picked::default(),
             command: Picked::default(),
-            begin_ns: None,
+            lock_step,
+            begin: None,
             waiting: VecDeque::new(),
         }
     }
@@ -90,8 +94,11 @@ impl LoopTable {
         let Some(Row { tick, acquired_ns, of_sample, of_command }) = self.waiting.pop_front() else { return Ok(()) };
         let axes = self.axes.as_deref().unwrap_or_default();
         out.headings(|| headings(axes))?;
-        let begin = *self.begin_ns.get_or_insert(acquired_ns);
-        let t = acquired_ns.saturating_sub(begin) as f64 * 1e-9;
+        let (first, begin_ns) = *self.begin.get_or_insert((tick, acquired_ns));
+        let t = match self.lock_step {
+            Some(period) => tick.saturating_sub(first) as f64 * period,
+            None => acquired_ns.saturating_sub(begin_ns) as f64 * 1e-9,
+        };
         out.row(t, || {
             let mut row = vec![Some(Value::Unsigned(tick))];
             let of_command = of_command.unwrap_or_else(|| vec![None; OF_COMMAND.len() * axes.len()]);

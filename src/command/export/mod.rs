@@ -37,7 +37,8 @@ Examples:
 
 Without --channel the columns are t, tick, and for each axis command, position, velocity, reference, error, mode, flags
 and faults. A row is a sample with the command that was made of it; the command is empty where there is none. Times are
-in s since the first row, or the first message, of the recording; everything is in SI units.")]
+in s since the first row, or the first message, of the recording; the rows of a run in lock-step have the time of the
+machine. Everything is in SI units.")]
 pub struct ExportArguments {
     /// A recording, or a black box
     #[arg(value_name = "FILE.mcap")]
@@ -94,12 +95,12 @@ pub fn run(arguments: &ExportArguments) -> Result<(), Failure> {
         return Err(Failure::usage(format!("--channel: found \"{unknown}\"; allowed: one of {allowed}{hint}")));
     }
     let mut reading = Reading::open(&arguments.file).map_err(Failure::usage)?;
-    let mut rows: Box<dyn Rows> = match &arguments.channel {
-        Some(channel) => Box::new(ChannelTable::new(channel.clone(), arguments.axes.clone())),
-        None => Box::new(LoopTable::new(arguments.axes.clone())),
-    };
     // The first message shows whether the file is a recording, before another file is overwritten.
     let mut message = reading.next().map_err(Failure::usage)?;
+    let mut rows: Box<dyn Rows> = match &arguments.channel {
+        Some(channel) => Box::new(ChannelTable::new(channel.clone(), arguments.axes.clone())),
+        None => Box::new(LoopTable::new(arguments.axes.clone(), reading.lock_step_period())),
+    };
     expect_axes(arguments, &reading)?;
     let mut out = Sheet::open(arguments)?;
     while let Some(read) = message {

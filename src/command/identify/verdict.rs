@@ -23,6 +23,8 @@ use crate::{
 
 /// Largest part of the rows that may be outliers, or have an irregular time.
 const LARGEST_PART: f64 = 0.01;
+/// Least number of predictions that an error rests on: that of 30 errors is known to about an eighth.
+const LEAST_PREDICTIONS: u64 = 30;
 /// E in parts of E_y from which on the commands explain nothing: a tenth of what the past outputs leave.
 const NO_EFFECT: f64 = 0.95;
 
@@ -55,6 +57,8 @@ pub enum Reason {
     RankDeficient,
     /// More outliers than [`LARGEST_PART`] of the rows.
     Outliers,
+    /// Fewer than [`LEAST_PREDICTIONS`] predictions over the horizon: the record is short, or has many gaps.
+    FewPredictions,
     /// The period changes, or more steps of time than [`LARGEST_PART`] of the rows are too short or do not rise.
     IrregularTime,
 }
@@ -77,6 +81,7 @@ impl Verdict {
             (Reason::NotExcited, stands || opened < settings.structure.full_len()),
             (Reason::RankDeficient, fault(model_fault::RANK_DEFICIENT)),
             (Reason::Outliers, many(snapshot.outliers as f64)),
+            (Reason::FewPredictions, !stands && snapshot.adaptive_errors.h_step.count < LEAST_PREDICTIONS),
             (Reason::IrregularTime, record.is_irregular(LARGEST_PART)),
         ];
         let outputs = record.identified(settings.output);
@@ -137,6 +142,7 @@ impl Verdict {
             Reason::NotExcited => "not excited".to_owned(),
             Reason::RankDeficient => "rank-deficient".to_owned(),
             Reason::Outliers => "outliers".to_owned(),
+            Reason::FewPredictions => format!("fewer than {LEAST_PREDICTIONS} predictions {ahead} ahead"),
             Reason::IrregularTime => "irregular time".to_owned(),
         };
         ("not usable", self.reasons.iter().map(reason).collect::<Vec<_>>().join(", "))

@@ -30,10 +30,7 @@ use pipeline::{
 };
 
 use super::feed::Queue;
-use crate::{
-    failure::Failure,
-    recording::{LOCK_STEP, reading::Reading},
-};
+use crate::{failure::Failure, recording::reading::Reading};
 
 /// Most readings of a recording: all of them are in memory. An hour of encoders with 1 kHz.
 const MOST: usize = 4_000_000;
@@ -79,10 +76,7 @@ impl Script {
         if let Some(damage) = reading.damage() {
             eprintln!("warning: {}: read as far as it goes: byte {}: {}", file.display(), damage.byte, damage.what);
         }
-        let facts = reading.facts();
-        let period = facts.get("period_s").and_then(|period| period.parse::<f64>().ok());
-        let was_lock_step = facts.get("clock").is_some_and(|clock| clock == LOCK_STEP);
-        let script = all.script(lock_step, period.filter(|_| was_lock_step));
+        let script = all.script(lock_step, reading.lock_step_period());
         if script.steps.is_empty() {
             return Err(Failure::usage(format!("{}: found no reading of encoders", file.display())));
         }

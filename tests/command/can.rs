@@ -229,6 +229,7 @@ fn an_interface_that_is_not_there_is_explained() {
     let output = hydraxis().current_dir(&folder).args(["can", "scan", "--interface", "none-such0"]).output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1));
-    let is_explained = ["this kernel has no CAN (AF_CAN); type: modprobe can", "there is no such interface"];
+    let is_explained =
+        ["this kernel has no CAN (AF_CAN), or has not loaded it; type: modprobe can_raw", "there is no such interface"];
     assert!(is_explained.iter().any(|text| said.contains(text)), "{said}");
 }

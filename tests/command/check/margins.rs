@@ -16,11 +16,16 @@ fn a_loop_that_falls_short_is_a_warning_and_an_unstable_one_a_problem() {
     let folder = folder_with(EXCAVATOR);
     fs::write(folder.path().join("model.toml"), MODEL).unwrap();
     let with = |kp: &'static str| ["check", "m.toml", "--model", "model.toml", "--set", kp];
-    let quiet = success(folder.path(), &with("axis.boom.control.kp=25"));
+    let quiet = success(folder.path(), &with("axis.boom.control.kp=20"));
     assert!(
         quiet.contains("boom") && quiet.contains("fallback") && !quiet.contains("warning: axis.boom.control"),
         "{quiet}"
     );
+    // With its dead band and rates of commands the loop falls short earlier, about rest.
+    let at_rest = success(folder.path(), &with("axis.boom.control.kp=25"));
+    let expected =
+        "found 25.000 1/m, a gain margin of 2.28 and a delay margin of 36 ms, 180 % of the dead time; about rest 1.6";
+    assert!(at_rest.contains(expected), "{at_rest}");
     let short = success(folder.path(), &with("axis.boom.control.kp=40"));
     assert!(short.contains("warning: axis.boom.control.kp: found 40.000 1/m, a gain margin of 1.4"), "{short}");
     let steep = success(folder.path(), &with("axis.boom.control.kp=60"));

@@ -3,8 +3,8 @@
 //!
 //! The first cause of a latch stays, and of all other causes only motion and an emergency stop are added to it. So an
 //! axis that was latched by something else may have `motion` as well: its load swings on against a shut valve. That is
-//! counted, and is no false alarm. Nor is an alarm of an axis that has truly run by more than [`AGAINST`] against a valve
-//! that was open the other way: a load that swings on oil with air in it does, and the axis is not sound then.
+//! counted, and is no false alarm. Nor is an alarm of an axis that has truly run by more than [`AGAINST`] against a
+//! valve that was open the other way: a load that swings on oil with air in it does, and the axis is not sound then.
 //!
 //! The test is short by default. The long form (`--ignored`) simulates `HYDRAXIS_ALARM_HOURS` (10) of the shipped
 //! machines with other noise in every run, and `HYDRAXIS_ALARM_MACHINES` (100) drawn machines of `HYDRAXIS_ALARM_SEED`

@@ -65,6 +65,13 @@ pub fn trajectory_name(axis: &str) -> String {
     format!("trajectory-{axis}.csv")
 }
 
+/// Period of the ticks of a run in lock-step, s; none of a run in real time. In lock-step the ticks are the time of the
+/// machine, whatever time they took.
+pub fn lock_step_period(facts: &Facts) -> Option<f64> {
+    let is_lock_step = facts.get("clock").is_some_and(|clock| clock == LOCK_STEP);
+    facts.get("period_s").filter(|_| is_lock_step)?.parse().ok()
+}
+
 /// Names of the axes, as far as the facts tell them.
 fn axes_in(facts: &Facts) -> Vec<String> {
     facts.get("axes").map(|axes| axes.split_whitespace().map(str::to_owned).collect()).unwrap_or_default()

@@ -23,7 +23,7 @@ use mcap::{
 use thiserror::Error;
 
 use super::{
-    END_FACTS, FACTS, Facts, LOCK_STEP, axes_in,
+    END_FACTS, FACTS, Facts, axes_in,
     schema::{self, Column, SchemaError, Value},
 };
 
@@ -218,13 +218,6 @@ impl Reading {
     /// Facts that were read so far.
     pub fn facts(&self) -> &Facts {
         &self.facts
-    }
-
-    /// Period of the ticks of a run in lock-step, s; none of a run in real time. In lock-step the ticks are the time of
-    /// the machine, whatever time they took.
-    pub fn lock_step_period(&self) -> Option<f64> {
-        let is_lock_step = self.facts.get("clock").is_some_and(|clock| clock == LOCK_STEP);
-        self.facts.get("period_s").filter(|_| is_lock_step)?.parse().ok()
     }
 
     /// Names and contents of the attached files that were read so far.

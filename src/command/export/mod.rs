@@ -17,7 +17,7 @@ use crate::{
     arguments::values::seconds,
     failure::Failure,
     recording::{
-        controller_state,
+        controller_state, lock_step_period,
         reading::{ReadMessage, Reading, ReadingError},
     },
 };
@@ -99,7 +99,7 @@ pub fn run(arguments: &ExportArguments) -> Result<(), Failure> {
     let mut message = reading.next().map_err(Failure::usage)?;
     let mut rows: Box<dyn Rows> = match &arguments.channel {
         Some(channel) => Box::new(ChannelTable::new(channel.clone(), arguments.axes.clone())),
-        None => Box::new(LoopTable::new(arguments.axes.clone(), reading.lock_step_period())),
+        None => Box::new(LoopTable::new(arguments.axes.clone(), lock_step_period(reading.facts()))),
     };
     expect_axes(arguments, &reading)?;
     let mut out = Sheet::open(arguments)?;

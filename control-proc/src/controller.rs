@@ -26,7 +26,6 @@ use pipeline::{
 
 use crate::{
     axis::{AxisController, AxisInput, UNUSABLE_LIMIT, patience, requests::STREAM_TIMEOUT},
-    gains,
     operators::Operators,
     protection::walls::{Walls, Wanted},
     reference::{generator::ReferenceGenerator, path::Path},
@@ -84,18 +83,9 @@ impl Controller {
         })
     }
 
-    /// Requests may change the gains of the fallback, within [`gains::range`] of each axis of `machine`. Not for the
-    /// loop: it works out the margins.
-    pub fn with_gains(mut self, machine: &Machine) -> Self {
-        for (controller, axis) in self.axes.iter_mut().zip(&machine.axes) {
-            controller.allow_gains(gains::range(axis, self.period));
-        }
-        self
-    }
-
-    #[cfg(test)]
-    pub(crate) fn allow_each_gain(&mut self, range: [f64; 2]) {
-        self.axes.iter_mut().for_each(|axis| axis.allow_gains(range));
+    /// Requests may change the gains of the fallback within these ranges of the axes, [`crate::gains`].
+    pub fn allow_gains(&mut self, ranges: impl IntoIterator<Item = [f64; 2]>) {
+        self.axes.iter_mut().zip(ranges).for_each(|(axis, range)| axis.allow_gains(range));
     }
 
     /// Arms the axes: they settle and then follow. Without effect on axes that are armed already or latched.

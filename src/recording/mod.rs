@@ -65,11 +65,14 @@ pub fn trajectory_name(axis: &str) -> String {
     format!("trajectory-{axis}.csv")
 }
 
-/// Period of the ticks of a run in lock-step, s; none of a run in real time. In lock-step the ticks are the time of the
-/// machine, whatever time they took.
+/// Whether a run was in lock-step: the ticks are the time of the machine, whatever time they took.
+pub fn is_lock_step(facts: &Facts) -> bool {
+    facts.get("clock").is_some_and(|clock| clock == LOCK_STEP)
+}
+
+/// Period of the ticks of a run in lock-step, s; none of a run in real time.
 pub fn lock_step_period(facts: &Facts) -> Option<f64> {
-    let is_lock_step = facts.get("clock").is_some_and(|clock| clock == LOCK_STEP);
-    facts.get("period_s").filter(|_| is_lock_step)?.parse().ok()
+    facts.get("period_s").filter(|_| is_lock_step(facts))?.parse().ok()
 }
 
 /// Names of the axes, as far as the facts tell them.

@@ -9,7 +9,7 @@
 
 use std::collections::BTreeMap;
 
-use control_proc::reference::channel::ENGAGE_DISTANCE;
+use control_proc::{protection::hunting::LARGEST_SWING, reference::channel::ENGAGE_DISTANCE};
 use pipeline::{
     channel::Prefix,
     machine::{Axis, Machine},
@@ -304,8 +304,9 @@ fn latch(machine: &Machine, axis: &Axis, latched_by: u32, error: f64, faults: u3
         ),
         control_flag::SWING => format!(
             "the axis swung on, though its reference did not ask for it, with a quarter of the gains; allowed: a speed \
-             of {} m/s to and fro (30 % of axis.{}.max_speed)",
-            0.3 * axis.max_speed,
+             of {} m/s to and fro ({:.0} % of axis.{}.max_speed)",
+            LARGEST_SWING * axis.max_speed,
+            100.0 * LARGEST_SWING,
             axis.name
         ),
         control_flag::EMERGENCY_STOP => {

@@ -137,12 +137,12 @@ impl AxisController {
 
     /// The command of the fallback at an error of `error` m.
     fn fall_back(&mut self, last: &Decision, error: f64, limits: &Limits) -> f64 {
+        self.fallback.scale(self.operation.gain * self.protection.hunting().caution().gain());
         let forward = self.fallback.forward(self.references.positions());
         if last.is_handed_over() {
             self.fallback.resume(last.command, error, forward);
         }
         self.fallback.limit(limits.magnitude);
-        self.fallback.weaken(self.protection.hunting().caution().gain());
         self.fallback.update(error, forward, last.command)
     }
 

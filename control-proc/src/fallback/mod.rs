@@ -61,8 +61,6 @@ pub struct Memory {
 /// The fallback controller of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fallback {
-    /// kp and ki of the machine file.
-    gains: [f64; 2],
     kp: f64,
     /// ki T, 1/m.
     ki_period: f64,
@@ -73,7 +71,6 @@ pub struct Fallback {
     limits: Limits,
     feedforward: Option<Feedforward>,
     memory: Memory,
-    period: f64,
     /// Part of this difference that is left a tick later.
     kept: f64,
 }
@@ -84,7 +81,6 @@ impl Fallback {
     pub fn new(control: &Control, commissioned: Option<&Commissioned>, period: f64) -> Self {
         let model = commissioned.filter(|_| control.feedforward);
         Self {
-            gains: [control.kp, control.ki],
             kp: control.kp,
             ki_period: control.ki * period,
             gain: 1.0,
@@ -97,7 +93,6 @@ impl Fallback {
                 integral: 0.0,
                 offset: 0.0,
             },
-            period,
             kept: (-period / HANDOVER).exp(),
         }
     }
@@ -112,15 +107,8 @@ impl Fallback {
         self.limits.magnitude = magnitude;
     }
 
-    /// Uses this part of both gains of the machine file. Before the axis begins to follow: the integral is not carried
-    /// over.
-    pub fn scale(&mut self, part: f64) {
-        let [kp, ki] = self.gains;
-        (self.kp, self.ki_period) = (part * kp, part * ki * self.period);
-    }
-
-    /// Changes the part of the gains that is in use. The command does not jump by more than the change of kp e.
-    pub fn weaken(&mut self, gain: f64) {
+    /// Uses this part of kp and ki from now on. The command does not jump by more than the change of kp e.
+    pub fn scale(&mut self, gain: f64) {
         self.gain = gain;
     }
 
@@ -246,7 +234,7 @@ mod tests {
     #[test]
     fn a_part_of_the_gains_leaves_dead_band_and_feed_forward_as_they_are() {
         let mut fallback = fallback();
-        fallback.weaken(0.25);
+        fallback.scale(0.25);
         assert!((fallback.update(0.1, 0.0, 0.18) - (0.25 * 0.4 + 0.08)).abs() < 1e-12);
         assert!((fallback.memory.integral - 0.25 * 0.001).abs() < 1e-12);
     }

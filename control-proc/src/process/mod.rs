@@ -85,7 +85,9 @@ struct Arrival {
 
 impl Process {
     fn new(machine: &Machine, options: &StageOptions, group: &Group, board: Board) -> Result<Self, StageError> {
-        let mut core = Controller::new(machine).map_err(StageError::setup)?.with_gains(machine);
+        let mut core = Controller::new(machine).map_err(StageError::setup)?;
+        let state = at_rest(machine);
+        core.allow_gains(state.axes.map(|axis| axis.gain_range));
         let mut trace = Trace::new(machine);
         if options.arm {
             core.arm();
@@ -104,7 +106,7 @@ impl Process {
             off: Arc::clone(&options.off),
             commands: group.publisher()?,
             states: group.publisher()?,
-            state: at_rest(machine),
+            state,
             last: ValveCommand::default(),
             waiter: Waiter::new::<EncoderSample>(group, machine, StageKind::ControlProc, options.clock)?,
             clock: options.clock,

@@ -43,6 +43,8 @@ const FLIPS: f64 = 3.0;
 const TURN: f64 = 2.0;
 /// |d| that counts twice, and at the end latches, in parts of h.
 const VIOLENT: f64 = 2.0;
+/// Speed to and fro beyond which an axis latches at the end, in parts of the largest speed.
+pub const LARGEST_SWING: f64 = VIOLENT * FLOOR.0;
 /// Time in which a load swings on after a step, in s and in reactions of the axis.
 const TRANSIENT: (f64, f64) = (1.0, 6.0);
 /// Time without a swing after which a step is taken back, s, and how often it is doubled at most.

@@ -10,7 +10,7 @@ const RANGE: [f64; 2] = [0.25, 2.0];
 /// An axis that is off, whose gains may be changed within [`RANGE`].
 fn operated() -> Operated {
     let mut operated = Operated::new();
-    operated.axis.controller.allow_each_gain(RANGE);
+    operated.axis.controller.allow_gains([RANGE]);
     // The first message of a session changes nothing, whatever it asks for.
     operated.gain = 2.0;
     assert_eq!(ask(&mut operated, AxisMode::Unchanged, 2.0).gain, 1.0);

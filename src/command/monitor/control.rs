@@ -204,10 +204,11 @@ impl Control {
             return Err(refused(StatusCode::CONFLICT, "found a button that is not held"));
         };
         let command = beat.command.unwrap_or_default();
-        let is_sound = is_small(command) && beat.target.is_none_or(f64::is_finite);
-        if !is_sound {
+        let no_number = || unusable("target: found no number; allowed: a set point in m");
+        let is_number = beat.target.is_none_or(f64::is_finite);
+        if let Err(refused) = expect_small(command).and_then(|()| is_number.then_some(()).ok_or_else(no_number)) {
             hold.release();
-            return Err(unusable(format!("found a command of {command} or no set point; allowed: -0.3 to 0.3")));
+            return Err(refused);
         }
         let (phase, why) = match hold.beat(stamp, beat.target, command) {
             Phase::Arming => ("arming", String::new()),
@@ -218,9 +219,11 @@ impl Control {
     }
 }
 
-/// Whether a person who sees the machine on a page only may command this.
-fn is_small(command: f64) -> bool {
-    command.abs() <= LARGEST_COMMAND
+/// Refuses a command that a person who sees the machine on a page only may not give.
+fn expect_small(command: f64) -> Result<(), Refused> {
+    let allowed = format!("-{LARGEST_COMMAND} to {LARGEST_COMMAND}");
+    let refused = || unusable(format!("command: found {command}; allowed: {allowed}"));
+    if command.abs() <= LARGEST_COMMAND { Ok(()) } else { Err(refused()) }
 }
 
 /// Refuses a set point or a command outside its range.
@@ -228,10 +231,7 @@ fn check(name: &str, [low, high]: [f64; 2], wanted: &Wanted) -> Result<(), Refus
     if let Some(target) = wanted.target.filter(|target| !(low..=high).contains(target)) {
         return Err(unusable(format!("target: found {target} m; allowed: axis.{name} within {low} to {high} m")));
     }
-    if !is_small(wanted.command) {
-        return Err(unusable(format!("command: found {}; allowed: -0.3 to 0.3", wanted.command)));
-    }
-    Ok(())
+    expect_small(wanted.command)
 }
 
 fn refused(status: StatusCode, why: impl Into<String>) -> Refused {

@@ -3,7 +3,7 @@
 //! References, requests and stops come at any time. Which of them a command was made with is in the command itself
 //! ([`CommandInputs`]); so they come to the replayed controller before the same sample.
 
-use control_proc::Controller;
+use control_proc::{Controller, process::at_rest};
 use pipeline::{
     MAX_AXES,
     channel::Stop,
@@ -35,8 +35,10 @@ impl ReplayedController {
         let axes = (1 << machine.axes.len().min(MAX_AXES)) - 1;
         let any = axes | command_event::EMERGENCY_STOP | command_event::ARMED;
         let real_time = command_event::SILENT | command_event::LOST | command_event::CLOCK | command_event::DEADLINE;
+        let mut core = Controller::new(machine).map_err(Failure::usage)?;
+        core.allow_gains(at_rest(machine).axes.map(|axis| axis.gain_range));
         Ok(Self {
-            core: Controller::new(machine).map_err(Failure::usage)?.with_gains(machine),
+            core,
             reference: None,
             inputs: CommandInputs::default(),
             known: if lock_step { any } else { any | real_time },

@@ -10,7 +10,7 @@ use tempfile::TempDir;
 
 use crate::{
     failure::Failure,
-    recording::{Facts, LOCK_STEP, MACHINE, SETTINGS, reading::Reading, trajectory_name},
+    recording::{Facts, MACHINE, SETTINGS, is_lock_step, reading::Reading, trajectory_name},
 };
 
 /// A recording whose facts and attached files have been read.
@@ -92,7 +92,7 @@ impl Recorded {
 
     /// Whether the run was in lock-step.
     pub fn is_lock_step(&self) -> bool {
-        self.facts.get("clock").is_some_and(|clock| clock == LOCK_STEP)
+        is_lock_step(&self.facts)
     }
 
     /// Seed of the simulated noise, if the machine was simulated.

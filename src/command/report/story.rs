@@ -22,7 +22,7 @@ use super::{
 use crate::{
     failure::Failure,
     recording::{
-        Facts, LOCK_STEP, MACHINE, SETTINGS,
+        Facts, MACHINE, SETTINGS, is_lock_step,
         reading::{Damage, ReadMessage, Reading},
         typed::Decoder,
     },
@@ -194,7 +194,7 @@ impl Teller {
         let period = facts.get("period_s").and_then(|period| period.parse().ok());
         let period = period.or_else(|| Some(machine.as_ref()?.timing.period.as_secs_f64()));
         let names = reading.axes().into_iter().take(MAX_AXES).map(AxisStory::new);
-        let is_lock_step = facts.get("clock").is_some_and(|clock| clock == LOCK_STEP);
+        let is_lock_step = is_lock_step(&facts);
         let watch = Watch::new(machine.as_ref(), facts.get("group").map_or("", String::as_str));
         let story = Story {
             damage: None,

@@ -52,7 +52,7 @@ pub struct Record {
     pub inputs: Vec<f64>,
     /// Outputs y(k) in the unit of the record.
     pub outputs: Vec<f64>,
-    /// The same without wild samples, where the record has some.
+    /// Outputs without their wild samples, where the record has some.
     pub without_wild: Option<Vec<f64>>,
 }
 

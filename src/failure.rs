@@ -18,6 +18,7 @@ use crate::{
         lifeline::LifelineError, operator::OperatorError, preflight::PreflightError, recorder::RecorderError,
         running::UnknownGroup, signals::SignalError, supervisor::SupervisorError,
     },
+    model::learned::NothingLearned,
     report::output::OutputError,
 };
 
@@ -137,6 +138,12 @@ impl Failures {
 
 impl From<MachineError> for Failure {
     fn from(error: MachineError) -> Self {
+        Self::usage(error)
+    }
+}
+
+impl From<NothingLearned> for Failure {
+    fn from(error: NothingLearned) -> Self {
         Self::usage(error)
     }
 }

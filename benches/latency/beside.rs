@@ -37,6 +37,13 @@ use crate::{
 const SETTLING: Duration = Duration::from_millis(700);
 /// Clients that come in one span, and time between two of them.
 const CLIENTS: usize = 1000;
+/// The stages as on a controller PC. Where the right to it is missing, they run without.
+const PRIORITIES: [&str; 4] = [
+    "stage.plant-sim.priority=10",
+    "stage.sensor-proc.priority=10",
+    "stage.ident-proc.priority=10",
+    "stage.control-proc.priority=10",
+];
 /// What is measured of each tick.
 const TIMES: [&str; 4] = ["acquired to sample", "sample to snapshot", "sample to command", "acquired to command"];
 
@@ -122,7 +129,7 @@ impl Drop for Clients {
 
 /// A recorder beside the group, in `rounds` rounds in which each side has `time`.
 pub fn recorder(rounds: usize, time: Duration) -> Value {
-    let running = Running::real_time("recorded", &[]);
+    let running = Running::real_time("recorded", &PRIORITIES);
     let folder = tempfile::tempdir().expect("a folder");
     let (prefix, file) = (running.0.prefix.to_string(), folder.path().join("run.mcap"));
     let record = || -> Option<Beside> {
@@ -141,7 +148,7 @@ pub fn recorder(rounds: usize, time: Duration) -> Value {
 
 /// Clients of the page beside the group, in `rounds` rounds in which each side has `time`.
 pub fn clients(rounds: usize, time: Duration) -> Value {
-    let running = Running::real_time("clients", &[]);
+    let running = Running::real_time("clients", &PRIORITIES);
     let free = || TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address");
     let (page, prefix) = (free(), running.0.prefix.to_string());
     let monitor = Process::start(&["monitor", "--listen", &page.to_string(), "--prefix", &prefix]);

@@ -12,7 +12,7 @@ use thiserror::Error;
 use super::values::setting;
 
 /// A machine file and the values that replace those of the file, without a choice of the scenario.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct BareMachine {
     /// Machine file [default: the built-in excavator with its model]
     #[arg(value_name = "MACHINE.toml")]
@@ -26,7 +26,7 @@ pub struct BareMachine {
 }
 
 /// A machine file and the values that replace those of the file.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct MachineFile {
     /// Everything but the scenario
     #[command(flatten)]

@@ -13,7 +13,7 @@ use clap::Args;
 use pipeline::{machine::IdentifiedOutput, message::ModelErrors, statistics::ErrorStatistics};
 use serde::Serialize;
 
-use super::identify::{ReadRecording, Reason, Record, Verdict, description, recordings_text};
+use super::identify::{LARGEST_STANDING, ReadRecording, Reason, Record, Verdict, description, recordings_text};
 use crate::{
     arguments::{ColumnArguments, values::Samples},
     failure::Failure,
@@ -206,6 +206,7 @@ impl<'a> PredictReport<'a> {
             (Reason::Unstable, !coefficients.poles_within((1.0 / horizon as f64).exp())),
             (Reason::WorseThanHoldingStill, !stands && !is_better),
             (Reason::NotExcited, stands),
+            (Reason::StandingOutput, record.standing(horizon) > LARGEST_STANDING),
             (Reason::IrregularTime, record.is_irregular(LARGEST_PART)),
         ];
         let [low, high] = model.commands;

@@ -32,8 +32,9 @@ use crate::{
         running::leave,
         supervisor::{Launch, Supervisor},
     },
+    model::learned,
     recording::{Facts, LIMIT, LOCK_STEP, default_folder, recordings_folder, store::Place},
-    report::{control_loop::LoopReport, output::Output},
+    report::{control_loop::{LastMessages, LoopReport}, output::Output},
 };
 
 /// Time in which the other stages must end after the last tick.
@@ -70,6 +71,10 @@ pub struct RunArguments {
     /// Seed of the simulated noise
     #[arg(long, default_value_t = 1, value_parser = whole, allow_hyphen_values = true)]
     pub seed: u64,
+    /// Start the identification from what the last run in real time of this machine has learned; without it from what
+    /// commissioning has measured
+    #[arg(long)]
+    pub warm: bool,
     /// Name of the group and of its channels [default: a name that no other run has]
     #[arg(long)]
     pub prefix: Option<Prefix>,
@@ -127,7 +132,7 @@ impl RunArguments {
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let clock = if arguments.lockstep { Clock::LockStep } else { Clock::RealTime };
     let prefix = arguments.prefix.clone().unwrap_or_else(Prefix::of_this_process);
-    let Checked { machine, ticks, warnings, claim } = checked(arguments, clock, &prefix)?;
+    let Checked { machine, file, ticks, warnings, claim } = checked(arguments, clock, &prefix)?;
     let output = Output::open(arguments.json.as_deref())?;
     let is_simulated = machine.source == Source::Sim;
     let options = StageOptions {
@@ -144,7 +149,8 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         reset: Arc::default(),
         off: Arc::default(),
     };
-    let result = run_group(&machine, arguments, &options, &warnings);
+    let launch = Launch { machine: &machine, arguments: &file, options: &options };
+    let result = run_group(&launch, arguments, &warnings);
     // A client that is still attached keeps the files; the next run of this name removes them.
     let _ = claim.remove_leftovers();
     drop(claim);
@@ -162,6 +168,8 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
 /// What a run needs before its first process starts.
 struct Checked {
     machine: Machine,
+    /// What the machine was made of.
+    file: MachineFile,
     /// None runs until a signal.
     ticks: Option<u64>,
     warnings: Vec<String>,
@@ -181,7 +189,14 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Ch
     failures.extend(controlled.and_then(page::refuse_control).map(Failure::usage));
     failures.extend(arguments.record.as_deref().and_then(|file| new_file("--record", file).err()));
     failures.extend(arguments.report.as_deref().and_then(|file| new_file("--report", file).err()));
-    let machine = failures.take(load(&arguments.machine));
+    let mut file = arguments.machine.clone();
+    let mut machine = failures.take(load(&file));
+    if let Some(cold) = machine.take_if(|_| arguments.warm) {
+        // What is typed wins.
+        let learned = failures.take(learned::settings(&default_folder(), &cold));
+        file.bare.settings.splice(..0, learned.unwrap_or_default());
+        machine = failures.take(load(&file));
+    }
     let (mut count, mut warnings) = (None, Vec::new());
     if let Some(machine) = &machine {
         let name = &machine.scenario.name;
@@ -211,7 +226,7 @@ fn checked(arguments: &RunArguments, clock: Clock, prefix: &Prefix) -> Result<Ch
         warnings.extend(check::warnings(machine));
     }
     let all = machine.zip(count).zip(claim);
-    failures.verdict(all).map(|((machine, ticks), claim)| Checked { machine, ticks, warnings, claim })
+    failures.verdict(all).map(|((machine, ticks), claim)| Checked { machine, file, ticks, warnings, claim })
 }
 
 /// The stages of a run: those that wait for input, and the one that all wait for, which is started last.
@@ -237,18 +252,13 @@ struct Ended {
 }
 
 /// Runs the group from its first process to its last message.
-fn run_group(
-    machine: &Machine,
-    arguments: &RunArguments,
-    options: &StageOptions,
-    warnings: &[String],
-) -> Result<Ended, Failure> {
+fn run_group(launch: &Launch<'_>, arguments: &RunArguments, warnings: &[String]) -> Result<Ended, Failure> {
+    let &Launch { machine, arguments: file, options } = launch;
     let group = Group::join(&options.prefix, "supervisor").map_err(ChannelError::from)?;
     let has_black_box = options.clock == Clock::RealTime && !arguments.no_black_box;
     let mut monitor = Monitor::new(&group, machine)?;
-    leave(&options.prefix, &arguments.machine, facts(machine, options))?;
-    let launch = Launch { machine, arguments: &arguments.machine, options };
-    let mut supervisor = Supervisor::new(launch, &group, arguments.log_folder.as_deref())?;
+    leave(&options.prefix, file, facts(machine, options))?;
+    let mut supervisor = Supervisor::new(*launch, &group, arguments.log_folder.as_deref())?;
     if has_black_box {
         supervisor.keep_black_box(arguments.black_box.clone().unwrap_or_else(default_folder), &mut monitor);
     }
@@ -289,8 +299,19 @@ fn run_group(
     polled?;
     drop(page);
     let last = monitor.into_last(supervisor.restart_causes());
+    if options.clock == Clock::RealTime {
+        keep_learned(machine, &last);
+    }
     let report = LoopReport::new(machine, &last, options.clock, wall_s);
     Ok(Ended { report, is_interrupted: supervisor.is_interrupted() })
+}
+
+/// Keeps what the axes have learned for a run with `--warm`.
+fn keep_learned(machine: &Machine, last: &LastMessages) {
+    let (Some(snapshot), Some(command)) = (&last.snapshot, &last.command) else { return };
+    if let Err(error) = learned::save(&default_folder(), machine, snapshot, command) {
+        eprintln!("warning: what was learned is not kept for --warm: {}: {error}", default_folder().display());
+    }
 }
 
 /// What a recording says about the run, besides the machine.

@@ -4,6 +4,7 @@
 //! | file | what it has |
 //! |---|---|
 //! | `file` | the model file that `hydraxis identify` writes and `hydraxis predict` reads |
+//! | `learned` | what the grey boxes of a run have learned, for `hydraxis run --warm` |
 //! | `source` | the model as C, Python and MATLAB |
 //! | `prediction` | predictions one step and h steps ahead, and free runs |
 //! | `response` | poles, and the answer to a command that is held |
@@ -12,6 +13,7 @@
 //! Nothing here runs beside the loop or in a stage.
 
 pub mod file;
+pub mod learned;
 pub mod prediction;
 pub mod response;
 pub mod source;

@@ -12,6 +12,7 @@ use std::{
 };
 
 use pipeline::{
+    MAX_AXES,
     channel::{ChannelError, Group, Reader},
     message::{
         CoefficientSnapshot, EncoderReading, EncoderSample, Header, MachineState, Message, Reference, Request,
@@ -33,8 +34,27 @@ use super::{
 
 /// Time between two batches: what a kill of the recorder loses.
 pub const BATCH: Duration = Duration::from_millis(100);
+/// Time between two recorded snapshots of the coefficients. They are two thirds of all bytes, and models do not change
+/// within milliseconds.
+pub const SNAPSHOTS: Duration = Duration::from_millis(10);
+/// Name of the fact that says of how many snapshots one is recorded.
+pub const SNAPSHOTS_FACT: &str = "one coefficient-snapshot of";
 /// Batches that wait for the writer at most: ten seconds of all messages.
 const WAITING: usize = 100;
+
+/// Which snapshots are recorded: those of every so many ticks, and those whose faults are others than before.
+struct Spacing {
+    ticks: u64,
+    faults: [u32; MAX_AXES],
+}
+
+impl Spacing {
+    fn keeps(&mut self, snapshot: &CoefficientSnapshot) -> bool {
+        let faults = snapshot.axes.each_ref().map(|axis| axis.faults);
+        let before = std::mem::replace(&mut self.faults, faults);
+        snapshot.header.sequence.is_multiple_of(self.ticks) || faults != before
+    }
+}
 
 /// All channels of a group, read by one reader each.
 struct Channels {
@@ -42,6 +62,7 @@ struct Channels {
     samples: Reader<EncoderSample>,
     commands: Reader<ValveCommand>,
     snapshots: Reader<CoefficientSnapshot>,
+    spacing: Spacing,
     references: Reader<Reference>,
     requests: Reader<Request>,
     health: Reader<StageHealth>,
@@ -50,12 +71,13 @@ struct Channels {
 }
 
 impl Channels {
-    fn new(group: &Group, axes: usize) -> Result<Self, ChannelError> {
+    fn new(group: &Group, axes: usize, snapshot_ticks: u64) -> Result<Self, ChannelError> {
         Ok(Self {
             readings: group.reader()?,
             samples: group.reader()?,
             commands: group.reader()?,
             snapshots: group.reader()?,
+            spacing: Spacing { ticks: snapshot_ticks, faults: [0; MAX_AXES] },
             references: group.reader()?,
             requests: group.reader()?,
             health: group.reader()?,
@@ -70,7 +92,11 @@ impl Channels {
         let controllers = &mut self.controllers;
         drain(&mut self.samples, batch, |_, sample, _| controllers.sample(sample))?;
         drain(&mut self.commands, batch, |read_ns, command, batch| batch.push(controllers.state(read_ns, command)))?;
-        drain(&mut self.snapshots, batch, |_, _, _| ())?;
+        while let Some(snapshot) = self.snapshots.read()?.if_new() {
+            if self.spacing.keeps(snapshot) {
+                batch.push(Encoded::new(monotonic_ns(), snapshot));
+            }
+        }
         drain(&mut self.references, batch, |_, _, _| ())?;
         drain(&mut self.requests, batch, |_, _, _| ())?;
         drain(&mut self.health, batch, |_, _, _| ())?;
@@ -155,13 +181,20 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Attaches to all channels of `group`, whose machine has so many axes, and starts the writer. `waits`: the loop
-    /// waits for this recorder, so that it can wait for the writer and drop nothing.
+    /// Attaches to all channels of `group`, whose machine has so many axes, and starts the writer. A snapshot is
+    /// recorded every `snapshot_ticks`. `waits`: the loop waits for this recorder, so that it can wait for the writer
+    /// and drop nothing.
     ///
     /// # Errors
     /// A channel cannot be opened.
-    pub fn new(group: Group, axes: usize, mut store: Store, waits: bool) -> Result<Self, ChannelError> {
-        let channels = Channels::new(&group, axes)?;
+    pub fn new(
+        group: Group,
+        axes: usize,
+        snapshot_ticks: u64,
+        mut store: Store,
+        waits: bool,
+    ) -> Result<Self, ChannelError> {
+        let channels = Channels::new(&group, axes, snapshot_ticks)?;
         // In lock-step a batch can be large: the loop is as fast as the computer allows.
         let (queue, batches) = sync_channel::<Batch>(if waits { 1 } else { WAITING });
         let writer = thread::spawn(move || {

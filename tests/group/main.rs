@@ -23,3 +23,4 @@ mod status;
 mod stop;
 mod strangers;
 mod supervisor;
+mod warm;

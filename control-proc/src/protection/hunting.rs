@@ -112,6 +112,8 @@ pub struct Hunting {
     window: f64,
     /// Time after a step in which no flip counts, s.
     transient: f64,
+    /// Whether a swing costs authority.
+    is_on: bool,
     /// `max_speed`, m/s.
     fastest: f64,
     /// h_0, m/s.
@@ -140,6 +142,7 @@ impl Hunting {
             period,
             window: WINDOW.0.max(WINDOW.1 * reaction),
             transient: TRANSIENT.0.max(TRANSIENT.1 * reaction),
+            is_on: axis.control.caution,
             fastest: axis.max_speed,
             floor: (FLOOR.0 * axis.max_speed).max(FLOOR.1 * axis.encoder.resolution / speed_time),
             sides: (0.0, 0.0),
@@ -166,6 +169,9 @@ impl Hunting {
 
     /// Takes in a tick in closed loop; `by_model`: the model made the last command. Whether the axis has to be stopped.
     pub fn update(&mut self, pace: &Pace, by_model: bool) -> bool {
+        if !self.is_on {
+            return false;
+        }
         let time = pace.elapsed as f64 * self.period;
         self.count(pace, time);
         self.since += time;

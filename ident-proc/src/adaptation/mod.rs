@@ -69,7 +69,8 @@ impl Adaptation {
             Estimator::Auto => Self::Bank(Box::new(Bank::new(structure, settings.horizon))),
             Estimator::GreyBox => {
                 let commissioned = commissioned.expect("the grey box starts from a commissioned axis");
-                Self::GreyBox(Box::new(GreyBox::new(structure, commissioned, settings.period, settings.memory)))
+                let (period, memory, start) = (settings.period, settings.memory, settings.start.as_ref());
+                Self::GreyBox(Box::new(GreyBox::new(structure, commissioned, period, memory, start)))
             }
             _ => Self::Single(Box::new(Single::new(settings))),
         }

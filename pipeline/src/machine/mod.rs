@@ -53,7 +53,7 @@ pub use axis::{
     Directions, Encoder, Estimator, Form, GREY_BOX_MEMORY, Hardware, Identification, IdentifiedOutput, Law,
     LimitSettings, LoadForce, LoadHolding, MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MOST_POINTS, ModelChoice,
     MotionLimits, MoveWeight, Plan, PlanSettings, Plant, Ports, PressureTransducers, ReferenceSource, SMITH_MEMORY,
-    SensorErrors, Sine, Slope, SmithSettings, Split, ValveCurve, shortest_training,
+    SensorErrors, Sine, Slope, SmithSettings, Split, Start, ValveCurve, shortest_training,
 };
 pub use can::{CanBus, CanMessage, ChecksumKind};
 pub use document::{DefaultValue, EffectiveValue, Origin, ValueForm, samples_of};
@@ -218,6 +218,13 @@ impl Machine {
         let axes =
             self.axes.iter().map(|axis| (&axis.name, axis.stroke, axis.max_speed, axis.soft_limits, &axis.encoder));
         layout::named(&format!("{:?} {:?}", self.timing.period, axes.collect::<Vec<_>>()))
+    }
+
+    /// Number that tells whether two machine files mean the same axes as they were commissioned: a hash of the machine's
+    /// name, of what each axis depends on, and of its commissioned model.
+    pub fn commissioning(&self) -> u64 {
+        let axes = self.axes.iter().map(|axis| (&axis.name, &axis.hardware.text, &axis.commissioned));
+        layout::named(&format!("{} {:?}", self.name, axes.collect::<Vec<_>>()))
     }
 
     /// The machine of [`FOUR_AXES`], with `settings` as in [`Self::load`].

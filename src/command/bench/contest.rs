@@ -152,7 +152,8 @@ impl Contest {
             let axis = &entries[*entry].axes[*index];
             let control = baseline.tuned(*index, axis, period).ok_or_else(|| not_commissioned(axis))?;
             if entries[*entry].kind != ControllerKind::SmithAdaptive {
-                return Ok(Control { model, ..control });
+                // A baseline is as it would be elsewhere: nobody lowers its gains when it swings.
+                return Ok(Control { model, caution: model != ModelChoice::None, ..control });
             }
             // Where the predictor is not worth it, the fallback controls, as the model file would say.
             Ok(match smith(*index, axis, &control, period) {

@@ -19,6 +19,7 @@ mod rows;
 mod run;
 mod select;
 mod settings;
+mod standing;
 mod structure;
 mod verdict;
 
@@ -41,7 +42,7 @@ use run::identify;
 use select::{Selection, select};
 use settings::{TypedStructure, check_estimator, settings};
 pub use structure::description;
-pub use verdict::{Reason, Verdict};
+pub use verdict::{LARGEST_STANDING, Reason, Verdict};
 
 /// Runs the command.
 pub fn run(arguments: &IdentifyArguments) -> Result<(), Failure> {

@@ -12,7 +12,10 @@ use pipeline::{
 use sensor_proc::log::{Cause, Found, FoundColumn, Gap, Gaps, Log, PeriodChange};
 use serde::Serialize;
 
-use super::recorded::{MCAP, read_log};
+use super::{
+    recorded::{MCAP, read_log},
+    standing,
+};
 use crate::{
     arguments::ColumnArguments,
     failure::Failure,
@@ -169,6 +172,11 @@ impl Record {
     pub fn is_irregular(&self, part: f64) -> bool {
         let changes = self.recordings.iter().any(|recording| recording.gaps.period_change.is_some());
         changes || self.irregular_steps() as f64 > part * self.outputs.len() as f64
+    }
+
+    /// Part of the rows in which the output stands though the command would move it; `horizon` in samples.
+    pub fn standing(&self, horizon: usize) -> f64 {
+        standing::part(&self.outputs, &self.inputs, &self.begins, horizon)
     }
 
     /// The rows of each stretch without a gap, as ranges.

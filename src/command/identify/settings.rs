@@ -110,6 +110,7 @@ pub fn settings(
         estimator: arguments.estimator,
         fuzzy,
         hysteresis: 0.0,
+        start: None,
         memory: GREY_BOX_MEMORY,
     };
     check_estimator(&settings)?;

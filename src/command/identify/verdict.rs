@@ -23,6 +23,8 @@ use crate::{
 
 /// Largest part of the rows that may be outliers, or have an irregular time.
 const LARGEST_PART: f64 = 0.01;
+/// Largest part of the rows in which the output may stand while it is driven ([`standing`]).
+pub const LARGEST_STANDING: f64 = 0.05;
 /// Least number of predictions that an error rests on: that of 30 errors is known to about an eighth.
 const LEAST_PREDICTIONS: u64 = 30;
 /// E in parts of E_y from which on the commands explain nothing: a tenth of what the past outputs leave.
@@ -55,6 +57,8 @@ pub enum Reason {
     NotExcited,
     /// The training does not determine every coefficient.
     RankDeficient,
+    /// The output stands in more than [`LARGEST_STANDING`] of the rows though the command moves it elsewhere.
+    StandingOutput,
     /// More outliers than [`LARGEST_PART`] of the rows.
     Outliers,
     /// Fewer than [`LEAST_PREDICTIONS`] predictions over the horizon: the record is short, or has many gaps.
@@ -80,6 +84,7 @@ impl Verdict {
             (Reason::WorseThanHoldingStill, !stands && !is_better),
             (Reason::NotExcited, stands || opened < settings.structure.full_len()),
             (Reason::RankDeficient, fault(model_fault::RANK_DEFICIENT)),
+            (Reason::StandingOutput, record.standing(settings.horizon) > LARGEST_STANDING),
             (Reason::Outliers, many(snapshot.outliers as f64)),
             (Reason::FewPredictions, !stands && snapshot.adaptive_errors.h_step.count < LEAST_PREDICTIONS),
             (Reason::IrregularTime, record.is_irregular(LARGEST_PART)),
@@ -141,6 +146,7 @@ impl Verdict {
             }
             Reason::NotExcited => "not excited".to_owned(),
             Reason::RankDeficient => "rank-deficient".to_owned(),
+            Reason::StandingOutput => "the output stands while it is driven: a stuck sensor, or an end stop".to_owned(),
             Reason::Outliers => "outliers".to_owned(),
             Reason::FewPredictions => format!("fewer than {LEAST_PREDICTIONS} predictions {ahead} ahead"),
             Reason::IrregularTime => "irregular time".to_owned(),

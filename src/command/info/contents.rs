@@ -5,13 +5,16 @@ use std::{
     time::{Duration, UNIX_EPOCH},
 };
 
-use pipeline::message::{AxisMode, ControlMode, Message, ValveCommand, bit_names, control_flag};
+use pipeline::message::{
+    AxisMode, CoefficientSnapshot, ControlMode, Message, ValveCommand, bit_names, control_flag,
+};
 use serde::Serialize;
 
 use crate::{
     recording::{
         Facts,
         reading::{Picked, ReadChannel, ReadMessage, Reading, ReadingError},
+        recorder::SNAPSHOTS_FACT,
         schema::Value,
     },
     report::table::{number, table},
@@ -84,7 +87,8 @@ struct ChannelWatch {
 }
 
 impl ChannelWatch {
-    fn look(&mut self, message: &ReadMessage) {
+    /// `apart`: one of so many messages is recorded.
+    fn look(&mut self, message: &ReadMessage, apart: u64) {
         let channel = &message.channel;
         let field = |name: &str| Some(channel.column(name)?.value(&message.bytes)?.as_u64());
         if self.report.messages == 0 {
@@ -99,7 +103,7 @@ impl ChannelWatch {
             return;
         }
         if let Some(last) = self.last.insert(session, number) {
-            self.report.missing += number.saturating_sub(last).saturating_sub(1);
+            self.report.missing += number.saturating_sub(last).saturating_sub(1) / apart;
         }
     }
 
@@ -111,6 +115,11 @@ impl ChannelWatch {
         self.report.channel = channel.name.clone();
         self.report
     }
+}
+
+/// Of how many snapshots one is recorded.
+fn snapshots_apart(facts: &Facts) -> u64 {
+    facts.get(SNAPSHOTS_FACT).and_then(|apart| apart.parse().ok()).map_or(1, |apart: u64| apart.max(1))
 }
 
 /// Numbers of an axis in a command that tell events.
@@ -168,7 +177,9 @@ impl ContentsReport {
         while let Some(message) = reading.next()? {
             let begin_ns = *begin.get_or_insert(message.log_ns);
             end = message.log_ns.max(end);
-            watches.entry(message.channel.name.clone()).or_default().look(&message);
+            let is_snapshot = message.channel.name == CoefficientSnapshot::CHANNEL;
+            let apart = if is_snapshot { snapshots_apart(reading.facts()) } else { 1 };
+            watches.entry(message.channel.name.clone()).or_default().look(&message, apart);
             if message.channel.name == ValveCommand::CHANNEL {
                 events.look(&message, &reading.axes(), begin_ns);
             }
@@ -206,6 +217,10 @@ impl ContentsReport {
         }
         if !self.attached.is_empty() {
             text += &format!("attached: {}\n", self.attached.join(", "));
+        }
+        let apart = snapshots_apart(&self.facts);
+        if apart > 1 {
+            text += &format!("{}: one of {apart} is recorded\n", CoefficientSnapshot::CHANNEL);
         }
         text += &format!("{}\n", self.channel_table());
         let lines = if all_events { usize::MAX } else { SCREEN.saturating_sub(text.lines().count()) };

@@ -14,7 +14,7 @@ use std::{
 
 use pipeline::{
     channel::{Board, ChannelError, FoundGroup, Group, GroupState, Prefix, groups, remove_leftovers},
-    machine::{BUILT_IN, BUILT_IN_MODEL, Machine, ReferenceSource, model_settings_in},
+    machine::{BUILT_IN, BUILT_IN_MODEL, Machine, ReferenceSource, model_settings_in, samples_of},
     stage::StageKind,
 };
 
@@ -29,7 +29,7 @@ use crate::{
     },
     recording::{
         Facts, MACHINE, SETTINGS, default_folder,
-        recorder::{Recorded, Recorder},
+        recorder::{Recorded, Recorder, SNAPSHOTS, SNAPSHOTS_FACT},
         recordings_folder,
         store::{Contents, Place, Store},
         trajectory_name,
@@ -60,7 +60,7 @@ pub fn run(arguments: &RecordArguments) -> Result<(), Failure> {
         return Err(OperatorError::NoGroup(prefix).into());
     }
     let group = Group::join(&prefix, "record").map_err(ChannelError::from)?;
-    let contents = contents(&prefix)?;
+    let (contents, snapshot_ticks) = contents(&prefix, arguments.lockstep)?;
     let axes = contents.axes().len();
     let place = match (&arguments.output, &arguments.folder) {
         (Some(file), _) => Place::File(file.clone()),
@@ -72,7 +72,7 @@ pub fn run(arguments: &RecordArguments) -> Result<(), Failure> {
     let store = Store::new(place, contents, is_part_of_run, |said| eprintln!("{said}"));
     let store = store.map_err(|error| Failure::run(error).about("record"))?;
     let path = store.place().display().to_string();
-    let mut recorder = Recorder::new(group, axes, store, arguments.lockstep)?;
+    let mut recorder = Recorder::new(group, axes, snapshot_ticks, store, arguments.lockstep)?;
     if !arguments.lockstep {
         // Without the right to it, the process keeps its priority.
         let _ = rustix::process::nice(NICE);
@@ -118,8 +118,8 @@ fn keep_up(recorder: &mut Recorder, stop: &AtomicBool, prefix: &Prefix) -> Resul
     Ok(recorder.step()?)
 }
 
-/// What stands in every file of the group.
-fn contents(prefix: &Prefix) -> Result<Contents, Failure> {
+/// What stands in every file of the group, and the ticks between two snapshots that are recorded.
+fn contents(prefix: &Prefix, is_lockstep: bool) -> Result<(Contents, u64), Failure> {
     let bare = machine_of(prefix, &[])?;
     let machine = load_bare(&bare, None).map_err(Failure::usage)?;
     let BareMachine { machine: file, mut settings, .. } = bare;
@@ -141,7 +141,10 @@ fn contents(prefix: &Prefix) -> Result<Contents, Failure> {
     }
     let mut facts = facts(prefix, &machine);
     facts.extend(facts_of(prefix)?);
-    Ok(Contents { facts, attached })
+    // A run in lock-step is made again bit for bit from all of them.
+    let apart = if is_lockstep { 1 } else { samples_of(SNAPSHOTS, machine.timing.period).max(1) };
+    facts.insert(SNAPSHOTS_FACT.to_owned(), apart.to_string());
+    Ok((Contents { facts, attached }, apart as u64))
 }
 
 fn facts(prefix: &Prefix, machine: &Machine) -> Facts {

@@ -64,6 +64,7 @@ use source::SourceWatch;
 const FOREIGN_START: Duration = Duration::from_secs(1);
 
 /// What all stages are started with.
+#[derive(Clone, Copy)]
 pub struct Launch<'a> {
     /// The machine.
     pub machine: &'a Machine,

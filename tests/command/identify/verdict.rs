@@ -94,6 +94,22 @@ fn a_verdict_does_not_rest_on_what_gaps_have_left() {
 }
 
 #[test]
+fn a_position_that_is_frozen_makes_no_model_usable() {
+    let mut record = simulate(3000, |_| 1.0);
+    let frozen = record[2000][2];
+    record.iter_mut().skip(2000).for_each(|row| row[2] = frozen);
+    let folder = folder_with(&csv("t,u,y", &record));
+    expect_reasons(folder.path(), &[], &[("standing-output", "the output stands while it is driven")]);
+    // Nor does it in the record that a model is applied to.
+    let sound = folder_with(&csv("t,u,y", &simulate(3000, |_| 1.0)));
+    let model = sound.path().join("m.toml");
+    let out = ["--model-out", model.to_str().unwrap()];
+    success(sound.path(), &[&["identify", "r.csv"], &OPTIONS[..], &out].concat());
+    let text = success(folder.path(), &["predict", model.to_str().unwrap(), "r.csv"]);
+    assert!(text.contains("not usable: ") && text.contains("the output stands"), "{text}");
+}
+
+#[test]
 fn the_command_of_another_axis_has_no_effect() {
     let other = |k: usize| 0.5 * (0.17 * k as f64 + 1.0).sin() + 0.4 * (0.71 * k as f64).cos();
     let mut record = simulate(2000, |_| 1.0);

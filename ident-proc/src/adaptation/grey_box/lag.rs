@@ -46,15 +46,15 @@ pub struct Motion {
 }
 
 impl Lag {
-    /// From the prior alone.
-    pub fn new(alpha: f64, prior: &Prior) -> Self {
+    /// Before any sample: what is known of the speeds, and the `theta` to begin with.
+    pub fn new(alpha: f64, prior: &Prior, theta: Vector) -> Self {
         Self {
             alpha,
             lagged: [0.0; MOST],
             window: [0.0; MOST],
             information: prior.information,
             gathered: [0.0; MOST],
-            theta: prior.theta,
+            theta,
             squares: 0.0,
             weight: 0.0,
         }

@@ -33,7 +33,7 @@ mod tests;
 
 use pipeline::{
     hammerstein::{Coefficients, Structure},
-    machine::Commissioned,
+    machine::{Commissioned, Start},
 };
 
 use self::{
@@ -78,6 +78,8 @@ pub struct GreyBox {
     structure: Structure,
     period: f64,
     prior: Prior,
+    /// alpha/(1 - alpha) until the lags are judged.
+    first_ratio: f64,
     /// s_0^2.
     noise: f64,
     rho: f64,
@@ -94,22 +96,34 @@ pub struct GreyBox {
 }
 
 impl GreyBox {
-    /// Starts from the `commissioned` axis; `structure` is the one that [`Commissioned::structure`] gives, `period` in
-    /// s, `memory` in s of motion.
-    pub fn new(structure: Structure, commissioned: &Commissioned, period: f64, memory: f64) -> Self {
+    /// Starts from the `commissioned` axis, or from what a run has learned of it; `structure` is the one that
+    /// [`Commissioned::structure`] gives, `period` in s, `memory` in s of motion.
+    ///
+    /// What was learned is where the estimate begins. Its bounds and what is known before any sample stay those of
+    /// commissioning.
+    pub fn new(
+        structure: Structure,
+        commissioned: &Commissioned,
+        period: f64,
+        memory: f64,
+        start: Option<&Start>,
+    ) -> Self {
         let prior = Prior::new(structure, commissioned);
+        let theta = start.map_or(prior.theta, |start| Prior::new(structure, &start.speeds(commissioned)).theta);
         let top = commissioned.speed(commissioned.tested().1).max(-commissioned.speed(commissioned.tested().0));
         // Whole samples of the delay that the dead time does not fill.
         let early = (structure.nk as f64 - 1.0) * period - commissioned.dead_time;
         let lags = LAGS.map(|part| {
             let lag = (part * commissioned.time_constant.max(LEAST_LAG * period) - early).max(0.0);
-            Lag::new(lag / (period + lag), &prior)
+            Lag::new(lag / (period + lag), &prior, theta)
         });
+        let nominal = lags[NOMINAL].alpha();
         let published = structure.published();
         let mut grey_box = Self {
             structure: published,
             period,
             prior,
+            first_ratio: start.map_or(nominal / (1.0 - nominal), |start| start.lag / period),
             noise: (EXPECTED_NOISE * top * WINDOW).powi(2),
             rho: (-period / WINDOW).exp(),
             forgetting: (-period / memory).exp(),
@@ -195,13 +209,13 @@ impl GreyBox {
         let (mut theta, mut ratio, mut sum) = ([0.0; MOST], 0.0, 0.0);
         let least = self.lags.iter().map(Lag::mean_square).fold(f64::INFINITY, f64::min);
         for (j, lag) in self.lags.iter().enumerate() {
-            let weight = if lag.judged() < JUDGED_FROM {
-                f64::from(u8::from(j == NOMINAL))
+            let (weight, of_lag) = if lag.judged() < JUDGED_FROM {
+                (f64::from(u8::from(j == NOMINAL)), self.first_ratio)
             } else {
-                ((least + EQUAL) / (lag.mean_square() + EQUAL)).powi(4)
+                (((least + EQUAL) / (lag.mean_square() + EQUAL)).powi(4), lag.alpha() / (1.0 - lag.alpha()))
             };
             sum += weight;
-            ratio += weight * lag.alpha() / (1.0 - lag.alpha());
+            ratio += weight * of_lag;
             theta.iter_mut().zip(lag.theta()).for_each(|(mean, theta)| *mean += weight * theta);
         }
         let (ratio, theta) = (ratio / sum, theta.map(|theta| theta / sum));

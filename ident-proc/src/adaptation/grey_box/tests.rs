@@ -40,7 +40,7 @@ impl Axis {
         let structure = commissioned().structure(Structure::PAPER, Duration::from_millis(10));
         let Structure { na, nb, nk, order, .. } = structure;
         Self {
-            grey_box: GreyBox::new(structure, &commissioned(), PERIOD, GREY_BOX_MEMORY),
+            grey_box: GreyBox::new(structure, &commissioned(), PERIOD, GREY_BOX_MEMORY, None),
             row: RegressorRow::new(structure),
             outputs: SlidingBuffer::new(na, 1),
             commands: SlidingBuffer::new(nk + nb, 2 * order),
@@ -118,6 +118,27 @@ fn speeds_lag_and_dead_band_are_followed() {
         }
         assert!(near(axis.lag(), 0.05 * slower, 0.3), "{speeds} {slower} {wider}: {} s", axis.lag());
     }
+}
+
+#[test]
+fn it_goes_on_from_what_was_learned_before() {
+    let mut before = Axis::new();
+    before.drive(6.0, 0.35, (0.75, 2.0, 0.02));
+    let learned = before.grey_box.model();
+    let start = Start::of(&learned, &commissioned(), PERIOD).unwrap();
+    let mut after = Axis::new();
+    after.grey_box = GreyBox::new(before.structure, &commissioned(), PERIOD, GREY_BOX_MEMORY, Some(&start));
+    for u in [0.12, 0.2, 0.35, 0.5, 0.8, -0.1, -0.3, -0.5] {
+        assert!(near(after.speed(u), before.speed(u), 1e-9), "{u}: {}, {}", after.speed(u), before.speed(u));
+    }
+    assert!(near(after.lag(), before.lag(), 1e-9) && !near(after.lag(), Axis::new().lag(), 0.2), "{}", after.lag());
+    // What has changed since is learned as from a cold start.
+    after.drive(6.0, 0.35, (1.0, 1.0, 0.0));
+    for u in [0.35, 0.5, -0.35, -0.5] {
+        assert!(near(after.speed(u), commissioned().speed(u), 0.1), "{u}: {}", after.speed(u));
+    }
+    let none = Coefficients { a: [f64::NAN; 7], ..learned };
+    assert_eq!(Start::of(&none, &commissioned(), PERIOD), None);
 }
 
 #[test]

@@ -44,6 +44,9 @@ pub struct Control {
     pub slow_references: bool,
     /// Whether the axis is disarmed in every mode when the requests to it stop.
     pub hold_to_run: bool,
+    /// Whether the loop loses authority when it swings. No key of the machine file: only a comparison leaves it out, so
+    /// that a baseline is what it would be elsewhere.
+    pub caution: bool,
 }
 
 /// Part of `max_speed` that is drift: a worn telescope under load has 1.5 %.
@@ -130,6 +133,7 @@ impl Control {
                      is armed only while `hydraxis operate` runs",
                 )
                 .flag_or(false),
+            caution: true,
         };
         let (command_rate, period) = (control.command_rate, period.as_secs_f64());
         let nature = Nature { commissioned, max_speed, command_rate, resolution, period };

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::{commissioned::Commissioned, estimator::Estimator};
 use crate::{
-    hammerstein::{Basis, InputMap, MAX_DELAY, MAX_LINEAR, MAX_ORDER, Structure},
+    hammerstein::{Basis, Coefficients, InputMap, MAX_DELAY, MAX_LINEAR, MAX_ORDER, Structure},
     machine::{
         document::{Section, Shown, samples_of},
         fuzzy::Fuzzy,
@@ -46,6 +46,89 @@ pub struct Identification {
     pub hysteresis: f64,
     /// Memory of the grey box, s of motion.
     pub memory: f64,
+    /// What the grey box starts from in the place of the commissioned speeds and lag.
+    pub start: Option<Start>,
+}
+
+/// What a grey box had learned at the end of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// Lag of the model, s: that of the axis without the part of it that the whole samples of the delay hold.
+    pub lag: f64,
+    /// Speeds at the openings of [`Commissioned::at_knots`] while extending, m/s, rising.
+    pub speeds_extend: Vec<f64>,
+    /// The same while retracting, as magnitudes.
+    pub speeds_retract: Vec<f64>,
+}
+
+impl Start {
+    /// From a `model` of a grey box on the `commissioned` axis, identified every `period` s; `None` where the numbers
+    /// are none that a grey box has.
+    pub fn of(model: &Coefficients, commissioned: &Commissioned, period: f64) -> Option<Self> {
+        let alpha = model.a[1];
+        let Commissioned { openings, dead_band, .. } = commissioned.at_knots();
+        let n = model.nonlinearity();
+        let speeds = |sign: f64, edge: f64| openings.iter().map(|x| sign * n.evaluate(sign * (edge + x))).collect();
+        let start = Self {
+            lag: period * alpha / (1.0 - alpha),
+            speeds_extend: speeds(1.0, dead_band.extend),
+            speeds_retract: speeds(-1.0, dead_band.retract),
+        };
+        let fits = (0.0..=LONGEST_LAG).contains(&start.lag);
+        (fits && [&start.speeds_extend, &start.speeds_retract].into_iter().all(|speeds| rise(speeds))).then_some(start)
+    }
+
+    /// The `commissioned` axis with the speeds of this start.
+    pub fn speeds(&self, commissioned: &Commissioned) -> Commissioned {
+        Commissioned {
+            speeds_extend: self.speeds_extend.clone(),
+            speeds_retract: self.speeds_retract.clone(),
+            ..commissioned.at_knots()
+        }
+    }
+
+    /// `start_lag`, `start_speeds_extend` and `start_speeds_retract`, all of them or none.
+    fn read(section: &mut Section, commissioned: Option<&Commissioned>, estimator: Estimator) -> Option<Self> {
+        let count = commissioned.map_or(0, |model| model.at_knots().openings.len());
+        let allowed = format!("{count} rising numbers greater than 0, or no start_ keys");
+        let lag = section
+            .key("start_lag", "Lag that the grey box starts from, as a run has learned it; `run --warm` sets it")
+            .optional_number(0.0..=LONGEST_LAG, "s");
+        let speeds_extend = section
+            .key("start_speeds_extend", "Speeds that the grey box starts from, at the hinges of its curve, extending")
+            .optional_numbers(0.0..=1000.0, "m/s", &allowed);
+        let speeds_retract = section
+            .key("start_speeds_retract", "The same while retracting, as magnitudes")
+            .optional_numbers(0.0..=1000.0, "m/s", &allowed);
+        if estimator != Estimator::GreyBox || commissioned.is_none() {
+            if lag.is_some() || speeds_extend.is_some() || speeds_retract.is_some() {
+                let found = format!("start_ keys with estimator \"{estimator}\"");
+                section.refuse("estimator", found, "\"grey-box\" with a commissioned model, or no start_ keys");
+            }
+            return None;
+        }
+        for (key, speeds) in [("start_speeds_extend", &speeds_extend), ("start_speeds_retract", &speeds_retract)] {
+            if let Some(speeds) = speeds.as_ref().filter(|speeds| speeds.len() != count || !rise(speeds)) {
+                section.refuse(key, format!("{speeds:?}"), allowed.clone());
+            }
+        }
+        match (lag, speeds_extend, speeds_retract) {
+            (Some(lag), Some(speeds_extend), Some(speeds_retract)) => Some(Self { lag, speeds_extend, speeds_retract }),
+            (None, None, None) => None,
+            _ => {
+                section.refuse("start_lag", "some of the start_ keys", "all three of them, or none");
+                None
+            }
+        }
+    }
+}
+
+/// Longest lag that a model starts from, s.
+const LONGEST_LAG: f64 = 10.0;
+
+/// Whether these are speeds of a curve.
+fn rise(speeds: &[f64]) -> bool {
+    speeds.first().is_some_and(|first| *first > 0.0) && speeds.is_sorted_by(|a, b| a < b)
 }
 
 /// What is identified. The position is what is measured.
@@ -134,6 +217,7 @@ impl Identification {
             fuzzy,
             hysteresis,
             memory,
+            start: Start::read(&mut section, commissioned, estimator),
         };
         if let Some(model) = commissioned.filter(|_| identification.estimator == Estimator::GreyBox) {
             identification.structure = model.structure(structure, period);

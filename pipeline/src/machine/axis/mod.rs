@@ -43,7 +43,7 @@ pub use encoder::{AngleKind, AngleSensor, Encoder};
 pub use estimator::Estimator;
 pub use hardware::Hardware;
 pub use identification::{
-    Form, GREY_BOX_MEMORY, Identification, IdentifiedOutput, SMITH_MEMORY, Split, shortest_training,
+    Form, GREY_BOX_MEMORY, Identification, IdentifiedOutput, SMITH_MEMORY, Split, Start, shortest_training,
 };
 use limits::Nature;
 pub use limits::{LimitSettings, MotionLimits};

@@ -120,6 +120,7 @@ impl Record {
             fuzzy: Fuzzy::RESIDUALS,
             hysteresis: 0.0,
             memory: GREY_BOX_MEMORY,
+            start: None,
         }
     }
 }

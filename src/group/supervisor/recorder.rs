@@ -1,7 +1,7 @@
 //! The process that records all channels while the run lasts.
 //!
 //! ```text
-//! start --attached--> records --end of the run--> asked to end, 3 s | killed
+//! start --attached--> records --end of the run--> asked to end, 10 s | killed
 //!   '--ends before--> nothing is recorded     '--dies--> starts again, within bounds
 //! ```
 //!
@@ -31,8 +31,8 @@ use crate::{
 
 /// Longest wait for the recorder to attach before the first stage starts.
 const ATTACHES: Duration = Duration::from_secs(1);
-/// Time that the recorder has to end its file.
-const ENDS: Duration = Duration::from_secs(3);
+/// Time that the recorder has to end its file. It runs on cores that nobody else wants, and ten seconds may wait in it.
+const ENDS: Duration = Duration::from_secs(10);
 /// Time between two looks.
 const POLL: Duration = Duration::from_millis(5);
 

@@ -51,6 +51,9 @@ const NARROWER: f64 = 0.01;
 /// Knots of the hinges for identification, in parts of the largest tested opening.
 const KNOTS: [f64; 3] = [0.0, 0.1, 0.35];
 
+/// Number of points of the curve of [`Commissioned::at_knots`].
+pub(super) const POINTS_AT_KNOTS: usize = KNOTS.len();
+
 /// Least usual time constant of the observer of a Smith predictor, s.
 const FASTEST_OBSERVER: f64 = 0.06;
 

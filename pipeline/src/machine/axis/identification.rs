@@ -2,7 +2,10 @@
 
 use std::time::Duration;
 
-use super::{commissioned::Commissioned, estimator::Estimator};
+use super::{
+    commissioned::{Commissioned, POINTS_AT_KNOTS},
+    estimator::Estimator,
+};
 use crate::{
     hammerstein::{Basis, Coefficients, InputMap, MAX_DELAY, MAX_LINEAR, MAX_ORDER, Structure},
     machine::{
@@ -89,8 +92,7 @@ impl Start {
 
     /// `start_lag`, `start_speeds_extend` and `start_speeds_retract`, all of them or none.
     fn read(section: &mut Section, commissioned: Option<&Commissioned>, estimator: Estimator) -> Option<Self> {
-        let count = commissioned.map_or(0, |model| model.at_knots().openings.len());
-        let allowed = format!("{count} rising numbers greater than 0, or no start_ keys");
+        let allowed = format!("{POINTS_AT_KNOTS} rising numbers greater than 0, or no start_ keys");
         let lag = section
             .key("start_lag", "Lag that the grey box starts from, as a run has learned it; `run --warm` sets it")
             .optional_number(0.0..=LONGEST_LAG, "s");
@@ -108,7 +110,7 @@ impl Start {
             return None;
         }
         for (key, speeds) in [("start_speeds_extend", &speeds_extend), ("start_speeds_retract", &speeds_retract)] {
-            if let Some(speeds) = speeds.as_ref().filter(|speeds| speeds.len() != count || !rise(speeds)) {
+            if let Some(speeds) = speeds.as_ref().filter(|speeds| speeds.len() != POINTS_AT_KNOTS || !rise(speeds)) {
                 section.refuse(key, format!("{speeds:?}"), allowed.clone());
             }
         }

@@ -217,6 +217,9 @@ async function control(browser, page, server, eye) {
   await off(eye, "button released after the judge", Date.now());
 
   await press(page, eye);
+  await until("the page to say that it holds", () =>
+    page.evaluate(() => document.getElementById("control-state").textContent.includes("while you hold the button")));
+  if (pictures) await page.screenshot({ path: `${pictures}/held.png` });
   let lost = Date.now();
   await page.mouse.up();
   await off(eye, "button released", lost);
@@ -253,6 +256,11 @@ async function control(browser, page, server, eye) {
   server.kill("SIGKILL");
   await off(eye, "server killed", lost);
   await page.mouse.up();
+  // Nothing that the page says later hides that an OFF was not answered.
+  await page.evaluate(() => document.getElementById("off").click());
+  await sleep(3500);
+  const alarm = await page.evaluate(() => document.getElementById("control-state").textContent);
+  assert(alarm.startsWith("OFF WAS NOT ANSWERED"), alarm);
 }
 
 // Axes that an emergency stop has latched, until they are reset from the page.

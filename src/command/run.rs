@@ -34,7 +34,10 @@ use crate::{
     },
     model::learned,
     recording::{Facts, LIMIT, LOCK_STEP, default_folder, recordings_folder, store::Place},
-    report::{control_loop::{LastMessages, LoopReport}, output::Output},
+    report::{
+        control_loop::{LastMessages, LoopReport},
+        output::Output,
+    },
 };
 
 /// Time in which the other stages must end after the last tick.

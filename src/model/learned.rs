@@ -24,10 +24,10 @@ const KEYS: [&str; 3] = ["start_lag", "start_speeds_extend", "start_speeds_retra
 /// Why a run cannot start from what was learned.
 #[derive(Debug, Error)]
 pub enum NothingLearned {
-    /// No file.
+    /// No file, or nothing in it.
     #[error(
-        "--warm: {file}: found no such file; allowed: the machine after a run in real time as it is commissioned now, \
-         of at least one axis with estimator \"grey-box\" that has moved. Run it once without --warm"
+        "--warm: {file}: found no model there; allowed: a machine that has run in real time as it is commissioned now, \
+         with an axis of estimator \"grey-box\" that has moved. Run it once without --warm"
     )]
     NoFile { file: String },
     /// The file cannot be read.
@@ -50,10 +50,11 @@ pub fn file(folder: &Path, machine: &Machine) -> PathBuf {
 pub fn settings(folder: &Path, machine: &Machine) -> Result<Vec<(String, String)>, NothingLearned> {
     let path = file(folder, machine);
     let file = path.display().to_string();
-    if !path.exists() {
+    // A file of another kind would keep the run waiting.
+    let settings = if path.is_file() { model_settings(&path)? } else { Vec::new() };
+    if settings.is_empty() {
         return Err(NothingLearned::NoFile { file });
     }
-    let settings = model_settings(&path)?;
     let is_known = |key: &str| match key.split('.').collect::<Vec<_>>()[..] {
         ["axis", name, "identification", key] => {
             machine.axes.iter().any(|axis| axis.name == name) && KEYS.contains(&key)
@@ -84,7 +85,8 @@ pub fn save(
     if learned.is_empty() {
         return Ok(0);
     }
-    let mut text = "# What the axes had learned at the end of a run; `hydraxis run --warm` starts from it.\n".to_owned();
+    let mut text =
+        "# What the axes had learned at the end of a run; `hydraxis run --warm` starts from it.\n".to_owned();
     for (axis, Start { lag, speeds_extend, speeds_retract }) in &learned {
         let [a, b, c] = KEYS;
         // Writing to a string cannot fail.

@@ -241,7 +241,11 @@ pub fn write_left(prefix: Option<&Prefix>) -> Vec<String> {
         .filter_map(|path| {
             written_left(path).unwrap_or_else(|error| {
                 let is_none = matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::PermissionDenied);
-                (!is_none).then(|| format!("warning: {}: no black box can be read from it: {error}", path.display()))
+                let is_removed = kept::remove_unreadable(path);
+                let removed = if is_removed { "; removed" } else { "" };
+                let path = path.display();
+                (is_removed || !is_none)
+                    .then(|| format!("warning: {path}: no black box can be read from it: {error}{removed}"))
             })
         })
         .collect()
@@ -252,8 +256,10 @@ fn written_left(path: &Path) -> io::Result<Option<String>> {
     let facts = left.about.facts.clone();
     let fact = |name: &str| facts.get(name).cloned().unwrap_or_default();
     if fact("version") != env!("CARGO_PKG_VERSION") {
-        let other = format!("it was kept by version {}, whose `hydraxis clean` writes it", fact("version"));
-        return Err(io::Error::new(io::ErrorKind::InvalidData, other));
+        let (path, version) = (path.display(), fact("version"));
+        return Ok(Some(format!(
+            "warning: {path}: it was kept by version {version}, whose `hydraxis clean` writes it"
+        )));
     }
     let Ok(prefix) = fact("group").parse() else {
         return Err(io::Error::new(io::ErrorKind::InvalidData, "it names no group"));
@@ -298,6 +304,24 @@ mod tests {
     fn black_box(folder: &Path) -> BlackBox {
         let machine = Machine::load(None, &[]).unwrap();
         BlackBox::new(folder.to_owned(), &"t-box".parse().unwrap(), &machine).unwrap()
+    }
+
+    #[test]
+    fn what_is_no_black_box_is_removed_from_shared_memory_once_it_is_old() {
+        let prefix: Prefix = format!("t{}-none", std::process::id()).parse().unwrap();
+        let path = kept::path(&prefix);
+        fs::write(&path, [0x55; 100]).unwrap();
+        let said = write_left(Some(&prefix));
+        assert!(said[0].contains("no black box can be read") && path.exists(), "{said:?}");
+        let minute_ago = SystemTime::now() - Duration::from_secs(60);
+        fs::File::options().write(true).open(&path).unwrap().set_modified(minute_ago).unwrap();
+        let said = write_left(Some(&prefix));
+        assert!(said[0].ends_with("; removed") && !path.exists(), "{said:?}");
+        // A FIFO keeps nobody waiting.
+        rustix::fs::mkfifoat(rustix::fs::CWD, &path, rustix::fs::Mode::RUSR).unwrap();
+        assert!(write_left(Some(&prefix)).is_empty() && path.exists());
+        fs::remove_file(&path).unwrap();
+        assert!(write_left(Some(&prefix)).is_empty());
     }
 
     #[test]

@@ -38,6 +38,8 @@ const PLACE: &str = "/dev/shm";
 const NAME: &str = "hydraxis-black-box.";
 /// Room for the facts, bytes.
 const HEADER: u64 = 4096;
+/// Age up to which a file may still be without its first bytes.
+const BEING_MADE: Duration = Duration::from_secs(10);
 /// Bytes of a slot before the message: checksum, length, number, time.
 const BEFORE: usize = 4 + 4 + 8 + 8;
 /// Least and most messages that a channel keeps. The most are those of 1 kHz, with a fifth to spare.
@@ -161,6 +163,15 @@ impl LeftFile {
     pub fn remove(self) -> io::Result<()> {
         fs::remove_file(&self.path)
     }
+}
+
+/// Removes what stands in the place of a file and is none. Whether it was removed: not where it belongs to somebody
+/// else, and not where a supervisor may be about to write its first bytes.
+pub fn remove_unreadable(path: &Path) -> bool {
+    let is_old =
+        |found: &fs::Metadata| found.modified().is_ok_and(|time| time.elapsed().is_ok_and(|age| age > BEING_MADE));
+    fs::symlink_metadata(path).is_ok_and(|found| found.uid() == geteuid().as_raw() && !found.is_dir() && is_old(&found))
+        && fs::remove_file(path).is_ok()
 }
 
 /// The last messages of one channel.

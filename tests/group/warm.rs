@@ -40,9 +40,11 @@ fn a_warm_run_begins_with_what_the_last_one_has_learned() {
     for axis in AXES {
         let start = content["axis"][axis]["identification"].as_table().unwrap();
         assert_eq!(start.len(), 3, "{axis}");
-        settings.extend(start.iter().flat_map(|(key, value)| {
-            ["--set".to_owned(), format!("axis.{axis}.identification.{key}={value}")]
-        }));
+        settings.extend(
+            start
+                .iter()
+                .flat_map(|(key, value)| ["--set".to_owned(), format!("axis.{axis}.identification.{key}={value}")]),
+        );
     }
     let settings: Vec<&str> = settings.iter().map(String::as_str).collect();
     let common = ["--duration", "3s", "--seed", "5", "--json", "-"];
@@ -71,4 +73,5 @@ fn a_warm_run_begins_with_what_the_last_one_has_learned() {
     refused(original.replacen("start_lag = ", "start_lag = -", 1), "start_lag: found");
     refused(original.replacen("start_lag", "# start_lag", 1), "all three of them, or none");
     refused("[axis".to_owned(), "learned-");
+    refused(String::new(), "found no model there");
 }

@@ -13,10 +13,10 @@
 //! ```
 //!
 //! v speed of the axis and v_r of its reference m/s, n ticks since the last look, T period s, L dead time and lag s, V
-//! root mean square of v_r in the last W; h_0 15 % of `max_speed`, and at least 4 counts in the time over which v is
-//! taken. Where the fallback has swung when the axis was free, the step to the fallback is left out. After a step no
-//! flip counts for max(1 s, 6 L). A step is taken back after 30 s without a swing, the next time after 60 s, up to
-//! 480 s.
+//! root mean square of v_r in the last W; h_0 15 % of `max_speed`, or of three times the fastest commissioned
+//! speed where that is less, and at least 4 counts in the time over which v is taken. Where the fallback has swung when
+//! the axis was free, the step to the fallback is left out. After a step no flip counts for max(1 s, 6 L). A step is
+//! taken back after 30 s without a swing, the next time after 60 s, up to 480 s.
 //!
 //! [`crate::model::swing`] compares the swing of a model with that of its fallback, from half a millimetre on. Here
 //! nothing is compared: a loop that swings by this much is wrong whoever closes it. Where air in the oil or a larger
@@ -36,6 +36,9 @@ use pipeline::machine::{Axis, Commissioned};
 const WINDOW: (f64, f64) = (3.0, 20.0);
 /// h_0 in parts of the largest speed, and in counts.
 const FLOOR: (f64, f64) = (0.15, 4.0);
+/// Largest speed for h_0, in parts of the fastest commissioned one: a limit that is set far above what the axis does
+/// hides its swings.
+const LOOSE: f64 = 3.0;
 /// h in parts of V.
 const OF_REFERENCE: f64 = 0.5;
 /// c of a swing, and what a turn of the reference takes off.
@@ -112,11 +115,9 @@ pub struct Hunting {
     window: f64,
     /// Time after a step in which no flip counts, s.
     transient: f64,
-    /// Whether a swing costs authority.
-    is_on: bool,
     /// `max_speed`, m/s.
     fastest: f64,
-    /// h_0, m/s.
+    /// h_0, m/s; infinite where a swing costs no authority.
     floor: f64,
     /// Largest d on the side on which it was last beyond h, and the last speed of the reference; 0 for none yet.
     sides: (f64, f64),
@@ -138,13 +139,18 @@ impl Hunting {
         let dead_time = axis.identification.structure.nk as f64 * period;
         let commissioned = axis.commissioned.as_ref();
         let reaction = commissioned.map_or(dead_time, Commissioned::reaction);
+        let tested = commissioned.map_or(f64::INFINITY, |model| {
+            let (retract, extend) = model.tested_speeds(axis.control.command_limit);
+            retract.max(extend)
+        });
+        let fastest = axis.max_speed.min(LOOSE * tested);
+        let floor = (FLOOR.0 * fastest).max(FLOOR.1 * axis.encoder.resolution / speed_time);
         Self {
             period,
             window: WINDOW.0.max(WINDOW.1 * reaction),
             transient: TRANSIENT.0.max(TRANSIENT.1 * reaction),
-            is_on: axis.control.caution,
             fastest: axis.max_speed,
-            floor: (FLOOR.0 * axis.max_speed).max(FLOOR.1 * axis.encoder.resolution / speed_time),
+            floor: if axis.control.caution { floor } else { f64::INFINITY },
             sides: (0.0, 0.0),
             speed: 0.0,
             counts: [0.0; 2],
@@ -169,9 +175,6 @@ impl Hunting {
 
     /// Takes in a tick in closed loop; `by_model`: the model made the last command. Whether the axis has to be stopped.
     pub fn update(&mut self, pace: &Pace, by_model: bool) -> bool {
-        if !self.is_on {
-            return false;
-        }
         let time = pace.elapsed as f64 * self.period;
         self.count(pace, time);
         self.since += time;
@@ -223,6 +226,8 @@ impl Hunting {
 mod tests {
     use super::*;
     use std::f64::consts::TAU;
+
+    use pipeline::machine::Machine;
 
     const PERIOD: f64 = 0.01;
 
@@ -314,6 +319,23 @@ mod tests {
         assert!((second - 60.0).abs() < 3.0, "{second}");
         hunting.reset();
         assert_eq!(hunting.caution(), Caution::Free);
+    }
+
+    #[test]
+    fn a_limit_far_above_what_the_axis_does_hides_no_swing() {
+        let axis = Axis { max_speed: 3.0, ..Machine::load(None, &[]).unwrap().axes.remove(1) };
+        let tested = axis.commissioned.as_ref().unwrap().tested_speeds(axis.control.command_limit);
+        let speed = 1.5 * FLOOR.0 * LOOSE * tested.0.max(tested.1);
+        assert!(speed < FLOOR.0 * axis.max_speed, "the limit is loose");
+        let mut hunting = Hunting::new(&axis, PERIOD, 0.04);
+        let swing = swing(2.0, speed);
+        for tick in 0..300 {
+            hunting.update(
+                &Pace { elapsed: 1, axis: swing(f64::from(tick) * PERIOD, Caution::Free), reference: 0.0 },
+                false,
+            );
+        }
+        assert_ne!(hunting.caution(), Caution::Free);
     }
 
     #[test]

@@ -220,8 +220,8 @@ impl Machine {
         layout::named(&format!("{:?} {:?}", self.timing.period, axes.collect::<Vec<_>>()))
     }
 
-    /// Number that tells whether two machine files mean the same axes as they were commissioned: a hash of the machine's
-    /// name, of what each axis depends on, and of its commissioned model.
+    /// Number that tells whether two machine files mean the same axes as they were commissioned: a hash of the name of
+    /// the machine, of what each axis depends on, and of its commissioned model.
     pub fn commissioning(&self) -> u64 {
         let axes = self.axes.iter().map(|axis| (&axis.name, &axis.hardware.text, &axis.commissioned));
         layout::named(&format!("{} {:?}", self.name, axes.collect::<Vec<_>>()))

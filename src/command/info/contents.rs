@@ -5,9 +5,7 @@ use std::{
     time::{Duration, UNIX_EPOCH},
 };
 
-use pipeline::message::{
-    AxisMode, CoefficientSnapshot, ControlMode, Message, ValveCommand, bit_names, control_flag,
-};
+use pipeline::message::{AxisMode, CoefficientSnapshot, ControlMode, Message, ValveCommand, bit_names, control_flag};
 use serde::Serialize;
 
 use crate::{

@@ -14,6 +14,8 @@ const Control = (() => {
   let stamp = null;
   // The button that is held: its number, and what it asks for.
   let held = null;
+  // What is said of an OFF that was not answered. It stands until one is.
+  let alarm = "";
   let isBusy = false;
   // Set points that were used before the present one.
   let before = [];
@@ -33,6 +35,7 @@ const Control = (() => {
   }
 
   function say(text, isBad) {
+    if (alarm) [text, isBad] = [alarm, true];
     if (by("control-state").textContent !== text) by("control-state").textContent = text;
     by("control-state").classList.toggle("bad", Boolean(isBad));
   }
@@ -41,8 +44,14 @@ const Control = (() => {
     const headers = { "content-type": "application/json" };
     if (token) headers["x-hydraxis-token"] = token;
     const answer = await fetch(`control/${path}`, { method: "POST", headers, body: JSON.stringify(body), keepalive });
-    const said = await answer.json().catch(() => ({}));
-    if (!answer.ok) throw new Error(said.why ?? `status ${answer.status}`);
+    const text = await answer.text();
+    let said = {};
+    try {
+      said = JSON.parse(text);
+    } catch {
+      // A refusal by the server or a proxy before the request was looked at.
+    }
+    if (!answer.ok) throw new Error(said.why ?? `status ${answer.status} ${text.trim().slice(0, 300)}`);
     if (typeof said.stamp === "number") stamp = said.stamp;
     return said;
   }
@@ -54,12 +63,14 @@ const Control = (() => {
     try {
       await post("off", {}, true);
       button.dataset.state = "done";
+      alarm = "";
       say("All axes are off.");
     } catch (error) {
       button.dataset.state = "failed";
-      say(`OFF WAS NOT ANSWERED: ${error.message}. Cut the pressure off by hand if anything moves.`, true);
+      alarm = `OFF WAS NOT ANSWERED: ${error.message}. Cut the pressure off by hand if anything moves.`;
+      say(alarm, true);
     }
-    setTimeout(() => delete button.dataset.state, 3000);
+    setTimeout(() => alarm || delete button.dataset.state, 3000);
   }
 
   const mode = () => by("control-mode").value;

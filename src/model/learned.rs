@@ -10,6 +10,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use ident_proc::Identifier;
 use pipeline::{
     machine::{Axis, Estimator, Machine, MachineError, Start, model_settings},
     message::{AxisSnapshot, CoefficientSnapshot, ValveCommand, control_flag},
@@ -107,9 +108,10 @@ pub fn save(
     Ok(learned.len())
 }
 
-/// What the grey box of an axis has learned, if it has.
+/// What the grey box of an axis has learned, if it has, in this run or in the one that it went on from.
 fn learned(axis: &Axis, snapshot: &AxisSnapshot) -> Option<Start> {
     let commissioned = axis.commissioned.as_ref().filter(|_| axis.identification.estimator == Estimator::GreyBox)?;
-    let has_learned = snapshot.updates > 0 && snapshot.adaptive.is_finite();
+    let first = Identifier::commissioned(&axis.identification, Some(commissioned)).snapshot().adaptive;
+    let has_learned = snapshot.adaptive != first || axis.identification.start.is_some();
     has_learned.then(|| Start::of(&snapshot.adaptive, commissioned, axis.identification.period)).flatten()
 }

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::harness::hydraxis;
 
-const AXES: [&str; 3] = ["arm", "telescope", "bucket"];
+const AXES: [&str; 4] = ["boom", "arm", "telescope", "bucket"];
 
 /// A command with its state in `folder`.
 fn output(folder: &Path, arguments: &[&str]) -> Output {
@@ -55,7 +55,7 @@ fn a_warm_run_begins_with_what_the_last_one_has_learned() {
     };
     let warm = axes(&["run", "--lockstep", "--warm"]);
     let all = [&["simulate"], &settings[..]].concat();
-    assert_eq!(warm["arm"]["tracking"], axes(&all)["arm"]["tracking"]);
+    assert_eq!(warm, axes(&all));
     assert_ne!(warm["arm"]["tracking"], axes(&["simulate"])["arm"]["tracking"]);
 
     // What is typed wins, another machine has learned nothing, and a file that somebody has changed is refused.
@@ -69,7 +69,7 @@ fn a_warm_run_begins_with_what_the_last_one_has_learned() {
         assert!(said.contains(expected), "{said}");
     };
     let original = fs::read_to_string(learned).unwrap();
-    refused(original.replacen("start_lag", "memory", 1), "found the key axis.arm.identification.memory");
+    refused(original.replacen("start_lag", "memory", 1), "found the key axis.boom.identification.memory");
     refused(original.replacen("start_lag = ", "start_lag = -", 1), "start_lag: found");
     refused(original.replacen("start_lag", "# start_lag", 1), "all three of them, or none");
     refused("[axis".to_owned(), "learned-");

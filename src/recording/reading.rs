@@ -17,7 +17,7 @@ use std::{
 
 use mcap::{
     McapError,
-    records::Record,
+    records::{Record, op},
     sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions},
 };
 use thiserror::Error;
@@ -258,7 +258,12 @@ impl Reading {
             }
             Some(Ok(LinearReadEvent::Record { opcode, data })) => (opcode, data),
         };
-        match mcap::parse_record(opcode, data).map(Record::into_owned) {
+        // The library takes the checksum of an attachment to be there.
+        let parsed = match opcode {
+            op::ATTACHMENT if !has_checksum(data) => Err(McapError::UnexpectedEof),
+            _ => mcap::parse_record(opcode, data).map(Record::into_owned),
+        };
+        match parsed {
             Ok(record) => self.record(record),
             Err(error) => self.broken(&error).map(|()| None),
         }
@@ -357,4 +362,13 @@ impl Reading {
         self.is_over = true;
         self.damage = Some(Damage { byte: self.bytes, what, is_cut });
     }
+}
+
+/// Whether an attached file, `record`, is long enough for its times, its name, its kind, its length and a checksum.
+fn has_checksum(record: &[u8]) -> bool {
+    let text = |at: usize| {
+        let length = record.get(at..at + 4)?.try_into().map(u32::from_le_bytes).ok()?;
+        Some(at + 4 + length as usize)
+    };
+    text(16).and_then(text).is_some_and(|end| end + 8 + 4 <= record.len())
 }

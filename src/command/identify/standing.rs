@@ -14,7 +14,7 @@
 
 /// Fewest rows for which an output stands.
 const LEAST: usize = 20;
-/// The same in parts of m.
+/// Fewest rows for which an output stands, in parts of m.
 const USUAL: usize = 10;
 /// Change of the command, in parts of U.
 const CHANGE: f64 = 0.5;

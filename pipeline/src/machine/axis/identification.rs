@@ -60,7 +60,7 @@ pub struct Start {
     pub lag: f64,
     /// Speeds at the openings of [`Commissioned::at_knots`] while extending, m/s, rising.
     pub speeds_extend: Vec<f64>,
-    /// The same while retracting, as magnitudes.
+    /// Speeds at those openings while retracting, m/s, as magnitudes, rising.
     pub speeds_retract: Vec<f64>,
 }
 

@@ -166,7 +166,7 @@ impl Adaptation {
         match self {
             Self::Single(_) => {}
             Self::Bank(bank) => bank.pass(row),
-            Self::GreyBox(grey_box) => grey_box.interrupt(),
+            Self::GreyBox(grey_box) => grey_box.pass(row),
         }
     }
 
@@ -194,6 +194,15 @@ impl Adaptation {
             Self::Single(single) => single.separate(),
             Self::Bank(bank) => bank.separate(),
             Self::GreyBox(grey_box) => (grey_box.model(), 0.0),
+        }
+    }
+
+    /// The last increment of the output without the noise of the encoder; `None` where predictions start from the
+    /// measured ones.
+    pub fn increment(&self) -> Option<f64> {
+        match self {
+            Self::Single(_) | Self::Bank(_) => None,
+            Self::GreyBox(grey_box) => Some(grey_box.increment()),
         }
     }
 

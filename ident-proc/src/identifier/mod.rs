@@ -300,7 +300,8 @@ impl Identifier {
         if !self.models.adaptive.is_finite() || !self.models.covariance_trace.is_finite() {
             self.faults.raise(model_fault::NOT_FINITE);
         }
-        self.comparison.store(advanced, &self.models.adaptive, self.adaptation.theta(), &self.past);
+        let (theta, increment) = (self.adaptation.theta(), self.adaptation.increment());
+        self.comparison.store(advanced, &self.models.adaptive, theta, increment, &self.past);
         self.faults.raise(self.health.faults());
     }
 

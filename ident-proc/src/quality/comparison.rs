@@ -128,12 +128,13 @@ impl Comparison {
     }
 
     /// Takes in the `adaptive` model that is published after sample k, and `theta`, its coefficients before their
-    /// separation, written out for the row; `past` contains y(k). The predictions of y(k+h) start here.
-    pub fn store(&mut self, _: Advanced, adaptive: &Coefficients, theta: &[f64], past: &Past) {
+    /// separation, written out for the row; `past` contains y(k). The predictions of y(k+h) start here, those of the
+    /// adaptive model from an `increment` y(k) - y(k-1) that is smoother than the measured one, if there is one.
+    pub fn store(&mut self, _: Advanced, adaptive: &Coefficients, theta: &[f64], increment: Option<f64>, past: &Past) {
         write_out(adaptive, &past.row().structure(), &mut self.adaptive_theta);
-        self.adaptive.store(&self.adaptive_theta, past.outputs());
-        self.unseparated.store(theta, past.outputs());
-        self.classical.store(&self.classical_theta, past.outputs());
+        self.adaptive.store(&self.adaptive_theta, increment, past.outputs());
+        self.unseparated.store(theta, increment, past.outputs());
+        self.classical.store(&self.classical_theta, None, past.outputs());
     }
 
     /// Errors of the adaptive model as it is published.
@@ -205,7 +206,7 @@ mod tests {
         fn store(&mut self, stand: Advanced, adaptive: &Coefficients) {
             let mut theta = vec![0.0; STRUCTURE.full_len()];
             write_out(adaptive, &STRUCTURE, &mut theta);
-            self.comparison.store(stand, adaptive, &theta, &self.past);
+            self.comparison.store(stand, adaptive, &theta, None, &self.past);
         }
 
         /// One sample, observed or passed.

@@ -25,6 +25,7 @@
 //! the loop oscillate more. The speeds therefore have a floor: a speed that is estimated too high only makes the
 //! controller slow.
 
+mod increment;
 mod lag;
 mod matrix;
 mod prior;
@@ -37,6 +38,7 @@ use pipeline::{
 };
 
 use self::{
+    increment::Increment,
     lag::{Lag, Motion},
     matrix::{MOST, Vector, inverse},
     prior::Prior,
@@ -88,8 +90,7 @@ pub struct GreyBox {
     lags: [Lag; LAGS.len()],
     /// Y.
     travel: f64,
-    /// y(k-1), unless there is a gap.
-    last: Option<f64>,
+    increment: Increment,
     model: Coefficients,
     /// The model written out for the row.
     theta: Vec<f64>,
@@ -129,7 +130,7 @@ impl GreyBox {
             forgetting: (-period / memory).exp(),
             lags,
             travel: 0.0,
-            last: None,
+            increment: Increment::new(period),
             model: Coefficients::zero(published),
             theta: vec![0.0; published.full_len()],
         };
@@ -137,21 +138,29 @@ impl GreyBox {
         grey_box
     }
 
-    /// Begins anew after a gap in the samples, or after one whose output is not used. What was learned stays.
+    /// Begins anew after a gap in the samples. What was learned stays.
     pub fn interrupt(&mut self) {
-        (self.last, self.travel) = (None, 0.0);
+        self.increment.interrupt();
+        self.travel = 0.0;
+    }
+
+    /// Goes on past a sample whose output is not used.
+    pub fn pass(&mut self, row: &RegressorRow) {
+        self.filter(row);
+        self.increment.pass();
+        self.travel = 0.0;
     }
 
     /// Takes in y(k) and the row of sample k.
     pub fn learn(&mut self, y: f64, row: &RegressorRow) -> Learned {
         self.filter(row);
-        let Some(last) = self.last.replace(y) else {
+        let Some(increment) = self.increment.take(y, &self.model) else {
             // The travel since the sample before is not known, so a new window begins here.
             self.lags.iter_mut().for_each(Lag::clear_window);
             return Learned::NOTHING;
         };
-        self.travel = self.rho * self.travel + y - last;
         let n = 2 * self.structure.order;
+        self.travel = self.rho * self.travel + increment;
         let expected = EXPECTED_ERROR * self.travel;
         let motion = Motion {
             travel: self.travel,
@@ -179,6 +188,7 @@ impl GreyBox {
             for lag in &mut self.lags {
                 lag.filter(i, *feature, self.rho, self.period);
             }
+            self.increment.filter(i, *feature, &self.model);
         }
     }
 
@@ -232,6 +242,11 @@ impl GreyBox {
         let best = self.lags.iter().min_by(|a, b| a.mean_square().total_cmp(&b.mean_square()));
         let n = 2 * self.structure.order;
         best.map_or(0.0, |lag| inverse(lag.information(), n).iter().enumerate().map(|(i, row)| row[i]).sum())
+    }
+
+    /// The last increment of the output, without the noise of the encoder.
+    pub fn increment(&self) -> f64 {
+        self.increment.known(&self.model)
     }
 
     /// The model as a, b, f, g.

@@ -175,3 +175,28 @@ fn the_model_stays_finite_monotone_and_within_its_bounds() {
         before = speed;
     }
 }
+
+#[test]
+fn predictions_start_from_the_motion_of_the_axis_and_not_from_the_noise_of_its_encoder() {
+    let nominal = (1.0, 1.0, 0.0);
+    let mut axis = Axis::new();
+    axis.drive(6.0, 0.2, nominal);
+    let (mut known, mut measured) = (0.0, 0.0);
+    for _ in 0..1000 {
+        let before = axis.y;
+        axis.drive(PERIOD, 0.2, nominal);
+        let counts = (1e4 * axis.y).round() - (1e4 * before).round();
+        let moved = axis.y - before;
+        known += (axis.grey_box.increment() - moved).powi(2);
+        measured += (1e-4 * counts - moved).powi(2);
+    }
+    assert!(known < 0.25 * measured, "{known} {measured}");
+    // An axis that is held up stands, whatever the commands explain.
+    let (mut known, mut explained) = (0.0, 0.0);
+    for _ in 0..300 {
+        axis.drive(PERIOD, 0.2, (0.0, 1.0, 0.0));
+        known += axis.grey_box.increment().powi(2);
+        explained += axis.grey_box.increment.explained(&axis.grey_box.model).powi(2);
+    }
+    assert!(known < 0.1 * explained, "{known} {explained}");
+}

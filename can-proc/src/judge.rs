@@ -32,10 +32,11 @@ fn wrong(key: &str, found: impl std::fmt::Display, allowed: &str) -> WiringError
 }
 
 impl Uses {
-    /// `key` gives a meaning to a signal of a message that is sent or received. More than one key may read a signal.
+    /// `key` gives a meaning to a signal of a message that is sent or received. Keys of one meaning may read one
+    /// signal: the drives of several axes may have one state.
     ///
     /// # Errors
-    /// The message is both sent and received, or one that is sent has another meaning for some of these bits.
+    /// The message is both sent and received, or some of these bits have another meaning.
     pub fn add(&mut self, key: &str, message: &Message, signal: Signal, is_sent: bool) -> Result<(), WiringError> {
         let id = (message.id, message.is_extended);
         let entry = self.0.entry(message.name.clone()).or_insert(Use { id, is_sent, parts: Vec::new() });
@@ -43,9 +44,8 @@ impl Uses {
             let allowed = "a message that is either sent or received";
             return Err(wrong(key, format!("message {}, which is sent and received", message.name), allowed));
         }
-        if is_sent {
-            expect_free(key, &signal, &entry.parts)?;
-        }
+        let is_shared = |(other, has): &&(String, Signal)| !is_sent && *has == signal && meaning(other) == meaning(key);
+        expect_free(key, &signal, entry.parts.iter().filter(|part| !is_shared(part)))?;
         entry.parts.push((key.to_owned(), signal));
         Ok(())
     }
@@ -63,11 +63,11 @@ impl Uses {
         let key = |name: &str| format!("can.message \"{}\".{name}", message.name);
         let mut taken = self.0.get(&message.name).map_or_else(Vec::new, |used| used.parts.clone());
         for (name, signal) in own {
-            expect_free(&key(name), signal, &taken)?;
+            expect_free(&key(name), signal, taken.iter())?;
             taken.push((key(name), *signal));
         }
         for (name, state) in ["active", "neutral", "off"].iter().zip(states) {
-            state.iter().try_for_each(|(signal, _)| expect_free(&key(name), signal, &taken))?;
+            state.iter().try_for_each(|(signal, _)| expect_free(&key(name), signal, taken.iter()))?;
         }
         let data = states.map(|state| {
             let mut data = [0; MAX_DATA];
@@ -111,9 +111,18 @@ impl Uses {
     }
 }
 
+/// What a key says a signal is: its last part. Where the pilot pressure is cut off, no drive follows.
+fn meaning(key: &str) -> Option<&str> {
+    key.rsplit('.').next().map(|name| if name == "pilot" { "active" } else { name })
+}
+
 /// Refuses a signal whose bits have a meaning already.
-fn expect_free(key: &str, signal: &Signal, taken: &[(String, Signal)]) -> Result<(), WiringError> {
-    match taken.iter().find(|(_, other)| other.overlaps(signal)) {
+fn expect_free<'t>(
+    key: &str,
+    signal: &Signal,
+    mut taken: impl Iterator<Item = &'t (String, Signal)>,
+) -> Result<(), WiringError> {
+    match taken.find(|(_, other)| other.overlaps(signal)) {
         Some((other, _)) => Err(wrong(key, format!("bits that {other} has"), "a signal with bits of its own")),
         None => Ok(()),
     }

@@ -42,9 +42,12 @@ pub fn frames(machine: &Machine, bus: &CanBus) -> Result<Frames, WiringError> {
         let mut own = AxisFrames::default();
         if let Some(name) = &signals.position {
             expect_own(&machine.axes[..i], &key("position"), name)?;
-            expect_scale(axis, &key("position"), &wiring.signal(&key("position"), name)?.1)?;
+            let named = wiring.signal(&key("position"), name)?.1;
+            expect_scale(axis, &key("position"), &named)?;
             let source = wiring.source(&key("position"), name)?;
-            own.position = Some(SignalPosition { source, is_reversed, zero });
+            let position = SignalPosition { source, is_reversed, zero };
+            expect_range(axis, &key("position"), name, &position)?;
+            own.position = Some(position);
         }
         if let Some([piston, rod]) = &signals.pressures {
             let piston = wiring.pressure(&key("piston_pressure"), piston)?;
@@ -261,6 +264,24 @@ fn expect_own(before: &[Axis], key: &str, name: &str) -> Result<(), WiringError>
     Err(WiringError::Text(format!("{key}: found {name}, the position of axis.{}; allowed: {allowed}", other.name)))
 }
 
+/// Refuses the position of a cylinder that the signal cannot say at both soft limits.
+fn expect_range(axis: &Axis, key: &str, name: &str, position: &SignalPosition) -> Result<(), WiringError> {
+    if axis.encoder.angle.is_some() {
+        return Ok(());
+    }
+    let sign = if position.is_reversed { -1.0 } else { 1.0 };
+    for limit in <[f64; 2]>::from(axis.soft_limits) {
+        let number = position.zero as f64 + sign * (limit / axis.encoder.resolution).round();
+        if !position.source.1.has(number) {
+            let allowed = "a signal with numbers for both soft limits, or another zero";
+            return Err(WiringError::Text(format!(
+                "{key}: found {name}, which has no {number} for {limit} m; allowed: {allowed}"
+            )));
+        }
+    }
+    Ok(())
+}
+
 /// Refuses a signal with a negative factor, one of another unit than the position, and one whose count has another
 /// length than the machine file says. A signal without a unit is taken: its data base does not say what a count is.
 fn expect_scale(axis: &Axis, key: &str, named: &NamedSignal) -> Result<(), WiringError> {
@@ -377,6 +398,21 @@ mod tests {
             ("MachineState.Lock", "Levers.Mode", "axis.boom.can.command: found message Levers, which is sent and"),
             ("Levers.Arm", "Levers.Boom", "axis.arm.can.command: found bits that axis.boom.can.command has"),
             ("ArmState.Angle", "BoomState.Angle", "axis.arm.can.position: found BoomState.Angle, the position of"),
+            (
+                "MachineState.PilotShutOff",
+                "MachineState.EmergencyStop",
+                "can.pilot: found bits that can.emergency_stop",
+            ),
+            (
+                "MachineState.Lock",
+                "BoomState.Alive",
+                "can.message \"BoomState\".counter: found bits that axis.boom.can.act",
+            ),
+            (
+                "MachineState.Lock",
+                "BoomState.Angle",
+                "axis.boom.can.active: found bits that axis.boom.can.position has",
+            ),
         ] {
             let said = crate::network(&machine(from, to).unwrap()).unwrap_err().to_string();
             assert!(said.contains(expected), "{said}");
@@ -420,6 +456,7 @@ mod tests {
         for (own, expected) in [
             (own.replace("0x123", "0x18FF0100"), "18FF0100h, which message BoomState has; allowed: one message"),
             (own.replace("1e-4", "-1e-4"), "axis.telescope.can.position: found the factor -0.0001 of Place"),
+            (own.replace("0|16@1-", "0|8@1-"), "axis.telescope.can.position: found Own.Place, which has no "),
         ] {
             let wrong = machine(telescope, &format!("{own}\n{of_own}")).unwrap();
             let said = crate::network(&wrong).unwrap_err().to_string();

@@ -189,10 +189,15 @@ impl Signal {
         if self.is_signed { (-all / 2.0, all / 2.0 - 1.0) } else { (0.0, all - 1.0) }
     }
 
+    /// Whether the signal can have this number.
+    pub fn has(&self, number: f64) -> bool {
+        let (least, greatest) = self.range();
+        (least..=greatest).contains(&number)
+    }
+
     /// Whether the value is within what the signal can say.
     pub fn holds(&self, value: f64) -> bool {
-        let (least, greatest) = self.range();
-        (least..=greatest).contains(&((value - self.offset) / self.factor).round())
+        self.has(((value - self.offset) / self.factor).round())
     }
 
     /// Number of different numbers: the counter after the last one begins anew.

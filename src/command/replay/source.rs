@@ -58,6 +58,9 @@ pub struct Script {
     pub is_armed: bool,
 }
 
+/// Time between two looks for the end once all readings were sent, ns.
+const REST_NS: u64 = 1_000_000;
+
 impl Script {
     /// Reads a whole recording. `lock_step`: only the readings of samples.
     ///
@@ -284,8 +287,13 @@ impl Stage for Recorded {
         }
         self.commands.newest()?;
         let is_over = self.commands.last().is_some_and(|command| turn.is_last(command.header.sequence));
-        if self.steps.is_empty() || is_over {
+        if is_over {
             return Ok(Next::Finished);
+        }
+        if self.steps.is_empty() {
+            // The others have their last tick only some periods later, and the supervisor ends them.
+            turn.sleep_until(monotonic_ns().saturating_add(REST_NS));
+            return Ok(Next::Waiting);
         }
         let Some(due_ns) = self.due(turn) else { return Ok(Next::Waiting) };
         self.send(turn, due_ns)?;

@@ -42,8 +42,7 @@ pub fn frames(machine: &Machine, bus: &CanBus) -> Result<Frames, WiringError> {
         let mut own = AxisFrames::default();
         if let Some(name) = &signals.position {
             expect_own(&machine.axes[..i], &key("position"), name)?;
-            let named = wiring.signal(&key("position"), name)?.1;
-            expect_scale(axis, &key("position"), &named)?;
+            expect_scale(axis, &key("position"), &wiring.signal(&key("position"), name)?.1)?;
             let source = wiring.source(&key("position"), name)?;
             let position = SignalPosition { source, is_reversed, zero };
             expect_range(axis, &key("position"), name, &position)?;
@@ -363,9 +362,17 @@ mod tests {
         assert!(network.outbox().frames().iter().all(|frame| frame.standard_id().is_none()));
     }
 
+    /// Each text is replaced by the next one, and the network says the last one.
+    fn expect_refused(cases: &[(&str, &str, &str)]) {
+        for (from, to, expected) in cases {
+            let said = crate::network(&machine(from, to).unwrap()).unwrap_err().to_string();
+            assert!(said.contains(expected), "{said}");
+        }
+    }
+
     #[test]
     fn names_and_values_that_are_none_are_refused() {
-        for (from, to, expected) in [
+        expect_refused(&[
             ("\"excavator.dbc\"", "\"none.dbc\"", "can.dbc: "),
             ("BoomState.Angle", "BoomState.Angel", "axis.boom.can.position: found \"Angel\"; allowed: a signal of"),
             ("Levers.Boom", "Lever.Boom", "axis.boom.can.command: found \"Lever\"; allowed: a message: BoomState"),
@@ -386,10 +393,7 @@ mod tests {
                 "command = \"Levers.Boom\"\ncommand_scale = 2",
                 "axis.boom.can.command_scale: found 2 for Levers.Boom; allowed: a command_scale that the signal",
             ),
-        ] {
-            let said = crate::network(&machine(from, to).unwrap()).unwrap_err().to_string();
-            assert!(said.contains(expected), "{said}");
-        }
+        ]);
         for (from, to, expected) in [
             (
                 "active = \"MachineState.Lock\"",
@@ -408,7 +412,7 @@ mod tests {
 
     #[test]
     fn what_contradicts_itself_is_refused() {
-        for (from, to, expected) in [
+        expect_refused(&[
             ("off = [\"Mode=2\"]", "off = [\"Mode=1\"]", "can.message \"Levers\".off: found the values of active"),
             ("neutral = [\"Mode=0\"]", "neutral = [\"Mode=1\"]", "\"Levers\".neutral: found the values of active"),
             (
@@ -436,10 +440,7 @@ mod tests {
                 "BoomState.Angle",
                 "axis.boom.can.active: found bits that axis.boom.can.position has",
             ),
-        ] {
-            let said = crate::network(&machine(from, to).unwrap()).unwrap_err().to_string();
-            assert!(said.contains(expected), "{said}");
-        }
+        ]);
     }
 
     #[test]

@@ -24,6 +24,8 @@ const EXCESS: f64 = 0.03;
 #[derive(Debug, Clone)]
 pub struct Increment {
     period: f64,
+    /// 1 - exp(-T/0.03 s).
+    part: f64,
     /// y(k-1), unless there is a gap.
     last: Option<f64>,
     /// p.
@@ -35,7 +37,7 @@ pub struct Increment {
 impl Increment {
     /// At rest, of samples every `period` s.
     pub fn new(period: f64) -> Self {
-        Self { period, last: None, lagged: [0.0; MOST], excess: 0.0 }
+        Self { period, part: 1.0 - (-period / EXCESS).exp(), last: None, lagged: [0.0; MOST], excess: 0.0 }
     }
 
     /// Takes in the value of feature `i` of the row.
@@ -46,7 +48,7 @@ impl Increment {
     /// Takes in y(k). Returns dy(k), unless y(k-1) is not known.
     pub fn take(&mut self, y: f64, model: &Coefficients) -> Option<f64> {
         let increment = y - self.last.replace(y)?;
-        self.excess += (1.0 - (-self.period / EXCESS).exp()) * (increment - self.explained(model) - self.excess);
+        self.excess += self.part * (increment - self.explained(model) - self.excess);
         Some(increment)
     }
 

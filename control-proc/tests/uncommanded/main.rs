@@ -3,6 +3,8 @@
 //! A spool that is stuck open is a valve that gets one command, whatever the controller asks for. With a valve that is
 //! reversed the axis goes the other way; with an encoder that is reversed its position does. A burst hose is leakage.
 
+mod stops;
+
 use std::path::Path;
 
 use control_proc::Controller;

@@ -25,6 +25,33 @@ pub fn settings(at: &Path) -> Vec<(String, String)> {
     settings
 }
 
+/// Tables that put the axes of [`FOUR_AXES`] on messages of a machine of its own. The times are those of a busy
+/// computer.
+pub fn messages(at: &Path) -> String {
+    let axes = ["boom", "arm", "telescope", "bucket"];
+    let mut tables = format!("[can]\ninterface = \"{}\"\n", at.display());
+    tables += "emergency_stop = \"State.Stop\"\npilot = \"State.Pilot\"\n";
+    for (i, axis) in axes.iter().enumerate() {
+        tables += &format!("[[can.message]]\nname = \"Of-{axis}\"\nid = {}\nlength = 8\n", 0x101 + i);
+        tables += "signals = [\"Place 0|16@1- (1e-4,0) m\", \"Alive 16|8@1+\"]\n";
+        tables += "counter = \"Alive\"\nchecksum = 7\ntimeout = \"200ms\"\n";
+    }
+    tables += "[[can.message]]\nname = \"State\"\nid = 0x110\nlength = 1\ntimeout = \"200ms\"\n";
+    tables += "signals = [\"Lock 0|1@1+\", \"Pilot 1|1@1+\", \"Stop 2|1@1+\"]\n";
+    tables +=
+        "[[can.message]]\nname = \"Levers\"\nid = 0x120\nlength = 8\nsignals = [\"Mode 48|2@1+\", \"Alive 50|4@1+\"";
+    for (i, axis) in axes.iter().enumerate() {
+        tables += &format!(", \"{axis} {}|12@1- (0.0005,0)\"", 12 * i);
+    }
+    tables +=
+        "]\ncounter = \"Alive\"\nchecksum = 7\nactive = [\"Mode=1\"]\nneutral = [\"Mode=0\"]\noff = [\"Mode=2\"]\n";
+    for axis in axes {
+        tables += &format!("[axis.{axis}.can]\nposition = \"Of-{axis}.Place\"\ncommand = \"Levers.{axis}\"\n");
+        tables += "active = \"State.Lock\"\n";
+    }
+    tables
+}
+
 /// Settings as arguments of the command.
 pub fn arguments(settings: &[(String, String)]) -> Vec<String> {
     settings.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]).collect()
@@ -40,10 +67,10 @@ pub struct Spoiled {
 }
 
 impl Spoiled {
-    /// Starts them; they are at the link then.
-    pub fn start(at: &Path) -> Self {
+    /// Starts those of a machine file with more arguments; they are at the link then.
+    pub fn start(machine: &str, at: &Path, more: &[String]) -> Self {
         let mut command = hydraxis();
-        command.args(["can", "simulate", FOUR_AXES, "--faults", "--at"]).arg(at).args(arguments(&settings(at)));
+        command.args(["can", "simulate", machine, "--faults", "--at"]).arg(at).args(more);
         let mut child = command.stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let lines = BufReader::new(child.stderr.take().unwrap()).lines();
         let (sender, said) = channel();

@@ -93,6 +93,11 @@ impl FrameDrive {
         }
     }
 
+    /// What it is set up to.
+    pub fn settings(&self) -> &FrameDriveSettings {
+        &self.settings
+    }
+
     fn place(&self, axis: usize) -> Option<usize> {
         self.settings.set_points.iter().position(|set_point| set_point.axis == axis)
     }

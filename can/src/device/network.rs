@@ -229,6 +229,11 @@ impl Network {
         &mut self.outbox
     }
 
+    /// Its messages that are no CANopen.
+    pub fn frames(&self) -> &Frames {
+        &self.frames
+    }
+
     /// Devices of an axis.
     pub fn devices(&self, axis: usize) -> Option<&AxisDevices> {
         self.axes.get(axis).map(|axis| &axis.devices)

@@ -57,6 +57,21 @@ impl Receiver {
         }
     }
 
+    /// Identifier, whether it has 29 bits, and bytes.
+    pub fn layout(&self) -> (u32, bool, usize) {
+        (self.id, self.is_extended, self.length)
+    }
+
+    /// Counter and checksum.
+    pub fn guard(&self) -> &Guard {
+        &self.guard
+    }
+
+    /// Longest time without a good frame, ns.
+    pub fn timeout_ns(&self) -> u64 {
+        self.timeout_ns
+    }
+
     fn is_it(&self, frame: &Frame) -> bool {
         frame.raw_id() == self.id && frame.is_extended() == self.is_extended && !frame.is_remote_frame()
     }

@@ -7,14 +7,17 @@
 //! | `node` | NMT, heartbeat, emergencies, service data |
 //! | `encoder` | an encoder (CiA 406) |
 //! | `valve` | a valve (CiA 408) with its own time-out |
+//! | `frames` | a machine of messages that are no CANopen |
 //!
 //! Faults are injected by [`Flaw`]s.
 
 mod encoder;
+mod frames;
 mod node;
 mod objects;
 mod valve;
 
 pub use encoder::SimulatedEncoder;
+pub use frames::SimulatedFrames;
 pub use node::Flaw;
 pub use valve::SimulatedValve;

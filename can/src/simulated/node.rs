@@ -18,6 +18,10 @@ pub enum Flaw {
     Double,
     /// It sends its process data at every step, whoever asks.
     Babble,
+    /// The alive counter of its message stands still.
+    Hung,
+    /// Its message is too short.
+    Wrong,
 }
 
 /// Messages of a babbling device at each step.

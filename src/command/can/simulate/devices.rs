@@ -1,4 +1,4 @@
-//! The simulated encoder and valve of each axis.
+//! The simulated encoder and valve of each axis, and the messages of a machine that has its own.
 
 use std::time::Duration;
 
@@ -6,7 +6,7 @@ use can::{
     Frame,
     canopen::NodeId,
     device::{Outbox, PositionObject},
-    simulated::{Flaw, SimulatedEncoder, SimulatedValve},
+    simulated::{Flaw, SimulatedEncoder, SimulatedFrames, SimulatedValve},
 };
 use pipeline::{
     machine::{Axis, Machine},
@@ -15,37 +15,54 @@ use pipeline::{
 };
 use plant_sim::PlantSim;
 
-use super::faults::DeviceFault;
+use super::faults::{DeviceFault, MachineFault};
 use crate::failure::Failure;
 
-/// Devices of one axis.
-struct AxisDevices {
-    encoder: SimulatedEncoder,
+/// An encoder.
+struct EncoderNode {
+    device: SimulatedEncoder,
+    number: NodeId,
     object: PositionObject,
     step: u32,
-    /// How the encoder is mounted.
+    /// How it is mounted.
     is_reversed: bool,
     zero: i64,
-    valve: Option<SimulatedValve>,
+}
+
+/// A valve.
+struct ValveNode {
+    device: SimulatedValve,
+    number: NodeId,
     full_scale: i16,
-    /// Numbers of encoder and valve.
-    numbers: (NodeId, Option<NodeId>),
+}
+
+/// Nodes of one axis. What it has not is in messages.
+struct AxisNodes {
+    encoder: Option<EncoderNode>,
+    valve: Option<ValveNode>,
 }
 
 /// Devices of all axes.
 pub struct Devices {
-    axes: Vec<AxisDevices>,
+    axes: Vec<AxisNodes>,
     names: Vec<String>,
+    frames: SimulatedFrames,
 }
 
 impl Devices {
     /// Those of a machine file.
     ///
     /// # Errors
-    /// An axis has no nodes.
+    /// An axis has no devices, or a message is none.
     pub fn new(machine: &Machine) -> Result<Self, Failure> {
-        let axes = machine.axes.iter().map(AxisDevices::new).collect::<Result<_, _>>()?;
-        Ok(Self { axes, names: machine.axes.iter().map(|axis| axis.name.clone()).collect() })
+        let network = can_proc::network(machine).map_err(Failure::usage)?;
+        let axes = machine.axes.iter().map(AxisNodes::new).collect();
+        let names = machine.axes.iter().map(|axis| axis.name.clone()).collect();
+        Ok(Self {
+            axes,
+            names,
+            frames: SimulatedFrames::new(network.frames(), machine.timing.period.as_nanos() as u64),
+        })
     }
 
     /// Names of the axes.
@@ -55,7 +72,10 @@ impl Devices {
 
     /// How far the valve of each axis is open, -1 to 1; 0 of an axis without one.
     pub fn openings(&self) -> impl Iterator<Item = f64> {
-        self.axes.iter().map(|axis| axis.valve.as_ref().map_or(0.0, SimulatedValve::opening))
+        self.axes.iter().enumerate().map(|(i, axis)| match &axis.valve {
+            Some(valve) => valve.device.opening(),
+            None => self.frames.opening(i).unwrap_or_default(),
+        })
     }
 
     /// Moves the machine on under the openings of the valves; the encoders see where it is.
@@ -69,81 +89,90 @@ impl Devices {
             plant.advance(step);
         }
         let reading = plant.read();
-        for (device, value) in self.axes.iter_mut().zip(&reading.encoders) {
-            let counts = if device.is_reversed { -value.counts } else { value.counts };
-            device.encoder.set_counts(device.zero + counts);
+        for (i, (nodes, value)) in self.axes.iter_mut().zip(&reading.encoders).enumerate() {
+            if let Some(encoder) = &mut nodes.encoder {
+                let counts = if encoder.is_reversed { -value.counts } else { value.counts };
+                encoder.device.set_counts(encoder.zero + counts);
+            }
+            self.frames.set_counts(i, value.counts);
+            self.frames.set_pressures(i, [value.piston_pressure, value.rod_pressure]);
         }
     }
 
     /// Sends what is due.
     pub fn step(&mut self, now_ns: u64, out: &mut Outbox) {
-        for AxisDevices { encoder, valve, .. } in &mut self.axes {
-            encoder.step(now_ns, out);
-            valve.iter_mut().for_each(|valve| valve.step(now_ns, out));
+        for AxisNodes { encoder, valve } in &mut self.axes {
+            encoder.iter_mut().for_each(|encoder| encoder.device.step(now_ns, out));
+            valve.iter_mut().for_each(|valve| valve.device.step(now_ns, out));
         }
+        self.frames.step(now_ns, out);
     }
 
     /// Takes a frame from the bus.
     pub fn take(&mut self, frame: &Frame, out: &mut Outbox) {
-        for AxisDevices { encoder, valve, .. } in &mut self.axes {
-            encoder.take(frame, out);
-            valve.iter_mut().for_each(|valve| valve.take(frame, monotonic_ns(), out));
+        let now_ns = monotonic_ns();
+        for AxisNodes { encoder, valve } in &mut self.axes {
+            encoder.iter_mut().for_each(|encoder| encoder.device.take(frame, out));
+            valve.iter_mut().for_each(|valve| valve.device.take(frame, now_ns, out));
         }
+        self.frames.take(frame, now_ns);
     }
 
-    /// A fault of the encoder of an axis.
+    /// A fault of the encoder of an axis, or of the message that has its position.
     ///
     /// # Errors
-    /// Encoders have no such fault.
+    /// It has no such fault.
     pub fn spoil_encoder(&mut self, place: usize, fault: DeviceFault, out: &mut Outbox) -> Result<(), String> {
-        let Some(device) = self.axes.get_mut(place) else { return Ok(()) };
-        let encoder = &mut device.encoder;
-        match (fault, flaw(fault)) {
-            (_, Some(flaw)) => encoder.spoil(Some(flaw)),
-            (DeviceFault::Well, _) => {
-                encoder.spoil(None);
-                encoder.alarm(0);
-                encoder.emergency(0, out);
+        match self.axes.get_mut(place).and_then(|nodes| nodes.encoder.as_mut()) {
+            Some(encoder) => encoder.spoil(fault, out),
+            None => {
+                let flaw = message_flaw(fault).filter(|flaw| *flaw != Some(Flaw::NoTimeout));
+                self.frames.spoil_position(place, flaw.ok_or("a message has no such fault")?);
+                Ok(())
             }
-            (DeviceFault::Restart, _) => encoder.restart(),
-            (DeviceFault::Emergency(code), _) => encoder.emergency(code, out),
-            (DeviceFault::Alarm(alarms), _) => encoder.alarm(alarms),
-            (DeviceFault::Number(number), _) => *encoder = SimulatedEncoder::new(number, device.object, device.step),
-            _ => return Err("an encoder has no such fault".to_owned()),
         }
-        if fault == DeviceFault::Well && encoder.id() != device.numbers.0 {
-            *encoder = SimulatedEncoder::new(device.numbers.0, device.object, device.step);
+    }
+
+    /// A fault of the valve of an axis, or of the drive that a message commands.
+    ///
+    /// # Errors
+    /// It has no such fault, or the axis has no valve.
+    pub fn spoil_valve(&mut self, place: usize, fault: DeviceFault, out: &mut Outbox) -> Result<(), String> {
+        match (self.axes.get_mut(place).and_then(|nodes| nodes.valve.as_mut()), fault) {
+            (Some(valve), _) => return valve.spoil(fault, out),
+            (None, _) if !self.frames.has_drive(place) => return Err("the axis has no valve".to_owned()),
+            (None, DeviceFault::Stuck(part)) => self.frames.stick(place, Some(part)),
+            (None, DeviceFault::Well) => {
+                self.frames.stick(place, None);
+                self.frames.spoil_drive(place, None);
+            }
+            (None, DeviceFault::Mute) => self.frames.spoil_drive(place, Some(Flaw::Mute)),
+            (None, DeviceFault::NoTimeout) => self.frames.spoil_drive(place, Some(Flaw::NoTimeout)),
+            _ => return Err("a drive that a message commands has no such fault".to_owned()),
         }
         Ok(())
     }
 
-    /// A fault of the valve of an axis.
-    ///
-    /// # Errors
-    /// The axis has no valve, or valves have no such fault.
-    pub fn spoil_valve(&mut self, place: usize, fault: DeviceFault, out: &mut Outbox) -> Result<(), String> {
-        let Some(device) = self.axes.get_mut(place) else { return Ok(()) };
-        let (Some(valve), Some(number)) = (&mut device.valve, device.numbers.1) else {
-            return Err("the axis has no valve".to_owned());
-        };
-        match (fault, flaw(fault)) {
-            (_, Some(flaw)) => valve.spoil(Some(flaw)),
-            (DeviceFault::Well, _) => {
-                valve.spoil(None);
-                valve.stick(None);
-                valve.emergency(0, out);
+    /// A fault of the machine: its emergency stop, or its pilot pressure.
+    pub fn spoil_machine(&mut self, fault: MachineFault) {
+        match fault {
+            MachineFault::Well => {
+                self.frames.stop(false);
+                self.frames.cut_off(false);
             }
-            (DeviceFault::Restart, _) => valve.restart(),
-            (DeviceFault::Emergency(code), _) => valve.emergency(code, out),
-            (DeviceFault::Fail(code), _) => valve.fail(code, out),
-            (DeviceFault::Stuck(part), _) => valve.stick(Some(part)),
-            (DeviceFault::Number(number), _) => *valve = SimulatedValve::new(number, device.full_scale),
-            _ => return Err("a valve has no such fault".to_owned()),
+            MachineFault::Stopped => self.frames.stop(true),
+            MachineFault::CutOff => self.frames.cut_off(true),
         }
-        if fault == DeviceFault::Well && valve.id() != number {
-            *valve = SimulatedValve::new(number, device.full_scale);
-        }
-        Ok(())
+    }
+}
+
+/// The flaw of a message, which may be the end of one.
+fn message_flaw(fault: DeviceFault) -> Option<Option<Flaw>> {
+    match fault {
+        DeviceFault::Well => Some(None),
+        DeviceFault::Hung => Some(Some(Flaw::Hung)),
+        DeviceFault::Wrong => Some(Some(Flaw::Wrong)),
+        _ => flaw(fault).map(Some),
     }
 }
 
@@ -158,24 +187,69 @@ fn flaw(fault: DeviceFault) -> Option<Flaw> {
     }
 }
 
-impl AxisDevices {
-    fn new(axis: &Axis) -> Result<Self, Failure> {
-        let missing = || Failure::usage(format!("axis.{}.can: found nothing; allowed: a table with nodes", axis.name));
-        let wired = axis.can.as_ref().ok_or_else(missing)?;
+impl EncoderNode {
+    fn new(axis: &Axis) -> Option<Self> {
+        let wired = axis.can.as_ref()?;
+        let number = NodeId::new(wired.encoder?)?;
         // A step that is none of a device is not compared either.
-        let step = can_proc::step(axis).unwrap_or(1);
-        let node = |number| NodeId::new(number).ok_or_else(missing);
-        let (encoder, valve) = (node(wired.encoder.unwrap_or_default())?, wired.valve.map(node).transpose()?);
-        let object = can_proc::position_object(wired);
-        Ok(Self {
-            encoder: SimulatedEncoder::new(encoder, object, step),
-            object,
-            step,
-            is_reversed: wired.is_reversed,
-            zero: wired.zero,
-            valve: valve.map(|id| SimulatedValve::new(id, wired.full_scale)),
-            full_scale: wired.full_scale,
-            numbers: (encoder, valve),
-        })
+        let (object, step) = (can_proc::position_object(wired), can_proc::step(axis).unwrap_or(1));
+        let device = SimulatedEncoder::new(number, object, step);
+        Some(Self { device, number, object, step, is_reversed: wired.is_reversed, zero: wired.zero })
+    }
+
+    fn spoil(&mut self, fault: DeviceFault, out: &mut Outbox) -> Result<(), String> {
+        let numbered = |number| SimulatedEncoder::new(number, self.object, self.step);
+        match (fault, flaw(fault)) {
+            (_, Some(flaw)) => self.device.spoil(Some(flaw)),
+            (DeviceFault::Well, _) => {
+                self.device.spoil(None);
+                self.device.alarm(0);
+                self.device.emergency(0, out);
+            }
+            (DeviceFault::Restart, _) => self.device.restart(),
+            (DeviceFault::Emergency(code), _) => self.device.emergency(code, out),
+            (DeviceFault::Alarm(alarms), _) => self.device.alarm(alarms),
+            (DeviceFault::Number(number), _) => self.device = numbered(number),
+            _ => return Err("an encoder has no such fault".to_owned()),
+        }
+        if fault == DeviceFault::Well && self.device.id() != self.number {
+            self.device = numbered(self.number);
+        }
+        Ok(())
+    }
+}
+
+impl ValveNode {
+    fn new(axis: &Axis) -> Option<Self> {
+        let wired = axis.can.as_ref()?;
+        let number = NodeId::new(wired.valve?)?;
+        Some(Self { device: SimulatedValve::new(number, wired.full_scale), number, full_scale: wired.full_scale })
+    }
+
+    fn spoil(&mut self, fault: DeviceFault, out: &mut Outbox) -> Result<(), String> {
+        match (fault, flaw(fault)) {
+            (_, Some(flaw)) => self.device.spoil(Some(flaw)),
+            (DeviceFault::Well, _) => {
+                self.device.spoil(None);
+                self.device.stick(None);
+                self.device.emergency(0, out);
+            }
+            (DeviceFault::Restart, _) => self.device.restart(),
+            (DeviceFault::Emergency(code), _) => self.device.emergency(code, out),
+            (DeviceFault::Fail(code), _) => self.device.fail(code, out),
+            (DeviceFault::Stuck(part), _) => self.device.stick(Some(part)),
+            (DeviceFault::Number(number), _) => self.device = SimulatedValve::new(number, self.full_scale),
+            _ => return Err("a valve has no such fault".to_owned()),
+        }
+        if fault == DeviceFault::Well && self.device.id() != self.number {
+            self.device = SimulatedValve::new(self.number, self.full_scale);
+        }
+        Ok(())
+    }
+}
+
+impl AxisNodes {
+    fn new(axis: &Axis) -> Self {
+        Self { encoder: EncoderNode::new(axis), valve: ValveNode::new(axis) }
     }
 }

@@ -1,4 +1,4 @@
-//! Faults of devices and bus, as lines of text: `boom.encoder mute`, `arm.valve stuck 0.3`, `bus full`.
+//! Faults of devices, machine and bus, as lines of text: `boom.encoder mute`, `machine stopped`, `bus full`.
 
 use can::canopen::NodeId;
 
@@ -6,6 +6,7 @@ use can::canopen::NodeId;
 pub const FAULTS: &str = "allowed: AXIS.encoder or AXIS.valve with well, mute, restart, babble, double, \
                           emergency CODE (hexadecimal) or number 1 to 127; AXIS.encoder alarm BITS (hexadecimal); \
                           AXIS.valve with stuck -1 to 1, fail CODE or no-timeout; \
+                          AXIS.encoder hung or wrong, of messages; machine with well, stopped or cut-off; \
                           bus with well, unplugged, off or full";
 
 /// What can be wrong with a device.
@@ -33,6 +34,21 @@ pub enum DeviceFault {
     Fail(u16),
     /// The own time-out of a valve does not act.
     NoTimeout,
+    /// The alive counter of a message stands still.
+    Hung,
+    /// A message is too short.
+    Wrong,
+}
+
+/// What can be wrong with a machine of messages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MachineFault {
+    /// Nothing any more.
+    Well,
+    /// Its emergency stop is pressed.
+    Stopped,
+    /// Its pilot pressure is cut off.
+    CutOff,
 }
 
 /// What can be wrong with the bus.
@@ -53,6 +69,8 @@ pub enum BusFault {
 pub enum Fault {
     /// Of the bus.
     Bus(BusFault),
+    /// Of the machine.
+    Machine(MachineFault),
     /// Of an encoder.
     Encoder(usize, DeviceFault),
     /// Of a valve.
@@ -71,6 +89,7 @@ impl Fault {
         let (value, rest) = (words.next(), words.next());
         let found = match target.rsplit_once('.') {
             None if target == "bus" && value.is_none() => bus_fault(fault).map(Self::Bus),
+            None if target == "machine" && value.is_none() => machine_fault(fault).map(Self::Machine),
             Some((axis, part @ ("encoder" | "valve"))) if rest.is_none() => {
                 let place = axes.iter().position(|name| name == axis).ok_or_else(refused)?;
                 let is_valve = part == "valve";
@@ -93,6 +112,15 @@ fn bus_fault(word: &str) -> Option<BusFault> {
     })
 }
 
+fn machine_fault(word: &str) -> Option<MachineFault> {
+    Some(match word {
+        "well" => MachineFault::Well,
+        "stopped" => MachineFault::Stopped,
+        "cut-off" => MachineFault::CutOff,
+        _ => return None,
+    })
+}
+
 fn device_fault(word: &str, value: Option<&str>, is_valve: bool) -> Option<DeviceFault> {
     let bits = |text: &str| u16::from_str_radix(text, 16).ok();
     Some(match (word, value) {
@@ -109,6 +137,8 @@ fn device_fault(word: &str, value: Option<&str>, is_valve: bool) -> Option<Devic
         }
         ("fail", Some(code)) if is_valve => DeviceFault::Fail(bits(code)?),
         ("no-timeout", None) if is_valve => DeviceFault::NoTimeout,
+        ("hung", None) if !is_valve => DeviceFault::Hung,
+        ("wrong", None) if !is_valve => DeviceFault::Wrong,
         _ => return None,
     })
 }
@@ -129,10 +159,13 @@ mod tests {
             Ok(Fault::Encoder(0, DeviceFault::Number(NodeId::new(12).unwrap())))
         );
         assert_eq!(parse("bus full"), Ok(Fault::Bus(BusFault::Full)));
+        assert_eq!(parse("machine cut-off"), Ok(Fault::Machine(MachineFault::CutOff)));
         for wrong in [
             "",
             "bus",
             "bus mute",
+            "machine mute",
+            "boom.valve hung",
             "bus full now",
             "boom mute",
             "bucket.encoder mute",

@@ -54,15 +54,17 @@ Example, a terminal for each line:
   hydraxis can simulate machine.toml --at /tmp/can
   hydraxis run machine.toml --set 'can.interface=\"/tmp/can\"'
 
-The machine file has source.kind = \"can\", the nodes of its devices, and the twin that is simulated behind them
-([axis.NAME.plant]). A pseudo terminal takes the place of an adapter that speaks slcan; --at is a link to it. An
-interface of the kernel, such as --at vcan0, is there already. Ctrl-C ends it: for the group that is an adapter that was
-unplugged.
+The machine file has source.kind = \"can\", the nodes or messages of its devices, and the twin that is simulated
+behind them ([axis.NAME.plant]). A pseudo terminal takes the place of an adapter that speaks slcan; --at is a link to
+it. An interface of the kernel, such as --at vcan0, is there already. Ctrl-C ends it: for the group that is an adapter
+that was unplugged.
 
-With --faults each line of the standard input is a fault: AXIS.encoder or AXIS.valve, or bus, and one of
+With --faults each line of the standard input is a fault: AXIS.encoder, AXIS.valve, machine or bus, and one of
   mute, restart, babble, double, emergency CODE, number NODE     a device
   alarm BITS                                                     an encoder
   stuck PART, fail CODE, no-timeout                              a valve
+  hung, wrong                                                    the message that has a position
+  stopped, cut-off                                               the machine, where its messages say so
   unplugged, off, full                                           the bus
   well                                                           the end of a fault
 What is typed and each opening and closing of a valve is told with its time, which is that at the simulated machine.
@@ -131,6 +133,10 @@ fn typed_lines() -> mpsc::Receiver<String> {
 fn inject(line: &str, devices: &mut Devices, wire: &mut Wire, out: &mut Outbox) -> Result<(), String> {
     match Fault::parse(line, devices.names())? {
         Fault::Bus(fault) => wire.spoil(fault).map_err(|error| format!("bus: {error}; {FAULTS}")),
+        Fault::Machine(fault) => {
+            devices.spoil_machine(fault);
+            Ok(())
+        }
         Fault::Encoder(place, fault) => devices.spoil_encoder(place, fault, out),
         Fault::Valve(place, fault) => devices.spoil_valve(place, fault, out),
     }

@@ -68,11 +68,6 @@ impl SimulatedFrames {
         Self { frames: frames.clone(), sent, drives, stuck, is_stopped: false, is_cut_off: false }
     }
 
-    /// Whether the position of this axis is in a message.
-    pub fn has_position(&self, axis: usize) -> bool {
-        self.frames.has_position(axis)
-    }
-
     /// Whether a message moves this axis.
     pub fn has_drive(&self, axis: usize) -> bool {
         self.frames.has_drive(axis)
@@ -110,20 +105,15 @@ impl SimulatedFrames {
     pub fn set_counts(&mut self, axis: usize, counts: i64) {
         let Some(position) = self.frames.axes.get(axis).and_then(|axis| axis.position) else { return };
         let counts = if position.is_reversed { counts.wrapping_neg() } else { counts };
-        self.put(position.source.0, |data| position.source.1.put_raw(position.zero.wrapping_add(counts), data));
+        let number = position.zero.wrapping_add(counts);
+        put(&mut self.sent, position.source.0, |data| position.source.1.put_raw(number, data));
     }
 
     /// Pressures of piston side and rod side of an axis, Pa.
     pub fn set_pressures(&mut self, axis: usize, pressures: [f64; 2]) {
         let Some(both) = self.frames.axes.get(axis).and_then(|axis| axis.pressures) else { return };
         for (((receiver, signal), pascal), pressure) in both.into_iter().zip(pressures) {
-            self.put(receiver, |data| signal.put(pressure / pascal, data));
-        }
-    }
-
-    fn put(&mut self, receiver: usize, put: impl FnOnce(&mut [u8; MAX_DATA])) {
-        if let Some(sent) = self.sent.get_mut(receiver) {
-            put(&mut sent.data);
+            put(&mut self.sent, receiver, |data| signal.put(pressure / pascal, data));
         }
     }
 
@@ -141,17 +131,16 @@ impl SimulatedFrames {
 
     /// Sends what is due, and stops the drives that hear nothing any more.
     pub fn step(&mut self, now_ns: u64, out: &mut Outbox) {
-        self.drives.iter_mut().for_each(|drive| drive.step(now_ns));
-        for i in 0..self.drives.len() {
-            for set_point in self.drives[i].settings.set_points.clone() {
-                let is_active = self.drives[i].is_active;
-                self.put(set_point.active.0, |data| set_point.active.1.put_raw(is_active.into(), data));
+        for drive in &mut self.drives {
+            drive.step(now_ns);
+            for SetPoint { active: (receiver, signal), .. } in &drive.settings.set_points {
+                put(&mut self.sent, *receiver, |data| signal.put_raw(drive.is_active.into(), data));
             }
         }
         let (is_stopped, has_pilot) = (self.is_stopped, !self.is_off());
         for (source, value) in [(self.frames.emergency_stop, is_stopped), (self.frames.pilot, has_pilot)] {
             if let Some((receiver, signal)) = source {
-                self.put(receiver, |data| signal.put_raw(value.into(), data));
+                put(&mut self.sent, receiver, |data| signal.put_raw(value.into(), data));
             }
         }
         self.sent.iter_mut().for_each(|sent| sent.step(now_ns, out));
@@ -229,6 +218,13 @@ impl Drive {
         let openings = set_points.iter().map(|set_point| if is_active { opening(set_point, data) } else { 0.0 });
         (self.heard_ns, self.is_active, self.is_off) = (now_ns, is_active, is_one_of(&[off]));
         self.openings = openings.collect();
+    }
+}
+
+/// Changes the data of a message that is sent.
+fn put(sent: &mut [Sent], receiver: usize, change: impl FnOnce(&mut [u8; MAX_DATA])) {
+    if let Some(sent) = sent.get_mut(receiver) {
+        change(&mut sent.data);
     }
 }
 

@@ -16,7 +16,7 @@ use crate::{
     frames::{Guard, Message, Signal},
 };
 
-/// Time that a drive may take to become active, ns.
+/// Time that a drive may take to become active, ns; one that was active has its own time-out where that is shorter.
 const FOLLOW_NS: u64 = 500_000_000;
 /// Least time between two proofs, ns.
 const PROOF_PAUSE_NS: u64 = 5_000_000_000;
@@ -74,6 +74,8 @@ pub struct FrameDrive {
     sent_ns: u64,
     /// Since when an axis that follows is not active, ns; 0 where all are.
     late_since_ns: u64,
+    /// Whether all axes have been active since the first of them follows.
+    was_active: bool,
     next_proof_ns: u64,
 }
 
@@ -89,6 +91,7 @@ impl FrameDrive {
             count: 0,
             sent_ns: 0,
             late_since_ns: 0,
+            was_active: false,
             next_proof_ns: 0,
         }
     }
@@ -143,11 +146,14 @@ impl FrameDrive {
             };
         } else if self.proof == Proof::Passed {
             let follows = self.demands.iter().any(|demand| matches!(demand, Demand::Follow(_)));
+            self.was_active = follows && (all || self.was_active);
+            // One that was active has stopped by itself: it must not go on by itself.
+            let patience_ns = if self.was_active { FOLLOW_NS.min(self.settings.timeout_ns) } else { FOLLOW_NS };
             if !follows || all {
                 self.late_since_ns = 0;
             } else if self.late_since_ns == 0 {
                 self.late_since_ns = now_ns.max(1);
-            } else if now_ns.saturating_sub(self.late_since_ns) >= FOLLOW_NS {
+            } else if now_ns.saturating_sub(self.late_since_ns) >= patience_ns {
                 self.fault = Some(Cause::Valve);
             }
         }

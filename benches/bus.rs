@@ -14,7 +14,7 @@ use can::{
 };
 use hdrhistogram::Histogram;
 use pipeline::{
-    channel::{Group, Prefix, Publisher},
+    channel::{Group, Prefix, Publisher, remove_leftovers},
     machine::{FOUR_AXES, Machine},
     message::EncoderReading,
 };
@@ -116,6 +116,8 @@ fn main() {
     }
     let last = reader.newest().expect("the channel can be read").if_new().copied();
     assert!(last.is_some(), "readings have come");
+    drop((reader, readings, group));
+    remove_leftovers(&prefix).expect("nobody else has the group");
     for (name, times) in [("decode and publish", &all), ("publish alone", &alone)] {
         let at = |quantile| times.value_at_quantile(quantile) as f64 * 1e-3;
         println!("{name}, {AXES} encoders, {CYCLES} times: p50 {:.2} us, p99 {:.2} us", at(0.5), at(0.99));

@@ -82,6 +82,8 @@ enum Flaw {
     MuteState,
     HungCounter,
     NoTimeout,
+    /// The drive hears nothing.
+    Deaf,
     Short,
     PilotOff,
     Stopped,
@@ -102,7 +104,7 @@ struct Machine {
 
 impl Machine {
     fn take(&mut self, frame: &Frame, now_ns: u64) {
-        if frame.raw_id() != database().message("Levers").unwrap().id {
+        if frame.raw_id() != database().message("Levers").unwrap().id || self.flaw == Some(Flaw::Deaf) {
             return;
         }
         let guard = Guard { counter: Some(signal("Levers.Alive")), checksum: Some((6, Checksum::Crc8J1850)) };
@@ -341,6 +343,23 @@ fn every_fault_of_a_message_stops_the_axes() {
     bench.machine.flaw = Some(Flaw::Stopped);
     bench.run(12);
     assert!(bench.network.is_stopped());
+}
+
+#[test]
+fn a_drive_that_has_stopped_by_itself_does_not_go_on_by_itself() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    // Its time-out, the message that says so, the same time once more, and a cycle of the bus.
+    bench.expect_stop_and_recovery(Flaw::Deaf, Cause::Valve, 2 * TIMEOUT_MS as u32 + CYCLE_MS as u32 + 6);
+    // It hears again right after that fault is due.
+    bench.machine.flaw = Some(Flaw::Deaf);
+    bench.run(2 * TIMEOUT_MS as u32 + CYCLE_MS as u32 + 6);
+    bench.machine.flaw = None;
+    for _ in 0..1000 {
+        bench.step();
+        assert_eq!(bench.machine.openings, [0.0; AXES]);
+    }
+    assert_eq!(bench.cause(), Some(Cause::Valve));
 }
 
 #[test]

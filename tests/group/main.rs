@@ -2,6 +2,7 @@
 
 mod arming;
 mod black_box;
+mod bus_faults;
 mod campaign;
 mod clean;
 mod control;

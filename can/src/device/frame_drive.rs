@@ -61,6 +61,13 @@ pub struct FrameDriveSettings {
     pub period_ns: u64,
 }
 
+impl FrameDriveSettings {
+    /// Place of an axis among the set points; `None` where the frame does not move it.
+    pub fn place(&self, axis: usize) -> Option<usize> {
+        self.set_points.iter().position(|set_point| set_point.axis == axis)
+    }
+}
+
 /// A drive.
 #[derive(Debug, Clone)]
 pub struct FrameDrive {
@@ -101,18 +108,15 @@ impl FrameDrive {
         &self.settings
     }
 
-    fn place(&self, axis: usize) -> Option<usize> {
-        self.settings.set_points.iter().position(|set_point| set_point.axis == axis)
-    }
-
     /// Whether it moves this axis.
     pub fn moves(&self, axis: usize) -> bool {
-        self.place(axis).is_some()
+        self.settings.place(axis).is_some()
     }
 
     /// The bus is gone: the time-out is proven anew once it is back.
     pub fn lose_bus(&mut self) {
-        (self.proof, self.fault, self.late_since_ns) = (Proof::Waiting, None, 0);
+        (self.proof, self.fault) = (Proof::Waiting, None);
+        (self.late_since_ns, self.was_active) = (0, false);
     }
 
     /// Judges the drive, and sends its frame where it is due.
@@ -172,7 +176,7 @@ impl FrameDrive {
 
     /// Takes another demand of an axis. One that makes it neutral is sent at once.
     pub fn demand(&mut self, axis: usize, demand: Demand, now_ns: u64, out: &mut Outbox) {
-        let Some(place) = self.place(axis) else { return };
+        let Some(place) = self.settings.place(axis) else { return };
         let stops = matches!(self.demands[place], Demand::Follow(_)) && !matches!(demand, Demand::Follow(_));
         let is_command = self.demands[place] != demand;
         self.demands[place] = demand;
@@ -230,7 +234,7 @@ impl FrameDrive {
 
     /// What is wrong with the drive, or with the signal by which it says that this axis follows.
     pub fn fault(&self, axis: usize, receivers: &[Receiver]) -> Option<Fault> {
-        let place = self.place(axis)?;
+        let place = self.settings.place(axis)?;
         let (receiver, _) = self.settings.set_points[place].active;
         let own = |cause| Fault { cause, node: FRAME, detail: self.settings.message.id as u16 };
         receivers.get(receiver).and_then(Receiver::fault).or(match self.proof {

@@ -9,7 +9,7 @@
 //! A drive is active from the first message of its active state on, and until one of another state comes or none comes
 //! for its time-out.
 
-use super::Flaw;
+use super::node::{BABBLE, Flaw};
 use crate::{
     Frame, MAX_DATA,
     device::{FrameDriveSettings, Frames, Outbox, Pattern, Receiver, SetPoint},
@@ -19,9 +19,6 @@ use embedded_can::Frame as _;
 
 /// Messages within a time-out of their receiver.
 const WITHIN_TIMEOUT: u64 = 3;
-/// Messages of one that babbles, at each step.
-const BABBLE: usize = 3;
-
 /// A message that the machine sends.
 #[derive(Debug, Clone)]
 struct Sent {
@@ -93,7 +90,7 @@ impl SimulatedFrames {
 
     /// What is wrong from now on with the drive of this axis.
     pub fn spoil_drive(&mut self, axis: usize, flaw: Option<Flaw>) {
-        self.drives.iter_mut().filter(|drive| drive.place(axis).is_some()).for_each(|drive| drive.flaw = flaw);
+        self.drives.iter_mut().filter(|drive| drive.settings.place(axis).is_some()).for_each(|drive| drive.flaw = flaw);
     }
 
     /// The spool of this axis is stuck at this part of full scale.
@@ -120,7 +117,7 @@ impl SimulatedFrames {
     /// How far the spool of an axis is open, -1 to 1; `None` of an axis without a drive.
     pub fn opening(&self, axis: usize) -> Option<f64> {
         let stuck = self.stuck.get(axis).copied().flatten();
-        let commanded = self.drives.iter().find_map(|drive| Some(drive.openings[drive.place(axis)?]))?;
+        let commanded = self.drives.iter().find_map(|drive| Some(drive.openings[drive.settings.place(axis)?]))?;
         Some(stuck.unwrap_or(if self.is_off() { 0.0 } else { commanded }))
     }
 
@@ -189,10 +186,6 @@ impl Drive {
     fn new(settings: FrameDriveSettings) -> Self {
         let openings = vec![0.0; settings.set_points.len()];
         Self { settings, counter: None, heard_ns: 0, is_active: false, is_off: false, openings, flaw: None }
-    }
-
-    fn place(&self, axis: usize) -> Option<usize> {
-        self.settings.set_points.iter().position(|set_point| set_point.axis == axis)
     }
 
     fn step(&mut self, now_ns: u64) {

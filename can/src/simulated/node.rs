@@ -24,8 +24,8 @@ pub enum Flaw {
     Wrong,
 }
 
-/// Messages of a babbling device at each step.
-const BABBLE: usize = 3;
+/// Messages of one that babbles at each step.
+pub(super) const BABBLE: usize = 3;
 
 /// States, heartbeat and service data of a device.
 #[derive(Debug, Clone)]

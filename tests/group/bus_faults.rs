@@ -2,7 +2,6 @@
 //! by itself. The devices are those of `hydraxis can simulate` on a pseudo terminal.
 
 use std::{
-    path::Path,
     process::{Child, Stdio},
     time::Duration,
 };
@@ -56,15 +55,54 @@ fn await_well(readings: &mut Reader<EncoderReading>, prefix: &str) {
     });
 }
 
+/// Bus, machine file and settings of a group with its devices.
+struct Setting {
+    folder: tempfile::TempDir,
+    machine: String,
+    more: Vec<String>,
+}
+
+impl Setting {
+    /// The axes of [`FOUR_AXES`] by CANopen. `is_busy`: with the times of a busy computer.
+    fn canopen(is_busy: bool) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let mut settings = bus::settings(&folder.path().join("bus"));
+        settings.retain(|(key, _)| is_busy || !bus::TIMES.contains(&key.as_str()));
+        Self { folder, machine: FOUR_AXES.to_owned(), more: bus::arguments(&settings) }
+    }
+
+    /// The same by messages of a machine of its own.
+    fn messages(is_busy: bool) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let machine = folder.path().join("machine.toml");
+        let text = std::fs::read_to_string(FOUR_AXES).unwrap();
+        std::fs::write(&machine, format!("{text}\n{}", bus::messages(&folder.path().join("bus")))).unwrap();
+        let mut more = vec!["--set", "source.kind=can"];
+        more.extend(["--set", "timing.drive_timeout=200ms"].iter().filter(|_| is_busy));
+        let more = more.into_iter().map(str::to_owned).collect();
+        Self { folder, machine: machine.to_str().unwrap().to_owned(), more }
+    }
+
+    /// Starts the devices, and a group with these further arguments.
+    fn start(&self, test: &str, times: &[&str]) -> (Spoiled, Running) {
+        let devices = Spoiled::start(&self.machine, &self.folder.path().join("bus"), &self.more);
+        let mut arguments = [times, &["--duration", "20min", &self.machine]].concat();
+        arguments.extend(self.more.iter().map(String::as_str));
+        let kinds = [StageKind::SensorProc, StageKind::IdentProc, StageKind::ControlProc];
+        (devices, Running::spawn(test, &arguments, &kinds, |_| ()))
+    }
+}
+
+/// Ends a fault.
+fn mend(devices: &mut Spoiled, fault: &str) {
+    devices.spoil(&format!("{} well", &fault[..fault.find(' ').unwrap()]));
+}
+
 /// Whatever happens to bus or devices while an axis moves: its valve becomes neutral, it is latched, and nothing opens
 /// after that, also when all is well again, until it was acknowledged and armed.
-fn expect_no_motion_after(test: &str, machine: &str, (at, more): (&Path, &[String]), faults: &[(&str, u32)]) {
+fn expect_no_motion_after(test: &str, setting: &Setting, faults: &[(&str, u32)]) {
     let _cores = shared();
-    let mut devices = Spoiled::start(machine, at, more);
-    let mut arguments = [&PATIENT[..], &["--duration", "10min", machine]].concat();
-    arguments.extend(more.iter().map(String::as_str));
-    let kinds = [StageKind::SensorProc, StageKind::IdentProc, StageKind::ControlProc];
-    let mut running = Running::spawn(test, &arguments, &kinds, |_| ());
+    let (mut devices, mut running) = setting.start(test, &PATIENT);
     let channels = running.group.join();
     let (mut readings, mut commands) = (channels.reader().unwrap(), channels.reader().unwrap());
     let prefix = running.group.prefix.to_string();
@@ -77,7 +115,7 @@ fn expect_no_motion_after(test: &str, machine: &str, (at, more): (&Path, &[Strin
         devices.await_line("boom.valve: neutral");
         await_message(&mut commands, fault, |command: &ValveCommand| command.axes[0].flags & cause != 0);
         std::thread::sleep(Duration::from_millis(500));
-        devices.spoil(&format!("{} well", &fault[..fault.find(' ').unwrap()]));
+        mend(&mut devices, fault);
         std::thread::sleep(Duration::from_secs(2));
         let opened: Vec<String> = devices.lines().into_iter().filter(|line| line.ends_with(": open")).collect();
         assert!(opened.is_empty(), "after {fault}: {opened:?}");
@@ -88,41 +126,75 @@ fn expect_no_motion_after(test: &str, machine: &str, (at, more): (&Path, &[Strin
     assert!(said.stderr.contains(" foreign frames, "), "{}", said.stderr);
 }
 
+const OF_DEVICES: [&str; 8] = [
+    "boom.encoder mute",
+    "boom.encoder number 99",
+    "boom.encoder number 12",
+    "boom.valve restart",
+    "boom.valve fail 5000",
+    "bus off",
+    "bus full",
+    "bus unplugged",
+];
+const OF_MESSAGES: [&str; 6] = [
+    "boom.encoder mute",
+    "boom.encoder hung",
+    "boom.encoder wrong",
+    "boom.valve mute",
+    "machine cut-off",
+    "bus unplugged",
+];
+
 #[test]
 fn no_axis_moves_after_a_fault_of_bus_or_devices_before_it_is_acknowledged() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = folder.path().join("bus");
-    let faults = [
-        "boom.encoder mute",
-        "boom.encoder number 99",
-        "boom.encoder number 12",
-        "boom.valve restart",
-        "boom.valve fail 5000",
-        "bus off",
-        "bus full",
-        "bus unplugged",
-    ]
-    .map(|fault| (fault, control_flag::FEEDBACK));
-    let more = bus::arguments(&bus::settings(&at));
-    expect_no_motion_after("can-faults", FOUR_AXES, (&at, &more), &faults);
+    let faults = OF_DEVICES.map(|fault| (fault, control_flag::FEEDBACK));
+    expect_no_motion_after("can-faults", &Setting::canopen(true), &faults);
 }
 
 #[test]
 fn no_axis_moves_after_a_fault_of_messages_before_it_is_acknowledged() {
-    let folder = tempfile::tempdir().unwrap();
-    let (at, machine) = (folder.path().join("bus"), folder.path().join("machine.toml"));
-    let text = std::fs::read_to_string(FOUR_AXES).unwrap();
-    std::fs::write(&machine, format!("{text}\n{}", bus::messages(&at))).unwrap();
-    let feedback = [
-        "boom.encoder mute",
-        "boom.encoder hung",
-        "boom.encoder wrong",
-        "boom.valve mute",
-        "machine cut-off",
-        "bus unplugged",
-    ]
-    .map(|fault| (fault, control_flag::FEEDBACK));
+    let feedback = OF_MESSAGES.map(|fault| (fault, control_flag::FEEDBACK));
     let faults = [&feedback[..], &[("machine stopped", control_flag::EMERGENCY_STOP)]].concat();
-    let more = ["--set", "source.kind=can", "--set", "timing.drive_timeout=200ms"].map(str::to_owned);
-    expect_no_motion_after("message-faults", machine.to_str().unwrap(), (&at, &more), &faults);
+    expect_no_motion_after("message-faults", &Setting::messages(true), &faults);
+}
+
+/// Prints how long after each fault the valve of the moving axis is neutral, ms: minimum, median and maximum. The group
+/// has its usual times, and SCHED_FIFO where that is allowed.
+fn print_times(test: &str, setting: &Setting, faults: &[&str]) {
+    const TIMES: usize = 10;
+    const LONGEST: f64 = 1000.0;
+    let priorities: Vec<String> =
+        StageKind::ALL.iter().map(|stage| format!("stage.{}.priority=50", stage.name())).collect();
+    let settings: Vec<&str> = priorities.iter().flat_map(|priority| ["--set", priority]).collect();
+    let (mut devices, mut running) = setting.start(test, &settings);
+    let channels = running.group.join();
+    let mut readings = channels.reader().unwrap();
+    let prefix = running.group.prefix.to_string();
+    for fault in faults {
+        let mut times: Vec<f64> = (0..TIMES)
+            .map(|i| {
+                await_well(&mut readings, &prefix);
+                let mut driving = drive(&mut devices, &prefix, if i % 2 == 0 { "0.6" } else { "-0.6" });
+                devices.spoil(fault);
+                let line = devices.await_line("boom.valve: neutral");
+                mend(&mut devices, fault);
+                let _ = driving.kill();
+                driving.wait().unwrap();
+                line.split("neutral, ").nth(1).and_then(|after| after.split(' ').next()?.parse().ok()).unwrap()
+            })
+            .collect();
+        times.sort_by(f64::total_cmp);
+        println!("{fault}: {:.0}, {:.0}, {:.0} ms", times[0], times[TIMES / 2], times[TIMES - 1]);
+        assert!(times[TIMES - 1] < LONGEST, "{fault}: {times:?}");
+    }
+    running.interrupt();
+}
+
+#[test]
+#[ignore = "takes ten minutes, and cores that others leave alone; its figures are in docs/src/faults.md"]
+fn how_long_after_a_fault_of_the_bus_a_valve_is_neutral() {
+    let more = ["boom.valve mute", "boom.encoder restart", "boom.encoder emergency 5000"];
+    let devices = [&OF_DEVICES[..], &more, &["boom.encoder alarm 1", "boom.encoder double"]].concat();
+    print_times("can-times", &Setting::canopen(false), &devices);
+    print_times("message-times", &Setting::messages(false), &[&OF_MESSAGES[..], &["machine stopped"]].concat());
 }

@@ -12,6 +12,9 @@ use rustix::process::Signal;
 
 use super::{FOUR_AXES, hydraxis, signal, wait_for};
 
+/// Those of [`settings`] that are for a busy computer.
+pub const TIMES: [&str; 2] = ["can.heartbeat", "timing.drive_timeout"];
+
 /// Settings that put the axes of [`FOUR_AXES`] on the bus at this link. The times are those of a busy computer.
 pub fn settings(at: &Path) -> Vec<(String, String)> {
     let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());

@@ -3,8 +3,9 @@
 //! ```text
 //! d           = v - v_r
 //! a flip      d passes +h after it has been below -h, or -h after it has been above +h          h = max(h_0, V/2)
-//!             while d and v have one sign: the axis goes back, or faster than its reference
-//! c(k)        = exp(-n T/W) c(k-1), 1 more at a flip, 2 more where the last |d| was above 2 h,
+//!             while d and v have one sign: the axis goes back, or faster than its reference; not after W on one side
+//! a half wave ends with a flip whose time since the last one is 1/4 to 4 of that before, or the first flips of all
+//! c(k)        = exp(-n T/W) c(k-1), 1 more at the end of a half wave, 2 more where its |d| was above 2 h,
 //!               2 less when the reference turns, 0 at least                                      W = max(3 s, 20 L)
 //! swings      c > 3
 //!
@@ -26,7 +27,8 @@
 //! Traps: the swing has to be found before it is faster than `max_speed`, where its positions are not believed any
 //! more and the axis latches for another cause; hence speeds and not errors. A faster position has jumped, which is no
 //! swing. And a load swings on for a while under any controller; hence the time after a step. Without it the gains of
-//! an axis that others have shaken go down for nothing.
+//! an axis that others have shaken go down for nothing. And ground that gives way throws an axis forward, which comes
+//! back, now and then; a loop that swings does it in a rhythm. Lower gains would let the ground throw it further.
 //!
 //! Runs in the loop: nothing here allocates after construction.
 
@@ -48,6 +50,8 @@ const TURN: f64 = 2.0;
 const VIOLENT: f64 = 2.0;
 /// Speed to and fro beyond which an axis latches at the end, in parts of the largest speed.
 pub const LARGEST_SWING: f64 = VIOLENT * FLOOR.0;
+/// Most by which one half wave is longer than the other.
+const RHYTHM: f64 = 4.0;
 /// Time in which a load swings on after a step, in s and in reactions of the axis.
 const TRANSIENT: (f64, f64) = (1.0, 6.0);
 /// Time without a swing after which a step is taken back, s, and how often it is doubled at most.
@@ -107,6 +111,28 @@ pub struct Pace {
     pub reference: f64,
 }
 
+/// The side of its reference on which the axis was last, and since when.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct HalfWave {
+    /// Largest d on that side, m/s; 0 for none yet.
+    peak: f64,
+    /// Time since the flip to this side, and since d was beyond h there, s.
+    age: f64,
+    quiet: f64,
+    /// Length of the one before, s; 0 for none.
+    before: f64,
+}
+
+impl HalfWave {
+    /// No half wave yet.
+    const NONE: Self = Self { peak: 0.0, age: 0.0, quiet: 0.0, before: 0.0 };
+
+    /// Whether a flip now is one of a rhythm.
+    fn is_regular(&self) -> bool {
+        self.before == 0.0 || (self.before / RHYTHM..=self.before * RHYTHM).contains(&self.age)
+    }
+}
+
 /// The watch of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hunting {
@@ -119,8 +145,9 @@ pub struct Hunting {
     fastest: f64,
     /// h_0, m/s; infinite where a swing costs no authority.
     floor: f64,
-    /// Largest d on the side on which it was last beyond h, and the last speed of the reference; 0 for none yet.
-    sides: (f64, f64),
+    half_wave: HalfWave,
+    /// The last speed of the reference that was not 0, m/s; 0 for none yet.
+    turned_from: f64,
     /// V2, m2/s2.
     speed: f64,
     /// c, and the number of flips from beyond 2 h, which fades alike.
@@ -151,7 +178,8 @@ impl Hunting {
             transient: TRANSIENT.0.max(TRANSIENT.1 * reaction),
             fastest: axis.max_speed,
             floor: if axis.control.caution { floor } else { f64::INFINITY },
-            sides: (0.0, 0.0),
+            half_wave: HalfWave::NONE,
+            turned_from: 0.0,
             speed: 0.0,
             counts: [0.0; 2],
             caution: Caution::Free,
@@ -163,7 +191,7 @@ impl Hunting {
 
     /// Forgets all: the axis begins to follow.
     pub fn reset(&mut self) {
-        (self.sides, self.speed, self.counts) = ((0.0, 0.0), 0.0, [0.0; 2]);
+        (self.half_wave, self.turned_from, self.speed, self.counts) = (HalfWave::NONE, 0.0, 0.0, [0.0; 2]);
         (self.caution, self.quiet, self.steps) = (Caution::Free, 0.0, 0);
         self.since = f64::INFINITY;
     }
@@ -200,24 +228,34 @@ impl Hunting {
     fn count(&mut self, &Pace { axis, reference, .. }: &Pace, time: f64) {
         let part = 1.0 - (-time / self.window).exp();
         self.speed += part * (reference * reference - self.speed);
-        let turn = if reference * self.sides.1 < 0.0 { TURN } else { 0.0 };
+        let turn = if reference * self.turned_from < 0.0 { TURN } else { 0.0 };
         self.counts = self.counts.map(|count| ((1.0 - part) * count - turn).max(0.0));
         if reference != 0.0 {
-            self.sides.1 = reference;
+            self.turned_from = reference;
         }
-        let (difference, side) = (axis - reference, self.sides.0);
+        let half_wave = &mut self.half_wave;
+        (half_wave.age, half_wave.quiet) = (half_wave.age + time, half_wave.quiet + time);
+        if half_wave.quiet > self.window {
+            *half_wave = HalfWave::NONE;
+        }
+        let difference = axis - reference;
         let bound = self.floor.max(OF_REFERENCE * self.speed.sqrt());
         let is_behind = difference * axis <= 0.0;
         if difference.abs() <= bound || is_behind || axis.abs() > self.fastest {
             return;
         }
-        if difference * side < 0.0 {
-            let is_violent = side.abs() > VIOLENT * bound;
-            self.counts[0] += if is_violent { 2.0 } else { 1.0 };
-            self.counts[1] += f64::from(u8::from(is_violent));
-            self.sides.0 = difference;
-        } else if difference.abs() > side.abs() {
-            self.sides.0 = difference;
+        half_wave.quiet = 0.0;
+        if half_wave.peak == 0.0 {
+            *half_wave = HalfWave { peak: difference, ..HalfWave::NONE };
+        } else if difference * half_wave.peak < 0.0 {
+            if half_wave.is_regular() {
+                let is_violent = half_wave.peak.abs() > VIOLENT * bound;
+                self.counts[0] += if is_violent { 2.0 } else { 1.0 };
+                self.counts[1] += f64::from(u8::from(is_violent));
+            }
+            *half_wave = HalfWave { peak: difference, age: 0.0, quiet: 0.0, before: half_wave.age };
+        } else if difference.abs() > half_wave.peak.abs() {
+            half_wave.peak = difference;
         }
     }
 }
@@ -287,6 +325,31 @@ mod tests {
         assert_eq!(steps(true, swing(1.0, 0.5), turns), none);
         // A load that sags and is brought back is one way and back.
         assert_eq!(steps(true, |t, _| if t < 0.5 { -0.4 } else { 0.1 }, |_| 0.0), none);
+    }
+
+    /// The ground gives way again and again: the axis is thrown forward and comes back each time.
+    #[test]
+    fn a_load_that_lets_go_now_and_then_is_no_swing() {
+        let thrown = |t: f64| match t {
+            0.0..0.08 => 0.6,
+            0.08..0.2 => -0.4,
+            _ => 0.0,
+        };
+        for times in [[1.0, 2.1, 3.4, 4.2, 5.6, 7.0], [1.0, 1.6, 2.2, 2.8, 3.4, 4.0], [1.0, 6.0, 6.8, 12.0, 12.7, 18.0]]
+        {
+            for by_model in [false, true] {
+                let axis = |t: f64, _| times.iter().map(|begin| thrown(t - begin)).sum();
+                assert_eq!(steps(by_model, axis, |_| 0.0), (Vec::new(), None), "{times:?}");
+            }
+        }
+    }
+
+    /// A worn valve sticks the one way and not the other, so that its half waves are not alike.
+    #[test]
+    fn a_swing_whose_half_waves_differ_is_found() {
+        let swing = |t: f64, _| if t.fract() < 0.25 { 0.5 } else { -0.5 / 3.0 };
+        let (steps, _) = steps(true, swing, |_| 0.0);
+        assert!(steps.first().is_some_and(|t| *t < 3.0), "{steps:?}");
     }
 
     #[test]

@@ -110,8 +110,17 @@ pub struct AxisResult {
     pub error: ErrorStatistics,
     /// Ticks that a model controlled.
     pub by_model: u64,
-    /// Whether a fault had latched the axis at the end.
-    pub is_latched: bool,
+    /// The last fault that latched the axis, if it was still latched at the end.
+    pub latched: Option<Latch>,
+}
+
+/// A fault that latched an axis.
+#[derive(Debug, Clone, Copy)]
+pub struct Latch {
+    /// Time since the start of the course, s.
+    pub time: f64,
+    /// What the fault was, [`control_flag`] bits.
+    pub causes: u32,
 }
 
 impl Contest {
@@ -204,7 +213,9 @@ impl Contest {
                 let position = plant.axes()[index].position;
                 result.error.push(generator.position(index, t).unwrap_or(position) - position);
                 result.by_model += u64::from(command.mode == ControlMode::Model as u32);
-                result.is_latched = command.flags & control_flag::LATCHED != 0;
+                let is_latched = command.flags & control_flag::LATCHED != 0;
+                let latch = Latch { time: command.latched_at as f64 * period, causes: command.latched_by };
+                result.latched = is_latched.then_some(latch);
             }
             Ok(())
         })?;

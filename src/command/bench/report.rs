@@ -2,10 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use pipeline::statistics::ErrorStatistics;
+use pipeline::{
+    machine::Axis,
+    message::{bit_names, control_flag},
+    statistics::ErrorStatistics,
+};
 use serde::Serialize;
 
-use super::contest::{AxisResult, Case, Contest};
+use super::contest::{AxisResult, Case, Contest, Entry};
 use crate::report::table::{number, table};
 
 /// All figures; SI units.
@@ -25,9 +29,19 @@ struct BenchRow {
     errors: TrackingErrors,
     /// Part of the ticks at which a model controlled, from 0 to 1.
     by_model: f64,
-    /// Number of axes, over all seeds, that a fault had latched at the end.
-    latched: u64,
+    /// The axes, over all seeds, that a fault had latched at the end.
+    latched: Vec<LatchedAxis>,
     axes: BTreeMap<String, TrackingErrors>,
+}
+
+/// An axis that a fault had latched.
+#[derive(Debug, Serialize)]
+struct LatchedAxis {
+    axis: String,
+    seed: u64,
+    /// Time since the start of the course, s.
+    time_s: f64,
+    causes: Vec<&'static str>,
 }
 
 /// Statistics of reference minus true position, m.
@@ -76,10 +90,9 @@ impl BenchReport {
     /// Two tables: one line per controller and dead time, and one line per scenario and dead time.
     pub fn tables(&self) -> String {
         let mut text = self.by_controller() + &self.by_scenario();
-        let latched: u64 = self.rows.iter().map(|row| row.latched).sum();
+        let latched: usize = self.rows.iter().map(|row| row.latched.len()).sum();
         if latched > 0 {
-            text +=
-                &format!("{latched} times a fault latched an axis; --json says under which controller and scenario.\n");
+            text += &format!("{latched} times a fault latched an axis; --json says which fault, when and where.\n");
         }
         text
     }
@@ -153,10 +166,19 @@ impl BenchRow {
             dead_time_s: entry.dead_time.as_secs_f64(),
             errors: statistics.into(),
             by_model: all().map(|result| result.by_model).sum::<u64>() as f64 / statistics.count as f64,
-            latched: all().map(|result| u64::from(result.is_latched)).sum(),
+            latched: runs.iter().flat_map(|(case, axes)| latched(entry, case.seed, axes)).collect(),
             axes: axes.collect(),
         }
     }
+}
+
+fn latched(entry: &Entry, seed: u64, results: &[AxisResult]) -> Vec<LatchedAxis> {
+    let latched = |(axis, result): (&Axis, &AxisResult)| {
+        let latch = result.latched?;
+        let causes = bit_names(latch.causes, &control_flag::NAMES).collect();
+        Some(LatchedAxis { axis: axis.name.clone(), seed, time_s: latch.time, causes })
+    };
+    entry.axes.iter().zip(results).filter_map(latched).collect()
 }
 
 fn merged<'a>(parts: impl Iterator<Item = &'a ErrorStatistics>) -> ErrorStatistics {

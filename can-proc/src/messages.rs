@@ -1,12 +1,13 @@
 //! The messages of a machine file that are no CANopen: DBC file, signals, drives.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, f64::consts::TAU};
 
 use can::{
     device::{AxisFrames, FrameDrive, FrameDriveSettings, Frames, Pattern, Receiver, SetPoint, SignalPosition, Source},
     frames::{Checksum, Database, Guard, Message, NamedSignal, Signal},
 };
-use pipeline::machine::{Axis, CanBus, CanMessage, CanSignals, ChecksumKind, Machine};
+use mechanism::AXES;
+use pipeline::machine::{AngleKind, Axis, CanBus, CanMessage, CanSignals, ChecksumKind, Machine};
 
 use crate::{error::WiringError, judge::Uses};
 
@@ -15,7 +16,7 @@ const PRESSURES: [(&str, f64); 5] = [("Pa", 1.0), ("kPa", 1e3), ("bar", 1e5), ("
 /// m of a unit of length.
 const LENGTHS: [(&str, f64); 4] = [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6)];
 /// rad of a degree.
-const DEGREE: f64 = std::f64::consts::PI / 180.0;
+const DEGREE: f64 = TAU / 360.0;
 /// rad of a unit of angle.
 const ANGLES: [(&str, f64); 4] = [("rad", 1.0), ("mrad", 1e-3), ("deg", DEGREE), ("°", DEGREE)];
 /// Part by which the length of a count may differ between machine file and data base.
@@ -45,7 +46,7 @@ pub fn frames(machine: &Machine, bus: &CanBus) -> Result<Frames, WiringError> {
             expect_scale(axis, &key("position"), &wiring.signal(&key("position"), name)?.1)?;
             let source = wiring.source(&key("position"), name)?;
             let position = SignalPosition { source, is_reversed, zero };
-            expect_range(axis, &key("position"), name, &position)?;
+            expect_range((machine, i), &key("position"), name, &position)?;
             own.position = Some(position);
         }
         if let Some([piston, rod]) = &signals.pressures {
@@ -263,19 +264,39 @@ fn expect_own(before: &[Axis], key: &str, name: &str) -> Result<(), WiringError>
     Err(WiringError::Text(format!("{key}: found {name}, the position of axis.{}; allowed: {allowed}", other.name)))
 }
 
-/// Refuses the position of a cylinder that the signal cannot say at both soft limits.
-fn expect_range(axis: &Axis, key: &str, name: &str, position: &SignalPosition) -> Result<(), WiringError> {
-    if axis.encoder.angle.is_some() {
-        return Ok(());
-    }
+/// Refuses a position that the signal cannot say at the soft limits: of a cylinder at its own, of a sensor at a joint
+/// with all cylinders that move the joint at theirs.
+fn expect_range(
+    (machine, i): (&Machine, usize),
+    key: &str,
+    name: &str,
+    position: &SignalPosition,
+) -> Result<(), WiringError> {
+    let axis = &machine.axes[i];
     let sign = if position.is_reversed { -1.0 } else { 1.0 };
-    for limit in <[f64; 2]>::from(axis.soft_limits) {
-        let number = position.zero as f64 + sign * (limit / axis.encoder.resolution).round();
-        if !position.source.1.has(number) {
-            let allowed = "a signal with numbers for both soft limits, or another zero";
-            return Err(WiringError::Text(format!(
-                "{key}: found {name}, which has no {number} for {limit} m; allowed: {allowed}"
-            )));
+    let number = |count: f64| position.zero as f64 + sign * count.round();
+    let refused = |number: f64, at: &str| {
+        let allowed = "a signal with numbers for both soft limits, or another zero";
+        Err(WiringError::Text(format!("{key}: found {name}, which has no {number} for {at}; allowed: {allowed}")))
+    };
+    let Some((sensor, mechanism)) = axis.encoder.angle.zip(machine.mechanism) else {
+        let limits = <[f64; 2]>::from(axis.soft_limits);
+        let numbers = limits.map(|limit| (number(limit / axis.encoder.resolution), limit));
+        let lacking = numbers.into_iter().find(|(number, _)| !position.source.1.has(*number));
+        return lacking.map_or(Ok(()), |(number, limit)| refused(number, &format!("{limit} m")));
+    };
+    let mechanism = mechanism.prepared();
+    for corner in 0..1_u32 << AXES {
+        let limits = std::array::from_fn(|i| <[f64; 2]>::from(machine.axes[i].soft_limits)[(corner >> i & 1) as usize]);
+        let pose = mechanism.pose(&limits);
+        let rotation = match sensor.kind {
+            AngleKind::RotaryEncoder => pose.joint(sensor.joint),
+            AngleKind::Inclinometer => pose.body(sensor.joint),
+        };
+        // A sensor may begin its turn anywhere.
+        let numbers = [0.0, -TAU, TAU].map(|turn| number((rotation.angle() + turn - sensor.zero) / sensor.resolution));
+        if !numbers.iter().any(|number| position.source.1.has(*number)) {
+            return refused(numbers[0], &format!("{:.3} rad", rotation.angle()));
         }
     }
     Ok(())
@@ -316,178 +337,4 @@ fn expect_scale(axis: &Axis, key: &str, named: &NamedSignal) -> Result<(), Wirin
 }
 
 #[cfg(test)]
-mod tests {
-    use std::path::Path;
-
-    use can::{
-        Frame, Received,
-        device::{Cause, Fault},
-    };
-
-    use super::*;
-
-    const EXCAVATOR: &str = include_str!("../../examples/excavator.toml");
-    const TABLES: &str = include_str!("../../examples/excavator-can.toml");
-
-    /// The excavator with the tables of the example, one of whose texts is replaced.
-    fn machine(from: &str, to: &str) -> Result<Machine, String> {
-        assert!(TABLES.contains(from), "{from}");
-        let mut settings = vec![("source.kind", "can"), ("timing.drive_timeout", "100ms")];
-        settings.push(("axis.telescope.encoder.resolution", "1e-4"));
-        let mut settings: Vec<(String, String)> =
-            settings.into_iter().map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
-        for axis in ["boom", "arm", "bucket"] {
-            settings.push((format!("axis.{axis}.encoder.kind"), "rotary-encoder".to_owned()));
-            settings.push((format!("axis.{axis}.encoder.angle_resolution"), "1e-4".to_owned()));
-        }
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
-        let text = format!("{EXCAVATOR}\n{}", TABLES.replacen(from, to, 1));
-        Machine::parse(&text, "m.toml", &folder, &settings).map_err(|error| error.to_string())
-    }
-
-    #[test]
-    fn the_example_is_a_machine_whose_messages_are_known() {
-        let mut network = crate::network(&machine("", "").unwrap()).unwrap();
-        let held = Fault::of(network.reading(0).unwrap().1).unwrap();
-        assert_eq!((held.cause, held.detail), (Cause::Absent, 0x0100), "message 18FF0100h of the boom");
-        // A good message of the boom: its count is 1, and its checksum fits.
-        let mut data = [0x10, 0x27, 0, 0, 60, 0, 1, 0];
-        data[7] = data.iter().fold(0, |sum, byte| sum ^ byte);
-        let id = embedded_can::ExtendedId::new(0x18FF_0100).unwrap();
-        let frame = <Frame as embedded_can::Frame>::new(id, &data).unwrap();
-        network.take(&Received { frame, time_ns: 1000 }, 1000);
-        assert_eq!((network.reading(0).unwrap().0, network.pressures(0)), (10_000, Some([12e6, 0.0])));
-        // Without a SYNC: there is no node.
-        network.begin(2000);
-        assert!(network.outbox().frames().iter().all(|frame| frame.standard_id().is_none()));
-    }
-
-    /// Each text is replaced by the next one, and the network says the last one.
-    fn expect_refused(cases: &[(&str, &str, &str)]) {
-        for (from, to, expected) in cases {
-            let said = crate::network(&machine(from, to).unwrap()).unwrap_err().to_string();
-            assert!(said.contains(expected), "{said}");
-        }
-    }
-
-    #[test]
-    fn names_and_values_that_are_none_are_refused() {
-        expect_refused(&[
-            ("\"excavator.dbc\"", "\"none.dbc\"", "can.dbc: "),
-            ("BoomState.Angle", "BoomState.Angel", "axis.boom.can.position: found \"Angel\"; allowed: a signal of"),
-            ("Levers.Boom", "Lever.Boom", "axis.boom.can.command: found \"Lever\"; allowed: a message: BoomState"),
-            ("counter = \"Alive\"", "counter = \"Live\"", "can.message \"BoomState\": counter: found \"Live\""),
-            (
-                "Mode=1",
-                "Mode=9",
-                "can.message \"Levers\": found \"Mode=9\"; allowed: a signal of the message and a value",
-            ),
-            (
-                "BoomState.Angle",
-                "BoomState.Rate",
-                "axis.boom.can.position: found the unit \"rad/s\" of Rate; allowed: rad, mrad, deg, °, or none",
-            ),
-            ("BoomState.Piston", "BoomState.Rate", "found the unit \"rad/s\" of BoomState.Rate; allowed: Pa, kPa"),
-            (
-                "command = \"Levers.Boom\"",
-                "command = \"Levers.Boom\"\ncommand_scale = 2",
-                "axis.boom.can.command_scale: found 2 for Levers.Boom; allowed: a command_scale that the signal",
-            ),
-        ]);
-        for (from, to, expected) in [
-            (
-                "active = \"MachineState.Lock\"",
-                "",
-                "axis.boom.can.active: found nothing; allowed: a signal: without it",
-            ),
-            ("rod_pressure = \"BoomState.Rod\"", "", "axis.boom.can.piston_pressure: found one pressure"),
-            ("position = \"BoomState.Angle\"", "", "axis.boom.can.encoder: found nothing; allowed: 1 to 127"),
-            ("position = \"BoomState.Angle\"", "encoder = 7\nposition = \"BoomState.Angle\"", "encoder or position"),
-            ("name = \"Levers\"", "name = \"Levers\"\nperiod = \"90ms\"", "half of timing.drive_timeout"),
-        ] {
-            let said = machine(from, to).unwrap_err();
-            assert!(said.contains(expected), "{said}");
-        }
-    }
-
-    #[test]
-    fn what_contradicts_itself_is_refused() {
-        expect_refused(&[
-            ("off = [\"Mode=2\"]", "off = [\"Mode=1\"]", "can.message \"Levers\".off: found the values of active"),
-            ("neutral = [\"Mode=0\"]", "neutral = [\"Mode=1\"]", "\"Levers\".neutral: found the values of active"),
-            (
-                "neutral = [\"Mode=0\"]",
-                "neutral = [\"Mode=0\", \"Boom=1\"]",
-                "can.message \"Levers\".neutral: found bits that axis.boom.can.command has; allowed: a signal",
-            ),
-            ("counter = \"Alive\"", "counter = \"Angle\"", "counter: found bits that axis.boom.can.position has"),
-            ("checksum = 7", "checksum = 6", "checksum: found bits that can.message \"BoomState\".counter has"),
-            ("MachineState.Lock", "Levers.Mode", "axis.boom.can.command: found message Levers, which is sent and"),
-            ("Levers.Arm", "Levers.Boom", "axis.arm.can.command: found bits that axis.boom.can.command has"),
-            ("ArmState.Angle", "BoomState.Angle", "axis.arm.can.position: found BoomState.Angle, the position of"),
-            (
-                "MachineState.PilotShutOff",
-                "MachineState.EmergencyStop",
-                "can.pilot: found bits that can.emergency_stop",
-            ),
-            (
-                "MachineState.Lock",
-                "BoomState.Alive",
-                "can.message \"BoomState\".counter: found bits that axis.boom.can.act",
-            ),
-            (
-                "MachineState.Lock",
-                "BoomState.Angle",
-                "axis.boom.can.active: found bits that axis.boom.can.position has",
-            ),
-        ]);
-    }
-
-    #[test]
-    fn messages_are_written_in_the_machine_file_as_well() {
-        let own = "[[can.message]]\nname = \"Own\"\nid = 0x123\nlength = 4\nsignals = [\"Place 0|16@1- (1e-4,0) m\"]\n";
-        let tables = format!("{own}\n[axis.boom.can]");
-        let with_own = machine("[axis.boom.can]", &tables).unwrap();
-        let database = database(with_own.can.as_ref().unwrap()).unwrap();
-        let (message, place) = database.signal("Own.Place").unwrap();
-        assert_eq!((message.id, message.is_extended, place.unit.as_str()), (0x123, false, "m"));
-        for (from, to, expected) in [
-            ("0|16@1-", "0|40@1-", "can.message \"Own\": signal Place: found bits up to byte 4"),
-            ("Place 0|16@1- (1e-4,0) m", "Place", "found \"Place\"; allowed: NAME START|BITS"),
-            ("\"Own\"", "\"Levers\"", "message Levers: found twice"),
-        ] {
-            let wrong = machine("[axis.boom.can]", &tables.replacen(from, to, 1)).unwrap();
-            let said = super::database(wrong.can.as_ref().unwrap()).unwrap_err().to_string();
-            assert!(said.contains(expected), "{said}");
-        }
-        // The telescope has its position of this message: with the identifier of another one, and reversed.
-        let telescope = "[axis.telescope.can]\nposition = \"TelescopeState.Length\"";
-        let of_own = telescope.replace("TelescopeState.Length", "Own.Place");
-        for (own, expected) in [
-            (own.replace("0x123", "0x18FF0100"), "18FF0100h, which message BoomState has; allowed: one message"),
-            (own.replace("1e-4", "-1e-4"), "axis.telescope.can.position: found the factor -0.0001 of Place"),
-            (own.replace("0|16@1-", "0|8@1-"), "axis.telescope.can.position: found Own.Place, which has no "),
-        ] {
-            let wrong = machine(telescope, &format!("{own}\n{of_own}")).unwrap();
-            let said = crate::network(&wrong).unwrap_err().to_string();
-            assert!(said.contains(expected), "{said}");
-        }
-    }
-
-    #[test]
-    fn identifiers_of_canopen_are_no_messages_where_there_are_nodes() {
-        let with_node = machine("position = \"TelescopeState.Length\"", "encoder = 13").unwrap();
-        let without = machine("", "").unwrap();
-        let refuses = |machine: &Machine, id: u32, is_extended: bool| {
-            let message = Message { name: "Own".to_owned(), id, is_extended, length: 8, signals: Vec::new() };
-            let mut uses = Uses::default();
-            uses.add("own", &message, Signal::byte(0), false).unwrap();
-            uses.expect_identifiers(machine).is_err()
-        };
-        for id in [0x00, 0x80, 0x8D, 0x18D, 0x70D] {
-            assert!(refuses(&with_node, id, false) && !refuses(&with_node, id, true), "{id:X}");
-            assert!(!refuses(&without, id, false), "{id:X}");
-        }
-        assert!(!refuses(&with_node, 0x123, false) && !refuses(&with_node, 0x100, false));
-    }
-}
+mod tests;

@@ -133,6 +133,31 @@ impl HalfWave {
     }
 }
 
+/// The steps that were taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Steps {
+    caution: Caution,
+    /// Time since the last step, s; infinite before the first one.
+    since: f64,
+    /// Time without a swing, s, and how often a step was taken.
+    quiet: f64,
+    count: u32,
+}
+
+impl Steps {
+    /// None yet.
+    const NONE: Self = Self { caution: Caution::Free, since: f64::INFINITY, quiet: 0.0, count: 0 };
+
+    /// After this time in s without a swing: the last step is taken back where it has been quiet for long enough.
+    fn rest(&mut self, time: f64) {
+        self.quiet += time;
+        let doublings = self.count.saturating_sub(1).min(DOUBLINGS);
+        if self.caution != Caution::Free && self.quiet > QUIET * f64::from(1 << doublings) {
+            (self.caution, self.quiet) = (self.caution.less(), 0.0);
+        }
+    }
+}
+
 /// The watch of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hunting {
@@ -152,12 +177,7 @@ pub struct Hunting {
     speed: f64,
     /// c, and the number of flips from beyond 2 h, which fades alike.
     counts: [f64; 2],
-    caution: Caution,
-    /// Time since the last step, s; infinite before the first one.
-    since: f64,
-    /// Time without a swing, s, and how often a step was taken.
-    quiet: f64,
-    steps: u32,
+    steps: Steps,
 }
 
 impl Hunting {
@@ -182,45 +202,37 @@ impl Hunting {
             turned_from: 0.0,
             speed: 0.0,
             counts: [0.0; 2],
-            caution: Caution::Free,
-            since: f64::INFINITY,
-            quiet: 0.0,
-            steps: 0,
+            steps: Steps::NONE,
         }
     }
 
     /// Forgets all: the axis begins to follow.
     pub fn reset(&mut self) {
         (self.half_wave, self.turned_from, self.speed, self.counts) = (HalfWave::NONE, 0.0, 0.0, [0.0; 2]);
-        (self.caution, self.quiet, self.steps) = (Caution::Free, 0.0, 0);
-        self.since = f64::INFINITY;
+        self.steps = Steps::NONE;
     }
 
     /// How much authority is left.
     pub fn caution(&self) -> Caution {
-        self.caution
+        self.steps.caution
     }
 
     /// Takes in a tick in closed loop; `by_model`: the model made the last command. Whether the axis has to be stopped.
     pub fn update(&mut self, pace: &Pace, by_model: bool) -> bool {
         let time = pace.elapsed as f64 * self.period;
         self.count(pace, time);
-        self.since += time;
-        if self.since < self.transient {
+        self.steps.since += time;
+        if self.steps.since < self.transient {
             self.counts = [0.0; 2];
         }
         if self.counts[0] <= FLIPS {
-            self.quiet += time;
-            let doublings = self.steps.saturating_sub(1).min(DOUBLINGS);
-            if self.caution != Caution::Free && self.quiet > QUIET * f64::from(1 << doublings) {
-                (self.caution, self.quiet) = (self.caution.less(), 0.0);
-            }
+            self.steps.rest(time);
             return false;
         }
-        self.quiet = 0.0;
-        let Some(caution) = self.caution.more(by_model) else { return self.counts[1] > FLIPS };
-        (self.caution, self.steps) = (caution, self.steps.saturating_add(1));
-        (self.since, self.counts) = (0.0, [0.0; 2]);
+        self.steps.quiet = 0.0;
+        let Some(caution) = self.steps.caution.more(by_model) else { return self.counts[1] > FLIPS };
+        self.steps = Steps { caution, since: 0.0, quiet: 0.0, count: self.steps.count.saturating_add(1) };
+        self.counts = [0.0; 2];
         false
     }
 

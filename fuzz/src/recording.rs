@@ -3,9 +3,6 @@
 //! The command is a program and no library, so its modules are taken by their files.
 #![allow(dead_code, reason = "a target uses a part of what the command needs")]
 
-#[cfg(test)]
-#[path = "../../src/recording/cdr.rs"]
-mod cdr;
 #[path = "../../src/recording/reading.rs"]
 mod reading;
 #[path = "../../src/recording/schema.rs"]
@@ -13,6 +10,8 @@ mod schema;
 
 use std::{collections::BTreeMap, io::Cursor, path::Path};
 
+#[cfg(test)]
+use pipeline::cdr;
 use reading::Reading;
 
 type Facts = BTreeMap<String, String>;

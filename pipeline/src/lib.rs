@@ -3,6 +3,7 @@
 //! | module | what it holds | runs in a loop |
 //! |---|---|---|
 //! | [`message`] | the plain structs that travel through shared memory | yes |
+//! | [`cdr`] | a message as bytes for recordings and networks, and its schema | no |
 //! | [`layout`] | the fingerprint of a message's memory layout, which two programs compare | no |
 //! | `clock` | the monotonic clock; [`stage`] exports it | yes |
 //! | [`columns`] | columns of numbers from a CSV file | no |
@@ -18,6 +19,7 @@
 //! are nanoseconds of `CLOCK_MONOTONIC`. No code that runs in a loop allocates memory, takes a lock or reads a file.
 
 pub mod bounded;
+pub mod cdr;
 pub mod channel;
 mod clock;
 pub mod columns;

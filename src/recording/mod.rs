@@ -15,7 +15,6 @@
 //! | `store` | the queue into files, whatever the disk does |
 //! | `file` | one file: MCAP, CDR, zstd |
 //! | `latency` | ages of the samples as histograms |
-//! | `cdr` | a message as bytes, and its schema |
 //! | `checksum` | the last field of every message |
 //! | `controller_state` | a command and its sample under the names of ROS |
 //! | `schema` | a schema as columns, and their values in bytes |
@@ -24,7 +23,6 @@
 //! | `rows` | the position and the command of an axis at every tick |
 
 pub mod black_box;
-pub mod cdr;
 pub mod checksum;
 pub mod controller_state;
 pub mod file;
@@ -43,6 +41,7 @@ pub mod typed;
 
 use std::{collections::BTreeMap, path::PathBuf, time::SystemTime};
 
+pub use pipeline::cdr;
 use pipeline::stage::monotonic_ns;
 
 /// Facts about a recording, by name.

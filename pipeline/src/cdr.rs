@@ -5,7 +5,7 @@
 //!
 //! Source: OMG DDS-XTYPES 1.3, 7.4.3 (XCDR version 1).
 
-use pipeline::{
+use crate::{
     layout::{Field, Layout, Numbers, Shape, Sink},
     message::Message,
 };
@@ -120,7 +120,7 @@ fn line(field: &Field) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pipeline::{
+    use crate::{
         MAX_AXES,
         message::{EncoderReading, EncoderSample, Reference, ValveCommand},
     };

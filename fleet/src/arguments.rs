@@ -1,0 +1,131 @@
+//! The command line.
+
+use std::{path::PathBuf, time::Duration};
+
+use clap::{Args, Parser, Subcommand};
+use hydraxis_fleet::{
+    connection::{Connection, Tls},
+    key::{Name, Place},
+};
+
+/// Many machines of Hydraxis on one screen, over Zenoh. Nothing here moves an axis.
+#[derive(Debug, Parser)]
+#[command(version, about)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Publishes the group of this machine, read only, until SIGTERM
+    Bridge {
+        /// Settings: site, machine, router, rates
+        settings: PathBuf,
+    },
+    /// Shows all machines, every second, until Ctrl-C
+    Top(Top),
+    /// Asks a machine for its state, events, or list of recordings, and prints the answer as JSON
+    Ask(Ask),
+    /// Runs a router of Zenoh out of its configuration file
+    Router {
+        /// Configuration of Zenoh, JSON5, with mode: "router"
+        file: PathBuf,
+    },
+    /// Measures many simulated machines on one router of this computer
+    Bench(Bench),
+    /// Publishes simulated machines, for bench
+    #[command(hide = true)]
+    BenchPublish {
+        /// Router
+        router: String,
+        /// Number of machines
+        machines: usize,
+    },
+}
+
+/// `top`.
+#[derive(Debug, Args)]
+pub struct Top {
+    /// How the router is reached.
+    #[command(flatten)]
+    pub router: Router,
+    /// Only this site [default: all sites]
+    #[arg(long)]
+    pub site: Option<Name>,
+    /// A line for each axis as well
+    #[arg(long)]
+    pub axes: bool,
+    /// Age from which a sample counts as stale
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = humantime::parse_duration)]
+    pub stale_after: Duration,
+    /// Listens for so long, prints once and ends
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    pub once: Option<Duration>,
+    /// Prints JSON in the place of the table: an array of machines in a line
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ask`.
+#[derive(Debug, Args)]
+pub struct Ask {
+    /// How the router is reached.
+    #[command(flatten)]
+    pub router: Router,
+    /// The machine: SITE/MACHINE
+    #[arg(value_parser = place)]
+    pub machine: Place,
+    /// What to ask for
+    #[arg(value_parser = ["status", "events", "recordings"])]
+    pub what: String,
+}
+
+/// How a router is reached.
+#[derive(Debug, Args)]
+pub struct Router {
+    /// Router of the site, tls/HOST:PORT; several are tried in turn
+    #[arg(long, required = true, value_name = "ENDPOINT")]
+    router: Vec<String>,
+    /// Certificate of the authority that has signed the router's, PEM
+    #[arg(long, requires_all = ["certificate", "key"], value_name = "FILE")]
+    ca: Option<PathBuf>,
+    /// Own certificate, PEM
+    #[arg(long, requires_all = ["ca", "key"], value_name = "FILE")]
+    certificate: Option<PathBuf>,
+    /// Key of the own certificate, PEM
+    #[arg(long, requires_all = ["ca", "certificate"], value_name = "FILE")]
+    key: Option<PathBuf>,
+}
+
+impl Router {
+    /// As a connection.
+    pub fn connection(&self) -> Connection {
+        let files = self.ca.clone().zip(self.certificate.clone()).zip(self.key.clone());
+        let tls = files.map(|((ca, certificate), key)| Tls { ca, certificate, key });
+        Connection { router: self.router.clone(), tls }
+    }
+}
+
+/// `bench`.
+#[derive(Debug, Args)]
+pub struct Bench {
+    /// Numbers of machines
+    #[arg(long, value_delimiter = ',', default_value = "1,20,100,200")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=500))]
+    pub machines: Vec<u32>,
+    /// Time of each measurement
+    #[arg(long, value_name = "TIME", default_value = "10s", value_parser = humantime::parse_duration)]
+    pub duration: Duration,
+    /// Prints JSON in the place of the table
+    #[arg(long)]
+    pub json: bool,
+}
+
+fn place(text: &str) -> Result<Place, String> {
+    let (site, machine) = text.split_once('/').ok_or_else(|| format!("found \"{text}\"; allowed: SITE/MACHINE"))?;
+    let name = |text: &str| text.parse::<Name>().map_err(|error| error.to_string());
+    Ok(Place { site: name(site)?, machine: name(machine)? })
+}

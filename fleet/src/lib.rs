@@ -1,0 +1,38 @@
+//! Many machines on one screen, over Zenoh.
+//!
+//! ```text
+//! group --bridge--> router of the site --> top, programs of yours
+//! ```
+//!
+//! | file | what |
+//! |---|---|
+//! | `key` | names of sites and machines, and keys |
+//! | `stamp` | the attachment of every message: run, number, time |
+//! | `content` | payloads and their encodings |
+//! | `settings`, `connection` | the file of a bridge, and how a router is reached |
+//! | `group` | the group on this machine, read only |
+//! | `pace`, `events`, `ring`, `recordings` | what is published, when, and what waits for it |
+//! | `bridge` | from the group to the network |
+//! | `kernel` | clock, priority and memory |
+//! | `fleet`, `listen` | what a receiver knows, and how old it is |
+//! | `top` | all machines in a table |
+//! | `router` | a router for small sites and trials |
+//! | `bench` | many simulated machines on one router |
+
+pub mod bench;
+pub mod bridge;
+pub mod connection;
+pub mod content;
+pub mod events;
+pub mod fleet;
+pub mod group;
+pub mod kernel;
+pub mod key;
+pub mod listen;
+pub mod pace;
+pub mod recordings;
+pub mod ring;
+pub mod router;
+pub mod settings;
+pub mod stamp;
+pub mod top;

@@ -1,0 +1,58 @@
+//! Receives from all machines of a site, or of all sites.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use zenoh::{
+    Session, Wait,
+    pubsub::Subscriber,
+    sample::{Sample, SampleKind},
+};
+
+use crate::{
+    fleet::Fleet,
+    kernel::utc_ns,
+    key::{ALIVE, Name, of_all},
+};
+
+/// Fills a fleet for as long as it lives.
+pub struct Listener {
+    fleet: Arc<Mutex<Fleet>>,
+    _subscribers: Vec<Subscriber<()>>,
+}
+
+impl Listener {
+    /// Subscribes to everything of these machines that is published.
+    ///
+    /// # Errors
+    /// Zenoh refuses a key.
+    pub fn new(session: &Session, site: Option<&Name>, fleet: Fleet) -> Result<Self, zenoh::Error> {
+        let fleet = Arc::new(Mutex::new(fleet));
+        let mut subscribers = Vec::new();
+        for of in ["telemetry/*", crate::key::STATUS, crate::key::MODEL, crate::key::EVENTS] {
+            let taken = Arc::clone(&fleet);
+            let take = move |sample: Sample| take(&mut locked(&taken), &sample);
+            subscribers.push(session.declare_subscriber(of_all(site, of)).callback(take).wait()?);
+        }
+        let told = Arc::clone(&fleet);
+        let tell = move |token: Sample| locked(&told).alive(token.key_expr().as_str(), token.kind() == SampleKind::Put);
+        let tokens = session.liveliness().declare_subscriber(of_all(site, ALIVE)).history(true);
+        subscribers.push(tokens.callback(tell).wait()?);
+        Ok(Self { fleet, _subscribers: subscribers })
+    }
+
+    /// What is known now.
+    pub fn fleet(&self) -> MutexGuard<'_, Fleet> {
+        locked(&self.fleet)
+    }
+}
+
+fn locked(fleet: &Mutex<Fleet>) -> MutexGuard<'_, Fleet> {
+    // A message that was judged by half is counted by half, and the next one is judged as ever.
+    fleet.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn take(fleet: &mut Fleet, sample: &Sample) {
+    let (payload, encoding) = (sample.payload().to_bytes(), sample.encoding().to_string());
+    let attachment = sample.attachment().map(|attachment| attachment.to_bytes().into_owned()).unwrap_or_default();
+    fleet.take(sample.key_expr().as_str(), &encoding, &payload, &attachment, utc_ns());
+}

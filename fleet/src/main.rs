@@ -1,0 +1,189 @@
+//! `hydraxis-fleet`: the command.
+
+mod arguments;
+
+use std::{
+    io::{IsTerminal, Write, stdout},
+    process::ExitCode,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::sleep,
+    time::Duration,
+};
+
+use arguments::{Arguments, Ask, Bench, Command, Top};
+use clap::Parser;
+use hydraxis_fleet::{
+    bench,
+    bridge::{self, BridgeError},
+    connection::ConnectionError,
+    fleet::Fleet,
+    kernel::utc_ns,
+    listen::Listener,
+    router::{self, RouterError},
+    settings::{Settings, SettingsError},
+    top,
+};
+use signal_hook::{
+    consts::{SIGHUP, SIGINT, SIGTERM},
+    flag::register,
+};
+use thiserror::Error;
+use zenoh::Wait;
+
+/// Time between two tables.
+const APART: Duration = Duration::from_secs(1);
+/// Time between two looks for a signal.
+const LOOK: Duration = Duration::from_millis(50);
+/// Time in which a machine has to answer.
+const ANSWER: Duration = Duration::from_secs(5);
+
+/// Why the command has failed.
+#[derive(Debug, Error)]
+enum Failure {
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    #[error(transparent)]
+    Connection(#[from] ConnectionError),
+    #[error(transparent)]
+    Bridge(#[from] BridgeError),
+    #[error(transparent)]
+    Router(#[from] RouterError),
+    #[error(transparent)]
+    Bench(#[from] bench::BenchError),
+    #[error("Zenoh: {0}")]
+    Zenoh(#[from] zenoh::Error),
+    #[error("{0}")]
+    Output(#[from] std::io::Error),
+    #[error("{0}")]
+    NoAnswer(String),
+}
+
+impl Failure {
+    /// 2 for a file or an argument that is wrong, as for every command of Hydraxis.
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::Settings(_) | Self::Router(RouterError::File { .. } | RouterError::Mode { .. }) => 2,
+            Self::Connection(error) if !matches!(error, ConnectionError::Zenoh(_)) => 2,
+            _ => 1,
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    // What a link fails at is said by Zenoh alone.
+    zenoh::init_log_from_env_or("error");
+    match run(&Arguments::parse().command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+fn run(command: &Command) -> Result<(), Failure> {
+    let stop = Arc::new(AtomicBool::new(false));
+    if !matches!(command, Command::Bench(_) | Command::BenchPublish { .. }) {
+        [SIGINT, SIGTERM, SIGHUP].into_iter().try_for_each(|signal| register(signal, Arc::clone(&stop)).map(|_| ()))?;
+    }
+    match command {
+        Command::Bridge { settings } => Ok(bridge::run(Settings::load(settings)?, &stop)?),
+        Command::Top(arguments) => show(arguments, &stop),
+        Command::Ask(arguments) => ask(arguments),
+        Command::Router { file } => {
+            let session = router::open(file)?;
+            println!("the router {} runs", session.zid());
+            wait(&stop, None);
+            Ok(session.close().wait()?)
+        }
+        Command::Bench(arguments) => measure(arguments),
+        Command::BenchPublish { router, machines } => Ok(bench::publish(router, *machines)?),
+    }
+}
+
+/// Waits for so long, or for a signal; true after a signal.
+fn wait(stop: &AtomicBool, time: Option<Duration>) -> bool {
+    let until = time.map(|time| std::time::Instant::now() + time);
+    while until.is_none_or(|until| std::time::Instant::now() < until) {
+        if stop.load(Ordering::Relaxed) {
+            return true;
+        }
+        sleep(LOOK);
+    }
+    false
+}
+
+fn show(arguments: &Top, stop: &AtomicBool) -> Result<(), Failure> {
+    let connection = arguments.router.connection();
+    connection.check()?;
+    // Without a router the signal has to end the command as well.
+    let session = std::thread::spawn(move || connection.open());
+    while !session.is_finished() {
+        if wait(stop, Some(LOOK)) {
+            return Ok(());
+        }
+    }
+    let session = session.join().map_err(|_| Failure::NoAnswer("the connection has panicked".to_owned()))??;
+    let listener = Listener::new(&session, arguments.site.as_ref(), Fleet::new(arguments.stale_after))?;
+    let is_screen = stdout().is_terminal() && !arguments.json;
+    loop {
+        let is_over = wait(stop, Some(arguments.once.unwrap_or(APART)));
+        if is_over && arguments.once.is_none() {
+            break;
+        }
+        let rows = top::rows(&listener.fleet(), utc_ns());
+        let text = if arguments.json {
+            format!("{}\n", serde_json::to_string(&rows).map_err(std::io::Error::from)?)
+        } else {
+            top::table(&rows, arguments.axes)
+        };
+        // From the top left corner, and nothing of the table before below it.
+        let clear = if is_screen { "\x1b[H\x1b[J" } else { "" };
+        match write!(stdout(), "{clear}{text}").and_then(|()| stdout().flush()) {
+            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => break,
+            other => other?,
+        }
+        if arguments.once.is_some() {
+            break;
+        }
+    }
+    drop(listener);
+    Ok(session.close().wait()?)
+}
+
+fn ask(arguments: &Ask) -> Result<(), Failure> {
+    let session = arguments.router.connection().open()?;
+    let key = arguments.machine.key(&arguments.what);
+    let answers = session.get(&key).timeout(ANSWER).wait()?;
+    let answer = answers.recv().map_err(|_| Failure::NoAnswer(format!("{key}: nobody answers")))?;
+    match answer.into_result() {
+        Ok(sample) => println!("{}", sample.payload().try_to_string().unwrap_or_default()),
+        Err(error) => {
+            let why = error.payload().try_to_string().unwrap_or_default().into_owned();
+            return Err(Failure::NoAnswer(format!("{key}: {why}")));
+        }
+    }
+    Ok(session.close().wait()?)
+}
+
+fn measure(arguments: &Bench) -> Result<(), Failure> {
+    let mut measured = Vec::new();
+    for machines in &arguments.machines {
+        measured.push(bench::measure(*machines as usize, arguments.duration)?);
+        if !arguments.json {
+            // Each line as soon as it is there, with the heading once.
+            let table = bench::table(&measured[measured.len() - 1..]);
+            print!(
+                "{}",
+                if measured.len() == 1 { table.as_str() } else { table.split_once('\n').map_or("", |(_, line)| line) }
+            );
+        }
+    }
+    if arguments.json {
+        println!("{}", serde_json::to_string(&measured).map_err(std::io::Error::from)?);
+    }
+    Ok(())
+}

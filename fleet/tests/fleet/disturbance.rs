@@ -1,0 +1,161 @@
+//! Programs that are stopped, killed and thawed: nothing old counts as new, every loss is counted, and data is back.
+
+use std::{
+    thread::sleep,
+    time::{Duration, Instant},
+};
+
+use hydraxis_fleet::{fleet::Verdict, kernel::utc_ns, top};
+
+use crate::harness::{Bridge, Group, Router, fleet, heard::Heard, wait_for};
+
+const SAMPLES: &str = "telemetry/encoder-sample";
+const SECOND: i64 = 1_000_000_000;
+/// Time in which data has to be back, and what a busy computer adds to it.
+const BACK: Duration = Duration::from_secs(2);
+const BUSY: Duration = Duration::from_secs(2);
+
+fn newest_ns(heard: &Heard) -> i64 {
+    heard.all().of(SAMPLES).last().map_or(0, |message| message.stamp.utc_ns)
+}
+
+/// Waits for a sample that was acquired after this time; the time that it took.
+fn await_data(heard: &Heard, since_ns: i64) -> Duration {
+    let begun = Instant::now();
+    wait_for("data", || (newest_ns(heard) > since_ns).then_some(()));
+    begun.elapsed()
+}
+
+fn state(heard: &Heard) -> top::State {
+    top::rows(&heard.all().fleet, utc_ns())[0].state
+}
+
+/// The clock of the test and that of the machine are one. So a message that counts as fresh has to be of a sample that
+/// was acquired in the second before it came.
+fn expect_nothing_old_as_fresh(heard: &Heard) {
+    for (key, messages) in &heard.all().messages {
+        for message in messages {
+            let age_ns = message.at_ns - message.stamp.utc_ns;
+            assert!((message.verdict == Verdict::Fresh) == (age_ns <= SECOND), "{key}: {message:?}");
+        }
+    }
+}
+
+/// Every number that was given is one that came or one that counts as lost.
+fn expect_every_loss_counted(heard: &Heard) {
+    let all = heard.all();
+    let gaps = |messages: &[crate::harness::heard::Message]| {
+        let numbers: Vec<u64> = messages.iter().map(|message| message.stamp.number).collect();
+        numbers.last().map_or(0, |last| last - numbers[0] + 1 - numbers.len() as u64)
+    };
+    let missing: u64 = all.messages.values().map(|messages| gaps(messages)).sum();
+    assert_eq!(all.counts().lost, missing);
+}
+
+struct Setting {
+    router: Router,
+    heard: Heard,
+    _group: Group,
+    bridge: Bridge,
+}
+
+impl Setting {
+    fn new(name: &str) -> Self {
+        let router = Router::new();
+        let heard = Heard::new(&router.connection());
+        let group = Group::run(name, &["--duration", "10min"]);
+        let bridge = Bridge::new(&router.address, &group.prefix, "");
+        wait_for("data", || (heard.all().of(SAMPLES).len() > 20).then_some(()));
+        Self { router, heard, _group: group, bridge }
+    }
+}
+
+#[test]
+fn a_bridge_that_is_suspended_for_four_seconds_sends_nothing_old_as_new() {
+    let mut setting = Setting::new("frozen");
+    let heard = &setting.heard;
+    let unread = || -> u64 {
+        let all = heard.all();
+        let of =
+            all.machine().unwrap().newest.status.as_ref().unwrap()["bridge"]["unread"].as_object().unwrap().clone();
+        of.values().filter_map(serde_json::Value::as_u64).sum()
+    };
+    wait_for("a status", || heard.all().machine()?.newest.status.clone());
+    let before = unread();
+    setting.bridge.process.signal("STOP");
+    wait_for("staleness", || (state(heard) == top::State::Stale).then_some(()));
+    // A token goes with the lease of the link, 2 s later: it is no dead man.
+    wait_for("the end of the token", || (state(heard) == top::State::Gone).then_some(()));
+    sleep(Duration::from_secs(4));
+    let thawed_ns = utc_ns();
+    setting.bridge.process.signal("CONT");
+    let back = await_data(heard, thawed_ns);
+    println!("data is back {back:?} after the bridge was thawed");
+    assert!(back < BACK + BUSY, "{back:?}");
+    // The group has sent more than its channels keep for a reader.
+    wait_for("the count of what was not read", || (unread() > before + 100).then_some(()));
+    wait_for("life", || (state(heard) == top::State::Live).then_some(()));
+    expect_nothing_old_as_fresh(heard);
+    expect_every_loss_counted(heard);
+    assert!(setting.bridge.process.is_running(), "the watchdog does not count the time of a suspension");
+}
+
+#[test]
+fn data_is_back_two_seconds_after_a_router_that_was_killed() {
+    let mut setting = Setting::new("killed");
+    setting.router.kill();
+    let heard = &setting.heard;
+    wait_for("staleness", || (state(heard) != top::State::Live).then_some(()));
+    sleep(Duration::from_secs(3));
+    setting.router.restart();
+    let back = await_data(heard, utc_ns());
+    println!("data is back {back:?} after the router");
+    assert!(back < BACK + BUSY, "{back:?}");
+    wait_for("a second of data", || (heard.all().of(SAMPLES).len() > 60).then_some(()));
+    expect_nothing_old_as_fresh(heard);
+    expect_every_loss_counted(heard);
+    // About 20 samples and 20 commands a second were sent to nobody for 3 s and more.
+    assert!(heard.all().counts().lost > 60, "{:?}", heard.all().counts());
+    assert!(setting.bridge.process.is_running());
+}
+
+#[test]
+fn a_router_that_is_suspended_for_three_seconds_delivers_nothing_old_as_new() {
+    let mut setting = Setting::new("stopped");
+    let heard = &setting.heard;
+    setting.router.process.signal("STOP");
+    wait_for("staleness", || (state(heard) != top::State::Live).then_some(()));
+    sleep(Duration::from_secs(3));
+    let thawed_ns = utc_ns();
+    setting.router.process.signal("CONT");
+    let back = await_data(heard, thawed_ns);
+    println!("data is back {back:?} after the router was thawed");
+    assert!(back < BACK + BUSY, "{back:?}");
+    wait_for("a second of data", || (newest_ns(heard) > thawed_ns + SECOND).then_some(()));
+    expect_nothing_old_as_fresh(heard);
+    expect_every_loss_counted(heard);
+    assert!(setting.bridge.process.is_running());
+}
+
+#[test]
+fn a_reader_that_is_suspended_stops_nobody_else() {
+    let mut setting = Setting::new("reader");
+    let mut top = fleet();
+    top.args(["top", "--json", "--router", &setting.router.address]).stdout(std::process::Stdio::null());
+    let other = crate::harness::Running(top.spawn().unwrap());
+    sleep(Duration::from_secs(1));
+    other.signal("STOP");
+    let begun_ns = utc_ns();
+    // Longer than the 5 s for which a put that blocks would wait for it.
+    sleep(Duration::from_secs(8));
+    let all = setting.heard.all();
+    let came: Vec<i64> =
+        all.of(SAMPLES).iter().map(|message| message.at_ns).filter(|at_ns| *at_ns > begun_ns).collect();
+    let longest = came.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(i64::MAX);
+    println!("the longest gap of the other reader was {:.0} ms", longest as f64 * 1e-6);
+    assert!(longest < 2 * SECOND, "{longest}");
+    assert!(came.len() > 60, "{}", came.len());
+    drop(all);
+    other.signal("CONT");
+    assert!(setting.bridge.process.is_running());
+}

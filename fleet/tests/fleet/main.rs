@@ -1,0 +1,8 @@
+//! Real groups, bridges and routers on this computer.
+
+#[path = "../harness/mod.rs"]
+mod harness;
+
+mod disturbance;
+mod lock_step;
+mod telemetry;

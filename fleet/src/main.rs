@@ -73,9 +73,12 @@ impl Failure {
 }
 
 fn main() -> ExitCode {
-    // What a link fails at is said by Zenoh alone.
-    zenoh::init_log_from_env_or("error");
-    match run(&Arguments::parse().command) {
+    let Arguments { command } = Arguments::parse();
+    // Why a link fails is said by Zenoh alone. It says so on standard output, which the others need for their answers.
+    if matches!(command, Command::Bridge { .. } | Command::Router { .. }) {
+        zenoh::init_log_from_env_or("error");
+    }
+    match run(&command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("error: {failure}");

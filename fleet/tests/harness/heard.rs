@@ -58,8 +58,9 @@ pub struct Heard {
 }
 
 impl Heard {
-    /// A sample counts as fresh for a second.
+    /// Of the site of all tests; a sample counts as fresh for a second.
     pub fn new(connection: &Connection) -> Self {
+        let site = "quarry".parse().ok();
         let session = connection.open().unwrap();
         let all = All {
             fleet: Fleet::new(std::time::Duration::from_secs(1)),
@@ -72,8 +73,8 @@ impl Heard {
         let tell = move |token: Sample| {
             told.lock().unwrap().fleet.alive(token.key_expr().as_str(), token.kind() == SampleKind::Put);
         };
-        let messages = session.declare_subscriber(of_all(None, "**")).callback(take).wait().unwrap();
-        let tokens = session.liveliness().declare_subscriber(of_all(None, ALIVE)).history(true);
+        let messages = session.declare_subscriber(of_all(site.as_ref(), "**")).callback(take).wait().unwrap();
+        let tokens = session.liveliness().declare_subscriber(of_all(site.as_ref(), ALIVE)).history(true);
         let tokens = tokens.callback(tell).wait().unwrap();
         Self { session, all, _subscribers: [messages, tokens] }
     }

@@ -94,21 +94,20 @@ impl Router {
     /// A router without rules of access, on a port of its own.
     pub fn new() -> Self {
         let address = format!("tcp/127.0.0.1:{}", free_port());
-        Self::with(json!({}), &address)
-    }
-
-    /// A router with more in its configuration.
-    pub fn with(more: serde_json::Value, address: &str) -> Self {
-        let mut config = json!({
+        let config = json!({
             "mode": "router",
             "listen": { "endpoints": [address] },
             "scouting": { "multicast": { "enabled": false } },
             "transport": { "link": { "tx": { "lease": 2000 } } },
         });
-        merge(&mut config, more);
+        Self::of(&config.to_string(), &address)
+    }
+
+    /// A router of this configuration, which clients reach at this address.
+    pub fn of(config: &str, address: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("router.json5");
-        fs::write(&file, config.to_string()).unwrap();
+        fs::write(&file, config).unwrap();
         Self { address: address.to_owned(), process: router_process(&file), file, _folder: folder }
     }
 
@@ -130,21 +129,12 @@ impl Router {
 }
 
 fn router_process(file: &Path) -> Running {
-    let mut process = Running(fleet().arg("router").arg(file).stdout(Stdio::piped()).spawn().unwrap());
+    let mut process =
+        Running(fleet().arg("router").arg(file).env("RUST_LOG", "off").stdout(Stdio::piped()).spawn().unwrap());
     let mut line = String::new();
     BufReader::new(process.0.stdout.take().unwrap()).read_line(&mut line).unwrap();
     assert!(line.contains("runs"), "the router does not start");
     process
-}
-
-/// Puts the values of `more` into `config`, also into objects that are there.
-fn merge(config: &mut serde_json::Value, more: serde_json::Value) {
-    match (config.as_object_mut(), more) {
-        (Some(into), serde_json::Value::Object(from)) => {
-            from.into_iter().for_each(|(key, value)| merge(into.entry(key).or_insert(serde_json::Value::Null), value));
-        }
-        (_, more) => *config = more,
-    }
 }
 
 /// A port of this computer that nobody has at the moment.

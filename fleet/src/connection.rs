@@ -5,7 +5,7 @@
 //! | lease | 2 s | a router without life is found after 2 s, not after 10 s |
 //! | retry | 0.2 to 1 s | data is back within 2 s of the router |
 //! | multicast, gossip | off | nobody in the network is asked who else is there |
-//! | queue | 4 batches of 8 kB | what waits in front of a thin link is old when it arrives |
+//! | queue, send buffer | 4 batches of 8 kB, 16 kB | what waits in front of a thin link is old when it arrives |
 
 use std::{
     net::IpAddr,
@@ -24,6 +24,8 @@ const RETRY_MS: (u32, u32) = (200, 1000);
 /// Largest batch on a link, bytes, and batches that wait for it.
 const BATCH: u32 = 8192;
 const QUEUE: u32 = 4;
+/// Bytes that the kernel keeps for a link that does not take them: what waits there cannot be taken back.
+const SEND_BUFFER: u32 = 16_384;
 
 /// How a router is reached.
 #[derive(Debug, Clone)]
@@ -131,6 +133,7 @@ impl Connection {
                 "enable_mtls": true,
                 "verify_name_on_connect": true,
                 "close_link_on_expiration": true,
+                "so_sndbuf": SEND_BUFFER,
             })
         });
         let config = json!({
@@ -145,6 +148,7 @@ impl Connection {
             "transport": { "link": {
                 "tx": { "lease": LEASE_MS, "batch_size": BATCH, "queue": { "size": { "data": QUEUE } } },
                 "tls": tls.unwrap_or(json!({})),
+                "tcp": { "so_sndbuf": SEND_BUFFER },
             } },
         });
         Config::from_json5(&config.to_string())

@@ -33,6 +33,7 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
+use pipeline::channel::Prefix;
 use sd_notify::NotifyState;
 use thiserror::Error;
 
@@ -50,6 +51,8 @@ use selection::Selection;
 
 /// Time between two looks at the channels: they keep 64 ms and more at 1 kHz.
 const POLL: Duration = Duration::from_millis(10);
+/// Pause after a group that could not be joined.
+const JOIN_AGAIN: Duration = Duration::from_secs(2);
 /// Time between two messages to the watchdog of the service manager.
 const FEED: Duration = Duration::from_millis(500);
 /// Time between two looks at the folder of recordings.
@@ -115,11 +118,7 @@ fn read(
         let now = Instant::now();
         selection.look_at_clock(now);
         if group.is_none() {
-            group = search.look().and_then(|prefix| {
-                let joined = Watched::join(&prefix).inspect_err(|error| eprintln!("group \"{prefix}\": {error}"));
-                selection.begin(&prefix.to_string());
-                joined.ok()
-            });
+            group = search.look().and_then(|prefix| join(&prefix, &mut selection));
         }
         if let Some(watched) = &mut group {
             let read = watched.step(&mut selection);
@@ -142,6 +141,21 @@ fn read(
         sleep(POLL);
     }
     group.into_iter().for_each(Watched::leave);
+}
+
+/// Joins a group that was found.
+fn join(prefix: &Prefix, selection: &mut Selection) -> Option<Watched> {
+    match Watched::join(prefix) {
+        Ok(watched) => {
+            selection.begin(&prefix.to_string());
+            Some(watched)
+        }
+        Err(error) => {
+            eprintln!("group \"{prefix}\": {error}");
+            sleep(JOIN_AGAIN);
+            None
+        }
+    }
 }
 
 /// Waits for the thread that publishes, but not for one that hangs.

@@ -44,19 +44,35 @@ impl Progress {
     }
 }
 
-/// Ends the process when a put takes longer than `longest`. The service manager starts it again.
+/// Finds a put that takes too long.
 ///
 /// Trap: a process that was suspended has not put for as long. So the watchdog counts its own looks, which stand still
 /// meanwhile as well.
+struct Watchdog {
+    most: u32,
+    seen: u64,
+    looks: u32,
+}
+
+impl Watchdog {
+    fn new(longest: Duration) -> Self {
+        Self { most: longest.div_duration_f64(LOOK).ceil() as u32, seen: 0, looks: 0 }
+    }
+
+    /// Whether the same put has been under way in more looks than it may.
+    fn look(&mut self, puts: u64) -> bool {
+        self.looks = if puts % 2 == 1 && puts == self.seen { self.looks + 1 } else { 0 };
+        self.seen = puts;
+        self.looks > self.most
+    }
+}
+
+/// Ends the process when a put takes longer than `longest`. The service manager starts it again.
 pub fn watch(progress: &Progress, longest: Duration) {
-    let most = longest.div_duration_f64(LOOK).ceil() as u32;
-    let (mut seen, mut looks) = (0, 0);
+    let mut watchdog = Watchdog::new(longest);
     loop {
         sleep(LOOK);
-        let now = progress.puts.load(Ordering::Acquire);
-        looks = if now % 2 == 1 && now == seen { looks + 1 } else { 0 };
-        seen = now;
-        if looks > most {
+        if watchdog.look(progress.puts.load(Ordering::Acquire)) {
             eprintln!("a put has taken longer than {}: the bridge ends", humantime::format_duration(longest));
             process::exit(1);
         }
@@ -124,5 +140,20 @@ impl Reached {
             eprintln!("{}", if is_reached { "the router is reached" } else { "the router is lost; trying again" });
         }
         self.is_reached = is_reached;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_one_put_that_lasts_is_too_long() {
+        let mut watchdog = Watchdog::new(Duration::from_secs(1));
+        // Between two puts, and with a new put at each look, nothing hangs.
+        assert!((0..100).all(|_| !watchdog.look(4)));
+        assert!((0..100).all(|i| !watchdog.look(2 * i + 1)));
+        let looks = (0..).take_while(|_| !watchdog.look(201)).count();
+        assert_eq!(looks, 11);
     }
 }

@@ -173,23 +173,40 @@ fn one_outlier_changes_the_errors_by_less_than_one_percent() {
     }
 }
 
+/// The snapshot after a training and 1000 more samples. The axis rests for the first 200 samples. One sample in the
+/// place of each of `outliers` lies 0.3 m off.
+fn trained_with(outliers: &[usize]) -> AxisSnapshot {
+    let mut identifier = Identifier::new(&settings(Estimator::Auto));
+    let (mut plant, mut output) = (Plant::new(), 0.5);
+    for k in 0..TRAINING + 1000 {
+        let command = if k < 200 { 0.0 } else { exciting(k, output) };
+        output = plant.step(command);
+        let measured = if outliers.contains(&k) { output + 0.3 } else { output };
+        identifier.update(Some(measured), Some(command));
+    }
+    identifier.snapshot()
+}
+
 #[test]
 fn an_outlier_in_the_training_does_not_spoil_the_classical_model() {
-    let run = |outlier: bool| {
-        let mut identifier = Identifier::new(&settings(Estimator::Auto));
-        let (mut plant, mut output) = (Plant::new(), 0.5);
-        for k in 0..TRAINING + 1000 {
-            let command = exciting(k, output);
-            output = plant.step(command);
-            let measured = if outlier && k == 700 { output + 0.3 } else { output };
-            identifier.update(Some(measured), Some(command));
-        }
-        identifier.snapshot()
-    };
-    let (with, without) = (run(true), run(false));
+    let (with, without) = (trained_with(&[700]), trained_with(&[]));
     assert_eq!((with.outliers, without.outliers), (1, 0));
     let ratio = with.classical_errors.h_step.sigma() / without.classical_errors.h_step.sigma();
     assert!((ratio - 1.0).abs() < 0.01, "{ratio}");
+}
+
+/// Before an axis has moved for a while, nothing tells an outlier from motion.
+#[test]
+fn an_outlier_among_the_first_samples_is_found_once_the_usual_errors_are_known() {
+    let without = trained_with(&[]);
+    for outliers in [&[3][..], &[120], &[230], &[50, 250]] {
+        let with = trained_with(outliers);
+        assert!(with.outliers >= 1 && with.skipped > without.skipped, "{outliers:?}");
+        let ratio = |errors: fn(&AxisSnapshot) -> f64| errors(&with) / errors(&without);
+        let classical = ratio(|snapshot| snapshot.classical_errors.h_step.sigma());
+        let adaptive = ratio(|snapshot| snapshot.adaptive_errors.h_step.sigma());
+        assert!(classical < 1.1 && adaptive < 1.02, "{outliers:?}: {classical} {adaptive}");
+    }
 }
 
 #[test]

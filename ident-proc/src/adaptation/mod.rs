@@ -101,6 +101,14 @@ impl Adaptation {
         }
     }
 
+    /// Forgets the rows of the training so far. The grey box has learned from each of them at once and goes on.
+    pub fn restart(&mut self) {
+        match self {
+            Self::Bank(bank) => bank.restart(),
+            Self::Single(_) | Self::GreyBox(_) => {}
+        }
+    }
+
     /// Takes in y(k) and the row of a sample that the training leaves out because the axis is not driven.
     pub fn wait(&mut self, y: f64, row: &RegressorRow) {
         match self {

@@ -219,10 +219,24 @@ impl Identifier {
             self.adaptation.pass(self.past.row());
             return;
         }
-        self.gate.collect(y - self.past.outputs().latest(1)[0], self.training.is_driven());
+        if self.gate.collect(y - self.past.outputs().latest(1)[0], self.training.is_driven()) {
+            self.restart();
+            return;
+        }
         let travel = self.past.output_before(self.settings.horizon).map(|before| y - before);
         self.rest.collect(travel, self.past.command());
         self.adaptation.collect(y, self.past.row(), resting);
+    }
+
+    /// Begins the training anew after an outlier that was not recognised at its time. Which sample it was is not known,
+    /// so no row so far is used; it counts as one outlier.
+    fn restart(&mut self) {
+        self.figures.outliers += 1;
+        self.figures.skipped += self.training.restart();
+        self.faults.raise(model_fault::OUTLIER | model_fault::SAMPLE_SKIPPED);
+        self.rest.restart();
+        self.adaptation.restart();
+        self.interrupt();
     }
 
     /// A sample after training: errors and health, then steps 5 and 6 of the paper.

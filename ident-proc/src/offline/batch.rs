@@ -71,6 +71,11 @@ impl Batch {
         self.collected.add(&self.phi, self.regression.target(y, row.values()));
     }
 
+    /// Forgets all rows.
+    pub fn restart(&mut self) {
+        self.collected.clear();
+    }
+
     /// Solves the collected rows. Allocates nothing.
     pub fn solve(&mut self) -> Offline {
         let held = self.guard.dependent(&self.collected);

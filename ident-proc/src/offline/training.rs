@@ -97,6 +97,13 @@ impl Training {
         true
     }
 
+    /// Forgets the rows so far, and returns their number. The samples count on.
+    pub fn restart(&mut self) -> u64 {
+        let rows = self.batch.rows();
+        self.batch.restart();
+        rows
+    }
+
     /// How far the training has come.
     pub fn progress(&self) -> Progress {
         if self.seen >= self.length && self.batch.rows() >= self.needed {

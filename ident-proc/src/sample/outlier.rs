@@ -14,6 +14,9 @@
 //! In the training s and w are sizes of a driven [`scale`](super::scale). Traps: a mean of squares would take in an
 //! early spike, and believe all later ones. Errors of an axis at rest would make its first motion an outlier.
 //!
+//! Before s and w are known nothing tells an outlier from motion. If the largest error until then turns out to be that
+//! of an outlier, the training begins anew.
+//!
 //! An outlier is not learned from and not counted in the errors. A prediction takes its place among the past outputs;
 //! otherwise every model would predict from the outlier for the next na samples.
 //!
@@ -53,6 +56,8 @@ pub struct OutlierGate {
     increments: Scale,
     /// Errors.
     errors: Scale,
+    /// Largest error so far, until the sizes of errors and increments are known.
+    first_errors: Option<f64>,
     /// Outliers in a row.
     outliers: u32,
     /// Steps that followed upon one another.
@@ -78,6 +83,7 @@ impl Default for OutlierGate {
             floor: 0.0,
             increments: Scale::new(u64::MAX),
             errors: Scale::new(MEMORY),
+            first_errors: Some(0.0),
             outliers: 0,
             steps: 0,
             since_step: NEXT_STEP,
@@ -88,7 +94,7 @@ impl Default for OutlierGate {
 impl OutlierGate {
     /// Ends the training. From here on errors are compared with `sigma`, the standard deviation of its residuals.
     pub fn trained(&mut self, sigma: f64) {
-        (self.floor, self.outliers) = (sigma, 0);
+        (self.floor, self.outliers, self.first_errors) = (sigma, 0, None);
         self.errors.set(sigma);
     }
 
@@ -97,9 +103,12 @@ impl OutlierGate {
         self.errors.size().unwrap_or(0.0).max(self.floor)
     }
 
-    /// Takes in y(k) - y(k-1) of a training sample. `driven`: a command has opened the valve of late.
-    pub fn collect(&mut self, increment: f64, driven: bool) {
+    /// Takes in y(k) - y(k-1) of a training sample. `driven`: a command has opened the valve of late. Returns whether the
+    /// sizes have just become known, and an error before was that of an outlier.
+    pub fn collect(&mut self, increment: f64, driven: bool) -> bool {
         self.increments.push(increment, driven);
+        let known = self.errors.size().and(self.increments.size()).is_some();
+        known && self.first_errors.take().is_some_and(|largest| self.is_far(largest))
     }
 
     /// Judges `y` by its predictions. `driven`: a command has opened the valve of late.
@@ -115,6 +124,7 @@ impl OutlierGate {
             return Verdict::Step;
         }
         self.outliers = 0;
+        self.first_errors = self.first_errors.map(|largest| largest.max(error));
         self.errors.push(error, driven);
         Verdict::Sound
     }
@@ -178,11 +188,11 @@ mod tests {
     #[test]
     fn without_noise_an_error_no_larger_than_the_motion_is_sound() {
         let mut gate = OutlierGate::default();
-        (0..200).for_each(|_| gate.collect(0.5, true));
+        (0..200).for_each(|_| assert!(!gate.collect(0.5, true)));
         gate.trained(1e-15);
         assert_eq!(gate.judge(2.4, &[1.0, 1.0, 1.0], true), Verdict::Sound);
         let mut gate = OutlierGate::default();
-        (0..200).for_each(|_| gate.collect(0.5, true));
+        (0..200).for_each(|_| assert!(!gate.collect(0.5, true)));
         gate.trained(1e-15);
         assert_eq!(gate.judge(2.6, &[1.0, 1.0, 1.0], true), Verdict::Outlier);
     }

@@ -45,6 +45,11 @@ impl RestDetection {
         self.largest_command = self.largest_command.max(command.abs());
     }
 
+    /// Forgets the training samples so far.
+    pub fn restart(&mut self) {
+        (self.travel, self.largest_command) = (ErrorStatistics::default(), 0.0);
+    }
+
     /// The travel: root mean square of y(k) - y(k-h) over the training so far, 0 without one.
     pub fn travel(&self) -> f64 {
         if self.travel.count > 0 { self.travel.rmse() } else { 0.0 }

@@ -47,6 +47,11 @@ impl Collected {
         self.integrator.values().0
     }
 
+    /// Forgets the rows so far.
+    pub fn restart(&mut self) {
+        [&mut self.measured, &mut self.smoothed, &mut self.integrated].into_iter().for_each(Triangle::clear);
+    }
+
     /// Begins anew after a gap in the samples. The rows so far stay.
     pub fn interrupt(&mut self) {
         self.integrator.interrupt();

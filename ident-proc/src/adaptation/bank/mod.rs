@@ -112,6 +112,11 @@ impl Bank {
         self.collected.add(y, row.values(), self.smoother.values());
     }
 
+    /// Forgets the rows collected so far.
+    pub fn restart(&mut self) {
+        self.collected.restart();
+    }
+
     /// Starts all members from the rows collected so far. `travel`: root mean square of y(k) - y(k-h) over these rows.
     /// A second start keeps the scores of the members, unless its first model was of no use.
     pub fn start(&mut self, offline: &Offline, travel: f64) {

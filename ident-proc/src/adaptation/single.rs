@@ -79,7 +79,7 @@ impl Single {
                 // The rows of the batch hold increments already, so the projection takes no differences.
                 let outputs = Structure { integrator: false, ..self.structure };
                 let fold = Regression::linear(outputs, &model.nonlinearity());
-                let (data, held) = self.projection.project(&fold, batch.data(), &outputs);
+                let (data, held) = self.projection.project(&fold, batch.collected(), &outputs);
                 self.estimator.start(data, held, offline.residual_sigma);
                 let (a, b) = self.linear.split_at_mut(self.structure.na);
                 let (b, drift) = b.split_at_mut(self.structure.nb + 1);

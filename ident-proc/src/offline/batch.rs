@@ -13,6 +13,9 @@ use crate::{
     separation::OfflineSeparation,
 };
 
+/// Part of the products' weighted norm below which a separation costs nothing.
+const EXACT: f64 = 1e-6;
+
 /// Collects rows and solves them. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct Batch {
@@ -38,7 +41,8 @@ pub struct Offline {
     pub residual_sigma: f64,
     /// Part of the products' weighted norm that the separation does not explain.
     pub split_residual: f64,
-    /// Whether the rows do not determine every coefficient. Those that they do not determine are held at zero.
+    /// Whether the rows do not determine every coefficient. Products that they do not determine are held at zero, unless the
+    /// separated model fits the rows better otherwise.
     pub rank_deficient: bool,
 }
 
@@ -82,8 +86,13 @@ impl Batch {
         let rank_deficient = held.contains(&true);
         self.collected.hold_into(held, &mut self.data);
         self.data.solve(&mut self.theta);
-        let coefficients = self.separation.separate(&self.theta, &self.data, self.split);
-        let split_residual = self.separation.residual(&self.theta, &coefficients, &self.data);
+        let mut coefficients = self.separation.separate(&self.theta, &self.data, self.split);
+        let mut split_residual = self.separation.residual(&self.theta, &coefficients, &self.collected);
+        if rank_deficient && self.split == Split::Als && split_residual > EXACT {
+            // Products that are held at zero need not be those of any b and f. The rows alone decide.
+            coefficients = self.separation.alternate(coefficients, &self.collected);
+            split_residual = self.separation.residual(&self.theta, &coefficients, &self.collected);
+        }
         let free = held.iter().filter(|held| !**held).count() as u64;
         let freedom = self.collected.count().saturating_sub(free).max(1);
         let residual_sigma = (self.data.residual() / freedom as f64).sqrt();
@@ -105,5 +114,40 @@ impl Batch {
     /// The triangle that theta solves, after [`Self::solve`].
     pub fn data(&self) -> &Triangle {
         &self.data
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{dot, regression::write_out, sample::SlidingBuffer};
+
+    /// Two levels of the command leave the rank 6 of 15. The three numbers of the command that they determine are always
+    /// those of some b and f, so the separation costs nothing.
+    #[test]
+    fn with_two_levels_of_the_command_the_separated_model_fits_as_well_as_the_products() {
+        let structure = Structure::PAPER;
+        let mut batch = Batch::new(structure, Split::Als);
+        let mut row = RegressorRow::new(structure);
+        let (mut outputs, mut commands) = (SlidingBuffer::new(3, 1), SlidingBuffer::new(2, 6));
+        let (mut rows, mut y) = (Vec::new(), 4.9);
+        for k in 0..600u32 {
+            let u = if (f64::from(k) * 12.9898).sin() * 43758.5453 % 1.0 > 0.0 { 6.41 } else { 3.41 };
+            commands.push_with(|slot| structure.input.features(u, slot));
+            if k >= 3 {
+                row.fill(&outputs, &commands);
+                y += 0.1 * (u - y) + 0.01 * (f64::from(k) * 91.7).sin();
+                batch.add(y, &row);
+                rows.push((row.values().to_vec(), y));
+            }
+            outputs.push(y);
+        }
+        let offline = batch.solve();
+        assert!(offline.rank_deficient && offline.split_residual < 1e-6, "{offline:?}");
+        let mut theta = vec![0.0; structure.full_len()];
+        write_out(&offline.published, &structure, &mut theta);
+        let squares: f64 = rows.iter().map(|(row, y)| (y - dot(&theta, row)).powi(2)).sum();
+        let ratio = (squares / (rows.len() as f64 - 6.0)).sqrt() / offline.residual_sigma;
+        assert!((ratio - 1.0).abs() < 1e-6, "{ratio}");
     }
 }

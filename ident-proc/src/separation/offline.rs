@@ -62,7 +62,7 @@ impl OfflineSeparation {
             Split::Paper => self.by_formula(theta),
             Split::Als => {
                 let start = self.by_largest_row(theta);
-                self.alternate(start, data, MAX_ROUNDS)
+                self.alternate(start, data)
             }
         }
     }
@@ -114,11 +114,11 @@ impl OfflineSeparation {
         &theta[self.structure.na + power * lags..self.structure.na + (power + 1) * lags]
     }
 
-    /// Alternating least squares from `model` on, at most `rounds` rounds. Allocates nothing.
-    pub fn alternate(&mut self, mut model: Coefficients, data: &Triangle, rounds: usize) -> Coefficients {
+    /// Alternating least squares from `model` on. Allocates nothing.
+    pub fn alternate(&mut self, mut model: Coefficients, data: &Triangle) -> Coefficients {
         let Structure { na, nb, order, .. } = self.structure;
         scale(&mut model, order);
-        for _ in 0..rounds {
+        for _ in 0..MAX_ROUNDS {
             let before = model;
             // a and b, with f and g held: the features of each lag are summed up.
             self.linear.clear();

@@ -17,7 +17,8 @@
 //! [`crate::separation`]). This coefficient has the deviation 0 by definition, and all others hold for that choice.
 //!
 //! `None` stands for a coefficient that the data do not determine: one that is held, one of a branch without a command
-//! of its sign, f and g where b is zero. The deviations of the others assume that the held ones are right.
+//! of its sign, f and g where b is zero, several of f that stand in for each other. The deviations of the others assume
+//! that these are right.
 //!
 //! Traps:
 //! - The noise must be white (see [`super::whiteness`]). Otherwise the estimates are biased, and not only scattered.
@@ -74,17 +75,17 @@ pub fn linear(data: &Triangle, held: &[bool], variance: f64) -> Vec<Option<f64>>
 }
 
 /// Deviations of the separated `model`. `data` is the triangle of the full form with its rows and residual, as
-/// [`crate::offline::Batch::data`] gives it, `held` the unknowns that are held there.
+/// [`crate::offline::Batch::collected`] gives it.
 ///
 /// The model must be the one that the separation gave: a later change, to another order of A for example, is not part
 /// of this triangle. `None` for a model without a valid structure, for a triangle that is too small for it, or with too
 /// few rows.
-pub fn separated(data: &Triangle, held: &[bool], model: &Coefficients) -> Option<SeparatedDeviations> {
+pub fn separated(data: &Triangle, model: &Coefficients) -> Option<SeparatedDeviations> {
     let layout = Layout::new(model, data.len())?;
-    let rows = jacobian_rows(data, held, &layout);
+    let rows = jacobian_rows(data, &layout);
     let dependent = RankGuard::new(layout.len()).dependent(&rows).to_vec();
     let determined = dependent.iter().filter(|dependent| !**dependent).count();
-    let residual = data.residual() + misfit(data, held, &layout.theta());
+    let residual = data.residual() + misfit(data, &layout.theta());
     let variance = noise_variance(residual, data.count(), determined)?;
 
     let mut restricted = Triangle::new(layout.len());
@@ -167,24 +168,21 @@ impl<'a> Layout<'a> {
     }
 }
 
-/// R J. The row that holds an unknown is not data and is left out.
-fn jacobian_rows(data: &Triangle, held: &[bool], layout: &Layout) -> Triangle {
+/// R J.
+fn jacobian_rows(data: &Triangle, layout: &Layout) -> Triangle {
     let mut rows = Triangle::new(layout.len());
-    let mut is_held = held.iter();
     rows.add_mapped(data, |row, target, out| {
-        if is_held.next() != Some(&true) {
-            layout.map(row, out);
-        }
+        layout.map(row, out);
         target
     });
     rows
 }
 
-/// |R theta - z|^2 over the rows that are data, with the best rest for the `theta` before it.
-fn misfit(data: &Triangle, held: &[bool], theta: &[f64]) -> f64 {
+/// |R theta - z|^2 with the best rest for the `theta` before it.
+fn misfit(data: &Triangle, theta: &[f64]) -> f64 {
     let (n, known) = (data.len(), theta.len());
     let mut rest = Triangle::new(n - known);
-    for i in (0..n).filter(|&i| !held[i]) {
+    for i in 0..n {
         let explained: f64 = (i..known).map(|j| data.entry(i, j) * theta[j]).sum();
         let row: Vec<f64> = (known..n).map(|j| if j >= i { data.entry(i, j) } else { 0.0 }).collect();
         rest.add(&row, data.entry(i, n) - explained);
@@ -333,11 +331,12 @@ mod tests {
         let mut separation = OfflineSeparation::new(STRUCTURE);
         let mut noise = 0.0;
         for seed in 0..400 {
-            let (theta, held, data) = solved(&record(&model, input(seed + 1000), seed, None));
+            let collected = record(&model, input(seed + 1000), seed, None);
+            let (theta, held, data) = solved(&collected);
             let variance = noise_variance(data.residual(), data.count(), theta.len()).unwrap();
             full.add(theta.clone(), &linear(&data, &held, variance));
-            let estimate = separation.separate(&theta, &data, Split::Als);
-            let found = separated(&data, &held, &estimate).unwrap();
+            let estimate = separation.separate(&theta, &collected, Split::Als);
+            let found = separated(&collected, &estimate).unwrap();
             noise += found.noise / 400.0;
             assert_eq!(found.determined, 7);
             separated_ones.add(flat(&estimate), &flat_deviations(&found));
@@ -361,7 +360,7 @@ mod tests {
         let at = model([1e-8, 2.0], [0.8, -0.5]);
         let data = record(&at, input(1), 1, Some(0.3));
         let n = data.len();
-        let found = separated(&data, &[false; 11], &at).unwrap();
+        let found = separated(&data, &at).unwrap();
         assert_eq!(found.f[1], Some(0.0), "the largest fixes the scale");
         let theta = |p: &[f64]| {
             let mut theta = p[..2].to_vec();
@@ -397,9 +396,10 @@ mod tests {
     fn a_branch_without_commands_is_not_determined() {
         let model = model([1.0, 0.6], [0.8, -0.5]);
         let values = input(3);
-        let (theta, held, data) = solved(&record(&model, |k| values(k).abs(), 3, None));
-        let estimate = OfflineSeparation::new(STRUCTURE).separate(&theta, &data, Split::Als);
-        let found = separated(&data, &held, &estimate).unwrap();
+        let collected = record(&model, |k| values(k).abs(), 3, None);
+        let (theta, held, data) = solved(&collected);
+        let estimate = OfflineSeparation::new(STRUCTURE).separate(&theta, &collected, Split::Als);
+        let found = separated(&collected, &estimate).unwrap();
         assert_eq!(found.g, [None, None]);
         assert!(found.a.iter().chain(&found.b).chain(&found.f).all(|d| d.is_some_and(|d| d.is_finite())));
         assert_eq!(found.f[0], Some(0.0));
@@ -412,9 +412,10 @@ mod tests {
     #[test]
     fn a_command_that_never_moves_determines_a_alone() {
         let model = model([1.0, 0.6], [0.8, -0.5]);
-        let (theta, held, data) = solved(&record(&model, |_| 0.0, 4, None));
-        let estimate = OfflineSeparation::new(STRUCTURE).separate(&theta, &data, Split::Als);
-        let found = separated(&data, &held, &estimate).unwrap();
+        let collected = record(&model, |_| 0.0, 4, None);
+        let (theta, ..) = solved(&collected);
+        let estimate = OfflineSeparation::new(STRUCTURE).separate(&theta, &collected, Split::Als);
+        let found = separated(&collected, &estimate).unwrap();
         assert!(found.a.iter().all(Option::is_some));
         assert_eq!((found.b, found.g, found.determined), (vec![None; 2], vec![None; 2], 2));
     }
@@ -432,9 +433,9 @@ mod tests {
     fn too_few_rows_and_foreign_models_are_refused() {
         assert_eq!(noise_variance(1.0, 7, 7), None);
         assert_eq!(noise_variance(1.0, 9, 7), Some(0.5));
-        assert_eq!(separated(&Triangle::new(10), &[false; 10], &Coefficients::default()), None);
+        assert_eq!(separated(&Triangle::new(10), &Coefficients::default()), None);
         let model = model([1.0, 0.6], [0.8, -0.5]);
-        assert_eq!(separated(&Triangle::new(9), &[false; 9], &model), None);
-        assert_eq!(separated(&Triangle::new(10), &[false; 10], &model), None, "no rows");
+        assert_eq!(separated(&Triangle::new(9), &model), None);
+        assert_eq!(separated(&Triangle::new(10), &model), None, "no rows");
     }
 }

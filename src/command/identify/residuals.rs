@@ -99,7 +99,7 @@ impl Validation {
         let batch = identifier.batch();
         let spread = identifier.offline().and_then(|offline| {
             let model: &Coefficients = &offline.coefficients;
-            separated(batch.data(), batch.held(), model)
+            separated(batch.collected(), model)
         });
         Self {
             lags,

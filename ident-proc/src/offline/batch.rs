@@ -41,8 +41,8 @@ pub struct Offline {
     pub residual_sigma: f64,
     /// Part of the products' weighted norm that the separation does not explain.
     pub split_residual: f64,
-    /// Whether the rows do not determine every coefficient. Products that they do not determine are held at zero, unless the
-    /// separated model fits the rows better otherwise.
+    /// Whether the rows do not determine every coefficient. Products that they do not determine are held at zero,
+    /// unless the separated model fits the rows better otherwise.
     pub rank_deficient: bool,
 }
 
@@ -122,8 +122,8 @@ mod tests {
     use super::*;
     use crate::{dot, regression::write_out, sample::SlidingBuffer};
 
-    /// Two levels of the command leave the rank 6 of 15. The three numbers of the command that they determine are always
-    /// those of some b and f, so the separation costs nothing.
+    /// Two levels of the command leave the rank 6 of 15. The three numbers of the command that they determine are those
+    /// of some b and f, so the separation costs nothing.
     #[test]
     fn with_two_levels_of_the_command_the_separated_model_fits_as_well_as_the_products() {
         let structure = Structure::PAPER;

@@ -103,8 +103,8 @@ impl OutlierGate {
         self.errors.size().unwrap_or(0.0).max(self.floor)
     }
 
-    /// Takes in y(k) - y(k-1) of a training sample. `driven`: a command has opened the valve of late. Returns whether the
-    /// sizes have just become known, and an error before was that of an outlier.
+    /// Takes in y(k) - y(k-1) of a training sample. `driven`: a command has opened the valve of late. Returns whether
+    /// the sizes have just become known, and an error before was that of an outlier.
     pub fn collect(&mut self, increment: f64, driven: bool) -> bool {
         self.increments.push(increment, driven);
         let known = self.errors.size().and(self.increments.size()).is_some();

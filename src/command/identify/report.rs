@@ -92,8 +92,9 @@ struct Adaptive {
     ns_per_update: f64,
 }
 
+/// A member of the bank in the end.
 #[derive(Debug, Serialize)]
-struct BankMember {
+pub struct BankMember {
     family: &'static str,
     forgetting_factor: f64,
     weight: f64,
@@ -322,8 +323,14 @@ impl<'a> IdentifyReport<'a> {
         let mut members: Vec<&BankMember> = adaptive.members.iter().filter(|member| member.weight >= 0.01).collect();
         members.sort_by(|a, b| b.weight.total_cmp(&a.weight));
         if !members.is_empty() {
-            text +=
-                &format!("auto in the end: {}\n", members.iter().map(|m| m.to_string()).collect::<Vec<_>>().join(", "));
+            text += &format!(
+                "auto in the end: {}\n",
+                members
+                    .iter()
+                    .map(|m| format!("{} ({:.0} %)", m.name(), 100.0 * m.weight))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            );
         }
         text
     }
@@ -356,12 +363,27 @@ impl From<(&'static str, f64, f64)> for BankMember {
     }
 }
 
-impl std::fmt::Display for BankMember {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.family {
-            "held" => write!(f, "held")?,
-            family => write!(f, "{family} {}", self.forgetting_factor)?,
+impl BankMember {
+    /// Its form, and its forgetting factor unless it forgets nothing because it learns nothing.
+    pub fn name(&self) -> String {
+        let Self { family, forgetting_factor, .. } = self;
+        if *forgetting_factor == 1.0 {
+            return (*family).to_owned();
         }
-        write!(f, " ({:.0} %)", 100.0 * self.weight)
+        // A memory of 333 samples is a factor of 0.996996996..
+        format!("{family} {forgetting_factor:.6}").trim_end_matches('0').to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn members_that_learn_are_named_with_their_factor_and_the_others_without() {
+        let name = |family, factor| BankMember::from((family, factor, 0.5)).name();
+        assert_eq!(name("smoothed", 1.0 - 1.0 / 333.0), "smoothed 0.996997");
+        assert_eq!(name("linear", 1.0 - 1.0 / 100.0), "linear 0.99");
+        assert_eq!((name("held", 1.0), name("still", 1.0)), ("held".to_owned(), "still".to_owned()));
     }
 }

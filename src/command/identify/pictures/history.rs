@@ -2,7 +2,11 @@
 
 use pipeline::hammerstein::Coefficients;
 
-use super::{super::course::Moment, Picture, Shown, style::line};
+use super::{
+    super::{course::Moment, report::BankMember},
+    Picture, Shown,
+    style::line,
+};
 use crate::report::{
     chart::{COLOURS, Chart, HALF, Series, WIDE, tick},
     figures::CoefficientLists,
@@ -44,11 +48,7 @@ impl History {
         }
         let members: Vec<_> = moment.identifier.bank().map_or_else(Vec::new, |bank| bank.members().collect());
         if self.members.is_empty() {
-            let name = |(family, factor, _): &(&'static str, f64, f64)| match *family {
-                "held" => "held".to_owned(),
-                family => format!("{family} {factor}"),
-            };
-            self.members = members.iter().map(name).collect();
+            self.members = members.iter().map(|member| BankMember::from(*member).name()).collect();
         }
         self.points.push(Point {
             row: moment.row,

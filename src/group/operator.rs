@@ -55,7 +55,7 @@ pub enum OperatorError {
     /// The group has an operator already.
     #[error(
         "another program operates group \"{prefix}\" (`hydraxis status --prefix {prefix}` names it); end that one \
-         first, or take its place with --take-over"
+         first, or take its place with --take-over; `hydraxis disarm --prefix {prefix}` stops the axes whoever operates"
     )]
     Taken {
         /// The group.

@@ -197,6 +197,11 @@ impl ContentsReport {
         })
     }
 
+    /// Why a file without any channel has none; nothing of a file with channels.
+    pub fn without_channel(&self) -> Option<&str> {
+        self.channels.is_empty().then(|| self.damage.as_deref().unwrap_or("it ends in order"))
+    }
+
     /// For people: one screen, or all events.
     pub fn text(&self, file: &str, all_events: bool) -> String {
         let begin = self.begin.as_deref().unwrap_or("without a message");

@@ -36,5 +36,38 @@ pub fn run(arguments: &InfoArguments) -> Result<(), Failure> {
     let output = Output::open(arguments.json.as_deref())?;
     let reading = Reading::open(&arguments.file).map_err(Failure::usage)?;
     let report = ContentsReport::read(reading).map_err(Failure::usage)?;
+    if let Some(damage) = report.without_channel() {
+        let file = arguments.file.display();
+        return Err(Failure::usage(format!(
+            "{file}: found no channel ({damage}); allowed: a recording, or a black box"
+        )));
+    }
     Ok(output.write(|| report.text(&arguments.file.display().to_string(), arguments.events), &report)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::{Facts, file::RecordingFile};
+    use pipeline::message::EncoderSample;
+
+    #[test]
+    fn a_file_without_a_channel_is_no_recording() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("run.mcap");
+        for with_channel in [false, true] {
+            let _ = std::fs::remove_file(&file);
+            let mut recording = RecordingFile::create(&file, &Facts::new(), &[], 0).unwrap();
+            if with_channel {
+                recording.add_channel::<EncoderSample>().unwrap();
+            }
+            recording.finish(&Facts::new()).unwrap();
+            let arguments = InfoArguments { file: file.clone(), events: false, json: Some(folder.path().join("j")) };
+            let said = run(&arguments).map_err(|failure| failure.to_string());
+            match said {
+                Ok(()) => assert!(with_channel),
+                Err(said) => assert!(!with_channel && said.contains("found no channel"), "{said}"),
+            }
+        }
+    }
 }

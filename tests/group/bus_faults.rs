@@ -191,7 +191,7 @@ fn print_times(test: &str, setting: &Setting, faults: &[&str]) {
 }
 
 #[test]
-#[ignore = "takes ten minutes, and cores that others leave alone; its figures are in docs/src/faults.md"]
+#[ignore = "takes ten minutes, and cores that others leave alone"]
 fn how_long_after_a_fault_of_the_bus_a_valve_is_neutral() {
     let more = ["boom.valve mute", "boom.encoder restart", "boom.encoder emergency 5000"];
     let devices = [&OF_DEVICES[..], &more, &["boom.encoder alarm 1", "boom.encoder double"]].concat();

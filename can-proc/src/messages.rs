@@ -7,7 +7,7 @@ use can::{
     frames::{Checksum, Database, Guard, Message, NamedSignal, Signal},
 };
 use mechanism::AXES;
-use pipeline::machine::{AngleKind, Axis, CanBus, CanMessage, CanSignals, ChecksumKind, Machine};
+use pipeline::machine::{Axis, CanBus, CanMessage, CanSignals, ChecksumKind, Machine};
 
 use crate::{error::WiringError, judge::Uses};
 
@@ -287,16 +287,15 @@ fn expect_range(
     };
     let mechanism = mechanism.prepared();
     for corner in 0..1_u32 << AXES {
-        let limits = std::array::from_fn(|i| <[f64; 2]>::from(machine.axes[i].soft_limits)[(corner >> i & 1) as usize]);
-        let pose = mechanism.pose(&limits);
-        let rotation = match sensor.kind {
-            AngleKind::RotaryEncoder => pose.joint(sensor.joint),
-            AngleKind::Inclinometer => pose.body(sensor.joint),
-        };
+        let limits = std::array::from_fn(|axis| {
+            let (low, high) = machine.axes[axis].soft_limits;
+            if corner >> axis & 1 == 0 { low } else { high }
+        });
+        let angle = sensor.rotation(&mechanism.pose(&limits)).angle();
         // A sensor may begin its turn anywhere.
-        let numbers = [0.0, -TAU, TAU].map(|turn| number((rotation.angle() + turn - sensor.zero) / sensor.resolution));
+        let numbers = [0.0, -TAU, TAU].map(|turn| number((angle + turn - sensor.zero) / sensor.resolution));
         if !numbers.iter().any(|number| position.source.1.has(*number)) {
-            return refused(numbers[0], &format!("{:.3} rad", rotation.angle()));
+            return refused(numbers[0], &format!("{angle:.3} rad"));
         }
     }
     Ok(())

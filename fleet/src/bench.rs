@@ -29,6 +29,7 @@ use crate::{
     fleet::{Counts, Fleet},
     kernel::utc_ns,
     key::{self, Place},
+    listen,
     stamp::{NOT_SYNCHRONISED, Stamp},
 };
 
@@ -175,12 +176,9 @@ fn sum(fleet: &Fleet) -> Counts {
 
 fn take((fleet, latencies): &mut (Fleet, Vec<u32>), sample: &Sample) {
     let now_ns = utc_ns();
-    let (payload, encoding) = (sample.payload().to_bytes(), sample.encoding().to_string());
-    let attachment = sample.attachment().map(|attachment| attachment.to_bytes().into_owned()).unwrap_or_default();
-    if let Some(stamp) = Stamp::of(&attachment) {
+    if let Some(stamp) = listen::take(fleet, sample, now_ns) {
         latencies.push(u32::try_from((now_ns - stamp.utc_ns).max(0) / 1000).unwrap_or(u32::MAX));
     }
-    fleet.take(sample.key_expr().as_str(), &encoding, &payload, &attachment, now_ns);
 }
 
 /// A port of this computer that nobody has at the moment.

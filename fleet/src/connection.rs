@@ -80,7 +80,7 @@ impl From<zenoh::Error> for ConnectionError {
 }
 
 impl Tls {
-    /// The same with relative paths below a folder.
+    /// The files, where relative paths are below a folder.
     pub fn below(self, folder: &Path) -> Self {
         Self { ca: folder.join(self.ca), certificate: folder.join(self.certificate), key: folder.join(self.key) }
     }

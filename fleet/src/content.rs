@@ -15,7 +15,6 @@ use pipeline::{
 };
 use serde_json::Value;
 use thiserror::Error;
-use zenoh::bytes::Encoding;
 
 /// State of a bridge and its group, as JSON.
 pub const STATUS: &str = "hydraxis/status/1";
@@ -53,11 +52,6 @@ pub fn name_of<M: Message>() -> String {
 /// The encoding of JSON with this schema, as text.
 pub fn name_of_json(schema: &str) -> String {
     format!("application/json;{schema}")
-}
-
-/// An encoding as Zenoh takes it.
-pub fn encoding(name: &str) -> Encoding {
-    Encoding::from(name)
 }
 
 /// Reads a message.
@@ -142,7 +136,7 @@ mod tests {
         let name = name_of::<EncoderSample>();
         assert!(name.starts_with("application/cdr;hydraxis/msg/EncoderSample:"), "{name}");
         // Zenoh sends a known beginning as a number; the text has to come back.
-        assert_eq!(encoding(&name).to_string(), name);
+        assert_eq!(zenoh::bytes::Encoding::from(name.as_str()).to_string(), name);
         assert_eq!(message::<EncoderSample>(&name, &bytes), Ok(sample));
 
         let mut other = name.clone();

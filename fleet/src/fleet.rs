@@ -183,8 +183,10 @@ impl Fleet {
             self.strangers += 1;
             return Verdict::Stranger;
         };
+        let stamp = Stamp::of(attachment);
+        let is_fresh = stamp.is_some_and(|stamp| self.is_fresh(now_ns - stamp.utc_ns));
         let machine = self.machines.entry(place).or_default();
-        let (content, stamp) = match (content, Stamp::of(attachment)) {
+        let (content, stamp) = match (content, stamp) {
             (Ok(content), Some(stamp)) => (content, stamp),
             (Err(ContentError::Unknown { .. }), _) => {
                 machine.counts.unknown += 1;
@@ -195,7 +197,6 @@ impl Fleet {
                 return Verdict::Malformed;
             }
         };
-        let is_fresh = (-AHEAD_NS..=self.limit_ns).contains(&(now_ns - stamp.utc_ns));
         if !machine.number(of, stamp, is_fresh) {
             machine.counts.repeated += 1;
             return Verdict::Repeated;

@@ -10,20 +10,14 @@ use std::time::{Duration, Instant};
 
 use pipeline::{
     channel::{ChannelError, Group, GroupState, Prefix, Reader, groups, is_joined, remove_leftovers},
-    message::{CoefficientSnapshot, EncoderSample, MachineState, Message, StageHealth, StageState, ValveCommand},
-    stage::StageKind,
+    message::{CoefficientSnapshot, EncoderSample, MachineState, Message, StageHealth, ValveCommand},
+    stage::Life,
 };
 
 /// Name under which the bridge joins a group.
 const NAME: &str = "fleet";
-/// Name of the supervisor among the members.
-const SUPERVISOR: &str = "supervisor";
 /// Time between two looks for a group.
 const SEARCH: Duration = Duration::from_millis(250);
-/// A group without a heartbeat for so long has ended.
-const SILENCE: Duration = Duration::from_secs(3);
-/// A group without a heartbeat for so long has ended if none of its stages and no supervisor is left.
-const DOUBT: Duration = Duration::from_millis(300);
 /// A channel that brings nothing for so long, while stages are heard, is attached to once more.
 const DEAF: Duration = Duration::from_secs(2);
 
@@ -110,8 +104,7 @@ pub struct Watched {
     snapshots: Channel<CoefficientSnapshot>,
     states: Channel<MachineState>,
     health: Channel<StageHealth>,
-    /// What each stage said last that it does.
-    stages: [u32; 4],
+    life: Life,
 }
 
 impl Watched {
@@ -127,7 +120,7 @@ impl Watched {
             snapshots: Channel::open(&group)?,
             states: Channel::open(&group)?,
             health: Channel::open(&group)?,
-            stages: [0; 4],
+            life: Life::begin(),
             group,
         })
     }
@@ -142,16 +135,16 @@ impl Watched {
     /// # Errors
     /// A channel cannot be read.
     pub fn step(&mut self, look: &mut impl Look) -> Result<(), ChannelError> {
-        let stages = &mut self.stages;
+        let life = &mut self.life;
         self.health.each(|health| {
-            stages.get_mut(health.stage as usize).into_iter().for_each(|stage| *stage = health.state);
+            life.hear(health);
             look.health(health);
         })?;
         self.states.each(|state| look.state(state))?;
         self.snapshots.each(|snapshot| look.snapshot(snapshot))?;
         self.samples.each(|sample| look.sample(sample))?;
         self.commands.each(|command| look.command(command))?;
-        if self.health.heard.elapsed() < DEAF {
+        if self.life.silence() < DEAF {
             self.samples.listen_again();
             self.commands.listen_again();
             self.snapshots.listen_again();
@@ -173,15 +166,7 @@ impl Watched {
 
     /// Whether the group has ended: all stages say so, or none says anything.
     pub fn is_over(&self) -> bool {
-        let mut known = self.stages.iter().filter(|state| **state != 0).peekable();
-        let have_stopped = known.peek().is_some() && known.all(|state| *state == StageState::Stopped as u32);
-        let silence = self.health.heard.elapsed();
-        have_stopped || silence > SILENCE || (silence > DOUBT && self.is_deserted())
-    }
-
-    fn is_deserted(&self) -> bool {
-        let works = |name: &str| name == SUPERVISOR || StageKind::ALL.iter().any(|kind| kind.name() == name);
-        !self.group.members().iter().any(|member| member.is_alive && works(&member.name))
+        self.life.is_over(&self.group)
     }
 
     /// Leaves the group, and removes its files if the bridge was the last member.

@@ -12,6 +12,7 @@ use crate::{
     fleet::Fleet,
     kernel::utc_ns,
     key::{ALIVE, Name, of_all},
+    stamp::Stamp,
 };
 
 /// Fills a fleet for as long as it lives.
@@ -30,7 +31,9 @@ impl Listener {
         let mut subscribers = Vec::new();
         for of in ["telemetry/*", crate::key::STATUS, crate::key::MODEL, crate::key::EVENTS] {
             let taken = Arc::clone(&fleet);
-            let take = move |sample: Sample| take(&mut locked(&taken), &sample);
+            let take = move |sample: Sample| {
+                take(&mut locked(&taken), &sample, utc_ns());
+            };
             subscribers.push(session.declare_subscriber(of_all(site, of)).callback(take).wait()?);
         }
         let told = Arc::clone(&fleet);
@@ -51,8 +54,10 @@ fn locked(fleet: &Mutex<Fleet>) -> MutexGuard<'_, Fleet> {
     fleet.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn take(fleet: &mut Fleet, sample: &Sample) {
+/// Gives a message that has come at `now_ns` to a fleet. Its stamp, if it has one.
+pub fn take(fleet: &mut Fleet, sample: &Sample, now_ns: i64) -> Option<Stamp> {
     let (payload, encoding) = (sample.payload().to_bytes(), sample.encoding().to_string());
     let attachment = sample.attachment().map(|attachment| attachment.to_bytes().into_owned()).unwrap_or_default();
-    fleet.take(sample.key_expr().as_str(), &encoding, &payload, &attachment, utc_ns());
+    fleet.take(sample.key_expr().as_str(), &encoding, &payload, &attachment, now_ns);
+    Stamp::of(&attachment)
 }

@@ -13,7 +13,7 @@ use clap::Args;
 use pipeline::{
     channel::{ChannelError, Claim, Group, Prefix},
     machine::{Drive, Machine, Source},
-    stage::{Clock, StageKind, StageOptions},
+    stage::{Clock, SUPERVISOR, StageKind, StageOptions},
 };
 
 use super::{check, record::size, report, simulate::ticks};
@@ -257,7 +257,7 @@ struct Ended {
 /// Runs the group from its first process to its last message.
 fn run_group(launch: &Launch<'_>, arguments: &RunArguments, warnings: &[String]) -> Result<Ended, Failure> {
     let &Launch { machine, arguments: file, options } = launch;
-    let group = Group::join(&options.prefix, "supervisor").map_err(ChannelError::from)?;
+    let group = Group::join(&options.prefix, SUPERVISOR).map_err(ChannelError::from)?;
     let has_black_box = options.clock == Clock::RealTime && !arguments.no_black_box;
     let mut monitor = Monitor::new(&group, machine)?;
     leave(&options.prefix, file, facts(machine, options))?;

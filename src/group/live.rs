@@ -13,8 +13,8 @@ use std::{
 use pipeline::{
     channel::{ChannelError, Group, Member, Prefix, Reader, Room, is_joined, remove_leftovers, rooms},
     machine::Machine,
-    message::{MachineState, Message, StageHealth, StageState, ValveCommand},
-    stage::{StageKind, monotonic_ns},
+    message::{MachineState, Message, StageHealth, ValveCommand},
+    stage::{Life, StageKind, monotonic_ns},
 };
 use serde::Serialize;
 
@@ -39,13 +39,6 @@ const YOUTH: Duration = Duration::from_secs(10);
 const LOOK: Duration = Duration::from_millis(450);
 /// Events that are kept.
 const MOST_EVENTS: usize = 200;
-/// A group without a heartbeat for so long has ended.
-const SILENCE: Duration = Duration::from_secs(3);
-/// A group without a heartbeat for so long has ended if none of its stages and no supervisor is left. While a client is
-/// in a dead group, nobody can start a group of that name.
-const DOUBT: Duration = Duration::from_millis(300);
-/// Name of the supervisor among the members.
-const SUPERVISOR: &str = "supervisor";
 /// Time between two looks for a group.
 const SEARCH: Duration = Duration::from_millis(250);
 
@@ -67,6 +60,7 @@ pub struct Live {
     health: Reader<StageHealth>,
     states: Reader<MachineState>,
     beats: [VecDeque<StageHealth>; 4],
+    life: Life,
     /// The machine of the group, or why it is not known.
     machine: Result<Machine, String>,
     events: Option<Events>,
@@ -79,7 +73,6 @@ pub struct Live {
 /// When something was done last.
 struct Times {
     joined: Instant,
-    heard: Instant,
     asked: Instant,
     members: Option<Instant>,
 }
@@ -135,12 +128,13 @@ impl Live {
             health,
             states,
             beats: Default::default(),
+            life: Life::begin(),
             machine: Err(String::new()),
             events: None,
             told: VecDeque::new(),
             numbered: 0,
             members: (Vec::new(), Vec::new()),
-            times: Times { joined: now, heard: now, asked: now, members: None },
+            times: Times { joined: now, asked: now, members: None },
             group,
         };
         live.ask();
@@ -185,16 +179,7 @@ impl Live {
 
     /// Whether the group has ended: all stages say so, or none says anything.
     pub fn is_over(&self) -> bool {
-        let mut last = self.beats.iter().filter_map(VecDeque::back).peekable();
-        let all_stopped = last.peek().is_some() && last.all(|health| health.state == StageState::Stopped as u32);
-        let silence = self.times.heard.elapsed();
-        all_stopped || silence > SILENCE || (silence > DOUBT && self.is_deserted())
-    }
-
-    /// Whether no stage and no supervisor is in the group.
-    fn is_deserted(&self) -> bool {
-        let works = |name: &str| name == SUPERVISOR || StageKind::ALL.iter().any(|kind| kind.name() == name);
-        !self.group.members().iter().any(|member| member.is_alive && works(&member.name))
+        self.life.is_over(&self.group)
     }
 
     /// Asks again which machine the group runs; true when the answer is known now and was not before. A group that has
@@ -221,7 +206,7 @@ impl Live {
     /// A channel cannot be read.
     pub fn step(&mut self) -> Result<Vec<MachineState>, ChannelError> {
         while let Some(health) = self.health.read()?.if_new().copied() {
-            self.times.heard = Instant::now();
+            self.life.hear(&health);
             self.beat(&health);
         }
         let mut new = Vec::new();

@@ -71,15 +71,15 @@ impl Setting {
         Self { folder, machine: FOUR_AXES.to_owned(), more: bus::arguments(&settings) }
     }
 
-    /// The same by messages of a machine of its own.
+    /// The axes of [`FOUR_AXES`] by messages of a machine of its own. `is_busy`: with the times of a busy computer.
     fn messages(is_busy: bool) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let machine = folder.path().join("machine.toml");
         let text = std::fs::read_to_string(FOUR_AXES).unwrap();
         std::fs::write(&machine, format!("{text}\n{}", bus::messages(&folder.path().join("bus")))).unwrap();
-        let mut more = vec!["--set", "source.kind=can"];
-        more.extend(["--set", "timing.drive_timeout=200ms"].iter().filter(|_| is_busy));
-        let more = more.into_iter().map(str::to_owned).collect();
+        let drive_timeout = is_busy.then_some("timing.drive_timeout=200ms");
+        let settings = ["source.kind=can"].into_iter().chain(drive_timeout);
+        let more = settings.flat_map(|setting| ["--set", setting]).map(str::to_owned).collect();
         Self { folder, machine: machine.to_str().unwrap().to_owned(), more }
     }
 

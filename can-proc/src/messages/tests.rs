@@ -13,6 +13,11 @@ const TABLES: &str = include_str!("../../../examples/excavator-can.toml");
 /// The excavator with the tables of the example, one of whose texts is replaced.
 fn machine(from: &str, to: &str) -> Result<Machine, String> {
     assert!(TABLES.contains(from), "{from}");
+    machine_of(&TABLES.replacen(from, to, 1))
+}
+
+/// The excavator with these tables.
+fn machine_of(tables: &str) -> Result<Machine, String> {
     let mut settings = vec![("source.kind", "can"), ("timing.drive_timeout", "100ms")];
     settings.push(("axis.telescope.encoder.resolution", "1e-4"));
     let mut settings: Vec<(String, String)> =
@@ -22,7 +27,7 @@ fn machine(from: &str, to: &str) -> Result<Machine, String> {
         settings.push((format!("axis.{axis}.encoder.angle_resolution"), "1e-4".to_owned()));
     }
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
-    let text = format!("{EXCAVATOR}\n{}", TABLES.replacen(from, to, 1));
+    let text = format!("{EXCAVATOR}\n{tables}");
     Machine::parse(&text, "m.toml", &folder, &settings).map_err(|error| error.to_string())
 }
 
@@ -141,16 +146,14 @@ fn messages_are_written_in_the_machine_file_as_well() {
 
 #[test]
 fn a_signal_of_an_angle_has_numbers_for_all_postures() {
-    let own = "[[can.message]]\nname = \"Own\"\nid = 0x123\nlength = 4\nsignals = [\"Angle 0|16@1- (1e-4,0) rad\"]";
+    let boom = "[axis.boom.can]";
     for axis in ["Boom", "Arm", "Bucket"] {
         let position = format!("position = \"{axis}State.Angle\"");
         let found = |bits: u32, zero: i64| {
-            let tables = format!("position = \"Own.Angle\"\nzero = {zero}");
-            let mut machine = machine(&position, &tables).unwrap();
-            let message = own.replace("0|16", &format!("0|{bits}"));
-            let message =
-                Machine::parse(&format!("{EXCAVATOR}\n[can]\ninterface = \"x\"\n{message}"), "m", Path::new(""), &[]);
-            machine.can.as_mut().unwrap().messages.extend(message.unwrap().can.unwrap().messages);
+            let signal = format!("Angle 0|{bits}@1- (1e-4,0) rad");
+            let own = format!("[[can.message]]\nname = \"Own\"\nid = 0x123\nlength = 4\nsignals = [\"{signal}\"]\n");
+            let tables = TABLES.replacen(&position, &format!("position = \"Own.Angle\"\nzero = {zero}"), 1);
+            let machine = machine_of(&tables.replacen(boom, &format!("{own}{boom}"), 1)).unwrap();
             crate::network(&machine).map(|_| ()).map_err(|error| error.to_string())
         };
         let key = format!("axis.{}.can.position: found Own.Angle, which has no ", axis.to_lowercase());

@@ -65,13 +65,13 @@ fn recordings(known: &Known, place: &Place, query: &Query) -> Result<(), zenoh::
 }
 
 fn send_json(query: &Query, key: String, schema: &str, bytes: Vec<u8>) -> Result<(), zenoh::Error> {
-    query.reply(key, bytes).encoding(content::encoding(&content::name_of_json(schema))).wait()
+    query.reply(key, bytes).encoding(content::name_of_json(schema)).wait()
 }
 
 fn send_models(query: &Query, key: String, (stamp, models): &Models) -> Result<(), zenoh::Error> {
     let mut bytes = Vec::new();
     cdr::encode(&**models, &mut bytes);
-    let encoding = content::encoding(&content::name_of::<CoefficientSnapshot>());
+    let encoding = content::name_of::<CoefficientSnapshot>();
     query.reply(key, bytes).encoding(encoding).attachment(&stamp.to_bytes()[..]).wait()
 }
 

@@ -17,9 +17,11 @@
 //! | `accounting` | counters and latencies | yes |
 //! | `recorder` | waiting for a recorder, in lock-step | yes |
 //! | `rights` | core, priority, locked memory | no: before the loop |
+//! | `life` | whether a group goes on, for whoever watches it | no: in other programs |
 
 mod accounting;
 mod channels;
+mod life;
 mod recorder;
 mod rights;
 mod run;
@@ -29,6 +31,7 @@ use std::sync::{Arc, atomic::AtomicBool};
 
 pub use accounting::Accounting;
 pub use channels::Channels;
+pub use life::{Life, SUPERVISOR};
 pub use recorder::RecorderGate;
 pub use rights::{Missing, RightError, lock_memory, missing, pin, schedule};
 pub use run::{Stage, run};

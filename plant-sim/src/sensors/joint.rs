@@ -78,11 +78,7 @@ impl NoisyAngleSensor {
 
     /// Direction that the sensor sees in `pose`, as cosine and sine; their length is not 1 during a lag.
     pub fn seen(&self, pose: &Pose) -> Vector {
-        match (&self.lag, self.sensor.kind) {
-            (Some(lag), _) => lag.output,
-            (None, AngleKind::Inclinometer) => pose.body(self.sensor.joint).axis(),
-            (None, AngleKind::RotaryEncoder) => pose.joint(self.sensor.joint).axis(),
-        }
+        self.lag.as_ref().map_or_else(|| self.sensor.rotation(pose).axis(), |lag| lag.output)
     }
 
     /// Counts while the sensor sees the direction `seen`, with newly drawn noise.

@@ -315,11 +315,6 @@ fn angle(
             None => other.stroke / 2.0,
         };
     }
-    let pose = mechanism.prepared().pose(&positions);
-    let rotation = match sensor.kind {
-        AngleKind::Inclinometer => pose.body(sensor.joint),
-        AngleKind::RotaryEncoder => pose.joint(sensor.joint),
-    };
-    let angle = rotation.angle();
+    let angle = sensor.rotation(&mechanism.prepared().pose(&positions)).angle();
     if angle.is_finite() { Ok(angle) } else { Err(CalibrationError::Open(axis.name.clone())) }
 }

@@ -13,7 +13,7 @@
 
 use std::time::Duration;
 
-use mechanism::Joint;
+use mechanism::{Joint, Pose, Rotation};
 
 use crate::machine::document::Section;
 
@@ -42,6 +42,16 @@ pub struct AngleSensor {
     pub resolution: f64,
     /// Angle at count 0, rad.
     pub zero: f64,
+}
+
+impl AngleSensor {
+    /// The rotation whose angle it measures.
+    pub fn rotation(&self, pose: &Pose) -> Rotation {
+        match self.kind {
+            AngleKind::RotaryEncoder => pose.joint(self.joint),
+            AngleKind::Inclinometer => pose.body(self.joint),
+        }
+    }
 }
 
 /// Which angle a sensor at the joint measures.

@@ -165,7 +165,7 @@ impl Watched {
     }
 
     /// Whether the group has ended: all stages say so, or none says anything.
-    pub fn is_over(&self) -> bool {
+    pub fn is_over(&mut self) -> bool {
         self.life.is_over(&self.group)
     }
 

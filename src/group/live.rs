@@ -178,7 +178,7 @@ impl Live {
     }
 
     /// Whether the group has ended: all stages say so, or none says anything.
-    pub fn is_over(&self) -> bool {
+    pub fn is_over(&mut self) -> bool {
         self.life.is_over(&self.group)
     }
 

@@ -8,6 +8,7 @@ use pipeline::{
     channel::Reader,
     message::{AxisMode, CoefficientSnapshot, EncoderSample, Message, ValveCommand},
 };
+use serde_json::Value;
 use zenoh::Wait;
 
 use crate::harness::{Bridge, Group, Router, heard::Heard, wait_for};
@@ -89,7 +90,9 @@ fn a_bridge_answers_and_tells_what_happens() {
         let answer = ask(of).into_iter().next()?;
         Some(content::json(schema, &answer.encoding().to_string(), &answer.payload().to_bytes()).unwrap())
     };
-    let status = wait_for("axes", || json("status", content::STATUS).filter(|status| status["axes"][3] == "bucket"));
+    // A bridge that has only just begun has not heard all stages yet.
+    let is_whole = |status: &Value| status["axes"][3] == "bucket" && status["stages"][3].is_object();
+    let status = wait_for("axes and stages", || json("status", content::STATUS).filter(is_whole));
     assert_eq!((&status["group"], &status["site"]), (&group.prefix.clone().into(), &"quarry".into()));
     assert_eq!(status["stages"].as_array().unwrap().len(), 4, "{status}");
 

@@ -61,7 +61,7 @@ impl Attached {
     }
 
     /// Whether the group has ended.
-    pub fn is_over(&self) -> bool {
+    pub fn is_over(&mut self) -> bool {
         self.live.is_over()
     }
 

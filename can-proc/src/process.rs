@@ -145,7 +145,7 @@ impl Process {
     /// The bus is gone. No valve can be reached: the drives stop by their own time-outs.
     fn lose(&mut self, error: &BusError) {
         self.before = self.counters();
-        eprintln!("can-proc: {}; waits for it", full(error));
+        eprintln!("can-proc: {}: {}; waits for it", self.address, full(error));
         let now_ns = monotonic_ns();
         (self.bus, self.next_try_ns, self.open_since_ns) = (None, now_ns + RETRY_NS, None);
         self.network.lose_bus(now_ns);

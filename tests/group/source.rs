@@ -299,7 +299,7 @@ fn an_adapter_that_comes_back_arms_nothing() {
     rig.type_in(&["reset"]);
     rig.arm();
     let said = rig.end();
-    assert!(said.stderr.contains("can-proc: the adapter is gone or the interface is down"), "{}", said.stderr);
+    assert!(said.stderr.contains(": the adapter is gone or the interface is down"), "{}", said.stderr);
     assert!(said.stderr.contains("; waits for it") && said.stderr.contains(": is back"), "{}", said.stderr);
 }
 

@@ -10,9 +10,9 @@
 //! axis goes on by itself after one. A fault that the valve itself keeps is reset when the axis is disarmed: when a
 //! person has acknowledged the latch.
 //!
-//! Devices that become ready for the first time have no error to show. Their axis follows no command either before the
-//! controller has shown once that it is latched or disarmed: a program that is started anew beside a controller that is
-//! armed moves nothing.
+//! Devices that become ready for the first time have no error to show to a controller that has said nothing yet. Their
+//! axis follows no command before the controller has shown once that it is latched or disarmed: a program that is
+//! started anew beside a controller that is armed moves nothing, and the error word says so.
 
 use super::{Cause, Demand, Encoder, Fault, Frames, Outbox, Valve};
 use crate::{Received, canopen::sync};
@@ -166,7 +166,7 @@ impl Network {
                         self.frames.reset(i, now_ns);
                     }
                 }
-                (Some(_), None) if axis.is_let_go() || !axis.was_ready => (axis.held, axis.was_ready) = (None, true),
+                (Some(_), None) if axis.is_let_go() || axis.is_new() => (axis.held, axis.was_ready) = (None, true),
                 _ => {}
             }
             axis.may_follow |= axis.held.is_none() && axis.is_let_go();
@@ -285,6 +285,11 @@ impl Axis {
     /// Whether a person has acknowledged the fault: the axis is disarmed, and not latched any more.
     fn is_acknowledged(&self) -> bool {
         self.target.is_some_and(|target| target.is_disarmed && !target.is_latched)
+    }
+
+    /// Whether the devices become ready for the first time, before any command.
+    fn is_new(&self) -> bool {
+        !self.was_ready && self.target.is_none()
     }
 
     /// Whether the controller shows that it knows of the fault: the axis is latched or disarmed. An axis without a

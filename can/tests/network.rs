@@ -2,7 +2,7 @@
 
 use can::{
     Frame, Received,
-    canopen::NodeId,
+    canopen::{Emergency, NodeId},
     device::{
         AxisDevices, AxisTarget, Cause, Demand, Encoder, EncoderSettings, Fault, Network, NodeTiming, Outbox,
         PositionObject, Proof, Valve, ValveSettings,
@@ -184,6 +184,13 @@ impl Bench {
         self.modes = [Mode::Armed(0.5), Mode::Armed(-0.25)];
         self.run(20);
         assert_eq!(self.openings(), [0.5, -0.25]);
+    }
+
+    /// Both axes follow again, once they are well.
+    fn drive_again(&mut self) {
+        self.modes = [Mode::Disarmed; AXES];
+        self.until("well", |bench| bench.faults() == [None; AXES]);
+        self.drive();
     }
 
     fn openings(&self) -> [f64; AXES] {
@@ -406,9 +413,38 @@ fn a_bus_that_was_gone_leaves_all_axes_held() {
         bench.step();
         assert_eq!(bench.openings(), [0.0; AXES]);
     }
-    bench.modes = [Mode::Disarmed; AXES];
-    bench.until("well", |bench| bench.faults() == [None; AXES]);
+    bench.drive_again();
+}
+
+#[test]
+fn an_emergency_that_stands_is_not_forgotten_with_the_bus() {
+    let mut bench = Bench::ready();
     bench.drive();
+    bench.encoders[0].emergency(0x5000, &mut bench.replies);
+    bench.expect_stop(Cause::Emergency, 1);
+    bench.network.lose_bus(bench.now_ns);
+    bench.modes = [Mode::Disarmed; AXES];
+    bench.until("the other axis is well", |bench| bench.cause(1).is_none());
+    bench.modes = [Mode::Armed(0.5), Mode::Disarmed];
+    for _ in 0..2000 {
+        bench.step();
+        assert!(bench.openings()[0] == 0.0 && bench.cause(0).is_some(), "{:?}", bench.faults());
+    }
+    bench.modes[0] = Mode::Disarmed;
+    bench.until("emergency", |bench| bench.cause(0) == Some(Cause::Emergency));
+    bench.encoders[0].emergency(0, &mut bench.replies);
+    bench.drive_again();
+}
+
+#[test]
+fn an_emergency_whose_end_was_lost_is_asked_for_once_it_is_acknowledged() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    // A frame that no device has sent.
+    let frame = Emergency { code: 0x5000, register: 1, maker: [0; 5] }.frame(node(10));
+    bench.network.take(&Received { frame, time_ns: bench.now_ns }, bench.now_ns);
+    bench.expect_stop(Cause::Emergency, 1);
+    bench.expect_recovery();
 }
 
 #[test]

@@ -133,6 +133,7 @@ impl Encoder {
         let id = settings.node.id(function::TPDO1);
         let mut plan = Plan::default();
         plan.profile(settings.object.profile());
+        plan.error_register();
         plan.ensure(Object::new(0x1017, 0), Value::u16((timing.heartbeat_ns / 1_000_000) as u16));
         if let Some(step) = settings.step {
             plan.expect_if_any(settings.object.step(), step.into(), Cause::Scale);
@@ -171,6 +172,11 @@ impl Encoder {
     /// The bus is gone.
     pub fn lose_bus(&mut self, now_ns: u64) {
         self.node.lose_bus(now_ns);
+    }
+
+    /// A person has acknowledged the fault: an emergency is asked for anew.
+    pub fn acknowledge(&mut self, now_ns: u64) {
+        self.node.ask_again(now_ns);
     }
 
     /// Takes a frame from the bus: whether it was one of this encoder.

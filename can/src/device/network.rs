@@ -275,10 +275,9 @@ impl Axis {
         if is_start(held) || !is_start(fault) {
             self.held = Some(fault);
         }
-        if self.is_acknowledged()
-            && let Some(valve) = &mut self.devices.valve
-        {
-            valve.reset(now_ns);
+        if self.is_acknowledged() {
+            self.devices.encoder.iter_mut().for_each(|encoder| encoder.acknowledge(now_ns));
+            self.devices.valve.iter_mut().for_each(|valve| valve.reset(now_ns));
         }
     }
 

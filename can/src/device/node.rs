@@ -7,7 +7,8 @@
 //! ```
 //!
 //! Whatever ends the operation of a node begins anew with its configuration: a device that has restarted has forgotten
-//! it. An emergency does not: the device says when it is over.
+//! it. An emergency does not: the device says when it is over. The frame that says so may be lost, with the bus or alone;
+//! hence the error register is read in each configuration whose plan asks for it.
 
 use super::{
     Cause, Fault, Outbox,
@@ -22,6 +23,8 @@ use crate::{
 const RETRY_NS: u64 = 500_000_000;
 /// A heartbeat is missed after so many halves of its period: one and a half, as in the table of faults.
 const PATIENCE_HALVES: u64 = 3;
+/// Code of an emergency that nothing else is known of than that the error register is not 0.
+const GENERIC: u16 = 0x1000;
 /// Heartbeats after which a started node has to be operational.
 const START_BEATS: u64 = 4;
 
@@ -100,7 +103,13 @@ impl Node {
     fn lose(&mut self, cause: Cause, detail: u16, retry_ns: u64) {
         self.fault = self.because(cause, detail);
         self.phase = Phase::Absent(retry_ns);
-        self.emergency = None;
+    }
+
+    /// Sets the node up anew where an emergency stands, which asks whether it is over.
+    pub fn ask_again(&mut self, now_ns: u64) {
+        if let (Phase::Operational, Some(code)) = (self.phase, self.emergency) {
+            self.lose(Cause::Emergency, code, now_ns + RETRY_NS);
+        }
     }
 
     /// The bus is gone. The node is set up anew once it is back.
@@ -139,7 +148,7 @@ impl Node {
         };
         self.phase = Phase::Configuring(place);
         let frame = match step.action {
-            Action::Expect { .. } => Some(self.sdo.read(step.object, now_ns)),
+            Action::Expect { .. } | Action::Register => Some(self.sdo.read(step.object, now_ns)),
             Action::Write(value) => {
                 let mut room = [0; 8];
                 let length = value.bytes(&mut room);
@@ -168,6 +177,9 @@ impl Node {
     }
 
     fn take_state(&mut self, state: NodeState, now_ns: u64) {
+        if state == NodeState::BootUp {
+            self.emergency = None;
+        }
         match (self.phase, state) {
             // The answer to a request before it is lost: the configuration begins anew.
             (Phase::Configuring(_) | Phase::Absent(_), NodeState::BootUp) => {
@@ -199,7 +211,11 @@ impl Node {
                 (Action::Expect { mask, .. }, found) => {
                     self.refuse(step.fault(number, found.map(|found| found & mask)), now_ns);
                 }
-                (Action::Write(_), _) => {}
+                (Action::Register, Some(found)) => {
+                    self.emergency = (found != 0).then(|| self.emergency.unwrap_or(GENERIC));
+                    self.begin_next(place, now_ns, out);
+                }
+                (Action::Write(_) | Action::Register, _) => {}
             },
             SdoEvent::Failed(SdoError::Refused { code, .. }, _) if step.forgives(code) => {
                 self.begin_next(place, now_ns, out);

@@ -42,6 +42,8 @@ impl Value {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Action {
     Write(Value),
+    /// Reads the error register: whether an emergency stands.
+    Register,
     /// Reads it; only the bits of the mask count.
     Expect {
         number: u64,
@@ -107,6 +109,11 @@ impl Plan {
     pub(super) fn profile(&mut self, profile: u16) {
         let action = Action::Expect { number: profile.into(), mask: 0xFFFF };
         self.push(Object::new(0x1000, 0), action, false, Cause::Profile);
+    }
+
+    /// Asks whether an emergency stands, by the error register 1001h. A device without it says so by emergencies alone.
+    pub(super) fn error_register(&mut self) {
+        self.push(Object::new(0x1001, 0), Action::Register, true, Cause::Setting);
     }
 
     /// Expects a number, where the device has the object.

@@ -48,7 +48,7 @@ impl SimulatedEncoder {
     }
 
     /// Sends an emergency; code 0 says that it is over.
-    pub fn emergency(&self, code: u16, out: &mut Outbox) {
+    pub fn emergency(&mut self, code: u16, out: &mut Outbox) {
         self.node.emergency(code, out);
     }
 

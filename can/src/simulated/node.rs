@@ -24,6 +24,8 @@ pub enum Flaw {
     Wrong,
 }
 
+/// Not 0 while there is an error.
+const ERROR_REGISTER: u16 = 0x1001;
 /// Messages of one that babbles at each step.
 pub(super) const BABBLE: usize = 3;
 
@@ -43,6 +45,7 @@ impl SimulatedNode {
     /// A device that is switched on at its first step.
     pub fn new(id: NodeId, profile: u16, mut objects: Objects) -> Self {
         objects.add(0x1000, 0, profile.into(), 4, true);
+        objects.add(ERROR_REGISTER, 0, 0, 1, true);
         objects.add(0x1017, 0, 0, 2, false);
         // Identity: no maker, the profile as product, the number of the node as serial number.
         for (sub, number) in [(1, 0), (2, profile), (3, 1), (4, u16::from(id.number()))] {
@@ -119,8 +122,9 @@ impl SimulatedNode {
     }
 
     /// Sends an emergency; code 0 says that it is over.
-    pub fn emergency(&self, code: u16, out: &mut Outbox) {
+    pub fn emergency(&mut self, code: u16, out: &mut Outbox) {
         let register = u8::from(code != 0);
+        self.objects.set(ERROR_REGISTER, 0, register.into());
         self.push(Emergency { code, register, maker: [0; 5] }.frame(self.id), out);
     }
 

@@ -78,6 +78,10 @@ pub fn database(bus: &CanBus) -> Result<Database, WiringError> {
     let mut database = Database::default();
     if let Some(file) = &bus.dbc {
         let wrong = |error: String| WiringError::Text(format!("can.dbc: {}: {error}", file.display()));
+        // A device such as /dev/zero has no end.
+        if std::fs::metadata(file).is_ok_and(|found| !found.is_file()) {
+            return Err(wrong("found no file; allowed: a DBC file".to_owned()));
+        }
         let text = std::fs::read(file).map_err(|error| wrong(format!("{error}; allowed: a DBC file")))?;
         // Comments of older editors are no UTF-8; names are ASCII.
         database = Database::parse(&String::from_utf8_lossy(&text)).map_err(|error| wrong(error.to_string()))?;

@@ -323,7 +323,7 @@ impl Operator {
             let faults: Vec<&str> = bit_names(sample.axes[axis].faults, &sample_fault::NAMES).collect();
             let name = self.machine.name(axis);
             format!(
-                "\naxis.{name}: its samples are {}: look at its sensor and the program behind it",
+                "\naxis.{name}: its samples are {}: look at its sensor, or at the device that `hydraxis run` names",
                 faults.join(", ")
             )
         })

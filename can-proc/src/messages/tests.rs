@@ -60,6 +60,7 @@ fn expect_refused(cases: &[(&str, &str, &str)]) {
 fn names_and_values_that_are_none_are_refused() {
     expect_refused(&[
         ("\"excavator.dbc\"", "\"none.dbc\"", "can.dbc: "),
+        ("\"excavator.dbc\"", "\"/dev/zero\"", "can.dbc: /dev/zero: found no file; allowed: a DBC file"),
         ("BoomState.Angle", "BoomState.Angel", "axis.boom.can.position: found \"Angel\"; allowed: a signal of"),
         ("Levers.Boom", "Lever.Boom", "axis.boom.can.command: found \"Lever\"; allowed: a message: BoomState"),
         ("counter = \"Alive\"", "counter = \"Live\"", "can.message \"BoomState\": counter: found \"Live\""),
@@ -78,6 +79,11 @@ fn names_and_values_that_are_none_are_refused() {
     ]);
     for (from, to, expected) in [
         ("active = \"MachineState.Lock\"", "", "axis.boom.can.active: found nothing; allowed: a signal: without it"),
+        (
+            "command = \"Levers.Boom\"\nactive",
+            "valve = 9\ndirection = \"Levers.Mode\"\nactive",
+            "axis.boom.can.direction: found a signal without command; allowed: beside command",
+        ),
         ("rod_pressure = \"BoomState.Rod\"", "", "axis.boom.can.piston_pressure: found one pressure"),
         ("position = \"BoomState.Angle\"", "", "axis.boom.can.encoder: found nothing; allowed: 1 to 127"),
         ("position = \"BoomState.Angle\"", "encoder = 7\nposition = \"BoomState.Angle\"", "encoder or position"),

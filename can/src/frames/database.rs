@@ -1,9 +1,12 @@
 //! Messages with their signals: those of a DBC file, and those that are written in the machine file.
 //!
 //! A DBC file is read by the crate `can-dbc`. Signals that are there only for one value of a multiplexor are left out,
-//! and so are messages of CAN FD and the pseudo message of signals without one.
+//! those that are no integers, messages of CAN FD, and the pseudo message of signals without one. Who names one of them
+//! is told so.
 
-use can_dbc::{ByteOrder, Dbc, MessageId, MultiplexIndicator, ValueType};
+use std::collections::BTreeMap;
+
+use can_dbc::{ByteOrder, Dbc, MessageId, MultiplexIndicator, SignalExtendedValueType, ValueType};
 
 use super::{Signal, SignalError};
 use crate::MAX_DATA;
@@ -43,6 +46,8 @@ pub struct Message {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Database {
     messages: Vec<Message>,
+    /// Names such as `Message` and `Message.Signal` of what the file has and cannot be used, and why.
+    left_out: BTreeMap<String, &'static str>,
 }
 
 /// Why a DBC file cannot be used.
@@ -110,6 +115,7 @@ impl Database {
         let mut database = Self::default();
         for message in dbc.messages.iter().filter(|message| message.name != ORPHANS) {
             if !(1..=MAX_DATA as u64).contains(&message.size) {
+                database.left_out.insert(message.name.clone(), "a message of 1 to 8 bytes");
                 continue;
             }
             let (id, is_extended) = match message.id {
@@ -124,8 +130,8 @@ impl Database {
                 signals: Vec::new(),
             };
             for signal in &message.signals {
-                if !matches!(signal.multiplexer_indicator, MultiplexIndicator::Plain | MultiplexIndicator::Multiplexor)
-                {
+                if let Some(why) = left_out(&dbc, message.id, signal) {
+                    database.left_out.insert(format!("{}.{}", message.name, signal.name), why);
                     continue;
                 }
                 let kind = (signal.byte_order == ByteOrder::BigEndian, signal.value_type == ValueType::Signed);
@@ -172,8 +178,15 @@ impl Database {
     pub fn message(&self, name: &str) -> Result<&Message, UnknownName> {
         self.messages.iter().find(|message| message.name == name).ok_or_else(|| {
             let names = self.messages.iter().map(|message| message.name.as_str());
-            UnknownName { found: name.to_owned(), allowed: listed("a message", names) }
+            let unknown = || UnknownName { found: name.to_owned(), allowed: listed("a message", names) };
+            self.left_out(name).unwrap_or_else(unknown)
         })
+    }
+
+    /// The error of a name whose message or signal is left out.
+    fn left_out(&self, name: &str) -> Option<UnknownName> {
+        let why = self.left_out.get(name)?;
+        Some(UnknownName { found: name.to_owned(), allowed: (*why).to_owned() })
     }
 
     /// The signal of a name such as `Message.Signal`, and its message.
@@ -186,7 +199,8 @@ impl Database {
             return Err(UnknownName { found: name.to_owned(), allowed });
         };
         let message = self.message(message)?;
-        Ok((message, message.signal(signal)?))
+        let found = message.signal(signal);
+        Ok((message, found.map_err(|error| self.left_out(name).unwrap_or(error))?))
     }
 }
 
@@ -201,6 +215,17 @@ impl Message {
             UnknownName { found: name.to_owned(), allowed: listed(&format!("a signal of {}", self.name), names) }
         })
     }
+}
+
+/// Why a signal cannot be used: what is allowed.
+fn left_out(dbc: &Dbc, message: MessageId, signal: &can_dbc::Signal) -> Option<&'static str> {
+    let kind = dbc.extended_value_type_for_signal(message, &signal.name);
+    if kind.is_some_and(|kind| *kind != SignalExtendedValueType::SignedOrUnsignedInteger) {
+        return Some("a signal that is an integer; this one is a floating-point number (SIG_VALTYPE_)");
+    }
+    let is_always_there =
+        matches!(signal.multiplexer_indicator, MultiplexIndicator::Plain | MultiplexIndicator::Multiplexor);
+    (!is_always_there).then_some("a signal of every message; this one is there for one value of a multiplexor only")
 }
 
 /// Names for a message, the first ones of many.
@@ -272,6 +297,25 @@ mod tests {
             ("Boom.Angel", "found \"Angel\"; allowed: a signal of Boom: Angle, Alive"),
         ] {
             assert_eq!(database.signal(name).unwrap_err().to_string(), expected);
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_used_is_refused_by_its_reason_where_it_is_named() {
+        let text = format!(
+            "{DBC}\nBO_ 292 Long: 64 Machine\n SG_ A : 0|8@1+ (1,0) [0|0] \"\" PC\n\nBO_ 293 Mixed: 8 Machine\n \
+             SG_ Kind M : 0|8@1+ (1,0) [0|0] \"\" PC\n SG_ Way m1 : 8|16@1+ (1,0) [0|0] \"m\" PC\n \
+             SG_ Float : 32|32@1- (1,0) [0|0] \"m\" PC\n\nSIG_VALTYPE_ 293 Float : 1;\n"
+        );
+        let database = Database::parse(&text).unwrap();
+        assert!(database.signal("Mixed.Kind").is_ok());
+        for (name, expected) in [
+            ("Long.A", "found \"Long\"; allowed: a message of 1 to 8 bytes"),
+            ("Mixed.Way", "found \"Mixed.Way\"; allowed: a signal of every message; this one"),
+            ("Mixed.Float", "found \"Mixed.Float\"; allowed: a signal that is an integer; this one"),
+        ] {
+            let said = database.signal(name).unwrap_err().to_string();
+            assert!(said.starts_with(expected), "{said}");
         }
     }
 

@@ -44,9 +44,14 @@ pub fn node(text: &str) -> Result<NodeId, String> {
     text.parse().ok().and_then(NodeId::new).ok_or_else(|| "allowed: 1 to 127, the number of a node".to_owned())
 }
 
+/// Durations that a command takes.
+const SHORTEST: Duration = Duration::from_millis(1);
+const LONGEST: Duration = Duration::from_secs(24 * 3600);
+
 /// A duration with its unit.
 pub fn duration(text: &str) -> Result<Duration, String> {
-    humantime::parse_duration(text).map_err(|_| "allowed: a duration with its unit such as 500ms or 10s".to_owned())
+    let parsed = humantime::parse_duration(text).ok().filter(|duration| (SHORTEST..=LONGEST).contains(duration));
+    parsed.ok_or_else(|| "allowed: 1ms to 1day, such as 500ms or 10s".to_owned())
 }
 
 /// A bus that is not open yet.

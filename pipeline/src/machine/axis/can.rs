@@ -148,6 +148,9 @@ impl CanSignals {
         let direction = section
             .key("direction", "Signal with the direction of a set point without a sign: 0 neutral, 1 extend, 2 retract")
             .optional_text();
+        if command.is_none() && direction.is_some() {
+            section.refuse("direction", "a signal without command", "beside command, which has no sign then");
+        }
         let active = section
             .key("active", "Signal that is not 0 while the drive follows the command; its time-out is proven by it")
             .optional_text();

@@ -7,8 +7,8 @@
 //! ```
 //!
 //! Whatever ends the operation of a node begins anew with its configuration: a device that has restarted has forgotten
-//! it. An emergency does not: the device says when it is over. The frame that says so may be lost, with the bus or alone;
-//! hence the error register is read in each configuration whose plan asks for it.
+//! it. An emergency does not: the device says when it is over. The frame that says so may be lost, with the bus or
+//! alone; hence the error register is read in each configuration whose plan asks for it.
 
 use super::{
     Cause, Fault, Outbox,

@@ -238,12 +238,13 @@ impl Process {
 /// What a command says of an axis; without one the valve is held.
 fn target(command: Option<(&ValveCommand, usize)>) -> AxisTarget {
     let Some((command, axis)) = command.and_then(|(command, i)| Some((command, command.axes.get(i)?))) else {
-        return AxisTarget { demand: Demand::Hold, is_disarmed: true, is_latched: false };
+        return AxisTarget { demand: Demand::Hold, is_disarmed: true, is_latched: false, is_settling: false };
     };
     AxisTarget {
         demand: if command.cut_off != 0 { Demand::Off } else { Demand::Follow(axis.command) },
         is_disarmed: axis.flags & control_flag::DISARMED != 0,
         is_latched: axis.flags & control_flag::LATCHED != 0,
+        is_settling: axis.flags & control_flag::SETTLING != 0,
     }
 }
 

@@ -211,11 +211,18 @@ impl Bench {
         }
         if self.is_alive && self.now_ns.is_multiple_of(CYCLE_MS * MS) {
             let targets = self.modes.map(|mode| match mode {
-                Mode::Armed(command) => {
-                    AxisTarget { demand: Demand::Follow(command), is_disarmed: false, is_latched: false }
+                Mode::Armed(command) => AxisTarget {
+                    demand: Demand::Follow(command),
+                    is_disarmed: false,
+                    is_latched: false,
+                    is_settling: false,
+                },
+                Mode::Latched => {
+                    AxisTarget { demand: Demand::Hold, is_disarmed: false, is_latched: true, is_settling: false }
                 }
-                Mode::Latched => AxisTarget { demand: Demand::Hold, is_disarmed: false, is_latched: true },
-                Mode::Disarmed => AxisTarget { demand: Demand::Hold, is_disarmed: true, is_latched: false },
+                Mode::Disarmed => {
+                    AxisTarget { demand: Demand::Hold, is_disarmed: true, is_latched: false, is_settling: false }
+                }
             });
             self.network.command(Some(&targets), self.now_ns);
             if self.network.is_complete() {
@@ -437,7 +444,7 @@ fn a_set_point_without_a_sign_has_a_direction() {
                 2000.. => (Demand::Follow(0.25), false),
                 _ => (Demand::Hold, true),
             };
-            network.command(Some(&[AxisTarget { demand, is_disarmed, is_latched: false }]), now_ns);
+            network.command(Some(&[AxisTarget { demand, is_disarmed, is_latched: false, is_settling: false }]), now_ns);
         }
         for frame in network.outbox().frames() {
             heard_ns = now_ns;

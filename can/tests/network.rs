@@ -52,6 +52,7 @@ fn valve_settings(axis: usize) -> ValveSettings {
 enum Mode {
     Disarmed,
     Latched,
+    Settling,
     Armed(f64),
 }
 
@@ -108,11 +109,21 @@ impl Bench {
 
     fn targets(&self) -> [AxisTarget; AXES] {
         self.modes.map(|mode| match mode {
-            Mode::Armed(command) => {
-                AxisTarget { demand: Demand::Follow(command), is_disarmed: false, is_latched: false }
+            Mode::Armed(command) => AxisTarget {
+                demand: Demand::Follow(command),
+                is_disarmed: false,
+                is_latched: false,
+                is_settling: false,
+            },
+            Mode::Settling => {
+                AxisTarget { demand: Demand::Follow(0.0), is_disarmed: false, is_latched: false, is_settling: true }
             }
-            Mode::Latched => AxisTarget { demand: Demand::Hold, is_disarmed: false, is_latched: true },
-            Mode::Disarmed => AxisTarget { demand: Demand::Hold, is_disarmed: true, is_latched: false },
+            Mode::Latched => {
+                AxisTarget { demand: Demand::Hold, is_disarmed: false, is_latched: true, is_settling: false }
+            }
+            Mode::Disarmed => {
+                AxisTarget { demand: Demand::Hold, is_disarmed: true, is_latched: false, is_settling: false }
+            }
         })
     }
 
@@ -266,6 +277,23 @@ fn a_master_that_is_started_beside_an_armed_controller_moves_nothing() {
     bench.run(20);
     assert_eq!(bench.faults(), [None; AXES]);
     bench.drive();
+}
+
+#[test]
+fn an_axis_that_is_armed_while_its_devices_are_set_up_follows_once_they_are_ready_and_not_after_a_fault() {
+    let mut bench = Bench::new();
+    bench.modes = [Mode::Settling; AXES];
+    bench.until("ready", |bench| bench.faults() == [None; AXES]);
+    bench.drive();
+    // Later a fault holds an axis that settles as any other.
+    bench.modes[0] = Mode::Settling;
+    bench.encoders[0].restart();
+    bench.until("a fault", |bench| bench.cause(0).is_some());
+    bench.run(2000);
+    assert!(bench.cause(0).is_some());
+    bench.modes[0] = Mode::Armed(0.5);
+    bench.run(100);
+    assert_eq!(bench.openings(), [0.0, -0.25]);
 }
 
 #[test]

@@ -124,8 +124,12 @@ fn a_million_frames_take_no_memory_and_move_nothing() {
         }
         if i.is_multiple_of(50) {
             network.begin(i * 100_000);
-            let target =
-                AxisTarget { demand: Demand::Follow(0.7), is_disarmed: i.is_multiple_of(1000), is_latched: false };
+            let target = AxisTarget {
+                demand: Demand::Follow(0.7),
+                is_disarmed: i.is_multiple_of(1000),
+                is_latched: false,
+                is_settling: false,
+            };
             network.command(Some(&[target]), i * 100_000);
         }
         // A set point that is not 0, to the valve.

@@ -10,9 +10,10 @@
 //! axis goes on by itself after one. A fault that the valve itself keeps is reset when the axis is disarmed: when a
 //! person has acknowledged the latch.
 //!
-//! Devices that become ready for the first time have no error to show to a controller that has said nothing yet. Their
-//! axis follows no command before the controller has shown once that it is latched or disarmed: a program that is
-//! started anew beside a controller that is armed moves nothing, and the error word says so.
+//! Devices that become ready for the first time have no error to show to a controller that has said nothing yet, nor to
+//! one whose axis settles: it was armed while they were set up. Otherwise their axis follows no command before the
+//! controller has shown once that it is latched or disarmed: a program that is started anew beside a controller that
+//! follows moves nothing, and the error word says so.
 
 use super::{Cause, Demand, Encoder, Fault, Frames, Outbox, Valve};
 use crate::{Received, canopen::sync};
@@ -35,6 +36,8 @@ pub struct AxisTarget {
     pub is_disarmed: bool,
     /// A fault has latched the axis.
     pub is_latched: bool,
+    /// The axis is armed, and waits at neutral until its samples have been healthy for a while.
+    pub is_settling: bool,
 }
 
 /// Numbers of events since the start.
@@ -166,7 +169,10 @@ impl Network {
                         self.frames.reset(i, now_ns);
                     }
                 }
-                (Some(_), None) if axis.is_let_go() || axis.is_new() => (axis.held, axis.was_ready) = (None, true),
+                (Some(_), None) if axis.is_let_go() || axis.is_new() => {
+                    axis.may_follow |= axis.settles();
+                    (axis.held, axis.was_ready) = (None, true);
+                }
                 _ => {}
             }
             axis.may_follow |= axis.held.is_none() && axis.is_let_go();
@@ -216,7 +222,7 @@ impl Network {
 
     /// All valves are switched off: the last frames of the program.
     pub fn end(&mut self, now_ns: u64) {
-        let off = AxisTarget { demand: Demand::Off, is_disarmed: true, is_latched: false };
+        let off = AxisTarget { demand: Demand::Off, is_disarmed: true, is_latched: false, is_settling: false };
         for (i, axis) in self.axes.iter_mut().enumerate() {
             axis.target = Some(off);
             axis.demand(i, &mut self.frames, now_ns, &mut self.outbox);
@@ -286,9 +292,13 @@ impl Axis {
         self.target.is_some_and(|target| target.is_disarmed && !target.is_latched)
     }
 
-    /// Whether the devices become ready for the first time, before any command.
+    /// Whether the devices become ready for the first time, before any command or for a controller that waits for it.
     fn is_new(&self) -> bool {
-        !self.was_ready && self.target.is_none()
+        !self.was_ready && (self.target.is_none() || self.settles())
+    }
+
+    fn settles(&self) -> bool {
+        self.target.is_some_and(|target| target.is_settling)
     }
 
     /// Whether the controller shows that it knows of the fault: the axis is latched or disarmed. An axis without a

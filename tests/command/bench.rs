@@ -74,6 +74,27 @@ fn a_model_file_takes_the_place_of_what_is_known_of_the_plant() {
 }
 
 #[test]
+fn drawn_tasks_of_the_teeth_are_refused_before_they_begin_or_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let chosen = ["bench", "tip", "--drawn", "10", "--seed", "1", "--scenario", "nominal", "--json", "-"];
+    let text = success(folder.path(), &chosen);
+    assert_eq!(success(folder.path(), &[&chosen[..], &["--threads", "1"]].concat()), text);
+    let figures: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(figures["drawn_with"], 1);
+    let rows = figures["rows"].as_array().unwrap();
+    let (refused, driven): (Vec<&Value>, Vec<&Value>) = rows.iter().partition(|row| row["refused"].is_string());
+    // Each by both controllers.
+    assert!(rows.len() == 20 && !refused.is_empty() && !driven.is_empty(), "{text}");
+    for row in refused {
+        assert!(row["rms"].is_null() && row["refused"].as_str().unwrap().starts_with("tip.piece["), "{row}");
+    }
+    for row in driven {
+        assert_eq!((&row["is_latched"], &row["is_done"]), (&Value::Bool(false), &Value::Bool(true)), "{row}");
+        assert!((1e-4..0.2).contains(&row["rms"].as_f64().unwrap()), "{row}");
+    }
+}
+
+#[test]
 fn drawn_machines_are_commissioned_driven_and_told() {
     let folder = tempfile::tempdir().unwrap();
     // One that commissioning takes at the second try, and one whose model controls throughout.

@@ -23,7 +23,7 @@ use pipeline::{
 };
 use serde::Serialize;
 
-use super::{super::simulate::closed_loop, parallel, tip_picture::picture};
+use super::{super::simulate::closed_loop, parallel, tip_drawn::DrawnTask, tip_picture::picture};
 use crate::{
     arguments::{
         BareMachine, load_bare, simulated_only,
@@ -41,6 +41,9 @@ use crate::{
 /// Time in which the axes settle, come to the begin of the way, and stand after its end, s.
 const AROUND: f64 = 5.0;
 
+/// Time of a drawn task in parts of the planned one: teeth that lag behind slow the motion.
+const PATIENCE: f64 = 1.5;
+
 /// Ticks between two places of the teeth that are kept for a picture.
 const TRACED: u64 = 5;
 /// Controllers of a task: that of the machine file and its fallback.
@@ -52,7 +55,8 @@ const CONTROLLERS: usize = 2;
 Examples:
   hydraxis bench tip                                               six tasks, all scenarios, some minutes
   hydraxis bench tip --task level --scenario nominal --payload 0
-  hydraxis bench tip --speed 0.2m/s --speed 0.5m/s --json tip.json")]
+  hydraxis bench tip --speed 0.2m/s --speed 0.5m/s --json tip.json
+  hydraxis bench tip --drawn 100 --seed 7                          tasks drawn at random, in reach and out of it")]
 pub struct BenchTipArguments {
     /// The machine
     #[command(flatten)]
@@ -84,6 +88,13 @@ pub struct BenchTipArguments {
     /// Draw the machine, the way and the error of the teeth: an SVG of one task, speed, payload and scenario
     #[arg(long, value_name = "FILE.svg")]
     pub picture: Option<PathBuf>,
+    /// Drive so many tasks that are drawn at random, each with a load and under one of the scenarios
+    #[arg(long, value_name = "N", value_parser = in_range(1_u64, 100_000), allow_hyphen_values = true,
+          conflicts_with_all = ["tasks", "speeds", "payloads", "seeds", "picture"])]
+    pub drawn: Option<u64>,
+    /// Seed of the drawn tasks
+    #[arg(long, default_value_t = 1, requires = "drawn")]
+    pub seed: u64,
     /// Number of threads [default: one for each core]
     #[arg(long, value_name = "N", value_parser = in_range(1_u16, u16::MAX), allow_hyphen_values = true)]
     pub threads: Option<u16>,
@@ -150,19 +161,21 @@ impl TipTaskKind {
 
 /// One run.
 struct Case<'m> {
-    task: TipTaskKind,
-    speed: f64,
+    name: String,
+    task: TipTask,
     payload: f64,
     /// The machine under a scenario.
     machine: &'m Machine,
     has_model: bool,
     seed: u64,
+    /// Time that is given to the motion, in parts of the planned one.
+    patience: f64,
 }
 
 /// The figures of one run; m, degrees, s.
 #[derive(Debug, Clone, Serialize)]
 struct Row {
-    task: &'static str,
+    task: String,
     speed: f64,
     payload: f64,
     scenario: String,
@@ -177,6 +190,8 @@ struct Row {
     pitch_rms: Option<f64>,
     duration: Option<f64>,
     is_latched: bool,
+    /// The planned time has passed.
+    is_done: bool,
     #[serde(skip)]
     error: ErrorStatistics,
     #[serde(skip)]
@@ -185,23 +200,19 @@ struct Row {
 
 #[derive(Debug, Serialize)]
 struct TipReport {
+    /// Seed of tasks that were drawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    drawn_with: Option<u64>,
     rows: Vec<Row>,
 }
 
 /// Runs the command.
 pub fn run(arguments: &BenchTipArguments) -> Result<(), Failure> {
-    let or = |given: &[f64], all: &[f64]| if given.is_empty() { all.to_vec() } else { given.to_vec() };
-    let tasks = if arguments.tasks.is_empty() { TipTaskKind::ALL.to_vec() } else { arguments.tasks.clone() };
-    let (speeds, payloads) = (or(&arguments.speeds, &[0.2, 0.35, 0.5]), or(&arguments.payloads, &[0.0, 1e3, 1.5e3]));
     let machines = machines(arguments)?;
-    let mut cases = Vec::new();
-    for task in tasks {
-        for (speed, payload) in speeds.iter().flat_map(|speed| payloads.iter().map(move |payload| (*speed, *payload))) {
-            for (machine, has_model) in machines.iter().flat_map(|machine| [(machine, false), (machine, true)]) {
-                cases.extend((1..=arguments.seeds).map(|seed| Case { task, speed, payload, machine, has_model, seed }));
-            }
-        }
-    }
+    let cases = match arguments.drawn {
+        Some(count) => drawn(count, arguments.seed, &machines),
+        None => named(arguments, &machines),
+    };
     if arguments.picture.is_some() && cases.len() != CONTROLLERS {
         return Err(Failure::usage(format!(
             "--picture: found {} runs; allowed: one task, speed, payload, scenario and seed",
@@ -210,7 +221,8 @@ pub fn run(arguments: &BenchTipArguments) -> Result<(), Failure> {
     }
     let output = Output::open(arguments.json.as_deref())?;
     let threads = arguments.threads.map_or_else(super::all_cores, usize::from);
-    let report = TipReport { rows: parallel::map(threads, "runs", &cases, drive)? };
+    let drawn_with = arguments.drawn.map(|_| arguments.seed);
+    let report = TipReport { drawn_with, rows: parallel::map(threads, "runs", &cases, drive)? };
     if let (Some(file), Some(mechanism)) = (&arguments.picture, &machines[0].mechanism) {
         let runs: Vec<_> = report.rows.iter().map(|row| (row.controller, row.trace.clone())).collect();
         let row = &report.rows[0];
@@ -220,6 +232,39 @@ pub fn run(arguments: &BenchTipArguments) -> Result<(), Failure> {
         create("--picture", file)?.write_all(text.as_bytes()).map_err(failed)?;
     }
     Ok(output.write(|| report.tables(), &report)?)
+}
+
+/// The chosen ones of the six tasks, at each speed, with each load, under each scenario.
+fn named<'m>(arguments: &BenchTipArguments, machines: &'m [Machine]) -> Vec<Case<'m>> {
+    let or = |given: &[f64], all: &[f64]| if given.is_empty() { all.to_vec() } else { given.to_vec() };
+    let kinds = if arguments.tasks.is_empty() { TipTaskKind::ALL.to_vec() } else { arguments.tasks.clone() };
+    let (speeds, payloads) = (or(&arguments.speeds, &[0.2, 0.35, 0.5]), or(&arguments.payloads, &[0.0, 1e3, 1.5e3]));
+    let mut cases = Vec::new();
+    for kind in kinds {
+        for (speed, payload) in speeds.iter().flat_map(|speed| payloads.iter().map(move |payload| (*speed, *payload))) {
+            for (machine, has_model) in machines.iter().flat_map(|machine| [(machine, false), (machine, true)]) {
+                let case = |seed| {
+                    let (name, task) = (kind.name().to_owned(), kind.task(speed));
+                    Case { name, task, payload, machine, has_model, seed, patience: 1.0 }
+                };
+                cases.extend((1..=arguments.seeds).map(case));
+            }
+        }
+    }
+    cases
+}
+
+/// Tasks that are drawn, each by both controllers.
+fn drawn(count: u64, seed: u64, machines: &[Machine]) -> Vec<Case<'_>> {
+    let of = |number: u64| {
+        let DrawnTask { task, payload, scenario } = DrawnTask::new(seed, number);
+        let machine = &machines[((scenario * machines.len() as f64) as usize).min(machines.len() - 1)];
+        [false, true].map(|has_model| {
+            let (name, task) = (number.to_string(), task.clone());
+            Case { name, task, payload, machine, has_model, seed: 1 + number, patience: PATIENCE }
+        })
+    };
+    (0..count).flat_map(of).collect()
 }
 
 /// The machine under each of the scenarios.
@@ -247,7 +292,7 @@ fn machines(arguments: &BenchTipArguments) -> Result<Vec<Machine>, Failure> {
 
 fn drive(case: &Case<'_>) -> Result<Row, Failure> {
     let mut machine = case.machine.clone();
-    machine.tip = Some(case.task.task(case.speed));
+    machine.tip = Some(case.task.clone());
     if let Some(mechanism) = &mut machine.mechanism {
         mechanism.masses.payload.mass = case.payload;
     }
@@ -258,8 +303,8 @@ fn drive(case: &Case<'_>) -> Result<Row, Failure> {
         }
     }
     let mut row = Row {
-        task: case.task.name(),
-        speed: case.speed,
+        task: case.name.clone(),
+        speed: case.task.speed,
         payload: case.payload,
         scenario: machine.scenario.name.clone(),
         controller: if case.has_model { "model" } else { "fallback" },
@@ -271,6 +316,7 @@ fn drive(case: &Case<'_>) -> Result<Row, Failure> {
         pitch_rms: None,
         duration: None,
         is_latched: false,
+        is_done: false,
         error: ErrorStatistics::default(),
         trace: Vec::new(),
     };
@@ -285,7 +331,7 @@ fn drive(case: &Case<'_>) -> Result<Row, Failure> {
             plant.initial_position = first.1;
         }
     }
-    let duration = Duration::from_secs_f64(teeth.plan().duration() + AROUND);
+    let duration = Duration::from_secs_f64(case.patience * teeth.plan().duration() + AROUND);
     let ticks = pipeline::machine::samples_of(duration, machine.timing.period) as u64;
     closed_loop::run(&machine, case.seed, ticks, |tick| {
         if let Some(plant) = tick.plant {
@@ -297,19 +343,53 @@ fn drive(case: &Case<'_>) -> Result<Row, Failure> {
     })?;
     let figures = teeth.figures();
     (row.rms, row.max, row.max_at, row.pitch_rms) = (figures.rms, figures.max, figures.max_at, figures.pitch_rms);
-    (row.duration, row.error) = (Some(figures.duration), figures.error);
+    (row.duration, row.is_done, row.error) = (Some(figures.duration), figures.is_done, figures.error);
     Ok(row)
 }
 
 impl TipReport {
-    /// A line for each task, speed and controller.
     fn tables(&self) -> String {
+        self.drawn_with.map_or_else(|| self.table_of_tasks(), |seed| self.table_of_drawn(seed))
+    }
+
+    /// A line for each controller.
+    fn table_of_drawn(&self, seed: u64) -> String {
+        let lines = ["fallback", "model"].map(|controller| {
+            let all = || self.rows.iter().filter(|row| row.controller == controller);
+            let driven = || all().filter(|row| row.refused.is_none());
+            let mut rms: Vec<f64> = driven().filter_map(|row| row.rms).collect();
+            rms.sort_by(f64::total_cmp);
+            let middle = rms.get(rms.len() / 2).copied().unwrap_or(f64::NAN);
+            let worst = driven().max_by(|a, b| a.rms.unwrap_or(0.0).total_cmp(&b.rms.unwrap_or(0.0)));
+            vec![
+                controller.to_owned(),
+                driven().count().to_string(),
+                all().filter(|row| row.refused.is_some()).count().to_string(),
+                driven().filter(|row| row.is_latched).count().to_string(),
+                driven().filter(|row| !row.is_done).count().to_string(),
+                number(1e3 * middle),
+                number(1e3 * driven().filter_map(|row| row.max).fold(f64::NAN, f64::max)),
+                worst.map_or(String::new(), |row| {
+                    let rms = number(1e3 * row.rms.unwrap_or(f64::NAN));
+                    format!("task {}, {}: {rms}", row.task, row.scenario)
+                }),
+            ]
+        });
+        let header = ["controller", "driven", "refused", "latched", "not done", "median", "max", "worst"];
+        format!(
+            "Distance of the teeth from their way in tasks of seed {seed}, mm (rms; max over all):\n{}\n",
+            table(&header, lines.to_vec())
+        )
+    }
+
+    /// A line for each task, speed and controller.
+    fn table_of_tasks(&self) -> String {
         let mut rows: Vec<&Row> = self.rows.iter().collect();
-        let key = |row: &Row| (row.task, row.speed.to_bits(), row.controller);
-        rows.sort_by_key(|row| {
+        let key = |row: &Row| {
             let task = TipTaskKind::ALL.iter().position(|task| task.name() == row.task);
             (task, row.speed.to_bits(), row.controller)
-        });
+        };
+        rows.sort_by_key(|row| key(row));
         let lines = rows.chunk_by(|a, b| key(a) == key(b)).map(|group| {
             let driven = || group.iter().filter(|row| row.refused.is_none());
             let all = driven().fold(ErrorStatistics::default(), |mut all, row| {
@@ -320,7 +400,7 @@ impl TipReport {
             let nominal = driven().find(|row| row.scenario == "nominal" && row.payload == 0.0);
             let mm = |value: Option<f64>| number(value.map_or(f64::NAN, |value| 1e3 * value));
             vec![
-                group[0].task.to_owned(),
+                group[0].task.clone(),
                 format!("{} m/s", group[0].speed),
                 group[0].controller.to_owned(),
                 mm(nominal.and_then(|row| row.rms)),

@@ -1,7 +1,7 @@
 //! Tasks of the teeth drawn at random, in reach of the machine and out of it.
 //!
-//! A task starts in a rectangle that is a little larger than the machine's reach. Each of its one to three pieces is a
-//! line or an arc in any direction, and one in three turns the bucket. Task 7 of a seed depends on 7 and the seed alone.
+//! A task starts in a rectangle in and around the reach of the built-in machine. Each of its one to three pieces is a
+//! line or an arc in any direction, and one in three turns the bucket. A task depends on its number and the seed alone.
 
 use std::ops::RangeInclusive;
 

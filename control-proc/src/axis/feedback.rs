@@ -94,6 +94,11 @@ impl Feedback {
         (self.blind, self.implausible, self.bridged, self.unusable) = (0, 0, 0, 0.0);
     }
 
+    /// The axis begins to follow: it has had healthy samples alone while it settled, whatever was before.
+    pub fn begin(&mut self) {
+        self.unusable = 0.0;
+    }
+
     /// Takes in the sample of a tick, `elapsed` ticks after the last one; `command` has been on the valve since.
     pub fn observe(&mut self, elapsed: u64, sample: Option<&AxisSample>, command: f64) -> Observation {
         self.blind = self.blind.saturating_add(elapsed);

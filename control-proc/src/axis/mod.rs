@@ -380,6 +380,7 @@ impl AxisController {
 
     /// Begins to follow at `position` (m), where the axis stands.
     fn begin(&mut self, input: &AxisInput<'_>, position: f64) {
+        self.feedback.begin();
         self.gate.begin();
         self.law.begin();
         self.fallback.reset();

@@ -217,6 +217,20 @@ fn a_position_outside_the_stroke_latches_at_once() {
 }
 
 #[test]
+fn a_long_fault_of_a_disarmed_axis_does_not_latch_it_once_it_is_armed() {
+    let mut axis = moving();
+    axis.controller.disarm();
+    for _ in 0..1000 {
+        axis.tick_with(None, None, fault(sample_fault::ENCODER));
+    }
+    axis.run(50, Some(actuator()));
+    axis.controller.arm();
+    let commands = axis.run(100, Some(actuator()));
+    assert!(commands.iter().all(|command| command.axes[0].flags & control_flag::LATCHED == 0));
+    assert_eq!(commands[99].axes[0].flags & control_flag::SETTLING, 0);
+}
+
+#[test]
 fn positions_that_are_not_finite_are_unusable() {
     let mut axis = moving();
     for _ in 0..3 {

@@ -16,7 +16,7 @@ use std::time::Duration;
 use can::{
     Counters,
     bus::{Address, Bus, BusError, open},
-    device::{AxisTarget, Demand, Network},
+    device::{AxisState, AxisTarget, Demand, Network},
 };
 use pipeline::{
     channel::{Group, Publisher, Reader},
@@ -238,13 +238,16 @@ impl Process {
 /// What a command says of an axis; without one the valve is held.
 fn target(command: Option<(&ValveCommand, usize)>) -> AxisTarget {
     let Some((command, axis)) = command.and_then(|(command, i)| Some((command, command.axes.get(i)?))) else {
-        return AxisTarget { demand: Demand::Hold, is_disarmed: true, is_latched: false, is_settling: false };
+        return AxisTarget { demand: Demand::Hold, state: AxisState::Disarmed };
     };
     AxisTarget {
         demand: if command.cut_off != 0 { Demand::Off } else { Demand::Follow(axis.command) },
-        is_disarmed: axis.flags & control_flag::DISARMED != 0,
-        is_latched: axis.flags & control_flag::LATCHED != 0,
-        is_settling: axis.flags & control_flag::SETTLING != 0,
+        state: match axis.flags {
+            flags if flags & control_flag::LATCHED != 0 => AxisState::Latched,
+            flags if flags & control_flag::DISARMED != 0 => AxisState::Disarmed,
+            flags if flags & control_flag::SETTLING != 0 => AxisState::Settling,
+            _ => AxisState::Following,
+        },
     }
 }
 

@@ -6,8 +6,8 @@ use std::sync::LazyLock;
 use can::{
     Frame, Received,
     device::{
-        AxisDevices, AxisFrames, AxisTarget, Cause, Demand, Fault, FrameDrive, FrameDriveSettings, Frames, Network,
-        Receiver, SetPoint, SignalPosition,
+        AxisDevices, AxisFrames, AxisState, AxisTarget, Cause, Demand, Fault, FrameDrive, FrameDriveSettings, Frames,
+        Network, Receiver, SetPoint, SignalPosition,
     },
     frames::{Checksum, Database, Guard, Signal, Verdict},
 };
@@ -211,18 +211,9 @@ impl Bench {
         }
         if self.is_alive && self.now_ns.is_multiple_of(CYCLE_MS * MS) {
             let targets = self.modes.map(|mode| match mode {
-                Mode::Armed(command) => AxisTarget {
-                    demand: Demand::Follow(command),
-                    is_disarmed: false,
-                    is_latched: false,
-                    is_settling: false,
-                },
-                Mode::Latched => {
-                    AxisTarget { demand: Demand::Hold, is_disarmed: false, is_latched: true, is_settling: false }
-                }
-                Mode::Disarmed => {
-                    AxisTarget { demand: Demand::Hold, is_disarmed: true, is_latched: false, is_settling: false }
-                }
+                Mode::Armed(command) => AxisTarget { demand: Demand::Follow(command), state: AxisState::Following },
+                Mode::Latched => AxisTarget { demand: Demand::Hold, state: AxisState::Latched },
+                Mode::Disarmed => AxisTarget { demand: Demand::Hold, state: AxisState::Disarmed },
             });
             self.network.command(Some(&targets), self.now_ns);
             if self.network.is_complete() {
@@ -439,12 +430,12 @@ fn a_set_point_without_a_sign_has_a_direction() {
         }
         if ms.is_multiple_of(10) {
             network.begin(now_ns);
-            let (demand, is_disarmed) = match ms {
-                3000.. => (Demand::Follow(-0.5), false),
-                2000.. => (Demand::Follow(0.25), false),
-                _ => (Demand::Hold, true),
+            let (demand, state) = match ms {
+                3000.. => (Demand::Follow(-0.5), AxisState::Following),
+                2000.. => (Demand::Follow(0.25), AxisState::Following),
+                _ => (Demand::Hold, AxisState::Disarmed),
             };
-            network.command(Some(&[AxisTarget { demand, is_disarmed, is_latched: false, is_settling: false }]), now_ns);
+            network.command(Some(&[AxisTarget { demand, state }]), now_ns);
         }
         for frame in network.outbox().frames() {
             heard_ns = now_ns;

@@ -4,8 +4,8 @@ use can::{
     Frame, Received,
     canopen::{Emergency, NodeId},
     device::{
-        AxisDevices, AxisTarget, Cause, Demand, Encoder, EncoderSettings, Fault, Network, NodeTiming, Outbox,
-        PositionObject, Proof, Valve, ValveSettings,
+        AxisDevices, AxisState, AxisTarget, Cause, Demand, Encoder, EncoderSettings, Fault, Network, NodeTiming,
+        Outbox, PositionObject, Proof, Valve, ValveSettings,
     },
     simulated::{Flaw, SimulatedEncoder, SimulatedValve},
 };
@@ -109,21 +109,10 @@ impl Bench {
 
     fn targets(&self) -> [AxisTarget; AXES] {
         self.modes.map(|mode| match mode {
-            Mode::Armed(command) => AxisTarget {
-                demand: Demand::Follow(command),
-                is_disarmed: false,
-                is_latched: false,
-                is_settling: false,
-            },
-            Mode::Settling => {
-                AxisTarget { demand: Demand::Follow(0.0), is_disarmed: false, is_latched: false, is_settling: true }
-            }
-            Mode::Latched => {
-                AxisTarget { demand: Demand::Hold, is_disarmed: false, is_latched: true, is_settling: false }
-            }
-            Mode::Disarmed => {
-                AxisTarget { demand: Demand::Hold, is_disarmed: true, is_latched: false, is_settling: false }
-            }
+            Mode::Armed(command) => AxisTarget { demand: Demand::Follow(command), state: AxisState::Following },
+            Mode::Settling => AxisTarget { demand: Demand::Follow(0.0), state: AxisState::Settling },
+            Mode::Latched => AxisTarget { demand: Demand::Hold, state: AxisState::Latched },
+            Mode::Disarmed => AxisTarget { demand: Demand::Hold, state: AxisState::Disarmed },
         })
     }
 

@@ -13,8 +13,8 @@ use can::{
     bus::{Decoded, Decoder, MAX_TEXT, encode},
     canopen::{NodeId, Object, SdoClient, SdoEvent},
     device::{
-        AxisDevices, AxisTarget, Demand, Encoder, EncoderSettings, Network, NodeTiming, PositionObject, Valve,
-        ValveSettings,
+        AxisDevices, AxisState, AxisTarget, Demand, Encoder, EncoderSettings, Network, NodeTiming, PositionObject,
+        Valve, ValveSettings,
     },
 };
 
@@ -124,12 +124,8 @@ fn a_million_frames_take_no_memory_and_move_nothing() {
         }
         if i.is_multiple_of(50) {
             network.begin(i * 100_000);
-            let target = AxisTarget {
-                demand: Demand::Follow(0.7),
-                is_disarmed: i.is_multiple_of(1000),
-                is_latched: false,
-                is_settling: false,
-            };
+            let state = if i.is_multiple_of(1000) { AxisState::Disarmed } else { AxisState::Following };
+            let target = AxisTarget { demand: Demand::Follow(0.7), state };
             network.command(Some(&[target]), i * 100_000);
         }
         // A set point that is not 0, to the valve.

@@ -1,4 +1,5 @@
-//! Running statistics: of an error, small enough to travel in a message, and of an axis that holds a set point.
+//! Running statistics: of an error, small enough to travel in a message, and of an axis that holds a set point. And the
+//! median.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -120,6 +121,21 @@ impl HoldStatistics {
     pub fn travel(&self) -> f64 {
         self.highest - self.lowest
     }
+}
+
+/// The median of the finite values, of an even number of them the upper of the two in the middle; none without any.
+///
+/// ```
+/// use pipeline::statistics::median;
+///
+/// assert_eq!(median([3.0, f64::NAN, 1.0, 2.0].into_iter()), Some(2.0));
+/// assert_eq!(median([4.0, 1.0].into_iter()), Some(4.0));
+/// assert_eq!(median([f64::NAN].into_iter()), None);
+/// ```
+pub fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
 }
 
 #[cfg(test)]

@@ -15,6 +15,8 @@ use crate::Frame;
 pub mod code {
     /// No error, or an error is over.
     pub const NONE: u16 = 0x0000;
+    /// An error of which no more is known.
+    pub const GENERIC: u16 = 0x1000;
     /// The heartbeat of another node, or node guarding, has stopped.
     pub const HEARTBEAT: u16 = 0x8130;
     /// An RPDO has not come within its event timer.

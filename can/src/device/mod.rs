@@ -29,7 +29,7 @@ pub use encoder::{Encoder, EncoderSettings, PositionObject};
 pub use fault::{Cause, Fault};
 pub use frame_drive::{FrameDrive, FrameDriveSettings, Pattern, SetPoint};
 pub use frames::{AxisFrames, Frames, SignalPosition, Source};
-pub use network::{AxisDevices, AxisTarget, Network, NetworkCounters};
+pub use network::{AxisDevices, AxisState, AxisTarget, Network, NetworkCounters};
 pub use node::{Node, NodeTiming};
 pub use outbox::Outbox;
 pub use plan::{Plan, Value};

@@ -32,12 +32,21 @@ pub struct AxisDevices {
 pub struct AxisTarget {
     /// What its valve is to do.
     pub demand: Demand,
-    /// The axis is not armed.
-    pub is_disarmed: bool,
-    /// A fault has latched the axis.
-    pub is_latched: bool,
-    /// The axis is armed, and waits at neutral until its samples have been healthy for a while.
-    pub is_settling: bool,
+    /// In which state the axis is.
+    pub state: AxisState,
+}
+
+/// State of an axis in the controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AxisState {
+    /// It is not armed.
+    Disarmed,
+    /// It is armed, and waits at neutral until its samples have been healthy for a while.
+    Settling,
+    /// It is commanded.
+    Following,
+    /// A fault has latched it.
+    Latched,
 }
 
 /// Numbers of events since the start.
@@ -157,6 +166,7 @@ impl Network {
     fn interlock(&mut self, now_ns: u64) {
         for (i, axis) in self.axes.iter_mut().enumerate() {
             let fault = axis.devices.fault().or_else(|| self.frames.fault(i));
+            let is_let_go = axis.is_let_go();
             match (axis.held, fault) {
                 (None, Some(fault)) => {
                     (axis.held, axis.may_follow) = (Some(fault), false);
@@ -169,13 +179,10 @@ impl Network {
                         self.frames.reset(i, now_ns);
                     }
                 }
-                (Some(_), None) if axis.is_let_go() || axis.is_new() => {
-                    axis.may_follow |= axis.settles();
-                    (axis.held, axis.was_ready) = (None, true);
-                }
+                (Some(_), None) if is_let_go || axis.is_new() => (axis.held, axis.was_ready) = (None, true),
                 _ => {}
             }
-            axis.may_follow |= axis.held.is_none() && axis.is_let_go();
+            axis.may_follow |= axis.held.is_none() && is_let_go;
         }
     }
 
@@ -222,7 +229,7 @@ impl Network {
 
     /// All valves are switched off: the last frames of the program.
     pub fn end(&mut self, now_ns: u64) {
-        let off = AxisTarget { demand: Demand::Off, is_disarmed: true, is_latched: false, is_settling: false };
+        let off = AxisTarget { demand: Demand::Off, state: AxisState::Disarmed };
         for (i, axis) in self.axes.iter_mut().enumerate() {
             axis.target = Some(off);
             axis.demand(i, &mut self.frames, now_ns, &mut self.outbox);
@@ -251,6 +258,12 @@ impl Network {
     }
 }
 
+impl AxisState {
+    fn is_armed(self) -> bool {
+        matches!(self, Self::Settling | Self::Following)
+    }
+}
+
 impl AxisDevices {
     fn fault(&self) -> Option<Fault> {
         self.encoder.as_ref().and_then(Encoder::fault).or_else(|| self.valve.as_ref().and_then(Valve::fault))
@@ -266,7 +279,7 @@ impl Axis {
     fn demand(&mut self, place: usize, frames: &mut Frames, now_ns: u64, out: &mut Outbox) {
         let demand = match (self.held, self.target) {
             (_, Some(AxisTarget { demand: Demand::Off, .. })) => Demand::Off,
-            (None, Some(target)) if self.may_follow && !target.is_disarmed && !target.is_latched => target.demand,
+            (None, Some(target)) if self.may_follow && target.state.is_armed() => target.demand,
             _ => Demand::Hold,
         };
         if let Some(valve) = &mut self.devices.valve {
@@ -289,21 +302,22 @@ impl Axis {
 
     /// Whether a person has acknowledged the fault: the axis is disarmed, and not latched any more.
     fn is_acknowledged(&self) -> bool {
-        self.target.is_some_and(|target| target.is_disarmed && !target.is_latched)
+        self.target.is_some_and(|target| target.state == AxisState::Disarmed)
     }
 
-    /// Whether the devices become ready for the first time, before any command or for a controller that waits for it.
+    /// Whether the devices become ready for the first time, before any command.
     fn is_new(&self) -> bool {
-        !self.was_ready && (self.target.is_none() || self.settles())
+        !self.was_ready && self.target.is_none()
     }
 
-    fn settles(&self) -> bool {
-        self.target.is_some_and(|target| target.is_settling)
-    }
-
-    /// Whether the controller shows that it knows of the fault: the axis is latched or disarmed. An axis without a
-    /// valve has nothing to be held.
+    /// Whether the controller shows that it knows of the fault: the axis is latched or disarmed, or waits for devices
+    /// that have never been ready. An axis without a valve has nothing to be held.
     fn is_let_go(&self) -> bool {
-        !self.has_drive || self.target.is_some_and(|target| target.is_disarmed || target.is_latched)
+        let shows = |target: AxisTarget| match target.state {
+            AxisState::Disarmed | AxisState::Latched => true,
+            AxisState::Settling => !self.was_ready,
+            AxisState::Following => false,
+        };
+        !self.has_drive || self.target.is_some_and(shows)
     }
 }

@@ -16,15 +16,15 @@ use super::{
 };
 use crate::{
     Frame, Received,
-    canopen::{Command, Emergency, NodeId, NodeState, SdoClient, SdoError, SdoEvent, heartbeat_of, nmt},
+    canopen::{
+        Command, Emergency, NodeId, NodeState, SdoClient, SdoError, SdoEvent, emergency_code, heartbeat_of, nmt,
+    },
 };
 
 /// Time until a device that did not answer, or refused a setting, is tried again, ns.
 const RETRY_NS: u64 = 500_000_000;
 /// A heartbeat is missed after so many halves of its period: one and a half, as in the table of faults.
 const PATIENCE_HALVES: u64 = 3;
-/// Code of an emergency that nothing else is known of than that the error register is not 0.
-const GENERIC: u16 = 0x1000;
 /// Heartbeats after which a started node has to be operational.
 const START_BEATS: u64 = 4;
 
@@ -212,7 +212,7 @@ impl Node {
                     self.refuse(step.fault(number, found.map(|found| found & mask)), now_ns);
                 }
                 (Action::Register, Some(found)) => {
-                    self.emergency = (found != 0).then(|| self.emergency.unwrap_or(GENERIC));
+                    self.emergency = (found != 0).then(|| self.emergency.unwrap_or(emergency_code::GENERIC));
                     self.begin_next(place, now_ns, out);
                 }
                 (Action::Write(_) | Action::Register, _) => {}

@@ -130,7 +130,7 @@ impl Database {
                 signals: Vec::new(),
             };
             for signal in &message.signals {
-                if let Some(why) = left_out(&dbc, message.id, signal) {
+                if let Some(why) = unusable(&dbc, message.id, signal) {
                     database.left_out.insert(format!("{}.{}", message.name, signal.name), why);
                     continue;
                 }
@@ -218,7 +218,7 @@ impl Message {
 }
 
 /// Why a signal cannot be used: what is allowed.
-fn left_out(dbc: &Dbc, message: MessageId, signal: &can_dbc::Signal) -> Option<&'static str> {
+fn unusable(dbc: &Dbc, message: MessageId, signal: &can_dbc::Signal) -> Option<&'static str> {
     let kind = dbc.extended_value_type_for_signal(message, &signal.name);
     if kind.is_some_and(|kind| *kind != SignalExtendedValueType::SignedOrUnsignedInteger) {
         return Some("a signal that is an integer; this one is a floating-point number (SIG_VALTYPE_)");

@@ -19,7 +19,7 @@ use control_proc::ReferenceError;
 use pipeline::{
     machine::{Machine, ModelChoice, ReferenceSource, Scenario, Source, TipPiece, TipShape, TipTask},
     message::control_flag,
-    statistics::ErrorStatistics,
+    statistics::{ErrorStatistics, median},
 };
 use serde::Serialize;
 
@@ -46,8 +46,8 @@ const PATIENCE: f64 = 1.5;
 
 /// Ticks between two places of the teeth that are kept for a picture.
 const TRACED: u64 = 5;
-/// Controllers of a task: that of the machine file and its fallback.
-const CONTROLLERS: usize = 2;
+/// Controllers of a task: the fallback, and that of the machine file.
+const CONTROLLERS: [&str; 2] = ["fallback", "model"];
 
 /// `bench tip`.
 #[derive(Debug, Args)]
@@ -213,7 +213,7 @@ pub fn run(arguments: &BenchTipArguments) -> Result<(), Failure> {
         Some(count) => drawn(count, arguments.seed, &machines),
         None => named(arguments, &machines),
     };
-    if arguments.picture.is_some() && cases.len() != CONTROLLERS {
+    if arguments.picture.is_some() && cases.len() != CONTROLLERS.len() {
         return Err(Failure::usage(format!(
             "--picture: found {} runs; allowed: one task, speed, payload, scenario and seed",
             cases.len()
@@ -307,7 +307,7 @@ fn drive(case: &Case<'_>) -> Result<Row, Failure> {
         speed: case.task.speed,
         payload: case.payload,
         scenario: machine.scenario.name.clone(),
-        controller: if case.has_model { "model" } else { "fallback" },
+        controller: CONTROLLERS[usize::from(case.has_model)],
         seed: case.seed,
         refused: None,
         rms: None,
@@ -347,6 +347,11 @@ fn drive(case: &Case<'_>) -> Result<Row, Failure> {
     Ok(row)
 }
 
+/// A length in m as millimetres.
+fn millimetres(length: Option<f64>) -> String {
+    number(length.map_or(f64::NAN, |length| 1e3 * length))
+}
+
 impl TipReport {
     fn tables(&self) -> String {
         self.drawn_with.map_or_else(|| self.table_of_tasks(), |seed| self.table_of_drawn(seed))
@@ -354,12 +359,9 @@ impl TipReport {
 
     /// A line for each controller.
     fn table_of_drawn(&self, seed: u64) -> String {
-        let lines = ["fallback", "model"].map(|controller| {
+        let lines = CONTROLLERS.map(|controller| {
             let all = || self.rows.iter().filter(|row| row.controller == controller);
             let driven = || all().filter(|row| row.refused.is_none());
-            let mut rms: Vec<f64> = driven().filter_map(|row| row.rms).collect();
-            rms.sort_by(f64::total_cmp);
-            let middle = rms.get(rms.len() / 2).copied().unwrap_or(f64::NAN);
             let worst = driven().max_by(|a, b| a.rms.unwrap_or(0.0).total_cmp(&b.rms.unwrap_or(0.0)));
             vec![
                 controller.to_owned(),
@@ -367,11 +369,10 @@ impl TipReport {
                 all().filter(|row| row.refused.is_some()).count().to_string(),
                 driven().filter(|row| row.is_latched).count().to_string(),
                 driven().filter(|row| !row.is_done).count().to_string(),
-                number(1e3 * middle),
-                number(1e3 * driven().filter_map(|row| row.max).fold(f64::NAN, f64::max)),
+                millimetres(median(driven().filter_map(|row| row.rms))),
+                millimetres(driven().filter_map(|row| row.max).reduce(f64::max)),
                 worst.map_or(String::new(), |row| {
-                    let rms = number(1e3 * row.rms.unwrap_or(f64::NAN));
-                    format!("task {}, {}: {rms}", row.task, row.scenario)
+                    format!("task {}, {}: {}", row.task, row.scenario, millimetres(row.rms))
                 }),
             ]
         });
@@ -398,15 +399,16 @@ impl TipReport {
             });
             let worst = driven().max_by(|a, b| a.error.rmse().total_cmp(&b.error.rmse()));
             let nominal = driven().find(|row| row.scenario == "nominal" && row.payload == 0.0);
-            let mm = |value: Option<f64>| number(value.map_or(f64::NAN, |value| 1e3 * value));
             vec![
                 group[0].task.clone(),
                 format!("{} m/s", group[0].speed),
                 group[0].controller.to_owned(),
-                mm(nominal.and_then(|row| row.rms)),
-                mm((all.count > 0).then(|| all.rmse())),
-                mm((all.count > 0).then_some(all.max)),
-                worst.map_or(String::new(), |row| format!("{} {} kg: {}", row.scenario, row.payload, mm(row.rms))),
+                millimetres(nominal.and_then(|row| row.rms)),
+                millimetres((all.count > 0).then(|| all.rmse())),
+                millimetres((all.count > 0).then_some(all.max)),
+                worst.map_or(String::new(), |row| {
+                    format!("{} {} kg: {}", row.scenario, row.payload, millimetres(row.rms))
+                }),
                 number(driven().filter_map(|row| row.duration).fold(f64::NAN, f64::max)),
                 format!("{}", group.iter().filter(|row| row.refused.is_some()).count()),
                 format!("{}", group.iter().filter(|row| row.is_latched).count()),

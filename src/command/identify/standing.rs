@@ -12,6 +12,8 @@
 //! Traps: a coarse sensor stands for many rows between two counts; hence m. An output that answers to the size of its
 //! command stands while the command does; hence j.
 
+use pipeline::statistics::median;
+
 /// Fewest rows for which an output stands.
 const LEAST: usize = 20;
 /// Fewest rows for which an output stands, in parts of m.
@@ -39,13 +41,6 @@ pub fn part(outputs: &[f64], inputs: &[f64], begins: &[bool], horizon: usize) ->
         }
     }
     standing as f64 / outputs.len() as f64
-}
-
-/// The median of the finite values; none without any.
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 #[cfg(test)]

@@ -173,7 +173,7 @@ impl Controller {
             None => 1,
             // A source that has started again counts from anew. How long it was away is unknown.
             Some(last) if sequence <= last && is_new_source => {
-                self.feedback_lost();
+                self.latch(control_flag::FEEDBACK);
                 self.path.reset();
                 1
             }

@@ -14,6 +14,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use control_proc::axis::{PATIENCE_TICKS, SETTLING_PATIENCE};
 use pipeline::{
     MAX_AXES,
     channel::{
@@ -34,10 +35,11 @@ const SLICE: Duration = Duration::from_millis(5);
 const SAMPLE_PATIENCE: Duration = Duration::from_secs(2);
 /// Periods in which a sample must come; they count where they are longer than [`SAMPLE_PATIENCE`].
 const SAMPLE_PERIODS: u32 = 3;
-/// Time in which the controller must do what it is asked, settling included.
-const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
+/// Time in which the controller must do what it is asked, settling included. It ends before the controller latches an
+/// axis that does not settle, so that what has kept it from settling is told.
+const ANSWER_PATIENCE: Duration = SETTLING_PATIENCE.saturating_sub(Duration::from_secs(1));
 /// Periods in which the controller must do it; they count where they are longer than [`ANSWER_PATIENCE`].
-const ANSWER_PERIODS: u32 = 50;
+const ANSWER_PERIODS: u32 = PATIENCE_TICKS as u32 - 10;
 
 /// Flags about models. They do not matter to an operator and are not shown.
 const ABOUT_MODELS: u32 = control_flag::NO_MODEL
@@ -402,9 +404,8 @@ impl Operator {
             self.arming[*axis] = true;
         }
         self.arming[MAX_AXES] = true;
-        let mut latched = None;
         let (mut was_armed, mut taken) = ([false; MAX_AXES], [u64::MAX; MAX_AXES]);
-        let is_changed = self.ask_until(mode.name(), |command, request| {
+        let is_changed = self.await_mode(axes, mode, |command, request| {
             for axis in axes.iter().copied() {
                 let found = &command.axes[axis];
                 was_armed[axis] |= found.flags & control_flag::DISARMED == 0;
@@ -414,14 +415,36 @@ impl Operator {
                 }
                 taken[axis] = found.taken_requests;
             }
+        });
+        self.arming = [false; MAX_AXES + 1];
+        is_changed
+    }
+
+    /// Waits until axes that are armed in a mode have settled in it; false when the program is to end before.
+    ///
+    /// # Errors
+    /// They have not settled in time, or a fault latches one of them.
+    pub fn await_settled(&mut self, axes: &[usize], mode: AxisMode) -> Result<bool, OperatorError> {
+        self.await_mode(axes, mode, |_, _| {})
+    }
+
+    /// Answers samples until axes have settled in a mode. Each command of the controller is shown to `look`.
+    fn await_mode(
+        &mut self,
+        axes: &[usize],
+        mode: AxisMode,
+        mut look: impl FnMut(&ValveCommand, &mut Request),
+    ) -> Result<bool, OperatorError> {
+        let mut latched = None;
+        let is_in = self.ask_until(mode.name(), |command, request| {
+            look(command, request);
             let is_in = |axis: &AxisCommand| axis.operation == mode as u32 && axis.flags & control_flag::SETTLING == 0;
             latched = axes.iter().copied().find(|axis| command.axes[*axis].flags & control_flag::LATCHED != 0);
             latched.is_some() || axes.iter().all(|axis| is_in(&command.axes[*axis]))
         });
-        self.arming = [false; MAX_AXES + 1];
         match latched {
             Some(axis) => Err(OperatorError::Latched { state: self.state(axis), wanted: mode.name() }),
-            None => is_changed,
+            None => is_in,
         }
     }
 

@@ -1,7 +1,7 @@
 //! `hydraxis arm`, `disarm` and `reset` on a controller whose acquisition is played by the test.
 
 use std::{
-    process::Output,
+    process::{Output, Stdio},
     sync::{
         Arc,
         atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering},
@@ -126,6 +126,18 @@ impl Played {
         self.wait_until("the latch", |command| command.axes[axis].flags & control_flag::FEEDBACK != 0);
         self.set_fault(axis, 0);
     }
+
+    /// The first axis has stale samples from now on, and was armed by a program that is killed before it has settled.
+    fn leave_settling(&mut self) {
+        self.set_fault(0, sample_fault::STALE);
+        self.seen();
+        let mut arm = hydraxis();
+        arm.args(["arm", "--axis", "boom", "--prefix", &self.group.prefix.to_string()]);
+        let mut arm = arm.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        self.wait_until("an axis that settles", |command| command.axes[0].flags & control_flag::SETTLING != 0);
+        arm.kill().unwrap();
+        arm.wait().unwrap();
+    }
 }
 
 impl Drop for Played {
@@ -164,6 +176,31 @@ fn play_sensor(prefix: &Prefix, script: &Script) {
 }
 
 use AxisMode::{Hold, Off, Track};
+
+#[test]
+fn arm_waits_for_an_axis_that_another_has_armed_and_that_does_not_settle() {
+    let mut played = Played::start("arm-settling");
+    played.leave_settling();
+    std::thread::scope(|scope| {
+        let script = Arc::clone(&played.script);
+        scope.spawn(move || {
+            sleep(Duration::from_secs(1));
+            script.faults[0].store(0, Ordering::Relaxed);
+        });
+        let begin = Instant::now();
+        let said = played.succeed("arm", &["--axis", "boom"]);
+        assert!(begin.elapsed() > Duration::from_secs(1) && said == "axis.boom: track\n", "{said}");
+    });
+    // While it stands.
+    played.succeed("disarm", &["--axis", "boom"]);
+    played.leave_settling();
+    let said = played.fail("arm", &["--axis", "boom"]);
+    assert!(said.contains("axis.boom: its samples are stale") || said.contains("(feedback"), "{said}");
+    played.wait_until("a latch", |command| command.axes[0].flags & control_flag::FEEDBACK != 0);
+    played.set_fault(0, 0);
+    played.succeed("reset", &[]);
+    assert_eq!(played.succeed("arm", &["--axis", "boom"]), "axis.boom: track\n");
+}
 
 #[test]
 fn arm_enables_what_is_off_and_leaves_it_so_and_disarm_ends_it() {

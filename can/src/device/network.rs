@@ -7,8 +7,9 @@
 //!
 //! The interlock: an axis whose encoder or valve has a fault is held at once. Its error word stays until the controller
 //! shows by its flags that it has latched or disarmed the axis. So no fault is too short for the controller, and no
-//! axis goes on by itself after one. A fault that the valve itself keeps is reset when the axis is disarmed: when a
-//! person has acknowledged the latch.
+//! axis goes on by itself after one. An axis that settles has not moved since it was armed, and waits for healthy
+//! samples; the word stays until a reading has told of it. A fault that the valve itself keeps is reset when the axis is
+//! disarmed: when a person has acknowledged the latch.
 //!
 //! Devices that become ready for the first time have no error to show to a controller that has said nothing yet, nor to
 //! one whose axis settles: it was armed while they were set up. Otherwise their axis follows no command before the
@@ -71,6 +72,8 @@ struct Axis {
     held: Option<Fault>,
     /// Whether the devices have been ready.
     was_ready: bool,
+    /// Whether a reading has told of the fault.
+    is_told: bool,
     /// Whether the controller has let the axis go since it was held.
     may_follow: bool,
     target: Option<AxisTarget>,
@@ -99,7 +102,7 @@ impl Network {
         let axes = devices.into_iter().enumerate().map(|(i, devices)| {
             let held = devices.fault().or_else(|| frames.fault(i));
             let has_drive = devices.valve.is_some() || frames.has_drive(i);
-            Axis { devices, has_drive, held, was_ready: false, may_follow: false, target: None }
+            Axis { devices, has_drive, held, was_ready: false, is_told: false, may_follow: false, target: None }
         });
         let axes = axes.collect();
         Self { axes, frames, has_nodes, outbox: Outbox::default(), counters: NetworkCounters::default() }
@@ -169,7 +172,7 @@ impl Network {
             let is_let_go = axis.is_let_go();
             match (axis.held, fault) {
                 (None, Some(fault)) => {
-                    (axis.held, axis.may_follow) = (Some(fault), false);
+                    (axis.held, axis.is_told, axis.may_follow) = (Some(fault), false, false);
                     self.counters.trips += 1;
                     axis.demand(i, &mut self.frames, now_ns, &mut self.outbox);
                 }
@@ -201,6 +204,7 @@ impl Network {
     pub fn take_sample(&mut self, begun_ns: u64) -> u64 {
         let oldest_ns = self.frames.acquired_ns();
         self.frames.begin_sample();
+        self.axes.iter_mut().for_each(|axis| axis.is_told |= axis.held.is_some());
         let has_encoder = self.axes.iter().any(|axis| axis.devices.encoder.is_some());
         match oldest_ns {
             Some(oldest_ns) if has_encoder => oldest_ns.min(begun_ns),
@@ -310,12 +314,12 @@ impl Axis {
         !self.was_ready && self.target.is_none()
     }
 
-    /// Whether the controller shows that it knows of the fault: the axis is latched or disarmed, or waits for devices
-    /// that have never been ready. An axis without a valve has nothing to be held.
+    /// Whether the controller shows that it knows of the fault: the axis is latched or disarmed, or still waits for
+    /// healthy samples after a reading has told of it. An axis without a valve has nothing to be held.
     fn is_let_go(&self) -> bool {
         let shows = |target: AxisTarget| match target.state {
             AxisState::Disarmed | AxisState::Latched => true,
-            AxisState::Settling => !self.was_ready,
+            AxisState::Settling => self.is_told || !self.was_ready,
             AxisState::Following => false,
         };
         !self.has_drive || self.target.is_some_and(shows)

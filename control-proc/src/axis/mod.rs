@@ -24,7 +24,7 @@
 //!
 //! | flag | after |
 //! |---|---|
-//! | `FEEDBACK` | three samples in a row without a usable position, one outside the stroke, or a stuck encoder |
+//! | `FEEDBACK` | three samples in a row without a usable position, one outside the stroke, a stuck encoder, or no end of settling |
 //! | `STALL` | no motion of a driven axis in hold and track ([`crate::protection::motion`]) |
 //! | `FOLLOWING` | a following error ([`crate::protection::following_error`]) |
 //! | `SWING` | a swing that the lowest gains do not end ([`crate::protection::hunting`]) |
@@ -55,7 +55,7 @@ mod state;
 
 pub use closed_loop::UNSOLVED_LIMIT;
 pub use feedback::{UNUSABLE_LIMIT, patience};
-pub use state::SETTLING;
+pub use state::{PATIENCE_TICKS, SETTLING, SETTLING_PATIENCE};
 
 use pipeline::{
     machine::{Axis, Timing},
@@ -335,7 +335,7 @@ impl AxisController {
     /// Latches the axis for this cause, because its samples or commands come too late; one that still settles has not
     /// moved, and settles anew.
     pub fn lose(&mut self, cause: u32) {
-        if !self.state.settle_anew() {
+        if !self.state.settle_anew(cause) {
             self.latch(cause);
         }
     }

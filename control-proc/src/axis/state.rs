@@ -5,8 +5,9 @@
 //! settling, following --fault--> latched         any state --disarm--> disarmed
 //! ```
 //!
-//! Settling begins anew with every sample that is missing or unusable. The emergency stop and motion that nobody
-//! commanded latch in every state.
+//! Settling begins anew with every sample that is missing or unusable. It has an end: an axis that has not settled after
+//! [`SETTLING_PATIENCE`] is latched, because nobody expects any more that it moves. The emergency stop and motion that
+//! nobody commanded latch in every state.
 
 use std::time::Duration;
 
@@ -20,6 +21,10 @@ use crate::protection::motion::Standing;
 
 /// Time of healthy samples before anything moves: long enough to see an encoder that comes and goes.
 pub const SETTLING: Duration = Duration::from_millis(200);
+/// Time after which an axis is latched that has not settled.
+pub const SETTLING_PATIENCE: Duration = Duration::from_secs(6);
+/// Ticks after which it is latched; they count where they are longer than [`SETTLING_PATIENCE`].
+pub const PATIENCE_TICKS: usize = 60;
 
 /// The state of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,6 +69,11 @@ pub struct StateMachine {
     tick: u64,
     latches: Latches,
     settling_ticks: u64,
+    patience_ticks: u64,
+    /// Tick at which the axis began to settle; none before its first observation.
+    settles_since: Option<u64>,
+    /// What has kept the axis from settling last, a [`control_flag`] bit.
+    obstacle: u32,
     /// The emergency stop was pressed when it was last seen.
     is_pressed: bool,
     /// The axis was disarmed because its requests stopped.
@@ -74,11 +84,15 @@ impl StateMachine {
     /// Disarmed.
     pub fn new(timing: &Timing) -> Self {
         let settling_ticks = samples_of(SETTLING, timing.period).max(1) as u64;
+        let patience_ticks = samples_of(SETTLING_PATIENCE, timing.period).max(PATIENCE_TICKS) as u64;
         Self {
             state: State::Disarmed,
             tick: 0,
             latches: Latches::default(),
             settling_ticks,
+            patience_ticks,
+            settles_since: None,
+            obstacle: control_flag::FEEDBACK,
             is_pressed: false,
             requests_stopped: false,
         }
@@ -119,15 +133,17 @@ impl StateMachine {
         let is_disarmed = self.state == State::Disarmed;
         if is_disarmed {
             (self.state, self.requests_stopped) = (State::Settling(0), false);
+            (self.settles_since, self.obstacle) = (None, control_flag::FEEDBACK);
         }
         is_disarmed
     }
 
-    /// Begins to settle anew. False without effect where the axis does not settle.
-    pub fn settle_anew(&mut self) -> bool {
+    /// Begins to settle anew for this cause, a [`control_flag`] bit. False without effect where the axis does not
+    /// settle.
+    pub fn settle_anew(&mut self, cause: u32) -> bool {
         let settles = matches!(self.state, State::Settling(_));
         if settles {
-            self.state = State::Settling(0);
+            (self.state, self.obstacle) = (State::Settling(0), cause);
         }
         settles
     }
@@ -190,9 +206,17 @@ impl StateMachine {
                 return Transition::Begin(position);
             }
             Some(_) if observation.missing == 0 || healthy == 0 => State::Settling(healthy + 1),
-            _ => State::Settling(0),
+            _ => {
+                self.obstacle = control_flag::FEEDBACK;
+                State::Settling(0)
+            }
         };
-        Transition::Stay
+        let since = *self.settles_since.get_or_insert(self.tick);
+        if self.tick.saturating_sub(since) < self.patience_ticks {
+            Transition::Stay
+        } else {
+            Transition::Latch(self.obstacle)
+        }
     }
 }
 

@@ -393,6 +393,29 @@ proptest! {
 }
 
 #[test]
+fn an_axis_that_does_not_settle_is_latched_before_anybody_has_forgotten_it() {
+    let settling = control_flag::SETTLING | control_flag::NO_MODEL;
+    let rests = |k: u64| k % 15 == 14;
+    let mut axis = Loop::new(&machine(1), 0.0);
+    let flags: Vec<u32> = (0..610)
+        .map(|k| axis.tick_with(None, None, fault(if rests(k) { sample_fault::STALE } else { 0 })).axes[0].flags)
+        .collect();
+    assert_eq!(flags.iter().position(|flags| *flags != settling), Some(600), "6 s at 10 ms");
+    assert!(flags[600..].iter().all(|flags| flags & control_flag::LATCHED == control_flag::FEEDBACK));
+    // Without samples for the most of it, and for the cause that has kept it last.
+    let mut axis = Loop::new(&machine(1), 0.0);
+    axis.tick(None);
+    axis.controller.lose(control_flag::DEADLINE);
+    axis.sequence += 1000;
+    let command = axis.tick(None);
+    assert_eq!(command.axes[0].flags & control_flag::LATCHED, control_flag::DEADLINE);
+    // Armed again, it has all of the time.
+    axis.controller.disarm();
+    axis.controller.arm();
+    assert!(axis.run(100, None).iter().all(|command| command.axes[0].flags & control_flag::LATCHED == 0));
+}
+
+#[test]
 fn an_axis_that_settles_begins_anew_when_samples_or_commands_come_too_late() {
     let mut axis = Loop::new(&machine(1), 0.05);
     axis.controller.disarm();

@@ -5,6 +5,8 @@
 //! | arm | is armed | is refused | keeps it | is refused |
 //! | reset | stays disarmed | is disarmed | keeps it | keeps it |
 //!
+//! An axis that is in the mode already may still settle: the program that has armed it did not wait for it. `arm` does.
+//!
 //! Trap: a request for off releases a latched axis. So each command sends requests only for the axes that it changes.
 
 use pipeline::{
@@ -25,10 +27,12 @@ pub fn arm(arguments: &ArmArguments) -> Result<(), Failure> {
     as_operator(prefix, &arguments.group, |operator| {
         refuse_to_arm(&axes, mode, prefix, operator)?;
         let off: Vec<usize> = axes.iter().copied().filter(|axis| is_disarmed(operator, *axis)).collect();
-        let armed = match operator.change(&off, mode) {
+        let others: Vec<usize> = axes.iter().copied().filter(|axis| !off.contains(axis)).collect();
+        let is_done = operator.change(&off, mode).and_then(|done| Ok(done && operator.await_settled(&others, mode)?));
+        let armed = match is_done {
             Ok(false) => Err(Failure::run("stopped before the axes were armed: they are off")),
             Err(error) => {
-                let advice = advice(&off, prefix, operator);
+                let advice = advice(&axes, prefix, operator);
                 Err(Failure::run(format!("{}{advice}", Failure::from(error))))
             }
             Ok(true) => Ok(()),

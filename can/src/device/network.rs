@@ -8,8 +8,8 @@
 //! The interlock: an axis whose encoder or valve has a fault is held at once. Its error word stays until the controller
 //! shows by its flags that it has latched or disarmed the axis. So no fault is too short for the controller, and no
 //! axis goes on by itself after one. An axis that settles has not moved since it was armed, and waits for healthy
-//! samples; the word stays until a reading has told of it. A fault that the valve itself keeps is reset when the axis is
-//! disarmed: when a person has acknowledged the latch.
+//! samples; the word stays until a reading has told of it. A fault that the valve itself keeps is reset when the axis
+//! is disarmed: when a person has acknowledged the latch.
 //!
 //! Devices that become ready for the first time have no error to show to a controller that has said nothing yet, nor to
 //! one whose axis settles: it was armed while they were set up. Otherwise their axis follows no command before the

@@ -5,9 +5,9 @@
 //! settling, following --fault--> latched         any state --disarm--> disarmed
 //! ```
 //!
-//! Settling begins anew with every sample that is missing or unusable. It has an end: an axis that has not settled after
-//! [`SETTLING_PATIENCE`] is latched, because nobody expects any more that it moves. The emergency stop and motion that
-//! nobody commanded latch in every state.
+//! Settling begins anew with every sample that is missing or unusable. It has an end: an axis that has not settled
+//! after [`SETTLING_PATIENCE`] is latched, because nobody expects any more that it moves. The emergency stop and motion
+//! that nobody commanded latch in every state.
 
 use std::time::Duration;
 

@@ -24,7 +24,7 @@
 //!
 //! | flag | after |
 //! |---|---|
-//! | `FEEDBACK` | three samples without a usable position, one outside the stroke, a stuck encoder, no end of settling |
+//! | `FEEDBACK` | three samples without usable position, one outside the stroke, a stuck encoder, no end of settling |
 //! | `STALL` | no motion of a driven axis in hold and track ([`crate::protection::motion`]) |
 //! | `FOLLOWING` | a following error ([`crate::protection::following_error`]) |
 //! | `SWING` | a swing that the lowest gains do not end ([`crate::protection::hunting`]) |

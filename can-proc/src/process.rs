@@ -7,9 +7,10 @@
 //! ```
 //!
 //! No reading is sent before all devices are ready for the first time, or `START_PATIENCE_NS` has passed: a machine
-//! that is switched on is no fault. A SYNC for which a position is missing makes no reading: a sample is of one time,
-//! or it is none. The time of a reading is that of its SYNC, because all encoders take their positions then. A command
-//! is looked for every `COMMAND_POLL` while the stage waits for frames: it can wait for one of the two only.
+//! that is switched on is no fault. A position that has not come when the next SYNC is due is missing in the reading: a
+//! sample is of one time, and an encoder that is mute takes no other axis with it. The time of a reading is that of its
+//! SYNC, because all encoders take their positions then. A command is looked for every `COMMAND_POLL` while the stage
+//! waits for frames: it can wait for one of the two only.
 
 use std::time::Duration;
 
@@ -193,13 +194,16 @@ impl Process {
     }
 
     /// Sends SYNC where it is due. A SYNC that is late by more than a period leaves those out that have passed.
-    fn begin(&mut self, turn: &mut Turn) {
+    fn begin(&mut self, turn: &mut Turn) -> Result<(), StageError> {
         let due_ns = self.next_sync_ns;
         if monotonic_ns() < due_ns {
-            return;
+            return Ok(());
         }
         // What has come while this stage had no core is judged before what is missing.
         self.receive();
+        if self.network.is_over(monotonic_ns(), self.sync_ns) {
+            self.publish(turn)?;
+        }
         let now_ns = turn.release(due_ns);
         let passed = now_ns.saturating_sub(due_ns) / self.sync_ns;
         self.next_sync_ns = due_ns + (passed + 1) * self.sync_ns;
@@ -208,6 +212,7 @@ impl Process {
             self.open_since_ns = Some(now_ns);
             self.send();
         }
+        Ok(())
     }
 
     /// Sends the reading of the SYNC.
@@ -253,7 +258,7 @@ fn target(command: Option<(&ValveCommand, usize)>) -> AxisTarget {
 
 impl Stage for Process {
     fn turn(&mut self, turn: &mut Turn) -> Result<Next, StageError> {
-        self.begin(turn);
+        self.begin(turn)?;
         let mut has_worked = false;
         self.wait();
         self.receive();

@@ -216,7 +216,7 @@ impl Bench {
                 Mode::Disarmed => AxisTarget { demand: Demand::Hold, state: AxisState::Disarmed },
             });
             self.network.command(Some(&targets), self.now_ns);
-            if self.network.is_complete() {
+            if self.network.is_complete() || self.network.is_over(self.now_ns, CYCLE_MS * MS) {
                 self.network.take_sample(self.now_ns);
             }
         }
@@ -341,6 +341,19 @@ fn every_fault_of_a_message_stops_the_axes() {
     bench.machine.flaw = Some(Flaw::Stopped);
     bench.run(12);
     assert!(bench.network.is_stopped());
+}
+
+#[test]
+fn a_message_that_does_not_come_twice_is_missing_in_the_sample_and_stops_no_axis() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    let openings = bench.machine.openings;
+    bench.machine.flaw = Some(Flaw::MuteAngles);
+    let causes: Vec<_> = (0..2 * CYCLE_MS).map(|_| (bench.run(1), bench.cause()).1).collect();
+    assert!(causes.contains(&Some(Cause::Missing)), "{causes:?}");
+    bench.machine.flaw = None;
+    bench.run(2 * CYCLE_MS as u32);
+    assert_eq!((bench.cause(), bench.machine.openings), (None, openings));
 }
 
 #[test]

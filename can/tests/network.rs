@@ -149,7 +149,7 @@ impl Bench {
             self.valves[i].step(self.now_ns, &mut self.replies);
         }
         if self.now_ns.is_multiple_of(SYNC_NS) && self.is_alive {
-            if self.is_read && self.network.is_complete() {
+            if self.is_read && self.network.is_over(self.now_ns, SYNC_NS) {
                 self.network.take_sample(self.now_ns - SYNC_NS);
             }
             self.network.begin(self.now_ns);
@@ -243,6 +243,21 @@ fn devices_are_set_up_and_proven_and_positions_are_read() {
         assert_eq!(bench.network.reading(1), Some((counts, 0)));
     }
     assert_eq!((bench.network.counters().foreign, bench.network.outbox().dropped()), (0, 0));
+}
+
+#[test]
+fn a_position_that_does_not_come_is_missing_in_the_sample_and_holds_no_axis() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    let trips = bench.network.counters().trips;
+    bench.encoders[0].spoil(Some(Flaw::Mute));
+    // Two SYNC without a position; the sample of the first is taken at the second, and that of the second at the next.
+    bench.until("missing", |bench| bench.cause(0) == Some(Cause::Missing));
+    assert_eq!((bench.cause(1), bench.openings()), (None, [0.5, -0.25]));
+    bench.encoders[0].spoil(None);
+    bench.run(2 * (SYNC_NS / MS) as u32);
+    assert_eq!((bench.faults(), bench.openings()), ([None; AXES], [0.5, -0.25]));
+    assert_eq!(bench.network.counters().trips, trips);
 }
 
 #[test]

@@ -55,13 +55,15 @@ pub enum Cause {
     Checksum = 19,
     /// The pilot pressure is cut off, by the signal of the machine.
     Pilot = 20,
+    /// No position for this SYNC. No axis is held for it alone.
+    Missing = 21,
 }
 
 /// In the place of a node's number: the detail has the lower half of a message's identifier.
 pub(super) const FRAME: u8 = 255;
 
 /// Causes in the order of their numbers.
-const CAUSES: [Cause; 20] = [
+const CAUSES: [Cause; 21] = [
     Cause::Absent,
     Cause::Configuring,
     Cause::Setting,
@@ -82,6 +84,7 @@ const CAUSES: [Cause; 20] = [
     Cause::Counter,
     Cause::Checksum,
     Cause::Pilot,
+    Cause::Missing,
 ];
 
 /// What is wrong with a device.
@@ -120,6 +123,7 @@ impl Cause {
             Self::Checksum => "its checksum is wrong, or it is too short",
             Self::Proof => "its drive did not stop when the message stopped: its time-out does not act",
             Self::Valve => "its drive does not follow it",
+            Self::Missing => "has not come for this sample",
             _ => "a fault",
         }
     }
@@ -165,6 +169,7 @@ impl fmt::Display for Fault {
             Cause::Emergency => write!(out, "emergency {detail:04X}h"),
             Cause::Alarm => write!(out, "alarm, 6503h is {detail:04X}h"),
             Cause::Silent => out.write_str("sends no position"),
+            Cause::Missing => out.write_str("has sent no position for this SYNC"),
             Cause::Double => out.write_str("sends more than one position for a SYNC: two devices have this number"),
             Cause::Valve => write!(out, "fault, status word {detail:04X}h"),
             Cause::Proof => out.write_str("did not stop when set points stopped: its time-out, 1400h:5, does not act"),

@@ -101,6 +101,25 @@ impl Frames {
         self.receivers.get(position.source.0).is_none_or(|receiver| receiver.is_fresh() || receiver.fault().is_some())
     }
 
+    /// That no new position of an axis has come since the last sample; `None` where one has.
+    pub fn missing(&self, axis: usize) -> Option<Fault> {
+        if self.is_complete(axis) {
+            return None;
+        }
+        let (id, ..) = self.receivers.get(self.axes.get(axis)?.position?.source.0)?.layout();
+        Some(Fault { cause: Cause::Missing, node: FRAME, detail: id as u16 })
+    }
+
+    /// Whether the sample is not to wait for the position of an axis any longer: the message has not come for one and a
+    /// half periods of `period_ns`, and not for half of its time-out. Such a message has no SYNC that it answers to.
+    pub fn is_overdue(&self, axis: usize, now_ns: u64, period_ns: u64) -> bool {
+        let Some(position) = self.axes.get(axis).and_then(|axis| axis.position) else { return true };
+        self.receivers.get(position.source.0).is_none_or(|receiver| {
+            let longest_ns = (period_ns + period_ns / 2).max(receiver.timeout_ns() / 2);
+            now_ns.saturating_sub(receiver.heard_ns()) > longest_ns
+        })
+    }
+
     /// The sample was taken: new frames make the next one.
     pub fn begin_sample(&mut self) {
         self.receivers.iter_mut().for_each(Receiver::begin_sample);
@@ -113,11 +132,11 @@ impl Frames {
         Some(if is_reversed { counts.wrapping_neg() } else { counts })
     }
 
-    /// Time of the oldest position in the sample, ns; `None` without positions of frames.
+    /// Time of the oldest position in the sample, ns; `None` without new positions of frames.
     pub fn acquired_ns(&self) -> Option<u64> {
         let positions = self.axes.iter().filter_map(|axis| axis.position);
         let receivers = positions.filter_map(|position| self.receivers.get(position.source.0));
-        receivers.filter(|receiver| receiver.fault().is_none()).map(Receiver::heard_ns).min()
+        receivers.filter(|receiver| receiver.is_fresh()).map(Receiver::heard_ns).min()
     }
 
     /// Pressures of piston side and rod side of an axis, Pa.

@@ -55,7 +55,7 @@ pub enum AxisState {
 pub struct NetworkCounters {
     /// SYNC that were sent.
     pub syncs: u64,
-    /// SYNC for which a position was missing: they are no sample.
+    /// SYNC for which a position did not come.
     pub incomplete: u64,
     /// Frames that belong to no device.
     pub foreign: u64,
@@ -74,6 +74,8 @@ struct Axis {
     was_ready: bool,
     /// Whether a reading has told of the fault.
     is_told: bool,
+    /// Its position is not in the sample.
+    missing: Option<Fault>,
     /// Whether the controller has let the axis go since it was held.
     may_follow: bool,
     target: Option<AxisTarget>,
@@ -102,7 +104,8 @@ impl Network {
         let axes = devices.into_iter().enumerate().map(|(i, devices)| {
             let held = devices.fault().or_else(|| frames.fault(i));
             let has_drive = devices.valve.is_some() || frames.has_drive(i);
-            Axis { devices, has_drive, held, was_ready: false, is_told: false, may_follow: false, target: None }
+            let [was_ready, is_told, may_follow] = [false; 3];
+            Axis { devices, has_drive, held, was_ready, is_told, may_follow, missing: None, target: None }
         });
         let axes = axes.collect();
         Self { axes, frames, has_nodes, outbox: Outbox::default(), counters: NetworkCounters::default() }
@@ -199,12 +202,22 @@ impl Network {
         self.axes.iter().enumerate().all(|(i, axis)| axis.devices.is_complete() && self.frames.is_complete(i))
     }
 
+    /// Whether the sample is taken without the positions that have not come: the next SYNC is due, `period_ns` after
+    /// the last one.
+    pub fn is_over(&self, now_ns: u64, period_ns: u64) -> bool {
+        let is_over = |i| self.frames.is_complete(i) || self.frames.is_overdue(i, now_ns, period_ns);
+        (0..self.axes.len()).all(is_over)
+    }
+
     /// The sample is taken: when its positions were taken, where `begun_ns` is the time of the SYNC. The oldest
-    /// position counts.
+    /// position counts. A position that has not come is missing in it.
     pub fn take_sample(&mut self, begun_ns: u64) -> u64 {
         let oldest_ns = self.frames.acquired_ns();
+        for (i, axis) in self.axes.iter_mut().enumerate() {
+            axis.is_told |= axis.held.is_some();
+            axis.missing = axis.devices.encoder.as_ref().map_or_else(|| self.frames.missing(i), Encoder::missing);
+        }
         self.frames.begin_sample();
-        self.axes.iter_mut().for_each(|axis| axis.is_told |= axis.held.is_some());
         let has_encoder = self.axes.iter().any(|axis| axis.devices.encoder.is_some());
         match oldest_ns {
             Some(oldest_ns) if has_encoder => oldest_ns.min(begun_ns),
@@ -228,7 +241,7 @@ impl Network {
         let place = axis;
         let axis = self.axes.get(axis)?;
         let counts = axis.devices.encoder.as_ref().map(Encoder::counts).or_else(|| self.frames.counts(place));
-        Some((counts.unwrap_or_default(), axis.held.map_or(0, Fault::word)))
+        Some((counts.unwrap_or_default(), axis.held.or(axis.missing).map_or(0, Fault::word)))
     }
 
     /// All valves are switched off: the last frames of the program.

@@ -161,7 +161,9 @@ impl SourceWatch {
         let (mut told, mut is_fault) = (Vec::new(), false);
         for ((name, word), value) in self.devices.iter_mut().zip(&last.encoders) {
             let fault = can::device::Fault::of(value.error);
-            if value.error == *word {
+            // A position that does not come once is counted on the bus; that none comes is told.
+            let is_missing = fault.is_some_and(|fault| fault.cause == can::device::Cause::Missing);
+            if value.error == *word || is_missing {
                 continue;
             }
             *word = value.error;

@@ -24,8 +24,8 @@
 //! simulation: on drawn machines it was worse than the plain factor.
 //!
 //! No loop is chosen that is unstable at the mean slope of the curve ([`crate::margins`]): gains of the fallback are
-//! reduced, and those of the Smith predictor passed over. Gains with all of its margins are not asked for: on drawn
-//! machines they made the errors larger, and as many holds cycled.
+//! reduced, and those of the Smith predictor passed over. An axis that moves steadily shows what J does not, so
+//! commissioning reduces the fallback's gains further ([`with_margin`]). The gain of its Smith predictor stays.
 //!
 //! The gains with the least J are chosen among those with which none of the three plants moves by more than
 //! [`RESTING_MOTION`] while the reference stands for long. Where there are none, those with the least motion are. A
@@ -51,7 +51,7 @@ use course::{END, TRAINING, course};
 
 use crate::{
     fallback::Fallback,
-    margins::{Loop, Margins, mean_slope, reduced, steepest},
+    margins::{LEAST_GAIN_MARGIN, Loop, Margins, mean_slope, reduced, steepest},
     smith::{LastBy, Smith},
 };
 
@@ -189,6 +189,15 @@ impl Baseline {
             ..*control
         }
     }
+}
+
+/// `control` with as much of the fallback's gains as leaves [`LEAST_GAIN_MARGIN`] at the mean slope of the curve of
+/// `model`; `period` in s. Where no part does, its gains stay.
+pub fn with_margin(control: &Control, model: &Commissioned, period: f64) -> Control {
+    let keeps = |margins: &Margins| margins.is_stable() && margins.gain >= LEAST_GAIN_MARGIN;
+    let fallback = Control { law: Law::Predictive, ..*control };
+    let part = reduced(&fallback, model, mean_slope(model), period, keeps).map_or(1.0, |(part, _)| part);
+    Control { kp: part * control.kp, ki: part * control.ki, ..*control }
 }
 
 /// The Smith predictor for `axis` number `index`, whose fallback has the tuned settings `control`, for a command every
@@ -415,6 +424,26 @@ mod tests {
         let tuned = Baseline::DeadBand.tuned(0, &axis, PERIOD).unwrap();
         let Rating { excess, .. } = bench.rated(&Control { kp: 4.0 * tuned.kp, ..tuned });
         assert!(excess > 1e-3, "{excess}");
+    }
+
+    #[test]
+    fn a_fallback_with_margin_has_a_factor_of_1_7_at_the_mean_slope_and_the_smith_predictor_stays() {
+        for dead_time in [0.01, 0.15] {
+            let axis = axis(dead_time);
+            let model = axis.commissioned.as_ref().unwrap();
+            let tuned = Baseline::Feedforward.tuned(0, &axis, PERIOD).unwrap();
+            let gain_margin = |control: &Control| Loop::new(control, model, mean_slope(model), PERIOD).margins().gain;
+            // Four times the gain is surely too much, a tenth surely is not.
+            for (factor, is_reduced) in [(4.0, true), (0.1, false)] {
+                let law = Law::Smith(SmithSettings { kp: 3.0, ki: 0.1, observer_time: 0.1 });
+                let before = Control { kp: factor * tuned.kp, ki: factor * tuned.ki, law, ..tuned };
+                let after = with_margin(&before, model, PERIOD);
+                assert_eq!(after.kp < before.kp, is_reduced, "{dead_time} s: {} of {}", after.kp, before.kp);
+                assert!(gain_margin(&Control { law: Law::Predictive, ..after }) >= LEAST_GAIN_MARGIN, "{dead_time} s");
+                let parts = [after.kp / before.kp, after.ki / before.ki];
+                assert!(after.law == law && (parts[0] - parts[1]).abs() < 1e-12, "{dead_time} s: {parts:?}");
+            }
+        }
     }
 
     #[test]

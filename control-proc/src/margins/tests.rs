@@ -5,7 +5,7 @@ use rand_pcg::{Pcg64, rand_core::Rng};
 
 use super::*;
 use crate::{
-    fallback::Fallback,
+    fallback::{Fallback, learning_time},
     smith::{LastBy, Smith},
     tests::models::commissioned,
 };
@@ -251,4 +251,21 @@ fn margins_are_those_at_which_the_simulated_loop_begins_to_swing() {
     println!("{} margins, {unstable} unstable loops: median {middle:?}, worst {worst:?}", errors.len());
     assert!(errors.len() > 140 && unstable >= 5, "{} {unstable}", errors.len());
     assert!(middle.0.abs() < 0.005 && worst.0.abs() < 0.05, "{middle:?} {worst:?}");
+}
+
+/// What the fallback learns in motion is an integral with the gain kp/T_l. A loop that keeps the margins that
+/// commissioning asks for without it keeps nearly all of them with it.
+#[test]
+fn learning_in_motion_leaves_nearly_all_of_the_margins() {
+    let mut left = Vec::new();
+    for (model, with, period) in drawn(400).into_iter().filter(|(_, with, _)| with.law == Law::Predictive) {
+        let learns = control(with.kp, with.ki + with.kp / learning_time(&model, period));
+        let [without, with] = [with, learns].map(|control| Loop::new(&control, &model, GAIN, period).margins());
+        if without.is_kept() {
+            left.push((with.gain / LEAST_GAIN_MARGIN, with.delay_part / LEAST_DELAY_MARGIN));
+        }
+    }
+    let least = left.iter().fold((f64::INFINITY, f64::INFINITY), |least, of| (least.0.min(of.0), least.1.min(of.1)));
+    println!("{} loops: at least {:.3} of the gain and {:.3} of the delay asked for", left.len(), least.0, least.1);
+    assert!(left.len() > 50 && least.0 > 0.95 && least.1 > 0.9, "{} {least:?}", left.len());
 }

@@ -5,7 +5,9 @@
 //! | [`machine_file`] | a machine file, then settings | refused with an error, or a machine that runs |
 //! | [`csv`] | a recording | refused with an error, or columns of finite numbers with equal lengths |
 //! | [`trajectory`] | a trajectory's file | refused with an error, or positions inside the soft limits at any time |
-//! | [`bus`] | text of an adapter, frames of devices, a log of a bus | nothing but frames; no dialogue without an end |
+//! | [`slcan`], [`candump`] | text of an adapter, a log of a bus | nothing but frames, which are read as they are written |
+//! | [`sdo`] | foreign frames in dialogues | no dialogue without an end |
+//! | [`devices`] | foreign and lost frames between devices and their master | a valve opens on command only |
 //! | [`dbc`] | a data base of messages | refused with an error, or signals that are read as they were put |
 //! | [`recording`] | a recording in MCAP | refused with an error, or read as far as it goes, in bounded memory |
 //! | [`messages`] | changes to the messages of a working loop | valid commands, neutral where they have to be |
@@ -18,7 +20,7 @@ mod machine;
 mod messages;
 mod recording;
 
-pub use bus::{bus, dbc};
+pub use bus::{candump, dbc, devices, sdo, slcan};
 pub use csv::{csv, trajectory};
 pub use machine::machine_file;
 pub use messages::messages;

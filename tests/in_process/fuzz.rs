@@ -75,8 +75,23 @@ fn messages() {
 }
 
 #[test]
-fn buses() {
-    try_all(targets::bus, &seeds("bus", &[]));
+fn text_of_adapters() {
+    try_all(targets::slcan, &seeds("slcan", &[]));
+}
+
+#[test]
+fn logs_of_buses() {
+    try_all(targets::candump, &seeds("candump", &[]));
+}
+
+#[test]
+fn dialogues() {
+    try_all(targets::sdo, &seeds("sdo", &[]));
+}
+
+#[test]
+fn devices_and_their_master() {
+    try_all(targets::devices, &seeds("devices", &[]));
 }
 
 #[test]

@@ -48,7 +48,8 @@ pub fn text<'a>(machine: &str, found: impl Iterator<Item = (&'a Axis, &'a Commis
         "# Found by `hydraxis commission` on \"{}\": static curve behind a dead time and a lag of first order.\n\
          # Speeds in m/s at openings of the valve beyond its dead band; times in s. The gains are \
          those with which this\n\
-         # axis, a third faster and a third slower ones follow best and come to rest.\n",
+         # axis, a third faster and a third slower ones follow best and come to rest. The fallback has less,\n\
+         # where its loop would swing with 1.7 times the speeds at the mean slope of the curve.\n",
         machine.escape_default()
     );
     for (Axis { name, hardware, .. }, model, control) in found {

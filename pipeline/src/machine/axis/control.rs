@@ -219,7 +219,10 @@ fn read_slow_references(section: &mut Section, name: &str, commissioned: Option<
 /// `feedforward`, which needs a commissioned model whose dead time and lag are within the preview of the references.
 fn read_feedforward(section: &mut Section, name: &str, commissioned: Option<&Commissioned>, period: Duration) -> bool {
     let feedforward = section
-        .key("feedforward", "Whether the fallback adds velocity feed-forward by the commissioned model")
+        .key(
+            "feedforward",
+            "Whether the fallback adds velocity feed-forward by the commissioned model, and learns what this lacks",
+        )
         .flag_or(false);
     if !feedforward {
         return false;

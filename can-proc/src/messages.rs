@@ -7,7 +7,7 @@ use can::{
     frames::{Checksum, Database, Guard, Message, NamedSignal, Signal},
 };
 use mechanism::AXES;
-use pipeline::machine::{Axis, CanBus, CanMessage, CanSignals, ChecksumKind, Machine};
+use pipeline::machine::{Axis, CanBus, CanMessage, CanSignals, ChecksumKind, LEAST_SET_POINT, Machine};
 
 use crate::{error::WiringError, judge::Uses};
 
@@ -214,6 +214,13 @@ impl Wiring<'_> {
             let allowed = "a command_scale that the signal can say in both directions, or a direction";
             return Err(WiringError::Text(format!(
                 "{}: found {value} for {name}; allowed: {allowed}",
+                key("command_scale")
+            )));
+        }
+        let counts = (scale / signal.signal.factor()).abs();
+        if counts < LEAST_SET_POINT {
+            return Err(WiringError::Text(format!(
+                "{}: found {scale}, which is {counts:.0} counts of {name}; allowed: {LEAST_SET_POINT} counts or more",
                 key("command_scale")
             )));
         }

@@ -76,6 +76,11 @@ fn names_and_values_that_are_none_are_refused() {
             "command = \"Levers.Boom\"\ncommand_scale = 2",
             "axis.boom.can.command_scale: found 2 for Levers.Boom; allowed: a command_scale that the signal",
         ),
+        (
+            "command = \"Levers.Boom\"",
+            "command = \"Levers.Boom\"\ncommand_scale = 0.01",
+            "axis.boom.can.command_scale: found 0.01, which is 20 counts of Levers.Boom; allowed: 50 counts or more",
+        ),
     ]);
     for (from, to, expected) in [
         ("active = \"MachineState.Lock\"", "", "axis.boom.can.active: found nothing; allowed: a signal: without it"),

@@ -223,6 +223,11 @@ mod tests {
             ("axis.arm.can.encoder", "21", "axis.arm.can: found node 21; allowed: a number that no other device"),
             ("axis.arm.can.encoder", "0", "axis.arm.can.encoder: found 0 (from the command line); allowed: a whole"),
             ("axis.arm.can.full_scale", "0", "axis.arm.can.full_scale: found 0"),
+            (
+                "axis.arm.can.full_scale",
+                "-49",
+                "axis.arm.can.full_scale: found -49 (from the command line); allowed: -32767 to -50",
+            ),
             ("can.bit_rate", "123456", "can.bit_rate: found 123456 (from the command line); allowed: 10000, 20000"),
             ("can.sync", "20ms", "can.sync: found 20ms (from the command line); allowed: timing.period or shorter"),
             ("timing.drive_timeout", "9ms", "can.sync: found 5ms"),

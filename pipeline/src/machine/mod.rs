@@ -50,8 +50,8 @@ use document::{Document, Section, Setting};
 
 pub use axis::{
     AngleKind, AngleSensor, Axis, COMPENSATED, CanDevices, CanPosition, CanSignals, Commissioned, Control, DeadBand,
-    Directions, Encoder, Estimator, Form, GREY_BOX_MEMORY, Hardware, Identification, IdentifiedOutput, Law,
-    LimitSettings, LoadForce, LoadHolding, MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MOST_POINTS, ModelChoice,
+    Directions, Encoder, Estimator, Form, GREY_BOX_MEMORY, Hardware, Identification, IdentifiedOutput, LEAST_SET_POINT,
+    Law, LimitSettings, LoadForce, LoadHolding, MAX_HORIZON, MAX_MOVES, MAX_RESPONSE, MOST_POINTS, ModelChoice,
     MotionLimits, MoveWeight, Plan, PlanSettings, Plant, Ports, PressureTransducers, ReferenceSource, SMITH_MEMORY,
     SensorErrors, Sine, Slope, SmithSettings, Split, Start, ValveCurve, shortest_training,
 };

@@ -2,6 +2,9 @@
 
 use crate::machine::document::Section;
 
+/// Least set point at command 1, counts. A valve with less would be moved in jerks.
+pub const LEAST_SET_POINT: f64 = 50.0;
+
 /// Devices of an axis on the CAN bus.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CanDevices {
@@ -105,8 +108,8 @@ impl CanDevices {
         let full_scale = section
             .key("full_scale", "Set point of the valve at command 1; negative where a positive set point retracts")
             .number_or(FULL_SCALE, -32_767.0..=32_767.0, "");
-        if full_scale.abs() < 1.0 {
-            section.refuse("full_scale", full_scale.to_string(), "-32767 to -1, or 1 to 32767");
+        if full_scale.abs() < LEAST_SET_POINT {
+            section.refuse("full_scale", full_scale.to_string(), "-32767 to -50, or 50 to 32767");
         }
         let has_feedback = section
             .key("spool_feedback", "Whether the valve measures its spool, so that it is compared with the set point")

@@ -34,7 +34,7 @@ mod sensor_errors;
 
 use std::path::Path;
 
-pub use can::{CanDevices, CanPosition, CanSignals, Slope};
+pub use can::{CanDevices, CanPosition, CanSignals, LEAST_SET_POINT, Slope};
 pub use commissioned::{COMPENSATED, Commissioned, MOST_POINTS};
 use control::Owner;
 pub use control::{Control, Law, ModelChoice, SmithSettings};

@@ -5,7 +5,7 @@
 //! | [`machine_file`] | a machine file, then settings | refused with an error, or a machine that runs |
 //! | [`csv`] | a recording | refused with an error, or columns of finite numbers with equal lengths |
 //! | [`trajectory`] | a trajectory's file | refused with an error, or positions inside the soft limits at any time |
-//! | [`slcan`], [`candump`] | text of an adapter, a log of a bus | nothing but frames, which are read as they are written |
+//! | [`slcan`], [`candump`] | text of an adapter, a log of a bus | nothing but frames, read as they are written |
 //! | [`sdo`] | foreign frames in dialogues | no dialogue without an end |
 //! | [`devices`] | foreign and lost frames between devices and their master | a valve opens on command only |
 //! | [`dbc`] | a data base of messages | refused with an error, or signals that are read as they were put |

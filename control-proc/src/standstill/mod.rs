@@ -58,6 +58,8 @@ const DRIFT_RATIO: f64 = 6.0;
 const STEADY: f64 = 0.75;
 /// Time for which the references have to stand still, s.
 const STILL_TIME: f64 = 0.3;
+/// Distance within which references are the same, in counts of the encoder: who computes a reference rounds it.
+const SAME: f64 = 0.01;
 /// Motion that is no noise, in parts of e_rest.
 const MOTION: f64 = 0.5;
 /// Motion that is no progress, in parts of the error: an axis whose load drifts does not arrive by itself.
@@ -121,7 +123,8 @@ pub struct Standstill {
     /// e_rest, m.
     bound: f64,
     wake: Wake,
-    still_ticks: u32,
+    /// Distance within which references are the same, m, and ticks for which they have to be.
+    still: (f64, u32),
     /// Ticks for which an axis does not move that stands, and after which an axis that was shut has come to rest.
     settled_ticks: (u32, u32),
     /// Part of a difference that the smooth error and the speed take in, and least part that the mean error takes in.
@@ -150,7 +153,7 @@ struct Rest {
 /// What is watched of references and axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Watched {
-    /// Last reference, m.
+    /// The reference since which they have stood still, m.
     reference: f64,
     /// Ticks for which the references have stood still.
     still: u32,
@@ -190,7 +193,7 @@ impl Standstill {
             period,
             bound,
             wake: Wake::new(bound, axis.encoder.resolution),
-            still_ticks: ticks(STILL_TIME),
+            still: (SAME * axis.encoder.resolution, ticks(STILL_TIME)),
             settled_ticks: (ticks(STILL_TIME + delay), ticks(STILL_TIME + 2.0 * delay)),
             gains: (1.0 - (-period / smoothing).exp(), (period / MEAN_TIME).min(1.0)),
             stays_open: axis.commissioned.as_ref().is_some_and(stays_open),
@@ -220,7 +223,7 @@ impl Standstill {
     pub fn update(&mut self, elapsed: u64, error: f64, references: &[f64], last: f64, comes_back: bool) -> Stand {
         let passes = self.watched.error * error < 0.0 && !comes_back;
         self.watch(elapsed, error, references);
-        let is_still = self.watched.still >= self.still_ticks && error.is_finite();
+        let is_still = self.watched.still >= self.still.1 && error.is_finite();
         if self.stays_open {
             return if is_still { Stand::Regulate } else { Stand::Follow };
         }
@@ -323,9 +326,11 @@ impl Standstill {
     /// Takes in references and following error of a tick.
     fn watch(&mut self, elapsed: u64, error: f64, references: &[f64]) {
         let watched = &mut self.watched;
-        let same = references.iter().all(|reference| *reference == watched.reference);
+        let same = references.iter().all(|reference| (reference - watched.reference).abs() <= self.still.0);
         watched.still = if same { watched.still.saturating_add(1) } else { 0 };
-        watched.reference = references.first().copied().unwrap_or(f64::NAN);
+        if !same {
+            watched.reference = references.first().copied().unwrap_or(f64::NAN);
+        }
         if watched.still == 0 || !watched.error.is_finite() {
             *watched = Watched { error, smooth: error, from: error, speed: 0.0, stands: 0, ..*watched };
             return;
@@ -376,6 +381,14 @@ mod tests {
         assert_eq!(rests(|_| 4e-4, |_| [0.5; 2]), (40..200).collect::<Vec<_>>());
         assert!(rests(|_| 2e-4, |k| [0.5 + 1e-5 * k as f64; 2]).is_empty());
         assert!(stands(|_| f64::NAN, |_| [0.5; 2]).iter().all(|stand| *stand == Stand::Follow));
+    }
+
+    #[test]
+    fn references_that_differ_by_rounding_stand_still_and_those_that_creep_do_not() {
+        let rounded = |k: usize| [0.5 + 1e-15 * (k % 3) as f64, 0.5 - 1e-15 * (k % 2) as f64];
+        assert_eq!(rests(|_| 2e-4, rounded), (30..200).collect::<Vec<_>>());
+        // 0.05 mm/s: after 0.3 s it has gone by 0.15 counts.
+        assert!(rests(|_| 2e-4, |k| [0.5 + 5e-7 * k as f64; 2]).is_empty());
     }
 
     #[test]

@@ -261,6 +261,17 @@ fn a_position_that_does_not_come_is_missing_in_the_sample_and_holds_no_axis() {
 }
 
 #[test]
+fn an_axis_that_settles_moves_by_no_set_point() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    bench.is_commanding = false;
+    let settling = AxisTarget { demand: Demand::Follow(0.5), state: AxisState::Settling };
+    bench.network.command(Some(&[settling; AXES]), bench.now_ns);
+    bench.run(2);
+    assert_eq!(bench.openings(), [0.0; AXES]);
+}
+
+#[test]
 fn nothing_moves_before_it_is_armed_and_everything_stops_at_the_end() {
     let mut bench = Bench::new();
     for _ in 0..1000 {

@@ -275,12 +275,6 @@ impl Network {
     }
 }
 
-impl AxisState {
-    fn is_armed(self) -> bool {
-        matches!(self, Self::Settling | Self::Following)
-    }
-}
-
 impl AxisDevices {
     fn fault(&self) -> Option<Fault> {
         self.encoder.as_ref().and_then(Encoder::fault).or_else(|| self.valve.as_ref().and_then(Valve::fault))
@@ -296,7 +290,9 @@ impl Axis {
     fn demand(&mut self, place: usize, frames: &mut Frames, now_ns: u64, out: &mut Outbox) {
         let demand = match (self.held, self.target) {
             (_, Some(AxisTarget { demand: Demand::Off, .. })) => Demand::Off,
-            (None, Some(target)) if self.may_follow && target.state.is_armed() => target.demand,
+            (None, Some(AxisTarget { demand, state: AxisState::Following })) if self.may_follow => demand,
+            // The valve is ready, and nothing moves by whatever else the command says.
+            (None, Some(AxisTarget { state: AxisState::Settling, .. })) if self.may_follow => Demand::Follow(0.0),
             _ => Demand::Hold,
         };
         if let Some(valve) = &mut self.devices.valve {

@@ -107,6 +107,7 @@ fn the_bounds_of_what_is_asked_for_have_files_without_problems_too() {
         &["--dead-band", "0"],
         &["--dead-band", "60%"],
         &["--source", "external"],
+        &["--source", "can"],
         &["--name", "a \"rig\" in hall 3"],
     ] {
         init(folder.path(), &[&RIG[..], optional].concat());

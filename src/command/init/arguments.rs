@@ -57,8 +57,9 @@ pub struct InitArguments {
     /// Sample and control period, one for all axes [default: 10ms, or less for fast valves]
     #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     pub period: Option<String>,
-    /// Where encoder readings come from and valve commands go to: the simulated twin, or a program of yours
-    #[arg(long, value_name = "KIND", value_parser = ["sim", "external"], default_value = "sim")]
+    /// Where encoder readings come from and valve commands go to: the simulated twin, CANopen devices, or a program of
+    /// yours
+    #[arg(long, value_name = "KIND", value_parser = ["sim", "can", "external"], default_value = "sim")]
     pub source: String,
     /// Name of the machine in reports [default: the names of the axes]
     #[arg(long)]

@@ -57,21 +57,23 @@ pub fn run(arguments: &InitArguments) -> Result<(), Failure> {
         let [stroke, bore, rod] = [(STROKE, *stroke), (BORE, *bore), (ROD, *rod)].map(|(of, value)| of.number(value));
         format!("  {name}: stroke {stroke} mm, bore {bore} mm, rod {rod} mm, up to {}\n", SPEED.text(*speed))
     });
-    let next = if arguments.source == EXTERNAL {
-        [
-            (format!("check {file}"), "what the file describes"),
-            (format!("simulate {file}"), "the twin with its fallback controller"),
-            (format!("run {file}"), "waits for your program, which reads sensors and moves valves"),
-            ("commission --enable".to_owned(), "while it runs: finds model and gains of the rig, into model.toml"),
-        ]
-    } else {
-        [
-            (format!("check {file}"), "what the file describes"),
-            (format!("simulate {file}"), "the twin with its fallback controller"),
+    let commission =
+        ("commission --enable".to_owned(), "while it runs: finds model and gains of the rig, into model.toml");
+    let last = match arguments.source.as_str() {
+        EXTERNAL => {
+            [(format!("run {file}"), "waits for your program, which reads sensors and moves valves"), commission]
+        }
+        template::CAN => [(format!("can scan {file}"), "whether its devices answer; then `hydraxis run`"), commission],
+        _ => [
             (format!("commission {file}"), "finds its model and better gains, into model.toml"),
             (format!("run {file} --model model.toml"), "in real time, with that model"),
-        ]
+        ],
     };
+    let first = [
+        (format!("check {file}"), "what the file describes"),
+        (format!("simulate {file}"), "the twin with its fallback controller"),
+    ];
+    let next: Vec<_> = first.into_iter().chain(last).collect();
     let width = next.iter().map(|(command, _)| command.len()).max().unwrap_or_default();
     let next = next.iter().map(|(command, words)| format!("  hydraxis {command:width$}  {words}\n"));
     let text =

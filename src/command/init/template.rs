@@ -14,6 +14,12 @@ const COLUMN: usize = 34;
 /// Significant digits of numbers that follow from others.
 const DIGITS: usize = 4;
 
+/// `--source` of a rig on a CAN bus.
+pub const CAN: &str = "can";
+/// Numbers of the nodes of the first axis.
+const FIRST_ENCODER: usize = 11;
+const FIRST_VALVE: usize = 21;
+
 /// What the file describes.
 pub struct Machine<'a> {
     pub name: &'a str,
@@ -22,7 +28,7 @@ pub struct Machine<'a> {
     /// Pressure of the pump, Pa.
     pub pressure: f64,
     pub rigs: &'a [Rig],
-    /// `sim` or `external`.
+    /// `sim`, `can` or `external`.
     pub source: &'a str,
 }
 
@@ -80,8 +86,11 @@ pub fn text(machine: &Machine) -> String {
     head(&mut page, machine);
     source(&mut page, machine.source);
     hydraulics(&mut page, machine);
-    for rig in machine.rigs {
+    for (number, rig) in machine.rigs.iter().enumerate() {
         axis(&mut page, rig);
+        if machine.source == CAN {
+            devices(&mut page, rig, number);
+        }
         control(&mut page, rig);
         reference(&mut page, rig);
         cylinder(&mut page, rig);
@@ -107,20 +116,38 @@ fn head(page: &mut Page, machine: &Machine) {
 
 /// Where readings come from and where commands go to.
 fn source(page: &mut Page, kind: &str) {
-    let meaning = if kind == "sim" { "the simulated twin of the rig" } else { "a program of yours" };
+    let meaning = match kind {
+        "sim" => "the simulated twin of the rig",
+        CAN => "encoders and valves on a CAN bus, or played by `hydraxis can simulate`",
+        _ => "a program of yours",
+    };
     page.line("");
     page.line(
         "# Where encoder readings come from: \"sim\" is the twin of [supply], [oil] and [axis.NAME.plant] below.",
     );
     page.line(
-        "# \"external\" is a real rig: any program that writes encoder-reading. The twin can still be simulated.",
+        "# \"can\" and \"external\" are a real rig: devices on a bus, or any program that writes encoder-reading.",
     );
+    page.line("# The twin can still be simulated.");
     page.line("[source]");
     page.key("kind", &format!("{kind:?}"), meaning);
     page.line("");
     page.line("# Where commands go: to the twin, or to any program that reads valve-command.");
     page.line("[drive]");
     page.key("kind", &format!("{kind:?}"), "as the source");
+    if kind == CAN {
+        page.table("can", "the bus");
+        page.key("interface", "\"can0\"", "or an adapter such as \"/dev/ttyACM0\"");
+        page.key("bit_rate", "500000", "bit/s, as all devices have it");
+    }
+}
+
+/// The CANopen devices of the axis with this number.
+fn devices(page: &mut Page, rig: &Rig, number: usize) {
+    page.table(&format!("axis.{}.can", rig.name), "its devices; `hydraxis can scan` shows their numbers");
+    page.key("encoder", &(FIRST_ENCODER + number).to_string(), "number of the node; its step has to be `resolution`");
+    page.key("valve", &(FIRST_VALVE + number).to_string(), "number of the node");
+    page.key("full_scale", "16384", "set point at command 1; negative where a positive one retracts");
 }
 
 fn hydraulics(page: &mut Page, machine: &Machine) {

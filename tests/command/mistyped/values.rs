@@ -129,7 +129,7 @@ const INIT: &[(&str, &str, &[&str])] = &[
     (
         "--source",
         "externl",
-        &["allowed: one of sim, external", "did you mean `external`?", "next: hydraxis init --help"],
+        &["allowed: one of sim, can, external", "did you mean `external`?", "next: hydraxis init --help"],
     ),
     ("--axes", "a b", &["allowed: 1 to 8 different names, with commas"]),
     ("--axes", "boom,boom", &["allowed: 1 to 8 different names"]),

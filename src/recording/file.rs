@@ -50,6 +50,8 @@ pub struct RecordingFile {
     writer: Writer<BufWriter<File>>,
     /// The file once more, for its length.
     file: File,
+    /// Its length when it was flushed, bytes.
+    length: u64,
     channels: BTreeMap<&'static str, u16>,
     /// What is to be added to `CLOCK_MONOTONIC` for the time since 1970, ns.
     clock_ns: i64,
@@ -67,7 +69,7 @@ impl RecordingFile {
         let options = options.library(concat!("hydraxis ", env!("CARGO_PKG_VERSION")));
         let same = file.try_clone()?;
         let writer = options.create(BufWriter::new(file))?;
-        let mut file = Self { writer, file: same, channels: BTreeMap::new(), clock_ns };
+        let mut file = Self { writer, file: same, length: 0, channels: BTreeMap::new(), clock_ns };
         file.facts(FACTS, facts)?;
         attached.iter().try_for_each(|(name, content)| file.attach(name, content))?;
         Ok(file)
@@ -149,7 +151,18 @@ impl RecordingFile {
         if data.nlink() == 0 {
             return Err(io::Error::new(io::ErrorKind::NotFound, "the file was removed").into());
         }
-        Ok(data.len())
+        self.length = data.len();
+        Ok(self.length)
+    }
+
+    /// Ends a file that cannot be written any more: it keeps what was flushed, and no part of what came later, so that
+    /// what counts as lost is lost.
+    pub fn cut(self) {
+        let Self { writer, file, length, .. } = self;
+        // It tries to write its end.
+        drop(writer);
+        // A file that cannot be cut either has some messages more.
+        let _ = file.set_len(length);
     }
 
     /// Writes facts that are known at the end, ends the file and waits for the disk.
@@ -185,5 +198,21 @@ mod tests {
         std::fs::remove_file(&path).unwrap();
         file.write(&Encoded::new(0, &EncoderSample::default())).unwrap();
         assert!(matches!(file.flush(), Err(McapError::Io(error)) if error.kind() == io::ErrorKind::NotFound));
+    }
+
+    #[test]
+    fn a_file_that_is_cut_has_what_was_flushed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        let mut file = RecordingFile::create(&path, &Facts::new(), &[], 0).unwrap();
+        file.add_channel::<EncoderSample>().unwrap();
+        let write = |file: &mut RecordingFile, count: usize| {
+            (0..count).for_each(|_| file.write(&Encoded::new(0, &EncoderSample::default())).unwrap());
+        };
+        write(&mut file, 10);
+        let length = file.flush().unwrap();
+        write(&mut file, 10_000);
+        file.cut();
+        assert_eq!(std::fs::metadata(&path).unwrap().len(), length);
     }
 }

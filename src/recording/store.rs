@@ -148,7 +148,8 @@ impl Store {
         self.lost = lost;
         self.open_again();
         if let Err(error) = self.write(messages) {
-            if let Some(Open { path, .. }) = self.open.take() {
+            if let Some(Open { path, file, .. }) = self.open.take() {
+                file.cut();
                 self.fail(&path, &error);
             }
             for message in messages {

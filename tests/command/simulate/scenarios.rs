@@ -96,9 +96,12 @@ fn a_run_that_ends_with_latched_axes_says_so_first_and_fails() {
 }
 
 #[test]
-fn an_axis_that_never_had_healthy_samples_is_told() {
+fn an_axis_that_never_has_healthy_samples_is_latched_and_told() {
     let noise = ["simulate", "--set", "axis.boom.plant.encoder_noise=0.02", "--duration", "20s"];
-    let tables = success(tempfile::tempdir().unwrap().path(), &noise);
-    let hint = "boom: no model yet: the axis has not followed its reference: it was not armed, or never had 0.2 s of";
+    let output = run(tempfile::tempdir().unwrap().path(), &noise);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(1) && said.contains("axis.boom (feedback at 6.0000 s)"), "{said}");
+    let tables = String::from_utf8(output.stdout).unwrap();
+    let hint = "boom: no model yet: a fault latched the axis before it had moved enough to be identified";
     assert!(tables.contains(hint) && !tables.contains("arm: no model yet"), "{tables}");
 }

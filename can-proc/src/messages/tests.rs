@@ -135,12 +135,13 @@ fn messages_are_written_in_the_machine_file_as_well() {
     for (from, to, expected) in [
         ("0|16@1-", "0|40@1-", "can.message \"Own\": signal Place: found bits up to byte 4"),
         ("Place 0|16@1- (1e-4,0) m", "Place", "found \"Place\"; allowed: NAME START|BITS"),
-        ("\"Own\"", "\"Levers\"", "message Levers: found twice"),
     ] {
         let wrong = machine("[axis.boom.can]", &tables.replacen(from, to, 1)).unwrap();
         let said = super::database(wrong.can.as_ref().unwrap()).unwrap_err().to_string();
         assert!(said.contains(expected), "{said}");
     }
+    let said = machine("[axis.boom.can]", &tables.replacen("\"Own\"", "\"Levers\"", 1)).unwrap_err();
+    assert!(said.contains("can.message: found Levers twice; allowed: one table for each message"), "{said}");
     // The telescope has its position of this message: with the identifier of another one, and reversed.
     let telescope = "[axis.telescope.can]\nposition = \"TelescopeState.Length\"";
     let of_own = telescope.replace("TelescopeState.Length", "Own.Place");

@@ -91,8 +91,8 @@ pub enum DatabaseError {
         /// What is wrong with it.
         source: SignalError,
     },
-    /// Two messages have one name.
-    #[error("message {0}: found twice; allowed: one message of each name")]
+    /// Two messages, or two signals of a message, have one name.
+    #[error("{0}: found twice; allowed: one message of each name, and one signal of each name in a message")]
     Twice(String),
 }
 
@@ -157,10 +157,14 @@ impl Database {
     /// Adds a message.
     ///
     /// # Errors
-    /// There is one of its name.
+    /// There is one of its name, or two of its signals have one.
     pub fn add(&mut self, message: Message) -> Result<(), DatabaseError> {
         if self.message(&message.name).is_ok() {
             return Err(DatabaseError::Twice(message.name));
+        }
+        let names: Vec<&str> = message.signals.iter().map(|signal| signal.name.as_str()).collect();
+        if let Some(twice) = names.iter().enumerate().find_map(|(i, name)| names[..i].contains(name).then_some(name)) {
+            return Err(DatabaseError::Twice(format!("{}.{twice}", message.name)));
         }
         self.messages.push(message);
         Ok(())
@@ -334,5 +338,7 @@ mod tests {
         }
         let twice = format!("{DBC}\nBO_ 5 Boom: 8 Machine\n SG_ A : 0|8@1+ (1,0) [0|0] \"\" PC\n");
         assert_eq!(Database::parse(&twice).unwrap_err(), DatabaseError::Twice("Boom".to_owned()));
+        let twice = DBC.replacen("SG_ Alive", "SG_ Angle", 1);
+        assert_eq!(Database::parse(&twice).unwrap_err(), DatabaseError::Twice("Boom.Angle".to_owned()));
     }
 }

@@ -167,6 +167,11 @@ impl CanBus {
                 .optional_text(),
             pilot: section.key("pilot", "Signal that is 0 while the pilot pressure is cut off").optional_text(),
         };
+        for (i, message) in bus.messages.iter().enumerate() {
+            if bus.messages[..i].iter().any(|other| other.name == message.name) {
+                section.refuse("message", format!("{} twice", message.name), "one table for each message");
+            }
+        }
         for message in bus.messages.iter().filter(|message| message.period * 2 > timing.drive_timeout) {
             let allowed =
                 "half of timing.drive_timeout or shorter, so that the drive does not stop between two messages";
@@ -236,6 +241,10 @@ mod tests {
             let said = machine(&[(key, value)]).unwrap_err();
             assert!(said.contains(expected), "{said}");
         }
+        let twice = "[[can.message]]\nname = \"A\"\n".repeat(2);
+        let text = format!("{}\n[can]\ninterface = \"can0\"\n{twice}", crate::machine::FOUR_AXES);
+        let said = Machine::parse(&text, "m.toml", std::path::Path::new("."), &[]).unwrap_err().to_string();
+        assert!(said.contains("can.message: found A twice; allowed: one table for each message"), "{said}");
         let missing = Machine::four_axes(&[("source.kind".to_owned(), "can".to_owned())]).unwrap_err().to_string();
         assert!(
             missing.contains("axis.boom.can.encoder: found nothing") && !missing.contains("found node"),

@@ -38,6 +38,8 @@ const SAMPLE_PERIODS: u32 = 3;
 /// Time in which the controller must do what it is asked, settling included. It ends before the controller latches an
 /// axis that does not settle, so that what has kept it from settling is told.
 const ANSWER_PATIENCE: Duration = SETTLING_PATIENCE.saturating_sub(Duration::from_secs(1));
+/// Time for which samples must be usable before an axis is armed.
+const USABLE_TIME: Duration = Duration::from_millis(200);
 /// Periods in which the controller must do it; they count where they are longer than [`ANSWER_PATIENCE`].
 const ANSWER_PERIODS: u32 = PATIENCE_TICKS as u32 - 10;
 
@@ -304,14 +306,17 @@ impl Operator {
             self.ask(&sample)?;
             has_asked = true;
             if Instant::now() > until {
-                let states = (0..self.machine.axis_count as usize).map(|axis| self.state(axis)).collect();
-                return Err(OperatorError::NoAnswer {
-                    wanted: wanted.to_owned(),
-                    patience: self.answer_patience,
-                    states,
-                    why: self.obstacles(&sample),
-                });
+                return Err(self.no_answer(wanted, &sample));
             }
+        }
+    }
+
+    fn no_answer(&self, wanted: &str, sample: &EncoderSample) -> OperatorError {
+        OperatorError::NoAnswer {
+            wanted: wanted.to_owned(),
+            patience: self.answer_patience,
+            states: (0..self.machine.axis_count as usize).map(|axis| self.state(axis)).collect(),
+            why: self.obstacles(sample),
         }
     }
 
@@ -392,12 +397,18 @@ impl Operator {
     /// Changes axes to a mode, arms those that are disarmed, and waits until all are in it; false when the program is
     /// to end before.
     ///
+    /// Nothing is armed before the samples of all these axes have been usable for a while: they begin together, and a
+    /// fault that is over only after this program was killed moves none of them.
+    ///
     /// The controller takes no edge of a message that comes too late, or too long after the one before. A program that
     /// had no core for a moment asks for another edge then, until the axis has been armed once.
     ///
     /// # Errors
     /// They are not in the mode in time, or a fault latches one of them on the way.
     pub fn change(&mut self, axes: &[usize], mode: AxisMode) -> Result<bool, OperatorError> {
+        if !self.await_usable(axes, mode)? {
+            return Ok(false);
+        }
         for axis in axes {
             self.axis(*axis).mode = mode as u32;
             self.axis(*axis).enable += 1;
@@ -418,6 +429,26 @@ impl Operator {
         });
         self.arming = [false; MAX_AXES + 1];
         is_changed
+    }
+
+    /// Waits until the samples of axes have been usable for [`USABLE_TIME`]; false when the program is to end before.
+    fn await_usable(&mut self, axes: &[usize], mode: AxisMode) -> Result<bool, OperatorError> {
+        let until = Instant::now() + self.answer_patience;
+        let mut since = None;
+        while let Some(sample) = self.sample()? {
+            let is_usable = sample.emergency_stop == 0 && axes.iter().all(|axis| sample.axes[*axis].usable().is_some());
+            let now = Instant::now();
+            since = if is_usable { since.or(Some(now)) } else { None };
+            if since.is_some_and(|since| now - since >= USABLE_TIME) {
+                return Ok(true);
+            }
+            while self.command()?.is_some() {}
+            self.ask(&sample)?;
+            if now > until {
+                return Err(self.no_answer(mode.name(), &sample));
+            }
+        }
+        Ok(false)
     }
 
     /// Waits until axes that are armed in a mode have settled in it; false when the program is to end before.

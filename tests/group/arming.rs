@@ -1,7 +1,7 @@
 //! `hydraxis arm`, `disarm` and `reset` on a controller whose acquisition is played by the test.
 
 use std::{
-    process::{Output, Stdio},
+    process::{Child, Output, Stdio},
     sync::{
         Arc,
         atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering},
@@ -13,7 +13,7 @@ use std::{
 use crate::harness::{Cores, TestGroup, channel::await_message, hydraxis, shared};
 use pipeline::{
     channel::{Group, Prefix, Reader},
-    message::{AxisMode, EncoderSample, Header, Request, ValveCommand, control_flag, sample_fault},
+    message::{AxisCommand, AxisMode, EncoderSample, Header, Request, ValveCommand, control_flag, sample_fault},
     stage::{StageKind, monotonic_ns},
 };
 
@@ -127,16 +127,20 @@ impl Played {
         self.set_fault(axis, 0);
     }
 
-    /// The first axis has stale samples from now on, and was armed by a program that is killed before it has settled.
+    /// The first axis is armed by a program that is killed before it has settled, and has stale samples from then on.
     fn leave_settling(&mut self) {
-        self.set_fault(0, sample_fault::STALE);
         self.seen();
-        let mut arm = hydraxis();
-        arm.args(["arm", "--axis", "boom", "--prefix", &self.group.prefix.to_string()]);
-        let mut arm = arm.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let mut arm = self.spawn_arm(&["--axis", "boom"]);
         self.wait_until("an axis that settles", |command| command.axes[0].flags & control_flag::SETTLING != 0);
+        self.set_fault(0, sample_fault::STALE);
         arm.kill().unwrap();
         arm.wait().unwrap();
+    }
+
+    fn spawn_arm(&self, axes: &[&str]) -> Child {
+        let mut arm = hydraxis();
+        arm.arg("arm").args(axes).args(["--prefix", &self.group.prefix.to_string()]);
+        arm.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
     }
 }
 
@@ -200,6 +204,28 @@ fn arm_waits_for_an_axis_that_another_has_armed_and_that_does_not_settle() {
     played.set_fault(0, 0);
     played.succeed("reset", &[]);
     assert_eq!(played.succeed("arm", &["--axis", "boom"]), "axis.boom: track\n");
+}
+
+#[test]
+fn arm_arms_nothing_while_a_fault_stands_and_all_axes_together_once_it_is_over() {
+    let mut played = Played::start("arm-faulty");
+    played.set_fault(0, sample_fault::ENCODER);
+    let mut killed = played.spawn_arm(&[]);
+    sleep(Duration::from_secs(1));
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    played.set_fault(0, 0);
+    sleep(Duration::from_secs(1));
+    let is_off = |command: &AxisCommand| command.flags & control_flag::DISARMED != 0;
+    assert!(played.seen().iter().all(|command| command.axes[..4].iter().all(is_off)));
+
+    played.set_fault(0, sample_fault::ENCODER);
+    let mut arm = played.spawn_arm(&[]);
+    sleep(Duration::from_secs(1));
+    assert!(played.seen().iter().all(|command| command.axes[..4].iter().all(is_off)));
+    played.set_fault(0, 0);
+    assert!(arm.wait().unwrap().success());
+    assert_eq!(played.modes(), [Track; 4]);
 }
 
 #[test]
@@ -319,8 +345,12 @@ fn operate_shows_what_had_latched_an_axis_that_it_enables_or_switches_off() {
 #[test]
 fn a_fault_on_the_way_ends_the_arming_of_all_and_stays_latched() {
     let mut played = Played::start("arm-fault");
+    let arm = played.spawn_arm(&[]);
+    played.wait_until("an axis that settles", |command| command.axes[2].flags & control_flag::SETTLING != 0);
     played.set_fault(2, sample_fault::RANGE);
-    let said = played.fail("arm", &[]);
+    let output = arm.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(said.contains("axis.telescope: off (feedback): not track, a fault has latched it"), "{said}");
     assert!(said.contains("look at why, then type: hydraxis reset --prefix"), "{said}");
     assert_eq!(played.modes(), [Off; 4]);

@@ -25,4 +25,4 @@ mod wiring;
 
 pub use error::WiringError;
 pub use messages::database;
-pub use wiring::{bus_address, network, position_object, step};
+pub use wiring::{bus_address, network, number, position_object, step};

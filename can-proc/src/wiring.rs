@@ -6,7 +6,10 @@ use can::{
     canopen::NodeId,
     device::{AxisDevices, Encoder, EncoderSettings, Network, NodeTiming, PositionObject, Valve, ValveSettings},
 };
-use pipeline::machine::{Axis, CanBus, CanDevices, CanPosition, Machine, Slope};
+use pipeline::{
+    layout,
+    machine::{Axis, CanBus, CanDevices, CanPosition, Machine, Slope},
+};
 
 /// One micrometre, m: the unit of 6005h.
 const MICROMETRE: f64 = 1e-6;
@@ -42,6 +45,15 @@ pub fn network(machine: &Machine) -> Result<Network, WiringError> {
     let devices = machine.axes.iter().map(|axis| devices(axis, &shared));
     let devices = devices.collect::<Result<_, _>>()?;
     Ok(Network::with_frames(devices, frames(machine, bus)?))
+}
+
+/// Number that tells whether two programs mean the same devices and messages: a hash of what machine file and data base
+/// say of them.
+///
+/// # Errors
+/// As [`network`].
+pub fn number(machine: &Machine) -> Result<u64, WiringError> {
+    Ok(layout::named(&format!("{:?} {:?}", machine.can, network(machine)?)))
 }
 
 /// What the devices of all axes share.
@@ -154,5 +166,20 @@ mod tests {
     fn an_interface_that_is_none_is_refused() {
         let error = bus_address(&machine(&[("can.interface", "\"no interface\"")])).unwrap_err();
         assert!(error.to_string().starts_with("can.interface: found \"no interface\"; allowed: "), "{error}");
+    }
+
+    #[test]
+    fn the_number_changes_with_what_is_said_of_a_device() {
+        let all = [
+            &[][..],
+            &[("axis.arm.can.full_scale", "-16384")],
+            &[("axis.arm.can.zero", "1")],
+            &[("axis.arm.can.reversed", "true")],
+            &[("axis.arm.can.valve", "31")],
+            &[("can.interface", "\"can1\"")],
+        ]
+        .map(|more| number(&machine(more)).unwrap());
+        assert!((1..all.len()).all(|i| !all[..i].contains(&all[i])), "{all:?}");
+        assert_eq!(number(&machine(&[])), Ok(all[0]));
     }
 }

@@ -152,7 +152,8 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         reset: Arc::default(),
         off: Arc::default(),
     };
-    let launch = Launch { machine: &machine, arguments: &file, options: &options };
+    let wiring = (machine.source == Source::Can).then(|| can_proc::number(&machine).ok()).flatten();
+    let launch = Launch { machine: &machine, arguments: &file, options: &options, wiring };
     let result = run_group(&launch, arguments, &warnings);
     // A client that is still attached keeps the files; the next run of this name removes them.
     let _ = claim.remove_leftovers();
@@ -256,7 +257,7 @@ struct Ended {
 
 /// Runs the group from its first process to its last message.
 fn run_group(launch: &Launch<'_>, arguments: &RunArguments, warnings: &[String]) -> Result<Ended, Failure> {
-    let &Launch { machine, arguments: file, options } = launch;
+    let &Launch { machine, arguments: file, options, .. } = launch;
     let group = Group::join(&options.prefix, SUPERVISOR).map_err(ChannelError::from)?;
     let has_black_box = options.clock == Clock::RealTime && !arguments.no_black_box;
     let mut monitor = Monitor::new(&group, machine)?;

@@ -62,6 +62,9 @@ pub struct StageArguments {
     /// plant-sim only: the readings of this recording in the place of the simulated ones
     #[arg(long, hide = true)]
     pub recording: Option<PathBuf>,
+    /// can-proc only: the number of the devices that the group was started with
+    #[arg(long, hide = true)]
+    pub wiring: Option<u64>,
     /// End when the process with this number ends, or when standard input does
     #[arg(long, hide = true)]
     pub parent: Option<i32>,
@@ -90,6 +93,14 @@ pub fn run_can(arguments: &StageArguments) -> Result<(), Failure> {
     }
     if arguments.lockstep {
         return Err(Failure::usage("--lockstep: found a CAN bus, whose time nobody can hold; allowed: without it"));
+    }
+    if let Some(started) = arguments.wiring
+        && can_proc::number(&machine).is_ok_and(|number| number != started)
+    {
+        return Err(Failure::usage(
+            "can: found other devices or messages than the group was started with: machine file or data base have \
+             changed; allowed: what they were, or a group that is started anew",
+        ));
     }
     run_as(StageKind::PlantSim, "can-proc", arguments, &machine, |options| can_proc::process::run(&machine, options))
 }

@@ -27,7 +27,8 @@ fn subcommand(kind: StageKind, machine: &Machine) -> &'static str {
     if kind == StageKind::PlantSim && machine.source == Source::Can { "can-proc" } else { kind.name() }
 }
 
-/// The command that starts a stage of `machine`: this program, or the one that the machine file names.
+/// The command that starts a stage of `machine`: this program, or the one that the machine file names. `wiring`: the
+/// devices that the group was started with, where they are on a CAN bus.
 ///
 /// # Errors
 /// The path of this program is not known, or the model file cannot be read.
@@ -36,6 +37,7 @@ pub fn command(
     machine: &Machine,
     arguments: &MachineFile,
     options: &StageOptions,
+    wiring: Option<u64>,
 ) -> Result<Command, LaunchError> {
     let mut command = match &machine.stage(kind).command {
         Some(words) => {
@@ -70,6 +72,9 @@ pub fn command(
     // A foreign program does not know the option, and is not held back.
     if options.is_recorded && kind == source && machine.stage(kind).command.is_none() {
         command.arg("--recorded");
+    }
+    if let (Some(wiring), StageKind::PlantSim, None) = (wiring, kind, &machine.stage(kind).command) {
+        command.arg("--wiring").arg(wiring.to_string());
     }
     if options.first_tick > 0 && kind == StageKind::SensorProc {
         command.arg("--first-tick").arg(options.first_tick.to_string());

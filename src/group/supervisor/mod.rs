@@ -72,6 +72,8 @@ pub struct Launch<'a> {
     pub arguments: &'a MachineFile,
     /// How the stages run.
     pub options: &'a StageOptions,
+    /// The devices of the start, where they are on a CAN bus: a stage that starts again must mean the same.
+    pub wiring: Option<u64>,
 }
 
 /// One stage of the group, over all its lives.
@@ -198,7 +200,7 @@ impl<'a> Supervisor<'a> {
     }
 
     fn begin(&self, kind: StageKind, options: &StageOptions) -> Result<Life, SupervisorError> {
-        let command = command(kind, self.launch.machine, self.launch.arguments, options)?;
+        let command = command(kind, self.launch.machine, self.launch.arguments, options, self.launch.wiring)?;
         let program = command.get_program().to_string_lossy().into_owned();
         Life::begin(Origin::Stage(kind), command, &self.log, &self.deaths).map_err(|source| SupervisorError::Start {
             stage: kind.name(),

@@ -185,7 +185,7 @@ impl Fallback {
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
             self.memory.integral = self.bounded(self.memory.integral + self.gain * self.ki_period * error);
-            let (side, part) = self.moving(forward);
+            let (_, side, part) = self.moving(forward);
             let learned = self.memory.learned[side] + part * self.gain * self.learning * error;
             self.memory.learned[side] = learned.clamp(-MOST_LEARNED, MOST_LEARNED);
         }
@@ -194,14 +194,14 @@ impl Fallback {
 
     /// v_r + a L of this u_r.
     fn coming_opening(&self, forward: f64) -> f64 {
-        let (side, part) = self.moving(forward);
-        self.uncompensated(forward) + part * self.memory.learned[side]
+        let (opening, side, part) = self.moving(forward);
+        opening + part * self.memory.learned[side]
     }
 
-    /// The direction of a motion with this u_r, as an index, and a.
-    fn moving(&self, forward: f64) -> (usize, f64) {
+    /// v_r of this u_r, its direction as an index, and a.
+    fn moving(&self, forward: f64) -> (f64, usize, f64) {
         let opening = self.uncompensated(forward);
-        (usize::from(opening < 0.0), (opening.abs() / BLEND_WIDTH).min(1.0))
+        (opening, usize::from(opening < 0.0), (opening.abs() / BLEND_WIDTH).min(1.0))
     }
 
     /// C(v).

@@ -81,16 +81,14 @@ impl<'m> Cylinders<'m> {
         };
         let lengths = geometry.cylinder_lengths(place.at, pitch, telescope).ok()?;
         let mut positions = self.mechanism.positions(&lengths);
-        // The elbow is always up: with the boom where it is, the arm may have to be on the other side.
-        let is_same = match free {
-            Free::Boom(position) => (positions[0] - position).abs() < 1e-6,
-            Free::Telescope(_) => true,
+        let (axis, position) = match free {
+            Free::Boom(position) => (0, position),
+            Free::Telescope(position) => (2, position),
         };
+        // The elbow is always up: with the boom where it is, the arm may have to be on the other side.
+        let is_same = (positions[axis] - position).abs() < 1e-6;
         // An axis that stands has one position: who moves it sees its reference stand, and not its rounding.
-        match free {
-            Free::Boom(position) => positions[0] = position,
-            Free::Telescope(position) => positions[2] = position,
-        }
+        positions[axis] = position;
         (is_same && positions.iter().all(|position| position.is_finite())).then_some(positions)
     }
 

@@ -194,10 +194,10 @@ impl Baseline {
 /// `control` with as much of the fallback's gains as leaves [`LEAST_GAIN_MARGIN`] at the mean slope of the curve of
 /// `model`; `period` in s. Where no part does, its gains stay.
 pub fn with_margin(control: &Control, model: &Commissioned, period: f64) -> Control {
-    let keeps = |margins: &Margins| margins.is_stable() && margins.gain >= LEAST_GAIN_MARGIN;
     let fallback = Control { law: Law::Predictive, ..*control };
-    let part = reduced(&fallback, model, mean_slope(model), period, keeps).map_or(1.0, |(part, _)| part);
-    Control { kp: part * control.kp, ki: part * control.ki, ..*control }
+    let keeps = |margins: &Margins| margins.gain >= LEAST_GAIN_MARGIN;
+    let found = reduced(&fallback, model, mean_slope(model), period, keeps);
+    found.map_or(*control, |(_, reduced)| Control { law: control.law, ..reduced })
 }
 
 /// The Smith predictor for `axis` number `index`, whose fallback has the tuned settings `control`, for a command every

@@ -24,27 +24,11 @@ fn node(number: usize) -> NodeId {
 }
 
 fn encoder_settings(axis: usize) -> EncoderSettings {
-    EncoderSettings {
-        node: node(10 + axis),
-        object: PositionObject::Position,
-        is_signed: true,
-        is_reversed: false,
-        zero: 0,
-        has_alarms: true,
-        is_fixed: false,
-        step: Some(50),
-        silent_after: 3,
-    }
+    SimulatedEncoder::settings(node(10 + axis))
 }
 
 fn valve_settings(axis: usize) -> ValveSettings {
-    ValveSettings {
-        node: node(20 + axis),
-        full_scale: FULL_SCALE,
-        timeout_ms: TIMEOUT_MS,
-        spool_tolerance: Some(0.12),
-        is_fixed: false,
-    }
+    SimulatedValve::settings(node(20 + axis), FULL_SCALE)
 }
 
 /// What the controller does with an axis.

@@ -13,9 +13,9 @@ use can::{
     bus::{Decoded, Decoder, MAX_TEXT, encode},
     canopen::{NodeId, Object, SdoClient, SdoEvent},
     device::{
-        AxisDevices, AxisState, AxisTarget, Demand, Encoder, EncoderSettings, Network, NodeTiming, PositionObject,
-        Valve, ValveSettings,
+        AxisDevices, AxisState, AxisTarget, Demand, Encoder, EncoderSettings, Network, NodeTiming, Valve, ValveSettings,
     },
+    simulated::{SimulatedEncoder, SimulatedValve},
 };
 
 /// Counts what a thread takes from the heap: the harness of the tests has a thread of its own.
@@ -68,19 +68,8 @@ fn node(number: u8) -> NodeId {
 
 fn network() -> Network {
     let timing = NodeTiming { heartbeat_ns: 50_000_000, answer_ns: 100_000_000 };
-    let encoder = EncoderSettings {
-        node: node(11),
-        object: PositionObject::Position,
-        is_signed: true,
-        is_reversed: false,
-        zero: 0,
-        has_alarms: true,
-        is_fixed: false,
-        step: None,
-        silent_after: 3,
-    };
-    let valve =
-        ValveSettings { node: node(21), full_scale: 16384, timeout_ms: 50, spool_tolerance: None, is_fixed: false };
+    let encoder = EncoderSettings { step: None, ..SimulatedEncoder::settings(node(11)) };
+    let valve = ValveSettings { spool_tolerance: None, ..SimulatedValve::settings(node(21), 16384) };
     Network::new(vec![AxisDevices {
         encoder: Some(Encoder::new(encoder, timing).unwrap()),
         valve: Some(Valve::new(valve, timing).unwrap()),

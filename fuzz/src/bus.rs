@@ -7,8 +7,7 @@ use can::{
         AbortCode, Dictionary, Emergency, MAX_VALUE, NodeId, Object, SdoClient, SdoEvent, SdoServer, heartbeat_of,
     },
     device::{
-        AxisDevices, AxisState, AxisTarget, Demand, Encoder, EncoderSettings, Fault, Network, NodeTiming, Outbox,
-        PositionObject, Valve, ValveSettings,
+        AxisDevices, AxisState, AxisTarget, Demand, Encoder, Fault, Network, NodeTiming, Outbox, PositionObject, Valve,
     },
     frames::Database,
     simulated::{SimulatedEncoder, SimulatedValve},
@@ -130,27 +129,9 @@ impl Bench {
     fn new() -> Option<Self> {
         let (encoder, valve) = (NodeId::new(11)?, NodeId::new(21)?);
         let timing = NodeTiming { heartbeat_ns: 50 * MS, answer_ns: 100 * MS };
-        let encoder_settings = EncoderSettings {
-            node: encoder,
-            object: PositionObject::Position,
-            is_signed: true,
-            is_reversed: false,
-            zero: 0,
-            has_alarms: true,
-            is_fixed: false,
-            step: Some(50),
-            silent_after: 3,
-        };
-        let valve_settings = ValveSettings {
-            node: valve,
-            full_scale: 16384,
-            timeout_ms: 50,
-            spool_tolerance: Some(0.12),
-            is_fixed: false,
-        };
         let devices = AxisDevices {
-            encoder: Some(Encoder::new(encoder_settings, timing).ok()?),
-            valve: Some(Valve::new(valve_settings, timing).ok()?),
+            encoder: Some(Encoder::new(SimulatedEncoder::settings(encoder), timing).ok()?),
+            valve: Some(Valve::new(SimulatedValve::settings(valve, 16384), timing).ok()?),
         };
         Some(Self {
             network: Network::new(vec![devices]),

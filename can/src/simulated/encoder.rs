@@ -7,7 +7,7 @@ use super::{
 use crate::{
     Frame,
     canopen::{NodeId, function},
-    device::{Outbox, PositionObject},
+    device::{EncoderSettings, Outbox, PositionObject},
 };
 
 /// A simulated encoder. It sends its position with every SYNC.
@@ -30,6 +30,21 @@ impl SimulatedEncoder {
         let bytes = if object.profile() == 406 { 4 } else { 2 };
         objects.add(length.index, length.sub, step.into(), bytes, false);
         Self { node: SimulatedNode::new(id, object.profile(), objects), object }
+    }
+
+    /// With which a master reads an encoder that counts 0.05 mm: its position, which has a sign, and its alarms.
+    pub fn settings(id: NodeId) -> EncoderSettings {
+        EncoderSettings {
+            node: id,
+            object: PositionObject::Position,
+            is_signed: true,
+            is_reversed: false,
+            zero: 0,
+            has_alarms: true,
+            is_fixed: false,
+            step: Some(50),
+            silent_after: 3,
+        }
     }
 
     /// Its number.

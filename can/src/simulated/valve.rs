@@ -12,7 +12,7 @@ use super::{
 use crate::{
     Frame,
     canopen::{NodeId, emergency_code, function},
-    device::Outbox,
+    device::{Outbox, ValveSettings},
 };
 use embedded_can::Frame as _;
 
@@ -51,6 +51,11 @@ impl SimulatedValve {
         }
         let node = SimulatedNode::new(id, 408, objects);
         Self { node, full_scale: full_scale.into(), heard_ns: 0, last_word: 0, stuck: None }
+    }
+
+    /// With which a master drives a valve that is fully open at `full_scale`: a time-out of 50 ms.
+    pub fn settings(id: NodeId, full_scale: i16) -> ValveSettings {
+        ValveSettings { node: id, full_scale, timeout_ms: 50, spool_tolerance: Some(0.12), is_fixed: false }
     }
 
     /// Its number.

@@ -313,7 +313,8 @@ fn expect_range(
 }
 
 /// Refuses a signal with a negative factor, one of another unit than the position, and one whose count has another
-/// length than the machine file says. A signal without a unit is taken: its data base does not say what a count is.
+/// length than the machine file says. A signal without a unit is taken: its data base does not say what a count is. An
+/// offset is refused where the machine file has no zero in its place.
 fn expect_scale(axis: &Axis, key: &str, named: &NamedSignal) -> Result<(), WiringError> {
     let (units, own, name): (&[(&str, f64)], f64, &str) = match axis.encoder.angle {
         None => (&LENGTHS, axis.encoder.resolution, "resolution"),
@@ -324,6 +325,18 @@ fn expect_scale(axis: &Axis, key: &str, named: &NamedSignal) -> Result<(), Wirin
         return Err(WiringError::Text(format!(
             "{key}: found the factor {} of {}; allowed: {allowed}",
             named.signal.factor(),
+            named.name
+        )));
+    }
+    let has_zero = axis.can.as_ref().is_some_and(|wired| wired.zero != 0);
+    if named.signal.offset() != 0.0 && !has_zero && axis.encoder.angle.is_none_or(|sensor| sensor.zero == 0.0) {
+        let (place, found) = match axis.encoder.angle {
+            None => (format!("axis.{}.can.zero", axis.name), -named.signal.offset() / named.signal.factor()),
+            Some(_) => (format!("axis.{}.encoder.angle_zero", axis.name), named.signal.offset()),
+        };
+        return Err(WiringError::Text(format!(
+            "{key}: found the offset {} of {}, which counts do not have; allowed: {place} in its place, such as {found}",
+            named.signal.offset(),
             named.name
         )));
     }

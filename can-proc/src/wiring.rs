@@ -15,6 +15,10 @@ use pipeline::{
 const MICROMETRE: f64 = 1e-6;
 /// The unit of 6000h, degrees.
 const MILLIDEGREE: f64 = 1e-3;
+/// Bits of a frame without data and stuff bits, with the pause after it.
+const FRAME_BITS: u32 = 47;
+/// Bits of control word and set point of a valve, and of its status.
+const VALVE_BITS: u32 = 48;
 /// Least number of SYNC without a position after which an encoder is silent: two may be lost.
 const LEAST_SILENCE: u128 = 3;
 
@@ -44,7 +48,28 @@ pub fn network(machine: &Machine) -> Result<Network, WiringError> {
     let shared = Shared { timing, silent_after, timeout_ms: has_valves.then_some(timeout_ms) };
     let devices = machine.axes.iter().map(|axis| devices(axis, &shared));
     let devices = devices.collect::<Result<_, _>>()?;
+    expect_room(machine, bus)?;
     Ok(Network::with_frames(devices, frames(machine, bus)?))
+}
+
+/// Refuses a bit rate at which what is sent with every SYNC does not fit, even without stuff bits: the SYNC, positions,
+/// set points, and states of the valves.
+fn expect_room(machine: &Machine, bus: &CanBus) -> Result<(), WiringError> {
+    let bits = |wired: &CanDevices| {
+        let position = wired.encoder.map(|_| FRAME_BITS + u32::from(position_object(wired).mapped().bits));
+        let valve = wired.valve.filter(|_| machine.drive.is_real()).map(|_| 2 * FRAME_BITS + VALVE_BITS);
+        position.unwrap_or_default() + valve.unwrap_or_default()
+    };
+    let of_nodes: u32 = machine.axes.iter().filter_map(|axis| axis.can.as_ref().map(bits)).sum();
+    let needed = f64::from(FRAME_BITS + of_nodes) / bus.sync.as_secs_f64();
+    if of_nodes == 0 || needed <= f64::from(bus.bit_rate) {
+        return Ok(());
+    }
+    Err(WiringError::Text(format!(
+        "can.bit_rate: found {}, and the nodes need {needed:.0} bit/s at least with can.sync = {:?}; allowed: a bit rate \
+         with room for them, or a longer can.sync",
+        bus.bit_rate, bus.sync
+    )))
 }
 
 /// Number that tells whether two programs mean the same devices and messages: a hash of what machine file and data base
@@ -160,6 +185,16 @@ mod tests {
     fn without_a_drive_there_are_no_valves() {
         let network = network(&machine(&[("drive.kind", "none")])).unwrap();
         assert!(network.devices(0).unwrap().valve.is_none());
+    }
+
+    #[test]
+    fn a_bus_without_room_for_its_devices_is_refused() {
+        // 4 x (47 + 32 + 2 x 47 + 32 + 16) + 47 bits every 5 ms.
+        let error = network(&machine(&[("can.bit_rate", "125000")])).unwrap_err().to_string();
+        let expected = "can.bit_rate: found 125000, and the nodes need 186200 bit/s at least with can.sync = 5ms; ";
+        assert!(error.starts_with(expected), "{error}");
+        assert!(network(&machine(&[("can.bit_rate", "250000")])).is_ok());
+        assert!(network(&machine(&[("can.bit_rate", "125000"), ("drive.kind", "none")])).is_ok());
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! | text | bus |
 //! |---|---|
 //! | `can0`, `vcan0` | an interface of the kernel, by SocketCAN |
-//! | `/dev/ttyACM0`, `/dev/pts/3` | an adapter that speaks slcan |
+//! | `/dev/ttyACM0`, `./can` | an adapter that speaks slcan; a path begins with `/`, `./` or `../` |
 
 use std::{fmt, path::PathBuf, str::FromStr};
 
@@ -23,7 +23,9 @@ pub enum Address {
 
 /// A text that is no address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("found \"{0}\"; allowed: an interface such as can0, or a serial port such as /dev/ttyACM0")]
+#[error(
+    "found \"{0}\"; allowed: an interface such as can0, or the path of a serial port, such as /dev/ttyACM0 or ./can"
+)]
 pub struct NoAddress(String);
 
 impl FromStr for Address {
@@ -31,7 +33,7 @@ impl FromStr for Address {
 
     fn from_str(text: &str) -> Result<Self, NoAddress> {
         let is_name = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
-        if text.starts_with('/') {
+        if ["/", "./", "../"].iter().any(|start| text.starts_with(start)) {
             Ok(Self::Serial(text.into()))
         } else if (1..=MAX_INTERFACE).contains(&text.len()) && text.chars().all(is_name) {
             Ok(Self::Interface(text.to_owned()))
@@ -80,7 +82,7 @@ mod tests {
 
     #[test]
     fn addresses_are_interfaces_or_paths() {
-        for text in ["can0", "vcan0", "/dev/ttyACM0"] {
+        for text in ["can0", "vcan0", "/dev/ttyACM0", "./can", "../can"] {
             assert_eq!(text.parse::<Address>().unwrap().to_string(), text);
         }
         for text in ["", "a name with spaces", "an-interface-that-is-too-long", "can/0"] {

@@ -210,6 +210,11 @@ impl Signal {
         self.factor
     }
 
+    /// Value of the number 0.
+    pub fn offset(&self) -> f64 {
+        self.offset
+    }
+
     /// Its bits.
     pub fn bits(&self) -> u8 {
         self.bits

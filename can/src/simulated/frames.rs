@@ -70,6 +70,11 @@ impl SimulatedFrames {
         self.frames.has_drive(axis)
     }
 
+    /// Whether messages say that the emergency stop is pressed, and that the pilot pressure is cut off.
+    pub fn interlocks(&self) -> (bool, bool) {
+        (self.frames.emergency_stop.is_some(), self.frames.pilot.is_some())
+    }
+
     /// Presses or releases the emergency stop.
     pub fn stop(&mut self, is_pressed: bool) {
         self.is_stopped = is_pressed;

@@ -114,13 +114,23 @@ impl CanMessage {
             timeout: section
                 .key("timeout", "Time without the message after which it is a fault")
                 .rule("timing.feedback_timeout")
-                .optional_duration(Duration::from_millis(1)..=Duration::from_secs(60)),
+                .optional_duration(Duration::from_millis(1)..=Duration::from_secs(1)),
             period: section
                 .key("period", "Least time between two messages that are sent; one that stops an axis goes at once")
                 .rule("every can.sync, and with every command")
                 .duration_or(Duration::ZERO, Duration::ZERO..=Duration::from_secs(1)),
             patterns,
         };
+        if message.id.is_none() {
+            section.exclude(
+                &["extended", "length", "signals"],
+                false,
+                "beside id; the DBC file says it of this message",
+            );
+        }
+        if message.checksum.is_none() {
+            section.exclude(&["checksum_kind"], false, "beside checksum, the byte that it is made for");
+        }
         section.finish();
         message
     }
@@ -237,9 +247,25 @@ mod tests {
             ("can.sync", "20ms", "can.sync: found 20ms (from the command line); allowed: timing.period or shorter"),
             ("timing.drive_timeout", "9ms", "can.sync: found 5ms"),
             ("drive.kind", "sim", "drive.kind: found sim"),
+            (
+                "axis.arm.can.command_scale",
+                "100",
+                "axis.arm.can.command_scale: found 100 (from the command line); allowed: beside command",
+            ),
         ] {
             let said = machine(&[(key, value)]).unwrap_err();
             assert!(said.contains(expected), "{said}");
+        }
+        let said = |table: &str| {
+            let text = format!("{}\n[can]\ninterface = \"can0\"\n[[can.message]]\n{table}", crate::machine::FOUR_AXES);
+            Machine::parse(&text, "m.toml", std::path::Path::new("."), &[]).unwrap_err().to_string()
+        };
+        for (table, expected) in [
+            ("name = \"A\"\nlength = 4", "can.message[0].length: found 4; allowed: beside id"),
+            ("name = \"A\"\nid = 9\nchecksum_kind = \"sum\"", "checksum_kind: found \"sum\"; allowed: beside checksum"),
+            ("name = \"A\"\ntimeout = \"1m\"", "can.message[0].timeout: found \"1m\"; allowed: "),
+        ] {
+            assert!(said(table).contains(expected), "{}", said(table));
         }
         let twice = "[[can.message]]\nname = \"A\"\n".repeat(2);
         let text = format!("{}\n[can]\ninterface = \"can0\"\n{twice}", crate::machine::FOUR_AXES);

@@ -101,6 +101,8 @@ enum CalibrationError {
     Place(String),
     #[error("--at: found axis {0}; allowed: an axis of the machine")]
     NoAxis(String),
+    #[error("--at: found a position, and axis.{0} has no inclinometer; allowed: with an inclinometer only")]
+    NoInclinometer(String),
     #[error("axis.{0}: the linkage does not close at this position; allowed: positions that the mechanism reaches")]
     Open(String),
     #[error("standard input has ended; allowed: Enter at each mark")]
@@ -163,6 +165,9 @@ fn check(arguments: &CalibrateArguments, machine: &Machine, axis: &Axis) -> Resu
         return Err(CalibrationError::NoAxis(name.clone()));
     }
     let sensor = axis.encoder.angle;
+    if !arguments.places.is_empty() && sensor.is_none_or(|sensor| sensor.kind != AngleKind::Inclinometer) {
+        return Err(CalibrationError::NoInclinometer(axis.name.clone()));
+    }
     if let (Some(sensor), [first, ..]) = (sensor, &arguments.marks[..]) {
         angle(arguments, machine, axis, &sensor, *first)?;
     }

@@ -116,7 +116,13 @@ fn bytes(kind: Kind, text: &str) -> Result<Vec<u8>, String> {
         Kind::I16 => number::<i16>(text)?.to_le_bytes().to_vec(),
         Kind::I32 => number::<i32>(text)?.to_le_bytes().to_vec(),
         Kind::I64 => number::<i64>(text)?.to_le_bytes().to_vec(),
-        Kind::F32 => number::<f32>(text)?.to_le_bytes().to_vec(),
+        Kind::F32 => {
+            let value = number::<f32>(text)?;
+            if !value.is_finite() {
+                return Err(format!("found {text}; allowed: a finite number that the type holds"));
+            }
+            value.to_le_bytes().to_vec()
+        }
         Kind::Text => text.as_bytes().to_vec(),
     })
 }
@@ -210,7 +216,14 @@ mod tests {
         assert_eq!(bytes(Kind::U16, "258"), Ok(vec![2, 1]));
         assert_eq!(bytes(Kind::I32, "-2"), Ok(vec![0xFE, 0xFF, 0xFF, 0xFF]));
         assert_eq!(bytes(Kind::Text, "save"), Ok(b"save".to_vec()));
-        for (kind, wrong) in [(Kind::U8, "256"), (Kind::U16, "-1"), (Kind::I8, "128"), (Kind::U32, "1.5")] {
+        for (kind, wrong) in [
+            (Kind::U8, "256"),
+            (Kind::U16, "-1"),
+            (Kind::I8, "128"),
+            (Kind::U32, "1.5"),
+            (Kind::F32, "nan"),
+            (Kind::F32, "1e99"),
+        ] {
             assert!(bytes(kind, wrong).is_err(), "{wrong}");
         }
     }

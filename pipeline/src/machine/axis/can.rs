@@ -117,6 +117,16 @@ impl CanDevices {
         let tolerance = section
             .key("spool_tolerance", "How much further out than commanded the spool may be, as a part of full_scale")
             .number_or(SPOOL_TOLERANCE, 0.01..=1.0, "");
+        if signals.command.is_some() {
+            let of_a_valve = ["full_scale", "spool_feedback", "spool_tolerance"];
+            section.exclude(&of_a_valve, false, "beside valve; with command it is command_scale that counts");
+        } else {
+            section.exclude(
+                &["command_scale", "active"],
+                false,
+                "beside command; with valve it is full_scale that counts",
+            );
+        }
         section.finish();
         let node = |number: usize| number as u8;
         Self {

@@ -154,15 +154,22 @@ impl Devices {
     }
 
     /// A fault of the machine: its emergency stop, or its pilot pressure.
-    pub fn spoil_machine(&mut self, fault: MachineFault) {
+    ///
+    /// # Errors
+    /// No message says so.
+    pub fn spoil_machine(&mut self, fault: MachineFault) -> Result<(), String> {
+        let (says_stop, says_pilot) = self.frames.interlocks();
         match fault {
             MachineFault::Well => {
                 self.frames.stop(false);
                 self.frames.cut_off(false);
             }
-            MachineFault::Stopped => self.frames.stop(true),
-            MachineFault::CutOff => self.frames.cut_off(true),
+            MachineFault::Stopped if says_stop => self.frames.stop(true),
+            MachineFault::CutOff if says_pilot => self.frames.cut_off(true),
+            MachineFault::Stopped => return Err("no message of the machine says so: can.emergency_stop".to_owned()),
+            MachineFault::CutOff => return Err("no message of the machine says so: can.pilot".to_owned()),
         }
+        Ok(())
     }
 }
 

@@ -133,10 +133,7 @@ fn typed_lines() -> mpsc::Receiver<String> {
 fn inject(line: &str, devices: &mut Devices, wire: &mut Wire, out: &mut Outbox) -> Result<(), String> {
     match Fault::parse(line, devices.names())? {
         Fault::Bus(fault) => wire.spoil(fault).map_err(|error| format!("bus: {error}; {FAULTS}")),
-        Fault::Machine(fault) => {
-            devices.spoil_machine(fault);
-            Ok(())
-        }
+        Fault::Machine(fault) => devices.spoil_machine(fault).map_err(|error| format!("machine: {error}")),
         Fault::Encoder(place, fault) => devices.spoil_encoder(place, fault, out),
         Fault::Valve(place, fault) => devices.spoil_valve(place, fault, out),
     }

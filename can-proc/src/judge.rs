@@ -67,7 +67,12 @@ impl Uses {
             taken.push((key(name), *signal));
         }
         for (name, state) in ["active", "neutral", "off"].iter().zip(states) {
-            state.iter().try_for_each(|(signal, _)| expect_free(&key(name), signal, taken.iter()))?;
+            for (i, (signal, _)) in state.iter().enumerate() {
+                expect_free(&key(name), signal, taken.iter())?;
+                if state[..i].iter().any(|(other, _)| other.overlaps(signal)) {
+                    return Err(wrong(&key(name), "a bit with two values", "one value for each signal"));
+                }
+            }
         }
         let data = states.map(|state| {
             let mut data = [0; MAX_DATA];

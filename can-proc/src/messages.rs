@@ -162,6 +162,21 @@ impl Wiring<'_> {
             let message = self.database.message(name).map_err(|error| WiringError::Text(error.to_string()))?;
             self.expect_guarded(message, &[&Pattern::new(); 3])?;
         }
+        for said in &self.bus.messages {
+            let is_received = self.places.contains_key(&said.name);
+            let is_sent = self.frames.drives.iter().any(|drive| drive.settings().message.name == said.name);
+            let (key, allowed) = match () {
+                () if is_received && said.patterns.iter().any(|values| !values.is_empty()) => {
+                    ("active, neutral or off", "these with a message that is sent, which has the command of an axis")
+                }
+                () if is_sent && said.timeout.is_some() => ("timeout", "one with a message that is received"),
+                () => continue,
+            };
+            return Err(WiringError::Text(format!(
+                "can.message \"{}\": found {key}, which has no effect; allowed: {allowed}",
+                said.name
+            )));
+        }
         self.uses.expect_identifiers(self.machine)
     }
 
@@ -207,6 +222,12 @@ impl Wiring<'_> {
                 key("direction"),
                 other.name
             )));
+        }
+        if let Some((_, way)) =
+            direction.as_ref().filter(|(_, way)| ![0.0, 1.0, 2.0].iter().all(|number| way.signal.has(*number)))
+        {
+            let allowed = "a signal that has the numbers 0, 1 and 2: neutral, extend, retract";
+            return Err(WiringError::Text(format!("{}: found {}; allowed: {allowed}", key("direction"), way.name)));
         }
         let scale = signals.scale;
         let needed = if direction.is_some() { [scale.abs(), 0.0] } else { [scale, -scale] };
@@ -263,7 +284,7 @@ fn value(message: &Message, text: &str) -> Result<(Signal, f64), String> {
         || format!("found \"{text}\"; allowed: a signal of the message and a value that it can have, such as Enable=1");
     let (name, value) = text.split_once('=').ok_or_else(allowed)?;
     let signal = message.signal(name.trim()).map_err(|error| error.to_string())?.signal;
-    let value = value.trim().parse().ok().filter(|value| signal.holds(*value)).ok_or_else(allowed)?;
+    let value = value.trim().parse().ok().filter(|value| signal.is_exact(*value)).ok_or_else(allowed)?;
     Ok((signal, value))
 }
 

@@ -221,9 +221,9 @@ impl Process {
         if self.sequence == 0 && !self.network.was_ready() && acquired_ns < self.patient_until_ns {
             return Ok(());
         }
+        let emergency_stop = u32::from(self.network.is_stopped());
         let acquired_ns = self.network.take_sample(acquired_ns);
-        let mut reading =
-            EncoderReading { emergency_stop: u32::from(self.network.is_stopped()), ..EncoderReading::default() };
+        let mut reading = EncoderReading { emergency_stop, ..EncoderReading::default() };
         for (i, value) in reading.encoders.iter_mut().enumerate().take(self.targets.len()) {
             if let Some((counts, error)) = self.network.reading(i) {
                 (value.counts, value.error) = (counts, error);

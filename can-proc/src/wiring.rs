@@ -66,8 +66,8 @@ fn expect_room(machine: &Machine, bus: &CanBus) -> Result<(), WiringError> {
         return Ok(());
     }
     Err(WiringError::Text(format!(
-        "can.bit_rate: found {}, and the nodes need {needed:.0} bit/s at least with can.sync = {:?}; allowed: a bit rate \
-         with room for them, or a longer can.sync",
+        "can.bit_rate: found {}, and the nodes need {needed:.0} bit/s at least with can.sync = {:?}; allowed: a bit \
+         rate with room for them, or a longer can.sync",
         bus.bit_rate, bus.sync
     )))
 }
@@ -108,6 +108,9 @@ fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
         step: step(axis),
         silent_after: shared.silent_after,
     };
+    if wired.encoder.is_some() && axis.encoder.angle.is_none() {
+        expect_range(axis, wired)?;
+    }
     let encoder = match (wired.encoder, &wired.signals.position) {
         (Some(found), _) => Some(Encoder::new(encoder_settings(node(found)?), timing).map_err(failed)?),
         (None, Some(_)) => None,
@@ -124,6 +127,25 @@ fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
         is_fixed: wired.is_fixed,
     };
     Ok(AxisDevices { encoder, valve: Some(Valve::new(settings, timing).map_err(failed)?) })
+}
+
+/// Refuses an encoder at the cylinder whose position cannot say where the soft limits are.
+fn expect_range(axis: &Axis, wired: &CanDevices) -> Result<(), WiringError> {
+    let bits = i32::from(position_object(wired).mapped().bits);
+    let all = 2f64.powi(bits);
+    let (low, high) = if wired.is_signed { (-all / 2.0, all / 2.0 - 1.0) } else { (0.0, all - 1.0) };
+    let sign = if wired.is_reversed { -1.0 } else { 1.0 };
+    for limit in <[f64; 2]>::from(axis.soft_limits) {
+        let position = wired.zero as f64 + sign * (limit / axis.encoder.resolution).round();
+        if !(low..=high).contains(&position) {
+            return Err(WiringError::Text(format!(
+                "axis.{}.can.zero: found {}, with which the encoder would be at {position:.0} at {limit} m; allowed: \
+                 positions from {low:.0} to {high:.0}, so another zero, or signed = {}",
+                axis.name, wired.zero, !wired.is_signed
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// The object that has the position.
@@ -198,6 +220,20 @@ mod tests {
     }
 
     #[test]
+    fn an_encoder_that_cannot_say_where_the_limits_are_is_refused() {
+        let said = |zero: &str, more: (&str, &str)| {
+            let settings = [("axis.arm.can.zero", zero), ("axis.arm.can.reversed", "true"), more];
+            network(&machine(&settings)).map(|_| ()).map_err(|error| error.to_string())
+        };
+        let error = said("0", ("axis.arm.can.signed", "false")).unwrap_err();
+        let expected = "axis.arm.can.zero: found 0, with which the encoder would be at -500 at 0.05 m; allowed: ";
+        assert!(error.starts_with(expected), "{error}");
+        assert_eq!(said("20000", ("axis.arm.can.signed", "false")), Ok(()));
+        assert_eq!(said("0", ("axis.arm.can.signed", "true")), Ok(()));
+        assert!(said("9e15", ("axis.arm.can.signed", "true")).is_err());
+    }
+
+    #[test]
     fn an_interface_that_is_none_is_refused() {
         let error = bus_address(&machine(&[("can.interface", "\"no interface\"")])).unwrap_err();
         assert!(error.to_string().starts_with("can.interface: found \"no interface\"; allowed: "), "{error}");
@@ -209,7 +245,7 @@ mod tests {
             &[][..],
             &[("axis.arm.can.full_scale", "-16384")],
             &[("axis.arm.can.zero", "1")],
-            &[("axis.arm.can.reversed", "true")],
+            &[("axis.arm.can.reversed", "true"), ("axis.arm.can.zero", "20000")],
             &[("axis.arm.can.valve", "31")],
             &[("can.interface", "\"can1\"")],
         ]

@@ -432,6 +432,31 @@ fn a_valve_with_a_fault_stops_the_axis_and_is_reset_once_it_is_acknowledged() {
     bench.expect_recovery();
 }
 
+/// Set point 0 and hold, by somebody else.
+fn foreign_hold() -> Frame {
+    Frame::standard(0x200 + u16::from(node(20).number()), [3, 0, 0, 0])
+}
+
+#[test]
+fn a_valve_that_stops_for_a_moment_does_not_go_on_by_itself() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    // This program hears nothing of it.
+    bench.valves[0].take(&foreign_hold(), bench.now_ns, &mut bench.replies);
+    bench.expect_stop(Cause::Valve, 6);
+    bench.expect_recovery();
+}
+
+#[test]
+fn set_points_of_somebody_else_hold_the_axis() {
+    let mut bench = Bench::ready();
+    bench.drive();
+    let foreign = Received { frame: foreign_hold(), time_ns: bench.now_ns };
+    bench.network.take(&foreign, bench.now_ns);
+    bench.expect_stop(Cause::Sender, 1);
+    bench.expect_recovery();
+}
+
 #[test]
 fn a_spool_that_is_stuck_open_is_found() {
     let mut bench = Bench::ready();

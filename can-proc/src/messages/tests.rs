@@ -64,6 +64,26 @@ fn names_and_values_that_are_none_are_refused() {
         ("BoomState.Angle", "BoomState.Angel", "axis.boom.can.position: found \"Angel\"; allowed: a signal of"),
         ("Levers.Boom", "Lever.Boom", "axis.boom.can.command: found \"Lever\"; allowed: a message: BoomState"),
         ("counter = \"Alive\"", "counter = \"Live\"", "can.message \"BoomState\": counter: found \"Live\""),
+        (
+            "Mode=1",
+            "Mode=1.5",
+            "can.message \"Levers\": found \"Mode=1.5\"; allowed: a signal of the message and a value",
+        ),
+        (
+            "active = [\"Mode=1\"]",
+            "active = [\"Mode=1\", \"Mode=2\"]",
+            "can.message \"Levers\".active: found a bit with two values; allowed: one value for each signal",
+        ),
+        (
+            "name = \"Levers\"",
+            "name = \"Levers\"\ntimeout = \"50ms\"",
+            "\"Levers\": found timeout, which has no effect",
+        ),
+        (
+            "name = \"MachineState\"",
+            "name = \"MachineState\"\nactive = [\"Lock=1\"]",
+            "can.message \"MachineState\": found active, neutral or off, which has no effect; allowed: these with",
+        ),
         ("Mode=1", "Mode=9", "can.message \"Levers\": found \"Mode=9\"; allowed: a signal of the message and a value"),
         (
             "BoomState.Angle",
@@ -82,6 +102,10 @@ fn names_and_values_that_are_none_are_refused() {
             "axis.boom.can.command_scale: found 0.01, which is 20 counts of Levers.Boom; allowed: 50 counts or more",
         ),
     ]);
+}
+
+#[test]
+fn tables_that_lack_something_or_say_too_much_are_refused() {
     for (from, to, expected) in [
         ("active = \"MachineState.Lock\"", "", "axis.boom.can.active: found nothing; allowed: a signal: without it"),
         (
@@ -157,6 +181,21 @@ fn messages_are_written_in_the_machine_file_as_well() {
         let wrong = machine(telescope, &format!("{own}\n{of_own}")).unwrap();
         let said = crate::network(&wrong).unwrap_err().to_string();
         assert!(said.contains(expected), "{said}");
+    }
+}
+
+#[test]
+fn a_direction_has_a_number_for_each_way() {
+    for (way, is_sound) in [("8|2@1+", true), ("8|1@1+", false), ("8|2@1-", false)] {
+        let signals = format!("[\"Flow 0|8@1+ (0.004,0)\", \"Way {way} (1,0)\"]");
+        let own =
+            format!("[[can.message]]\nname = \"Own\"\nid = 0x123\nlength = 4\nsignals = {signals}\n\n[axis.boom.can]");
+        let tables = TABLES.replacen("[axis.boom.can]", &own, 1);
+        let command = "command = \"Own.Flow\"\ndirection = \"Own.Way\"";
+        let found = crate::network(&machine_of(&tables.replacen("command = \"Levers.Boom\"", command, 1)).unwrap());
+        let said = found.map(|_| String::new()).unwrap_or_else(|error| error.to_string());
+        let expected = "axis.boom.can.direction: found Way; allowed: a signal that has the numbers 0, 1 and 2";
+        assert!(if is_sound { said.is_empty() } else { said.starts_with(expected) }, "{way}: {said}");
     }
 }
 

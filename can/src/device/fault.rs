@@ -57,13 +57,18 @@ pub enum Cause {
     Pilot = 20,
     /// No position for this SYNC. No axis is held for it alone.
     Missing = 21,
+    /// Set points that this program has not sent: somebody else commands the drive as well.
+    Sender = 22,
 }
 
 /// In the place of a node's number: the detail has the lower half of a message's identifier.
 pub(super) const FRAME: u8 = 255;
 
+/// What is said of [`Cause::Sender`].
+const SENDER: &str = "its set points are sent by somebody else as well: find who, before anything is armed";
+
 /// Causes in the order of their numbers.
-const CAUSES: [Cause; 21] = [
+const CAUSES: [Cause; 22] = [
     Cause::Absent,
     Cause::Configuring,
     Cause::Setting,
@@ -85,6 +90,7 @@ const CAUSES: [Cause; 21] = [
     Cause::Checksum,
     Cause::Pilot,
     Cause::Missing,
+    Cause::Sender,
 ];
 
 /// What is wrong with a device.
@@ -124,6 +130,7 @@ impl Cause {
             Self::Proof => "its drive did not stop when the message stopped: its time-out does not act",
             Self::Valve => "its drive does not follow it",
             Self::Missing => "has not come for this sample",
+            Self::Sender => SENDER,
             _ => "a fault",
         }
     }
@@ -170,6 +177,7 @@ impl fmt::Display for Fault {
             Cause::Alarm => write!(out, "alarm, 6503h is {detail:04X}h"),
             Cause::Silent => out.write_str("sends no position"),
             Cause::Missing => out.write_str("has sent no position for this SYNC"),
+            Cause::Sender => out.write_str(SENDER),
             Cause::Double => out.write_str("sends more than one position for a SYNC: two devices have this number"),
             Cause::Valve => write!(out, "fault, status word {detail:04X}h"),
             Cause::Proof => out.write_str("did not stop when set points stopped: its time-out, 1400h:5, does not act"),

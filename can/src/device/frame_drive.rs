@@ -11,12 +11,14 @@
 //! all, and the signal has to become 0 in time. A drive that does not say so cannot be proven, and is not used.
 
 use super::{Cause, Demand, Fault, Outbox, Proof, Receiver, fault::FRAME};
+use embedded_can::Frame as _;
+
 use crate::{
-    Frame, MAX_DATA,
+    Frame, MAX_DATA, Received,
     frames::{Guard, Message, Signal},
 };
 
-/// Time that a drive may take to become active, ns; one that was active has its own time-out where that is shorter.
+/// Time that a drive may take to become active, ns.
 const FOLLOW_NS: u64 = 500_000_000;
 /// Least time between two proofs, ns.
 const PROOF_PAUSE_NS: u64 = 5_000_000_000;
@@ -151,17 +153,34 @@ impl FrameDrive {
         } else if self.proof == Proof::Passed {
             let follows = self.demands.iter().any(|demand| matches!(demand, Demand::Follow(_)));
             self.was_active = follows && (all || self.was_active);
-            // One that was active has stopped by itself: it must not go on by itself.
-            let patience_ns = if self.was_active { FOLLOW_NS.min(self.settings.timeout_ns) } else { FOLLOW_NS };
             if !follows || all {
                 self.late_since_ns = 0;
             } else if self.late_since_ns == 0 {
                 self.late_since_ns = now_ns.max(1);
-            } else if now_ns.saturating_sub(self.late_since_ns) >= patience_ns {
+            } else if now_ns.saturating_sub(self.late_since_ns) >= FOLLOW_NS {
                 self.fault = Some(Cause::Valve);
             }
+            self.watch(receivers);
         }
         self.send_due(now_ns, out);
+    }
+
+    /// Looks whether a drive that was active has stopped by itself: it must not go on by itself.
+    pub fn watch(&mut self, receivers: &[Receiver]) {
+        if self.was_active && self.proof == Proof::Passed && !self.activity(receivers).0 {
+            self.fault = self.fault.or(Some(Cause::Valve));
+        }
+    }
+
+    /// Takes a frame from the bus: whether it has the identifier that only this program sends. Then somebody else
+    /// commands the drive as well.
+    pub fn take(&mut self, received: &Received) -> bool {
+        let (frame, message) = (&received.frame, &self.settings.message);
+        let is_own = frame.raw_id() == message.id && frame.is_extended() == message.is_extended;
+        if is_own && !frame.is_remote_frame() && self.proof.is_over() {
+            self.fault = Some(Cause::Sender);
+        }
+        is_own
     }
 
     /// Whether all axes, and whether any of them, follows by the drive's own words.
@@ -180,6 +199,7 @@ impl FrameDrive {
         let stops = matches!(self.demands[place], Demand::Follow(_)) && !matches!(demand, Demand::Follow(_));
         let is_command = self.demands[place] != demand;
         self.demands[place] = demand;
+        self.was_active &= self.demands.iter().any(|demand| matches!(demand, Demand::Follow(_)));
         if stops && self.proof == Proof::Passed {
             self.send(now_ns, out);
         } else if is_command {

@@ -39,6 +39,8 @@ pub struct Frames {
     pub emergency_stop: Option<Source>,
     /// A signal that is 0 while the pilot pressure is cut off.
     pub pilot: Option<Source>,
+    /// The emergency stop was pressed in a frame since the last sample.
+    pub was_stopped: bool,
 }
 
 impl Frames {
@@ -55,6 +57,12 @@ impl Frames {
         let mut is_known = false;
         for receiver in &mut self.receivers {
             is_known |= receiver.take(received);
+        }
+        // A stop that the next frame releases counts as well.
+        self.was_stopped |= self.is_pressed();
+        for drive in &mut self.drives {
+            is_known |= drive.take(received);
+            drive.watch(&self.receivers);
         }
         is_known
     }
@@ -122,6 +130,7 @@ impl Frames {
 
     /// The sample was taken: new frames make the next one.
     pub fn begin_sample(&mut self) {
+        self.was_stopped = false;
         self.receivers.iter_mut().for_each(Receiver::begin_sample);
     }
 
@@ -149,8 +158,12 @@ impl Frames {
         Some([piston?, rod?])
     }
 
-    /// Whether the emergency stop is pressed.
+    /// Whether the emergency stop is pressed, or was pressed since the last sample.
     pub fn is_stopped(&self) -> bool {
+        self.was_stopped || self.is_pressed()
+    }
+
+    fn is_pressed(&self) -> bool {
         let Some((receiver, signal)) = self.emergency_stop else { return false };
         self.receivers.get(receiver).is_some_and(|receiver| receiver.raw(&signal) != 0)
     }

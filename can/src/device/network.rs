@@ -231,7 +231,7 @@ impl Network {
         self.frames.pressures(axis)
     }
 
-    /// Whether a signal says that the emergency stop is pressed.
+    /// Whether a signal says that the emergency stop is pressed, or has said so since the last sample.
     pub fn is_stopped(&self) -> bool {
         self.frames.is_stopped()
     }

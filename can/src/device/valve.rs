@@ -83,6 +83,8 @@ pub struct Valve {
     reset_until_ns: u64,
     /// Before this time no fault is reset again, ns.
     next_reset_ns: u64,
+    /// Whether the valve has been active since it follows.
+    was_active: bool,
     /// Since when the valve does not follow the control word, and the spool not its set point, ns; 0 where they do.
     late_since_ns: u64,
     apart_since_ns: u64,
@@ -135,6 +137,7 @@ impl Valve {
             word: 0,
             reset_until_ns: 0,
             next_reset_ns: 0,
+            was_active: false,
             late_since_ns: 0,
             apart_since_ns: 0,
             fault: None,
@@ -148,13 +151,28 @@ impl Valve {
 
     /// Takes a frame from the bus: whether it was one of this valve.
     pub fn take(&mut self, received: &Received, now_ns: u64, out: &mut Outbox) -> bool {
+        if received.frame.standard_id() == Some(self.settings.node.id(function::RPDO1)) {
+            // Only this program sends it: somebody else commands the valve as well.
+            if self.proof == Proof::Passed {
+                self.fault = Some(self.node.because(Cause::Sender, 0));
+            }
+            return true;
+        }
         if received.frame.standard_id() != Some(self.settings.node.id(function::TPDO1)) {
             return self.node.take(received, now_ns, out);
         }
         if let Some([status, spool, ..]) = self.feedback.unpack(&received.frame) {
             (self.status, self.spool) = (status as u16, signed(spool, 16) as i16);
+            self.watch();
         }
         true
+    }
+
+    /// Looks whether a valve that was active has stopped by itself: it must not go on by itself.
+    fn watch(&mut self) {
+        if self.was_active && self.proof == Proof::Passed && !self.is_active() && !self.is_resetting() {
+            self.fault = self.fault.or(Some(self.node.because(Cause::Valve, self.status)));
+        }
     }
 
     /// A SYNC is sent: the state of the valve is judged, and the set point sent again, which keeps the drive's
@@ -163,7 +181,7 @@ impl Valve {
         self.node.check(now_ns, out);
         if !self.node.is_operational() {
             (self.proof, self.status, self.fault, self.reset_until_ns) = (Proof::Waiting, 0, None, 0);
-            (self.late_since_ns, self.apart_since_ns) = (0, 0);
+            (self.late_since_ns, self.apart_since_ns, self.was_active) = (0, 0, false);
             return;
         }
         self.advance_proof(now_ns);
@@ -200,7 +218,9 @@ impl Valve {
 
     /// Faults of the valve while it is used. They stay until [`Self::reset`].
     fn judge(&mut self, now_ns: u64) {
-        let is_late = matches!(self.demand, Demand::Follow(_)) && !self.is_active();
+        let follows = matches!(self.demand, Demand::Follow(_));
+        let is_late = follows && !self.is_active();
+        self.was_active = follows && (self.is_active() || self.was_active);
         let late = lasts(is_late, &mut self.late_since_ns, now_ns, FOLLOW_NS);
         let apart = lasts(self.is_apart(), &mut self.apart_since_ns, now_ns, DEVIATION_NS);
         if self.is_resetting() && self.status & READY != 0 {
@@ -276,6 +296,7 @@ impl Valve {
     /// Takes another demand, and sends it at once.
     pub fn demand(&mut self, demand: Demand, out: &mut Outbox) {
         self.demand = demand;
+        self.was_active &= matches!(demand, Demand::Follow(_));
         if self.proof == Proof::Passed && !self.is_resetting() {
             self.send(out);
         }

@@ -195,6 +195,12 @@ impl Signal {
         (least..=greatest).contains(&number)
     }
 
+    /// Whether the value is one that the signal can say.
+    pub fn is_exact(&self, value: f64) -> bool {
+        let number = (value - self.offset) / self.factor;
+        self.holds(value) && (number - number.round()).abs() < 1e-6
+    }
+
     /// Whether the value is within what the signal can say.
     pub fn holds(&self, value: f64) -> bool {
         self.has(((value - self.offset) / self.factor).round())

@@ -67,6 +67,9 @@ pub enum ChecksumKind {
     Crc8J1850,
 }
 
+/// Names of checksums in the machine file.
+const CHECKSUMS: [(&str, ChecksumKind); 3] =
+    [("xor", ChecksumKind::Xor), ("sum", ChecksumKind::Sum), ("crc8-j1850", ChecksumKind::Crc8J1850)];
 /// Largest identifier of 29 bits, and of 11 bits.
 const MAX_EXTENDED: usize = 0x1FFF_FFFF;
 const MAX_STANDARD: usize = 0x7FF;
@@ -97,7 +100,6 @@ impl CanMessage {
             texts("neutral", "Values of its signals while no axis follows", values),
             texts("off", "Values of its signals with the pilot pressure cut off", values),
         ];
-        let kinds = [("xor", ChecksumKind::Xor), ("sum", ChecksumKind::Sum), ("crc8-j1850", ChecksumKind::Crc8J1850)];
         let message = Self {
             name,
             id: id.map(|id| (id as u32, is_extended)),
@@ -110,7 +112,7 @@ impl CanMessage {
                 .map(|byte| byte as u8),
             checksum_kind: section
                 .key("checksum_kind", "How the checksum of all other bytes is made")
-                .choice_or(ChecksumKind::Xor, &kinds),
+                .choice_or(ChecksumKind::Xor, &CHECKSUMS),
             timeout: section
                 .key("timeout", "Time without the message after which it is a fault")
                 .rule("timing.feedback_timeout")

@@ -8,7 +8,10 @@ use pipeline::{
     stage::{Channels, Clock, Next, Stage, StageError, Turn, Waiter, monotonic_ns},
 };
 
-use super::{output::Output, timer::Timer};
+use super::{
+    output::Output,
+    timer::{Phase, Timer},
+};
 use crate::acquisition::{Acquisition, Age};
 
 /// Period at which the stage looks for the first reading, ns.
@@ -27,6 +30,7 @@ pub struct Live {
     most_age: f64,
     /// In real time only; set by the first reading.
     timer: Option<Timer>,
+    phase: Phase,
 }
 
 impl Live {
@@ -44,6 +48,7 @@ impl Live {
             period_ns: machine.timing.period.as_nanos() as u64,
             most_age: samples_of(machine.timing.feedback_timeout, machine.timing.period) as f64,
             timer: None,
+            phase: Phase::default(),
         })
     }
 
@@ -80,8 +85,12 @@ impl Live {
         let age = |at: u64| (due_ns.saturating_sub(at) as f64 / self.period_ns as f64).min(self.most_age);
         let sent_ns = reading.map_or(acquired_ns, |reading| reading.header.sent_ns.max(acquired_ns));
         let age = Age { most: age(acquired_ns), least: age(sent_ns) };
+        let waited_ns = reading.map_or(0, |reading| due_ns.saturating_sub(reading.header.sent_ns));
         let mut sample = self.core.update_aged(tick, reading, age);
         self.output.send(turn, &mut sample, acquired_ns, due_ns)?;
+        if let (Some(by_ns), Some(timer)) = (self.phase.judge(waited_ns, self.period_ns), &mut self.timer) {
+            timer.bring_forward(by_ns);
+        }
         Ok(if turn.is_last(tick) { Next::Finished } else { Next::Worked })
     }
 

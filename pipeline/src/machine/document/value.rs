@@ -67,7 +67,12 @@ pub(super) fn allowed_choice<T>(choices: &[(&str, T)]) -> String {
 pub(super) fn show(value: &DeValue) -> String {
     match value {
         DeValue::String(text) => format!("\"{text}\""),
-        DeValue::Integer(integer) => integer.as_str().to_owned(),
+        DeValue::Integer(integer) => match integer.radix() {
+            16 => format!("0x{}", integer.as_str()),
+            8 => format!("0o{}", integer.as_str()),
+            2 => format!("0b{}", integer.as_str()),
+            _ => integer.as_str().to_owned(),
+        },
         DeValue::Float(float) => float.as_str().to_owned(),
         DeValue::Boolean(flag) => flag.to_string(),
         DeValue::Datetime(time) => time.to_string(),

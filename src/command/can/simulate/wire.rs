@@ -150,7 +150,8 @@ impl Wire {
             return Ok(());
         };
         let exchanged = exchange(bus.as_mut(), self.fault, devices, out);
-        self.note(exchanged)
+        self.is_alone = matches!(exchanged, Err(BusError::Gone(_))) && self.link.is_some();
+        if self.is_alone { Ok(()) } else { exchanged.map_err(Failure::run) }
     }
 
     /// Waits for frames until the next step at most.
@@ -159,19 +160,19 @@ impl Wire {
     /// The bus cannot be used.
     pub fn wait(&mut self, until_ns: u64) -> Result<(), Failure> {
         let rest = Duration::from_nanos(until_ns.saturating_sub(monotonic_ns()));
-        let Some(bus) = self.bus.as_mut().filter(|_| self.fault != BusFault::Full) else { return Ok(()) };
-        let waited = bus.wait(rest);
-        self.note(waited)
+        let is_silent = self.is_silent();
+        let Some(bus) = self.bus.as_mut().filter(|_| !is_silent) else { return Ok(()) };
+        match bus.wait(rest) {
+            // The next exchange looks whether somebody has opened the other end again.
+            Err(BusError::Gone(_)) if self.link.is_some() => self.is_alone = true,
+            waited => waited.map_err(Failure::run)?,
+        }
+        Ok(())
     }
 
     /// Whether nothing can come: [`Self::wait`] does not wait.
     pub fn is_silent(&self) -> bool {
         self.is_alone || self.bus.is_none() || self.fault == BusFault::Full
-    }
-
-    fn note(&mut self, done: Result<(), BusError>) -> Result<(), Failure> {
-        self.is_alone = matches!(done, Err(BusError::Gone(_))) && self.link.is_some();
-        if self.is_alone { Ok(()) } else { done.map_err(Failure::run) }
     }
 }
 

@@ -356,7 +356,7 @@ fn expect_scale(axis: &Axis, key: &str, named: &NamedSignal) -> Result<(), Wirin
             Some(_) => (format!("axis.{}.encoder.angle_zero", axis.name), named.signal.offset()),
         };
         return Err(WiringError::Text(format!(
-            "{key}: found the offset {} of {}, which counts do not have; allowed: {place} in its place, such as {found}",
+            "{key}: found the offset {} of {}, which counts do not have; allowed: {place} for it, such as {found}",
             named.signal.offset(),
             named.name
         )));

@@ -174,7 +174,7 @@ fn messages_are_written_in_the_machine_file_as_well() {
         (own.replace("1e-4", "-1e-4"), "axis.telescope.can.position: found the factor -0.0001 of Place"),
         (
             own.replace("(1e-4,0)", "(1e-4,0.5)"),
-            "found the offset 0.5 of Place, which counts do not have; allowed: axis.telescope.can.zero in its place, such",
+            "found the offset 0.5 of Place, which counts do not have; allowed: axis.telescope.can.zero for it, such as",
         ),
         (own.replace("0|16@1-", "0|8@1-"), "axis.telescope.can.position: found Own.Place, which has no "),
     ] {

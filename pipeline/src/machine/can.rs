@@ -75,6 +75,23 @@ const MAX_EXTENDED: usize = 0x1FFF_FFFF;
 const MAX_STANDARD: usize = 0x7FF;
 
 impl CanMessage {
+    /// Refuses keys that contradict each other, and those without an effect.
+    fn expect_sound(&self, section: &mut Section) {
+        if self.id.is_some_and(|(id, is_extended)| !is_extended && id > MAX_STANDARD as u32) {
+            section.refuse("extended", "false", "true with an identifier above 2047");
+        }
+        if self.id.is_none() {
+            section.exclude(
+                &["extended", "length", "signals"],
+                false,
+                "beside id; the DBC file says it of this message",
+            );
+        }
+        if self.checksum.is_none() {
+            section.exclude(&["checksum_kind"], false, "beside checksum, the byte that it is made for");
+        }
+    }
+
     fn read(mut section: Section) -> Self {
         let name = section.key("name", "Name of the message; that of the DBC file, or any other").text("a name");
         let id = section
@@ -84,9 +101,6 @@ impl CanMessage {
             .key("extended", "Whether the identifier has 29 bits")
             .rule("true above 2047")
             .flag_or(id.is_some_and(|id| id > MAX_STANDARD));
-        if !is_extended && id.is_some_and(|id| id > MAX_STANDARD) {
-            section.refuse("extended", "false", "true with an identifier above 2047");
-        }
         let length = section.key("length", "Bytes of the message").integer_or(8, 1..=8) as u8;
         let mut texts = |key, meaning, allowed| section.key(key, meaning).optional_texts(allowed).unwrap_or_default();
         let signals = texts(

@@ -47,7 +47,7 @@ pub struct Message {
 pub struct Database {
     messages: Vec<Message>,
     /// Names such as `Message` and `Message.Signal` of what the file has and cannot be used, and why.
-    left_out: BTreeMap<String, &'static str>,
+    left_out: BTreeMap<String, String>,
 }
 
 /// Why a DBC file cannot be used.
@@ -115,7 +115,8 @@ impl Database {
         let mut database = Self::default();
         for message in dbc.messages.iter().filter(|message| message.name != ORPHANS) {
             if !(1..=MAX_DATA as u64).contains(&message.size) {
-                database.left_out.insert(message.name.clone(), "a message of 1 to 8 bytes");
+                let why = format!("a message of 1 to 8 bytes; this one has {}", message.size);
+                database.left_out.insert(message.name.clone(), why);
                 continue;
             }
             let (id, is_extended) = match message.id {
@@ -131,7 +132,7 @@ impl Database {
             };
             for signal in &message.signals {
                 if let Some(why) = unusable(&dbc, message.id, signal) {
-                    database.left_out.insert(format!("{}.{}", message.name, signal.name), why);
+                    database.left_out.insert(format!("{}.{}", message.name, signal.name), why.to_owned());
                     continue;
                 }
                 let kind = (signal.byte_order == ByteOrder::BigEndian, signal.value_type == ValueType::Signed);
@@ -190,7 +191,7 @@ impl Database {
     /// The error of a name whose message or signal is left out.
     fn left_out(&self, name: &str) -> Option<UnknownName> {
         let why = self.left_out.get(name)?;
-        Some(UnknownName { found: name.to_owned(), allowed: (*why).to_owned() })
+        Some(UnknownName { found: name.to_owned(), allowed: why.clone() })
     }
 
     /// The signal of a name such as `Message.Signal`, and its message.
@@ -267,13 +268,24 @@ fn line_of(text: &str, keyword: &str, name: &str) -> usize {
     text.lines().position(is_it).map_or(1, |line| line + 1)
 }
 
-/// The parser's message with place, found and allowed. It begins with ` --> LINE:COLUMN` and ends with `= expected ..`.
+/// Lines of a DBC file as they are written, by their keywords.
+const FORMS: [(&str, &str); 3] = [
+    ("BO_", "BO_ NUMBER NAME: BYTES SENDER, below an empty line"),
+    ("SG_", "SG_ NAME : START|BITS@ORDER SIGN (FACTOR,OFFSET) [LEAST|GREATEST] \"UNIT\" RECEIVER, below its BO_"),
+    ("BU_:", "BU_: NAME NAME .."),
+];
+/// What is said of any other line.
+const ANY_LINE: &str =
+    "a line of a DBC file in its place, such as VERSION, BU_:, BO_, SG_, CM_ or VAL_, and all before it";
+
+/// The parser's message with place, found and allowed. It begins with ` --> LINE:COLUMN`.
 fn explained(error: &str, text: &str) -> DatabaseError {
     let place = error.split("--> ").nth(1).and_then(|rest| rest.split(':').next()?.trim().parse::<usize>().ok());
     let Some(line) = place else { return DatabaseError::Contents(error.to_owned()) };
     let found = text.lines().nth(line.saturating_sub(1)).unwrap_or_default().trim();
-    let expected = error.rsplit("= expected ").next().filter(|expected| expected.len() < error.len());
-    let allowed = expected.map_or_else(|| "a line of a DBC file".to_owned(), |expected| expected.trim().to_owned());
+    // The parser names rules of its own.
+    let form = FORMS.iter().find(|(keyword, _)| found.split_whitespace().next() == Some(keyword));
+    let allowed = form.map_or(ANY_LINE, |(_, form)| *form).to_owned();
     DatabaseError::Syntax { line, found: found.chars().take(60).collect(), allowed }
 }
 
@@ -314,7 +326,7 @@ mod tests {
         let database = Database::parse(&text).unwrap();
         assert!(database.signal("Mixed.Kind").is_ok());
         for (name, expected) in [
-            ("Long.A", "found \"Long\"; allowed: a message of 1 to 8 bytes"),
+            ("Long.A", "found \"Long\"; allowed: a message of 1 to 8 bytes; this one has 64"),
             ("Mixed.Way", "found \"Mixed.Way\"; allowed: a signal of every message; this one"),
             ("Mixed.Float", "found \"Mixed.Float\"; allowed: a signal that is an integer; this one"),
         ] {
@@ -327,6 +339,11 @@ mod tests {
     fn a_line_that_is_none_is_named() {
         for (from, to, expected) in [
             ("SG_ Alive : 56|8@1+", "SG_ Alive : 56|8@7+", "line 11: found \"SG_ Alive"),
+            (
+                "BU_: Machine",
+                "BU_ Machine",
+                "line 7: found \"BU_ Machine PC\"; allowed: a line of a DBC file in its place",
+            ),
             ("56|8@1+", "60|8@1+", "line 11: signal Boom.Alive: found bits up to byte 8"),
             ("(0.1,-5)", "(0,-5)", "line 14: signal Levers.Pilot: found the factor 0"),
             ("BO_ 291", "BO_ 4000", "line 13: message Levers: found the identifier 4000; allowed: up to 2047"),

@@ -137,16 +137,7 @@ impl CanMessage {
                 .duration_or(Duration::ZERO, Duration::ZERO..=Duration::from_secs(1)),
             patterns,
         };
-        if message.id.is_none() {
-            section.exclude(
-                &["extended", "length", "signals"],
-                false,
-                "beside id; the DBC file says it of this message",
-            );
-        }
-        if message.checksum.is_none() {
-            section.exclude(&["checksum_kind"], false, "beside checksum, the byte that it is made for");
-        }
+        message.expect_sound(&mut section);
         section.finish();
         message
     }

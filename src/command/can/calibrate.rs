@@ -27,7 +27,14 @@ use super::{
     bus::{BusArguments, duration},
     dialogue::Dialogue,
 };
-use crate::{arguments::axes, failure::Failure, report::output::show};
+use crate::{
+    arguments::{
+        axes,
+        values::{allowed_in, in_unit, position},
+    },
+    failure::Failure,
+    report::output::show,
+};
 
 /// `can calibrate`.
 #[derive(Debug, Args)]
@@ -54,7 +61,7 @@ pub struct CalibrateArguments {
     #[arg(long, value_name = "AXIS")]
     axis: String,
     /// A position of the piston, m, at which the encoder is read; none, one or two of them
-    #[arg(long = "mark", value_name = "METRES", num_args = 1, allow_hyphen_values = true)]
+    #[arg(long = "mark", value_name = "METRES", num_args = 1, value_parser = position, allow_hyphen_values = true)]
     marks: Vec<f64>,
     /// Where the piston of another axis stands, m; with an inclinometer on arm or bucket
     #[arg(long = "at", value_name = "AXIS=METRES", value_parser = place)]
@@ -68,8 +75,8 @@ pub struct CalibrateArguments {
 }
 
 fn place(text: &str) -> Result<(String, f64), String> {
-    let parts = text.split_once('=').and_then(|(axis, metres)| Some((axis.to_owned(), metres.parse().ok()?)));
-    parts.ok_or_else(|| "allowed: an axis and a position in m, such as boom=0.4".to_owned())
+    let parts = text.split_once('=').and_then(|(axis, metres)| Some((axis.to_owned(), in_unit(metres, "m")?)));
+    parts.ok_or_else(|| format!("allowed: an axis and a position, such as boom=0.4: {}", allowed_in("m")))
 }
 
 /// Reads of the encoder at a mark, and the pause between them.

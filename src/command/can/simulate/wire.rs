@@ -72,6 +72,8 @@ impl Link {
     fn point_to(&mut self, terminal: &str) -> io::Result<()> {
         if fs::read_link(&self.at).is_ok_and(|old| old.starts_with(TERMINALS)) {
             fs::remove_file(&self.at)?;
+        } else if fs::symlink_metadata(&self.at).is_ok() {
+            return Err(io::Error::other("a file is there; allowed: a path without one, where the link is made"));
         }
         symlink(terminal, &self.at)?;
         self.terminal = Some(terminal.to_owned());

@@ -25,7 +25,15 @@ impl Ideal {
     fn new() -> Self {
         let mut machine = Machine::load(None, &[]).unwrap();
         let pieces = vec![TipPiece { shape: TipShape::Line([5.7, 0.0]), pitch: None }];
-        machine.tip = Some(TipTask { start: [7.2, 0.0], pitch: -115.0, speed: 0.5, telescope: None, pieces });
+        machine.tip = Some(TipTask {
+            start: [7.2, 0.0],
+            pitch: -115.0,
+            speed: 0.5,
+            telescope: None,
+            rounding: 0.0,
+            file: None,
+            pieces,
+        });
         machine.axes.iter_mut().for_each(|axis| axis.reference = ReferenceSource::Tip);
         let plan = TipPlan::of(&machine).unwrap().unwrap();
         let first: Vec<f64> = (0..AXES).map(|axis| plan.points(axis)[0].1).collect();

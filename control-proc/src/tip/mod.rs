@@ -3,6 +3,8 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`way`] | straight lines and arcs of the teeth |
+//! | `piece` | one line or arc |
+//! | `rounding` | a way without corners |
 //! | [`posture`] | the cylinders along the way; the boom moves as little as possible |
 //! | [`timing`] | how fast the teeth go: speeds, pump, accelerations, jerk |
 //! | [`watch`] | in the loop: where the teeth are, and their distance from the way |
@@ -11,7 +13,9 @@
 //! axes only look up where they should be. What they trace together is the way, however slowly time goes on along it
 //! ([`crate::reference::path`]).
 
+mod piece;
 pub mod posture;
+mod rounding;
 pub mod timing;
 pub mod watch;
 pub mod way;
@@ -35,13 +39,13 @@ const FORCE_STEP: f64 = 0.05;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TipError {
     /// A piece has no length.
-    #[error("tip.piece[{0}]: found a piece that neither moves the teeth nor turns the bucket; allowed: another end")]
-    NoWay(usize),
+    #[error("{0}: found a piece that neither moves the teeth nor turns the bucket; allowed: another end")]
+    NoWay(String),
     /// The teeth cannot be at a place.
-    #[error("tip.piece[{piece}]: found {place}, {what}")]
+    #[error("{piece}: found {place}, {what}")]
     Place {
-        /// Number of the piece.
-        piece: usize,
+        /// The piece, in words.
+        piece: String,
         /// Place and pitch, in words.
         place: String,
         /// What is in the way there.
@@ -49,12 +53,12 @@ pub enum TipError {
     },
     /// No smooth motion of the boom leads along the runs.
     #[error(
-        "tip.piece[{piece}]: found a way from {from} to {to} along which the boom would have to jump; allowed: a \
+        "{piece}: found a way from {from} to {to} along which the boom would have to jump; allowed: a \
          shorter way, another pitch, or a position tip.telescope"
     )]
     Run {
-        /// Number of the piece with which the run begins.
-        piece: usize,
+        /// The piece with which the run begins, in words.
+        piece: String,
         /// Its begin, in words.
         from: String,
         /// Its end, in words.
@@ -90,7 +94,8 @@ impl TipPlan {
     }
 
     fn new(machine: &Machine, mechanism: &Mechanism, task: &TipTask) -> Result<Self, TipError> {
-        let way = Way::new(task, mechanism.geometry.bucket_length).map_err(TipError::NoWay)?;
+        let way = Way::new(task, mechanism.geometry.bucket_length)
+            .map_err(|number| TipError::NoWay(named(machine, number)))?;
         let cylinders = Cylinders::new(machine, mechanism);
         let freedom = Freedom::choose(&cylinders, &way, task.telescope).map_err(|why| refused(machine, &way, why))?;
         let at = |s: f64| cylinders.positions(&way.place(s), freedom.at(s));
@@ -164,11 +169,21 @@ fn refused(machine: &Machine, way: &Way, why: NoPosture) -> TipError {
                     )
                 }
             };
-            TipError::Place { piece: way.piece(s), place: told(&way.place(s)), what }
+            TipError::Place { piece: named(machine, way.number(s)), place: told(&way.place(s)), what }
         }
-        NoPosture::Run(from, to) => {
-            TipError::Run { piece: way.piece(from), from: told(&way.place(from)), to: told(&way.place(to)) }
-        }
+        NoPosture::Run(from, to) => TipError::Run {
+            piece: named(machine, way.number(from)),
+            from: told(&way.place(from)),
+            to: told(&way.place(to)),
+        },
+    }
+}
+
+/// A piece of a task in words: where it is in the machine file, or the rows of its file.
+fn named(machine: &Machine, number: usize) -> String {
+    match machine.tip.as_ref().and_then(|task| task.file.as_ref()) {
+        Some(file) => format!("tip.file: {}: rows {} to {}", file.display(), number + 1, number + 2),
+        None => format!("tip.piece[{number}]"),
     }
 }
 
@@ -188,7 +203,7 @@ fn expect_within_walls(machine: &Machine, way: &Way, positions: impl Fn(f64) -> 
                 format!("where boom, arm or bucket would be {margin:.3} m before walls.{wall}")
             };
             let what = format!("{what}; allowed: at least {WALL_MARGIN} m before it");
-            return Err(TipError::Place { piece: way.piece(s), place: told(&way.place(s)), what });
+            return Err(TipError::Place { piece: named(machine, way.number(s)), place: told(&way.place(s)), what });
         }
     }
     Ok(())
@@ -219,7 +234,7 @@ fn expect_forces(
                     -1e-3 * pull,
                     1e-3 * push
                 );
-                return Err(TipError::Place { piece: way.piece(s), place: told(&way.place(s)), what });
+                return Err(TipError::Place { piece: named(machine, way.number(s)), place: told(&way.place(s)), what });
             }
         }
     }

@@ -16,7 +16,7 @@ fn planned(task: TipTask) -> Result<TipPlan, TipError> {
 
 fn task(start: [f64; 2], pitch: f64, pieces: &[(TipShape, Option<f64>)]) -> TipTask {
     let pieces = pieces.iter().map(|(shape, pitch)| TipPiece { shape: *shape, pitch: *pitch }).collect();
-    TipTask { start, pitch, speed: 0.5, telescope: None, pieces }
+    TipTask { start, pitch, speed: 0.5, telescope: None, rounding: 0.0, file: None, pieces }
 }
 
 /// A level cut.
@@ -132,4 +132,62 @@ fn a_task_that_the_machine_cannot_do_is_refused_with_the_place_and_the_axis() {
     machine.mechanism.as_mut().unwrap().masses.payload.mass = 9e3;
     let text = planned_for(&mut machine, level()).unwrap_err().to_string();
     assert!(text.contains("would have to hold"), "{text}");
+}
+
+fn from_file(text: &str, more: &[(&str, &str)]) -> Result<Machine, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("cut.csv");
+    std::fs::write(&file, text).unwrap();
+    let mut settings = vec![("tip.file".to_owned(), format!("{:?}", file.to_str().unwrap()))];
+    for axis in ["boom", "arm", "telescope", "bucket"] {
+        settings.push((format!("axis.{axis}.reference.kind"), "tip".to_owned()));
+    }
+    settings.extend(more.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())));
+    Machine::load(None, &settings).map_err(|error| error.to_string())
+}
+
+#[test]
+fn the_way_of_a_file_leads_by_its_rows_without_a_stand() {
+    let mut text = "x,z,pitch\n".to_owned();
+    for k in 0..=30 {
+        let part = f64::from(k) / 30.0;
+        text += &format!("{},{},{}\n", 7.2 - 3.0 * part, -0.4 * (3.0 * part).sin(), -115.0 - 20.0 * part * part);
+    }
+    let task = from_file(&text, &[]).unwrap();
+    let plan = TipPlan::of(&task).unwrap().unwrap();
+    let stands = TipPlan::of(&from_file(&text, &[("tip.rounding", "0")]).unwrap()).unwrap().unwrap();
+    assert_eq!((plan.way.runs().len(), stands.way.runs().len()), (1, 30));
+    assert!(plan.duration() < 0.6 * stands.duration(), "{} {}", plan.duration(), stands.duration());
+    let all = (0.0, plan.way.length());
+    for row in text.lines().skip(1) {
+        let numbers: Vec<f64> = row.split(',').map(|number| number.parse().unwrap()).collect();
+        assert!(plan.way.distance(Vector::new(numbers[0], numbers[1]), all) < 0.01 + 1e-9);
+    }
+    // Accelerations stay within what is asked of the axes, corners included.
+    for (axis, settings) in task.axes.iter().enumerate().take(AXES) {
+        let most = settings.motion_limits(plan.period).stop_deceleration;
+        for three in plan.positions.windows(3) {
+            let bent = (three[2][axis] - 2.0 * three[1][axis] + three[0][axis]) / plan.period.powi(2);
+            assert!(bent.abs() < 1.5 * most, "axis {axis}: {bent} m/s2");
+        }
+    }
+}
+
+#[test]
+fn a_file_that_is_no_way_is_refused_with_its_row() {
+    let far = "x,z,pitch\n7.2,0,-115\n6,0,-115\n60,0,-115\n";
+    let said = TipPlan::of(&from_file(far, &[]).unwrap()).unwrap_err().to_string();
+    assert!(said.contains("cut.csv: rows 2 to 3: found [") && said.starts_with("tip.file: "), "{said}");
+    for (text, expected) in [
+        ("x,z\n7.2,0\n7.2,0\n", "cut.csv:3: row 2, column \"x\": found [7.2, 0]; allowed: another place"),
+        ("x,z\n7.2,0\n", "found 1 rows; allowed: 2 to 1000 rows below the header"),
+        ("x,y\n7.2,0\n5,0\n", "\"z\""),
+        ("x,z\n7.2,a\n5,0\n", "found \"a\""),
+        ("x,z\n7.2,0\n500,0\n", "found [500, 0]; allowed: -100 to 100 m"),
+        ("x,z,pitch\n7.2,0,nan\n5,0,1\n", "nan"),
+    ] {
+        let said = from_file(text, &[]).unwrap_err();
+        assert!(said.contains("tip.file: found ") && said.contains(expected), "{said}");
+    }
+    assert!(from_file("x,z\n7.2,0\n5,0\n", &[("tip.rounding", "2")]).is_err());
 }

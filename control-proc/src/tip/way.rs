@@ -9,80 +9,19 @@
 //! phi pitch of the bucket in rad, L length of the bucket in m. A piece on which the teeth stay in place and the bucket
 //! turns has a length as well: the way of the teeth about the pin. s is the length along all pieces, m.
 
-use std::f64::consts::PI;
-
-use mechanism::{Rotation, Vector};
+use mechanism::Vector;
 use pipeline::machine::{TipShape, TipTask};
+
+pub use super::piece::TipPlace;
+use super::{
+    piece::{Piece, Shape},
+    rounding::rounded,
+};
 
 /// Directions, curvatures and changes of pitch that differ by less than this are the same.
 const SAME: f64 = 1e-6;
 /// Shortest piece, m.
 const SHORTEST: f64 = 1e-6;
-
-/// A place of the teeth.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TipPlace {
-    /// Place of the teeth, m.
-    pub at: Vector,
-    /// Pitch of the bucket, rad.
-    pub pitch: f64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Shape {
-    /// From the start by this vector, m.
-    Line(Vector),
-    /// About a centre (m) by an angle (rad).
-    Arc(Vector, f64),
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Piece {
-    start: TipPlace,
-    shape: Shape,
-    /// Change of pitch over the piece, rad.
-    turn: f64,
-    /// m.
-    length: f64,
-}
-
-impl Piece {
-    fn place(&self, part: f64) -> TipPlace {
-        let at = match self.shape {
-            Shape::Line(way) => self.start.at + part * way,
-            Shape::Arc(center, angle) => center + Rotation::by(part * angle) * (self.start.at - center),
-        };
-        TipPlace { at, pitch: self.start.pitch + part * self.turn }
-    }
-
-    /// Change of place and of pitch per length, at a part of the piece.
-    fn rates(&self, part: f64) -> (Vector, f64) {
-        let way = match self.shape {
-            Shape::Line(way) => way,
-            Shape::Arc(center, angle) => angle * (self.place(part).at - center).normal(),
-        };
-        ((1.0 / self.length) * way, self.turn / self.length)
-    }
-
-    /// Distance of a place from the shape, m.
-    fn distance(&self, at: Vector) -> f64 {
-        let part = match self.shape {
-            Shape::Line(way) if way.dot(way) > 0.0 => (at - self.start.at).dot(way) / way.dot(way),
-            Shape::Line(_) => 0.0,
-            Shape::Arc(center, angle) => {
-                let (from, to) = (self.start.at - center, at - center);
-                let turned = from.cross(to).atan2(from.dot(to));
-                // Counted the way round that the arc goes.
-                let turned = if turned * angle < 0.0 { turned + 2.0 * PI * angle.signum() } else { turned };
-                let part = turned / angle;
-                // Beyond the end: as far from it as from the start, the other way round.
-                let beyond = 0.5 * (1.0 + 2.0 * PI / angle.abs());
-                if part > beyond { 0.0 } else { part }
-            }
-        };
-        (at - self.place(part.clamp(0.0, 1.0)).at).norm()
-    }
-}
 
 /// The way of the teeth, by its length s in m.
 #[derive(Debug, Clone, PartialEq)]
@@ -96,7 +35,7 @@ impl Way {
     /// The way of a task of a machine whose bucket is `bucket_length` m long. Or the number of a piece without length.
     pub fn new(task: &TipTask, bucket_length: f64) -> Result<Self, usize> {
         let mut place = TipPlace { at: Vector::new(task.start[0], task.start[1]), pitch: task.pitch.to_radians() };
-        let (mut pieces, mut ends, mut end) = (Vec::new(), Vec::new(), 0.0);
+        let mut pieces = Vec::new();
         for (i, piece) in task.pieces.iter().enumerate() {
             let (shape, way) = match piece.shape {
                 TipShape::Line([x, z]) => {
@@ -113,13 +52,24 @@ impl Way {
             if length < SHORTEST {
                 return Err(i);
             }
-            let piece = Piece { start: place, shape, turn, length };
+            let piece = Piece { number: i, start: place, shape, turn, turning: [turn / length; 2], length };
             place = piece.place(1.0);
-            end += length;
             pieces.push(piece);
-            ends.push(end);
         }
+        if task.rounding > 0.0 {
+            pieces = rounded(&pieces, task.rounding);
+        }
+        let add = |end: &mut f64, piece: &Piece| {
+            *end += piece.length;
+            Some(*end)
+        };
+        let ends = pieces.iter().scan(0.0, add).collect();
         Ok(Self { pieces, ends })
+    }
+
+    /// Number of the piece of the task at s, m.
+    pub fn number(&self, s: f64) -> usize {
+        self.pieces[self.piece(s)].number
     }
 
     /// s at the end, m.
@@ -134,8 +84,8 @@ impl Way {
         piece.place(((s - (self.ends[i] - piece.length)) / piece.length).clamp(0.0, 1.0))
     }
 
-    /// Number of the piece at s, m.
-    pub fn piece(&self, s: f64) -> usize {
+    /// Place in the list of the piece at s, m.
+    fn piece(&self, s: f64) -> usize {
         self.ends.partition_point(|end| *end <= s).min(self.pieces.len() - 1)
     }
 
@@ -168,11 +118,13 @@ impl Way {
 mod tests {
     use pipeline::machine::TipPiece;
 
+    use std::f64::consts::PI;
+
     use super::*;
 
     fn task(pieces: &[(TipShape, Option<f64>)]) -> TipTask {
         let pieces = pieces.iter().map(|(shape, pitch)| TipPiece { shape: *shape, pitch: *pitch }).collect();
-        TipTask { start: [7.0, 0.0], pitch: -90.0, speed: 0.5, telescope: None, pieces }
+        TipTask { start: [7.0, 0.0], pitch: -90.0, speed: 0.5, telescope: None, rounding: 0.0, file: None, pieces }
     }
 
     #[test]

@@ -278,7 +278,7 @@ impl Machine {
         let is_simulated = axes.iter().any(|axis| axis.plant.is_some());
         let hydraulics = Hydraulics::read(root.section("supply"), root.section("oil"), is_simulated);
         let soil = Soil::read(root.section("soil"), mechanism.is_some());
-        let tip = TipTask::read(root.section("tip"), mechanism.is_some());
+        let tip = TipTask::read(root.section("tip"), mechanism.is_some(), folder);
         TipTask::expect_followers(tip.as_ref(), &root.section("tip"), &axes);
         let walls = Walls::read(root.section("walls"), mechanism.is_some());
         let described = Described { axes: &names, has_mechanism: mechanism.is_some(), has_soil: soil.is_some() };

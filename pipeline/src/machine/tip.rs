@@ -2,9 +2,13 @@
 //!
 //! The teeth start at a place and go on by pieces, straight lines and arcs, at one speed. The axes whose reference is
 //! of kind `tip` follow it together. How the cylinders move is planned from this table and the mechanism when a
-//! controller is made.
+//! controller is made. A CSV file may have the way, place by place.
+
+use std::path::{Path, PathBuf};
 
 use mechanism::AXES;
+
+use crate::columns::{Table, TableError, TableProblem};
 
 use super::{
     axis::{Axis, ReferenceSource},
@@ -14,8 +18,16 @@ use super::{
 /// Range of places, m, and of pitches and angles, degrees.
 const PLACES: std::ops::RangeInclusive<f64> = -100.0..=100.0;
 const PITCHES: std::ops::RangeInclusive<f64> = -720.0..=720.0;
-/// Pieces that a task may have.
+/// Pieces that a task may have, and those of a file.
 const MOST_PIECES: usize = 100;
+const MOST_ROWS: usize = 1000;
+/// Columns of a file: place of the teeth, m, and pitch of the bucket, degrees.
+const PLACE: [&str; 2] = ["x", "z"];
+const PITCH: &str = "pitch";
+/// How far the way of a file may pass its corners where the machine file does not say it, m.
+const ROUNDING: f64 = 0.01;
+/// Distance, m, and turn, degrees, below which two rows are the same.
+const SAME: f64 = 1e-6;
 
 /// A motion of the teeth.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,6 +40,11 @@ pub struct TipTask {
     pub speed: f64,
     /// Position at which the telescope stays, m; `None` where the plan moves the telescope and spares the boom.
     pub telescope: Option<f64>,
+    /// How far the way may pass a corner between two straight lines, m, so that the teeth need not stand there. 0: they
+    /// go through all corners.
+    pub rounding: f64,
+    /// The file that has the pieces.
+    pub file: Option<PathBuf>,
     /// The pieces, one after the other.
     pub pieces: Vec<TipPiece>,
 }
@@ -57,33 +74,35 @@ pub enum TipShape {
 
 impl TipTask {
     /// Reads the table; `None` where it is not given. `has_mechanism` says whether the machine has a `[mechanism]`.
-    pub(super) fn read(mut section: Section, has_mechanism: bool) -> Option<Self> {
+    /// Files are relative to `folder`.
+    pub(super) fn read(mut section: Section, has_mechanism: bool, folder: &Path) -> Option<Self> {
         if !section.is_given() {
             return None;
         }
         if !has_mechanism {
             section.refuse("", "a table without [mechanism]", "[mechanism] beside it: it says where the teeth are");
         }
-        let task = Self {
-            start: section.key("start", "Where the teeth start, [x, z]").point(PLACES, "m"),
-            pitch: section
-                .key("pitch", "Pitch of the bucket at the start, from the x axis to the teeth")
-                .number(PITCHES, "degrees"),
-            speed: section
-                .key("speed", "Speed of the teeth along the way; slower where an axis or the pump cannot follow")
-                .number(1e-3..=10.0, "m/s"),
-            telescope: section
-                .key("telescope", "Position at which the telescope stays")
-                .rule("the telescope moves, so that the boom moves as little as possible")
-                .optional_number(0.0..=100.0, "m"),
-            pieces: section.list("piece").into_iter().map(TipPiece::read).collect(),
+        let file = section
+            .key("file", "CSV file with the way, row by row, in the place of start and pieces: x and z in m, and pitch")
+            .optional_text()
+            .map(|file| folder.join(file));
+        let speed = section
+            .key("speed", "Speed of the teeth along the way; slower where an axis or the pump cannot follow")
+            .number(1e-3..=10.0, "m/s");
+        let telescope = section
+            .key("telescope", "Position at which the telescope stays")
+            .rule("the telescope moves, so that the boom moves as little as possible")
+            .optional_number(0.0..=100.0, "m");
+        let rounding = section
+            .key("rounding", "How far the way may pass a corner of two straight lines, so that the teeth go on there")
+            .rule("0.01 m with file, else 0: they go through corners, and stand there")
+            .number_or(if file.is_some() { ROUNDING } else { 0.0 }, 0.0..=1.0, "m");
+        let (start, pitch, pieces) = match &file {
+            Some(file) => read_file(&mut section, file),
+            None => read_pieces(&mut section),
         };
-        if !(1..=MOST_PIECES).contains(&task.pieces.len()) {
-            let found = format!("{} pieces", task.pieces.len());
-            section.refuse("piece", found, format!("1 to {MOST_PIECES} tables [[tip.piece]]"));
-        }
         section.finish();
-        Some(task)
+        Some(Self { start, pitch, speed, telescope, rounding, file, pieces })
     }
 
     /// Refuses axes that follow the teeth without a task, and a task that only some of the four axes follow.
@@ -98,6 +117,83 @@ impl TipTask {
             section.refuse("", found, allowed);
         }
     }
+}
+
+/// Start, pitch and pieces.
+type Pieces = ([f64; 2], f64, Vec<TipPiece>);
+
+fn pitch_at_start(section: &mut Section) -> f64 {
+    section.key("pitch", "Pitch of the bucket at the start, from the x axis to the teeth").number(PITCHES, "degrees")
+}
+
+fn read_pieces(section: &mut Section) -> Pieces {
+    let start = section.key("start", "Where the teeth start, [x, z]").point(PLACES, "m");
+    let pitch = pitch_at_start(section);
+    let pieces: Vec<TipPiece> = section.list("piece").into_iter().map(TipPiece::read).collect();
+    if !(1..=MOST_PIECES).contains(&pieces.len()) {
+        let found = format!("{} pieces", pieces.len());
+        section.refuse("piece", found, format!("1 to {MOST_PIECES} tables [[tip.piece]], or a file"));
+    }
+    (start, pitch, pieces)
+}
+
+/// The way of a file. Its first row is the start; straight lines lead from row to row.
+fn read_file(section: &mut Section, file: &Path) -> Pieces {
+    // A file from the command line takes the place of the pieces in the machine file.
+    let is_overridden = section.is_set("file");
+    section.exclude(&["start", "piece"], is_overridden, "not beside file, whose rows are start and pieces");
+    let refused = ([0.0; 2], 0.0, Vec::new());
+    match read_rows(file) {
+        Ok((rows, has_pitch)) => {
+            let pitch = if has_pitch {
+                section.exclude(&["pitch"], is_overridden, "not beside a file with a column pitch");
+                rows.first().and_then(|row| row.1)
+            } else {
+                Some(pitch_at_start(section))
+            };
+            let Some(((start, _), pitch)) = rows.first().zip(pitch) else { return refused };
+            let piece = |(to, pitch): &([f64; 2], Option<f64>)| TipPiece { shape: TipShape::Line(*to), pitch: *pitch };
+            (*start, pitch, rows[1..].iter().map(piece).collect())
+        }
+        Err(error) => {
+            section.pass_over(&["pitch"]);
+            section.refuse("file", error.to_string(), "a CSV file with columns x, z and, where it changes, pitch");
+            refused
+        }
+    }
+}
+
+/// Places and pitches of a file, and whether it has pitches.
+fn read_rows(file: &Path) -> Result<(Vec<([f64; 2], Option<f64>)>, bool), TableError> {
+    let table = Table::read(file)?;
+    let has_pitch = table.has(PITCH);
+    let names: Vec<&str> = PLACE.into_iter().chain(has_pitch.then_some(PITCH)).collect();
+    let columns = table.numbers(&names, "")?;
+    let [x, z] = [&columns.values[0], &columns.values[1]];
+    let pitch = |i: usize| has_pitch.then(|| columns.values[2][i]);
+    let rows: Vec<_> = (0..x.len()).map(|i| ([x[i], z[i]], pitch(i))).collect();
+    let mut problems = Vec::new();
+    for (i, (([x, z], pitch), line)) in rows.iter().zip(&columns.lines).enumerate() {
+        let mut refuse = |name: &str, found: String, allowed: &str| {
+            let (field, allowed) = (Some((i + 1, name.to_owned())), allowed.to_owned());
+            problems.push(TableProblem { line: Some(*line), field, found, allowed });
+        };
+        let before = i.checked_sub(1).map(|before| rows[before]);
+        if !PLACES.contains(x) || !PLACES.contains(z) {
+            refuse("x", format!("[{x}, {z}]"), "-100 to 100 m");
+        } else if pitch.is_some_and(|pitch| !PITCHES.contains(&pitch)) {
+            refuse(PITCH, format!("{}", pitch.unwrap_or_default()), "-720 to 720 degrees");
+        } else if before.is_some_and(|(at, turned)| {
+            (at[0] - x).hypot(at[1] - z) < SAME && turned.zip(*pitch).is_none_or(|(one, two)| (one - two).abs() < SAME)
+        }) {
+            refuse("x", format!("[{x}, {z}]"), "another place, or another pitch, than the row before has");
+        }
+    }
+    if !(2..=MOST_ROWS).contains(&rows.len()) {
+        let (found, allowed) = (format!("{} rows", rows.len()), format!("2 to {MOST_ROWS} rows below the header"));
+        problems.push(TableProblem { line: None, field: None, found, allowed });
+    }
+    if problems.is_empty() { Ok((rows, has_pitch)) } else { Err(table.error(problems)) }
 }
 
 impl TipPiece {

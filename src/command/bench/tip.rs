@@ -155,7 +155,7 @@ impl TipTaskKind {
             }
         };
         let telescope = (self == Self::LevelStill).then_some(0.6);
-        TipTask { start, pitch, speed, telescope, pieces }
+        TipTask { start, pitch, speed, telescope, rounding: 0.0, file: None, pieces }
     }
 }
 

@@ -55,7 +55,11 @@ impl DrawnTask {
             TipPiece { shape, pitch: turns.then_some(turned) }
         });
         let pieces = pieces.collect();
-        Self { task: TipTask { start, pitch, speed, telescope: None, pieces }, payload, scenario }
+        Self {
+            task: TipTask { start, pitch, speed, telescope: None, rounding: 0.0, file: None, pieces },
+            payload,
+            scenario,
+        }
     }
 }
 

@@ -152,7 +152,7 @@ fn read_file(section: &mut Section, file: &Path) -> Pieces {
                 Some(pitch_at_start(section))
             };
             let Some(((start, _), pitch)) = rows.first().zip(pitch) else { return refused };
-            let piece = |(to, pitch): &([f64; 2], Option<f64>)| TipPiece { shape: TipShape::Line(*to), pitch: *pitch };
+            let piece = |(to, pitch): &Row| TipPiece { shape: TipShape::Line(*to), pitch: *pitch };
             (*start, pitch, rows[1..].iter().map(piece).collect())
         }
         Err(error) => {
@@ -163,8 +163,11 @@ fn read_file(section: &mut Section, file: &Path) -> Pieces {
     }
 }
 
+/// A row of a file: place and pitch.
+type Row = ([f64; 2], Option<f64>);
+
 /// Places and pitches of a file, and whether it has pitches.
-fn read_rows(file: &Path) -> Result<(Vec<([f64; 2], Option<f64>)>, bool), TableError> {
+fn read_rows(file: &Path) -> Result<(Vec<Row>, bool), TableError> {
     let table = Table::read(file)?;
     let has_pitch = table.has(PITCH);
     let names: Vec<&str> = PLACE.into_iter().chain(has_pitch.then_some(PITCH)).collect();

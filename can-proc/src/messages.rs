@@ -296,6 +296,14 @@ fn expect_own(before: &[Axis], key: &str, name: &str) -> Result<(), WiringError>
     Err(WiringError::Text(format!("{key}: found {name}, the position of axis.{}; allowed: {allowed}", other.name)))
 }
 
+/// Number that a signal would need at a soft limit of a cylinder and cannot say, and this limit, m.
+pub fn lacking_limit(axis: &Axis, signal: &Signal, is_reversed: bool, zero: i64) -> Option<(f64, f64)> {
+    let sign = if is_reversed { -1.0 } else { 1.0 };
+    let number = |limit: f64| zero as f64 + sign * (limit / axis.encoder.resolution).round();
+    let numbers = <[f64; 2]>::from(axis.soft_limits).map(|limit| (number(limit), limit));
+    numbers.into_iter().find(|(number, _)| !signal.has(*number))
+}
+
 /// Refuses a position that the signal cannot say at the soft limits: of a cylinder at its own, of a sensor at a joint
 /// with all cylinders that move the joint at theirs.
 fn expect_range(
@@ -312,9 +320,7 @@ fn expect_range(
         Err(WiringError::Text(format!("{key}: found {name}, which has no {number} for {at}; allowed: {allowed}")))
     };
     let Some((sensor, mechanism)) = axis.encoder.angle.zip(machine.mechanism) else {
-        let limits = <[f64; 2]>::from(axis.soft_limits);
-        let numbers = limits.map(|limit| (number(limit / axis.encoder.resolution), limit));
-        let lacking = numbers.into_iter().find(|(number, _)| !position.source.1.has(*number));
+        let lacking = lacking_limit(axis, &position.source.1, position.is_reversed, position.zero);
         return lacking.map_or(Ok(()), |(number, limit)| refused(number, &format!("{limit} m")));
     };
     let mechanism = mechanism.prepared();

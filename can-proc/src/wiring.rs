@@ -1,10 +1,15 @@
 //! The devices of a machine file.
 
-use crate::{error::WiringError, messages::frames};
+use crate::{
+    error::WiringError,
+    messages::{frames, lacking_limit},
+};
 use can::{
+    Frame, MAX_DATA,
     bus::Address,
-    canopen::NodeId,
+    canopen::{NodeId, sync},
     device::{AxisDevices, Encoder, EncoderSettings, Network, NodeTiming, PositionObject, Valve, ValveSettings},
+    frames::Signal,
 };
 use pipeline::{
     layout,
@@ -15,10 +20,9 @@ use pipeline::{
 const MICROMETRE: f64 = 1e-6;
 /// The unit of 6000h, degrees.
 const MILLIDEGREE: f64 = 1e-3;
-/// Bits of a frame without data and stuff bits, with the pause after it.
-const FRAME_BITS: u32 = 47;
-/// Bits of control word and set point of a valve, and of its status.
-const VALVE_BITS: u32 = 48;
+/// Bytes of control word and set point of a valve, and of its status.
+const SET_POINT_BYTES: usize = 4;
+const STATUS_BYTES: usize = 2;
 /// Least number of SYNC without a position after which an encoder is silent: two may be lost.
 const LEAST_SILENCE: u128 = 3;
 
@@ -55,13 +59,15 @@ pub fn network(machine: &Machine) -> Result<Network, WiringError> {
 /// Refuses a bit rate at which what is sent with every SYNC does not fit, even without stuff bits: the SYNC, positions,
 /// set points, and states of the valves.
 fn expect_room(machine: &Machine, bus: &CanBus) -> Result<(), WiringError> {
+    let frame = |bytes: usize| Frame::standard_of(0, [0; MAX_DATA], bytes).wire_bits();
     let bits = |wired: &CanDevices| {
-        let position = wired.encoder.map(|_| FRAME_BITS + u32::from(position_object(wired).mapped().bits));
-        let valve = wired.valve.filter(|_| machine.drive.is_real()).map(|_| 2 * FRAME_BITS + VALVE_BITS);
+        let position = wired.encoder.map(|_| frame(usize::from(position_object(wired).mapped().bits) / 8));
+        let has_valve = wired.valve.is_some() && machine.drive.is_real();
+        let valve = has_valve.then(|| frame(SET_POINT_BYTES) + frame(STATUS_BYTES));
         position.unwrap_or_default() + valve.unwrap_or_default()
     };
     let of_nodes: u32 = machine.axes.iter().filter_map(|axis| axis.can.as_ref().map(bits)).sum();
-    let needed = f64::from(FRAME_BITS + of_nodes) / bus.sync.as_secs_f64();
+    let needed = f64::from(sync().wire_bits() + of_nodes) / bus.sync.as_secs_f64();
     if of_nodes == 0 || needed <= f64::from(bus.bit_rate) {
         return Ok(());
     }
@@ -131,21 +137,17 @@ fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
 
 /// Refuses an encoder at the cylinder whose position cannot say where the soft limits are.
 fn expect_range(axis: &Axis, wired: &CanDevices) -> Result<(), WiringError> {
-    let bits = i32::from(position_object(wired).mapped().bits);
-    let all = 2f64.powi(bits);
-    let (low, high) = if wired.is_signed { (-all / 2.0, all / 2.0 - 1.0) } else { (0.0, all - 1.0) };
-    let sign = if wired.is_reversed { -1.0 } else { 1.0 };
-    for limit in <[f64; 2]>::from(axis.soft_limits) {
-        let position = wired.zero as f64 + sign * (limit / axis.encoder.resolution).round();
-        if !(low..=high).contains(&position) {
-            return Err(WiringError::Text(format!(
-                "axis.{}.can.zero: found {}, with which the encoder would be at {position:.0} at {limit} m; allowed: \
-                 positions from {low:.0} to {high:.0}, so another zero, or signed = {}",
-                axis.name, wired.zero, !wired.is_signed
-            )));
-        }
-    }
-    Ok(())
+    let bits = u64::from(position_object(wired).mapped().bits);
+    let kind = (false, wired.is_signed);
+    let signal = Signal::new((0, bits), kind, (1.0, 0.0), MAX_DATA as u8)
+        .map_err(|error| WiringError::Text(format!("axis.{}.can: {error}", axis.name)))?;
+    let Some((position, limit)) = lacking_limit(axis, &signal, wired.is_reversed, wired.zero) else { return Ok(()) };
+    let (low, high) = signal.range();
+    Err(WiringError::Text(format!(
+        "axis.{}.can.zero: found {}, with which the encoder would be at {position:.0} at {limit} m; allowed: positions \
+         from {low:.0} to {high:.0}, so another zero, or signed = {}",
+        axis.name, wired.zero, !wired.is_signed
+    )))
 }
 
 /// The object that has the position.

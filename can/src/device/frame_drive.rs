@@ -10,7 +10,11 @@
 //! before an axis can be armed (`proof.rs`): the frame is sent with the active pattern and set points 0, then not at
 //! all, and the signal has to become 0 in time. A drive that does not say so cannot be proven, and is not used.
 
-use super::{Cause, Demand, Fault, Outbox, Proof, Receiver, fault::FRAME};
+use super::{
+    Cause, Demand, Fault, Outbox, Proof, Receiver,
+    fault::FRAME,
+    valve::{FOLLOW_NS, lasts},
+};
 use embedded_can::Frame as _;
 
 use crate::{
@@ -18,8 +22,6 @@ use crate::{
     frames::{Guard, Message, Signal},
 };
 
-/// Time that a drive may take to become active, ns.
-const FOLLOW_NS: u64 = 500_000_000;
 /// Least time between two proofs, ns.
 const PROOF_PAUSE_NS: u64 = 5_000_000_000;
 
@@ -153,11 +155,7 @@ impl FrameDrive {
         } else if self.proof == Proof::Passed {
             let follows = self.demands.iter().any(|demand| matches!(demand, Demand::Follow(_)));
             self.was_active = follows && (all || self.was_active);
-            if !follows || all {
-                self.late_since_ns = 0;
-            } else if self.late_since_ns == 0 {
-                self.late_since_ns = now_ns.max(1);
-            } else if now_ns.saturating_sub(self.late_since_ns) >= FOLLOW_NS {
+            if lasts(follows && !all, &mut self.late_since_ns, now_ns, FOLLOW_NS) {
                 self.fault = Some(Cause::Valve);
             }
             self.watch(receivers);

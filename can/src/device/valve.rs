@@ -31,8 +31,8 @@ const ACTIVE: u16 = 4;
 const READY: u16 = 8;
 /// The bits that tell the state.
 const STATE: u16 = 0xF;
-/// Time that a valve may take to follow the control word, ns.
-const FOLLOW_NS: u64 = 500_000_000;
+/// Time that a valve or a drive may take to follow its command, ns.
+pub(super) const FOLLOW_NS: u64 = 500_000_000;
 /// Least time between two resets of a fault that does not go, ns.
 const RESET_PAUSE_NS: u64 = 5_000_000_000;
 /// Time that the spool may be out of tolerance, ns, as valves with a monitor of their own allow it.
@@ -353,7 +353,7 @@ fn toward(status: u16, word: u16) -> u16 {
 }
 
 /// Whether something has lasted for `longest_ns`; `since_ns` is its begin.
-fn lasts(is_so: bool, since_ns: &mut u64, now_ns: u64, longest_ns: u64) -> bool {
+pub(super) fn lasts(is_so: bool, since_ns: &mut u64, now_ns: u64, longest_ns: u64) -> bool {
     if !is_so {
         *since_ns = 0;
     } else if *since_ns == 0 {

@@ -184,7 +184,7 @@ impl Signal {
     }
 
     /// Least and greatest number.
-    fn range(&self) -> (f64, f64) {
+    pub fn range(&self) -> (f64, f64) {
         let all = 2_f64.powi(i32::from(self.bits));
         if self.is_signed { (-all / 2.0, all / 2.0 - 1.0) } else { (0.0, all - 1.0) }
     }

@@ -11,6 +11,9 @@ use std::f64::consts::PI;
 
 use mechanism::{Rotation, Vector};
 
+/// Directions, curvatures and changes of pitch that differ by less than this are the same.
+pub const SAME: f64 = 1e-6;
+
 /// A place of the teeth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TipPlace {
@@ -65,6 +68,11 @@ impl Piece {
             + first * (3.0 * part * part - 4.0 * part + 1.0)
             + last * (3.0 * part * part - 2.0 * part);
         ((1.0 / self.length) * way, turning)
+    }
+
+    /// Whether the next piece begins in the direction in which this one ends.
+    pub fn leads_into(&self, next: &Self) -> bool {
+        (self.rates(1.0).0 - next.rates(0.0).0).norm() < SAME
     }
 
     /// Distance of a place from the shape, m.

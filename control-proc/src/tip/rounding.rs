@@ -22,8 +22,6 @@ const STRAIGHT: f64 = 1e-6;
 const BACK: f64 = 3.0;
 /// Least radius of an arc, m: a smaller one is as good as a stand.
 const LEAST_RADIUS: f64 = 1e-3;
-/// Changes of direction across which the pitch goes on without a jump, rad.
-const ON: f64 = 1e-6;
 
 /// The pieces with arcs at most `most` m from the corners that they replace.
 pub(super) fn rounded(pieces: &[Piece], most: f64) -> Vec<Piece> {
@@ -110,8 +108,7 @@ impl Piece {
 fn smooth_pitch(pieces: &mut [Piece]) {
     for i in 1..pieces.len() {
         let (one, two) = (pieces[i - 1], pieces[i]);
-        let (from, to) = (one.rates(1.0).0, two.rates(0.0).0);
-        if (from - to).norm() < ON {
+        if one.leads_into(&two) {
             let (h, l) = ([one.turn / one.length, two.turn / two.length], [one.length, two.length]);
             let mean = if h[0] * h[1] <= 0.0 {
                 0.0

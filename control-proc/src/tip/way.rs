@@ -14,12 +14,10 @@ use pipeline::machine::{TipShape, TipTask};
 
 pub use super::piece::TipPlace;
 use super::{
-    piece::{Piece, Shape},
+    piece::{Piece, SAME, Shape},
     rounding::rounded,
 };
 
-/// Directions, curvatures and changes of pitch that differ by less than this are the same.
-const SAME: f64 = 1e-6;
 /// Shortest piece, m.
 const SHORTEST: f64 = 1e-6;
 
@@ -96,8 +94,8 @@ impl Way {
         let mut begin = 0.0;
         for (i, end) in self.ends.iter().enumerate() {
             let goes_on = self.pieces.get(i + 1).is_some_and(|next| {
-                let ((way, turn), (next_way, next_turn)) = (self.pieces[i].rates(1.0), next.rates(0.0));
-                (way - next_way).norm() < SAME && (turn - next_turn).abs() < SAME
+                let piece = &self.pieces[i];
+                piece.leads_into(next) && (piece.rates(1.0).1 - next.rates(0.0).1).abs() < SAME
             });
             if !goes_on {
                 runs.push((begin, *end));

@@ -85,9 +85,10 @@ impl Live {
         let age = |at: u64| (due_ns.saturating_sub(at) as f64 / self.period_ns as f64).min(self.most_age);
         let sent_ns = reading.map_or(acquired_ns, |reading| reading.header.sent_ns.max(acquired_ns));
         let age = Age { most: age(acquired_ns), least: age(sent_ns) };
-        let waited_ns = reading.map_or(0, |reading| due_ns.saturating_sub(reading.header.sent_ns));
         let mut sample = self.core.update_aged(tick, reading, age);
         self.output.send(turn, &mut sample, acquired_ns, due_ns)?;
+        // Without a reading nothing has waited: it counts as sent when it was due.
+        let waited_ns = due_ns.saturating_sub(sent_ns);
         if let (Some(by_ns), Some(timer)) = (self.phase.judge(waited_ns, self.period_ns), &mut self.timer) {
             timer.bring_forward(by_ns);
         }

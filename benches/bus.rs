@@ -78,7 +78,8 @@ impl Bench {
         let mut reading = EncoderReading::default();
         reading.header.acquired_ns = self.network.take_sample(self.now_ns);
         for (i, value) in reading.encoders.iter_mut().enumerate().take(AXES) {
-            (value.counts, value.error) = self.network.reading(i).unwrap_or_default();
+            let (counts, error) = self.network.reading(i).unwrap_or_default();
+            (value.counts, value.error) = (counts.unwrap_or_default(), error);
         }
         (reading.header.axis_count, reading.header.sequence) = (AXES as u32, number);
         readings.send(&reading).expect("the channel takes it");

@@ -175,7 +175,7 @@ enum HydraxisSampleFault {
     // The encoder reported an error, or the position is computed from the sensor of another axis whose position is
     // unusable.
     HYDRAXIS_SAMPLE_FAULT_ENCODER = 4,
-    // No new reading arrived for this tick.
+    // No new reading arrived for this tick, or none of this sensor or of one that the position is computed from.
     HYDRAXIS_SAMPLE_FAULT_STALE = 8,
     // The raw value has not changed for longer than stuck_after: a fault only while the axis is commanded to move.
     HYDRAXIS_SAMPLE_FAULT_STUCK = 16,
@@ -248,7 +248,7 @@ typedef struct HydraxisEncoderValue {
     double piston_pressure;
     // Pressure of the rod side, Pa above the atmosphere.
     double rod_pressure;
-    // Error word of the encoder; 0 when the encoder reports no error.
+    // Error word of the encoder; 0 when it reports no error, and all bits where it was not read this time.
     uint32_t error;
     // 1 where both pressures are measured; 0 without transducers.
     uint32_t has_pressures;

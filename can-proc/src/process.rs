@@ -22,7 +22,7 @@ use can::{
 use pipeline::{
     channel::{Group, Publisher, Reader},
     machine::Machine,
-    message::{EncoderReading, ValveCommand, control_flag},
+    message::{EncoderReading, EncoderValue, ValveCommand, control_flag},
     stage::{
         Channels, Next, Stage, StageError, StageKind, StageOptions, Turn, monotonic_ns, run as run_stage, sleep_until,
     },
@@ -226,7 +226,9 @@ impl Process {
         let mut reading = EncoderReading { emergency_stop, ..EncoderReading::default() };
         for (i, value) in reading.encoders.iter_mut().enumerate().take(self.targets.len()) {
             if let Some((counts, error)) = self.network.reading(i) {
-                (value.counts, value.error) = (counts, error);
+                let is_missing = counts.is_none() && error == 0;
+                value.counts = counts.unwrap_or_default();
+                value.error = if is_missing { EncoderValue::NOT_READ } else { error };
             }
             if let Some([piston, rod]) = self.network.pressures(i) {
                 (value.piston_pressure, value.rod_pressure, value.has_pressures) = (piston, rod, 1);

@@ -141,7 +141,7 @@ class SampleFault(IntFlag):
     # The encoder reported an error, or the position is computed from the sensor of another axis whose position is
     # unusable.
     ENCODER = 4
-    # No new reading arrived for this tick.
+    # No new reading arrived for this tick, or none of this sensor or of one that the position is computed from.
     STALE = 8
     # The raw value has not changed for longer than stuck_after: a fault only while the axis is commanded to move.
     STUCK = 16
@@ -211,7 +211,7 @@ class EncoderValue(ctypes.Structure):
         ("piston_pressure", f64),
         # Pressure of the rod side, Pa above the atmosphere.
         ("rod_pressure", f64),
-        # Error word of the encoder; 0 when the encoder reports no error.
+        # Error word of the encoder; 0 when it reports no error, and all bits where it was not read this time.
         ("error", u32),
         # 1 where both pressures are measured; 0 without transducers.
         ("has_pressures", u32),

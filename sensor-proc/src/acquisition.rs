@@ -6,7 +6,7 @@
 
 use pipeline::{
     machine::Machine,
-    message::{EncoderReading, EncoderSample},
+    message::{AxisSample, EncoderReading, EncoderSample, EncoderValue},
 };
 
 use crate::{
@@ -77,12 +77,16 @@ impl Acquisition {
         let positions = reading.map(|reading| self.conversion.positions(&reading.encoders));
         for (i, check) in self.checks.iter_mut().enumerate() {
             let encoder = reading.map(|reading| &reading.encoders[i]);
+            let needs = self.conversion.needs(i);
+            let others = || (0..i).filter(|other| needs & (1 << other) != 0).map(|other| &sample.axes[other]);
+            let is_read =
+                |encoder: &EncoderValue| encoder.error != EncoderValue::NOT_READ && !others().any(AxisSample::is_stale);
             let value = encoder
                 .zip(positions)
+                .filter(|(encoder, _)| is_read(encoder))
                 .map(|(encoder, positions)| Value { position: positions[i], raw: encoder.counts as f64 });
-            let needs = self.conversion.needs(i);
-            let lacks = (0..i).any(|other| needs & (1 << other) != 0 && sample.axes[other].usable().is_none());
-            let is_wrong = encoder.is_some_and(|encoder| encoder.error != 0 || lacks);
+            let has_error = encoder.is_some_and(|encoder| !matches!(encoder.error, 0 | EncoderValue::NOT_READ));
+            let is_wrong = has_error || others().any(|other| other.usable().is_none() && !other.is_stale());
             sample.axes[i] = check.judge_value(elapsed, more, value, is_wrong);
             self.pressures[i].judge(encoder, &mut sample.axes[i]);
         }
@@ -98,7 +102,7 @@ pub fn is_implausible(sample: &EncoderSample) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pipeline::message::{EncoderValue, sample_fault};
+    use pipeline::message::sample_fault;
 
     #[test]
     fn counts_become_metres() {

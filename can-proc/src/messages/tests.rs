@@ -42,7 +42,7 @@ fn the_example_is_a_machine_whose_messages_are_known() {
     let id = embedded_can::ExtendedId::new(0x18FF_0100).unwrap();
     let frame = <Frame as embedded_can::Frame>::new(id, &data).unwrap();
     network.take(&Received { frame, time_ns: 1000 }, 1000);
-    assert_eq!((network.reading(0).unwrap().0, network.pressures(0)), (10_000, Some([12e6, 0.0])));
+    assert_eq!((network.reading(0).unwrap().0, network.pressures(0)), (Some(10_000), Some([12e6, 0.0])));
     // Without a SYNC: there is no node.
     network.begin(2000);
     assert!(network.outbox().frames().iter().all(|frame| frame.standard_id().is_none()));

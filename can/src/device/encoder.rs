@@ -200,11 +200,6 @@ impl Encoder {
         self.fresh > 0 || self.fault().is_some()
     }
 
-    /// That the position of this SYNC has not come; `None` where it has.
-    pub fn missing(&self) -> Option<Fault> {
-        (!self.is_complete()).then(|| self.node.because(Cause::Missing, 0))
-    }
-
     /// The position that came last, counts.
     pub fn counts(&self) -> i64 {
         self.counts

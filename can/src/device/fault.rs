@@ -55,10 +55,8 @@ pub enum Cause {
     Checksum = 19,
     /// The pilot pressure is cut off, by the signal of the machine.
     Pilot = 20,
-    /// No position for this SYNC. No axis is held for it alone.
-    Missing = 21,
     /// Set points that this program has not sent: somebody else commands the drive as well.
-    Sender = 22,
+    Sender = 21,
 }
 
 /// In the place of a node's number: the detail has the lower half of a message's identifier.
@@ -68,7 +66,7 @@ pub(super) const FRAME: u8 = 255;
 const SENDER: &str = "its set points are sent by somebody else as well: find who, before anything is armed";
 
 /// Causes in the order of their numbers.
-const CAUSES: [Cause; 22] = [
+const CAUSES: [Cause; 21] = [
     Cause::Absent,
     Cause::Configuring,
     Cause::Setting,
@@ -89,7 +87,6 @@ const CAUSES: [Cause; 22] = [
     Cause::Counter,
     Cause::Checksum,
     Cause::Pilot,
-    Cause::Missing,
     Cause::Sender,
 ];
 
@@ -129,7 +126,6 @@ impl Cause {
             Self::Checksum => "its checksum is wrong, or it is too short",
             Self::Proof => "its drive did not stop when the message stopped: its time-out does not act",
             Self::Valve => "its drive does not follow it",
-            Self::Missing => "has not come for this sample",
             Self::Sender => SENDER,
             _ => "a fault",
         }
@@ -176,7 +172,6 @@ impl fmt::Display for Fault {
             Cause::Emergency => write!(out, "emergency {detail:04X}h"),
             Cause::Alarm => write!(out, "alarm, 6503h is {detail:04X}h"),
             Cause::Silent => out.write_str("sends no position"),
-            Cause::Missing => out.write_str("has sent no position for this SYNC"),
             Cause::Sender => out.write_str(SENDER),
             Cause::Double => out.write_str("sends more than one position for a SYNC: two devices have this number"),
             Cause::Valve => write!(out, "fault, status word {detail:04X}h"),

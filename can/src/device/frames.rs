@@ -109,15 +109,6 @@ impl Frames {
         self.receivers.get(position.source.0).is_none_or(|receiver| receiver.is_fresh() || receiver.fault().is_some())
     }
 
-    /// That no new position of an axis has come since the last sample; `None` where one has.
-    pub fn missing(&self, axis: usize) -> Option<Fault> {
-        if self.is_complete(axis) {
-            return None;
-        }
-        let (id, ..) = self.receivers.get(self.axes.get(axis)?.position?.source.0)?.layout();
-        Some(Fault { cause: Cause::Missing, node: FRAME, detail: id as u16 })
-    }
-
     /// Whether the sample is not to wait for the position of an axis any longer: the message has not come for one and a
     /// half periods of `period_ns`, and not for half of its time-out. Such a message has no SYNC that it answers to.
     pub fn is_overdue(&self, axis: usize, now_ns: u64, period_ns: u64) -> bool {

@@ -75,7 +75,7 @@ struct Axis {
     /// Whether a reading has told of the fault.
     is_told: bool,
     /// Its position is not in the sample.
-    missing: Option<Fault>,
+    is_missing: bool,
     /// Whether the controller has let the axis go since it was held.
     may_follow: bool,
     target: Option<AxisTarget>,
@@ -104,8 +104,8 @@ impl Network {
         let axes = devices.into_iter().enumerate().map(|(i, devices)| {
             let held = devices.fault().or_else(|| frames.fault(i));
             let has_drive = devices.valve.is_some() || frames.has_drive(i);
-            let [was_ready, is_told, may_follow] = [false; 3];
-            Axis { devices, has_drive, held, was_ready, is_told, may_follow, missing: None, target: None }
+            let [was_ready, is_told, is_missing, may_follow] = [false; 4];
+            Axis { devices, has_drive, held, was_ready, is_told, is_missing, may_follow, target: None }
         });
         let axes = axes.collect();
         Self { axes, frames, has_nodes, outbox: Outbox::default(), counters: NetworkCounters::default() }
@@ -215,7 +215,7 @@ impl Network {
         let oldest_ns = self.frames.acquired_ns();
         for (i, axis) in self.axes.iter_mut().enumerate() {
             axis.is_told |= axis.held.is_some();
-            axis.missing = axis.devices.encoder.as_ref().map_or_else(|| self.frames.missing(i), Encoder::missing);
+            axis.is_missing = !axis.devices.is_complete() || !self.frames.is_complete(i);
         }
         self.frames.begin_sample();
         let has_encoder = self.axes.iter().any(|axis| axis.devices.encoder.is_some());
@@ -236,12 +236,13 @@ impl Network {
         self.frames.is_stopped()
     }
 
-    /// Counts and error word of an axis in the sample of this SYNC; the word is 0 where nothing is wrong.
-    pub fn reading(&self, axis: usize) -> Option<(i64, u32)> {
+    /// Counts and error word of an axis in the sample of this SYNC; the word is 0 where nothing is wrong. There are no
+    /// counts where the position has not come.
+    pub fn reading(&self, axis: usize) -> Option<(Option<i64>, u32)> {
         let place = axis;
         let axis = self.axes.get(axis)?;
         let counts = axis.devices.encoder.as_ref().map(Encoder::counts).or_else(|| self.frames.counts(place));
-        Some((counts.unwrap_or_default(), axis.held.or(axis.missing).map_or(0, Fault::word)))
+        Some((counts.filter(|_| !axis.is_missing), axis.held.map_or(0, Fault::word)))
     }
 
     /// All valves are switched off: the last frames of the program.

@@ -20,7 +20,7 @@ shared_struct! {
         pub piston_pressure: f64,
         /// Pressure of the rod side, Pa above the atmosphere.
         pub rod_pressure: f64,
-        /// Error word of the encoder; 0 when the encoder reports no error.
+        /// Error word of the encoder; 0 when it reports no error, and all bits where it was not read this time.
         pub error: u32,
         /// 1 where both pressures are measured; 0 without transducers.
         pub has_pressures: u32,
@@ -41,6 +41,11 @@ shared_struct! {
         pub reserved: u32,
     }
 }
+impl EncoderValue {
+    /// Error word of a sensor that was not read this time: a missing position, which may be bridged, and no error.
+    pub const NOT_READ: u32 = u32::MAX;
+}
+
 // Readings of 256 ms, so that no reading of a short emergency stop is lost while sensor-proc is late.
 message!(EncoderReading, "encoder-reading", publishers 1, buffer 256);
 
@@ -102,7 +107,7 @@ pub mod sample_fault {
     /// The encoder reported an error, or the position is computed from the sensor of another axis whose position is
     /// unusable.
     pub const ENCODER: u32 = 4;
-    /// No new reading arrived for this tick.
+    /// No new reading arrived for this tick, or none of this sensor or of one that the position is computed from.
     pub const STALE: u32 = 8;
     /// The raw value has not changed for longer than `stuck_after`: a fault only while the axis is commanded to move.
     pub const STUCK: u32 = 16;

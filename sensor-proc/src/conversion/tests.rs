@@ -116,6 +116,16 @@ fn a_broken_sensor_takes_the_positions_with_it_that_are_computed_from_it() {
     let faults: Vec<u32> = broken.axes[..4].iter().map(|axis| axis.faults).collect();
     assert_eq!(faults, [sample_fault::ENCODER, sample_fault::ENCODER, 0, 0]);
     assert_eq!(broken.axes[1].position, good.axes[1].position);
+    // A sensor that was not read this time has no error, and neither have those behind it.
+    reading.encoders[0].error = EncoderValue::NOT_READ;
+    let missing = acquisition.update(2, Some(&reading));
+    let faults: Vec<u32> = missing.axes[..4].iter().map(|axis| axis.faults).collect();
+    assert_eq!(faults, [sample_fault::STALE, sample_fault::STALE, 0, 0]);
+    // One that is not read behind one that is broken is broken.
+    (reading.encoders[0].error, reading.encoders[1].error) = (1, EncoderValue::NOT_READ);
+    let both = acquisition.update(3, Some(&reading));
+    let faults: Vec<u32> = both.axes[..4].iter().map(|axis| axis.faults).collect();
+    assert_eq!(faults, [sample_fault::ENCODER, sample_fault::ENCODER, 0, 0]);
 }
 
 #[test]

@@ -19,7 +19,7 @@ use humantime::format_duration;
 use pipeline::{
     channel::Prefix,
     machine::{Machine, Source, StageKind},
-    message::{ChannelHealth, EncoderReading},
+    message::{ChannelHealth, EncoderReading, EncoderValue},
 };
 
 /// Time for the first reading to come.
@@ -162,8 +162,7 @@ impl SourceWatch {
         for ((name, word), value) in self.devices.iter_mut().zip(&last.encoders) {
             let fault = can::device::Fault::of(value.error);
             // A position that does not come once is counted on the bus; that none comes is told.
-            let is_missing = fault.is_some_and(|fault| fault.cause == can::device::Cause::Missing);
-            if value.error == *word || is_missing {
+            if value.error == *word || value.error == EncoderValue::NOT_READ {
                 continue;
             }
             *word = value.error;

@@ -50,6 +50,7 @@ use axis::{SimulatedAxis, Swing};
 use course::{END, TRAINING, course};
 
 use crate::{
+    commission::experiment::FAST_VALVE,
     fallback::Fallback,
     margins::{LEAST_GAIN_MARGIN, Loop, Margins, mean_slope, reduced, steepest},
     smith::{LastBy, Smith},
@@ -82,6 +83,11 @@ const WORTH: f64 = 0.9;
 /// Least natural frequency of the load that a Smith predictor is used with, Hz. It takes the load for stiff: an axis
 /// with 2.4 Hz followed worse by it.
 const LEAST_FREQUENCY: f64 = 4.0;
+/// Largest ki in parts of kp^2 times the mean slope: with it the poles of s^2 + g kp s + g ki, a PI and an axis that is
+/// an integrator, are equal. More of it swings about what the axis does that the model does not have.
+const MOST_INTEGRAL: f64 = 0.25;
+/// Part of the natural frequency that commissioning found to which it falls in another posture, or with a payload.
+const SOFTEST: f64 = 0.7;
 /// Natural frequency of load and oil where commissioning has found none, Hz: a slower swing would have been seen.
 const UNSEEN_FREQUENCY: f64 = 10.0;
 /// Natural frequency of load and oil, Hz. A loaded boom of a 20 t machine has some 4 to 6 Hz, lighter axes have more
@@ -192,12 +198,26 @@ impl Baseline {
 }
 
 /// `control` with as much of the fallback's gains as leaves [`LEAST_GAIN_MARGIN`] at the mean slope of the curve of
-/// `model`; `period` in s. Where no part does, its gains stay.
+/// `model`, or all where no part does, and with no more than [`MOST_INTEGRAL`] of the integral; `period` in s.
 pub fn with_margin(control: &Control, model: &Commissioned, period: f64) -> Control {
     let fallback = Control { law: Law::Predictive, ..*control };
     let keeps = |margins: &Margins| margins.gain >= LEAST_GAIN_MARGIN;
-    let found = reduced(&fallback, model, mean_slope(model), period, keeps);
-    found.map_or(*control, |(_, reduced)| Control { law: control.law, ..reduced })
+    let slope = mean_slope(model);
+    let found = reduced(&fallback, model, slope, period, keeps);
+    let Control { kp, ki, .. } = found.map_or(*control, |(_, reduced)| reduced);
+    Control { kp, ki: ki.min(MOST_INTEGRAL * kp * kp * slope), ..*control }
+}
+
+/// `model` where its load swings most slowly, on a machine whose masses and levers change with its posture: the gain
+/// that a swing bears rises with its frequency. A slow valve closes its loop far below the swing.
+pub fn softest(model: &Commissioned) -> Commissioned {
+    let mut softest = model.clone();
+    if model.natural_frequency > 0.0 && model.reaction() * model.natural_frequency <= FAST_VALVE {
+        softest.natural_frequency *= SOFTEST;
+        let delay = |model: &Commissioned| 2.0 * model.damping / (TAU * model.natural_frequency);
+        softest.time_constant += delay(&softest) - delay(model);
+    }
+    softest
 }
 
 /// The Smith predictor for `axis` number `index`, whose fallback has the tuned settings `control`, for a command every
@@ -440,10 +460,28 @@ mod tests {
                 let after = with_margin(&before, model, PERIOD);
                 assert_eq!(after.kp < before.kp, is_reduced, "{dead_time} s: {} of {}", after.kp, before.kp);
                 assert!(gain_margin(&Control { law: Law::Predictive, ..after }) >= LEAST_GAIN_MARGIN, "{dead_time} s");
-                let parts = [after.kp / before.kp, after.ki / before.ki];
-                assert!(after.law == law && (parts[0] - parts[1]).abs() < 1e-12, "{dead_time} s: {parts:?}");
+                let most = MOST_INTEGRAL * after.kp * after.kp * mean_slope(model);
+                let expected = (after.kp / before.kp * before.ki).min(most);
+                assert!(after.law == law && (after.ki - expected).abs() < 1e-12, "{dead_time} s: {after:?}");
+                let more = Control { ki: 10.0 * most, ..after };
+                assert!(with_margin(&more, model, PERIOD).ki <= 1.0001 * most, "{dead_time} s");
             }
         }
+    }
+
+    #[test]
+    fn a_softer_load_has_the_same_lag_and_leaves_less_gain() {
+        let mut axis = axis(0.01);
+        let model = axis.commissioned.as_mut().unwrap();
+        (model.natural_frequency, model.damping) = (2.4, 0.1);
+        let softer = softest(model);
+        let lag = |model: &Commissioned| model.time_constant - 2.0 * model.damping / (TAU * model.natural_frequency);
+        assert!((lag(&softer) - lag(model)).abs() < 1e-12 && softer.natural_frequency < model.natural_frequency);
+        let control =
+            Control { kp: 10.0, ..Baseline::Feedforward.untuned(&axis.control, axis.commissioned.as_ref().unwrap()) };
+        let gain = |model: &Commissioned| with_margin(&control, model, PERIOD).kp;
+        let (as_found, softer) = (gain(axis.commissioned.as_ref().unwrap()), gain(&softer));
+        assert!((0.6..0.9).contains(&(softer / as_found)), "{softer} of {as_found}");
     }
 
     #[test]

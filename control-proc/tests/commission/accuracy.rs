@@ -212,3 +212,23 @@ fn steady_speed(machine: &Machine, axis: usize, u: f64) -> f64 {
     let stood = machine.axes[axis].plant.as_ref().unwrap().initial_position;
     hold(stood - (SETTLING + 0.5 * MEASURED) * hold(stood))
 }
+
+/// Regression: a load that swings against the pump lets in less oil than one that moves evenly, and the boom was found
+/// to extend at little more than half of its speed.
+#[test]
+fn a_load_that_a_fast_valve_shakes_is_found_with_its_speeds() {
+    let machine = Machine::load(Some(std::path::Path::new("../examples/excavator-servo.toml")), &[]).unwrap();
+    in_parallel(&[1, 2, 3], |seed| {
+        let options = ExperimentOptions { seed: *seed, ..ExperimentOptions::default() };
+        let run = Run::of(&machine, 0, &options, *seed).expect_finished();
+        let record = run.experiment.record();
+        assert!((0.3..0.6).contains(&record.swing), "seed {seed}: {} s", record.swing);
+        let model = analyse(record).unwrap();
+        assert!((2.0..3.0).contains(&model.natural_frequency), "seed {seed}: {} Hz", model.natural_frequency);
+        for command in [0.3, 0.5, 0.8, -0.3, -0.5, -0.8] {
+            let ratio = model.speed(command) / steady_speed(&machine, 0, command);
+            println!("seed {seed}, {command:+}: {ratio:.2} of its speed");
+            assert!((0.75..1.25).contains(&ratio), "seed {seed}, {command:+}: {ratio:.2} of its speed");
+        }
+    });
+}

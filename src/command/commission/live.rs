@@ -94,7 +94,7 @@ fn commission(
     if let Some(Outcome::Aborted(abort)) = experiment.outcome() {
         return Err(ended(abort.to_string()));
     }
-    let record = record.into_record();
+    let record = record.into_record(experiment.record().swing);
     let model = analyse(&record).map_err(|error| Failure::run(error).about(format!("axis.{name}")))?;
     Ok((model, record))
 }
@@ -136,11 +136,11 @@ impl Applied {
     }
 
     /// The ticks for which position and command are known.
-    fn into_record(mut self) -> ExperimentRecord {
+    fn into_record(mut self, swing: f64) -> ExperimentRecord {
         let length = self.positions.len().min(self.commands.len());
         self.positions.truncate(length);
         self.commands.truncate(length);
-        ExperimentRecord { period: self.period, commands: self.commands, positions: self.positions }
+        ExperimentRecord { period: self.period, swing, commands: self.commands, positions: self.positions }
     }
 }
 
@@ -172,7 +172,7 @@ mod tests {
         assert_eq!(applied.sample(&sample(104, 0.7, sample_fault::STALE)), 0);
         applied.command(&command(104, 0.3));
         applied.sample(&sample(105, 0.8, 0));
-        let record = applied.into_record();
+        let record = applied.into_record(0.0);
         assert_eq!(record.commands, [0.1, 0.1, 0.1, 0.2, 0.3]);
         assert_eq!((record.positions[0], record.positions[3]), (0.5, 0.6));
         assert!([1, 2, 4].iter().all(|tick| record.positions[*tick].is_nan()));

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use control_proc::{
     commission::{ExperimentOptions, ExperimentRecord, Phase},
-    tuning::{Baseline, LEAST_FIT, is_poor, smith, with_margin},
+    tuning::{Baseline, LEAST_FIT, is_poor, smith, softest, with_margin},
 };
 use pipeline::{
     channel::{Prefix, remove_leftovers},
@@ -221,7 +221,9 @@ pub fn tuned(machine: &Machine, index: usize, model: &Commissioned) -> Option<Co
     let baseline = if is_near { Baseline::Feedforward } else { Baseline::DeadBand };
     let control = baseline.tuned(index, &axis, period)?;
     let law = if is_near { smith(index, &axis, &control, period) } else { None };
-    Some(with_margin(&Control { law: law.map_or(Law::Predictive, Law::Smith), ..control }, model, period))
+    let control = Control { law: law.map_or(Law::Predictive, Law::Smith), ..control };
+    let softest = machine.mechanism.map(|_| softest(model));
+    Some(with_margin(&control, softest.as_ref().unwrap_or(model), period))
 }
 
 /// The command to type next.

@@ -198,11 +198,14 @@ impl Search<'_> {
         let with = self.refined(without, FIRST_STEPS);
         let stiff = if with.cost < CLEARLY_BETTER * without.cost { with } else { without };
         let mut start = stiff;
-        (start.at[5], start.at[6]) = (FIRST_PERIOD, FIRST_DAMPING);
+        // A swing that was seen is one that the model has.
+        let seen = self.fitted.record.swing;
+        let (period, better) = if seen > 0.0 { (seen, f64::INFINITY) } else { (FIRST_PERIOD, CLEARLY_BETTER) };
+        (start.at[5], start.at[6]) = (period, FIRST_DAMPING);
         let mut steps = first_steps(&stiff);
-        (steps[5], steps[6]) = (0.2 * FIRST_PERIOD, 0.5 * FIRST_DAMPING);
+        (steps[5], steps[6]) = (0.2 * period, 0.5 * FIRST_DAMPING);
         let sprung = self.refined(self.refined(start, steps), steps);
-        Ok(if sprung.cost < CLEARLY_BETTER * stiff.cost { sprung } else { stiff })
+        Ok(if sprung.cost < better * stiff.cost { sprung } else { stiff })
     }
 
     /// The best point of a search from `start` with these first steps.

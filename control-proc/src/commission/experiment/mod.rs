@@ -17,6 +17,7 @@
 //! strokes  towards the middle of the window, from rest to rest; level l' where sqrt(v) reaches sqrt(0.9 v_max) on the
 //!          line through the last two strokes, l' - l_0 <= 3 (l - l_0)
 //! random   steps of random level and length, while  low <= y -+ rest(k) <= high
+//! shaken   after a stroke by which a fast valve has shaken its load, commands rise within a period of its swing
 //! end      neutral until the axis stands
 //! ```
 //!
@@ -24,8 +25,10 @@
 //! axis, y position m, low and high ends of the window m, rest(k) way that is under way m ([`direction`]). A speed
 //! curve that is less than quadratic above l_0 does not exceed the bound.
 //!
-//! Trap: an encoder that is stuck from the beginning looks like a valve that does not open. So the pulses are short, go
-//! both ways, and end at [`PULSE_LIMIT`].
+//! Traps: an encoder that is stuck from the beginning looks like a valve that does not open. So the pulses are short,
+//! go both ways, and end at [`PULSE_LIMIT`]. And a load that a step has shaken lets in less oil while it swings towards
+//! the pump: speeds would be found too low. A ramp of one period of the swing shakes it little (N. Singer and
+//! W. Seering, Preshaping Command Inputs to Reduce System Vibration, 1990).
 //!
 //! Runs once per sample: nothing here allocates after construction.
 
@@ -83,6 +86,13 @@ const UNKNOWN_REACTION: f64 = 1.0;
 const CREEP_TIME: f64 = 20.0;
 /// Time without motion after which the axis stands, s.
 const STANDING_TIME: f64 = 0.1;
+/// Lowest level of the random steps, as part of the level that moved the axis: the dead band has to be in the data too.
+const LOWEST_LEVEL: f64 = 0.7;
+/// Part of the way of a stroke by which a load that swings comes back, and its longest period, s.
+const SWUNG: f64 = 0.03;
+const LONGEST_SWING: f64 = 0.6;
+/// Reaction of the axis, in periods of its swing, up to which its valve shakes it.
+pub const FAST_VALVE: f64 = 0.4;
 /// Time for which the random steps have to last at least, s.
 const LEAST_RANDOM: f64 = 8.0;
 
@@ -157,6 +167,7 @@ impl Experiment {
             random: Random::new(options.seed),
             record: ExperimentRecord {
                 period: seconds,
+                swing: 0.0,
                 commands: Vec::with_capacity(total + 1),
                 positions: Vec::with_capacity(total + 1),
             },
@@ -251,7 +262,11 @@ impl Experiment {
         }
         // The rate limit counts from neutral where the direction changes: neutral is allowed at once.
         let last = self.watch.command();
-        Ok(if wanted == 0.0 { 0.0 } else { self.limits.apply(wanted, if wanted * last < 0.0 { 0.0 } else { last }) })
+        let last = if wanted * last < 0.0 { 0.0 } else { last };
+        let reached = last.abs().max(self.closed(side_of(wanted)));
+        let ramp = self.step.ramp;
+        let opening = if ramp.is_finite() { wanted.abs().clamp(reached - ramp, reached + ramp) } else { wanted.abs() };
+        Ok(if wanted == 0.0 { 0.0 } else { self.limits.apply(opening.copysign(wanted), last) })
     }
 
     /// The command when no time is left but for coming to rest.
@@ -272,7 +287,7 @@ impl Experiment {
 
     /// Chooses the speed that strokes aim at, by the window and the reaction that is known.
     fn choose_aim(&mut self) -> Result<(), Abort> {
-        let time = self.found.reaction as f64 * self.record.period + strokes::STROKE_TIME;
+        let time = (self.found.reaction + self.rise()) as f64 * self.record.period + strokes::STROKE_TIME;
         self.window.choose_aim(time, self.found.clear)
     }
 
@@ -342,6 +357,34 @@ impl Experiment {
     fn learn_start(&mut self) {
         let longest = self.ticks(MEMORY) - self.ticks(AFTER_REACTION);
         self.found.start = self.found.start.max(self.step.moved_at.unwrap_or(0)).min(longest);
+    }
+
+    /// Takes in how a load swung back after this stroke, which moved in the direction in place `side`.
+    fn learn_swing(&mut self, side: usize) {
+        let (from, back, farthest) = (self.step.from, self.step.reached.back, self.step.farthest(side));
+        let (way, swung) = ((farthest.position - from).abs(), (farthest.position - back.position).abs());
+        let period = 2 * (back.at - farthest.at);
+        let is_shaken = self.found.reaction as f64 <= FAST_VALVE * period as f64;
+        if swung > self.found.clear.max(SWUNG * way) && is_shaken && period <= self.ticks(LONGEST_SWING) {
+            self.record.swing = self.record.swing.max(period as f64 * self.record.period);
+        }
+    }
+
+    /// A level at which the valve of the direction in place `side` is about to open.
+    fn closed(&self, side: usize) -> f64 {
+        LOWEST_LEVEL * self.found.directions[side].moving
+    }
+
+    /// The change of the command from tick to tick by which the valve gets to the level `wanted` of the direction in
+    /// place `side` within a period of the swing.
+    fn ramp(&self, side: usize, wanted: f64) -> f64 {
+        let last = (self.watch.command() * signed(side, 1.0)).max(self.closed(side));
+        if self.rise() == 0 { f64::INFINITY } else { (wanted - last).abs() / self.rise() as f64 }
+    }
+
+    /// Ticks in which a command rises to its level.
+    fn rise(&self) -> usize {
+        (self.record.swing / self.record.period).round() as usize
     }
 
     /// Whether the axis would leave the window if it were commanded so once more and then neutral.

@@ -35,7 +35,7 @@ impl Experiment {
                 self.step = Step::begin(position, 0.0, 0);
                 return Ok(0.0);
             }
-            let noise = self.step.highest.position - self.step.lowest.position;
+            let noise = self.step.reached.highest.position - self.step.reached.lowest.position;
             self.found.clear = self.found.clear.max(CLEAR_NOISE * noise);
             self.found.quiet = self.found.quiet.max(QUIET_NOISE * noise);
             self.watch.widen_band(noise);
@@ -111,7 +111,7 @@ impl Experiment {
     /// Takes in how the axis creeps. Where a coarse encoder makes a clear motion long, not after pulses that have moved
     /// the axis: that motion is not its own, and the next step would see the opposite one where there is none.
     fn learn_drift(&mut self, position: f64) {
-        let is_stirred = self.step.highest.position - self.step.lowest.position > self.found.quiet;
+        let is_stirred = self.step.reached.highest.position - self.step.reached.lowest.position > self.found.quiet;
         if self.found.clear <= CLEAR || !is_stirred {
             self.found.drift = self.drift(position);
         }
@@ -119,9 +119,9 @@ impl Experiment {
 
     /// Which of the searched directions have moved in this step.
     fn moved(&self, searched: [bool; 2]) -> [bool; 2] {
-        let rise = self.step.highest.position - self.step.from;
+        let rise = self.step.reached.highest.position - self.step.from;
         let clear = self.found.clear;
-        [searched[0] && rise > clear, searched[1] && self.step.fall > clear.max(SWING * rise)]
+        [searched[0] && rise > clear, searched[1] && self.step.reached.fall > clear.max(SWING * rise)]
     }
 
     /// Notes which of the searched directions have moved. Returns whether one has.

@@ -2,8 +2,6 @@
 
 use super::{Experiment, signed, step::Step};
 
-/// Lowest level, as part of the level that moved the axis: the dead band has to be in the data too.
-const LOWEST_LEVEL: f64 = 0.7;
 /// Part of the steps that are neutral.
 const NEUTRAL_PART: f64 = 0.1;
 /// Shortest step, s.
@@ -35,12 +33,12 @@ impl Experiment {
     fn choose(&mut self, position: f64, side: usize) {
         self.learn_start();
         let direction = &self.found.directions[side];
-        let low = LOWEST_LEVEL * direction.moving;
+        let low = self.closed(side);
         let high = direction.last().map_or(direction.moving, |stroke| stroke.level);
         let is_neutral = self.random.uniform() < NEUTRAL_PART;
         let level = if is_neutral { 0.0 } else { low + (high - low) * self.random.uniform() };
         let seconds = SHORTEST + LENGTH_RANGE * self.random.uniform();
-        let length = self.ticks(seconds);
-        self.step = Step::begin(position, signed(side, level), length);
+        let length = self.ticks(seconds) + self.rise();
+        self.step = Step { ramp: self.ramp(side, level), ..Step::begin(position, signed(side, level), length) };
     }
 }

@@ -9,6 +9,19 @@ pub(super) struct Extreme {
     pub at: usize,
 }
 
+/// Where the axis has been in a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Reached {
+    /// Lowest position.
+    pub lowest: Extreme,
+    /// Highest position.
+    pub highest: Extreme,
+    /// Largest fall from the highest position, m.
+    pub fall: f64,
+    /// The farthest that the axis has come back since it was farthest in the direction of the command.
+    pub back: Extreme,
+}
+
 /// One pulse pair, stroke or random step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Step {
@@ -16,12 +29,8 @@ pub(super) struct Step {
     pub ticks: usize,
     /// Position at the beginning, m.
     pub from: f64,
-    /// Lowest position since.
-    pub lowest: Extreme,
-    /// Highest position since.
-    pub highest: Extreme,
-    /// Largest fall from the highest position, m.
-    pub fall: f64,
+    /// Where the axis has been since.
+    pub reached: Reached,
     /// Range of the positions before the step, m, of a load that still swings.
     pub swing: f64,
     /// Tick at which the motion in the direction of the command became clear.
@@ -34,6 +43,8 @@ pub(super) struct Step {
     pub peak: f64,
     /// The command of the step.
     pub wanted: f64,
+    /// Largest change of the command from tick to tick.
+    pub ramp: f64,
     /// Ticks for which it is commanded.
     pub length: usize,
 }
@@ -41,25 +52,25 @@ pub(super) struct Step {
 impl Step {
     /// Begins at the position `from` (m).
     pub const fn begin(from: f64, wanted: f64, length: usize) -> Self {
+        let start = Extreme { position: from, at: 0 };
         Self {
             ticks: 0,
             from,
-            lowest: Extreme { position: from, at: 0 },
-            highest: Extreme { position: from, at: 0 },
-            fall: 0.0,
+            reached: Reached { lowest: start, highest: start, fall: 0.0, back: start },
             swing: 0.0,
             moved_at: None,
             neutral_at: None,
             last_motion: 0,
             peak: 0.0,
             wanted,
+            ramp: f64::INFINITY,
             length,
         }
     }
 
     /// The farthest position in the direction in place `side`.
     pub fn farthest(&self, side: usize) -> Extreme {
-        if side == 0 { self.highest } else { self.lowest }
+        if side == 0 { self.reached.highest } else { self.reached.lowest }
     }
 
     /// Takes in the position (m) and the speed (m/s) of a tick. Motion is clear from `clear` m on. The way that an axis
@@ -68,15 +79,21 @@ impl Step {
         self.ticks += 1;
         let position = position - drift * self.ticks as f64;
         let here = Extreme { position, at: self.ticks };
-        if position < self.lowest.position {
-            self.lowest = here;
+        let sign = self.wanted.signum();
+        let reached = &mut self.reached;
+        if position < reached.lowest.position {
+            reached.lowest = here;
         }
-        if position > self.highest.position {
-            self.highest = here;
+        if position > reached.highest.position {
+            reached.highest = here;
         }
-        self.fall = self.fall.max(self.highest.position - position);
-        self.peak = self.peak.max(speed * self.wanted.signum());
-        if self.moved_at.is_none() && (position - self.from) * self.wanted.signum() > clear + self.swing {
+        reached.fall = reached.fall.max(reached.highest.position - position);
+        let farthest = if sign > 0.0 { reached.highest } else { reached.lowest };
+        if farthest == here || (reached.back.position - position) * sign > 0.0 {
+            reached.back = here;
+        }
+        self.peak = self.peak.max(speed * sign);
+        if self.moved_at.is_none() && (position - self.from) * sign > clear + self.swing {
             self.moved_at = Some(self.ticks);
         }
         if !is_quiet {

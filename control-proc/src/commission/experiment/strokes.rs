@@ -47,14 +47,14 @@ impl Experiment {
         };
         let level = level.min(self.limits.magnitude);
         let swing = self.watch.range(self.ticks(SWING_TIME));
-        self.step = Step { swing, ..Step::begin(position, signed(side, level), 0) };
+        self.step = Step { swing, ramp: self.ramp(side, level), ..Step::begin(position, signed(side, level), 0) };
     }
 
     /// A stroke until the axis has moved for its time, and a wait until the axis stands.
     pub(super) fn stroke(&mut self, position: f64) -> Result<f64, Abort> {
         let Step { ticks, wanted, neutral_at, moved_at, .. } = self.step;
         if neutral_at.is_none() {
-            let is_over = moved_at.is_some_and(|moved| ticks >= moved + self.ticks(STROKE_TIME))
+            let is_over = moved_at.is_some_and(|moved| ticks >= moved + self.ticks(STROKE_TIME) + self.rise())
                 || ticks >= self.found.reaction + self.ticks(STROKE_PATIENCE)
                 || self.would_leave(position, wanted);
             if !is_over {
@@ -73,6 +73,7 @@ impl Experiment {
             return self.search_again(side, level, position);
         }
         self.learn_reaction(side);
+        self.learn_swing(side);
         self.choose_aim()?;
         self.found.directions[side].push(level, self.step.peak);
         if self.is_fast_enough(0) && self.is_fast_enough(1) {

@@ -198,7 +198,7 @@ impl Baseline {
 }
 
 /// `control` with as much of the fallback's gains as leaves [`LEAST_GAIN_MARGIN`] at the mean slope of the curve of
-/// `model`, or all where no part does, and with no more than [`MOST_INTEGRAL`] of the integral; `period` in s.
+/// `model`, or all where no part does, and with no more integral than `MOST_INTEGRAL` says; `period` in s.
 pub fn with_margin(control: &Control, model: &Commissioned, period: f64) -> Control {
     let fallback = Control { law: Law::Predictive, ..*control };
     let keeps = |margins: &Margins| margins.gain >= LEAST_GAIN_MARGIN;

@@ -8,6 +8,8 @@ use plotters::{
     prelude::{Color, FontStyle, IntoDrawingArea, IntoFont, RGBAColor, RGBColor, SVGBackend, WHITE},
 };
 
+/// Heights of a chart within which its lines end beyond its frame: a picture has no place for 1e30.
+const FAR: f64 = 100.0;
 /// Name of the font of all pictures. A program that shows an SVG takes a font of its own by this name.
 pub const FONT: &str = "sans-serif";
 /// Colours that colour-blind readers can tell apart (Okabe and Ito), one for each axis that a machine can have.
@@ -170,7 +172,10 @@ impl Chart {
             .bold_line_style(RGBColor(210, 210, 210))
             .max_light_lines(0)
             .draw()?;
+        let far = FAR * (high - low);
+        let near = |&(x, y): &(f64, f64)| (x, if y.is_finite() { y.clamp(low - far, high + far) } else { y });
         for Series { points, colour, mark, .. } in &self.series {
+            let points: Vec<(f64, f64)> = points.iter().map(near).collect();
             let parts = points.split(|point| !point.1.is_finite()).filter(|part| !part.is_empty());
             let all = points.iter().copied().filter(|point| point.1.is_finite());
             match mark {

@@ -147,7 +147,7 @@ pub fn is_stdout(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// Opens the file of `option`, or standard output, for writing.
+/// Opens the file of `option`, or standard output, for writing. A file is emptied when the first byte is written.
 ///
 /// # Errors
 /// The file cannot be created.
@@ -155,9 +155,34 @@ pub fn create(option: &'static str, path: &Path) -> Result<Box<dyn Write>, Outpu
     if is_stdout(path) {
         return Ok(Box::new(io::stdout()));
     }
-    match File::create(path) {
-        Ok(file) => Ok(Box::new(file)),
+    match File::options().write(true).create(true).truncate(false).open(path) {
+        Ok(file) => Ok(Box::new(Kept { file, is_kept: true })),
         Err(source) => Err(OutputError::Create { option, path: path.to_owned(), source }),
+    }
+}
+
+/// A file that keeps what it had until something is written: work that fails takes no earlier result with it.
+struct Kept {
+    file: File,
+    is_kept: bool,
+}
+
+impl Kept {
+    /// Empties the file the first time. A device or a pipe has nothing to empty.
+    fn begin(&mut self) -> io::Result<()> {
+        if std::mem::take(&mut self.is_kept) && self.file.metadata()?.is_file() { self.file.set_len(0) } else { Ok(()) }
+    }
+}
+
+impl Write for Kept {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.begin()?;
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.begin()?;
+        self.file.flush()
     }
 }
 

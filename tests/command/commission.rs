@@ -67,7 +67,7 @@ fn a_scenario_that_is_asked_for_is_named() {
 fn a_poor_model_is_not_the_next_to_run() {
     let folder = tempfile::tempdir().unwrap();
     // The load swings slower than the experiment waits.
-    let output = run(folder.path(), &[&QUICK[..], &["--set", "axis.bucket.plant.mass=300e3"]].concat());
+    let output = run(folder.path(), &[&QUICK[..], &["--set", "axis.bucket.plant.mass=1000e3"]].concat());
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(0), "{said}");
     assert!(said.starts_with("axis.bucket: found a fit of ") && said.lines().count() == 1, "{said}");

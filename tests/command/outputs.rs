@@ -1,8 +1,11 @@
-//! No command writes over a file that it reads.
+//! No command writes over a file that it reads, or empties one that it cannot fill.
 
 use std::{fs, process::Command};
 
-use crate::harness::{cli::expect_refusal, records::simulated};
+use crate::harness::{
+    cli::{expect_refusal, run},
+    records::simulated,
+};
 
 /// Each command with an output in the place of an input, or of another output.
 const CLASHES: [(&str, [&str; 2]); 12] = [
@@ -37,4 +40,27 @@ fn no_output_takes_the_place_of_an_input() {
         }
         assert!(!folder.path().join("new.csv").exists(), "{line}");
     }
+}
+
+/// Regression: a model that could not be written emptied the files of the runs before, and the verdict that says why
+/// was not printed.
+#[test]
+fn a_model_that_has_diverged_leaves_the_one_of_before_and_keeps_back_no_other_output() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = fs::read_to_string(simulated().join("servo_warmup.csv")).unwrap();
+    let mut rows: Vec<String> = text.lines().map(str::to_owned).collect();
+    let row: Vec<&str> = rows[5600].split(',').collect();
+    rows[5600] = format!("{},1e6,{}", row[0], row[2]);
+    fs::write(folder.path().join("r.csv"), rows.join("\n")).unwrap();
+    fs::write(folder.path().join("good.toml"), "a model").unwrap();
+    fs::write(folder.path().join("old.json"), "x".repeat(1_000_000)).unwrap();
+    let line = ["identify", "r.csv", "--model-out", "good.toml", "--json", "old.json", "--report", "new.html"];
+    let output = run(folder.path(), &line);
+    let (printed, said) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("--model-out: found a coefficient that is not finite") && printed.starts_with("not usable"));
+    assert_eq!(fs::read_to_string(folder.path().join("good.toml")).unwrap(), "a model");
+    assert!(fs::read_to_string(folder.path().join("new.html")).unwrap().ends_with("</html>\n"));
+    let json = fs::read_to_string(folder.path().join("old.json")).unwrap();
+    assert!(serde_json::from_str::<serde_json::Value>(&json).is_ok(), "{} bytes", json.len());
 }

@@ -45,7 +45,7 @@ impl<'a> Files<'a> {
         })
     }
 
-    /// Writes all of them.
+    /// Writes all of them; a model that cannot be handed over keeps back no other.
     ///
     /// # Errors
     /// One of them cannot be written, or the model has a coefficient that is not finite.
@@ -56,11 +56,10 @@ impl<'a> Files<'a> {
         identifier: &Identifier,
         report: &IdentifyReport<'_>,
     ) -> Result<(), Failure> {
-        if let Some(out) = self.model {
-            out.write(&model(settings, record, identifier, report))?;
-        }
+        let out = self.model.map(|out| out.write(&model(settings, record, identifier, report)));
+        let handed_over = out.unwrap_or(Ok(()));
         if self.csv.is_none() && self.report.is_none() {
-            return Ok(());
+            return handed_over;
         }
         let lists = CoefficientLists::new(&identifier.snapshot().adaptive);
         let refused = |source| {
@@ -75,10 +74,10 @@ impl<'a> Files<'a> {
         });
         let course = course.map_err(refused)?;
         rows.map_or(Ok(()), Rows::finish).map_err(refused)?;
-        match self.report {
-            Some(mut file) => pictures::write(&mut file, (settings, record, identifier), report, (&course, &history)),
-            None => Ok(()),
+        if let Some(mut file) = self.report {
+            pictures::write(&mut file, (settings, record, identifier), report, (&course, &history))?;
         }
+        handed_over
     }
 }
 

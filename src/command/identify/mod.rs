@@ -77,8 +77,9 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), Failure> {
     let comparison = arguments.compare.then(|| compare::compare(&settings, &record));
     let mut report = IdentifyReport::new(&settings, &record, &identifier, &residuals, ns_per_update);
     (report.selection, report.comparison) = (selection, comparison);
-    files.write(&settings, &record, &identifier, &report)?;
-    Ok(output.write(|| report.tables(), &report)?)
+    let written = files.write(&settings, &record, &identifier, &report);
+    output.write(|| report.tables(), &report)?;
+    written
 }
 
 /// The best structure. `progress` shows how far the search is.

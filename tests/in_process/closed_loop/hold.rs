@@ -171,11 +171,11 @@ const MENDED: &str = "the list of known defects has changed: shorten it where an
 /// Axes that are not steady under the model, with the share of the time for which their command is neutral, and their
 /// travel.
 const MODEL_DEFECTS: [&str; 5] = [
-    "dead-band-drift bucket", // 84 %, 0.37 mm
-    "valve-wear arm",         // 77 %, 1.51 mm, 33 reversals
-    "valve-wear bucket",      // 60 %, 1.88 mm, 102 reversals
-    "everything boom",        // 74 %, 0.65 mm
-    "everything bucket",      // 75 %, 0.50 mm
+    "dead-band-drift bucket", // 86 %, 0.43 mm
+    "valve-wear arm",         // 76 %, 1.52 mm, 47 reversals
+    "valve-wear bucket",      // 58 %, 1.96 mm, 110 reversals
+    "everything boom",        // 74 %, 0.69 mm
+    "everything bucket",      // 74 %, 0.52 mm
 ];
 
 /// Axes that are not steady under the fallback.
@@ -189,10 +189,10 @@ fn the_model_is_not_steady_yet_where_the_valve_changes() {
 
 /// Axes that are not steady under the Smith predictor.
 const SMITH_DEFECTS: [&str; 4] = [
-    "valve-wear arm",       // 81 %, 1.56 mm of travel
-    "valve-wear telescope", // 80 %, 1.98 mm of travel
-    "valve-wear bucket",    // 81 %, 2.08 mm of travel
-    "everything boom",      // 90 %, 1.17 mm of travel
+    "valve-wear arm",       // 79 %, 1.42 mm of travel
+    "valve-wear telescope", // 81 %, 2.08 mm of travel
+    "valve-wear bucket",    // 79 %, 2.12 mm of travel
+    "everything boom",      // 90 %, 1.08 mm of travel
 ];
 
 /// A known defect: with worn valves and grown dead bands, axes under the Smith predictor are not steady.

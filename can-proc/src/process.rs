@@ -226,9 +226,8 @@ impl Process {
         let mut reading = EncoderReading { emergency_stop, ..EncoderReading::default() };
         for (i, value) in reading.encoders.iter_mut().enumerate().take(self.targets.len()) {
             if let Some((counts, error)) = self.network.reading(i) {
-                let is_missing = counts.is_none() && error == 0;
                 value.counts = counts.unwrap_or_default();
-                value.error = if is_missing { EncoderValue::NOT_READ } else { error };
+                value.error = if (counts, error) == (None, 0) { EncoderValue::NOT_READ } else { error };
             }
             if let Some([piston, rod]) = self.network.pressures(i) {
                 (value.piston_pressure, value.rod_pressure, value.has_pressures) = (piston, rod, 1);

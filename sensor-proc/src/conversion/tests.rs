@@ -1,7 +1,7 @@
 use super::*;
 use crate::Acquisition;
 use mechanism::Pose;
-use pipeline::message::{EncoderReading, sample_fault};
+use pipeline::message::{EncoderReading, EncoderSample, sample_fault};
 
 /// Angle of a count of the sensors at joints, rad.
 const COUNT: f64 = 1e-4;
@@ -113,19 +113,17 @@ fn a_broken_sensor_takes_the_positions_with_it_that_are_computed_from_it() {
     assert!(good.axes[..4].iter().all(|axis| axis.faults == 0));
     reading.encoders[0].error = 1;
     let broken = acquisition.update(1, Some(&reading));
-    let faults: Vec<u32> = broken.axes[..4].iter().map(|axis| axis.faults).collect();
-    assert_eq!(faults, [sample_fault::ENCODER, sample_fault::ENCODER, 0, 0]);
+    let faults = |sample: &EncoderSample| -> Vec<u32> { sample.axes[..4].iter().map(|axis| axis.faults).collect() };
+    assert_eq!(faults(&broken), [sample_fault::ENCODER, sample_fault::ENCODER, 0, 0]);
     assert_eq!(broken.axes[1].position, good.axes[1].position);
     // A sensor that was not read this time has no error, and neither have those behind it.
     reading.encoders[0].error = EncoderValue::NOT_READ;
     let missing = acquisition.update(2, Some(&reading));
-    let faults: Vec<u32> = missing.axes[..4].iter().map(|axis| axis.faults).collect();
-    assert_eq!(faults, [sample_fault::STALE, sample_fault::STALE, 0, 0]);
+    assert_eq!(faults(&missing), [sample_fault::STALE, sample_fault::STALE, 0, 0]);
     // One that is not read behind one that is broken is broken.
     (reading.encoders[0].error, reading.encoders[1].error) = (1, EncoderValue::NOT_READ);
     let both = acquisition.update(3, Some(&reading));
-    let faults: Vec<u32> = both.axes[..4].iter().map(|axis| axis.faults).collect();
-    assert_eq!(faults, [sample_fault::ENCODER, sample_fault::ENCODER, 0, 0]);
+    assert_eq!(faults(&both), [sample_fault::ENCODER, sample_fault::ENCODER, 0, 0]);
 }
 
 #[test]

@@ -160,12 +160,12 @@ impl SourceWatch {
     fn tell_devices(&mut self, last: &EncoderReading) -> Option<String> {
         let (mut told, mut is_fault) = (Vec::new(), false);
         for ((name, word), value) in self.devices.iter_mut().zip(&last.encoders) {
-            let fault = can::device::Fault::of(value.error);
             // A position that does not come once is counted on the bus; that none comes is told.
             if value.error == *word || value.error == EncoderValue::NOT_READ {
                 continue;
             }
             *word = value.error;
+            let fault = can::device::Fault::of(value.error);
             is_fault |= fault.is_some();
             told.push(fault.map_or_else(|| format!("axis.{name}: well"), |fault| format!("axis.{name}: {fault}")));
         }

@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use can::{
-    MAX_DATA,
+    MAX_FD_DATA,
     device::Pattern,
     frames::{Message, Signal},
 };
@@ -38,7 +38,7 @@ impl Uses {
     /// # Errors
     /// The message is both sent and received, or some of these bits have another meaning.
     pub fn add(&mut self, key: &str, message: &Message, signal: Signal, is_sent: bool) -> Result<(), WiringError> {
-        let id = (message.id, message.is_extended);
+        let id = (message.layout.id, message.layout.is_extended);
         let entry = self.0.entry(message.name.clone()).or_insert(Use { id, is_sent, parts: Vec::new() });
         if entry.is_sent != is_sent {
             let allowed = "a message that is either sent or received";
@@ -75,7 +75,7 @@ impl Uses {
             }
         }
         let data = states.map(|state| {
-            let mut data = [0; MAX_DATA];
+            let mut data = [0; MAX_FD_DATA];
             state.iter().for_each(|(signal, value)| signal.put(*value, &mut data));
             data
         });

@@ -10,6 +10,7 @@
 //! | `wiring` | the devices of a machine file |
 //! | `error` | what can be wrong with them |
 //! | `messages` | its messages that are no CANopen |
+//! | `range` | whether a position has numbers for all places of its axis |
 //! | `process` | the stage: bus, channels, time |
 //!
 //! What a device is told and when it is at fault is in the crate `can`.
@@ -21,8 +22,9 @@ mod error;
 mod judge;
 mod messages;
 pub mod process;
+mod range;
 mod wiring;
 
 pub use error::WiringError;
 pub use messages::database;
-pub use wiring::{bus_address, network, number, position_object, step};
+pub use wiring::{bit_rates, bus_address, network, number, position_object, step};

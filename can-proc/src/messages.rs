@@ -3,13 +3,13 @@
 use std::{collections::BTreeMap, f64::consts::TAU};
 
 use can::{
+    bus::Address,
     device::{AxisFrames, FrameDrive, FrameDriveSettings, Frames, Pattern, Receiver, SetPoint, SignalPosition, Source},
-    frames::{Checksum, Database, Guard, Message, NamedSignal, Signal},
+    frames::{Checksum, Database, Guard, Layout, Message, NamedSignal, Signal},
 };
-use mechanism::AXES;
 use pipeline::machine::{Axis, CanBus, CanMessage, CanSignals, ChecksumKind, LEAST_SET_POINT, Machine};
 
-use crate::{error::WiringError, judge::Uses};
+use crate::{error::WiringError, judge::Uses, range::Counted};
 
 /// Pa of a unit of pressure.
 const PRESSURES: [(&str, f64); 5] = [("Pa", 1.0), ("kPa", 1e3), ("bar", 1e5), ("MPa", 1e6), ("psi", 6_894.757_293)];
@@ -45,9 +45,12 @@ pub fn frames(machine: &Machine, bus: &CanBus) -> Result<Frames, WiringError> {
             expect_own(&machine.axes[..i], &key("position"), name)?;
             expect_scale(axis, &key("position"), &wiring.signal(&key("position"), name)?.1)?;
             let source = wiring.source(&key("position"), name)?;
-            let position = SignalPosition { source, is_reversed, zero };
-            expect_range((machine, i), &key("position"), name, &position)?;
-            own.position = Some(position);
+            if let Some((number, at)) = (Counted { signal: &source.1, is_reversed, zero }).lacking(machine, i) {
+                let allowed = "a signal with numbers for both soft limits, or another zero";
+                let found = format!("found {name}, which has no {number} for {at}");
+                return Err(WiringError::Text(format!("{}: {found}; allowed: {allowed}", key("position"))));
+            }
+            own.position = Some(SignalPosition { source, is_reversed, zero });
         }
         if let Some([piston, rod]) = &signals.pressures {
             let piston = wiring.pressure(&key("piston_pressure"), piston)?;
@@ -95,7 +98,8 @@ pub fn database(bus: &CanBus) -> Result<Database, WiringError> {
         };
         let signals = message.signals.iter().map(|text| named(text, message.length).map_err(|error| wrong(&error)));
         let signals = signals.collect::<Result<_, _>>()?;
-        let found = Message { name: message.name.clone(), id, is_extended, length: message.length, signals };
+        let layout = Layout { id, is_extended, length: message.length, is_flexible: message.is_flexible };
+        let found = Message { name: message.name.clone(), layout, signals };
         database.add(found).map_err(|error| wrong(&error))?;
     }
     Ok(database)
@@ -142,8 +146,8 @@ impl Wiring<'_> {
             ChecksumKind::Sum => Checksum::Sum,
             ChecksumKind::Crc8J1850 => Checksum::Crc8J1850,
         };
-        if let Some(byte) = said.checksum.filter(|byte| *byte >= message.length) {
-            return Err(wrong(format!("checksum: found byte {byte}; allowed: 0 to {}", message.length - 1)));
+        if let Some(byte) = said.checksum.filter(|byte| *byte >= message.layout.length) {
+            return Err(wrong(format!("checksum: found byte {byte}; allowed: 0 to {}", message.layout.length - 1)));
         }
         Ok(Guard { counter, checksum: said.checksum.map(|byte| (byte, kind)) })
     }
@@ -156,12 +160,14 @@ impl Wiring<'_> {
         self.uses.guarded(message, &own, states)
     }
 
-    /// Refuses messages that contradict each other.
+    /// Refuses messages that contradict each other or the bus.
     fn expect_sound(&self) -> Result<(), WiringError> {
         for name in self.places.keys() {
             let message = self.database.message(name).map_err(|error| WiringError::Text(error.to_string()))?;
             self.expect_guarded(message, &[&Pattern::new(); 3])?;
+            self.expect_carried(message)?;
         }
+        self.frames.drives.iter().try_for_each(|drive| self.expect_carried(&drive.settings().message))?;
         for said in &self.bus.messages {
             let is_received = self.places.contains_key(&said.name);
             let is_sent = self.frames.drives.iter().any(|drive| drive.settings().message.name == said.name);
@@ -180,6 +186,19 @@ impl Wiring<'_> {
         self.uses.expect_identifiers(self.machine)
     }
 
+    /// Refuses a message of CAN FD at an adapter.
+    fn expect_carried(&self, message: &Message) -> Result<(), WiringError> {
+        let interface = &self.bus.interface;
+        if !message.layout.is_flexible || !matches!(interface.parse(), Ok(Address::Serial(_))) {
+            return Ok(());
+        }
+        Err(WiringError::Text(format!(
+            "can.interface: found \"{interface}\", and message \"{}\" is of CAN FD, which slcan does not have; allowed: \
+             an interface of the kernel with CAN FD, such as can0",
+            message.name
+        )))
+    }
+
     /// A signal that is received.
     fn source(&mut self, key: &str, name: &str) -> Result<Source, WiringError> {
         let (message, signal) = self.signal(key, name)?;
@@ -188,7 +207,7 @@ impl Wiring<'_> {
             return Ok((*place, signal.signal));
         }
         let timeout = self.said(&message).and_then(|said| said.timeout).unwrap_or(self.machine.timing.feedback_timeout);
-        let receiver = Receiver::new(&message, self.guard(&message)?, timeout.as_nanos() as u64);
+        let receiver = Receiver::new(message.layout, self.guard(&message)?, timeout.as_nanos() as u64);
         let place = self.frames.receivers.len();
         self.frames.receivers.push(receiver);
         self.places.insert(message.name, place);
@@ -294,49 +313,6 @@ fn expect_own(before: &[Axis], key: &str, name: &str) -> Result<(), WiringError>
     let Some(other) = before.iter().find(has) else { return Ok(()) };
     let allowed = "a position of its own for every axis";
     Err(WiringError::Text(format!("{key}: found {name}, the position of axis.{}; allowed: {allowed}", other.name)))
-}
-
-/// Number that a signal would need at a soft limit of a cylinder and cannot say, and this limit, m.
-pub fn lacking_limit(axis: &Axis, signal: &Signal, is_reversed: bool, zero: i64) -> Option<(f64, f64)> {
-    let sign = if is_reversed { -1.0 } else { 1.0 };
-    let number = |limit: f64| zero as f64 + sign * (limit / axis.encoder.resolution).round();
-    let numbers = <[f64; 2]>::from(axis.soft_limits).map(|limit| (number(limit), limit));
-    numbers.into_iter().find(|(number, _)| !signal.has(*number))
-}
-
-/// Refuses a position that the signal cannot say at the soft limits: of a cylinder at its own, of a sensor at a joint
-/// with all cylinders that move the joint at theirs.
-fn expect_range(
-    (machine, i): (&Machine, usize),
-    key: &str,
-    name: &str,
-    position: &SignalPosition,
-) -> Result<(), WiringError> {
-    let axis = &machine.axes[i];
-    let sign = if position.is_reversed { -1.0 } else { 1.0 };
-    let number = |count: f64| position.zero as f64 + sign * count.round();
-    let refused = |number: f64, at: &str| {
-        let allowed = "a signal with numbers for both soft limits, or another zero";
-        Err(WiringError::Text(format!("{key}: found {name}, which has no {number} for {at}; allowed: {allowed}")))
-    };
-    let Some((sensor, mechanism)) = axis.encoder.angle.zip(machine.mechanism) else {
-        let lacking = lacking_limit(axis, &position.source.1, position.is_reversed, position.zero);
-        return lacking.map_or(Ok(()), |(number, limit)| refused(number, &format!("{limit} m")));
-    };
-    let mechanism = mechanism.prepared();
-    for corner in 0..1_u32 << AXES {
-        let limits = std::array::from_fn(|axis| {
-            let (low, high) = machine.axes[axis].soft_limits;
-            if corner >> axis & 1 == 0 { low } else { high }
-        });
-        let angle = sensor.rotation(&mechanism.pose(&limits)).angle();
-        // A sensor may begin its turn anywhere.
-        let numbers = [0.0, -TAU, TAU].map(|turn| number((angle + turn - sensor.zero) / sensor.resolution));
-        if !numbers.iter().any(|number| position.source.1.has(*number)) {
-            return refused(numbers[0], &format!("{angle:.3} rad"));
-        }
-    }
-    Ok(())
 }
 
 /// Refuses a signal with a negative factor, one of another unit than the position, and one whose count has another

@@ -15,7 +15,7 @@
 use std::time::Duration;
 
 use can::{
-    Counters,
+    BitRates, Counters,
     bus::{Address, Bus, BusError, open},
     device::{AxisState, AxisTarget, Demand, Network},
 };
@@ -47,9 +47,9 @@ const START_PATIENCE_NS: u64 = 5_000_000_000;
 pub fn run(machine: &Machine, options: StageOptions) -> Result<(), StageError> {
     let network = wiring::network(machine).map_err(StageError::setup)?;
     let address = wiring::bus_address(machine).map_err(StageError::setup)?;
-    let bit_rate = machine.can.as_ref().map_or(0, |can| can.bit_rate);
-    let bus = open(&address, bit_rate).map_err(StageError::setup)?;
-    let wired = Wired { network, bus, address, bit_rate };
+    let rates = wiring::bit_rates(machine).map_err(StageError::setup)?;
+    let bus = open(&address, rates, network.is_flexible()).map_err(StageError::setup)?;
+    let wired = Wired { network, bus, address, rates };
     run_stage(StageKind::PlantSim, machine, options, |group, _| Process::new(machine, wired, group))
 }
 
@@ -64,7 +64,7 @@ struct Wired {
     network: Network,
     bus: Box<dyn Bus>,
     address: Address,
-    bit_rate: u32,
+    rates: BitRates,
 }
 
 struct Process {
@@ -72,7 +72,7 @@ struct Process {
     /// `None` while it is gone.
     bus: Option<Box<dyn Bus>>,
     address: Address,
-    bit_rate: u32,
+    rates: BitRates,
     /// When it is tried to open the bus again, ns.
     next_try_ns: u64,
     /// What has happened on the bus before it was opened again.
@@ -99,7 +99,7 @@ impl Process {
             network: wired.network,
             bus: Some(wired.bus),
             address: wired.address,
-            bit_rate: wired.bit_rate,
+            rates: wired.rates,
             next_try_ns: 0,
             before: Counters::default(),
             readings: group.publisher()?,
@@ -166,7 +166,7 @@ impl Process {
             Some(Err(error)) => self.lose(&error),
             None if monotonic_ns() < self.next_try_ns => sleep_until(monotonic_ns() + rest.as_nanos() as u64),
             None => {
-                self.bus = open(&self.address, self.bit_rate).ok();
+                self.bus = open(&self.address, self.rates, self.network.is_flexible()).ok();
                 self.next_try_ns = monotonic_ns() + RETRY_NS;
                 if self.bus.is_some() {
                     eprintln!("can-proc: {}: is back", self.address);

@@ -1,11 +1,8 @@
 //! The devices of a machine file.
 
-use crate::{
-    error::WiringError,
-    messages::{frames, lacking_limit},
-};
+use crate::{error::WiringError, messages::frames, range::Counted};
 use can::{
-    Frame, MAX_DATA,
+    BitRates, Frame, MAX_DATA,
     bus::Address,
     canopen::{NodeId, sync},
     device::{AxisDevices, Encoder, EncoderSettings, Network, NodeTiming, PositionObject, Valve, ValveSettings},
@@ -23,6 +20,8 @@ const MILLIDEGREE: f64 = 1e-3;
 /// Bytes of control word and set point of a valve, and of its status.
 const SET_POINT_BYTES: usize = 4;
 const STATUS_BYTES: usize = 2;
+/// What else may be done where a slope of 16 bits does not reach.
+const COARSER: &str = "or a larger angle_resolution, which 6000h has to be";
 /// Least number of SYNC without a position after which an encoder is silent: two may be lost.
 const LEAST_SILENCE: u128 = 3;
 
@@ -38,6 +37,15 @@ pub fn bus_address(machine: &Machine) -> Result<Address, WiringError> {
     bus(machine)?.interface.parse().map_err(|error| WiringError::Address(format!("{error}")))
 }
 
+/// The bit rates of the bus of a machine.
+///
+/// # Errors
+/// The machine has no bus.
+pub fn bit_rates(machine: &Machine) -> Result<BitRates, WiringError> {
+    let bus = bus(machine)?;
+    Ok(BitRates { bus: bus.bit_rate, data: bus.data_bit_rate })
+}
+
 /// All devices of a machine, which have not been heard yet.
 ///
 /// # Errors
@@ -50,7 +58,7 @@ pub fn network(machine: &Machine) -> Result<Network, WiringError> {
     let silent_after = machine.timing.feedback_timeout.as_nanos().div_ceil(bus.sync.as_nanos().max(1));
     let silent_after = silent_after.clamp(LEAST_SILENCE, u128::from(u32::MAX)) as u32;
     let shared = Shared { timing, silent_after, timeout_ms: has_valves.then_some(timeout_ms) };
-    let devices = machine.axes.iter().map(|axis| devices(axis, &shared));
+    let devices = (0..machine.axes.len()).map(|place| devices(machine, place, &shared));
     let devices = devices.collect::<Result<_, _>>()?;
     expect_room(machine, bus)?;
     Ok(Network::with_frames(devices, frames(machine, bus)?))
@@ -59,7 +67,7 @@ pub fn network(machine: &Machine) -> Result<Network, WiringError> {
 /// Refuses a bit rate at which what is sent with every SYNC does not fit, even without stuff bits: the SYNC, positions,
 /// set points, and states of the valves.
 fn expect_room(machine: &Machine, bus: &CanBus) -> Result<(), WiringError> {
-    let frame = |bytes: usize| Frame::standard_of(0, [0; MAX_DATA], bytes).wire_bits();
+    let frame = |bytes: usize| Frame::standard_of(0, [0; MAX_DATA], bytes).wire_bits().0;
     let bits = |wired: &CanDevices| {
         let position = wired.encoder.map(|_| frame(usize::from(position_object(wired).mapped().bits) / 8));
         let has_valve = wired.valve.is_some() && machine.drive.is_real();
@@ -67,7 +75,7 @@ fn expect_room(machine: &Machine, bus: &CanBus) -> Result<(), WiringError> {
         position.unwrap_or_default() + valve.unwrap_or_default()
     };
     let of_nodes: u32 = machine.axes.iter().filter_map(|axis| axis.can.as_ref().map(bits)).sum();
-    let needed = f64::from(sync().wire_bits() + of_nodes) / bus.sync.as_secs_f64();
+    let needed = f64::from(sync().wire_bits().0 + of_nodes) / bus.sync.as_secs_f64();
     if of_nodes == 0 || needed <= f64::from(bus.bit_rate) {
         return Ok(());
     }
@@ -96,7 +104,8 @@ struct Shared {
 }
 
 /// Devices of one axis.
-fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
+fn devices(machine: &Machine, place: usize, shared: &Shared) -> Result<AxisDevices, WiringError> {
+    let axis = &machine.axes[place];
     let timing = shared.timing;
     let name = || axis.name.clone();
     let missing = || WiringError::Missing(format!("axis.{}.can", axis.name));
@@ -114,8 +123,8 @@ fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
         step: step(axis),
         silent_after: shared.silent_after,
     };
-    if wired.encoder.is_some() && axis.encoder.angle.is_none() {
-        expect_range(axis, wired)?;
+    if wired.encoder.is_some() {
+        expect_range(machine, place, wired)?;
     }
     let encoder = match (wired.encoder, &wired.signals.position) {
         (Some(found), _) => Some(Encoder::new(encoder_settings(node(found)?), timing).map_err(failed)?),
@@ -135,18 +144,24 @@ fn devices(axis: &Axis, shared: &Shared) -> Result<AxisDevices, WiringError> {
     Ok(AxisDevices { encoder, valve: Some(Valve::new(settings, timing).map_err(failed)?) })
 }
 
-/// Refuses an encoder at the cylinder whose position cannot say where the soft limits are.
-fn expect_range(axis: &Axis, wired: &CanDevices) -> Result<(), WiringError> {
+/// Refuses an encoder or inclinometer whose position cannot say where the soft limits are.
+fn expect_range(machine: &Machine, place: usize, wired: &CanDevices) -> Result<(), WiringError> {
+    let axis = &machine.axes[place].name;
     let bits = u64::from(position_object(wired).mapped().bits);
-    let kind = (false, wired.is_signed);
-    let signal = Signal::new((0, bits), kind, (1.0, 0.0), MAX_DATA as u8)
-        .map_err(|error| WiringError::Text(format!("axis.{}.can: {error}", axis.name)))?;
-    let Some((position, limit)) = lacking_limit(axis, &signal, wired.is_reversed, wired.zero) else { return Ok(()) };
+    let is_slope = matches!(wired.object, CanPosition::Slope(_));
+    let signal = Signal::new((0, bits), (false, wired.is_signed || is_slope), (1.0, 0.0), MAX_DATA as u8)
+        .map_err(|error| WiringError::Text(format!("axis.{axis}.can: {error}")))?;
+    let counted = Counted { signal: &signal, is_reversed: wired.is_reversed, zero: wired.zero };
+    let Some((position, at)) = counted.lacking(machine, place) else { return Ok(()) };
     let (low, high) = signal.range();
+    let (key, found, allowed) = match wired.object {
+        CanPosition::Slope(Slope::Long16) => ("slope", "long16".to_owned(), format!("\"long32\", {COARSER}")),
+        CanPosition::Slope(Slope::Lateral16) => ("slope", "lateral16".to_owned(), format!("\"lateral32\", {COARSER}")),
+        _ => ("zero", wired.zero.to_string(), format!("another zero, or signed = {}", !wired.is_signed)),
+    };
     Err(WiringError::Text(format!(
-        "axis.{}.can.zero: found {}, with which the encoder would be at {position:.0} at {limit} m; allowed: positions \
-         from {low:.0} to {high:.0}, so another zero, or signed = {}",
-        axis.name, wired.zero, !wired.is_signed
+        "axis.{axis}.can.{key}: found {found}, with which the position would be {position:.0} at {at}; allowed: positions \
+         from {low:.0} to {high:.0}, so {allowed}"
     )))
 }
 
@@ -228,11 +243,45 @@ mod tests {
             network(&machine(&settings)).map(|_| ()).map_err(|error| error.to_string())
         };
         let error = said("0", ("axis.arm.can.signed", "false")).unwrap_err();
-        let expected = "axis.arm.can.zero: found 0, with which the encoder would be at -500 at 0.05 m; allowed: ";
+        let expected = "axis.arm.can.zero: found 0, with which the position would be -500 at 0.05 m; allowed: ";
         assert!(error.starts_with(expected), "{error}");
         assert_eq!(said("20000", ("axis.arm.can.signed", "false")), Ok(()));
         assert_eq!(said("0", ("axis.arm.can.signed", "true")), Ok(()));
         assert!(said("9e15", ("axis.arm.can.signed", "true")).is_err());
+    }
+
+    #[test]
+    fn a_slope_that_does_not_reach_all_postures_is_refused() {
+        let said = |resolution: &str, slope: &str| {
+            let mut settings = vec![("source.kind", "can"), ("can.interface", "\"can0\""), ("drive.kind", "none")];
+            let key = format!("\"{slope}\"");
+            settings.push(("axis.arm.can.slope", &key));
+            for (encoder, kind) in [
+                (("axis.boom.can.encoder", "11"), ("axis.boom.encoder.kind", "encoder")),
+                (("axis.arm.can.encoder", "12"), ("axis.arm.encoder.kind", "inclinometer")),
+                (("axis.telescope.can.encoder", "13"), ("axis.telescope.encoder.kind", "encoder")),
+                (("axis.bucket.can.encoder", "14"), ("axis.bucket.encoder.kind", "encoder")),
+            ] {
+                settings.extend([encoder, kind]);
+            }
+            settings.push(("axis.arm.encoder.angle_resolution", resolution));
+            let pairs = settings.into_iter().filter(|(_, value)| *value != "encoder");
+            let pairs: Vec<_> = pairs.map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
+            let excavator = include_str!("../../examples/excavator.toml");
+            let machine = Machine::parse(excavator, "m.toml", Path::new("."), &pairs).unwrap();
+            network(&machine).map(|_| ()).map_err(|error| error.to_string())
+        };
+        // One thousandth of a degree, of which 16 bits reach 32.8 degrees, and one hundredth.
+        let error = said("1.7453292519943296e-5", "long16").unwrap_err();
+        let expected = "axis.arm.can.slope: found long16, with which the position would be ";
+        assert!(
+            error.starts_with(expected)
+                && error.ends_with("\"long32\", or a larger angle_resolution, which 6000h has to be"),
+            "{error}"
+        );
+        assert!(said("1.7453292519943296e-5", "lateral16").unwrap_err().contains("\"lateral32\""));
+        assert_eq!(said("1.7453292519943296e-5", "long32"), Ok(()));
+        assert_eq!(said("1.7453292519943296e-4", "long16"), Ok(()));
     }
 
     #[test]

@@ -21,5 +21,5 @@ mod frame_clock;
 pub mod frames;
 pub mod simulated;
 
-pub use counters::{Counters, Load};
-pub use frame::{Frame, MAX_DATA, Received};
+pub use counters::{BitRates, Counters, Load};
+pub use frame::{FD_LENGTHS, Format, Frame, MAX_DATA, MAX_FD_DATA, Received};

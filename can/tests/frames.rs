@@ -42,8 +42,8 @@ fn frames() -> Frames {
     let database = database();
     let message = |name: &str| database.message(name).unwrap().clone();
     let alive = Guard { counter: Some(signal("Angles.Alive")), checksum: None };
-    let angles = Receiver::new(&message("Angles"), alive, 3 * CYCLE_MS * MS);
-    let state = Receiver::new(&message("State"), Guard::default(), 100 * MS);
+    let angles = Receiver::new(message("Angles").layout, alive, 3 * CYCLE_MS * MS);
+    let state = Receiver::new(message("State").layout, Guard::default(), 100 * MS);
     let set_point = |axis, name, scale| SetPoint {
         axis,
         signal: signal(name),
@@ -105,7 +105,7 @@ struct Machine {
 
 impl Machine {
     fn take(&mut self, frame: &Frame, now_ns: u64) {
-        if frame.raw_id() != database().message("Levers").unwrap().id || self.flaw == Some(Flaw::Deaf) {
+        if frame.raw_id() != database().message("Levers").unwrap().layout.id || self.flaw == Some(Flaw::Deaf) {
             return;
         }
         let guard = Guard { counter: Some(signal("Levers.Alive")), checksum: Some((6, Checksum::Crc8J1850)) };
@@ -132,7 +132,7 @@ impl Machine {
             return frames;
         }
         let frame = |name: &str, data: [u8; 8], length: usize| {
-            let id = embedded_can::ExtendedId::new(database().message(name).unwrap().id).unwrap();
+            let id = embedded_can::ExtendedId::new(database().message(name).unwrap().layout.id).unwrap();
             Frame::new(id, &data[..length]).unwrap()
         };
         if self.flaw != Some(Flaw::MuteAngles) {
@@ -417,7 +417,7 @@ fn an_emergency_stop_that_is_over_before_the_sample_counts() {
 fn set_points_of_somebody_else_stop_the_axes() {
     let mut bench = Bench::ready();
     bench.drive();
-    let id = embedded_can::ExtendedId::new(database().message("Levers").unwrap().id).unwrap();
+    let id = embedded_can::ExtendedId::new(database().message("Levers").unwrap().layout.id).unwrap();
     let foreign = Received { frame: Frame::new(id, &[0; 8]).unwrap(), time_ns: bench.now_ns };
     bench.network.take(&foreign, bench.now_ns);
     bench.run(2);
@@ -478,10 +478,10 @@ fn auxiliary_valve() -> (Network, u32) {
         timeout_ns: 400 * MS,
         period_ns: 100 * MS,
     };
-    let receiver = Receiver::new(database.message("AV0E").unwrap(), Guard::default(), 300 * MS);
+    let receiver = Receiver::new(database.message("AV0E").unwrap().layout, Guard::default(), 300 * MS);
     let frames = Frames { receivers: vec![receiver], drives: vec![FrameDrive::new(settings)], ..Frames::default() };
     let network = Network::with_frames(vec![AxisDevices { encoder: None, valve: None }], frames);
-    (network, database.message("AV0E").unwrap().id)
+    (network, database.message("AV0E").unwrap().layout.id)
 }
 
 #[test]
@@ -527,7 +527,7 @@ proptest! {
         frames in prop::collection::vec((any::<bool>(), any::<[u8; 8]>(), 0_usize..=8), 300)
     ) {
         let mut bench = Bench::ready();
-        let ids = ["Angles", "State"].map(|name| database().message(name).unwrap().id);
+        let ids = ["Angles", "State"].map(|name| database().message(name).unwrap().layout.id);
         for (i, (which, data, length)) in frames.into_iter().enumerate() {
             let id = embedded_can::ExtendedId::new(ids[usize::from(which)]).unwrap();
             let frame = Frame::new(id, &data[..length]).unwrap();

@@ -2,7 +2,7 @@
 
 use can::{
     Frame, MAX_DATA, Received,
-    bus::{Decoded, Decoder, LogLine, MAX_TEXT, encode},
+    bus::{Decoded, Decoder, LogLine, MAX_TEXT, encode, write_line},
     canopen::{
         AbortCode, Dictionary, Emergency, MAX_VALUE, NodeId, Object, SdoClient, SdoEvent, SdoServer, heartbeat_of,
     },
@@ -40,7 +40,13 @@ pub fn candump(data: &[u8]) {
 /// A frame is read as it was written.
 fn expect_same_text(frame: &Frame) {
     let (mut text, mut decoder) = ([0; MAX_TEXT], Decoder::default());
-    let length = encode(frame, &mut text);
+    let Some(length) = encode(frame, &mut text) else {
+        // slcan has no frames of CAN FD.
+        let (mut line, received) = (Vec::new(), Received { frame: *frame, time_ns: 0 });
+        write_line(&mut line, &received, "can0").expect("memory can be written");
+        assert_eq!(LogLine::parse(&String::from_utf8_lossy(&line)), Some(LogLine::Frame(received)));
+        return;
+    };
     let last = text[..length].iter().filter_map(|byte| decoder.take(*byte)).last();
     assert_eq!(last, Some(Decoded::Frame(*frame)));
 }

@@ -6,7 +6,10 @@ use std::{
     process::{Output, Stdio},
 };
 
-use can::bus::{Address, LogLine};
+use can::{
+    BitRates,
+    bus::{Address, LogLine},
+};
 use tempfile::TempDir;
 
 use crate::harness::{
@@ -15,6 +18,8 @@ use crate::harness::{
     cli::expect_refusal,
     hydraxis,
 };
+
+const RATES: BitRates = BitRates { bus: 500_000, data: None };
 
 /// Devices at `bus` of a folder. The encoder of the arm is reversed, and has another zero.
 fn devices() -> (TempDir, Devices) {
@@ -152,7 +157,7 @@ fn a_bus_that_another_program_has_is_refused() {
     let (folder, _devices) = devices();
     let at = folder.path().join("bus");
     let address = Address::Serial(at.clone());
-    let taken = can::bus::open(&address, 500_000).unwrap();
+    let taken = can::bus::open(&address, RATES, false).unwrap();
     for words in [
         &["scan", FOUR_AXES][..],
         &["sdo", "read", FOUR_AXES, "--node", "11", "--object", "1000"],
@@ -186,7 +191,7 @@ fn a_link_of_a_killed_program_is_replaced_and_one_of_a_living_program_is_not() {
     let old = std::fs::read_link(&at).unwrap();
     let devices = Devices::start(&at);
     crate::harness::wait_for("a bus that answers", || {
-        can::bus::open(&Address::Serial(at.clone()), 500_000).ok().map(drop)
+        can::bus::open(&Address::Serial(at.clone()), RATES, false).ok().map(drop)
     });
     devices.end();
     assert!(!at.exists(), "removed, was {}", old.display());

@@ -155,7 +155,7 @@ fn messages_are_written_in_the_machine_file_as_well() {
     let with_own = machine("[axis.boom.can]", &tables).unwrap();
     let database = database(with_own.can.as_ref().unwrap()).unwrap();
     let (message, place) = database.signal("Own.Place").unwrap();
-    assert_eq!((message.id, message.is_extended, place.unit.as_str()), (0x123, false, "m"));
+    assert_eq!((message.layout.id, message.layout.is_extended, place.unit.as_str()), (0x123, false, "m"));
     for (from, to, expected) in [
         ("0|16@1-", "0|40@1-", "can.message \"Own\": signal Place: found bits up to byte 4"),
         ("Place 0|16@1- (1e-4,0) m", "Place", "found \"Place\"; allowed: NAME START|BITS"),
@@ -181,6 +181,55 @@ fn messages_are_written_in_the_machine_file_as_well() {
         let wrong = machine(telescope, &format!("{own}\n{of_own}")).unwrap();
         let said = crate::network(&wrong).unwrap_err().to_string();
         assert!(said.contains(expected), "{said}");
+    }
+}
+
+/// The excavator whose telescope has its position in a message of CAN FD, at this interface.
+fn flexible(interface: &str, message: &str) -> Result<Machine, String> {
+    let own = format!("[[can.message]]\nname = \"Own\"\nid = 0x123\n{message}\n\n[axis.boom.can]");
+    let tables = TABLES.replacen("[axis.boom.can]", &own, 1).replacen("TelescopeState.Length", "Own.Place", 1);
+    machine_of(&tables.replacen("\"can0\"", &format!("\"{interface}\""), 1))
+}
+
+#[test]
+fn a_message_of_can_fd_has_up_to_64_bytes() {
+    let long = "length = 64\nsignals = [\"Place 496|16@1- (1e-4,0) m\"]\nchecksum = 0";
+    let mut network = crate::network(&flexible("can0", long).unwrap()).unwrap();
+    assert!(network.is_flexible());
+    let mut data = [0; 64];
+    (data[62], data[0]) = (77, 77);
+    let id = embedded_can::StandardId::new(0x123).unwrap();
+    network.take(&Received { frame: Frame::flexible(id, true, &data).unwrap(), time_ns: 1000 }, 1000);
+    assert_eq!(network.reading(2).unwrap().0, Some(77));
+    // A frame that is too short, or a classical one, is none of it.
+    data[62] = 78;
+    network.take(&Received { frame: Frame::flexible(id, true, &data[..48]).unwrap(), time_ns: 2000 }, 2000);
+    network.take(&Received { frame: Frame::standard(0x123, [78; 8]), time_ns: 2000 }, 2000);
+    assert_eq!(network.reading(2).unwrap().0, Some(77));
+}
+
+#[test]
+fn can_fd_is_refused_where_it_is_not() {
+    let short = "length = 4\nsignals = [\"Place 0|16@1- (1e-4,0) m\"]";
+    let said = |interface: &str, message: &str| {
+        let machine = flexible(interface, message)?;
+        crate::network(&machine).map(|network| network.is_flexible()).map_err(|error| error.to_string())
+    };
+    assert_eq!(said("can0", &format!("{short}\nfd = true")), Ok(true));
+    assert_eq!(said("can0", short), Ok(false));
+    assert_eq!(said("/dev/ttyACM0", short), Ok(false));
+    for (message, interface, expected) in [
+        (
+            format!("{short}\nfd = true"),
+            "/dev/ttyACM0",
+            "can.interface: found \"/dev/ttyACM0\", and message \"Own\" is of CAN FD, which slcan does not have; allowed",
+        ),
+        (short.replace("length = 4", "length = 12"), "/dev/ttyACM0", "message \"Own\" is of CAN FD"),
+        (short.replace("length = 4", "length = 9"), "can0", "length: found 9; allowed: 1 to 8, 12, 16"),
+        (short.replace("length = 4", "length = 12\nfd = false"), "can0", "fd: found false; allowed: true"),
+    ] {
+        let error = said(interface, &message).unwrap_err();
+        assert!(error.contains(expected), "{error}");
     }
 }
 
@@ -225,7 +274,8 @@ fn identifiers_of_canopen_are_no_messages_where_there_are_nodes() {
     let with_node = machine("position = \"TelescopeState.Length\"", "encoder = 13").unwrap();
     let without = machine("", "").unwrap();
     let refuses = |machine: &Machine, id: u32, is_extended: bool| {
-        let message = Message { name: "Own".to_owned(), id, is_extended, length: 8, signals: Vec::new() };
+        let layout = Layout { id, is_extended, length: 8, is_flexible: false };
+        let message = Message { name: "Own".to_owned(), layout, signals: Vec::new() };
         let mut uses = Uses::default();
         uses.add("own", &message, Signal::byte(0), false).unwrap();
         uses.expect_identifiers(machine).is_err()

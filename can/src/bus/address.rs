@@ -8,6 +8,7 @@
 use std::{fmt, path::PathBuf, str::FromStr};
 
 use super::{Bus, BusError, slcan::SlcanBus, socket::SocketBus};
+use crate::BitRates;
 
 /// Longest name of an interface that the kernel takes.
 const MAX_INTERFACE: usize = 15;
@@ -52,16 +53,25 @@ impl fmt::Display for Address {
     }
 }
 
-/// Opens a bus to send on it. The bit rate, bit/s, is set at an adapter; that of an interface is set by `ip link`
-/// before. One program at a time has the bus.
+/// Opens a bus to send on it. The bit rate is set at an adapter; those of an interface are set by `ip link` before.
+/// Frames of CAN FD are sent with their data at a bit rate of their own where `rates` has one. One program at a time has
+/// the bus.
 ///
 /// # Errors
 /// The kernel has no CAN, there is no such interface or port, it is down, the right is missing, another program has it,
-/// or the adapter does not answer.
-pub fn open(address: &Address, bit_rate: u32) -> Result<Box<dyn Bus>, BusError> {
+/// the adapter does not answer, or CAN FD is needed and not there.
+pub fn open(address: &Address, rates: BitRates, needs_flexible: bool) -> Result<Box<dyn Bus>, BusError> {
+    let bus = opened(address, rates)?;
+    if needs_flexible && !bus.is_flexible() {
+        return Err(BusError::Classical { address: address.to_string() });
+    }
+    Ok(bus)
+}
+
+fn opened(address: &Address, rates: BitRates) -> Result<Box<dyn Bus>, BusError> {
     Ok(match address {
-        Address::Interface(name) => Box::new(SocketBus::open(name)?.claimed(name)?),
-        Address::Serial(path) => Box::new(SlcanBus::open(path, bit_rate)?),
+        Address::Interface(name) => Box::new(SocketBus::open(name, rates.data.is_some())?.claimed(name)?),
+        Address::Serial(path) => Box::new(SlcanBus::open(path, rates.bus)?),
     })
 }
 
@@ -69,10 +79,10 @@ pub fn open(address: &Address, bit_rate: u32) -> Result<Box<dyn Bus>, BusError> 
 ///
 /// # Errors
 /// Those of [`open`]; an interface may be claimed by another program.
-pub fn listen(address: &Address, bit_rate: u32) -> Result<Box<dyn Bus>, BusError> {
+pub fn listen(address: &Address, rates: BitRates) -> Result<Box<dyn Bus>, BusError> {
     match address {
-        Address::Interface(name) => Ok(Box::new(SocketBus::open(name)?)),
-        Address::Serial(_) => open(address, bit_rate),
+        Address::Interface(name) => Ok(Box::new(SocketBus::open(name, rates.data.is_some())?)),
+        Address::Serial(_) => opened(address, rates),
     }
 }
 

@@ -4,18 +4,21 @@
 //! (1436509052.249713) vcan0 044#2A366C2B        (1436509052.449) can0 1CF0A080#R
 //! ```
 //!
-//! Time in s, interface, identifier as 3 or 8 hexadecimal digits, `#`, data or `R` and a length. Error frames
-//! (identifier with the bit 20000000h) and frames of CAN FD (`##`) are passed over and counted.
+//! Time in s, interface, identifier as 3 or 8 hexadecimal digits, `#`, data or `R` and a length. A frame of CAN FD has
+//! `##` and a digit of flags before its data, of which 1 says that these have a bit rate of their own. Error frames
+//! (identifier with the bit 20000000h) are passed over and counted.
 
 use std::{io, time::Duration};
 
 use embedded_can::Frame as _;
 
 use super::{Bus, BusError};
-use crate::{Counters, Frame, MAX_DATA, Received};
+use crate::{Counters, Format, Frame, MAX_FD_DATA, Received};
 
 /// Bit of an error frame in the identifier.
 const ERROR_FRAME: u32 = 0x2000_0000;
+/// Flag of CAN FD: its data have a bit rate of their own.
+const FAST: u32 = 1;
 /// Longest line that is read.
 const MAX_LINE: usize = 256;
 
@@ -26,8 +29,6 @@ pub enum LogLine {
     Frame(Received),
     /// An error frame.
     Error,
-    /// A frame of CAN FD.
-    Fd,
 }
 
 /// A line that is none of a log.
@@ -53,21 +54,23 @@ impl LogLine {
         let (id, data) = frame.split_once('#')?;
         let digits = id.len();
         let raw = (digits == 3 || digits == 8).then(|| u32::from_str_radix(id, 16).ok()).flatten()?;
-        if data.starts_with('#') {
-            return Some(Self::Fd);
-        }
         if digits == 8 && raw & ERROR_FRAME != 0 {
             return Some(Self::Error);
         }
-        let frame = match data.strip_prefix('R') {
-            Some(length) => {
-                let length = if length.is_empty() { 0 } else { length.parse().ok()? };
-                Frame::from_raw(raw, digits == 8, true, length, &[])?
-            }
-            None => {
-                let (bytes, length) = bytes(data)?;
-                Frame::from_raw(raw, digits == 8, false, length, &bytes[..length])?
-            }
+        let frame = if let Some(length) = data.strip_prefix('R') {
+            let length = if length.is_empty() { 0 } else { length.parse().ok()? };
+            Frame::remote(raw, digits == 8, length)?
+        } else {
+            let (format, data) = match data.strip_prefix('#') {
+                None => (Format::Classical, data),
+                Some(rest) => {
+                    let (flags, data) = rest.split_at_checked(1)?;
+                    let is_fast = u32::from_str_radix(flags, 16).ok()? & FAST != 0;
+                    (Format::Flexible { is_fast }, data)
+                }
+            };
+            let (bytes, length) = bytes(data)?;
+            Frame::from_raw(raw, digits == 8, format, &bytes[..length])?
         };
         Some(Self::Frame(Received { frame, time_ns }))
     }
@@ -83,9 +86,9 @@ fn nanoseconds(time: &str) -> Option<u64> {
     seconds.parse::<u64>().ok()?.checked_mul(1_000_000_000)?.checked_add(fraction.parse::<u64>().ok()? * scale)
 }
 
-/// Data of up to 8 bytes, which may be parted by dots.
-fn bytes(text: &str) -> Option<([u8; MAX_DATA], usize)> {
-    let (mut data, mut length, mut high) = ([0; MAX_DATA], 0, None);
+/// Data of up to 64 bytes, which may be parted by dots.
+fn bytes(text: &str) -> Option<([u8; MAX_FD_DATA], usize)> {
+    let (mut data, mut length, mut high) = ([0; MAX_FD_DATA], 0, None);
     for c in text.chars().filter(|c| *c != '.') {
         let digit = c.to_digit(16)? as u8;
         match high.take() {
@@ -115,6 +118,9 @@ pub fn write_line(out: &mut impl io::Write, received: &Received, interface: &str
     if frame.is_remote_frame() {
         return if frame.dlc() == 0 { writeln!(out, "R") } else { writeln!(out, "R{}", frame.dlc()) };
     }
+    if let Format::Flexible { is_fast } = frame.format() {
+        write!(out, "#{}", u32::from(is_fast) * FAST)?;
+    }
     frame.data().iter().try_for_each(|byte| write!(out, "{byte:02X}"))?;
     writeln!(out)
 }
@@ -138,7 +144,6 @@ impl Playback {
             match LogLine::parse(line) {
                 Some(LogLine::Frame(frame)) => frames.push(frame),
                 Some(LogLine::Error) => counters.errors += 1,
-                Some(LogLine::Fd) => counters.malformed += 1,
                 None => return Err(LogError { line: i + 1, found: line.chars().take(60).collect() }),
             }
         }
@@ -161,6 +166,10 @@ impl Bus for Playback {
 
     fn flush(&mut self) -> Result<(), BusError> {
         Ok(())
+    }
+
+    fn is_flexible(&self) -> bool {
+        true
     }
 
     fn wait(&mut self, _: Duration) -> Result<(), BusError> {
@@ -192,9 +201,12 @@ mod tests {
         assert_eq!(first.time_ns, 1_436_509_052_249_713_000);
         let second = playback.receive().unwrap().unwrap().frame;
         assert!(second.is_remote_frame() && second.is_extended() && second.dlc() == 3);
+        let third = playback.receive().unwrap().unwrap().frame;
+        assert_eq!((third.raw_id(), third.data()), (0x123, &[0x00, 0x11][..]));
+        assert_eq!(third.format(), Format::Flexible { is_fast: true });
         assert_eq!(playback.receive().unwrap().unwrap().frame, Frame::standard(0x7FF, []));
         assert!(matches!(playback.receive(), Err(BusError::Ended)));
-        assert_eq!((playback.counters().errors, playback.counters().malformed), (1, 1));
+        assert_eq!((playback.counters().errors, playback.counters().malformed), (1, 0));
         assert!(!playback.send(&first.frame).unwrap());
     }
 
@@ -216,6 +228,9 @@ mod tests {
             "(1.0) can0 FFF#00",
             "(1.0000000001) can0 181#00",
             "(1.0) can0 181#R9",
+            "(1.0) can0 181##",
+            "(1.0) can0 181##g00",
+            "(1.0) can0 181##1001122334455667788",
         ] {
             assert_eq!(LogLine::parse(wrong), None, "{wrong}");
         }
@@ -227,10 +242,13 @@ mod tests {
             raw in 0_u32..0x2000_0000,
             is_extended: bool,
             us in 0_u64..1 << 50,
-            data in prop::collection::vec(0_u8.., 0..=8)
+            format in prop::sample::select(vec![
+                Format::Classical, Format::Flexible { is_fast: false }, Format::Flexible { is_fast: true }
+            ]),
+            data in prop::collection::vec(0_u8.., 0..=64)
         ) {
             let raw = if is_extended { raw } else { raw & 0x7FF };
-            let frame = Frame::from_raw(raw, is_extended, false, data.len(), &data).unwrap();
+            let Some(frame) = Frame::from_raw(raw, is_extended, format, &data) else { return Ok(()) };
             let received = Received { frame, time_ns: us * 1000 };
             let mut line = Vec::new();
             write_line(&mut line, &received, "can0").unwrap();

@@ -61,6 +61,10 @@ impl Bus for MemoryBus {
         Ok(())
     }
 
+    fn is_flexible(&self) -> bool {
+        true
+    }
+
     fn wait(&mut self, longest: Duration) -> Result<(), BusError> {
         let until = Instant::now() + longest;
         while self.inward.lock().unwrap_or_else(PoisonError::into_inner).is_empty() && Instant::now() < until {

@@ -51,6 +51,9 @@ pub trait Bus {
     /// The adapter is gone or the interface is down.
     fn flush(&mut self) -> Result<(), BusError>;
 
+    /// Whether it can send frames of CAN FD.
+    fn is_flexible(&self) -> bool;
+
     /// Waits until there is something to receive, for `longest` at most.
     ///
     /// # Errors
@@ -75,6 +78,15 @@ pub enum BusError {
         /// What the kernel said.
         #[source]
         source: io::Error,
+    },
+    /// Messages are of CAN FD, and the bus has none.
+    #[error(
+        "{address}: has no CAN FD, of which messages of the machine file are; allowed: an interface with it, set up at \
+         its bit rates as by: ip link set can0 up type can bitrate 500000 dbitrate 2000000 fd on"
+    )]
+    Classical {
+        /// What was opened.
+        address: String,
     },
     /// The adapter is unplugged, or the interface is down.
     #[error("the adapter is gone or the interface is down")]

@@ -26,7 +26,7 @@ use std::{
 use embedded_can::Frame as _;
 
 use super::{Bus, BusError, serial::Port};
-use crate::{Counters, Frame, MAX_DATA, Received, frame_clock::monotonic_ns};
+use crate::{Counters, Format, Frame, MAX_DATA, Received, frame_clock::monotonic_ns};
 
 /// Bit rates that slcan knows, bit/s; the place of each is its digit.
 pub const BIT_RATES: [u32; 9] = [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
@@ -49,13 +49,14 @@ fn bit_rate_digit(bit_rate: u32) -> usize {
     BIT_RATES.iter().rposition(|known| *known <= bit_rate).unwrap_or(0)
 }
 
-/// Writes a frame as text; returns the number of bytes.
-pub fn encode(frame: &Frame, text: &mut [u8; MAX_TEXT]) -> usize {
-    let kind = match (frame.is_extended(), frame.is_remote_frame()) {
-        (false, false) => b't',
-        (true, false) => b'T',
-        (false, true) => b'r',
-        (true, true) => b'R',
+/// Writes a frame as text; returns the number of bytes. `None` of a frame of CAN FD: slcan has none.
+pub fn encode(frame: &Frame, text: &mut [u8; MAX_TEXT]) -> Option<usize> {
+    let kind = match (frame.is_extended(), frame.format()) {
+        (false, Format::Classical) => b't',
+        (true, Format::Classical) => b'T',
+        (false, Format::Remote) => b'r',
+        (true, Format::Remote) => b'R',
+        (_, Format::Flexible { .. }) => return None,
     };
     let digits = if frame.is_extended() { 8 } else { 3 };
     let mut length = 0;
@@ -73,7 +74,7 @@ pub fn encode(frame: &Frame, text: &mut [u8; MAX_TEXT]) -> usize {
         put(digit(*byte));
     }
     put(b'\r');
-    length
+    Some(length)
 }
 
 fn digit(value: u8) -> u8 {
@@ -176,8 +177,7 @@ fn decode_frame(line: &[u8]) -> Option<Frame> {
     let (id, rest) = rest.split_at_checked(if is_extended { 8 } else { 3 })?;
     let (length, rest) = rest.split_first()?;
     let length = value(*length).filter(|length| *length <= MAX_DATA as u32)? as usize;
-    let bytes = if is_remote { 0 } else { length };
-    let (digits, clock) = rest.split_at_checked(2 * bytes)?;
+    let (digits, clock) = rest.split_at_checked(if is_remote { 0 } else { 2 * length })?;
     if !matches!(clock.len(), 0 | 4) || number(clock).is_none() {
         return None;
     }
@@ -185,7 +185,11 @@ fn decode_frame(line: &[u8]) -> Option<Frame> {
     for (byte, pair) in data.iter_mut().zip(digits.chunks_exact(2)) {
         *byte = number(pair)? as u8;
     }
-    Frame::from_raw(number(id)?, is_extended, is_remote, length, &data[..bytes])
+    let id = number(id)?;
+    if is_remote {
+        return Frame::remote(id, is_extended, length);
+    }
+    Frame::from_raw(id, is_extended, Format::Classical, &data[..length])
 }
 
 fn explain(error: &std::io::Error) -> &'static str {
@@ -352,13 +356,14 @@ impl Bus for SlcanBus {
 
     fn send(&mut self, frame: &Frame) -> Result<bool, BusError> {
         let mut text = [0; MAX_TEXT];
-        let length = encode(frame, &mut text);
-        let Some(room) = self.output.get_mut(self.waiting..self.waiting + length) else {
+        let text = encode(frame, &mut text).map(|length| &text[..length]);
+        let room = text.and_then(|text| Some((self.output.get_mut(self.waiting..self.waiting + text.len())?, text)));
+        let Some((room, text)) = room else {
             self.counters.unsent += 1;
             return Ok(false);
         };
-        room.copy_from_slice(&text[..length]);
-        self.waiting += length;
+        room.copy_from_slice(text);
+        self.waiting += text.len();
         self.counters.count_sent(frame);
         Ok(true)
     }
@@ -371,6 +376,10 @@ impl Bus for SlcanBus {
             self.watch(length > 0)?;
         }
         Ok(())
+    }
+
+    fn is_flexible(&self) -> bool {
+        false
     }
 
     fn wait(&mut self, longest: Duration) -> Result<(), BusError> {
@@ -396,7 +405,7 @@ mod tests {
 
     fn text_of(frame: &Frame) -> String {
         let mut text = [0; MAX_TEXT];
-        let length = encode(frame, &mut text);
+        let length = encode(frame, &mut text).unwrap();
         String::from_utf8(text[..length].to_vec()).unwrap()
     }
 
@@ -409,7 +418,7 @@ mod tests {
     fn frames_are_the_lines_of_the_protocol() {
         let frame = Frame::standard(0x100, [0xA0, 0x0B]);
         assert_eq!(text_of(&frame), "t1002A00B\r");
-        let remote = Frame::from_raw(0x1CF0_A080, true, true, 3, &[]).unwrap();
+        let remote = Frame::remote(0x1CF0_A080, true, 3).unwrap();
         assert_eq!(text_of(&remote), "R1CF0A0803\r");
         // With the clock of the adapter, and after its answer to a frame that was sent.
         assert_eq!(lines(b"t1002A00B12AB\rzt1002a00b\r"), [Decoded::Frame(frame); 2]);
@@ -434,8 +443,12 @@ mod tests {
             raw in 0_u32..0x2000_0000, is_extended: bool, is_remote: bool, data in prop::collection::vec(0_u8.., 0..=8)
         ) {
             let raw = if is_extended { raw } else { raw & 0x7FF };
-            let bytes = if is_remote { &[][..] } else { &data };
-            let frame = Frame::from_raw(raw, is_extended, is_remote, data.len(), bytes).unwrap();
+            let frame = if is_remote {
+                Frame::remote(raw, is_extended, data.len())
+            } else {
+                Frame::from_raw(raw, is_extended, Format::Classical, &data)
+            };
+            let frame = frame.unwrap();
             prop_assert_eq!(lines(text_of(&frame).as_bytes()), [Decoded::Frame(frame)]);
         }
 

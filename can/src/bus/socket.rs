@@ -7,8 +7,8 @@
 //! Trap: the kernel sends the frame of a full queue to nobody and says `ENOBUFS`: the frame is counted as unsent. A
 //! controller that goes bus-off says so by an error frame; without `restart-ms` it stays off.
 //!
-//! An interface with flexible data rate (CAN FD) has frames of up to 64 bytes besides. No profile here uses them: CiA
-//! 406, 408 and 410 are of classical CANopen. They are received and counted as malformed, so that none is lost unseen.
+//! Whether an interface has CAN FD is told by the longest frame that it takes (its MTU): 16 bytes with their header, or
+//! 72. One that has none refuses such a frame as if the adapter were gone, so none is handed to it.
 
 use std::{
     fs,
@@ -19,10 +19,10 @@ use std::{
 };
 
 use embedded_can::Frame as _;
-use socketcan::{CanAnyFrame, CanDataFrame, CanFdSocket, CanFrame, CanRemoteFrame, Socket as _, SocketOptions as _};
+use socketcan::{CanAnyFrame, CanDataFrame, CanFdFrame, CanFdSocket, CanRemoteFrame, Socket as _, SocketOptions as _};
 
 use super::{Bus, BusError, Claim, serial::wait_for};
-use crate::{Counters, Frame, Received, frame_clock::monotonic_ns};
+use crate::{Counters, Format, Frame, Received, frame_clock::monotonic_ns};
 
 /// Older than this no frame can be that is still in the queue of the socket.
 const OLDEST: Duration = Duration::from_secs(1);
@@ -36,6 +36,8 @@ const EAFNOSUPPORT: i32 = 97;
 const ENODEV: i32 = 19;
 /// The interface is down.
 const ENETDOWN: i32 = 100;
+/// Longest frame of an interface with CAN FD, bytes.
+const FD_MTU: u32 = 72;
 /// Flag of an interface that is up.
 const IFF_UP: u32 = 1;
 /// The queue of the interface is full.
@@ -47,16 +49,19 @@ const BUS_OFF: u32 = 0x40;
 pub struct SocketBus {
     socket: CanFdSocket,
     has_times: bool,
+    is_flexible: bool,
+    /// Whether data of CAN FD are sent at a bit rate of their own.
+    is_fast: bool,
     counters: Counters,
     claim: Option<Claim>,
 }
 
 impl SocketBus {
-    /// Opens the interface `name`, such as `can0`.
+    /// Opens the interface `name`, such as `can0`. With `is_fast` the data of CAN FD frames have a bit rate of their own.
     ///
     /// # Errors
     /// The kernel has no CAN, there is no such interface, it is down, or the right is missing.
-    pub fn open(name: &str) -> Result<Self, BusError> {
+    pub fn open(name: &str, is_fast: bool) -> Result<Self, BusError> {
         let socket = CanFdSocket::open(name).map_err(|error| BusError::open(name, &explain(name, &error), error))?;
         if !is_up(name) {
             // The socket itself would say so with the first frame only.
@@ -67,7 +72,8 @@ impl SocketBus {
         socket.set_nonblocking(true).map_err(failed)?;
         socket.set_error_filter_accept_all().map_err(failed)?;
         let has_times = socket.set_recv_timestamp(true).is_ok();
-        Ok(Self { socket, has_times, counters: Counters::default(), claim: None })
+        let is_flexible = has_flexible(name);
+        Ok(Self { socket, has_times, is_flexible, is_fast, counters: Counters::default(), claim: None })
     }
 
     /// With the right to send, which no other program has then.
@@ -103,6 +109,12 @@ fn is_up(name: &str) -> bool {
     flags.is_none_or(|flags| flags & IFF_UP != 0)
 }
 
+/// Whether an interface has CAN FD.
+fn has_flexible(name: &str) -> bool {
+    let mtu = fs::read_to_string(format!("/sys/class/net/{name}/mtu")).ok();
+    mtu.and_then(|text| text.trim().parse::<u32>().ok()).is_some_and(|mtu| mtu >= FD_MTU)
+}
+
 fn explain(name: &str, error: &io::Error) -> String {
     match error.raw_os_error() {
         Some(EAFNOSUPPORT) => NO_CAN.to_owned(),
@@ -115,20 +127,25 @@ fn explain(name: &str, error: &io::Error) -> String {
     }
 }
 
-/// The frame as ours; `None` of an error frame, and of one with flexible data rate.
+/// The frame as ours; `None` of an error frame.
 fn ours(frame: &CanAnyFrame) -> Option<Frame> {
     match frame {
         CanAnyFrame::Normal(frame) => Frame::new(frame.id(), frame.data()),
         CanAnyFrame::Remote(frame) => Frame::new_remote(frame.id(), frame.dlc()),
-        CanAnyFrame::Error(_) | CanAnyFrame::Fd(_) => None,
+        CanAnyFrame::Fd(frame) => Frame::flexible(frame.id(), frame.is_brs(), frame.data()),
+        CanAnyFrame::Error(_) => None,
     }
 }
 
-fn theirs(frame: &Frame) -> Option<CanFrame> {
-    if frame.is_remote_frame() {
-        CanRemoteFrame::new_remote(frame.id(), frame.dlc()).map(CanFrame::Remote)
-    } else {
-        CanDataFrame::new(frame.id(), frame.data()).map(CanFrame::Data)
+fn theirs(frame: &Frame) -> Option<CanAnyFrame> {
+    match frame.format() {
+        Format::Remote => CanRemoteFrame::new_remote(frame.id(), frame.dlc()).map(CanAnyFrame::Remote),
+        Format::Classical => CanDataFrame::new(frame.id(), frame.data()).map(CanAnyFrame::Normal),
+        Format::Flexible { is_fast } => {
+            let mut theirs = CanFdFrame::new(frame.id(), frame.data())?;
+            theirs.set_brs(is_fast);
+            Some(CanAnyFrame::Fd(theirs))
+        }
     }
 }
 
@@ -162,7 +179,10 @@ impl Bus for SocketBus {
     }
 
     fn send(&mut self, frame: &Frame) -> Result<bool, BusError> {
-        let Some(theirs) = theirs(frame).filter(|_| self.claim.is_some()) else {
+        let frame = &frame.with_speed(self.is_fast);
+        let is_flexible = matches!(frame.format(), Format::Flexible { .. });
+        let can_send = self.claim.is_some() && (self.is_flexible || !is_flexible);
+        let Some(theirs) = theirs(frame).filter(|_| can_send) else {
             self.counters.unsent += 1;
             return Ok(false);
         };
@@ -181,6 +201,10 @@ impl Bus for SocketBus {
 
     fn flush(&mut self) -> Result<(), BusError> {
         Ok(())
+    }
+
+    fn is_flexible(&self) -> bool {
+        self.is_flexible
     }
 
     fn wait(&mut self, longest: Duration) -> Result<(), BusError> {
@@ -206,8 +230,21 @@ mod tests {
     }
 
     #[test]
+    fn frames_of_both_kinds_are_theirs_and_ours_again() {
+        let id = embedded_can::ExtendedId::new(0x18FF_0100).unwrap();
+        for frame in [
+            Frame::new(id, &[1, 2, 3]).unwrap(),
+            Frame::new_remote(id, 5).unwrap(),
+            Frame::flexible(id, true, &[9; 48]).unwrap(),
+            Frame::flexible(id, false, &[9; 8]).unwrap(),
+        ] {
+            assert_eq!(ours(&theirs(&frame).unwrap()), Some(frame));
+        }
+    }
+
+    #[test]
     fn an_interface_that_cannot_be_opened_is_explained() {
-        let Err(error) = SocketBus::open("none-such0") else { panic!("there is an interface none-such0") };
+        let Err(error) = SocketBus::open("none-such0", false) else { panic!("there is an interface none-such0") };
         let said = error.to_string();
         assert!(is_up("lo") && is_up("none-such0"));
         let expected = ["none-such0: this kernel has no CAN (AF_CAN)", "none-such0: there is no such interface"];

@@ -79,10 +79,7 @@ impl Mapping {
     /// objects are 0.
     pub fn unpack(&self, frame: &Frame) -> Option<[u64; MAX_ENTRIES]> {
         let mut bytes = [0; MAX_DATA];
-        let data = frame.data();
-        if data.len() < self.length() {
-            return None;
-        }
+        let data = frame.data().get(..self.length())?;
         bytes[..data.len()].copy_from_slice(data);
         let (mut rest, mut values) = (u64::from_le_bytes(bytes), [0; MAX_ENTRIES]);
         for (value, mapped) in values.iter_mut().zip(self.objects()) {

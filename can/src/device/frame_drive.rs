@@ -15,10 +15,8 @@ use super::{
     fault::FRAME,
     valve::{FOLLOW_NS, lasts},
 };
-use embedded_can::Frame as _;
-
 use crate::{
-    Frame, MAX_DATA, Received,
+    MAX_FD_DATA, Received,
     frames::{Guard, Message, Signal},
 };
 
@@ -173,9 +171,8 @@ impl FrameDrive {
     /// Takes a frame from the bus: whether it has the identifier that only this program sends. Then somebody else
     /// commands the drive as well.
     pub fn take(&mut self, received: &Received) -> bool {
-        let (frame, message) = (&received.frame, &self.settings.message);
-        let is_own = frame.raw_id() == message.id && frame.is_extended() == message.is_extended;
-        if is_own && !frame.is_remote_frame() && self.proof.is_over() {
+        let is_own = self.settings.message.layout.is_of(&received.frame);
+        if is_own && self.proof.is_over() {
             self.fault = Some(Cause::Sender);
         }
         is_own
@@ -215,7 +212,9 @@ impl FrameDrive {
         if matches!(self.proof, Proof::Silent(..)) {
             return;
         }
-        let mut data = [0; MAX_DATA];
+        let layout = &self.settings.message.layout;
+        let mut room = [0; MAX_FD_DATA];
+        let data = &mut room[..usize::from(layout.length).min(MAX_FD_DATA)];
         let is_off = self.demands.contains(&Demand::Off);
         let follows = self.proof == Proof::Passed
             && self.fault.is_none()
@@ -225,19 +224,17 @@ impl FrameDrive {
             () if follows || matches!(self.proof, Proof::Activating(_)) => &self.settings.active,
             () => &self.settings.neutral,
         };
-        pattern.iter().for_each(|(signal, value)| signal.put(*value, &mut data));
+        pattern.iter().for_each(|(signal, value)| signal.put(*value, data));
         for (set_point, demand) in self.settings.set_points.iter().zip(&self.demands) {
             let command = match demand {
                 Demand::Follow(command) if follows && !is_off && command.is_finite() => command.clamp(-1.0, 1.0),
                 _ => 0.0,
             };
-            set_point.put(command, &mut data);
+            set_point.put(command, data);
         }
         self.count = (self.count + 1) % self.settings.guard.counter.map_or(i64::MAX, |signal| signal.modulus());
-        let length = usize::from(self.settings.message.length);
-        self.settings.guard.seal(self.count, &mut data, length);
-        let message = &self.settings.message;
-        if let Some(frame) = Frame::from_raw(message.id, message.is_extended, false, length, &data[..length]) {
+        self.settings.guard.seal(self.count, data);
+        if let Some(frame) = layout.frame(data) {
             out.push(frame);
             self.sent_ns = now_ns;
         }
@@ -254,7 +251,7 @@ impl FrameDrive {
     pub fn fault(&self, axis: usize, receivers: &[Receiver]) -> Option<Fault> {
         let place = self.settings.place(axis)?;
         let (receiver, _) = self.settings.set_points[place].active;
-        let own = |cause| Fault { cause, node: FRAME, detail: self.settings.message.id as u16 };
+        let own = |cause| Fault { cause, node: FRAME, detail: self.settings.message.layout.id as u16 };
         receivers.get(receiver).and_then(Receiver::fault).or(match self.proof {
             proof if !proof.is_over() => Some(own(Cause::Configuring)),
             _ => self.fault.map(own),
@@ -268,7 +265,7 @@ impl FrameDrive {
 }
 
 impl SetPoint {
-    fn put(&self, command: f64, data: &mut [u8; MAX_DATA]) {
+    fn put(&self, command: f64, data: &mut [u8]) {
         let value = self.scale * command;
         let Some(direction) = &self.direction else { return self.signal.put(value, data) };
         self.signal.put(value.abs(), data);

@@ -73,6 +73,12 @@ impl Frames {
         self.drives.iter_mut().for_each(FrameDrive::lose_bus);
     }
 
+    /// Whether some message is of CAN FD.
+    pub fn is_flexible(&self) -> bool {
+        self.receivers.iter().any(|receiver| receiver.layout().is_flexible)
+            || self.drives.iter().any(|drive| drive.settings().message.layout.is_flexible)
+    }
+
     fn receiver_fault(&self, source: Option<Source>) -> Option<Fault> {
         self.receivers.get(source?.0)?.fault()
     }

@@ -255,6 +255,11 @@ impl Network {
         self.interlock(now_ns);
     }
 
+    /// Whether messages are of CAN FD.
+    pub fn is_flexible(&self) -> bool {
+        self.frames.is_flexible()
+    }
+
     /// The frames to be sent. Who has sent them clears them.
     pub fn outbox(&mut self) -> &mut Outbox {
         &mut self.outbox

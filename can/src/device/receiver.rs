@@ -2,8 +2,8 @@
 
 use super::{Cause, Fault, fault::FRAME};
 use crate::{
-    Frame, MAX_DATA, Received,
-    frames::{Guard, Message, Signal, Verdict},
+    MAX_FD_DATA, Received,
+    frames::{Guard, Layout, Signal, Verdict},
 };
 use embedded_can::Frame as _;
 
@@ -21,12 +21,10 @@ pub struct ReceiverCounters {
 /// A message that is received.
 #[derive(Debug, Clone)]
 pub struct Receiver {
-    id: u32,
-    is_extended: bool,
-    length: usize,
+    layout: Layout,
     guard: Guard,
     timeout_ns: u64,
-    data: [u8; MAX_DATA],
+    data: [u8; MAX_FD_DATA],
     /// When the last good frame came; `None` before the first one.
     heard_ns: Option<u64>,
     counter: Option<i64>,
@@ -40,14 +38,12 @@ pub struct Receiver {
 
 impl Receiver {
     /// A message that has not come yet. Without a good frame for `timeout_ns` it is a fault.
-    pub fn new(message: &Message, guard: Guard, timeout_ns: u64) -> Self {
+    pub fn new(layout: Layout, guard: Guard, timeout_ns: u64) -> Self {
         Self {
-            id: message.id,
-            is_extended: message.is_extended,
-            length: message.length.into(),
+            layout,
             guard,
             timeout_ns,
-            data: [0; MAX_DATA],
+            data: [0; MAX_FD_DATA],
             heard_ns: None,
             counter: None,
             cause: Cause::Absent,
@@ -57,9 +53,9 @@ impl Receiver {
         }
     }
 
-    /// Identifier, whether it has 29 bits, and bytes.
-    pub fn layout(&self) -> (u32, bool, usize) {
-        (self.id, self.is_extended, self.length)
+    /// How the message is on the bus.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
     }
 
     /// Counter and checksum.
@@ -72,23 +68,20 @@ impl Receiver {
         self.timeout_ns
     }
 
-    fn is_it(&self, frame: &Frame) -> bool {
-        frame.raw_id() == self.id && frame.is_extended() == self.is_extended && !frame.is_remote_frame()
-    }
-
     /// Takes a frame from the bus: whether it was this message.
     pub fn take(&mut self, received: &Received) -> bool {
         let frame = &received.frame;
-        if !self.is_it(frame) {
+        if !self.layout.is_of(frame) {
             return false;
         }
-        let verdict = match frame.data().get(..self.length) {
+        let length = usize::from(self.layout.length);
+        let verdict = match frame.data().get(..length) {
             None => Verdict::Checksum,
             Some(data) => self.guard.judge(data, &mut self.counter),
         };
         match verdict {
             Verdict::Good(lost) => {
-                self.data[..self.length].copy_from_slice(&frame.data()[..self.length]);
+                self.data[..length].copy_from_slice(&frame.data()[..length]);
                 (self.heard_ns, self.is_late, self.cause) = (Some(received.time_ns), false, Cause::Stale);
                 self.is_fresh = true;
                 self.counters.lost += lost;
@@ -127,7 +120,7 @@ impl Receiver {
 
     /// What is wrong.
     pub fn fault(&self) -> Option<Fault> {
-        self.is_late.then_some(Fault { cause: self.cause, node: FRAME, detail: self.id as u16 })
+        self.is_late.then_some(Fault { cause: self.cause, node: FRAME, detail: self.layout.id as u16 })
     }
 
     /// When the last good frame came, ns; 0 before the first one.

@@ -1,18 +1,21 @@
 //! Messages with their signals: those of a DBC file, and those that are written in the machine file.
 //!
-//! A DBC file is read by the crate `can-dbc`. Signals that are there only for one value of a multiplexor are left out,
-//! those that are no integers, messages of CAN FD, and the pseudo message of signals without one. Who names one of them
-//! is told so.
+//! A DBC file is read by the crate `can-dbc`. A message of more than 8 bytes is one of CAN FD, and so is one whose
+//! attribute `VFrameFormat` says it. Signals that are there only for one value of a multiplexor are left out, those that
+//! are no integers, and the pseudo message of signals without one. Who names one of them is told so.
 
 use std::collections::BTreeMap;
 
-use can_dbc::{ByteOrder, Dbc, MessageId, MultiplexIndicator, SignalExtendedValueType, ValueType};
+use can_dbc::{AttributeValue, ByteOrder, Dbc, MessageId, MultiplexIndicator, SignalExtendedValueType, ValueType};
 
-use super::{Signal, SignalError};
+use super::{Layout, Signal, SignalError};
 use crate::MAX_DATA;
 
 /// Pseudo message of DBC editors, which holds signals without a message.
 const ORPHANS: &str = "VECTOR__INDEPENDENT_SIG_MSG";
+/// Attribute of DBC editors with the kind of a message's frames, and its numbers of CAN FD: with 11 and with 29 bits.
+const FRAME_FORMAT: &str = "VFrameFormat";
+const FLEXIBLE: [u64; 2] = [14, 15];
 /// Bit of an identifier of 29 bits in a DBC file.
 const EXTENDED: u64 = 1 << 31;
 
@@ -32,12 +35,8 @@ pub struct NamedSignal {
 pub struct Message {
     /// Its name.
     pub name: String,
-    /// Its identifier.
-    pub id: u32,
-    /// Whether the identifier has 29 bits.
-    pub is_extended: bool,
-    /// Its bytes, 1 to 8.
-    pub length: u8,
+    /// How it is on the bus.
+    pub layout: Layout,
     /// Its signals.
     pub signals: Vec<NamedSignal>,
 }
@@ -114,8 +113,8 @@ impl Database {
         let dbc = Dbc::try_from(text).map_err(|error| explained(&error.to_string(), text))?;
         let mut database = Self::default();
         for message in dbc.messages.iter().filter(|message| message.name != ORPHANS) {
-            if !(1..=MAX_DATA as u64).contains(&message.size) {
-                let why = format!("a message of 1 to 8 bytes; this one has {}", message.size);
+            if !Layout::has_length(message.size) {
+                let why = format!("a message of 1 to 8, 12, 16, 20, 24, 32, 48 or 64 bytes; this has {}", message.size);
                 database.left_out.insert(message.name.clone(), why);
                 continue;
             }
@@ -123,13 +122,10 @@ impl Database {
                 MessageId::Standard(id) => (u32::from(id), false),
                 MessageId::Extended(id) => (id, true),
             };
-            let mut found = Message {
-                name: message.name.clone(),
-                id,
-                is_extended,
-                length: message.size as u8,
-                signals: Vec::new(),
-            };
+            let length = message.size as u8;
+            let is_flexible = usize::from(length) > MAX_DATA || is_flexible(&dbc, message.id);
+            let layout = Layout { id, is_extended, length, is_flexible };
+            let mut found = Message { name: message.name.clone(), layout, signals: Vec::new() };
             for signal in &message.signals {
                 if let Some(why) = unusable(&dbc, message.id, signal) {
                     database.left_out.insert(format!("{}.{}", message.name, signal.name), why.to_owned());
@@ -137,7 +133,7 @@ impl Database {
                 }
                 let kind = (signal.byte_order == ByteOrder::BigEndian, signal.value_type == ValueType::Signed);
                 let scale = (signal.factor, signal.offset);
-                let placed = Signal::new((signal.start_bit, signal.size), kind, scale, found.length);
+                let placed = Signal::new((signal.start_bit, signal.size), kind, scale, length);
                 let placed = placed.map_err(|source| DatabaseError::Signal {
                     line: line_of(text, "SG_", &signal.name),
                     message: message.name.clone(),
@@ -222,6 +218,16 @@ impl Message {
     }
 }
 
+/// Whether an attribute says that a message is one of CAN FD.
+fn is_flexible(dbc: &Dbc, message: MessageId) -> bool {
+    match dbc.message_attribute(message, FRAME_FORMAT) {
+        Some(AttributeValue::Uint(number)) => FLEXIBLE.contains(number),
+        Some(AttributeValue::Int(number)) => u64::try_from(*number).is_ok_and(|number| FLEXIBLE.contains(&number)),
+        Some(AttributeValue::String(name)) => name.ends_with("CAN_FD"),
+        Some(AttributeValue::Double(_)) | None => false,
+    }
+}
+
 /// Why a signal cannot be used: what is allowed.
 fn unusable(dbc: &Dbc, message: MessageId, signal: &can_dbc::Signal) -> Option<&'static str> {
     let kind = dbc.extended_value_type_for_signal(message, &signal.name);
@@ -302,10 +308,11 @@ mod tests {
     fn signals_are_found_by_their_names() {
         let database = Database::parse(DBC).unwrap();
         let (message, angle) = database.signal("Boom.Angle").unwrap();
-        assert_eq!((message.id, message.is_extended, message.length), (2_566_848_513 & 0x1FFF_FFFF, true, 8));
+        let expected = Layout { id: 2_566_848_513 & 0x1FFF_FFFF, is_extended: true, length: 8, is_flexible: false };
+        assert_eq!(message.layout, expected);
         assert_eq!((angle.unit.as_str(), angle.signal.value(&[0xF0, 0xD8])), ("rad", Some(-1.0)));
         let (levers, pilot) = database.signal("Levers.Pilot").unwrap();
-        assert_eq!((levers.id, levers.is_extended), (291, false));
+        assert_eq!((levers.layout.id, levers.layout.is_extended), (291, false));
         assert_eq!(pilot.signal.value(&[0, 100, 0, 0]), Some(5.0));
         for (name, expected) in [
             ("Boom", "found \"Boom\"; allowed: a message and its signal, such as Message.Signal"),
@@ -319,20 +326,40 @@ mod tests {
     #[test]
     fn what_cannot_be_used_is_refused_by_its_reason_where_it_is_named() {
         let text = format!(
-            "{DBC}\nBO_ 292 Long: 64 Machine\n SG_ A : 0|8@1+ (1,0) [0|0] \"\" PC\n\nBO_ 293 Mixed: 8 Machine\n \
+            "{DBC}\nBO_ 292 Long: 63 Machine\n SG_ A : 0|8@1+ (1,0) [0|0] \"\" PC\n\nBO_ 293 Mixed: 8 Machine\n \
              SG_ Kind M : 0|8@1+ (1,0) [0|0] \"\" PC\n SG_ Way m1 : 8|16@1+ (1,0) [0|0] \"m\" PC\n \
              SG_ Float : 32|32@1- (1,0) [0|0] \"m\" PC\n\nSIG_VALTYPE_ 293 Float : 1;\n"
         );
         let database = Database::parse(&text).unwrap();
         assert!(database.signal("Mixed.Kind").is_ok());
         for (name, expected) in [
-            ("Long.A", "found \"Long\"; allowed: a message of 1 to 8 bytes; this one has 64"),
+            ("Long.A", "found \"Long\"; allowed: a message of 1 to 8, 12, 16, 20, 24, 32, 48 or 64 bytes; this has 63"),
             ("Mixed.Way", "found \"Mixed.Way\"; allowed: a signal of every message; this one"),
             ("Mixed.Float", "found \"Mixed.Float\"; allowed: a signal that is an integer; this one"),
         ] {
             let said = database.signal(name).unwrap_err().to_string();
             assert!(said.starts_with(expected), "{said}");
         }
+    }
+
+    #[test]
+    fn messages_of_can_fd_are_known_by_their_length_or_their_attribute() {
+        let text = format!(
+            "{DBC}\nBO_ 292 Long: 64 Machine\n SG_ A : 480|32@1- (1,0) [0|0] \"\" PC\n\nBO_ 293 Short: 8 Machine\n \
+             SG_ B : 0|8@1+ (1,0) [0|0] \"\" PC\n\nBA_DEF_ BO_ \"VFrameFormat\" ENUM \"StandardCAN\",\"ExtendedCAN\";\n\
+             BA_DEF_DEF_ \"VFrameFormat\" \"StandardCAN\";\nBA_ \"VFrameFormat\" BO_ 293 14;\n\
+             BA_ \"VFrameFormat\" BO_ 291 0;\n"
+        );
+        let database = Database::parse(&text).unwrap();
+        let is_flexible = |name: &str| database.message(name).unwrap().layout.is_flexible;
+        assert_eq!(["Long", "Short", "Levers", "Boom"].map(is_flexible), [true, true, false, false]);
+        let (long, signal) = database.signal("Long.A").unwrap();
+        let mut data = [0; 64];
+        signal.signal.put(-2.0, &mut data);
+        assert_eq!((data[59], &data[60..]), (0, &[0xFE, 0xFF, 0xFF, 0xFF][..]));
+        let frame = long.layout.frame(&data).unwrap();
+        assert!(long.layout.is_of(&frame) && frame.format() == crate::Format::Flexible { is_fast: false });
+        assert_eq!(long.layout.frame(&data[..9]), None);
     }
 
     #[test]

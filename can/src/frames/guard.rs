@@ -9,7 +9,6 @@
 //! A frame whose counter stands still comes from a sender that has hung, and is not used.
 
 use super::Signal;
-use crate::MAX_DATA;
 
 /// How a checksum is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,15 +73,15 @@ impl Guard {
         }
     }
 
-    /// Puts counter and checksum into a frame of `length` bytes that is sent.
-    pub fn seal(&self, count: i64, data: &mut [u8; MAX_DATA], length: usize) {
+    /// Puts counter and checksum into the bytes of a frame that is sent.
+    pub fn seal(&self, count: i64, data: &mut [u8]) {
         if let Some(signal) = self.counter {
             signal.put_raw(count, data);
         }
         if let Some((place, kind)) = self.checksum
-            && usize::from(place) < length.min(MAX_DATA)
+            && usize::from(place) < data.len()
         {
-            data[usize::from(place)] = kind.of(&data[..length.min(MAX_DATA)], usize::from(place));
+            data[usize::from(place)] = kind.of(data, usize::from(place));
         }
     }
 }
@@ -105,7 +104,7 @@ mod tests {
         let guard = Guard { counter: Some(counter), checksum: Some((7, Checksum::Xor)) };
         let frame = |count| {
             let mut data = [0, 1, 2, 3, 4, 5, 6, 0];
-            guard.seal(count, &mut data, 8);
+            guard.seal(count, &mut data);
             data
         };
         let mut last = None;

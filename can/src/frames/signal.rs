@@ -11,15 +11,15 @@
 //!
 //! Trap: the same START means another place in each of the two orders.
 
-use crate::MAX_DATA;
+use crate::MAX_FD_DATA;
 
-/// Bits of a frame.
-const FRAME_BITS: u32 = 8 * MAX_DATA as u32;
+/// Bits of the longest frame.
+const FRAME_BITS: u32 = 8 * MAX_FD_DATA as u32;
 
 /// Where a value is within a frame, and what it means.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Signal {
-    start: u8,
+    start: u16,
     bits: u8,
     is_big_endian: bool,
     is_signed: bool,
@@ -67,7 +67,7 @@ impl Signal {
         if !factor.is_finite() || factor == 0.0 || !offset.is_finite() {
             return Err(SignalError::Factor(factor, offset));
         }
-        let start = u8::try_from(start).unwrap_or(u8::MAX);
+        let start = u16::try_from(start).unwrap_or(u16::MAX);
         let signal = Self { start, bits: bits as u8, is_big_endian, is_signed, factor, offset };
         let last = signal.places().max().unwrap_or_default();
         if last >= FRAME_BITS || last >= 8 * u32::from(length) {
@@ -141,7 +141,7 @@ impl Signal {
 
     /// A whole byte of a frame, from 0, as a number without a sign.
     pub fn byte(place: u8) -> Self {
-        let start = place.saturating_mul(8);
+        let start = 8 * u16::from(place);
         Self { start, bits: 8, is_big_endian: false, is_signed: false, factor: 1.0, offset: 0.0 }
     }
 
@@ -163,7 +163,7 @@ impl Signal {
     }
 
     /// Puts a number into these bytes; its lowest bits count.
-    pub fn put_raw(&self, raw: i64, data: &mut [u8; MAX_DATA]) {
+    pub fn put_raw(&self, raw: i64, data: &mut [u8]) {
         for (i, place) in self.places().enumerate() {
             let shift = if self.is_big_endian { usize::from(self.bits) - 1 - i } else { i };
             let bit = (raw >> shift & 1) as u8;
@@ -174,7 +174,7 @@ impl Signal {
     }
 
     /// Puts a value into these bytes: the nearest number that the signal has. A value that is no number is 0.
-    pub fn put(&self, value: f64, data: &mut [u8; MAX_DATA]) {
+    pub fn put(&self, value: f64, data: &mut [u8]) {
         let value = if value.is_finite() { value } else { 0.0 };
         let (least, greatest) = self.range();
         // Powers of two are exact, and a conversion to an integer stays within its range.
@@ -278,10 +278,10 @@ mod tests {
     proptest! {
         #[test]
         fn numbers_are_read_as_they_were_written(
-            start in 0_u64..64, bits in 1_u64..=64, is_big_endian: bool, is_signed: bool, raw: i64, before: [u8; 8]
+            start in 0_u64..512, bits in 1_u64..=64, is_big_endian: bool, is_signed: bool, raw: i64, before: [u8; 64]
         ) {
             let kind = (is_big_endian, is_signed);
-            let Ok(signal) = Signal::new((start, bits), kind, (1.0, 0.0), 8) else { return Ok(()) };
+            let Ok(signal) = Signal::new((start, bits), kind, (1.0, 0.0), 64) else { return Ok(()) };
             let mut data = before;
             signal.put_raw(raw, &mut data);
             let mask = u64::MAX >> (64 - bits);

@@ -11,7 +11,7 @@
 
 use super::node::{BABBLE, Flaw};
 use crate::{
-    Frame, MAX_DATA,
+    Frame, MAX_DATA, MAX_FD_DATA,
     device::{FrameDriveSettings, Frames, Outbox, Pattern, Receiver, SetPoint},
     frames::Verdict,
 };
@@ -26,7 +26,7 @@ struct Sent {
     period_ns: u64,
     due_ns: u64,
     count: i64,
-    data: [u8; MAX_DATA],
+    data: [u8; MAX_FD_DATA],
     flaw: Option<Flaw>,
 }
 
@@ -63,6 +63,11 @@ impl SimulatedFrames {
         let drives = frames.drives.iter().map(|drive| Drive::new(drive.settings().clone())).collect();
         let stuck = vec![None; frames.axes.len()];
         Self { frames: frames.clone(), sent, drives, stuck, is_stopped: false, is_cut_off: false }
+    }
+
+    /// Whether messages are of CAN FD.
+    pub fn is_flexible(&self) -> bool {
+        self.frames.is_flexible()
     }
 
     /// Whether a message moves this axis.
@@ -157,7 +162,7 @@ impl SimulatedFrames {
 impl Sent {
     fn new(receiver: &Receiver, period_ns: u64) -> Self {
         let period_ns = period_ns.min(receiver.timeout_ns() / WITHIN_TIMEOUT);
-        Self { receiver: receiver.clone(), period_ns, due_ns: 0, count: 0, data: [0; MAX_DATA], flaw: None }
+        Self { receiver: receiver.clone(), period_ns, due_ns: 0, count: 0, data: [0; MAX_FD_DATA], flaw: None }
     }
 
     fn step(&mut self, now_ns: u64, out: &mut Outbox) {
@@ -177,13 +182,14 @@ impl Sent {
     }
 
     fn send(&mut self, out: &mut Outbox) {
-        let (id, is_extended, length) = self.receiver.layout();
+        let layout = self.receiver.layout();
         self.count = self.count.wrapping_add(i64::from(self.flaw != Some(Flaw::Hung)));
         let mut data = self.data;
-        self.receiver.guard().seal(self.count, &mut data, length);
+        let data = &mut data[..usize::from(layout.length)];
+        self.receiver.guard().seal(self.count, data);
         // A message that is too short is as wrong as one with a wrong checksum, and every message can be it.
-        let length = length - usize::from(self.flaw == Some(Flaw::Wrong));
-        Frame::from_raw(id, is_extended, false, length, &data[..length]).into_iter().for_each(|frame| out.push(frame));
+        let sent = if self.flaw == Some(Flaw::Wrong) { &data[..data.len().min(MAX_DATA + 1) - 1] } else { data };
+        layout.frame(sent).into_iter().for_each(|frame| out.push(frame));
     }
 }
 
@@ -202,9 +208,9 @@ impl Drive {
     }
 
     fn take(&mut self, frame: &Frame, now_ns: u64) {
-        let message = &self.settings.message;
-        let is_it = frame.raw_id() == message.id && frame.is_extended() == message.is_extended;
-        let Some(data) = frame.data().get(..usize::from(message.length)).filter(|_| is_it) else { return };
+        let layout = &self.settings.message.layout;
+        let is_it = layout.is_of(frame);
+        let Some(data) = frame.data().get(..usize::from(layout.length)).filter(|_| is_it) else { return };
         if self.flaw == Some(Flaw::Mute)
             || !matches!(self.settings.guard.judge(data, &mut self.counter), Verdict::Good(_))
         {
@@ -220,7 +226,7 @@ impl Drive {
 }
 
 /// Changes the data of a message that is sent.
-fn put(sent: &mut [Sent], receiver: usize, change: impl FnOnce(&mut [u8; MAX_DATA])) {
+fn put(sent: &mut [Sent], receiver: usize, change: impl FnOnce(&mut [u8])) {
     if let Some(sent) = sent.get_mut(receiver) {
         change(&mut sent.data);
     }
@@ -229,7 +235,7 @@ fn put(sent: &mut [Sent], receiver: usize, change: impl FnOnce(&mut [u8; MAX_DAT
 /// Whether a message has all these values.
 fn has(data: &[u8], state: &Pattern) -> bool {
     state.iter().all(|(signal, value)| {
-        let mut wanted = [0; MAX_DATA];
+        let mut wanted = [0; MAX_FD_DATA];
         signal.put(*value, &mut wanted);
         signal.raw(data) == signal.raw(&wanted)
     })

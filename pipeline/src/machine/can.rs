@@ -15,6 +15,8 @@ pub struct CanBus {
     pub interface: String,
     /// Bit rate, bit/s: set at an adapter; for the load only at an interface of the kernel.
     pub bit_rate: u32,
+    /// Bit rate of the data of CAN FD frames, bit/s; `None` where it is that of the bus.
+    pub data_bit_rate: Option<u32>,
     /// Time between two SYNC: all encoders are read at each of them.
     pub sync: Duration,
     /// Period of the heartbeats of all devices.
@@ -40,6 +42,8 @@ pub struct CanMessage {
     pub id: Option<(u32, bool)>,
     /// Its bytes.
     pub length: u8,
+    /// Whether its frames are of CAN FD.
+    pub is_flexible: bool,
     /// Its signals, in the notation of DBC files with the name in front.
     pub signals: Vec<String>,
     /// Name of the signal with the alive counter.
@@ -74,6 +78,10 @@ const CHECKSUMS: [(&str, ChecksumKind); 3] =
 const MAX_EXTENDED: usize = 0x1FFF_FFFF;
 const MAX_STANDARD: usize = 0x7FF;
 
+/// Most bytes of a classical frame, and numbers of bytes above that CAN FD has.
+const MAX_CLASSICAL: u8 = 8;
+const FD_LENGTHS: [u8; 7] = [12, 16, 20, 24, 32, 48, 64];
+
 impl CanMessage {
     /// Refuses keys that contradict each other, and those without an effect.
     fn expect_sound(&self, section: &mut Section) {
@@ -82,10 +90,17 @@ impl CanMessage {
         }
         if self.id.is_none() {
             section.exclude(
-                &["extended", "length", "signals"],
+                &["extended", "length", "fd", "signals"],
                 false,
                 "beside id; the DBC file says it of this message",
             );
+        }
+        let is_long = self.length > MAX_CLASSICAL;
+        if is_long && !FD_LENGTHS.contains(&self.length) {
+            section.refuse("length", self.length.to_string(), "1 to 8, 12, 16, 20, 24, 32, 48 or 64");
+        }
+        if is_long && !self.is_flexible {
+            section.refuse("fd", "false", "true with a message of more than 8 bytes");
         }
         if self.checksum.is_none() {
             section.exclude(&["checksum_kind"], false, "beside checksum, the byte that it is made for");
@@ -101,7 +116,13 @@ impl CanMessage {
             .key("extended", "Whether the identifier has 29 bits")
             .rule("true above 2047")
             .flag_or(id.is_some_and(|id| id > MAX_STANDARD));
-        let length = section.key("length", "Bytes of the message").integer_or(8, 1..=8) as u8;
+        let length = section
+            .key("length", "Bytes of the message; more than 8 are of CAN FD: 12, 16, 20, 24, 32, 48 or 64")
+            .integer_or(8, 1..=64) as u8;
+        let is_flexible = section
+            .key("fd", "Whether its frames are of CAN FD")
+            .rule("true above 8 bytes")
+            .flag_or(length > MAX_CLASSICAL);
         let mut texts = |key, meaning, allowed| section.key(key, meaning).optional_texts(allowed).unwrap_or_default();
         let signals = texts(
             "signals",
@@ -118,11 +139,12 @@ impl CanMessage {
             name,
             id: id.map(|id| (id as u32, is_extended)),
             length,
+            is_flexible,
             signals,
             counter: section.key("counter", "Signal with the alive counter").optional_text(),
             checksum: section
                 .key("checksum", "Byte of the checksum, from 0")
-                .optional_integer(0..=7)
+                .optional_integer(0..=63)
                 .map(|byte| byte as u8),
             checksum_kind: section
                 .key("checksum_kind", "How the checksum of all other bytes is made")
@@ -161,9 +183,16 @@ impl CanBus {
             let allowed = BIT_RATES.map(|rate| rate.to_string()).join(", ");
             section.refuse("bit_rate", bit_rate.to_string(), allowed);
         }
+        let data_bit_rate = section
+            .key("data_bit_rate", "Bit rate of the data of CAN FD frames, bit/s, as ip link has set it (dbitrate)")
+            .optional_integer(100_000..=8_000_000);
+        if let Some(rate) = data_bit_rate.filter(|rate| *rate < bit_rate as usize) {
+            section.refuse("data_bit_rate", rate.to_string(), "can.bit_rate or more");
+        }
         let bus = Self {
             interface,
             bit_rate,
+            data_bit_rate: data_bit_rate.map(|rate| rate as u32),
             sync: section
                 .key("sync", "Time between two SYNC; all encoders are read at each of them")
                 .rule("half a period, 1ms or longer")

@@ -6,11 +6,12 @@ use std::{
 };
 
 use can::{
+    BitRates,
     bus::{self, Address, BIT_RATES, Bus},
     canopen::NodeId,
 };
 use clap::Args;
-use pipeline::machine::Machine;
+use pipeline::machine::{CanBus, Machine};
 
 use crate::{arguments::values::setting, failure::Failure};
 
@@ -32,6 +33,9 @@ pub struct BusArguments {
     /// Bit rate of a serial adapter, bit/s [default: that of the machine file, or 500000]
     #[arg(long, value_name = "BIT/S", value_parser = bit_rate)]
     pub bit_rate: Option<u32>,
+    /// Bit rate of the data of CAN FD frames, bit/s: for the load [default: that of the machine file, or of the bus]
+    #[arg(long, value_name = "BIT/S", value_parser = clap::value_parser!(u32).range(100_000..=8_000_000))]
+    pub data_bit_rate: Option<u32>,
 }
 
 fn bit_rate(text: &str) -> Result<u32, String> {
@@ -58,8 +62,8 @@ pub fn duration(text: &str) -> Result<Duration, String> {
 pub struct NamedBus {
     /// Where it is.
     pub address: Address,
-    /// Its bit rate, bit/s.
-    pub bit_rate: u32,
+    /// Its bit rates.
+    pub rates: BitRates,
     /// The machine file, where there is one.
     pub machine: Option<Machine>,
 }
@@ -89,8 +93,14 @@ impl BusArguments {
                 )));
             }
         };
-        let bit_rate = self.bit_rate.or(wired.map(|can| can.bit_rate)).unwrap_or(BIT_RATE);
-        Ok(NamedBus { address, bit_rate, machine })
+        Ok(NamedBus { address, rates: self.rates(wired), machine })
+    }
+
+    fn rates(&self, wired: Option<&CanBus>) -> BitRates {
+        BitRates {
+            bus: self.bit_rate.or(wired.map(|can| can.bit_rate)).unwrap_or(BIT_RATE),
+            data: self.data_bit_rate.or(wired.and_then(|can| can.data_bit_rate)),
+        }
     }
 }
 
@@ -102,8 +112,8 @@ impl NamedBus {
     pub fn of_log(arguments: &BusArguments, log: &Path) -> Result<Self, Failure> {
         let machine = arguments.machine()?;
         let wired = machine.as_ref().and_then(|machine| machine.can.as_ref());
-        let bit_rate = arguments.bit_rate.or(wired.map(|can| can.bit_rate)).unwrap_or(BIT_RATE);
-        Ok(Self { address: Address::Serial(log.to_owned()), bit_rate, machine })
+        let rates = arguments.rates(wired);
+        Ok(Self { address: Address::Serial(log.to_owned()), rates, machine })
     }
 
     /// Opens the bus to send on it; refused while a group has it.
@@ -111,7 +121,7 @@ impl NamedBus {
     /// # Errors
     /// The bus cannot be opened.
     pub fn open(&self) -> Result<Box<dyn Bus>, Failure> {
-        bus::open(&self.address, self.bit_rate).map_err(Failure::run)
+        bus::open(&self.address, self.rates, false).map_err(Failure::run)
     }
 
     /// Opens the bus to listen.
@@ -119,7 +129,7 @@ impl NamedBus {
     /// # Errors
     /// The bus cannot be opened.
     pub fn listen(&self) -> Result<Box<dyn Bus>, Failure> {
-        bus::listen(&self.address, self.bit_rate).map_err(Failure::run)
+        bus::listen(&self.address, self.rates).map_err(Failure::run)
     }
 
     /// Which device of the machine file has this number, such as `boom encoder`.

@@ -39,7 +39,7 @@ impl Decoder {
 
     /// What a frame says.
     pub fn meaning(&self, frame: &Frame) -> String {
-        let is_it = |message: &&Message| message.id == frame.raw_id() && message.is_extended == frame.is_extended();
+        let is_it = |message: &&Message| message.layout.is_of(frame);
         if let Some(message) = self.database.messages().iter().find(is_it) {
             return signals(message, frame.data());
         }

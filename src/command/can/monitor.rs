@@ -9,7 +9,7 @@ use std::{
 };
 
 use can::{
-    Counters, Frame, Load,
+    Counters, Format, Frame, Load,
     bus::{Bus, BusError, Playback},
 };
 use clap::Args;
@@ -86,7 +86,7 @@ pub fn run(arguments: &MonitorBusArguments) -> Result<(), Failure> {
     let started_ns = monotonic_ns();
     let every_ns = arguments.duration.unwrap_or(EVERY).as_nanos() as u64;
     let mut next_ns = started_ns + every_ns;
-    monitor.load = Load::new(named.bit_rate, started_ns);
+    monitor.load = Load::new(named.rates, started_ns);
     while !stop.load(Ordering::Relaxed) {
         while let Some(received) = bus.receive().map_err(Failure::run)? {
             monitor.take(&received.frame, received.time_ns)?;
@@ -122,7 +122,7 @@ fn play(mut log: Playback, mut monitor: Monitor, named: &NamedBus) -> Result<(),
     }
     let first_ns = first_ns.unwrap_or_default();
     let passed_ns = last_ns.saturating_sub(first_ns).max(1);
-    monitor.load = Load::new(named.bit_rate, 0);
+    monitor.load = Load::new(named.rates, 0);
     monitor.tell(log.counters(), passed_ns.max(EVERY.as_nanos() as u64), passed_ns, named)
 }
 
@@ -139,7 +139,7 @@ impl Monitor {
         Ok(Self {
             seen: BTreeMap::new(),
             decoder: Decoder::of(named)?,
-            load: Load::new(named.bit_rate, 0),
+            load: Load::new(named.rates, 0),
             frames,
             is_terminal: io::stdout().is_terminal(),
         })
@@ -224,5 +224,10 @@ fn data_of(frame: &Frame) -> String {
         return format!("remote, {} bytes", frame.dlc());
     }
     let bytes: Vec<String> = frame.data().iter().map(|byte| format!("{byte:02X}")).collect();
-    bytes.join(" ")
+    let kind = match frame.format() {
+        Format::Flexible { is_fast: true } => "CAN FD, fast: ",
+        Format::Flexible { is_fast: false } => "CAN FD: ",
+        Format::Classical | Format::Remote => "",
+    };
+    kind.to_owned() + &bytes.join(" ")
 }

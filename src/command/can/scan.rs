@@ -77,7 +77,7 @@ pub fn run(arguments: &ScanArguments) -> Result<(), Failure> {
     let mut scan = Scan { bus: &mut *bus, found: BTreeMap::new(), clients: Vec::new() };
     if !arguments.listen {
         scan.clients = NodeId::all().map(|node| SdoClient::new(node, arguments.answer.as_nanos() as u64)).collect();
-        scan.ask(named.bit_rate)?;
+        scan.ask(named.rates.bus)?;
     }
     scan.listen(arguments.duration.max(if arguments.listen { Duration::ZERO } else { arguments.answer }))?;
     let mut found: Vec<Found> = scan.found.into_values().collect();
@@ -212,5 +212,5 @@ fn text(found: &[Found], named: &NamedBus, errors: u64) -> String {
     let errors = if errors > 0 { format!("{errors} errors on the bus\n") } else { String::new() };
     let nodes = if found.len() == 1 { "1 node".to_owned() } else { format!("{} nodes", found.len()) };
     let table = table(&header, rows.collect());
-    format!("{table}\n{emergencies}{errors}{}, {} bit/s: {nodes}\n", named.address, named.bit_rate)
+    format!("{table}\n{emergencies}{errors}{}, {} bit/s: {nodes}\n", named.address, named.rates.bus)
 }

@@ -65,6 +65,11 @@ impl Devices {
         })
     }
 
+    /// Whether messages are of CAN FD.
+    pub fn is_flexible(&self) -> bool {
+        self.frames.is_flexible()
+    }
+
     /// Names of the axes.
     pub fn names(&self) -> &[String] {
         &self.names

@@ -90,7 +90,8 @@ pub fn run(arguments: &SimulateBusArguments) -> Result<(), Failure> {
     let stop = stop_flag()?;
     let mut devices = Devices::new(&machine)?;
     let mut plant = plant(&machine, arguments.seed)?;
-    let mut wire = Wire::open(&arguments.at)?;
+    let rates = can_proc::bit_rates(&machine).map_err(Failure::usage)?;
+    let mut wire = Wire::open(&arguments.at, rates, devices.is_flexible())?;
     let lines = arguments.faults.then(typed_lines);
     eprintln!("{}: devices at {wire}, Ctrl-C ends them", machine.name);
     let (mut out, mut next_ns) = (Outbox::default(), monotonic_ns());

@@ -19,7 +19,7 @@ use std::{
 };
 
 use can::{
-    Frame,
+    BitRates, Frame,
     bus::{Address, Bus, BusError, SlcanBus, SocketBus, pseudo_terminal},
     device::Outbox,
 };
@@ -97,11 +97,13 @@ impl Wire {
     /// Opens an interface, or makes a pseudo terminal.
     ///
     /// # Errors
-    /// The interface cannot be opened, other devices are there, or the link cannot be made.
-    pub fn open(at: &Address) -> Result<Self, Failure> {
+    /// The interface cannot be opened, other devices are there, the link cannot be made, or CAN FD is needed and not
+    /// there.
+    pub fn open(at: &Address, rates: BitRates, needs_flexible: bool) -> Result<Self, Failure> {
         let (bus, link, name) = match at {
             Address::Interface(name) => {
-                let bus = SocketBus::open(name).and_then(|bus| bus.claimed(&format!("{name}/devices")));
+                let bus =
+                    SocketBus::open(name, rates.data.is_some()).and_then(|bus| bus.claimed(&format!("{name}/devices")));
                 (Box::new(bus.map_err(Failure::run)?) as Box<dyn Bus>, None, name.clone())
             }
             Address::Serial(path) => {
@@ -111,6 +113,9 @@ impl Wire {
                 (bus, Some(link), format!("{} ({terminal})", path.display()))
             }
         };
+        if needs_flexible && !bus.is_flexible() {
+            return Err(Failure::run(BusError::Classical { address: at.to_string() }));
+        }
         Ok(Self { bus: Some(bus), link, name, fault: BusFault::Well, is_alone: false })
     }
 

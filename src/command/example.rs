@@ -55,6 +55,7 @@ const EXAMPLES: &[Example] = &[
     example!("four-axes.toml", "machine file: four independent cylinders with fast valves"),
     example!("excavator-can.toml", "tables for a machine file: positions, levers and interlocks by messages of a bus"),
     example!("excavator.dbc", "data base of the messages in excavator-can.toml"),
+    example!("auxiliary-valves.toml", "tables for a machine file: positions by messages, auxiliary valves of J1939"),
     example!("mechanism.toml", "tables for a machine file: the linkage of the excavator"),
     example!("plant.py", "Python: a plant in the place of plant-sim, or of a rig"),
     example!("watch.py", "Python: watches a running group"),

@@ -83,6 +83,19 @@ impl Setting {
         Self { folder, machine: machine.to_str().unwrap().to_owned(), more }
     }
 
+    /// The axes of [`FOUR_AXES`] by auxiliary valves of J1939. `is_busy`: with the times of a busy computer.
+    fn auxiliary_valves(is_busy: bool) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let machine = folder.path().join("machine.toml");
+        let text = std::fs::read_to_string(FOUR_AXES).unwrap();
+        std::fs::write(&machine, format!("{text}\n{}", include_str!("../../examples/auxiliary-valves.toml"))).unwrap();
+        let interface = format!("can.interface=\"{}\"", folder.path().join("bus").display());
+        let drive_timeout = if is_busy { "timing.drive_timeout=800ms" } else { "timing.drive_timeout=200ms" };
+        let more = ["source.kind=can", &interface, drive_timeout];
+        let more = more.into_iter().flat_map(|setting| ["--set", setting]).map(str::to_owned).collect();
+        Self { folder, machine: machine.to_str().unwrap().to_owned(), more }
+    }
+
     /// Starts the devices, and a group with these further arguments.
     fn start(&self, test: &str, times: &[&str]) -> (Spoiled, Running) {
         let devices = Spoiled::start(&self.machine, &self.folder.path().join("bus"), &self.more);
@@ -191,10 +204,17 @@ fn print_times(test: &str, setting: &Setting, faults: &[&str]) {
 }
 
 #[test]
+fn no_axis_moves_after_a_fault_of_auxiliary_valves_before_it_is_acknowledged() {
+    let faults = ["boom.encoder mute", "boom.valve mute", "bus unplugged"].map(|fault| (fault, control_flag::FEEDBACK));
+    expect_no_motion_after("auxiliary-faults", &Setting::auxiliary_valves(true), &faults);
+}
+
+#[test]
 #[ignore = "takes ten minutes, and cores that others leave alone"]
 fn how_long_after_a_fault_of_the_bus_a_valve_is_neutral() {
     let more = ["boom.valve mute", "boom.encoder restart", "boom.encoder emergency 5000"];
     let devices = [&OF_DEVICES[..], &more, &["boom.encoder alarm 1", "boom.encoder double"]].concat();
     print_times("can-times", &Setting::canopen(false), &devices);
+    print_times("auxiliary-times", &Setting::auxiliary_valves(false), &["boom.encoder mute", "boom.valve mute"]);
     print_times("message-times", &Setting::messages(false), &[&OF_MESSAGES[..], &["machine stopped"]].concat());
 }

@@ -193,7 +193,7 @@ impl Wiring<'_> {
             return Ok(());
         }
         Err(WiringError::Text(format!(
-            "can.interface: found \"{interface}\", and message \"{}\" is of CAN FD, which slcan does not have; allowed: \
+            "can.interface: found \"{interface}\", and message \"{}\" is of CAN FD, which slcan has not; allowed: \
              an interface of the kernel with CAN FD, such as can0",
             message.name
         )))

@@ -160,8 +160,8 @@ fn expect_range(machine: &Machine, place: usize, wired: &CanDevices) -> Result<(
         _ => ("zero", wired.zero.to_string(), format!("another zero, or signed = {}", !wired.is_signed)),
     };
     Err(WiringError::Text(format!(
-        "axis.{axis}.can.{key}: found {found}, with which the position would be {position:.0} at {at}; allowed: positions \
-         from {low:.0} to {high:.0}, so {allowed}"
+        "axis.{axis}.can.{key}: found {found}, with which the position would be {position:.0} at {at}; allowed: \
+         positions from {low:.0} to {high:.0}, so {allowed}"
     )))
 }
 

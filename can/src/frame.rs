@@ -5,8 +5,8 @@
 //! CAN FD     30 or 49 bits at the rate of the bus, and 32 bits and the data at that of the data; above 16 bytes 37
 //! ```
 //!
-//! These are the bits on the wire with the pause after the frame and the stuff bits that every frame of CAN FD has in its
-//! checksum (ISO 11898-1), without those that depend on the data.
+//! These are the bits on the wire with the pause after the frame and the stuff bits that every frame of CAN FD has in
+//! its checksum (ISO 11898-1), without those that depend on the data.
 
 use embedded_can::{ExtendedId, Id, StandardId};
 
@@ -122,7 +122,8 @@ impl Frame {
         Self { format: if is_flexible { Format::Flexible { is_fast } } else { self.format }, ..self }
     }
 
-    /// A frame of CAN FD; `None` where it cannot have so many bytes. With `is_fast` its data have a bit rate of their own.
+    /// A frame of CAN FD; `None` where it cannot have so many bytes. With `is_fast` its data have a bit rate of their
+    /// own.
     pub fn flexible(id: impl Into<Id>, is_fast: bool, bytes: &[u8]) -> Option<Self> {
         Self::of(id.into(), Format::Flexible { is_fast }, bytes)
     }
@@ -217,7 +218,7 @@ mod tests {
         assert_eq!(lengths, [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64]);
         let frame = of(64).unwrap();
         assert_eq!((frame.data(), frame.standard_id()), (&[7; 64][..], None));
-        // SOF, identifier, four bits of control, BRS; then ESI, DLC, data, stuff count, CRC with its stuff bits; then the end.
+        // SOF, identifier, control, BRS, and the end; ESI, DLC, data, stuff count, CRC with its stuff bits.
         assert_eq!(frame.wire_bits(), (1 + 11 + 4 + 1 + 13, 1 + 4 + 512 + 4 + 21 + 7));
         assert_eq!(frame.with_speed(false).wire_bits(), (579, 0));
         assert_eq!(of(16).unwrap().wire_bits(), (30, 1 + 4 + 128 + 4 + 17 + 6));

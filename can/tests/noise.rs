@@ -1,5 +1,5 @@
-//! A million random, malformed and out-of-order frames, those of CAN FD among them, texts and dialogues: no panic, no allocation, all of them
-//! counted, and no valve that moves.
+//! A million random, malformed and out-of-order frames, those of CAN FD among them, texts and dialogues: no panic, no
+//! allocation, all of them counted, and no valve that moves.
 
 #![allow(unsafe_code, reason = "a global allocator that counts")]
 
@@ -83,6 +83,12 @@ fn network() -> Network {
     }])
 }
 
+/// Whether a frame is a set point that is not 0, to the valve.
+fn moves(frame: &Frame) -> bool {
+    let data = embedded_can::Frame::data(frame);
+    frame.standard_id() == Some(0x215) && data.len() == 4 && data[2..] != [0, 0]
+}
+
 #[test]
 fn a_million_frames_take_no_memory_and_move_nothing() {
     let mut dice = Dice(20_261_124);
@@ -130,11 +136,6 @@ fn a_million_frames_take_no_memory_and_move_nothing() {
             let target = AxisTarget { demand: Demand::Follow(0.7), state };
             network.command(Some(&[target]), i * 100_000);
         }
-        // A set point that is not 0, to the valve.
-        let moves = |frame: &Frame| {
-            let data = embedded_can::Frame::data(frame);
-            frame.standard_id() == Some(0x215) && data.len() == 4 && data[2..] != [0, 0]
-        };
         moving += network.outbox().frames().iter().filter(|frame| moves(frame)).count() as u64;
         network.outbox().clear();
     }

@@ -222,7 +222,7 @@ fn can_fd_is_refused_where_it_is_not() {
         (
             format!("{short}\nfd = true"),
             "/dev/ttyACM0",
-            "can.interface: found \"/dev/ttyACM0\", and message \"Own\" is of CAN FD, which slcan does not have; allowed",
+            "can.interface: found \"/dev/ttyACM0\", and message \"Own\" is of CAN FD, which slcan has not",
         ),
         (short.replace("length = 4", "length = 12"), "/dev/ttyACM0", "message \"Own\" is of CAN FD"),
         (short.replace("length = 4", "length = 9"), "can0", "length: found 9; allowed: 1 to 8, 12, 16"),

@@ -54,8 +54,8 @@ impl fmt::Display for Address {
 }
 
 /// Opens a bus to send on it. The bit rate is set at an adapter; those of an interface are set by `ip link` before.
-/// Frames of CAN FD are sent with their data at a bit rate of their own where `rates` has one. One program at a time has
-/// the bus.
+/// Frames of CAN FD are sent with their data at a bit rate of their own where `rates` has one. One program at a time
+/// has the bus.
 ///
 /// # Errors
 /// The kernel has no CAN, there is no such interface or port, it is down, the right is missing, another program has it,

@@ -57,7 +57,7 @@ pub struct SocketBus {
 }
 
 impl SocketBus {
-    /// Opens the interface `name`, such as `can0`. With `is_fast` the data of CAN FD frames have a bit rate of their own.
+    /// Opens the interface `name`, such as `can0`. With `is_fast` data of CAN FD are sent at a bit rate of their own.
     ///
     /// # Errors
     /// The kernel has no CAN, there is no such interface, it is down, or the right is missing.

@@ -1,8 +1,8 @@
 //! Messages with their signals: those of a DBC file, and those that are written in the machine file.
 //!
 //! A DBC file is read by the crate `can-dbc`. A message of more than 8 bytes is one of CAN FD, and so is one whose
-//! attribute `VFrameFormat` says it. Signals that are there only for one value of a multiplexor are left out, those that
-//! are no integers, and the pseudo message of signals without one. Who names one of them is told so.
+//! attribute `VFrameFormat` says it. Signals that are there only for one value of a multiplexor are left out, and those
+//! that are no integers, and the pseudo message of signals without one. Who names one of them is told so.
 
 use std::collections::BTreeMap;
 

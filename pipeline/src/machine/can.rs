@@ -168,6 +168,22 @@ impl CanMessage {
 /// Bit rates of CAN.
 const BIT_RATES: [u32; 9] = [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 
+/// Bit rates of the bus, and of the data of CAN FD.
+fn bit_rates(section: &mut Section) -> (u32, Option<u32>) {
+    let bit_rate = section.key("bit_rate", "Bit rate, bit/s").integer_or(500_000, 10_000..=1_000_000) as u32;
+    if !BIT_RATES.contains(&bit_rate) {
+        let allowed = BIT_RATES.map(|rate| rate.to_string()).join(", ");
+        section.refuse("bit_rate", bit_rate.to_string(), allowed);
+    }
+    let data_bit_rate = section
+        .key("data_bit_rate", "Bit rate of the data of CAN FD frames, bit/s, as ip link has set it (dbitrate)")
+        .optional_integer(100_000..=8_000_000);
+    if let Some(rate) = data_bit_rate.filter(|rate| *rate < bit_rate as usize) {
+        section.refuse("data_bit_rate", rate.to_string(), "can.bit_rate or more");
+    }
+    (bit_rate, data_bit_rate.map(|rate| rate as u32))
+}
+
 impl CanBus {
     pub(super) fn read(mut section: Section, timing: &Timing, folder: &Path) -> Self {
         let period = timing.period;
@@ -178,21 +194,11 @@ impl CanBus {
                 "The bus, with source.kind = \"can\": an interface such as can0, or a serial port with an adapter",
             )
             .text("an interface such as \"can0\", or a serial port such as \"/dev/ttyACM0\"");
-        let bit_rate = section.key("bit_rate", "Bit rate, bit/s").integer_or(500_000, 10_000..=1_000_000) as u32;
-        if !BIT_RATES.contains(&bit_rate) {
-            let allowed = BIT_RATES.map(|rate| rate.to_string()).join(", ");
-            section.refuse("bit_rate", bit_rate.to_string(), allowed);
-        }
-        let data_bit_rate = section
-            .key("data_bit_rate", "Bit rate of the data of CAN FD frames, bit/s, as ip link has set it (dbitrate)")
-            .optional_integer(100_000..=8_000_000);
-        if let Some(rate) = data_bit_rate.filter(|rate| *rate < bit_rate as usize) {
-            section.refuse("data_bit_rate", rate.to_string(), "can.bit_rate or more");
-        }
+        let (bit_rate, data_bit_rate) = bit_rates(&mut section);
         let bus = Self {
             interface,
             bit_rate,
-            data_bit_rate: data_bit_rate.map(|rate| rate as u32),
+            data_bit_rate,
             sync: section
                 .key("sync", "Time between two SYNC; all encoders are read at each of them")
                 .rule("half a period, 1ms or longer")
@@ -279,6 +285,7 @@ mod tests {
                 "-49",
                 "axis.arm.can.full_scale: found -49 (from the command line); allowed: -32767 to -50",
             ),
+            ("can.data_bit_rate", "250000", "can.data_bit_rate: found 250000; allowed: can.bit_rate or more"),
             ("can.bit_rate", "123456", "can.bit_rate: found 123456 (from the command line); allowed: 10000, 20000"),
             ("can.sync", "20ms", "can.sync: found 20ms (from the command line); allowed: timing.period or shorter"),
             ("timing.drive_timeout", "9ms", "can.sync: found 5ms"),

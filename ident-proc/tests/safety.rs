@@ -199,7 +199,7 @@ fn an_outlier_in_the_training_does_not_spoil_the_classical_model() {
 #[test]
 fn an_outlier_among_the_first_samples_is_found_once_the_usual_errors_are_known() {
     let without = trained_with(&[]);
-    for outliers in [&[3][..], &[120], &[230], &[50, 250]] {
+    for outliers in [&[0][..], &[1], &[2], &[3], &[0, 1], &[120], &[230], &[50, 250]] {
         let with = trained_with(outliers);
         assert!(with.outliers >= 1 && with.skipped > without.skipped, "{outliers:?}");
         let ratio = |errors: fn(&AxisSnapshot) -> f64| errors(&with) / errors(&without);

@@ -135,6 +135,7 @@ impl OutlierGate {
         self.since_step = self.since_step.saturating_add(1);
         let error = (y - before).abs();
         if !self.is_far(error) {
+            self.first_errors = self.first_errors.map(|largest| largest.max(error));
             return Verdict::Sound;
         }
         self.step(error);

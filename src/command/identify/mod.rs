@@ -22,6 +22,7 @@ mod settings;
 mod standing;
 mod structure;
 mod verdict;
+mod wild;
 
 use indicatif::ProgressBar;
 use pipeline::machine::Identification;

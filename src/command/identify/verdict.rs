@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! worse than holding still  <=>  E >= rmse of y(k) - y(k-h)
-//! command without effect    <=>  E >= 0.95 E_y
+//! no effect within horizon  <=>  E >= 0.95 E_y
 //! ```
 //!
 //! E rmse of y(k) - y(k | k-h), y output, h horizon; the prediction is that of the published model. E_y rmse of
@@ -15,7 +15,10 @@ use ident_proc::Identifier;
 use pipeline::{machine::Identification, message::model_fault};
 use serde::Serialize;
 
-use super::record::Record;
+use super::{
+    record::Record,
+    wild::{WildCommand, wildest},
+};
 use crate::{
     model::without_commands,
     report::table::{number, percent},
@@ -41,6 +44,9 @@ pub struct Verdict {
     /// are too few rows, and for a model from another record.
     #[serde(skip_serializing_if = "Option::is_none")]
     to_past_outputs: Option<f64>,
+    /// The largest command, where it is wild.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    wild_command: Option<WildCommand>,
 }
 
 /// Why a model is not usable.
@@ -51,7 +57,8 @@ pub enum Reason {
     Unstable,
     /// The model predicts no better than the last output.
     WorseThanHoldingStill,
-    /// The model predicts no better than the past outputs do without any command.
+    /// The model predicts no better than the past outputs do without any command: the command has no effect, or none
+    /// that shows within the horizon.
     NoEffect,
     /// Fewer commands of the training open the valve than there are coefficients, or the output never changes.
     NotExcited,
@@ -59,6 +66,8 @@ pub enum Reason {
     RankDeficient,
     /// The output stands in more than [`LARGEST_STANDING`] of the rows though the command moves it elsewhere.
     StandingOutput,
+    /// A command is far beyond all others ([`super::wild`]).
+    WildCommand,
     /// More outliers than [`LARGEST_PART`] of the rows.
     Outliers,
     /// Fewer than [`LEAST_PREDICTIONS`] predictions over the horizon: the record is short, or has many gaps.
@@ -77,9 +86,11 @@ impl Verdict {
         let stands = record.outputs.iter().all(|y| *y == record.outputs[0]);
         let many = |rows: f64| rows > LARGEST_PART * record.outputs.len() as f64;
         let fault = |bits| snapshot.faults & bits != 0;
+        let wild_command = wildest(&record.inputs);
         // False where the prediction is not finite.
         let is_better = model < still;
         let found = [
+            (Reason::WildCommand, wild_command.is_some()),
             (Reason::Unstable, fault(model_fault::UNSTABLE | model_fault::NOT_FINITE)),
             (Reason::WorseThanHoldingStill, !stands && !is_better),
             (Reason::NotExcited, stands || opened < settings.structure.full_len()),
@@ -92,13 +103,14 @@ impl Verdict {
         let outputs = record.identified(settings.output);
         let (outputs, begins) = (&outputs[settings.training..], &record.begins[settings.training..]);
         let past = without_commands::rmse(outputs, begins, settings.horizon, settings.structure.na);
-        Self::of(found, model / still).beside_past_outputs(past.map(|past| model / past))
+        let verdict = Self { wild_command, ..Self::of(found, model / still) };
+        verdict.beside_past_outputs(past.map(|past| model / past))
     }
 
     /// The verdict from the reasons that hold among those `found`, and from the error over that of holding still.
     pub fn of(found: impl IntoIterator<Item = (Reason, bool)>, to_holding_still: f64) -> Self {
         let reasons: Vec<Reason> = found.into_iter().filter(|(_, holds)| *holds).map(|(reason, _)| reason).collect();
-        Self { usable: reasons.is_empty(), reasons, to_holding_still, to_past_outputs: None }
+        Self { usable: reasons.is_empty(), reasons, to_holding_still, to_past_outputs: None, wild_command: None }
     }
 
     /// This verdict beside the best prediction from the past outputs alone, with the error of the model over
@@ -134,22 +146,31 @@ impl Verdict {
                 format!("{ahead} ahead the error is {} of that of holding still", percent(100.0 * ratio)),
             );
         }
-        let reason = |reason: &Reason| match reason {
+        let reason = |reason: &Reason| {
+            match reason {
             Reason::Unstable => "unstable".to_owned(),
             Reason::WorseThanHoldingStill if ratio.is_finite() => {
                 format!("worse than holding still ({} times its error {ahead} ahead)", number(ratio))
             }
             Reason::WorseThanHoldingStill => "worse than holding still".to_owned(),
-            Reason::NoEffect => {
-                let found = "the command has no effect: the past positions alone predict as well";
-                format!("{found}; is it the command of this axis?")
-            }
+            Reason::NoEffect => format!(
+                "the past positions alone predict as well {ahead} ahead: is it the command of this axis, and is the \
+                 --horizon long enough for the command to move it?"
+            ),
             Reason::NotExcited => "not excited".to_owned(),
             Reason::RankDeficient => "rank-deficient".to_owned(),
             Reason::StandingOutput => "the output stands while it is driven: a stuck sensor, or an end stop".to_owned(),
+            Reason::WildCommand => self.wild_command.map_or_else(String::new, |WildCommand { row, command, others }| {
+                let (found, others) = (number(command), number(others));
+                format!(
+                    "a wild command ({found} in row {row}, nearly all others within {others}: mend this row, or leave \
+                     its command empty)"
+                )
+            }),
             Reason::Outliers => "outliers".to_owned(),
             Reason::FewPredictions => format!("fewer than {LEAST_PREDICTIONS} predictions {ahead} ahead"),
             Reason::IrregularTime => "irregular time".to_owned(),
+        }
         };
         ("not usable", self.reasons.iter().map(reason).collect::<Vec<_>>().join(", "))
     }

@@ -114,7 +114,7 @@ fn the_command_of_another_axis_has_no_effect() {
     let other = |k: usize| 0.5 * (0.17 * k as f64 + 1.0).sin() + 0.4 * (0.71 * k as f64).cos();
     let mut record = simulate(2000, |_| 1.0);
     record.iter_mut().enumerate().for_each(|(k, row)| row[1] = other(k));
-    let expected = [("no-effect", "is it the command of this axis?")];
+    let expected = [("no-effect", "the past positions alone predict as well")];
     let figures = expect_reasons(folder_with(&csv("t,u,y", &record)).path(), &[], &expected);
     assert!(number(&figures, "/verdict/to_past_outputs") > 0.95);
     assert!(number(&figures, "/verdict/to_holding_still") < 1.0, "holding still does not tell");
@@ -139,6 +139,19 @@ fn a_record_with_many_outliers_is_not_usable() {
     let mut record = simulate(2000, |_| 1.0);
     record.iter_mut().skip(1010).step_by(40).for_each(|row| row[2] += 1000.0);
     expect_reasons(folder_with(&csv("t,u,y", &record)).path(), &[], &[("outliers", "outliers")]);
+}
+
+#[test]
+fn a_wild_command_is_named_by_its_row() {
+    let mut record = simulate(2000, |_| 1.0);
+    record[1998][1] = -70.0;
+    let words = "a wild command (-70.000 in row 1999, nearly all others within ";
+    let figures = expect_reasons(
+        folder_with(&csv("t,u,y", &record)).path(),
+        &[],
+        &[("wild-command", words), ("worse-than-holding-still", "worse than")],
+    );
+    assert_eq!(figures["verdict"]["wild_command"]["row"], 1999);
 }
 
 #[test]

@@ -225,6 +225,13 @@ fn a_file_that_is_there_is_overwritten_with_force_only() {
 }
 
 #[test]
+fn a_name_with_a_space_is_one_word_of_the_next_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = success(folder.path(), &[&["init", "--output", "it's a rig.toml"], &RIG[..]].concat());
+    assert!(told.contains(r"hydraxis check 'it'\''s a rig.toml' "), "{told}");
+}
+
+#[test]
 fn every_example_is_written_as_it_is_shipped() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -58,8 +58,8 @@ impl<'a> SimulatedAxis<'a> {
     /// At rest at 0, as `model` says, with the swing that it has.
     pub fn of(model: &'a Commissioned, step: f64) -> Self {
         let swing = Swing { frequency: TAU * model.natural_frequency, damping: model.damping };
-        let delay = if swing.frequency > 0.0 { 2.0 * swing.damping / swing.frequency } else { 0.0 };
-        let lag = if model.time_constant > 0.0 { (1.0 - delay / model.time_constant).max(0.0) } else { 1.0 };
+        let lag =
+            if model.time_constant > 0.0 { (1.0 - model.swing_delay() / model.time_constant).max(0.0) } else { 1.0 };
         Self::new(model, Plant { gain: 1.0, dead_time: 1.0, lag }, swing, step, 0.0)
     }
 

@@ -214,8 +214,7 @@ pub fn softest(model: &Commissioned) -> Commissioned {
     let mut softest = model.clone();
     if model.natural_frequency > 0.0 && model.reaction() * model.natural_frequency <= FAST_VALVE {
         softest.natural_frequency *= SOFTEST;
-        let delay = |model: &Commissioned| 2.0 * model.damping / (TAU * model.natural_frequency);
-        softest.time_constant += delay(&softest) - delay(model);
+        softest.time_constant += softest.swing_delay() - model.swing_delay();
     }
     softest
 }
@@ -475,7 +474,7 @@ mod tests {
         let model = axis.commissioned.as_mut().unwrap();
         (model.natural_frequency, model.damping) = (2.4, 0.1);
         let softer = softest(model);
-        let lag = |model: &Commissioned| model.time_constant - 2.0 * model.damping / (TAU * model.natural_frequency);
+        let lag = |model: &Commissioned| model.time_constant - model.swing_delay();
         assert!((lag(&softer) - lag(model)).abs() < 1e-12 && softer.natural_frequency < model.natural_frequency);
         let control =
             Control { kp: 10.0, ..Baseline::Feedforward.untuned(&axis.control, axis.commissioned.as_ref().unwrap()) };

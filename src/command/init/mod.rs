@@ -52,7 +52,7 @@ pub fn run(arguments: &InitArguments) -> Result<(), Failure> {
         template::text(&template::Machine { name: &name, period, pressure, rigs: &rigs, source: &arguments.source });
     expect_sound(&text, &arguments.output)?;
     write(arguments, &text)?;
-    let file = arguments.output.display();
+    let file = shell_word(&arguments.output);
     let sizes = rigs.iter().map(|Rig { name, stroke, bore, rod, speed, .. }| {
         let [stroke, bore, rod] = [(STROKE, *stroke), (BORE, *bore), (ROD, *rod)].map(|(of, value)| of.number(value));
         format!("  {name}: stroke {stroke} mm, bore {bore} mm, rod {rod} mm, up to {}\n", SPEED.text(*speed))
@@ -79,6 +79,13 @@ pub fn run(arguments: &InitArguments) -> Result<(), Failure> {
     let text =
         format!("written: {file}, a twin of the rig\n{}next:\n{}", sizes.collect::<String>(), next.collect::<String>());
     Ok(show(&text)?)
+}
+
+/// A path as a word of a shell: in quotes where it has more than letters, digits and a few signs.
+fn shell_word(path: &Path) -> String {
+    let path = path.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+:,@%".contains(c);
+    if path.chars().all(is_plain) { path } else { format!("'{}'", path.replace('\'', "'\\''")) }
 }
 
 /// `--source` of a rig with a program of the user.

@@ -13,7 +13,7 @@
 //! Trap: c is the curve of commands that move away from neutral: half of the hysteresis is in the dead bands. On the
 //! way back to neutral the same speed needs a command that is nearer to neutral by h.
 
-use std::time::Duration;
+use std::{f64::consts::TAU, time::Duration};
 
 use super::dead_band::DeadBand;
 use crate::{
@@ -190,6 +190,12 @@ impl Commissioned {
     /// t_d + tau, s: time from a command to most of its motion.
     pub fn reaction(&self) -> f64 {
         self.dead_time + self.time_constant
+    }
+
+    /// 2 zeta / w, s: time by which a swing of the load lags behind at low frequencies; 0 without a swing.
+    pub fn swing_delay(&self) -> f64 {
+        let w = TAU * self.natural_frequency;
+        if w > 0.0 { 2.0 * self.damping / w } else { 0.0 }
     }
 
     /// c(x), m/s.

@@ -45,7 +45,9 @@ pub fn frames(machine: &Machine, bus: &CanBus) -> Result<Frames, WiringError> {
             expect_own(&machine.axes[..i], &key("position"), name)?;
             expect_scale(axis, &key("position"), &wiring.signal(&key("position"), name)?.1)?;
             let source = wiring.source(&key("position"), name)?;
-            if let Some((number, at)) = (Counted { signal: &source.1, is_reversed, zero }).lacking(machine, i) {
+            if let Some((number, at)) =
+                (Counted { signal: &source.1, is_reversed, zero, is_slope: false }).lacking(machine, i)
+            {
                 let allowed = "a signal with numbers for both soft limits, or another zero";
                 let found = format!("found {name}, which has no {number} for {at}");
                 return Err(WiringError::Text(format!("{}: {found}; allowed: {allowed}", key("position"))));

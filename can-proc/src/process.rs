@@ -265,7 +265,7 @@ impl Stage for Process {
         self.receive();
         self.command()?;
         self.send();
-        if self.open_since_ns.is_some() && self.network.is_complete() {
+        if self.open_since_ns.is_some() && self.network.is_ready(monotonic_ns(), self.sync_ns) {
             self.publish(turn)?;
             has_worked = true;
         }

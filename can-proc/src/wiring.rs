@@ -5,7 +5,9 @@ use can::{
     BitRates, Frame, MAX_DATA,
     bus::Address,
     canopen::{NodeId, sync},
-    device::{AxisDevices, Encoder, EncoderSettings, Network, NodeTiming, PositionObject, Valve, ValveSettings},
+    device::{
+        AxisDevices, Encoder, EncoderSettings, Frames, Network, NodeTiming, PositionObject, Valve, ValveSettings,
+    },
     frames::Signal,
 };
 use pipeline::{
@@ -20,6 +22,9 @@ const MILLIDEGREE: f64 = 1e-3;
 /// Bytes of control word and set point of a valve, and of its status.
 const SET_POINT_BYTES: usize = 4;
 const STATUS_BYTES: usize = 2;
+/// A sample waits for a message that comes late for this part of `timing.feedback_timeout`, or for one and a half
+/// periods.
+const PATIENCE: u32 = 3;
 /// What else may be done where a slope of 16 bits does not reach.
 const COARSER: &str = "or a larger angle_resolution, which 6000h has to be";
 /// Least number of SYNC without a position after which an encoder is silent: two may be lost.
@@ -61,7 +66,9 @@ pub fn network(machine: &Machine) -> Result<Network, WiringError> {
     let devices = (0..machine.axes.len()).map(|place| devices(machine, place, &shared));
     let devices = devices.collect::<Result<_, _>>()?;
     expect_room(machine, bus)?;
-    Ok(Network::with_frames(devices, frames(machine, bus)?))
+    let patience = (machine.timing.feedback_timeout / PATIENCE).max(machine.timing.period * 3 / 2);
+    let patience_ns = patience.as_nanos() as u64;
+    Ok(Network::with_frames(devices, Frames { patience_ns, ..frames(machine, bus)? }))
 }
 
 /// Refuses a bit rate at which what is sent with every SYNC does not fit, even without stuff bits: the SYNC, positions,
@@ -151,7 +158,7 @@ fn expect_range(machine: &Machine, place: usize, wired: &CanDevices) -> Result<(
     let is_slope = matches!(wired.object, CanPosition::Slope(_));
     let signal = Signal::new((0, bits), (false, wired.is_signed || is_slope), (1.0, 0.0), MAX_DATA as u8)
         .map_err(|error| WiringError::Text(format!("axis.{axis}.can: {error}")))?;
-    let counted = Counted { signal: &signal, is_reversed: wired.is_reversed, zero: wired.zero };
+    let counted = Counted { signal: &signal, is_reversed: wired.is_reversed, zero: wired.zero, is_slope };
     let Some((position, at)) = counted.lacking(machine, place) else { return Ok(()) };
     let (low, high) = signal.range();
     let (key, found, allowed) = match wired.object {
@@ -252,36 +259,40 @@ mod tests {
 
     #[test]
     fn a_slope_that_does_not_reach_all_postures_is_refused() {
-        let said = |resolution: &str, slope: &str| {
-            let mut settings = vec![("source.kind", "can"), ("can.interface", "\"can0\""), ("drive.kind", "none")];
-            let key = format!("\"{slope}\"");
-            settings.push(("axis.arm.can.slope", &key));
-            for (encoder, kind) in [
-                (("axis.boom.can.encoder", "11"), ("axis.boom.encoder.kind", "encoder")),
-                (("axis.arm.can.encoder", "12"), ("axis.arm.encoder.kind", "inclinometer")),
-                (("axis.telescope.can.encoder", "13"), ("axis.telescope.encoder.kind", "encoder")),
-                (("axis.bucket.can.encoder", "14"), ("axis.bucket.encoder.kind", "encoder")),
-            ] {
-                settings.extend([encoder, kind]);
+        let said = |axis: &str, resolution: &str, slope: &str, zero: &str| {
+            let settings = [("source.kind", "can"), ("can.interface", "\"can0\""), ("drive.kind", "none")];
+            let mut settings: Vec<_> =
+                settings.into_iter().map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
+            for (i, name) in ["boom", "arm", "telescope", "bucket"].iter().enumerate() {
+                settings.push((format!("axis.{name}.can.encoder"), format!("{}", 11 + i)));
             }
-            settings.push(("axis.arm.encoder.angle_resolution", resolution));
-            let pairs = settings.into_iter().filter(|(_, value)| *value != "encoder");
-            let pairs: Vec<_> = pairs.map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
+            for (key, value) in [
+                ("can.slope", slope),
+                ("can.zero", zero),
+                ("encoder.kind", "inclinometer"),
+                ("encoder.angle_resolution", resolution),
+            ] {
+                settings.push((format!("axis.{axis}.{key}"), value.to_owned()));
+            }
             let excavator = include_str!("../../examples/excavator.toml");
-            let machine = Machine::parse(excavator, "m.toml", Path::new("."), &pairs).unwrap();
+            let machine = Machine::parse(excavator, "m.toml", Path::new("."), &settings).unwrap();
             network(&machine).map(|_| ()).map_err(|error| error.to_string())
         };
         // One thousandth of a degree, of which 16 bits reach 32.8 degrees, and one hundredth.
-        let error = said("1.7453292519943296e-5", "long16").unwrap_err();
+        let error = said("arm", "1.7453292519943296e-5", "long16", "0").unwrap_err();
         let expected = "axis.arm.can.slope: found long16, with which the position would be ";
         assert!(
             error.starts_with(expected)
                 && error.ends_with("\"long32\", or a larger angle_resolution, which 6000h has to be"),
             "{error}"
         );
-        assert!(said("1.7453292519943296e-5", "lateral16").unwrap_err().contains("\"lateral32\""));
-        assert_eq!(said("1.7453292519943296e-5", "long32"), Ok(()));
-        assert_eq!(said("1.7453292519943296e-4", "long16"), Ok(()));
+        assert!(said("arm", "1.7453292519943296e-5", "lateral16", "0").unwrap_err().contains("\"lateral32\""));
+        assert_eq!(said("arm", "1.7453292519943296e-5", "long32", "0"), Ok(()));
+        assert_eq!(said("arm", "1.7453292519943296e-4", "long16", "0"), Ok(()));
+        // The bucket turns through 180 degrees, which 32767 of these steps reach, and do not reach.
+        assert_eq!(said("bucket", "9.6e-5", "long16", "0"), Ok(()));
+        assert!(said("bucket", "9.5e-5", "long16", "0").unwrap_err().contains("3.142 rad"));
+        assert!(said("boom", "1.7453292519943296e-4", "long16", "30000").is_err());
     }
 
     #[test]

@@ -217,7 +217,7 @@ impl Bench {
                 Mode::Disarmed => AxisTarget { demand: Demand::Hold, state: AxisState::Disarmed },
             });
             self.network.command(Some(&targets), self.now_ns);
-            if self.network.is_complete() || self.network.is_over(self.now_ns, CYCLE_MS * MS) {
+            if self.network.is_ready(self.now_ns, CYCLE_MS * MS) {
                 self.network.take_sample(self.now_ns);
             }
         }
@@ -451,6 +451,35 @@ fn a_bus_that_was_gone_is_proven_anew() {
     bench.modes = [Mode::Disarmed; AXES];
     bench.until("well", |bench| bench.faults() == [None; AXES]);
     bench.drive();
+}
+
+#[test]
+fn a_message_that_does_not_come_holds_up_the_other_axes_once() {
+    let receiver = |name: &str| Receiver::new(database().message(name).unwrap().layout, Guard::default(), 1000 * MS);
+    let position = |receiver, name| AxisFrames {
+        position: Some(SignalPosition { source: (receiver, signal(name)), is_reversed: false, zero: 0 }),
+        pressures: None,
+    };
+    let frames = Frames {
+        receivers: vec![receiver("Angles"), receiver("State")],
+        axes: vec![position(0, "Angles.Boom"), position(1, "State.Rod")],
+        patience_ns: 10 * MS,
+        ..Frames::default()
+    };
+    let mut network = Network::with_frames(vec![AxisDevices { encoder: None, valve: None }; 2], frames);
+    let mut waited = Vec::new();
+    for ms in 0..100_u64 {
+        for name in ["Angles", "State"].iter().filter(|name| ms % 10 == 0 && (**name == "Angles" || ms < 50)) {
+            let id = embedded_can::ExtendedId::new(database().message(name).unwrap().layout.id).unwrap();
+            let frame = Frame::new(id, &[0; 8]).unwrap();
+            network.take(&Received { frame, time_ns: ms * MS }, ms * MS);
+        }
+        if network.is_ready(ms * MS, 5 * MS) {
+            let (begun, _) = (network.take_sample(ms * MS), network.begin(ms * MS));
+            waited.push(ms - begun / MS);
+        }
+    }
+    assert_eq!(waited, [0, 0, 0, 0, 0, 1, 0, 0, 0, 0], "the last position came at 40 ms");
 }
 
 /// An auxiliary valve of ISO 11783-7: flow without a sign, a direction, at most every 100 ms.

@@ -39,6 +39,8 @@ pub struct Frames {
     pub emergency_stop: Option<Source>,
     /// A signal that is 0 while the pilot pressure is cut off.
     pub pilot: Option<Source>,
+    /// Longest time for which a sample waits for a position beyond one and a half periods, ns.
+    pub patience_ns: u64,
     /// The emergency stop was pressed in a frame since the last sample.
     pub was_stopped: bool,
 }
@@ -116,11 +118,12 @@ impl Frames {
     }
 
     /// Whether the sample is not to wait for the position of an axis any longer: the message has not come for one and a
-    /// half periods of `period_ns`, and not for half of its time-out. Such a message has no SYNC that it answers to.
+    /// half periods of `period_ns`, and neither for half of its time-out, or `patience_ns` where that is shorter: the
+    /// other axes wait with it. Such a message has no SYNC that it answers to.
     pub fn is_overdue(&self, axis: usize, now_ns: u64, period_ns: u64) -> bool {
         let Some(position) = self.axes.get(axis).and_then(|axis| axis.position) else { return true };
         self.receivers.get(position.source.0).is_none_or(|receiver| {
-            let longest_ns = (period_ns + period_ns / 2).max(receiver.timeout_ns() / 2);
+            let longest_ns = (period_ns + period_ns / 2).max((receiver.timeout_ns() / 2).min(self.patience_ns));
             now_ns.saturating_sub(receiver.heard_ns()) > longest_ns
         })
     }

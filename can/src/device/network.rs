@@ -202,6 +202,12 @@ impl Network {
         self.axes.iter().enumerate().all(|(i, axis)| axis.devices.is_complete() && self.frames.is_complete(i))
     }
 
+    /// Whether nothing has to be waited for any more: the positions of this SYNC have come, but for those of messages
+    /// that are overdue.
+    pub fn is_ready(&self, now_ns: u64, period_ns: u64) -> bool {
+        self.axes.iter().all(|axis| axis.devices.is_complete()) && self.is_over(now_ns, period_ns)
+    }
+
     /// Whether the sample is taken without the positions that have not come: the next SYNC is due, `period_ns` after
     /// the last one.
     pub fn is_over(&self, now_ns: u64, period_ns: u64) -> bool {

@@ -93,14 +93,18 @@ impl BusArguments {
                 )));
             }
         };
-        Ok(NamedBus { address, rates: self.rates(wired), machine })
+        Ok(NamedBus { address, rates: self.rates(wired)?, machine })
     }
 
-    fn rates(&self, wired: Option<&CanBus>) -> BitRates {
-        BitRates {
-            bus: self.bit_rate.or(wired.map(|can| can.bit_rate)).unwrap_or(BIT_RATE),
-            data: self.data_bit_rate.or(wired.and_then(|can| can.data_bit_rate)),
+    fn rates(&self, wired: Option<&CanBus>) -> Result<BitRates, Failure> {
+        let bus = self.bit_rate.or(wired.map(|can| can.bit_rate)).unwrap_or(BIT_RATE);
+        let data = self.data_bit_rate.or(wired.and_then(|can| can.data_bit_rate));
+        if let Some(data) = data.filter(|data| *data < bus) {
+            return Err(Failure::usage(format!(
+                "--data-bit-rate: found {data}; allowed: {bus}, the bit rate, or more"
+            )));
         }
+        Ok(BitRates { bus, data })
     }
 }
 
@@ -112,7 +116,7 @@ impl NamedBus {
     pub fn of_log(arguments: &BusArguments, log: &Path) -> Result<Self, Failure> {
         let machine = arguments.machine()?;
         let wired = machine.as_ref().and_then(|machine| machine.can.as_ref());
-        let rates = arguments.rates(wired);
+        let rates = arguments.rates(wired)?;
         Ok(Self { address: Address::Serial(log.to_owned()), rates, machine })
     }
 

@@ -59,6 +59,9 @@ pub struct MonitorBusArguments {
 /// Time between two tables.
 const EVERY: Duration = Duration::from_secs(1);
 
+/// Shortest time that a rate is told about, ns.
+const LEAST_NS: u64 = 1_000_000;
+
 /// What has come with one identifier.
 struct Seen {
     last: Frame,
@@ -184,7 +187,7 @@ impl Monitor {
             let jitter_ms = seen.longest_ns.saturating_sub(seen.shortest_ns) as f64 * 1e-6;
             vec![
                 id_of(&seen.last),
-                format!("{:.1}/s", seen.count as f64 / (passed_ns as f64 * 1e-9)),
+                rate(seen.count, passed_ns),
                 if has_jitter { format!("{jitter_ms:.2} ms") } else { "-".to_owned() },
                 data_of(&seen.last),
                 self.decoder.meaning(&seen.last),
@@ -213,6 +216,14 @@ impl Monitor {
         }
         Ok(())
     }
+}
+
+/// Frames in a second; none about a time in which nothing could be counted, as in a log of one frame.
+fn rate(count: u64, passed_ns: u64) -> String {
+    if passed_ns < LEAST_NS {
+        return "-".to_owned();
+    }
+    format!("{:.1}/s", count as f64 / (passed_ns as f64 * 1e-9))
 }
 
 fn id_of(frame: &Frame) -> String {

@@ -238,6 +238,10 @@ fn position(section: &mut Section, is_inclinometer: bool) -> (CanPosition, bool,
         .key("alarms", "Whether alarms and warnings, 6503h and 6505h, travel with every position")
         .rule("true, but with high_precision or a slope")
         .flag_or(!is_precise && slope.is_none());
+    if slope.is_some() && (!is_signed || is_precise || has_alarms) {
+        let found = format!("signed = {is_signed}, high_precision = {is_precise}, alarms = {has_alarms}");
+        section.refuse("slope", format!("a slope with {found}"), "true, false and false of these, as by default");
+    }
     if has_alarms && is_precise {
         section.refuse("alarms", "true", "false with high_precision: a message has 64 bits");
     }

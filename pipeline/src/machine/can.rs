@@ -285,7 +285,11 @@ mod tests {
                 "-49",
                 "axis.arm.can.full_scale: found -49 (from the command line); allowed: -32767 to -50",
             ),
-            ("can.data_bit_rate", "250000", "can.data_bit_rate: found 250000; allowed: can.bit_rate or more"),
+            (
+                "can.data_bit_rate",
+                "250000",
+                "can.data_bit_rate: found 250000 (from the command line); allowed: can.bit_rate",
+            ),
             ("can.bit_rate", "123456", "can.bit_rate: found 123456 (from the command line); allowed: 10000, 20000"),
             ("can.sync", "20ms", "can.sync: found 20ms (from the command line); allowed: timing.period or shorter"),
             ("timing.drive_timeout", "9ms", "can.sync: found 5ms"),

@@ -7,24 +7,41 @@ use pipeline::{
 
 /// Readings in a row that wait for long before the ticks are brought forward.
 const LONG_WAITS: u32 = 3;
+/// What a tick without a reading, or with one that has waited for long, adds to the score of ticks that are too close
+/// to the readings; any other tick takes 1 away.
+const CLOSE: u32 = 10;
+/// The score from which on the ticks are brought forward, and the greatest one.
+const TOO_CLOSE: u32 = 4 * CLOSE;
+/// Ticks between two times at which they are brought forward by the score.
+const PAUSE: u32 = 100;
 
 /// When the ticks are brought forward, so that readings do not wait for them.
 ///
 /// The program that sends readings has a clock of its own, and the first reading need not come when the later ones do.
 /// A reading that waits for a whole period makes every command that late.
+///
+/// Trap: where readings come at the time of the ticks, now before and now after them, some ticks have none, and others
+/// have one that has waited for a period. Those are seldom several in a row, so they are counted by a score.
 #[derive(Debug, Default)]
 pub struct Phase {
     long_waits: u32,
+    score: u32,
+    pause: u32,
 }
 
 impl Phase {
     /// Takes in how long the reading of a tick has waited for it, ns; 0 without a reading. Returns by how much the
-    /// ticks are to be brought forward: after three waits in a row of more than a quarter of a period, so that an
-    /// eighth is left.
+    /// ticks are to be brought forward: after three waits in a row of more than a quarter of a period, or many of them
+    /// among ticks without a reading, so that an eighth is left.
     pub fn judge(&mut self, waited_ns: u64, period_ns: u64) -> Option<u64> {
-        self.long_waits = if waited_ns > period_ns / 4 { self.long_waits + 1 } else { 0 };
-        (self.long_waits >= LONG_WAITS).then(|| {
-            self.long_waits = 0;
+        let is_long = waited_ns > period_ns / 4;
+        self.long_waits = if is_long { self.long_waits + 1 } else { 0 };
+        self.pause = self.pause.saturating_sub(1);
+        let is_close = is_long || waited_ns == 0;
+        self.score = if is_close { (self.score + CLOSE).min(TOO_CLOSE) } else { self.score.saturating_sub(1) };
+        let is_too_close = is_long && self.score == TOO_CLOSE && self.pause == 0;
+        (is_too_close || self.long_waits >= LONG_WAITS).then(|| {
+            (self.long_waits, self.score, self.pause) = (0, 0, PAUSE);
             (waited_ns - period_ns / 8).min(period_ns)
         })
     }
@@ -96,10 +113,35 @@ mod tests {
     }
 
     #[test]
+    fn ticks_at_the_time_of_the_readings_are_brought_forward() {
+        const PERIOD: i64 = 10_000;
+        let (mut phase, mut shift, mut state, mut last) = (Phase::default(), 0, 1_u64, -1);
+        let mut without = [0, 0];
+        for k in 0..400_i64 {
+            // Readings at multiples of the period, up to 300 before or after: seldom two of one kind in a row.
+            let mut jitter = |n: i64| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(n as u64 | 1);
+                n * PERIOD + (state >> 33) as i64 % 600 - 300
+            };
+            let tick = k * PERIOD - shift;
+            let newest = (last + 1..=k + 1).map(|n| (n, jitter(n))).take_while(|(_, at)| *at < tick).last();
+            let waited = newest.map_or(0, |(n, at)| {
+                last = n;
+                tick - at
+            });
+            without[usize::from(k >= 200)] += u32::from(waited == 0);
+            shift += phase.judge(waited as u64, PERIOD as u64).unwrap_or(0) as i64;
+        }
+        assert!(without[0] > 3 && without[1] == 0, "{without:?}");
+    }
+
+    #[test]
     fn a_wait_now_and_then_changes_nothing() {
         let mut phase = Phase::default();
-        let waits = [900, 900, 0, 900, 900, 200, 900, 900, 250];
-        assert!(waits.iter().all(|waited| phase.judge(*waited, 1000).is_none()));
+        for _ in 0..100 {
+            let waits = [900, 900, 0].into_iter().chain([200; 30]);
+            assert!(waits.into_iter().all(|waited| phase.judge(waited, 1000).is_none()));
+        }
         assert_eq!((phase.judge(900, 1000), phase.judge(900, 1000), phase.judge(900, 1000)), (None, None, Some(775)));
     }
 }

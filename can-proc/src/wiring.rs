@@ -156,7 +156,7 @@ fn expect_range(machine: &Machine, place: usize, wired: &CanDevices) -> Result<(
     let axis = &machine.axes[place].name;
     let bits = u64::from(position_object(wired).mapped().bits);
     let is_slope = matches!(wired.object, CanPosition::Slope(_));
-    let signal = Signal::new((0, bits), (false, wired.is_signed || is_slope), (1.0, 0.0), MAX_DATA as u8)
+    let signal = Signal::new((0, bits), (false, wired.is_signed), (1.0, 0.0), MAX_DATA as u8)
         .map_err(|error| WiringError::Text(format!("axis.{axis}.can: {error}")))?;
     let counted = Counted { signal: &signal, is_reversed: wired.is_reversed, zero: wired.zero, is_slope };
     let Some((position, at)) = counted.lacking(machine, place) else { return Ok(()) };

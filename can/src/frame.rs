@@ -101,6 +101,11 @@ impl Frame {
         self.format
     }
 
+    /// Whether it is one of CAN FD.
+    pub fn is_flexible(&self) -> bool {
+        matches!(self.format, Format::Flexible { .. })
+    }
+
     /// Bits on the wire: those at the rate of the bus, and those at the rate of the data.
     pub fn wire_bits(&self) -> (u32, u32) {
         let (bits, is_standard) = (8 * u32::from(self.length), matches!(self.id, Id::Standard(_)));
@@ -118,8 +123,7 @@ impl Frame {
 
     /// The frame with its data at a bit rate of their own, or not; only that of CAN FD is changed.
     pub(crate) fn with_speed(self, is_fast: bool) -> Self {
-        let is_flexible = matches!(self.format, Format::Flexible { .. });
-        Self { format: if is_flexible { Format::Flexible { is_fast } } else { self.format }, ..self }
+        Self { format: if self.is_flexible() { Format::Flexible { is_fast } } else { self.format }, ..self }
     }
 
     /// A frame of CAN FD; `None` where it cannot have so many bytes. With `is_fast` its data have a bit rate of their

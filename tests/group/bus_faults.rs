@@ -2,6 +2,7 @@
 //! by itself. The devices are those of `hydraxis can simulate` on a pseudo terminal.
 
 use std::{
+    path::Path,
     process::{Child, Stdio},
     time::Duration,
 };
@@ -73,26 +74,26 @@ impl Setting {
 
     /// The axes of [`FOUR_AXES`] by messages of a machine of its own. `is_busy`: with the times of a busy computer.
     fn messages(is_busy: bool) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let machine = folder.path().join("machine.toml");
-        let text = std::fs::read_to_string(FOUR_AXES).unwrap();
-        std::fs::write(&machine, format!("{text}\n{}", bus::messages(&folder.path().join("bus")))).unwrap();
         let drive_timeout = is_busy.then_some("timing.drive_timeout=200ms");
-        let settings = ["source.kind=can"].into_iter().chain(drive_timeout);
-        let more = settings.flat_map(|setting| ["--set", setting]).map(str::to_owned).collect();
-        Self { folder, machine: machine.to_str().unwrap().to_owned(), more }
+        Self::of_tables(bus::messages, drive_timeout.into_iter().map(str::to_owned))
     }
 
     /// The axes of [`FOUR_AXES`] by auxiliary valves of J1939. `is_busy`: with the times of a busy computer.
     fn auxiliary_valves(is_busy: bool) -> Self {
+        let example = include_str!("../../examples/auxiliary-valves.toml");
+        let tables = |at: &Path| example.replacen("\"can0\"", &format!("\"{}\"", at.display()), 1);
+        let drive_timeout = if is_busy { "800ms" } else { "200ms" };
+        Self::of_tables(tables, [format!("timing.drive_timeout={drive_timeout}")])
+    }
+
+    /// The axes of [`FOUR_AXES`] with the tables of a bus at this path, and more settings.
+    fn of_tables(tables: impl Fn(&Path) -> String, more: impl IntoIterator<Item = String>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let machine = folder.path().join("machine.toml");
         let text = std::fs::read_to_string(FOUR_AXES).unwrap();
-        std::fs::write(&machine, format!("{text}\n{}", include_str!("../../examples/auxiliary-valves.toml"))).unwrap();
-        let interface = format!("can.interface=\"{}\"", folder.path().join("bus").display());
-        let drive_timeout = if is_busy { "timing.drive_timeout=800ms" } else { "timing.drive_timeout=200ms" };
-        let more = ["source.kind=can", &interface, drive_timeout];
-        let more = more.into_iter().flat_map(|setting| ["--set", setting]).map(str::to_owned).collect();
+        std::fs::write(&machine, format!("{text}\n{}", tables(&folder.path().join("bus")))).unwrap();
+        let settings = ["source.kind=can".to_owned()].into_iter().chain(more);
+        let more = settings.flat_map(|setting| ["--set".to_owned(), setting]).collect();
         Self { folder, machine: machine.to_str().unwrap().to_owned(), more }
     }
 

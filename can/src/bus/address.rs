@@ -62,10 +62,17 @@ impl fmt::Display for Address {
 /// the adapter does not answer, or CAN FD is needed and not there.
 pub fn open(address: &Address, rates: BitRates, needs_flexible: bool) -> Result<Box<dyn Bus>, BusError> {
     let bus = opened(address, rates)?;
-    if needs_flexible && !bus.is_flexible() {
-        return Err(BusError::Classical { address: address.to_string() });
-    }
+    expect_format(&*bus, address, needs_flexible)?;
     Ok(bus)
+}
+
+/// Refuses a bus without CAN FD where that is needed.
+///
+/// # Errors
+/// It is needed, and the bus has none.
+pub fn expect_format(bus: &dyn Bus, address: &Address, needs_flexible: bool) -> Result<(), BusError> {
+    let is_lacking = needs_flexible && !bus.is_flexible();
+    if is_lacking { Err(BusError::Classical { address: address.to_string() }) } else { Ok(()) }
 }
 
 fn opened(address: &Address, rates: BitRates) -> Result<Box<dyn Bus>, BusError> {

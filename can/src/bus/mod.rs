@@ -20,7 +20,7 @@ mod socket;
 
 use std::{io, time::Duration};
 
-pub use address::{Address, NoAddress, listen, open};
+pub use address::{Address, NoAddress, expect_format, listen, open};
 pub use candump::{LogError, LogLine, Playback, write_line};
 pub use claim::Claim;
 pub use memory::{MemoryBus, pair};

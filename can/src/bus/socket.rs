@@ -180,8 +180,7 @@ impl Bus for SocketBus {
 
     fn send(&mut self, frame: &Frame) -> Result<bool, BusError> {
         let frame = &frame.with_speed(self.is_fast);
-        let is_flexible = matches!(frame.format(), Format::Flexible { .. });
-        let can_send = self.claim.is_some() && (self.is_flexible || !is_flexible);
+        let can_send = self.claim.is_some() && (self.is_flexible || !frame.is_flexible());
         let Some(theirs) = theirs(frame).filter(|_| can_send) else {
             self.counters.unsent += 1;
             return Ok(false);

@@ -197,13 +197,8 @@ impl Network {
         self.axes.iter().all(|axis| axis.was_ready)
     }
 
-    /// Whether the positions of this SYNC have come from all encoders that are not at fault.
-    pub fn is_complete(&self) -> bool {
-        self.axes.iter().enumerate().all(|(i, axis)| axis.devices.is_complete() && self.frames.is_complete(i))
-    }
-
-    /// Whether nothing has to be waited for any more: the positions of this SYNC have come, but for those of messages
-    /// that are overdue.
+    /// Whether nothing has to be waited for any more: the positions of this SYNC have come from all that are not at
+    /// fault, but for those of messages that are overdue.
     pub fn is_ready(&self, now_ns: u64, period_ns: u64) -> bool {
         self.axes.iter().all(|axis| axis.devices.is_complete()) && self.is_over(now_ns, period_ns)
     }

@@ -154,8 +154,8 @@ impl Verdict {
             }
             Reason::WorseThanHoldingStill => "worse than holding still".to_owned(),
             Reason::NoEffect => format!(
-                "the past positions alone predict as well {ahead} ahead: is it the command of this axis, and is the \
-                 --horizon long enough for the command to move it?"
+                "the past positions alone predict as well {ahead} ahead; is it the command of this axis? Is the \
+                 --horizon long enough for it to move the axis?"
             ),
             Reason::NotExcited => "not excited".to_owned(),
             Reason::RankDeficient => "rank-deficient".to_owned(),

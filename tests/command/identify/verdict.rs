@@ -114,7 +114,7 @@ fn the_command_of_another_axis_has_no_effect() {
     let other = |k: usize| 0.5 * (0.17 * k as f64 + 1.0).sin() + 0.4 * (0.71 * k as f64).cos();
     let mut record = simulate(2000, |_| 1.0);
     record.iter_mut().enumerate().for_each(|(k, row)| row[1] = other(k));
-    let expected = [("no-effect", "the past positions alone predict as well")];
+    let expected = [("no-effect", "is it the command of this axis?")];
     let figures = expect_reasons(folder_with(&csv("t,u,y", &record)).path(), &[], &expected);
     assert!(number(&figures, "/verdict/to_past_outputs") > 0.95);
     assert!(number(&figures, "/verdict/to_holding_still") < 1.0, "holding still does not tell");

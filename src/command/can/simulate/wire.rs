@@ -20,7 +20,7 @@ use std::{
 
 use can::{
     BitRates, Frame,
-    bus::{Address, Bus, BusError, SlcanBus, SocketBus, pseudo_terminal},
+    bus::{Address, Bus, BusError, SlcanBus, SocketBus, expect_format, pseudo_terminal},
     device::Outbox,
 };
 use pipeline::stage::monotonic_ns;
@@ -113,9 +113,7 @@ impl Wire {
                 (bus, Some(link), format!("{} ({terminal})", path.display()))
             }
         };
-        if needs_flexible && !bus.is_flexible() {
-            return Err(Failure::run(BusError::Classical { address: at.to_string() }));
-        }
+        expect_format(&*bus, at, needs_flexible).map_err(Failure::run)?;
         Ok(Self { bus: Some(bus), link, name, fault: BusFault::Well, is_alone: false })
     }
 

@@ -21,8 +21,8 @@ use pipeline::{
         Board, BoardError, ChannelError, Group, GroupMachine, GroupState, Listener, Prefix, Publisher, Reader, groups,
     },
     message::{
-        AxisCommand, AxisMode, AxisRequest, EncoderSample, Header, Request, ValveCommand, bit_names, control_flag,
-        sample_fault,
+        AxisCommand, AxisMode, AxisRequest, AxisSample, EncoderSample, Header, Request, ValveCommand, bit_names,
+        control_flag, sample_fault,
     },
     nearest::did_you_mean,
     stage::monotonic_ns,
@@ -40,6 +40,8 @@ const SAMPLE_PERIODS: u32 = 3;
 const ANSWER_PATIENCE: Duration = SETTLING_PATIENCE.saturating_sub(Duration::from_secs(1));
 /// Time for which samples must be usable before an axis is armed.
 const USABLE_TIME: Duration = Duration::from_millis(200);
+/// What a sample takes back of it in which an axis is missing, as the controller bridges it.
+const TAKEN_BACK: Duration = Duration::from_millis(50);
 /// Periods in which the controller must do it; they count where they are longer than [`ANSWER_PATIENCE`].
 const ANSWER_PERIODS: u32 = PATIENCE_TICKS as u32 - 10;
 
@@ -433,15 +435,21 @@ impl Operator {
 
     /// Waits until the samples of axes have been usable for [`USABLE_TIME`]; false when the program is to end before.
     fn await_usable(&mut self, axes: &[usize], mode: AxisMode) -> Result<bool, OperatorError> {
-        let until = Instant::now() + self.answer_patience;
-        let mut since = None;
+        let (mut last, mut usable) = (Instant::now(), Duration::ZERO);
+        let until = last + self.answer_patience;
         while let Some(sample) = self.sample()? {
-            let is_usable = sample.emergency_stop == 0 && axes.iter().all(|axis| sample.axes[*axis].usable().is_some());
+            let found = || axes.iter().map(|axis| &sample.axes[*axis]);
             let now = Instant::now();
-            since = if is_usable { since.or(Some(now)) } else { None };
-            if since.is_some_and(|since| now - since >= USABLE_TIME) {
+            usable = if sample.emergency_stop != 0 || found().any(|axis| axis.usable().is_none() && !axis.is_stale()) {
+                Duration::ZERO
+            } else if found().any(AxisSample::is_stale) {
+                usable.saturating_sub(TAKEN_BACK)
+            } else if usable + (now - last) < USABLE_TIME {
+                usable + (now - last)
+            } else {
                 return Ok(true);
-            }
+            };
+            last = now;
             while self.command()?.is_some() {}
             self.ask(&sample)?;
             if now > until {

@@ -42,6 +42,8 @@ pub struct Observation {
     pub position: Option<f64>,
     /// Ticks without a usable position before this one.
     pub missing: u64,
+    /// Nothing was read; a position that was read and is implausible is none either.
+    pub is_stale: bool,
     /// The sample is outside the stroke.
     pub is_out_of_range: bool,
     /// The position has been missing for too long.
@@ -123,6 +125,7 @@ impl Feedback {
         Observation {
             position,
             missing,
+            is_stale,
             is_out_of_range: sample.is_some_and(|sample| sample.faults & sample_fault::RANGE != 0),
             is_lost: is_unreliable || if position.is_some() { missing >= self.timeout_ticks } else { is_blind },
             standing: self.motion.update(elapsed, command, position),

@@ -5,9 +5,9 @@
 //! settling, following --fault--> latched         any state --disarm--> disarmed
 //! ```
 //!
-//! Settling begins anew with every sample that is missing or unusable. It has an end: an axis that has not settled
-//! after [`SETTLING_PATIENCE`] is latched, because nobody expects any more that it moves. The emergency stop and motion
-//! that nobody commanded latch in every state.
+//! Settling begins anew with every implausible sample; one that is missing takes back a part of it, as one that follows
+//! bridges it. It has an end: an axis that has not settled after [`SETTLING_PATIENCE`] is latched, because nobody
+//! expects any more that it moves. The emergency stop and motion that nobody commanded latch in every state.
 
 use std::time::Duration;
 
@@ -21,6 +21,8 @@ use crate::protection::motion::Standing;
 
 /// Time of healthy samples before anything moves: long enough to see an encoder that comes and goes.
 pub const SETTLING: Duration = Duration::from_millis(200);
+/// Part of [`SETTLING`] that a missing sample takes back: four in a row take back all of it.
+const MISSING_PART: u64 = 4;
 /// Time after which an axis is latched that has not settled.
 pub const SETTLING_PATIENCE: Duration = Duration::from_secs(6);
 /// Ticks after which it is latched; they count where they are longer than [`SETTLING_PATIENCE`].
@@ -31,7 +33,7 @@ pub const PATIENCE_TICKS: usize = 60;
 pub enum State {
     /// Neutral until it is armed.
     Disarmed,
-    /// Armed; so many healthy samples in a row so far.
+    /// Armed; so many healthy samples so far, less what missing ones have taken back.
     Settling(u64),
     /// Commanded by a request or a controller.
     Following,
@@ -205,10 +207,13 @@ impl StateMachine {
                 self.state = State::Following;
                 return Transition::Begin(position);
             }
-            Some(_) if observation.missing == 0 || healthy == 0 => State::Settling(healthy + 1),
-            _ => {
+            Some(_) => {
+                let taken_back = observation.missing.saturating_mul(self.settling_ticks.div_ceil(MISSING_PART));
+                State::Settling(healthy.saturating_sub(taken_back) + 1)
+            }
+            None => {
                 self.obstacle = control_flag::FEEDBACK;
-                State::Settling(0)
+                State::Settling(if observation.is_stale { healthy } else { 0 })
             }
         };
         let since = *self.settles_since.get_or_insert(self.tick);

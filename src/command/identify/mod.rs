@@ -5,6 +5,7 @@
 mod arguments;
 mod compare;
 mod course;
+mod dropout;
 mod files;
 mod grid;
 mod held_out;

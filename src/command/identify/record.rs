@@ -13,6 +13,7 @@ use sensor_proc::log::{Cause, Found, FoundColumn, Gap, Gaps, Log, PeriodChange};
 use serde::Serialize;
 
 use super::{
+    dropout::{Dropouts, leave_out},
     recorded::{MCAP, read_log},
     standing,
 };
@@ -59,6 +60,7 @@ pub struct ReadRecording {
     #[serde(flatten)]
     found: Found,
     gaps: Gaps,
+    dropouts: Dropouts,
 }
 
 impl Record {
@@ -116,16 +118,16 @@ impl Record {
         Ok(())
     }
 
-    fn add(&mut self, file: &Path, test: bool, log: Log) {
+    fn add(&mut self, file: &Path, test: bool, mut log: Log) {
+        let dropouts = leave_out(&mut log);
         let rows = log.outputs.len();
-        let time = |k: usize| log.times.get(k).map_or(k as f64 * log.period, |time| time - log.times[0]);
-        self.times.extend((0..rows).map(time));
+        self.times.extend(log.times.iter().map(|time| time - log.times[0]));
         self.inputs.extend(log.inputs);
         self.outputs.extend(log.outputs);
         self.begins.extend(log.begins);
         self.short_steps += log.short_steps;
         let file = file.display().to_string();
-        self.recordings.push(ReadRecording { file, test, rows, found: log.found, gaps: log.gaps });
+        self.recordings.push(ReadRecording { file, test, rows, found: log.found, gaps: log.gaps, dropouts });
     }
 
     /// The files in words.
@@ -227,7 +229,20 @@ pub fn text(recordings: &[ReadRecording]) -> String {
         }
     }
     let with_gaps = recordings.iter().filter(|recording| recording.gaps.any());
-    text + &with_gaps.map(gaps).collect::<String>()
+    let with_dropouts = recordings.iter().filter(|recording| recording.dropouts.count > 0);
+    text + &with_gaps.map(gaps).chain(with_dropouts.map(dropouts)).collect::<String>()
+}
+
+/// The dropouts of a file in words.
+fn dropouts(ReadRecording { file, dropouts: Dropouts { count, rows, times_s }, .. }: &ReadRecording) -> String {
+    let times: Vec<String> = times_s.iter().take(SHOWN_GAPS).map(|time| number(*time) + " s").collect();
+    let more = if *count > times.len() { format!(", and {} more", count - times.len()) } else { String::new() };
+    let name = if *count == 1 { "dropout" } else { "dropouts" };
+    format!(
+        "warning: {file}: {rows} rows left out, {count} {name} of the sensor, in which the output stands and to or from \
+         which it jumps: after {}{more}\n",
+        times.join(", ")
+    )
 }
 
 /// The format of a file in words.

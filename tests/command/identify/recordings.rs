@@ -350,3 +350,21 @@ fn merged_step_tests_give_a_model_as_good_as_that_of_a_continuous_record() {
         assert!((merged / continuous - 1.0).abs() < 0.1, "{merged} for {continuous}");
     }
 }
+
+#[test]
+fn dropouts_of_the_sensor_are_left_out_and_told() {
+    let dropped = |k: usize, [t, u, y]: [f64; 3]| {
+        let y = if (100..140).contains(&k) || (220..223).contains(&k) { -40.0 } else { y };
+        format!("{t},{u},{y}")
+    };
+    let text = format!("t,u,y\n{}", rows(600, dropped));
+    let figures = expect_plant(text.as_bytes(), &[]);
+    let expected = json!({ "count": 2, "rows": 43, "times_s": [1.0, 2.2] });
+    assert_eq!(figures["recordings"][0]["dropouts"], expected);
+    assert_eq!((&figures["recordings"][0]["rows"], &figures["outliers"]), (&json!(557), &json!(0)));
+    assert!(number(&figures, "/classical/h_step/max") < 1e-6, "nothing is predicted over a dropout");
+    let said = text_report(&folder_with(&text), &[]);
+    let warning = "warning: r.csv: 43 rows left out, 2 dropouts of the sensor, in which the output stands and to or from \
+                   which it jumps: after 1.0000 s, 2.2000 s\n";
+    assert!(said.contains(warning), "{said}");
+}

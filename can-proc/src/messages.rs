@@ -7,7 +7,10 @@ use can::{
     device::{AxisFrames, FrameDrive, FrameDriveSettings, Frames, Pattern, Receiver, SetPoint, SignalPosition, Source},
     frames::{Checksum, Database, Guard, Layout, Message, NamedSignal, Signal},
 };
-use pipeline::machine::{Axis, CanBus, CanMessage, CanSignals, ChecksumKind, LEAST_SET_POINT, Machine};
+use pipeline::{
+    bounded,
+    machine::{Axis, CanBus, CanMessage, CanSignals, ChecksumKind, LEAST_SET_POINT, Machine},
+};
 
 use crate::{error::WiringError, judge::Uses, range::Counted};
 
@@ -87,7 +90,8 @@ pub fn database(bus: &CanBus) -> Result<Database, WiringError> {
         if std::fs::metadata(file).is_ok_and(|found| !found.is_file()) {
             return Err(wrong("found no file; allowed: a DBC file".to_owned()));
         }
-        let text = std::fs::read(file).map_err(|error| wrong(format!("{error}; allowed: a DBC file")))?;
+        let text =
+            bounded::read(file, bounded::SETTINGS).map_err(|error| wrong(format!("{error}; allowed: a DBC file")))?;
         // Comments of older editors are no UTF-8; names are ASCII.
         database = Database::parse(&String::from_utf8_lossy(&text)).map_err(|error| wrong(error.to_string()))?;
     }

@@ -10,6 +10,7 @@ mod launch;
 pub mod lifeline;
 pub mod live;
 pub mod monitor;
+mod obstacles;
 pub mod operator;
 pub mod page;
 pub mod preflight;

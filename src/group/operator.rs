@@ -14,7 +14,6 @@ use std::{
     time::{Duration, Instant},
 };
 
-use control_proc::axis::{PATIENCE_TICKS, SETTLING_PATIENCE};
 use pipeline::{
     MAX_AXES,
     channel::{
@@ -22,12 +21,14 @@ use pipeline::{
     },
     message::{
         AxisCommand, AxisMode, AxisRequest, AxisSample, EncoderSample, Header, Request, ValveCommand, bit_names,
-        control_flag, sample_fault,
+        control_flag,
     },
     nearest::did_you_mean,
     stage::monotonic_ns,
 };
 use thiserror::Error;
+
+use super::obstacles::Obstacles;
 
 /// Longest sleep before the operator looks at the stop flag, and at the samples of a group without a notifier.
 const SLICE: Duration = Duration::from_millis(5);
@@ -35,15 +36,14 @@ const SLICE: Duration = Duration::from_millis(5);
 const SAMPLE_PATIENCE: Duration = Duration::from_secs(2);
 /// Periods in which a sample must come; they count where they are longer than [`SAMPLE_PATIENCE`].
 const SAMPLE_PERIODS: u32 = 3;
-/// Time in which the controller must do what it is asked, settling included. It ends before the controller latches an
-/// axis that does not settle, so that what has kept it from settling is told.
-const ANSWER_PATIENCE: Duration = SETTLING_PATIENCE.saturating_sub(Duration::from_secs(1));
+/// Time in which the controller must do what it is asked, settling included.
+const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
 /// Time for which samples must be usable before an axis is armed.
 const USABLE_TIME: Duration = Duration::from_millis(200);
 /// What a sample takes back of it in which an axis is missing, as the controller bridges it.
 const TAKEN_BACK: Duration = Duration::from_millis(50);
 /// Periods in which the controller must do it; they count where they are longer than [`ANSWER_PATIENCE`].
-const ANSWER_PERIODS: u32 = PATIENCE_TICKS as u32 - 10;
+const ANSWER_PERIODS: u32 = 50;
 
 /// Flags about models. They do not matter to an operator and are not shown.
 const ABOUT_MODELS: u32 = control_flag::NO_MODEL
@@ -126,6 +126,14 @@ pub enum OperatorError {
         gain: f64,
         /// The parts that are allowed.
         allowed: String,
+    },
+    /// The controller has disarmed an axis on its way to a mode.
+    #[error("{state}: not {wanted}, it was armed and is not any more: the controller has ended, and starts disarmed")]
+    Disarmed {
+        /// The state of the axis.
+        state: String,
+        /// The mode that was asked for.
+        wanted: &'static str,
     },
     /// A fault latched an axis on its way to a mode.
     #[error("{state}: not {wanted}, a fault has latched it")]
@@ -297,9 +305,10 @@ impl Operator {
         mut is_done: impl FnMut(&ValveCommand, &mut Request) -> bool,
     ) -> Result<bool, OperatorError> {
         let until = Instant::now() + self.answer_patience;
-        let mut has_asked = false;
+        let (mut has_asked, mut obstacles) = (false, Obstacles::default());
         loop {
             let Some(sample) = self.sample()? else { return Ok(false) };
+            obstacles.see(&sample);
             while let Some(command) = self.command()? {
                 if is_done(&command, &mut self.request) && has_asked {
                     return Ok(true);
@@ -308,35 +317,18 @@ impl Operator {
             self.ask(&sample)?;
             has_asked = true;
             if Instant::now() > until {
-                return Err(self.no_answer(wanted, &sample));
+                return Err(self.no_answer(wanted, &obstacles));
             }
         }
     }
 
-    fn no_answer(&self, wanted: &str, sample: &EncoderSample) -> OperatorError {
+    fn no_answer(&self, wanted: &str, obstacles: &Obstacles) -> OperatorError {
         OperatorError::NoAnswer {
             wanted: wanted.to_owned(),
             patience: self.answer_patience,
             states: (0..self.machine.axis_count as usize).map(|axis| self.state(axis)).collect(),
-            why: self.obstacles(sample),
+            why: obstacles.text(&self.machine),
         }
-    }
-
-    /// What in a sample keeps axes from being armed or released, and what to do.
-    fn obstacles(&self, sample: &EncoderSample) -> String {
-        if sample.emergency_stop != 0 {
-            return "; the emergency stop is pressed: release it, then type the command again".to_owned();
-        }
-        let axes = (0..self.machine.axis_count as usize).filter(|axis| sample.axes[*axis].usable().is_none());
-        axes.map(|axis| {
-            let faults: Vec<&str> = bit_names(sample.axes[axis].faults, &sample_fault::NAMES).collect();
-            let name = self.machine.name(axis);
-            format!(
-                "\naxis.{name}: its samples are {}: look at its sensor, or at the device that `hydraxis run` names",
-                faults.join(", ")
-            )
-        })
-        .collect()
     }
 
     /// Disarms axes that are not latched, and waits until the controller says that they are. A latched axis stays
@@ -417,27 +409,34 @@ impl Operator {
             self.arming[*axis] = true;
         }
         self.arming[MAX_AXES] = true;
-        let (mut was_armed, mut taken) = ([false; MAX_AXES], [u64::MAX; MAX_AXES]);
+        let (mut was_armed, mut taken, mut lost) = ([false; MAX_AXES], [u64::MAX; MAX_AXES], None);
         let is_changed = self.await_mode(axes, mode, |command, request| {
             for axis in axes.iter().copied() {
                 let found = &command.axes[axis];
-                was_armed[axis] |= found.flags & control_flag::DISARMED == 0;
+                let is_armed = found.flags & control_flag::DISARMED == 0;
+                lost = lost.or((was_armed[axis] && !is_armed).then_some(axis));
+                was_armed[axis] |= is_armed;
                 // A message with the edge was taken, and has not armed the axis.
                 if !was_armed[axis] && found.taken_requests > taken[axis] {
                     request.axes[axis].enable = request.axes[axis].enable.wrapping_add(1);
                 }
                 taken[axis] = found.taken_requests;
             }
+            lost.is_some()
         });
         self.arming = [false; MAX_AXES + 1];
-        is_changed
+        match lost {
+            Some(axis) => Err(OperatorError::Disarmed { state: self.state(axis), wanted: mode.name() }),
+            None => is_changed,
+        }
     }
 
     /// Waits until the samples of axes have been usable for [`USABLE_TIME`]; false when the program is to end before.
     fn await_usable(&mut self, axes: &[usize], mode: AxisMode) -> Result<bool, OperatorError> {
         let (mut last, mut usable) = (Instant::now(), Duration::ZERO);
-        let until = last + self.answer_patience;
+        let (until, mut obstacles) = (last + self.answer_patience, Obstacles::default());
         while let Some(sample) = self.sample()? {
+            obstacles.see(&sample);
             let found = || axes.iter().map(|axis| &sample.axes[*axis]);
             let now = Instant::now();
             usable = if sample.emergency_stop != 0 || found().any(|axis| axis.usable().is_none() && !axis.is_stale()) {
@@ -451,9 +450,13 @@ impl Operator {
             };
             last = now;
             while self.command()?.is_some() {}
+            let latched = axes.iter().copied().find(|axis| !self.latched_by(*axis).is_empty());
+            if let Some(axis) = latched.filter(|_| sample.emergency_stop == 0) {
+                return Err(OperatorError::Latched { state: self.state(axis), wanted: mode.name() });
+            }
             self.ask(&sample)?;
             if now > until {
-                return Err(self.no_answer(mode.name(), &sample));
+                return Err(self.no_answer(mode.name(), &obstacles));
             }
         }
         Ok(false)
@@ -464,22 +467,22 @@ impl Operator {
     /// # Errors
     /// They have not settled in time, or a fault latches one of them.
     pub fn await_settled(&mut self, axes: &[usize], mode: AxisMode) -> Result<bool, OperatorError> {
-        self.await_mode(axes, mode, |_, _| {})
+        self.await_mode(axes, mode, |_, _| false)
     }
 
-    /// Answers samples until axes have settled in a mode. Each command of the controller is shown to `look`.
+    /// Answers samples until axes have settled in a mode, or `look` gives up. It sees each command of the controller.
     fn await_mode(
         &mut self,
         axes: &[usize],
         mode: AxisMode,
-        mut look: impl FnMut(&ValveCommand, &mut Request),
+        mut look: impl FnMut(&ValveCommand, &mut Request) -> bool,
     ) -> Result<bool, OperatorError> {
         let mut latched = None;
         let is_in = self.ask_until(mode.name(), |command, request| {
-            look(command, request);
+            let gives_up = look(command, request);
             let is_in = |axis: &AxisCommand| axis.operation == mode as u32 && axis.flags & control_flag::SETTLING == 0;
             latched = axes.iter().copied().find(|axis| command.axes[*axis].flags & control_flag::LATCHED != 0);
-            latched.is_some() || axes.iter().all(|axis| is_in(&command.axes[*axis]))
+            gives_up || latched.is_some() || axes.iter().all(|axis| is_in(&command.axes[*axis]))
         });
         match latched {
             Some(axis) => Err(OperatorError::Latched { state: self.state(axis), wanted: mode.name() }),

@@ -20,7 +20,8 @@
 //! | `command` | assembly | the [`AxisCommand`] message |
 //!
 //! Only an axis that follows is commanded anything but neutral. Up to two samples in a row without a usable position
-//! are bridged: the last command stays. A fault latches the axis at neutral until somebody disarms and arms it again:
+//! are bridged: the last command stays. A fault latches an armed axis at neutral until somebody disarms and arms it
+//! again:
 //!
 //! | flag | after |
 //! |---|---|
@@ -330,14 +331,6 @@ impl AxisController {
     pub fn latch(&mut self, cause: u32) {
         self.state.latch(cause);
         self.stand(0);
-    }
-
-    /// Latches the axis for this cause, because its samples or commands come too late; one that still settles has not
-    /// moved, and settles anew.
-    pub fn lose(&mut self, cause: u32) {
-        if !self.state.settle_anew(cause) {
-            self.latch(cause);
-        }
     }
 
     /// Makes an axis that follows neutral because no sample comes for now.

@@ -41,6 +41,8 @@ impl AxisController {
     pub(super) fn arm_in(&mut self, mode: AxisMode, set_point: Option<f64>) {
         if self.state.arm() {
             (self.operation.mode, self.operation.set_point) = (mode, set_point);
+            // A fault of before is none of an axis that settles; one that stands latches it after its time.
+            self.feedback.reset();
             self.tracking = Tracking::default();
             self.decision.flags = control_flag::SETTLING;
         }

@@ -5,9 +5,10 @@
 //! settling, following --fault--> latched         any state --disarm--> disarmed
 //! ```
 //!
-//! Settling begins anew with every implausible sample; one that is missing takes back a part of it, as one that follows
-//! bridges it. It has an end: an axis that has not settled after [`SETTLING_PATIENCE`] is latched, because nobody
-//! expects any more that it moves. The emergency stop and motion that nobody commanded latch in every state.
+//! What latches an axis that follows latches one that settles: a fault that ends must move nothing by itself. Less than
+//! that prolongs the settling: it begins anew with every implausible sample, and a missing one takes back a part of it.
+//! It has an end: an axis that has not settled after [`SETTLING_PATIENCE`] is latched, because nobody expects any more
+//! that it moves. The emergency stop and motion that nobody commanded latch in every state.
 
 use std::time::Duration;
 
@@ -24,9 +25,9 @@ pub const SETTLING: Duration = Duration::from_millis(200);
 /// Part of [`SETTLING`] that a missing sample takes back: four in a row take back all of it.
 const MISSING_PART: u64 = 4;
 /// Time after which an axis is latched that has not settled.
-pub const SETTLING_PATIENCE: Duration = Duration::from_secs(6);
+pub const SETTLING_PATIENCE: Duration = Duration::from_secs(2);
 /// Ticks after which it is latched; they count where they are longer than [`SETTLING_PATIENCE`].
-pub const PATIENCE_TICKS: usize = 60;
+pub const PATIENCE_TICKS: usize = 20;
 
 /// The state of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,8 +75,6 @@ pub struct StateMachine {
     patience_ticks: u64,
     /// Tick at which the axis began to settle; none before its first observation.
     settles_since: Option<u64>,
-    /// What has kept the axis from settling last, a [`control_flag`] bit.
-    obstacle: u32,
     /// The emergency stop was pressed when it was last seen.
     is_pressed: bool,
     /// The axis was disarmed because its requests stopped.
@@ -94,7 +93,6 @@ impl StateMachine {
             settling_ticks,
             patience_ticks,
             settles_since: None,
-            obstacle: control_flag::FEEDBACK,
             is_pressed: false,
             requests_stopped: false,
         }
@@ -135,19 +133,9 @@ impl StateMachine {
         let is_disarmed = self.state == State::Disarmed;
         if is_disarmed {
             (self.state, self.requests_stopped) = (State::Settling(0), false);
-            (self.settles_since, self.obstacle) = (None, control_flag::FEEDBACK);
+            self.settles_since = None;
         }
         is_disarmed
-    }
-
-    /// Begins to settle anew for this cause, a [`control_flag`] bit. False without effect where the axis does not
-    /// settle.
-    pub fn settle_anew(&mut self, cause: u32) -> bool {
-        let settles = matches!(self.state, State::Settling(_));
-        if settles {
-            (self.state, self.obstacle) = (State::Settling(0), cause);
-        }
-        settles
     }
 
     /// Disarms. False without effect while the emergency stop is pressed.
@@ -193,11 +181,10 @@ impl StateMachine {
 
     /// Moves on by what was observed at a tick; `is_direct`: the axis is in a direct mode.
     pub fn observe(&mut self, observation: &Observation, is_direct: bool) -> Transition {
-        match self.state {
-            State::Settling(_) if observation.is_out_of_range => Transition::Latch(control_flag::FEEDBACK),
-            State::Settling(healthy) => self.settle(observation, healthy),
-            State::Following => fault(observation, is_direct).map_or(Transition::Stay, Transition::Latch),
-            State::Disarmed | State::Latched(_) => Transition::Stay,
+        match (self.state, fault(observation, is_direct)) {
+            (State::Settling(_) | State::Following, Some(cause)) => Transition::Latch(cause),
+            (State::Settling(healthy), None) => self.settle(observation, healthy),
+            (State::Following, None) | (State::Disarmed | State::Latched(_), _) => Transition::Stay,
         }
     }
 
@@ -211,21 +198,18 @@ impl StateMachine {
                 let taken_back = observation.missing.saturating_mul(self.settling_ticks.div_ceil(MISSING_PART));
                 State::Settling(healthy.saturating_sub(taken_back) + 1)
             }
-            None => {
-                self.obstacle = control_flag::FEEDBACK;
-                State::Settling(if observation.is_stale { healthy } else { 0 })
-            }
+            None => State::Settling(if observation.is_stale { healthy } else { 0 }),
         };
         let since = *self.settles_since.get_or_insert(self.tick);
         if self.tick.saturating_sub(since) < self.patience_ticks {
             Transition::Stay
         } else {
-            Transition::Latch(self.obstacle)
+            Transition::Latch(control_flag::FEEDBACK)
         }
     }
 }
 
-/// The fault that latches an axis that follows, if there is one.
+/// The fault that latches an armed axis, if there is one.
 fn fault(observation: &Observation, is_direct: bool) -> Option<u32> {
     if observation.is_out_of_range || observation.is_lost || observation.standing == Some(Standing::Stuck) {
         Some(control_flag::FEEDBACK)

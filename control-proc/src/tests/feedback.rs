@@ -419,41 +419,51 @@ fn an_axis_that_does_not_settle_is_latched_before_anybody_has_forgotten_it() {
     let settling = control_flag::SETTLING | control_flag::NO_MODEL;
     let rests = |k: u64| k % 15 == 14;
     let mut axis = Loop::new(&machine(1), 0.0);
-    let flags: Vec<u32> = (0..610)
+    let flags: Vec<u32> = (0..210)
         .map(|k| axis.tick_with(None, None, fault(if rests(k) { sample_fault::SPEED } else { 0 })).axes[0].flags)
         .collect();
-    assert_eq!(flags.iter().position(|flags| *flags != settling), Some(600), "6 s at 10 ms");
-    assert!(flags[600..].iter().all(|flags| flags & control_flag::LATCHED == control_flag::FEEDBACK));
-    // Without samples for the most of it, and for the cause that has kept it last.
-    let mut axis = Loop::new(&machine(1), 0.0);
-    axis.tick(None);
-    axis.controller.lose(control_flag::DEADLINE);
-    axis.sequence += 1000;
-    let command = axis.tick(None);
-    assert_eq!(command.axes[0].flags & control_flag::LATCHED, control_flag::DEADLINE);
+    assert_eq!(flags.iter().position(|flags| *flags != settling), Some(200), "2 s at 10 ms");
+    assert!(flags[200..].iter().all(|flags| flags & control_flag::LATCHED == control_flag::FEEDBACK));
     // Armed again, it has all of the time.
     axis.controller.disarm();
     axis.controller.arm();
     assert!(axis.run(100, None).iter().all(|command| command.axes[0].flags & control_flag::LATCHED == 0));
 }
 
-#[test]
-fn an_axis_that_settles_begins_anew_when_samples_or_commands_come_too_late() {
+/// A loop that has settled for 0.1 s.
+fn settling() -> Loop {
     let mut axis = Loop::new(&machine(1), 0.05);
     axis.controller.disarm();
     axis.tick(None);
     axis.controller.arm();
-    let settles = |axis: &mut Loop| axis.tick(None).axes[0].flags & control_flag::SETTLING != 0;
-    let first = (0..100).take_while(|_| settles(&mut axis)).count();
-    axis.controller.disarm();
-    axis.tick(None);
-    axis.controller.arm();
-    for cause in [control_flag::FEEDBACK, control_flag::DEADLINE] {
-        assert!((0..first - 1).all(|_| settles(&mut axis)));
-        axis.controller.lose(cause);
-        assert!(!axis.controller.is_latched());
+    assert!(axis.run(10, None).iter().all(|command| command.axes[0].flags & control_flag::SETTLING != 0));
+    axis
+}
+
+#[test]
+fn a_fault_during_settling_latches_and_nothing_moves_when_it_is_over() {
+    for bits in [sample_fault::STALE, sample_fault::ENCODER, sample_fault::RANGE] {
+        let mut axis = settling();
+        axis.run(1, None);
+        let latched = (0..3).map(|_| axis.tick_with(None, None, fault(bits)).axes[0].flags).last().unwrap();
+        assert_eq!(latched & control_flag::LATCHED, control_flag::FEEDBACK, "{bits}");
+        assert!(stays_latched(&mut axis), "{bits}");
     }
-    assert_eq!((0..100).take_while(|_| settles(&mut axis)).count(), first, "all of it again");
-    axis.controller.lose(control_flag::DEADLINE);
-    assert!(axis.controller.is_latched(), "it follows now");
+    for cause in [control_flag::FEEDBACK, control_flag::DEADLINE] {
+        let mut axis = settling();
+        axis.controller.latch(cause);
+        assert!(axis.run(100, None).iter().all(|command| command.axes[0].flags & control_flag::LATCHED == cause));
+    }
+}
+
+#[test]
+fn an_axis_that_is_armed_while_a_fault_stands_is_latched() {
+    let mut axis = Loop::new(&machine(1), 0.0);
+    axis.controller.disarm();
+    (0..100).for_each(|_| assert_ne!(axis.tick_with(None, None, fault(sample_fault::STALE)).axes[0].flags, 0));
+    axis.controller.arm();
+    let flags: Vec<u32> =
+        (0..3).map(|_| axis.tick_with(None, None, fault(sample_fault::STALE)).axes[0].flags).collect();
+    assert!(flags[..2].iter().all(|flags| flags & control_flag::LATCHED == 0), "{flags:?}");
+    assert_eq!(flags[2] & control_flag::LATCHED, control_flag::FEEDBACK);
 }

@@ -14,7 +14,7 @@ use can::{
 };
 use clap::Args;
 use embedded_can::Frame as _;
-use pipeline::stage::monotonic_ns;
+use pipeline::{bounded, stage::monotonic_ns};
 
 use super::{
     bus::{BusArguments, NamedBus, duration},
@@ -76,7 +76,7 @@ struct Seen {
 pub fn run(arguments: &MonitorBusArguments) -> Result<(), Failure> {
     let stop = stop_flag()?;
     if let Some(path) = &arguments.log {
-        let text = std::fs::read_to_string(path)
+        let text = bounded::read_text(path, bounded::TABLE)
             .map_err(|error| Failure::usage(format!("--log: {}: {error}", path.display())))?;
         let log =
             Playback::read(&text).map_err(|error| Failure::usage(format!("--log: {}: {error}", path.display())))?;

@@ -7,13 +7,12 @@
 //! y output of row k; q the increment that nine in a thousand of those that are not zero exceed, at least five of them.
 //! A sensor that repeats its last value while its axis moves, and one that reads zero for a while, look like this. The
 //! gate of the identifier sees the jumps only, and believes what is between them: half a second of it in the training
-//! teaches every model that the axis does not move. No axis has a third of its speeds beyond all but the fastest of its
-//! speeds, and that from an exact stand.
+//! teaches every model that the axis does not move. No axis leaves an exact stand with three times its usual top speed.
 //!
 //! Traps: an output with a lag that has settled leaves its stand by the largest increment of all, but by more than a
-//! quarter of it in the next row. An axis that rests jumps neither before nor after, but for a spike, from which it is back within five rows and
-//! which is the gate's. A logger that repeats a slow sensor has its largest
-//! increment after every stand; hence q is an increment of the recording itself.
+//! quarter of it in the next row. An axis that rests jumps neither before nor after, but for a spike, from which it is
+//! back within five rows and which is the gate's. A logger that repeats a slow sensor has its largest increment after
+//! every stand; hence q is an increment of the recording itself.
 
 use std::ops::Range;
 

@@ -239,8 +239,8 @@ fn dropouts(ReadRecording { file, dropouts: Dropouts { count, rows, times_s }, .
     let more = if *count > times.len() { format!(", and {} more", count - times.len()) } else { String::new() };
     let name = if *count == 1 { "dropout" } else { "dropouts" };
     format!(
-        "warning: {file}: {rows} rows left out, {count} {name} of the sensor, in which the output stands and to or from \
-         which it jumps: after {}{more}\n",
+        "warning: {file}: {rows} rows left out, {count} {name} of the sensor, in which the output stands and to or \
+         from which it jumps: after {}{more}\n",
         times.join(", ")
     )
 }

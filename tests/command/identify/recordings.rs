@@ -364,7 +364,7 @@ fn dropouts_of_the_sensor_are_left_out_and_told() {
     assert_eq!((&figures["recordings"][0]["rows"], &figures["outliers"]), (&json!(557), &json!(0)));
     assert!(number(&figures, "/classical/h_step/max") < 1e-6, "nothing is predicted over a dropout");
     let said = text_report(&folder_with(&text), &[]);
-    let warning = "warning: r.csv: 43 rows left out, 2 dropouts of the sensor, in which the output stands and to or from \
-                   which it jumps: after 1.0000 s, 2.2000 s\n";
+    let warning = "warning: r.csv: 43 rows left out, 2 dropouts of the sensor, in which the output stands and to or \
+                   from which it jumps: after 1.0000 s, 2.2000 s\n";
     assert!(said.contains(warning), "{said}");
 }

@@ -29,12 +29,14 @@
 //! Traps: a member whose poles would make a prediction grow e-fold over the horizon gets no weight, however small its
 //! errors were. At rest every model predicts perfectly while its coefficients learn the noise, so a sample
 //! [at rest](crate::sample::rest) is neither learned nor scored. An axis that moves in one direction only would forget
-//! the other direction, so idle signs of the command are not forgotten.
+//! the other direction, so idle signs of the command are not forgotten; one that its training did not have is the
+//! [mirror image](mirror) of the other.
 
 mod collected;
 mod competition;
 mod family;
 mod idle;
+mod mirror;
 mod mixture;
 mod scores;
 mod smoothing;
@@ -46,6 +48,7 @@ use self::{
     competition::Competition,
     family::Family,
     idle::IdleSigns,
+    mirror::Mirror,
     mixture::{FIXED, Mixture},
     smoothing::{SMOOTHED, Smoother},
 };
@@ -68,6 +71,7 @@ pub struct Bank {
     row_structure: Structure,
     families: Vec<Family>,
     collected: Collected,
+    mirror: Mirror,
     smoother: Smoother,
     started: bool,
     mixture: Mixture,
@@ -95,6 +99,7 @@ impl Bank {
             row_structure: row,
             families,
             collected: Collected::new(n, horizon),
+            mirror: Mirror::new(n, horizon),
             smoother: Smoother::new(n, SMOOTHED, horizon),
             started: false,
             mixture: Mixture::new(row, members, horizon),
@@ -120,11 +125,12 @@ impl Bank {
     /// Starts all members from the rows collected so far. `travel`: root mean square of y(k) - y(k-h) over these rows.
     /// A second start keeps the scores of the members, unless its first model was of no use.
     pub fn start(&mut self, offline: &Offline, travel: f64) {
-        let classical = &offline.coefficients;
+        self.mirror.look(&self.collected.measured, &self.row_structure);
+        let classical = self.mirror.complete_model(&offline.coefficients, &self.row_structure);
         Family::hold_nonlinearity(&mut self.families, self.structure, &self.row_structure, &classical.nonlinearity());
         for family in &mut self.families {
             let rows = if family.is_smoothed() { &self.collected.smoothed } else { &self.collected.measured };
-            family.start(rows, &self.row_structure);
+            family.start(self.mirror.complete(rows, &self.row_structure), &self.row_structure);
         }
         self.mixture.start(&offline.published);
         self.competition.start(travel);
@@ -132,7 +138,7 @@ impl Bank {
             // The members were compared on the last part of the training.
             self.reweigh();
         }
-        self.separation.start(classical, &self.collected.integrated);
+        self.separation.start(&classical, self.mirror.complete(&self.collected.integrated, &self.row_structure));
         for _ in 0..FIRST_ROUNDS {
             let _ = self.separation.separate(self.mixture.theta());
         }

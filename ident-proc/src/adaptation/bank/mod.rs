@@ -30,7 +30,7 @@
 //! errors were. At rest every model predicts perfectly while its coefficients learn the noise, so a sample
 //! [at rest](crate::sample::rest) is neither learned nor scored. An axis that moves in one direction only would forget
 //! the other direction, so idle signs of the command are not forgotten; one that its training did not have is the
-//! [mirror image](mirror) of the other.
+//! mirror image of the other.
 
 mod collected;
 mod competition;

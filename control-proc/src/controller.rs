@@ -135,14 +135,20 @@ impl Controller {
         }
     }
 
-    /// Latches every axis at neutral because the samples have stopped, until the axes are disarmed and armed again.
+    /// Latches every axis at neutral because the samples have stopped, until the axes are disarmed and armed again. An
+    /// axis that still settles does so anew.
     pub fn feedback_lost(&mut self) {
-        self.latch(control_flag::FEEDBACK);
+        self.lose(control_flag::FEEDBACK);
     }
 
     /// Makes axes that follow neutral because no sample comes for now. They go on with the next one.
     pub fn fall_silent(&mut self) {
         self.axes.iter_mut().for_each(AxisController::fall_silent);
+    }
+
+    /// Latches every axis at neutral for this cause, something that comes too late, except for those that still settle.
+    pub fn lose(&mut self, cause: u32) {
+        self.axes.iter_mut().for_each(|axis| axis.lose(cause));
     }
 
     /// Latches every axis at neutral for this cause, a [`control_flag`] bit, until it is disarmed and armed again.

@@ -333,6 +333,14 @@ impl AxisController {
         self.stand(0);
     }
 
+    /// Latches the axis for this cause, because its samples or commands come too late; one that still settles has not
+    /// moved, and settles anew.
+    pub fn lose(&mut self, cause: u32) {
+        if !self.state.settle_anew(cause) {
+            self.latch(cause);
+        }
+    }
+
     /// Makes an axis that follows neutral because no sample comes for now.
     pub fn fall_silent(&mut self) {
         if self.state.current() == State::Following {

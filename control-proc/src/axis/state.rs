@@ -5,10 +5,11 @@
 //! settling, following --fault--> latched         any state --disarm--> disarmed
 //! ```
 //!
-//! What latches an axis that follows latches one that settles: a fault that ends must move nothing by itself. Less than
-//! that prolongs the settling: it begins anew with every implausible sample, and a missing one takes back a part of it.
-//! It has an end: an axis that has not settled after [`SETTLING_PATIENCE`] is latched, because nobody expects any more
-//! that it moves. The emergency stop and motion that nobody commanded latch in every state.
+//! A fault that a sample shows latches an axis that settles as one that follows: nothing moves because a fault has
+//! ended. Less than that prolongs the settling: it begins anew with every implausible sample, and when the computer is
+//! late with samples or commands, as while stages start; a missing sample takes back a part of it. It has an end: an
+//! axis that has not settled after [`SETTLING_PATIENCE`] is latched, because nobody expects any more that it moves. The
+//! emergency stop and motion that nobody commanded latch in every state.
 
 use std::time::Duration;
 
@@ -75,6 +76,8 @@ pub struct StateMachine {
     patience_ticks: u64,
     /// Tick at which the axis began to settle; none before its first observation.
     settles_since: Option<u64>,
+    /// What has kept the axis from settling last, a [`control_flag`] bit.
+    obstacle: u32,
     /// The emergency stop was pressed when it was last seen.
     is_pressed: bool,
     /// The axis was disarmed because its requests stopped.
@@ -93,6 +96,7 @@ impl StateMachine {
             settling_ticks,
             patience_ticks,
             settles_since: None,
+            obstacle: control_flag::FEEDBACK,
             is_pressed: false,
             requests_stopped: false,
         }
@@ -133,9 +137,19 @@ impl StateMachine {
         let is_disarmed = self.state == State::Disarmed;
         if is_disarmed {
             (self.state, self.requests_stopped) = (State::Settling(0), false);
-            self.settles_since = None;
+            (self.settles_since, self.obstacle) = (None, control_flag::FEEDBACK);
         }
         is_disarmed
+    }
+
+    /// Begins to settle anew for this cause, a [`control_flag`] bit. False without effect where the axis does not
+    /// settle.
+    pub fn settle_anew(&mut self, cause: u32) -> bool {
+        let settles = matches!(self.state, State::Settling(_));
+        if settles {
+            (self.state, self.obstacle) = (State::Settling(0), cause);
+        }
+        settles
     }
 
     /// Disarms. False without effect while the emergency stop is pressed.
@@ -182,6 +196,8 @@ impl StateMachine {
     /// Moves on by what was observed at a tick; `is_direct`: the axis is in a direct mode.
     pub fn observe(&mut self, observation: &Observation, is_direct: bool) -> Transition {
         match (self.state, fault(observation, is_direct)) {
+            // No sample came for a while, and now one is here.
+            (State::Settling(_), Some(_)) if observation.position.is_some() => self.settle(observation, 0),
             (State::Settling(_) | State::Following, Some(cause)) => Transition::Latch(cause),
             (State::Settling(healthy), None) => self.settle(observation, healthy),
             (State::Following, None) | (State::Disarmed | State::Latched(_), _) => Transition::Stay,
@@ -198,13 +214,16 @@ impl StateMachine {
                 let taken_back = observation.missing.saturating_mul(self.settling_ticks.div_ceil(MISSING_PART));
                 State::Settling(healthy.saturating_sub(taken_back) + 1)
             }
-            None => State::Settling(if observation.is_stale { healthy } else { 0 }),
+            None => {
+                self.obstacle = control_flag::FEEDBACK;
+                State::Settling(if observation.is_stale { healthy } else { 0 })
+            }
         };
         let since = *self.settles_since.get_or_insert(self.tick);
         if self.tick.saturating_sub(since) < self.patience_ticks {
             Transition::Stay
         } else {
-            Transition::Latch(control_flag::FEEDBACK)
+            Transition::Latch(self.obstacle)
         }
     }
 }

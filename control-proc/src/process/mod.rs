@@ -270,7 +270,7 @@ impl Process {
         self.inputs.trace.messages(snapshot, reference);
         let mut command = self.core.update(sample, snapshot, reference);
         if self.clock == Clock::RealTime && self.deadlines.are_missed(monotonic_ns(), header.acquired_ns) {
-            self.core.latch(control_flag::DEADLINE);
+            self.core.lose(control_flag::DEADLINE);
             self.inputs.trace.note(command_event::DEADLINE);
             command = self.core.neutral(header.sequence);
         }

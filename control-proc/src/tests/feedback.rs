@@ -424,6 +424,13 @@ fn an_axis_that_does_not_settle_is_latched_before_anybody_has_forgotten_it() {
         .collect();
     assert_eq!(flags.iter().position(|flags| *flags != settling), Some(200), "2 s at 10 ms");
     assert!(flags[200..].iter().all(|flags| flags & control_flag::LATCHED == control_flag::FEEDBACK));
+    // Without samples for the most of it, and for the cause that has kept it last.
+    let mut axis = Loop::new(&machine(1), 0.0);
+    axis.tick(None);
+    axis.controller.lose(control_flag::DEADLINE);
+    axis.sequence += 1000;
+    let command = axis.tick(None);
+    assert_eq!(command.axes[0].flags & control_flag::LATCHED, control_flag::DEADLINE);
     // Armed again, it has all of the time.
     axis.controller.disarm();
     axis.controller.arm();
@@ -449,11 +456,34 @@ fn a_fault_during_settling_latches_and_nothing_moves_when_it_is_over() {
         assert_eq!(latched & control_flag::LATCHED, control_flag::FEEDBACK, "{bits}");
         assert!(stays_latched(&mut axis), "{bits}");
     }
+}
+
+#[test]
+fn an_axis_that_settles_begins_anew_when_samples_or_commands_come_too_late() {
+    let mut axis = Loop::new(&machine(1), 0.05);
+    axis.controller.disarm();
+    axis.tick(None);
+    axis.controller.arm();
+    let settles = |axis: &mut Loop| axis.tick(None).axes[0].flags & control_flag::SETTLING != 0;
+    let first = (0..100).take_while(|_| settles(&mut axis)).count();
+    axis.controller.disarm();
+    axis.tick(None);
+    axis.controller.arm();
     for cause in [control_flag::FEEDBACK, control_flag::DEADLINE] {
-        let mut axis = settling();
-        axis.controller.latch(cause);
-        assert!(axis.run(100, None).iter().all(|command| command.axes[0].flags & control_flag::LATCHED == cause));
+        assert!((0..first - 1).all(|_| settles(&mut axis)));
+        axis.controller.lose(cause);
+        assert!(!axis.controller.is_latched());
     }
+    assert_eq!((0..100).take_while(|_| settles(&mut axis)).count(), first, "all of it again");
+    // No sample came for a tenth of a second.
+    axis.controller.disarm();
+    axis.tick(None);
+    axis.controller.arm();
+    assert!((0..first - 1).all(|_| settles(&mut axis)));
+    axis.sequence += 10;
+    assert_eq!((0..100).take_while(|_| settles(&mut axis)).count(), first, "all of it again");
+    axis.controller.lose(control_flag::DEADLINE);
+    assert!(axis.controller.is_latched(), "it follows now");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 //! ```text
 //! t_d > (n_k + n_b - 1) T          the model's inputs end before the axis reacts
 //! t_f < 2 T, t_o < 2 T             one late sample stops the axes, one late command shuts the valves
+//! t_f, t_o > 1 s and 10 T           an axis goes on by itself, a valve stays open for so long
 //! r > v_max T                      at its largest speed the axis moves less than a count in a period
 //! b < 2 r                          noise at an end of the stroke makes positions implausible
 //! e >= e_f                         the axis rests at an error that is a fault
@@ -23,6 +24,10 @@ use crate::command::doctor::{Kept, LARGEST_PART};
 
 /// Least time-out in periods: a sample that comes a little late is none for the tick before.
 const LEAST_PERIODS: u32 = 2;
+/// Longest time-out, where it is longer than [`MOST_PERIODS`]: a person beside the machine has stopped waiting.
+const LONGEST: Duration = Duration::from_secs(1);
+/// Most periods of a time-out.
+const MOST_PERIODS: u32 = 10;
 /// Least tolerance in counts of the encoder: noise and rounding move a position by one count either way.
 const LEAST_COUNTS: f64 = 2.0;
 
@@ -32,7 +37,7 @@ pub fn doubtful(machine: &Machine) -> Vec<String> {
     let of_axes = machine.axes.iter().flat_map(|axis| {
         [late(axis, timing), coarse(axis, timing), narrow(axis), resting(axis, timing)].into_iter().flatten()
     });
-    hasty(timing).chain(of_axes).collect()
+    hasty(timing).chain(patient(timing)).chain(of_axes).collect()
 }
 
 /// One warning for each time that is too short for this computer, as `hydraxis doctor` has found it.
@@ -131,6 +136,19 @@ fn hasty(timing: &Timing) -> impl Iterator<Item = String> {
             millis(period.as_secs_f64()),
             millis(least.as_secs_f64())
         )
+    })
+}
+
+/// Time-outs in which a person takes the machine for stopped.
+fn patient(timing: &Timing) -> impl Iterator<Item = String> {
+    let most = LONGEST.max(timing.period * MOST_PERIODS);
+    let times = [
+        ("feedback_timeout", timing.feedback_timeout, "an axis waits so long for its sensor, and goes on by itself"),
+        ("drive_timeout", timing.drive_timeout, "a valve stays open for so long when nobody commands it any more"),
+    ];
+    times.into_iter().filter(move |(_, found, _)| *found > most).map(move |(key, found, why)| {
+        let [found, most] = [found, most].map(|time| time.as_secs_f64());
+        format!("timing.{key}: found {} ms: {why}; asked for: {} ms or less", millis(found), millis(most))
     })
 }
 

@@ -70,7 +70,7 @@ impl ReplayedController {
         self.inputs.snapshot = snapshot.map_or(0, |snapshot| snapshot.header.number + 1);
         let mut command = self.core.update(sample, snapshot, self.reference.as_ref());
         if events & command_event::DEADLINE != 0 {
-            self.core.latch(control_flag::DEADLINE);
+            self.core.lose(control_flag::DEADLINE);
             command = self.core.neutral(sample.header.sequence);
         }
         command.header.acquired_ns = sample.header.acquired_ns;

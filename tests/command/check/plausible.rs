@@ -58,6 +58,20 @@ fn a_time_out_of_less_than_two_periods_is_warned_of() {
 }
 
 #[test]
+fn a_time_out_in_which_the_machine_looks_stopped_is_warned_of() {
+    expect(
+        &["timing.feedback_timeout=1s"],
+        &["timing.feedback_timeout=1.1s"],
+        &["timing.feedback_timeout: found 1100 ms: an axis waits so long", "asked for: 1000 ms or less"],
+    );
+    expect(
+        &["timing.drive_timeout=1s"],
+        &["timing.drive_timeout=60s"],
+        &["timing.drive_timeout: found 60000 ms: a valve stays open", "asked for: 1000 ms or less"],
+    );
+}
+
+#[test]
 fn counts_that_are_longer_than_the_way_in_a_period_are_warned_of() {
     let slow = ["timing.period=1ms", "axis.boom.identification.nk=21"];
     let others =

@@ -206,9 +206,9 @@ fn what_is_lost_and_why_no_model_controls_is_told() {
     group.expect("loss: ident-proc has not read ");
     group.end();
 
-    let wrong = ["--set", "axis.arm.control.smith_kp=0", "--scenario", "nominal"];
+    let wrong = ["--set", "axis.telescope.control.smith_kp=0", "--scenario", "nominal"];
     let group = Told::start("events-worse", &[&[MACHINE, "--model", MODEL][..], &wrong].concat());
-    group.expect("axis.arm: model-trial: the model may be worse than the fallback, or swings");
-    group.expect("axis.arm: model-worse: the model followed worse than the fallback, as a trial has shown");
+    group.expect("axis.telescope: model-trial: the model may be worse than the fallback, or swings");
+    group.expect("axis.telescope: model-worse: the model followed worse than the fallback, as a trial has shown");
     group.end();
 }

@@ -313,7 +313,8 @@ impl SlcanBus {
         Err(BusError::open(name, &what, ErrorKind::TimedOut.into()))
     }
 
-    /// The next line; `None` where nothing has come. One read for each [`READ_ROOM`] bytes.
+    /// The next line; `None` where nothing has come. One read for each [`READ_ROOM`] bytes: after a shorter one there was
+    /// no more, and what has come since is read at the next call.
     fn next_line(&mut self) -> Result<Option<Decoded>, BusError> {
         loop {
             while self.decoded < self.read {
@@ -322,7 +323,12 @@ impl SlcanBus {
                     return Ok(Some(line));
                 }
             }
-            (self.read, self.decoded) = (self.port.read(&mut self.input[..]).map_err(BusError::Gone)?, 0);
+            let was_all = (1..READ_ROOM).contains(&self.read);
+            (self.read, self.decoded) = (0, 0);
+            if was_all {
+                return Ok(None);
+            }
+            self.read = self.port.read(&mut self.input[..]).map_err(BusError::Gone)?;
             self.time_ns = monotonic_ns();
             if self.read == 0 {
                 return Ok(None);

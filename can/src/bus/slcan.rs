@@ -313,7 +313,7 @@ impl SlcanBus {
         Err(BusError::open(name, &what, ErrorKind::TimedOut.into()))
     }
 
-    /// The next line; `None` where nothing has come. One read for each [`READ_ROOM`] bytes: a shorter one has taken all,
+    /// The next line; `None` where nothing has come. One read for each [`READ_ROOM`] bytes: a shorter one took all,
     /// and what has come since is read at the next call.
     fn next_line(&mut self) -> Result<Option<Decoded>, BusError> {
         loop {

@@ -14,6 +14,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use control_proc::axis::{MISSING_PART, SETTLING};
 use pipeline::{
     MAX_AXES,
     channel::{
@@ -38,10 +39,6 @@ const SAMPLE_PATIENCE: Duration = Duration::from_secs(2);
 const SAMPLE_PERIODS: u32 = 3;
 /// Time in which the controller must do what it is asked, settling included.
 const ANSWER_PATIENCE: Duration = Duration::from_secs(5);
-/// Time for which samples must be usable before an axis is armed.
-const USABLE_TIME: Duration = Duration::from_millis(200);
-/// What a sample takes back of it in which an axis is missing, as the controller bridges it.
-const TAKEN_BACK: Duration = Duration::from_millis(50);
 /// Periods in which the controller must do it; they count where they are longer than [`ANSWER_PATIENCE`].
 const ANSWER_PERIODS: u32 = 50;
 
@@ -431,7 +428,8 @@ impl Operator {
         }
     }
 
-    /// Waits until the samples of axes have been usable for [`USABLE_TIME`]; false when the program is to end before.
+    /// Waits until the samples of axes have been usable for [`SETTLING`], counted as the controller does when an axis
+    /// settles; false when the program is to end before.
     fn await_usable(&mut self, axes: &[usize], mode: AxisMode) -> Result<bool, OperatorError> {
         let (mut last, mut usable) = (Instant::now(), Duration::ZERO);
         let (until, mut obstacles) = (last + self.answer_patience, Obstacles::default());
@@ -442,8 +440,8 @@ impl Operator {
             usable = if sample.emergency_stop != 0 || found().any(|axis| axis.usable().is_none() && !axis.is_stale()) {
                 Duration::ZERO
             } else if found().any(AxisSample::is_stale) {
-                usable.saturating_sub(TAKEN_BACK)
-            } else if usable + (now - last) < USABLE_TIME {
+                usable.saturating_sub(SETTLING / MISSING_PART)
+            } else if usable + (now - last) < SETTLING {
                 usable + (now - last)
             } else {
                 return Ok(true);

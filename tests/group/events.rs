@@ -27,9 +27,10 @@ const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/excavator-mod
 
 /// A group whose standard error is read while it runs.
 struct Told {
+    // Dropped before the group, whose last member removes the files.
+    channels: Group,
     running: Running,
     text: Arc<Mutex<String>>,
-    channels: Group,
     _cores: Cores,
 }
 

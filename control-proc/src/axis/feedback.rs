@@ -96,7 +96,7 @@ impl Feedback {
         (self.blind, self.implausible, self.bridged, self.unusable) = (0, 0, 0, 0.0);
     }
 
-    /// The axis begins to follow: it has had healthy samples alone while it settled, whatever was before.
+    /// The axis begins to follow: samples that were missing while it settled have prolonged that, and count no more.
     pub fn begin(&mut self) {
         self.unusable = 0.0;
     }

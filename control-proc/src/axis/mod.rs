@@ -56,7 +56,7 @@ mod state;
 
 pub use closed_loop::UNSOLVED_LIMIT;
 pub use feedback::{UNUSABLE_LIMIT, patience};
-pub use state::{PATIENCE_TICKS, SETTLING, SETTLING_PATIENCE};
+pub use state::{MISSING_PART, SETTLING};
 
 use pipeline::{
     machine::{Axis, Timing},

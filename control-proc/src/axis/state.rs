@@ -24,11 +24,11 @@ use crate::protection::motion::Standing;
 /// Time of healthy samples before anything moves: long enough to see an encoder that comes and goes.
 pub const SETTLING: Duration = Duration::from_millis(200);
 /// Part of [`SETTLING`] that a missing sample takes back: four in a row take back all of it.
-const MISSING_PART: u64 = 4;
+pub const MISSING_PART: u32 = 4;
 /// Time after which an axis is latched that has not settled.
-pub const SETTLING_PATIENCE: Duration = Duration::from_secs(2);
+const SETTLING_PATIENCE: Duration = Duration::from_secs(2);
 /// Ticks after which it is latched; they count where they are longer than [`SETTLING_PATIENCE`].
-pub const PATIENCE_TICKS: usize = 20;
+const PATIENCE_TICKS: usize = 20;
 
 /// The state of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -211,7 +211,8 @@ impl StateMachine {
                 return Transition::Begin(position);
             }
             Some(_) => {
-                let taken_back = observation.missing.saturating_mul(self.settling_ticks.div_ceil(MISSING_PART));
+                let taken_back =
+                    observation.missing.saturating_mul(self.settling_ticks.div_ceil(u64::from(MISSING_PART)));
                 State::Settling(healthy.saturating_sub(taken_back) + 1)
             }
             None => {

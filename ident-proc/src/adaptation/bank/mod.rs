@@ -128,9 +128,10 @@ impl Bank {
         self.mirror.look(&self.collected.measured, &self.row_structure);
         let classical = self.mirror.complete_model(&offline.coefficients, &self.row_structure);
         Family::hold_nonlinearity(&mut self.families, self.structure, &self.row_structure, &classical.nonlinearity());
-        for family in &mut self.families {
-            let rows = if family.is_smoothed() { &self.collected.smoothed } else { &self.collected.measured };
-            family.start(self.mirror.complete(rows, &self.row_structure), &self.row_structure);
+        for (rows, is_smoothed) in [(&self.collected.measured, false), (&self.collected.smoothed, true)] {
+            let rows = self.mirror.complete(rows, &self.row_structure);
+            let families = self.families.iter_mut().filter(|family| family.is_smoothed() == is_smoothed);
+            families.for_each(|family| family.start(rows, &self.row_structure));
         }
         self.mixture.start(&offline.published);
         self.competition.start(travel);

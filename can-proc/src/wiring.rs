@@ -1,5 +1,7 @@
 //! The devices of a machine file.
 
+use std::time::Duration;
+
 use crate::{error::WiringError, messages::frames, range::Counted};
 use can::{
     BitRates, Frame, MAX_DATA,
@@ -22,6 +24,8 @@ const MILLIDEGREE: f64 = 1e-3;
 /// Bytes of control word and set point of a valve, and of its status.
 const SET_POINT_BYTES: usize = 4;
 const STATUS_BYTES: usize = 2;
+/// Byte of a heartbeat: the state.
+const HEARTBEAT_BYTES: usize = 1;
 /// A sample waits for a message that comes late for this part of `timing.feedback_timeout`, or for one and a half
 /// periods.
 const PATIENCE: u32 = 3;
@@ -71,25 +75,26 @@ pub fn network(machine: &Machine) -> Result<Network, WiringError> {
     Ok(Network::with_frames(devices, Frames { patience_ns, ..frames(machine, bus)? }))
 }
 
-/// Refuses a bit rate at which what is sent with every SYNC does not fit, even without stuff bits: the SYNC, positions,
-/// set points, and states of the valves.
+/// Refuses a bit rate at which what is always sent does not fit, even without stuff bits: SYNC, positions, set points
+/// and states of the valves with every SYNC, and the heartbeats of the devices.
 fn expect_room(machine: &Machine, bus: &CanBus) -> Result<(), WiringError> {
     let frame = |bytes: usize| Frame::standard_of(0, [0; MAX_DATA], bytes).wire_bits().0;
-    let bits = |wired: &CanDevices| {
-        let position = wired.encoder.map(|_| frame(usize::from(position_object(wired).mapped().bits) / 8));
-        let has_valve = wired.valve.is_some() && machine.drive.is_real();
-        let valve = has_valve.then(|| frame(SET_POINT_BYTES) + frame(STATUS_BYTES));
-        position.unwrap_or_default() + valve.unwrap_or_default()
-    };
-    let of_nodes: u32 = machine.axes.iter().filter_map(|axis| axis.can.as_ref().map(bits)).sum();
-    let needed = f64::from(sync().wire_bits().0 + of_nodes) / bus.sync.as_secs_f64();
-    if of_nodes == 0 || needed <= f64::from(bus.bit_rate) {
+    let wired = machine.axes.iter().filter_map(|axis| axis.can.as_ref());
+    let encoders = wired.clone().filter(|wired| wired.encoder.is_some());
+    let positions = encoders.map(|wired| frame(usize::from(position_object(wired).mapped().bits) / 8));
+    let has_valve = |wired: &&CanDevices| wired.valve.is_some() && machine.drive.is_real();
+    let valves = wired.filter(has_valve).map(|_| frame(SET_POINT_BYTES) + frame(STATUS_BYTES));
+    let of_nodes: Vec<u32> = positions.chain(valves).collect();
+    let bits = |frames: u32, every: Duration| f64::from(frames) / every.as_secs_f64();
+    let needed = bits(sync().wire_bits().0 + of_nodes.iter().sum::<u32>(), bus.sync)
+        + bits(of_nodes.len() as u32 * frame(HEARTBEAT_BYTES), bus.heartbeat);
+    if of_nodes.is_empty() || needed <= f64::from(bus.bit_rate) {
         return Ok(());
     }
     Err(WiringError::Text(format!(
-        "can.bit_rate: found {}, and the nodes need {needed:.0} bit/s at least with can.sync = {:?}; allowed: a bit \
-         rate with room for them, or a longer can.sync",
-        bus.bit_rate, bus.sync
+        "can.bit_rate: found {}, and the nodes need {needed:.0} bit/s at least with can.sync = {:?} and can.heartbeat = \
+         {:?}; allowed: a bit rate with room for them, or a longer can.sync or can.heartbeat",
+        bus.bit_rate, bus.sync, bus.heartbeat
     )))
 }
 
@@ -235,11 +240,13 @@ mod tests {
 
     #[test]
     fn a_bus_without_room_for_its_devices_is_refused() {
-        // 4 x (47 + 32 + 2 x 47 + 32 + 16) + 47 bits every 5 ms.
+        // 4 x (47 + 32 + 2 x 47 + 32 + 16) + 47 bits every 5 ms, and 8 x (47 + 8) bits every 50 ms.
         let error = network(&machine(&[("can.bit_rate", "125000")])).unwrap_err().to_string();
-        let expected = "can.bit_rate: found 125000, and the nodes need 186200 bit/s at least with can.sync = 5ms; ";
+        let expected = "can.bit_rate: found 125000, and the nodes need 195000 bit/s at least with can.sync = 5ms and \
+                        can.heartbeat = 50ms; ";
         assert!(error.starts_with(expected), "{error}");
         assert!(network(&machine(&[("can.bit_rate", "250000")])).is_ok());
+        assert!(network(&machine(&[("can.bit_rate", "250000"), ("can.heartbeat", "5ms")])).is_err());
         assert!(network(&machine(&[("can.bit_rate", "125000"), ("drive.kind", "none")])).is_ok());
     }
 

@@ -76,7 +76,8 @@ pub enum OperatorError {
     /// The group sends no samples.
     #[error(
         "group \"{prefix}\": no sample within {}: it has ended, or the program that reads the sensor has not been \
-         started, or has ended; `hydraxis status --prefix {prefix}` shows it",
+         started, has ended, or waits for a device that `hydraxis run` names; `hydraxis status --prefix {prefix}` shows \
+         the group",
         humantime::format_duration(*.patience)
     )]
     NoSample {
@@ -231,13 +232,15 @@ impl Operator {
     /// # Errors
     /// No sample comes.
     pub fn sample(&mut self) -> Result<Option<EncoderSample>, OperatorError> {
-        let until = Instant::now() + self.sample_patience;
+        // The first one comes after devices have been set up.
+        let patience = if self.samples.last().is_some() { self.sample_patience } else { self.answer_patience };
+        let until = Instant::now() + patience;
         while !self.stopping() {
             if let Some(sample) = self.await_sample()? {
                 return Ok(Some(sample));
             }
             if Instant::now() > until {
-                return Err(OperatorError::NoSample { prefix: self.prefix.clone(), patience: self.sample_patience });
+                return Err(OperatorError::NoSample { prefix: self.prefix.clone(), patience });
             }
         }
         Ok(None)
@@ -301,10 +304,10 @@ impl Operator {
         wanted: &str,
         mut is_done: impl FnMut(&ValveCommand, &mut Request) -> bool,
     ) -> Result<bool, OperatorError> {
-        let until = Instant::now() + self.answer_patience;
-        let (mut has_asked, mut obstacles) = (false, Obstacles::default());
+        let (mut has_asked, mut obstacles, mut until) = (false, Obstacles::default(), None);
         loop {
             let Some(sample) = self.sample()? else { return Ok(false) };
+            let until = *until.get_or_insert_with(|| Instant::now() + self.answer_patience);
             obstacles.see(&sample);
             while let Some(command) = self.command()? {
                 if is_done(&command, &mut self.request) && has_asked {

@@ -7,9 +7,10 @@
 //!
 //! A fault that a sample shows latches an axis that settles as one that follows: nothing moves because a fault has
 //! ended. Less than that prolongs the settling: it begins anew with every implausible sample, and when the computer is
-//! late with samples or commands, as while stages start; a missing sample takes back a part of it. It has an end: an
-//! axis that has not settled after [`SETTLING_PATIENCE`] is latched, because nobody expects any more that it moves. The
-//! emergency stop and motion that nobody commanded latch in every state.
+//! late with samples or commands, as while stages start; a missing sample takes back a part of it. A computer that is
+//! late by [`SETTLING`] is not told from a stage that was stopped or killed, and latches. It has an end: an axis that
+//! has not settled after [`SETTLING_PATIENCE`] is latched, because nobody expects any more that it moves. The emergency
+//! stop and motion that nobody commanded latch in every state.
 
 use std::time::Duration;
 
@@ -196,8 +197,12 @@ impl StateMachine {
     /// Moves on by what was observed at a tick; `is_direct`: the axis is in a direct mode.
     pub fn observe(&mut self, observation: &Observation, is_direct: bool) -> Transition {
         match (self.state, fault(observation, is_direct)) {
-            // No sample came for a while, and now one is here.
-            (State::Settling(_), Some(_)) if observation.position.is_some() => self.settle(observation, 0),
+            // No sample came for a short while, and now one is here.
+            (State::Settling(_), Some(_))
+                if observation.position.is_some() && observation.missing < self.settling_ticks =>
+            {
+                self.settle(observation, 0)
+            }
             (State::Settling(_) | State::Following, Some(cause)) => Transition::Latch(cause),
             (State::Settling(healthy), None) => self.settle(observation, healthy),
             (State::Following, None) | (State::Disarmed | State::Latched(_), _) => Transition::Stay,

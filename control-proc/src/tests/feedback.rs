@@ -424,13 +424,15 @@ fn an_axis_that_does_not_settle_is_latched_before_anybody_has_forgotten_it() {
         .collect();
     assert_eq!(flags.iter().position(|flags| *flags != settling), Some(200), "2 s at 10 ms");
     assert!(flags[200..].iter().all(|flags| flags & control_flag::LATCHED == control_flag::FEEDBACK));
-    // Without samples for the most of it, and for the cause that has kept it last.
+    // For the cause that has kept it last.
     let mut axis = Loop::new(&machine(1), 0.0);
-    axis.tick(None);
-    axis.controller.lose(control_flag::DEADLINE);
-    axis.sequence += 1000;
-    let command = axis.tick(None);
-    assert_eq!(command.axes[0].flags & control_flag::LATCHED, control_flag::DEADLINE);
+    let mut flags = 0;
+    for k in 0..201 {
+        flags = axis.tick(None).axes[0].flags & control_flag::LATCHED;
+        assert_eq!(flags != 0, k == 200, "{k}");
+        axis.controller.lose(control_flag::DEADLINE);
+    }
+    assert_eq!(flags, control_flag::DEADLINE);
     // Armed again, it has all of the time.
     axis.controller.disarm();
     axis.controller.arm();
@@ -484,6 +486,23 @@ fn an_axis_that_settles_begins_anew_when_samples_or_commands_come_too_late() {
     assert_eq!((0..100).take_while(|_| settles(&mut axis)).count(), first, "all of it again");
     axis.controller.lose(control_flag::DEADLINE);
     assert!(axis.controller.is_latched(), "it follows now");
+}
+
+#[test]
+fn an_axis_that_settles_latches_after_a_silence_as_long_as_settling() {
+    // The program that reads the sensor was stopped or killed, or this one was stopped; no sample came meanwhile.
+    for (silence, latches) in [(18, false), (20, true), (50, true), (180, true)] {
+        for is_noticed in [true, false] {
+            let mut axis = settling();
+            if is_noticed {
+                axis.controller.feedback_lost();
+            }
+            axis.sequence += silence;
+            let flags = axis.tick(None).axes[0].flags & control_flag::LATCHED;
+            assert_eq!(flags, if latches { control_flag::FEEDBACK } else { 0 }, "{silence} ticks");
+            assert!(!latches || stays_latched(&mut axis), "{silence} ticks");
+        }
+    }
 }
 
 #[test]

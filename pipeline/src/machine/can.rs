@@ -88,7 +88,7 @@ impl CanMessage {
         if self.id.is_some_and(|(id, is_extended)| !is_extended && id > MAX_STANDARD as u32) {
             section.refuse("extended", "false", "true with an identifier above 2047");
         }
-        if self.id.is_none() {
+        if self.id.is_none() && !section.is_refused(&section.path_of("id")) {
             section.exclude(
                 &["extended", "length", "fd", "signals"],
                 false,
@@ -184,6 +184,14 @@ fn bit_rates(section: &mut Section) -> (u32, Option<u32>) {
     (bit_rate, data_bit_rate.map(|rate| rate as u32))
 }
 
+/// Shortest time between two SYNC.
+const SHORTEST_SYNC: Duration = Duration::from_micros(500);
+
+/// Time between two SYNC where none is given.
+fn default_sync(period: Duration) -> Duration {
+    (period / 2).max(Duration::from_millis(1)).min(period.max(SHORTEST_SYNC))
+}
+
 impl CanBus {
     pub(super) fn read(mut section: Section, timing: &Timing, folder: &Path) -> Self {
         let period = timing.period;
@@ -201,8 +209,8 @@ impl CanBus {
             data_bit_rate,
             sync: section
                 .key("sync", "Time between two SYNC; all encoders are read at each of them")
-                .rule("half a period, 1ms or longer")
-                .duration_or((period / 2).max(millis(1)), Duration::from_micros(500)..=millis(1000)),
+                .rule("half a period, or 1ms where that is longer and no longer than the period")
+                .duration_or(default_sync(period), SHORTEST_SYNC..=millis(1000)),
             heartbeat: section
                 .key("heartbeat", "Period of the devices' heartbeats; one that is missing for 1.5 periods is a fault")
                 .duration_or(millis(50), millis(5)..=millis(60_000)),
@@ -229,8 +237,9 @@ impl CanBus {
                 "half of timing.drive_timeout or shorter, so that the drive does not stop between two messages";
             section.refuse("message", format!("{}: period = {:?}", message.name, message.period), allowed);
         }
-        if bus.sync > period {
-            section.refuse("sync", format!("{:?}", bus.sync), "timing.period or shorter: a tick needs a new position");
+        if bus.sync > period && !section.is_refused("timing.period") {
+            let allowed = format!("timing.period or shorter, {SHORTEST_SYNC:?} at least: a tick needs a new position");
+            section.refuse("sync", format!("{:?}", bus.sync), allowed);
         }
         if bus.sync * 2 > timing.drive_timeout {
             let allowed = "half of timing.drive_timeout or shorter: every SYNC brings the drives a set point";

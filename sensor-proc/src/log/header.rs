@@ -66,8 +66,19 @@ impl Header {
             None => self.time(&[input.place, output.place]),
         };
         let mut columns = Columns { time, input, output };
+        let mut stated = Vec::new();
         for (typed, unit) in &wanted.units {
-            self.state_unit(&mut columns, typed, unit)?;
+            let place = self.state_unit(&mut columns, typed, unit)?;
+            if stated.contains(&place) {
+                let found = format!("--unit twice for one column, the second time as \"{typed}={unit}\"");
+                return Err(TableProblem {
+                    line: None,
+                    field: None,
+                    found,
+                    allowed: "one unit for each column".into(),
+                });
+            }
+            stated.push(place);
         }
         Ok(columns)
     }
@@ -134,8 +145,8 @@ impl Header {
         self.place(typed, column.kind, "").is_ok_and(|place| place == column.place)
     }
 
-    /// `--unit COLUMN=UNIT`.
-    fn state_unit(&self, columns: &mut Columns, typed: &str, symbol: &str) -> Result<(), TableProblem> {
+    /// `--unit COLUMN=UNIT`. Returns the place of the column.
+    fn state_unit(&self, columns: &mut Columns, typed: &str, symbol: &str) -> Result<usize, TableProblem> {
         let problem = |found: String, allowed: String| TableProblem { line: None, field: None, found, allowed };
         let all = [Some(&mut columns.input), Some(&mut columns.output), columns.time.as_mut()];
         let mut all: Vec<&mut Column> = all.into_iter().flatten().collect();
@@ -148,7 +159,7 @@ impl Header {
             Some(column) => {
                 let found = || format!("--unit with the unit \"{symbol}\" for column \"{}\"", column.name);
                 column.unit = Some(column.kind.unit(symbol).ok_or_else(|| problem(found(), column.kind.allowed()))?);
-                Ok(())
+                Ok(column.place)
             }
         }
     }

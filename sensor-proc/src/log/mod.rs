@@ -61,6 +61,8 @@ pub struct Found {
     pub units_row: bool,
     /// Whether the times may be in milliseconds: they have no unit, and in seconds the period is long.
     pub is_time_doubtful: bool,
+    /// The period that the times have, s, where another one was given.
+    pub contradicting_period_s: Option<f64>,
     /// How the time is written; none without a time.
     pub time_form: Option<&'static str>,
     /// The column of the time.
@@ -80,6 +82,11 @@ pub struct FoundColumn {
     pub unit: Option<String>,
     /// The unit of the values after reading; `1` for a number without a unit.
     pub becomes: Option<&'static str>,
+}
+
+/// Whether two periods are those of different recordings: more than 10 % apart.
+pub fn contradict(one: f64, two: f64) -> bool {
+    (one / two - 1.0).abs() > 0.1
 }
 
 /// One input and one output over time, with gaps.
@@ -117,6 +124,7 @@ impl Log {
         let period = reader.period(wanted, &rows_read, &timing).map_err(|problem| refuse(vec![problem]))?;
         let mut found = reader.found(&text, period);
         found.is_time_doubtful &= wanted.period.is_none();
+        found.contradicting_period_s = timing.period().filter(|timed| contradict(*timed, period));
         Ok(Self {
             begins,
             period,

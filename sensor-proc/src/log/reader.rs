@@ -185,7 +185,10 @@ impl Reader {
         if let Some(period) = wanted.period {
             return Ok(period);
         }
-        let period = timing.duration / timing.steps as f64;
+        let Some(period) = timing.period() else {
+            let allowed = "two rows one after the other without a gap, or --period".to_owned();
+            return Err(about("a gap between all rows, so no period".into(), allowed));
+        };
         if !PERIODS.contains(&period) {
             let allowed = format!("{:e} to {:e} s", PERIODS.start(), PERIODS.end());
             return Err(about(format!("a period of {period:e} s"), allowed));
@@ -213,6 +216,7 @@ impl Reader {
             header: self.header.present,
             units_row: self.units_row,
             is_time_doubtful: period >= DOUBTFUL_PERIOD && self.columns.time.as_ref().is_some_and(has_no_unit),
+            contradicting_period_s: None,
             time_form: self.columns.time.as_ref().map(|_| form),
             time: self.columns.time.as_ref().map(column),
             input: column(&self.columns.input),

@@ -89,6 +89,13 @@ pub(super) struct Timing {
     pub(super) short_steps: usize,
 }
 
+impl Timing {
+    /// Mean of the steps, s; none without a step.
+    pub(super) fn period(&self) -> Option<f64> {
+        (self.steps > 0).then(|| self.duration / self.steps as f64)
+    }
+}
+
 impl Gaps {
     /// Takes in a row with an empty field.
     pub(super) fn empty(&mut self, line: usize, column: &str) {

@@ -42,7 +42,7 @@ pub fn picture(mechanism: &Mechanism, title: &str, runs: &[(&str, Vec<TracePoint
     }
     for ((name, run), colour) in runs.iter().zip(COLOURS) {
         band(&mut svg, run, colour);
-        let x = 20.0 + 330.0 * runs.iter().position(|(other, _)| other == name).unwrap_or_default() as f64;
+        let x = 20.0 + 400.0 * runs.iter().position(|(other, _)| other == name).unwrap_or_default() as f64;
         let rms = (run.iter().map(|point| point.error * point.error).sum::<f64>() / run.len().max(1) as f64).sqrt();
         let most = run.iter().map(|point| point.error.abs()).fold(0.0, f64::max);
         let text = format!("{name}: {:.1} mm rms, at most {:.1} mm", 1e3 * rms, 1e3 * most);

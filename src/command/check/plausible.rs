@@ -3,7 +3,8 @@
 //! ```text
 //! t_d > (n_k + n_b - 1) T          the model's inputs end before the axis reacts
 //! t_f < 2 T, t_o < 2 T             one late sample stops the axes, one late command shuts the valves
-//! t_f, t_o > 1 s and 10 T           an axis goes on by itself, a valve stays open for so long
+//! t_f <= T                          the next sample is too late always, so no axis can be armed
+//! t_f, t_o, t_h > 1 s and 10 T      an axis goes on by itself, a valve stays open, a device is missed for so long
 //! r > v_max T                      at its largest speed the axis moves less than a count in a period
 //! b < 2 r                          noise at an end of the stroke makes positions implausible
 //! e >= e_f                         the axis rests at an error that is a fault
@@ -11,7 +12,7 @@
 //! ```
 //!
 //! t_d dead time s; T period s; n_k and n_b of the model's structure; t_f `feedback_timeout` and t_o `drive_timeout`
-//! s; r length of a count m; v_max `max_speed` m/s; b `tolerance` m; e `rest_band` and e_f `following_error` m; J_99.9
+//! s, t_h `can.heartbeat` s; r length of a count m; v_max `max_speed` m/s; b `tolerance` m; e `rest_band` and e_f `following_error` m; J_99.9
 //! and J the 99.9th percentile and the largest lateness of the wake-ups that `hydraxis doctor` measured last, s.
 //!
 //! All of them are warnings: such a machine runs.
@@ -37,7 +38,7 @@ pub fn doubtful(machine: &Machine) -> Vec<String> {
     let of_axes = machine.axes.iter().flat_map(|axis| {
         [late(axis, timing), coarse(axis, timing), narrow(axis), resting(axis, timing)].into_iter().flatten()
     });
-    hasty(timing).chain(patient(timing)).chain(of_axes).collect()
+    hasty(timing).chain(patient(machine)).chain(of_axes).collect()
 }
 
 /// One warning for each time that is too short for this computer, as `hydraxis doctor` has found it.
@@ -124,8 +125,12 @@ fn resting(axis: &Axis, timing: &Timing) -> Option<String> {
 fn hasty(timing: &Timing) -> impl Iterator<Item = String> {
     let Timing { period, feedback_timeout, drive_timeout, .. } = *timing;
     let least = period * LEAST_PERIODS;
+    let of_samples = match feedback_timeout > period {
+        true => "one sample that is late or lost stops the axes",
+        false => "the next sample is always too late, so no axis can be armed",
+    };
     let times = [
-        ("feedback_timeout", feedback_timeout, "one sample that is late or lost stops the axes"),
+        ("feedback_timeout", feedback_timeout, of_samples),
         ("drive_timeout", drive_timeout, "the drive shuts the valves before a command that is a little late"),
     ];
     times.into_iter().filter(move |(_, found, _)| *found < least).map(move |(key, found, why)| {
@@ -140,15 +145,20 @@ fn hasty(timing: &Timing) -> impl Iterator<Item = String> {
 }
 
 /// Time-outs in which a person takes the machine for stopped.
-fn patient(timing: &Timing) -> impl Iterator<Item = String> {
+fn patient(machine: &Machine) -> impl Iterator<Item = String> {
+    let timing = &machine.timing;
     let most = LONGEST.max(timing.period * MOST_PERIODS);
+    let feedback = "an axis waits so long for its sensor, and goes on by itself";
+    let drive = "a valve stays open for so long when nobody commands it any more";
+    let heartbeat = "a device is set up, and missed, after the first one that is due";
     let times = [
-        ("feedback_timeout", timing.feedback_timeout, "an axis waits so long for its sensor, and goes on by itself"),
-        ("drive_timeout", timing.drive_timeout, "a valve stays open for so long when nobody commands it any more"),
+        Some(("timing.feedback_timeout", timing.feedback_timeout, feedback)),
+        Some(("timing.drive_timeout", timing.drive_timeout, drive)),
+        machine.can.as_ref().map(|bus| ("can.heartbeat", bus.heartbeat, heartbeat)),
     ];
-    times.into_iter().filter(move |(_, found, _)| *found > most).map(move |(key, found, why)| {
+    times.into_iter().flatten().filter(move |(_, found, _)| *found > most).map(move |(key, found, why)| {
         let [found, most] = [found, most].map(|time| time.as_secs_f64());
-        format!("timing.{key}: found {} ms: {why}; asked for: {} ms or less", millis(found), millis(most))
+        format!("{key}: found {} ms: {why}; asked for: {} ms or less", millis(found), millis(most))
     })
 }
 

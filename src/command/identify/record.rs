@@ -81,6 +81,14 @@ impl Record {
         };
         // Mean of the periods: one recording, or several of the same period, leave it as it is.
         let mut rows = 0.0;
+        for file in test {
+            if let Some(twice) = data.iter().find(|training| is_same_file(training, file)) {
+                let found = format!("{}, which is a recording for training as well", twice.display());
+                return Err(Failure::usage(format!(
+                    "--test: found {found}; allowed: recordings that no model has seen"
+                )));
+            }
+        }
         let training = data.iter().map(|file| (file, false));
         for (file, test) in training.chain(test.iter().map(|file| (file, true))) {
             let log = read_log(file, columns)?;
@@ -201,6 +209,11 @@ impl Record {
     }
 }
 
+/// Whether two paths lead to one file.
+fn is_same_file(one: &Path, two: &Path) -> bool {
+    matches!((one.canonicalize(), two.canonicalize()), (Ok(one), Ok(two)) if one == two)
+}
+
 /// One line for each format, and one for each recording with gaps.
 pub fn text(recordings: &[ReadRecording]) -> String {
     let mut text = String::new();
@@ -215,6 +228,9 @@ pub fn text(recordings: &[ReadRecording]) -> String {
                 "warning: {names}: the times are taken as seconds, a second or more apart; otherwise state their unit: \
                  --unit \"{name}=ms\" for milliseconds, \"{name}=us\" (\"{name}=s\" ends this warning)\n"
             );
+        }
+        if let Some(timed) = same[0].found.contradicting_period_s {
+            text += &format!("warning: {names}: --period is used, though the times are {} s apart\n", number(timed));
         }
     }
     for ReadRecording { file, gaps, .. } in recordings {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use sensor_proc::log::{Cause, Found, FoundColumn, Gap, Gaps, Log};
+use sensor_proc::log::{Cause, Found, FoundColumn, Gap, Gaps, Log, contradict};
 
 use crate::{
     arguments::ColumnArguments,
@@ -28,8 +28,10 @@ pub fn read_log(file: &Path, columns: &ColumnArguments) -> Result<Log, Failure> 
         None => only_axis(axes_of(file)?)?,
     };
     let Rows { period, axes } = Rows::read(file, &[&axis]).map_err(Failure::usage)?;
-    let period = columns.period.map_or(period, |period| period.as_secs_f64());
-    Ok(log(&axes.concat(), period, &axis))
+    let used = columns.period.map_or(period, |period| period.as_secs_f64());
+    let mut log = log(&axes.concat(), used, &axis);
+    log.found.contradicting_period_s = Some(period).filter(|recorded| contradict(*recorded, used));
+    Ok(log)
 }
 
 /// The axis that is meant where none is named.
@@ -61,6 +63,7 @@ fn log(rows: &[Row], period: f64, axis: &str) -> Log {
             header: true,
             units_row: false,
             is_time_doubtful: false,
+            contradicting_period_s: None,
             time_form: Some("numbers"),
             time: Some(FoundColumn { name: "tick".to_owned(), unit: None, becomes: Some("s") }),
             input: column(format!("{axis}.command"), "1"),

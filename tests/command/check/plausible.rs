@@ -51,6 +51,11 @@ fn a_time_out_of_less_than_two_periods_is_warned_of() {
         &["timing.feedback_timeout: found 19 ms with a period of 10 ms", "asked for: 20 ms or more, 2 periods"],
     );
     expect(
+        &["timing.feedback_timeout=20ms"],
+        &["timing.feedback_timeout=10ms"],
+        &["timing.feedback_timeout: found 10 ms", "the next sample is always too late, so no axis can be armed"],
+    );
+    expect(
         &["timing.drive_timeout=20ms"],
         &["timing.drive_timeout=5ms"],
         &["timing.drive_timeout: found 5 ms with a period of 10 ms", "asked for: 20 ms or more, 2 periods"],
@@ -68,6 +73,17 @@ fn a_time_out_in_which_the_machine_looks_stopped_is_warned_of() {
         &["timing.drive_timeout=1s"],
         &["timing.drive_timeout=60s"],
         &["timing.drive_timeout: found 60000 ms: a valve stays open", "asked for: 1000 ms or less"],
+    );
+    let on_a_bus = |heartbeat: &'static str| {
+        let bus = ["source.kind=can", "can.interface=can0", "axis.boom.can.encoder=11", "axis.boom.can.valve=21"];
+        let arm = ["axis.arm.can.encoder=12", "axis.arm.can.valve=22"];
+        let rest = ["axis.telescope.can.encoder=13", "axis.telescope.can.valve=23", "axis.bucket.can.encoder=14"];
+        [&bus[..], &arm, &rest, &["axis.bucket.can.valve=24", heartbeat]].concat()
+    };
+    expect(
+        &on_a_bus("can.heartbeat=1s"),
+        &on_a_bus("can.heartbeat=10s"),
+        &["can.heartbeat: found 10000 ms: a device is set up, and missed, after", "asked for: 1000 ms or less"],
     );
 }
 

@@ -175,6 +175,9 @@ fn units_come_from_a_row_below_the_header_or_from_an_option() {
     let arguments = ["identify", "r.csv", "--unit", "z=mm"];
     expect_refusal(folder.path(), &arguments, &["--unit with the column \"z\"", "\"u\", \"y\", \"t\""]);
     expect_refusal(folder.path(), &["identify", "r.csv", "--unit", "mm"], &["--unit", "allowed: COLUMN=UNIT"]);
+    // By its name and by its number.
+    let arguments = ["identify", "r.csv", "--unit", "y=mm", "--unit", "3=cm"];
+    expect_refusal(folder.path(), &arguments, &["--unit twice for one column", "\"3=cm\"", "one unit for each column"]);
 }
 
 #[test]
@@ -197,6 +200,21 @@ fn milliseconds_without_a_unit_are_questioned() {
         expect_plant(format!("{header}\n{}", rows(600, |k, [_, u, y]| format!("{},{u},{y}", 10 * k))).as_bytes(), &[]);
     }
     expect_plant(format!("t,u,y\nus,1,-\n{}", rows(600, |k, [_, u, y]| format!("{}0000,{u},{y}", k))).as_bytes(), &[]);
+}
+
+#[test]
+fn a_period_that_the_times_contradict_is_told() {
+    let folder = folder_with(&format!("t,u,y\n{}", rows(600, |_, [t, u, y]| format!("{t},{u},{y}"))));
+    let of_the_times = number(&figures(folder.path(), &[]), "/period_s");
+    let told = |factor: f64| {
+        let period = format!("{}", factor * of_the_times);
+        let options = ["--period", period.as_str()];
+        let told = success(folder.path(), &[&["identify", "r.csv"], &options[..]].concat());
+        let found = figures(folder.path(), &options)["recordings"][0]["contradicting_period_s"].as_f64();
+        assert_eq!(told.contains("warning: r.csv: --period is used, though the times are"), found.is_some(), "{told}");
+        found
+    };
+    assert_eq!((told(1.0), told(1.05), told(2.0)), (None, None, Some(of_the_times)));
 }
 
 #[test]
@@ -227,6 +245,7 @@ fn files_that_are_no_recordings_are_refused_with_the_place() {
         (b"\xff\xfet\0", "found text in UTF-16; allowed: a CSV file with a header"),
         (b"t,u,y\0", "found a file that is no text"),
         (b"t,u,u,y\n0,1,2,3\n", "r.csv:1: found column \"u\" twice; allowed: each name once, or the number"),
+        (b"t,u,y\n0,1,1\n1,,2\n2,1,3\n", "found a gap between all rows, so no period in column \"t\""),
         (b"t,u,y\n0,,1\n1,,2\n2,,3\n", "found 0 rows; allowed: at least 2 rows without an empty field"),
     ] {
         let folder = tempfile::tempdir().unwrap();
@@ -257,6 +276,8 @@ fn several_recordings_are_trained_on_and_others_are_for_the_test() {
     let two = report(&["a.csv", "--test", "b.csv", "--test", "c.csv", "--select", "--horizon", "10"]);
     assert_eq!((&two["rows"], &two["train"]), (&json!(700), &json!(300)));
 
+    let refused = "--test: found a.csv, which is a recording for training as well";
+    expect_refusal(folder.path(), &["identify", "a.csv", "b.csv", "--test", "./a.csv"], &[refused]);
     let told = success(folder.path(), &["identify", "a.csv", "b.csv", "--test", "c.csv"]);
     assert!(told.contains("\na.csv .. c.csv (3 recordings): commas, decimal points, UTF-8; time \"t\" in s"), "{told}");
     assert!(told.contains("a.csv .. b.csv (2 recordings), tested on c.csv: 700 rows of 0.010000 s, 500"), "{told}");

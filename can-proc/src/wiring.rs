@@ -92,8 +92,8 @@ fn expect_room(machine: &Machine, bus: &CanBus) -> Result<(), WiringError> {
         return Ok(());
     }
     Err(WiringError::Text(format!(
-        "can.bit_rate: found {}, and the nodes need {needed:.0} bit/s at least with can.sync = {:?} and can.heartbeat = \
-         {:?}; allowed: a bit rate with room for them, or a longer can.sync or can.heartbeat",
+        "can.bit_rate: found {}, and the nodes need {needed:.0} bit/s at least with can.sync = {:?} and \
+         can.heartbeat = {:?}; allowed: a bit rate with room for them, or a longer can.sync or can.heartbeat",
         bus.bit_rate, bus.sync, bus.heartbeat
     )))
 }

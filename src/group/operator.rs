@@ -76,8 +76,8 @@ pub enum OperatorError {
     /// The group sends no samples.
     #[error(
         "group \"{prefix}\": no sample within {}: it has ended, or the program that reads the sensor has not been \
-         started, has ended, or waits for a device that `hydraxis run` names; `hydraxis status --prefix {prefix}` shows \
-         the group",
+         started, has ended, or waits for a device that `hydraxis run` names; `hydraxis status --prefix {prefix}` \
+         shows the group",
         humantime::format_duration(*.patience)
     )]
     NoSample {

@@ -12,8 +12,9 @@
 //! ```
 //!
 //! t_d dead time s; T period s; n_k and n_b of the model's structure; t_f `feedback_timeout` and t_o `drive_timeout`
-//! s, t_h `can.heartbeat` s; r length of a count m; v_max `max_speed` m/s; b `tolerance` m; e `rest_band` and e_f `following_error` m; J_99.9
-//! and J the 99.9th percentile and the largest lateness of the wake-ups that `hydraxis doctor` measured last, s.
+//! s, t_h `can.heartbeat` s; r length of a count m; v_max `max_speed` m/s; b `tolerance` m; e `rest_band` and e_f
+//! `following_error` m; J_99.9 and J the 99.9th percentile and the largest lateness of the wake-ups that `hydraxis
+//! doctor` measured last, s.
 //!
 //! All of them are warnings: such a machine runs.
 

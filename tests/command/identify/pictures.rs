@@ -76,7 +76,9 @@ fn records_that_say_little_have_a_page_as_well() {
 fn several_recordings_are_one_page() {
     let folder = constant_plant();
     let path = folder.path();
-    ["s.csv", "t.csv"].map(|copy| fs::copy(path.join("r.csv"), path.join(copy)).unwrap());
+    for copy in ["s.csv", "t.csv"] {
+        fs::copy(path.join("r.csv"), path.join(copy)).unwrap();
+    }
     let page = page(path, &["s.csv", "--test", "t.csv"]);
     expect_pictures(&page, 14);
     assert!(page.contains("Identification of r.csv .. s.csv (2 recordings), tested on t.csv"));

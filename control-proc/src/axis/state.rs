@@ -8,9 +8,10 @@
 //! A fault that a sample shows latches an axis that settles as one that follows: nothing moves because a fault has
 //! ended. Less than that prolongs the settling: it begins anew with every implausible sample, and when the computer is
 //! late with samples or commands, as while stages start; a missing sample takes back a part of it. A computer that is
-//! late by [`SETTLING`] is not told from a stage that was stopped or killed, and latches. It has an end: an axis that
-//! has not settled after [`SETTLING_PATIENCE`] is latched, because nobody expects any more that it moves. The emergency
-//! stop and motion that nobody commanded latch in every state.
+//! late by [`SETTLING`] is not told from a stage that was stopped or killed, and latches, but for an axis that was
+//! armed before the first sample: stages start then. Settling has an end: an axis that has not settled after
+//! [`SETTLING_PATIENCE`] is latched, because nobody expects any more that it moves. The emergency stop and motion that
+//! nobody commanded latch in every state.
 
 use std::time::Duration;
 
@@ -75,6 +76,10 @@ pub struct StateMachine {
     latches: Latches,
     settling_ticks: u64,
     patience_ticks: u64,
+    /// Ticks without a sample that latch an axis that settles.
+    silence_ticks: u64,
+    /// Whether there has been a sample.
+    has_begun: bool,
     /// Tick at which the axis began to settle; none before its first observation.
     settles_since: Option<u64>,
     /// What has kept the axis from settling last, a [`control_flag`] bit.
@@ -96,6 +101,8 @@ impl StateMachine {
             latches: Latches::default(),
             settling_ticks,
             patience_ticks,
+            silence_ticks: settling_ticks,
+            has_begun: false,
             settles_since: None,
             obstacle: control_flag::FEEDBACK,
             is_pressed: false,
@@ -120,7 +127,7 @@ impl StateMachine {
 
     /// Begins the tick of this number.
     pub fn begin_tick(&mut self, tick: u64) {
-        self.tick = tick;
+        (self.tick, self.has_begun) = (tick, true);
     }
 
     /// The latches so far.
@@ -139,6 +146,7 @@ impl StateMachine {
         if is_disarmed {
             (self.state, self.requests_stopped) = (State::Settling(0), false);
             (self.settles_since, self.obstacle) = (None, control_flag::FEEDBACK);
+            self.silence_ticks = if self.has_begun { self.settling_ticks } else { self.patience_ticks };
         }
         is_disarmed
     }
@@ -199,7 +207,7 @@ impl StateMachine {
         match (self.state, fault(observation, is_direct)) {
             // No sample came for a short while, and now one is here.
             (State::Settling(_), Some(_))
-                if observation.position.is_some() && observation.missing < self.settling_ticks =>
+                if observation.position.is_some() && observation.missing < self.silence_ticks =>
             {
                 self.settle(observation, 0)
             }

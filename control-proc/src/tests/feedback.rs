@@ -506,6 +506,18 @@ fn an_axis_that_settles_latches_after_a_silence_as_long_as_settling() {
 }
 
 #[test]
+fn an_axis_that_is_armed_before_the_first_sample_bears_a_silence_while_stages_start() {
+    let mut axis = Loop::new(&machine(1), 0.05);
+    for _ in 0..3 {
+        axis.tick(None);
+        axis.sequence += 50;
+    }
+    let settles = |axis: &mut Loop| axis.tick(None).axes[0].flags & control_flag::SETTLING != 0;
+    assert_eq!((0..100).take_while(|_| settles(&mut axis)).count(), 20);
+    assert!(!axis.controller.is_latched());
+}
+
+#[test]
 fn an_axis_that_is_armed_while_a_fault_stands_is_latched() {
     let mut axis = Loop::new(&machine(1), 0.0);
     axis.controller.disarm();

@@ -146,7 +146,7 @@ impl StateMachine {
         if is_disarmed {
             (self.state, self.requests_stopped) = (State::Settling(0), false);
             (self.settles_since, self.obstacle) = (None, control_flag::FEEDBACK);
-            self.silence_ticks = if self.has_begun { self.settling_ticks } else { self.patience_ticks };
+            self.silence_ticks = if self.has_begun { self.settling_ticks } else { u64::MAX };
         }
         is_disarmed
     }

@@ -28,7 +28,7 @@ use serde::Serialize;
 
 use self::{reader::Reader, text::Text};
 
-pub use rate::PeriodChange;
+pub use rate::{PeriodChange, contradict};
 pub use stretches::{Cause, Gap, Gaps};
 
 /// What is to be read.
@@ -82,11 +82,6 @@ pub struct FoundColumn {
     pub unit: Option<String>,
     /// The unit of the values after reading; `1` for a number without a unit.
     pub becomes: Option<&'static str>,
-}
-
-/// Whether two periods are those of different recordings: more than 10 % apart.
-pub fn contradict(one: f64, two: f64) -> bool {
-    (one / two - 1.0).abs() > 0.1
 }
 
 /// One input and one output over time, with gaps.

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 /// Steps of a block.
 const BLOCK: usize = 100;
-/// Part of the period of the first block by which that of another one may differ.
+/// Part by which two periods that are meant to be one may differ.
 const TOLERANCE: f64 = 0.1;
 /// Steps by whose mean the place of a change is found within its block.
 const FEW: usize = 8;
@@ -29,6 +29,11 @@ pub struct PeriodChange {
     pub after_s: f64,
 }
 
+/// Whether two periods are too far apart to be one.
+pub fn contradict(one: f64, two: f64) -> bool {
+    (one / two - 1.0).abs() > TOLERANCE
+}
+
 /// The first change of the period; `begins` as in [`super::Log`], `lines` of the file.
 pub(super) fn period_change(times: &[f64], begins: &[bool], lines: &[usize]) -> Option<PeriodChange> {
     // Rows whose step from the row before is no gap.
@@ -36,7 +41,7 @@ pub(super) fn period_change(times: &[f64], begins: &[bool], lines: &[usize]) -> 
     let mean = |rows: &[usize]| rows.iter().map(|row| times[*row] - times[*row - 1]).sum::<f64>() / rows.len() as f64;
     let before = mean(steps.get(..BLOCK)?);
     let mut blocks = steps.chunks_exact(BLOCK).enumerate();
-    let (block, rows) = blocks.find(|(_, rows)| (mean(rows) / before - 1.0).abs() > TOLERANCE)?;
+    let (block, rows) = blocks.find(|(_, rows)| contradict(mean(rows), before))?;
     // The change may lie in the middle of this block: the next one has the new period only.
     let after = mean(steps.get((block + 1) * BLOCK..(block + 2) * BLOCK).unwrap_or(rows));
     let is_new = |rows: &[usize]| (mean(rows) - after).abs() < (mean(rows) - before).abs();

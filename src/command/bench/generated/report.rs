@@ -53,12 +53,14 @@ struct RateRow {
 type Quotient = (&'static str, fn(&Trial) -> Option<f64>);
 
 /// The quotients of the report.
-const QUOTIENTS: [Quotient; 5] = [
+const QUOTIENTS: [Quotient; 7] = [
     ("auto / best constant", |trial| Some(trial.auto / trial.best.as_ref()?.sigma)),
     ("auto / held", |trial| Some(trial.auto / trial.held)),
     ("auto / still", |trial| Some(trial.auto / trial.still)),
     ("auto / mixture", |trial| Some(trial.auto / trial.mixture)),
     ("auto / without wild", |trial| Some(trial.auto / trial.without_wild?)),
+    ("2nd half: auto / best constant", |trial| trial.second_half.map(|half| half.auto / half.best)),
+    ("2nd half: constant of 1st / best", |trial| trial.second_half.map(|half| half.known / half.best)),
 ];
 
 impl Ratios {

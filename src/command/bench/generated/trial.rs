@@ -4,6 +4,7 @@ use ident_proc::Identifier;
 use pipeline::{
     machine::{Estimator, Form},
     message::AxisSnapshot,
+    statistics::ErrorStatistics,
 };
 use serde::Serialize;
 
@@ -36,6 +37,9 @@ pub struct Trial {
     /// Of the best constant factor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub best: Option<Best>,
+    /// The same in the second half of the samples after the training.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub second_half: Option<SecondHalf>,
     /// Of `auto` where the wild samples of the record are left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub without_wild: Option<f64>,
@@ -54,14 +58,31 @@ pub struct Best {
     pub sigma: f64,
 }
 
+/// What was known before the second half of the samples after the training, and what only after it.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct SecondHalf {
+    /// Of the model that `auto` hands over.
+    pub auto: f64,
+    /// Of the constant factor that was the best in the first half.
+    pub known: f64,
+    /// Of the constant factor that is the best in the second half.
+    pub best: f64,
+}
+
 impl Trial {
     /// Runs everything on a record; without `constants` only `auto`.
     pub fn run(record: &Record, constants: bool) -> Self {
-        let auto = identify(record, &record.outputs, Estimator::Auto, Form::Linear);
+        let (half, auto) = identify(record, &record.outputs, Estimator::Auto, Form::Linear);
         let without_wild = record.without_wild.as_ref().map(|outputs| {
-            let snapshot = identify(record, outputs, Estimator::Auto, Form::Linear);
+            let (_, snapshot) = identify(record, outputs, Estimator::Auto, Form::Linear);
             snapshot.adaptive_errors.h_step.sigma()
         });
+        let constants = constants.then(|| Constant::all(record));
+        let second_half = |all: &Vec<Constant>| SecondHalf {
+            auto: later(&half.adaptive_errors.h_step, &auto.adaptive_errors.h_step),
+            known: Constant::least(all, |constant| constant.halves[0]).halves[1],
+            best: Constant::least(all, |constant| constant.halves[1]).halves[1],
+        };
         Self {
             number: record.number,
             class: record.class,
@@ -72,31 +93,79 @@ impl Trial {
             mixture: auto.unseparated_h_step.sigma(),
             held: auto.classical_errors.h_step.sigma(),
             still: auto.persistence.sigma(),
-            best: constants.then(|| best_constant(record)),
+            best: constants.as_ref().map(|all| Constant::least(all, |constant| constant.best.sigma).best),
+            second_half: constants.as_ref().map(second_half),
             without_wild,
             outliers: auto.outliers,
         }
     }
 }
 
-fn best_constant(record: &Record) -> Best {
-    let of = |form| {
-        CONSTANTS.map(|factor| {
-            let snapshot = identify(record, &record.outputs, Estimator::Constant(factor), form);
-            let sigma = snapshot.unseparated_h_step.sigma();
-            Best { factor, form, sigma: if sigma.is_nan() { f64::INFINITY } else { sigma } }
-        })
-    };
-    let all = [of(Form::Linear), of(Form::Full)].into_iter().flatten();
-    all.min_by(|one, two| one.sigma.total_cmp(&two.sigma)).expect("there are constant factors")
+/// A constant factor and its errors on a record.
+struct Constant {
+    best: Best,
+    /// Standard deviations in the first and in the second half of the samples after the training.
+    halves: [f64; 2],
 }
 
-fn identify(record: &Record, outputs: &[f64], estimator: Estimator, form: Form) -> AxisSnapshot {
-    let mut identifier = Identifier::new(&record.settings(estimator, form));
+impl Constant {
+    fn all(record: &Record) -> Vec<Self> {
+        let of = |form| {
+            CONSTANTS.map(|factor| {
+                let (half, end) = identify(record, &record.outputs, Estimator::Constant(factor), form);
+                let (half, end) = (half.unseparated_h_step, end.unseparated_h_step);
+                let halves = [half.sigma(), later(&half, &end)];
+                Self { best: Best { factor, form, sigma: end.sigma() }, halves }
+            })
+        };
+        [of(Form::Linear), of(Form::Full)].into_iter().flatten().collect()
+    }
+
+    /// The one with the least error. An error that is not a number counts as infinite.
+    fn least(all: &[Self], error: impl Fn(&Self) -> f64) -> &Self {
+        let error = |constant: &&Self| Some(error(constant)).filter(|error| !error.is_nan()).unwrap_or(f64::INFINITY);
+        all.iter().min_by(|one, two| error(one).total_cmp(&error(two))).expect("there are constant factors")
+    }
+}
+
+/// Standard deviation of the errors after those of `half`, which are the first ones of `all`.
+fn later(half: &ErrorStatistics, all: &ErrorStatistics) -> f64 {
+    let (n, m) = (all.count as f64, half.count as f64);
+    let mean = (n * all.mean - m * half.mean) / (n - m);
+    let between = mean - half.mean;
+    ((all.m2 - half.m2 - between * between * (n - m) * m / n) / (n - m)).max(0.0).sqrt()
+}
+
+/// What is known in the middle of the samples after the training, and at the end.
+fn identify(record: &Record, outputs: &[f64], estimator: Estimator, form: Form) -> (AxisSnapshot, AxisSnapshot) {
+    let settings = record.settings(estimator, form);
+    let middle = settings.training + (outputs.len() - settings.training) / 2;
+    let mut identifier = Identifier::new(&settings);
     let mut applied = None;
-    for (y, u) in outputs.iter().zip(&record.inputs) {
+    let mut half = None;
+    for (k, (y, u)) in outputs.iter().zip(&record.inputs).enumerate() {
         identifier.update(Some(*y), applied);
         applied = Some(*u);
+        if k == middle {
+            half = Some(identifier.snapshot());
+        }
     }
-    identifier.snapshot()
+    (half.expect("a record has a middle"), identifier.snapshot())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_errors_of_the_later_part_are_those_of_the_whole_less_the_first_part() {
+        let errors = |values: &[f64]| {
+            let mut errors = ErrorStatistics::default();
+            values.iter().for_each(|value| errors.push(*value));
+            errors
+        };
+        let values = [0.3, -1.0, 2.5, 0.1, -0.4, 3.0, 1.0];
+        let later = later(&errors(&values[..3]), &errors(&values));
+        assert!((later - errors(&values[3..]).sigma()).abs() < 1e-12);
+    }
 }

@@ -161,6 +161,12 @@ pub fn position(text: &str) -> Result<f64, String> {
     in_unit(text, "m").ok_or_else(|| format!("allowed: {}", allowed_in("m")))
 }
 
+/// A place in the plane of the boom: forward of the centre of swing and above ground, m.
+pub fn place(text: &str) -> Result<[f64; 2], String> {
+    let place = text.split_once(',').and_then(|(x, z)| Some([in_unit(x.trim(), "m")?, in_unit(z.trim(), "m")?]));
+    place.ok_or_else(|| "allowed: X,Z in m, such as 6.2,-0.5, or with their units".to_owned())
+}
+
 /// A length or a speed greater than 0 in `unit`.
 pub fn positive_in(unit: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
     let allowed = move || format!("allowed: more than 0 {unit}, as {}", allowed_in(unit));

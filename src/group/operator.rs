@@ -21,8 +21,8 @@ use pipeline::{
         Board, BoardError, ChannelError, Group, GroupMachine, GroupState, Listener, Prefix, Publisher, Reader, groups,
     },
     message::{
-        AxisCommand, AxisMode, AxisRequest, AxisSample, EncoderSample, Header, Request, ValveCommand, bit_names,
-        control_flag,
+        AxisCommand, AxisMode, AxisRequest, AxisSample, EncoderSample, Header, Message, Request, TeethState, TipState,
+        ValveCommand, bit_names, control_flag,
     },
     nearest::did_you_mean,
     stage::monotonic_ns,
@@ -169,7 +169,7 @@ pub struct Operator {
     sample_patience: Duration,
     answer_patience: Duration,
     stop: Arc<AtomicBool>,
-    _group: Group,
+    group: Group,
 }
 
 impl Operator {
@@ -204,7 +204,7 @@ impl Operator {
             sample_patience: SAMPLE_PATIENCE.max(period * SAMPLE_PERIODS),
             answer_patience: ANSWER_PATIENCE.max(period * ANSWER_PERIODS),
             stop,
-            _group: group,
+            group,
         };
         operator.request.header = Header { axis_count: machine.axis_count as u32, ..Header::default() };
         // The controller counts the edges of `enable` from the first message that it has taken.
@@ -220,6 +220,14 @@ impl Operator {
     /// The machine of the group.
     pub fn machine(&self) -> &GroupMachine {
         &self.machine
+    }
+
+    /// Opens a channel of the group that this program writes besides its requests.
+    ///
+    /// # Errors
+    /// Another program writes it.
+    pub fn publisher<M: Message>(&self) -> Result<Publisher<M>, OperatorError> {
+        Ok(self.group.publisher().map_err(ChannelError::from)?)
     }
 
     /// Whether the user wants this program to end.
@@ -272,6 +280,11 @@ impl Operator {
     /// The controller's last command of an axis, if there has been one.
     pub fn last(&self, axis: usize) -> Option<AxisCommand> {
         self.commands.last().map(|command| command.axes[axis])
+    }
+
+    /// Where the teeth were at the controller's last command.
+    pub fn teeth(&self) -> Option<TeethState> {
+        self.commands.last().map(|command| command.teeth).filter(|teeth| teeth.state != TipState::Unknown as u32)
     }
 
     /// The request for an axis that goes out with the next message.

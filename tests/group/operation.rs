@@ -239,6 +239,55 @@ fn an_axis_is_brought_to_a_target_and_left_there() {
 }
 
 #[test]
+fn the_teeth_go_to_a_place_in_a_straight_line() {
+    let settings: Vec<String> = ["boom", "arm", "telescope", "bucket"]
+        .iter()
+        .flat_map(|axis| ["--set".to_owned(), format!("axis.{axis}.reference.kind=channel")])
+        .collect();
+    let files = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/excavator");
+    let (machine, model) = (format!("{files}.toml"), format!("{files}-model.toml"));
+    let mut arguments = vec![machine.as_str(), "--model", &model];
+    arguments.extend(settings.iter().map(String::as_str));
+    let mut running = Operated::start_with("teeth", &arguments);
+    let start = running.wait_until("the teeth", |command| command.teeth.state != 0).teeth;
+
+    let refused = |arguments: &[&str], code, expected: &str| {
+        let output = running.operated(arguments);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}");
+        assert!(text(&output.stderr).contains(expected), "{arguments:?}\n{}", text(&output.stderr));
+    };
+    let near = format!("{},{}", start.x - 0.3, start.z);
+    refused(&["--tip", "20,1", "--enable"], 2, "--tip: found [");
+    refused(&["--tip", &near], 2, "allowed: with --enable, and then it may move");
+    refused(&["--tip", &near, "--axis", "boom", "--enable"], 2, "--tip: found together with --axis");
+    assert!(is_off(&running.wait_until("a command", |_| true)));
+
+    let mut tool = running.operate(&["--tip", &near, "--speed", "0.1", "--enable", "--leave"]).spawn().unwrap();
+    let (mut off_the_line, mut nearest): (f64, f64) = (0.0, start.x);
+    running.wait_until("the teeth at their place", |command| {
+        off_the_line = off_the_line.max((command.teeth.z - start.z).abs());
+        nearest = nearest.min(command.teeth.x);
+        command.axes[..4].iter().all(|axis| axis.operation == AxisMode::Hold as u32)
+    });
+    let status = wait_for("the tool to end", || tool.try_wait().unwrap());
+    assert!(status.success(), "{}", text(&tool.wait_with_output().unwrap().stderr));
+    let end = running.wait_until("a command", |_| true).teeth;
+    println!("{off_the_line} m off the line, {} and {} m off the place", end.x - (start.x - 0.3), end.z - start.z);
+    assert!((end.x - (start.x - 0.3)).hypot(end.z - start.z) < 0.05, "{end:?}");
+    assert!(nearest > start.x - 0.4 && off_the_line < 0.1, "{nearest} {off_the_line}");
+    // One that dies on its way leaves the axes standing: its references end.
+    let back = format!("{},{}", start.x, start.z);
+    let mut tool = running.operate(&["--tip", &back, "--enable"]).spawn().unwrap();
+    running.wait_until("the teeth on their way", |command| command.teeth.x > end.x + 0.05);
+    tool.kill().unwrap();
+    tool.wait().unwrap();
+    running.wait_until("the axes to stand", |command| {
+        command.axes[..4].iter().all(|axis| axis.flags & control_flag::REFERENCE != 0)
+    });
+    running.end();
+}
+
+#[test]
 fn invalid_requests_are_refused() {
     for (arguments, code, expected) in [
         (

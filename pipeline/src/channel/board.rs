@@ -196,9 +196,18 @@ impl Board {
     /// # Errors
     /// The group runs another machine, or shared memory cannot be had.
     pub fn of(prefix: &Prefix, machine: &Machine) -> Result<Self, BoardError> {
+        let board = Self::open(prefix, Some(GroupMachine::new(machine)))?;
+        board.expect_machine(machine)?;
+        Ok(board)
+    }
+
+    /// Whether the group runs this machine, models, gains and references included.
+    ///
+    /// # Errors
+    /// It runs another one.
+    pub fn expect_machine(&self, machine: &Machine) -> Result<(), BoardError> {
         let own = GroupMachine::new(machine);
-        let board = Self::open(prefix, Some(own))?;
-        if board.machine().fingerprint == own.fingerprint { Ok(board) } else { Err(board.other(&own)) }
+        if self.machine().fingerprint == own.fingerprint { Ok(()) } else { Err(self.other(&own)) }
     }
 
     /// Whether the group has the axes of this machine: models, gains and references may differ.

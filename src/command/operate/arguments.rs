@@ -5,7 +5,7 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use pipeline::{channel::Prefix, message::AxisMode};
 
-use crate::arguments::values::{duration, position, valve_command};
+use crate::arguments::values::{duration, in_unit, place, position, positive_in, valve_command};
 
 /// The axes of a running group.
 #[derive(Debug, Args)]
@@ -30,6 +30,7 @@ Examples:
   hydraxis operate --prefix demo --axis boom --mode hold --target 800mm --enable
   hydraxis operate --prefix demo --mode hold --leave    all axes stop, and hold the positions at which they stop
   hydraxis operate --prefix demo --mode off
+  hydraxis operate --prefix demo --tip 6.2,-0.5 --pitch -100 --enable    the teeth go there in a straight line
   hydraxis operate --prefix demo --take-over --mode hold --enable    although another program operates the group
 
 Modes:
@@ -37,6 +38,9 @@ Modes:
   manual  --command goes to the valve, limited in magnitude and rate, and slower the nearer a soft limit is
   hold    moves to --target, bounded in speed, acceleration and jerk, and stays there
   track   follows its reference: the generator of the machine file, or the reference channel
+
+--tip moves boom, arm and bucket together, in mode track, where all four axes have reference.kind = \"channel\". The
+telescope stays where it is. A place that the machine cannot reach is refused before anything is armed.
 
 A disarmed axis leaves `off` only with --enable, after a fault as well. A latch that --enable or `off` releases is shown
 with its cause. An armed axis changes between the other modes without --enable. Ctrl-C disarms the axes. In manual, the
@@ -49,8 +53,17 @@ pub struct OperateArguments {
     #[command(flatten)]
     pub group: GroupAxes,
     /// Mode that the axes change to
-    #[arg(long)]
-    pub mode: Mode,
+    #[arg(long, required_unless_present = "tip", conflicts_with = "tip")]
+    pub mode: Option<Mode>,
+    /// Place to which the bucket's teeth go: forward of the centre of swing and above ground
+    #[arg(long, value_name = "X,Z", value_parser = place, allow_hyphen_values = true)]
+    pub tip: Option<[f64; 2]>,
+    /// Pitch of the bucket there, from the x axis to the teeth, in degrees [default: as it is]
+    #[arg(long, value_name = "DEGREES", value_parser = pitch, allow_hyphen_values = true, requires = "tip")]
+    pub pitch: Option<f64>,
+    /// Speed of the teeth; slower where an axis or the pump cannot follow
+    #[arg(long, value_parser = positive_in("m/s"), default_value = "0.1 m/s", requires = "tip")]
+    pub speed: f64,
     /// Valve command in [-1, 1], positive extends; with --mode manual only
     #[arg(long, value_name = "U", value_parser = valve_command, allow_hyphen_values = true)]
     pub command: Option<f64>,
@@ -69,6 +82,19 @@ pub struct OperateArguments {
     /// Time in the mode, after which the axes are disarmed and the command ends [default: until Ctrl-C]
     #[arg(long, value_parser = duration, allow_hyphen_values = true)]
     pub duration: Option<Duration>,
+}
+
+/// `--pitch`.
+fn pitch(text: &str) -> Result<f64, String> {
+    let degrees = in_unit(text, "degrees").filter(|degrees| (-360.0..=360.0).contains(degrees));
+    degrees.ok_or_else(|| "allowed: -360 to 360 degrees".to_owned())
+}
+
+impl OperateArguments {
+    /// The mode that the axes change to.
+    pub fn axis_mode(&self) -> AxisMode {
+        self.mode.map_or(AxisMode::Track, AxisMode::from)
+    }
 }
 
 /// `--mode`.

@@ -1,11 +1,12 @@
-//! `hydraxis operate`: a person operates the axes of a running group; `arm` and `reset` in [`mod@arm`], `disarm` in
-//! [`mod@disarm`].
+//! `hydraxis operate`: a person operates the axes of a running group, and with `--tip` the bucket's teeth
+//! ([`mod@tip`]); `arm` and `reset` in [`mod@arm`], `disarm` in [`mod@disarm`].
 //!
 //! Names of axes are those of the group that runs. Runs in a process of its own, beside the loop.
 
 mod arguments;
 mod arm;
 mod disarm;
+mod tip;
 
 use std::time::{Duration, Instant};
 
@@ -17,6 +18,7 @@ use pipeline::{
 use arm::Causes;
 pub use arm::{arm, reset};
 pub use disarm::disarm;
+use tip::TipMove;
 
 use crate::{
     arguments::axes_of,
@@ -41,8 +43,11 @@ pub fn run(arguments: &OperateArguments) -> Result<(), Failure> {
     check(arguments)?;
     let (prefix, machine, axes) = find(&arguments.group)?;
     check_target(&machine, &axes, arguments)?;
+    let tip = TipMove::of(arguments, &prefix)?;
+    let axes = if tip.is_some() { tip::ALL.to_vec() } else { axes };
     as_operator(&prefix, &arguments.group, |operator| {
-        operate(&axes, arguments, operator).map_err(|failure| failure.advising(arm::advice(&axes, &prefix, operator)))
+        operate(&axes, tip.as_ref(), arguments, operator)
+            .map_err(|failure| failure.advising(arm::advice(&axes, &prefix, operator)))
     })
 }
 
@@ -72,7 +77,7 @@ fn as_operator(
 
 /// Refuses options that do not go together.
 fn check(arguments: &OperateArguments) -> Result<(), Failure> {
-    let mode = AxisMode::from(arguments.mode);
+    let mode = arguments.axis_mode();
     let refuse = |text: String| Err(Failure::usage(text));
     match (mode, arguments.command) {
         (AxisMode::Manual, None) => {
@@ -106,8 +111,13 @@ fn check_target(machine: &GroupMachine, axes: &[usize], arguments: &OperateArgum
     Ok(())
 }
 
-fn operate(axes: &[usize], arguments: &OperateArguments, operator: &mut Operator) -> Result<(), Failure> {
-    let mode = AxisMode::from(arguments.mode);
+fn operate(
+    axes: &[usize],
+    tip: Option<&TipMove>,
+    arguments: &OperateArguments,
+    operator: &mut Operator,
+) -> Result<(), Failure> {
+    let mode = arguments.axis_mode();
     if operator.stopping() {
         return Ok(());
     }
@@ -116,6 +126,8 @@ fn operate(axes: &[usize], arguments: &OperateArguments, operator: &mut Operator
         operator.release(axes)?;
         return Ok(show(&format!("{}{}", causes.text(operator, ""), line(axes, operator, None)))?);
     }
+    // What the machine cannot do is refused before anything is armed.
+    tip.map(|tip| tip.plan(operator)).transpose()?;
     let is_off = |axis: &usize| operator.last(*axis).is_some_and(|last| last.operation == AxisMode::Off as u32);
     let off: Vec<usize> = axes.iter().copied().filter(is_off).collect();
     if let Some(axis) = off.first().filter(|_| !arguments.enable) {
@@ -126,7 +138,10 @@ fn operate(axes: &[usize], arguments: &OperateArguments, operator: &mut Operator
         operator.release(&off)?;
         show(&causes.text(operator, ""))?;
     }
-    let result = stream(axes, mode, arguments, operator);
+    let result = match tip {
+        Some(tip) => tip.run(arguments, operator),
+        None => stream(axes, mode, arguments, operator),
+    };
     match &result {
         Ok(()) if arguments.leave && !operator.stopping() => {}
         // For every other end, with or without a failure, the axes are disarmed; what a fault has latched stays so.

@@ -1,0 +1,266 @@
+//! `hydraxis operate --tip`: the bucket's teeth go to a place in a straight line.
+//!
+//! The way is planned as the task `[tip]` of a machine file is, from where the teeth are, with the telescope where it
+//! is. The axes get it through the reference channel:
+//!
+//! ```text
+//! c(k + i) = plan(t + i p T)       t(k+1) = t(k) + p T
+//! p        = p + T / 1 s up to 1 while all four axes follow, p - T / 0.2 s down to 0 while one of them does not
+//! ```
+//!
+//! c positions of the cylinders m, t time of the plan s, p its pace, T period s. So the teeth wait on their way for an
+//! axis that waits. They begin after a second: references that are taken up are followed from a stand.
+//!
+//! Runs in the operator's process, beside the loop. What it sends reaches 0.1 s ahead: when it dies, the axes come to a
+//! stand then.
+
+use std::time::{Duration, Instant};
+
+use control_proc::tip::TipPlan;
+use mechanism::{AXES, Mechanism};
+use pipeline::{
+    channel::{ChannelError, Prefix, Publisher},
+    machine::{Axis, Machine, ReferenceSource, TipPiece, TipShape, TipTask},
+    message::{AxisMode, EncoderSample, Header, MAX_PREVIEW, Reference, TeethState, control_flag},
+    stage::monotonic_ns,
+};
+
+use super::{LINE_PERIOD, OperateArguments, line};
+use crate::{
+    arguments::load_bare,
+    failure::Failure,
+    group::{
+        operator::{Operator, OperatorError, board},
+        running::machine_of,
+    },
+    report::output::show,
+};
+
+/// The four axes.
+pub(super) const ALL: [usize; AXES] = [0, 1, 2, 3];
+/// Time for which the references stand before they move, s: that in which a reference that is taken up gets its pace.
+const STANDING: f64 = 1.2;
+/// Times in which the pace rises from 0 to 1, and falls, s.
+const RISE_TIME: f64 = 1.0;
+const FALL_TIME: f64 = 0.2;
+/// How far ahead references are sent, s, and the least number of them.
+const AHEAD: f64 = 0.1;
+const LEAST_AHEAD: usize = 3;
+/// Distance from its end at which an axis has arrived, m and counts of its encoder, of which the longer one counts.
+const NEAR: f64 = 0.002;
+const NEAR_COUNTS: f64 = 3.0;
+/// Time after the end of the way, after which they need not come any nearer.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Distance of the teeth by the machine file from those by the group, m, that a motion between the two explains.
+const SAME: f64 = 0.05;
+/// What an axis shows that does not follow at the moment.
+const WAITING: u32 = control_flag::REFERENCE | control_flag::SLOWED | control_flag::WALL | control_flag::SETTLING;
+
+/// A motion of the teeth that a person has asked for.
+pub(super) struct TipMove {
+    machine: Machine,
+    mechanism: Mechanism,
+    to: [f64; 2],
+    /// Degrees.
+    pitch: Option<f64>,
+    /// m/s.
+    speed: f64,
+}
+
+impl TipMove {
+    /// What the arguments ask of this group; none without `--tip`.
+    ///
+    /// # Errors
+    /// The machine of the group has no teeth, its axes follow no program, or only some of them are meant.
+    pub fn of(arguments: &OperateArguments, prefix: &Prefix) -> Result<Option<Self>, Failure> {
+        let Some(to) = arguments.tip else { return Ok(None) };
+        let refuse = |text: String| Err(Failure::usage(format!("--tip: {text}")));
+        if !arguments.group.axes.is_empty() {
+            return refuse("found together with --axis; allowed: without, since all four axes move the teeth".into());
+        }
+        let machine = load_bare(&machine_of(prefix, &[])?, None)?;
+        board(prefix)?.expect_machine(&machine).map_err(OperatorError::from)?;
+        let Some(mechanism) = machine.mechanism.clone() else {
+            return refuse("found a machine without [mechanism]; allowed: one that has teeth".into());
+        };
+        let other = |axis: &&Axis| axis.reference != ReferenceSource::Channel;
+        if let Some(axis) = machine.axes[..AXES].iter().find(other) {
+            let settings =
+                machine.axes[..AXES].iter().map(|axis| format!(" --set axis.{}.reference.kind=channel", axis.name));
+            return refuse(format!(
+                "found axis.{}, whose reference.kind is another one; allowed: \"channel\" for all four axes: start the \
+                 group with{}",
+                axis.name,
+                settings.collect::<String>()
+            ));
+        }
+        Ok(Some(Self { machine, mechanism, to, pitch: arguments.pitch, speed: arguments.speed }))
+    }
+
+    /// The axes' way from where they are.
+    ///
+    /// # Errors
+    /// A position is not known, or the machine cannot do it.
+    pub fn plan(&self, operator: &mut Operator) -> Result<Option<Vec<[f64; AXES]>>, Failure> {
+        let Some(sample) = operator.sample()? else { return Ok(None) };
+        while operator.command()?.is_some() {}
+        let mut positions = [0.0; AXES];
+        for (axis, position) in ALL.iter().zip(&mut positions) {
+            let found = sample.axes[*axis].usable();
+            let unknown =
+                || Failure::run(format!("--tip: the position of axis.{} is not known", operator.machine().name(*axis)));
+            *position = found.ok_or_else(unknown)?;
+        }
+        let pose = self.mechanism.prepared().pose(&positions);
+        let (start, pitch) = ([pose.tip.x, pose.tip.z], pose.bucket.angle().to_degrees());
+        self.expect_same_teeth(start, operator.teeth())?;
+        let shape = TipShape::Line(self.to);
+        let piece = TipPiece { shape, pitch: self.pitch.map(|to| pitch + nearest_turn(to - pitch)) };
+        let (speed, telescope, pieces) = (self.speed, Some(positions[2]), vec![piece]);
+        let task = TipTask { start, pitch, speed, telescope, rounding: 0.0, file: None, pieces };
+        let mut machine = Machine { tip: Some(task), ..self.machine.clone() };
+        machine.axes[..AXES].iter_mut().for_each(|axis| axis.reference = ReferenceSource::Tip);
+        let refused = |text: String| Failure::usage(format!("--tip: {}", text.trim_start_matches("tip.piece[0]: ")));
+        let plan = TipPlan::of(&machine).map_err(|error| refused(error.to_string()))?;
+        let plan = plan.expect("all four axes of this machine follow a task");
+        let points: Vec<Vec<(f64, f64)>> = ALL.iter().map(|axis| plan.points(*axis)).collect();
+        Ok(Some((0..points[0].len()).map(|k| ALL.map(|axis| points[axis][k].1)).collect()))
+    }
+
+    /// The teeth by this machine file are where the group has them.
+    fn expect_same_teeth(&self, [x, z]: [f64; 2], found: Option<TeethState>) -> Result<(), Failure> {
+        match found {
+            Some(teeth) if (teeth.x - x).hypot(teeth.z - z) > SAME => Err(Failure::run(format!(
+                "--tip: found the teeth at [{:.3}, {:.3}] m by the group, at [{x:.3}, {z:.3}] m by its machine file; \
+                 allowed: the machine file with which it was started",
+                teeth.x, teeth.z
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Arms the axes, moves the teeth, and holds them there until the end.
+    ///
+    /// # Errors
+    /// An axis does not follow any more, or the group cannot be operated.
+    pub fn run(&self, arguments: &OperateArguments, operator: &mut Operator) -> Result<(), Failure> {
+        for axis in ALL {
+            operator.axis(axis).hold_to_run = u32::from(arguments.hold_to_run);
+        }
+        let mut sender = Sender::new(operator, &self.machine)?;
+        if !operator.change(&ALL, AxisMode::Track)? {
+            return Ok(());
+        }
+        // An axis may have sunk, or moved on, since the motion was judged.
+        let Some(way) = self.plan(operator)? else { return Ok(()) };
+        let begin = Instant::now();
+        let (mut next_line, mut ended, mut has_arrived) = (begin, None, false);
+        while arguments.duration.is_none_or(|duration| begin.elapsed() < duration) {
+            let Some(sample) = operator.sample()? else { break };
+            operator.ask(&sample)?;
+            while operator.command()?.is_some() {}
+            let last = |axis: usize| operator.last(axis).unwrap_or_default();
+            if let Some(axis) = ALL.into_iter().find(|axis| last(*axis).operation != AxisMode::Track as u32) {
+                return Err(Failure::run(format!("{}; allowed: track", operator.state(axis))));
+            }
+            sender.send(&sample, &way, ALL.iter().all(|axis| last(*axis).flags & WAITING == 0))?;
+            if Instant::now() >= next_line {
+                next_line += LINE_PERIOD;
+                show(&format!("{}{}", line(&ALL, operator, Some(&sample)), told(operator.teeth())))?;
+            }
+            if sender.has_ended(&way) {
+                ended.get_or_insert_with(Instant::now);
+            }
+            let is_there = ended.is_some_and(|at| self.is_near(&sample, &way) || at.elapsed() > PATIENCE);
+            if is_there && !has_arrived {
+                has_arrived = true;
+                show(&self.arrival(operator.teeth()))?;
+                if arguments.leave {
+                    operator.change(&ALL, AxisMode::Hold)?;
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn arrival(&self, teeth: Option<TeethState>) -> String {
+        let away = teeth.map_or(f64::NAN, |teeth| (teeth.x - self.to[0]).hypot(teeth.z - self.to[1]));
+        format!("at its end, {:.1} mm from the place: {}", 1e3 * away, told(teeth))
+    }
+
+    fn is_near(&self, sample: &EncoderSample, way: &[[f64; AXES]]) -> bool {
+        let end = way[way.len() - 1];
+        ALL.iter().all(|axis| {
+            let near = NEAR.max(NEAR_COUNTS * self.machine.axes[*axis].encoder.resolution);
+            (sample.axes[*axis].position - end[*axis]).abs() <= near
+        })
+    }
+}
+
+/// A line about the teeth.
+fn told(teeth: Option<TeethState>) -> String {
+    teeth.map_or_else(String::new, |teeth| {
+        format!("teeth at [{:.3}, {:.3}] m, pitch {:.1} degrees\n", teeth.x, teeth.z, teeth.pitch.to_degrees())
+    })
+}
+
+/// The shorter turn, degrees.
+fn nearest_turn(degrees: f64) -> f64 {
+    degrees - 360.0 * (degrees / 360.0).round()
+}
+
+/// Sends the references of a way.
+struct Sender {
+    publisher: Publisher<Reference>,
+    reference: Reference,
+    /// s.
+    period: f64,
+    /// Time of the plan, periods; below 0 the teeth still stand.
+    time: f64,
+    pace: f64,
+    last: Option<u64>,
+}
+
+impl Sender {
+    fn new(operator: &Operator, machine: &Machine) -> Result<Self, Failure> {
+        let period = machine.timing.period.as_secs_f64();
+        let preview = ((AHEAD / period).ceil() as usize).clamp(LEAST_AHEAD, MAX_PREVIEW) as u32;
+        let header = Header { axis_count: machine.axes.len() as u32, ..Header::default() };
+        let reference = Reference { header, preview, ..Reference::default() };
+        let publisher = operator.publisher()?;
+        Ok(Self { publisher, reference, period, time: -STANDING / period, pace: 0.0, last: None })
+    }
+
+    /// Sends the references that belong to a sample; the teeth go on where they may.
+    fn send(&mut self, sample: &EncoderSample, way: &[[f64; AXES]], may_go_on: bool) -> Result<(), Failure> {
+        let elapsed = sample.header.sequence.saturating_sub(self.last.unwrap_or(sample.header.sequence)) as f64;
+        // While the references stand they are taken up, which shows as waiting.
+        let change = if may_go_on || self.time < 0.0 { self.period / RISE_TIME } else { -self.period / FALL_TIME };
+        self.pace = (self.pace + elapsed * change).clamp(0.0, 1.0);
+        self.time = (self.time + elapsed * self.pace).min((way.len() - 1) as f64);
+        self.last = Some(sample.header.sequence);
+        for i in 0..self.reference.preview as usize {
+            let at = at(way, self.time + i as f64 * self.pace);
+            for axis in ALL {
+                self.reference.positions[axis][i] = at[axis];
+            }
+        }
+        self.reference.header.sequence = sample.header.sequence;
+        self.reference.header.acquired_ns = sample.header.acquired_ns;
+        self.reference.header.sent_ns = monotonic_ns();
+        Ok(self.publisher.send(&self.reference).map_err(ChannelError::from)?)
+    }
+
+    fn has_ended(&self, way: &[[f64; AXES]]) -> bool {
+        self.time >= (way.len() - 1) as f64
+    }
+}
+
+/// A way at a time in periods, in straight lines between its points.
+fn at(way: &[[f64; AXES]], time: f64) -> [f64; AXES] {
+    let time = time.clamp(0.0, (way.len() - 1) as f64);
+    let (k, rest) = (time.floor() as usize, time.fract());
+    let next = way[(k + 1).min(way.len() - 1)];
+    std::array::from_fn(|axis| way[k][axis] + rest * (next[axis] - way[k][axis]))
+}

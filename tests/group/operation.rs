@@ -301,6 +301,9 @@ fn invalid_requests_are_refused() {
         (&["--prefix", "x", "--mode", "hold", "--command", "0.1"][..], 2, "found one with --mode hold; allowed: with"),
         (&["--prefix", "x", "--mode", "hold", "--target", "NaN"][..], 2, "--target: found \"NaN\""),
         (&["--prefix", "x", "--mode", "track", "--target", "0.6"][..], 2, "--target: found one with --mode track"),
+        (&["--prefix", "x", "--mode", "hold", "--pitch", "5"][..], 2, "--pitch, --speed: found without --tip"),
+        (&["--prefix", "x", "--tip", "5"][..], 2, "--tip: found \"5\"; allowed: X,Z in m"),
+        (&["--prefix", "x", "--mode", "hold", "--tip", "5,0"][..], 2, "--tip: found with --mode"),
         (&["--prefix", "x", "--mode", "off", "--leave"][..], 2, "--leave: found with --mode off"),
         (&["--prefix", "x", "--mode", "fly"][..], 2, "--mode: found \"fly\"; allowed: one of off, manual, hold, track"),
     ] {

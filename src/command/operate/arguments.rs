@@ -58,12 +58,12 @@ pub struct OperateArguments {
     /// Place to which the bucket's teeth go: forward of the centre of swing and above ground
     #[arg(long, value_name = "X,Z", value_parser = place, allow_hyphen_values = true)]
     pub tip: Option<[f64; 2]>,
-    /// Pitch of the bucket there, from the x axis to the teeth, in degrees [default: as it is]
-    #[arg(long, value_name = "DEGREES", value_parser = pitch, allow_hyphen_values = true, requires = "tip")]
+    /// Pitch of the bucket there, from the x axis to the teeth, in degrees; with --tip only [default: as it is]
+    #[arg(long, value_name = "DEGREES", value_parser = pitch, allow_hyphen_values = true)]
     pub pitch: Option<f64>,
-    /// Speed of the teeth; slower where an axis or the pump cannot follow
-    #[arg(long, value_parser = positive_in("m/s"), default_value = "0.1 m/s", requires = "tip")]
-    pub speed: f64,
+    /// Speed of the teeth; slower where an axis or the pump cannot follow [default: 0.1 m/s]
+    #[arg(long, value_parser = positive_in("m/s"))]
+    pub speed: Option<f64>,
     /// Valve command in [-1, 1], positive extends; with --mode manual only
     #[arg(long, value_name = "U", value_parser = valve_command, allow_hyphen_values = true)]
     pub command: Option<f64>,

@@ -88,6 +88,9 @@ fn check(arguments: &OperateArguments) -> Result<(), Failure> {
             return refuse(format!("--command: found one with --mode {}; allowed: with manual", mode.name()));
         }
     }
+    if arguments.tip.is_none() && (arguments.pitch.is_some() || arguments.speed.is_some()) {
+        return refuse("--pitch, --speed: found without --tip; allowed: with it".into());
+    }
     if arguments.target.is_some() && mode != AxisMode::Hold {
         return refuse(format!("--target: found one with --mode {}; allowed: with hold", mode.name()));
     }

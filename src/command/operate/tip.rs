@@ -25,7 +25,7 @@ use pipeline::{
     stage::monotonic_ns,
 };
 
-use super::{LINE_PERIOD, OperateArguments, line};
+use super::{LINE_PERIOD, OperateArguments};
 use crate::{
     arguments::load_bare,
     failure::Failure,
@@ -38,6 +38,8 @@ use crate::{
 
 /// The four axes.
 pub(super) const ALL: [usize; AXES] = [0, 1, 2, 3];
+/// Speed of the teeth without --speed, m/s.
+const SPEED: f64 = 0.1;
 /// Time for which the references stand before they move, s: that in which a reference that is taken up gets its pace.
 const STANDING: f64 = 1.2;
 /// Times in which the pace rises from 0 to 1, and falls, s.
@@ -80,7 +82,7 @@ impl TipMove {
         }
         let machine = load_bare(&machine_of(prefix, &[])?, None)?;
         board(prefix)?.expect_machine(&machine).map_err(OperatorError::from)?;
-        let Some(mechanism) = machine.mechanism.clone() else {
+        let Some(mechanism) = machine.mechanism else {
             return refuse("found a machine without [mechanism]; allowed: one that has teeth".into());
         };
         let other = |axis: &&Axis| axis.reference != ReferenceSource::Channel;
@@ -94,7 +96,7 @@ impl TipMove {
                 settings.collect::<String>()
             ));
         }
-        Ok(Some(Self { machine, mechanism, to, pitch: arguments.pitch, speed: arguments.speed }))
+        Ok(Some(Self { machine, mechanism, to, pitch: arguments.pitch, speed: arguments.speed.unwrap_or(SPEED) }))
     }
 
     /// The axes' way from where they are.
@@ -166,7 +168,8 @@ impl TipMove {
             sender.send(&sample, &way, ALL.iter().all(|axis| last(*axis).flags & WAITING == 0))?;
             if Instant::now() >= next_line {
                 next_line += LINE_PERIOD;
-                show(&format!("{}{}", line(&ALL, operator, Some(&sample)), told(operator.teeth())))?;
+                let seconds = sample.header.sequence as f64 * self.machine.timing.period.as_secs_f64();
+                show(&format!("{seconds:8.2} s  {}", self.told(operator)))?;
             }
             if sender.has_ended(&way) {
                 ended.get_or_insert_with(Instant::now);
@@ -174,7 +177,7 @@ impl TipMove {
             let is_there = ended.is_some_and(|at| self.is_near(&sample, &way) || at.elapsed() > PATIENCE);
             if is_there && !has_arrived {
                 has_arrived = true;
-                show(&self.arrival(operator.teeth()))?;
+                show(&format!("at the end: {}", self.told(operator)))?;
                 if arguments.leave {
                     operator.change(&ALL, AxisMode::Hold)?;
                     return Ok(());
@@ -184,9 +187,16 @@ impl TipMove {
         Ok(())
     }
 
-    fn arrival(&self, teeth: Option<TeethState>) -> String {
-        let away = teeth.map_or(f64::NAN, |teeth| (teeth.x - self.to[0]).hypot(teeth.z - self.to[1]));
-        format!("at its end, {:.1} mm from the place: {}", 1e3 * away, told(teeth))
+    /// A line about the teeth.
+    fn told(&self, operator: &Operator) -> String {
+        operator.teeth().map_or_else(String::new, |teeth| {
+            let away = (teeth.x - self.to[0]).hypot(teeth.z - self.to[1]);
+            let pitch = teeth.pitch.to_degrees();
+            format!(
+                "teeth at [{:.3}, {:.3}] m, pitch {pitch:.1} degrees, {away:.4} m from the place\n",
+                teeth.x, teeth.z
+            )
+        })
     }
 
     fn is_near(&self, sample: &EncoderSample, way: &[[f64; AXES]]) -> bool {
@@ -196,13 +206,6 @@ impl TipMove {
             (sample.axes[*axis].position - end[*axis]).abs() <= near
         })
     }
-}
-
-/// A line about the teeth.
-fn told(teeth: Option<TeethState>) -> String {
-    teeth.map_or_else(String::new, |teeth| {
-        format!("teeth at [{:.3}, {:.3}] m, pitch {:.1} degrees\n", teeth.x, teeth.z, teeth.pitch.to_degrees())
-    })
 }
 
 /// The shorter turn, degrees.
@@ -263,4 +266,24 @@ fn at(way: &[[f64; AXES]], time: f64) -> [f64; AXES] {
     let (k, rest) = (time.floor() as usize, time.fract());
     let next = way[(k + 1).min(way.len() - 1)];
     std::array::from_fn(|axis| way[k][axis] + rest * (next[axis] - way[k][axis]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bucket_turns_the_shorter_way() {
+        for (turn, shorter) in [(10.0, 10.0), (-190.0, 170.0), (350.0, -10.0), (-350.0, 10.0), (0.0, 0.0)] {
+            assert_eq!(nearest_turn(turn), shorter);
+        }
+    }
+
+    #[test]
+    fn a_way_is_straight_between_its_points_and_stands_beyond_its_ends() {
+        let way = [[0.0; AXES], [1.0, 2.0, 0.0, -1.0]];
+        for (time, expected) in [(-3.0, [0.0; AXES]), (0.5, [0.5, 1.0, 0.0, -0.5]), (7.0, way[1])] {
+            assert_eq!(at(&way, time), expected);
+        }
+    }
 }

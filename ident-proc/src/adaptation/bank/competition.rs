@@ -1,32 +1,32 @@
-//! h-step forecasts of all members and of their sum, and the scores that their errors give.
+//! h-step forecasts of all members, and the scores that their errors give.
 //!
-//! Every `stride` samples a forecast of each is launched; h samples later, h horizon, it is compared with the
-//! measured output. So a few forecasts of each are on their way at any time.
+//! Every `stride` samples a forecast of each member is launched; h samples later, h horizon, it is compared with the
+//! measured output. So a few forecasts of each member are on their way at any time.
 
 use pipeline::hammerstein::Structure;
 
 use super::scores::Scores;
 use crate::{quality::Forecasts, sample::SlidingBuffer};
 
-/// Forecasts of each model on their way at any time. Errors of forecasts any closer together are nearly equal.
+/// Forecasts of each member on their way at any time. Errors of forecasts any closer together are nearly equal.
 const FORECASTS: usize = 4;
 
-/// The forecasts and scores of all members and, last, of their sum. Its memory is allocated at construction.
+/// The forecasts and scores of all members. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct Competition {
     na: usize,
     scores: Scores,
-    /// Lane `model * slots + slot`.
+    /// Lane `member * slots + slot`.
     forecasts: Forecasts,
     /// Samples between two launches.
     stride: usize,
     /// Samples until the next launch.
     until_launch: usize,
-    /// Forecasts of each model that fit into the horizon.
+    /// Forecasts of each member that fit into the horizon.
     slots: usize,
     /// The slot of the forecasts that were launched longest ago.
     slot: usize,
-    /// Forecasts of each model on their way, up to `slots`.
+    /// Forecasts of each member on their way, up to `slots`.
     launched: usize,
 }
 
@@ -38,7 +38,7 @@ impl Competition {
         Self {
             na: row.na,
             scores: Scores::new(members, stride, horizon),
-            forecasts: Forecasts::new(row.na, row.full_len() - row.na, (members + 1) * slots),
+            forecasts: Forecasts::new(row.na, row.full_len() - row.na, members * slots),
             stride,
             until_launch: 0,
             slots,
@@ -56,7 +56,7 @@ impl Competition {
     pub fn score(&mut self, y: f64) {
         if self.until_launch == 0 && self.launched == self.slots {
             let (forecasts, slots, slot) = (&self.forecasts, self.slots, self.slot);
-            self.scores.push(|model| y - forecasts.predicted(model * slots + slot));
+            self.scores.push(|member| y - forecasts.predicted(member * slots + slot));
         }
     }
 
@@ -65,13 +65,12 @@ impl Competition {
         self.until_launch == 0
     }
 
-    /// Launches a forecast of every member and of their `sum` from `outputs` = y(..k). With fewer than na of them none
-    /// is launched.
-    pub fn launch(&mut self, members: &[Vec<f64>], sum: &[f64], outputs: &SlidingBuffer) {
+    /// Launches a forecast of every member from `outputs` = y(..k). With fewer than na of them none is launched.
+    pub fn launch(&mut self, members: &[Vec<f64>], outputs: &SlidingBuffer) {
         self.until_launch = self.stride;
         if outputs.len() >= self.na {
-            for (model, theta) in members.iter().map(Vec::as_slice).chain([sum]).enumerate() {
-                self.forecasts.launch(model * self.slots + self.slot, theta, outputs.latest(self.na));
+            for (member, theta) in members.iter().enumerate() {
+                self.forecasts.launch(member * self.slots + self.slot, theta, outputs.latest(self.na));
             }
             self.slot = (self.slot + 1) % self.slots;
             self.launched = (self.launched + 1).min(self.slots);
@@ -93,7 +92,7 @@ impl Competition {
         self.scores.start(travel);
     }
 
-    /// The scores of all members and of their sum.
+    /// The scores of all members.
     pub fn scores(&self) -> &Scores {
         &self.scores
     }

@@ -55,15 +55,6 @@ impl Mixture {
         scores.weigh(|member| poles_within(&members[member][..na], limit), &mut self.weights);
     }
 
-    /// Gives all of the weight to the best member where the sum predicted far worse than it.
-    pub fn choose(&mut self, scores: &Scores) {
-        let best = self.heaviest();
-        if scores.sum_is_worse_than(best) {
-            self.weights.fill(0.0);
-            self.weights[best] = 1.0;
-        }
-    }
-
     /// Sums the members up by their weights.
     pub fn mix(&mut self) {
         self.theta.fill(0.0);

@@ -22,10 +22,9 @@
 //!
 //! A memory of m horizons is the forgetting factor 1 - 1 / (m h), h horizon in samples; each memory also has a least
 //! number of samples. The classical model and holding still are members, so the bank cannot stay much worse than
-//! either. A sum of models is a model, so a user of the bank needs no knowledge of its members. It is scored as they
-//! are, and where it predicts far worse than the best of them, that one is used alone. The weighing of predictors by
-//! their recent losses is known as prediction with expert advice (Cesa-Bianchi and Lugosi, Prediction, Learning, and
-//! Games, 2006).
+//! either. A sum of models is a model, so a user of the bank needs no knowledge of its members. The weighing of
+//! predictors by their recent losses is known as prediction with expert advice (Cesa-Bianchi and Lugosi, Prediction,
+//! Learning, and Games, 2006).
 //!
 //! Traps: a member whose poles would make a prediction grow e-fold over the horizon gets no weight, however small its
 //! errors were. At rest every model predicts perfectly while its coefficients learn the noise, so a sample
@@ -193,10 +192,8 @@ impl Bank {
         let due = self.competition.is_due();
         self.mixture.write_out(&self.families, due);
         if due {
+            self.competition.launch(self.mixture.members(), outputs);
             self.mixture.weigh(self.competition.scores());
-            self.mixture.mix();
-            self.competition.launch(self.mixture.members(), self.mixture.theta(), outputs);
-            self.mixture.choose(self.competition.scores());
         }
         self.competition.finish_sample();
         self.mixture.mix();

@@ -9,9 +9,6 @@
 //! weights come from h-step errors because a controller uses predictions over the horizon. J is divided by the sum of
 //! the weights of its errors, so that it is an average from the first error on.
 //!
-//! The sum of the members has a score as well. The mean of two predictions is never worse than the worse of them, but
-//! the mean of two models' coefficients can be: their errors over the horizon are not linear in the poles.
-//!
 //! Traps: with a shorter tau a member leads that was lucky for some seconds; with a longer one a member leads that was
 //! right before the plant changed. The power of 8 leaves half a weight to a member whose root mean square is 4 % larger
 //! than the best, and none to one that is half as large again. On a constant plant a gentler power gives weight to
@@ -30,12 +27,10 @@ const USELESS: f64 = 4.0;
 /// Travel that the scores have to contain before they count, in parts of the usual travel of the training. Where hardly
 /// anything moves, every model predicts well.
 const PROOF: f64 = 0.3;
-/// Mean square of the sum of the members, in that of the best member, from which on the best member is used alone.
-const WORSE: f64 = 2.0;
 /// Members with less than this part of the best member's weight are left out: they are not worth the additions.
 const LEAST_WEIGHT: f64 = 0.01;
 
-/// The mean squares of all members and, last, of their sum. Its memory is allocated at construction.
+/// The mean squares of all members. Its memory is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct Scores {
     /// g.
@@ -50,21 +45,21 @@ pub struct Scores {
 }
 
 impl Scores {
-    /// For as many members whose errors over `horizon` samples come every `stride` samples.
+    /// For members whose errors over `horizon` samples come every `stride` samples.
     pub fn new(members: usize, stride: usize, horizon: usize) -> Self {
         let keep = (-(stride as f64) / (TIME_CONSTANT * horizon as f64)).exp();
-        Self { keep, seen: 0.0, sums: vec![0.0; members + 1], travel: 0.0, proven: false }
+        Self { keep, seen: 0.0, sums: vec![0.0; members], travel: 0.0, proven: false }
     }
 
-    /// Takes in the errors of all members and of their sum at one sample; `error(1)` is that of holding still.
+    /// Takes in the errors of all members at one sample; `error(1)` is that of holding still.
     pub fn push(&mut self, error: impl Fn(usize) -> f64) {
         let still = error(1).powi(2);
         let travel = self.travel * self.travel;
         let usual = if self.seen > 0.0 { travel.max(self.sums[1] / self.seen) } else { travel };
         let limit = LARGEST_RATIO * still.max(usual);
         self.seen = self.keep * self.seen + 1.0 - self.keep;
-        for (model, sum) in self.sums.iter_mut().enumerate() {
-            let square = error(model).powi(2);
+        for (member, sum) in self.sums.iter_mut().enumerate() {
+            let square = error(member).powi(2);
             // This comparison makes a square that is not a number count as the limit.
             let square = if square < limit { square } else { limit };
             *sum = self.keep * *sum + (1.0 - self.keep) * square;
@@ -76,8 +71,7 @@ impl Scores {
     /// unless holding still was far better than every model: then they are those of a first model that knew too little.
     pub fn start(&mut self, travel: f64) {
         let is_useless = |(member, sum): (usize, &f64)| member == 1 || *sum >= USELESS * self.sums[1];
-        let members = self.sums.len() - 1;
-        if self.sums[..members].iter().enumerate().all(is_useless) {
+        if self.sums.iter().enumerate().all(is_useless) {
             self.seen = 0.0;
             self.sums.fill(0.0);
         }
@@ -97,30 +91,21 @@ impl Scores {
         self.proven
     }
 
-    /// The mean square of a member, as it is compared.
-    fn score(&self, member: usize) -> f64 {
-        if member == 1 { STILL * self.sums[1] } else { self.sums[member] }
-    }
-
-    /// Whether the sum of the members predicted far worse than `member` did.
-    pub fn sum_is_worse_than(&self, member: usize) -> bool {
-        self.sums[self.sums.len() - 1] > WORSE * self.score(member)
-    }
-
     /// Writes the weights of all members. A member that is not `allowed` gets none. Before the scores count, the first
     /// member gets all of the weight, or the second one where the first is not allowed. When no member is allowed, the
     /// second one gets it.
     pub fn weigh(&self, allowed: impl Fn(usize) -> bool, weights: &mut [f64]) {
         weights.fill(0.0);
         let members = (0..weights.len()).filter(|member| allowed(*member));
-        let best = members.clone().map(|member| self.score(member)).fold(f64::INFINITY, f64::min);
+        let score = |member: usize| if member == 1 { STILL * self.sums[1] } else { self.sums[member] };
+        let best = members.clone().map(score).fold(f64::INFINITY, f64::min);
         if !self.proven || !best.is_finite() {
             weights[usize::from(!allowed(0))] = 1.0;
             return;
         }
         for member in members {
             // Members without any error, as on a plant without noise, get equal weights.
-            let score = self.score(member);
+            let score = score(member);
             let ratio = if score > best { best / score } else { 1.0 };
             let weight = ratio.powi(8);
             // Left out before the weights are scaled: they must sum to 1, or the mixture would scale a and the output.
@@ -150,7 +135,7 @@ mod tests {
     #[test]
     fn the_best_leads_and_the_others_count_by_how_much_worse_they_are() {
         let mut scores = Scores::new(3, 5, 20);
-        (0..1000).for_each(|_| scores.push(|member| [1.0, 1.5, 1.1f64.powf(0.5), 1.0][member]));
+        (0..1000).for_each(|_| scores.push(|member| [1.0, 1.5, 1.1f64.powf(0.5)][member]));
         let found = weights(&scores, |_| true);
         // Holding still counts as half as bad again as it is, and has less than a hundredth of the best weight.
         let shares = [1.0, 0.0, 1.1f64.powi(-8)];
@@ -163,29 +148,15 @@ mod tests {
     }
 
     #[test]
-    fn a_sum_far_worse_than_its_best_member_is_told() {
-        let worse = |error: f64| {
-            let mut scores = Scores::new(3, 5, 20);
-            (0..1000).for_each(|_| scores.push(|model| [1.0, 1.5, 3.0, error][model]));
-            [0, 1, 2].map(|member| scores.sum_is_worse_than(member))
-        };
-        assert_eq!(worse(1.4), [false; 3]);
-        assert_eq!(worse(1.5), [true, false, false]);
-        // Holding still counts as half as bad again as it is.
-        assert_eq!(worse(3.2), [true, true, false]);
-        assert_eq!(worse(f64::NAN), [true; 3]);
-    }
-
-    #[test]
     fn scores_without_motion_do_not_count() {
         let mut scores = Scores::new(3, 5, 20);
         scores.start(1.0);
-        (0..100).for_each(|_| scores.push(|member| [1e-3, 1e-5, 1e-3, 1e-3][member]));
+        (0..100).for_each(|_| scores.push(|member| [1e-3, 1e-5, 1e-3][member]));
         assert_eq!(weights(&scores, |_| true), [1.0, 0.0, 0.0]);
         // A first model that knew too little: its scores are forgotten when the next one starts.
         scores.start(0.0);
         assert_eq!(weights(&scores, |_| true), [1.0, 0.0, 0.0]);
-        (0..100).for_each(|_| scores.push(|member| [1.0, 2.0, 0.1, 0.1][member]));
+        (0..100).for_each(|_| scores.push(|member| [1.0, 2.0, 0.1][member]));
         scores.start(1.0);
         assert_eq!(weights(&scores, |_| true), [0.0, 0.0, 1.0]);
     }
@@ -195,7 +166,7 @@ mod tests {
         // An axis at its end stop: the classical model predicts motion, and nothing moves.
         let mut scores = Scores::new(3, 5, 20);
         scores.start(1.0);
-        (0..100).for_each(|_| scores.push(|member| [0.5, 1e-4, 0.5, 0.5][member]));
+        (0..100).for_each(|_| scores.push(|member| [0.5, 1e-4, 0.5][member]));
         assert!(weights(&scores, |_| true)[1] > 0.99);
     }
 
@@ -207,10 +178,10 @@ mod tests {
             weights
         };
         let mut scores = Scores::new(4, 5, 20);
-        (0..100).for_each(|_| scores.push(|member| [1.0, 2.0, 0.1, 0.1, 0.1][member]));
-        scores.push(|member| [1.0, 2.0, f64::INFINITY, f64::NAN, 1.0][member]);
+        (0..100).for_each(|_| scores.push(|member| [1.0, 2.0, 0.1, 0.1][member]));
+        scores.push(|member| [1.0, 2.0, f64::INFINITY, f64::NAN][member]);
         assert!(weights(&scores)[0] > 0.99);
-        (0..20_000).for_each(|_| scores.push(|member| [1.0, 2.0, 0.1, f64::NAN, 0.1][member]));
+        (0..20_000).for_each(|_| scores.push(|member| [1.0, 2.0, 0.1, f64::NAN][member]));
         assert!(weights(&scores)[2] > 0.99);
     }
 }

@@ -59,9 +59,14 @@ const QUOTIENTS: [Quotient; 7] = [
     ("auto / still", |trial| Some(trial.auto / trial.still)),
     ("auto / mixture", |trial| Some(trial.auto / trial.mixture)),
     ("auto / without wild", |trial| Some(trial.auto / trial.without_wild?)),
-    ("2nd half: auto / best constant", |trial| trial.second_half.map(|half| half.auto / half.best)),
-    ("2nd half: constant of 1st / best", |trial| trial.second_half.map(|half| half.known / half.best)),
+    ("2nd half: auto / best constant", |trial| known(trial.second_half?.auto / trial.second_half?.best)),
+    ("2nd half: constant of 1st / best", |trial| known(trial.second_half?.known / trial.second_half?.best)),
 ];
+
+/// A quotient of the second half, unless the first half hides it.
+fn known(quotient: f64) -> Option<f64> {
+    Some(quotient).filter(|quotient| !quotient.is_nan())
+}
 
 impl Ratios {
     /// None without a record that has this quotient. A quotient that is not a number counts as infinite.

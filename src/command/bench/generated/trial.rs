@@ -13,6 +13,9 @@ use super::{class::Class, record::Record};
 /// The constant forgetting factors. The best of them on a record is known in hindsight only.
 const CONSTANTS: [f64; 9] = [0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 1.0];
 
+/// Part of a sum of squares below which a difference of two such sums may be rounding.
+const ROUNDING: f64 = 1e-9;
+
 /// What the runs on a record have shown. Standard deviations of h-step errors in the unit of the record.
 #[derive(Debug, Clone, Serialize)]
 pub struct Trial {
@@ -128,12 +131,14 @@ impl Constant {
     }
 }
 
-/// Standard deviation of the errors after those of `half`, which are the first ones of `all`.
+/// Standard deviation of the errors after those of `half`, which are the first ones of `all`. Not a number where the
+/// first ones were so large that nothing can be said of the later ones.
 fn later(half: &ErrorStatistics, all: &ErrorStatistics) -> f64 {
     let (n, m) = (all.count as f64, half.count as f64);
     let mean = (n * all.mean - m * half.mean) / (n - m);
     let between = mean - half.mean;
-    ((all.m2 - half.m2 - between * between * (n - m) * m / n) / (n - m)).max(0.0).sqrt()
+    let m2 = all.m2 - half.m2 - between * between * (n - m) * m / n;
+    if m2 > ROUNDING * all.m2 { (m2 / (n - m)).sqrt() } else { f64::NAN }
 }
 
 /// What is known in the middle of the samples after the training, and at the end.
@@ -167,5 +172,7 @@ mod tests {
         let values = [0.3, -1.0, 2.5, 0.1, -0.4, 3.0, 1.0];
         let later = later(&errors(&values[..3]), &errors(&values));
         assert!((later - errors(&values[3..]).sigma()).abs() < 1e-12);
+        let diverged = [1e9, -1e9, 0.1, 0.2, 0.3];
+        assert!(super::later(&errors(&diverged[..2]), &errors(&diverged)).is_nan());
     }
 }

@@ -58,7 +58,7 @@ impl Operated {
     }
 
     /// Waits for a command for which this holds.
-    fn wait_until(&mut self, what: &str, is_it: impl Fn(&ValveCommand) -> bool) -> ValveCommand {
+    fn wait_until(&mut self, what: &str, is_it: impl FnMut(&ValveCommand) -> bool) -> ValveCommand {
         await_message(&mut self.commands, what, is_it)
     }
 
@@ -303,7 +303,7 @@ fn invalid_requests_are_refused() {
         (&["--prefix", "x", "--mode", "track", "--target", "0.6"][..], 2, "--target: found one with --mode track"),
         (&["--prefix", "x", "--mode", "hold", "--pitch", "5"][..], 2, "--pitch, --speed: found without --tip"),
         (&["--prefix", "x", "--tip", "5"][..], 2, "--tip: found \"5\"; allowed: X,Z in m"),
-        (&["--prefix", "x", "--mode", "hold", "--tip", "5,0"][..], 2, "--tip: found with --mode"),
+        (&["--prefix", "x", "--mode", "hold", "--tip", "5,0"][..], 2, "--mode: found with --tip; allowed: without it"),
         (&["--prefix", "x", "--mode", "off", "--leave"][..], 2, "--leave: found with --mode off"),
         (&["--prefix", "x", "--mode", "fly"][..], 2, "--mode: found \"fly\"; allowed: one of off, manual, hold, track"),
     ] {

@@ -72,8 +72,6 @@ struct Axis {
     held: Option<Fault>,
     /// Whether the devices have been ready.
     was_ready: bool,
-    /// Whether a reading has told of the fault.
-    is_told: bool,
     /// Its position is not in the sample.
     is_missing: bool,
     /// Whether the controller has let the axis go since it was held.
@@ -104,8 +102,8 @@ impl Network {
         let axes = devices.into_iter().enumerate().map(|(i, devices)| {
             let held = devices.fault().or_else(|| frames.fault(i));
             let has_drive = devices.valve.is_some() || frames.has_drive(i);
-            let [was_ready, is_told, is_missing, may_follow] = [false; 4];
-            Axis { devices, has_drive, held, was_ready, is_told, is_missing, may_follow, target: None }
+            let [was_ready, is_missing, may_follow] = [false; 3];
+            Axis { devices, has_drive, held, was_ready, is_missing, may_follow, target: None }
         });
         let axes = axes.collect();
         Self { axes, frames, has_nodes, outbox: Outbox::default(), counters: NetworkCounters::default() }
@@ -175,7 +173,7 @@ impl Network {
             let is_let_go = axis.is_let_go();
             match (axis.held, fault) {
                 (None, Some(fault)) => {
-                    (axis.held, axis.is_told, axis.may_follow) = (Some(fault), false, false);
+                    (axis.held, axis.may_follow) = (Some(fault), false);
                     self.counters.trips += 1;
                     axis.demand(i, &mut self.frames, now_ns, &mut self.outbox);
                 }
@@ -215,7 +213,6 @@ impl Network {
     pub fn take_sample(&mut self, begun_ns: u64) -> u64 {
         let oldest_ns = self.frames.acquired_ns();
         for (i, axis) in self.axes.iter_mut().enumerate() {
-            axis.is_told |= axis.held.is_some();
             axis.is_missing = !axis.devices.is_complete() || !self.frames.is_complete(i);
         }
         self.frames.begin_sample();
@@ -330,12 +327,13 @@ impl Axis {
         !self.was_ready && self.target.is_none()
     }
 
-    /// Whether the controller shows that it knows of the fault: the axis is latched or disarmed, or still waits for
-    /// healthy samples after a reading has told of it. An axis without a valve has nothing to be held.
+    /// Whether the controller shows that it knows of the fault: the axis is latched or disarmed. One that settles moves
+    /// next, so it has to be latched as one that follows; devices that are being set up for the first time have no fault
+    /// yet. An axis without a valve has nothing to be held.
     fn is_let_go(&self) -> bool {
         let shows = |target: AxisTarget| match target.state {
             AxisState::Disarmed | AxisState::Latched => true,
-            AxisState::Settling => self.is_told || !self.was_ready,
+            AxisState::Settling => !self.was_ready,
             AxisState::Following => false,
         };
         !self.has_drive || self.target.is_some_and(shows)

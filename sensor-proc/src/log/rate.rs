@@ -4,6 +4,9 @@
 //! T_i = mean of 100 successive steps without a gap         changed at block i  <=>  |T_i / T_0 - 1| > 0.1
 //! ```
 //!
+//! A step that is far longer than the others counts as a gap. More than 20 of them in a row that are equally long are
+//! another period as well.
+//!
 //! The mean of successive steps is the time between two rows divided by their number. Stamps that are late by a part of
 //! a period, or rounded, hardly change it.
 
@@ -13,6 +16,10 @@ use serde::Serialize;
 const BLOCK: usize = 100;
 /// Part by which two periods that are meant to be one may differ.
 const TOLERANCE: f64 = 0.1;
+/// Gaps in a row from which on they are steps of another period, and how much longer the longest of them may be than the
+/// shortest.
+const GAPS: usize = 20;
+const EQUAL: f64 = 1.5;
 /// Steps by whose mean the place of a change is found within its block.
 const FEW: usize = 8;
 
@@ -40,6 +47,16 @@ pub(super) fn period_change(times: &[f64], begins: &[bool], lines: &[usize]) -> 
     let steps: Vec<usize> = (1..times.len()).filter(|row| !begins[*row]).collect();
     let mean = |rows: &[usize]| rows.iter().map(|row| times[*row] - times[*row - 1]).sum::<f64>() / rows.len() as f64;
     let before = mean(steps.get(..BLOCK)?);
+    let longer = longer_steps(times, begins);
+    if let Some(row) = longer.filter(|row| *row > steps[0]) {
+        let after = mean(&(row..row + GAPS).collect::<Vec<_>>());
+        return Some(PeriodChange {
+            line: lines[row],
+            seconds: times[row] - times[0],
+            before_s: before,
+            after_s: after,
+        });
+    }
     let mut blocks = steps.chunks_exact(BLOCK).enumerate();
     let (block, rows) = blocks.find(|(_, rows)| contradict(mean(rows), before))?;
     // The change may lie in the middle of this block: the next one has the new period only.
@@ -48,6 +65,18 @@ pub(super) fn period_change(times: &[f64], begins: &[bool], lines: &[usize]) -> 
     let near = &steps[(block - 1) * BLOCK..(block + 1) * BLOCK];
     let row = near.windows(FEW).find(|rows| is_new(rows) && is_new(&rows[..1])).map_or(rows[0], |rows| rows[0]);
     Some(PeriodChange { line: lines[row], seconds: times[row] - times[0], before_s: before, after_s: after })
+}
+
+/// The first of [`GAPS`] rows in a row that all come equally long after a gap.
+fn longer_steps(times: &[f64], begins: &[bool]) -> Option<usize> {
+    let step = |row: usize| times[row] - times[row - 1];
+    let is_longer = |row: &usize| {
+        let rows = *row..row + GAPS;
+        let (least, most) =
+            rows.clone().map(step).fold((f64::INFINITY, 0.0f64), |(a, b), step| (a.min(step), b.max(step)));
+        rows.clone().all(|row| begins[row]) && least > 0.0 && most <= EQUAL * least
+    };
+    (1..(times.len() + 1).saturating_sub(GAPS)).find(is_longer)
 }
 
 #[cfg(test)]
@@ -73,6 +102,32 @@ mod tests {
             assert!(found.line.abs_diff(at + 2) <= FEW, "{at}: {found:?}");
             assert!((found.before_s - 0.014).abs() < 2e-4 && (found.after_s - 0.020).abs() < 2e-4, "{found:?}");
         }
+    }
+
+    #[test]
+    fn equal_gaps_in_a_row_are_another_period() {
+        let found = |gaps: std::ops::Range<usize>, step: &dyn Fn(usize) -> f64| {
+            let begins: Vec<bool> = (0..400).map(|k| k == 0 || gaps.contains(&k)).collect();
+            let mut time = 0.0;
+            let add = |k: usize| {
+                time += if k == 0 {
+                    0.0
+                } else if begins[k] {
+                    step(k)
+                } else {
+                    0.01
+                };
+                time
+            };
+            let times: Vec<f64> = (0..400).map(add).collect();
+            period_change(&times, &begins, &(2..402).collect::<Vec<_>>())
+        };
+        let change = found(200..400, &|_| 0.02).unwrap();
+        assert_eq!(change.line, 202);
+        assert!((change.before_s - 0.01).abs() < 1e-9 && (change.after_s - 0.02).abs() < 1e-9, "{change:?}");
+        // Some rows are missing, or many at random.
+        assert_eq!(found(200..210, &|_| 0.02), None);
+        assert_eq!(found(200..400, &|k| 0.01 * (2 + k % 3) as f64), None);
     }
 
     #[test]

@@ -4,10 +4,15 @@
 //! dropout  <=>  y(i) = .. = y(j),  j - i >= 2,  and  |y(i) - y(i-1)| > J  or  |y(j+1) - y(j)| > J       J = 3 q
 //! ```
 //!
-//! y output of row k; q the increment that nine in a thousand of those that are not zero exceed, at least five of them.
+//! y output of row k; q the increment that nine in a thousand of those that are not zero exceed, at least five of them;
+//! the increments at both ends of a stand do not count, unless they are most of all.
 //! A sensor that repeats its last value while its axis moves, and one that reads zero for a while, look like this. The
 //! gate of the identifier sees the jumps only, and believes what is between them: half a second of it in the training
 //! teaches every model that the axis does not move. No axis leaves an exact stand with three times its usual top speed.
+//!
+//! An output that stands at the end of the recording though its command would move it ([`standing`]) is one as well: it
+//! never leaves its stand, and need not have jumped to it. Where it stands for more than a twentieth of the recording,
+//! the verdict says so instead.
 //!
 //! Traps: an output with a lag that has settled leaves its stand by the largest increment of all, but by more than a
 //! quarter of it in the next row. An axis that rests jumps neither before nor after, but for a spike, from which it is
@@ -19,6 +24,7 @@ use std::ops::Range;
 use sensor_proc::log::Log;
 use serde::Serialize;
 
+use super::{standing, verdict::LARGEST_STANDING};
 use crate::model::prediction::stretches;
 
 /// Fewest rows of a dropout.
@@ -33,6 +39,8 @@ const EXCEED: f64 = 0.009;
 const EXCEEDING: usize = 5;
 /// Rows within which the output is back from a spike.
 const SPIKE: usize = 5;
+/// Time in which an axis answers to its command, s.
+const BEFORE_AN_ANSWER: f64 = 0.5;
 /// Most dropouts whose times are kept.
 const MOST_TIMES: usize = 100;
 
@@ -49,7 +57,14 @@ pub struct Dropouts {
 
 /// Leaves the rows of dropouts out of a recording; nothing is combined over them.
 pub fn leave_out(log: &mut Log) -> Dropouts {
-    let ranges = find(&log.outputs, &log.begins);
+    let mut ranges = find(&log.outputs, &log.begins);
+    let horizon = (BEFORE_AN_ANSWER / log.period) as usize;
+    let stuck = standing::proven(&log.outputs, &log.inputs, &log.begins, horizon).pop();
+    let is_stuck = |rows: &Range<usize>| {
+        let count = log.outputs.len();
+        rows.end == count && (rows.len() as f64) < LARGEST_STANDING * count as f64
+    };
+    ranges.extend(stuck.filter(is_stuck).filter(|rows| ranges.last().is_none_or(|last| last.end <= rows.start)));
     if log.times.is_empty() {
         // The rows that are left keep their times.
         log.times = (0..log.outputs.len()).map(|k| k as f64 * log.period).collect();
@@ -75,7 +90,15 @@ pub fn leave_out(log: &mut Log) -> Dropouts {
 /// The rows of each dropout.
 fn find(outputs: &[f64], begins: &[bool]) -> Vec<Range<usize>> {
     let increment = |k: usize| if begins[k] { 0.0 } else { (outputs[k] - outputs[k - 1]).abs() };
-    let mut increments: Vec<f64> = (1..outputs.len()).map(increment).filter(|increment| *increment > 0.0).collect();
+    let mut is_border = vec![false; outputs.len() + 1];
+    let all = || stretches(begins).flat_map(|stretch| runs(outputs, stretch));
+    all().filter(|run| run.len() >= LEAST).for_each(|run| (is_border[run.start], is_border[run.end]) = (true, true));
+    let counting = |borders: bool| -> Vec<f64> {
+        let rows = (1..outputs.len()).filter(|k| borders || !is_border[*k]);
+        rows.map(increment).filter(|increment| *increment > 0.0).collect()
+    };
+    let (inner, every) = (counting(false), counting(true));
+    let mut increments = if 2 * inner.len() > every.len() { inner } else { every };
     increments.sort_by(f64::total_cmp);
     let exceeding = ((EXCEED * increments.len() as f64) as usize).max(EXCEEDING);
     let Some(usual) = increments.iter().rev().nth(exceeding) else { return Vec::new() };
@@ -89,7 +112,7 @@ fn find(outputs: &[f64], begins: &[bool]) -> Vec<Range<usize>> {
         let goes = jumps(*end) && !goes_on(*end) && !is_near(&outputs[after], outputs[*start]);
         end - start >= LEAST && (comes || goes)
     };
-    stretches(begins).flat_map(|stretch| runs(outputs, stretch)).filter(is_dropout).collect()
+    all().filter(is_dropout).collect()
 }
 
 /// The rows of a stretch in runs of equal outputs.
@@ -126,6 +149,16 @@ mod tests {
         held[3990..].fill(-2.0);
         // What stands for four rows jumps by four of the usual increments.
         assert_eq!(found(&held), [650..700, 1900..1904, 2500..2503, 3990..4000]);
+    }
+
+    #[test]
+    fn many_dropouts_are_found_as_few_are() {
+        for count in [10, 40, 60] {
+            let mut zeros = outputs(1e-5);
+            let at = |i: usize| 20 + i * (3900 / count);
+            (0..count).for_each(|i| zeros[at(i)..at(i) + 10].fill(7.0));
+            assert_eq!(found(&zeros), (0..count).map(|i| at(i)..at(i) + 10).collect::<Vec<_>>(), "{count}");
+        }
     }
 
     #[test]

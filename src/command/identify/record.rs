@@ -2,6 +2,8 @@
 
 use std::{
     fmt::Write,
+    fs::File,
+    io::{BufReader, Read},
     path::{Path, PathBuf},
 };
 
@@ -81,14 +83,7 @@ impl Record {
         };
         // Mean of the periods: one recording, or several of the same period, leave it as it is.
         let mut rows = 0.0;
-        for file in test {
-            if let Some(twice) = data.iter().find(|training| is_same_file(training, file)) {
-                let found = format!("{}, which is a recording for training as well", twice.display());
-                return Err(Failure::usage(format!(
-                    "--test: found {found}; allowed: recordings that no model has seen"
-                )));
-            }
-        }
+        expect_each_once(data, test)?;
         let training = data.iter().map(|file| (file, false));
         for (file, test) in training.chain(test.iter().map(|file| (file, true))) {
             let log = read_log(file, columns)?;
@@ -209,9 +204,38 @@ impl Record {
     }
 }
 
-/// Whether two paths lead to one file.
-fn is_same_file(one: &Path, two: &Path) -> bool {
-    matches!((one.canonicalize(), two.canonicalize()), (Ok(one), Ok(two)) if one == two)
+/// Refuses a recording that is given twice: it would count twice, or judge a model that knows it.
+fn expect_each_once(data: &[PathBuf], test: &[PathBuf]) -> Result<(), Failure> {
+    for (i, file) in data.iter().enumerate() {
+        if let Some(twice) = data[..i].iter().find(|before| is_same(before, file)) {
+            let found = format!("{}, which is {} once more", file.display(), twice.display());
+            return Err(Failure::usage(format!("found {found}; allowed: each recording once")));
+        }
+    }
+    for (i, file) in test.iter().enumerate() {
+        let twice = data.iter().find(|training| is_same(training, file)).map(|file| (file, "for training as well"));
+        let twice = twice
+            .or_else(|| test[..i].iter().find(|before| is_same(before, file)).map(|f| (f, "for the test already")));
+        if let Some((twice, what)) = twice {
+            let found = format!("{}, which is a recording {what}", twice.display());
+            return Err(Failure::usage(format!("--test: found {found}; allowed: recordings that no model has seen")));
+        }
+    }
+    Ok(())
+}
+
+/// Whether two paths lead to one file, or to two with the same contents. What cannot be read is told later.
+fn is_same(one: &Path, two: &Path) -> bool {
+    let length = |path: &Path| path.metadata().map(|metadata| metadata.len()).ok();
+    let open = |path: &Path| File::open(path).map(|file| BufReader::new(file).bytes());
+    match (one.canonicalize(), two.canonicalize()) {
+        (Ok(one), Ok(two)) if one == two => true,
+        (Ok(one), Ok(two)) if length(&one) == length(&two) => match (open(&one), open(&two)) {
+            (Ok(one), Ok(two)) => one.zip(two).all(|pair| matches!(pair, (Ok(one), Ok(two)) if one == two)),
+            _ => false,
+        },
+        _ => false,
+    }
 }
 
 /// One line for each format, and one for each recording with gaps.

@@ -12,6 +12,8 @@
 //! Traps: a coarse sensor stands for many rows between two counts; hence m. An output that answers to the size of its
 //! command stands while the command does; hence j.
 
+use std::ops::Range;
+
 use pipeline::statistics::median;
 
 /// Fewest rows for which an output stands.
@@ -23,24 +25,27 @@ const CHANGE: f64 = 0.5;
 
 /// Part of the rows in proven stands. `begins` says before which rows a gap is.
 pub fn part(outputs: &[f64], inputs: &[f64], begins: &[bool], horizon: usize) -> f64 {
+    let rows: usize = proven(outputs, inputs, begins, horizon).iter().map(Range::len).sum();
+    if outputs.is_empty() { 0.0 } else { rows as f64 / outputs.len() as f64 }
+}
+
+/// The rows of each proven stand.
+pub fn proven(outputs: &[f64], inputs: &[f64], begins: &[bool], horizon: usize) -> Vec<Range<usize>> {
     let stands = |k: usize| !begins[k] && outputs[k] == outputs[k - 1];
     let changes: Vec<usize> = (1..outputs.len()).filter(|&k| !begins[k] && !stands(k)).collect();
     let apart = median(changes.windows(2).map(|pair| (pair[1] - pair[0]) as f64));
-    let (Some(apart), Some(usual)) = (apart, median(changes.iter().map(|&k| inputs[k].abs()))) else { return 0.0 };
+    let (Some(apart), Some(usual)) = (apart, median(changes.iter().map(|&k| inputs[k].abs()))) else {
+        return Vec::new();
+    };
     let longest = horizon.max(LEAST).max(USUAL * apart as usize);
-    let is_proven = |rows: std::ops::Range<usize>| {
+    let is_proven = |rows: &Range<usize>| {
         let start = rows.start;
         let changed = rows.clone().find(|&k| (inputs[k] - inputs[start]).abs() >= CHANGE * usual);
         changed.is_some_and(|changed| (changed + longest + 1..rows.end).any(|k| inputs[k].abs() >= usual))
     };
-    let (mut start, mut standing) = (0, 0);
-    for k in 1..=outputs.len() {
-        if k == outputs.len() || !stands(k) {
-            standing += if is_proven(start..k) { k - start } else { 0 };
-            start = k;
-        }
-    }
-    standing as f64 / outputs.len() as f64
+    let ends = (1..=outputs.len()).filter(|k| *k == outputs.len() || !stands(*k));
+    let rows = ends.scan(0, |start, end| Some(std::mem::replace(start, end)..end));
+    rows.filter(is_proven).collect()
 }
 
 #[cfg(test)]

@@ -278,6 +278,11 @@ fn several_recordings_are_trained_on_and_others_are_for_the_test() {
 
     let refused = "--test: found a.csv, which is a recording for training as well";
     expect_refusal(folder.path(), &["identify", "a.csv", "b.csv", "--test", "./a.csv"], &[refused]);
+    // A copy of it is the same recording, and twice the same is no more than once.
+    fs::copy(folder.path().join("a.csv"), folder.path().join("copy.csv")).unwrap();
+    expect_refusal(folder.path(), &["identify", "a.csv", "b.csv", "--test", "copy.csv"], &[refused]);
+    let twice = "found copy.csv, which is a.csv once more; allowed: each recording once";
+    expect_refusal(folder.path(), &["identify", "a.csv", "copy.csv"], &[twice]);
     let told = success(folder.path(), &["identify", "a.csv", "b.csv", "--test", "c.csv"]);
     assert!(told.contains("\na.csv .. c.csv (3 recordings): commas, decimal points, UTF-8; time \"t\" in s"), "{told}");
     assert!(told.contains("a.csv .. b.csv (2 recordings), tested on c.csv: 700 rows of 0.010000 s, 500"), "{told}");

@@ -328,7 +328,7 @@ impl Axis {
     }
 
     /// Whether the controller shows that it knows of the fault: the axis is latched or disarmed. One that settles moves
-    /// next, so it has to be latched as one that follows; devices that are being set up for the first time have no fault
+    /// next, so it has to be latched as one that follows is; devices that are set up for the first time have no fault
     /// yet. An axis without a valve has nothing to be held.
     fn is_let_go(&self) -> bool {
         let shows = |target: AxisTarget| match target.state {

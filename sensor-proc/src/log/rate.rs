@@ -16,8 +16,8 @@ use serde::Serialize;
 const BLOCK: usize = 100;
 /// Part by which two periods that are meant to be one may differ.
 const TOLERANCE: f64 = 0.1;
-/// Gaps in a row from which on they are steps of another period, and how much longer the longest of them may be than the
-/// shortest.
+/// Gaps in a row from which on they are steps of another period, and how much longer than the shortest of them the
+/// longest may be.
 const GAPS: usize = 20;
 const EQUAL: f64 = 1.5;
 /// Steps by whose mean the place of a change is found within its block.

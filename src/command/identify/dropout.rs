@@ -24,7 +24,7 @@ use std::ops::Range;
 use sensor_proc::log::Log;
 use serde::Serialize;
 
-use super::{standing, verdict::LARGEST_STANDING};
+use super::standing::{self, LARGEST_STANDING};
 use crate::model::prediction::stretches;
 
 /// Fewest rows of a dropout.

@@ -43,8 +43,9 @@ use residuals::Residuals;
 use run::identify;
 use select::{Selection, select};
 use settings::{TypedStructure, check_estimator, settings};
+pub use standing::LARGEST_STANDING;
 pub use structure::description;
-pub use verdict::{LARGEST_STANDING, Reason, Verdict};
+pub use verdict::{Reason, Verdict};
 
 /// Runs the command.
 pub fn run(arguments: &IdentifyArguments) -> Result<(), Failure> {

@@ -20,6 +20,8 @@ use pipeline::statistics::median;
 const LEAST: usize = 20;
 /// Fewest rows for which an output stands, in parts of m.
 const USUAL: usize = 10;
+/// Largest part of the rows in which the output may stand while it is driven.
+pub const LARGEST_STANDING: f64 = 0.05;
 /// Change of the command, in parts of U.
 const CHANGE: f64 = 0.5;
 

@@ -17,6 +17,7 @@ use serde::Serialize;
 
 use super::{
     record::Record,
+    standing::LARGEST_STANDING,
     wild::{WildCommand, wildest},
 };
 use crate::{
@@ -26,8 +27,6 @@ use crate::{
 
 /// Largest part of the rows that may be outliers, or have an irregular time.
 const LARGEST_PART: f64 = 0.01;
-/// Largest part of the rows in which the output may stand while it is driven ([`super::standing`]).
-pub const LARGEST_STANDING: f64 = 0.05;
 /// Least number of predictions that an error rests on: that of 30 errors is known to about an eighth.
 const LEAST_PREDICTIONS: u64 = 30;
 /// E in parts of E_y from which on the commands explain nothing: a tenth of what the past outputs leave.

@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! c(k + i) = plan(t + i p T)       t(k+1) = t(k) + p T
-//! p        = p + T / 1 s up to 1 while all four axes follow, p - T / 0.2 s down to 0 while one of them does not
+//! p        rises by T / 1 s and falls by T / 0.2 s to p_0: that of [`TipWatch`], or 0 while an axis does not follow
 //! ```
 //!
 //! c positions of the cylinders m, t time of the plan s, p its pace, T period s. So the teeth wait on their way for an
@@ -16,7 +16,7 @@
 
 use std::time::{Duration, Instant};
 
-use control_proc::tip::TipPlan;
+use control_proc::tip::{TipPlan, watch::TipWatch};
 use mechanism::{AXES, Mechanism};
 use pipeline::{
     channel::{ChannelError, Prefix, Publisher},
@@ -103,7 +103,7 @@ impl TipMove {
     ///
     /// # Errors
     /// A position is not known, or the machine cannot do it.
-    pub fn plan(&self, operator: &mut Operator) -> Result<Option<Vec<[f64; AXES]>>, Failure> {
+    pub fn plan(&self, operator: &mut Operator) -> Result<Option<TipPlan>, Failure> {
         let Some(sample) = operator.sample()? else { return Ok(None) };
         while operator.command()?.is_some() {}
         let mut positions = [0.0; AXES];
@@ -124,9 +124,7 @@ impl TipMove {
         machine.axes[..AXES].iter_mut().for_each(|axis| axis.reference = ReferenceSource::Tip);
         let refused = |text: String| Failure::usage(format!("--tip: {}", text.trim_start_matches("tip.piece[0]: ")));
         let plan = TipPlan::of(&machine).map_err(|error| refused(error.to_string()))?;
-        let plan = plan.expect("all four axes of this machine follow a task");
-        let points: Vec<Vec<(f64, f64)>> = ALL.iter().map(|axis| plan.points(*axis)).collect();
-        Ok(Some((0..points[0].len()).map(|k| ALL.map(|axis| points[axis][k].1)).collect()))
+        Ok(Some(plan.expect("all four axes of this machine follow a task")))
     }
 
     /// The teeth by this machine file are where the group has them.
@@ -154,7 +152,8 @@ impl TipMove {
             return Ok(());
         }
         // An axis may have sunk, or moved on, since the motion was judged.
-        let Some(way) = self.plan(operator)? else { return Ok(()) };
+        let Some(plan) = self.plan(operator)? else { return Ok(()) };
+        let (way, mut watch) = (way_of(&plan), TipWatch::new(&self.mechanism));
         let begin = Instant::now();
         let (mut next_line, mut ended, mut has_arrived) = (begin, None, false);
         while arguments.duration.is_none_or(|duration| begin.elapsed() < duration) {
@@ -165,11 +164,14 @@ impl TipMove {
             if let Some(axis) = ALL.into_iter().find(|axis| last(*axis).operation != AxisMode::Track as u32) {
                 return Err(Failure::run(format!("{}; allowed: track", operator.state(axis))));
             }
-            sender.send(&sample, &way, ALL.iter().all(|axis| last(*axis).flags & WAITING == 0))?;
+            let (positions, references) = (ALL.map(|i| sample.axes[i].position), ALL.map(|i| last(i).reference));
+            let teeth = watch.update(Some(positions), &references, Some((&plan, sender.seconds())));
+            let follow = ALL.iter().all(|axis| last(*axis).flags & WAITING == 0);
+            sender.send(&sample, &way, if follow { watch.pace() } else { 0.0 })?;
             if Instant::now() >= next_line {
                 next_line += LINE_PERIOD;
                 let seconds = sample.header.sequence as f64 * self.machine.timing.period.as_secs_f64();
-                show(&format!("{seconds:8.2} s  {}", self.told(operator)))?;
+                show(&format!("{seconds:8.2} s  {}", self.told(&teeth)))?;
             }
             if sender.has_ended(&way) {
                 ended.get_or_insert_with(Instant::now);
@@ -177,7 +179,7 @@ impl TipMove {
             let is_there = ended.is_some_and(|at| self.is_near(&sample, &way) || at.elapsed() > PATIENCE);
             if is_there && !has_arrived {
                 has_arrived = true;
-                show(&format!("at the end: {}", self.told(operator)))?;
+                show(&format!("at the end: {}", self.told(&teeth)))?;
                 if arguments.leave {
                     operator.change(&ALL, AxisMode::Hold)?;
                     return Ok(());
@@ -188,15 +190,11 @@ impl TipMove {
     }
 
     /// A line about the teeth.
-    fn told(&self, operator: &Operator) -> String {
-        operator.teeth().map_or_else(String::new, |teeth| {
-            let away = (teeth.x - self.to[0]).hypot(teeth.z - self.to[1]);
-            let pitch = teeth.pitch.to_degrees();
-            format!(
-                "teeth at [{:.3}, {:.3}] m, pitch {pitch:.1} degrees, {away:.4} m from the place\n",
-                teeth.x, teeth.z
-            )
-        })
+    fn told(&self, teeth: &TeethState) -> String {
+        let TeethState { x, z, pitch, error, .. } = teeth;
+        let (pitch, away) = (pitch.to_degrees(), (x - self.to[0]).hypot(z - self.to[1]));
+        let off = 1e3 * error;
+        format!("teeth at [{x:.3}, {z:.3}] m, pitch {pitch:.1} degrees: {away:.3} m to go, {off:.1} mm off the line\n")
     }
 
     fn is_near(&self, sample: &EncoderSample, way: &[[f64; AXES]]) -> bool {
@@ -235,12 +233,13 @@ impl Sender {
         Ok(Self { publisher, reference, period, time: -STANDING / period, pace: 0.0, last: None })
     }
 
-    /// Sends the references that belong to a sample; the teeth go on where they may.
-    fn send(&mut self, sample: &EncoderSample, way: &[[f64; AXES]], may_go_on: bool) -> Result<(), Failure> {
+    /// Sends the references that belong to a sample; the teeth go on at `pace` at most.
+    fn send(&mut self, sample: &EncoderSample, way: &[[f64; AXES]], pace: f64) -> Result<(), Failure> {
         let elapsed = sample.header.sequence.saturating_sub(self.last.unwrap_or(sample.header.sequence)) as f64;
         // While the references stand they are taken up, which shows as waiting.
-        let change = if may_go_on || self.time < 0.0 { self.period / RISE_TIME } else { -self.period / FALL_TIME };
-        self.pace = (self.pace + elapsed * change).clamp(0.0, 1.0);
+        let pace = if self.time < 0.0 { 1.0 } else { pace };
+        let time = elapsed * self.period;
+        self.pace = pace.clamp(self.pace - time / FALL_TIME, self.pace + time / RISE_TIME).max(0.0);
         self.time = (self.time + elapsed * self.pace).min((way.len() - 1) as f64);
         self.last = Some(sample.header.sequence);
         for i in 0..self.reference.preview as usize {
@@ -255,9 +254,20 @@ impl Sender {
         Ok(self.publisher.send(&self.reference).map_err(ChannelError::from)?)
     }
 
+    /// Time of the plan, s.
+    fn seconds(&self) -> f64 {
+        self.time.max(0.0) * self.period
+    }
+
     fn has_ended(&self, way: &[[f64; AXES]]) -> bool {
         self.time >= (way.len() - 1) as f64
     }
+}
+
+/// Positions of the axes at every period of a plan, m.
+fn way_of(plan: &TipPlan) -> Vec<[f64; AXES]> {
+    let points = ALL.map(|axis| plan.points(axis));
+    (0..points[0].len()).map(|k| ALL.map(|axis| points[axis][k].1)).collect()
 }
 
 /// A way at a time in periods, in straight lines between its points.

@@ -53,7 +53,7 @@ pub struct OperateArguments {
     #[command(flatten)]
     pub group: GroupAxes,
     /// Mode that the axes change to
-    #[arg(long, required_unless_present = "tip", conflicts_with = "tip")]
+    #[arg(long, conflicts_with = "tip")]
     pub mode: Option<Mode>,
     /// Place to which the bucket's teeth go: forward of the centre of swing and above ground
     #[arg(long, value_name = "X,Z", value_parser = place, allow_hyphen_values = true)]

@@ -79,6 +79,10 @@ fn as_operator(
 fn check(arguments: &OperateArguments) -> Result<(), Failure> {
     let mode = arguments.axis_mode();
     let refuse = |text: String| Err(Failure::usage(text));
+    if arguments.mode.is_none() && arguments.tip.is_none() {
+        let allowed = "one of off, manual, hold, track, or a place for the teeth by --tip";
+        return refuse(format!("--mode: found nothing; allowed: {allowed}"));
+    }
     match (mode, arguments.command) {
         (AxisMode::Manual, None) => {
             return refuse("--command: found none; allowed: a valve command in [-1, 1], such as 0.2 or 20%".into());

@@ -76,8 +76,11 @@ fn records_that_say_little_have_a_page_as_well() {
 fn several_recordings_are_one_page() {
     let folder = constant_plant();
     let path = folder.path();
-    for copy in ["s.csv", "t.csv"] {
-        fs::copy(path.join("r.csv"), path.join(copy)).unwrap();
+    // The same recording three times, each with a row less than the one before: one is not counted twice.
+    let mut lines: Vec<String> = fs::read_to_string(path.join("r.csv")).unwrap().lines().map(str::to_owned).collect();
+    for shorter in ["s.csv", "t.csv"] {
+        lines.pop();
+        fs::write(path.join(shorter), lines.join("\n")).unwrap();
     }
     let page = page(path, &["s.csv", "--test", "t.csv"]);
     expect_pictures(&page, 14);

@@ -81,7 +81,7 @@ fn check(arguments: &OperateArguments) -> Result<(), Failure> {
     let refuse = |text: String| Err(Failure::usage(text));
     if arguments.mode.is_none() && arguments.tip.is_none() {
         let allowed = "one of off, manual, hold, track, or a place for the teeth by --tip";
-        return refuse(format!("--mode: found nothing; allowed: {allowed}"));
+        return refuse(format!("--mode: found nothing; allowed: {allowed}\nnext: hydraxis operate --help"));
     }
     match (mode, arguments.command) {
         (AxisMode::Manual, None) => {

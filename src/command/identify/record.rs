@@ -226,16 +226,16 @@ fn expect_each_once(data: &[PathBuf], test: &[PathBuf]) -> Result<(), Failure> {
 
 /// Whether two paths lead to one file, or to two with the same contents. What cannot be read is told later.
 fn is_same(one: &Path, two: &Path) -> bool {
-    let length = |path: &Path| path.metadata().map(|metadata| metadata.len()).ok();
-    let open = |path: &Path| File::open(path).map(|file| BufReader::new(file).bytes());
-    match (one.canonicalize(), two.canonicalize()) {
-        (Ok(one), Ok(two)) if one == two => true,
-        (Ok(one), Ok(two)) if length(&one) == length(&two) => match (open(&one), open(&two)) {
-            (Ok(one), Ok(two)) => one.zip(two).all(|pair| matches!(pair, (Ok(one), Ok(two)) if one == two)),
-            _ => false,
-        },
-        _ => false,
+    if matches!((one.canonicalize(), two.canonicalize()), (Ok(one), Ok(two)) if one == two) {
+        return true;
     }
+    let length = |path: &Path| path.metadata().ok().filter(|data| data.is_file()).map(|data| data.len());
+    let bytes = |path: &Path| File::open(path).ok().map(|file| BufReader::new(file).bytes());
+    let are_equal = || {
+        let pairs = bytes(one)?.zip(bytes(two)?);
+        Some(pairs.into_iter().all(|pair| matches!(pair, (Ok(one), Ok(two)) if one == two)))
+    };
+    length(one).is_some() && length(one) == length(two) && are_equal() == Some(true)
 }
 
 /// One line for each format, and one for each recording with gaps.

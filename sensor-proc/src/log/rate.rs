@@ -4,8 +4,8 @@
 //! T_i = mean of 100 successive steps without a gap         changed at block i  <=>  |T_i / T_0 - 1| > 0.1
 //! ```
 //!
-//! A step that is far longer than the others counts as a gap. More than 20 of them in a row that are equally long are
-//! another period as well.
+//! A step that is far longer than the others counts as a gap. 20 of them in a row that are equally long are another
+//! period as well.
 //!
 //! The mean of successive steps is the time between two rows divided by their number. Stamps that are late by a part of
 //! a period, or rounded, hardly change it.
@@ -47,23 +47,19 @@ pub(super) fn period_change(times: &[f64], begins: &[bool], lines: &[usize]) -> 
     let steps: Vec<usize> = (1..times.len()).filter(|row| !begins[*row]).collect();
     let mean = |rows: &[usize]| rows.iter().map(|row| times[*row] - times[*row - 1]).sum::<f64>() / rows.len() as f64;
     let before = mean(steps.get(..BLOCK)?);
-    let longer = longer_steps(times, begins);
-    if let Some(row) = longer.filter(|row| *row > steps[0]) {
-        let after = mean(&(row..row + GAPS).collect::<Vec<_>>());
-        return Some(PeriodChange {
-            line: lines[row],
-            seconds: times[row] - times[0],
-            before_s: before,
-            after_s: after,
-        });
-    }
-    let mut blocks = steps.chunks_exact(BLOCK).enumerate();
-    let (block, rows) = blocks.find(|(_, rows)| contradict(mean(rows), before))?;
-    // The change may lie in the middle of this block: the next one has the new period only.
-    let after = mean(steps.get((block + 1) * BLOCK..(block + 2) * BLOCK).unwrap_or(rows));
-    let is_new = |rows: &[usize]| (mean(rows) - after).abs() < (mean(rows) - before).abs();
-    let near = &steps[(block - 1) * BLOCK..(block + 1) * BLOCK];
-    let row = near.windows(FEW).find(|rows| is_new(rows) && is_new(&rows[..1])).map_or(rows[0], |rows| rows[0]);
+    let gaps = longer_steps(times, begins).filter(|row| *row > steps[0]);
+    let gaps = gaps.map(|row| (row, mean(&(row..row + GAPS).collect::<Vec<_>>())));
+    let changed = || {
+        let mut blocks = steps.chunks_exact(BLOCK).enumerate();
+        let (block, rows) = blocks.find(|(_, rows)| contradict(mean(rows), before))?;
+        // The change may lie in the middle of this block: the next one has the new period only.
+        let after = mean(steps.get((block + 1) * BLOCK..(block + 2) * BLOCK).unwrap_or(rows));
+        let is_new = |rows: &[usize]| (mean(rows) - after).abs() < (mean(rows) - before).abs();
+        let near = &steps[(block - 1) * BLOCK..(block + 1) * BLOCK];
+        let row = near.windows(FEW).find(|rows| is_new(rows) && is_new(&rows[..1])).map_or(rows[0], |rows| rows[0]);
+        Some((row, after))
+    };
+    let (row, after) = gaps.into_iter().chain(changed()).min_by_key(|(row, _)| *row)?;
     Some(PeriodChange { line: lines[row], seconds: times[row] - times[0], before_s: before, after_s: after })
 }
 

@@ -83,9 +83,10 @@ impl Record {
         };
         // Mean of the periods: one recording, or several of the same period, leave it as it is.
         let mut rows = 0.0;
-        expect_each_once(data, test)?;
-        let training = data.iter().map(|file| (file, false));
-        for (file, test) in training.chain(test.iter().map(|file| (file, true))) {
+        let training = data.iter().map(|file| (file.as_path(), false));
+        let files: Vec<_> = training.chain(test.iter().map(|file| (file.as_path(), true))).collect();
+        expect_each_once(&files)?;
+        for (file, test) in files {
             let log = read_log(file, columns)?;
             record.expect_the_same(file, &log)?;
             rows += log.outputs.len() as f64;
@@ -204,22 +205,20 @@ impl Record {
     }
 }
 
-/// Refuses a recording that is given twice: it would count twice, or judge a model that knows it.
-fn expect_each_once(data: &[PathBuf], test: &[PathBuf]) -> Result<(), Failure> {
-    for (i, file) in data.iter().enumerate() {
-        if let Some(twice) = data[..i].iter().find(|before| is_same(before, file)) {
-            let found = format!("{}, which is {} once more", file.display(), twice.display());
-            return Err(Failure::usage(format!("found {found}; allowed: each recording once")));
-        }
-    }
-    for (i, file) in test.iter().enumerate() {
-        let twice = data.iter().find(|training| is_same(training, file)).map(|file| (file, "for training as well"));
-        let twice = twice
-            .or_else(|| test[..i].iter().find(|before| is_same(before, file)).map(|f| (f, "for the test already")));
-        if let Some((twice, what)) = twice {
-            let found = format!("{}, which is a recording {what}", twice.display());
-            return Err(Failure::usage(format!("--test: found {found}; allowed: recordings that no model has seen")));
-        }
+/// Refuses a recording that is given twice: it would count twice, or judge a model that knows it. With each file goes
+/// whether it is for the test.
+fn expect_each_once(files: &[(&Path, bool)]) -> Result<(), Failure> {
+    for (i, (file, test)) in files.iter().enumerate() {
+        let Some((twice, other)) = files[..i].iter().find(|(before, _)| is_same(before, file)) else { continue };
+        let twice = twice.display();
+        return Err(Failure::usage(if test == other {
+            format!("found {}, which is {twice} once more; allowed: each recording once", file.display())
+        } else {
+            format!(
+                "--test: found {twice}, which is a recording for training as well; allowed: recordings that no model \
+                 has seen"
+            )
+        }));
     }
     Ok(())
 }

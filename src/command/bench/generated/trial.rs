@@ -40,7 +40,7 @@ pub struct Trial {
     /// Of the best constant factor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub best: Option<Best>,
-    /// The same in the second half of the samples after the training.
+    /// Errors in the second half of the samples after the training.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_half: Option<SecondHalf>,
     /// Of `auto` where the wild samples of the record are left out.

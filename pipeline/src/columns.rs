@@ -150,6 +150,11 @@ impl Table {
                     break;
                 }
             };
+            if record.iter().skip(self.header.len()).any(|field| !field.is_empty()) {
+                let found = format!("{} fields in row {}", record.len(), row + 1);
+                let allowed = format!("{}, as in the header; numbers with decimal points", self.header.len());
+                problems.push(TableProblem { line: Some(line), field: None, found, allowed });
+            }
             columns.lines.push(line);
             for ((name, place), values) in names.iter().zip(&places).zip(&mut columns.values) {
                 let before = if *name == rising { values.last().copied() } else { None };
@@ -214,7 +219,7 @@ impl Lines<'_> {
 }
 
 /// All rows of a text with this separator, the header as well, each with its line from 1. Fields have no blanks around
-/// them. A row may be shorter or longer than the header.
+/// them. A row may be shorter or longer than the header, for those who do not ask for numbers of columns.
 pub fn rows(text: &str, separator: u8) -> impl Iterator<Item = Result<(usize, csv::StringRecord), TableProblem>> + '_ {
     let mut builder = csv::ReaderBuilder::new();
     builder.has_headers(false).delimiter(separator).trim(csv::Trim::All).flexible(true);
@@ -269,6 +274,8 @@ mod tests {
         let columns = read("k, y ,t,u\n7,1.5,0.00,-0.25\n8,1.75,0.02,5e-1\n", &["u", "t"]).unwrap();
         assert_eq!(columns.values, [[-0.25, 0.5], [0.0, 0.02]]);
         assert_eq!(columns.lines, [2, 3]);
+        // Some programs end each row with a separator.
+        assert_eq!(read("u,t\n1,2,\n3,4,\n", &["u", "t"]).unwrap().values, [[1.0, 3.0], [2.0, 4.0]]);
     }
 
     #[test]
@@ -289,6 +296,7 @@ mod tests {
             ("t,u\n0,1\n2,3\n0.5,3\n", ":4: row 3, column \"t\": found 0.5 after 2; allowed: a time later"),
             ("t,v\n0,1\n", ":1: found no column \"u\"; the columns are: t, v; allowed: a header with \"u\""),
             ("t;u\n0;1\n", "a header with \"t\", separated by commas"),
+            ("t,u\n0,1\n0,5,2,0\n", ":3: found 4 fields in row 2; allowed: 2, as in the header; numbers with decimal"),
             ("t,u,u\n0,1,2\n", ":1: found column \"u\" twice"),
             ("", "found an empty file; allowed: a CSV file with a header"),
         ] {

@@ -251,6 +251,11 @@ impl StatusReport {
         self.names.iter().map(|name| (name.as_str(), &self.axes[name]))
     }
 
+    /// Where the bucket's teeth are; none without a mechanism, and while the position of an axis is not known.
+    pub fn teeth(&self) -> Option<&TeethNow> {
+        self.teeth.as_ref()
+    }
+
     /// What keeps a stage that dies from starting again.
     pub fn warnings(&self) -> &[String] {
         &self.warnings

@@ -275,15 +275,25 @@ fn the_teeth_go_to_a_place_in_a_straight_line() {
     println!("{off_the_line} m off the line, {} and {} m off the place", end.x - (start.x - 0.3), end.z - start.z);
     assert!((end.x - (start.x - 0.3)).hypot(end.z - start.z) < 0.05, "{end:?}");
     assert!(nearest > start.x - 0.4 && off_the_line < 0.1, "{nearest} {off_the_line}");
-    // One that dies on its way leaves the axes standing: its references end.
+    // One that dies on its way, or is suspended, ends it: nothing goes on, nor begins again.
     let back = format!("{},{}", start.x, start.z);
     let mut tool = running.operate(&["--tip", &back, "--enable"]).spawn().unwrap();
     running.wait_until("the teeth on their way", |command| command.teeth.x > end.x + 0.05);
+    signal(tool.id(), Signal::STOP);
+    running.wait_until("the axes to be off", is_off);
+    signal(tool.id(), Signal::CONT);
+    let status = wait_for("the tool to end", || tool.try_wait().unwrap());
+    assert_eq!(status.code(), Some(1));
+    assert!(is_off(&running.wait_until("a command", |_| true)));
+    let mut tool = running.operate(&["--tip", &back, "--enable"]).spawn().unwrap();
+    running.wait_until("the teeth on their way", |command| command.teeth.x > end.x + 0.1);
     tool.kill().unwrap();
     tool.wait().unwrap();
-    running.wait_until("the axes to stand", |command| {
-        command.axes[..4].iter().all(|axis| axis.flags & control_flag::REFERENCE != 0)
-    });
+    running.wait_until("the axes to be off", is_off);
+    // A time in which the teeth cannot come there.
+    let output = running.operated(&["--tip", &near, "--speed", "0.05", "--enable", "--duration", "3s"]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("--tip: found the teeth "), "{}", text(&output.stderr));
     running.end();
 }
 
@@ -303,6 +313,10 @@ fn invalid_requests_are_refused() {
         (&["--prefix", "x", "--mode", "track", "--target", "0.6"][..], 2, "--target: found one with --mode track"),
         (&["--prefix", "x", "--mode", "hold", "--pitch", "5"][..], 2, "--pitch, --speed: found without --tip"),
         (&["--prefix", "x", "--tip", "5"][..], 2, "--tip: found \"5\"; allowed: X,Z in m"),
+        (&["--prefix", "x", "--tip", "1e300,0"][..], 2, "--tip: found \"1e300,0\"; allowed: X,Z in m"),
+        (&["--prefix", "x", "--tip", "5,0", "--speed", "-1"][..], 2, "--speed: found \"-1\"; allowed: 0.001 to 10 m/s"),
+        (&["--prefix", "x", "--tip", "5,0", "--speed", "11"][..], 2, "--speed: found \"11\"; allowed: 0.001 to 10 m/s"),
+        (&["--prefix", "x", "--tip", "5,0", "--target", "1"][..], 2, "--tip: found with --target; allowed: without it"),
         (&["--prefix", "x", "--mode", "hold", "--tip", "5,0"][..], 2, "--mode: found with --tip; allowed: without it"),
         (&["--prefix", "x", "--mode", "off", "--leave"][..], 2, "--leave: found with --mode off"),
         (&["--prefix", "x", "--mode", "fly"][..], 2, "--mode: found \"fly\"; allowed: one of off, manual, hold, track"),

@@ -109,3 +109,23 @@ fn a_run_in_lock_step_has_a_page_with_the_times_of_the_machine() {
     let said = String::from_utf8_lossy(&again.stderr).into_owned();
     assert!(!again.status.success() && said.contains("--record") && said.contains("--report"), "{said}");
 }
+
+#[test]
+fn a_recorded_task_of_the_teeth_has_its_errors_and_its_cut_on_the_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, page) = (folder.path().join("run.mcap"), folder.path().join("run.html"));
+    let mut command = hydraxis();
+    command.args(["run", "--lockstep", "--duration", "14s"]);
+    for axis in ["boom", "arm", "telescope", "bucket"] {
+        command.args(["--set", &format!("axis.{axis}.reference.kind=tip")]);
+    }
+    let output = command.arg("--record").arg(&file).arg("--report").arg(&page).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = fs::read_to_string(&page).unwrap();
+    let section = &text[text.find("<h2>The bucket's teeth</h2>").expect("no section of the teeth")..];
+    // The way begins after 8 s at 7.2 m; the boom stands below the ground before.
+    for part in ["on their way", "mm rms", "degrees rms", " m at most, ", "The teeth from the side", "Pitch minus"] {
+        assert!(section.contains(part), "{part}");
+    }
+    assert!(!section.contains("never") && !section.contains("NaN"));
+}

@@ -10,13 +10,17 @@
 //! speed m/s from which the soft stop stops before the soft limit ([`EndStops`]); A area m2 that the pump fills, less
 //! the area whose oil comes back over a regeneration; Q flow m3/s of the pump.
 //!
+//! And a task of the teeth that the machine cannot do, while no axis follows it; one that is followed is refused.
+//!
 //! All of them are warnings: such a machine runs, and its axes lag behind or are stopped by their following error. What
 //! an axis can give is a measurement, which temperature and load change. An axis with `slow_references` has no such
 //! lag.
 
 use control_proc::{
-    protection::end_stops::EndStops, reference::generator::ReferenceGenerator, trajectory_file::read_references,
+    protection::end_stops::EndStops, reference::generator::ReferenceGenerator, tip::TipPlan,
+    trajectory_file::read_references,
 };
+use mechanism::AXES;
 use pipeline::machine::{Axis, Machine, Plant, ReferenceSource};
 
 /// Time over which periodic references are looked at, s.
@@ -55,7 +59,19 @@ pub fn excesses(machine: &Machine) -> Vec<String> {
     });
     let mut warnings: Vec<String> = of_axes.collect();
     warnings.extend(short_of_oil(machine, &generator, times(), step));
+    warnings.extend(impossible_task(machine));
     warnings
+}
+
+/// A task of the teeth that no axis follows yet, and that the machine cannot do.
+fn impossible_task(machine: &Machine) -> Option<String> {
+    if machine.axes.len() < AXES || machine.axes.iter().any(|axis| axis.reference == ReferenceSource::Tip) {
+        return None;
+    }
+    let mut following = machine.clone();
+    following.axes[..AXES].iter_mut().for_each(|axis| axis.reference = ReferenceSource::Tip);
+    let problem = TipPlan::of(&following).err()?;
+    Some(format!("{problem}; no axis follows this task now"))
 }
 
 fn demand(generator: &ReferenceGenerator, axis: usize, time: f64, step: f64) -> Option<Demand> {

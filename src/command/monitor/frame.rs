@@ -12,7 +12,7 @@ use crate::{
     group::live::unix_ms,
     report::{
         motion::side::Side,
-        status::{AxisFigures, StageFigures, StatusReport},
+        status::{AxisFigures, StageFigures, StatusReport, TeethNow},
     },
 };
 
@@ -120,6 +120,8 @@ pub struct AxesFrame<'a> {
     age_ns: Option<u64>,
     axes: Vec<Named<'a, AxisFigures>>,
     pose: Option<PoseFrame>,
+    /// Place, pitch, and distance from the way.
+    teeth: Option<&'a TeethNow>,
 }
 
 /// The machine from the side: points as x and z, m.
@@ -142,6 +144,7 @@ impl<'a> AxesFrame<'a> {
             age_ns: state.map(|state| now_ns.saturating_sub(state.header.sent_ns)),
             axes: report.axes().map(|(name, figures)| Named { name, figures }).collect(),
             pose: state.zip(side).and_then(|(state, side)| pose(state, side)),
+            teeth: report.teeth(),
         }
     }
 }

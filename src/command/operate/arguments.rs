@@ -5,7 +5,7 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use pipeline::{channel::Prefix, message::AxisMode};
 
-use crate::arguments::values::{duration, in_unit, place, position, positive_in, valve_command};
+use crate::arguments::values::{allowed_in, duration, in_unit, place, position, valve_command};
 
 /// The axes of a running group.
 #[derive(Debug, Args)]
@@ -40,7 +40,9 @@ Modes:
   track   follows its reference: the generator of the machine file, or the reference channel
 
 --tip moves boom, arm and bucket together, in mode track, where all four axes have reference.kind = \"channel\". The
-telescope stays where it is. A place that the machine cannot reach is refused before anything is armed.
+telescope stays where it is. A place that the machine cannot reach is refused before anything is armed. The axes are off
+as soon as this program dies or is suspended, as with --hold-to-run. With --leave or --duration the exit code is 1 where
+the teeth end more than 30 mm from the place.
 
 A disarmed axis leaves `off` only with --enable, after a fault as well. A latch that --enable or `off` releases is shown
 with its cause. An armed axis changes between the other modes without --enable. Ctrl-C disarms the axes. In manual, the
@@ -62,13 +64,13 @@ pub struct OperateArguments {
     #[arg(long, value_name = "DEGREES", value_parser = pitch, allow_hyphen_values = true)]
     pub pitch: Option<f64>,
     /// Speed of the teeth; slower where an axis or the pump cannot follow [default: 0.1 m/s]
-    #[arg(long, value_parser = positive_in("m/s"))]
+    #[arg(long, value_parser = teeth_speed, allow_hyphen_values = true)]
     pub speed: Option<f64>,
     /// Valve command in [-1, 1], positive extends; with --mode manual only
-    #[arg(long, value_name = "U", value_parser = valve_command, allow_hyphen_values = true)]
+    #[arg(long, value_name = "U", value_parser = valve_command, allow_hyphen_values = true, conflicts_with = "tip")]
     pub command: Option<f64>,
     /// Position to hold, in m or with its unit, such as 300mm; with --mode hold only [default: where the axis stops]
-    #[arg(long, value_name = "LENGTH", value_parser = position, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LENGTH", value_parser = position, allow_hyphen_values = true, conflicts_with = "tip")]
     pub target: Option<f64>,
     /// Arm the axes that are disarmed
     #[arg(long)]
@@ -88,6 +90,12 @@ pub struct OperateArguments {
 fn pitch(text: &str) -> Result<f64, String> {
     let degrees = in_unit(text, "degrees").filter(|degrees| (-360.0..=360.0).contains(degrees));
     degrees.ok_or_else(|| "allowed: -360 to 360 degrees".to_owned())
+}
+
+/// `--speed`: what `tip.speed` may be as well.
+fn teeth_speed(text: &str) -> Result<f64, String> {
+    let speed = in_unit(text, "m/s").filter(|speed| (0.001..=10.0).contains(speed));
+    speed.ok_or_else(|| format!("allowed: 0.001 to 10 m/s, as {}", allowed_in("m/s")))
 }
 
 impl OperateArguments {

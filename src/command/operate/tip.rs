@@ -11,8 +11,8 @@
 //! c positions of the cylinders m, t time of the plan s, p its pace, T period s. So the teeth wait on their way for an
 //! axis that waits. They begin after a second: references that are taken up are followed from a stand.
 //!
-//! Runs in the operator's process, beside the loop. What it sends reaches 0.1 s ahead: when it dies, the axes come to a
-//! stand then.
+//! Runs in the operator's process, beside the loop. When it dies or is suspended, the axes are off 0.1 s later: axes
+//! that only came to a stand at their last reference would first make up for their lag, some decimetres of the teeth.
 
 use std::time::{Duration, Instant};
 
@@ -53,6 +53,8 @@ const NEAR: f64 = 0.002;
 const NEAR_COUNTS: f64 = 3.0;
 /// Time after the end of the way, after which they need not come any nearer.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// Distance of the teeth from their place beyond which they have not come to it, m.
+const ARRIVED: f64 = 0.03;
 /// Distance of the teeth by the machine file from those by the group, m, that a motion between the two explains.
 const SAME: f64 = 0.05;
 /// What an axis shows that does not follow at the moment.
@@ -144,9 +146,8 @@ impl TipMove {
     /// # Errors
     /// An axis does not follow any more, or the group cannot be operated.
     pub fn run(&self, arguments: &OperateArguments, operator: &mut Operator) -> Result<(), Failure> {
-        for axis in ALL {
-            operator.axis(axis).hold_to_run = u32::from(arguments.hold_to_run);
-        }
+        // Nothing of this motion goes on without the person who asked for it.
+        ALL.into_iter().for_each(|axis| operator.axis(axis).hold_to_run = 1);
         let mut sender = Sender::new(operator, &self.machine)?;
         if !operator.change(&ALL, AxisMode::Track)? {
             return Ok(());
@@ -155,7 +156,7 @@ impl TipMove {
         let Some(plan) = self.plan(operator)? else { return Ok(()) };
         let (way, mut watch) = (way_of(&plan), TipWatch::new(&self.mechanism));
         let begin = Instant::now();
-        let (mut next_line, mut ended, mut has_arrived) = (begin, None, false);
+        let (mut next_line, mut ended, mut has_arrived, mut away) = (begin, None, false, f64::NAN);
         while arguments.duration.is_none_or(|duration| begin.elapsed() < duration) {
             let Some(sample) = operator.sample()? else { break };
             operator.ask(&sample)?;
@@ -166,6 +167,7 @@ impl TipMove {
             }
             let (positions, references) = (ALL.map(|i| sample.axes[i].position), ALL.map(|i| last(i).reference));
             let teeth = watch.update(Some(positions), &references, Some((&plan, sender.seconds())));
+            away = (teeth.x - self.to[0]).hypot(teeth.z - self.to[1]);
             let follow = ALL.iter().all(|axis| last(*axis).flags & WAITING == 0);
             sender.send(&sample, &way, if follow { watch.pace() } else { 0.0 })?;
             if Instant::now() >= next_line {
@@ -181,12 +183,23 @@ impl TipMove {
                 has_arrived = true;
                 show(&format!("at the end: {}", self.told(&teeth)))?;
                 if arguments.leave {
+                    ALL.into_iter().for_each(|axis| operator.axis(axis).hold_to_run = 0);
                     operator.change(&ALL, AxisMode::Hold)?;
-                    return Ok(());
+                    break;
                 }
             }
         }
-        Ok(())
+        if operator.stopping() || (away <= ARRIVED && has_arrived) { Ok(()) } else { Err(self.not_there(away)) }
+    }
+
+    /// The teeth are `away` m from their place at the end.
+    fn not_there(&self, away: f64) -> Failure {
+        let ([x, z], away) = (self.to, 1e3 * away);
+        Failure::run(format!(
+            "--tip: found the teeth {away:.0} mm from [{x}, {z}] m at the end; allowed: {:.0} mm: more time, or a \
+             lower --speed",
+            1e3 * ARRIVED
+        ))
     }
 
     /// A line about the teeth.

@@ -10,6 +10,7 @@ mod models;
 mod page;
 mod spans;
 mod story;
+mod teeth;
 mod timeline;
 mod verdict;
 mod watch;
@@ -38,9 +39,9 @@ Examples:
   hydraxis report fault-2026-01-31T10-20-30.125Z-demo.mcap
 
 One HTML file that needs no other file, no network and no script, and prints on A4: a verdict in words; what ran; who
-commanded each axis, with faults and events over time; per axis reference, position, error, command, the models with
-the curve of the valve, coefficients and forgetting; latencies by percentile with late ticks by cause. Exit codes: 0
-written, whatever the verdict is; 2 no recording.")]
+commanded each axis, with faults and events over time; the bucket's teeth and their cut; per axis reference, position,
+error, command, the models with the curve of the valve, coefficients and forgetting; latencies by percentile with late
+ticks by cause. Exit codes: 0 written, whatever the verdict is; 2 no recording.")]
 pub struct ReportArguments {
     /// A recording, or a black box
     #[arg(value_name = "FILE.mcap")]

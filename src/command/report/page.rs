@@ -49,6 +49,7 @@ pub fn html(story: &Story, file: &str) -> Drawn<String> {
     page.section("Who commanded, and what happened");
     page.svg(&timeline::svg(story), "The numbers of faults are those of the list below.");
     events(&mut page, story);
+    story.teeth.add_to(&mut page, story.period)?;
     for axis in &story.axes {
         page.section(&format!("Axis {}", axis.name));
         page.pictures(&axis_figures(axis))?;

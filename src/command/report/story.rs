@@ -17,6 +17,7 @@ use super::{
     line::Line,
     models::Models,
     spans::Spans,
+    teeth::TeethStory,
     watch::{Found, Watch},
 };
 use crate::{
@@ -44,6 +45,7 @@ pub struct Story {
     /// s.
     pub period: f64,
     pub axes: Vec<AxisStory>,
+    pub teeth: TeethStory,
     pub found: Found,
     pub stages: Stages,
     pub end_to_end: Latency,
@@ -202,6 +204,7 @@ impl Teller {
             duration: 0.0,
             period: period.filter(|period: &f64| *period > 0.0).unwrap_or(0.01),
             axes: names.collect(),
+            teeth: TeethStory::new(),
             found: Found::default(),
             stages: Stages::default(),
             end_to_end: Latency::new("end to end"),
@@ -280,6 +283,10 @@ impl Teller {
             }
             axis.command(t, command);
         }
+        if is_gap {
+            self.story.teeth.cut(t);
+        }
+        self.story.teeth.look(t, &command.teeth);
         let sample = self.sample.as_ref().map(|(sample, _)| sample);
         let names = self.story.axes.iter().map(|axis| axis.name.as_str());
         self.watch.command(t, command, sample, names);

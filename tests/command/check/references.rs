@@ -91,3 +91,14 @@ fn the_references_of_the_shipped_machines_are_not_warned_of() {
     let text = success(folder.path(), &["check"]);
     assert!(!text.contains(".reference") && !text.contains("warning: supply"), "{text}");
 }
+
+#[test]
+fn a_task_that_the_machine_cannot_do_is_warned_of_while_no_axis_follows_it() {
+    let folder = tempfile::tempdir().unwrap();
+    for (row, expected) in [("6.2,0", None), ("60,0", Some("; no axis follows this task now"))] {
+        fs::write(folder.path().join("cut.csv"), format!("x,z\n7.2,0\n{row}\n")).unwrap();
+        let text = success(folder.path(), &["check", "--set", "tip.file=cut.csv"]);
+        assert_eq!(text.contains("no axis follows"), expected.is_some(), "{text}");
+        expect(&text, &expected.map_or(vec![], |expected| vec!["warning: tip", "[60, 0]", expected]));
+    }
+}

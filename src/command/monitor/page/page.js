@@ -184,6 +184,14 @@
     set(card.why, axis.why_fallback ? `By the fallback: ${axis.why_fallback}` : "");
   }
 
+  function teeth(now) {
+    if (!now) return "teeth: not known";
+    const [x, z] = now.at.map((value) => fixed(value, 3));
+    const place = `teeth at x ${x} m, z ${z} m, pitch ${fixed(now.pitch, 1)}°`;
+    if (now.error === null) return place;
+    return `${place}; ${fixed(1e3 * now.error, 1)} mm from their way, pitch off by ${fixed(now.pitch_error, 2)}°`;
+  }
+
   function axes(said) {
     if (!hello?.group) return;
     if (said.axes.length !== cards.size || said.axes.some((axis) => !cards.has(axis.name))) begin(said.axes);
@@ -192,6 +200,7 @@
     said.axes.forEach(show);
     Control.see(said.axes);
     Machine.draw(said.pose);
+    set(by("teeth"), teeth(said.teeth));
     if (said.age_ns !== null && said.age_ns < 1e6 * STALE) Trends.push(said.unix_ms, said.axes);
     set(by("tick"), said.tick === null ? "-" : String(said.tick));
     const passed = said.tick !== null && hello.period_s ? `${(said.tick * hello.period_s).toFixed(1)} s` : "-";

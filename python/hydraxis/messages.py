@@ -23,6 +23,8 @@ MEMBERS = [
     "full 8",
     "full 20",
     "full 200",
+    "extended 8",
+    "extended 20",
     "smoothed 13",
     "smoothed 200",
 ]
@@ -460,7 +462,7 @@ class ModelErrors(ctypes.Structure):
 
 
 class AxisSnapshot(ctypes.Structure):
-    SIZE = 1072
+    SIZE = 1088
     _fields_ = [
         # The adaptive model, updated online.
         ("adaptive", Coefficients),
@@ -511,7 +513,7 @@ class AxisSnapshot(ctypes.Structure):
         ("since_update", u64),
         # Weights of the estimators that the estimator auto runs side by side, in the order of MEMBERS; their sum is 1.
         # All are 0 with another estimator, and before training has found a first model.
-        ("weights", f64 * 11),
+        ("weights", f64 * 13),
         # Length of the horizon, samples.
         ("horizon", u32),
         # Reasons to distrust the model, model_fault bits; 0 is healthy.
@@ -521,11 +523,11 @@ class AxisSnapshot(ctypes.Structure):
 
 class CoefficientSnapshot(ctypes.Structure):
     CHANNEL = "coefficient-snapshot"
-    LAYOUT = "f1146bb091332a2a"
+    LAYOUT = "73da06bcf461255f"
     MAX_PUBLISHERS = 1
     BUFFER = 64  # messages that a reader may fall behind
     IS_FROM_CLIENTS = False
-    SIZE = 8624
+    SIZE = 8752
     _fields_ = [
         # sequence names the last sample that updated the coefficients.
         ("header", Header),
@@ -535,7 +537,7 @@ class CoefficientSnapshot(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.CoefficientSnapshot/5"
+        return "hydraxis.CoefficientSnapshot/6"
 
 
 class Reference(ctypes.Structure):

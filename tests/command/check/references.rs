@@ -99,6 +99,9 @@ fn a_task_that_the_machine_cannot_do_is_warned_of_while_no_axis_follows_it() {
         fs::write(folder.path().join("cut.csv"), format!("x,z\n7.2,0\n{row}\n")).unwrap();
         let text = success(folder.path(), &["check", "--set", "tip.file=cut.csv"]);
         assert_eq!(text.contains("no axis follows"), expected.is_some(), "{text}");
-        expect(&text, &expected.map_or(vec![], |expected| vec!["warning: tip.file: ", "rows 1 to 2: found [", expected]));
+        expect(
+            &text,
+            &expected.map_or(vec![], |expected| vec!["warning: tip.file: ", "rows 1 to 2: found [", expected]),
+        );
     }
 }

@@ -6,13 +6,13 @@
 //! ```
 //!
 //! phi regressor and theta coefficients of a form of the regression, y target in its unit, e residual after the update,
-//! s standard deviation of the residuals of the training. Where the noise of the output is not white in this form, plain
-//! least squares is biased, most of all when the command depends on the output by feedback. With a model of the noise it
-//! is not (Ljung and Soderstrom, Theory and Practice of Recursive Identification, 1983, where this is RML1 and extended
-//! least squares). The c belong to the recursion alone; the model that is handed on is theta.
+//! s standard deviation of the residuals of the training. Where the noise of the output is not white in this form,
+//! plain least squares is biased, most of all when the command depends on the output by feedback. With a model of the
+//! noise it is not (Ljung and Soderstrom, Theory and Practice of Recursive Identification, 1983). The c belong to the
+//! recursion alone; the model that is handed on is theta.
 //!
-//! Trap: the recursion of e has the poles of C = 1 + c_1 q^-1 + c_2 q^-2, which may be unstable for some time. Hence the
-//! bound on e.
+//! Trap: the recursion of e has the poles of C = 1 + c_1 q^-1 + c_2 q^-2, which may be unstable for some time. Hence
+//! the bound on e.
 //!
 //! All of this runs in the loop. Nothing here allocates after construction.
 
@@ -20,7 +20,7 @@ use crate::least_squares::Triangle;
 
 /// Number of past residuals.
 pub const PAST: usize = 2;
-/// Standard deviation of a c before the first residual: C of noise on a position is 1 + a q^-1 .. with |c| below 2.
+/// Standard deviation of a c before the first residual. A stable C has |c_1| below 2 and |c_2| below 1.
 const PRIOR: f64 = 0.3;
 /// Largest residual, in standard deviations of those of the training.
 const LARGEST: f64 = 10.0;

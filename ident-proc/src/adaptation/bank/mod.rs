@@ -8,8 +8,8 @@
 //! w_i its weight, from its own recent h-step errors. No forgetting factor, form or filter is the best on every machine
 //! and at every time. A constant plant wants long memory; one that warms up wants short memory and few coefficients; a
 //! load that comes on wants gains that change by direction; a valve that wears wants all coefficients of its curve;
-//! commands that come from feedback want a model of the noise; a coarse encoder wants a smoothed row. The members differ
-//! in these respects:
+//! commands that come from feedback want a model of the noise; a coarse encoder wants a smoothed row. The members
+//! differ in these respects:
 //!
 //! | family | learns | memories in horizons |
 //! |---|---|---|

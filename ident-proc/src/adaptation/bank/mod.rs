@@ -19,7 +19,7 @@
 //! | increments | a, b of the increments of y, with one lag more | 4, 8 |
 //! | directional | as increments, with a b for each direction | 8 |
 //! | full | a and all products | 8, 20, 200 |
-//! | extended | as full, with a [model of the noise](residuals) | 8, 20 |
+//! | extended | as full, with a model of the noise | 8, 20 |
 //! | smoothed | a and all products, with one lag more, from smoothed rows | 13, 200 |
 //!
 //! A memory of m horizons is the forgetting factor 1 - 1 / (m h), h horizon in samples; each memory also has a least

@@ -39,8 +39,8 @@
 #define HYDRAXIS_VALVE_COMMAND_BUFFER 256
 
 #define HYDRAXIS_COEFFICIENT_SNAPSHOT_SERVICE "hydraxis/coefficient-snapshot"
-#define HYDRAXIS_COEFFICIENT_SNAPSHOT_TYPE "hydraxis.CoefficientSnapshot/6"
-#define HYDRAXIS_COEFFICIENT_SNAPSHOT_LAYOUT "73da06bcf461255f"
+#define HYDRAXIS_COEFFICIENT_SNAPSHOT_TYPE "hydraxis.CoefficientSnapshot/5"
+#define HYDRAXIS_COEFFICIENT_SNAPSHOT_LAYOUT "f1146bb091332a2a"
 #define HYDRAXIS_COEFFICIENT_SNAPSHOT_BUFFER 64
 
 #define HYDRAXIS_REFERENCE_SERVICE "hydraxis/reference"
@@ -579,7 +579,7 @@ typedef struct HydraxisAxisSnapshot {
     uint64_t since_update;
     // Weights of the estimators that the estimator auto runs side by side, in the order of MEMBERS; their sum is 1. All
     // are 0 with another estimator, and before training has found a first model.
-    double weights[13];
+    double weights[11];
     // Length of the horizon, samples.
     uint32_t horizon;
     // Reasons to distrust the model, model_fault bits; 0 is healthy.
@@ -608,9 +608,9 @@ HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, skipped) == 952, "HydraxisAxisSna
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, outliers) == 960, "HydraxisAxisSnapshot.outliers");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, since_update) == 968, "HydraxisAxisSnapshot.since_update");
 HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, weights) == 976, "HydraxisAxisSnapshot.weights");
-HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, horizon) == 1080, "HydraxisAxisSnapshot.horizon");
-HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, faults) == 1084, "HydraxisAxisSnapshot.faults");
-HYDRAXIS_ASSERT(sizeof(HydraxisAxisSnapshot) == 1088, "HydraxisAxisSnapshot");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, horizon) == 1064, "HydraxisAxisSnapshot.horizon");
+HYDRAXIS_ASSERT(offsetof(HydraxisAxisSnapshot, faults) == 1068, "HydraxisAxisSnapshot.faults");
+HYDRAXIS_ASSERT(sizeof(HydraxisAxisSnapshot) == 1072, "HydraxisAxisSnapshot");
 
 typedef struct HydraxisCoefficientSnapshot {
     // sequence names the last sample that updated the coefficients.
@@ -620,7 +620,7 @@ typedef struct HydraxisCoefficientSnapshot {
 } HydraxisCoefficientSnapshot;
 HYDRAXIS_ASSERT(offsetof(HydraxisCoefficientSnapshot, header) == 0, "HydraxisCoefficientSnapshot.header");
 HYDRAXIS_ASSERT(offsetof(HydraxisCoefficientSnapshot, axes) == 48, "HydraxisCoefficientSnapshot.axes");
-HYDRAXIS_ASSERT(sizeof(HydraxisCoefficientSnapshot) == 8752, "HydraxisCoefficientSnapshot");
+HYDRAXIS_ASSERT(sizeof(HydraxisCoefficientSnapshot) == 8624, "HydraxisCoefficientSnapshot");
 
 typedef struct HydraxisReference {
     // sequence is the tick that the first reference is meant for; it must not go back.

@@ -23,8 +23,6 @@ MEMBERS = [
     "full 8",
     "full 20",
     "full 200",
-    "extended 8",
-    "extended 20",
     "smoothed 13",
     "smoothed 200",
 ]
@@ -462,7 +460,7 @@ class ModelErrors(ctypes.Structure):
 
 
 class AxisSnapshot(ctypes.Structure):
-    SIZE = 1088
+    SIZE = 1072
     _fields_ = [
         # The adaptive model, updated online.
         ("adaptive", Coefficients),
@@ -513,7 +511,7 @@ class AxisSnapshot(ctypes.Structure):
         ("since_update", u64),
         # Weights of the estimators that the estimator auto runs side by side, in the order of MEMBERS; their sum is 1.
         # All are 0 with another estimator, and before training has found a first model.
-        ("weights", f64 * 13),
+        ("weights", f64 * 11),
         # Length of the horizon, samples.
         ("horizon", u32),
         # Reasons to distrust the model, model_fault bits; 0 is healthy.
@@ -523,11 +521,11 @@ class AxisSnapshot(ctypes.Structure):
 
 class CoefficientSnapshot(ctypes.Structure):
     CHANNEL = "coefficient-snapshot"
-    LAYOUT = "73da06bcf461255f"
+    LAYOUT = "f1146bb091332a2a"
     MAX_PUBLISHERS = 1
     BUFFER = 64  # messages that a reader may fall behind
     IS_FROM_CLIENTS = False
-    SIZE = 8752
+    SIZE = 8624
     _fields_ = [
         # sequence names the last sample that updated the coefficients.
         ("header", Header),
@@ -537,7 +535,7 @@ class CoefficientSnapshot(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "hydraxis.CoefficientSnapshot/6"
+        return "hydraxis.CoefficientSnapshot/5"
 
 
 class Reference(ctypes.Structure):

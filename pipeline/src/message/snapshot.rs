@@ -82,7 +82,7 @@ shared_struct! {
 
 /// The estimators that the estimator `auto` runs side by side, in the order of [`AxisSnapshot::weights`]: what they
 /// learn, and their memory in horizons.
-pub const MEMBERS: [&str; 13] = [
+pub const MEMBERS: [&str; 11] = [
     "held",
     "still",
     "linear 4",
@@ -92,8 +92,6 @@ pub const MEMBERS: [&str; 13] = [
     "full 8",
     "full 20",
     "full 200",
-    "extended 8",
-    "extended 20",
     "smoothed 13",
     "smoothed 200",
 ];
@@ -141,7 +139,7 @@ pub mod model_fault {
 
 shared_struct! {
     /// The models after one sample: ident-proc to control-proc. Only the newest snapshot counts.
-    #[type_name("hydraxis.CoefficientSnapshot/6")]
+    #[type_name("hydraxis.CoefficientSnapshot/5")]
     pub struct CoefficientSnapshot {
         /// `sequence` names the last sample that updated the coefficients.
         pub header: Header,

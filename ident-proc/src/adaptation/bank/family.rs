@@ -2,11 +2,10 @@
 
 use pipeline::hammerstein::{Coefficients, Nonlinearity, Structure};
 
-use super::residuals::{PAST, Residuals};
 use crate::{least_squares::Triangle, offline::Projection, recursive::RecursiveLeastSquares, regression::Regression};
 
 /// Number of families.
-const COUNT: usize = 6;
+const COUNT: usize = 5;
 
 /// Memory of a member in horizons, and the shortest one in samples.
 ///
@@ -21,8 +20,6 @@ pub struct Family {
     /// Forgetting factor of each member.
     factors: Vec<f64>,
     members: Vec<RecursiveLeastSquares>,
-    /// Present where the regressor has past residuals.
-    residuals: Option<Residuals>,
     phi: Vec<f64>,
     idle: Vec<bool>,
     projection: Projection,
@@ -36,8 +33,6 @@ struct Kind {
     memories: &'static [Memory],
     /// Whether regressor and target are smoothed.
     smoothed: bool,
-    /// Whether the regressor has past residuals as well.
-    extended: bool,
 }
 
 /// The families of a bank for `structure`, whose rows have the structure `row`. The forms with fewer coefficients use
@@ -50,13 +45,12 @@ fn kinds(structure: Structure, row: &Structure, held: &Nonlinearity) -> [Kind; C
         ..structure
     };
     let wide = Structure { nb: row.nb, ..structure };
-    let kind = |name, regression, memories| Kind { name, regression, memories, smoothed: false, extended: false };
+    let kind = |name, regression, memories| Kind { name, regression, memories, smoothed: false };
     [
         kind("linear", Regression::linear(structure, held), &[(4.0, 100.0)]),
         kind("increments", Regression::linear(increments, held), &[(4.0, 100.0), (8.0, 200.0)]),
         kind("directional", Regression::directional(increments, held), &[(8.0, 200.0)]),
         kind("full", Regression::full(structure), &[(8.0, 200.0), (20.0, 500.0), (200.0, 5000.0)]),
-        Kind { extended: true, ..kind("extended", Regression::full(structure), &[(8.0, 200.0), (20.0, 500.0)]) },
         Kind { smoothed: true, ..kind("smoothed", Regression::full(wide), &[(13.0, 333.0), (200.0, 5000.0)]) },
     ]
 }
@@ -71,15 +65,13 @@ impl Family {
 
     fn new(kind: Kind, horizon: usize) -> Self {
         let n = kind.regression.len();
-        let all = n + if kind.extended { PAST } else { 0 };
         let samples = |(horizons, least): &Memory| (horizons * horizon as f64).max(*least);
         let factors: Vec<f64> = kind.memories.iter().map(|memory| 1.0 - 1.0 / samples(memory)).collect();
         Self {
-            members: vec![RecursiveLeastSquares::new(all); factors.len()],
-            residuals: kind.extended.then(|| Residuals::new(factors.len(), n)),
+            members: vec![RecursiveLeastSquares::new(n); factors.len()],
             factors,
-            phi: vec![0.0; all],
-            idle: vec![false; all],
+            phi: vec![0.0; n],
+            idle: vec![false; n],
             projection: Projection::new(n),
             kind,
         }
@@ -94,10 +86,7 @@ impl Family {
 
     /// Starts all members from offline data, given as the least-squares problem of rows of the structure `of`.
     pub fn start(&mut self, rows: &Triangle, of: &Structure) {
-        let (mut data, mut held) = self.projection.project(&self.kind.regression, rows, of);
-        if let Some(residuals) = &mut self.residuals {
-            (data, held) = residuals.start(data, held);
-        }
+        let (data, held) = self.projection.project(&self.kind.regression, rows, of);
         self.members.iter_mut().for_each(|member| member.start(data, held));
     }
 
@@ -105,16 +94,12 @@ impl Family {
     /// commands of an `idle` sign contribute to is not forgotten. Returns whether a covariance was cut at its bound.
     pub fn learn(&mut self, y: f64, row: &[f64], of: &Structure, idle: [bool; 2]) -> bool {
         let regression = &self.kind.regression;
-        let n = regression.len();
-        regression.regressor(row, of, &mut self.phi[..n]);
+        regression.regressor(row, of, &mut self.phi);
         let target = regression.target(y, row);
-        regression.mark_idle(idle, &mut self.idle[..n]);
+        regression.mark_idle(idle, &mut self.idle);
         let selective = self.idle.contains(&true);
         let mut bounded = false;
-        for (i, (member, factor)) in self.members.iter_mut().zip(&self.factors).enumerate() {
-            if let Some(residuals) = &self.residuals {
-                self.phi[n..].copy_from_slice(residuals.past(i));
-            }
+        for (member, factor) in self.members.iter_mut().zip(&self.factors) {
             let factor = if selective {
                 bounded |= member.forget_selectively(*factor, &self.idle);
                 1.0
@@ -122,17 +107,8 @@ impl Family {
                 *factor
             };
             bounded |= member.update(&self.phi, target, factor).bounded;
-            if let Some(residuals) = &mut self.residuals {
-                let predicted: f64 = self.phi.iter().zip(member.theta()).map(|(x, theta)| x * theta).sum();
-                residuals.push(i, target - predicted);
-            }
         }
         bounded
-    }
-
-    /// Forgets past residuals, after a gap in the samples.
-    pub fn interrupt(&mut self) {
-        self.residuals.iter_mut().for_each(Residuals::interrupt);
     }
 
     /// Name of the family in reports.
@@ -162,7 +138,6 @@ impl Family {
 
     /// Writes the coefficients of a member out for the row of the structure `of`.
     pub fn expand(&self, member: usize, of: &Structure, theta: &mut [f64]) {
-        let regression = &self.kind.regression;
-        regression.expand(&self.members[member].theta()[..regression.len()], of, theta);
+        self.kind.regression.expand(self.members[member].theta(), of, theta);
     }
 }

@@ -7,9 +7,8 @@
 //! theta_i coefficients of member i, written out for the [row](crate::sample::row) of the over-parametrised form (14);
 //! w_i its weight, from its own recent h-step errors. No forgetting factor, form or filter is the best on every machine
 //! and at every time. A constant plant wants long memory; one that warms up wants short memory and few coefficients; a
-//! load that comes on wants gains that change by direction; a valve that wears wants all coefficients of its curve;
-//! commands that come from feedback want a model of the noise; a coarse encoder wants a smoothed row. The members
-//! differ in these respects:
+//! load that comes on wants gains that change by direction; a valve that wears wants all coefficients of its curve; a
+//! coarse encoder wants a smoothed row. The members differ in these respects:
 //!
 //! | family | learns | memories in horizons |
 //! |---|---|---|
@@ -19,7 +18,6 @@
 //! | increments | a, b of the increments of y, with one lag more | 4, 8 |
 //! | directional | as increments, with a b for each direction | 8 |
 //! | full | a and all products | 8, 20, 200 |
-//! | extended | as full, with a model of the noise | 8, 20 |
 //! | smoothed | a and all products, with one lag more, from smoothed rows | 13, 200 |
 //!
 //! A memory of m horizons is the forgetting factor 1 - 1 / (m h), h horizon in samples; each memory also has a least
@@ -40,7 +38,6 @@ mod family;
 mod idle;
 mod mirror;
 mod mixture;
-mod residuals;
 mod scores;
 mod smoothing;
 
@@ -216,7 +213,6 @@ impl Bank {
     pub fn interrupt(&mut self) {
         self.competition.interrupt();
         self.smoother.interrupt();
-        self.families.iter_mut().for_each(Family::interrupt);
         self.collected.interrupt();
     }
 

@@ -156,7 +156,9 @@ impl TipMove {
         let Some(plan) = self.plan(operator)? else { return Ok(()) };
         let (way, mut watch) = (way_of(&plan), TipWatch::new(&self.mechanism));
         let begin = Instant::now();
-        let (mut next_line, mut ended, mut has_arrived, mut away) = (begin, None, false, f64::NAN);
+        let away_from = |x: f64, z: f64| (x - self.to[0]).hypot(z - self.to[1]);
+        let start = plan.way().place(0.0).at;
+        let (mut next_line, mut ended, mut has_arrived, mut away) = (begin, None, false, away_from(start.x, start.z));
         while arguments.duration.is_none_or(|duration| begin.elapsed() < duration) {
             let Some(sample) = operator.sample()? else { break };
             operator.ask(&sample)?;
@@ -167,7 +169,7 @@ impl TipMove {
             }
             let (positions, references) = (ALL.map(|i| sample.axes[i].position), ALL.map(|i| last(i).reference));
             let teeth = watch.update(Some(positions), &references, Some((&plan, sender.seconds())));
-            away = (teeth.x - self.to[0]).hypot(teeth.z - self.to[1]);
+            away = away_from(teeth.x, teeth.z);
             let follow = ALL.iter().all(|axis| last(*axis).flags & WAITING == 0);
             sender.send(&sample, &way, if follow { watch.pace() } else { 0.0 })?;
             if Instant::now() >= next_line {

@@ -124,7 +124,7 @@ impl Table {
     /// to row.
     ///
     /// # Errors
-    /// A column is missing or occurs twice, or fields are not finite numbers.
+    /// A column is missing or occurs twice, fields are not finite numbers, or a row has more fields than the header.
     pub fn numbers(&self, names: &[&str], rising: &str) -> Result<Columns, TableError> {
         self.read_numbers(names, rising, false)
     }
@@ -219,7 +219,7 @@ impl Lines<'_> {
 }
 
 /// All rows of a text with this separator, the header as well, each with its line from 1. Fields have no blanks around
-/// them. A row may be shorter or longer than the header, for those who do not ask for numbers of columns.
+/// them. A row may be shorter or longer than the header.
 pub fn rows(text: &str, separator: u8) -> impl Iterator<Item = Result<(usize, csv::StringRecord), TableProblem>> + '_ {
     let mut builder = csv::ReaderBuilder::new();
     builder.has_headers(false).delimiter(separator).trim(csv::Trim::All).flexible(true);

@@ -4,11 +4,8 @@ use std::{fmt::Display, str::FromStr, time::Duration};
 
 use pipeline::{
     hammerstein::{Basis, MAX_ORDER},
-    machine::{Estimator, allowed_units, quantity, samples_of},
+    machine::{Estimator, TipTask, allowed_units, quantity, samples_of},
 };
-
-/// Furthest place of the teeth, m.
-const FURTHEST: f64 = 100.0;
 
 /// `--train`: a number of rows, or a part of all rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -167,7 +164,7 @@ pub fn position(text: &str) -> Result<f64, String> {
 /// A place in the plane of the boom: forward of the centre of swing and above ground, m.
 pub fn place(text: &str) -> Result<[f64; 2], String> {
     let place = text.split_once(',').and_then(|(x, z)| Some([in_unit(x.trim(), "m")?, in_unit(z.trim(), "m")?]));
-    let near = place.filter(|place| place.iter().all(|value| value.abs() <= FURTHEST));
+    let near = place.filter(|place| place.iter().all(|value| TipTask::PLACES.contains(value)));
     near.ok_or_else(|| "allowed: X,Z in m, such as 6.2,-0.5, or with their units; -100 to 100 m".to_owned())
 }
 

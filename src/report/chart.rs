@@ -23,6 +23,8 @@ pub const COLOURS: [RGBColor; 8] = [
     RGBColor(80, 80, 80),
     RGBColor(160, 120, 60),
 ];
+/// Colour of the ground.
+pub const GROUND: RGBColor = RGBColor(140, 110, 70);
 /// Width and height of a chart that fills a page.
 pub const WIDE: (u32, u32) = (1200, 500);
 /// Width and height of a chart that stands beside another one.
@@ -225,6 +227,18 @@ pub fn range(values: impl Iterator<Item = f64>, margin: f64, least: f64) -> (f64
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
     let space = (margin * (high - low)).max(least);
     (low - space, high + space)
+}
+
+/// Ranges around those of x and y, and `margin` beyond them, that have one scale in a panel that is `aspect` times as
+/// wide as it is high.
+pub fn one_scale([x, y]: [(f64, f64); 2], margin: f64, aspect: f64) -> [(f64, f64); 2] {
+    let span = |range: (f64, f64)| range.1 - range.0 + 2.0 * margin;
+    let height = span(y).max(span(x) / aspect);
+    let around = |range: (f64, f64), span: f64| {
+        let middle = 0.5 * (range.0 + range.1);
+        (middle - 0.5 * span, middle + 0.5 * span)
+    };
+    [around(x, aspect * height), around(y, height)]
 }
 
 #[cfg(test)]

@@ -123,7 +123,7 @@ fn a_recorded_task_of_the_teeth_has_its_errors_and_its_cut_on_the_page() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let text = fs::read_to_string(&page).unwrap();
     let section = &text[text.find("<h2>The bucket's teeth</h2>").expect("no section of the teeth")..];
-    // The way begins after 8 s at 7.2 m; the boom stands below the ground before.
+    // The way begins after 8 s at 7.2 m; the teeth stand below the ground before.
     for part in ["on their way", "mm rms", "degrees rms", " m at most, ", "The teeth from the side", "Pitch minus"] {
         assert!(section.contains(part), "{part}");
     }

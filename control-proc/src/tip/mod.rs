@@ -85,12 +85,22 @@ impl TipPlan {
     /// The machine cannot do it: a place is out of reach, needs a position outside the soft limits or more force than a
     /// cylinder has.
     pub fn of(machine: &Machine) -> Result<Option<Self>, TipError> {
-        let (Some(task), Some(mechanism)) = (&machine.tip, &machine.mechanism) else { return Ok(None) };
         let follows = |axis: &Axis| axis.reference == ReferenceSource::Tip;
-        if machine.axes.len() < AXES || !machine.axes[..AXES].iter().all(follows) {
-            return Ok(None);
+        if machine.axes.iter().take(AXES).all(follows) { Self::of_task(machine) } else { Ok(None) }
+    }
+
+    /// Plans the task of a machine, whether its axes follow it or not; `None` for a machine without a task, or without
+    /// teeth.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub fn of_task(machine: &Machine) -> Result<Option<Self>, TipError> {
+        match (&machine.tip, &machine.mechanism) {
+            (Some(task), Some(mechanism)) if machine.axes.len() >= AXES => {
+                Self::new(machine, mechanism, task).map(Some)
+            }
+            _ => Ok(None),
         }
-        Self::new(machine, mechanism, task).map(Some)
     }
 
     fn new(machine: &Machine, mechanism: &Mechanism, task: &TipTask) -> Result<Self, TipError> {

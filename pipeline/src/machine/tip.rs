@@ -15,8 +15,7 @@ use super::{
     document::Section,
 };
 
-/// Range of places, m, and of pitches and angles, degrees.
-const PLACES: std::ops::RangeInclusive<f64> = -100.0..=100.0;
+/// Range of pitches and angles, degrees.
 const PITCHES: std::ops::RangeInclusive<f64> = -720.0..=720.0;
 /// Pieces that a task may have, and those of a file.
 const MOST_PIECES: usize = 100;
@@ -73,6 +72,11 @@ pub enum TipShape {
 }
 
 impl TipTask {
+    /// Where x and z of a place may be, m.
+    pub const PLACES: std::ops::RangeInclusive<f64> = -100.0..=100.0;
+    /// How fast the teeth may go, m/s.
+    pub const SPEEDS: std::ops::RangeInclusive<f64> = 1e-3..=10.0;
+
     /// Reads the table; `None` where it is not given. `has_mechanism` says whether the machine has a `[mechanism]`.
     /// Files are relative to `folder`.
     pub(super) fn read(mut section: Section, has_mechanism: bool, folder: &Path) -> Option<Self> {
@@ -88,7 +92,7 @@ impl TipTask {
             .map(|file| folder.join(file));
         let speed = section
             .key("speed", "Speed of the teeth along the way; slower where an axis or the pump cannot follow")
-            .number(1e-3..=10.0, "m/s");
+            .number(Self::SPEEDS, "m/s");
         let telescope = section
             .key("telescope", "Position at which the telescope stays")
             .rule("the telescope moves, so that the boom moves as little as possible")
@@ -127,7 +131,7 @@ fn pitch_at_start(section: &mut Section) -> f64 {
 }
 
 fn read_pieces(section: &mut Section) -> Pieces {
-    let start = section.key("start", "Where the teeth start, [x, z]").point(PLACES, "m");
+    let start = section.key("start", "Where the teeth start, [x, z]").point(TipTask::PLACES, "m");
     let pitch = pitch_at_start(section);
     let pieces: Vec<TipPiece> = section.list("piece").into_iter().map(TipPiece::read).collect();
     if !(1..=MOST_PIECES).contains(&pieces.len()) {
@@ -182,7 +186,7 @@ fn read_rows(file: &Path) -> Result<(Vec<Row>, bool), TableError> {
             problems.push(TableProblem { line: Some(*line), field, found, allowed });
         };
         let before = i.checked_sub(1).map(|before| rows[before]);
-        if !PLACES.contains(x) || !PLACES.contains(z) {
+        if !TipTask::PLACES.contains(x) || !TipTask::PLACES.contains(z) {
             refuse("x", format!("[{x}, {z}]"), "-100 to 100 m");
         } else if pitch.is_some_and(|pitch| !PITCHES.contains(&pitch)) {
             refuse(PITCH, format!("{}", pitch.unwrap_or_default()), "-720 to 720 degrees");
@@ -205,14 +209,14 @@ impl TipPiece {
         let shape = if is_arc {
             section.forbid("to", "no end of an arc, which follows from center and angle");
             TipShape::Arc {
-                center: section.key("center", "Centre of an arc, [x, z]").point(PLACES, "m"),
+                center: section.key("center", "Centre of an arc, [x, z]").point(TipTask::PLACES, "m"),
                 angle: section
                     .key("angle", "Angle of an arc, counter-clockwise as seen with the machine facing right")
                     .number(PITCHES, "degrees"),
             }
         } else {
             section.forbid("angle", "no angle of a straight line; an arc has a center as well");
-            TipShape::Line(section.key("to", "End of a straight line, [x, z]").point(PLACES, "m"))
+            TipShape::Line(section.key("to", "End of a straight line, [x, z]").point(TipTask::PLACES, "m"))
         };
         let pitch = section
             .key("pitch", "Pitch of the bucket at the end of the piece")

@@ -20,7 +20,6 @@ use control_proc::{
     protection::end_stops::EndStops, reference::generator::ReferenceGenerator, tip::TipPlan,
     trajectory_file::read_references,
 };
-use mechanism::AXES;
 use pipeline::machine::{Axis, Machine, Plant, ReferenceSource};
 
 /// Time over which periodic references are looked at, s.
@@ -65,12 +64,10 @@ pub fn excesses(machine: &Machine) -> Vec<String> {
 
 /// A task of the teeth that no axis follows yet, and that the machine cannot do.
 fn impossible_task(machine: &Machine) -> Option<String> {
-    if machine.axes.len() < AXES || machine.axes.iter().any(|axis| axis.reference == ReferenceSource::Tip) {
+    if machine.axes.iter().any(|axis| axis.reference == ReferenceSource::Tip) {
         return None;
     }
-    let mut following = machine.clone();
-    following.axes[..AXES].iter_mut().for_each(|axis| axis.reference = ReferenceSource::Tip);
-    let problem = TipPlan::of(&following).err()?;
+    let problem = TipPlan::of_task(machine).err()?;
     Some(format!("{problem}; no axis follows this task now"))
 }
 

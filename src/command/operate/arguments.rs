@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use pipeline::{channel::Prefix, message::AxisMode};
+use pipeline::{channel::Prefix, machine::TipTask, message::AxisMode};
 
 use crate::arguments::values::{allowed_in, duration, in_unit, place, position, valve_command};
 
@@ -94,7 +94,7 @@ fn pitch(text: &str) -> Result<f64, String> {
 
 /// `--speed`: what `tip.speed` may be as well.
 fn teeth_speed(text: &str) -> Result<f64, String> {
-    let speed = in_unit(text, "m/s").filter(|speed| (0.001..=10.0).contains(speed));
+    let speed = in_unit(text, "m/s").filter(|speed| TipTask::SPEEDS.contains(speed));
     speed.ok_or_else(|| format!("allowed: 0.001 to 10 m/s, as {}", allowed_in("m/s")))
 }
 

@@ -122,11 +122,10 @@ impl TipMove {
         let piece = TipPiece { shape, pitch: self.pitch.map(|to| pitch + nearest_turn(to - pitch)) };
         let (speed, telescope, pieces) = (self.speed, Some(positions[2]), vec![piece]);
         let task = TipTask { start, pitch, speed, telescope, rounding: 0.0, file: None, pieces };
-        let mut machine = Machine { tip: Some(task), ..self.machine.clone() };
-        machine.axes[..AXES].iter_mut().for_each(|axis| axis.reference = ReferenceSource::Tip);
+        let machine = Machine { tip: Some(task), ..self.machine.clone() };
         let refused = |text: String| Failure::usage(format!("--tip: {}", text.trim_start_matches("tip.piece[0]: ")));
-        let plan = TipPlan::of(&machine).map_err(|error| refused(error.to_string()))?;
-        Ok(Some(plan.expect("all four axes of this machine follow a task")))
+        let plan = TipPlan::of_task(&machine).map_err(|error| refused(error.to_string()))?;
+        Ok(Some(plan.expect("this machine has teeth and a task")))
     }
 
     /// The teeth by this machine file are where the group has them.
@@ -156,9 +155,8 @@ impl TipMove {
         let Some(plan) = self.plan(operator)? else { return Ok(()) };
         let (way, mut watch) = (way_of(&plan), TipWatch::new(&self.mechanism));
         let begin = Instant::now();
-        let away_from = |x: f64, z: f64| (x - self.to[0]).hypot(z - self.to[1]);
         let start = plan.way().place(0.0).at;
-        let (mut next_line, mut ended, mut has_arrived, mut away) = (begin, None, false, away_from(start.x, start.z));
+        let (mut next_line, mut ended, mut has_arrived, mut away) = (begin, None, false, self.away([start.x, start.z]));
         while arguments.duration.is_none_or(|duration| begin.elapsed() < duration) {
             let Some(sample) = operator.sample()? else { break };
             operator.ask(&sample)?;
@@ -169,7 +167,7 @@ impl TipMove {
             }
             let (positions, references) = (ALL.map(|i| sample.axes[i].position), ALL.map(|i| last(i).reference));
             let teeth = watch.update(Some(positions), &references, Some((&plan, sender.seconds())));
-            away = away_from(teeth.x, teeth.z);
+            away = self.away([teeth.x, teeth.z]);
             let follow = ALL.iter().all(|axis| last(*axis).flags & WAITING == 0);
             sender.send(&sample, &way, if follow { watch.pace() } else { 0.0 })?;
             if Instant::now() >= next_line {
@@ -191,24 +189,25 @@ impl TipMove {
                 }
             }
         }
-        if operator.stopping() || (away <= ARRIVED && has_arrived) { Ok(()) } else { Err(self.not_there(away)) }
+        if operator.stopping() || away <= ARRIVED {
+            return Ok(());
+        }
+        let ([x, z], away, allowed) = (self.to, 1e3 * away, 1e3 * ARRIVED);
+        Err(Failure::run(format!(
+            "--tip: found the teeth {away:.0} mm from [{x}, {z}] m at the end; allowed: {allowed:.0} mm: more time, or \
+             a lower --speed"
+        )))
     }
 
-    /// The teeth are `away` m from their place at the end.
-    fn not_there(&self, away: f64) -> Failure {
-        let ([x, z], away) = (self.to, 1e3 * away);
-        Failure::run(format!(
-            "--tip: found the teeth {away:.0} mm from [{x}, {z}] m at the end; allowed: {:.0} mm: more time, or a \
-             lower --speed",
-            1e3 * ARRIVED
-        ))
+    /// Distance of teeth at `[x, z]` from the place to which they go, m.
+    fn away(&self, [x, z]: [f64; 2]) -> f64 {
+        (x - self.to[0]).hypot(z - self.to[1])
     }
 
     /// A line about the teeth.
     fn told(&self, teeth: &TeethState) -> String {
         let TeethState { x, z, pitch, error, .. } = teeth;
-        let (pitch, away) = (pitch.to_degrees(), (x - self.to[0]).hypot(z - self.to[1]));
-        let off = 1e3 * error;
+        let (pitch, away, off) = (pitch.to_degrees(), self.away([*x, *z]), 1e3 * error);
         format!("teeth at [{x:.3}, {z:.3}] m, pitch {pitch:.1} degrees: {away:.3} m to go, {off:.1} mm off the line\n")
     }
 

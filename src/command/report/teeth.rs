@@ -13,14 +13,14 @@ use pipeline::{
     message::{TeethState, TipState},
     statistics::ErrorStatistics,
 };
-use plotters::prelude::{Color, RGBColor};
+use plotters::prelude::Color;
 
 use super::{
     line::{Line, Spread},
     models::{chart, line},
 };
 use crate::report::{
-    chart::{COLOURS, Chart, HALF, Mark, Series, WIDE},
+    chart::{COLOURS, Chart, GROUND, HALF, Mark, Series, WIDE, one_scale},
     page::{Figure, Page},
     table::number,
 };
@@ -33,8 +33,7 @@ const ONE_MOTION: f64 = 0.5;
 const MOST_PLACES: f64 = 100.0 / STEP;
 /// Free space around the picture from the side, m, and the width of its panel by the height.
 const MARGIN: f64 = 0.3;
-const WIDTH_BY_HEIGHT: f64 = 2.9;
-const GROUND: RGBColor = RGBColor(140, 110, 70);
+const ASPECT: f64 = 2.9;
 
 /// What a recording tells of the teeth.
 #[derive(Debug)]
@@ -43,7 +42,7 @@ pub struct TeethStory {
     path: Spread<[f64; 2]>,
     /// Distance from the way, mm, and error of the pitch, degrees, while there is a way.
     errors: [Line; 2],
-    /// The same in m and degrees.
+    /// Distance from the way, m, and error of the pitch, degrees, over all ticks on the way.
     statistics: [ErrorStatistics; 2],
     /// Ground by the number of its place, m.
     ground: BTreeMap<i32, f64>,
@@ -183,12 +182,7 @@ impl TeethStory {
 fn frame<'a>(points: impl Iterator<Item = &'a (f64, f64)>) -> [(f64, f64); 2] {
     let start = [(f64::INFINITY, f64::NEG_INFINITY), (0.0, 0.0)];
     let [x, z] = points.fold(start, |[x, z], at| [(x.0.min(at.0), x.1.max(at.0)), (z.0.min(at.1), z.1.max(at.1))]);
-    let height = (z.1 - z.0 + 2.0 * MARGIN).max((x.1 - x.0 + 2.0 * MARGIN) / WIDTH_BY_HEIGHT);
-    let around = |range: (f64, f64), span: f64| {
-        let middle = 0.5 * (range.0 + range.1);
-        (middle - 0.5 * span, middle + 0.5 * span)
-    };
-    [around(x, WIDTH_BY_HEIGHT * height), around(z, height)]
+    one_scale([x, z], MARGIN, ASPECT)
 }
 
 #[cfg(test)]
@@ -234,7 +228,7 @@ mod tests {
     #[test]
     fn a_picture_from_the_side_has_one_scale_and_holds_all_points() {
         let [x, z] = frame([(3.0, 0.5), (7.0, -2.0)].iter());
-        assert!((x.1 - x.0 - WIDTH_BY_HEIGHT * (z.1 - z.0)).abs() < 1e-9);
+        assert!((x.1 - x.0 - ASPECT * (z.1 - z.0)).abs() < 1e-9);
         assert!(x.0 < 3.0 && x.1 > 7.0 && z.0 < -2.0 && z.1 > 0.5);
     }
 }

@@ -17,6 +17,7 @@ use super::{
     side::{Drawn, Side},
     tick,
 };
+use crate::report::chart::{GROUND, one_scale};
 
 /// Number of poses, evenly spread over time from the first row to the last.
 const DRAWN: usize = 4;
@@ -25,7 +26,6 @@ const MARGIN: f64 = 0.7;
 const STRUCTURE: RGBColor = RGBColor(40, 40, 40);
 const CYLINDER: RGBColor = RGBColor(0, 114, 178);
 const PATH: RGBColor = RGBColor(213, 94, 0);
-const GROUND: RGBColor = RGBColor(140, 110, 70);
 /// How much of its colour the first pose has; the last one has all of it.
 const FAINTEST: f64 = 0.3;
 /// How much of their colour the surfaces of bodies have.
@@ -74,7 +74,7 @@ impl Poses {
         let poses: Vec<(f64, Drawn)> = shown.map(|(t, positions)| (t, self.side.drawn(&positions))).collect();
         let all = || poses.iter().flat_map(|(_, drawn)| drawn.points()).chain(&path);
 
-        let (x, z) = self.ranges(area.dim_in_pixel(), all());
+        let [x, z] = Self::ranges(area.dim_in_pixel(), all());
         let mut chart = ChartBuilder::on(area)
             .margin_right(40)
             .margin_bottom(10)
@@ -121,21 +121,11 @@ impl Poses {
     }
 
     /// Ranges of x and z that hold all points and the ground at the centre of swing, with one scale for both.
-    fn ranges<'a>(
-        &self,
-        (width, height): (u32, u32),
-        points: impl Iterator<Item = &'a Vector>,
-    ) -> ((f64, f64), (f64, f64)) {
-        let start = (Vector::default(), Vector::default());
-        let (low, high) = points.fold(start, |(low, high), at| {
-            (Vector::new(low.x.min(at.x), low.z.min(at.z)), Vector::new(high.x.max(at.x), high.z.max(at.z)))
-        });
+    fn ranges<'a>((width, height): (u32, u32), points: impl Iterator<Item = &'a Vector>) -> [(f64, f64); 2] {
+        let start = [(0.0f64, 0.0f64); 2];
+        let edges = points.fold(start, |[x, z], at| [(x.0.min(at.x), x.1.max(at.x)), (z.0.min(at.z), z.1.max(at.z))]);
         // The labels take about as much on both sides.
         let (width, height) = (f64::from(width.saturating_sub(130)), f64::from(height.saturating_sub(90)));
-        let span = high - low + Vector::new(2.0 * MARGIN, 2.0 * MARGIN);
-        let scale = (span.x / width).max(span.z / height);
-        let middle = 0.5 * (low + high);
-        let half = Vector::new(0.5 * scale * width, 0.5 * scale * height);
-        ((middle.x - half.x, middle.x + half.x), (middle.z - half.z, middle.z + half.z))
+        one_scale(edges, MARGIN, width / height)
     }
 }

@@ -18,3 +18,4 @@ pub mod recorder;
 pub mod running;
 pub mod signals;
 pub mod supervisor;
+pub mod teeth;

@@ -25,6 +25,8 @@ use crate::harness::{Dice, hydraxis, is_strict, running::Running, shared, signal
 /// Time in which an axis is off after its page is lost; and what is asserted on a busy machine, as in `tests/faults`.
 const BOUND: Duration = Duration::from_millis(300);
 const BUSY: Duration = Duration::from_millis(4 * 300 + 150);
+/// The axes that move the teeth.
+const AXES: [&str; 4] = ["boom", "arm", "telescope", "bucket"];
 /// Time between two beats of a page.
 const BEAT: Duration = Duration::from_millis(50);
 
@@ -248,6 +250,62 @@ fn an_axis_is_off_after_each_way_to_lose_its_page() {
     assert!(last.axes[1..4].iter().all(|axis| axis.flags & control_flag::DISARMED != 0), "only the boom was asked");
 }
 
+/// A press that moves the teeth.
+fn teeth(axes: &[&str], mode: &str, x: f64, speed: f64) -> Value {
+    json!({"hold": 9, "stamp": "now", "axes": axes, "mode": mode, "teeth": {"x": x, "z": -0.5, "speed": speed}})
+}
+
+#[test]
+fn the_page_moves_the_teeth_for_as_long_as_the_button_is_held() {
+    let _cores = shared();
+    let files = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/excavator");
+    let (machine, model) = (format!("{files}.toml"), format!("{files}-model.toml"));
+    let settings = AXES.map(|axis| format!("axis.{axis}.reference.kind=channel"));
+    let mut arguments = vec![machine.as_str(), "--model", &model];
+    arguments.extend(settings.iter().flat_map(|setting| ["--set", setting]));
+    let mut operated = Operated::start_with("control-teeth", &arguments);
+    let server = operated.address;
+    let start = wait_for("the teeth", || Some(operated.newest().teeth).filter(|teeth| teeth.state != 0));
+    // How far the teeth have to go at first and in the end, m, and why the button is over, if not by its release there.
+    let mut press = |id: u64, x: f64| {
+        operated.say(server, "hello", &json!({}));
+        let mut body = teeth(&AXES, "track", x, 0.2);
+        (body["hold"], body["stamp"], body["teeth"]["z"]) = (id.into(), operated.stamp.into(), start.z.into());
+        operated.say(server, "press", &body);
+        let mut to_go: Vec<f64> = Vec::new();
+        loop {
+            let (status, said) = operated.say(server, "beat", &json!({"hold": id, "stamp": operated.stamp}));
+            let told: Option<f64> =
+                said["told"].as_str().and_then(|told| told.split_once("degrees: ")?.1.split(' ').next()?.parse().ok());
+            to_go.extend(told);
+            let has_arrived = to_go.last().is_some_and(|to_go| *to_go < 0.02);
+            if has_arrived {
+                operated.say(server, "release", &json!({"hold": id}));
+            }
+            if status != 200 || said["phase"] == "ended" || has_arrived {
+                eprintln!("{status} {said}");
+                return (to_go.first().copied(), has_arrived, said["why"].as_str().unwrap_or_default().to_owned());
+            }
+            thread::sleep(BEAT);
+        }
+    };
+    let mut id = 10;
+    let begun = wait_for("the teeth at their place", || {
+        // On a busy machine a beat may come too late: then the button is pressed again.
+        id += 1;
+        let (begun, has_arrived, _) = press(id, start.x - 0.4);
+        begun.filter(|_| has_arrived)
+    });
+    assert!(begun > 0.02, "{begun}");
+    wait_for("a place out of reach to be refused", || {
+        id += 1;
+        press(id, 14.0).2.contains("soft limits").then_some(())
+    });
+    operated.expect_off("the button is released", Instant::now());
+    let newest = operated.newest();
+    assert!(newest.axes[..4].iter().all(|axis| axis.flags & control_flag::DISARMED != 0));
+}
+
 #[test]
 fn an_expired_button_cannot_be_held_again_and_wrong_values_are_refused() {
     let _cores = shared();
@@ -271,6 +329,12 @@ fn an_expired_button_cannot_be_held_again_and_wrong_values_are_refused() {
         (422, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "hold", "target": 99.0})),
         (422, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "manual", "command": 1.5})),
         (422, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "manual", "command": -0.301})),
+        (422, teeth(&["boom"], "track", 6.2, 0.1)),
+        (422, teeth(&AXES, "hold", 6.2, 0.1)),
+        (422, teeth(&AXES, "track", 200.0, 0.1)),
+        (422, teeth(&AXES, "track", 6.2, 0.3)),
+        (422, teeth(&AXES, "track", 6.2, 0.0)),
+        (400, json!({"hold": 9, "stamp": "now", "axes": AXES, "mode": "track", "teeth": {"x": 6.2, "speed": 0.1}})),
         (400, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "hold", "force": 1})),
         (400, json!({"hold": 9})),
     ] {

@@ -191,3 +191,104 @@ fn a_file_that_is_no_way_is_refused_with_its_row() {
     }
     assert!(from_file("x,z\n7.2,0\n5,0\n", &[("tip.rounding", "2")]).is_err());
 }
+
+/// Shortest time of a way, s, with `part` of the machine's speeds and flow, by reachability analysis (Pham and Pham, IEEE
+/// Transactions on Robotics 34, 2018). The jerk has no bound, so no motion that the machine allows is faster.
+fn shortest_time(machine: &Machine, task: &TipTask, part: f64) -> f64 {
+    let mechanism = machine.mechanism.as_ref().unwrap();
+    let way = Way::new(task, mechanism.geometry.bucket_length).unwrap();
+    let cylinders = Cylinders::new(machine, mechanism);
+    let freedom = Freedom::choose(&cylinders, &way, task.telescope).unwrap();
+    let at = |s: f64| cylinders.positions(&way.place(s), freedom.at(s)).unwrap();
+    let run = |run| RunBounds::new(machine, task.speed, part, run, at).shortest_time();
+    way.runs().into_iter().map(run).sum()
+}
+
+/// What the axes can give at evenly spaced points of a run, in x = s'^2 and u = s''. All bounds are linear in both.
+struct RunBounds {
+    step: f64,
+    accelerations: [f64; AXES],
+    /// Largest x, and derivatives of the cylinders by s.
+    points: Vec<(f64, [f64; AXES], [f64; AXES])>,
+}
+
+impl RunBounds {
+    fn new(machine: &Machine, speed: f64, part: f64, run: (f64, f64), at: impl Fn(f64) -> [f64; AXES]) -> Self {
+        const PARTS: usize = 400;
+        let step = (run.1 - run.0) / PARTS as f64;
+        let place = |k: usize| at((run.0 + step * k as f64).clamp(run.0 + 1e-9, run.1 - 1e-9));
+        let point = |k: usize| {
+            let k = k.clamp(1, PARTS - 1);
+            let [before, here, after] = [place(k - 1), place(k), place(k + 1)];
+            let rates: [f64; AXES] = std::array::from_fn(|i| (after[i] - before[i]) / (2.0 * step));
+            let bends = std::array::from_fn(|i| (after[i] - 2.0 * here[i] + before[i]) / (step * step));
+            let (mut flow, mut fastest) = (0.0, speed);
+            for (axis, rate) in machine.axes.iter().zip(rates) {
+                let (retract, extend) = axis.commissioned.as_ref().unwrap().tested_speeds(axis.control.command_limit);
+                let plant = axis.plant.as_ref().unwrap();
+                let (limit, area) = if rate > 0.0 { (extend, plant.piston_area) } else { (retract, plant.rod_area) };
+                fastest = fastest.min(part * limit.min(axis.max_speed) / rate.abs());
+                flow += area * rate.abs();
+            }
+            (fastest.min(part * machine.hydraulics.unwrap().supply.flow / flow).powi(2), rates, bends)
+        };
+        let period = machine.timing.period.as_secs_f64();
+        let accelerations = std::array::from_fn(|i| machine.axes[i].motion_limits(period).stop_deceleration);
+        Self { step, accelerations, points: (0..=PARTS).map(point).collect() }
+    }
+
+    /// The bounds of u at a point where x is this.
+    fn of(&self, k: usize, x: f64) -> (f64, f64) {
+        let (_, rates, bends) = &self.points[k];
+        (0..AXES).fold((f64::NEG_INFINITY, f64::INFINITY), |(low, high), i| {
+            let of = |acceleration: f64| (acceleration - bends[i] * x) / rates[i];
+            let (a, b) = (of(-self.accelerations[i]), of(self.accelerations[i]));
+            (low.max(a.min(b)), high.min(a.max(b)))
+        })
+    }
+
+    /// The x from which the rest of the run can be done are an interval from 0 on at each point. From the begin, the
+    /// largest u that stays within them is the fastest.
+    fn shortest_time(&self) -> f64 {
+        let (last, double) = (self.points.len() - 1, 2.0 * self.step);
+        let mut reachable = vec![0.0; last + 1];
+        for k in (0..last).rev() {
+            let is_possible = |x: f64| {
+                let (low, high) = self.of(k, x);
+                low.max(-x / double) <= high.min((reachable[k + 1] - x) / double)
+            };
+            let (mut possible, mut beyond) = (0.0, self.points[k].0);
+            possible = if is_possible(beyond) { beyond } else { possible };
+            while beyond - possible > 1e-9 {
+                let middle = 0.5 * (possible + beyond);
+                *(if is_possible(middle) { &mut possible } else { &mut beyond }) = middle;
+            }
+            reachable[k] = possible;
+        }
+        let (mut x, mut time) = (0.0_f64, 0.0);
+        for k in 0..last {
+            let u = self.of(k, x).1.min((reachable[k + 1] - x) / double);
+            let next = (x + double * u).max(0.0);
+            time += double / (x.sqrt() + next.sqrt());
+            x = next;
+        }
+        time
+    }
+}
+
+#[test]
+fn a_plan_takes_a_tenth_longer_than_the_machine_allows_at_most() {
+    let machine = Machine::load(None, &[]).unwrap();
+    for (number, task) in tasks().into_iter().enumerate() {
+        // At 2 m/s the axes and the pump are the limit everywhere, and a tenth of them is kept for disturbances.
+        for (speed, part) in [(0.2, 1.0), (0.35, 1.0), (0.5, 1.0), (2.0, 0.9)] {
+            let task = TipTask { speed, ..task.clone() };
+            let (planned, shortest) = (planned(task.clone()).unwrap().duration(), shortest_time(&machine, &task, part));
+            println!(
+                "task {number} at {speed} m/s: {planned:.2} s, allowed {shortest:.2} s: {:.3}",
+                planned / shortest
+            );
+            assert!((1.0..=1.1).contains(&(planned / shortest)), "{number} at {speed} m/s: {planned} {shortest}");
+        }
+    }
+}

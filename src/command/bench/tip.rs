@@ -23,7 +23,12 @@ use pipeline::{
 };
 use serde::Serialize;
 
-use super::{super::simulate::closed_loop, parallel, tip_drawn::DrawnTask, tip_picture::picture};
+use super::{
+    super::simulate::closed_loop,
+    parallel,
+    tip_drawn::{DrawnTask, toml},
+    tip_picture::picture,
+};
 use crate::{
     arguments::{
         BareMachine, load_bare, simulated_only,
@@ -31,6 +36,7 @@ use crate::{
     },
     command::check,
     failure::Failure,
+    group::operator,
     report::{
         output::{Output, OutputError, create},
         table::{number, table},
@@ -181,6 +187,8 @@ struct Row {
     scenario: String,
     controller: &'static str,
     seed: u64,
+    /// The task as a table of a machine file.
+    way: String,
     /// Why the task was refused; then there are no figures.
     #[serde(skip_serializing_if = "Option::is_none")]
     refused: Option<String>,
@@ -189,7 +197,8 @@ struct Row {
     max_at: Option<[f64; 2]>,
     pitch_rms: Option<f64>,
     duration: Option<f64>,
-    is_latched: bool,
+    /// Axis, causes, and time of every latch.
+    latches: Vec<String>,
     /// The planned time has passed.
     is_done: bool,
     #[serde(skip)]
@@ -309,13 +318,14 @@ fn drive(case: &Case<'_>) -> Result<Row, Failure> {
         scenario: machine.scenario.name.clone(),
         controller: CONTROLLERS[usize::from(case.has_model)],
         seed: case.seed,
+        way: toml(&case.task),
         refused: None,
         rms: None,
         max: None,
         max_at: None,
         pitch_rms: None,
         duration: None,
-        is_latched: false,
+        latches: Vec::new(),
         is_done: false,
         error: ErrorStatistics::default(),
         trace: Vec::new(),
@@ -333,12 +343,19 @@ fn drive(case: &Case<'_>) -> Result<Row, Failure> {
     }
     let duration = Duration::from_secs_f64(case.patience * teeth.plan().duration() + AROUND);
     let ticks = pipeline::machine::samples_of(duration, machine.timing.period) as u64;
+    let mut latched = vec![0; machine.axes.len()];
     closed_loop::run(&machine, case.seed, ticks, |tick| {
         if let Some(plant) = tick.plant {
             teeth.observe(tick.way, plant);
             row.trace.extend((tick.number % TRACED == 0).then(|| teeth.trace(tick.way, plant)).flatten());
         }
-        row.is_latched |= tick.command.axes.iter().any(|axis| axis.flags & control_flag::LATCHED != 0);
+        for ((before, axis), now) in latched.iter_mut().zip(&machine.axes).zip(&tick.command.axes) {
+            if now.flags & control_flag::LATCHED & !*before != 0 {
+                let seconds = tick.number as f64 * machine.timing.period.as_secs_f64();
+                row.latches.push(format!("{}, {seconds:.2} s", operator::state(&axis.name, now.flags, now.operation)));
+            }
+            *before = now.flags;
+        }
         Ok(())
     })?;
     let figures = teeth.figures();
@@ -367,7 +384,7 @@ impl TipReport {
                 controller.to_owned(),
                 driven().count().to_string(),
                 all().filter(|row| row.refused.is_some()).count().to_string(),
-                driven().filter(|row| row.is_latched).count().to_string(),
+                driven().filter(|row| !row.latches.is_empty()).count().to_string(),
                 driven().filter(|row| !row.is_done).count().to_string(),
                 millimetres(median(driven().filter_map(|row| row.rms))),
                 millimetres(driven().filter_map(|row| row.max).reduce(f64::max)),
@@ -411,7 +428,7 @@ impl TipReport {
                 }),
                 number(driven().filter_map(|row| row.duration).fold(f64::NAN, f64::max)),
                 format!("{}", group.iter().filter(|row| row.refused.is_some()).count()),
-                format!("{}", group.iter().filter(|row| row.is_latched).count()),
+                format!("{}", group.iter().filter(|row| !row.latches.is_empty()).count()),
             ]
         });
         let header = ["task", "speed", "controller", "nominal", "all", "max", "worst", "s", "refused", "latched"];

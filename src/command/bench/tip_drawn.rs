@@ -80,9 +80,42 @@ fn shape(draw: &mut Draw, at: &mut [f64; 2]) -> TipShape {
     TipShape::Arc { center, angle }
 }
 
+/// A task as a table of a machine file.
+pub fn toml(task: &TipTask) -> String {
+    let TipTask { start: [x, z], pitch, speed, telescope, rounding, .. } = task;
+    let mut text = format!("[tip]\nstart = [{x}, {z}]\npitch = {pitch}\nspeed = \"{speed} m/s\"\n");
+    text += &telescope.map_or(String::new(), |telescope| format!("telescope = {telescope}\n"));
+    text += &if *rounding > 0.0 { format!("rounding = {rounding}\n") } else { String::new() };
+    for piece in &task.pieces {
+        let shape = match piece.shape {
+            TipShape::Line([x, z]) => format!("to = [{x}, {z}]\n"),
+            TipShape::Arc { center: [x, z], angle } => format!("center = [{x}, {z}]\nangle = {angle}\n"),
+        };
+        let pitch = piece.pitch.map_or(String::new(), |pitch| format!("pitch = {pitch}\n"));
+        text += &format!("[[tip.piece]]\n{shape}{pitch}");
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use pipeline::machine::{BUILT_IN, Machine};
+
     use super::*;
+
+    #[test]
+    fn a_task_as_a_table_of_a_machine_file_is_read_as_the_same_task() {
+        let (before, rest) = BUILT_IN.split_once("\n[tip]\n").unwrap();
+        let (_, rest) = rest.split_once("\npiece = ").and_then(|(_, rest)| rest.split_once('\n')).unwrap();
+        for number in 0..20 {
+            let task = DrawnTask::new(5, number).task;
+            let text = format!("{before}\n{}{rest}", toml(&task));
+            let machine = Machine::parse(&text, "excavator.toml", Path::new("."), &[]).unwrap();
+            assert_eq!(machine.tip, Some(task));
+        }
+    }
 
     #[test]
     fn pieces_hang_together_and_a_task_depends_on_its_number_and_the_seed() {

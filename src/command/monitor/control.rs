@@ -24,6 +24,7 @@ use axum::{
 };
 use pipeline::{
     channel::{Prefix, remove_leftovers},
+    machine::TipTask,
     message::AxisMode,
 };
 use serde::Deserialize;
@@ -37,7 +38,10 @@ use super::{
 use crate::{
     arguments::axes_of,
     failure::Failure,
-    group::operator::{Operator, OperatorError, board},
+    group::{
+        operator::{Operator, OperatorError, board},
+        teeth::{ALL, PITCHES, TeethPlace},
+    },
 };
 
 /// Header that carries the token. No form and no link of another page can send it, and the passwords of a proxy have
@@ -45,6 +49,8 @@ use crate::{
 const TOKEN: HeaderName = HeaderName::from_static("x-hydraxis-token");
 /// Largest command from the page: whoever holds its button may not see the machine.
 const LARGEST_COMMAND: f64 = 0.3;
+/// Largest speed of the teeth from the page, m/s.
+const FASTEST_TEETH: f64 = 0.2;
 /// Time in which a stop is to be answered.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Time between two looks at the board.
@@ -73,6 +79,17 @@ struct Press {
     mode: String,
     target: Option<f64>,
     command: Option<f64>,
+    teeth: Option<Teeth>,
+}
+
+/// Where the bucket's teeth are to go: m, degrees, m/s.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Teeth {
+    x: f64,
+    z: f64,
+    pitch: Option<f64>,
+    speed: f64,
 }
 
 #[derive(Debug, Deserialize)]
@@ -178,7 +195,8 @@ impl Control {
         let Some(mode) = mode else {
             return Err(unusable(format!("mode: found {:?}; allowed: manual, hold, track", press.mode)));
         };
-        let wanted = Wanted { mode, target: press.target, command: press.command.unwrap_or_default() };
+        let teeth = press.teeth.map(|teeth| place_of(teeth, mode, &axes)).transpose()?;
+        let wanted = Wanted { mode, target: press.target, command: press.command.unwrap_or_default(), teeth };
         for axis in &axes {
             check(machine.name(*axis), machine.soft_limits[*axis], &wanted)?;
         }
@@ -210,12 +228,13 @@ impl Control {
             hold.release();
             return Err(refused);
         }
-        let (phase, why) = match hold.beat(stamp, beat.target, command) {
+        let (phase, told) = hold.beat(stamp, beat.target, command);
+        let (phase, why) = match phase {
             Phase::Arming => ("arming", String::new()),
             Phase::Held => ("held", String::new()),
             Phase::Ended(why) => ("ended", why),
         };
-        Ok(json!({ "stamp": self.stamp(), "phase": phase, "why": why }))
+        Ok(json!({ "stamp": self.stamp(), "phase": phase, "why": why, "told": told }))
     }
 }
 
@@ -224,6 +243,27 @@ fn expect_small(command: f64) -> Result<(), Refused> {
     let allowed = format!("-{LARGEST_COMMAND} to {LARGEST_COMMAND}");
     let refused = || unusable(format!("command: found {command}; allowed: {allowed}"));
     if command.abs() <= LARGEST_COMMAND { Ok(()) } else { Err(refused()) }
+}
+
+/// Refuses a place that no teeth can be at, a speed that is too high for a person who sees the machine on a page only,
+/// and other axes than the four that move the teeth.
+fn place_of(Teeth { x, z, pitch, speed }: Teeth, mode: AxisMode, axes: &[usize]) -> Result<TeethPlace, Refused> {
+    if mode != AxisMode::Track || axes != ALL {
+        return Err(unusable("teeth: found other axes, or another mode; allowed: all four axes in the mode track"));
+    }
+    let within = |value: &f64| TipTask::PLACES.contains(value);
+    if !within(&x) || !within(&z) {
+        let (low, high) = TipTask::PLACES.into_inner();
+        return Err(unusable(format!("teeth: found [{x}, {z}] m; allowed: {low} to {high} m")));
+    }
+    if let Some(pitch) = pitch.filter(|pitch| !PITCHES.contains(pitch)) {
+        return Err(unusable(format!("teeth: found a pitch of {pitch} degrees; allowed: -360 to 360")));
+    }
+    let slowest = *TipTask::SPEEDS.start();
+    if !(slowest..=FASTEST_TEETH).contains(&speed) {
+        return Err(unusable(format!("teeth: found {speed} m/s; allowed: {slowest} to {FASTEST_TEETH} m/s")));
+    }
+    Ok(TeethPlace { to: [x, z], pitch, speed })
 }
 
 /// Refuses a set point or a command outside its range.

@@ -3,7 +3,7 @@
 use mechanism::{AXES, Mechanism, Vector};
 use pipeline::{
     channel::Prefix,
-    machine::Machine,
+    machine::{Machine, ReferenceSource},
     message::{ControlMode, MachineState},
 };
 use serde::Serialize;
@@ -39,6 +39,8 @@ pub struct Hello {
     machine: Option<String>,
     period_s: Option<f64>,
     axes: Vec<AxisFacts>,
+    /// The machine has teeth, and its axes follow programs, so that a person can move them.
+    moves_teeth: bool,
     /// Lowest x, lowest z, highest x, highest z of the drawing, m.
     view: Option<[f64; 4]>,
 }
@@ -62,6 +64,7 @@ impl Hello {
             machine: None,
             period_s: None,
             axes: Vec::new(),
+            moves_teeth: false,
             view: None,
         }
     }
@@ -83,10 +86,16 @@ impl Hello {
             machine: known.map(|machine| machine.name.clone()),
             period_s: known.map(|machine| machine.timing.period.as_secs_f64()),
             axes: known.map(facts).unwrap_or_default(),
+            moves_teeth: known.is_some_and(moves_teeth),
             view: known.and_then(|machine| Some(view(machine.mechanism.as_ref()?, machine))),
             ..Self::absent(attachment, String::new(), controls)
         }
     }
+}
+
+fn moves_teeth(machine: &Machine) -> bool {
+    let follows = |axis: &pipeline::machine::Axis| axis.reference == ReferenceSource::Channel;
+    machine.mechanism.is_some() && machine.axes.iter().take(AXES).all(follows)
 }
 
 /// The rectangle that holds the machine in all poses.

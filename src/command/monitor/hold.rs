@@ -29,7 +29,10 @@ use pipeline::{
 
 use crate::{
     failure::Failure,
-    group::operator::{Operator, board},
+    group::{
+        operator::{Operator, board},
+        teeth::{TeethMove, TeethPlace},
+    },
 };
 
 /// Time from a stamp to the end of the lease that it gives. With the tick that follows, and the command that it takes,
@@ -47,6 +50,8 @@ pub struct Wanted {
     pub target: Option<f64>,
     /// Valve command of the mode manual.
     pub command: f64,
+    /// Where the teeth go, by all four axes in the mode track.
+    pub teeth: Option<TeethPlace>,
 }
 
 /// How far a press has come.
@@ -65,6 +70,8 @@ struct Now {
     until: Instant,
     wanted: Wanted,
     phase: Phase,
+    /// Where the teeth are on their way, in words.
+    told: String,
 }
 
 /// A button that is held down on a page.
@@ -90,7 +97,7 @@ impl Hold {
         wanted: Wanted,
         stamp: Instant,
     ) -> Result<Arc<Self>, Failure> {
-        let now = Mutex::new(Now { until: stamp + LEASE, wanted, phase: Phase::Arming });
+        let now = Mutex::new(Now { until: stamp + LEASE, wanted, phase: Phase::Arming, told: String::new() });
         let hold = Arc::new(Self { id, prefix, axes, now, stop: Arc::new(AtomicBool::new(false)) });
         let watched = Arc::clone(&hold);
         thread::Builder::new().name("lease".to_owned()).spawn(move || watched.watch()).map_err(Failure::run)?;
@@ -99,14 +106,15 @@ impl Hold {
         Ok(hold)
     }
 
-    /// Takes in a beat of the page with its stamp. A lease that is over stays so.
-    pub fn beat(&self, stamp: Instant, target: Option<f64>, command: f64) -> Phase {
+    /// Takes in a beat of the page with its stamp. A lease that is over stays so. Returns how far the press has come, and
+    /// where the teeth are on their way, in words.
+    pub fn beat(&self, stamp: Instant, target: Option<f64>, command: f64) -> (Phase, String) {
         let mut now = self.now();
         if !self.is_released() && Instant::now() < now.until {
             now.until = now.until.max(stamp + LEASE);
             (now.wanted.target, now.wanted.command) = (target, command);
         }
-        now.phase.clone()
+        (now.phase.clone(), now.told.clone())
     }
 
     /// Ends the lease.
@@ -163,8 +171,11 @@ impl Hold {
         if let Some(axis) = self.axes.iter().find(|axis| !operator.latched_by(**axis).is_empty()) {
             return Err(Failure::run(format!("{}; look at why, then reset it", operator.state(*axis))));
         }
+        let Wanted { mode, teeth, .. } = self.now().wanted;
+        if let Some(place) = teeth {
+            return self.move_teeth(place, operator);
+        }
         self.ask(operator);
-        let mode = self.now().wanted.mode;
         if !operator.change(&self.axes, mode)? {
             return Ok(());
         }
@@ -177,6 +188,20 @@ impl Hold {
             if let Some(axis) = self.axes.iter().find(has_left) {
                 return Err(Failure::run(operator.state(*axis)));
             }
+        }
+        Ok(())
+    }
+
+    /// Moves the teeth to a place, and holds them there.
+    fn move_teeth(&self, place: TeethPlace, operator: &mut Operator) -> Result<(), Failure> {
+        let teeth = TeethMove::new(&self.prefix, place)?;
+        // What the machine cannot do is refused before anything is armed.
+        teeth.plan(operator)?;
+        let Some(mut moving) = teeth.begin(operator)? else { return Ok(()) };
+        self.now().phase = Phase::Held;
+        while let Some(sample) = operator.sample()? {
+            let (at, _) = moving.step(operator, &sample)?;
+            self.now().told = teeth.told(&at);
         }
         Ok(())
     }

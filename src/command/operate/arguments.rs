@@ -5,7 +5,10 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use pipeline::{channel::Prefix, machine::TipTask, message::AxisMode};
 
-use crate::arguments::values::{allowed_in, duration, in_unit, place, position, valve_command};
+use crate::{
+    arguments::values::{allowed_in, duration, in_unit, place, position, valve_command},
+    group::teeth::PITCHES,
+};
 
 /// The axes of a running group.
 #[derive(Debug, Args)]
@@ -88,7 +91,7 @@ pub struct OperateArguments {
 
 /// `--pitch`.
 fn pitch(text: &str) -> Result<f64, String> {
-    let degrees = in_unit(text, "degrees").filter(|degrees| (-360.0..=360.0).contains(degrees));
+    let degrees = in_unit(text, "degrees").filter(|degrees| PITCHES.contains(degrees));
     degrees.ok_or_else(|| "allowed: -360 to 360 degrees".to_owned())
 }
 

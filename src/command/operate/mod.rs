@@ -18,7 +18,6 @@ use pipeline::{
 use arm::Causes;
 pub use arm::{arm, reset};
 pub use disarm::disarm;
-use tip::TipMove;
 
 use crate::{
     arguments::axes_of,
@@ -27,6 +26,7 @@ use crate::{
         operator::{Operator, board},
         running::meant,
         signals::stop_flag,
+        teeth::{ALL, TeethMove},
     },
     report::output::show,
 };
@@ -43,8 +43,8 @@ pub fn run(arguments: &OperateArguments) -> Result<(), Failure> {
     check(arguments)?;
     let (prefix, machine, axes) = find(&arguments.group)?;
     check_target(&machine, &axes, arguments)?;
-    let tip = TipMove::of(arguments, &prefix)?;
-    let axes = if tip.is_some() { tip::ALL.to_vec() } else { axes };
+    let tip = tip::asked(arguments, &prefix)?;
+    let axes = if tip.is_some() { ALL.to_vec() } else { axes };
     as_operator(&prefix, &arguments.group, |operator| {
         operate(&axes, tip.as_ref(), arguments, operator)
             .map_err(|failure| failure.advising(arm::advice(&axes, &prefix, operator)))
@@ -120,7 +120,7 @@ fn check_target(machine: &GroupMachine, axes: &[usize], arguments: &OperateArgum
 
 fn operate(
     axes: &[usize],
-    tip: Option<&TipMove>,
+    tip: Option<&TeethMove>,
     arguments: &OperateArguments,
     operator: &mut Operator,
 ) -> Result<(), Failure> {
@@ -134,7 +134,7 @@ fn operate(
         return Ok(show(&format!("{}{}", causes.text(operator, ""), line(axes, operator, None)))?);
     }
     // What the machine cannot do is refused before anything is armed.
-    tip.map(|tip| tip.plan(operator)).transpose()?;
+    tip.map(|teeth| tip::judge(teeth, operator)).transpose()?;
     let is_off = |axis: &usize| operator.last(*axis).is_some_and(|last| last.operation == AxisMode::Off as u32);
     let off: Vec<usize> = axes.iter().copied().filter(is_off).collect();
     if let Some(axis) = off.first().filter(|_| !arguments.enable) {
@@ -146,7 +146,7 @@ fn operate(
         show(&causes.text(operator, ""))?;
     }
     let result = match tip {
-        Some(tip) => tip.run(arguments, operator),
+        Some(teeth) => tip::run(teeth, arguments, operator),
         None => stream(axes, mode, arguments, operator),
     };
     match &result {

@@ -74,23 +74,33 @@ const Control = (() => {
   }
 
   const mode = () => by("control-mode").value;
-  const chosen = () => [...by("control-axes").querySelectorAll("input:checked")].map((box) => box.value);
+  const movesTeeth = () => mode() === "teeth";
+  // The first four axes move the teeth.
+  const chosen = () => movesTeeth() ? facts.slice(0, 4).map((axis) => axis.name) : [...by("control-axes").querySelectorAll("input:checked")].map((box) => box.value);
   const wanted = () => ({
     target: mode() === "hold" ? target : null,
     command: mode() === "manual" ? Number(by("command").value) / 100 : null,
   });
+  // Where the teeth are to go; none where a field is empty.
+  function place() {
+    const [x, z, pitch, speed] = ["x", "z", "pitch", "speed"].map((name) => by(`teeth-${name}`).value.trim());
+    if (!x || !z || !speed) return null;
+    return { x: Number(x), z: Number(z), pitch: pitch ? Number(pitch) : null, speed: Number(speed) };
+  }
 
   async function press() {
     if (held || !token) return;
     const axes = chosen();
     if (!axes.length) return say("Choose an axis first.", true);
+    const teeth = movesTeeth() ? place() : null;
+    if (movesTeeth() && !teeth) return say("Say how far forward, how high, and how fast.", true);
     const own = { hold: crypto.getRandomValues(new Uint32Array(1))[0], isOver: false };
     held = own;
     show();
     try {
       await post("hello", {});
       if (own.isOver) return;
-      await post("press", { hold: own.hold, stamp, axes, mode: mode(), ...wanted() });
+      await post("press", { hold: own.hold, stamp, axes, mode: teeth ? "track" : mode(), teeth, ...wanted() });
       say(`Arming ${axes.join(", ")}.`);
       if (own.isOver) return void post("release", { hold: own.hold }, true).catch(() => {});
       own.timer = setInterval(() => beat(own), BEAT);
@@ -106,7 +116,8 @@ const Control = (() => {
       const said = await post("beat", { hold: own.hold, stamp, ...wanted() });
       if (own.isOver) return;
       if (said.phase === "ended") over(own, said.why || "the axes are off: the beats of this page came too late");
-      else say(said.phase === "held" ? `${chosen().join(", ")}: ${mode()}, while you hold the button.` : "Arming.");
+      else if (said.phase !== "held") say("Arming.");
+      else say(`${said.told || `${chosen().join(", ")}: ${mode()}`}, while you hold the button.`);
     } catch (error) {
       over(own, error.message);
     } finally {
@@ -217,19 +228,23 @@ const Control = (() => {
     by("arm").textContent = held ? "HELD - let go to stop" : "Hold down to move";
     by("arm").disabled = !token;
     document.body.toggleAttribute("data-held", Boolean(held));
-    for (const input of by("control-axes").querySelectorAll("input")) input.disabled = Boolean(held);
+    for (const input of document.querySelectorAll("#control-axes input, #row-teeth input")) input.disabled = Boolean(held);
     by("control-mode").disabled = Boolean(held);
     by("row-target").hidden = mode() !== "hold";
     by("row-command").hidden = mode() !== "manual";
+    by("row-teeth").hidden = !movesTeeth();
+    by("control-axes").hidden = movesTeeth();
     by("command-now").textContent = `${by("command").value} %`;
     const allowed = range();
     by("target-range").textContent = allowed ? `${allowed.map((edge) => (1000 * edge).toFixed(0)).join(" to ")} mm` : "choose an axis first";
   }
 
   // Another machine, or none.
-  function begin(controls, axes) {
+  function begin(controls, axes, teeth) {
     document.body.toggleAttribute("data-controls", controls);
     by("control").hidden = by("off").hidden = !controls;
+    by("mode-teeth").hidden = by("mode-teeth").disabled = !teeth;
+    if (!teeth && movesTeeth()) by("control-mode").value = "hold";
     if (!controls || JSON.stringify(axes) === JSON.stringify(facts)) return;
     facts = axes;
     by("control-axes").replaceChildren(...axes.map((axis) => {

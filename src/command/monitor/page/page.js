@@ -61,7 +61,7 @@
     // A newer server has another page.
     if (isOther) return location.reload();
     set(by("version"), `Hydraxis ${said.version}. ${said.controls ? "" : "This page shows and operates nothing."}`);
-    Control.begin(said.controls, said.axes);
+    Control.begin(said.controls, said.axes, said.moves_teeth);
     if (!said.group) return look();
     set(by("machine-name"), said.machine ?? "Hydraxis");
     set(by("group"), `group ${said.group}`);

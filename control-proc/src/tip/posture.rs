@@ -159,8 +159,10 @@ impl Freedom {
             let segments: Vec<(f64, f64)> = runs
                 .iter()
                 .flat_map(|run| {
-                    let at = move |k: f64| run.0 + (run.1 - run.0) * k / parts(*run);
-                    (0..parts(*run) as usize).map(move |k| (at(k as f64), at(k as f64 + 1.0)))
+                    let parts = parts(*run);
+                    // The last part ends where the run does, not a rounding error beside it.
+                    let at = move |k: f64| if k < parts { run.0 + (run.1 - run.0) * k / parts } else { run.1 };
+                    (0..parts as usize).map(move |k| (at(k as f64), at(k as f64 + 1.0)))
                 })
                 .collect();
             let Some(chosen) = choose_boom(cylinders, way, &segments) else { continue };

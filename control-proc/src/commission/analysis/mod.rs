@@ -79,6 +79,11 @@ const FIRST_STEPS: Parameters = [0.02, 0.4, 0.02, 0.02, 0.02, 0.0, 0.0];
 const CLEARLY_BETTER: f64 = 0.9;
 /// First steps of the search near a solution.
 const FINE_STEPS: Parameters = [0.002, 0.05, 0.005, 0.005, 0.005, 0.0, 0.0];
+/// The same for a hysteresis beside a spring. What such an axis does is explained less well, and a valve without a
+/// hysteresis is rare.
+const BETTER: f64 = 0.97;
+/// Width of the hysteresis from which its search beside a spring starts.
+const FIRST_HYSTERESIS: f64 = 0.03;
 /// Damping ratio from which the search of a spring starts.
 const FIRST_DAMPING: f64 = 0.2;
 /// Period from which it starts, s.
@@ -205,7 +210,17 @@ impl Search<'_> {
         let mut steps = first_steps(&stiff);
         (steps[5], steps[6]) = (0.2 * period, 0.5 * FIRST_DAMPING);
         let sprung = self.refined(self.refined(start, steps), steps);
-        Ok(if sprung.cost < better * stiff.cost { sprung } else { stiff })
+        if sprung.cost >= better * stiff.cost {
+            return Ok(stiff);
+        }
+        // What a swing covered may show beside its spring.
+        let mut with = sprung;
+        if sprung.at[4] == 0.0 {
+            with.at[4] = FIRST_HYSTERESIS;
+            let steps = first_steps(&with);
+            with = self.refined(self.refined(with, steps), steps);
+        }
+        Ok(if with.cost < BETTER * sprung.cost { with } else { sprung })
     }
 
     /// The best point of a search from `start` with these first steps.

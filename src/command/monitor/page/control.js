@@ -76,7 +76,9 @@ const Control = (() => {
   const mode = () => by("control-mode").value;
   const movesTeeth = () => mode() === "teeth";
   // The first four axes move the teeth.
-  const chosen = () => movesTeeth() ? facts.slice(0, 4).map((axis) => axis.name) : [...by("control-axes").querySelectorAll("input:checked")].map((box) => box.value);
+  const moving = () => facts.slice(0, 4).map((axis) => axis.name);
+  const checked = () => [...by("control-axes").querySelectorAll("input:checked")].map((box) => box.value);
+  const chosen = () => (movesTeeth() ? moving() : checked());
   const wanted = () => ({
     target: mode() === "hold" ? target : null,
     command: mode() === "manual" ? Number(by("command").value) / 100 : null,
@@ -234,6 +236,8 @@ const Control = (() => {
     by("row-command").hidden = mode() !== "manual";
     by("row-teeth").hidden = !movesTeeth();
     by("control-axes").hidden = movesTeeth();
+    by("all-axes").hidden = !movesTeeth();
+    by("all-axes").textContent = moving().join(", ");
     by("command-now").textContent = `${by("command").value} %`;
     const allowed = range();
     by("target-range").textContent = allowed ? `${allowed.map((edge) => (1000 * edge).toFixed(0)).join(" to ")} mm` : "choose an axis first";

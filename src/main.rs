@@ -7,6 +7,7 @@ mod group;
 mod model;
 mod recording;
 mod report;
+mod teeth;
 
 use std::{
     io::{Write, stderr},

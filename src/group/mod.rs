@@ -18,4 +18,3 @@ pub mod recorder;
 pub mod running;
 pub mod signals;
 pub mod supervisor;
-pub mod teeth;

@@ -250,6 +250,32 @@ fn an_axis_is_off_after_each_way_to_lose_its_page() {
     assert!(last.axes[1..4].iter().all(|axis| axis.flags & control_flag::DISARMED != 0), "only the boom was asked");
 }
 
+#[test]
+fn a_request_of_another_origin_or_that_never_ends_is_refused() {
+    let _cores = shared();
+    let operated = Operated::start("control-origins");
+    let server = operated.address;
+    let request_to = |uri: &str, origin: &str, length: usize, body: &str| {
+        let token = &operated.token;
+        let text = format!(
+            "POST {uri} HTTP/1.1\r\nHost: {server}\r\nOrigin: {origin}\r\nContent-Type: application/json\r\n\
+             X-Hydraxis-Token: {token}\r\nContent-Length: {length}\r\n\r\n{body}"
+        );
+        status(&exchange(server, text.as_bytes()))
+    };
+    let request = |origin: &str, length, body: &str| request_to("/control/press", origin, length, body);
+    for path in ["hello", "press", "beat", "release", "reset", "off"] {
+        let uri = format!("http://evil.example/control/{path}");
+        assert_eq!(request_to(&uri, &format!("http://{server}"), 2, "{}"), 421, "{uri}");
+    }
+    assert_eq!(request_to(&format!("http://{server}/control/hello"), &format!("http://{server}"), 2, "{}"), 200);
+    assert_eq!(request("http://evil.example", 2, "{}"), 403);
+    assert_eq!(request(&format!("http://{server}"), 5000, &" ".repeat(5000)), 413);
+    let begin = Instant::now();
+    assert!(matches!(request(&format!("http://{server}"), 2, "{"), 408 | 0), "the rest of the body never comes");
+    assert!(begin.elapsed() < Duration::from_secs(20));
+}
+
 /// A press that moves the teeth.
 fn teeth(axes: &[&str], mode: &str, x: f64, speed: f64) -> Value {
     json!({"hold": 9, "stamp": "now", "axes": axes, "mode": mode, "teeth": {"x": x, "z": -0.5, "speed": speed}})
@@ -351,25 +377,6 @@ fn an_expired_button_cannot_be_held_again_and_wrong_values_are_refused() {
             })
         });
     }
-    let request_to = |uri: &str, origin: &str, length: usize, body: &str| {
-        let token = &operated.token;
-        let text = format!(
-            "POST {uri} HTTP/1.1\r\nHost: {server}\r\nOrigin: {origin}\r\nContent-Type: application/json\r\n\
-             X-Hydraxis-Token: {token}\r\nContent-Length: {length}\r\n\r\n{body}"
-        );
-        status(&exchange(server, text.as_bytes()))
-    };
-    let request = |origin: &str, length, body: &str| request_to("/control/press", origin, length, body);
-    for path in ["hello", "press", "beat", "release", "reset", "off"] {
-        let uri = format!("http://evil.example/control/{path}");
-        assert_eq!(request_to(&uri, &format!("http://{server}"), 2, "{}"), 421, "{uri}");
-    }
-    assert_eq!(request_to(&format!("http://{server}/control/hello"), &format!("http://{server}"), 2, "{}"), 200);
-    assert_eq!(request("http://evil.example", 2, "{}"), 403);
-    assert_eq!(request(&format!("http://{server}"), 5000, &" ".repeat(5000)), 413);
-    let begin = Instant::now();
-    assert!(matches!(request(&format!("http://{server}"), 2, "{"), 408 | 0), "the rest of the body never comes");
-    assert!(begin.elapsed() < Duration::from_secs(20));
     let newest = operated.newest();
     assert!(newest.axes[..4].iter().all(|axis| axis.flags & control_flag::DISARMED != 0));
 }

@@ -219,8 +219,8 @@ fn a_file_that_is_no_way_is_refused_with_its_row() {
     assert!(from_file("x,z\n7.2,0\n5,0\n", &[("tip.rounding", "2")]).is_err());
 }
 
-/// Shortest time of a way, s, with `part` of the machine's speeds and flow, by reachability analysis (Pham and Pham, IEEE
-/// Transactions on Robotics 34, 2018). The jerk has no bound, so no motion that the machine allows is faster.
+/// Shortest time of a way, s, with `part` of the machine's speeds and flow, by reachability analysis (Pham and Pham,
+/// IEEE Transactions on Robotics 34, 2018). The jerk has no bound, so no motion that the machine allows is faster.
 fn shortest_time(machine: &Machine, task: &TipTask, part: f64) -> f64 {
     let mechanism = machine.mechanism.as_ref().unwrap();
     let way = Way::new(task, mechanism.geometry.bucket_length).unwrap();
@@ -316,7 +316,7 @@ fn a_plan_takes_a_tenth_longer_than_the_machine_allows_at_most() {
             );
             assert!((1.0..=1.1).contains(&(planned / shortest)), "{number} at {speed} m/s: {planned} {shortest}");
         }
-        // Axes and pump are the limit everywhere. A tenth of them is kept for disturbances, and the jerk takes its time.
+        // Axes and pump are the limit everywhere. A tenth of them is kept for disturbances, and the jerk takes time.
         let task = TipTask { speed: 2.0, ..task };
         let (plan, shortest) = (planned(task.clone()).unwrap(), shortest_time(&machine, &task, 0.9));
         let jerk = machine

@@ -18,7 +18,7 @@ use clap::{Args, ValueEnum};
 use control_proc::ReferenceError;
 use pipeline::{
     machine::{Machine, ModelChoice, ReferenceSource, Scenario, Source, TipPiece, TipShape, TipTask},
-    message::control_flag,
+    message::{AxisCommand, control_flag},
     statistics::{ErrorStatistics, median},
 };
 use serde::Serialize;
@@ -349,19 +349,26 @@ fn drive(case: &Case<'_>) -> Result<Row, Failure> {
             teeth.observe(tick.way, plant);
             row.trace.extend((tick.number % TRACED == 0).then(|| teeth.trace(tick.way, plant)).flatten());
         }
-        for ((before, axis), now) in latched.iter_mut().zip(&machine.axes).zip(&tick.command.axes) {
-            if now.flags & control_flag::LATCHED & !*before != 0 {
-                let seconds = tick.number as f64 * machine.timing.period.as_secs_f64();
-                row.latches.push(format!("{}, {seconds:.2} s", operator::state(&axis.name, now.flags, now.operation)));
-            }
-            *before = now.flags;
-        }
+        row.tell_latches(&machine, tick.number, &tick.command.axes, &mut latched);
         Ok(())
     })?;
     let figures = teeth.figures();
     (row.rms, row.max, row.max_at, row.pitch_rms) = (figures.rms, figures.max, figures.max_at, figures.pitch_rms);
     (row.duration, row.is_done, row.error) = (Some(figures.duration), figures.is_done, figures.error);
     Ok(row)
+}
+
+impl Row {
+    /// Tells the axes that this tick latches; `before` are the flags of the tick before, and become those of this one.
+    fn tell_latches(&mut self, machine: &Machine, tick: u64, axes: &[AxisCommand], before: &mut [u32]) {
+        for ((before, axis), now) in before.iter_mut().zip(&machine.axes).zip(axes) {
+            if now.flags & control_flag::LATCHED & !*before != 0 {
+                let seconds = tick as f64 * machine.timing.period.as_secs_f64();
+                self.latches.push(format!("{}, {seconds:.2} s", operator::state(&axis.name, now.flags, now.operation)));
+            }
+            *before = now.flags;
+        }
+    }
 }
 
 /// A length in m as millimetres.

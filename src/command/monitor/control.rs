@@ -38,10 +38,8 @@ use super::{
 use crate::{
     arguments::axes_of,
     failure::Failure,
-    group::{
-        operator::{Operator, OperatorError, board},
-        teeth::{ALL, PITCHES, TeethPlace},
-    },
+    group::operator::{Operator, OperatorError, board},
+    teeth::{ALL, PITCHES, TeethPlace},
 };
 
 /// Header that carries the token. No form and no link of another page can send it, and the passwords of a proxy have

@@ -29,10 +29,8 @@ use pipeline::{
 
 use crate::{
     failure::Failure,
-    group::{
-        operator::{Operator, board},
-        teeth::{TeethMove, TeethPlace},
-    },
+    group::operator::{Operator, board},
+    teeth::{TeethMove, TeethPlace},
 };
 
 /// Time from a stamp to the end of the lease that it gives. With the tick that follows, and the command that it takes,
@@ -106,8 +104,8 @@ impl Hold {
         Ok(hold)
     }
 
-    /// Takes in a beat of the page with its stamp. A lease that is over stays so. Returns how far the press has come, and
-    /// where the teeth are on their way, in words.
+    /// Takes in a beat of the page with its stamp. A lease that is over stays so. Returns how far the press has come,
+    /// and where the teeth are on their way, in words.
     pub fn beat(&self, stamp: Instant, target: Option<f64>, command: f64) -> (Phase, String) {
         let mut now = self.now();
         if !self.is_released() && Instant::now() < now.until {

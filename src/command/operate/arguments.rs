@@ -7,7 +7,7 @@ use pipeline::{channel::Prefix, machine::TipTask, message::AxisMode};
 
 use crate::{
     arguments::values::{allowed_in, duration, in_unit, place, position, valve_command},
-    group::teeth::PITCHES,
+    teeth::PITCHES,
 };
 
 /// The axes of a running group.

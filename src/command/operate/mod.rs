@@ -26,9 +26,9 @@ use crate::{
         operator::{Operator, board},
         running::meant,
         signals::stop_flag,
-        teeth::{ALL, TeethMove},
     },
     report::output::show,
+    teeth::{ALL, TeethMove},
 };
 use arguments::GroupAxes;
 pub use arguments::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};

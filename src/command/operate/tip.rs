@@ -1,4 +1,4 @@
-//! `hydraxis operate --tip`: the bucket's teeth go to a place in a straight line ([`crate::group::teeth`]).
+//! `hydraxis operate --tip`: the bucket's teeth go to a place in a straight line ([`crate::teeth`]).
 
 use std::time::Instant;
 
@@ -7,11 +7,9 @@ use pipeline::{channel::Prefix, message::AxisMode};
 use super::{LINE_PERIOD, OperateArguments};
 use crate::{
     failure::Failure,
-    group::{
-        operator::Operator,
-        teeth::{ALL, SPEED, TeethMove, TeethPlace},
-    },
+    group::operator::Operator,
     report::output::show,
+    teeth::{ALL, SPEED, TeethMove, TeethPlace},
 };
 
 /// Distance of the teeth from their place beyond which they have not come to it, m.

@@ -22,11 +22,14 @@ use pipeline::{
 };
 use sender::{Sender, way_of};
 
-use super::{
-    operator::{Operator, OperatorError, board},
-    running::machine_of,
+use crate::{
+    arguments::load_bare,
+    failure::Failure,
+    group::{
+        operator::{Operator, OperatorError, board},
+        running::machine_of,
+    },
 };
-use crate::{arguments::load_bare, failure::Failure};
 
 /// The four axes.
 pub const ALL: [usize; AXES] = [0, 1, 2, 3];

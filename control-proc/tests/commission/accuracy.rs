@@ -232,3 +232,20 @@ fn a_load_that_a_fast_valve_shakes_is_found_with_its_speeds() {
         }
     });
 }
+
+/// Regression: a hysteresis was looked for without the spring only, and beside a load that swings none was found.
+#[test]
+fn a_hysteresis_is_found_beside_a_load_that_swings() {
+    let machines = [None, Some("../examples/excavator-servo.toml")];
+    let cases: Vec<(Option<&str>, f64, u64)> =
+        machines.iter().flat_map(|file| [(*file, 0.0, 1), (*file, 0.0, 2), (*file, 0.1, 1), (*file, 0.1, 2)]).collect();
+    in_parallel(&cases, |(file, hysteresis, seed)| {
+        let mut machine = Machine::load(file.map(std::path::Path::new), &[]).unwrap();
+        machine.axes[0].plant.as_mut().unwrap().hysteresis = *hysteresis;
+        let options = ExperimentOptions { seed: *seed, ..ExperimentOptions::default() };
+        let run = Run::of(&machine, 0, &options, *seed).expect_finished();
+        let found = analyse(run.experiment.record()).unwrap().hysteresis;
+        println!("{file:?}, seed {seed}: {found:.4} of {hysteresis}");
+        assert!((found - hysteresis).abs() <= 0.3 * hysteresis, "{file:?}, seed {seed}: {found} of {hysteresis}");
+    });
+}

@@ -79,11 +79,10 @@ const FIRST_STEPS: Parameters = [0.02, 0.4, 0.02, 0.02, 0.02, 0.0, 0.0];
 const CLEARLY_BETTER: f64 = 0.9;
 /// First steps of the search near a solution.
 const FINE_STEPS: Parameters = [0.002, 0.05, 0.005, 0.005, 0.005, 0.0, 0.0];
-/// The same for a hysteresis beside a spring. What such an axis does is explained less well, and a valve without a
-/// hysteresis is rare.
-const BETTER: f64 = 0.97;
-/// Width of the hysteresis from which its search beside a spring starts.
-const FIRST_HYSTERESIS: f64 = 0.03;
+/// The same for a hysteresis beside a spring: most of what such an axis does is left unexplained by loads that change.
+const BETTER: f64 = 0.99;
+/// Widths of a hysteresis from which its search may start.
+const FIRST_HYSTERESES: [f64; 4] = [0.015, 0.03, 0.06, 0.1];
 /// Damping ratio from which the search of a spring starts.
 const FIRST_DAMPING: f64 = 0.2;
 /// Period from which it starts, s.
@@ -200,7 +199,8 @@ impl Search<'_> {
         if !without.cost.is_finite() {
             return Err(AnalysisError::NoMotion);
         }
-        let with = self.refined(without, FIRST_STEPS);
+        let starts = [without, self.with_some_hysteresis(without)].map(|start| self.refined(start, FIRST_STEPS));
+        let with = if starts[1].cost < starts[0].cost { starts[1] } else { starts[0] };
         let stiff = if with.cost < CLEARLY_BETTER * without.cost { with } else { without };
         let mut start = stiff;
         // A swing that was seen is one that the model has.
@@ -213,14 +213,33 @@ impl Search<'_> {
         if sprung.cost >= better * stiff.cost {
             return Ok(stiff);
         }
-        // What a swing covered may show beside its spring.
-        let mut with = sprung;
-        if sprung.at[4] == 0.0 {
-            with.at[4] = FIRST_HYSTERESIS;
-            let steps = first_steps(&with);
-            with = self.refined(self.refined(with, steps), steps);
+        Ok(if sprung.at[4] == 0.0 { self.with_hysteresis(sprung) } else { sprung })
+    }
+
+    /// A point with a spring, and with a hysteresis where that explains better: what a swing covers shows beside its
+    /// spring only.
+    fn with_hysteresis(&self, sprung: Point) -> Point {
+        let start = self.with_some_hysteresis(sprung);
+        let with = (0..SEARCHES).fold(start, |point, _| self.refined(point, first_steps(&start)));
+        // The same search without it, so that only the hysteresis makes a difference.
+        let without = self.refined(sprung, first_steps(&sprung));
+        if with.cost < BETTER * without.cost { with } else { without }
+    }
+
+    /// The best point of a grid of hystereses. A play shifts the commands that move the axis, so the dead bands are
+    /// narrower by parts of it.
+    fn with_some_hysteresis(&self, without: Point) -> Point {
+        let mut best = Point { cost: f64::INFINITY, ..without };
+        for width in FIRST_HYSTERESES {
+            for part in [0.0, 0.5, 1.0] {
+                let mut at = without.at;
+                let narrower = |dead_band: f64| (dead_band - part * width).max(0.0);
+                (at[2], at[3], at[4]) = (narrower(at[2]), narrower(at[3]), width);
+                let cost = self.cost(&at);
+                best = if cost < best.cost { Point { at, cost } } else { best };
+            }
         }
-        Ok(if with.cost < BETTER * sprung.cost { with } else { sprung })
+        best
     }
 
     /// The best point of a search from `start` with these first steps.

@@ -147,7 +147,16 @@ impl TeethMove {
         // An axis may have sunk, or moved on, since the motion was judged.
         let Some(plan) = self.plan(operator)? else { return Ok(None) };
         let watch = TipWatch::new(&self.mechanism);
-        Ok(Some(Moving { of: self, way: way_of(&plan), plan, sender, watch, ended: None, has_arrived: false }))
+        Ok(Some(Moving {
+            of: self,
+            way: way_of(&plan),
+            plan,
+            sender,
+            watch,
+            ended: None,
+            has_arrived: false,
+            has_met_wall: false,
+        }))
     }
 
     /// Distance of teeth at `[x, z]` from the place to which they go, m.
@@ -174,6 +183,8 @@ pub struct Moving<'m> {
     /// When the references came to the end of the way.
     ended: Option<Instant>,
     has_arrived: bool,
+    /// A virtual wall has acted on an axis.
+    has_met_wall: bool,
 }
 
 impl Moving<'_> {
@@ -192,8 +203,14 @@ impl Moving<'_> {
         operator.ask(sample)?;
         while operator.command()?.is_some() {}
         let last = |axis: usize| operator.last(axis).unwrap_or_default();
+        self.has_met_wall |= ALL.iter().any(|axis| last(*axis).flags & control_flag::WALL != 0);
         if let Some(axis) = ALL.into_iter().find(|axis| last(*axis).operation != AxisMode::Track as u32) {
-            return Err(Failure::run(format!("{}; allowed: track", operator.state(axis))));
+            let wall = if self.has_met_wall {
+                ", after a virtual wall had stopped an axis: a place further from it"
+            } else {
+                ""
+            };
+            return Err(Failure::run(format!("{}; allowed: track{wall}", operator.state(axis))));
         }
         let (positions, references) = (ALL.map(|i| sample.axes[i].position), ALL.map(|i| last(i).reference));
         let teeth = self.watch.update(Some(positions), &references, Some((&self.plan, self.sender.seconds())));

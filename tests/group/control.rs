@@ -276,6 +276,12 @@ fn a_request_of_another_origin_or_that_never_ends_is_refused() {
     assert!(begin.elapsed() < Duration::from_secs(20));
 }
 
+/// A body with one field more.
+fn with(mut body: Value, key: &str, value: f64) -> Value {
+    body[key] = value.into();
+    body
+}
+
 /// A press that moves the teeth.
 fn teeth(axes: &[&str], mode: &str, x: f64, speed: f64) -> Value {
     json!({"hold": 9, "stamp": "now", "axes": axes, "mode": mode, "teeth": {"x": x, "z": -0.5, "speed": speed}})
@@ -360,6 +366,7 @@ fn an_expired_button_cannot_be_held_again_and_wrong_values_are_refused() {
         (422, teeth(&AXES, "track", 200.0, 0.1)),
         (422, teeth(&AXES, "track", 6.2, 0.3)),
         (422, teeth(&AXES, "track", 6.2, 0.0)),
+        (422, with(teeth(&AXES, "track", 6.2, 0.1), "command", 0.2)),
         (400, json!({"hold": 9, "stamp": "now", "axes": AXES, "mode": "track", "teeth": {"x": 6.2, "speed": 0.1}})),
         (400, json!({"hold": 9, "stamp": "now", "axes": ["boom"], "mode": "hold", "force": 1})),
         (400, json!({"hold": 9})),

@@ -242,10 +242,12 @@ fn tables(found: &[Found], out: &Path) -> String {
             milli(model.time_constant),
             format!("{:.4}", model.dead_band.extend),
             format!("{:.4}", model.dead_band.retract),
+            format!("{:.4}", model.hysteresis),
             percent(model.fit_percent),
         ]
     };
-    let header = ["axis", "dead time", "time constant", "dead band extending", "retracting", "fit 0.5 s ahead"];
+    let header =
+        ["axis", "dead time", "time constant", "dead band extending", "retracting", "hysteresis", "fit 0.5 s ahead"];
     let figures = table(&header, found.iter().map(row).collect());
     let curve = |name: &str, model: &Commissioned, sign: f64| {
         let span = model.openings.last().copied().unwrap_or_default();
@@ -273,6 +275,7 @@ struct AxisCommissioning<'a> {
     time_constant_s: f64,
     dead_band_extend: f64,
     dead_band_retract: f64,
+    hysteresis: f64,
     openings: &'a [f64],
     speeds_extend: &'a [f64],
     speeds_retract: &'a [f64],
@@ -289,6 +292,7 @@ impl<'a> AxisCommissioning<'a> {
             time_constant_s: model.time_constant,
             dead_band_extend: model.dead_band.extend,
             dead_band_retract: model.dead_band.retract,
+            hysteresis: model.hysteresis,
             openings: &model.openings,
             speeds_extend: &model.speeds_extend,
             speeds_retract: &model.speeds_retract,

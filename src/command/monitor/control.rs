@@ -193,6 +193,9 @@ impl Control {
         let Some(mode) = mode else {
             return Err(unusable(format!("mode: found {:?}; allowed: manual, hold, track", press.mode)));
         };
+        if press.teeth.is_some() && (press.target.is_some() || press.command.is_some()) {
+            return Err(unusable("teeth: found together with target or command; allowed: without"));
+        }
         let teeth = press.teeth.map(|teeth| place_of(teeth, mode, &axes)).transpose()?;
         let wanted = Wanted { mode, target: press.target, command: press.command.unwrap_or_default(), teeth };
         for axis in &axes {
@@ -252,14 +255,14 @@ fn place_of(Teeth { x, z, pitch, speed }: Teeth, mode: AxisMode, axes: &[usize])
     let within = |value: &f64| TipTask::PLACES.contains(value);
     if !within(&x) || !within(&z) {
         let (low, high) = TipTask::PLACES.into_inner();
-        return Err(unusable(format!("teeth: found [{x}, {z}] m; allowed: {low} to {high} m")));
+        return Err(unusable(format!("teeth: found [{x:?}, {z:?}] m; allowed: {low} to {high} m")));
     }
     if let Some(pitch) = pitch.filter(|pitch| !PITCHES.contains(pitch)) {
-        return Err(unusable(format!("teeth: found a pitch of {pitch} degrees; allowed: -360 to 360")));
+        return Err(unusable(format!("teeth: found a pitch of {pitch:?} degrees; allowed: -360 to 360")));
     }
     let slowest = *TipTask::SPEEDS.start();
     if !(slowest..=FASTEST_TEETH).contains(&speed) {
-        return Err(unusable(format!("teeth: found {speed} m/s; allowed: {slowest} to {FASTEST_TEETH} m/s")));
+        return Err(unusable(format!("teeth: found {speed:?} m/s; allowed: {slowest} to {FASTEST_TEETH} m/s")));
     }
     Ok(TeethPlace { to: [x, z], pitch, speed })
 }

@@ -117,7 +117,7 @@ const Control = (() => {
     try {
       const said = await post("beat", { hold: own.hold, stamp, ...wanted() });
       if (own.isOver) return;
-      if (said.phase === "ended") over(own, said.why || "the axes are off: the beats of this page came too late");
+      if (said.phase === "ended") over(own, said.why || "the axes are off: by OFF, or because the beats of this page came too late");
       else if (said.phase !== "held") say("Arming.");
       else say(`${said.told || `${chosen().join(", ")}: ${mode()}`}, while you hold the button.`);
     } catch (error) {

@@ -78,8 +78,7 @@ impl TeethMove {
         let Some(mechanism) = machine.mechanism else {
             return refuse("found a machine without [mechanism]; allowed: one that has teeth".into());
         };
-        let other = |axis: &&Axis| axis.reference != ReferenceSource::Channel;
-        if let Some(axis) = machine.axes[..AXES].iter().find(other) {
+        if let Some(axis) = follows_no_program(&machine) {
             let settings =
                 machine.axes[..AXES].iter().map(|axis| format!(" --set axis.{}.reference.kind=channel", axis.name));
             return refuse(format!(
@@ -232,6 +231,16 @@ impl Moving<'_> {
             (sample.axes[*axis].position - end[*axis]).abs() <= near
         })
     }
+}
+
+/// Whether a person can move the teeth of this machine: it has some, and its axes follow programs.
+pub fn can_move(machine: &Machine) -> bool {
+    machine.mechanism.is_some() && follows_no_program(machine).is_none()
+}
+
+/// The first of the axes that move the teeth whose reference is another one than that of a program.
+fn follows_no_program(machine: &Machine) -> Option<&Axis> {
+    machine.axes.iter().take(AXES).find(|axis| axis.reference != ReferenceSource::Channel)
 }
 
 /// The shorter turn, degrees.

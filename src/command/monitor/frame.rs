@@ -3,7 +3,7 @@
 use mechanism::{AXES, Mechanism, Vector};
 use pipeline::{
     channel::Prefix,
-    machine::{Machine, ReferenceSource},
+    machine::Machine,
     message::{ControlMode, MachineState},
 };
 use serde::Serialize;
@@ -14,6 +14,7 @@ use crate::{
         motion::side::Side,
         status::{AxisFigures, StageFigures, StatusReport, TeethNow},
     },
+    teeth::can_move,
 };
 
 /// Free space around the drawing of the machine, m.
@@ -86,16 +87,11 @@ impl Hello {
             machine: known.map(|machine| machine.name.clone()),
             period_s: known.map(|machine| machine.timing.period.as_secs_f64()),
             axes: known.map(facts).unwrap_or_default(),
-            moves_teeth: known.is_some_and(moves_teeth),
+            moves_teeth: known.is_some_and(can_move),
             view: known.and_then(|machine| Some(view(machine.mechanism.as_ref()?, machine))),
             ..Self::absent(attachment, String::new(), controls)
         }
     }
-}
-
-fn moves_teeth(machine: &Machine) -> bool {
-    let follows = |axis: &pipeline::machine::Axis| axis.reference == ReferenceSource::Channel;
-    machine.mechanism.is_some() && machine.axes.iter().take(AXES).all(follows)
 }
 
 /// The rectangle that holds the machine in all poses.

@@ -79,7 +79,8 @@ const FIRST_STEPS: Parameters = [0.02, 0.4, 0.02, 0.02, 0.02, 0.0, 0.0];
 const CLEARLY_BETTER: f64 = 0.9;
 /// First steps of the search near a solution.
 const FINE_STEPS: Parameters = [0.002, 0.05, 0.005, 0.005, 0.005, 0.0, 0.0];
-/// The same for a hysteresis beside a spring: most of what such an axis does is left unexplained by loads that change.
+/// Mean square error, relative to that with a spring alone, below which there is a hysteresis beside it. Loads that
+/// change leave much of what such an axis does unexplained, so a hysteresis shows less.
 const BETTER: f64 = 0.99;
 /// Widths of a hysteresis from which its search may start.
 const FIRST_HYSTERESES: [f64; 4] = [0.015, 0.03, 0.06, 0.1];

@@ -3,18 +3,23 @@
 //! ```text
 //! L   = t_d + tau + T/2
 //! v_r = (y_r(t + L + T/2) - y_r(t + L - T/2)) / T          straight lines between the references of the ticks
-//! u_r = c^-1(v_r) min(|v_r| / v_s, 1)
+//! u_r = b + (c^-1(v_r) - b) min(|v_r| / v_s, 1)
 //! ```
 //!
 //! y_r reference in m, t now, T period in s, t_d dead time and tau time constant in s, c static curve of
-//! [`Commissioned`], v_r coming speed in m/s, v_s [`STILL`], u_r command. A command that is sent now acts in the middle
-//! of its period and moves the axis after dead time and lag; hence the lead L. Source: the usual loop of mobile
-//! hydraulics, with references that are known ahead.
+//! [`Commissioned`], v_r coming speed in m/s, v_s [`STILL`], u_r command. b is the part of the dead band that is
+//! compensated ([`Commissioned::compensated_dead_band`]), in the direction of the motion that begins in the 5 tau_s
+//! after t + L, and 0 where none does; tau_s is tau without the delay of a load that swings. A command that is sent now
+//! acts in the middle of its period and moves the axis after dead time and lag; hence the lead L. Source: the usual
+//! loop of mobile hydraulics, with references that are known ahead.
 //!
 //! Traps: without the lead, feed-forward is late by the dead time, and the feedback corrects an error that is none. The
-//! references of a channel end with the preview of its message: beyond it the axis is assumed to stand.
+//! references of a channel end with the preview of its message: beyond it the axis is assumed to stand. And a spool
+//! that has to cross its dead band when a motion begins is late by two or three of its time constants; hence b.
 
 use pipeline::machine::Commissioned;
+
+use crate::margins::mean_slope;
 
 /// Speed below which a motion is left to the feedback more and more, m/s: at v_r = 0 the command would jump over the
 /// whole dead band.
@@ -31,24 +36,57 @@ pub struct Coming {
     pub command: f64,
 }
 
+/// Time before the begin of a motion at which the spool is brought to its edge, in tau_s.
+const BEFORE: f64 = 5.0;
+
+/// Range of commands on either side over which a slope is taken, in parts of the largest opening.
+const AROUND: f64 = 0.25;
+
 /// The feed-forward of one axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Feedforward {
     model: Commissioned,
+    /// b before an axis extends and before it retracts.
+    edges: [f64; 2],
+    /// Mean slope of the curve, m/s.
+    mean_slope: f64,
     period: f64,
     /// L - T/2 in ticks.
     lead: f64,
+    /// Ticks before the begin of a motion at which the spool is brought to its edge.
+    before: usize,
 }
 
 impl Feedforward {
     /// Feed-forward by `model`, for a command every `period` s.
     pub fn new(model: &Commissioned, period: f64) -> Self {
-        Self { model: model.clone(), period, lead: model.reaction() / period }
+        let edge = model.compensated_dead_band();
+        let spool = (model.time_constant - model.swing_delay()).max(0.0);
+        Self {
+            model: model.clone(),
+            edges: [edge.extend, -edge.retract],
+            mean_slope: mean_slope(model),
+            period,
+            lead: model.reaction() / period,
+            before: (BEFORE * spool / period).ceil() as usize,
+        }
+    }
+
+    /// Slope of the speed around this u_r, by the mean slope of the curve.
+    pub fn steepness(&self, forward: f64) -> f64 {
+        let last = self.model.openings.last().copied().unwrap_or_default();
+        let dead_band = self.model.dead_band;
+        let edge = if forward >= 0.0 { dead_band.extend } else { dead_band.retract };
+        let half = AROUND * last;
+        let speed = |opening: f64| self.model.speed((edge + opening).copysign(forward)).abs();
+        let at = (forward.abs() - edge).clamp(half, last);
+        let slope = (speed(at + half) - speed(at - half)) / (2.0 * half);
+        slope / self.mean_slope
     }
 
     /// Number of coming ticks whose references are used.
     pub fn ahead(&self) -> usize {
-        self.lead.floor() as usize + 2
+        self.lead.floor() as usize + self.before + 2
     }
 
     /// What comes of y_r(k), y_r(k+1), .. in m. Beyond their end the last one counts; without references all is 0.
@@ -58,9 +96,17 @@ impl Feedforward {
         let part = self.lead.fract();
         let at = |i: usize| references.get(first + i).unwrap_or(last);
         // The difference of two points on straight lines, one tick apart.
-        let speed = ((1.0 - part) * (at(1) - at(0)) + part * (at(2) - at(1))) / self.period;
-        let position = (1.0 - part) * at(0) + part * at(1);
-        Coming { position, speed, command: self.model.command(speed) * (speed.abs() / STILL).min(1.0) }
+        let speed = |i: usize| ((1.0 - part) * (at(i + 1) - at(i)) + part * (at(i + 2) - at(i + 1))) / self.period;
+        let now = speed(0);
+        let moving = self.model.command(now);
+        let command = if now.abs() < STILL {
+            let next = (1..=self.before).map(speed).find(|speed| speed.abs() >= STILL);
+            let edge = next.map_or(0.0, |speed| self.edges[usize::from(speed < 0.0)]);
+            edge + (moving - edge) * now.abs() / STILL
+        } else {
+            moving
+        };
+        Coming { position: (1.0 - part) * at(0) + part * at(1), speed: now, command }
     }
 }
 
@@ -93,8 +139,31 @@ mod tests {
             let targets: Vec<f64> = (0..=ahead).map(|k| 0.1 * PERIOD * k.saturating_sub(start) as f64).collect();
             // The reference moves within (lead, lead + 1) ticks from now.
             let expected = (start as f64) < lead + 1.0;
-            assert_eq!(feedforward.coming(&targets).command != 0.0, expected, "{start}");
+            let command = feedforward.coming(&targets).command;
+            assert_eq!(model.speed(command) != 0.0, expected, "{start}: {command}");
         }
+    }
+
+    #[test]
+    fn before_a_motion_the_spool_is_brought_to_the_edge_of_its_dead_band() {
+        let model = commissioned();
+        let feedforward = Feedforward::new(&model, PERIOD);
+        let lead = ((model.dead_time + model.time_constant) / PERIOD) as usize;
+        let before = (5.0 * model.time_constant / PERIOD) as usize;
+        for (sign, edge) in [(1.0, 0.9 * model.dead_band.extend), (-1.0, -0.9 * model.dead_band.retract)] {
+            let command = |start: usize| {
+                let targets: Vec<f64> =
+                    (0..start + 200).map(|k| sign * 0.1 * PERIOD * k.saturating_sub(start) as f64).collect();
+                feedforward.coming(&targets).command
+            };
+            assert_eq!(command(lead + before + 5), 0.0, "not earlier");
+            for start in lead + 3..lead + before {
+                assert!((command(start) - edge).abs() < 1e-12, "{start}: {}", command(start));
+            }
+        }
+        // After a motion the valve shuts.
+        let stops: Vec<f64> = (0..200).map(|k| 0.1 * PERIOD * f64::from(k.min(2))).collect();
+        assert_eq!(feedforward.coming(&stops).command, 0.0);
     }
 
     #[test]

@@ -6,10 +6,11 @@
 //! | [`hysteresis`] | the inverse of the valve's hysteresis |
 //!
 //! ```text
-//! e(k) = y_r(k) - y(k)          v(k) = kp e(k) + I(k) + v_r(k) + a L(k)          I(k+1) = I(k) + ki T e(k)
+//! e(k) = y_r(k) - y(k)          v(k) = kp e(k)/q + I(k) + v_r(k) + a L(k)        I(k+1) = I(k) + ki T e(k)/q
 //! u(k) = H(C(v))       C(v) = v + d(v) min(|v| / w, 1)    d(v) = +d_extend for v > 0, -d_retract for v < 0
 //! v_r  = C^-1(u_r)                          0 without feed-forward
-//! L(k+1) = L(k) + a kp e(k) T/T_l      |L| <= L_max      a = min(|v_r| / w, 1)      T_l = 24 (t_d + tau + T)
+//! q    = max(1, c'(u_r)/c'_m)               1 at rest and without feed-forward
+//! L(k+1) = L(k) + a kp e(k) T/(q T_l)  |L| <= L_max      a = min(|v_r| / w, 1)      T_l = 24 (t_d + tau + T)
 //! ```
 //!
 //! e following error in m, v opening beyond the dead band, kp in 1/m, ki in 1/(m s), T period in s, d calibrated dead
@@ -22,6 +23,9 @@
 //! begins, and dead bands drift. It is learned while the reference moves and acts only then, so that at rest, where an
 //! integral makes an axis with a dead band cycle, the loop is the one without it. T_l is so long that the margins of
 //! the loop hardly change; L_max is [`MOST_LEARNED`].
+//!
+//! q keeps the margins of the loop while the axis moves: they hold for the mean slope c'_m of the static curve c, and
+//! the curve of a pilot-operated valve is an S, in its middle much steeper.
 //!
 //! Feedback and feed-forward are added as openings, so the dead band is jumped once, by their sum. Without an error the
 //! command is exactly u_r, and the gains have the same meaning with and without feed-forward.
@@ -160,7 +164,7 @@ impl Fallback {
     pub fn resume(&mut self, last: f64, error: f64, forward: f64) {
         self.memory.hysteresis.reset();
         self.memory.offset = self.uncompensated(last)
-            - self.gain * self.kp * error
+            - self.gain_at(forward) * self.kp * error
             - self.coming_opening(forward)
             - self.memory.integral;
     }
@@ -169,7 +173,7 @@ impl Fallback {
     /// to be for that, within its own time kp/ki.
     pub fn track(&mut self, last: f64, error: f64, forward: f64) {
         let part = 1.0 - (-self.ki_period / self.kp).exp();
-        let needed = self.uncompensated(last) - self.gain * self.kp * error - self.coming_opening(forward);
+        let needed = self.uncompensated(last) - self.gain_at(forward) * self.kp * error - self.coming_opening(forward);
         if part.is_finite() {
             self.memory.integral = self.bounded(self.memory.integral + part * (needed - self.memory.integral));
         }
@@ -178,18 +182,25 @@ impl Fallback {
     /// The command for a following error of `error` m and `forward` as u_r, after the command `last`, within the
     /// limits.
     pub fn update(&mut self, error: f64, forward: f64, last: f64) -> f64 {
-        let proportional = self.gain * self.kp * error;
+        let gain = self.gain_at(forward);
+        let proportional = gain * self.kp * error;
         let opening = proportional + self.memory.integral + self.memory.offset + self.coming_opening(forward);
         let wanted = self.memory.hysteresis.update(self.compensated(opening));
         self.memory.offset *= self.kept;
         let command = self.limits.apply(wanted, last);
         if (wanted - command) * error <= 0.0 {
-            self.memory.integral = self.bounded(self.memory.integral + self.gain * self.ki_period * error);
+            self.memory.integral = self.bounded(self.memory.integral + gain * self.ki_period * error);
             let (_, side, part) = self.moving(forward);
-            let learned = self.memory.learned[side] + part * self.gain * self.learning * error;
+            let learned = self.memory.learned[side] + part * gain * self.learning * error;
             self.memory.learned[side] = learned.clamp(-MOST_LEARNED, MOST_LEARNED);
         }
         command
+    }
+
+    /// The part of kp and ki that is in use at this u_r: 1/q of what is asked for.
+    fn gain_at(&self, forward: f64) -> f64 {
+        let moving = self.feedforward.as_ref().filter(|_| forward != 0.0);
+        self.gain / moving.map_or(1.0, |of| of.steepness(forward)).max(1.0)
     }
 
     /// v_r + a L of this u_r.
@@ -295,7 +306,7 @@ mod tests {
         let with = Control { feedforward: true, ki: 0.0, ..crate::tests::machine(1).axes[0].control };
         let model = commissioned();
         let mut fallback = Fallback::new(&with, Some(&model), 0.01);
-        let (turn, lead) = (600, fallback.ahead());
+        let (turn, lead) = (600, (model.reaction() / 0.01) as usize + 2);
         // Up for 6 s, down for 6 s, and so on.
         let reference = |tick: usize| {
             let place = tick % (2 * turn);
@@ -304,7 +315,7 @@ mod tests {
         let (mut position, mut last, mut late) = (0.0, 0.0, std::collections::VecDeque::from(vec![0.0; lead]));
         let mut errors = Vec::new();
         for tick in 0..20 * turn {
-            let references: Vec<f64> = (tick..tick + 2 * lead).map(reference).collect();
+            let references: Vec<f64> = (tick..=tick + fallback.ahead()).map(reference).collect();
             errors.push((references[0] - position).abs());
             last = fallback.update(references[0] - position, fallback.forward(&references), last);
             late.push_back(last);
@@ -334,6 +345,34 @@ mod tests {
             fallback.update(0.05, fallback.forward(&targets), 0.3);
         }
         assert_eq!(fallback.memory.learned, [MOST_LEARNED, 0.0]);
+    }
+
+    #[test]
+    fn gains_are_reduced_where_the_curve_is_steeper_than_in_the_mean() {
+        let with =
+            Control { feedforward: true, ki: 0.0, command_rate: 1e4, ..crate::tests::machine(1).axes[0].control };
+        // Mean slope 1 m/s; 0.1, then 1.9, then 1 m/s.
+        let speeds = vec![0.01, 0.2, 0.3];
+        let model = Commissioned {
+            openings: vec![0.1, 0.2, 0.3],
+            speeds_extend: speeds.clone(),
+            speeds_retract: speeds,
+            ..commissioned()
+        };
+        // What an error of 5 mm adds to the command of a motion.
+        let added = |speed: f64| {
+            let mut fallback = Fallback::new(&with, Some(&model), 0.01);
+            let targets: Vec<f64> = (0..=fallback.ahead()).map(|k| speed * 0.01 * k as f64).collect();
+            let forward = fallback.forward(&targets);
+            let without = fallback.clone().update(0.0, forward, 0.3);
+            (fallback.update(0.005 * speed.signum(), forward, 0.3) - without).abs()
+        };
+        let whole = with.kp * 0.005;
+        // From an opening of 0.075 to one of 0.225 the speed rises by 0.2175 m/s.
+        let steep = 0.15 / 0.2175;
+        assert!((added(0.105) / whole - steep).abs() < 1e-6, "{}", added(0.105) / whole);
+        assert!((added(-0.105) / whole - steep).abs() < 1e-6, "{}", added(-0.105) / whole);
+        assert!((added(0.005) / whole - 1.0).abs() < 1e-6, "a flat begin: {}", added(0.005) / whole);
     }
 
     #[test]

@@ -28,7 +28,7 @@
 //! the curve of a pilot-operated valve is an S, in its middle much steeper.
 //!
 //! Feedback and feed-forward are added as openings, so the dead band is jumped once, by their sum. Without an error the
-//! command is exactly u_r, and the gains have the same meaning with and without feed-forward.
+//! command is exactly u_r. But for q the gains have the same meaning with and without feed-forward.
 //!
 //! After another controller, v goes on from the value that this controller had and comes to the fallback's own value
 //! within some tenths of a second. Trap: the usual bumpless transfer puts the difference into the integral. The

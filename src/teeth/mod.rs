@@ -59,19 +59,25 @@ pub struct TeethPlace {
     pub speed: f64,
 }
 
-/// A motion of the teeth of one group.
-pub struct TeethMove {
-    machine: Machine,
-    mechanism: Mechanism,
-    place: TeethPlace,
+impl TeethPlace {
+    /// Its distance from teeth at `[x, z]`, m.
+    pub fn away(&self, [x, z]: [f64; 2]) -> f64 {
+        (x - self.to[0]).hypot(z - self.to[1])
+    }
 }
 
-impl TeethMove {
-    /// To a place, of the machine that the group runs.
+/// The teeth of the machine of one group.
+pub struct MovableTeeth {
+    machine: Machine,
+    mechanism: Mechanism,
+}
+
+impl MovableTeeth {
+    /// Of the machine that the group runs.
     ///
     /// # Errors
     /// The machine has no teeth, or its axes follow no program.
-    pub fn new(prefix: &Prefix, place: TeethPlace) -> Result<Self, Failure> {
+    pub fn new(prefix: &Prefix) -> Result<Self, Failure> {
         let refuse = |text: String| Err(Failure::usage(text));
         let machine = load_bare(&machine_of(prefix, &[])?, None)?;
         board(prefix)?.expect_machine(&machine).map_err(OperatorError::from)?;
@@ -88,14 +94,14 @@ impl TeethMove {
                 settings.collect::<String>()
             ));
         }
-        Ok(Self { machine, mechanism, place })
+        Ok(Self { machine, mechanism })
     }
 
-    /// The axes' way from where they are; none when the operator is to stop.
+    /// The axes' way to a place from where they are; none when the operator is to stop.
     ///
     /// # Errors
     /// A position is not known, or the machine cannot do it.
-    pub fn plan(&self, operator: &mut Operator) -> Result<Option<TipPlan>, Failure> {
+    pub fn plan(&self, place: TeethPlace, operator: &mut Operator) -> Result<Option<TipPlan>, Failure> {
         let Some(sample) = operator.sample()? else { return Ok(None) };
         while operator.command()?.is_some() {}
         let mut positions = [0.0; AXES];
@@ -108,7 +114,7 @@ impl TeethMove {
         let pose = self.mechanism.prepared().pose(&positions);
         let (start, pitch) = ([pose.tip.x, pose.tip.z], pose.bucket.angle().to_degrees());
         self.expect_same_teeth(start, operator.teeth())?;
-        let TeethPlace { to, pitch: turned, speed } = self.place;
+        let TeethPlace { to, pitch: turned, speed } = place;
         let pieces = vec![TipPiece {
             shape: TipShape::Line(to),
             pitch: turned.map(|turned| pitch + nearest_turn(turned - pitch)),
@@ -132,11 +138,11 @@ impl TeethMove {
         }
     }
 
-    /// Arms the axes, and plans the motion from where they are then; none when the operator is to stop.
+    /// Arms the axes, and plans the motion to a place from where they are then; none when the operator is to stop.
     ///
     /// # Errors
     /// The axes cannot be armed, or the machine cannot do it.
-    pub fn begin(&self, operator: &mut Operator) -> Result<Option<Moving<'_>>, Failure> {
+    pub fn begin(&self, place: TeethPlace, operator: &mut Operator) -> Result<Option<Moving<'_>>, Failure> {
         // Nothing of this motion goes on without the person who asked for it.
         ALL.into_iter().for_each(|axis| operator.axis(axis).hold_to_run = 1);
         let sender = Sender::new(operator, &self.machine)?;
@@ -144,10 +150,11 @@ impl TeethMove {
             return Ok(None);
         }
         // An axis may have sunk, or moved on, since the motion was judged.
-        let Some(plan) = self.plan(operator)? else { return Ok(None) };
+        let Some(plan) = self.plan(place, operator)? else { return Ok(None) };
         let watch = TipWatch::new(&self.mechanism);
         Ok(Some(Moving {
             of: self,
+            place,
             way: way_of(&plan),
             plan,
             sender,
@@ -157,23 +164,12 @@ impl TeethMove {
             has_met_wall: false,
         }))
     }
-
-    /// Distance of teeth at `[x, z]` from the place to which they go, m.
-    pub fn away(&self, [x, z]: [f64; 2]) -> f64 {
-        (x - self.place.to[0]).hypot(z - self.place.to[1])
-    }
-
-    /// Teeth on their way, in words.
-    pub fn told(&self, teeth: &TeethState) -> String {
-        let TeethState { x, z, pitch, error, .. } = teeth;
-        let (pitch, away, off) = (pitch.to_degrees(), self.away([*x, *z]), 1e3 * error);
-        format!("teeth at [{x:.3}, {z:.3}] m, pitch {pitch:.1} degrees: {away:.3} m to go, {off:.1} mm off the line")
-    }
 }
 
 /// A motion that has begun.
 pub struct Moving<'m> {
-    of: &'m TeethMove,
+    of: &'m MovableTeeth,
+    place: TeethPlace,
     plan: TipPlan,
     /// Positions of the axes at every period of the plan, m.
     way: Vec<[f64; AXES]>,
@@ -191,6 +187,13 @@ impl Moving<'_> {
     pub fn start(&self) -> [f64; 2] {
         let start = self.plan.way().place(0.0).at;
         [start.x, start.z]
+    }
+
+    /// Teeth on their way, in words.
+    pub fn told(&self, teeth: &TeethState) -> String {
+        let TeethState { x, z, pitch, error, .. } = teeth;
+        let (pitch, away, off) = (pitch.to_degrees(), self.place.away([*x, *z]), 1e3 * error);
+        format!("teeth at [{x:.3}, {z:.3}] m, pitch {pitch:.1} degrees: {away:.3} m to go, {off:.1} mm off the line")
     }
 
     /// Goes on by a sample: one request, and the references that belong to it. Where the teeth are, and whether they

@@ -1,7 +1,7 @@
 //! Groups that are operated: by `hydraxis operate`, and by a commissioning over the channels.
 
 use std::{
-    io::Read,
+    io::{Read, Write},
     process::{Command, Output, Stdio},
 };
 
@@ -238,8 +238,8 @@ fn an_axis_is_brought_to_a_target_and_left_there() {
     running.end();
 }
 
-#[test]
-fn the_teeth_go_to_a_place_in_a_straight_line() {
+/// A group of the excavator whose axes follow programs.
+fn excavator_for_programs(test: &str) -> Operated {
     let settings: Vec<String> = ["boom", "arm", "telescope", "bucket"]
         .iter()
         .flat_map(|axis| ["--set".to_owned(), format!("axis.{axis}.reference.kind=channel")])
@@ -248,7 +248,64 @@ fn the_teeth_go_to_a_place_in_a_straight_line() {
     let (machine, model) = (format!("{files}.toml"), format!("{files}-model.toml"));
     let mut arguments = vec![machine.as_str(), "--model", &model];
     arguments.extend(settings.iter().map(String::as_str));
-    let mut running = Operated::start_with("teeth", &arguments);
+    Operated::start_with(test, &arguments)
+}
+
+#[test]
+fn the_teeth_go_from_place_to_place_as_a_program_writes_them() {
+    let mut running = excavator_for_programs("places");
+    let start = running.wait_until("the teeth", |command| command.teeth.state != 0).teeth;
+    let places = |running: &Operated| {
+        let mut tool = running.operate(&["--tip", "-", "--enable", "--leave"]);
+        tool.stdin(Stdio::piped()).spawn().unwrap()
+    };
+    let away = |command: &ValveCommand, x: f64| (command.teeth.x - x).hypot(command.teeth.z - start.z);
+    let is_held = |command: &ValveCommand| command.axes[..4].iter().all(|a| a.operation == AxisMode::Hold as u32);
+
+    let mut tool = places(&running);
+    let mut input = tool.stdin.take().unwrap();
+    writeln!(input, "x,z,pitch,speed\n# there\n{},{}", start.x - 0.2, start.z).unwrap();
+    let there = running.wait_until("the teeth at the first place", |command| away(command, start.x - 0.2) < 0.02);
+    // They wait there, followed by the axes, until the program says more.
+    let until = there.header.sequence + 200;
+    let waiting = running.wait_until("two more seconds", |command| command.header.sequence >= until);
+    assert!(away(&waiting, start.x - 0.2) < 0.03, "{:?}", waiting.teeth);
+    assert!(waiting.axes[..4].iter().all(|axis| axis.operation == AxisMode::Track as u32));
+    writeln!(input, "{},{},,0.15", start.x, start.z).unwrap();
+    drop(input);
+    running.wait_until("all axes to hold", is_held);
+    let output = tool.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert_eq!(text(&output.stdout).matches("at the end: ").count(), 2, "{}", text(&output.stdout));
+    let end = running.wait_until("a command", |_| true);
+    assert!(away(&end, start.x) < 0.03, "{:?}", end.teeth);
+
+    // Without a place nothing changes. A line that is none, and a place out of reach, end the motion.
+    for (lines, expected) in [
+        ("".to_owned(), "--tip: found no place on standard input"),
+        ("5".to_owned(), "--tip: line 1 of standard input: found \"5\""),
+    ] {
+        let mut tool = places(&running);
+        tool.stdin.take().unwrap().write_all(lines.as_bytes()).unwrap();
+        let output = tool.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{lines}");
+        assert!(text(&output.stderr).contains(expected), "{lines}\n{}", text(&output.stderr));
+        assert!(is_held(&running.wait_until("a command", |_| true)), "{lines}");
+    }
+    for (second, expected) in [("here,there", "--tip: line 2 of standard input"), ("20,1", "--tip: found [")] {
+        let mut tool = places(&running);
+        write!(tool.stdin.take().unwrap(), "{},{}\n{second}\n", start.x - 0.02, start.z).unwrap();
+        let output = tool.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{second}: {}", text(&output.stderr));
+        assert!(text(&output.stderr).contains(expected), "{second}\n{}", text(&output.stderr));
+        running.wait_until("the axes to be off", is_off);
+    }
+    running.end();
+}
+
+#[test]
+fn the_teeth_go_to_a_place_in_a_straight_line() {
+    let mut running = excavator_for_programs("teeth");
     let start = running.wait_until("the teeth", |command| command.teeth.state != 0).teeth;
 
     let refused = |arguments: &[&str], code, expected: &str| {

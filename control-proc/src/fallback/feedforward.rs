@@ -8,14 +8,15 @@
 //!
 //! y_r reference in m, t now, T period in s, t_d dead time and tau time constant in s, c static curve of
 //! [`Commissioned`], v_r coming speed in m/s, v_s [`STILL`], u_r command. b is the part of the dead band that is
-//! compensated ([`Commissioned::compensated_dead_band`]), in the direction of the motion that begins in the 5 tau_s
+//! compensated ([`Commissioned::compensated_dead_band`]), in the direction of the motion that begins in the 2 tau_s
 //! after t + L, and 0 where none does; tau_s is tau without the delay of a load that swings. A command that is sent now
 //! acts in the middle of its period and moves the axis after dead time and lag; hence the lead L. Source: the usual
 //! loop of mobile hydraulics, with references that are known ahead.
 //!
 //! Traps: without the lead, feed-forward is late by the dead time, and the feedback corrects an error that is none. The
 //! references of a channel end with the preview of its message: beyond it the axis is assumed to stand. And a spool
-//! that has to cross its dead band when a motion begins is late by two or three of its time constants; hence b.
+//! that has to cross its dead band when a motion begins is late by two or three of its time constants; hence b. Sooner
+//! than 2 tau_s it must not be there: where the dead band has become smaller than b, the axis creeps as long.
 
 use pipeline::machine::Commissioned;
 
@@ -37,7 +38,7 @@ pub struct Coming {
 }
 
 /// Time before the begin of a motion at which the spool is brought to its edge, in tau_s.
-const BEFORE: f64 = 5.0;
+const BEFORE: f64 = 2.0;
 
 /// Range of commands on either side over which a slope is taken, in parts of the largest opening.
 const AROUND: f64 = 0.25;
@@ -149,7 +150,7 @@ mod tests {
         let model = commissioned();
         let feedforward = Feedforward::new(&model, PERIOD);
         let lead = ((model.dead_time + model.time_constant) / PERIOD) as usize;
-        let before = (5.0 * model.time_constant / PERIOD) as usize;
+        let before = (2.0 * model.time_constant / PERIOD) as usize;
         for (sign, edge) in [(1.0, 0.9 * model.dead_band.extend), (-1.0, -0.9 * model.dead_band.retract)] {
             let command = |start: usize| {
                 let targets: Vec<f64> =

@@ -25,8 +25,8 @@
 //! the loop hardly change; L_max is [`MOST_LEARNED`].
 //!
 //! q keeps the margins of the loop while the axis moves: they hold for the mean slope c'_m of the static curve c, and
-//! the curve of a pilot-operated valve is an S, in its middle much steeper. r is [`SPARED`]: of a straight curve with two
-//! speeds the faster direction is not slowed down.
+//! the curve of a pilot-operated valve is an S, in its middle much steeper. r is [`SPARED`]: of a straight curve with
+//! two speeds the faster direction keeps its gains.
 //!
 //! Feedback and feed-forward are added as openings, so the dead band is jumped once, by their sum. Without an error the
 //! command is exactly u_r. But for q the gains have the same meaning with and without feed-forward.

@@ -30,7 +30,7 @@ use pipeline::{
 use crate::{
     failure::Failure,
     group::operator::{Operator, board},
-    teeth::{TeethMove, TeethPlace},
+    teeth::{MovableTeeth, TeethPlace},
 };
 
 /// Time from a stamp to the end of the lease that it gives. With the tick that follows, and the command that it takes,
@@ -192,14 +192,14 @@ impl Hold {
 
     /// Moves the teeth to a place, and holds them there.
     fn move_teeth(&self, place: TeethPlace, operator: &mut Operator) -> Result<(), Failure> {
-        let teeth = TeethMove::new(&self.prefix, place)?;
+        let teeth = MovableTeeth::new(&self.prefix)?;
         // What the machine cannot do is refused before anything is armed.
-        teeth.plan(operator)?;
-        let Some(mut moving) = teeth.begin(operator)? else { return Ok(()) };
+        teeth.plan(place, operator)?;
+        let Some(mut moving) = teeth.begin(place, operator)? else { return Ok(()) };
         self.now().phase = Phase::Held;
         while let Some(sample) = operator.sample()? {
             let (at, _) = moving.step(operator, &sample)?;
-            self.now().told = teeth.told(&at);
+            self.now().told = moving.told(&at);
         }
         Ok(())
     }

@@ -34,6 +34,7 @@ Examples:
   hydraxis operate --prefix demo --mode hold --leave    all axes stop, and hold the positions at which they stop
   hydraxis operate --prefix demo --mode off
   hydraxis operate --prefix demo --tip 6.2,-0.5 --pitch -100 --enable    the teeth go there in a straight line
+  planner | hydraxis operate --prefix demo --tip - --enable    to the places that a program writes, one after the other
   hydraxis operate --prefix demo --take-over --mode hold --enable    although another program operates the group
 
 Modes:
@@ -45,7 +46,7 @@ Modes:
 --tip moves boom, arm and bucket together, in mode track, where all four axes have reference.kind = \"channel\". The
 telescope stays where it is. A place that the machine cannot reach is refused before anything is armed. The axes are off
 as soon as this program dies or is suspended, as with --hold-to-run. With --leave or --duration the exit code is 1 where
-the teeth end more than 30 mm from the place.
+the teeth end more than 30 mm from the place. Lines of `--tip -` are X,Z or X,Z,PITCH or X,Z,PITCH,SPEED.
 
 A disarmed axis leaves `off` only with --enable, after a fault as well. A latch that --enable or `off` releases is shown
 with its cause. An armed axis changes between the other modes without --enable. Ctrl-C disarms the axes. In manual, the
@@ -60,9 +61,10 @@ pub struct OperateArguments {
     /// Mode that the axes change to
     #[arg(long, conflicts_with = "tip")]
     pub mode: Option<Mode>,
-    /// Place to which the bucket's teeth go: forward of the centre of swing and above ground
-    #[arg(long, value_name = "X,Z", value_parser = place, allow_hyphen_values = true)]
-    pub tip: Option<[f64; 2]>,
+    /// Place to which the bucket's teeth go: forward of the centre of swing and above ground. With - places are read
+    /// from standard input, one a line
+    #[arg(long, value_name = "X,Z", value_parser = tip, allow_hyphen_values = true)]
+    pub tip: Option<Tip>,
     /// Pitch of the bucket there, from the x axis to the teeth, in degrees; with --tip only [default: as it is]
     #[arg(long, value_name = "DEGREES", value_parser = pitch, allow_hyphen_values = true)]
     pub pitch: Option<f64>,
@@ -89,14 +91,28 @@ pub struct OperateArguments {
     pub duration: Option<Duration>,
 }
 
+/// `--tip`.
+#[derive(Debug, Clone, Copy)]
+pub enum Tip {
+    /// To this place, m.
+    Place([f64; 2]),
+    /// To the places on standard input.
+    Lines,
+}
+
+/// `--tip`.
+fn tip(text: &str) -> Result<Tip, String> {
+    if text == "-" { Ok(Tip::Lines) } else { place(text).map(Tip::Place) }
+}
+
 /// `--pitch`.
-fn pitch(text: &str) -> Result<f64, String> {
+pub fn pitch(text: &str) -> Result<f64, String> {
     let degrees = in_unit(text, "degrees").filter(|degrees| PITCHES.contains(degrees));
     degrees.ok_or_else(|| "allowed: -360 to 360 degrees".to_owned())
 }
 
 /// `--speed`: what `tip.speed` may be as well.
-fn teeth_speed(text: &str) -> Result<f64, String> {
+pub fn teeth_speed(text: &str) -> Result<f64, String> {
     let speed = in_unit(text, "m/s").filter(|speed| TipTask::SPEEDS.contains(speed));
     speed.ok_or_else(|| format!("allowed: 0.001 to 10 m/s, as {}", allowed_in("m/s")))
 }

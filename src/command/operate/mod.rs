@@ -6,6 +6,7 @@
 mod arguments;
 mod arm;
 mod disarm;
+mod places;
 mod tip;
 
 use std::time::{Duration, Instant};
@@ -28,10 +29,11 @@ use crate::{
         signals::stop_flag,
     },
     report::output::show,
-    teeth::{ALL, TeethMove},
+    teeth::ALL,
 };
 use arguments::GroupAxes;
 pub use arguments::{ArmArguments, DisarmArguments, OperateArguments, ResetArguments};
+use tip::TipMove;
 
 /// Least travel that counts as motion, m.
 const MOVED: f64 = 1e-3;
@@ -43,10 +45,10 @@ pub fn run(arguments: &OperateArguments) -> Result<(), Failure> {
     check(arguments)?;
     let (prefix, machine, axes) = find(&arguments.group)?;
     check_target(&machine, &axes, arguments)?;
-    let tip = tip::asked(arguments, &prefix)?;
+    let mut tip = TipMove::asked(arguments, &prefix)?;
     let axes = if tip.is_some() { ALL.to_vec() } else { axes };
     as_operator(&prefix, &arguments.group, |operator| {
-        operate(&axes, tip.as_ref(), arguments, operator)
+        operate(&axes, tip.as_mut(), arguments, operator)
             .map_err(|failure| failure.advising(arm::advice(&axes, &prefix, operator)))
     })
 }
@@ -120,7 +122,7 @@ fn check_target(machine: &GroupMachine, axes: &[usize], arguments: &OperateArgum
 
 fn operate(
     axes: &[usize],
-    tip: Option<&TeethMove>,
+    mut tip: Option<&mut TipMove>,
     arguments: &OperateArguments,
     operator: &mut Operator,
 ) -> Result<(), Failure> {
@@ -134,7 +136,10 @@ fn operate(
         return Ok(show(&format!("{}{}", causes.text(operator, ""), line(axes, operator, None)))?);
     }
     // What the machine cannot do is refused before anything is armed.
-    tip.map(|teeth| tip::judge(teeth, operator)).transpose()?;
+    let place = match &mut tip {
+        Some(tip) => tip.first(operator)?,
+        None => None,
+    };
     let is_off = |axis: &usize| operator.last(*axis).is_some_and(|last| last.operation == AxisMode::Off as u32);
     let off: Vec<usize> = axes.iter().copied().filter(is_off).collect();
     if let Some(axis) = off.first().filter(|_| !arguments.enable) {
@@ -145,9 +150,11 @@ fn operate(
         operator.release(&off)?;
         show(&causes.text(operator, ""))?;
     }
-    let result = match tip {
-        Some(teeth) => tip::run(teeth, arguments, operator),
-        None => stream(axes, mode, arguments, operator),
+    let result = match (tip, place) {
+        (Some(tip), Some(place)) => tip.run(place, arguments, operator),
+        // The operator is to stop.
+        (Some(_), None) => return Ok(()),
+        (None, _) => stream(axes, mode, arguments, operator),
     };
     match &result {
         Ok(()) if arguments.leave && !operator.stopping() => {}

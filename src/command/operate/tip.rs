@@ -1,76 +1,126 @@
-//! `hydraxis operate --tip`: the bucket's teeth go to a place in a straight line ([`crate::teeth`]).
+//! `hydraxis operate --tip`: the bucket's teeth go to a place in a straight line ([`crate::teeth`]), or from place to
+//! place of standard input ([`mod@places`]).
 
 use std::time::Instant;
 
 use pipeline::{channel::Prefix, message::AxisMode};
 
-use super::{LINE_PERIOD, OperateArguments};
+use super::{
+    LINE_PERIOD, OperateArguments,
+    places::{Next, Places},
+};
 use crate::{
     failure::Failure,
     group::operator::Operator,
     report::output::show,
-    teeth::{ALL, SPEED, TeethMove, TeethPlace},
+    teeth::{ALL, MovableTeeth, TeethPlace},
 };
 
 /// Distance of the teeth from their place beyond which they have not come to it, m.
 const ARRIVED: f64 = 0.03;
 
-/// What the arguments ask of this group; none without `--tip`.
-///
-/// # Errors
-/// The machine of the group has no teeth, its axes follow no program, or only some of them are meant.
-pub fn asked(arguments: &OperateArguments, prefix: &Prefix) -> Result<Option<TeethMove>, Failure> {
-    let Some(to) = arguments.tip else { return Ok(None) };
-    if !arguments.group.axes.is_empty() {
-        let text = "--tip: found together with --axis; allowed: without, since all four axes move the teeth";
-        return Err(Failure::usage(text));
-    }
-    let place = TeethPlace { to, pitch: arguments.pitch, speed: arguments.speed.unwrap_or(SPEED) };
-    TeethMove::new(prefix, place).map(Some).map_err(about)
+/// What `--tip` asks of a group.
+pub struct TipMove {
+    teeth: MovableTeeth,
+    places: Places,
 }
 
-/// Refuses what the machine cannot do.
-///
-/// # Errors
-/// A position is not known, or the machine cannot do it.
-pub fn judge(teeth: &TeethMove, operator: &mut Operator) -> Result<(), Failure> {
-    teeth.plan(operator).map(|_| ()).map_err(about)
-}
-
-/// Arms the axes, moves the teeth, and holds them there until the end.
-///
-/// # Errors
-/// An axis does not follow any more, or the group cannot be operated.
-pub fn run(teeth: &TeethMove, arguments: &OperateArguments, operator: &mut Operator) -> Result<(), Failure> {
-    let Some(mut moving) = teeth.begin(operator).map_err(about)? else { return Ok(()) };
-    let begin = Instant::now();
-    let (mut next_line, mut away) = (begin, teeth.away(moving.start()));
-    while arguments.duration.is_none_or(|duration| begin.elapsed() < duration) {
-        let Some(sample) = operator.sample()? else { break };
-        let (now, arrives) = moving.step(operator, &sample)?;
-        away = teeth.away([now.x, now.z]);
-        if Instant::now() >= next_line {
-            next_line += LINE_PERIOD;
-            let seconds = 1e-9 * sample.header.sequence as f64 * operator.machine().period_ns as f64;
-            show(&format!("{seconds:8.2} s  {}\n", teeth.told(&now)))?;
+impl TipMove {
+    /// What the arguments ask of this group; none without `--tip`.
+    ///
+    /// # Errors
+    /// The machine of the group has no teeth, its axes follow no program, or only some of them are meant.
+    pub fn asked(arguments: &OperateArguments, prefix: &Prefix) -> Result<Option<Self>, Failure> {
+        if arguments.tip.is_some() && !arguments.group.axes.is_empty() {
+            let text = "--tip: found together with --axis; allowed: without, since all four axes move the teeth";
+            return Err(Failure::usage(text));
         }
-        if arrives {
-            show(&format!("at the end: {}\n", teeth.told(&now)))?;
+        let teeth = |places| MovableTeeth::new(prefix).map(|teeth| Self { teeth, places }).map_err(about);
+        Places::of(arguments).map(teeth).transpose()
+    }
+
+    /// The first place, which the machine can reach from where it is; none when the operator is to stop.
+    ///
+    /// # Errors
+    /// There is none, a position is not known, or the machine cannot do it.
+    pub fn first(&mut self, operator: &mut Operator) -> Result<Option<TeethPlace>, Failure> {
+        while operator.sample()?.is_some() {
+            while operator.command()?.is_some() {}
+            match self.places.next()? {
+                Next::Wait => {}
+                Next::End => return Err(about(Failure::usage("found no place on standard input; allowed: X,Z in m"))),
+                Next::Place(place) => return self.teeth.plan(place, operator).map(|_| Some(place)).map_err(about),
+            }
+        }
+        Ok(None)
+    }
+
+    /// Arms the axes, moves the teeth to this place and to those that follow, and holds them there until the end.
+    ///
+    /// # Errors
+    /// An axis does not follow any more, a place is none or cannot be reached, or the group cannot be operated.
+    pub fn run(
+        &mut self,
+        first: TeethPlace,
+        arguments: &OperateArguments,
+        operator: &mut Operator,
+    ) -> Result<(), Failure> {
+        let begin = Instant::now();
+        let mut next = Some(first);
+        while let Some(place) = next {
+            next = self.go(place, begin, arguments, operator)?;
+        }
+        Ok(())
+    }
+
+    /// Moves the teeth to a place and holds them there, until the next place or the end; the next place.
+    fn go(
+        &mut self,
+        place: TeethPlace,
+        begin: Instant,
+        arguments: &OperateArguments,
+        operator: &mut Operator,
+    ) -> Result<Option<TeethPlace>, Failure> {
+        let Some(mut moving) = self.teeth.begin(place, operator).map_err(about)? else { return Ok(None) };
+        let (mut next_line, mut away, mut has_arrived) = (Instant::now(), place.away(moving.start()), false);
+        while arguments.duration.is_none_or(|duration| begin.elapsed() < duration) {
+            let Some(sample) = operator.sample()? else { break };
+            let (now, arrives) = moving.step(operator, &sample)?;
+            away = place.away([now.x, now.z]);
+            if Instant::now() >= next_line {
+                next_line += LINE_PERIOD;
+                let seconds = 1e-9 * sample.header.sequence as f64 * operator.machine().period_ns as f64;
+                show(&format!("{seconds:8.2} s  {}\n", moving.told(&now)))?;
+            }
+            if arrives {
+                has_arrived = true;
+                show(&format!("at the end: {}\n", moving.told(&now)))?;
+            }
+            if !has_arrived {
+                continue;
+            }
+            let next = if self.places.is_stream { self.places.next()? } else { Next::Wait };
+            match next {
+                Next::Place(_) if away > ARRIVED => break,
+                Next::Place(next) => return Ok(Some(next)),
+                Next::Wait if self.places.is_stream || !arguments.leave => continue,
+                Next::Wait | Next::End => {}
+            }
             if arguments.leave {
                 ALL.into_iter().for_each(|axis| operator.axis(axis).hold_to_run = 0);
                 operator.change(&ALL, AxisMode::Hold)?;
-                break;
             }
+            break;
         }
+        if operator.stopping() || away <= ARRIVED {
+            return Ok(None);
+        }
+        let (TeethPlace { to: [x, z], .. }, away, allowed) = (place, 1e3 * away, 1e3 * ARRIVED);
+        Err(Failure::run(format!(
+            "--tip: found the teeth {away:.0} mm from [{x}, {z}] m at the end; allowed: {allowed:.0} mm: more time, or \
+             a lower --speed"
+        )))
     }
-    if operator.stopping() || away <= ARRIVED {
-        return Ok(());
-    }
-    let (Some([x, z]), away, allowed) = (arguments.tip, 1e3 * away, 1e3 * ARRIVED) else { return Ok(()) };
-    Err(Failure::run(format!(
-        "--tip: found the teeth {away:.0} mm from [{x}, {z}] m at the end; allowed: {allowed:.0} mm: more time, or a \
-         lower --speed"
-    )))
 }
 
 fn about(failure: Failure) -> Failure {

@@ -1,0 +1,148 @@
+//! The places of `--tip`: the one that it names, or those on standard input, one a line.
+//!
+//! ```text
+//! X,Z[,PITCH[,SPEED]]        as --tip, --pitch and --speed; an empty field is what these options say
+//! ```
+//!
+//! Empty lines, lines that begin with `#`, and a first line with the names of the columns are passed over. A thread of
+//! its own reads the lines, since the axes need a request with every sample while none comes.
+
+use std::{
+    io::stdin,
+    sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel},
+    thread,
+};
+
+use super::{
+    OperateArguments,
+    arguments::{Tip, pitch, teeth_speed},
+};
+use crate::{
+    arguments::values::place,
+    failure::Failure,
+    teeth::{SPEED, TeethPlace},
+};
+
+/// Names of the columns of a line.
+const COLUMNS: &str = "x,z,pitch,speed";
+
+/// Where the next place comes from.
+pub struct Places {
+    lines: Receiver<Result<TeethPlace, Failure>>,
+    /// They come from standard input, whose end is the end of the command.
+    pub is_stream: bool,
+}
+
+/// What there is of a next place.
+pub enum Next {
+    /// One.
+    Place(TeethPlace),
+    /// None so far.
+    Wait,
+    /// None any more.
+    End,
+}
+
+impl Places {
+    /// Those of the arguments; none without `--tip`.
+    pub fn of(arguments: &OperateArguments) -> Option<Self> {
+        let usual = TeethPlace { to: [0.0; 2], pitch: arguments.pitch, speed: arguments.speed.unwrap_or(SPEED) };
+        // One is read ahead, the others stay in the pipe.
+        let (sender, lines) = sync_channel(1);
+        let is_stream = match arguments.tip? {
+            Tip::Place(to) => sender.send(Ok(TeethPlace { to, ..usual })).is_err(),
+            Tip::Lines => {
+                thread::spawn(move || read(usual, &sender));
+                true
+            }
+        };
+        Some(Self { lines, is_stream })
+    }
+
+    /// The next one, without waiting.
+    ///
+    /// # Errors
+    /// A line is no place, or cannot be read.
+    pub fn next(&mut self) -> Result<Next, Failure> {
+        match self.lines.try_recv() {
+            Ok(place) => place.map(Next::Place),
+            Err(TryRecvError::Empty) => Ok(Next::Wait),
+            Err(TryRecvError::Disconnected) => Ok(Next::End),
+        }
+    }
+}
+
+/// Sends the places of standard input, up to its end or the first line that is none.
+fn read(usual: TeethPlace, sender: &SyncSender<Result<TeethPlace, Failure>>) {
+    for (line, number) in stdin().lines().zip(1..) {
+        let place = match line {
+            Ok(line) => place_of(&line, number == 1, usual).map_err(Failure::usage),
+            Err(error) => Err(Failure::run(error)),
+        };
+        let place =
+            place.map_err(|failure| failure.about(format!("--tip: line {number} of standard input"))).transpose();
+        let Some(place) = place else { continue };
+        let is_last = place.is_err();
+        if sender.send(place).is_err() || is_last {
+            return;
+        }
+    }
+}
+
+/// The place of a line; none where it has none.
+fn place_of(line: &str, is_first: bool, usual: TeethPlace) -> Result<Option<TeethPlace>, String> {
+    let line = line.trim();
+    let names = line.replace(' ', "").to_lowercase();
+    if line.is_empty() || line.starts_with('#') || is_first && names.starts_with("x,z") && COLUMNS.starts_with(&names) {
+        return Ok(None);
+    }
+    let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+    let found = |error: String| format!("found \"{line}\"; {error}");
+    if !(2..=4).contains(&fields.len()) {
+        return Err(found("allowed: X,Z or X,Z,PITCH or X,Z,PITCH,SPEED".into()));
+    }
+    let field = |index: usize| fields.get(index).filter(|field| !field.is_empty());
+    Ok(Some(TeethPlace {
+        to: place(&fields[..2].join(",")).map_err(found)?,
+        pitch: field(2).map(|field| pitch(field).map_err(found)).transpose()?.or(usual.pitch),
+        speed: field(3).map(|field| teeth_speed(field).map_err(found)).transpose()?.unwrap_or(usual.speed),
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const USUAL: TeethPlace = TeethPlace { to: [0.0; 2], pitch: None, speed: 0.1 };
+
+    #[test]
+    fn a_line_is_a_place_with_what_the_options_say_where_it_says_nothing() {
+        let usual = TeethPlace { pitch: Some(-90.0), ..USUAL };
+        let of = |line| place_of(line, false, usual).unwrap().unwrap();
+        assert_eq!(of("6.2, -0.5"), TeethPlace { to: [6.2, -0.5], ..usual });
+        assert_eq!(of("6.2,-500mm,-100"), TeethPlace { to: [6.2, -0.5], pitch: Some(-100.0), ..usual });
+        assert_eq!(of("6.2,-0.5,,0.3"), TeethPlace { to: [6.2, -0.5], speed: 0.3, ..usual });
+    }
+
+    #[test]
+    fn names_of_columns_empty_lines_and_remarks_are_no_places() {
+        for (line, is_first) in [("x,z,pitch", true), ("X, Z", true), ("", false), ("  ", true), ("# home", false)] {
+            assert_eq!(place_of(line, is_first, USUAL).unwrap(), None, "{line}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_place_is_refused_with_what_was_found() {
+        for (line, allowed) in [
+            ("x,z", "allowed: X,Z in m"),
+            ("6.2", "allowed: X,Z or X,Z,PITCH or X,Z,PITCH,SPEED"),
+            ("6.2,0,1,2,3", "allowed: X,Z or X,Z,PITCH or X,Z,PITCH,SPEED"),
+            ("6.2,nan", "allowed: X,Z in m"),
+            ("6.2,0,inf", "allowed: -360 to 360 degrees"),
+            ("6.2,0,-100,0", "allowed: 0.001 to 10 m/s"),
+        ] {
+            let error = place_of(line, false, USUAL).unwrap_err();
+            assert!(error.starts_with(&format!("found \"{line}\"; {allowed}")), "{line}: {error}");
+        }
+    }
+}

@@ -26,8 +26,9 @@ const STANDING: f64 = 1.2;
 /// Times in which the pace rises from 0 to 1, and falls, s.
 const RISE_TIME: f64 = 1.0;
 const FALL_TIME: f64 = 0.2;
-/// How far ahead references are sent, s, and the least number of them.
-const AHEAD: f64 = 0.1;
+/// How far ahead references are sent, s, as far as a message has room, and the least number of them. Feed-forward needs
+/// those of the time in which an axis reacts.
+const AHEAD: f64 = 1.0;
 const LEAST_AHEAD: usize = 3;
 
 /// Sends the references of a way.

@@ -62,7 +62,7 @@ const LEARNING: f64 = 24.0;
 pub const MOST_LEARNED: f64 = 0.1;
 
 /// r: the part of the gain margin that a steep place of the curve may take.
-const SPARED: f64 = 1.3;
+pub const SPARED: f64 = 1.3;
 
 /// Time in which the difference to the last controller falls to a third, s.
 pub const HANDOVER: f64 = 0.2;

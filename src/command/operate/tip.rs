@@ -1,5 +1,5 @@
 //! `hydraxis operate --tip`: the bucket's teeth go to a place in a straight line ([`crate::teeth`]), or from place to
-//! place of standard input ([`mod@places`]).
+//! place of standard input ([`super::places`]).
 
 use std::time::Instant;
 

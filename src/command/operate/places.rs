@@ -8,7 +8,7 @@
 //! its own reads the lines, since the axes need a request with every sample while none comes.
 
 use std::{
-    io::stdin,
+    io::{BufRead, Read, stdin},
     sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel},
     thread,
 };
@@ -25,6 +25,8 @@ use crate::{
 
 /// Names of the columns of a line.
 const COLUMNS: &str = "x,z,pitch,speed";
+/// Longest line, bytes.
+const LONGEST: u64 = 200;
 
 /// Where the next place comes from.
 pub struct Places {
@@ -52,7 +54,7 @@ impl Places {
         let is_stream = match arguments.tip? {
             Tip::Place(to) => sender.send(Ok(TeethPlace { to, ..usual })).is_err(),
             Tip::Lines => {
-                thread::spawn(move || read(usual, &sender));
+                thread::spawn(move || read(&mut stdin().lock(), usual, &sender));
                 true
             }
         };
@@ -72,11 +74,13 @@ impl Places {
     }
 }
 
-/// Sends the places of standard input, up to its end or the first line that is none.
-fn read(usual: TeethPlace, sender: &SyncSender<Result<TeethPlace, Failure>>) {
-    for (line, number) in stdin().lines().zip(1..) {
-        let place = match line {
-            Ok(line) => place_of(&line, number == 1, usual).map_err(Failure::usage),
+/// Sends the places of `input`, up to its end or the first line that is none.
+fn read(input: &mut impl BufRead, usual: TeethPlace, sender: &SyncSender<Result<TeethPlace, Failure>>) {
+    for number in 1.. {
+        let mut line = Vec::new();
+        let place = match input.by_ref().take(LONGEST).read_until(b'\n', &mut line) {
+            Ok(0) => return,
+            Ok(_) => text_of(&line).and_then(|line| place_of(line, number == 1, usual)).map_err(Failure::usage),
             Err(error) => Err(Failure::run(error)),
         };
         let place =
@@ -89,9 +93,17 @@ fn read(usual: TeethPlace, sender: &SyncSender<Result<TeethPlace, Failure>>) {
     }
 }
 
+/// A line as text.
+fn text_of(line: &[u8]) -> Result<&str, String> {
+    if line.len() as u64 == LONGEST && !line.ends_with(b"\n") {
+        return Err(format!("found more than {LONGEST} bytes; allowed: X,Z or X,Z,PITCH or X,Z,PITCH,SPEED"));
+    }
+    std::str::from_utf8(line).map_err(|error| format!("found other text than UTF-8 ({error}); allowed: X,Z in m"))
+}
+
 /// The place of a line; none where it has none.
 fn place_of(line: &str, is_first: bool, usual: TeethPlace) -> Result<Option<TeethPlace>, String> {
-    let line = line.trim();
+    let line = line.trim_start_matches('\u{feff}').trim();
     let names = line.replace(' ', "").to_lowercase();
     if line.is_empty() || line.starts_with('#') || is_first && names.starts_with("x,z") && COLUMNS.starts_with(&names) {
         return Ok(None);
@@ -122,6 +134,30 @@ mod tests {
         assert_eq!(of("6.2, -0.5"), TeethPlace { to: [6.2, -0.5], ..usual });
         assert_eq!(of("6.2,-500mm,-100"), TeethPlace { to: [6.2, -0.5], pitch: Some(-100.0), ..usual });
         assert_eq!(of("6.2,-0.5,,0.3"), TeethPlace { to: [6.2, -0.5], speed: 0.3, ..usual });
+    }
+
+    /// What is sent of this input: the x of places, and the message of a failure.
+    fn sent(input: &[u8]) -> Vec<Result<f64, String>> {
+        let (sender, lines) = sync_channel(10);
+        read(&mut &*input, USUAL, &sender);
+        drop(sender);
+        lines.iter().map(|place| place.map(|place| place.to[0]).map_err(|failure| failure.to_string())).collect()
+    }
+
+    #[test]
+    fn lines_are_read_up_to_the_first_that_is_no_place() {
+        assert_eq!(sent(b"\xef\xbb\xbfx,z\r\n6,0\r\n\n7,0"), [Ok(6.0), Ok(7.0)]);
+        assert_eq!(sent(b""), []);
+        for (bad, expected) in [
+            (b"here".to_vec(), "found \"here\""),
+            (vec![b'5'; 1000], "found more than 200 bytes"),
+            (vec![0xff, b'\n'], "found other text than UTF-8"),
+        ] {
+            let found = sent(&[b"6,0\n", &bad[..], b"\n7,0\n"].concat());
+            assert_eq!((found.len(), &found[0]), (2, &Ok(6.0)));
+            let message = found[1].as_ref().unwrap_err();
+            assert!(message.starts_with(&format!("--tip: line 2 of standard input: {expected}")), "{message}");
+        }
     }
 
     #[test]

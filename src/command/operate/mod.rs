@@ -153,7 +153,7 @@ fn operate(
     let result = match (tip, place) {
         (Some(tip), Some(place)) => tip.run(place, arguments, operator),
         // The operator is to stop.
-        (Some(_), None) => return Ok(()),
+        (Some(_), None) => Ok(()),
         (None, _) => stream(axes, mode, arguments, operator),
     };
     match &result {

@@ -271,6 +271,16 @@ fn the_teeth_go_from_place_to_place_as_a_program_writes_them() {
     let waiting = running.wait_until("two more seconds", |command| command.header.sequence >= until);
     assert!(away(&waiting, start.x - 0.2) < 0.03, "{:?}", waiting.teeth);
     assert!(waiting.axes[..4].iter().all(|axis| axis.operation == AxisMode::Track as u32));
+    // Another program that has no place to go to yet has no part in the group, and its end changes nothing.
+    let mut other = running.operate(&["--tip", "-", "--enable", "--take-over"]);
+    let mut other = other.stdin(Stdio::piped()).spawn().unwrap();
+    let until = until + 150;
+    running.wait_until("the other program to wait", |command| command.header.sequence >= until);
+    other.kill().and_then(|()| other.wait()).unwrap();
+    let until = until + 50;
+    let still = running.wait_until("half a second", |command| command.header.sequence >= until);
+    assert!(still.axes[..4].iter().all(|axis| axis.operation == AxisMode::Track as u32));
+    assert_eq!(still.operator, waiting.operator);
     writeln!(input, "{},{},,0.15", start.x, start.z).unwrap();
     drop(input);
     running.wait_until("all axes to hold", is_held);
@@ -283,7 +293,7 @@ fn the_teeth_go_from_place_to_place_as_a_program_writes_them() {
     // Without a place nothing changes. A line that is none, and a place out of reach, end the motion.
     for (lines, expected) in [
         ("".to_owned(), "--tip: found no place on standard input"),
-        ("5".to_owned(), "--tip: line 1 of standard input: found \"5\""),
+        ("5\n".to_owned(), "--tip: line 1 of standard input: found \"5\""),
     ] {
         let mut tool = places(&running);
         tool.stdin.take().unwrap().write_all(lines.as_bytes()).unwrap();

@@ -122,7 +122,7 @@ fn check_target(machine: &GroupMachine, axes: &[usize], arguments: &OperateArgum
 
 fn operate(
     axes: &[usize],
-    mut tip: Option<&mut TipMove>,
+    tip: Option<&mut TipMove>,
     arguments: &OperateArguments,
     operator: &mut Operator,
 ) -> Result<(), Failure> {
@@ -136,10 +136,7 @@ fn operate(
         return Ok(show(&format!("{}{}", causes.text(operator, ""), line(axes, operator, None)))?);
     }
     // What the machine cannot do is refused before anything is armed.
-    let place = match &mut tip {
-        Some(tip) => tip.first(operator)?,
-        None => None,
-    };
+    tip.as_ref().map(|tip| tip.judge(operator)).transpose()?;
     let is_off = |axis: &usize| operator.last(*axis).is_some_and(|last| last.operation == AxisMode::Off as u32);
     let off: Vec<usize> = axes.iter().copied().filter(is_off).collect();
     if let Some(axis) = off.first().filter(|_| !arguments.enable) {
@@ -150,11 +147,9 @@ fn operate(
         operator.release(&off)?;
         show(&causes.text(operator, ""))?;
     }
-    let result = match (tip, place) {
-        (Some(tip), Some(place)) => tip.run(place, arguments, operator),
-        // The operator is to stop.
-        (Some(_), None) => Ok(()),
-        (None, _) => stream(axes, mode, arguments, operator),
+    let result = match tip {
+        Some(tip) => tip.run(arguments, operator),
+        None => stream(axes, mode, arguments, operator),
     };
     match &result {
         Ok(()) if arguments.leave && !operator.stopping() => {}

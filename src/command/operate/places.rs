@@ -61,6 +61,15 @@ impl Places {
         Some(Self { lines, is_stream })
     }
 
+    /// The first one, as soon as it is there.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn first(&mut self) -> Result<TeethPlace, Failure> {
+        let none = || Failure::usage("--tip: found no place on standard input; allowed: X,Z in m");
+        self.lines.recv().map_err(|_| none())?
+    }
+
     /// The next one, without waiting.
     ///
     /// # Errors
@@ -98,7 +107,13 @@ fn text_of(line: &[u8]) -> Result<&str, String> {
     if line.len() as u64 == LONGEST && !line.ends_with(b"\n") {
         return Err(format!("found more than {LONGEST} bytes; allowed: X,Z or X,Z,PITCH or X,Z,PITCH,SPEED"));
     }
-    std::str::from_utf8(line).map_err(|error| format!("found other text than UTF-8 ({error}); allowed: X,Z in m"))
+    let text = std::str::from_utf8(line);
+    let text = text.map_err(|error| format!("found other text than UTF-8 ({error}); allowed: X,Z in m"))?;
+    // A program that ends in the middle of a number has not said this place.
+    if !text.ends_with('\n') && !text.trim().is_empty() {
+        return Err(format!("found \"{text}\" without the end of its line; allowed: whole lines"));
+    }
+    Ok(text)
 }
 
 /// The place of a line; none where it has none.
@@ -146,7 +161,9 @@ mod tests {
 
     #[test]
     fn lines_are_read_up_to_the_first_that_is_no_place() {
-        assert_eq!(sent(b"\xef\xbb\xbfx,z\r\n6,0\r\n\n7,0"), [Ok(6.0), Ok(7.0)]);
+        assert_eq!(sent(b"\xef\xbb\xbfx,z\r\n6,0\r\n\n7,0\n"), [Ok(6.0), Ok(7.0)]);
+        let cut = "--tip: line 2 of standard input: found \"6.5,-0\" without the end of its line; allowed: whole lines";
+        assert_eq!(sent(b"6,0\n6.5,-0"), [Ok(6.0), Err(cut.to_owned())]);
         assert_eq!(sent(b""), []);
         for (bad, expected) in [
             (b"here".to_vec(), "found \"here\""),

@@ -22,51 +22,43 @@ const ARRIVED: f64 = 0.03;
 /// What `--tip` asks of a group.
 pub struct TipMove {
     teeth: MovableTeeth,
+    first: TeethPlace,
     places: Places,
 }
 
 impl TipMove {
-    /// What the arguments ask of this group; none without `--tip`.
+    /// What the arguments ask of this group; none without `--tip`. Waits for the first place, with no part in the group
+    /// so far: whoever operates it goes on.
     ///
     /// # Errors
-    /// The machine of the group has no teeth, its axes follow no program, or only some of them are meant.
+    /// The machine of the group has no teeth, its axes follow no program, or only some of them are meant; or there is
+    /// no place.
     pub fn asked(arguments: &OperateArguments, prefix: &Prefix) -> Result<Option<Self>, Failure> {
         if arguments.tip.is_some() && !arguments.group.axes.is_empty() {
             let text = "--tip: found together with --axis; allowed: without, since all four axes move the teeth";
             return Err(Failure::usage(text));
         }
-        let teeth = |places| MovableTeeth::new(prefix).map(|teeth| Self { teeth, places }).map_err(about);
-        Places::of(arguments).map(teeth).transpose()
+        let Some(mut places) = Places::of(arguments) else { return Ok(None) };
+        let teeth = MovableTeeth::new(prefix).map_err(about)?;
+        let first = places.first()?;
+        Ok(Some(Self { teeth, first, places }))
     }
 
-    /// The first place, which the machine can reach from where it is; none when the operator is to stop.
+    /// Refuses a first place that the machine cannot reach from where it is.
     ///
     /// # Errors
-    /// There is none, a position is not known, or the machine cannot do it.
-    pub fn first(&mut self, operator: &mut Operator) -> Result<Option<TeethPlace>, Failure> {
-        while operator.sample()?.is_some() {
-            while operator.command()?.is_some() {}
-            match self.places.next()? {
-                Next::Wait => {}
-                Next::End => return Err(about(Failure::usage("found no place on standard input; allowed: X,Z in m"))),
-                Next::Place(place) => return self.teeth.plan(place, operator).map(|_| Some(place)).map_err(about),
-            }
-        }
-        Ok(None)
+    /// A position is not known, or the machine cannot do it.
+    pub fn judge(&self, operator: &mut Operator) -> Result<(), Failure> {
+        self.teeth.plan(self.first, operator).map(|_| ()).map_err(about)
     }
 
-    /// Arms the axes, moves the teeth to this place and to those that follow, and holds them there until the end.
+    /// Arms the axes, moves the teeth to the first place and to those that follow, and holds them there until the end.
     ///
     /// # Errors
     /// An axis does not follow any more, a place is none or cannot be reached, or the group cannot be operated.
-    pub fn run(
-        &mut self,
-        first: TeethPlace,
-        arguments: &OperateArguments,
-        operator: &mut Operator,
-    ) -> Result<(), Failure> {
+    pub fn run(&mut self, arguments: &OperateArguments, operator: &mut Operator) -> Result<(), Failure> {
         let begin = Instant::now();
-        let mut next = Some(first);
+        let mut next = Some(self.first);
         while let Some(place) = next {
             next = self.go(place, begin, arguments, operator)?;
         }

@@ -189,6 +189,11 @@ impl Moving<'_> {
         [start.x, start.z]
     }
 
+    /// Whether the teeth have come to their place.
+    pub fn has_arrived(&self) -> bool {
+        self.has_arrived
+    }
+
     /// Teeth on their way, in words.
     pub fn told(&self, teeth: &TeethState) -> String {
         let TeethState { x, z, pitch, error, .. } = teeth;

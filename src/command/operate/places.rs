@@ -28,11 +28,18 @@ const COLUMNS: &str = "x,z,pitch,speed";
 /// Longest line, bytes.
 const LONGEST: u64 = 200;
 
-/// Where the next place comes from.
-pub struct Places {
-    lines: Receiver<Result<TeethPlace, Failure>>,
-    /// They come from standard input, whose end is the end of the command.
-    pub is_stream: bool,
+/// What a line may be.
+const ALLOWED: &str = "allowed: X,Z or X,Z,PITCH or X,Z,PITCH,SPEED";
+
+/// The places after the first one.
+pub enum Places {
+    /// None: the teeth stay there until the user ends it, or are left there.
+    None {
+        /// `--leave`.
+        leave: bool,
+    },
+    /// Those of standard input, whose end is the end of the command.
+    Lines(Receiver<Result<TeethPlace, Failure>>),
 }
 
 /// What there is of a next place.
@@ -46,28 +53,21 @@ pub enum Next {
 }
 
 impl Places {
-    /// Those of the arguments; none without `--tip`.
-    pub fn of(arguments: &OperateArguments) -> Option<Self> {
-        let usual = TeethPlace { to: [0.0; 2], pitch: arguments.pitch, speed: arguments.speed.unwrap_or(SPEED) };
-        // One is read ahead, the others stay in the pipe.
-        let (sender, lines) = sync_channel(1);
-        let is_stream = match arguments.tip? {
-            Tip::Place(to) => sender.send(Ok(TeethPlace { to, ..usual })).is_err(),
-            Tip::Lines => {
-                thread::spawn(move || read(&mut stdin().lock(), usual, &sender));
-                true
-            }
-        };
-        Some(Self { lines, is_stream })
-    }
-
-    /// The first one, as soon as it is there.
+    /// The first place of `--tip`, as soon as it is there, and those after it.
     ///
     /// # Errors
     /// There is none.
-    pub fn first(&mut self) -> Result<TeethPlace, Failure> {
+    pub fn of(tip: Tip, arguments: &OperateArguments) -> Result<(TeethPlace, Self), Failure> {
+        let usual = TeethPlace { to: [0.0; 2], pitch: arguments.pitch, speed: arguments.speed.unwrap_or(SPEED) };
+        if let Tip::Place(to) = tip {
+            return Ok((TeethPlace { to, ..usual }, Self::None { leave: arguments.leave }));
+        }
+        // One is read ahead, the others stay in the pipe.
+        let (sender, lines) = sync_channel(1);
+        thread::spawn(move || read(&mut stdin().lock(), usual, &sender));
         let none = || Failure::usage("--tip: found no place on standard input; allowed: X,Z in m");
-        self.lines.recv().map_err(|_| none())?
+        let first = lines.recv().map_err(|_| none())??;
+        Ok((first, Self::Lines(lines)))
     }
 
     /// The next one, without waiting.
@@ -75,7 +75,11 @@ impl Places {
     /// # Errors
     /// A line is no place, or cannot be read.
     pub fn next(&mut self) -> Result<Next, Failure> {
-        match self.lines.try_recv() {
+        let lines = match self {
+            Self::None { leave } => return Ok(if *leave { Next::End } else { Next::Wait }),
+            Self::Lines(lines) => lines,
+        };
+        match lines.try_recv() {
             Ok(place) => place.map(Next::Place),
             Err(TryRecvError::Empty) => Ok(Next::Wait),
             Err(TryRecvError::Disconnected) => Ok(Next::End),
@@ -105,7 +109,7 @@ fn read(input: &mut impl BufRead, usual: TeethPlace, sender: &SyncSender<Result<
 /// A line as text.
 fn text_of(line: &[u8]) -> Result<&str, String> {
     if line.len() as u64 == LONGEST && !line.ends_with(b"\n") {
-        return Err(format!("found more than {LONGEST} bytes; allowed: X,Z or X,Z,PITCH or X,Z,PITCH,SPEED"));
+        return Err(format!("found more than {LONGEST} bytes; {ALLOWED}"));
     }
     let text = std::str::from_utf8(line);
     let text = text.map_err(|error| format!("found other text than UTF-8 ({error}); allowed: X,Z in m"))?;
@@ -126,7 +130,7 @@ fn place_of(line: &str, is_first: bool, usual: TeethPlace) -> Result<Option<Teet
     let fields: Vec<&str> = line.split(',').map(str::trim).collect();
     let found = |error: String| format!("found \"{line}\"; {error}");
     if !(2..=4).contains(&fields.len()) {
-        return Err(found("allowed: X,Z or X,Z,PITCH or X,Z,PITCH,SPEED".into()));
+        return Err(found(ALLOWED.into()));
     }
     let field = |index: usize| fields.get(index).filter(|field| !field.is_empty());
     Ok(Some(TeethPlace {

@@ -38,9 +38,9 @@ impl TipMove {
             let text = "--tip: found together with --axis; allowed: without, since all four axes move the teeth";
             return Err(Failure::usage(text));
         }
-        let Some(mut places) = Places::of(arguments) else { return Ok(None) };
+        let Some(tip) = arguments.tip else { return Ok(None) };
         let teeth = MovableTeeth::new(prefix).map_err(about)?;
-        let first = places.first()?;
+        let (first, places) = Places::of(tip, arguments)?;
         Ok(Some(Self { teeth, first, places }))
     }
 
@@ -74,7 +74,7 @@ impl TipMove {
         operator: &mut Operator,
     ) -> Result<Option<TeethPlace>, Failure> {
         let Some(mut moving) = self.teeth.begin(place, operator).map_err(about)? else { return Ok(None) };
-        let (mut next_line, mut away, mut has_arrived) = (Instant::now(), place.away(moving.start()), false);
+        let (mut next_line, mut away) = (Instant::now(), place.away(moving.start()));
         while arguments.duration.is_none_or(|duration| begin.elapsed() < duration) {
             let Some(sample) = operator.sample()? else { break };
             let (now, arrives) = moving.step(operator, &sample)?;
@@ -85,24 +85,23 @@ impl TipMove {
                 show(&format!("{seconds:8.2} s  {}\n", moving.told(&now)))?;
             }
             if arrives {
-                has_arrived = true;
                 show(&format!("at the end: {}\n", moving.told(&now)))?;
             }
-            if !has_arrived {
+            if !moving.has_arrived() {
                 continue;
             }
-            let next = if self.places.is_stream { self.places.next()? } else { Next::Wait };
-            match next {
-                Next::Place(_) if away > ARRIVED => break,
-                Next::Place(next) => return Ok(Some(next)),
-                Next::Wait if self.places.is_stream || !arguments.leave => continue,
-                Next::Wait | Next::End => {}
+            match self.places.next()? {
+                Next::Wait => {}
+                Next::Place(next) if away <= ARRIVED => return Ok(Some(next)),
+                Next::Place(_) => break,
+                Next::End => {
+                    if arguments.leave {
+                        ALL.into_iter().for_each(|axis| operator.axis(axis).hold_to_run = 0);
+                        operator.change(&ALL, AxisMode::Hold)?;
+                    }
+                    break;
+                }
             }
-            if arguments.leave {
-                ALL.into_iter().for_each(|axis| operator.axis(axis).hold_to_run = 0);
-                operator.change(&ALL, AxisMode::Hold)?;
-            }
-            break;
         }
         if operator.stopping() || away <= ARRIVED {
             return Ok(None);

@@ -8,7 +8,7 @@ use hydraxis_fleet::{
     key::{Name, Place},
 };
 
-/// Many machines of Hydraxis on one screen, over Zenoh. Nothing here moves an axis.
+/// Many machines of Hydraxis on one screen, over Zenoh.
 #[derive(Debug, Parser)]
 #[command(version, about)]
 pub struct Arguments {
@@ -34,6 +34,27 @@ pub enum Command {
         /// Configuration of Zenoh, JSON5, with mode: "router"
         file: PathBuf,
     },
+    /// Lets stations disarm this machine, until SIGTERM
+    #[cfg(feature = "commands")]
+    Listen {
+        /// Settings of the bridge, with [commands]
+        settings: PathBuf,
+    },
+    /// Lets one station at a time move axes of this machine for a time; Ctrl-C takes it back
+    #[cfg(feature = "commands")]
+    Consent {
+        /// Settings of the bridge, with [commands]
+        settings: PathBuf,
+        /// For how long
+        #[arg(long = "for", value_name = "TIME", value_parser = humantime::parse_duration)]
+        time: Duration,
+    },
+    /// Disarms axes of a machine, all where none is named
+    #[cfg(feature = "commands")]
+    Disarm(Disarm),
+    /// Moves axes of a machine with its consent, and keeps them there until Ctrl-C
+    #[cfg(feature = "commands")]
+    Operate(Operate),
     /// Measures many simulated machines on one router of this computer
     Bench(Bench),
     /// Publishes simulated machines, for bench
@@ -83,6 +104,51 @@ pub struct Ask {
     pub what: String,
 }
 
+/// `disarm`.
+#[cfg(feature = "commands")]
+#[derive(Debug, Args)]
+pub struct Disarm {
+    /// Machine and station.
+    #[command(flatten)]
+    pub station: Station,
+    /// Only this axis; may be given several times
+    #[arg(long, value_name = "NAME")]
+    pub axis: Vec<String>,
+}
+
+/// `operate`.
+#[cfg(feature = "commands")]
+#[derive(Debug, Args)]
+pub struct Operate {
+    /// Machine and station.
+    #[command(flatten)]
+    pub station: Station,
+    /// Axis and its set point, m; may be given several times
+    #[arg(long, value_name = "AXIS=METRES", required = true, value_parser = target)]
+    pub to: Vec<(String, f64)>,
+    /// Arms the axes; without it nothing moves
+    #[arg(long)]
+    pub enable: bool,
+    /// Ends after so long
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    pub duration: Option<Duration>,
+}
+
+/// A machine, and who asks it.
+#[cfg(feature = "commands")]
+#[derive(Debug, Args)]
+pub struct Station {
+    /// How the router is reached.
+    #[command(flatten)]
+    pub router: Router,
+    /// The machine: SITE/MACHINE
+    #[arg(value_parser = place)]
+    pub machine: Place,
+    /// What this station calls itself in the journal of the machine
+    #[arg(long, value_name = "NAME")]
+    pub station: Name,
+}
+
 /// How a router is reached.
 #[derive(Debug, Args)]
 pub struct Router {
@@ -128,4 +194,12 @@ fn place(text: &str) -> Result<Place, String> {
     let (site, machine) = text.split_once('/').ok_or_else(|| format!("found \"{text}\"; allowed: SITE/MACHINE"))?;
     let name = |text: &str| text.parse::<Name>().map_err(|error| error.to_string());
     Ok(Place { site: name(site)?, machine: name(machine)? })
+}
+
+#[cfg(feature = "commands")]
+fn target(text: &str) -> Result<(String, f64), String> {
+    let wrong = || format!("found \"{text}\"; allowed: AXIS=METRES, as in boom=0.6");
+    let (axis, metres) = text.split_once('=').ok_or_else(wrong)?;
+    let metres = metres.trim().parse::<f64>().ok().filter(|metres| metres.is_finite()).ok_or_else(wrong)?;
+    if axis.is_empty() { Err(wrong()) } else { Ok((axis.to_owned(), metres)) }
 }

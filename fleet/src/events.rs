@@ -88,6 +88,12 @@ fn flags(bits: u32) -> String {
     if names.is_empty() { "none".to_owned() } else { names.join(" ") }
 }
 
+/// Mode and flags of an axis in words.
+pub fn in_words(bits: u32, operation: u32) -> String {
+    let mode = mode(operation);
+    if bits == 0 { mode.to_owned() } else { format!("{mode} ({})", flags(bits)) }
+}
+
 fn mode(number: u32) -> &'static str {
     AxisMode::from_number(number).map_or("unknown", AxisMode::name)
 }

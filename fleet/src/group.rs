@@ -48,7 +48,7 @@ impl Search {
 }
 
 /// The only group that runs; none where several do.
-fn only_one() -> Option<Prefix> {
+pub fn only_one() -> Option<Prefix> {
     let mut living = groups().into_iter().filter(|group| group.state == GroupState::Alive);
     let one = living.next()?;
     living.next().is_none().then_some(one.prefix)

@@ -8,6 +8,7 @@
 //! hydraxis/v1/SITE/MACHINE/status                state of the bridge and of the group
 //! hydraxis/v1/SITE/MACHINE/events                what has happened
 //! hydraxis/v1/SITE/MACHINE/recordings            list of the recordings, when asked
+//! hydraxis/v1/SITE/MACHINE/command/WHAT          commands, as questions
 //! ```
 //!
 //! `v1` is the major version: a change that an older reader would misunderstand raises it.

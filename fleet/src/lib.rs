@@ -16,11 +16,14 @@
 //! | `kernel` | clock, priority and memory |
 //! | `fleet`, `listen` | what a receiver knows, and how old it is |
 //! | `top` | all machines in a table |
+//! | `command` | commands over the network, with the feature `commands` |
 //! | `router` | a router for small sites and trials |
 //! | `bench` | many simulated machines on one router |
 
 pub mod bench;
 pub mod bridge;
+#[cfg(feature = "commands")]
+pub mod command;
 pub mod connection;
 pub mod content;
 pub mod events;

@@ -14,7 +14,11 @@ use std::{
 };
 
 use arguments::{Arguments, Ask, Bench, Command, Top};
+#[cfg(feature = "commands")]
+use arguments::{Disarm, Operate};
 use clap::Parser;
+#[cfg(feature = "commands")]
+use hydraxis_fleet::command;
 use hydraxis_fleet::{
     bench,
     bridge::{self, BridgeError},
@@ -53,6 +57,12 @@ enum Failure {
     Router(#[from] RouterError),
     #[error(transparent)]
     Bench(#[from] bench::BenchError),
+    #[cfg(feature = "commands")]
+    #[error(transparent)]
+    Command(#[from] command::CommandError),
+    #[cfg(feature = "commands")]
+    #[error(transparent)]
+    Station(#[from] command::StationError),
     #[error("Zenoh: {0}")]
     Zenoh(#[from] zenoh::Error),
     #[error("{0}")]
@@ -66,6 +76,8 @@ impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
             Self::Settings(_) | Self::Router(RouterError::File { .. } | RouterError::Mode { .. }) => 2,
+            #[cfg(feature = "commands")]
+            Self::Command(error) if error.is_usage() => 2,
             Self::Connection(error) if !matches!(error, ConnectionError::Zenoh(_)) => 2,
             _ => 1,
         }
@@ -102,6 +114,14 @@ fn run(command: &Command) -> Result<(), Failure> {
             wait(&stop, None);
             Ok(session.close().wait()?)
         }
+        #[cfg(feature = "commands")]
+        Command::Listen { settings } => Ok(command::listen(&Settings::load(settings)?, &stop)?),
+        #[cfg(feature = "commands")]
+        Command::Consent { settings, time } => Ok(command::consent(&Settings::load(settings)?, *time, &stop)?),
+        #[cfg(feature = "commands")]
+        Command::Disarm(arguments) => disarm(arguments),
+        #[cfg(feature = "commands")]
+        Command::Operate(arguments) => operate(arguments, &stop),
         Command::Bench(arguments) => measure(arguments),
         Command::BenchPublish { router, machines } => Ok(bench::publish(router, *machines)?),
     }
@@ -169,6 +189,51 @@ fn ask(arguments: &Ask) -> Result<(), Failure> {
             return Err(Failure::NoAnswer(format!("{key}: {why}")));
         }
     }
+    Ok(session.close().wait()?)
+}
+
+#[cfg(feature = "commands")]
+fn disarm(arguments: &Disarm) -> Result<(), Failure> {
+    let station = &arguments.station;
+    let session = station.router.connection().open()?;
+    let (place, name) = (station.machine.clone(), station.station.clone());
+    let disarmed = command::Station { session: &session, place, name }.disarm(arguments.axis.clone())?;
+    for (axis, state) in disarmed.axes {
+        println!("axis.{axis}: {state}");
+    }
+    Ok(session.close().wait()?)
+}
+
+#[cfg(feature = "commands")]
+fn operate(arguments: &Operate, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
+    let station = &arguments.station;
+    if !arguments.enable {
+        println!("nothing is armed; allowed: with --enable, and then the machine may move");
+        return Ok(());
+    }
+    let session = station.router.connection().open()?;
+    if let Some(duration) = arguments.duration {
+        let stop = Arc::clone(stop);
+        std::thread::spawn(move || {
+            sleep(duration);
+            stop.store(true, Ordering::Relaxed);
+        });
+    }
+    let targets = arguments.to.iter().cloned().collect();
+    let mut told = None;
+    let tell = |answer: &command::protocol::Answer| {
+        if told.is_some_and(|told: std::time::Instant| told.elapsed() < APART) {
+            return;
+        }
+        told = Some(std::time::Instant::now());
+        for (axis, view) in &answer.axes {
+            let metres = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.4} m"));
+            println!("axis.{axis}: {}, {}, set point {}", view.state, metres(view.position), metres(view.set_point));
+        }
+    };
+    let (place, name) = (station.machine.clone(), station.station.clone());
+    command::Station { session: &session, place, name }.operate(&targets, stop, tell)?;
+    println!("off");
     Ok(session.close().wait()?)
 }
 

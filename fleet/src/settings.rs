@@ -1,6 +1,7 @@
 //! The settings of a bridge, a TOML file.
 
 use std::{
+    collections::BTreeMap,
     path::{Path, PathBuf},
     str::FromStr,
     time::Duration,
@@ -21,6 +22,10 @@ const HIGHEST_RATE: f64 = 1000.0;
 const LARGEST_RING: usize = 4096;
 /// Least and largest limit of memory, MB. A bridge with TLS needs 30 MB.
 const MEMORY_MB: std::ops::RangeInclusive<u64> = 32..=4096;
+/// Highest speed of an axis that is moved from elsewhere, m/s.
+const HIGHEST_SPEED: f64 = 0.1;
+/// Longest consent that the settings can allow.
+const LONGEST_CONSENT: Duration = Duration::from_secs(8 * 3600);
 
 /// Settings of a bridge.
 #[derive(Debug, Deserialize)]
@@ -44,6 +49,38 @@ pub struct Settings {
     /// What the bridge may take of the computer.
     #[serde(default)]
     pub limits: Limits,
+    /// What may be commanded over the network; without it nothing. The bridge does not look at it.
+    pub commands: Option<Commands>,
+}
+
+/// What may be commanded over the network.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Commands {
+    /// File to which every command and its answer are added.
+    pub journal: PathBuf,
+    /// Longest time for which a person at the machine can give consent.
+    #[serde(with = "humantime_serde", default = "half_an_hour")]
+    pub longest_consent: Duration,
+    /// The axes that may be moved with consent, by name.
+    #[serde(default)]
+    pub axes: BTreeMap<String, Window>,
+}
+
+/// How an axis may be moved from elsewhere.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Window {
+    /// Lowest set point, m.
+    pub from: f64,
+    /// Highest set point, m.
+    pub to: f64,
+    /// Speed of the set point, m/s.
+    pub speed: f64,
+}
+
+fn half_an_hour() -> Duration {
+    Duration::from_secs(1800)
 }
 
 /// Messages a second by key; 0 for none.
@@ -137,6 +174,24 @@ pub enum SettingsError {
     },
 }
 
+impl Commands {
+    /// The first value that is out of its range: key, value, and what is allowed.
+    fn out_of_range(&self) -> Option<(String, String, String)> {
+        if !(Duration::from_secs(1)..=LONGEST_CONSENT).contains(&self.longest_consent) {
+            let [found, longest] = [self.longest_consent, LONGEST_CONSENT].map(humantime::format_duration);
+            return Some(("commands.longest-consent".to_owned(), found.to_string(), format!("1s to {longest}")));
+        }
+        self.axes.iter().find_map(|(name, Window { from, to, speed })| {
+            let key = |of: &str| format!("commands.axes.{name}.{of}");
+            if !from.is_finite() || !to.is_finite() || from >= to {
+                return Some((key("from"), format!("{from}, with to = {to}"), "less than `to`, both in m".to_owned()));
+            }
+            let is_speed = *speed > 0.0 && *speed <= HIGHEST_SPEED;
+            (!is_speed).then(|| (key("speed"), speed.to_string(), format!("above 0, to {HIGHEST_SPEED} m/s")))
+        })
+    }
+}
+
 impl Settings {
     /// Reads and checks a file. Paths in it are relative to its folder.
     ///
@@ -154,19 +209,15 @@ impl Settings {
         let folder = path.parent().unwrap_or(Path::new(""));
         settings.tls = settings.tls.map(|tls| tls.below(folder));
         settings.recordings = settings.recordings.map(|recordings| folder.join(recordings));
+        settings.commands.iter_mut().for_each(|commands| commands.journal = folder.join(&commands.journal));
         let connection = |source| SettingsError::Connection { path: path.to_owned(), source };
         settings.connection().check().map_err(connection)?;
-        let range = |(key, found, allowed): (&str, String, String)| SettingsError::Range {
-            path: path.to_owned(),
-            key: key.to_owned(),
-            found,
-            allowed,
-        };
+        let range = |(key, found, allowed)| SettingsError::Range { path: path.to_owned(), key, found, allowed };
         settings.out_of_range().map_or(Ok(settings), |wrong| Err(range(wrong)))
     }
 
     /// The first value that is out of its range: key, value, and what is allowed.
-    fn out_of_range(&self) -> Option<(&'static str, String, String)> {
+    fn out_of_range(&self) -> Option<(String, String, String)> {
         let Rates { encoder_sample, valve_command, machine_state, stage_health, status, model } = self.rates;
         let rates = [
             ("rates.encoder-sample", encoder_sample),
@@ -178,17 +229,19 @@ impl Settings {
         ];
         let wrong = rates.into_iter().find(|(_, rate)| !(0.0..=HIGHEST_RATE).contains(rate));
         if let Some((key, rate)) = wrong {
-            return Some((key, rate.to_string(), format!("0 to {HIGHEST_RATE} a second")));
+            return Some((key.to_owned(), rate.to_string(), format!("0 to {HIGHEST_RATE} a second")));
         }
         if !MEMORY_MB.contains(&self.limits.memory_mb) {
             let allowed = format!("{} to {}", MEMORY_MB.start(), MEMORY_MB.end());
-            return Some(("limits.memory-mb", self.limits.memory_mb.to_string(), allowed));
+            return Some(("limits.memory-mb".to_owned(), self.limits.memory_mb.to_string(), allowed));
         }
         if !(1..=LARGEST_RING).contains(&self.limits.ring) {
-            return Some(("limits.ring", self.limits.ring.to_string(), format!("1 to {LARGEST_RING}")));
+            return Some(("limits.ring".to_owned(), self.limits.ring.to_string(), format!("1 to {LARGEST_RING}")));
         }
-        let group = self.group.as_ref()?;
-        Prefix::from_str(group).err().map(|error| ("group", format!("\"{}\"", error.found), "a prefix".to_owned()))
+        if let Some(Err(error)) = self.group.as_ref().map(|group| Prefix::from_str(group)) {
+            return Some(("group".to_owned(), format!("\"{}\"", error.found), "a prefix".to_owned()));
+        }
+        self.commands.as_ref().and_then(Commands::out_of_range)
     }
 
     /// How the router is reached.
@@ -240,6 +293,20 @@ mod tests {
             (format!("{LEAST}[limits]\nmemory-mb = 1\n"), "limits.memory-mb: found 1; allowed: 32 to 4096"),
             (format!("{LEAST}[limits]\nring = 0\n"), "limits.ring: found 0; allowed: 1 to 4096"),
             (format!("group = \"a/b\"\n{LEAST}"), "group: found \"a/b\""),
+            (
+                format!(
+                    "{LEAST}[commands]\njournal = \"a\"\n[commands.axes.boom]\nfrom = 0.5\nto = 0.5\nspeed = 0.1\n"
+                ),
+                "commands.axes.boom.from: found 0.5, with to = 0.5; allowed: less than `to`",
+            ),
+            (
+                format!("{LEAST}[commands]\njournal = \"a\"\n[commands.axes.boom]\nfrom = 0\nto = 0.5\nspeed = nan\n"),
+                "commands.axes.boom.speed: found NaN; allowed: above 0, to 0.1 m/s",
+            ),
+            (
+                format!("{LEAST}[commands]\njournal = \"a\"\nlongest-consent = \"9h\"\n"),
+                "commands.longest-consent: found 9h; allowed: 1s to 8h",
+            ),
             (remote, "found \"tcp/10.0.0.1:7447\"; allowed: tls/HOST:PORT"),
             ("machine = \"a\"\n".to_owned(), "missing field `site`"),
         ] {

@@ -151,6 +151,45 @@ fn somebody_of_another_site_and_a_machine_see_no_machine() {
     assert!(of_foreign.try_recv().unwrap().is_none() && of_other.try_recv().unwrap().is_none());
 }
 
+#[test]
+fn only_an_operator_commands_a_machine() {
+    const DISARM: &str = "hydraxis/v1/quarry/ex-07/command/disarm";
+    let site = Site::new();
+    let machine = site.connection("quarry.ex-07").open().unwrap();
+    let asked = machine.declare_queryable("hydraxis/v1/quarry/ex-07/command/*").wait().unwrap();
+    let questions = |common_name: &str, key: &str| {
+        let other = site.connection(common_name).open().unwrap();
+        let answers = other.get(key).timeout(SILENCE).wait().unwrap();
+        let mut questions = 0;
+        while let Ok(Some(query)) = asked.recv_timeout(SILENCE) {
+            questions += 1;
+            query.reply(DISARM, "off").wait().unwrap();
+        }
+        (questions, answers.recv().is_ok_and(|answer| answer.into_result().is_ok()))
+    };
+    assert_eq!(questions("quarry.operator", DISARM), (1, true));
+    for (who, key) in [
+        ("quarry.viewer", DISARM),
+        // Keys that stand for those of commands as well.
+        ("quarry.viewer", "hydraxis/v1/quarry/ex-07/**"),
+        ("quarry.viewer", "hydraxis/v1/quarry/ex-07/command/*"),
+        ("quarry.viewer", "hydraxis/v1/*/*/command/disarm"),
+        ("harbour.operator", DISARM),
+        ("quarry.ex-08", DISARM),
+        ("quarry.ex-07", DISARM),
+        ("quarry.operator", "hydraxis/v1/*/ex-07/command/disarm"),
+    ] {
+        assert_eq!(questions(who, key), (0, false), "{who} asks {key}");
+    }
+    // An operator only commands: it does not speak as the machine, and sees no telemetry.
+    assert!(!is_heard(&site, "quarry.operator", SAMPLES));
+    let operator = site.connection("quarry.operator").open().unwrap();
+    let seen = operator.declare_subscriber("hydraxis/v1/quarry/**").wait().unwrap();
+    (0..5).for_each(|_| machine.put(SAMPLES, "machine").wait().unwrap());
+    sleep(SILENCE);
+    assert!(seen.try_recv().unwrap().is_none());
+}
+
 /// Whether somebody with these files of TLS gets a connection.
 fn is_connected(address: &str, ca: &Path, own: Option<&Tls>) -> bool {
     let mut tls = serde_json::json!({ "root_ca_certificate": ca, "enable_mtls": own.is_some() });

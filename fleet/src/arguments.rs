@@ -7,8 +7,12 @@ use hydraxis_fleet::{
     connection::{Connection, Tls},
     key::{Name, Place},
 };
+use pipeline::{
+    channel::Prefix,
+    machine::{Machine, MachineError},
+};
 
-/// Many machines of Hydraxis on one screen, over Zenoh.
+/// Many machines of Hydraxis on one screen, and a simulated machine on another computer, over Zenoh.
 #[derive(Debug, Parser)]
 #[command(version, about)]
 pub struct Arguments {
@@ -29,6 +33,14 @@ pub enum Command {
     Top(Top),
     /// Asks a machine for its state, events, or list of recordings, and prints the answer as JSON
     Ask(Ask),
+    /// Simulates the machine on this computer for a group on another one, until SIGTERM
+    Plant(Plant),
+    /// Takes the place of plant-sim in a group: its machine is the plant on another computer
+    #[command(after_help = "\
+`hydraxis run` starts it by these words in the machine file, and adds the arguments behind the settings:
+  [stage.plant-sim]
+  command = [\"hydraxis-fleet\", \"stage\", \"fleet.toml\"]")]
+    Stage(Stage),
     /// Runs a router of Zenoh out of its configuration file
     Router {
         /// Configuration of Zenoh, JSON5, with mode: "router"
@@ -149,6 +161,65 @@ pub struct Station {
     pub station: Name,
 }
 
+/// `plant`.
+#[derive(Debug, Args)]
+pub struct Plant {
+    /// Settings: site, machine, router
+    pub settings: PathBuf,
+    /// What is simulated.
+    #[command(flatten)]
+    pub machine: MachineFile,
+    /// Seed of the simulated noise, that of the group
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// `stage`.
+#[derive(Debug, Args)]
+pub struct Stage {
+    /// Settings: site, machine, router, patience
+    pub settings: PathBuf,
+    /// What is controlled.
+    #[command(flatten)]
+    pub machine: MachineFile,
+    /// Wait for the recorder of `hydraxis run --record`, so that the recording is whole
+    #[arg(long)]
+    pub recorded: bool,
+    /// Name of the group
+    #[arg(long)]
+    pub prefix: Prefix,
+    /// Lock-step: the only clock that a plant on another computer has
+    #[arg(long)]
+    pub lockstep: bool,
+    /// End after this number of ticks [default: no end]
+    #[arg(long)]
+    pub ticks: Option<u64>,
+    /// Seed of the simulated noise, that of the plant
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// A machine file, and the values that replace those of the file.
+#[derive(Debug, Args)]
+pub struct MachineFile {
+    /// Machine file [default: the built-in excavator with its model]
+    #[arg(value_name = "MACHINE.toml")]
+    machine: Option<PathBuf>,
+    /// Replace the value of a key of the machine file; may be given several times
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
+    values: Vec<(String, String)>,
+}
+
+impl MachineFile {
+    /// The machine.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the file or the values.
+    pub fn load(&self) -> Result<Machine, MachineError> {
+        Machine::load(self.machine.as_deref(), &self.values)
+    }
+}
+
 /// How a router is reached.
 #[derive(Debug, Args)]
 pub struct Router {
@@ -188,6 +259,11 @@ pub struct Bench {
     /// Prints JSON in the place of the table
     #[arg(long)]
     pub json: bool,
+}
+
+fn setting(text: &str) -> Result<(String, String), String> {
+    let (key, value) = text.split_once('=').ok_or_else(|| format!("found \"{text}\"; allowed: KEY=VALUE"))?;
+    Ok((key.trim().to_owned(), value.trim().to_owned()))
 }
 
 fn place(text: &str) -> Result<Place, String> {

@@ -9,7 +9,10 @@
 
 use std::{
     net::IpAddr,
+    panic::resume_unwind,
     path::{Path, PathBuf},
+    thread,
+    time::Duration,
 };
 
 use serde::Deserialize;
@@ -26,6 +29,8 @@ const BATCH: u32 = 8192;
 const QUEUE: u32 = 4;
 /// Bytes that the kernel keeps for a link that does not take them: what waits there cannot be taken back.
 const SEND_BUFFER: u32 = 16_384;
+/// Time between two looks whether a connection is still wanted.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// How a router is reached.
 #[derive(Debug, Clone)]
@@ -121,6 +126,22 @@ impl Connection {
     pub fn open(&self) -> Result<Session, ConnectionError> {
         self.check()?;
         Ok(zenoh::open(self.config()?).wait()?)
+    }
+
+    /// [`Self::open`] that gives up when `is_over` says so; then none.
+    ///
+    /// # Errors
+    /// Zenoh refuses the configuration.
+    pub fn open_unless(self, is_over: impl Fn() -> bool) -> Result<Option<Session>, ConnectionError> {
+        self.check()?;
+        let session = thread::spawn(move || self.open());
+        while !session.is_finished() {
+            if is_over() {
+                return Ok(None);
+            }
+            thread::sleep(LOOK);
+        }
+        session.join().unwrap_or_else(|panic| resume_unwind(panic)).map(Some)
     }
 
     fn config(&self) -> Result<Config, zenoh::Error> {

@@ -8,8 +8,12 @@
 //! hydraxis/v1/SITE/MACHINE/status                state of the bridge and of the group
 //! hydraxis/v1/SITE/MACHINE/events                what has happened
 //! hydraxis/v1/SITE/MACHINE/recordings            list of the recordings, when asked
-//! hydraxis/v1/SITE/MACHINE/command/WHAT          commands, as questions
+//! hydraxis/v1/SITE/MACHINE/@command/WHAT         commands, as questions
+//! hydraxis/v1/SITE/MACHINE/@plant                its simulated machine on another computer, for the stage alone
 //! ```
+//!
+//! Zenoh lets neither `*` nor `**` stand for a part that begins with `@`. So rules and questions about all of a machine
+//! do not reach its plant, and command nothing.
 //!
 //! `v1` is the major version: a change that an older reader would misunderstand raises it.
 
@@ -33,6 +37,8 @@ pub const STATUS: &str = "status";
 pub const EVENTS: &str = "events";
 /// List of the recordings.
 pub const RECORDINGS: &str = "recordings";
+/// The simulated machine on another computer.
+pub const PLANT: &str = "@plant";
 
 /// The name of a site or of a machine; it is a part of a key, and of a rule of access.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]

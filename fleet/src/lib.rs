@@ -1,7 +1,8 @@
-//! Many machines on one screen, over Zenoh.
+//! Many machines on one screen, and a simulated machine on another computer, over Zenoh.
 //!
 //! ```text
 //! group --bridge--> router of the site --> top, programs of yours
+//! group <--stage--> router of the site <--> plant
 //! ```
 //!
 //! | file | what |
@@ -17,6 +18,7 @@
 //! | `fleet`, `listen` | what a receiver knows, and how old it is |
 //! | `top` | all machines in a table |
 //! | `command` | commands over the network, with the feature `commands` |
+//! | `plant` | the simulated machine on another computer, in lock-step with the group |
 //! | `router` | a router for small sites and trials |
 //! | `bench` | many simulated machines on one router |
 
@@ -33,6 +35,7 @@ pub mod kernel;
 pub mod key;
 pub mod listen;
 pub mod pace;
+pub mod plant;
 pub mod recordings;
 pub mod ring;
 pub mod router;

@@ -3,17 +3,19 @@
 mod arguments;
 
 use std::{
-    io::{IsTerminal, Write, stdout},
+    fs::File,
+    io::{IsTerminal, Write, copy, sink, stdin, stdout},
+    os::{fd::AsFd, unix::fs::FileTypeExt},
     process::ExitCode,
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
     },
-    thread::sleep,
-    time::Duration,
+    thread::{self, sleep},
+    time::{Duration, Instant},
 };
 
-use arguments::{Arguments, Ask, Bench, Command, Top};
+use arguments::{Arguments, Ask, Bench, Command, Plant, Stage, Top};
 #[cfg(feature = "commands")]
 use arguments::{Disarm, Operate};
 use clap::Parser;
@@ -25,10 +27,22 @@ use hydraxis_fleet::{
     connection::ConnectionError,
     fleet::Fleet,
     kernel::utc_ns,
+    key::PLANT,
     listen::Listener,
+    plant::{
+        remote::Remote,
+        request::Request,
+        serve::{ServeError, serve},
+        simulated, stage,
+    },
     router::{self, RouterError},
     settings::{Settings, SettingsError},
     top,
+};
+use pipeline::{
+    channel::remove_leftovers,
+    machine::{MachineError, Source},
+    stage::{Clock, StageError, StageOptions},
 };
 use signal_hook::{
     consts::{SIGHUP, SIGINT, SIGTERM},
@@ -63,6 +77,16 @@ enum Failure {
     #[cfg(feature = "commands")]
     #[error(transparent)]
     Station(#[from] command::StationError),
+    #[error(transparent)]
+    Machine(#[from] MachineError),
+    #[error(transparent)]
+    Plant(#[from] ServeError),
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    #[error("found a stage in real time, and a plant on another computer; allowed: --lockstep, as of `hydraxis run`")]
+    RealTime,
+    #[error("source.kind: found \"{0}\", and a plant on another computer; allowed: \"sim\"")]
+    Source(&'static str),
     #[error("Zenoh: {0}")]
     Zenoh(#[from] zenoh::Error),
     #[error("{0}")]
@@ -78,6 +102,7 @@ impl Failure {
             Self::Settings(_) | Self::Router(RouterError::File { .. } | RouterError::Mode { .. }) => 2,
             #[cfg(feature = "commands")]
             Self::Command(error) if error.is_usage() => 2,
+            Self::Machine(_) | Self::Plant(ServeError::Plant(_)) | Self::RealTime | Self::Source(_) => 2,
             Self::Connection(error) if !matches!(error, ConnectionError::Zenoh(_)) => 2,
             _ => 1,
         }
@@ -87,7 +112,7 @@ impl Failure {
 fn main() -> ExitCode {
     let Arguments { command } = Arguments::parse();
     // Why a link fails is said by Zenoh alone. It says so on standard output, which the others need for their answers.
-    if matches!(command, Command::Bridge { .. } | Command::Router { .. }) {
+    if matches!(command, Command::Bridge { .. } | Command::Router { .. } | Command::Plant(_) | Command::Stage(_)) {
         zenoh::init_log_from_env_or("error");
     }
     match run(&command) {
@@ -108,6 +133,8 @@ fn run(command: &Command) -> Result<(), Failure> {
         Command::Bridge { settings } => Ok(bridge::run(Settings::load(settings)?, &stop)?),
         Command::Top(arguments) => show(arguments, &stop),
         Command::Ask(arguments) => ask(arguments),
+        Command::Plant(arguments) => simulate(arguments, &stop),
+        Command::Stage(arguments) => control(arguments, stop),
         Command::Router { file } => {
             let session = router::open(file)?;
             println!("the router {} runs", session.zid());
@@ -129,8 +156,8 @@ fn run(command: &Command) -> Result<(), Failure> {
 
 /// Waits for so long, or for a signal; true after a signal.
 fn wait(stop: &AtomicBool, time: Option<Duration>) -> bool {
-    let until = time.map(|time| std::time::Instant::now() + time);
-    while until.is_none_or(|until| std::time::Instant::now() < until) {
+    let until = time.map(|time| Instant::now() + time);
+    while until.is_none_or(|until| Instant::now() < until) {
         if stop.load(Ordering::Relaxed) {
             return true;
         }
@@ -141,15 +168,8 @@ fn wait(stop: &AtomicBool, time: Option<Duration>) -> bool {
 
 fn show(arguments: &Top, stop: &AtomicBool) -> Result<(), Failure> {
     let connection = arguments.router.connection();
-    connection.check()?;
     // Without a router the signal has to end the command as well.
-    let session = std::thread::spawn(move || connection.open());
-    while !session.is_finished() {
-        if wait(stop, Some(LOOK)) {
-            return Ok(());
-        }
-    }
-    let session = session.join().map_err(|_| Failure::NoAnswer("the connection has panicked".to_owned()))??;
+    let Some(session) = connection.open_unless(|| stop.load(Ordering::Relaxed))? else { return Ok(()) };
     let listener = Listener::new(&session, arguments.site.as_ref(), Fleet::new(arguments.stale_after))?;
     let is_screen = stdout().is_terminal() && !arguments.json;
     loop {
@@ -214,7 +234,7 @@ fn operate(arguments: &Operate, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
     let session = station.router.connection().open()?;
     if let Some(duration) = arguments.duration {
         let stop = Arc::clone(stop);
-        std::thread::spawn(move || {
+        thread::spawn(move || {
             sleep(duration);
             stop.store(true, Ordering::Relaxed);
         });
@@ -222,10 +242,10 @@ fn operate(arguments: &Operate, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
     let targets = arguments.to.iter().cloned().collect();
     let mut told = None;
     let tell = |answer: &command::protocol::Answer| {
-        if told.is_some_and(|told: std::time::Instant| told.elapsed() < APART) {
+        if told.is_some_and(|told: Instant| told.elapsed() < APART) {
             return;
         }
-        told = Some(std::time::Instant::now());
+        told = Some(Instant::now());
         for (axis, view) in &answer.axes {
             let metres = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.4} m"));
             println!("axis.{axis}: {}, {}, set point {}", view.state, metres(view.position), metres(view.set_point));
@@ -235,6 +255,67 @@ fn operate(arguments: &Operate, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
     command::Station { session: &session, place, name }.operate(&targets, stop, tell)?;
     println!("off");
     Ok(session.close().wait()?)
+}
+
+fn simulate(arguments: &Plant, stop: &AtomicBool) -> Result<(), Failure> {
+    let (settings, machine) = (Settings::load(&arguments.settings)?, arguments.machine.load()?);
+    let connection = settings.connection();
+    let Some(session) = connection.open_unless(|| stop.load(Ordering::Relaxed))? else { return Ok(()) };
+    let _plant = serve(&session, &settings.place(), &machine, arguments.seed)?;
+    wait(stop, None);
+    Ok(session.close().wait()?)
+}
+
+fn control(arguments: &Stage, stop: Arc<AtomicBool>) -> Result<(), Failure> {
+    if !arguments.lockstep {
+        return Err(Failure::RealTime);
+    }
+    end_with_supervisor(&stop);
+    let (settings, machine) = (Settings::load(&arguments.settings)?, arguments.machine.load()?);
+    if machine.source != Source::Sim {
+        return Err(Failure::Source(machine.source.kind()));
+    }
+    let (patience, begun) = (settings.plant.patience, Instant::now());
+    let is_over = || stop.load(Ordering::Relaxed) || begun.elapsed() > patience;
+    let Some(session) = settings.connection().open_unless(is_over)? else {
+        if stop.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        let (router, patience) = (settings.router.join(", "), humantime::format_duration(patience));
+        return Err(Failure::NoAnswer(format!("router {router}: not reached within {patience}, plant.patience")));
+    };
+    let common = Request { run: utc_ns() as u64, reading: 0, seed: arguments.seed, machine: simulated(&machine) };
+    let remote = Remote::new(session.clone(), settings.place().key(PLANT), common, patience);
+    let options = StageOptions {
+        prefix: arguments.prefix.clone(),
+        clock: Clock::LockStep,
+        ticks: arguments.ticks,
+        seed: arguments.seed,
+        arm: false,
+        first_tick: 0,
+        is_recorded: arguments.recorded,
+        warn: true,
+        stop,
+        reset: Arc::default(),
+        off: Arc::default(),
+    };
+    let ended = stage::run(remote, &machine, options);
+    // The last member of a group that was started by hand removes its files.
+    let _ = remove_leftovers(&arguments.prefix);
+    ended?;
+    Ok(session.close().wait()?)
+}
+
+/// Asks for the end when the supervisor is gone, which holds the other end of standard input where that is a pipe.
+fn end_with_supervisor(stop: &Arc<AtomicBool>) {
+    let Ok(mut input) = stdin().as_fd().try_clone_to_owned().map(File::from) else { return };
+    if input.metadata().is_ok_and(|about| about.file_type().is_fifo()) {
+        let stop = Arc::clone(stop);
+        thread::spawn(move || {
+            let _ = copy(&mut input, &mut sink());
+            stop.store(true, Ordering::Relaxed);
+        });
+    }
 }
 
 fn measure(arguments: &Bench) -> Result<(), Failure> {

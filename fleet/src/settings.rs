@@ -1,4 +1,4 @@
-//! The settings of a bridge, a TOML file.
+//! The settings of a bridge, of a plant and of its stage, a TOML file.
 
 use std::{
     collections::BTreeMap,
@@ -7,6 +7,7 @@ use std::{
     time::Duration,
 };
 
+use humantime::format_duration;
 use pipeline::channel::Prefix;
 use serde::Deserialize;
 use thiserror::Error;
@@ -27,7 +28,10 @@ const HIGHEST_SPEED: f64 = 0.1;
 /// Longest consent that the settings can allow.
 const LONGEST_CONSENT: Duration = Duration::from_secs(8 * 3600);
 
-/// Settings of a bridge.
+/// Shortest and longest patience with a plant. `hydraxis run` ends a lock-step in which nothing has worked for 10 s.
+const PATIENCE: std::ops::RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(9);
+
+/// Settings of a bridge, of a plant and of its stage.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
@@ -51,6 +55,9 @@ pub struct Settings {
     pub limits: Limits,
     /// What may be commanded over the network; without it nothing. The bridge does not look at it.
     pub commands: Option<Commands>,
+    /// How the stage asks the plant.
+    #[serde(default)]
+    pub plant: Plant,
 }
 
 /// What may be commanded over the network.
@@ -130,6 +137,21 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self { memory_mb: 128, ring: 64, put: Duration::from_secs(1) }
+    }
+}
+
+/// How the stage asks the plant.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub struct Plant {
+    /// A plant that does not answer for so long ends the stage.
+    #[serde(with = "humantime_serde")]
+    pub patience: Duration,
+}
+
+impl Default for Plant {
+    fn default() -> Self {
+        Self { patience: Duration::from_secs(8) }
     }
 }
 
@@ -238,6 +260,10 @@ impl Settings {
         if !(1..=LARGEST_RING).contains(&self.limits.ring) {
             return Some(("limits.ring".to_owned(), self.limits.ring.to_string(), format!("1 to {LARGEST_RING}")));
         }
+        if !PATIENCE.contains(&self.plant.patience) {
+            let [found, low, high] = [self.plant.patience, *PATIENCE.start(), *PATIENCE.end()].map(format_duration);
+            return Some(("plant.patience".to_owned(), found.to_string(), format!("{low} to {high}")));
+        }
         if let Some(Err(error)) = self.group.as_ref().map(|group| Prefix::from_str(group)) {
             return Some(("group".to_owned(), format!("\"{}\"", error.found), "a prefix".to_owned()));
         }
@@ -292,6 +318,7 @@ mod tests {
             (format!("{LEAST}[rates]\nstatus = nan\n"), "rates.status: found NaN"),
             (format!("{LEAST}[limits]\nmemory-mb = 1\n"), "limits.memory-mb: found 1; allowed: 32 to 4096"),
             (format!("{LEAST}[limits]\nring = 0\n"), "limits.ring: found 0; allowed: 1 to 4096"),
+            (format!("{LEAST}[plant]\npatience = \"10s\"\n"), "plant.patience: found 10s; allowed: 1s to 9s"),
             (format!("group = \"a/b\"\n{LEAST}"), "group: found \"a/b\""),
             (
                 format!(

@@ -10,13 +10,19 @@ use std::{
     time::Duration,
 };
 
-use harness::{Bridge, Router, free_port, heard::Heard, wait_for};
-use hydraxis_fleet::connection::{Connection, Tls};
+use harness::{Bridge, Plant, Router, free_port, heard::Heard, wait_for};
+use hydraxis_fleet::{
+    connection::{Connection, Tls},
+    content::name_of,
+    plant::{request::Request, simulated},
+};
+use pipeline::{cdr, machine::Machine, message::ValveCommand};
 use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, DnType, IsCa, KeyPair};
-use zenoh::{Config, Wait};
+use zenoh::{Config, Wait, query::Query};
 
 /// Time in which something that is not allowed would have come: what is allowed comes in milliseconds.
 const SILENCE: Duration = Duration::from_secs(2);
+const ASKED: &str = "hydraxis/v1/quarry/ex-07/@plant";
 const SAMPLES: &str = "hydraxis/v1/quarry/ex-07/telemetry/encoder-sample";
 
 /// An authority with the certificates that it has signed.
@@ -76,6 +82,13 @@ impl Site {
         Self { authority, router: Router::of(&text, &address.replace("127.0.0.1", "localhost")) }
     }
 
+    /// The table of settings for somebody with this common name.
+    fn settings(&self, common_name: &str) -> String {
+        let Tls { ca, certificate, key } = self.authority.sign(common_name);
+        let [ca, certificate, key] = [ca, certificate, key].map(|path| path.display().to_string());
+        format!("[tls]\nca = \"{ca}\"\ncertificate = \"{certificate}\"\nkey = \"{key}\"\n")
+    }
+
     fn connection(&self, common_name: &str) -> Connection {
         Connection { router: vec![self.router.address.clone()], tls: Some(self.authority.sign(common_name)) }
     }
@@ -85,13 +98,7 @@ impl Site {
 fn a_viewer_sees_the_machine_and_asks_it() {
     let site = Site::new();
     let viewer = Heard::new(&site.connection("quarry.viewer"));
-    let Tls { ca, certificate, key } = site.authority.sign("quarry.ex-07");
-    let tls = format!(
-        "[tls]\nca = \"{}\"\ncertificate = \"{}\"\nkey = \"{}\"\n",
-        ca.display(),
-        certificate.display(),
-        key.display()
-    );
+    let tls = site.settings("quarry.ex-07");
     let _bridge = Bridge::new(&site.router.address, &format!("fleet{}-none", std::process::id()), &tls);
     wait_for("the state", || (viewer.all().of("status").len() > 2).then_some(()));
     wait_for("the token", || viewer.all().machine()?.is_alive.then_some(()));
@@ -123,7 +130,7 @@ fn only_a_machine_itself_speaks_under_its_keys() {
     assert!(is_heard(&site, "quarry.ex-07", SAMPLES));
     for (who, key) in [
         ("quarry.viewer", SAMPLES),
-        ("quarry.viewer", "hydraxis/v1/quarry/ex-07/command/arm"),
+        ("quarry.viewer", "hydraxis/v1/quarry/ex-07/@command/arm"),
         ("harbour.ex-07", SAMPLES),
         ("quarry.ex-07", "hydraxis/v1/quarry/ex-08/telemetry/encoder-sample"),
     ] {
@@ -153,10 +160,10 @@ fn somebody_of_another_site_and_a_machine_see_no_machine() {
 
 #[test]
 fn only_an_operator_commands_a_machine() {
-    const DISARM: &str = "hydraxis/v1/quarry/ex-07/command/disarm";
+    const DISARM: &str = "hydraxis/v1/quarry/ex-07/@command/disarm";
     let site = Site::new();
     let machine = site.connection("quarry.ex-07").open().unwrap();
-    let asked = machine.declare_queryable("hydraxis/v1/quarry/ex-07/command/*").wait().unwrap();
+    let asked = machine.declare_queryable("hydraxis/v1/quarry/ex-07/@command/*").wait().unwrap();
     let questions = |common_name: &str, key: &str| {
         let other = site.connection(common_name).open().unwrap();
         let answers = other.get(key).timeout(SILENCE).wait().unwrap();
@@ -172,12 +179,12 @@ fn only_an_operator_commands_a_machine() {
         ("quarry.viewer", DISARM),
         // Keys that stand for those of commands as well.
         ("quarry.viewer", "hydraxis/v1/quarry/ex-07/**"),
-        ("quarry.viewer", "hydraxis/v1/quarry/ex-07/command/*"),
-        ("quarry.viewer", "hydraxis/v1/*/*/command/disarm"),
+        ("quarry.viewer", "hydraxis/v1/quarry/ex-07/@command/*"),
+        ("quarry.viewer", "hydraxis/v1/*/*/@command/disarm"),
         ("harbour.operator", DISARM),
         ("quarry.ex-08", DISARM),
         ("quarry.ex-07", DISARM),
-        ("quarry.operator", "hydraxis/v1/*/ex-07/command/disarm"),
+        ("quarry.operator", "hydraxis/v1/*/ex-07/@command/disarm"),
     ] {
         assert_eq!(questions(who, key), (0, false), "{who} asks {key}");
     }
@@ -188,6 +195,46 @@ fn only_an_operator_commands_a_machine() {
     (0..5).for_each(|_| machine.put(SAMPLES, "machine").wait().unwrap());
     sleep(SILENCE);
     assert!(seen.try_recv().unwrap().is_none());
+}
+
+/// The answers to somebody with this common name who asks for reading 0 of a plant with this seed.
+fn answers(site: &Site, common_name: &str, key: &str, seed: u64) -> Vec<Result<(), String>> {
+    let session = site.connection(common_name).open().unwrap();
+    let request = Request { run: 1, reading: 0, seed, machine: simulated(&Machine::load(None, &[]).unwrap()) };
+    let mut payload = Vec::new();
+    cdr::encode(&ValveCommand::default(), &mut payload);
+    let query = session.get(key).payload(payload).encoding(name_of::<ValveCommand>());
+    let answers = query.attachment(&request.to_bytes()[..]).timeout(SILENCE).wait().unwrap();
+    let heard = answers.iter().map(|answer| match answer.into_result() {
+        Ok(_) => Ok(()),
+        Err(error) => Err(error.payload().try_to_string().unwrap().into_owned()),
+    });
+    // That nobody has answered in time is said by Zenoh itself.
+    heard.filter(|answer| answer != &Err("Timeout".to_owned())).collect()
+}
+
+#[test]
+fn only_the_machine_asks_its_plant_and_only_the_plant_answers() {
+    let site = Site::new();
+    // Whoever has no right to be the plant is there first.
+    let viewer = site.connection("quarry.viewer").open().unwrap();
+    let callback = |query: Query| {
+        let _ = query.reply_err("a viewer").wait();
+    };
+    let _false_plant = viewer.declare_queryable(ASKED).complete(true).callback(callback).wait().unwrap();
+    assert_eq!(answers(&site, "quarry.ex-07", ASKED, 7), []);
+
+    let plant = Plant::new(&site.router.address, &site.settings("quarry.ex-07.plant"), &[]);
+    for who in ["quarry.viewer", "quarry.ex-07.plant", "quarry.ex-08", "harbour.ex-07"] {
+        for key in [ASKED, "hydraxis/v1/quarry/ex-07/**", "hydraxis/v1/quarry/*/@plant", "hydraxis/v1/**"] {
+            assert_eq!(answers(&site, who, key, 7), [], "{who} asks {key}");
+        }
+    }
+    assert!(!plant.said().contains("has begun"), "{}", plant.said());
+    let refused = answers(&site, "quarry.ex-07", ASKED, 8);
+    let refusal = refused[0].as_ref().unwrap_err();
+    assert!(refusal.starts_with("found seed 8, where the plant has seed 7; "), "{refusal}");
+    assert_eq!(answers(&site, "quarry.ex-07", ASKED, 7), [Ok(())]);
 }
 
 /// Whether somebody with these files of TLS gets a connection.

@@ -24,7 +24,7 @@ use zenoh::{Session, Wait};
 const OFF: Duration = Duration::from_millis(300);
 /// Time in which an axis that must not move again would have moved.
 const SILENCE: Duration = Duration::from_millis(1500);
-const ROOT: &str = "hydraxis/v1/quarry/ex-07/command";
+const ROOT: &str = "hydraxis/v1/quarry/ex-07/@command";
 
 /// A machine of which the boom may be moved, and its group.
 struct Machine {
@@ -280,8 +280,8 @@ fn commands_that_are_repeated_late_or_forged_arm_nothing() {
         let refused = ask(&session, of, &question).unwrap_err();
         assert!(refused.contains(why), "{of}: {refused}");
     }
-    let wide = ask_key(&session, "hydraxis/v1/quarry/*/command/challenge", json!({ "station": "test" }).to_string());
-    assert!(wide.unwrap_err().contains("allowed: hydraxis/v1/quarry/ex-07/command/challenge"));
+    let wide = ask_key(&session, "hydraxis/v1/quarry/*/@command/challenge", json!({ "station": "test" }).to_string());
+    assert!(wide.unwrap_err().contains("allowed: hydraxis/v1/quarry/ex-07/@command/challenge"));
     assert!(machine.boom().is_none_or(|(boom, _)| is_off(&boom)));
 
     // A beat that is sent again and again keeps nothing.

@@ -77,9 +77,8 @@ impl CommandError {
 /// # Errors
 /// The settings have no commands, the journal cannot be written, or Zenoh refuses something.
 pub fn listen(settings: &Settings, stop: &AtomicBool) -> Result<(), CommandError> {
-    let (commands, session) = (allowed(settings)?, settings.connection());
-    let shared = shared(settings, commands, Instant::now())?;
-    let Some(session) = open(move || session.open(), stop)? else { return Ok(()) };
+    let shared = shared(settings, allowed(settings)?, Instant::now())?;
+    let Some(session) = settings.connection().open_unless(|| stop.load(Ordering::Relaxed))? else { return Ok(()) };
     let _disarm = answer(&session, &settings.place(), DISARM, &shared, disarm)?;
     while !stop.load(Ordering::Relaxed) {
         sleep(LOOK);
@@ -105,7 +104,7 @@ pub fn consent(settings: &Settings, time: Duration, stop: &AtomicBool) -> Result
     let text = format!("given for {}", humantime::format_duration(time));
     shared.journal.write(&Entry { what: "consent", text, ..Entry::default() })?;
     let (connection, place) = (settings.connection(), settings.place());
-    let Some(session) = open(move || connection.open(), stop)? else { return Ok(()) };
+    let Some(session) = connection.open_unless(|| stop.load(Ordering::Relaxed))? else { return Ok(()) };
     let _questions = [
         answer(&session, &place, DISARM, &shared, disarm)?,
         answer(&session, &place, CHALLENGE, &shared, challenge)?,
@@ -160,22 +159,6 @@ fn shared(settings: &Settings, commands: &Commands, until: Instant) -> Result<Ar
     journal.write(&Entry { what: "start", text: std::process::id().to_string(), ..Entry::default() })?;
     let desk = Desk::new(until, commands.axes.clone());
     Ok(Arc::new(Shared::new(settings.prefix(), journal, desk)))
-}
-
-/// Waits for a router; none where the signal to stop comes first.
-fn open(
-    open: impl FnOnce() -> Result<Session, ConnectionError> + Send + 'static,
-    stop: &AtomicBool,
-) -> Result<Option<Session>, CommandError> {
-    let session = std::thread::spawn(open);
-    while !session.is_finished() {
-        if stop.load(Ordering::Relaxed) {
-            return Ok(None);
-        }
-        sleep(LOOK);
-    }
-    let session = session.join().map_err(|_| io::Error::other("the thread that connects has panicked"))?;
-    Ok(Some(session?))
 }
 
 /// Answers one kind of question for as long as what is returned lives.

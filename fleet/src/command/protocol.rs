@@ -2,10 +2,10 @@
 //!
 //! | key below the machine | asks | is answered |
 //! |---|---|---|
-//! | `command/disarm` | [`Disarm`] | [`Disarmed`] |
-//! | `command/challenge` | [`Ask`] | [`Challenge`] |
-//! | `command/arm` | [`Arm`] | [`Challenge`], for the first beat |
-//! | `command/beat` | [`Beat`] | [`Answer`] |
+//! | `@command/disarm` | [`Disarm`] | [`Disarmed`] |
+//! | `@command/challenge` | [`Ask`] | [`Challenge`] |
+//! | `@command/arm` | [`Arm`] | [`Challenge`], for the first beat |
+//! | `@command/beat` | [`Beat`] | [`Answer`] |
 //!
 //! A refusal is an error of Zenoh with the reason as text.
 
@@ -16,13 +16,13 @@ use serde::{Deserialize, Serialize};
 use crate::key::Name;
 
 /// Stops axes.
-pub const DISARM: &str = "command/disarm";
+pub const DISARM: &str = "@command/disarm";
 /// Gives a challenge.
-pub const CHALLENGE: &str = "command/challenge";
+pub const CHALLENGE: &str = "@command/challenge";
 /// Arms axes.
-pub const ARM: &str = "command/arm";
+pub const ARM: &str = "@command/arm";
 /// Keeps them armed.
-pub const BEAT: &str = "command/beat";
+pub const BEAT: &str = "@command/beat";
 /// Most bytes of a question.
 pub const LONGEST: usize = 4096;
 

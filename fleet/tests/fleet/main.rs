@@ -5,4 +5,5 @@ mod harness;
 
 mod disturbance;
 mod lock_step;
+mod plant;
 mod telemetry;

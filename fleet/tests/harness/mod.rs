@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "a test uses a part of it")]
 
 pub mod heard;
+pub mod results;
 
 use std::{
     fs,
@@ -170,10 +171,62 @@ impl Drop for Bridge {
     }
 }
 
+/// A plant of the machine `quarry/ex-07` with seed 7.
+pub struct Plant {
+    pub process: Running,
+    /// Its settings, which are those of the stage as well.
+    pub settings: PathBuf,
+    said: PathBuf,
+    arguments: Vec<String>,
+    _folder: tempfile::TempDir,
+}
+
+impl Plant {
+    /// A plant with these arguments. It is ready when this returns.
+    pub fn new(router: &str, more: &str, arguments: &[&str]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let settings = folder.path().join("fleet.toml");
+        fs::write(&settings, format!("site = \"quarry\"\nmachine = \"ex-07\"\nrouter = [\"{router}\"]\n{more}"))
+            .unwrap();
+        let said = folder.path().join("said");
+        let arguments: Vec<String> = arguments.iter().map(|argument| (*argument).to_owned()).collect();
+        let process = plant_process(&settings, &arguments, &said);
+        Self { process, settings, said, arguments, _folder: folder }
+    }
+
+    /// Kills it, and starts it again.
+    pub fn restart(&mut self) {
+        self.process.0.kill().unwrap();
+        self.process.0.wait().unwrap();
+        self.process = plant_process(&self.settings, &self.arguments, &self.said);
+    }
+
+    /// The value of `--set` by which a group takes the plant for its own, with further words for the stage.
+    pub fn stage(&self, words: &[&str]) -> String {
+        let program = env!("CARGO_BIN_EXE_hydraxis-fleet");
+        let command = [&[program, "stage", self.settings.to_str().unwrap()], words].concat();
+        format!("stage.plant-sim.command={}", json!(command))
+    }
+
+    /// What it has said since its start.
+    pub fn said(&self) -> String {
+        fs::read_to_string(&self.said).unwrap()
+    }
+}
+
+fn plant_process(settings: &Path, arguments: &[String], said: &Path) -> Running {
+    let mut command = fleet();
+    command.arg("plant").arg(settings).args(["--seed", "7"]).args(arguments).env("RUST_LOG", "off");
+    let process = Running(command.stdout(fs::File::create(said).unwrap()).spawn().unwrap());
+    wait_for("the plant", || fs::read_to_string(said).unwrap().contains("waits at").then_some(()));
+    process
+}
+
 /// A group of `hydraxis` on this computer, by a name of its own.
 pub struct Group {
     pub prefix: String,
     process: Running,
+    said: PathBuf,
     _state: tempfile::TempDir,
 }
 
@@ -185,13 +238,19 @@ impl Group {
         let mut command = hydraxis();
         command.args(["run", "--prefix", &prefix]).args(arguments);
         command.env("HYDRAXIS_RECORDINGS", "off").env("XDG_STATE_HOME", state.path());
-        let process = Running(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap());
-        Self { prefix, process, _state: state }
+        let said = state.path().join("said");
+        let process = command.stdout(Stdio::null()).stderr(fs::File::create(&said).unwrap()).spawn().unwrap();
+        Self { prefix, process: Running(process), said, _state: state }
     }
 
-    /// Waits until the run has ended by itself: in lock-step a busy computer takes minutes.
-    pub fn wait(&mut self) {
-        self.process.0.wait().unwrap();
+    /// Waits until the run has ended by itself: in lock-step a busy computer takes minutes. Whether it has succeeded.
+    pub fn wait(&mut self) -> bool {
+        self.process.0.wait().unwrap().success()
+    }
+
+    /// What it has said so far.
+    pub fn said(&self) -> String {
+        fs::read_to_string(&self.said).unwrap()
     }
 
     /// A command about this group.

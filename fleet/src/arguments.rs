@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand};
 use hydraxis_fleet::{
     connection::{Connection, Tls},
     key::{Name, Place},
+    record::Settings,
 };
 use pipeline::{
     channel::Prefix,
@@ -31,6 +32,8 @@ pub enum Command {
     },
     /// Shows all machines, every second, until Ctrl-C
     Top(Top),
+    /// Writes everything that the machines of a site publish to files, until Ctrl-C
+    Record(Record),
     /// Asks a machine for its state, events, or list of recordings, and prints the answer as JSON
     Ask(Ask),
     /// Simulates the machine on this computer for a group on another one, until SIGTERM
@@ -100,6 +103,36 @@ pub struct Top {
     /// Prints JSON in the place of the table: an array of machines in a line
     #[arg(long)]
     pub json: bool,
+}
+
+/// `record`.
+#[derive(Debug, Args)]
+pub struct Record {
+    /// Folder for the files: one for each machine and hour, MCAP
+    pub folder: PathBuf,
+    /// How the router is reached.
+    #[command(flatten)]
+    pub router: Router,
+    /// Only this site [default: all sites]
+    #[arg(long)]
+    pub site: Option<Name>,
+    /// Most bytes of all files in the folder; the oldest ones make room for new ones
+    #[arg(long, value_name = "SIZE", default_value = "10GB", value_parser = size)]
+    pub limit: u64,
+    /// Longest time of a file
+    #[arg(long, value_name = "TIME", default_value = "1h", value_parser = humantime::parse_duration)]
+    pub every: Duration,
+    /// Age from which a message counts as late
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = humantime::parse_duration)]
+    pub stale_after: Duration,
+}
+
+impl Record {
+    /// What is recorded, and where.
+    pub fn settings(&self) -> Settings {
+        let Self { limit, every, stale_after, .. } = *self;
+        Settings { folder: self.folder.clone(), limit, every, stale_after, site: self.site.clone() }
+    }
 }
 
 /// `ask`.
@@ -264,6 +297,16 @@ pub struct Bench {
 fn setting(text: &str) -> Result<(String, String), String> {
     let (key, value) = text.split_once('=').ok_or_else(|| format!("found \"{text}\"; allowed: KEY=VALUE"))?;
     Ok((key.trim().to_owned(), value.trim().to_owned()))
+}
+
+/// A number of bytes with its unit.
+fn size(text: &str) -> Result<u64, String> {
+    let allowed = || "allowed: 100MB or more, such as 500MB or 10GB".to_owned();
+    let units = [("MB", 1e6), ("GB", 1e9), ("TB", 1e12)];
+    let (number, unit) =
+        units.iter().find_map(|(unit, size)| Some((text.strip_suffix(unit)?, size))).ok_or_else(allowed)?;
+    let bytes = number.trim().parse::<f64>().map_err(|_| allowed())? * unit;
+    if (1e8..=1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(allowed()) }
 }
 
 fn place(text: &str) -> Result<Place, String> {

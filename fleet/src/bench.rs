@@ -155,29 +155,17 @@ pub fn measure(machines: usize, duration: Duration) -> Result<Measured, BenchErr
         machines,
         per_second: latencies.len() as f64 / wall,
         latency_ms: [0.5, 0.99, 0.999, 1.0].map(at),
-        counts: sum(&fleet),
+        counts: fleet.counts(),
         router: taken(0),
         publishers: taken(1),
         subscriber: taken(2),
     })
 }
 
-fn sum(fleet: &Fleet) -> Counts {
-    fleet.machines().values().fold(Counts::default(), |sum, machine| Counts {
-        received: sum.received + machine.counts.received,
-        lost: sum.lost + machine.counts.lost,
-        late: sum.late + machine.counts.late,
-        unknown: sum.unknown + machine.counts.unknown,
-        malformed: sum.malformed + machine.counts.malformed,
-        repeated: sum.repeated + machine.counts.repeated,
-        restarts: sum.restarts + machine.counts.restarts,
-    })
-}
-
 fn take((fleet, latencies): &mut (Fleet, Vec<u32>), sample: &Sample) {
     let now_ns = utc_ns();
     if let Some(stamp) = listen::take(fleet, sample, now_ns) {
-        latencies.push(u32::try_from((now_ns - stamp.utc_ns).max(0) / 1000).unwrap_or(u32::MAX));
+        latencies.push(u32::try_from(stamp.age_ns(now_ns).max(0) / 1000).unwrap_or(u32::MAX));
     }
 }
 

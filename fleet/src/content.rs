@@ -123,6 +123,46 @@ impl Content {
     }
 }
 
+/// How the messages of a key stand in a recording.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Schema {
+    /// Name of the type.
+    pub name: String,
+    /// Form of the text below.
+    pub encoding: &'static str,
+    /// The schema.
+    pub text: String,
+    /// Form of a message.
+    pub message_encoding: &'static str,
+}
+
+impl Schema {
+    /// Of JSON objects.
+    pub fn of_json(name: &str) -> Self {
+        let text = r#"{"type":"object"}"#.to_owned();
+        Self { name: name.to_owned(), encoding: "jsonschema", text, message_encoding: "json" }
+    }
+
+    fn of_cdr<M: Message>() -> Self {
+        let (name, text) = (cdr::type_name::<M>(), cdr::schema::<M>());
+        Self { name, encoding: "ros2msg", text, message_encoding: "cdr" }
+    }
+
+    /// Of what stands under a key of a machine; none for a key that is not published.
+    pub fn of(key: &str) -> Option<Self> {
+        Some(match key.strip_prefix("telemetry/").unwrap_or(key) {
+            EncoderSample::CHANNEL => Self::of_cdr::<EncoderSample>(),
+            ValveCommand::CHANNEL => Self::of_cdr::<ValveCommand>(),
+            MachineState::CHANNEL => Self::of_cdr::<MachineState>(),
+            StageHealth::CHANNEL => Self::of_cdr::<StageHealth>(),
+            crate::key::MODEL => Self::of_cdr::<CoefficientSnapshot>(),
+            crate::key::STATUS => Self::of_json(STATUS),
+            crate::key::EVENTS => Self::of_json(EVENT),
+            _ => return None,
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

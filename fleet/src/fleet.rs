@@ -120,7 +120,7 @@ pub struct Machine {
 impl Machine {
     /// Age of what stands under a key, ns; none before the first message. Negative where its time is still to come.
     pub fn age_ns(&self, key: &str, now_ns: i64) -> Option<i64> {
-        Some(now_ns - self.stamps.get(key)?.utc_ns)
+        Some(self.stamps.get(key)?.age_ns(now_ns))
     }
 
     /// Takes the numbers of a message; false where it was there before.
@@ -131,7 +131,7 @@ impl Machine {
             if stamp.number <= before.number {
                 return false;
             }
-            self.counts.lost += stamp.number - before.number - 1;
+            self.counts.lost = self.counts.lost.saturating_add(stamp.number - before.number - 1);
         } else if self.run.is_some() && !is_same_run {
             // A bridge that has started again says so with messages that are new. Others are of a run that is over.
             if !is_fresh {
@@ -164,6 +164,19 @@ impl Fleet {
         &self.machines
     }
 
+    /// Messages of all machines together, by what became of them.
+    pub fn counts(&self) -> Counts {
+        self.machines.values().fold(Counts::default(), |sum, machine| Counts {
+            received: sum.received + machine.counts.received,
+            lost: sum.lost.saturating_add(machine.counts.lost),
+            late: sum.late + machine.counts.late,
+            unknown: sum.unknown + machine.counts.unknown,
+            malformed: sum.malformed + machine.counts.malformed,
+            repeated: sum.repeated + machine.counts.repeated,
+            restarts: sum.restarts + machine.counts.restarts,
+        })
+    }
+
     /// Whether something of this age is fresh.
     pub fn is_fresh(&self, age_ns: i64) -> bool {
         (-AHEAD_NS..=self.limit_ns).contains(&age_ns)
@@ -184,7 +197,7 @@ impl Fleet {
             return Verdict::Stranger;
         };
         let stamp = Stamp::of(attachment);
-        let is_fresh = stamp.is_some_and(|stamp| self.is_fresh(now_ns - stamp.utc_ns));
+        let is_fresh = stamp.is_some_and(|stamp| self.is_fresh(stamp.age_ns(now_ns)));
         let machine = self.machines.entry(place).or_default();
         let (content, stamp) = match (content, stamp) {
             (Ok(content), Some(stamp)) => (content, stamp),
@@ -290,6 +303,19 @@ mod tests {
         assert_eq!(receiver.take(8, 1, 0), Verdict::Fresh);
         let expected = Counts { received: 3, restarts: 1, repeated: 1, ..Counts::default() };
         assert_eq!(receiver.counts(), expected);
+    }
+
+    #[test]
+    fn numbers_and_times_at_the_ends_of_their_range_are_judged_like_others() {
+        let mut receiver = Receiver::new();
+        receiver.now_ns = -1;
+        assert_eq!(receiver.take(1, 0, i64::MAX), Verdict::Late, "the least time that there is");
+        let machine = receiver.fleet.machines.values().next().unwrap();
+        assert_eq!(machine.age_ns("telemetry/encoder-sample", 1000 * SECOND), Some(i64::MAX));
+        for (run, number) in [(2, 0), (2, u64::MAX), (3, 0), (3, u64::MAX)] {
+            assert_eq!(receiver.take(run, number, 0), Verdict::Fresh);
+        }
+        assert_eq!((receiver.counts().lost, receiver.fleet.counts().lost), (u64::MAX, u64::MAX));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Many machines on one screen, and a simulated machine on another computer, over Zenoh.
 //!
 //! ```text
-//! group --bridge--> router of the site --> top, programs of yours
+//! group --bridge--> router of the site --> top, record, programs of yours
 //! group <--stage--> router of the site <--> plant
 //! ```
 //!
@@ -19,6 +19,7 @@
 //! | `top` | all machines in a table |
 //! | `command` | commands over the network, with the feature `commands` |
 //! | `plant` | the simulated machine on another computer, in lock-step with the group |
+//! | `record` | all machines into files at the site |
 //! | `router` | a router for small sites and trials |
 //! | `bench` | many simulated machines on one router |
 
@@ -36,6 +37,7 @@ pub mod key;
 pub mod listen;
 pub mod pace;
 pub mod plant;
+pub mod record;
 pub mod recordings;
 pub mod ring;
 pub mod router;

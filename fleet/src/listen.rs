@@ -11,9 +11,23 @@ use zenoh::{
 use crate::{
     fleet::Fleet,
     kernel::utc_ns,
-    key::{ALIVE, Name, of_all},
+    key::{ALIVE, EVENTS, MODEL, Name, STATUS, of_all, telemetry},
     stamp::Stamp,
 };
+
+/// Subscribes to everything of these machines that is published.
+///
+/// # Errors
+/// Zenoh refuses a key.
+pub fn subscribe(
+    session: &Session,
+    site: Option<&Name>,
+    take: impl Fn(Sample) + Clone + Send + Sync + 'static,
+) -> Result<Vec<Subscriber<()>>, zenoh::Error> {
+    let keys = [telemetry("*"), STATUS.to_owned(), MODEL.to_owned(), EVENTS.to_owned()];
+    let one = |of: &String| session.declare_subscriber(of_all(site, of)).callback(take.clone()).wait();
+    keys.iter().map(one).collect()
+}
 
 /// Fills a fleet for as long as it lives.
 pub struct Listener {
@@ -28,14 +42,9 @@ impl Listener {
     /// Zenoh refuses a key.
     pub fn new(session: &Session, site: Option<&Name>, fleet: Fleet) -> Result<Self, zenoh::Error> {
         let fleet = Arc::new(Mutex::new(fleet));
-        let mut subscribers = Vec::new();
-        for of in ["telemetry/*", crate::key::STATUS, crate::key::MODEL, crate::key::EVENTS] {
-            let taken = Arc::clone(&fleet);
-            let take = move |sample: Sample| {
-                take(&mut locked(&taken), &sample, utc_ns());
-            };
-            subscribers.push(session.declare_subscriber(of_all(site, of)).callback(take).wait()?);
-        }
+        let taken = Arc::clone(&fleet);
+        let take = move |sample: Sample| _ = take(&mut locked(&taken), &sample, utc_ns());
+        let mut subscribers = subscribe(session, site, take)?;
         let told = Arc::clone(&fleet);
         let tell = move |token: Sample| locked(&told).alive(token.key_expr().as_str(), token.kind() == SampleKind::Put);
         let tokens = session.liveliness().declare_subscriber(of_all(site, ALIVE)).history(true);

@@ -15,7 +15,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use arguments::{Arguments, Ask, Bench, Command, Plant, Stage, Top};
+use arguments::{Arguments, Ask, Bench, Command, Plant, Record, Stage, Top};
 #[cfg(feature = "commands")]
 use arguments::{Disarm, Operate};
 use clap::Parser;
@@ -35,6 +35,7 @@ use hydraxis_fleet::{
         serve::{ServeError, serve},
         simulated, stage,
     },
+    record::{self, RecordError, Recorder},
     router::{self, RouterError},
     settings::{Settings, SettingsError},
     top,
@@ -68,6 +69,8 @@ enum Failure {
     #[error(transparent)]
     Bridge(#[from] BridgeError),
     #[error(transparent)]
+    Record(#[from] RecordError),
+    #[error(transparent)]
     Router(#[from] RouterError),
     #[error(transparent)]
     Bench(#[from] bench::BenchError),
@@ -99,6 +102,7 @@ impl Failure {
     /// 2 for a file or an argument that is wrong, as for every command of Hydraxis.
     fn exit_code(&self) -> u8 {
         match self {
+            Self::Record(RecordError::Folder { .. }) => 2,
             Self::Settings(_) | Self::Router(RouterError::File { .. } | RouterError::Mode { .. }) => 2,
             #[cfg(feature = "commands")]
             Self::Command(error) if error.is_usage() => 2,
@@ -112,7 +116,11 @@ impl Failure {
 fn main() -> ExitCode {
     let Arguments { command } = Arguments::parse();
     // Why a link fails is said by Zenoh alone. It says so on standard output, which the others need for their answers.
-    if matches!(command, Command::Bridge { .. } | Command::Router { .. } | Command::Plant(_) | Command::Stage(_)) {
+    let logs = matches!(
+        command,
+        Command::Bridge { .. } | Command::Record(_) | Command::Router { .. } | Command::Plant(_) | Command::Stage(_)
+    );
+    if logs {
         zenoh::init_log_from_env_or("error");
     }
     match run(&command) {
@@ -132,6 +140,7 @@ fn run(command: &Command) -> Result<(), Failure> {
     match command {
         Command::Bridge { settings } => Ok(bridge::run(Settings::load(settings)?, &stop)?),
         Command::Top(arguments) => show(arguments, &stop),
+        Command::Record(arguments) => record(arguments, &stop),
         Command::Ask(arguments) => ask(arguments),
         Command::Plant(arguments) => simulate(arguments, &stop),
         Command::Stage(arguments) => control(arguments, stop),
@@ -164,6 +173,14 @@ fn wait(stop: &AtomicBool, time: Option<Duration>) -> bool {
         sleep(LOOK);
     }
     false
+}
+
+fn record(arguments: &Record, stop: &AtomicBool) -> Result<(), Failure> {
+    let recorder = Recorder::new(arguments.settings())?;
+    let connection = arguments.router.connection();
+    let Some(session) = connection.open_unless(|| stop.load(Ordering::Relaxed))? else { return Ok(()) };
+    record::run(&session, recorder, stop)?;
+    Ok(session.close().wait()?)
 }
 
 fn show(arguments: &Top, stop: &AtomicBool) -> Result<(), Failure> {

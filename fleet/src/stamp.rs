@@ -39,6 +39,11 @@ impl Stamp {
         bytes
     }
 
+    /// Age at `now_ns`, ns; negative where its time is still to come. Ages beyond the range become its ends.
+    pub fn age_ns(self, now_ns: i64) -> i64 {
+        now_ns.saturating_sub(self.utc_ns)
+    }
+
     /// Out of an attachment; none where it has another length.
     pub fn of(bytes: &[u8]) -> Option<Self> {
         let bytes: &[u8; LENGTH] = bytes.try_into().ok()?;

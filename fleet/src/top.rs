@@ -115,7 +115,7 @@ impl Row {
             age_s: machine
                 .stamps
                 .iter()
-                .map(|(key, stamp)| (key.clone(), (now_ns - stamp.utc_ns) as f64 * 1e-9))
+                .map(|(key, stamp)| (key.clone(), stamp.age_ns(now_ns) as f64 * 1e-9))
                 .collect(),
             group: status.and_then(|status| status["group"].as_str()).map(str::to_owned),
             axes: axes(machine),

@@ -90,8 +90,9 @@ impl RecordingFile {
     /// # Errors
     /// The file cannot be written.
     pub fn add_read_channel(&mut self, channel: &ReadChannel) -> McapResult<u16> {
-        let schema = self.writer.add_schema(&channel.type_name, "ros2msg", channel.schema.as_bytes())?;
-        self.writer.add_channel(schema, &channel.name, "cdr", &BTreeMap::new())
+        let [of_schema, of_message] = channel.encodings;
+        let schema = self.writer.add_schema(&channel.type_name, of_schema, channel.schema.as_bytes())?;
+        self.writer.add_channel(schema, &channel.name, of_message, &BTreeMap::new())
     }
 
     /// Adds a message of another recording, whose channel has the number `channel_id` in this file.

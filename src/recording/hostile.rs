@@ -11,7 +11,7 @@ use mcap::{
     Attachment, Compression, WriteOptions, Writer,
     records::{MessageHeader, Metadata},
 };
-use pipeline::message::{EncoderReading, EncoderSample, Message};
+use pipeline::message::{CoefficientSnapshot, EncoderReading, EncoderSample, Message};
 use rand_pcg::{
     Pcg64Mcg,
     rand_core::{Rng, SeedableRng},
@@ -158,7 +158,8 @@ const ROS: [&str; 2] = ["ros2msg", "cdr"];
 #[test]
 fn files_of_other_programs_are_refused_with_their_channel() {
     for (schema, encodings, expected) in [
-        ("{}", ["jsonschema", "json"], "found the encoding \"json\""),
+        ("{}", ["ros2msg", "json"], "found the encoding \"ros2msg\""),
+        ("{}", ["jsonschema", "cdr"], "found the encoding \"jsonschema\""),
         ("uint8 a\n", ["ros1msg", "ros1"], "found the encoding \"ros1\""),
         ("uint8 a\n", ["ros2idl", "cdr"], "found the encoding \"ros2idl\""),
         ("string data\n", ROS, "schema: found the type \"string\""),
@@ -176,6 +177,32 @@ fn files_of_other_programs_are_refused_with_their_channel() {
     for bytes in not_mcap {
         assert!(expect_place(bytes.to_vec()).contains("found no MCAP file"));
     }
+}
+
+#[test]
+fn a_recording_of_a_site_has_json_and_names_of_the_network() {
+    let schema = cdr::schema::<EncoderSample>();
+    let bytes = made(Some(1000), |writer| {
+        for (topic, schema, encodings) in [
+            ("telemetry/encoder-sample", &*schema, ROS),
+            ("late/telemetry/encoder-sample", &*schema, ROS),
+            ("model", &*schema, ROS),
+            ("status", "{}", ["jsonschema", "json"]),
+        ] {
+            let id = channel(writer, schema, encodings, topic);
+            let header = MessageHeader { channel_id: id, sequence: 0, log_time: 0, publish_time: 0 };
+            writer.write_to_known_channel(&header, b"{}").unwrap();
+        }
+    });
+    let mut reading = Reading::of(Path::new("site.mcap"), Cursor::new(bytes));
+    let mut found = Vec::new();
+    while let Some(message) = reading.next().unwrap() {
+        let channel = &message.channel;
+        let carries = [EncoderSample::CHANNEL, CoefficientSnapshot::CHANNEL].map(|name| channel.carries(name));
+        found.push((channel.columns.is_empty(), carries));
+    }
+    let expected = [(false, [true, false]), (false, [false, false]), (false, [false, true]), (true, [false, false])];
+    assert_eq!(found, expected);
 }
 
 #[test]

@@ -20,6 +20,7 @@ use mcap::{
     records::{Record, op},
     sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions},
 };
+use pipeline::message::{CoefficientSnapshot, Message};
 use thiserror::Error;
 
 use super::{
@@ -68,8 +69,8 @@ pub enum ReadingError {
 /// Why the messages of a channel cannot be read.
 #[derive(Debug, Error)]
 pub enum ChannelProblem {
-    /// It is not written as CDR with a schema of ROS 2.
-    #[error("found the encoding \"{found}\"; allowed: cdr with a schema in ros2msg")]
+    /// It is neither CDR with a schema of ROS 2 nor JSON with one of JSON.
+    #[error("found the encoding \"{found}\"; allowed: cdr with a schema in ros2msg, json with one in jsonschema")]
     Encoding {
         /// Encoding of message or schema.
         found: String,
@@ -93,20 +94,37 @@ pub struct Damage {
     pub is_cut: bool,
 }
 
+/// Encodings of the schema and of a message.
+type Encodings = [&'static str; 2];
+/// Messages of a group.
+pub const CDR: Encodings = ["ros2msg", "cdr"];
+/// What a recorder at a site writes beside them.
+const JSON: Encodings = ["jsonschema", "json"];
+
 /// A channel of a recording.
 #[derive(Debug)]
 pub struct ReadChannel {
     /// Its name.
     pub name: String,
+    /// Encodings of its schema and of its messages.
+    pub encodings: Encodings,
     /// Name of the type of its messages.
     pub type_name: String,
     /// Its schema as text.
     pub schema: String,
-    /// What a message has.
+    /// What a message has; nothing where it is JSON.
     pub columns: Vec<Column>,
 }
 
 impl ReadChannel {
+    /// Whether it has the messages of a channel of the group, under its name or under the key of the network.
+    pub fn carries(&self, channel: &str) -> bool {
+        match self.name.as_str() {
+            "model" => channel == CoefficientSnapshot::CHANNEL,
+            name => name.strip_prefix("telemetry/").unwrap_or(name) == channel,
+        }
+    }
+
     /// The column of this name.
     pub fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|column| column.name == name)
@@ -331,17 +349,18 @@ impl Reading {
     }
 
     fn channel(&self, name: &str, encoding: &str, schema: u16) -> Result<ReadChannel, ChannelProblem> {
-        if encoding != "cdr" {
-            return Err(ChannelProblem::Encoding { found: encoding.to_owned() });
-        }
+        let unknown = |found: &str| ChannelProblem::Encoding { found: found.to_owned() };
+        let encodings = [CDR, JSON].into_iter().find(|[_, message]| *message == encoding);
+        let encodings = encodings.ok_or_else(|| unknown(encoding))?;
         let none = (String::new(), String::new(), Vec::new());
         let (type_name, encoding, text) = self.schemas.get(&schema).unwrap_or(&none);
-        if encoding != "ros2msg" {
-            return Err(ChannelProblem::Encoding { found: encoding.clone() });
+        if encoding != encodings[0] {
+            return Err(unknown(encoding));
         }
         let text = std::str::from_utf8(text).map_err(|_| ChannelProblem::NoText)?;
-        let columns = schema::columns(text)?;
-        Ok(ReadChannel { name: name.to_owned(), type_name: type_name.clone(), schema: text.to_owned(), columns })
+        let columns = if encodings == CDR { schema::columns(text)? } else { Vec::new() };
+        let (name, type_name, schema) = (name.to_owned(), type_name.clone(), text.to_owned());
+        Ok(ReadChannel { name, encodings, type_name, schema, columns })
     }
 
     /// Takes in what the reader says: another kind of file is an error, a damaged one ends here.

@@ -81,7 +81,7 @@ pub fn columns<M: Message>() -> Result<Vec<Column>, SchemaError> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{super::reading::CDR, *};
     use pipeline::message::EncoderSample;
 
     #[test]
@@ -95,7 +95,7 @@ mod tests {
         bytes[place("axes[3].position")].copy_from_slice(&0.25f64.to_le_bytes());
         bytes[place("header.acquired_ns")].copy_from_slice(&7u64.to_le_bytes());
         let name = String::new();
-        let channel = ReadChannel { name: name.clone(), type_name: name, schema, columns };
+        let channel = ReadChannel { name: name.clone(), encodings: CDR, type_name: name, schema, columns };
         let decoder = Decoder::<EncoderSample>::new(&channel).unwrap();
         assert!(!decoder.is_exact());
         let message = decoder.decode(bytes.clone()).unwrap().message;

@@ -6,4 +6,5 @@ mod harness;
 mod disturbance;
 mod lock_step;
 mod plant;
+mod record;
 mod telemetry;

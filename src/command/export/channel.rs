@@ -40,7 +40,7 @@ impl ChannelTable {
 impl Rows for ChannelTable {
     fn message(&mut self, message: &ReadMessage, axes: &[String], out: &mut Sheet) -> Result<(), Failure> {
         let begin = *self.begin_ns.get_or_insert(message.log_ns);
-        if message.channel.name != self.channel {
+        if !message.channel.carries(&self.channel) {
             return Ok(());
         }
         if self.columns.is_empty() {

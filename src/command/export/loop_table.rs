@@ -127,13 +127,13 @@ impl Rows for LoopTable {
         if self.axes.is_none() {
             self.choose(axes);
         }
-        if message.channel.name == EncoderSample::CHANNEL {
+        if message.channel.carries(EncoderSample::CHANNEL) {
             let (tick, acquired_ns, of_sample) = numbers(&mut self.sample, message);
             self.waiting.push_back(Row { tick, acquired_ns, of_sample, of_command: None });
             if self.waiting.len() > WAITING {
                 self.write(out)?;
             }
-        } else if message.channel.name == ValveCommand::CHANNEL {
+        } else if message.channel.carries(ValveCommand::CHANNEL) {
             let (tick, acquired_ns, of_command) = numbers(&mut self.command, message);
             // A sensor-proc that starts again may count from 0; the time of the acquisition tells the two apart.
             let is_answered = |row: &&mut Row| row.tick == tick && row.acquired_ns == acquired_ns;

@@ -178,7 +178,7 @@ impl ContentsReport {
             let is_snapshot = message.channel.name == CoefficientSnapshot::CHANNEL;
             let apart = if is_snapshot { snapshots_apart(reading.facts()) } else { 1 };
             watches.entry(message.channel.name.clone()).or_default().look(&message, apart);
-            if message.channel.name == ValveCommand::CHANNEL {
+            if message.channel.carries(ValveCommand::CHANNEL) {
                 events.look(&message, &reading.axes(), begin_ns);
             }
         }

@@ -69,6 +69,26 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "ends its process; the test below runs it in one of its own"]
+    fn wants_more_memory_than_its_limit() {
+        limit_memory(128 << 20).unwrap();
+        assert_eq!(vec![1_u8; 64 << 20].len(), 64 << 20);
+        println!("within the limit");
+        assert_eq!(vec![1_u8; 256 << 20].len(), 256 << 20);
+        println!("beyond the limit");
+    }
+
+    #[test]
+    fn a_process_that_wants_more_memory_than_its_limit_ends() {
+        let mut own = std::process::Command::new(std::env::current_exe().unwrap());
+        own.args(["--exact", "kernel::tests::wants_more_memory_than_its_limit", "--ignored", "--nocapture"]);
+        let ended = own.output().unwrap();
+        let said = String::from_utf8_lossy(&ended.stdout).into_owned();
+        assert!(!ended.status.success());
+        assert!(said.contains("within the limit") && !said.contains("beyond the limit"), "{said}");
+    }
+
+    #[test]
     fn a_thread_that_gives_way_says_so_to_the_kernel() {
         let policy = std::thread::spawn(|| {
             run_when_idle().unwrap();

@@ -55,7 +55,7 @@ fn expect_every_loss_counted(heard: &Heard) {
 struct Setting {
     router: Router,
     heard: Heard,
-    _group: Group,
+    group: Group,
     bridge: Bridge,
 }
 
@@ -66,7 +66,7 @@ impl Setting {
         let group = Group::run(name, &["--duration", "10min"]);
         let bridge = Bridge::new(&router.address, &group.prefix, "");
         wait_for("data", || (heard.all().of(SAMPLES).len() > 20).then_some(()));
-        Self { router, heard, _group: group, bridge }
+        Self { router, heard, group, bridge }
     }
 }
 
@@ -98,6 +98,35 @@ fn a_bridge_that_is_suspended_for_four_seconds_sends_nothing_old_as_new() {
     expect_nothing_old_as_fresh(heard);
     expect_every_loss_counted(heard);
     assert!(setting.bridge.process.is_running(), "the watchdog does not count the time of a suspension");
+}
+
+#[test]
+fn a_bridge_that_was_killed_is_missed_and_comes_back_as_another_run() {
+    let mut setting = Setting::new("dead");
+    let heard = &setting.heard;
+    setting.bridge.process.signal("KILL");
+    // The router sees the end of the connection at once.
+    wait_for("the end of the token", || (state(heard) == top::State::Gone).then_some(()));
+    let killed_ns = utc_ns();
+    setting.bridge = Bridge::new(&setting.router.address, &setting.group.prefix, "");
+    wait_for("life", || (state(heard) == top::State::Live).then_some(()));
+    assert!(newest_ns(heard) > killed_ns);
+    assert_eq!(heard.all().counts().restarts, 1);
+    expect_nothing_old_as_fresh(heard);
+    assert!(setting.group.is_running(), "the group goes on without its bridge");
+}
+
+#[test]
+fn a_bridge_has_the_limit_of_memory_of_its_settings() {
+    let router = Router::new();
+    let bridge = Bridge::new(&router.address, "no-group", "[limits]\nmemory-mb = 100\n");
+    let limits = || std::fs::read_to_string(format!("/proc/{}/limits", bridge.process.0.id())).unwrap();
+    let limit = wait_for("the limit", || {
+        let text = limits();
+        let line = text.lines().find(|line| line.starts_with("Max data size")).unwrap().to_owned();
+        (!line.contains("unlimited")).then_some(line)
+    });
+    assert_eq!(limit.split_whitespace().nth(3), Some("104857600"), "{limit}");
 }
 
 #[test]

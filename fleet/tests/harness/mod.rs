@@ -253,6 +253,11 @@ impl Group {
         fs::read_to_string(&self.said).unwrap()
     }
 
+    /// Whether the run has not ended.
+    pub fn is_running(&mut self) -> bool {
+        self.process.is_running()
+    }
+
     /// A command about this group.
     pub fn command(&self, arguments: &[&str]) {
         let done = hydraxis().args(arguments).args(["--prefix", &self.prefix]).output().unwrap();

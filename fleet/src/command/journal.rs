@@ -24,7 +24,7 @@ const BURST: u32 = 50;
 /// One line.
 #[derive(Debug, Default, Serialize)]
 pub struct Entry<'a> {
-    /// What happened: `consent`, `arm`, `target`, `disarm`, `end`, `refused`.
+    /// What happened: `listen`, `consent`, `arm`, `target`, `disarm`, `end`, `refused`.
     pub what: &'a str,
     /// Who asked; as it calls itself.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -77,7 +77,8 @@ impl CommandError {
 /// # Errors
 /// The settings have no commands, the journal cannot be written, or Zenoh refuses something.
 pub fn listen(settings: &Settings, stop: &AtomicBool) -> Result<(), CommandError> {
-    let shared = shared(settings, allowed(settings)?, Instant::now())?;
+    let shared = shared(settings, allowed(settings)?, Instant::now());
+    shared.journal.write(&Entry { what: "listen", text: "begun".to_owned(), ..Entry::default() })?;
     let Some(session) = settings.connection().open_unless(|| stop.load(Ordering::Relaxed))? else { return Ok(()) };
     let _disarm = answer(&session, &settings.place(), DISARM, &shared, disarm)?;
     while !stop.load(Ordering::Relaxed) {
@@ -100,7 +101,7 @@ pub fn consent(settings: &Settings, time: Duration, stop: &AtomicBool) -> Result
         return Err(CommandError::TooLong { found, longest });
     }
     let until = Instant::now() + time;
-    let shared = shared(settings, commands, until)?;
+    let shared = shared(settings, commands, until);
     let text = format!("given for {}", humantime::format_duration(time));
     shared.journal.write(&Entry { what: "consent", text, ..Entry::default() })?;
     let (connection, place) = (settings.connection(), settings.place());
@@ -154,11 +155,9 @@ fn allowed(settings: &Settings) -> Result<&Commands, CommandError> {
     settings.commands.as_ref().ok_or(CommandError::NoCommands)
 }
 
-fn shared(settings: &Settings, commands: &Commands, until: Instant) -> Result<Arc<Shared>, CommandError> {
-    let journal = Journal::new(commands.journal.clone());
-    journal.write(&Entry { what: "start", text: std::process::id().to_string(), ..Entry::default() })?;
-    let desk = Desk::new(until, commands.axes.clone());
-    Ok(Arc::new(Shared::new(settings.prefix(), journal, desk)))
+fn shared(settings: &Settings, commands: &Commands, until: Instant) -> Arc<Shared> {
+    let (journal, desk) = (Journal::new(commands.journal.clone()), Desk::new(until, commands.axes.clone()));
+    Arc::new(Shared::new(settings.prefix(), journal, desk))
 }
 
 /// Answers one kind of question for as long as what is returned lives.

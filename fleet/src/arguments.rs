@@ -168,7 +168,7 @@ pub struct Operate {
     /// Machine and station.
     #[command(flatten)]
     pub station: Station,
-    /// Axis and its set point, m; may be given several times
+    /// Axis and its set point, m; may be given for several axes
     #[arg(long, value_name = "AXIS=METRES", required = true, value_parser = target)]
     pub to: Vec<(String, f64)>,
     /// Arms the axes; without it nothing moves

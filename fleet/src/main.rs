@@ -15,7 +15,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use arguments::{Arguments, Ask, Bench, Command, Plant, Record, Stage, Top};
+use arguments::{Arguments, Ask, Bench, Command, Plant, Record, Router, Stage, Top};
 #[cfg(feature = "commands")]
 use arguments::{Disarm, Operate};
 use clap::Parser;
@@ -50,7 +50,7 @@ use signal_hook::{
     flag::register,
 };
 use thiserror::Error;
-use zenoh::Wait;
+use zenoh::{Session, Wait};
 
 /// Time between two tables.
 const APART: Duration = Duration::from_secs(1);
@@ -90,6 +90,9 @@ enum Failure {
     RealTime,
     #[error("source.kind: found \"{0}\", and a plant on another computer; allowed: \"sim\"")]
     Source(&'static str),
+    #[cfg(feature = "commands")]
+    #[error("--to: found one axis twice; allowed: one set point for each")]
+    Twice,
     #[error("Zenoh: {0}")]
     Zenoh(#[from] zenoh::Error),
     #[error("{0}")]
@@ -106,6 +109,8 @@ impl Failure {
             Self::Settings(_) | Self::Router(RouterError::File { .. } | RouterError::Mode { .. }) => 2,
             #[cfg(feature = "commands")]
             Self::Command(error) if error.is_usage() => 2,
+            #[cfg(feature = "commands")]
+            Self::Twice => 2,
             Self::Machine(_) | Self::Plant(ServeError::Plant(_)) | Self::RealTime | Self::Source(_) => 2,
             Self::Connection(error) if !matches!(error, ConnectionError::Zenoh(_)) => 2,
             _ => 1,
@@ -214,8 +219,19 @@ fn show(arguments: &Top, stop: &AtomicBool) -> Result<(), Failure> {
     Ok(session.close().wait()?)
 }
 
+/// Connects, unless no router answers for a while: whoever asks waits for an answer.
+fn connect(router: &Router) -> Result<Session, Failure> {
+    let (connection, begun) = (router.connection(), Instant::now());
+    let of = connection.router.join(", ");
+    let session = connection.open_unless(|| begun.elapsed() > ANSWER)?;
+    session.ok_or_else(|| {
+        let patience = humantime::format_duration(ANSWER);
+        Failure::NoAnswer(format!("router {of}: not reached within {patience}"))
+    })
+}
+
 fn ask(arguments: &Ask) -> Result<(), Failure> {
-    let session = arguments.router.connection().open()?;
+    let session = connect(&arguments.router)?;
     let key = arguments.machine.key(&arguments.what);
     let answers = session.get(&key).timeout(ANSWER).wait()?;
     let answer = answers.recv().map_err(|_| Failure::NoAnswer(format!("{key}: nobody answers")))?;
@@ -232,7 +248,7 @@ fn ask(arguments: &Ask) -> Result<(), Failure> {
 #[cfg(feature = "commands")]
 fn disarm(arguments: &Disarm) -> Result<(), Failure> {
     let station = &arguments.station;
-    let session = station.router.connection().open()?;
+    let session = connect(&station.router)?;
     let (place, name) = (station.machine.clone(), station.station.clone());
     let disarmed = command::Station { session: &session, place, name }.disarm(arguments.axis.clone())?;
     for (axis, state) in disarmed.axes {
@@ -248,7 +264,11 @@ fn operate(arguments: &Operate, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
         println!("nothing is armed; allowed: with --enable, and then the machine may move");
         return Ok(());
     }
-    let session = station.router.connection().open()?;
+    let targets: std::collections::BTreeMap<String, f64> = arguments.to.iter().cloned().collect();
+    if targets.len() < arguments.to.len() {
+        return Err(Failure::Twice);
+    }
+    let session = connect(&station.router)?;
     if let Some(duration) = arguments.duration {
         let stop = Arc::clone(stop);
         thread::spawn(move || {
@@ -256,7 +276,6 @@ fn operate(arguments: &Operate, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
             stop.store(true, Ordering::Relaxed);
         });
     }
-    let targets = arguments.to.iter().cloned().collect();
     let mut told = None;
     let tell = |answer: &command::protocol::Answer| {
         if told.is_some_and(|told: Instant| told.elapsed() < APART) {

@@ -14,6 +14,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use pipeline::MAX_AXES;
 use thiserror::Error;
 
 use super::protocol::{Arm, Beat, Token};
@@ -25,6 +26,9 @@ pub const DEAD_MAN: Duration = Duration::from_millis(150);
 const CHALLENGE_LIFE: Duration = Duration::from_millis(500);
 /// Challenges that are open at the same time; the oldest gives way.
 const OPEN: usize = 8;
+
+/// Numbers of the stops that were asked for at the machine, as its board counts them.
+pub type Stops = [u32; MAX_AXES + 1];
 
 /// Why a command is refused.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -41,6 +45,12 @@ pub enum Refusal {
         humantime::format_duration(CHALLENGE_LIFE)
     )]
     Challenge,
+    /// The challenge of a beat is not the one of the last answer.
+    #[error("found a challenge that is not that of the last answer")]
+    Beat,
+    /// A stop has come between challenge and arming: the arming may have waited on its way.
+    #[error("a stop was asked for since the challenge was given; ask for another one")]
+    Stopped,
     /// A beat of no seat.
     #[error("{0}; axes are off until they are armed again")]
     Over(String),
@@ -79,6 +89,7 @@ pub enum Refusal {
 struct Seat {
     station: Name,
     targets: BTreeMap<String, f64>,
+    stops: Stops,
     challenge: Token,
     /// When the last beat came.
     heard: Instant,
@@ -91,6 +102,17 @@ pub struct Wanted {
     pub station: Name,
     /// Set points by axis, m.
     pub targets: BTreeMap<String, f64>,
+    /// Stops before the seat: another one ends it.
+    pub stops: Stops,
+}
+
+/// A challenge that was given.
+#[derive(Debug)]
+struct Open {
+    token: Token,
+    station: Name,
+    stops: Stops,
+    given: Instant,
 }
 
 /// Consent, challenges and seat.
@@ -98,7 +120,7 @@ pub struct Wanted {
 pub struct Desk {
     until: Instant,
     windows: BTreeMap<String, Window>,
-    open: VecDeque<(Token, Name, Instant)>,
+    open: VecDeque<Open>,
     seat: Option<Seat>,
     /// Why the last seat has ended.
     ended: String,
@@ -110,34 +132,36 @@ impl Desk {
         Self { until, windows, open: VecDeque::new(), seat: None, ended: "no axis is armed from here".to_owned() }
     }
 
-    /// Opens the challenge `token` for a station.
+    /// Opens the challenge `token` for a station, at a time with these stops.
     ///
     /// # Errors
     /// The consent is over, or another station operates.
-    pub fn challenge(&mut self, station: &Name, token: Token, now: Instant) -> Result<Token, Refusal> {
+    pub fn challenge(&mut self, station: &Name, token: Token, stops: Stops, now: Instant) -> Result<Token, Refusal> {
         self.expect_free(now)?;
         if self.open.len() == OPEN {
             self.open.pop_front();
         }
-        self.open.push_back((token, station.clone(), now));
+        self.open.push_back(Open { token, station: station.clone(), stops, given: now });
         Ok(token)
     }
 
-    /// Gives the seat to a station; `token` is for its first beat.
+    /// Gives the seat to a station, at a time with these stops; `token` is for its first beat.
     ///
     /// # Errors
-    /// The challenge is not good, or what is asked for is not allowed.
-    pub fn arm(&mut self, arm: &Arm, token: Token, now: Instant) -> Result<Token, Refusal> {
-        let found = self.open.iter().position(|(open, station, _)| (open, station) == (&arm.challenge, &arm.station));
-        let given = found.and_then(|place| self.open.remove(place)).map(|(.., given)| given);
+    /// The challenge is not good, a stop came after it, or what is asked for is not allowed.
+    pub fn arm(&mut self, arm: &Arm, token: Token, stops: Stops, now: Instant) -> Result<Token, Refusal> {
+        let found = self.open.iter().position(|open| (&open.token, &open.station) == (&arm.challenge, &arm.station));
+        let found = found.and_then(|place| self.open.remove(place));
         self.expect_free(now)?;
-        if given.is_none_or(|given| now.saturating_duration_since(given) > CHALLENGE_LIFE) {
-            return Err(Refusal::Challenge);
+        let is_good = |open: &Open| now.saturating_duration_since(open.given) <= CHALLENGE_LIFE;
+        let open = found.filter(is_good).ok_or(Refusal::Challenge)?;
+        if open.stops != stops {
+            return Err(Refusal::Stopped);
         }
         self.expect_allowed(&arm.targets)?;
         self.open.clear();
         let (station, targets) = (arm.station.clone(), arm.targets.clone());
-        self.seat = Some(Seat { station, targets, challenge: token, heard: now });
+        self.seat = Some(Seat { station, targets, stops, challenge: token, heard: now });
         Ok(token)
     }
 
@@ -152,7 +176,7 @@ impl Desk {
         self.expect_allowed(&beat.targets)?;
         let seat = self.seat.as_mut().ok_or(Refusal::NoConsent)?;
         if seat.challenge != beat.challenge {
-            return Err(Refusal::Challenge);
+            return Err(Refusal::Beat);
         }
         if !seat.targets.keys().eq(beat.targets.keys()) {
             let names = |targets: &BTreeMap<String, f64>| targets.keys().cloned().collect::<Vec<_>>().join(", ");
@@ -170,8 +194,8 @@ impl Desk {
         if self.seat.as_ref().is_some_and(|seat| now.saturating_duration_since(seat.heard) > DEAD_MAN) {
             self.end(&format!("the station was silent for {}", humantime::format_duration(DEAD_MAN)));
         }
-        let Seat { station, targets, .. } = self.seat.as_ref()?;
-        Some(Wanted { station: station.clone(), targets: targets.clone() })
+        let Seat { station, targets, stops, .. } = self.seat.as_ref()?;
+        Some(Wanted { station: station.clone(), targets: targets.clone(), stops: *stops })
     }
 
     /// Ends the seat, if somebody has it, and says why.
@@ -221,6 +245,7 @@ mod tests {
     use super::*;
 
     const MS: Duration = Duration::from_millis(1);
+    const STOPS: Stops = [7; MAX_AXES + 1];
 
     fn name(text: &str) -> Name {
         text.parse().unwrap()
@@ -241,8 +266,8 @@ mod tests {
     /// A consent of a minute, with the seat taken at `now`; its first beat needs challenge 2.
     fn taken(now: Instant) -> Desk {
         let mut desk = free(now);
-        desk.challenge(&name("office"), Token(1), now).unwrap();
-        desk.arm(&arm("office", 1, 0.6), Token(2), now).unwrap();
+        desk.challenge(&name("office"), Token(1), STOPS, now).unwrap();
+        desk.arm(&arm("office", 1, 0.6), Token(2), STOPS, now).unwrap();
         desk
     }
 
@@ -274,7 +299,7 @@ mod tests {
         let now = Instant::now();
         let mut desk = taken(now);
         desk.beat(&beat(2, 0.6), Token(3), now + 100 * MS).unwrap();
-        assert_eq!(desk.beat(&beat(2, 0.6), Token(4), now + 200 * MS), Err(Refusal::Challenge));
+        assert_eq!(desk.beat(&beat(2, 0.6), Token(4), now + 200 * MS), Err(Refusal::Beat));
         assert_eq!(desk.wanted(now + 251 * MS), None);
     }
 
@@ -283,36 +308,50 @@ mod tests {
         let now = Instant::now();
         let refused = Err(Refusal::Challenge);
         let mut desk = free(now);
-        assert_eq!(desk.arm(&arm("office", 1, 0.6), Token(9), now), refused, "never given");
-        desk.challenge(&name("office"), Token(1), now).unwrap();
-        assert_eq!(desk.arm(&arm("harbour", 1, 0.6), Token(9), now), refused, "of another station");
-        assert_eq!(desk.arm(&arm("office", 1, 0.6), Token(9), now + 501 * MS), refused, "too old");
-        desk.challenge(&name("office"), Token(2), now).unwrap();
-        assert!(desk.arm(&arm("office", 2, 0.8), Token(9), now).is_err(), "outside the window");
-        assert_eq!(desk.arm(&arm("office", 2, 0.6), Token(9), now), refused, "used for a refusal");
-        desk.challenge(&name("office"), Token(3), now).unwrap();
-        desk.arm(&arm("office", 3, 0.6), Token(4), now).unwrap();
+        assert_eq!(desk.arm(&arm("office", 1, 0.6), Token(9), STOPS, now), refused, "never given");
+        desk.challenge(&name("office"), Token(1), STOPS, now).unwrap();
+        assert_eq!(desk.arm(&arm("harbour", 1, 0.6), Token(9), STOPS, now), refused, "of another station");
+        assert_eq!(desk.arm(&arm("office", 1, 0.6), Token(9), STOPS, now + 501 * MS), refused, "too old");
+        desk.challenge(&name("office"), Token(2), STOPS, now).unwrap();
+        assert!(desk.arm(&arm("office", 2, 0.8), Token(9), STOPS, now).is_err(), "outside the window");
+        assert_eq!(desk.arm(&arm("office", 2, 0.6), Token(9), STOPS, now), refused, "used for a refusal");
+        desk.challenge(&name("office"), Token(3), STOPS, now).unwrap();
+        desk.arm(&arm("office", 3, 0.6), Token(4), STOPS, now).unwrap();
         desk.end("a stop");
-        assert_eq!(desk.arm(&arm("office", 3, 0.6), Token(9), now), refused, "used");
+        assert_eq!(desk.arm(&arm("office", 3, 0.6), Token(9), STOPS, now), refused, "used");
         // Of many that were asked for, the newest are good.
-        (10..30).for_each(|token| assert!(desk.challenge(&name("office"), Token(token), now).is_ok()));
-        assert_eq!(desk.arm(&arm("office", 21, 0.6), Token(9), now), refused);
-        assert!(desk.arm(&arm("office", 22, 0.6), Token(9), now).is_ok());
+        (10..30).for_each(|token| assert!(desk.challenge(&name("office"), Token(token), STOPS, now).is_ok()));
+        assert_eq!(desk.arm(&arm("office", 21, 0.6), Token(9), STOPS, now), refused);
+        assert!(desk.arm(&arm("office", 22, 0.6), Token(9), STOPS, now).is_ok());
+    }
+
+    #[test]
+    fn a_stop_after_the_challenge_keeps_it_from_arming() {
+        let now = Instant::now();
+        for axis in 0..=MAX_AXES {
+            let (mut desk, mut stops) = (free(now), STOPS);
+            desk.challenge(&name("office"), Token(1), STOPS, now).unwrap();
+            stops[axis] += 1;
+            assert_eq!(desk.arm(&arm("office", 1, 0.6), Token(2), stops, now), Err(Refusal::Stopped));
+            desk.challenge(&name("office"), Token(3), stops, now).unwrap();
+            desk.arm(&arm("office", 3, 0.6), Token(4), stops, now).unwrap();
+            assert_eq!(desk.wanted(now).unwrap().stops, stops);
+        }
     }
 
     #[test]
     fn one_station_operates_at_a_time() {
         let now = Instant::now();
         let mut desk = free(now);
-        desk.challenge(&name("harbour"), Token(7), now).unwrap();
-        desk.challenge(&name("office"), Token(1), now).unwrap();
-        desk.arm(&arm("office", 1, 0.6), Token(2), now).unwrap();
+        desk.challenge(&name("harbour"), Token(7), STOPS, now).unwrap();
+        desk.challenge(&name("office"), Token(1), STOPS, now).unwrap();
+        desk.arm(&arm("office", 1, 0.6), Token(2), STOPS, now).unwrap();
         let taken = Refusal::Taken(name("office"));
-        assert_eq!(desk.arm(&arm("harbour", 7, 0.6), Token(9), now), Err(taken.clone()));
-        assert_eq!(desk.challenge(&name("harbour"), Token(8), now), Err(taken.clone()));
+        assert_eq!(desk.arm(&arm("harbour", 7, 0.6), Token(9), STOPS, now), Err(taken.clone()));
+        assert_eq!(desk.challenge(&name("harbour"), Token(8), STOPS, now), Err(taken.clone()));
         // Not even the same station again.
-        assert_eq!(desk.challenge(&name("office"), Token(8), now), Err(taken));
-        assert!(desk.challenge(&name("harbour"), Token(8), now + 151 * MS).is_ok());
+        assert_eq!(desk.challenge(&name("office"), Token(8), STOPS, now), Err(taken));
+        assert!(desk.challenge(&name("harbour"), Token(8), STOPS, now + 151 * MS).is_ok());
     }
 
     #[test]
@@ -323,9 +362,13 @@ mod tests {
         assert!(desk.wanted(now).is_some());
         assert_eq!(desk.wanted(now + MS), None);
         assert!(desk.beat(&beat(2, 0.6), Token(3), now + MS).is_err());
-        assert_eq!(desk.challenge(&name("office"), Token(8), now + MS), Err(Refusal::NoConsent));
+        assert_eq!(desk.challenge(&name("office"), Token(8), STOPS, now + MS), Err(Refusal::NoConsent));
         desk.withdraw(now + 500 * MS);
-        assert_eq!(desk.challenge(&name("office"), Token(8), now + 2 * MS), Err(Refusal::NoConsent), "taken back once");
+        assert_eq!(
+            desk.challenge(&name("office"), Token(8), STOPS, now + 2 * MS),
+            Err(Refusal::NoConsent),
+            "taken back once"
+        );
     }
 
     #[test]
@@ -339,9 +382,9 @@ mod tests {
             (BTreeMap::new(), "axis \"none\"; allowed: boom"),
         ] {
             let mut desk = free(now);
-            desk.challenge(&name("office"), Token(1), now).unwrap();
+            desk.challenge(&name("office"), Token(1), STOPS, now).unwrap();
             let arm = Arm { station: name("office"), challenge: Token(1), targets: wrong.clone() };
-            let error = desk.arm(&arm, Token(2), now).unwrap_err().to_string();
+            let error = desk.arm(&arm, Token(2), STOPS, now).unwrap_err().to_string();
             assert!(error.contains(why), "{error}");
             let mut desk = taken(now);
             let beat = Beat { challenge: Token(2), targets: wrong };

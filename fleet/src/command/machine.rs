@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    fs::File,
     io,
     sync::{
         Arc,
@@ -11,7 +12,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use pipeline::channel::Board;
+use pipeline::{
+    MAX_AXES,
+    channel::{Board, Prefix, is_joined},
+};
 use rustix::rand::{GetRandomFlags, getrandom};
 use serde::{Serialize, de::DeserializeOwned};
 use thiserror::Error;
@@ -24,18 +28,20 @@ use zenoh::{
 use super::{
     desk::Desk,
     journal::{Entry, Journal},
-    protocol::{ARM, Answer, Arm, Ask, BEAT, Beat, CHALLENGE, Challenge, DISARM, Disarm, LONGEST, Token},
-    relay::{End, Relay, states, stop_axes},
-    shared::Shared,
+    protocol::{ARM, Answer, Arm, Ask, BEAT, Beat, CHALLENGE, Challenge, DISARM, Disarm, Disarmed, LONGEST, Token},
+    relay::{End, Relay, board, expect_axes, expect_off, states, stop_axes},
+    shared::{NO_GROUP, Shared},
 };
 use crate::{
     connection::ConnectionError,
+    group::only_one,
     key::Place,
     settings::{Commands, Settings},
 };
 
-/// Time between two looks for a seat.
+/// Time between two looks for a seat, and for the group.
 const LOOK: Duration = Duration::from_millis(5);
+const GROUP_APART: Duration = Duration::from_millis(250);
 
 /// Why the machine takes no commands.
 #[derive(Debug, Error)]
@@ -46,14 +52,20 @@ pub enum CommandError {
     /// No axis may be moved.
     #[error("[commands.axes]: found none in the settings; allowed: a table for each axis that may be moved")]
     NoAxes,
-    /// The consent is too long.
-    #[error("--for {found}: allowed: at most {longest}, as `commands.longest-consent` says")]
-    TooLong {
+    /// The consent is too short or too long.
+    #[error("--for {found}: allowed: 1s to {longest}, as `commands.longest-consent` says")]
+    Time {
         /// What was asked for.
         found: humantime::FormattedDuration,
         /// What is allowed.
         longest: humantime::FormattedDuration,
     },
+    /// No group runs, or the axes of the settings are not those of the group.
+    #[error("{0}")]
+    Group(String),
+    /// Somebody has given consent already.
+    #[error("group \"{0}\": another `hydraxis-fleet consent` runs; end that one first")]
+    Given(Prefix),
     /// The journal cannot be written.
     #[error("commands.journal: {0}")]
     Journal(#[from] io::Error),
@@ -68,17 +80,17 @@ pub enum CommandError {
 impl CommandError {
     /// Whether a file or an argument is wrong.
     pub fn is_usage(&self) -> bool {
-        matches!(self, Self::NoCommands | Self::NoAxes | Self::TooLong { .. })
+        matches!(self, Self::NoCommands | Self::NoAxes | Self::Time { .. })
     }
 }
 
-/// Lets stations disarm the machine until `stop` is set.
+/// Lets stations disarm the machine until `stop` is set, also where the journal cannot be written.
 ///
 /// # Errors
-/// The settings have no commands, the journal cannot be written, or Zenoh refuses something.
+/// The settings have no commands, or Zenoh refuses something.
 pub fn listen(settings: &Settings, stop: &AtomicBool) -> Result<(), CommandError> {
-    let shared = shared(settings, allowed(settings)?, Instant::now());
-    shared.journal.write(&Entry { what: "listen", text: "begun".to_owned(), ..Entry::default() })?;
+    let shared = shared(settings.prefix(), allowed(settings)?, Instant::now());
+    shared.journal.note(&Entry { what: "listen", text: "begun".to_owned(), ..Entry::default() });
     let Some(session) = settings.connection().open_unless(|| stop.load(Ordering::Relaxed))? else { return Ok(()) };
     let _disarm = answer(&session, &settings.place(), DISARM, &shared, disarm)?;
     while !stop.load(Ordering::Relaxed) {
@@ -87,21 +99,29 @@ pub fn listen(settings: &Settings, stop: &AtomicBool) -> Result<(), CommandError
     Ok(session.close().wait()?)
 }
 
-/// Lets one station at a time move the axes of the settings, for `time` or until `stop` is set.
+/// Lets one station at a time move the axes of the settings in the group that runs, for `time` or until `stop` is set.
 ///
 /// # Errors
-/// As [`listen`]; the settings name no axis, or allow only a shorter time.
+/// The settings have no commands or no axis, no group runs or it has other axes, somebody has given consent already,
+/// the time is too short or too long, the journal cannot be written, or Zenoh refuses something.
 pub fn consent(settings: &Settings, time: Duration, stop: &AtomicBool) -> Result<(), CommandError> {
     let commands = allowed(settings)?;
     if commands.axes.is_empty() {
         return Err(CommandError::NoAxes);
     }
-    if time > commands.longest_consent {
+    if !(Duration::from_secs(1)..=commands.longest_consent).contains(&time) {
         let [found, longest] = [time, commands.longest_consent].map(humantime::format_duration);
-        return Err(CommandError::TooLong { found, longest });
+        return Err(CommandError::Time { found, longest });
     }
+    let prefix = settings.prefix().or_else(only_one);
+    let prefix = prefix.ok_or_else(|| CommandError::Group(NO_GROUP.to_owned()))?;
+    let board = board(&prefix).map_err(CommandError::Group)?;
+    expect_axes(&board, &commands.axes).map_err(CommandError::Group)?;
+    let only =
+        File::open(prefix.folder()).map_err(|error| CommandError::Group(format!("group \"{prefix}\": {error}")))?;
+    only.try_lock().map_err(|_| CommandError::Given(prefix.clone()))?;
     let until = Instant::now() + time;
-    let shared = shared(settings, commands, until);
+    let shared = shared(Some(prefix), commands, until);
     let text = format!("given for {}", humantime::format_duration(time));
     shared.journal.write(&Entry { what: "consent", text, ..Entry::default() })?;
     let (connection, place) = (settings.connection(), settings.place());
@@ -112,14 +132,15 @@ pub fn consent(settings: &Settings, time: Duration, stop: &AtomicBool) -> Result
         answer(&session, &place, ARM, &shared, arm)?,
         answer(&session, &place, BEAT, &shared, beat)?,
     ];
-    let why = serve(&shared, commands, until, stop);
+    let why = serve(&shared, &board, commands, until, stop);
     shared.desk().withdraw(Instant::now());
-    shared.journal.write(&Entry { what: "consent", text: why, ..Entry::default() })?;
+    shared.journal.note(&Entry { what: "consent", text: why, ..Entry::default() });
     Ok(session.close().wait()?)
 }
 
 /// Serves one seat after the other. Returns why the consent is over.
-fn serve(shared: &Shared, commands: &Commands, until: Instant, stop: &AtomicBool) -> String {
+fn serve(shared: &Shared, board: &Board, commands: &Commands, until: Instant, stop: &AtomicBool) -> String {
+    let (emergencies, mut looked) = (board.asked()[MAX_AXES], Instant::now());
     loop {
         if stop.load(Ordering::Relaxed) {
             return "taken back".to_owned();
@@ -127,24 +148,30 @@ fn serve(shared: &Shared, commands: &Commands, until: Instant, stop: &AtomicBool
         if Instant::now() >= until {
             return "over: its time has passed".to_owned();
         }
+        if board.asked()[MAX_AXES] != emergencies {
+            return "taken back: an emergency stop was asked for".to_owned();
+        }
+        // A consent is for one run of the group.
+        if looked.elapsed() > GROUP_APART {
+            looked = Instant::now();
+            if !is_joined(board.prefix()) {
+                return "over: the group has ended".to_owned();
+            }
+        }
         let Some(wanted) = shared.desk().wanted(Instant::now()) else {
             sleep(LOOK);
             continue;
         };
         let windows = wanted.targets.keys().filter_map(|axis| Some((axis.clone(), *commands.axes.get(axis)?)));
-        let relay =
-            shared.prefix().map_err(End::Seat).and_then(|prefix| Relay::open(&prefix, &windows.clone().collect()));
-        let end = match relay {
+        let end = match Relay::open(board.prefix(), &windows.collect(), wanted.stops) {
             Ok(relay) => relay.serve(shared, stop),
             Err(end) => end,
         };
         let (End::Seat(why) | End::AtMachine(why)) = &end;
         shared.desk().end(why);
         shared.show(BTreeMap::new());
-        let entry = Entry { what: "end", station: Some(wanted.station.to_string()), text: why.clone(), targets: None };
-        if let Err(error) = shared.journal.write(&entry) {
-            eprintln!("{error}");
-        }
+        let station = Some(wanted.station.to_string());
+        shared.journal.note(&Entry { what: "end", station, text: why.clone(), targets: None });
         if let End::AtMachine(why) = end {
             return format!("taken back: {why}");
         }
@@ -155,23 +182,23 @@ fn allowed(settings: &Settings) -> Result<&Commands, CommandError> {
     settings.commands.as_ref().ok_or(CommandError::NoCommands)
 }
 
-fn shared(settings: &Settings, commands: &Commands, until: Instant) -> Arc<Shared> {
+fn shared(group: Option<Prefix>, commands: &Commands, until: Instant) -> Arc<Shared> {
     let (journal, desk) = (Journal::new(commands.journal.clone()), Desk::new(until, commands.axes.clone()));
-    Arc::new(Shared::new(settings.prefix(), journal, desk))
+    Arc::new(Shared::new(group, journal, desk))
 }
 
-/// Answers one kind of question for as long as what is returned lives.
+/// Answers one kind of question for as long as what is returned lives. `answer` gets what was read of a question.
 fn answer<Q: DeserializeOwned + 'static, A: Serialize + 'static>(
     session: &Session,
     place: &Place,
     of: &'static str,
     shared: &Arc<Shared>,
-    answer: fn(&Shared, Q) -> Result<A, String>,
+    answer: fn(&Shared, Result<Q, String>) -> Result<A, String>,
 ) -> Result<Queryable<()>, zenoh::Error> {
     let (shared, key) = (Arc::clone(shared), place.key(of));
     let own = key.clone();
     let callback = move |query: Query| {
-        let answered = question(&query, &own).and_then(|question| answer(&shared, question));
+        let answered = expect_key(&query, &own).and_then(|()| answer(&shared, question(&query)));
         // Whoever has asked may be gone, and then no answer reaches anybody.
         let _ = match answered.and_then(|answer| serde_json::to_vec(&answer).map_err(|error| error.to_string())) {
             Ok(bytes) => query.reply(own.as_str(), bytes).encoding(Encoding::APPLICATION_JSON).wait(),
@@ -184,11 +211,13 @@ fn answer<Q: DeserializeOwned + 'static, A: Serialize + 'static>(
     session.declare_queryable(key).callback(callback).wait()
 }
 
-/// Reads a question. One to several machines at once is none.
-fn question<Q: DeserializeOwned>(query: &Query, key: &str) -> Result<Q, String> {
-    if query.key_expr().as_str() != key {
-        return Err(format!("found the key {}; allowed: {key}", query.key_expr()));
-    }
+/// A question to several machines at once is none.
+fn expect_key(query: &Query, key: &str) -> Result<(), String> {
+    let found = query.key_expr();
+    if found.as_str() == key { Ok(()) } else { Err(format!("found the key {found}; allowed: {key}")) }
+}
+
+fn question<Q: DeserializeOwned>(query: &Query) -> Result<Q, String> {
     let payload = query.payload().map(|payload| payload.to_bytes()).unwrap_or_default();
     if payload.len() > LONGEST {
         return Err(format!("found {} bytes; allowed: {LONGEST}", payload.len()));
@@ -196,50 +225,47 @@ fn question<Q: DeserializeOwned>(query: &Query, key: &str) -> Result<Q, String> 
     serde_json::from_slice(&payload).map_err(|error| error.to_string())
 }
 
-fn disarm(shared: &Shared, disarm: Disarm) -> Result<super::protocol::Disarmed, String> {
+/// Stops what is named. A stop is not refused for its form: one that cannot be read, or names an axis that is not
+/// there, stops all axes.
+fn disarm(shared: &Shared, disarm: Result<Disarm, String>) -> Result<Disarmed, String> {
     let prefix = shared.prefix()?;
     let board = Board::find(&prefix).map_err(|error| error.to_string())?;
     let board = board.ok_or_else(|| format!("no group \"{prefix}\" runs"))?;
-    let machine = board.machine();
-    let names: Vec<&str> = machine.names().collect();
-    let place = |axis: &String| {
-        let found = names.iter().position(|name| name == axis);
-        found.ok_or_else(|| format!("axis \"{axis}\"; allowed: {}", names.join(", ")))
-    };
-    let axes: Vec<usize> = if disarm.axes.is_empty() {
-        (0..names.len()).collect()
-    } else {
-        disarm.axes.iter().map(place).collect::<Result<_, _>>()?
-    };
+    let names: Vec<&str> = board.machine().names().collect();
+    let (station, named) = disarm.map_or((None, None), |disarm| {
+        let place = |axis: &String| names.iter().position(|name| name == axis);
+        (Some(disarm.station.to_string()), disarm.axes.iter().map(place).collect::<Option<Vec<usize>>>())
+    });
+    let axes = named.filter(|named| !named.is_empty()).unwrap_or_else(|| (0..names.len()).collect());
     let stopped = stop_axes(&board, axes.iter().copied());
     let of = axes.iter().map(|axis| names[*axis]).collect::<Vec<_>>().join(", ");
     let text = format!("{of}: {}", stopped.as_ref().err().map_or("off", String::as_str));
-    shared.journal.note(&Entry { what: "disarm", station: Some(disarm.station.to_string()), text, targets: None });
+    shared.journal.note(&Entry { what: "disarm", station, text, targets: None });
     stopped.map(|()| states(&board))
 }
 
-fn challenge(shared: &Shared, ask: Ask) -> Result<Challenge, String> {
-    let token = random()?;
-    let challenge = shared.desk().challenge(&ask.station, token, Instant::now());
+fn challenge(shared: &Shared, ask: Result<Ask, String>) -> Result<Challenge, String> {
+    let (ask, token, stops) = (ask?, random()?, board(&shared.prefix()?)?.asked());
+    let challenge = shared.desk().challenge(&ask.station, token, stops, Instant::now());
     challenge.map(|challenge| Challenge { challenge }).map_err(|refusal| refusal.to_string())
 }
 
-fn arm(shared: &Shared, arm: Arm) -> Result<Challenge, String> {
-    let token = random()?;
+fn arm(shared: &Shared, arm: Result<Arm, String>) -> Result<Challenge, String> {
+    let (arm, token, board) = (arm?, random()?, board(&shared.prefix()?)?);
+    let armed = shared.desk().arm(&arm, token, board.asked(), Instant::now());
+    let challenge = armed.map_err(|refusal| refusal.to_string())?;
     let (station, targets) = (Some(arm.station.to_string()), Some(arm.targets.clone()));
-    let armed = shared.desk().arm(&arm, token, Instant::now());
-    armed.as_ref().map_err(ToString::to_string)?;
-    // What cannot be written down is not done.
-    let written = shared.journal.write(&Entry { what: "arm", station, targets, text: "accepted".to_owned() });
-    if let Err(error) = &written {
-        shared.desk().end(&format!("the journal of the machine cannot be written: {error}"));
-        return Err(shared.desk().ended().to_owned());
-    }
-    armed.map(|challenge| Challenge { challenge }).map_err(|refusal| refusal.to_string())
+    let ready = expect_off(&board, arm.targets.keys()).and_then(|()| {
+        // What cannot be written down is not done.
+        let entry = Entry { what: "arm", station, targets, text: "accepted".to_owned() };
+        let written = shared.journal.write(&entry);
+        written.map_err(|error| format!("the journal of the machine cannot be written: {error}"))
+    });
+    ready.inspect_err(|why| shared.desk().end(why)).map(|()| Challenge { challenge })
 }
 
-fn beat(shared: &Shared, beat: Beat) -> Result<Answer, String> {
-    let token = random()?;
+fn beat(shared: &Shared, beat: Result<Beat, String>) -> Result<Answer, String> {
+    let (beat, token) = (beat?, random()?);
     let (before, challenge) = {
         let mut desk = shared.desk();
         let before = desk.wanted(Instant::now());

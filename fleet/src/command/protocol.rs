@@ -61,9 +61,8 @@ impl From<Token> for String {
     }
 }
 
-/// Stops axes.
+/// Stops axes. A question that is none of these stops all of them.
 #[derive(Debug, Clone, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
 pub struct Disarm {
     /// Who asks.
     pub station: Name,

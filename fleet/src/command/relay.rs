@@ -19,12 +19,13 @@ use std::{
 
 use pipeline::{
     MAX_AXES,
-    channel::{Board, BoardError, ChannelError, Group, GroupMachine, Listener, Prefix, Publisher, Reader},
+    channel::{Board, ChannelError, Group, GroupMachine, Listener, Prefix, Publisher, Reader, is_joined},
     message::{AxisCommand, AxisMode, EncoderSample, Header, Request, ValveCommand, control_flag},
     stage::monotonic_ns,
 };
 
 use super::{
+    desk::Stops,
     protocol::{AxisView, Disarmed},
     shared::Shared,
 };
@@ -34,8 +35,11 @@ use crate::{events::in_words, settings::Window};
 const NAME: &str = "remote";
 /// Longest sleep before the next look for a sample.
 const SLICE: Duration = Duration::from_millis(5);
-/// Time in which a sample must come. Without samples control-proc has latched the axes.
-const SAMPLE_PATIENCE: Duration = Duration::from_millis(500);
+/// Time in which a sample must come, or this many periods where they are longer.
+const SAMPLE_PATIENCE: Duration = Duration::from_millis(200);
+const SAMPLE_PERIODS: u32 = 3;
+/// How far beside its window an axis may stand, m: one that comes to the end of its window goes a little too far.
+const OUTSIDE: f64 = 0.01;
 /// Time in which all axes must be armed.
 const ARM_PATIENCE: Duration = Duration::from_secs(5);
 /// Time in which control-proc must act on a stop.
@@ -46,18 +50,12 @@ const STOP_PATIENCE: Duration = Duration::from_secs(1);
 pub enum End {
     /// The seat is over, or the group does not let it go on.
     Seat(String),
-    /// A person at the machine has taken over or has stopped axes: the consent is taken back.
+    /// A person at the machine has taken over, or the group has ended: the consent is over.
     AtMachine(String),
 }
 
 impl From<ChannelError> for End {
     fn from(error: ChannelError) -> Self {
-        Self::Seat(error.to_string())
-    }
-}
-
-impl From<BoardError> for End {
-    fn from(error: BoardError) -> Self {
         Self::Seat(error.to_string())
     }
 }
@@ -78,7 +76,7 @@ pub struct Relay {
     machine: GroupMachine,
     board: Board,
     /// Stops that were asked for before the seat.
-    stops: [u32; MAX_AXES + 1],
+    stops: Stops,
     samples: Reader<EncoderSample>,
     commands: Reader<ValveCommand>,
     requests: Publisher<Request>,
@@ -97,9 +95,9 @@ impl Relay {
     /// # Errors
     /// No such group runs, it has no such axis, a program of the machine operates it, or a window reaches beyond the
     /// soft limits.
-    pub fn open(prefix: &Prefix, windows: &BTreeMap<String, Window>) -> Result<Self, End> {
-        let board = Board::find(prefix)?.ok_or_else(|| End::Seat(format!("no group \"{prefix}\" runs")))?;
-        let (machine, stops) = (*board.machine(), board.asked());
+    pub fn open(prefix: &Prefix, windows: &BTreeMap<String, Window>, stops: Stops) -> Result<Self, End> {
+        let board = board(prefix).map_err(End::AtMachine)?;
+        let machine = *board.machine();
         let drives = windows.iter().map(|(name, window)| Drive::new(&machine, name, *window));
         let drives = drives.collect::<Result<_, _>>().map_err(End::Seat)?;
         let group = Group::join(prefix, NAME).map_err(ChannelError::from)?;
@@ -129,10 +127,10 @@ impl Relay {
     /// Operates the axes until the seat is over or `stop` is set; then they are off.
     pub fn serve(mut self, shared: &Shared, stop: &AtomicBool) -> End {
         let Err(end) = self.operate(shared, stop);
-        // A person who has taken over moves these axes now.
-        if self.operator().is_none_or(|operator| operator == self.request.session) {
-            let _ = stop_axes(&self.board, self.drives.iter().map(|drive| drive.axis));
-        }
+        // Also where a person has taken over: that session's messages would keep these axes armed. An axis that was not
+        // armed from here is left alone.
+        let armed = self.drives.iter().map(|drive| drive.axis).filter(|axis| self.request.axes[*axis].enable > 0);
+        let _ = stop_axes(&self.board, armed);
         end
     }
 
@@ -170,13 +168,14 @@ impl Relay {
     }
 
     fn sample(&mut self) -> Result<EncoderSample, End> {
-        let until = Instant::now() + SAMPLE_PATIENCE;
+        let periods = SAMPLE_PERIODS * Duration::from_nanos(self.machine.period_ns);
+        let until = Instant::now() + SAMPLE_PATIENCE.max(periods);
         loop {
             if let Some(sample) = self.samples.read().map_err(ChannelError::from)?.if_new() {
                 return Ok(*sample);
             }
             if Instant::now() > until {
-                return Err(End::Seat("the group sends no samples".to_owned()));
+                return Err(End::AtMachine("the group sends no samples".to_owned()));
             }
             self.listener.wait(SLICE).map_err(ChannelError::from)?;
         }
@@ -188,7 +187,10 @@ impl Relay {
         }
         let asked = self.board.asked();
         let is_stopped = |axis: usize| asked[axis] != self.stops[axis];
-        if is_stopped(MAX_AXES) || self.drives.iter().any(|drive| is_stopped(drive.axis)) {
+        if is_stopped(MAX_AXES) {
+            return Err(End::AtMachine("an emergency stop was asked for".to_owned()));
+        }
+        if self.drives.iter().any(|drive| is_stopped(drive.axis)) {
             return Err(End::Seat("a stop was asked for".to_owned()));
         }
         Ok(())
@@ -215,11 +217,6 @@ impl Relay {
             return Err(End::Seat(format!("not armed within {}", humantime::format_duration(ARM_PATIENCE))));
         }
         Ok(())
-    }
-
-    /// Session that operates the group.
-    fn operator(&self) -> Option<u64> {
-        self.commands.last().map(|command| command.operator)
     }
 
     fn view(&self, sample: &EncoderSample) -> BTreeMap<String, AxisView> {
@@ -259,14 +256,15 @@ impl Drive {
     /// Writes what is asked of this axis into the request: to stand where it is, and then the set point.
     fn ask(&mut self, sample: &EncoderSample, request: &mut Request) -> Result<(), End> {
         let asked = &mut request.axes[self.axis];
-        match (self.set_point, sample.axes[self.axis].usable()) {
+        let position = sample.axes[self.axis].usable();
+        let Window { from, to, .. } = self.window;
+        if let Some(position) = position.filter(|position| !(from - OUTSIDE..=to + OUTSIDE).contains(position)) {
+            let name = &self.name;
+            return Err(End::Seat(format!("axis \"{name}\" is at {position:.4} m; allowed: {from} to {to} m")));
+        }
+        match (self.set_point, position) {
             (Some(set_point), _) => asked.target = set_point,
             (None, Some(position)) => {
-                let Window { from, to, .. } = self.window;
-                if !(from..=to).contains(&position) {
-                    let name = &self.name;
-                    return Err(End::Seat(format!("axis \"{name}\" is at {position:.4} m; allowed: {from} to {to} m")));
-                }
                 asked.target = position;
                 (asked.mode, asked.has_target, asked.hold_to_run) = (AxisMode::Hold as u32, 1, 1);
                 asked.enable = asked.enable.max(1);
@@ -282,11 +280,14 @@ impl Drive {
             return Err(End::Seat(format!("a fault has latched it: {}", state())));
         }
         let is_off = found.flags & control_flag::DISARMED != 0;
+        let asked = &mut request.axes[self.axis];
+        if asked.enable == 0 && !is_off {
+            return Err(End::Seat(format!("it is armed at the machine: {}", state())));
+        }
         if self.is_armed && is_off {
             return Err(End::Seat(format!("it was armed and is not any more: {}", state())));
         }
         self.is_armed |= !is_off;
-        let asked = &mut request.axes[self.axis];
         // A message with the edge was taken, and has not armed the axis: it came too late.
         if asked.enable > 0 && !self.is_armed && self.taken.is_some_and(|taken| found.taken_requests > taken) {
             asked.enable += 1;
@@ -298,6 +299,37 @@ impl Drive {
         }
         Ok(())
     }
+}
+
+/// The board of a group that runs.
+///
+/// # Errors
+/// No such group runs, or its board cannot be read.
+pub fn board(prefix: &Prefix) -> Result<Board, String> {
+    let board = Board::find(prefix).map_err(|error| error.to_string())?;
+    board.filter(|_| is_joined(prefix)).ok_or_else(|| format!("no group \"{prefix}\" runs"))
+}
+
+/// Whether these axes can be moved in their windows.
+///
+/// # Errors
+/// The group has no such axis, or a window reaches beyond its soft limits.
+pub fn expect_axes(board: &Board, windows: &BTreeMap<String, Window>) -> Result<(), String> {
+    windows.iter().try_for_each(|(name, window)| Drive::new(board.machine(), name, *window).map(|_| ()))
+}
+
+/// Whether these axes are off and not latched, so that they can be armed.
+///
+/// # Errors
+/// The first one that is not.
+pub fn expect_off<'a>(board: &Board, axes: impl IntoIterator<Item = &'a String>) -> Result<(), String> {
+    axes.into_iter().try_for_each(|name| {
+        let axis = board.machine().names().position(|found| found == name);
+        let (flags, operation) = axis.map_or((0, 0), |axis| board.state(axis));
+        let is_ready = flags & control_flag::DISARMED != 0 && flags & control_flag::LATCHED == 0;
+        let words = || format!("axis.{name}: {}; allowed: off and not latched", in_words(flags, operation));
+        if is_ready { Ok(()) } else { Err(words()) }
+    })
 }
 
 /// Stops axes of a group, and waits until control-proc has acted on it.
@@ -356,6 +388,8 @@ mod tests {
         let mut sample = EncoderSample::default();
         sample.axes[0].position = 0.65;
         let mut found = AxisCommand { flags: control_flag::DISARMED, taken_requests: 7, ..AxisCommand::default() };
+        drive.look(&found, &mut request).unwrap();
+        assert_eq!(request.axes[0].enable, 0, "nothing is asked before a sample");
         drive.ask(&sample, &mut request).unwrap();
         assert_eq!((request.axes[0].enable, request.axes[0].hold_to_run, request.axes[0].target), (1, 1, 0.65));
         drive.look(&found, &mut request).unwrap();
@@ -376,12 +410,25 @@ mod tests {
     }
 
     #[test]
+    fn an_axis_that_is_armed_at_the_machine_is_left_alone() {
+        let (mut drive, mut request) = (drive(None), Request::default());
+        let found = AxisCommand { operation: AxisMode::Hold as u32, taken_requests: 7, ..AxisCommand::default() };
+        let Err(End::Seat(why)) = drive.look(&found, &mut request) else { panic!("it is taken") };
+        assert!(why.contains("it is armed at the machine: axis.boom: hold"), "{why}");
+        assert_eq!(drive.set_point, None);
+    }
+
+    #[test]
     fn an_axis_outside_of_its_window_is_not_armed() {
         let (mut drive, mut request) = (drive(None), Request::default());
         let mut sample = EncoderSample::default();
-        sample.axes[0].position = 0.71;
+        sample.axes[0].position = 0.709;
+        drive.ask(&sample, &mut request).unwrap();
+        assert_eq!(request.axes[0].target, 0.709, "it begins where it stands");
+        (drive, request) = (self::drive(None), Request::default());
+        sample.axes[0].position = 0.711;
         let Err(End::Seat(why)) = drive.ask(&sample, &mut request) else { panic!("it is armed") };
-        assert!(why.contains("is at 0.7100 m; allowed: 0.5 to 0.7 m"), "{why}");
+        assert!(why.contains("is at 0.7110 m; allowed: 0.5 to 0.7 m"), "{why}");
         assert_eq!(request.axes[0].mode, 0);
     }
 }

@@ -10,6 +10,9 @@ use pipeline::channel::Prefix;
 use super::{desk::Desk, journal::Journal, protocol::AxisView};
 use crate::group::only_one;
 
+/// Why there is no group to command.
+pub const NO_GROUP: &str = "no group runs at the machine, or several do and the settings name none";
+
 /// The group, the journal, the desk, and how the axes of the seat are.
 pub struct Shared {
     group: Option<Prefix>,
@@ -46,6 +49,6 @@ impl Shared {
     /// None is named, and not exactly one runs.
     pub fn prefix(&self) -> Result<Prefix, String> {
         let prefix = self.group.clone().or_else(only_one);
-        prefix.ok_or_else(|| "no group runs at the machine, or several do and the settings name none".to_owned())
+        prefix.ok_or_else(|| NO_GROUP.to_owned())
     }
 }

@@ -18,7 +18,10 @@ impl AxisController {
                 requests.refuse();
             } else {
                 accepted.gain.into_iter().for_each(|gain| self.scale(gain));
-                self.operation.ask_hold_to_run(accepted.hold_to_run);
+                // A program that asks nothing of this axis, as one that took over to move another, leaves its rule.
+                if accepted.mode.is_some() {
+                    self.operation.ask_hold_to_run(accepted.hold_to_run);
+                }
                 self.change_mode(&accepted);
             }
         }

@@ -244,6 +244,23 @@ fn with_hold_to_run_every_mode_ends_with_its_program() {
     }
 }
 
+/// Somebody takes over to move another axis, and leaves again.
+#[test]
+fn a_program_that_asks_nothing_of_an_axis_does_not_take_hold_to_run_from_it() {
+    let mut axis = Operated::new();
+    axis.hold_to_run = true;
+    axis.enable(AxisMode::Hold);
+    (axis.session, axis.number, axis.hold_to_run) = (2, 0, false);
+    for _ in 0..100 {
+        let mut request = axis.request(AxisMode::Unchanged, 0.0, None);
+        request.takes_over = 1;
+        axis.axis.controller.ask(&request);
+        assert_eq!(axis.tick().axes[0].operation, AxisMode::Hold as u32, "it goes on while somebody operates");
+    }
+    let after = axis.axis.run(30, None);
+    assert_eq!(after.iter().position(|command| command.axes[0].operation == AxisMode::Off as u32), Some(9));
+}
+
 /// An axis that is armed by the start of the program alone has nobody who holds it.
 #[test]
 fn under_the_rule_an_axis_does_not_move_without_a_program() {

@@ -96,9 +96,14 @@ impl Journal {
 
     /// Adds a line that a station can cause as often as it likes, unless there were many right before.
     pub fn note(&self, entry: &Entry<'_>) {
-        if self.often().admit()
-            && let Err(error) = self.write(entry)
-        {
+        if self.often().admit() {
+            self.tell(entry);
+        }
+    }
+
+    /// Adds a line, and prints it; goes on where the file cannot be written.
+    pub fn tell(&self, entry: &Entry<'_>) {
+        if let Err(error) = self.write(entry) {
             eprintln!("{error}");
         }
     }

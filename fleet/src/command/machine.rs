@@ -14,7 +14,7 @@ use std::{
 
 use pipeline::{
     MAX_AXES,
-    channel::{Board, Prefix, is_joined},
+    channel::{Board, Prefix, is_joined, remove_leftovers},
 };
 use rustix::rand::{GetRandomFlags, getrandom};
 use serde::{Serialize, de::DeserializeOwned};
@@ -90,7 +90,7 @@ impl CommandError {
 /// The settings have no commands, or Zenoh refuses something.
 pub fn listen(settings: &Settings, stop: &AtomicBool) -> Result<(), CommandError> {
     let shared = shared(settings.prefix(), allowed(settings)?, Instant::now());
-    shared.journal.note(&Entry { what: "listen", text: "begun".to_owned(), ..Entry::default() });
+    shared.journal.tell(&Entry { what: "listen", text: "begun".to_owned(), ..Entry::default() });
     let Some(session) = settings.connection().open_unless(|| stop.load(Ordering::Relaxed))? else { return Ok(()) };
     let _disarm = answer(&session, &settings.place(), DISARM, &shared, disarm)?;
     while !stop.load(Ordering::Relaxed) {
@@ -134,7 +134,7 @@ pub fn consent(settings: &Settings, time: Duration, stop: &AtomicBool) -> Result
     ];
     let why = serve(&shared, &board, commands, until, stop);
     shared.desk().withdraw(Instant::now());
-    shared.journal.note(&Entry { what: "consent", text: why, ..Entry::default() });
+    shared.journal.tell(&Entry { what: "consent", text: why, ..Entry::default() });
     Ok(session.close().wait()?)
 }
 
@@ -167,11 +167,13 @@ fn serve(shared: &Shared, board: &Board, commands: &Commands, until: Instant, st
             Ok(relay) => relay.serve(shared, stop),
             Err(end) => end,
         };
+        // The relay may have been the last member of a group that ended meanwhile.
+        let _ = remove_leftovers(board.prefix());
         let (End::Seat(why) | End::AtMachine(why)) = &end;
         shared.desk().end(why);
         shared.show(BTreeMap::new());
         let station = Some(wanted.station.to_string());
-        shared.journal.note(&Entry { what: "end", station, text: why.clone(), targets: None });
+        shared.journal.tell(&Entry { what: "end", station, text: why.clone(), targets: None });
         if let End::AtMachine(why) = end {
             return format!("taken back: {why}");
         }

@@ -275,14 +275,14 @@ fn a_stop_voids_what_waits_on_its_way_and_an_emergency_stop_the_consent() {
     let mut consent = machine.consent();
     let session = machine.session();
     let challenge = || ask(&session, "challenge", &json!({ "station": "test" })).unwrap()["challenge"].clone();
-    let question = |challenge: &Value, target: f64| json!({ "station": "test", "challenge": challenge, "targets": { "boom": target } });
+    let question = |challenge: &Value| json!({ "station": "test", "challenge": challenge, "targets": { "boom": 0.7 } });
     let before = challenge();
     // A stop that names no axis of the machine, or nothing that can be read, stops all.
     ask(&session, "disarm", &json!({ "station": "test", "axes": ["bom"] })).unwrap();
-    assert!(ask(&session, "arm", &question(&before, 0.7)).unwrap_err().contains("a stop was asked for since"));
+    assert!(ask(&session, "arm", &question(&before)).unwrap_err().contains("a stop was asked for since"));
     let before = challenge();
     ask(&session, "disarm", &json!("no such thing")).unwrap();
-    assert!(ask(&session, "arm", &question(&before, 0.7)).unwrap_err().contains("a stop was asked for since"));
+    assert!(ask(&session, "arm", &question(&before)).unwrap_err().contains("a stop was asked for since"));
     machine.expect_off();
 
     let station = machine.station("boom=0.7");

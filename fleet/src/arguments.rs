@@ -1,6 +1,6 @@
 //! The command line.
 
-use std::{path::PathBuf, time::Duration};
+use std::{net::SocketAddr, path::PathBuf, time::Duration};
 
 use clap::{Args, Parser, Subcommand};
 use hydraxis_fleet::{
@@ -34,6 +34,8 @@ pub enum Command {
     Top(Top),
     /// Writes everything that the machines of a site publish to files, until Ctrl-C
     Record(Record),
+    /// Shows all machines in a browser of this computer, until Ctrl-C
+    Page(Page),
     /// Asks a machine for its state, events, or list of recordings, and prints the answer as JSON
     Ask(Ask),
     /// Simulates the machine on this computer for a group on another one, until SIGTERM
@@ -133,6 +135,23 @@ impl Record {
         let Self { limit, every, stale_after, .. } = *self;
         Settings { folder: self.folder.clone(), limit, every, stale_after, site: self.site.clone() }
     }
+}
+
+/// `page`.
+#[derive(Debug, Args)]
+pub struct Page {
+    /// How the router is reached.
+    #[command(flatten)]
+    pub router: Router,
+    /// Only this site [default: all sites]
+    #[arg(long)]
+    pub site: Option<Name>,
+    /// Age from which a sample counts as stale
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = humantime::parse_duration)]
+    pub stale_after: Duration,
+    /// Address of this computer, with port
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8090")]
+    pub listen: SocketAddr,
 }
 
 /// `ask`.

@@ -16,7 +16,7 @@
 //! | `bridge` | from the group to the network |
 //! | `kernel` | clock, priority and memory |
 //! | `fleet`, `listen` | what a receiver knows, and how old it is |
-//! | `top` | all machines in a table |
+//! | `top`, `page` | all machines in a table, and in a browser |
 //! | `command` | commands over the network, with the feature `commands` |
 //! | `plant` | the simulated machine on another computer, in lock-step with the group |
 //! | `record` | all machines into files at the site |
@@ -36,6 +36,7 @@ pub mod kernel;
 pub mod key;
 pub mod listen;
 pub mod pace;
+pub mod page;
 pub mod plant;
 pub mod record;
 pub mod recordings;

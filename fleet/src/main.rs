@@ -15,7 +15,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use arguments::{Arguments, Ask, Bench, Command, Plant, Record, Router, Stage, Top};
+use arguments::{Arguments, Ask, Bench, Command, Page, Plant, Record, Router, Stage, Top};
 #[cfg(feature = "commands")]
 use arguments::{Disarm, Operate};
 use clap::Parser;
@@ -29,6 +29,7 @@ use hydraxis_fleet::{
     kernel::utc_ns,
     key::PLANT,
     listen::Listener,
+    page::{self, PageError},
     plant::{
         remote::Remote,
         request::Request,
@@ -69,6 +70,8 @@ enum Failure {
     #[error(transparent)]
     Bridge(#[from] BridgeError),
     #[error(transparent)]
+    Page(#[from] PageError),
+    #[error(transparent)]
     Record(#[from] RecordError),
     #[error(transparent)]
     Router(#[from] RouterError),
@@ -105,7 +108,9 @@ impl Failure {
     /// 2 for a file or an argument that is wrong, as for every command of Hydraxis.
     fn exit_code(&self) -> u8 {
         match self {
-            Self::Record(RecordError::Folder { .. }) => 2,
+            Self::Record(RecordError::Folder { .. }) | Self::Page(PageError::Address(_) | PageError::Listen { .. }) => {
+                2
+            }
             Self::Settings(_) | Self::Router(RouterError::File { .. } | RouterError::Mode { .. }) => 2,
             #[cfg(feature = "commands")]
             Self::Command(error) if error.is_usage() => 2,
@@ -145,6 +150,7 @@ fn run(command: &Command) -> Result<(), Failure> {
     match command {
         Command::Bridge { settings } => Ok(bridge::run(Settings::load(settings)?, &stop)?),
         Command::Top(arguments) => show(arguments, &stop),
+        Command::Page(arguments) => page(arguments, stop),
         Command::Record(arguments) => record(arguments, &stop),
         Command::Ask(arguments) => ask(arguments),
         Command::Plant(arguments) => simulate(arguments, &stop),
@@ -178,6 +184,16 @@ fn wait(stop: &AtomicBool, time: Option<Duration>) -> bool {
         sleep(LOOK);
     }
     false
+}
+
+fn page(arguments: &Page, stop: Arc<AtomicBool>) -> Result<(), Failure> {
+    let socket = page::bind(arguments.listen)?;
+    let connection = arguments.router.connection();
+    let Some(session) = connection.open_unless(|| stop.load(Ordering::Relaxed))? else { return Ok(()) };
+    let listener = Listener::new(&session, arguments.site.as_ref(), Fleet::new(arguments.stale_after))?;
+    println!("all machines: http://{}/", socket.local_addr()?);
+    page::serve(socket, listener, stop)?;
+    Ok(session.close().wait()?)
 }
 
 fn record(arguments: &Record, stop: &AtomicBool) -> Result<(), Failure> {

@@ -5,6 +5,7 @@ mod harness;
 
 mod disturbance;
 mod lock_step;
+mod page;
 mod plant;
 mod record;
 mod telemetry;

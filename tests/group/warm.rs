@@ -7,6 +7,8 @@ use serde_json::Value;
 use crate::harness::hydraxis;
 
 const AXES: [&str; 4] = ["boom", "arm", "telescope", "bucket"];
+/// A busy computer keeps a run in real time without samples for longer than the machine bears.
+const PATIENT: [&str; 2] = ["--set", "timing.feedback_timeout=400ms"];
 
 /// A command with its state in `folder`.
 fn output(folder: &Path, arguments: &[&str]) -> Output {
@@ -27,7 +29,7 @@ fn a_warm_run_begins_with_what_the_last_one_has_learned() {
     assert_eq!(early.status.code(), Some(2), "{said}");
     assert!(said.contains("--warm: ") && said.contains("Run it once without --warm"), "{said}");
 
-    let cold = output(folder, &["run", "--duration", "12s", "--no-black-box"]);
+    let cold = output(folder, &[&["run", "--duration", "12s", "--no-black-box"], &PATIENT[..]].concat());
     assert!(cold.status.success(), "{}", text(&cold.stderr));
     let states = fs::read_dir(folder.join("hydraxis")).unwrap().map(|entry| entry.unwrap().path());
     let learned: Vec<_> =
@@ -49,7 +51,7 @@ fn a_warm_run_begins_with_what_the_last_one_has_learned() {
     let settings: Vec<&str> = settings.iter().map(String::as_str).collect();
     let common = ["--duration", "3s", "--seed", "5", "--json", "-"];
     let axes = |arguments: &[&str]| {
-        let output = output(folder, &[arguments, &common[..]].concat());
+        let output = output(folder, &[arguments, &PATIENT, &common[..]].concat());
         assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
         serde_json::from_slice::<Value>(&output.stdout).unwrap()["axes"].clone()
     };

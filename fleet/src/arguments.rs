@@ -97,7 +97,7 @@ pub struct Top {
     #[arg(long)]
     pub axes: bool,
     /// Age from which a sample counts as stale
-    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = humantime::parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = stale_after)]
     pub stale_after: Duration,
     /// Listens for so long, prints once and ends
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
@@ -125,7 +125,7 @@ pub struct Record {
     #[arg(long, value_name = "TIME", default_value = "1h", value_parser = humantime::parse_duration)]
     pub every: Duration,
     /// Age from which a message counts as late
-    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = humantime::parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = stale_after)]
     pub stale_after: Duration,
 }
 
@@ -147,7 +147,7 @@ pub struct Page {
     #[arg(long)]
     pub site: Option<Name>,
     /// Age from which a sample counts as stale
-    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = humantime::parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = stale_after)]
     pub stale_after: Duration,
     /// Address of this computer, with port
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8090")]
@@ -326,6 +326,13 @@ fn size(text: &str) -> Result<u64, String> {
         units.iter().find_map(|(unit, size)| Some((text.strip_suffix(unit)?, size))).ok_or_else(allowed)?;
     let bytes = number.trim().parse::<f64>().map_err(|_| allowed())? * unit;
     if (1e8..=1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(allowed()) }
+}
+
+/// Time from which a message is old: beyond a minute nothing is of now.
+fn stale_after(text: &str) -> Result<Duration, String> {
+    let time = humantime::parse_duration(text).map_err(|error| error.to_string())?;
+    let is_allowed = (Duration::from_millis(100)..=Duration::from_secs(60)).contains(&time);
+    if is_allowed { Ok(time) } else { Err("allowed: 100ms to 60s".to_owned()) }
 }
 
 fn place(text: &str) -> Result<Place, String> {

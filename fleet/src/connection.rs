@@ -12,7 +12,7 @@ use std::{
     panic::resume_unwind,
     path::{Path, PathBuf},
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use serde::Deserialize;
@@ -24,6 +24,11 @@ use zenoh::{Config, Session, Wait};
 const LEASE_MS: u32 = 2000;
 /// Pause before the first and the later tries to reach a router, ms.
 const RETRY_MS: (u32, u32) = (200, 1000);
+/// Time for each of several routers, and for one that takes the connection and says nothing, ms.
+const TRY_MS: i64 = 1000;
+const OPEN_MS: u32 = 2000;
+/// Time without a router after which that is said.
+const TELL: Duration = Duration::from_secs(2);
 /// Largest batch on a link, bytes, and batches that wait for it.
 const BATCH: u32 = 8192;
 const QUEUE: u32 = 4;
@@ -125,7 +130,17 @@ impl Connection {
     /// Zenoh refuses the configuration.
     pub fn open(&self) -> Result<Session, ConnectionError> {
         self.check()?;
-        Ok(zenoh::open(self.config()?).wait()?)
+        if self.router.len() == 1 {
+            return Ok(zenoh::open(self.config(&self.router, -1)?).wait()?);
+        }
+        // Zenoh stays with the first of several for as long as it has time. So each one is the first for a while.
+        let mut routers = self.router.clone();
+        loop {
+            match zenoh::open(self.config(&routers, TRY_MS)?).wait() {
+                Ok(session) => return Ok(session),
+                Err(_) => routers.rotate_left(1),
+            }
+        }
     }
 
     /// [`Self::open`] that gives up when `is_over` says so; then none.
@@ -134,17 +149,23 @@ impl Connection {
     /// Zenoh refuses the configuration.
     pub fn open_unless(self, is_over: impl Fn() -> bool) -> Result<Option<Session>, ConnectionError> {
         self.check()?;
+        let (routers, begun, mut is_told) = (self.router.join(", "), Instant::now(), false);
         let session = thread::spawn(move || self.open());
         while !session.is_finished() {
             if is_over() {
                 return Ok(None);
+            }
+            if begun.elapsed() > TELL && !is_told {
+                is_told = true;
+                eprintln!("no router answers at {routers}; trying again");
             }
             thread::sleep(LOOK);
         }
         session.join().unwrap_or_else(|panic| resume_unwind(panic)).map(Some)
     }
 
-    fn config(&self) -> Result<Config, zenoh::Error> {
+    /// Stays with the routers for so long, ms; -1 for ever.
+    fn config(&self, routers: &[String], time_ms: i64) -> Result<Config, zenoh::Error> {
         let (first, last) = RETRY_MS;
         let tls = self.tls.as_ref().map(|tls| {
             json!({
@@ -160,13 +181,13 @@ impl Connection {
         let config = json!({
             "mode": "client",
             "connect": {
-                "endpoints": self.router,
-                "timeout_ms": -1,
-                "exit_on_failure": false,
+                "endpoints": routers,
+                "timeout_ms": time_ms,
+                "exit_on_failure": time_ms > 0,
                 "retry": { "period_init_ms": first, "period_max_ms": last, "period_increase_factor": 2 },
             },
             "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
-            "transport": { "link": {
+            "transport": { "unicast": { "open_timeout": OPEN_MS }, "link": {
                 "tx": { "lease": LEASE_MS, "batch_size": BATCH, "queue": { "size": { "data": QUEUE } } },
                 "tls": tls.unwrap_or(json!({})),
                 "tcp": { "so_sndbuf": SEND_BUFFER },
@@ -205,7 +226,7 @@ mod tests {
         let file = |name: &str| PathBuf::from(name);
         connection.tls = Some(Tls { ca: file("ca.pem"), certificate: file("a.pem"), key: file("a.key") });
         assert!(matches!(connection.check(), Err(ConnectionError::File { .. })));
-        let config = connection.config().unwrap();
+        let config = connection.config(&connection.router, -1).unwrap();
         let value = |key: &str| config.get_json(key).unwrap();
         assert_eq!((value("mode"), value("transport/link/tx/lease")), ("\"client\"".to_owned(), "2000".to_owned()));
         assert_eq!(value("scouting/multicast/enabled"), "false");

@@ -206,8 +206,13 @@ fn record(arguments: &Record, stop: &AtomicBool) -> Result<(), Failure> {
 
 fn show(arguments: &Top, stop: &AtomicBool) -> Result<(), Failure> {
     let connection = arguments.router.connection();
-    // Without a router the signal has to end the command as well.
-    let Some(session) = connection.open_unless(|| stop.load(Ordering::Relaxed))? else { return Ok(()) };
+    // Without a router a signal has to end the command as well, and so has its time.
+    let (routers, begun) = (connection.router.join(", "), Instant::now());
+    let is_late = || arguments.once.is_some_and(|once| begun.elapsed() > once + ANSWER);
+    let session = connection.open_unless(|| stop.load(Ordering::Relaxed) || is_late())?;
+    let Some(session) = session else {
+        return if is_late() { Err(Failure::NoAnswer(format!("router {routers}: not reached"))) } else { Ok(()) };
+    };
     let listener = Listener::new(&session, arguments.site.as_ref(), Fleet::new(arguments.stale_after))?;
     let is_screen = stdout().is_terminal() && !arguments.json;
     loop {

@@ -234,14 +234,18 @@ fn disarm(shared: &Shared, disarm: Result<Disarm, String>) -> Result<Disarmed, S
     let board = Board::find(&prefix).map_err(|error| error.to_string())?;
     let board = board.ok_or_else(|| format!("no group \"{prefix}\" runs"))?;
     let names: Vec<&str> = board.machine().names().collect();
-    let (station, named) = disarm.map_or((None, None), |disarm| {
-        let place = |axis: &String| names.iter().position(|name| name == axis);
-        (Some(disarm.station.to_string()), disarm.axes.iter().map(place).collect::<Option<Vec<usize>>>())
-    });
+    let (station, named, note) = match disarm {
+        Ok(disarm) => {
+            let place = |axis: &String| names.iter().position(|name| name == axis);
+            let named = disarm.axes.iter().map(place).collect::<Option<Vec<usize>>>();
+            (Some(disarm.station.to_string()), named, String::new())
+        }
+        Err(error) => (None, None, format!("; the question cannot be read: {error}")),
+    };
     let axes = named.filter(|named| !named.is_empty()).unwrap_or_else(|| (0..names.len()).collect());
     let stopped = stop_axes(&board, axes.iter().copied());
     let of = axes.iter().map(|axis| names[*axis]).collect::<Vec<_>>().join(", ");
-    let text = format!("{of}: {}", stopped.as_ref().err().map_or("off", String::as_str));
+    let text = format!("{of}: {}{note}", stopped.as_ref().err().map_or("off", String::as_str));
     shared.journal.note(&Entry { what: "disarm", station, text, targets: None });
     stopped.map(|()| states(&board))
 }

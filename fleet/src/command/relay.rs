@@ -35,9 +35,9 @@ use crate::{events::in_words, settings::Window};
 const NAME: &str = "remote";
 /// Longest sleep before the next look for a sample.
 const SLICE: Duration = Duration::from_millis(5);
-/// Time in which a sample must come, or this many periods where they are longer.
-const SAMPLE_PATIENCE: Duration = Duration::from_millis(200);
-const SAMPLE_PERIODS: u32 = 3;
+/// Time in which a sample and a command must come, or this many periods where they are longer.
+const PATIENCE: Duration = Duration::from_millis(200);
+const PERIODS: u32 = 3;
 /// How far beside its window an axis may stand, m: one that comes to the end of its window goes a little too far.
 const OUTSIDE: f64 = 0.01;
 /// Time in which all axes must be armed.
@@ -86,6 +86,8 @@ pub struct Relay {
     is_current: bool,
     drives: Vec<Drive>,
     began: Instant,
+    /// When the controller was heard last.
+    heard: Instant,
     _group: Group,
 }
 
@@ -120,6 +122,7 @@ impl Relay {
             is_current: false,
             drives,
             began: Instant::now(),
+            heard: Instant::now(),
             _group: group,
         })
     }
@@ -147,7 +150,11 @@ impl Relay {
             }
             self.expect_no_stop(&sample)?;
             while let Some(command) = self.commands.read().map_err(ChannelError::from)?.if_new().copied() {
+                self.heard = Instant::now();
                 self.look(&command)?;
+            }
+            if self.heard.elapsed() > self.patience() {
+                return Err(End::Seat("control-proc sends no commands".to_owned()));
             }
             let ticks = sample.header.sequence.saturating_sub(before.unwrap_or(sample.header.sequence));
             before = Some(sample.header.sequence);
@@ -168,8 +175,7 @@ impl Relay {
     }
 
     fn sample(&mut self) -> Result<EncoderSample, End> {
-        let periods = SAMPLE_PERIODS * Duration::from_nanos(self.machine.period_ns);
-        let until = Instant::now() + SAMPLE_PATIENCE.max(periods);
+        let until = Instant::now() + self.patience();
         loop {
             if let Some(sample) = self.samples.read().map_err(ChannelError::from)?.if_new() {
                 return Ok(*sample);
@@ -179,6 +185,11 @@ impl Relay {
             }
             self.listener.wait(SLICE).map_err(ChannelError::from)?;
         }
+    }
+
+    /// Time in which a sample and a command must come.
+    fn patience(&self) -> Duration {
+        PATIENCE.max(PERIODS * Duration::from_nanos(self.machine.period_ns))
     }
 
     fn expect_no_stop(&self, sample: &EncoderSample) -> Result<(), End> {

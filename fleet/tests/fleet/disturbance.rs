@@ -5,7 +5,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-use hydraxis_fleet::{fleet::Verdict, kernel::utc_ns, top};
+use hydraxis_fleet::{connection::Connection, fleet::Verdict, kernel::utc_ns, top};
+use zenoh::Wait;
 
 use crate::harness::{Bridge, Group, Router, fleet, heard::Heard, wait_for};
 
@@ -187,4 +188,46 @@ fn a_reader_that_is_suspended_stops_nobody_else() {
     drop(all);
     other.signal("CONT");
     assert!(setting.bridge.process.is_running());
+}
+
+/// A port that takes connections and says nothing, as a computer that hangs.
+fn silent_port() -> (std::net::TcpListener, String) {
+    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("tcp/{}", port.local_addr().unwrap());
+    (port, address)
+}
+
+#[test]
+fn of_several_routers_the_first_one_that_answers_is_taken_also_later() {
+    let (mut first, second) = (Router::new(), Router::new());
+    let (_port, silent) = silent_port();
+    let closed = "tcp/127.0.0.1:1".to_owned();
+    let session = |router: &[&String]| {
+        let router = router.iter().map(|router| (*router).clone()).collect();
+        Connection { router, tls: None }.open().unwrap()
+    };
+    let reader = session(&[&second.address]);
+    let heard = reader.declare_subscriber("test").wait().unwrap();
+    for dead in [&closed, &silent] {
+        let begun = Instant::now();
+        let sender = session(&[dead, &second.address]);
+        wait_for("the second router", || {
+            sender.put("test", "").wait().unwrap();
+            heard.try_recv().unwrap()
+        });
+        println!("{dead}: reached after {:?}", begun.elapsed());
+    }
+    let sender = session(&[&first.address, &second.address]);
+    sleep(Duration::from_secs(1));
+    while heard.try_recv().unwrap().is_some() {}
+    sender.put("test", "").wait().unwrap();
+    sleep(Duration::from_secs(1));
+    assert!(heard.try_recv().unwrap().is_none(), "it is at the first one");
+    first.kill();
+    let begun = Instant::now();
+    wait_for("the second router", || {
+        sender.put("test", "").wait().unwrap();
+        heard.try_recv().unwrap()
+    });
+    println!("the second router is reached {:?} after the first was killed", begun.elapsed());
 }

@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | lease | 2 s | a router without life is found after 2 s, not after 10 s |
 //! | retry | 0.2 to 1 s | data is back within 2 s of the router |
+//! | one of several | 1 s, 2 s without a word | the next one is tried soon |
 //! | multicast, gossip | off | nobody in the network is asked who else is there |
 //! | queue, send buffer | 4 batches of 8 kB, 16 kB | what waits in front of a thin link is old when it arrives |
 
@@ -20,11 +21,13 @@ use serde_json::json;
 use thiserror::Error;
 use zenoh::{Config, Session, Wait};
 
+use crate::say::say;
+
 /// Time without a message after which a link counts as dead, ms.
 const LEASE_MS: u32 = 2000;
 /// Pause before the first and the later tries to reach a router, ms.
 const RETRY_MS: (u32, u32) = (200, 1000);
-/// Time for each of several routers, and for one that takes the connection and says nothing, ms.
+/// Time for each of several routers, ms; and for any that takes the connection and says nothing.
 const TRY_MS: i64 = 1000;
 const OPEN_MS: u32 = 2000;
 /// Time without a router after which that is said.
@@ -140,6 +143,8 @@ impl Connection {
                 Ok(session) => return Ok(session),
                 Err(_) => routers.rotate_left(1),
             }
+            // A router that is refused at once, as for its certificate, is tried no more often than others.
+            thread::sleep(LOOK);
         }
     }
 
@@ -157,7 +162,7 @@ impl Connection {
             }
             if begun.elapsed() > TELL && !is_told {
                 is_told = true;
-                eprintln!("no router answers at {routers}; trying again");
+                say(&format!("no router answers at {routers}; trying again"));
             }
             thread::sleep(LOOK);
         }

@@ -15,6 +15,7 @@
 //! | `pace`, `events`, `ring`, `recordings` | what is published, when, and what waits for it |
 //! | `bridge` | from the group to the network |
 //! | `kernel` | clock, priority and memory |
+//! | `say` | lines for whoever operates |
 //! | `fleet`, `listen` | what a receiver knows, and how old it is |
 //! | `top`, `page` | all machines in a table, and in a browser |
 //! | `command` | commands over the network, with the feature `commands` |
@@ -42,6 +43,7 @@ pub mod record;
 pub mod recordings;
 pub mod ring;
 pub mod router;
+pub mod say;
 pub mod settings;
 pub mod stamp;
 pub mod top;

@@ -15,7 +15,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use arguments::{Arguments, Ask, Bench, Command, Page, Plant, Record, Router, Stage, Top};
+use arguments::{Arguments, Ask, Bench, Command, Page, Plant, Record, Stage, Top};
 #[cfg(feature = "commands")]
 use arguments::{Disarm, Operate};
 use clap::Parser;
@@ -24,7 +24,7 @@ use hydraxis_fleet::command;
 use hydraxis_fleet::{
     bench,
     bridge::{self, BridgeError},
-    connection::ConnectionError,
+    connection::{Connection, ConnectionError},
     fleet::Fleet,
     kernel::utc_ns,
     key::PLANT,
@@ -108,9 +108,8 @@ impl Failure {
     /// 2 for a file or an argument that is wrong, as for every command of Hydraxis.
     fn exit_code(&self) -> u8 {
         match self {
-            Self::Record(RecordError::Folder { .. }) | Self::Page(PageError::Address(_) | PageError::Listen { .. }) => {
-                2
-            }
+            Self::Page(PageError::Address(_) | PageError::Listen { .. }) => 2,
+            Self::Record(RecordError::Folder { .. }) => 2,
             Self::Settings(_) | Self::Router(RouterError::File { .. } | RouterError::Mode { .. }) => 2,
             #[cfg(feature = "commands")]
             Self::Command(error) if error.is_usage() => 2,
@@ -152,7 +151,7 @@ fn run(command: &Command) -> Result<(), Failure> {
         Command::Top(arguments) => show(arguments, &stop),
         Command::Page(arguments) => page(arguments, stop),
         Command::Record(arguments) => record(arguments, &stop),
-        Command::Ask(arguments) => ask(arguments),
+        Command::Ask(arguments) => ask(arguments, &stop),
         Command::Plant(arguments) => simulate(arguments, &stop),
         Command::Stage(arguments) => control(arguments, stop),
         Command::Router { file } => {
@@ -166,7 +165,7 @@ fn run(command: &Command) -> Result<(), Failure> {
         #[cfg(feature = "commands")]
         Command::Consent { settings, time } => Ok(command::consent(&Settings::load(settings)?, *time, &stop)?),
         #[cfg(feature = "commands")]
-        Command::Disarm(arguments) => disarm(arguments),
+        Command::Disarm(arguments) => disarm(arguments, &stop),
         #[cfg(feature = "commands")]
         Command::Operate(arguments) => operate(arguments, &stop),
         Command::Bench(arguments) => measure(arguments),
@@ -186,10 +185,27 @@ fn wait(stop: &AtomicBool, time: Option<Duration>) -> bool {
     false
 }
 
+/// Connects; none after a signal, which has to end a command also where no router answers.
+///
+/// # Errors
+/// No router answers within `patience`, or none can be reached like this.
+fn connect(connection: Connection, patience: Option<Duration>, stop: &AtomicBool) -> Result<Option<Session>, Failure> {
+    let (routers, begun) = (connection.router.join(", "), Instant::now());
+    let is_stopped = || stop.load(Ordering::Relaxed);
+    let session =
+        connection.open_unless(|| is_stopped() || patience.is_some_and(|patience| begun.elapsed() > patience))?;
+    match patience {
+        Some(patience) if session.is_none() && !is_stopped() => {
+            let patience = humantime::format_duration(patience);
+            Err(Failure::NoAnswer(format!("router {routers}: not reached within {patience}")))
+        }
+        _ => Ok(session),
+    }
+}
+
 fn page(arguments: &Page, stop: Arc<AtomicBool>) -> Result<(), Failure> {
     let socket = page::bind(arguments.listen)?;
-    let connection = arguments.router.connection();
-    let Some(session) = connection.open_unless(|| stop.load(Ordering::Relaxed))? else { return Ok(()) };
+    let Some(session) = connect(arguments.router.connection(), None, &stop)? else { return Ok(()) };
     let listener = Listener::new(&session, arguments.site.as_ref(), Fleet::new(arguments.stale_after))?;
     println!("all machines: http://{}/", socket.local_addr()?);
     page::serve(socket, listener, stop)?;
@@ -198,21 +214,14 @@ fn page(arguments: &Page, stop: Arc<AtomicBool>) -> Result<(), Failure> {
 
 fn record(arguments: &Record, stop: &AtomicBool) -> Result<(), Failure> {
     let recorder = Recorder::new(arguments.settings())?;
-    let connection = arguments.router.connection();
-    let Some(session) = connection.open_unless(|| stop.load(Ordering::Relaxed))? else { return Ok(()) };
+    let Some(session) = connect(arguments.router.connection(), None, stop)? else { return Ok(()) };
     record::run(&session, recorder, stop)?;
     Ok(session.close().wait()?)
 }
 
 fn show(arguments: &Top, stop: &AtomicBool) -> Result<(), Failure> {
-    let connection = arguments.router.connection();
-    // Without a router a signal has to end the command as well, and so has its time.
-    let (routers, begun) = (connection.router.join(", "), Instant::now());
-    let is_late = || arguments.once.is_some_and(|once| begun.elapsed() > once + ANSWER);
-    let session = connection.open_unless(|| stop.load(Ordering::Relaxed) || is_late())?;
-    let Some(session) = session else {
-        return if is_late() { Err(Failure::NoAnswer(format!("router {routers}: not reached"))) } else { Ok(()) };
-    };
+    let patience = arguments.once.map(|once| once + ANSWER);
+    let Some(session) = connect(arguments.router.connection(), patience, stop)? else { return Ok(()) };
     let listener = Listener::new(&session, arguments.site.as_ref(), Fleet::new(arguments.stale_after))?;
     let is_screen = stdout().is_terminal() && !arguments.json;
     loop {
@@ -240,19 +249,8 @@ fn show(arguments: &Top, stop: &AtomicBool) -> Result<(), Failure> {
     Ok(session.close().wait()?)
 }
 
-/// Connects, unless no router answers for a while: whoever asks waits for an answer.
-fn connect(router: &Router) -> Result<Session, Failure> {
-    let (connection, begun) = (router.connection(), Instant::now());
-    let of = connection.router.join(", ");
-    let session = connection.open_unless(|| begun.elapsed() > ANSWER)?;
-    session.ok_or_else(|| {
-        let patience = humantime::format_duration(ANSWER);
-        Failure::NoAnswer(format!("router {of}: not reached within {patience}"))
-    })
-}
-
-fn ask(arguments: &Ask) -> Result<(), Failure> {
-    let session = connect(&arguments.router)?;
+fn ask(arguments: &Ask, stop: &AtomicBool) -> Result<(), Failure> {
+    let Some(session) = connect(arguments.router.connection(), Some(ANSWER), stop)? else { return Ok(()) };
     let key = arguments.machine.key(&arguments.what);
     let answers = session.get(&key).timeout(ANSWER).wait()?;
     let answer = answers.recv().map_err(|_| Failure::NoAnswer(format!("{key}: nobody answers")))?;
@@ -266,14 +264,20 @@ fn ask(arguments: &Ask) -> Result<(), Failure> {
     Ok(session.close().wait()?)
 }
 
+/// Prints a line. Whoever moves or stops a machine goes on when nobody reads it.
 #[cfg(feature = "commands")]
-fn disarm(arguments: &Disarm) -> Result<(), Failure> {
+fn print(line: &str) {
+    let _ = writeln!(stdout(), "{line}");
+}
+
+#[cfg(feature = "commands")]
+fn disarm(arguments: &Disarm, stop: &AtomicBool) -> Result<(), Failure> {
     let station = &arguments.station;
-    let session = connect(&station.router)?;
+    let Some(session) = connect(station.router.connection(), Some(ANSWER), stop)? else { return Ok(()) };
     let (place, name) = (station.machine.clone(), station.station.clone());
     let disarmed = command::Station { session: &session, place, name }.disarm(arguments.axis.clone())?;
     for (axis, state) in disarmed.axes {
-        println!("axis.{axis}: {state}");
+        print(&format!("axis.{axis}: {state}"));
     }
     Ok(session.close().wait()?)
 }
@@ -289,7 +293,7 @@ fn operate(arguments: &Operate, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
     if targets.len() < arguments.to.len() {
         return Err(Failure::Twice);
     }
-    let session = connect(&station.router)?;
+    let Some(session) = connect(station.router.connection(), Some(ANSWER), stop)? else { return Ok(()) };
     if let Some(duration) = arguments.duration {
         let stop = Arc::clone(stop);
         thread::spawn(move || {
@@ -305,19 +309,19 @@ fn operate(arguments: &Operate, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
         told = Some(Instant::now());
         for (axis, view) in &answer.axes {
             let metres = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.4} m"));
-            println!("axis.{axis}: {}, {}, set point {}", view.state, metres(view.position), metres(view.set_point));
+            let [position, set_point] = [view.position, view.set_point].map(metres);
+            print(&format!("axis.{axis}: {}, {position}, set point {set_point}", view.state));
         }
     };
     let (place, name) = (station.machine.clone(), station.station.clone());
     command::Station { session: &session, place, name }.operate(&targets, stop, tell)?;
-    println!("off");
+    print("off");
     Ok(session.close().wait()?)
 }
 
 fn simulate(arguments: &Plant, stop: &AtomicBool) -> Result<(), Failure> {
     let (settings, machine) = (Settings::load(&arguments.settings)?, arguments.machine.load()?);
-    let connection = settings.connection();
-    let Some(session) = connection.open_unless(|| stop.load(Ordering::Relaxed))? else { return Ok(()) };
+    let Some(session) = connect(settings.connection(), None, stop)? else { return Ok(()) };
     let _plant = serve(&session, &settings.place(), &machine, arguments.seed)?;
     wait(stop, None);
     Ok(session.close().wait()?)
@@ -332,15 +336,12 @@ fn control(arguments: &Stage, stop: Arc<AtomicBool>) -> Result<(), Failure> {
     if machine.source != Source::Sim {
         return Err(Failure::Source(machine.source.kind()));
     }
-    let (patience, begun) = (settings.plant.patience, Instant::now());
-    let is_over = || stop.load(Ordering::Relaxed) || begun.elapsed() > patience;
-    let Some(session) = settings.connection().open_unless(is_over)? else {
-        if stop.load(Ordering::Relaxed) {
-            return Ok(());
-        }
-        let (router, patience) = (settings.router.join(", "), humantime::format_duration(patience));
-        return Err(Failure::NoAnswer(format!("router {router}: not reached within {patience}, plant.patience")));
-    };
+    let patience = settings.plant.patience;
+    let session = connect(settings.connection(), Some(patience), &stop).map_err(|failure| match failure {
+        Failure::NoAnswer(text) => Failure::NoAnswer(format!("{text}, plant.patience")),
+        other => other,
+    })?;
+    let Some(session) = session else { return Ok(()) };
     let common = Request { run: utc_ns() as u64, reading: 0, seed: arguments.seed, machine: simulated(&machine) };
     let remote = Remote::new(session.clone(), settings.place().key(PLANT), common, patience);
     let options = StageOptions {

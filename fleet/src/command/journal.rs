@@ -16,6 +16,8 @@ use std::{
 
 use serde::Serialize;
 
+use crate::say::say;
+
 /// Time between two lines that a station can cause as often as it likes, once there were many.
 const APART: Duration = Duration::from_millis(200);
 /// Lines of this kind that may follow each other at once.
@@ -71,9 +73,9 @@ impl Often {
         self.room = (self.room + passed.div_duration_f64(APART)).min(f64::from(BURST));
         let is_admitted = self.room >= 1.0;
         if is_admitted {
-            self.room -= 1.0
+            self.room -= 1.0;
         } else {
-            self.left_out += 1
+            self.left_out += 1;
         }
         is_admitted
     }
@@ -104,7 +106,7 @@ impl Journal {
     /// Adds a line, and prints it; goes on where the file cannot be written.
     pub fn tell(&self, entry: &Entry<'_>) {
         if let Err(error) = self.write(entry) {
-            eprintln!("{error}");
+            say(&error.to_string());
         }
     }
 
@@ -115,7 +117,7 @@ impl Journal {
     fn add(&self, entry: &Entry<'_>, left_out: u64) -> io::Result<()> {
         let time = humantime::format_rfc3339_millis(SystemTime::now()).to_string();
         let line = serde_json::to_string(&Line { time, entry, left_out })?;
-        eprintln!("{line}");
+        say(&line);
         let written = OpenOptions::new().create(true).append(true).mode(0o600).open(&self.path);
         let written = written.and_then(|mut file| file.write_all(format!("{line}\n").as_bytes()));
         written.map_err(|error| io::Error::new(error.kind(), format!("{}: {error}", self.path.display())))

@@ -65,7 +65,7 @@ struct Drive {
     name: String,
     axis: usize,
     window: Window,
-    /// Requests that the controller had taken when the last edge was sent.
+    /// Requests that the controller had taken at its last command.
     taken: Option<u64>,
     is_armed: bool,
     set_point: Option<f64>,
@@ -213,12 +213,12 @@ impl Relay {
         if self.is_current && command.operator != 0 && !is_own {
             return Err(End::AtMachine("a program at the machine has taken over".to_owned()));
         }
-        let first = command.axes[0].taken_requests;
-        let began = self.drives.iter().map(|drive| drive.taken).next().flatten();
         if is_own && !self.is_current {
             // The controller counts the edges of `enable` from the first message that it has taken.
-            self.is_current = began.is_some_and(|began| first > began);
-            self.drives.iter_mut().for_each(|drive| drive.taken = drive.taken.or(Some(first)));
+            let taken = command.axes[0].taken_requests;
+            let first = self.drives.first().and_then(|drive| drive.taken);
+            self.is_current = first.is_some_and(|first| taken > first);
+            self.drives.iter_mut().for_each(|drive| drive.taken = drive.taken.or(Some(taken)));
             return Ok(());
         }
         for drive in &mut self.drives {

@@ -23,7 +23,7 @@ pub mod track;
 
 use std::{
     collections::BTreeMap,
-    io::{self, Write},
+    io,
     path::PathBuf,
     sync::{
         Arc,
@@ -42,6 +42,7 @@ use crate::{
     kernel::utc_ns,
     key::{Name, Place},
     listen::subscribe,
+    say::say,
 };
 use file::{Facts, RecordingFile};
 use folder::Folder;
@@ -175,9 +176,7 @@ impl Recorder {
         self.write_all(now, false);
         if self.looked_at_room.is_none_or(|looked| now - looked >= ROOM_APART) {
             self.looked_at_room = Some(now);
-            if let Err(error) = self.folder.make_room() {
-                say(&format!("warning: {}: {error}", self.folder.path().display()));
-            }
+            self.make_room();
         }
         let (said, missing) = (now - self.said.0, self.missing());
         if said >= LINES_APART || said >= CHANGES_APART && missing != self.said.1 {
@@ -190,11 +189,15 @@ impl Recorder {
         let now = Instant::now();
         self.take(waiting);
         self.write_all(now, true);
+        self.make_room();
+        self.tell(self.missing(), now);
+        self.totals
+    }
+
+    fn make_room(&self) {
         if let Err(error) = self.folder.make_room() {
             say(&format!("warning: {}: {error}", self.folder.path().display()));
         }
-        self.tell(self.missing(), now);
-        self.totals
     }
 
     fn take(&mut self, waiting: Waiting) {
@@ -313,11 +316,6 @@ fn facts(place: &Place) -> Facts {
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
     ];
     all.map(|(name, fact)| (name.to_owned(), fact)).into()
-}
-
-/// Says something to whoever operates. A recorder goes on when nobody reads it.
-fn say(text: &str) {
-    let _ = writeln!(io::stderr(), "{text}");
 }
 
 #[cfg(test)]

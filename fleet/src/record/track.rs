@@ -76,8 +76,7 @@ impl Track {
     /// Whether what waits is to be written now: the first file of a machine waits a moment for the names of the axes.
     pub fn is_due(&mut self, machine: &Machine, now: Instant) -> bool {
         let since = *self.since.get_or_insert(now);
-        let has_waited = self.file.is_some() || machine.newest.state.is_some() || now - since >= AXES;
-        !self.entries.is_empty() && has_waited
+        self.file.is_some() || machine.newest.state.is_some() || now - since >= AXES
     }
 
     /// Begins a file.

@@ -12,11 +12,21 @@
 //! ends of the run. Near a virtual wall x is bounded as well: by 0.8 of the speed with which the cylinders would
 //! still stop [`WALL_MARGIN`]/2 before it ([`Walls`]).
 //!
-//! s(t) of these speeds has steps of the acceleration. Its mean over the time 2 max_i (a_i/j_i) has none: j_i `jerk` of
-//! an axis in m/s3. The mean is as long as the run and stands at both ends.
+//! s(t) of these speeds has steps of the acceleration. Its mean over the time T_s has none. The mean is as long as the
+//! run and stands at both ends:
+//!
+//! ```text
+//! T_s = max( 2 max_i (a_i/j_i),  min( 1.4 max_i (1/f_i),  g t_r/20 ) )      g = max(0, (l/(v t_r) - 0.7)/0.3)
+//! ```
+//!
+//! j_i `jerk` of an axis in m/s3, f_i natural frequency of its load in Hz as it was commissioned, l length of the run
+//! in m and t_r its time in s. A mean over the period of a swing leaves nothing in its motion that excites it: the boom, that stands while the
+//! arm begins to move, would swing on its oil. Source: Singer and Seering, ASME J. Dyn. Syst. Meas. Control 112 (1990).
+//! Periods change with pose and load, and several axes swing together slower than each by itself; hence 1.4. A run may
+//! become longer by a twentieth of its time, and by less the more the machine slows it anyway.
 
 use mechanism::AXES;
-use pipeline::machine::{Axis, Machine};
+use pipeline::machine::{Axis, Commissioned, Machine};
 
 use super::WALL_MARGIN;
 use crate::protection::{end_stops::EndStops, walls::Walls};
@@ -30,6 +40,11 @@ const GIVEN: f64 = 0.9;
 const ARRIVAL: f64 = 0.01;
 /// Part of the speed that a virtual wall allows.
 const BEFORE_WALL: f64 = 0.8;
+/// Periods of the slowest swing over which a way is averaged, and the largest part of a run's time for it.
+const SWINGS: f64 = 1.4;
+const SHARE: f64 = 0.05;
+/// Part of the task's speed below which the mean speed of a run leaves no time for that.
+const SLOWED: f64 = 0.7;
 /// Slowest speed of the teeth, m/s, so that a run ends.
 const LEAST_SPEED: f64 = 1e-3;
 
@@ -42,6 +57,8 @@ struct Bounds {
     acceleration: f64,
     /// j, m/s3.
     jerk: f64,
+    /// 1/f, s; 0 for a load that does not swing.
+    swing: f64,
     /// Areas that the pump fills, retracting and extending, m2.
     areas: (f64, f64),
 }
@@ -56,6 +73,7 @@ impl Bounds {
             end_stops: EndStops::new(axis, period),
             acceleration: limits.stop_deceleration,
             jerk: limits.jerk,
+            swing: axis.commissioned.as_ref().map_or(0.0, Commissioned::swing_period),
             areas: axis.plant.as_ref().map_or((0.0, 0.0), |plant| (plant.rod_area, plant.piston_area)),
         }
     }
@@ -164,9 +182,13 @@ impl Timing {
 
     /// The mean over the time of smoothing of a way that stands before and after.
     fn smooth(&self, ways: &[f64]) -> Vec<f64> {
-        let time = self.bounds.iter().map(|bounds| 2.0 * bounds.acceleration / bounds.jerk).fold(0.0, f64::max);
-        let width = ((time / self.period).ceil() as usize).max(1);
         let last = ways.last().copied().unwrap_or_default();
+        let longest = |of: fn(&Bounds) -> f64| self.bounds.iter().map(of).fold(0.0, f64::max);
+        let taken = self.period * ways.len() as f64;
+        let spare = ((last / (self.speed * taken) - SLOWED) / (1.0 - SLOWED)).clamp(0.0, 1.0);
+        let swing = (SWINGS * longest(|bounds| bounds.swing)).min(SHARE * spare * taken);
+        let time = longest(|bounds| 2.0 * bounds.acceleration / bounds.jerk).max(swing);
+        let width = ((time / self.period).ceil() as usize).max(1);
         let at = |k: usize| ways.get(k).copied().unwrap_or(last);
         let mut sum = 0.0;
         (0..ways.len() + width)

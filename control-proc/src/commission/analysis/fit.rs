@@ -6,6 +6,7 @@ use pipeline::machine::Commissioned;
 use super::{
     shape::{BENDS, KNOTS, Shape},
     spring::Spring,
+    start::Start,
 };
 use crate::commission::record::ExperimentRecord;
 
@@ -15,32 +16,34 @@ const PARTS: usize = 4;
 const FITTED_AHEAD: f64 = 0.2;
 /// Spacing of the rows that are fitted, s.
 const ROW_SPACING: f64 = 0.03;
-/// Weight of bends, relative to the data: the curve is as straight as they allow. Without this weight a curve that
-/// begins flat would do without a dead band.
-const STRAIGHTNESS: f64 = 1e-4;
 /// Place of the drift among the unknowns, after the changes of slope of both directions: its part that is the same
 /// everywhere, and its part that rises with the position.
 const DRIFT: usize = 2 * KNOTS;
 /// Unknowns.
 const COUNT: usize = DRIFT + 2;
+/// Oil that flows at once.
+const NO_START: Start = Start { times: [0.0; 2], lag: 0.0 };
 
-/// How an axis moves by itself, whatever is commanded: its oil leaks under the load.
+/// What is found together with a model and is no part of it: how an axis moves by itself, as its oil leaks under the
+/// load, and how late it starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Drift {
-    /// Speed at the first position of the record, m/s.
+pub(super) struct Beside {
+    /// Speed of the drift at the first position of the record, m/s.
     speed: f64,
-    /// Rise of the speed with the position, 1/s: a load with a spring.
+    /// Rise of that speed with the position, 1/s: a load with a spring.
     rise: f64,
+    start: Start,
 }
 
-impl Drift {
-    /// As the unknowns of [`Data::fit`] say.
-    pub fn of(unknowns: &DVector<f64>) -> Self {
-        Self { speed: unknowns[DRIFT], rise: unknowns[DRIFT + 1] }
+impl Beside {
+    /// As this shape and the unknowns of [`Data::fit`] say.
+    pub fn of(shape: &Shape, unknowns: &DVector<f64>) -> Self {
+        Self { speed: unknowns[DRIFT], rise: unknowns[DRIFT + 1], start: shape.start }
     }
 }
 
 /// A part of a record.
+#[derive(Clone, Copy)]
 pub(super) struct Data<'a> {
     pub record: &'a ExperimentRecord,
     /// First sample.
@@ -49,6 +52,9 @@ pub(super) struct Data<'a> {
     pub end: usize,
     /// Whether the axis may drift.
     pub drifts: bool,
+    /// Weight of bends, relative to the data: the curve is as straight as they allow. Without this weight a curve that
+    /// begins flat would do without a dead band.
+    pub straightness: f64,
 }
 
 /// Normal equations of the differences, as sums over the rows.
@@ -67,7 +73,7 @@ impl Data<'_> {
     /// drift.
     pub fn fit(&self, shape: &Shape) -> (f64, DVector<f64>) {
         let Normal { matrix, right, square, rows } = self.normal(shape);
-        let scale = STRAIGHTNESS * matrix[0][0].max(matrix[KNOTS][KNOTS]);
+        let scale = self.straightness * matrix[0][0].max(matrix[KNOTS][KNOTS]);
         let normal = DMatrix::from_fn(COUNT, COUNT, |i, j| {
             let is_bend = i == j && i < DRIFT && !i.is_multiple_of(KNOTS);
             let weight = if is_bend { scale } else { 0.0 };
@@ -113,15 +119,17 @@ impl Data<'_> {
 
     /// How far the model has moved at every sample, m.
     pub fn modelled(&self, model: &Commissioned) -> Vec<f64> {
-        let integrals = integrate(self.record, self.end, &Dynamics::of_model(model), |x| [model.spool_speed(x)]);
+        let integrals =
+            integrate(self.record, self.end, &Dynamics::of_model(model, NO_START), |x| [model.spool_speed(x)]);
         let at = |k: usize| delayed(&integrals, k, model.dead_time, self.record.period)[0];
         (0..self.end).map(at).collect()
     }
 
-    /// How much of the motion the model and the drift explain `seconds` ahead, percent.
-    pub fn judge(&self, model: &Commissioned, drift: &Drift, seconds: f64) -> f64 {
+    /// How much of the motion the model and what is beside it explain `seconds` ahead, percent.
+    pub fn judge(&self, model: &Commissioned, beside: &Beside, seconds: f64) -> f64 {
         let period = self.record.period;
-        let integrals = integrate(self.record, self.end, &Dynamics::of_model(model), |x| [model.spool_speed(x)]);
+        let dynamics = Dynamics::of_model(model, beside.start);
+        let integrals = integrate(self.record, self.end, &dynamics, |x| [model.spool_speed(x)]);
         let places = places(self.record, self.end);
         let ahead = samples(seconds, period);
         let (mut error, mut motion) = (0.0, 0.0);
@@ -131,7 +139,7 @@ impl Data<'_> {
                 continue;
             }
             let [[from], [to]] = [k, k + ahead].map(|k| delayed(&integrals, k, model.dead_time, period));
-            let drifted = drift.speed * ahead as f64 * period + drift.rise * (places[k + ahead] - places[k]);
+            let drifted = beside.speed * ahead as f64 * period + beside.rise * (places[k + ahead] - places[k]);
             error += (way - drifted - (to - from)).powi(2);
             motion += way * way;
         }
@@ -145,16 +153,18 @@ struct Dynamics {
     /// s.
     time_constant: f64,
     spring: Spring,
+    start: Start,
 }
 
 impl Dynamics {
     fn of(shape: &Shape) -> Self {
-        Self { hysteresis: shape.hysteresis, time_constant: shape.time_constant, spring: shape.spring }
+        let Shape { hysteresis, time_constant, spring, start, .. } = *shape;
+        Self { hysteresis, time_constant, spring, start }
     }
 
-    fn of_model(model: &Commissioned) -> Self {
+    fn of_model(model: &Commissioned, start: Start) -> Self {
         let spring = Spring::of_model(model);
-        Self { hysteresis: model.hysteresis, time_constant: model.time_constant - spring.delay(), spring }
+        Self { hysteresis: model.hysteresis, time_constant: model.time_constant - spring.delay(), spring, start }
     }
 }
 
@@ -206,6 +216,7 @@ fn integrate<const N: usize>(
     let step = record.period / PARTS as f64;
     let decay = (-step / dynamics.time_constant).exp();
     let mut motion = dynamics.spring.motion(step);
+    let mut pressure = dynamics.start.pressure(step);
     let mut integrals = Vec::with_capacity(end * PARTS + 1);
     let (mut w, mut x, mut integral) = (0.0f64, 0.0, [0.0; N]);
     let play = 0.5 * dynamics.hysteresis;
@@ -215,7 +226,7 @@ fn integrate<const N: usize>(
         w = w.clamp(command - play, command + play);
         for _ in 0..PARTS {
             x = w + (x - w) * decay;
-            let now = motion.advance(f(x));
+            let now = motion.advance(pressure.advance(x, f(x)));
             for (integral, (before, now)) in integral.iter_mut().zip(before.iter().zip(&now)) {
                 *integral += 0.5 * step * (before + now);
             }

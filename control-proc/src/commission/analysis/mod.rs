@@ -2,7 +2,8 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | `shape` | what the search changes: dead time, lag, dead bands, hysteresis and spring |
+//! | `shape` | what the search changes: dead time, lag, dead bands, hysteresis, spring and start |
+//! | `start` | how late the oil starts |
 //! | `spring` | the load on its spring of oil |
 //! | `fit` | the curve that explains a record best for a given shape, and how well a model predicts |
 //! | [`simplex`] | the search |
@@ -30,7 +31,10 @@
 //! The drift is found together with the curve and is no part of the model: the integral of a controller takes it off.
 //!
 //! The model is fitted on the first two thirds of the motion and judged on the rest: half a second ahead, with the
-//! command and the drift known. Then it is fitted once more on all of it.
+//! command, the drift and the start known. How straight the curve is, is decided by that rest: of the weights of its
+//! bends ([`STRAIGHTNESSES`]) the largest one counts that explains about as much of it as the best. So does the `start`
+//! of the oil: it is kept where it explains clearly more of the fitted part and more of the rest. Then all is fitted
+//! once more on the whole.
 //!
 //! Traps: t_d and tau trade off against each other where the load swings and the model does not; only their sum is
 //! certain. In the model that is written half of the hysteresis is in the dead bands and the spring's delay in the time
@@ -44,11 +48,12 @@ mod fit;
 mod shape;
 pub mod simplex;
 mod spring;
+mod start;
 
 use pipeline::machine::{Commissioned, DeadBand};
 
 use super::record::ExperimentRecord;
-use fit::{Data, Drift};
+use fit::{Beside, Data};
 use shape::{KNOTS, Parameters, Shape};
 use simplex::minimum;
 
@@ -74,11 +79,11 @@ const AS_GOOD: f64 = 1.1;
 /// Steps of the search.
 const SEARCH_STEPS: usize = 250;
 /// First steps of the search in dead time (s), logarithm of the time constant, and dead bands.
-const FIRST_STEPS: Parameters = [0.02, 0.4, 0.02, 0.02, 0.02, 0.0, 0.0];
+const FIRST_STEPS: Parameters = [0.02, 0.4, 0.02, 0.02, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0];
 /// Mean square error, relative to that without a hysteresis, a spring or a drift, below which there is one.
 const CLEARLY_BETTER: f64 = 0.9;
 /// First steps of the search near a solution.
-const FINE_STEPS: Parameters = [0.002, 0.05, 0.005, 0.005, 0.005, 0.0, 0.0];
+const FINE_STEPS: Parameters = [0.002, 0.05, 0.005, 0.005, 0.005, 0.0, 0.0, 0.0, 0.0, 0.0];
 /// Mean square error, relative to that with a spring alone, below which there is a hysteresis beside it. Loads that
 /// change leave much of what such an axis does unexplained, so a hysteresis shows less.
 const BETTER: f64 = 0.99;
@@ -88,6 +93,15 @@ const FIRST_HYSTERESES: [f64; 4] = [0.015, 0.03, 0.06, 0.1];
 const FIRST_DAMPING: f64 = 0.2;
 /// Period from which it starts, s.
 const FIRST_PERIOD: f64 = 0.2;
+/// Times before a motion and lag of the oil from which the search of a start begins, s, and its first steps in them.
+const FIRST_TIMES: [f64; 4] = [0.0, 0.1, 0.2, 0.35];
+const FIRST_LAG: f64 = 0.1;
+const TIME_STEP: f64 = 0.05;
+const LAG_STEP: f64 = 0.03;
+/// Weights of the bends of a curve, rising.
+const STRAIGHTNESSES: [f64; 4] = [1e-4, 1e-3, 1e-2, 1e-1];
+/// How much less of the rest a straighter curve may explain than the best, percent.
+const AS_STRAIGHT: f64 = 0.5;
 /// Searches in a row, each from the end of the one before: a simplex can collapse early.
 const SEARCHES: usize = 2;
 
@@ -123,21 +137,54 @@ pub fn analyse(record: &ExperimentRecord) -> Result<Commissioned, AnalysisError>
     }
     let split = split(record);
     let largest = record.commands.iter().fold(0.0f64, |largest, command| largest.max(command.abs()));
-    let search = |end, drifts| Search { fitted: Data { record, begin: 0, end, drifts }, largest };
-    let (stands, drifts) = (search(split, false).best()?, search(split, true).best()?);
-    let is_drifting = drifts.cost < CLEARLY_BETTER * stands.cost;
-    let best = if is_drifting { drifts } else { stands };
-    let (held_out, drift) = search(split, is_drifting).beyond_flat_begin(best)?;
-    let whole = search(count, is_drifting);
-    let (mut model, _) = whole.beyond_flat_begin(whole.refined(best, first_steps(&best)))?;
-    model.fit_percent =
-        Data { record, begin: split, end: count, drifts: is_drifting }.judge(&held_out, &drift, JUDGED_AHEAD);
+    let data = |drifts| Data { record, begin: 0, end: split, drifts, straightness: STRAIGHTNESSES[0] };
+    let search = |drifts| Search { fitted: data(drifts), largest };
+    let (stands, drifts) = (search(false).best()?, search(true).best()?);
+    let (is_drifting, best) = if drifts.cost < CLEARLY_BETTER * stands.cost { (true, drifts) } else { (false, stands) };
+    let rest = Data { begin: split, end: count, ..data(is_drifting) };
+    let chosen = search(is_drifting).judged(best, &rest)?.straightened(&rest)?.started(&rest)?;
+    let whole = Search { fitted: Data { end: count, ..chosen.search.fitted }, largest };
+    let (mut model, _) = whole.beyond_flat_begin(whole.refined(chosen.point, first_steps(&chosen.point)))?;
+    model.fit_percent = chosen.explained;
     Ok(model)
+}
+
+/// The end of a search, and how much of the rest of the record its model explains, percent.
+struct Candidate<'a> {
+    search: Search<'a>,
+    point: Point,
+    explained: f64,
+}
+
+impl Candidate<'_> {
+    /// The straightest curve that explains about as much of `rest` as the best one.
+    fn straightened(self, rest: &Data<'_>) -> Result<Self, AnalysisError> {
+        let Self { search, point, .. } = self;
+        let with = |straightness: &f64| {
+            let search = Search { fitted: Data { straightness: *straightness, ..search.fitted }, ..search };
+            search.judged(search.refined(point, first_steps(&point)), rest)
+        };
+        let mut candidates = vec![self];
+        for straightness in &STRAIGHTNESSES[1..] {
+            candidates.push(with(straightness)?);
+        }
+        let most = candidates.iter().map(|candidate| candidate.explained).fold(f64::NEG_INFINITY, f64::max);
+        let straight = candidates.into_iter().rev().find(|candidate| candidate.explained >= most - AS_STRAIGHT);
+        straight.ok_or(AnalysisError::NoMotion)
+    }
+
+    /// With a start of the oil where that explains clearly more, and more of `rest` as well.
+    fn started(self, rest: &Data<'_>) -> Result<Self, AnalysisError> {
+        let started = self.search.judged(self.search.with_start(self.point), rest)?;
+        let is_better = started.point.cost < CLEARLY_BETTER * self.point.cost && started.explained > self.explained;
+        Ok(if is_better { started } else { self })
+    }
 }
 
 /// How far the axis has moved since the first sample, m, at every sample of a record, by a model of it.
 pub fn modelled(record: &ExperimentRecord, model: &Commissioned) -> Vec<f64> {
-    Data { record, begin: 0, end: record.positions.len(), drifts: false }.modelled(model)
+    let (end, straightness) = (record.positions.len(), STRAIGHTNESSES[0]);
+    Data { record, begin: 0, end, drifts: false, straightness }.modelled(model)
 }
 
 /// The sample before which [`FITTED_PART`] of the motion is.
@@ -173,17 +220,43 @@ fn first_steps(point: &Point) -> Parameters {
     if point.at[5] > 0.0 {
         (steps[5], steps[6]) = (0.1 * point.at[5], 0.2 * point.at[6]);
     }
+    if point.at[9] > 0.0 {
+        (steps[7], steps[8], steps[9]) = (TIME_STEP, TIME_STEP, LAG_STEP);
+    }
     steps
 }
 
 /// The search for the shape that explains the fitted part of a record best.
+#[derive(Clone, Copy)]
 struct Search<'a> {
     fitted: Data<'a>,
     /// Largest magnitude of a command in the record.
     largest: f64,
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    /// A point, with what its model explains of the rest of the record.
+    fn judged(&self, point: Point, rest: &Data<'_>) -> Result<Candidate<'a>, AnalysisError> {
+        let (model, beside) = self.beyond_flat_begin(point)?;
+        Ok(Candidate { search: *self, point, explained: rest.judge(&model, &beside, JUDGED_AHEAD) })
+    }
+
+    /// The best point with a start of the oil. The search without it may have found a dead band that is too wide.
+    fn with_start(&self, without: Point) -> Point {
+        let mut best = Point { cost: f64::INFINITY, ..without };
+        for (extend, retract) in FIRST_TIMES.iter().flat_map(|extend| FIRST_TIMES.map(|retract| (*extend, retract))) {
+            for part in [0.0, 0.5, 1.0] {
+                let mut at = without.at;
+                let least = at[2].min(at[3]);
+                (at[2], at[3]) = (at[2] - part * (at[2] - least), at[3] - part * (at[3] - least));
+                (at[7], at[8], at[9]) = (extend, retract, FIRST_LAG);
+                let cost = self.cost(&at);
+                best = if cost < best.cost { Point { at, cost } } else { best };
+            }
+        }
+        (0..SEARCHES).fold(best, |point, _| self.refined(point, first_steps(&point)))
+    }
+
     /// Mean square error of the differences with the best curve of this shape, m2.
     fn cost(&self, p: &Parameters) -> f64 {
         let shape = Shape::of(p, self.largest);
@@ -249,16 +322,16 @@ impl Search<'_> {
         Point { at, cost }
     }
 
-    /// The model of this point, and the drift beside it.
-    fn model_at(&self, p: &Parameters) -> Result<(Commissioned, Drift), AnalysisError> {
+    /// The model of this point, and what is beside it.
+    fn model_at(&self, p: &Parameters) -> Result<(Commissioned, Beside), AnalysisError> {
         let shape = Shape::of(p, self.largest).ok_or(AnalysisError::NoMotion)?;
         let unknowns = self.fitted.fit(&shape).1;
-        Ok((shape.model(&unknowns).ok_or(AnalysisError::NoMotion)?, Drift::of(&unknowns)))
+        Ok((shape.model(&unknowns).ok_or(AnalysisError::NoMotion)?, Beside::of(&shape, &unknowns)))
     }
 
     /// The best point of a grid of dead time and time constant, and then of a grid of each dead band.
     fn on_grids(&self) -> Point {
-        let mut best = Point { at: [0.0; 7], cost: f64::INFINITY };
+        let mut best = Point { at: [0.0; 10], cost: f64::INFINITY };
         let try_one = |at: Parameters, best: &mut Point| {
             let cost = self.cost(&at);
             if cost < best.cost {
@@ -268,7 +341,9 @@ impl Search<'_> {
         let on_grid = |largest: f64, i: i32| largest * f64::from(i) / f64::from(GRID_STEPS);
         for tau in TIME_CONSTANTS {
             for i in 0..=LONGEST_STEPS {
-                try_one([on_grid(LONG_DEAD_TIME, i), tau.ln(), 0.0, 0.0, 0.0, 0.0, FIRST_DAMPING], &mut best);
+                let mut at = [0.0; 10];
+                (at[0], at[1], at[6]) = (on_grid(LONG_DEAD_TIME, i), tau.ln(), FIRST_DAMPING);
+                try_one(at, &mut best);
             }
         }
         for sides in [&[2, 3][..], &[2], &[3]] {
@@ -284,8 +359,8 @@ impl Search<'_> {
 
     /// The model at the best point, or at one with wider dead bands. A curve that begins flat can do without a dead
     /// band and explain as much; the point with the dead band is preferred.
-    fn beyond_flat_begin(&self, best: Point) -> Result<(Commissioned, Drift), AnalysisError> {
-        let (mut model, mut drift) = self.model_at(&best.at)?;
+    fn beyond_flat_begin(&self, best: Point) -> Result<(Commissioned, Beside), AnalysisError> {
+        let (mut model, mut beside) = self.model_at(&best.at)?;
         for _ in 0..FLAT_STEPS {
             let flat = |speeds: &[f64]| {
                 let still = speeds.partition_point(|speed| *speed < FLAT * speeds[KNOTS - 1]);
@@ -304,8 +379,8 @@ impl Search<'_> {
             if cost > AS_GOOD * best.cost {
                 break;
             }
-            (model, drift) = self.model_at(&p)?;
+            (model, beside) = self.model_at(&p)?;
         }
-        Ok((model, drift))
+        Ok((model, beside))
     }
 }

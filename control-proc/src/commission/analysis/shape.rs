@@ -3,11 +3,12 @@
 use nalgebra::DVector;
 use pipeline::machine::{Commissioned, DeadBand};
 
-use super::spring::Spring;
+use super::{spring::Spring, start::Start};
 
 /// Dead time s, logarithm of the time constant, dead bands of extending and retracting, width of the hysteresis, and
-/// what the load on its spring of oil adds: its period s (0 for a stiff one) and damping ratio.
-pub(super) type Parameters = [f64; 7];
+/// what the load on its spring of oil adds: its period s (0 for a stiff one) and damping ratio; and what the start of
+/// the oil needs: times of extending and retracting and lag, s.
+pub(super) type Parameters = [f64; 10];
 
 /// Bends of either direction.
 pub(super) const KNOTS: usize = 6;
@@ -38,6 +39,7 @@ pub(super) struct Shape {
     pub dead_band: DeadBand,
     pub hysteresis: f64,
     pub spring: Spring,
+    pub start: Start,
     /// Largest opening.
     pub span: f64,
 }
@@ -53,6 +55,7 @@ impl Shape {
             dead_band,
             hysteresis: p[4],
             spring: Spring { period: p[5], damping: p[6] },
+            start: Start { times: [p[7], p[8]], lag: p[9] },
             span,
         })
     }
@@ -65,6 +68,7 @@ impl Shape {
             && (0.0..=WIDEST_DEAD_BAND).contains(&self.dead_band.retract)
             && (0.0..=WIDEST_HYSTERESIS).contains(&self.hysteresis)
             && self.spring.is_allowed()
+            && self.start.is_allowed()
     }
 
     /// The model of this shape whose changes of slope come first among `slopes`; none where a direction does not move

@@ -198,6 +198,11 @@ impl Commissioned {
         if w > 0.0 { 2.0 * self.damping / w } else { 0.0 }
     }
 
+    /// Period of the swing of the load, s; 0 without a swing.
+    pub fn swing_period(&self) -> f64 {
+        if self.natural_frequency > 0.0 { 1.0 / self.natural_frequency } else { 0.0 }
+    }
+
     /// c(x), m/s.
     pub fn speed(&self, x: f64) -> f64 {
         if x > self.dead_band.extend {

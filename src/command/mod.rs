@@ -8,7 +8,7 @@
 //! | [`simulate`], [`mod@bench`], [`identify`], [`predict`] | without a loop in real time, in this process |
 //! | [`init`], [`example`] | before there is a machine file |
 //! | [`mod@can`] | beside a CAN bus |
-//! | [`check`], [`mechanism`], [`doctor`], [`clean`] | before or after a run |
+//! | [`check`], [`mechanism`], [`tip`], [`doctor`], [`clean`] | before or after a run |
 //! | [`info`], [`recover`], [`export`], [`replay`], [`mod@report`], [`mod@plot`] | with files that were written |
 //! | [`completions`], [`manual`] | when the command is installed |
 
@@ -38,6 +38,7 @@ mod run;
 mod simulate;
 mod stage;
 mod status;
+mod tip;
 
 use clap::{Parser, Subcommand};
 
@@ -70,6 +71,7 @@ use run::RunArguments;
 use simulate::SimulateArguments;
 use stage::StageArguments;
 use status::StatusArguments;
+use tip::TipArguments;
 
 /// Identifies and controls the electrohydraulic axes of a machine.
 #[derive(Debug, Parser)]
@@ -137,6 +139,8 @@ pub enum Command {
     Check(CheckArguments),
     /// Show reach, joints, masses and loads of the machine's linkage, evaluate states, write URDF
     Mechanism(MechanismArguments),
+    /// Plan the task of the bucket's teeth and show it, piece by piece, without moving anything
+    Tip(TipArguments),
     /// Show whether this computer is fit for real time, and what to do about it
     Doctor(DoctorArguments),
     /// Remove files that dead groups have left
@@ -215,6 +219,7 @@ impl Command {
             Self::Bench(Bench::Tip(arguments)) => bench::tip::run(arguments),
             Self::Check(arguments) => check::run(arguments),
             Self::Mechanism(arguments) => mechanism::run(arguments),
+            Self::Tip(arguments) => tip::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
             Self::Clean(arguments) => clean::run(arguments),
             Self::PlantSim(arguments) => stage::run(StageKind::PlantSim, arguments),

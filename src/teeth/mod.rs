@@ -17,7 +17,7 @@ use control_proc::tip::{TipPlan, watch::TipWatch};
 use mechanism::{AXES, Mechanism};
 use pipeline::{
     channel::Prefix,
-    machine::{Axis, Machine, ReferenceSource, TipPiece, TipShape, TipTask},
+    machine::{Axis, Machine, ReferenceSource, TipFree, TipPiece, TipShape, TipTask},
     message::{AxisMode, EncoderSample, TeethState, control_flag},
 };
 use sender::{Sender, way_of};
@@ -118,8 +118,10 @@ impl MovableTeeth {
         let pieces = vec![TipPiece {
             shape: TipShape::Line(to),
             pitch: turned.map(|turned| pitch + nearest_turn(turned - pitch)),
+            free: None,
         }];
-        let task = TipTask { start, pitch, speed, telescope: Some(positions[2]), rounding: 0.0, file: None, pieces };
+        let free = Some(TipFree::Telescope(positions[2]));
+        let task = TipTask { start, pitch, speed, free, rounding: 0.0, file: None, pieces };
         let machine = Machine { tip: Some(task), ..self.machine.clone() };
         let refused = |text: String| Failure::usage(text.trim_start_matches("tip.piece[0]: ").to_owned());
         let plan = TipPlan::of_task(&machine).map_err(|error| refused(error.to_string()))?;

@@ -311,6 +311,7 @@ pages! {
     command_replay: "docs/src/commands/replay.md",
     command_check: "docs/src/commands/check.md",
     command_mechanism: "docs/src/commands/mechanism.md",
+    command_tip: "docs/src/commands/tip.md",
     command_bench: "docs/src/commands/bench.md",
     command_operate: "docs/src/commands/operate.md",
     command_status: "docs/src/commands/status.md",

@@ -15,3 +15,4 @@ mod outputs;
 mod predict;
 mod service;
 mod simulate;
+mod tip;

@@ -24,12 +24,12 @@ struct Ideal {
 impl Ideal {
     fn new() -> Self {
         let mut machine = Machine::load(None, &[]).unwrap();
-        let pieces = vec![TipPiece { shape: TipShape::Line([5.7, 0.0]), pitch: None }];
+        let pieces = vec![TipPiece { shape: TipShape::Line([5.7, 0.0]), pitch: None, free: None }];
         machine.tip = Some(TipTask {
             start: [7.2, 0.0],
             pitch: -115.0,
             speed: 0.5,
-            telescope: None,
+            free: None,
             rounding: 0.0,
             file: None,
             pieces,

@@ -5,14 +5,20 @@
 //! | [`way`] | straight lines and arcs of the teeth |
 //! | `piece` | one line or arc |
 //! | `rounding` | a way without corners |
-//! | [`posture`] | the cylinders along the way; the boom moves as little as possible |
+//! | [`freedom`] | the free axis along the way, by a person or by the least cost |
+//! | `choice` | the motion of the boom with the least cost |
+//! | [`posture`] | the cylinders in one place: positions, forces, walls |
 //! | [`timing`] | how fast the teeth go: speeds, pump, accelerations, jerk |
+//! | [`account`] | what a plan asks of the machine, piece by piece |
 //! | [`watch`] | in the loop: where the teeth are, and their distance from the way |
 //!
 //! A task is planned once, when a controller is made, and refused if the machine cannot do it. In the loop the four
 //! axes only look up where they should be. What they trace together is the way, however slowly time goes on along it
 //! ([`crate::reference::path`]).
 
+pub mod account;
+mod choice;
+pub mod freedom;
 mod piece;
 pub mod posture;
 mod rounding;
@@ -20,20 +26,15 @@ pub mod timing;
 pub mod watch;
 pub mod way;
 
-use mechanism::{AXES, Dynamics, Mechanism, Pose, Vector};
+use freedom::{Freedom, NoPosture};
+use mechanism::{AXES, Mechanism};
 use pipeline::machine::{Axis, Machine, ReferenceSource, TipTask};
-use posture::{Cylinders, Freedom, NoPosture, Short};
+use posture::{Cylinders, Short};
 use timing::Timing;
 use way::{TipPlace, Way};
 
-use crate::protection::walls::Walls;
-
-/// Part of a cylinder's largest force that may hold bodies and payload; the rest moves them.
-const HOLDING: f64 = 0.9;
 /// Least distance of a task from a virtual wall, m: what a controller is off its way must not stop the task.
 pub const WALL_MARGIN: f64 = 0.03;
-/// Length between two places at which forces and walls are looked at, m.
-const FORCE_STEP: f64 = 0.05;
 
 /// Why a machine cannot do its task.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -54,7 +55,7 @@ pub enum TipError {
     /// No smooth motion of the boom leads along the runs.
     #[error(
         "{piece}: found a way from {from} to {to} along which the boom would have to jump; allowed: a \
-         shorter way, another pitch, or a position tip.telescope"
+         shorter way, another pitch, or a position tip.telescope or tip.boom"
     )]
     Run {
         /// The piece with which the run begins, in words.
@@ -70,6 +71,7 @@ pub enum TipError {
 #[derive(Debug, Clone, PartialEq)]
 pub struct TipPlan {
     way: Way,
+    freedom: Freedom,
     /// T, s.
     period: f64,
     /// s at every period, m.
@@ -107,12 +109,10 @@ impl TipPlan {
         let way = Way::new(task, mechanism.geometry.bucket_length)
             .map_err(|number| TipError::NoWay(named(machine, number)))?;
         let cylinders = Cylinders::new(machine, mechanism);
-        let freedom = Freedom::choose(&cylinders, &way, task.telescope).map_err(|why| refused(machine, &way, why))?;
+        let freedom = Freedom::choose(&cylinders, &way, task).map_err(|why| refused(machine, &cylinders, &way, why))?;
         let at = |s: f64| cylinders.positions(&way.place(s), freedom.at(s));
         // All places between those that were tried are within reach as well: the way is smooth.
         let positions = |s: f64| at(s).unwrap_or([f64::NAN; AXES]);
-        expect_forces(machine, mechanism, &way, positions)?;
-        expect_within_walls(machine, &way, positions)?;
         let timing = Timing::new(machine, task.speed);
         let runs = way.runs();
         let mut lengths = vec![0.0];
@@ -124,11 +124,12 @@ impl TipPlan {
             };
             lengths.extend(timing.run(*run, inside));
         }
-        let mut plan = Self { period: machine.timing.period.as_secs_f64(), lengths, positions: Vec::new(), way };
+        let mut plan =
+            Self { period: machine.timing.period.as_secs_f64(), lengths, positions: Vec::new(), way, freedom };
         plan.positions = plan
             .lengths
             .iter()
-            .map(|s| cylinders.positions(&plan.way.place(*s), freedom.at(*s)).unwrap_or([f64::NAN; AXES]))
+            .map(|s| cylinders.positions(&plan.way.place(*s), plan.freedom.at(*s)).unwrap_or([f64::NAN; AXES]))
             .collect();
         Ok(plan)
     }
@@ -141,6 +142,21 @@ impl TipPlan {
     /// Points (s, m) of the motion of one axis.
     pub fn points(&self, axis: usize) -> Vec<(f64, f64)> {
         self.positions.iter().enumerate().map(|(k, all)| (k as f64 * self.period, all[axis])).collect()
+    }
+
+    /// Positions of the cylinders at every period, m.
+    pub fn positions(&self) -> &[[f64; AXES]] {
+        &self.positions
+    }
+
+    /// Time between two positions, s.
+    pub fn period(&self) -> f64 {
+        self.period
+    }
+
+    /// The free axis along the way.
+    pub fn freedom(&self) -> &Freedom {
+        &self.freedom
     }
 
     /// The way of the teeth.
@@ -162,30 +178,51 @@ impl TipPlan {
     }
 }
 
-fn refused(machine: &Machine, way: &Way, why: NoPosture) -> TipError {
+fn refused(machine: &Machine, cylinders: &Cylinders, way: &Way, why: NoPosture) -> TipError {
     match why {
-        NoPosture::Place(s, short) => {
-            let what = match short {
-                Short::Reach => {
-                    "where the teeth cannot be; allowed: places in reach of boom, arm and bucket".to_owned()
-                }
-                Short::Axis(i, position) => {
-                    let axis = &machine.axes[i];
-                    let (low, high) = axis.soft_limits;
-                    format!(
-                        "where axis.{} would have to be at {position:.3} m; allowed: {low} to {high} m, its soft \
-                         limits",
-                        axis.name
-                    )
-                }
-            };
-            TipError::Place { piece: named(machine, way.number(s)), place: told(&way.place(s)), what }
-        }
+        NoPosture::Place(s, short) => TipError::Place {
+            piece: named(machine, way.number(s)),
+            place: told(&way.place(s)),
+            what: missing(machine, cylinders, short),
+        },
         NoPosture::Run(from, to) => TipError::Run {
             piece: named(machine, way.number(from)),
             from: told(&way.place(from)),
             to: told(&way.place(to)),
         },
+    }
+}
+
+/// What is in the way, in words.
+fn missing(machine: &Machine, cylinders: &Cylinders, short: Short) -> String {
+    match short {
+        Short::Reach => "where the teeth cannot be; allowed: places in reach of boom, arm and bucket".to_owned(),
+        Short::Axis(i, position) => {
+            let axis = &machine.axes[i];
+            let (low, high) = axis.soft_limits;
+            format!(
+                "where axis.{} would have to be at {position:.3} m; allowed: {low} to {high} m, its soft limits",
+                axis.name
+            )
+        }
+        Short::Force(i, force) => {
+            let (low, high) = cylinders.allowed_forces(i);
+            format!(
+                "where the cylinder of axis.{} would have to hold {:.0} kN; allowed: {:.0} to {:.0} kN",
+                machine.axes[i].name,
+                1e-3 * force,
+                1e-3 * low,
+                1e-3 * high
+            )
+        }
+        Short::Wall(wall, distance) => {
+            let side = if distance < 0.0 { "beyond" } else { "before" };
+            format!(
+                "where boom, arm or bucket would be {:.3} m {side} walls.{wall}; allowed: at least {WALL_MARGIN} m \
+                 before it",
+                distance.abs()
+            )
+        }
     }
 }
 
@@ -199,56 +236,6 @@ fn named(machine: &Machine, number: usize) -> String {
 
 fn told(place: &TipPlace) -> String {
     format!("[{:.3}, {:.3}] m at a pitch of {:.1} degrees", place.at.x, place.at.z, place.pitch.to_degrees())
-}
-
-/// Refuses places at which boom, arm or bucket would be beyond a virtual wall, or so close to it that no speed is safe.
-fn expect_within_walls(machine: &Machine, way: &Way, positions: impl Fn(f64) -> [f64; AXES]) -> Result<(), TipError> {
-    let Some(walls) = Walls::of(machine) else { return Ok(()) };
-    let parts = (way.length() / FORCE_STEP).ceil().max(1.0);
-    for s in (0..=parts as usize).map(|k| way.length() * k as f64 / parts) {
-        if let Some((wall, margin)) = walls.least_distance(&positions(s)).filter(|(_, d)| *d < WALL_MARGIN) {
-            let what = if margin < 0.0 {
-                format!("where boom, arm or bucket would be {:.3} m beyond walls.{wall}", -margin)
-            } else {
-                format!("where boom, arm or bucket would be {margin:.3} m before walls.{wall}")
-            };
-            let what = format!("{what}; allowed: at least {WALL_MARGIN} m before it");
-            return Err(TipError::Place { piece: named(machine, way.number(s)), place: told(&way.place(s)), what });
-        }
-    }
-    Ok(())
-}
-
-/// Refuses places at which bodies and payload are too heavy for a cylinder.
-fn expect_forces(
-    machine: &Machine,
-    mechanism: &Mechanism,
-    way: &Way,
-    positions: impl Fn(f64) -> [f64; AXES],
-) -> Result<(), TipError> {
-    let Some(supply) = machine.hydraulics.map(|hydraulics| hydraulics.supply) else { return Ok(()) };
-    let parts = (way.length() / FORCE_STEP).ceil().max(1.0);
-    for s in (0..=parts as usize).map(|k| way.length() * k as f64 / parts) {
-        let pose = Pose::new(&mechanism.geometry, &mechanism.lengths(&positions(s)));
-        let holding = Dynamics::new(&mechanism.masses, &pose, &[0.0; AXES]).holding_force(&pose, Vector::default());
-        for (axis, force) in machine.axes.iter().zip(holding) {
-            let Some(plant) = &axis.plant else { continue };
-            let of =
-                |filled: f64, drained: f64| HOLDING * (supply.pressure * filled - supply.return_pressure * drained);
-            let (push, pull) = (of(plant.piston_area, plant.rod_area), of(plant.rod_area, plant.piston_area));
-            if force > push || force < -pull {
-                let what = format!(
-                    "where the cylinder of axis.{} would have to hold {:.0} kN; allowed: {:.0} to {:.0} kN",
-                    axis.name,
-                    1e-3 * force,
-                    -1e-3 * pull,
-                    1e-3 * push
-                );
-                return Err(TipError::Place { piece: named(machine, way.number(s)), place: told(&way.place(s)), what });
-            }
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -128,10 +128,10 @@ mod tests {
     use super::*;
 
     fn way(places: &[([f64; 2], f64)], rounding: f64) -> Way {
-        let piece = |&(to, pitch)| TipPiece { shape: TipShape::Line(to), pitch: Some(pitch) };
+        let piece = |&(to, pitch)| TipPiece { shape: TipShape::Line(to), pitch: Some(pitch), free: None };
         let pieces = places[1..].iter().map(piece).collect();
         let (start, pitch) = places[0];
-        let task = TipTask { start, pitch, speed: 0.5, telescope: None, rounding, file: None, pieces };
+        let task = TipTask { start, pitch, speed: 0.5, free: None, rounding, file: None, pieces };
         Way::new(&task, 1.5).unwrap()
     }
 

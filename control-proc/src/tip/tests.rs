@@ -1,6 +1,7 @@
 //! Plans on the built-in excavator.
 
-use pipeline::machine::{TipPiece, TipShape};
+use mechanism::{Pose, Vector};
+use pipeline::machine::{TipFree, TipPiece, TipShape};
 
 use super::*;
 
@@ -15,8 +16,8 @@ fn planned(task: TipTask) -> Result<TipPlan, TipError> {
 }
 
 fn task(start: [f64; 2], pitch: f64, pieces: &[(TipShape, Option<f64>)]) -> TipTask {
-    let pieces = pieces.iter().map(|(shape, pitch)| TipPiece { shape: *shape, pitch: *pitch }).collect();
-    TipTask { start, pitch, speed: 0.5, telescope: None, rounding: 0.0, file: None, pieces }
+    let pieces = pieces.iter().map(|(shape, pitch)| TipPiece { shape: *shape, pitch: *pitch, free: None }).collect();
+    TipTask { start, pitch, speed: 0.5, free: None, rounding: 0.0, file: None, pieces }
 }
 
 /// A level cut.
@@ -37,7 +38,7 @@ fn tasks() -> Vec<TipTask> {
     ];
     vec![
         level(),
-        TipTask { telescope: Some(0.6), ..level() },
+        TipTask { free: Some(TipFree::Telescope(0.6)), ..level() },
         task([7.25, 0.2], -115.0, &[(line([4.22, -1.55]), None)]),
         task([7.5, -0.5], -110.0, &[(line([4.47, 1.25]), None)]),
         task([7.0, -0.5], -115.0, &[(TipShape::Arc { center: [6.0, -0.5], angle: -360.0 }, None)]),
@@ -113,7 +114,7 @@ fn no_cylinder_jumps_from_a_run_to_the_next() {
 fn the_boom_stands_where_telescope_and_arm_can_do_the_task() {
     let plan = planned(level()).unwrap();
     assert!(plan.positions.iter().all(|positions| positions[0] == plan.positions[0][0]));
-    let still = planned(TipTask { telescope: Some(0.6), ..level() }).unwrap();
+    let still = planned(TipTask { free: Some(TipFree::Telescope(0.6)), ..level() }).unwrap();
     assert!(still.positions.iter().all(|positions| positions[2] == 0.6));
     assert!(still.positions.iter().any(|positions| (positions[0] - still.positions[0][0]).abs() > 0.05));
 }
@@ -147,11 +148,11 @@ fn a_task_that_the_machine_cannot_do_is_refused_with_the_place_and_the_axis() {
     let line = |x, z| [(TipShape::Line([x, z]), None)];
     let text = refused(task([7.2, 0.0], -115.0, &line(12.0, 0.0)));
     assert!(text.contains("tip.piece[0]: found [8.") && text.contains("axis.telescope would have to be"), "{text}");
-    let text = refused(TipTask { telescope: Some(0.6), ..task([14.0, 0.0], -115.0, &line(12.0, 0.0)) });
+    let text = refused(TipTask { free: Some(TipFree::Telescope(0.6)), ..task([14.0, 0.0], -115.0, &line(12.0, 0.0)) });
     assert!(text.contains("in reach of boom, arm and bucket"), "{text}");
     let text = refused(task([7.2, 0.0], -115.0, &line(2.0, 0.0)));
     assert!(text.contains("its soft limits"), "{text}");
-    let text = refused(TipTask { telescope: Some(1.19), ..level() });
+    let text = refused(TipTask { free: Some(TipFree::Telescope(1.19)), ..level() });
     assert!(text.contains("where axis.telescope would have to be at 1.190 m; allowed: 0.05 to 1.15 m"), "{text}");
     let text = refused(task([7.2, 0.0], -115.0, &line(7.2, 0.0)));
     assert!(text.contains("tip.piece[0]: found a piece that neither moves"), "{text}");
@@ -225,7 +226,7 @@ fn shortest_time(machine: &Machine, task: &TipTask, part: f64) -> f64 {
     let mechanism = machine.mechanism.as_ref().unwrap();
     let way = Way::new(task, mechanism.geometry.bucket_length).unwrap();
     let cylinders = Cylinders::new(machine, mechanism);
-    let freedom = Freedom::choose(&cylinders, &way, task.telescope).unwrap();
+    let freedom = Freedom::choose(&cylinders, &way, task).unwrap();
     let at = |s: f64| cylinders.positions(&way.place(s), freedom.at(s)).unwrap();
     let run = |run| RunBounds::new(machine, task.speed, part, run, at).shortest_time();
     way.runs().into_iter().map(run).sum()

@@ -48,6 +48,23 @@ const SLOWED: f64 = 0.7;
 /// Slowest speed of the teeth, m/s, so that a run ends.
 const LEAST_SPEED: f64 = 1e-3;
 
+/// What bounds the speed of the teeth at a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Limit {
+    /// The speed of the task.
+    Task,
+    /// The speed of an axis.
+    Speed(usize),
+    /// A soft limit of an axis is near.
+    SoftLimit(usize),
+    /// The acceleration of an axis.
+    Acceleration(usize),
+    /// The flow of the pump.
+    Flow,
+    /// A virtual wall is near.
+    Wall,
+}
+
 /// What one axis can give.
 struct Bounds {
     /// Fastest speeds, retracting and extending, m/s.
@@ -78,10 +95,13 @@ impl Bounds {
         }
     }
 
+    fn fastest(&self, sign: f64) -> f64 {
+        if sign > 0.0 { self.speeds.1 } else { self.speeds.0 }
+    }
+
     /// c with the cylinder at `position` m, by the sign of its speed.
     fn speed(&self, sign: f64, position: f64) -> f64 {
-        let most = if sign > 0.0 { self.speeds.1 } else { self.speeds.0 };
-        most.min(self.end_stops.stopping_speed(sign, position) + ARRIVAL)
+        self.fastest(sign).min(self.end_stops.stopping_speed(sign, position) + ARRIVAL)
     }
 }
 
@@ -141,19 +161,10 @@ impl Timing {
             let k = inner(k);
             (points[k + 1][i] - 2.0 * points[k][i] + points[k - 1][i]) / (step * step)
         };
+        let all = |of: &dyn Fn(usize) -> f64| std::array::from_fn(of);
         let cap = |k: usize| {
-            let axes = self.bounds.iter().enumerate().map(|(i, bounds)| {
-                let (rate, bend) = (first(k, i), second(k, i));
-                let speed = bounds.speed(rate.signum(), points[k][i]) / rate.abs();
-                (speed * speed).min(bounds.acceleration / (2.0 * bend.abs()))
-            });
-            let filled = |(i, bounds): (usize, &Bounds)| {
-                let rate = first(k, i);
-                rate.abs() * if rate > 0.0 { bounds.areas.1 } else { bounds.areas.0 }
-            };
-            let flow = self.flow / self.bounds.iter().enumerate().map(filled).sum::<f64>();
-            let wall = self.before_walls(&points[k], std::array::from_fn(|i| first(k, i)));
-            axes.fold((wall * wall).min(flow * flow), f64::min).max(LEAST_SPEED * LEAST_SPEED)
+            let (square, _) = self.bound(&points[k], &all(&|i| first(k, i)), &all(&|i| second(k, i)));
+            square.max(LEAST_SPEED * LEAST_SPEED)
         };
         let rise = |k: usize, square: f64| {
             let axes =
@@ -171,6 +182,44 @@ impl Timing {
             squares[k] = squares[k].min(squares[k + 1] + rise(k + 1, squares[k + 1]));
         }
         Profile { step, squares }
+    }
+
+    /// The largest x at a place, and what bounds it; `rates` are q' and `bends` q''.
+    pub fn bound(&self, positions: &[f64; AXES], rates: &[f64; AXES], bends: &[f64; AXES]) -> (f64, Limit) {
+        let mut least = (self.speed * self.speed, Limit::Task);
+        let mut and = |square: f64, limit: Limit| {
+            if square < least.0 {
+                least = (square, limit);
+            }
+        };
+        for (i, bounds) in self.bounds.iter().enumerate() {
+            let sign = rates[i].signum();
+            let speed = bounds.speed(sign, positions[i]);
+            let limit = if speed < bounds.fastest(sign) { Limit::SoftLimit(i) } else { Limit::Speed(i) };
+            and((speed / rates[i].abs()).powi(2), limit);
+            and(bounds.acceleration / (2.0 * bends[i].abs()), Limit::Acceleration(i));
+        }
+        and((self.flow / self.filled(rates)).powi(2), Limit::Flow);
+        and(self.before_walls(positions, *rates).powi(2), Limit::Wall);
+        least
+    }
+
+    /// The axis that needs the longest to come to its speed, where their speeds are `rates`.
+    pub fn slowest(&self, rates: &[f64; AXES]) -> usize {
+        let time = |i: &usize| rates[*i].abs() / self.bounds[*i].acceleration;
+        (0..AXES).max_by(|a, b| time(a).total_cmp(&time(b))).unwrap_or_default()
+    }
+
+    /// Flow in m3/s that the cylinders take at these speeds, m/s; in m2 for speeds by s.
+    pub fn filled(&self, rates: &[f64; AXES]) -> f64 {
+        let of =
+            |(bounds, rate): (&Bounds, &f64)| rate.abs() * if *rate > 0.0 { bounds.areas.1 } else { bounds.areas.0 };
+        self.bounds.iter().zip(rates).map(of).sum()
+    }
+
+    /// Q, m3/s; infinite where no pump is known.
+    pub fn flow(&self) -> f64 {
+        self.flow
     }
 
     /// Speed of the teeth with which virtual walls let the cylinders pass `positions`, m/s; `rates` are q'.

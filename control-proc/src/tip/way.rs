@@ -70,6 +70,12 @@ impl Way {
         self.pieces[self.piece(s)].number
     }
 
+    /// s at the end of a piece of the task, m, with the arc after it; none where there is no such piece.
+    pub fn end(&self, number: usize) -> Option<f64> {
+        let last = self.pieces.iter().rposition(|piece| piece.number == number)?;
+        self.ends.get(last).copied()
+    }
+
     /// s at the end, m.
     pub fn length(&self) -> f64 {
         self.ends.last().copied().unwrap_or_default()
@@ -121,8 +127,9 @@ mod tests {
     use super::*;
 
     fn task(pieces: &[(TipShape, Option<f64>)]) -> TipTask {
-        let pieces = pieces.iter().map(|(shape, pitch)| TipPiece { shape: *shape, pitch: *pitch }).collect();
-        TipTask { start: [7.0, 0.0], pitch: -90.0, speed: 0.5, telescope: None, rounding: 0.0, file: None, pieces }
+        let pieces =
+            pieces.iter().map(|(shape, pitch)| TipPiece { shape: *shape, pitch: *pitch, free: None }).collect();
+        TipTask { start: [7.0, 0.0], pitch: -90.0, speed: 0.5, free: None, rounding: 0.0, file: None, pieces }
     }
 
     #[test]

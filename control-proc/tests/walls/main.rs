@@ -94,9 +94,9 @@ fn teeth(machine: &mut Machine, dice: &mut Dice) -> [f64; AXES] {
     loop {
         let mut place = || [dice.between(4.0, 9.5), dice.between(-3.0, 7.0)];
         let (start, to) = (place(), place());
-        let pieces = vec![TipPiece { shape: TipShape::Line(to), pitch: None }];
+        let pieces = vec![TipPiece { shape: TipShape::Line(to), pitch: None, free: None }];
         let pitch = -dice.between(60.0, 130.0);
-        without.tip = Some(TipTask { start, pitch, speed: 1.0, telescope: None, rounding: 0.0, file: None, pieces });
+        without.tip = Some(TipTask { start, pitch, speed: 1.0, free: None, rounding: 0.0, file: None, pieces });
         let Ok(Some(plan)) = TipPlan::of(&without) else { continue };
         let first = std::array::from_fn(|axis| plan.points(axis)[0].1);
         let last = std::array::from_fn(|axis| plan.points(axis).last().unwrap().1);

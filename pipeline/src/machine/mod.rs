@@ -68,7 +68,7 @@ pub use soil::Soil;
 pub use source::{Drive, Source};
 pub use stages::{Realtime, Restart, Rights, StageKind, StageSettings, Wait};
 pub use timing::Timing;
-pub use tip::{TipPiece, TipShape, TipTask};
+pub use tip::{TipFree, TipPiece, TipShape, TipTask};
 pub use walls::{MOST_CORNERS, Walls};
 
 use crate::{MAX_AXES, bounded, layout, nearest::did_you_mean_file};

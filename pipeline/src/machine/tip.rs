@@ -17,6 +17,8 @@ use super::{
 
 /// Range of pitches and angles, degrees.
 const PITCHES: std::ops::RangeInclusive<f64> = -720.0..=720.0;
+/// Positions of a cylinder, m.
+const POSITIONS: std::ops::RangeInclusive<f64> = 0.0..=100.0;
 /// Pieces that a task may have, and those of a file.
 const MOST_PIECES: usize = 100;
 const MOST_ROWS: usize = 1000;
@@ -37,8 +39,8 @@ pub struct TipTask {
     pub pitch: f64,
     /// Speed of the teeth along the pieces, m/s. They go slower where an axis or the pump cannot follow.
     pub speed: f64,
-    /// Position at which the telescope stays, m; `None` where the plan moves the telescope and spares the boom.
-    pub telescope: Option<f64>,
+    /// Where telescope or boom stays; `None` where the plan chooses the boom, and spares it.
+    pub free: Option<TipFree>,
     /// How far the way may pass a corner between two straight lines, m, so that the teeth need not stand there. 0: they
     /// go through all corners.
     pub rounding: f64,
@@ -55,6 +57,17 @@ pub struct TipPiece {
     pub shape: TipShape,
     /// Pitch at its end, degrees; it changes evenly along the piece. `None` where it stays as it is.
     pub pitch: Option<f64>,
+    /// Where telescope or boom is at its end; `None` where the plan chooses it.
+    pub free: Option<TipFree>,
+}
+
+/// The axis of the four that place and pitch of the teeth leave free, where a person chose its position, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum TipFree {
+    /// Of the telescope.
+    Telescope(f64),
+    /// Of the boom.
+    Boom(f64),
 }
 
 /// The shape of a piece.
@@ -93,10 +106,11 @@ impl TipTask {
         let speed = section
             .key("speed", "Speed of the teeth along the way; slower where an axis or the pump cannot follow")
             .number(Self::SPEEDS, "m/s");
-        let telescope = section
-            .key("telescope", "Position at which the telescope stays")
-            .rule("the telescope moves, so that the boom moves as little as possible")
-            .optional_number(0.0..=100.0, "m");
+        let free = TipFree::read(
+            &mut section,
+            ["Position at which the telescope stays", "Position at which the boom stays"],
+            "the plan moves boom and telescope, the boom as little as possible",
+        );
         let rounding = section
             .key("rounding", "How far the way may pass a corner of two straight lines, so that the teeth go on there")
             .rule("0.01 m with file, else 0: they go through corners, and stand there")
@@ -105,8 +119,14 @@ impl TipTask {
             Some(file) => read_file(&mut section, file),
             None => read_pieces(&mut section),
         };
+        if free.is_some()
+            && let Some(i) = pieces.iter().position(|piece| piece.free.is_some())
+        {
+            let found = "a position of its own beside tip.telescope or tip.boom";
+            section.refuse(&format!("piece[{i}]"), found, "one for the whole task, or one for each piece");
+        }
         section.finish();
-        Some(Self { start, pitch, speed, telescope, rounding, file, pieces })
+        Some(Self { start, pitch, speed, free, rounding, file, pieces })
     }
 
     /// Refuses axes that follow the teeth without a task, and a task that only some of the four axes follow.
@@ -156,7 +176,7 @@ fn read_file(section: &mut Section, file: &Path) -> Pieces {
                 Some(pitch_at_start(section))
             };
             let Some(((start, _), pitch)) = rows.first().zip(pitch) else { return refused };
-            let piece = |(to, pitch): &Row| TipPiece { shape: TipShape::Line(*to), pitch: *pitch };
+            let piece = |(to, pitch): &Row| TipPiece { shape: TipShape::Line(*to), pitch: *pitch, free: None };
             (*start, pitch, rows[1..].iter().map(piece).collect())
         }
         Err(error) => {
@@ -222,7 +242,30 @@ impl TipPiece {
             .key("pitch", "Pitch of the bucket at the end of the piece")
             .rule("as at the end of the piece before")
             .optional_number(PITCHES, "degrees");
+        let free = TipFree::read(
+            &mut section,
+            ["Position of the telescope at the end of the piece", "Position of the boom at the end of the piece"],
+            "the plan chooses it",
+        );
         section.finish();
-        Self { shape, pitch }
+        Self { shape, pitch, free }
+    }
+}
+
+impl TipFree {
+    /// Reads `telescope` or `boom`, with these meanings.
+    fn read(section: &mut Section, [telescope, boom]: [&'static str; 2], without: &'static str) -> Option<Self> {
+        let [set_telescope, set_boom] = ["telescope", "boom"].map(|key| section.is_set(key));
+        let telescope = section.key("telescope", telescope).rule(without).optional_number(POSITIONS, "m");
+        let boom = section.key("boom", boom).rule(without).optional_number(POSITIONS, "m");
+        match (telescope, boom) {
+            // One from the command line takes the place of the other one in the machine file.
+            (Some(_), Some(boom)) if set_telescope == set_boom => {
+                section.refuse("boom", format!("{boom} m beside telescope"), "one of boom and telescope");
+                None
+            }
+            (Some(telescope), _) if !set_boom => Some(Self::Telescope(telescope)),
+            (_, boom) => boom.map(Self::Boom),
+        }
     }
 }

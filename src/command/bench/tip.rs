@@ -17,7 +17,7 @@ use std::{io::Write, path::PathBuf, time::Duration};
 use clap::{Args, ValueEnum};
 use control_proc::ReferenceError;
 use pipeline::{
-    machine::{Machine, ModelChoice, ReferenceSource, Scenario, Source, TipPiece, TipShape, TipTask},
+    machine::{Machine, ModelChoice, ReferenceSource, Scenario, Source, TipFree, TipPiece, TipShape, TipTask},
     message::{AxisCommand, control_flag},
     statistics::{ErrorStatistics, median},
 };
@@ -138,14 +138,14 @@ impl TipTaskKind {
     }
 
     fn task(self, speed: f64) -> TipTask {
-        let line = |x: f64, z: f64| TipPiece { shape: TipShape::Line([x, z]), pitch: None };
+        let line = |x: f64, z: f64| TipPiece { shape: TipShape::Line([x, z]), pitch: None, free: None };
         let (start, pitch, pieces) = match self {
             Self::LevelStill | Self::Level => ([7.2, 0.0], -115.0, vec![line(3.7, 0.0)]),
             Self::SlopeIn => ([7.25, 0.2], -115.0, vec![line(4.22, -1.55)]),
             Self::SlopeOut => ([7.5, -0.5], -110.0, vec![line(4.47, 1.25)]),
             Self::Circle => {
                 let shape = TipShape::Arc { center: [6.0, -0.5], angle: -360.0 };
-                ([7.0, -0.5], -115.0, vec![TipPiece { shape, pitch: None }])
+                ([7.0, -0.5], -115.0, vec![TipPiece { shape, pitch: None, free: None }])
             }
             Self::Dig => {
                 let turned = |x: f64, z: f64, pitch: f64| TipPiece { pitch: Some(pitch), ..line(x, z) };
@@ -160,8 +160,8 @@ impl TipTaskKind {
                 ([7.0, 0.5], -110.0, pieces)
             }
         };
-        let telescope = (self == Self::LevelStill).then_some(0.6);
-        TipTask { start, pitch, speed, telescope, rounding: 0.0, file: None, pieces }
+        let free = (self == Self::LevelStill).then_some(TipFree::Telescope(0.6));
+        TipTask { start, pitch, speed, free, rounding: 0.0, file: None, pieces }
     }
 }
 

@@ -5,7 +5,7 @@
 
 use std::ops::RangeInclusive;
 
-use pipeline::machine::{TipPiece, TipShape, TipTask};
+use pipeline::machine::{TipFree, TipPiece, TipShape, TipTask};
 
 use super::drawn::Draw;
 
@@ -52,14 +52,10 @@ impl DrawnTask {
             let shape = shape(&mut draw, &mut at);
             let turns = draw.unit() < TURNS;
             turned += draw.even(-TURN..=TURN) * f64::from(u8::from(turns));
-            TipPiece { shape, pitch: turns.then_some(turned) }
+            TipPiece { shape, pitch: turns.then_some(turned), free: None }
         });
         let pieces = pieces.collect();
-        Self {
-            task: TipTask { start, pitch, speed, telescope: None, rounding: 0.0, file: None, pieces },
-            payload,
-            scenario,
-        }
+        Self { task: TipTask { start, pitch, speed, free: None, rounding: 0.0, file: None, pieces }, payload, scenario }
     }
 }
 
@@ -82,9 +78,9 @@ fn shape(draw: &mut Draw, at: &mut [f64; 2]) -> TipShape {
 
 /// A task as a table of a machine file.
 pub fn toml(task: &TipTask) -> String {
-    let TipTask { start: [x, z], pitch, speed, telescope, rounding, .. } = task;
+    let TipTask { start: [x, z], pitch, speed, free, rounding, .. } = task;
     let mut text = format!("[tip]\nstart = [{x}, {z}]\npitch = {pitch}\nspeed = \"{speed} m/s\"\n");
-    text += &telescope.map_or(String::new(), |telescope| format!("telescope = {telescope}\n"));
+    text += &by_hand(*free);
     text += &if *rounding > 0.0 { format!("rounding = {rounding}\n") } else { String::new() };
     for piece in &task.pieces {
         let shape = match piece.shape {
@@ -92,9 +88,18 @@ pub fn toml(task: &TipTask) -> String {
             TipShape::Arc { center: [x, z], angle } => format!("center = [{x}, {z}]\nangle = {angle}\n"),
         };
         let pitch = piece.pitch.map_or(String::new(), |pitch| format!("pitch = {pitch}\n"));
-        text += &format!("[[tip.piece]]\n{shape}{pitch}");
+        text += &format!("[[tip.piece]]\n{shape}{pitch}{}", by_hand(piece.free));
     }
     text
+}
+
+/// The key of a position that a person chose.
+fn by_hand(free: Option<TipFree>) -> String {
+    match free {
+        Some(TipFree::Telescope(position)) => format!("telescope = {position}\n"),
+        Some(TipFree::Boom(position)) => format!("boom = {position}\n"),
+        None => String::new(),
+    }
 }
 
 #[cfg(test)]

@@ -8,15 +8,20 @@ use std::fmt::Write as _;
 
 use mechanism::{Mechanism, Vector};
 
-use crate::report::{motion::side::Side, teeth::TracePoint};
+use crate::report::{
+    motion::{
+        outline::{GROUND, View, line, listed},
+        side::Side,
+    },
+    teeth::TracePoint,
+};
 
 /// How much larger than the machine errors are drawn.
 const LARGER: f64 = 20.0;
-/// Pixels per metre, and size of the picture.
-const SCALE: f64 = 78.0;
+/// Where the machine is on the picture.
+const VIEW: View = View { origin: (110.0, 470.0), scale: 78.0 };
+/// Size of the picture.
 const SIZE: (f64, f64) = (1000.0, 860.0);
-/// Where the centre of swing is on the picture.
-const ORIGIN: (f64, f64) = (110.0, 470.0);
 /// Lower panel: left, top, width, height.
 const PANEL: (f64, f64, f64, f64) = (90.0, 670.0, 860.0, 140.0);
 /// Poses of the machine that are drawn.
@@ -33,11 +38,11 @@ pub fn picture(mechanism: &Mechanism, title: &str, runs: &[(&str, Vec<TracePoint
          font-size=\"16\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n\
          <text x=\"20\" y=\"30\" font-size=\"20\">{title}</text>\n"
     );
-    let ground = ORIGIN.1;
-    line(&mut svg, &[(0.0, ground), (width, ground)], "#8c6e46", 2.0, "");
+    let ground = VIEW.origin.1;
+    line(&mut svg, &[(0.0, ground), (width, ground)], GROUND, 2.0, "");
     if let Some((_, first)) = runs.first() {
         poses(&mut svg, &Side::new(mechanism), first);
-        let way: Vec<_> = first.iter().map(|point| on_picture(point.planned)).collect();
+        let way: Vec<_> = first.iter().map(|point| VIEW.at(point.planned)).collect();
         line(&mut svg, &way, "#202020", 1.5, " stroke-dasharray=\"6 4\"");
     }
     for ((name, run), colour) in runs.iter().zip(COLOURS) {
@@ -53,39 +58,11 @@ pub fn picture(mechanism: &Mechanism, title: &str, runs: &[(&str, Vec<TracePoint
     svg + "</svg>\n"
 }
 
-fn on_picture(at: Vector) -> (f64, f64) {
-    (ORIGIN.0 + SCALE * at.x, ORIGIN.1 - SCALE * at.z)
-}
-
-fn line(svg: &mut String, points: &[(f64, f64)], colour: &str, width: f64, more: &str) {
-    let _ = writeln!(
-        svg,
-        "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\"{more}/>",
-        listed(points)
-    );
-}
-
-fn listed(points: &[(f64, f64)]) -> String {
-    points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect::<Vec<_>>().join(" ")
-}
-
 fn poses(svg: &mut String, side: &Side, run: &[TracePoint]) {
     let last = run.len().saturating_sub(1);
     for k in 0..POSES {
         let Some(point) = run.get(last * k / (POSES - 1)) else { continue };
-        let drawn = side.drawn(&point.positions);
-        let opacity = 0.35 + 0.65 * k as f64 / (POSES - 1) as f64;
-        let faint = format!(" opacity=\"{opacity:.2}\"");
-        for body in &drawn.bodies {
-            let points: Vec<_> = body.iter().chain(body.first()).map(|at| on_picture(*at)).collect();
-            line(svg, &points, "#303030", 2.0, &faint);
-        }
-        for cylinder in &drawn.cylinders {
-            let points: Vec<_> = cylinder.iter().map(|at| on_picture(*at)).collect();
-            line(svg, &points, "#56a0d0", 4.0, &faint);
-        }
-        let links: Vec<_> = drawn.links.iter().map(|at| on_picture(*at)).collect();
-        line(svg, &links, "#303030", 2.0, &faint);
+        VIEW.machine(svg, &side.drawn(&point.positions), 0.35 + 0.65 * k as f64 / (POSES - 1) as f64);
     }
 }
 
@@ -96,9 +73,9 @@ fn band(svg: &mut String, run: &[TracePoint], colour: &str) {
         let (before, after) = (run[k.saturating_sub(1)].planned, run[(k + 1).min(run.len() - 1)].planned);
         let way = after - before;
         let normal = if way.norm() > 0.0 { (1.0 / way.norm()) * way.normal() } else { Vector::default() };
-        outer.push(on_picture(point.planned + (LARGER * point.error) * normal));
+        outer.push(VIEW.at(point.planned + (LARGER * point.error) * normal));
     }
-    let back = run.iter().rev().map(|point| on_picture(point.planned));
+    let back = run.iter().rev().map(|point| VIEW.at(point.planned));
     let points: Vec<_> = outer.into_iter().chain(back).collect();
     let _ = writeln!(
         svg,

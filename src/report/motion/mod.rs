@@ -11,6 +11,7 @@
 //! Without a controller there are only commands and positions.
 
 mod curve;
+pub mod outline;
 mod poses;
 mod raster;
 pub mod side;
